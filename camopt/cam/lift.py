@@ -1,0 +1,153 @@
+"""The lift law that every stage reads: 2 pi periodic polynomial pieces on a SciPy piecewise polynomial.
+
+Angle zero is the middle of the duration; lift is total lift above the base circle [m], derivatives are by cam angle
+[rad]. Pieces are exact: the lift, its velocity, acceleration and jerk at any angle, their extremes and the area come
+from the coefficients, never from a table.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import PPoly
+
+from camopt.cam.ramps import Ramp
+from camopt.scene.units import DEG, MM
+
+
+@dataclass(frozen=True)
+class Lift:
+    """A cam's lift law.
+
+    `borders` (p + 1) [rad] run from -pi to pi; `coefficients` (p, q) [m/rad^k] hold piece i as
+    lift = sum_k c[i, k] (theta - borders[i])^k. `half_duration` [rad] is half the angle between the ramp tops.
+    """
+
+    borders: np.ndarray
+    coefficients: np.ndarray
+    half_duration: float
+    family: str = "lift"
+    parameters: dict = field(default_factory=dict)
+
+    def __post_init__(self):
+        if abs(self.borders[0] + np.pi) > 1e-12 or abs(self.borders[-1] - np.pi) > 1e-12:
+            raise ValueError("pieces must cover -pi to pi")
+        if not np.all(np.diff(self.borders) > 0) or len(self.coefficients) != len(self.borders) - 1:
+            raise ValueError("pieces need ascending borders and one row of coefficients each")
+        if not np.all(np.isfinite(self.coefficients)):
+            raise ValueError("piece coefficients must be finite")
+
+    @cached_property
+    def _derivatives(self) -> list[PPoly]:
+        lift = PPoly(self.coefficients[:, ::-1].T, self.borders)
+        return [lift, *(lift.derivative(k) for k in range(1, 5))]
+
+    def __call__(self, theta, order: int = 0) -> np.ndarray:
+        """Lift (order 0) or its derivative by angle up to the fourth at angles `theta` [rad], any shape."""
+        return self._derivatives[order](np.mod(np.asarray(theta) + np.pi, 2 * np.pi) - np.pi)
+
+    def extremes(self, order: int, low: float = -np.pi, high: float = np.pi) -> tuple[float, float]:
+        """Exact smallest and largest value of the derivative `order` over [low, high], from the roots of the next.
+
+        One-sided values at piece borders count, so a step shows with both its sides.
+        """
+        values = self._derivatives[order]
+        roots = self._derivatives[order + 1].roots(discontinuity=False, extrapolate=False)
+        inside = roots[np.isfinite(roots) & (roots >= low) & (roots <= high)]
+        samples = [*values(np.concatenate([inside, [low, high]]))]
+        for i, (start, end) in enumerate(zip(self.borders[:-1], self.borders[1:], strict=True)):
+            if start < high and end > low:
+                local = np.clip([low, high], start, end) - start
+                samples += [*np.polyval(values.c[:, i], local)]
+        return float(np.min(samples)), float(np.max(samples))
+
+    @cached_property
+    def area(self) -> float:
+        """Integral of the lift over the duration [m rad]."""
+        return float(self._derivatives[0].integrate(-self.half_duration, self.half_duration))
+
+    @cached_property
+    def max_lift(self) -> float:
+        """Largest lift [m]."""
+        return self.extremes(0)[1]
+
+    def area_ratio(self, max_lift: float) -> float:
+        """Area over (a scene's maximum lift [m] times the duration)."""
+        return self.area / (max_lift * 2 * self.half_duration)
+
+    @cached_property
+    def opening_foot(self) -> float:
+        """Angle at which the lift leaves zero [rad]."""
+        return float(self.borders[np.flatnonzero(np.any(self.coefficients != 0, axis=1))[0]])
+
+    def closing_angle(self, height: float) -> float:
+        """Angle on the closing side at which the lift has fallen to `height` [m] (the lash: nominal closing)."""
+        roots = self._derivatives[0].solve(height, discontinuity=False, extrapolate=False)
+        roots = roots[np.isfinite(roots)]
+        if height <= 0.0:
+            last = np.flatnonzero(np.any(self.coefficients != 0, axis=1))[-1]
+            return float(self.borders[last + 1])
+        if len(roots) == 0:
+            raise ValueError(f"the lift never reaches {height / MM:g} mm")
+        return float(np.max(roots))
+
+    def shifted(self, error: "Lift") -> "Lift":
+        """This lift plus a small lift `error` (a grinding error), on the union of both pieces."""
+        borders = np.union1d(self.borders, error.borders)
+        middles = 0.5 * (borders[1:] + borders[:-1])
+        width = max(self.coefficients.shape[1], error.coefficients.shape[1])
+        total = np.zeros((len(middles), width))
+        for part in (self, error):
+            piece = np.searchsorted(part.borders, middles) - 1
+            total[:, : part.coefficients.shape[1]] += recentred(part, piece, borders[:-1])
+        return Lift(borders, total, self.half_duration, self.family, self.parameters)
+
+
+def recentred(lift: Lift, piece: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Coefficients of pieces `piece` about the new starts `start` [rad], shape (len(piece), q)."""
+    c = lift.coefficients[piece].copy()
+    step = (start - lift.borders[piece])[:, None]
+    q = c.shape[1]
+    for low in range(q - 1):  # repeated synthetic division
+        for k in range(q - 2, low - 1, -1):
+            c[:, k] += step[:, 0] * c[:, k + 1]
+    return c
+
+
+def with_ramps(borders, coefficients, opening: Ramp, closing: Ramp, family: str, parameters: dict) -> Lift:
+    """The event's pieces, borders (p + 1) from -half to +half duration [rad], between ramps and base circle."""
+    half = float(borders[-1])
+    width = max(7, np.shape(coefficients)[1])
+    up_borders, up = opening.opening_pieces(float(borders[0]))
+    mirrored, down = closing.opening_pieces(-half)
+    down_borders = -mirrored[::-1]
+    down = np.array([_reversed(c, w) for c, w in zip(down[::-1], np.diff(down_borders), strict=True)])
+    parts = [
+        _widened(np.zeros((1, 1)), width),
+        _widened(up, width),
+        _widened(np.asarray(coefficients), width),
+        _widened(down, width),
+        _widened(np.zeros((1, 1)), width),
+    ]
+    edges = np.concatenate([[-np.pi], up_borders, np.asarray(borders)[1:-1], down_borders, [np.pi]])
+    keep = np.diff(edges) > 0  # a ramp without foot leaves an empty piece
+    return Lift(edges[np.append(keep, True)], np.concatenate(parts)[keep], half, family, parameters)
+
+
+def _reversed(c: np.ndarray, width: float) -> np.ndarray:
+    """Coefficients of p(width - u) from those of p(u)."""
+    poly = np.polynomial.Polynomial(c)(np.polynomial.Polynomial([width, -1.0]))
+    return np.pad(poly.coef, (0, max(0, len(c) - len(poly.coef))))[: len(c)]
+
+
+def _widened(c: np.ndarray, width: int) -> np.ndarray:
+    return np.pad(c, ((0, 0), (0, width - c.shape[1])))
+
+
+def lift_table(lift: Lift, step_deg: float) -> dict[str, np.ndarray]:
+    """Columns of `lift.csv`: angle from -180 to 180 deg and the lift's first three derivatives in mm and deg."""
+    count = round(360.0 / step_deg)
+    degrees = np.linspace(-180.0, 180.0, count + 1)
+    names = ("lift_mm", "velocity_mm_per_deg", "acceleration_mm_per_deg2", "jerk_mm_per_deg3")
+    columns = {n: lift(degrees * DEG, k) / MM * DEG**k for k, n in enumerate(names)}
+    return {"cam_angle_deg": degrees, **columns}

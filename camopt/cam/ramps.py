@@ -1,0 +1,42 @@
+"""Ramps: a foot that leaves the base circle with continuous acceleration, then constant velocity to the ramp top."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from camopt.scene.schema import Design
+from camopt.scene.units import DEG, MM, MM_PER_DEG
+
+FOOT_VELOCITY = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
+"""Velocity over the foot as a fraction of the ramp's, in powers of s = 0 (base circle) to 1."""
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """One side's ramp: height [m] at the event's border, velocity [m/rad], foot [rad]."""
+
+    height: float
+    velocity: float
+    foot: float
+
+    @property
+    def length(self) -> float:
+        """Angle from the foot's outer end to the ramp top [rad]; the foot rises velocity * foot / 2."""
+        return self.height / self.velocity + self.foot / 2
+
+    def opening_pieces(self, top: float) -> tuple[np.ndarray, np.ndarray]:
+        """Borders (3) [rad] up to the angle `top` and local coefficients (2, 7) [m/rad^k], base circle left out."""
+        start = top - self.length
+        foot, straight = np.zeros(7), np.zeros(7)
+        if self.foot > 0:
+            powers = np.arange(6)
+            foot[1:] = self.velocity * FOOT_VELOCITY / (powers + 1) / self.foot**powers
+        straight[:2] = self.velocity * self.foot / 2, self.velocity
+        return np.array([start, start + self.foot, top]), np.array([foot, straight])
+
+
+def scene_ramps(design: Design) -> tuple[Ramp, Ramp]:
+    """Opening and closing ramp of a scene's design conditions."""
+    foot = design.ramp_foot_deg * DEG
+    opening, closing = (Ramp(h * MM, v * MM_PER_DEG, foot) for h, v, _ in design.ramps())
+    return opening, closing

@@ -1,0 +1,73 @@
+"""The record that every way of simulating leaves: positions, velocities and forces against cam angle."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from camopt.scene.train import Train
+
+
+@dataclass(frozen=True)
+class Response:
+    """Motion of a valve train at one speed, sampled at k angles; two samples may share an angle where a force jumps.
+
+    Angles are cam angles from the start of the record, ascending: revolution r (from 0) covers
+    [-pi + 2 pi r, pi + 2 pi r]; the cam's nose of revolution r is at 2 pi r.
+    """
+
+    train: Train
+    cam_speed: float  # rad/s
+    angle: np.ndarray  # (k) rad
+    lift: np.ndarray  # (k) m, of the cam
+    x: np.ndarray  # (k, n) m
+    v: np.ndarray  # (k, n) m/s
+    force: np.ndarray  # (k, e) N, as the elements exert it: never below zero in a contact
+
+    @property
+    def time(self) -> np.ndarray:
+        """Seconds from -180 degrees of the first revolution, shape (k)."""
+        return (self.angle + np.pi) / self.cam_speed
+
+    @property
+    def revolutions(self) -> int:
+        """Number of whole revolutions in the record."""
+        return round((self.angle[-1] - self.angle[0]) / (2 * np.pi))
+
+    def seat_separation(self) -> np.ndarray:
+        """Signed distance s of the valve from where its seat touches [m], shape (k); positive is open."""
+        return -self._margin(self.train.seat)
+
+    def separation(self, element: int) -> np.ndarray:
+        """Separation of a contact [m], shape (k): zero while it touches."""
+        return np.maximum(0.0, -self._margin(element))
+
+    def _margin(self, e: int) -> np.ndarray:
+        """Compression beyond the touch, d + preload / k [m], shape (k)."""
+        t = self.train
+        xa = self.x[:, t.a[e]] if t.a[e] >= 0 else 0.0
+        xb = self.x[:, t.b[e]] if t.b[e] >= 0 else 0.0
+        return xa - xb + t.cam_driven[e] * self.lift - t.gap[e] + t.preload[e] / t.stiffness[e]
+
+
+Revolve = Callable[[np.ndarray], Response]
+"""One revolution from -pi to pi, from a state (2 n: positions [m], then velocities [m/s]).
+
+Every method offers `prepare(train, lift, cam_speed, ...) -> Revolve`: whatever is the same in every revolution is
+worked out once, and settling, metrics and error estimates are written once for all methods.
+"""
+
+
+def joined(responses: list[Response]) -> Response:
+    """Consecutive revolutions as one record; the sample at which two meet stays doubled."""
+    first = responses[0]
+    angle = np.concatenate([r.angle + 2 * np.pi * i for i, r in enumerate(responses)])
+    lift, x, v, force = (
+        np.concatenate([getattr(r, name) for r in responses]) for name in ("lift", "x", "v", "force")
+    )
+    return Response(first.train, first.cam_speed, angle, lift, x, v, force)
+
+
+def end_state(response: Response) -> np.ndarray:
+    """State (2 n) at the end of a record, from which the next revolution starts."""
+    return np.concatenate([response.x[-1], response.v[-1]])

@@ -1,0 +1,64 @@
+"""Static equilibrium on the base circle, found over the sets of closed contacts."""
+
+from itertools import product
+
+import numpy as np
+
+from camopt.scene.errors import InputError
+from camopt.scene.train import GROUND, Train
+
+FORCE_SLACK = 1e-9
+"""Relative slack on forces and separations at rest: a contact exactly at its touch counts either way."""
+
+
+def static_matrices(train: Train, closed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness matrix (n, n) [N/m] and load (n) [N] at lift zero when the elements `closed` (e) act."""
+    n = len(train.mass)
+    stiffness, load = np.zeros((n, n)), train.mass_force.copy()
+    for e in np.flatnonzero(closed):
+        row = np.zeros(n)
+        if train.a[e] != GROUND:
+            row[train.a[e]] += 1.0
+        if train.b[e] != GROUND:
+            row[train.b[e]] -= 1.0
+        stiffness += train.stiffness[e] * np.outer(row, row)
+        load -= row * (train.preload[e] - train.stiffness[e] * train.gap[e])
+    return stiffness, load
+
+
+def rest_position(train: Train) -> np.ndarray:
+    """Positions at rest on the base circle [m], shape (n).
+
+    Raises InputError where a mass is not held, or where no set of closed contacts is in equilibrium.
+    """
+    contacts = np.flatnonzero(train.contact)
+    if len(contacts) > 16:
+        raise InputError(
+            f"the scene has {len(contacts)} contacts and at most 16 are supported: merge stiff parts into one mass"
+        )
+    floating: set[int] = set()
+    for states in product([True, False], repeat=len(contacts)):
+        closed = ~train.contact
+        closed[contacts] = states
+        stiffness, load = static_matrices(train, closed)
+        scale = np.sqrt(np.maximum(np.diag(stiffness), np.max(train.stiffness) * 1e-12))
+        scaled = stiffness / np.outer(scale, scale)
+        values, vectors = np.linalg.eigh(scaled)
+        if values[0] < 1e-11:  # a direction that no spring or closed contact resists
+            floating.add(int(np.argmax(np.abs(vectors[:, 0]))))
+            continue
+        x = np.linalg.solve(scaled, load / scale) / scale
+        d = train.compression(x, 0.0)
+        force = train.preload + train.stiffness * d
+        slack = FORCE_SLACK * max(np.max(np.abs(force)), 1.0)
+        if np.all(force[closed & train.contact] >= -slack) and np.all(force[~closed] <= slack):
+            return x
+    if floating:
+        names = ", ".join(sorted(train.mass_names[i] for i in floating))
+        raise InputError(
+            f"nothing holds the valve train at rest on the base circle (mass: {names}): "
+            f"give that mass a force_N that presses it on, or a spring"
+        )
+    raise InputError(
+        "no static equilibrium on the base circle was found for any set of closed contacts: check preloads and gaps"
+    )

@@ -1,0 +1,142 @@
+"""What a scene file may say: masses, elements, operation, design limits and geometry, in the field's units."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,63}$")]
+
+
+class Table(BaseModel):
+    """Base of all tables of a scene file: no unknown keys, no coercion, no NaN, no change after loading."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class Mass(Table):
+    """A mass on the valve axis; `damping_N_s_per_m` acts to ground, `force_N` is constant and positive opens."""
+
+    name: Name
+    mass_kg: Positive
+    damping_N_s_per_m: NonNegative = 0.0
+    force_N: float = 0.0
+    assumed: tuple[str, ...] = ()
+    source: str = ""
+
+
+class Element(Table):
+    """A spring (bilateral) or contact (pushes, never pulls) between two masses or a mass and ground."""
+
+    name: Name
+    kind: Literal["spring", "contact"]
+    between: tuple[str, str]
+    stiffness_N_per_m: Positive
+    damping_N_s_per_m: NonNegative = 0.0
+    preload_N: float = 0.0
+    gap_mm: NonNegative = 0.0
+    cam_driven: bool = False
+    assumed: tuple[str, ...] = ()
+    source: str = ""
+
+
+class Operation(Table):
+    """Speeds, crankshaft r/min; cam speed = `cam_per_crank` times that."""
+
+    speeds_rpm: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=1000)]
+    band_rpm: tuple[Positive, Positive]
+    cam_per_crank: Positive = 0.5
+
+    @model_validator(mode="after")
+    def _ascending(self):
+        if self.band_rpm[0] >= self.band_rpm[1]:
+            raise ValueError("band_rpm must be [lower, upper] with lower < upper")
+        if list(self.speeds_rpm) != sorted(set(self.speeds_rpm)):
+            raise ValueError("speeds_rpm must be ascending without repeats")
+        return self
+
+
+class Design(Table):
+    """Design conditions and limits of the cam; a limit that is left out does not limit."""
+
+    duration_deg: Annotated[float, Field(gt=0, lt=300)]
+    max_lift_mm: Positive
+    reach_max_lift: bool = False
+    ramp_height_mm: Positive
+    ramp_velocity_mm_per_deg: Positive
+    ramp_foot_deg: NonNegative = 10.0
+    closing_ramp_height_mm: Positive | None = None
+    closing_ramp_velocity_mm_per_deg: Positive | None = None
+    acceleration_max_mm_per_deg2: Positive | None = None
+    acceleration_min_mm_per_deg2: Annotated[float, Field(lt=0)] | None = None
+    jerk_max_mm_per_deg3: Positive | None = None
+    nose_deg: NonNegative | None = None
+    bounce_max_mm: NonNegative | None = None
+    jump_max_mm: NonNegative | None = None
+    seating_velocity_max_m_per_s: Positive | None = None
+    contact_force_max_N: Positive | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self):
+        faults = []
+        if self.nose_deg is not None and self.nose_deg >= self.duration_deg / 2:
+            faults.append("nose_deg must be below half of duration_deg")
+        for height, velocity, side in self.ramps():
+            if height >= self.max_lift_mm:
+                faults.append(f"the {side} ramp height must be below max_lift_mm")
+            if height < velocity * self.ramp_foot_deg / 2:
+                faults.append(
+                    f"the {side} ramp is too low for its foot: the height must be at least "
+                    f"velocity * ramp_foot_deg / 2 = {velocity * self.ramp_foot_deg / 2:g} mm"
+                )
+            length = self.duration_deg / 2 + height / velocity + self.ramp_foot_deg / 2
+            if length >= 180:
+                faults.append(f"the {side} side is {length:.1f} deg long and must end before 180 deg")
+        if faults:
+            raise ValueError("; ".join(faults))
+        return self
+
+    def ramps(self) -> tuple[tuple[float, float, str], tuple[float, float, str]]:
+        """Height [mm], velocity [mm/deg] and name of the opening and the closing ramp."""
+        height = self.closing_ramp_height_mm or self.ramp_height_mm
+        velocity = self.closing_ramp_velocity_mm_per_deg or self.ramp_velocity_mm_per_deg
+        return (self.ramp_height_mm, self.ramp_velocity_mm_per_deg, "opening"), (height, velocity, "closing")
+
+
+class Geometry(Table):
+    """Follower and cam body, for curvature and contact along the cam."""
+
+    follower: Literal["flat", "roller"]
+    base_radius_mm: Positive
+    face_width_mm: Positive | None = None
+    roller_radius_mm: Positive | None = None
+
+    @model_validator(mode="after")
+    def _roller(self):
+        if (self.follower == "roller") != (self.roller_radius_mm is not None):
+            raise ValueError('roller_radius_mm belongs to follower = "roller", and only to it')
+        return self
+
+
+class Scene(Table):
+    """A valve train with its operation and design conditions, as one scene file says it."""
+
+    format: Literal[1]
+    name: Name
+    title: str = ""
+    reference: str = ""
+    valve: str | None = None
+    seat: str | None = None
+    operation: Operation | None = None
+    design: Design | None = None
+    geometry: Geometry | None = None
+    mass: Annotated[tuple[Mass, ...], Field(min_length=1, max_length=200)]
+    element: Annotated[tuple[Element, ...], Field(min_length=1, max_length=400)]
+
+    def cam_speed(self, speed_rpm: float) -> float:
+        """Cam speed [rad/s] at a crankshaft speed [r/min]."""
+        from camopt.scene.units import RPM
+
+        assert self.operation is not None, "load_scene(..., need='operation') guarantees it"
+        return speed_rpm * self.operation.cam_per_crank * RPM

@@ -1,0 +1,103 @@
+"""The valve train as SI arrays: data only. Each path assembles its own equations and writes its own contact law."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from camopt.scene.schema import Scene
+from camopt.scene.units import MM
+
+GROUND = -1
+
+
+@dataclass(frozen=True)
+class Train:
+    """Masses (n) and elements (e) of a scene in SI units.
+
+    An element e stands between `a[e]` and `b[e]` (mass index, or GROUND) with compression
+    d = x_a - x_b + cam_driven * lift - gap, elastic force preload + stiffness * d, and pushes a towards -x, b towards +x.
+    """
+
+    mass: np.ndarray  # (n) kg
+    mass_damping: np.ndarray  # (n) N s/m, to ground
+    mass_force: np.ndarray  # (n) N, constant, positive opens
+    a: np.ndarray  # (e) int
+    b: np.ndarray  # (e) int
+    contact: np.ndarray  # (e) bool
+    cam_driven: np.ndarray  # (e) bool
+    stiffness: np.ndarray  # (e) N/m
+    damping: np.ndarray  # (e) N s/m
+    preload: np.ndarray  # (e) N
+    gap: np.ndarray  # (e) m
+    valve: int  # mass index, -1 where the scene names none
+    seat: int  # element index, -1 where the scene names none
+    cam_side: tuple[int, ...]  # contacts between cam and valve, in order from the cam
+    mass_names: tuple[str, ...]
+    element_names: tuple[str, ...]
+
+    @property
+    def lash(self) -> float:
+        """Sum of the gaps between cam and valve [m]."""
+        return float(sum(self.gap[e] for e in self.cam_side))
+
+    @property
+    def touch_compression(self) -> np.ndarray:
+        """Compression at which each element's elastic force is zero [m], shape (e)."""
+        return -self.preload / self.stiffness
+
+    def compression(self, x: np.ndarray, lift: np.ndarray | float) -> np.ndarray:
+        """Compression of every element [m], shape (..., e), for positions x (..., n) [m] and lift (...) [m]."""
+        padded = np.concatenate([x, np.zeros((*x.shape[:-1], 1))], axis=-1)  # index -1 reads the ground
+        d = padded[..., self.a] - padded[..., self.b] - self.gap
+        return d + self.cam_driven * np.asarray(lift)[..., None]
+
+
+def build_train(scene: Scene) -> Train:
+    """The SI arrays of a scene; names must already be checked (see `camopt.scene.load`)."""
+    masses, elements = scene.mass, scene.element
+    index = {m.name: i for i, m in enumerate(masses)} | {"ground": GROUND}
+    a = np.array([index[e.between[0]] for e in elements])
+    b = np.array([index[e.between[1]] for e in elements])
+    contact = np.array([e.kind == "contact" for e in elements])
+    cam_driven = np.array([e.cam_driven for e in elements])
+    valve = index[scene.valve] if scene.valve else -1
+    names = tuple(e.name for e in elements)
+    return Train(
+        mass=np.array([m.mass_kg for m in masses]),
+        mass_damping=np.array([m.damping_N_s_per_m for m in masses]),
+        mass_force=np.array([m.force_N for m in masses]),
+        a=a,
+        b=b,
+        contact=contact,
+        cam_driven=cam_driven,
+        stiffness=np.array([e.stiffness_N_per_m for e in elements]),
+        damping=np.array([e.damping_N_s_per_m for e in elements]),
+        preload=np.array([e.preload_N for e in elements]),
+        gap=np.array([e.gap_mm for e in elements]) * MM,
+        valve=valve,
+        seat=names.index(scene.seat) if scene.seat else -1,
+        cam_side=_contacts_between_cam_and_valve(a, b, contact, cam_driven, valve),
+        mass_names=tuple(m.name for m in masses),
+        element_names=names,
+    )
+
+
+def _contacts_between_cam_and_valve(a, b, contact, cam_driven, valve) -> tuple[int, ...]:
+    """Contacts on the way from the cam-driven element to the valve, the ground not being a way."""
+    if valve < 0:
+        return ()
+    for first in np.flatnonzero(cam_driven):
+        ways = [(int(b[first]), (int(first),))]
+        seen = {GROUND}
+        while ways:
+            mass, path = ways.pop(0)
+            if mass == valve:
+                return tuple(e for e in path if contact[e])
+            seen.add(mass)
+            for e in range(len(a)):
+                if e in path or mass not in (a[e], b[e]):
+                    continue
+                other = int(b[e] if a[e] == mass else a[e])
+                if other not in seen:
+                    ways.append((other, (*path, e)))
+    return ()
