@@ -62,9 +62,7 @@ def joined(responses: list[Response]) -> Response:
     """Consecutive revolutions as one record; the sample at which two meet stays doubled."""
     first = responses[0]
     angle = np.concatenate([r.angle + 2 * np.pi * i for i, r in enumerate(responses)])
-    lift, x, v, force = (
-        np.concatenate([getattr(r, name) for r in responses]) for name in ("lift", "x", "v", "force")
-    )
+    lift, x, v, force = (np.concatenate([getattr(r, name) for r in responses]) for name in ("lift", "x", "v", "force"))
     return Response(first.train, first.cam_speed, angle, lift, x, v, force)
 
 
