@@ -3,3 +3,7 @@
 
 class InputError(ValueError):
     """Wrong use or bad input; the command line prints it and ends with exit code 2."""
+
+
+class MotionRefused(InputError):
+    """A motion that a method will not follow (endless switching, loss of accuracy): a refusal, never a wrong number."""

@@ -10,12 +10,13 @@ from camopt.scene.units import MM
 GROUND = -1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # compared and hashed by identity: caches are keyed by the train they belong to
 class Train:
     """Masses (n) and elements (e) of a scene in SI units.
 
     An element e stands between `a[e]` and `b[e]` (mass index, or GROUND) with compression
-    d = x_a - x_b + cam_driven * lift - gap, elastic force preload + stiffness * d, and pushes a towards -x, b towards +x.
+    d = x_a - x_b + cam_driven * lift - gap and elastic force preload + stiffness * d; it pushes a towards -x and b
+    towards +x.
     """
 
     mass: np.ndarray  # (n) kg
