@@ -1,4 +1,4 @@
-"""One revolution, event-exact: fixed steps by the exact propagator, series wherever a switching or a piece border is."""
+"""One revolution, event-exact: fixed steps by the exact propagator, series where a switching or a piece border is."""
 
 import numba
 import numpy as np
@@ -27,7 +27,8 @@ def lift_coefficients(piece, offset, cam_speed, out):
 def contact_scalars(train, status, lift, x, v, watch, slope, force, acceleration):
     """Forces (e), accelerations (n), and per contact the watched quantities and slopes, (2, e): p and f."""
     mass, mass_damping, mass_force, a, b, contact, cam_driven, stiffness, damping, preload, gap = train
-    acceleration[:] = mass_force - mass_damping * v
+    for i in range(len(mass)):
+        acceleration[i] = mass_force[i] - mass_damping[i] * v[i]
     for e in range(len(a)):
         d, rate = -gap[e], 0.0
         if a[e] >= 0:
@@ -47,7 +48,8 @@ def contact_scalars(train, status, lift, x, v, watch, slope, force, acceleration
             acceleration[a[e]] -= force[e]
         if b[e] >= 0:
             acceleration[b[e]] += force[e]
-    acceleration /= mass
+    for i in range(len(mass)):
+        acceleration[i] /= mass[i]
     for e in range(len(a)):
         if not contact[e]:
             continue
@@ -98,7 +100,10 @@ def record(rows, count, t, lift, x, v, force):
     n, e = len(x), len(force)
     row = rows[count]
     row[0], row[1] = t, lift
-    row[2 : 2 + n], row[2 + n : 2 + 2 * n], row[2 + 2 * n : 2 + 2 * n + e] = x, v, force
+    for i in range(n):
+        row[2 + i], row[2 + n + i] = x[i], v[i]
+    for i in range(e):
+        row[2 + 2 * n + i] = force[i]
     return count + 1
 
 
@@ -144,7 +149,7 @@ def revolve(train, borders, pieces, cam_speed, h, slots, table, x, v, rows):
             if slot < 0:
                 return NEED_PROPAGATOR, acting_set(status, contact), switchings
             _advance(table[slot], lift, h, q, x, v, y)
-            lift_coefficients(pieces[piece], (end - 0.0) * cam_speed + borders[0] - borders[piece], cam_speed, lift)
+            lift_coefficients(pieces[piece], end * cam_speed + borders[0] - borders[piece], cam_speed, lift)
             contact_scalars(train, status, lift, y[:n], y[n:], watch[1], slope[1], force, acceleration)
             regular = not may_switch(status, contact, h, watch[0], slope[0], watch[1], slope[1])
         if regular:

@@ -20,11 +20,14 @@ def series(train, status, lift, x, v, xs, vs, ds):
     `lift` (TERMS + 2) holds the lift's own coefficients in time [m/s^k]; x, v (n) are the start.
     """
     mass, mass_damping, mass_force, a, b, contact, cam_driven, stiffness, damping, preload, gap = train
-    xs[0], vs[0] = x, v
+    n = len(mass)
+    for i in range(n):
+        xs[0, i], vs[0, i] = x[i], v[i]
     for k in range(TERMS):
-        vs[k + 1] = -mass_damping * vs[k]
-        if k == 0:
-            vs[1] += mass_force
+        for i in range(n):
+            vs[k + 1, i] = -mass_damping[i] * vs[k, i]
+            if k == 0:
+                vs[1, i] += mass_force[i]
         for e in range(len(a)):
             d = 0.0
             rate = 0.0
@@ -49,8 +52,10 @@ def series(train, status, lift, x, v, xs, vs, ds):
                 vs[k + 1, a[e]] -= f
             if b[e] >= 0:
                 vs[k + 1, b[e]] += f
-        vs[k + 1] /= mass * (k + 1)
-        xs[k + 1] = vs[k] / (k + 1)
+        share = 1.0 / (k + 1)
+        for i in range(n):
+            vs[k + 1, i] *= share / mass[i]
+            xs[k + 1, i] = vs[k, i] * share
     for e in range(len(a)):  # the last compression coefficient, which the forces of the last term need
         d = 0.0
         if a[e] >= 0:
@@ -65,8 +70,9 @@ def series(train, status, lift, x, v, xs, vs, ds):
 @numba.njit(cache=True, nogil=True)
 def evaluate(coefficients, t, out):
     """Horner over rows: out (m) = sum_k coefficients[k] t^k."""
-    out[:] = coefficients[-1]
-    for k in range(len(coefficients) - 2, -1, -1):
+    for i in range(len(out)):
+        out[i] = coefficients[TERMS, i]
+    for k in range(TERMS - 1, -1, -1):
         for i in range(len(out)):
             out[i] = out[i] * t + coefficients[k, i]
 
@@ -106,6 +112,12 @@ def first_negative(w, end):
 
     Sixteen samples: the highest mode turns by less than 0.1 rad between two, so one extremum at most lies there.
     """
+    bound, power = 0.0, 1.0
+    for k in range(1, len(w)):
+        power *= end
+        bound += abs(w[k]) * power
+    if w[0] > bound:
+        return -1.0
     t0 = TICK
     w0, s0 = value_and_slope(w, t0)
     if w0 < 0.0 and s0 < 0.0:
@@ -151,7 +163,8 @@ def next_switch(train, status, lift, ds, end, w):
             w[0] += preload[e]
             closes = status[e] == SEPARATED or (law == 1 and status[e] == COMPRESSED)
             if closes:
-                w *= -1.0
+                for k in range(TERMS + 1):
+                    w[k] = -w[k]
             t = first_negative(w, best)
             if t >= 0.0:
                 best, which = t, e
