@@ -1,6 +1,7 @@
 """What the user describes: scene files, their checks, the valve train as SI arrays, and the declared quantities."""
 
 from camopt.scene.errors import InputError as InputError
+from camopt.scene.errors import MotionRefused as MotionRefused
 from camopt.scene.load import builtin_scenes as builtin_scenes
 from camopt.scene.load import load_scene as load_scene
 from camopt.scene.load import parse_scene as parse_scene
