@@ -88,7 +88,7 @@ def _contacts_between_cam_and_valve(a, b, contact, cam_driven, valve) -> tuple[i
     if valve < 0:
         return ()
     for first in np.flatnonzero(cam_driven):
-        ways = [(int(b[first]), (int(first),))]
+        ways: list[tuple[int, tuple[int, ...]]] = [(int(b[first]), (int(first),))]
         seen = {GROUND}
         while ways:
             mass, path = ways.pop(0)
