@@ -11,9 +11,12 @@ DONE, NEED_PROPAGATOR, CHATTER, NOT_FINITE = 0, 1, 2, 3
 @numba.njit(cache=True, nogil=True)
 def lift_coefficients(piece, offset, cam_speed, out):
     """Coefficients of the lift in time about the angle `offset` [rad] inside a piece (q, m/rad^k); zero beyond."""
-    out[:] = 0.0
-    q = len(piece)
-    out[:q] = piece
+    q, still = len(piece), True
+    for k in range(q):
+        out[k] = piece[k]
+        still = still and piece[k] == 0.0
+    if still:  # the base circle
+        return
     for low in range(q - 1):
         for k in range(q - 2, low - 1, -1):
             out[k] += offset * out[k + 1]
