@@ -1,0 +1,101 @@
+"""The valve's motion and the contact forces over one revolution, speed by speed."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from camopt.plots.style import cam_line, draw_limit, legend_above, new_figure, quoted, styled
+from camopt.scene.response import Response
+from camopt.scene.schema import Design
+from camopt.scene.units import DEG, MM
+
+MOVING_MM = 0.002
+"""A valve this near its seat touch counts as at rest when the zoom of the closing looks for its end."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One revolution of one cam at one speed, k samples from -180 to 180 deg."""
+
+    cam: str
+    speed_rpm: float  # crankshaft
+    cam_angle_deg: np.ndarray  # (k)
+    valve_mm: np.ndarray  # (k) signed distance of the valve from where its seat touches
+    contact_force_N: Mapping[str, np.ndarray]  # (k) per contact between cam and valve
+
+
+def last_revolution(cam: str, speed_rpm: float, response: Response) -> Motion:
+    """The last whole revolution of a response, in the units of the figure."""
+    middle = 2 * np.pi * (response.revolutions - 1)
+    inside = response.angle >= middle - np.pi - 1e-9  # round-off of the revolution's first angle
+    train = response.train
+    forces = {train.element_names[e]: response.force[inside, e] for e in train.cam_side}
+    return Motion(
+        cam, speed_rpm, (response.angle[inside] - middle) / DEG, response.seat_separation()[inside] / MM, forces
+    )
+
+
+@styled
+def valve_motion(motions: Sequence[Motion], design: Design) -> Figure:
+    """Valve lift, a zoom of its closing, and each contact force, a column per speed, cams over each other."""
+    speeds = sorted({m.speed_rpm for m in motions})
+    contacts = list(motions[0].contact_force_N)
+    figure = new_figure(max(6.4, 1.2 + 2.9 * len(speeds)), 4.3 + 1.7 * len(contacts))
+    heights = (1.1, 1.3, *(1.0 for _ in contacts))
+    rows = figure.subplots(2 + len(contacts), len(speeds), sharey="row", squeeze=False, height_ratios=heights)
+    start, end, top = _closing(motions, design)
+    for column, speed in enumerate(speeds):
+        here = [m for m in motions if m.speed_rpm == speed]
+        lift, zoom, *forces = rows[:, column]
+        lift.set_title(f"{speed:g} r/min")
+        for m in here:
+            line = cam_line(m.cam)
+            lift.plot(m.cam_angle_deg, m.valve_mm, label=m.cam, **line)
+            zoom.plot(m.cam_angle_deg, m.valve_mm, **line)
+            for axes, contact in zip(forces, contacts, strict=True):
+                axes.plot(m.cam_angle_deg, m.contact_force_N[contact], **line)
+        lift.axvspan(start, end, color="#eeeeee", zorder=0)
+        zoom.set(xlim=(start, end), ylim=(-0.2 * top, top))
+        zoom.axhline(0, color="#777777", linewidth=0.7, zorder=1)
+        _event(lift, design)
+        for axes in forces:
+            _event(axes, design)
+            axes.axhline(0, color="#777777", linewidth=0.7, zorder=1)
+        bounce, force = design.bounce_max_mm, design.contact_force_max_N
+        last = column == len(speeds) - 1
+        draw_limit(zoom, bounce, quoted("bounce\nat most", bounce, "mm") if last else "")
+        for axes in forces:
+            draw_limit(axes, force, quoted("at most", force, "N") if last else "")
+        forces[-1].set_xlabel("cam angle [deg]")
+    rows[0, 0].set_ylabel("valve lift [mm]")
+    rows[1, 0].set_ylabel("valve above\nseat touch [mm]")
+    for axes, contact in zip(rows[2:, 0], contacts, strict=True):
+        axes.set_ylabel(f"{contact}\nforce [N]")
+    legend_above(figure, rows[0, 0])
+    return figure
+
+
+def _event(axes: Axes, design: Design) -> None:
+    """The angles of the event and its ramps; thin lines at the ends of the duration, where jump is judged."""
+    half = design.duration_deg / 2
+    end = half + max(h / v for h, v, _ in design.ramps()) + design.ramp_foot_deg
+    axes.set_xlim(-end, end)
+    for angle in (-half, half):
+        axes.axvline(angle, color="#999999", linewidth=0.7, zorder=1)
+
+
+def _closing(motions: Sequence[Motion], design: Design) -> tuple[float, float, float]:
+    """First and last angle [deg] and height [mm] of the zoom: from the duration's end, or an earlier touch, to rest."""
+    start = design.duration_deg / 2
+    end, top = start + 15.0, 3 * (design.bounce_max_mm or 0.02)
+    for m in motions:
+        after = m.cam_angle_deg > m.cam_angle_deg[np.argmax(m.valve_mm)]
+        moving = m.cam_angle_deg[after & (m.valve_mm > MOVING_MM)]
+        end = max(end, min(180.0, moving[-1] + 4.0)) if len(moving) else end
+        touched = np.cumsum(after & (m.valve_mm <= 0)) > 0
+        start = min(start, m.cam_angle_deg[touched][0] - 3.0) if touched.any() else start
+        top = max(top, 1.2 * np.max(m.valve_mm[touched], initial=0.0))
+    return start, end, top

@@ -1,0 +1,89 @@
+"""The course of an optimisation: area ratio and worst bounce against its steps."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from camopt.plots.speeds import FINEST_MM
+from camopt.plots.style import BASE, DESIGN, cam_line, draw_limit, new_figure, quoted, styled, zero_and_decades
+
+
+@dataclass(frozen=True)
+class History:
+    """n steps of an optimisation in their order."""
+
+    stage: Sequence[str]  # (n)
+    area_ratio: np.ndarray  # (n)
+    worst_bounce_mm: np.ndarray  # (n) non-smooth, over the speeds asked; NaN where it was not measured
+    confirmed: np.ndarray  # (n) bool: the non-smooth metrics hold every limit, so the step may be returned
+
+
+@styled
+def convergence(
+    history: History,
+    bound: float | None = None,
+    no_jump: float | None = None,
+    bounce_max_mm: float | None = None,
+) -> Figure:
+    """Area ratio and worst bounce of every step, filled where confirmed, with the certified bound as a line.
+
+    `bound` is the area ratio that no cam of the kinematic problem exceeds, `no_jump` what the no-jump linear program
+    reached under its linear model.
+    """
+    figure = new_figure(7.6, 5.6)
+    area, bounce = figure.subplots(2, 1, sharex=True, height_ratios=(1.4, 1))
+    step = np.arange(1, len(history.stage) + 1)
+    confirmed = np.asarray(history.confirmed, dtype=bool)
+    colour = cam_line(DESIGN)["color"]
+    for axes, values in ((area, history.area_ratio), (bounce, history.worst_bounce_mm)):
+        values = np.asarray(values, dtype=float)
+        axes.plot(step, values, color="#bbbbbb", linewidth=0.8, zorder=2)
+        axes.plot(step[confirmed], values[confirmed], "o", color=colour, markersize=4, label="confirmed", zorder=3)
+        axes.plot(
+            step[~confirmed],
+            values[~confirmed],
+            "o",
+            color=colour,
+            markerfacecolor="white",
+            markersize=4,
+            label="a limit broken or not measured",
+            zorder=3,
+        )
+    if confirmed.any():
+        best = np.fmax.accumulate(np.where(confirmed, history.area_ratio, np.nan))
+        area.step(step, best, where="post", color=colour, linewidth=2, label="best confirmed", zorder=2.5)
+    draw_limit(area, bound, f"certified\nbound\n{bound:.4f}" if bound is not None else "", va="bottom")
+    draw_limit(area, no_jump, f"no-jump\nprogram\n{no_jump:.4f}" if no_jump is not None else "", va="top")
+    area.set_ylabel("area ratio [-]")
+    area.margins(y=0.12)
+    area.legend(loc="lower right")
+    zero_and_decades(bounce, bounce_max_mm, FINEST_MM)
+    bounce.set_ylabel("worst bounce [mm]")
+    draw_limit(bounce, bounce_max_mm, quoted("at most", bounce_max_mm, "mm"))
+    bounce.set_xlabel("step")
+    bounce.xaxis.set_major_locator(MaxNLocator(integer=True))
+    _stages(area, bounce, history.stage)
+    return figure
+
+
+def _stages(area: Axes, bounce: Axes, stage: Sequence[str]) -> None:
+    """Name each run of steps of one stage above the figure, with a line where it begins."""
+    begins = [i for i in range(len(stage)) if i == 0 or stage[i] != stage[i - 1]]
+    for row, i in enumerate(begins):
+        for axes in (area, bounce):
+            axes.axvline(i + 0.5, color="#999999", linewidth=0.7, zorder=1)
+        area.annotate(
+            stage[i],
+            (i + 0.6, 1.0),
+            xycoords=area.get_xaxis_transform(),
+            xytext=(0, 3 + 10 * (row % 2)),  # neighbours on two heights: short stages would write over each other
+            textcoords="offset points",
+            fontsize=BASE - 1,
+            ha="left",
+        )
+    for axes in (area, bounce):
+        axes.set_xlim(0.5, len(stage) + 0.5)

@@ -1,0 +1,102 @@
+"""Bounce and jump of cams over a band of speeds."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from camopt.plots.style import (
+    BASE,
+    SHADE,
+    cam_line,
+    draw_limit,
+    legend_above,
+    new_figure,
+    quoted,
+    styled,
+    zero_and_decades,
+)
+from camopt.scene.quantities import QUANTITIES
+from camopt.scene.schema import Design
+
+FINEST_MM = 0.01
+"""Below this the axis is linear, above it logarithmic: zero is a value of bounce and jump that must be seen."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Bounce and jump of one cam at k crankshaft speeds; NaN where the valve never seats."""
+
+    cam: str
+    speed_rpm: np.ndarray  # (k) ascending
+    bounce_mm: np.ndarray  # (k)
+    jump_mm: np.ndarray  # (k)
+    bounce_low_mm: np.ndarray | None = None  # (k) range over neighbouring states, speeds and lifts
+    bounce_high_mm: np.ndarray | None = None  # (k)
+
+
+@styled
+def bounce_against_speed(
+    sweeps: Sequence[Sweep],
+    design: Design,
+    band_rpm: tuple[float, float],
+    speeds_rpm: Sequence[float] = (),
+) -> Figure:
+    """Bounce and jump against speed with their limits; the band is shaded, `speeds_rpm` of the verdict are marked."""
+    figure = new_figure(7.6, 5.8)
+    rows = figure.subplots(2, 1, sharex=True)
+    for axes, key in zip(rows, ("bounce_mm", "jump_mm"), strict=True):
+        for s in sweeps:
+            _draw(axes, s, key)
+        quantity = QUANTITIES[key]
+        axes.set_ylabel(f"{quantity.label} [{quantity.unit}]")
+        limit = getattr(design, quantity.limit or "")
+        draw_limit(axes, limit, quoted("at most", limit, "mm"))
+        zero_and_decades(axes, limit, FINEST_MM)
+        axes.axvspan(*band_rpm, color=SHADE, zorder=0)
+        axes.plot(
+            list(speeds_rpm),
+            [0] * len(speeds_rpm),
+            "^",
+            color="#444444",
+            markersize=6,
+            clip_on=False,
+            transform=axes.get_xaxis_transform(),
+            zorder=5,
+        )
+    rows[0].set_title(f"shaded: band {band_rpm[0]:g} to {band_rpm[1]:g} r/min;  ▲ speeds of the verdict",
+                      fontsize=BASE - 1, fontweight="normal")  # fmt: skip
+    rows[1].set_xlabel("crankshaft speed [r/min]")
+    legend_above(figure, rows[0])
+    return figure
+
+
+def _draw(axes: Axes, sweep: Sweep, key: str) -> None:
+    line = cam_line(sweep.cam)
+    values = np.asarray(getattr(sweep, key), dtype=float)
+    few = len(values) <= 12
+    axes.plot(sweep.speed_rpm, values, label=sweep.cam, marker="o" if few else "", markersize=3.5, **line)
+    if key != "bounce_mm":
+        return
+    if sweep.bounce_low_mm is not None and sweep.bounce_high_mm is not None:
+        axes.fill_between(
+            sweep.speed_rpm,
+            sweep.bounce_low_mm,
+            sweep.bounce_high_mm,
+            color=line["color"],
+            alpha=0.2,
+            linewidth=0,
+            label=f"{sweep.cam}: range",
+        )
+    lost = np.asarray(sweep.speed_rpm)[np.isnan(values)]
+    if len(lost):
+        axes.plot(
+            lost,
+            np.full(len(lost), 0.97),
+            "x",
+            color=line["color"],
+            transform=axes.get_xaxis_transform(),
+            label=f"{sweep.cam}: never seats",
+        )

@@ -1,0 +1,163 @@
+"""One look for all figures: a colour and dashes per cam that it keeps everywhere, limits, deterministic files."""
+
+import io
+import os
+import tempfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+
+INK = "#222222"
+LIMIT = "#8a1c1c"
+SHADE = "#eeeeee"
+BASE = 9.0
+"""Font size of the text [pt]."""
+
+DESIGN = "design"
+CAMS = {
+    DESIGN: ("#0072B2", "-"),
+    "polydyne": ("#D55E00", (0, (6, 1.5))),
+    "multi-pol": ("#009E73", (0, (6, 1.5, 1.2, 1.5))),
+    "new-design": ("#B0518E", (0, (1.3, 1.1))),
+    "exponent": ("#E69F00", (0, (3, 1.2))),
+    "kurz": ("#56B4E9", (0, (4, 1.2, 1.2, 1.2, 1.2, 1.2))),
+    "trapezoid": ("#7A5C2E", (0, (9, 2))),
+}
+"""Colour and dashes of each cam family: Okabe and Ito's (2008) colours, safe for the colour-blind, without the yellow
+that vanishes on white and with the purple darkened. The dashes tell the cams apart without any colour."""
+OTHERS = ("#555555", "#9A6A00", "#3B6F6F", "#7A3B69")
+"""Colours of cams outside the families (lift tables); the name picks one, so that a table keeps its own too."""
+OWN_NAMES = {"free", "free-cam", "camopt", "optimized", "optimised"}
+
+RC: dict[Any, Any] = {
+    "axes.axisbelow": True,
+    "axes.edgecolor": INK,
+    "axes.grid": True,
+    "axes.labelcolor": INK,
+    "axes.labelsize": BASE,
+    "axes.linewidth": 0.7,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlelocation": "left",
+    "axes.titlesize": BASE,
+    "axes.titleweight": "bold",
+    "axes.unicode_minus": True,
+    "figure.facecolor": "white",
+    "font.family": "DejaVu Sans",  # comes with matplotlib: the same on every machine
+    "font.size": BASE,
+    "grid.color": "#dddddd",
+    "grid.linewidth": 0.5,
+    "legend.fontsize": BASE,
+    "legend.frameon": False,
+    "lines.linewidth": 1.4,
+    "path.simplify": True,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "camopt",
+    "text.color": INK,
+    "xtick.color": INK,
+    "xtick.labelsize": BASE - 1,
+    "ytick.color": INK,
+    "ytick.labelsize": BASE - 1,
+}
+styled = matplotlib.rc_context(RC)
+"""Decorator of every function that makes a figure: the settings hold inside it and nowhere else."""
+
+
+def family_of(cam: str) -> str:
+    """Family of a cam's name: what stands before parameters (`polydyne:...`), limits or remarks; "" where unknown."""
+    word = cam.replace(",", " ").replace("(", " ").replace(":", " ").split(" ")[0].strip().lower()
+    word = DESIGN if word in OWN_NAMES else word
+    return word if word in CAMS else ""
+
+
+def cam_line(cam: str) -> dict:
+    """Line properties of a cam: the same colour and dashes in every figure, the optimised design always the same."""
+    family = family_of(cam)
+    if family:
+        colour, dashes = CAMS[family]
+    else:
+        number = zlib.crc32(cam.encode())  # not hash(): that differs from one process to the next
+        colour, dashes = OTHERS[number % len(OTHERS)], (0, (2 + number // 7 % 3, 1.5))
+    front = family == DESIGN
+    return {"color": colour, "linestyle": dashes, "linewidth": 2.0 if front else 1.4, "zorder": 3.0 if front else 2.5}
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure of a size in inches that lays itself out; it belongs to no window and no global state."""
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def draw_limit(axes: Axes, value: float | None, text: str, va: str = "center") -> None:
+    """A limit as a dashed line, its words to the right of the axes where they hide no data; nothing without a limit."""
+    if value is None:
+        return
+    axes.axhline(value, color=LIMIT, linestyle=(0, (5, 3)), linewidth=0.9, zorder=2.2)
+    axes.annotate(
+        text,
+        (1.0, value),
+        xycoords=axes.get_yaxis_transform(),
+        xytext=(3, 0),
+        textcoords="offset points",
+        va=va,
+        ha="left",
+        color=LIMIT,
+        fontsize=BASE - 1.5,
+        annotation_clip=False,
+    )
+
+
+def quoted(relation: str, value: float | None, unit: str) -> str:
+    """Words of a limit, as `at most 0.05 mm` on two lines, with the minus sign that the axes have."""
+    return "" if value is None else f"{relation}\n{value:g} {unit}".replace("-", "\u2212").strip()
+
+
+def zero_and_decades(axes: Axes, limit: float | None, finest: float) -> None:
+    """Scale a bounce or jump axis: linear from zero to `finest`, logarithmic above; the limit is always inside."""
+    shown = [line.get_ydata() for line in axes.lines if line.get_transform() == axes.transData]
+    largest = max([np.nanmax(np.append(np.asarray(y, dtype=float), 0.0)) for y in shown], default=0.0)
+    axes.set_yscale("symlog", linthresh=finest, linscale=0.5, subs=[2, 5])
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.set_ylim(0, 1.5 * max(largest, 3 * (limit or 0.0), 10 * finest))
+
+
+def legend_above(figure: Figure, axes: Axes, columns: int = 5) -> None:
+    """One legend over the whole figure from the labelled lines of one of its axes."""
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, labels, loc="outside upper left", ncols=min(columns, len(handles)), handlelength=3.2)
+
+
+def save(figure: Figure, folder: Path | str, name: str) -> tuple[Path, Path]:
+    """Write `<name>.png` and `<name>.svg` into `folder`; the same figure gives the same bytes. Returns both paths."""
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = folder / f"{name}.png", folder / f"{name}.svg"
+    metadata = {"png": {"Software": None}, "svg": {"Date": None, "Creator": "camopt"}}
+    for path in paths:
+        kind = path.suffix[1:]
+        buffer = io.BytesIO()
+        with matplotlib.rc_context(RC):
+            figure.savefig(buffer, format=kind, dpi=160, metadata=metadata[kind])
+        write_atomically(path, buffer.getvalue())
+    return paths
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Write a whole file or nothing: readers see the old or the new content, also after a kill or a full disk."""
+    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(temporary, 0o644)  # mkstemp's 0600 would hide the file from whoever shares the folder
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise

@@ -1,0 +1,109 @@
+"""Reading a run folder: what is there as plain data, what is missing as a list; the files are untrusted."""
+
+import csv
+import json
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeVar
+
+from camopt.scene.errors import InputError
+
+MOST_BYTES = 50_000_000
+MOST_FIGURES = 30
+Part = TypeVar("Part")
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """The parts of a run folder; a missing part is empty and named in `missing`."""
+
+    name: str
+    scene: dict
+    design: dict
+    verification: dict
+    comparison: list[dict[str, str]]
+    provenance: dict
+    history: list[dict]
+    figures: dict[str, str]  # name -> text of the SVG file
+    missing: list[str] = field(default_factory=list)
+
+
+def read_run_folder(folder: Path) -> RunFolder:
+    """Read all that a report needs.
+
+    Raises InputError where the folder is none, or where a file that is there cannot be understood.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such run folder")
+    missing: list[str] = []
+
+    def part(name: str, read: Callable[[str], Part], empty: Part) -> Part:
+        path = folder / name
+        if not path.is_file():
+            missing.append(name)
+            return empty
+        try:
+            return read(_text(path))
+        except (ValueError, csv.Error, RecursionError) as error:  # JSON, TOML and UTF-8 errors are ValueErrors
+            raise InputError(f"{path}: cannot be read: {error}") from error
+
+    return RunFolder(
+        name=folder.resolve().name,
+        scene=part("scene.toml", tomllib.loads, {}),
+        design=part("design.json", _object, {}),
+        verification=part("verification.json", _verification, {}),
+        comparison=part("comparison.csv", _rows, []),
+        provenance=part("provenance.json", _object, {}),
+        history=part("history.jsonl", _lines, []),
+        figures={p.stem: _text(p) for p in sorted((folder / "figures").glob("*.svg"))[:MOST_FIGURES]},
+        missing=missing,
+    )
+
+
+def _text(path: Path) -> str:
+    if path.stat().st_size > MOST_BYTES:
+        raise InputError(f"{path}: larger than {MOST_BYTES} bytes, which no run writes")
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not UTF-8 text ({error})") from error
+
+
+def _object(text: str) -> dict:
+    data = json.loads(text)
+    if not isinstance(data, dict):
+        raise ValueError("expected a JSON object")
+    return data
+
+
+def _verification(text: str) -> dict:
+    data = _object(text)
+    if not isinstance(data.get("verdict", ""), str):
+        raise ValueError("verdict: expected a word")
+    speeds = data.get("speeds", [])
+    if not isinstance(speeds, list) or not all(isinstance(s, dict) for s in speeds):
+        raise ValueError("speeds: expected a list of objects")
+    for speed in speeds:
+        methods = speed.get("methods") or {}
+        if not isinstance(methods, dict) or not all(isinstance(m, dict) for m in methods.values()):
+            raise ValueError("speeds.methods: expected an object of objects")
+    for key in ("band", "limits"):
+        if not isinstance(data.get(key) or {}, dict):
+            raise ValueError(f"{key}: expected an object")
+    return data
+
+
+def _rows(text: str) -> list[dict[str, str]]:
+    reader = csv.DictReader(text.splitlines(), restkey="", restval="", strict=True)
+    rows = [{str(k): str(v) for k, v in row.items()} for row in reader]
+    if reader.fieldnames is None or "cam" not in reader.fieldnames:
+        raise ValueError("expected a column 'cam'")
+    return rows
+
+
+def _lines(text: str) -> list[dict]:
+    """Objects of a JSONL file; a last line without its end is one that was being written when the run was killed."""
+    lines = text.split("\n")
+    return [_object(line) for line in lines[:-1] if line.strip()]

@@ -1,0 +1,170 @@
+"""The report's tables as plain rows of text, from a run folder's data."""
+
+from itertools import groupby
+
+from camopt.plots.style import DESIGN, cam_line, family_of
+from camopt.report.folder import RunFolder
+from camopt.report.limits import worst_of
+from camopt.report.wording import METHODS, VERDICTS, as_number, cell, is_number, label_and_unit, shown
+
+SPEED_COLUMNS = (
+    "jump_mm", "jump_deg", "contact_force_min_N", "contact_force_max_N", "seating_velocity_m_per_s",
+    "impact_velocity_m_per_s", "dynamic_area_mm_deg", "revolutions", "periodic",
+)  # fmt: skip
+METHOD_ROWS = (
+    "bounce_mm", "jump_mm", "contact_force_min_N", "contact_force_max_N", "seating_velocity_m_per_s",
+    "impact_velocity_m_per_s", "dynamic_area_mm_deg", "steps_per_revolution", "converged",
+)  # fmt: skip
+LIMITS = {"all": "under all limits of the scene", "no-jerk": "without the jerk limit"}
+
+
+def heading(key: str) -> str:
+    """A column's heading: label and unit."""
+    label, unit = label_and_unit(key)
+    return f"{label} [{unit}]" if unit else label
+
+
+def start_and_end(run: RunFolder) -> list[dict]:
+    """Figures of the first step of the history beside those of the design as it was verified."""
+    first = next((step for step in run.history if is_number(step.get("area_ratio"))), None)
+    if first is None:
+        return []
+    end = dict(run.design)
+    for name in ("bounce_mm", "jump_mm", "seating_velocity_m_per_s", "contact_force_max_N"):
+        found = worst_of(run, name)
+        if found:
+            end[name] = end[f"worst_{name}"] = found[0]
+    rows = []
+    for key, value in first.items():
+        if is_number(value) and key not in ("iteration", "step") and is_number(end.get(key)):
+            label, unit = label_and_unit(key)
+            rows.append({"label": label, "unit": unit or "–", "start": shown(value, 5), "end": shown(end[key], 5)})
+    return rows
+
+
+def area_rows(run: RunFolder) -> list[dict]:
+    """Area ratios: certified bound, no-jump program, design, and the cams compared under all limits, largest first."""
+    bound = run.design.get("area_ratio_bound")
+    entries = [
+        ("certified bound", bound, "", "#888888"),
+        ("no-jump linear program", run.design.get("area_ratio_no_jump"), "", "#bbbbbb"),
+        (DESIGN, run.design.get("area_ratio"), run.verification.get("verdict", ""), cam_line(DESIGN)["color"]),
+    ]
+    cams = [c for c in comparison_groups(run) if c["limits"] == "all" and family_of(c["cam"]) != DESIGN]
+    entries += [(c["cam"], c["area"], c["verdict"], cam_line(c["cam"])["color"]) for c in cams]
+    known = [e for e in entries if is_number(e[1])]
+    largest = max((e[1] for e in known), default=1.0)
+    return [
+        {
+            "label": label,
+            "area": f"{area:.4f}",
+            "share": f"{100 * area / bound:.1f} %" if is_number(bound) and bound > 0 else "–",
+            "verdict": verdict,
+            "kind": VERDICTS[verdict][0] if verdict in VERDICTS else "",
+            "width": round(100 * max(area, 0.0) / largest, 1) if largest > 0 else 0,
+            "colour": colour,
+        }
+        for label, area, verdict, colour in sorted(known, key=lambda e: -e[1])
+    ]
+
+
+def comparison_groups(run: RunFolder) -> list[dict]:
+    """One entry per cam and set of limits: its worst figures over the speeds, and its verdict over all of them."""
+    groups = []
+    ordered = sorted(run.comparison, key=lambda r: (r.get("limits", ""), r["cam"]))
+    for (limits, cam), rows in groupby(ordered, key=lambda r: (r.get("limits", ""), r["cam"])):
+        rows = list(rows)
+        lost = [r for r in rows if as_number(r.get("bounce_mm", "")) is None]
+        high = [as_number(r.get("bounce_high_mm", "") or r.get("bounce_mm", "")) for r in rows]
+        verdicts = {r.get("verdict", "") for r in rows}
+        verdict = next((v for v in ("rejected", "not converged", "sensitive", "confirmed") if v in verdicts), "")
+        words = ",".join(r.get("broken", "") for r in rows).replace(";", ",").split(",")
+        broken = dict.fromkeys(label_and_unit(word.strip())[0] for word in words if word.strip())
+        groups.append(
+            {
+                "cam": cam,
+                "limits": limits,
+                "area": as_number(rows[0].get("area_ratio", "")),
+                "shown_area": cell(rows[0].get("area_ratio", "")),
+                "speeds": len(rows),
+                "bounce": f"no figure at {len(lost)} of {len(rows)} speeds" if lost else _largest(high),
+                "jump": _largest([as_number(r.get("jump_mm", "")) for r in rows]),
+                "seating": _largest([as_number(r.get("seating_velocity_m_per_s", "")) for r in rows]),
+                "jerk": _largest([as_number(r.get("jerk_max_mm_per_deg3", "")) for r in rows]),
+                "verdict": verdict,
+                "kind": VERDICTS[verdict][0] if verdict in VERDICTS else "",
+                "broken": ", ".join(broken) or "–",
+                "colour": cam_line(cam)["color"],
+            }
+        )
+    return groups
+
+
+def _largest(values: list[float | None]) -> str:
+    return shown(max((v for v in values if v is not None), default=None))
+
+
+def speed_rows(run: RunFolder) -> list[dict]:
+    """Per speed: verdict, bounce with its error and range, and the other metrics."""
+    rows = []
+    for speed in run.verification.get("speeds", []):
+        verdict = str(speed.get("verdict", ""))
+        bounce = shown(speed["bounce_mm"]) if is_number(speed.get("bounce_mm")) else "never seats"
+        error = speed.get("bounce_error_mm")
+        rows.append(
+            {
+                "speed": shown(speed.get("speed_rpm")),
+                "verdict": verdict or "–",
+                "kind": VERDICTS[verdict][0] if verdict in VERDICTS else "",
+                "bounce": bounce,
+                "error": f"±{shown(1000 * error, 2)}" if is_number(error) else "–",
+                "range": shown(speed.get("bounce_range_mm"), 3),
+                "cells": [shown(speed.get(key)) for key in SPEED_COLUMNS],
+            }
+        )
+    return rows
+
+
+def method_tables(run: RunFolder) -> list[dict]:
+    """Per speed: a row per figure with the methods side by side, and the largest difference between them."""
+    tables = []
+    for speed in run.verification.get("speeds", []):
+        methods = speed.get("methods") or {}
+        names = [m for m in METHODS if m in methods] + sorted(m for m in methods if m not in METHODS)
+        rows = []
+        for key in METHOD_ROWS:
+            values = [methods[m].get(key) for m in names]
+            if all(v is None for v in values) and key != "bounce_mm":
+                continue
+            numbers = [v for v in values if is_number(v)]
+            compared = len(numbers) > 1 and key != "steps_per_revolution"
+            rows.append(
+                {
+                    "label": heading(key),
+                    "cells": [shown(v, 5) for v in values],
+                    "difference": shown(max(numbers) - min(numbers), 2) if compared else "–",
+                }
+            )
+        if names:
+            columns = [METHODS.get(m, m) for m in names]
+            tables.append({"speed": shown(speed.get("speed_rpm")), "methods": columns, "rows": rows})
+    return tables
+
+
+def comparison_table(run: RunFolder) -> dict:
+    """The whole comparison as its file has it, numbers rounded."""
+    columns = [key for key in (run.comparison[0] if run.comparison else {}) if key]
+    return {"columns": [heading(c) for c in columns],
+            "rows": [[cell(row.get(c, "")) for c in columns] for row in run.comparison]}  # fmt: skip
+
+
+def provenance_rows(data: dict, prefix: str = "") -> list[tuple[str, str]]:
+    """Every entry of the provenance with its dotted name, in the file's order."""
+    rows: list[tuple[str, str]] = []
+    for key, value in data.items():
+        name = f"{prefix}{key}"
+        if isinstance(value, dict):
+            rows += provenance_rows(value, f"{name}.")
+        else:
+            rows.append((name, shown(value, 6)))
+    return rows

@@ -1,0 +1,90 @@
+"""Numbers, units and names of the run folder's keys as a reader is shown them."""
+
+import math
+from typing import TypeGuard
+
+from camopt.scene.quantities import QUANTITIES
+
+UNITS = (
+    ("_mm_per_deg3", "mm/deg³"),
+    ("_mm_per_deg2", "mm/deg²"),
+    ("_mm_per_deg", "mm/deg"),
+    ("_mm_deg", "mm deg"),
+    ("_m_per_s", "m/s"),
+    ("_N_per_m", "N/m"),
+    ("_percent", "%"),
+    ("_rpm", "r/min"),
+    ("_deg", "deg"),
+    ("_mm", "mm"),
+    ("_um", "µm"),
+    ("_kg", "kg"),
+    ("_Hz", "Hz"),
+    ("_N", "N"),
+    ("_s", "s"),
+)
+"""Endings of keys and their units, longer ones first."""
+METHODS = {
+    "event": "event-exact",
+    "rkg": "Runge-Kutta-Gill",
+    "tmm": "transition matrix",
+    "houbolt": "Houbolt",
+    "smooth": "smooth",
+}
+VERDICTS = {
+    "confirmed": ("good", "✓", "The methods agree within their error estimates and every limit holds at the upper end "
+                  "of its range."),
+    "rejected": ("bad", "✗", "The methods agree within their error estimates, and a limit is broken."),
+    "sensitive": ("doubt", "±", "The range over neighbouring initial states, speeds (±0.1 %) and lifts (±0.1 µm) "
+                  "straddles a limit."),
+    "not converged": ("doubt", "?", "The methods do not agree within their error estimates: no figure below is "
+                      "settled."),
+}  # fmt: skip
+"""Verdict: its class in the page, its mark, its meaning."""
+NO_VERDICT = ("doubt", "?", "This cam has not been verified: nothing below is more than the optimiser's own opinion.")
+
+
+def label_and_unit(key: str) -> tuple[str, str]:
+    """`worst_bounce_mm` -> ("worst bounce", "mm"); the declared quantities keep their declared labels."""
+    stem = key.removeprefix("worst_")
+    worst = "worst " if stem != key else ""
+    if stem in QUANTITIES:
+        return worst + QUANTITIES[stem].label, QUANTITIES[stem].unit
+    for ending, unit in UNITS:
+        if key.endswith(ending):
+            return key.removesuffix(ending).replace("_", " "), unit
+    return key.replace("_", " "), ""
+
+
+def is_number(value) -> TypeGuard[float]:
+    """True for a real, finite number; False for everything else that a file may hold."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def as_number(text: str) -> float | None:
+    """Number of a table cell; None where it is empty or no finite number."""
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def shown(value, digits: int = 4) -> str:
+    """A value for a table cell: numbers to `digits` significant digits, a dash for nothing."""
+    if value is None or value == "":
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, list):
+        return " to ".join(shown(v, digits) for v in value) if len(value) == 2 else ", ".join(map(shown, value))
+    if not isinstance(value, int | float):
+        return str(value)
+    if math.isfinite(value) and abs(value) >= 10**digits:
+        return f"{value:.0f}".replace("-", "−")
+    return f"{value:.{digits}g}".replace("-", "−")
+
+
+def cell(text: str, digits: int = 4) -> str:
+    """A table file's cell: as a rounded number where it is one, else as it stands."""
+    value = as_number(text)
+    return shown(value if value is not None else text, digits)

@@ -1,0 +1,201 @@
+import numpy as np
+import pytest
+
+from camopt.cam.lift import Lift, lift_table
+from camopt.plots import (
+    History,
+    Motion,
+    Sweep,
+    bounce_against_speed,
+    cam_line,
+    convergence,
+    last_revolution,
+    modes,
+    profiles,
+    save,
+    valve_motion,
+)
+from camopt.scene.load import load_scene
+from camopt.scene.response import Response
+from camopt.scene.train import build_train
+from camopt.scene.units import DEG, MM
+
+SCENE = load_scene("kodama")
+DESIGN = SCENE.design
+
+
+def bump(height_mm: float, half_deg: float = 72.0) -> dict:
+    """Table of lift = height (1 - (angle / half)^2)^4 [mm]: smooth, with known extremes."""
+    half = half_deg * DEG
+    inside = np.zeros(9)
+    for k, c in enumerate((1, -4, 6, -4, 1)):
+        inside[2 * k] = height_mm * MM * c / half ** (2 * k)
+    shifted = np.polynomial.Polynomial(inside)(np.polynomial.Polynomial([-half, 1.0])).coef
+    coefficients = np.array([np.zeros(9), shifted, np.zeros(9)])
+    return lift_table(Lift(np.array([-np.pi, -half, half, np.pi]), coefficients, half), 0.5)
+
+
+def lines_of(axes, cam: str):
+    return [line for line in axes.lines if line.get_color() == cam_line(cam)["color"]]
+
+
+def levels(axes) -> set[float]:
+    """Heights of the horizontal lines over the whole axes."""
+    return {line.get_ydata()[0] for line in axes.lines if list(line.get_xdata()) == [0, 1]}
+
+
+def test_profiles_draw_the_tables_and_the_limits():
+    tables = {"design": bump(9.0), "polydyne": bump(8.0)}
+    rows = profiles(list(tables.items()), DESIGN).axes
+    columns = ("lift_mm", "velocity_mm_per_deg", "acceleration_mm_per_deg2", "jerk_mm_per_deg3")
+    for axes, column, unit in zip(rows, columns, ("mm", "mm/deg", "mm/deg²", "mm/deg³"), strict=True):
+        for name, table in tables.items():
+            (line,) = lines_of(axes, name)
+            np.testing.assert_array_equal(line.get_ydata(), table[column])
+            np.testing.assert_array_equal(line.get_xdata(), table["cam_angle_deg"])
+        assert f"[{unit}]" in axes.get_ylabel()
+    assert levels(rows[0]) == {9.4} and levels(rows[2]) == {0.015, -0.008} and levels(rows[3]) == {0.003, -0.003}
+    assert "[deg]" in rows[3].get_xlabel()
+    low, high = rows[3].get_xlim()
+    assert low < -72 - 0.265 / 0.011 < 72 + 0.265 / 0.011 < high < 180
+
+
+def test_profiles_without_limits_draw_none():
+    keys = ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3", "nose_deg")
+    free = DESIGN.model_copy(update=dict.fromkeys(keys))
+    rows = profiles([("design", bump(9.0))], free).axes
+    assert [len(levels(axes)) for axes in rows] == [1, 0, 0, 0]
+
+
+def test_profiles_say_which_jerk_leaves_the_axis():
+    steep = bump(9.0, half_deg=30.0)
+    largest = np.max(np.abs(steep["jerk_mm_per_deg3"]))
+    assert largest > 2.5 * 0.003
+    axes = profiles([("design", bump(4.0)), ("multi-pol", steep)], DESIGN).axes[3]
+    assert axes.get_ylim() == (-0.0075, 0.0075)
+    title = axes.get_title("left")
+    assert "multi-pol" in title and f"{largest:.2g}" in title and "design" not in title
+
+
+def motion(cam: str, speed: float, rebound: float, last_deg: float) -> Motion:
+    """Half-sine valve lift touching at 70 deg, one rebound of `rebound` mm up to `last_deg`."""
+    angle = np.linspace(-180, 180, 3601)
+    lift = np.where(np.abs(angle) < 70, 9 * np.cos(angle / 70 * np.pi / 2), 0.0)
+    up = (angle > 75) & (angle < last_deg)
+    lift = np.where(up, rebound * np.sin((angle - 75) / (last_deg - 75) * np.pi), lift)
+    force = np.where(np.abs(angle) < 70, 500.0 + speed, 0.0)
+    return Motion(cam, speed, angle, lift, {"cam_follower": force, "follower_valve": 0.5 * force})
+
+
+def test_valve_motion_has_a_column_per_speed_and_a_row_per_contact():
+    motions = [motion(c, s, r, 110) for s in (7000.0, 5000.0) for c, r in (("design", 0.02), ("polydyne", 0.3))]
+    figure = valve_motion(motions, DESIGN)
+    grid = np.array(figure.axes).reshape(4, 2)
+    assert [axes.get_title("left") for axes in grid[0]] == ["5000 r/min", "7000 r/min"]
+    assert "[mm]" in grid[0, 0].get_ylabel() and "[mm]" in grid[1, 0].get_ylabel() and "[N]" in grid[2, 0].get_ylabel()
+    for column, speed in enumerate((5000.0, 7000.0)):
+        for cam in ("design", "polydyne"):
+            m = next(m for m in motions if (m.cam, m.speed_rpm) == (cam, speed))
+            np.testing.assert_array_equal(lines_of(grid[0, column], cam)[0].get_ydata(), m.valve_mm)
+            for row, contact in enumerate(m.contact_force_N, 2):
+                drawn = lines_of(grid[row, column], cam)[0].get_ydata()
+                np.testing.assert_array_equal(drawn, m.contact_force_N[contact])
+
+
+def test_zoom_shows_the_whole_bounce_and_the_limit():
+    axes = valve_motion([motion("design", 7000, 0.3, 130)], DESIGN).axes[1]
+    (left, right), (low, top) = axes.get_xlim(), axes.get_ylim()
+    assert 66 < left < 70 and 130 < right < 140  # the touch at 70 deg lies before the duration's end at 72
+    assert 0.3 < top < 0.5 and low < 0
+    assert 0.05 in levels(axes)
+    quiet = valve_motion([motion("design", 7000, 0.0, 130)], DESIGN).axes[1]
+    assert quiet.get_ylim()[1] == pytest.approx(0.15)  # three times the limit, which must be seen
+
+
+def test_last_revolution_of_a_response():
+    train = build_train(SCENE)
+    angle = np.linspace(-np.pi, 3 * np.pi, 721)
+    x = np.zeros((721, len(train.mass)))
+    x[:, train.valve] = 2e-3 + 1e-3 * (angle > np.pi)
+    force = np.outer(np.arange(721.0), np.arange(len(train.a)))
+    response = Response(train, 300.0, angle, np.zeros(721), x, np.zeros_like(x), force)
+    m = last_revolution("design", 6000, response)
+    assert m.cam_angle_deg[0] == pytest.approx(-180) and m.cam_angle_deg[-1] == pytest.approx(180)
+    assert m.cam_angle_deg[180] == pytest.approx(0, abs=1e-9)
+    np.testing.assert_allclose(m.valve_mm, response.seat_separation()[360:] * 1e3)
+    assert list(m.contact_force_N) == [train.element_names[e] for e in train.cam_side]
+    np.testing.assert_array_equal(m.contact_force_N[train.element_names[train.cam_side[0]]],
+                                  force[360:, train.cam_side[0]])  # fmt: skip
+
+
+def test_bounce_against_speed_draws_values_limits_and_the_speeds_without_touch():
+    speed = np.arange(5000.0, 7600.0, 100.0)
+    bounce = (speed - 5000) / 1e4
+    lost = np.where(speed > 7000, np.nan, bounce)
+    sweeps = [Sweep("design", speed, bounce, 2 * bounce, 0.5 * bounce, 2 * bounce), Sweep("kurz", speed, lost, bounce)]
+    figure = bounce_against_speed(sweeps, DESIGN, (5000, 7000), (5000, 6000))
+    top, bottom = figure.axes
+    np.testing.assert_array_equal(lines_of(top, "design")[0].get_ydata(), bounce)
+    np.testing.assert_array_equal(lines_of(bottom, "design")[0].get_ydata(), 2 * bounce)
+    marks = [line for line in top.lines if line.get_marker() == "x"]
+    np.testing.assert_array_equal(marks[0].get_xdata(), speed[speed > 7000])
+    assert "never seats" in marks[0].get_label()
+    assert [list(line.get_xdata()) for line in top.lines if line.get_marker() == "^"] == [[5000, 6000]]
+    for axes in (top, bottom):
+        assert 0.05 in levels(axes) and "[mm]" in axes.get_ylabel()
+        assert axes.get_ylim()[0] == 0 and axes.get_ylim()[1] > 0.25
+    assert "[r/min]" in bottom.get_xlabel()
+
+
+def test_bounce_axis_is_not_lost_when_nothing_bounces():
+    speed = np.array([5000.0, 7000.0])
+    figure = bounce_against_speed([Sweep("design", speed, 0 * speed, 0 * speed)], DESIGN, (5000, 7000))
+    assert figure.axes[0].get_ylim()[1] > 0.05
+    loose = DESIGN.model_copy(update={"bounce_max_mm": 0.5})
+    figure = bounce_against_speed([Sweep("design", speed, 0 * speed, 0 * speed)], loose, (5000, 7000))
+    assert figure.axes[0].get_ylim()[1] > 0.5
+
+
+def test_convergence_accumulates_only_confirmed_steps():
+    area = np.array([0.50, 0.60, 0.52, 0.51, 0.55])
+    confirmed = np.array([True, False, True, True, True])
+    stage = ["program", "program", "margins", "margins", "margins"]
+    history = History(stage, area, np.array([np.nan, 0.3, 0.04, 0.03, 0.05]), confirmed)
+    top, bottom = convergence(history, 0.62, 0.57, 0.05).axes
+    best = next(line for line in top.lines if line.get_label() == "best confirmed")
+    np.testing.assert_array_equal(best.get_ydata(), [0.50, 0.50, 0.52, 0.52, 0.55])
+    assert levels(top) == {0.62, 0.57} and levels(bottom) == {0.05}
+    words = [text.get_text() for text in top.texts]
+    assert "program" in words and "margins" in words and any("bound" in w and "0.6200" in w for w in words)
+    hollow = next(line for line in top.lines if line.get_markerfacecolor() == "white")
+    assert list(hollow.get_ydata()) == [0.60]
+
+
+def test_convergence_of_an_unconfirmed_search_has_no_best():
+    history = History(["program"], np.array([0.5]), np.array([np.nan]), np.array([False]))
+    assert not [line for line in convergence(history).axes[0].lines if line.get_label() == "best confirmed"]
+
+
+def test_modes_show_every_shape_with_its_frequency():
+    shape = np.array([[0.6, 0.8], [0.8, -0.6], [-1.0, 0.0]])
+    figure = modes([352.4, 1234.5, 18430.0], shape, ["valve", "coil"], "lifted")
+    drawn = [next(line for line in axes.lines if line.get_marker() == "o").get_xdata() for axes in figure.axes[:3]]
+    np.testing.assert_allclose(drawn, [[0.6, 0.8], [0.8, -0.6], [1.0, 0.0]])
+    titles = [axes.get_title("left") for axes in figure.axes[:3]]
+    assert titles == ["1:  352.4 Hz", "2:  1.234 kHz", "3:  18.43 kHz"]
+    assert "lifted" in figure.get_suptitle()
+
+
+def test_modes_refuse_shapes_that_do_not_fit():
+    with pytest.raises(ValueError, match="2 modes by 1 masses"):
+        modes([1.0, 2.0], np.eye(3), ["valve"])
+
+
+def test_modes_say_what_they_leave_out():
+    names = [f"m{i}" for i in range(20)]
+    assert "5 highest left out" in modes(np.arange(1.0, 21.0), np.eye(20), names).get_suptitle()
+
+
+def test_a_figure_can_be_saved(tmp_path):
+    for path in save(profiles([("design", bump(9.0))], DESIGN), tmp_path, "profiles"):
+        assert path.stat().st_size > 5000

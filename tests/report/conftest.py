@@ -1,0 +1,136 @@
+"""A small run folder with the contract's keys (design.md section 7), made by hand: no program of ours computed it."""
+
+import csv
+import json
+
+import pytest
+
+from camopt.plots.style import new_figure, save, styled
+from camopt.scene.load import scene_text
+
+SPEEDS = (5000, 6000, 6500, 7000)
+COLUMNS = (
+    "cam,limits,speed_rpm,area_ratio,acceleration_max_mm_per_deg2,acceleration_min_mm_per_deg2,jerk_max_mm_per_deg3,"
+    "bounce_mm,bounce_low_mm,bounce_high_mm,jump_mm,contact_force_min_N,seating_velocity_m_per_s,"
+    "impact_velocity_m_per_s,verdict,broken"
+).split(",")
+
+
+def metrics(i: int, factor: float = 1.0) -> dict:
+    return {
+        "bounce_mm": 0.011 * i * factor,
+        "jump_mm": 0.013 * i * factor,
+        "jump_deg": 1.5 * i * factor,
+        "contact_force_min_N": 20.0 - 5 * i,
+        "contact_force_max_N": 1500.0 + 100 * i,
+        "seating_velocity_m_per_s": 0.21 + 0.03 * i,
+        "impact_velocity_m_per_s": 0.25 + 0.03 * i,
+        "dynamic_area_mm_deg": 739.5 + i,
+    }
+
+
+def speed_record(i: int) -> dict:
+    methods = {
+        name: {**metrics(i, 1 + 1e-4 * k), "steps_per_revolution": 28800 * k or 400, "converged": True}
+        for k, name in enumerate(("event", "rkg", "tmm", "houbolt"))
+    }
+    return {
+        "speed_rpm": SPEEDS[i],
+        "verdict": "confirmed",
+        **metrics(i),
+        "bounce_error_mm": 2e-5 * (i + 1),
+        "bounce_range_mm": [0.010 * i, 0.012 * i],
+        "revolutions": 6 + i,
+        "periodic": True,
+        "methods": methods,
+    }
+
+
+def comparison_row(cam: str, limits: str, i: int, area: float, jerk: float, bounce: float, verdict: str) -> dict:
+    broken = "bounce_mm" if verdict == "rejected" else ""
+    figures = (0.0149, -0.0079, jerk, bounce, 0.9 * bounce, 1.1 * bounce, 2 * bounce, 5.0, 0.3, 0.4)
+    return dict(zip(COLUMNS, (cam, limits, SPEEDS[i], area, *figures, verdict, broken), strict=True))
+
+
+def parts() -> dict:
+    """The contents of every JSON and table file, for a test to change before it is written."""
+    rows = []
+    for i in range(4):
+        rows.append(comparison_row("design", "all", i, 0.5618, 0.003, 0.011 * i, "confirmed"))
+        rows.append(comparison_row("polydyne", "all", i, 0.5434, 0.00295, 0.15 * i, "rejected" if i else "confirmed"))
+        rows.append(comparison_row("multi-pol", "no-jerk", i, 0.6021, 0.031, 0.4 * i, "rejected"))
+    return {
+        "design": {
+            "family": "free",
+            "parameters": {},
+            "pieces": {"start_deg": [-180.0], "end_deg": [180.0], "coefficients_mm": [[0.0]]},
+            "area_mm_deg": 760.5,
+            "area_ratio": 0.5618,
+            "area_ratio_bound": 0.6189,
+            "area_gap_percent": 9.23,
+            "area_ratio_no_jump": 0.5577,
+            "gradient_gain": 0.0041,
+        },
+        "verification": {
+            "verdict": "confirmed",
+            "broken": [],
+            "speeds": [speed_record(i) for i in range(4)],
+            "band": {
+                "from_rpm": 5000,
+                "to_rpm": 7000,
+                "step_rpm": 20,
+                "worst_bounce_mm": 0.0413,
+                "worst_speed_rpm": 6980,
+            },
+            "limits": {"first_jump_rpm": 7060, "first_bounce_rpm": None},
+        },
+        "comparison": rows,
+        "provenance": {
+            "versions": {"camopt": "0.1.0", "jax": "0.10.2", "numpy": "2.4.6"},
+            "seed": 7,
+            "settings": {"speeds": "band", "accuracy": "standard", "gradient": "exact"},
+            "times": {"bound_s": 0.4, "total_s": 212.5},
+        },
+        "history": [
+            {"stage": "no-jump program", "iteration": 0, "area_ratio": 0.5274, "worst_bounce_mm": 0.221},
+            {"stage": "margins", "iteration": 1, "area_ratio": 0.5618, "worst_bounce_mm": 0.036},
+        ],
+    }
+
+
+def write_parts(folder, data: dict) -> None:
+    folder.mkdir(exist_ok=True)
+    (folder / "scene.toml").write_text(scene_text("kodama"), encoding="utf-8")
+    for name in ("design", "verification", "provenance"):
+        (folder / f"{name}.json").write_text(json.dumps(data[name]), encoding="utf-8")
+    with open(folder / "comparison.csv", "w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, COLUMNS)
+        writer.writeheader()
+        writer.writerows(data["comparison"])
+    lines = "".join(json.dumps(step) + "\n" for step in data["history"])
+    (folder / "history.jsonl").write_text(lines, encoding="utf-8")
+
+
+@styled
+def draw(folder) -> None:
+    figure = new_figure(3, 2)
+    figure.subplots().plot([0, 1], [0, 1], label="a line")
+    save(figure, folder / "figures", "convergence")
+
+
+@pytest.fixture
+def contents() -> dict:
+    return parts()
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Writes a run folder of given contents and returns its path."""
+
+    def write_folder(data: dict):
+        folder = tmp_path / "kodama-run"
+        write_parts(folder, data)
+        draw(folder)
+        return folder
+
+    return write_folder
