@@ -15,18 +15,23 @@ from camopt.scene.errors import InputError
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Writes UTF-8 text so that a reader or a crash sees the old file or the whole new one.
+    """Writes UTF-8 text; see `write_bytes`."""
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: str | Path, content: bytes) -> None:
+    """Writes a file so that a reader or a crash sees the old one or the whole new one.
 
     A device or pipe (/dev/stdout) is written to as it is. Raises InputError where nothing can be written.
     """
     path = Path(path)
     try:
         if path.exists() and not path.is_file() and not path.is_dir():
-            path.write_text(text, encoding="utf-8")
+            path.write_bytes(content)
             return
         if path.is_dir():
             raise IsADirectoryError("it is a folder")
-        _replace(path.resolve(), text.encode())
+        _replace(path.resolve(), content)
     except OSError as error:
         reason = error.strerror or error
         raise InputError(

@@ -7,12 +7,15 @@ from the coefficients, never from a table.
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import PPoly
 
 from camopt.cam.ramps import Ramp
 from camopt.scene.units import DEG, MM
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,9 @@ class Lift:
             raise ValueError("piece coefficients must be finite")
 
     @cached_property
-    def _derivatives(self) -> list[PPoly]:
+    def _derivatives(self) -> list["PPoly"]:
+        from scipy.interpolate import PPoly  # bad input is answered before SciPy loads
+
         lift = PPoly(self.coefficients[:, ::-1].T, self.borders)
         return [lift, *(lift.derivative(k) for k in range(1, 5))]
 

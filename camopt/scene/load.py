@@ -61,7 +61,11 @@ def parse_scene(text: str, where: str, need: tuple[str, ...] = ()) -> Scene:
     try:
         scene = Scene.model_validate(_tuples(data))
     except ValidationError as error:
-        faults = [f"{where}: {_key(e['loc'])}: {_sentence(e)}" for e in error.errors()]
+        errors = error.errors()
+        inner = {e["loc"][0] for e in errors if len(e["loc"]) > 1}
+        # a row with faults does not count as a row, which pydantic then reports as a second fault
+        kept = [e for e in errors if not (e["type"] == "too_short" and len(e["loc"]) == 1 and e["loc"][0] in inner)]
+        faults = [f"{where}: {_key(e['loc'])}: {_sentence(e)}" for e in kept]
         raise InputError("\n".join(faults)) from None
     faults = [f"{where}: {fault}" for fault in _name_faults(scene)]
     for part in need:

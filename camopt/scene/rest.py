@@ -51,7 +51,7 @@ def rest_position(train: Train) -> np.ndarray:
         d = train.compression(x, 0.0)
         force = train.preload + train.stiffness * d
         slack = FORCE_SLACK * max(np.max(np.abs(force)), 1.0)
-        if np.all(force[closed & train.contact] >= -slack) and np.all(force[~closed] <= slack):
+        if np.all(force[closed & train.contact] > slack) and np.all(force[~closed] <= slack):
             return x
     if floating:
         names = ", ".join(sorted(train.mass_names[i] for i in floating))

@@ -1,0 +1,8 @@
+"""`python -m camopt` is the command line."""
+
+import sys
+
+from camopt.cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,108 @@
+"""`design.json`: a cam's lift pieces in millimetres and degrees, exact both ways."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from camopt.cam.lift import Lift
+from camopt.scene import InputError, Scene
+from camopt.scene.units import DEG, MM
+from camopt.storage import write_json
+
+MAX_FILE_BYTES = 50_000_000
+BORDER_SLACK_DEG = 1e-9
+STEP_SLACK_MM = 1e-6
+"""Step in lift between pieces that rounding explains; a larger one is no cam."""
+
+
+def design_record(lift: Lift, max_lift: float, **further: object) -> dict:
+    """The content of `design.json` for a lift law under a scene's maximum lift [m], with any further keys."""
+    powers = np.arange(lift.coefficients.shape[1])
+    degrees = lift.borders / DEG
+    return {
+        "family": lift.family,
+        "parameters": lift.parameters,
+        "duration_deg": 2 * lift.half_duration / DEG,
+        "area_mm_deg": lift.area / MM / DEG,
+        "area_ratio": lift.area_ratio(max_lift),
+        **further,
+        "pieces": {
+            "start_deg": degrees[:-1],
+            "end_deg": degrees[1:],
+            "coefficients_mm": lift.coefficients * DEG**powers / MM,
+        },
+    }
+
+
+def write_design(path: str | Path, lift: Lift, max_lift: float, **further: object) -> None:
+    """Writes `design.json` (see `design_record`)."""
+    write_json(path, design_record(lift, max_lift, **further))
+
+
+def read_design(path: str | Path, scene: Scene) -> Lift:
+    """The lift law of a `design.json`; where it gives no duration_deg, the scene's is taken.
+
+    Raises InputError for a file that is no design: unreadable, not JSON, missing or misshapen pieces, pieces that do
+    not cover -180 to 180 deg without gap or step in lift.
+    """
+    data = _json_object(Path(path))
+    try:
+        pieces = data["pieces"]
+        start, end = (np.array(pieces[k], dtype=float) for k in ("start_deg", "end_deg"))
+        coefficients = _rows(pieces["coefficients_mm"])
+        duration = float(data["duration_deg"]) if "duration_deg" in data else _scene_duration_deg(scene)
+        family, parameters = str(data.get("family", "lift")), dict(data.get("parameters") or {})
+    except (KeyError, TypeError, ValueError) as error:
+        what = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+        raise InputError(f"{path}: not a design.json of camopt: {what}") from None
+    if start.ndim != 1 or not len(start) == len(end) == len(coefficients) > 0:
+        raise InputError(f"{path}: pieces: start_deg, end_deg and coefficients_mm must be lists of equal length")
+    borders = np.append(start, end[-1])
+    if not all(np.all(np.isfinite(a)) for a in (start, end, coefficients)):
+        raise InputError(f"{path}: pieces: every number must be finite")
+    gaps = np.abs(np.concatenate([[borders[0] + 180], end[:-1] - start[1:], [borders[-1] - 180]]))
+    if gaps.max() > BORDER_SLACK_DEG or np.any(np.diff(borders) <= 0):
+        raise InputError(f"{path}: pieces must cover -180 to 180 deg in ascending order without gap")
+    if not 0 < duration < 360:
+        raise InputError(f"{path}: duration_deg {duration:g} must lie between 0 and 360")
+    powers = np.arange(coefficients.shape[1])
+    ends = np.sum(coefficients * np.diff(borders)[:, None] ** powers, axis=1)
+    step = np.abs(np.roll(ends, 1) - coefficients[:, 0])
+    if step.max() > STEP_SLACK_MM:
+        where = start[int(np.argmax(step))]
+        raise InputError(
+            f"{path}: pieces: the lift steps by {step.max():.3g} mm at {where:g} deg; a cam's lift is smooth"
+        )
+    borders[[0, -1]] = -180.0, 180.0
+    return Lift(borders * DEG, coefficients * MM / DEG**powers, duration * DEG / 2, family, parameters)
+
+
+def _scene_duration_deg(scene: Scene) -> float:
+    assert scene.design is not None, "load_scene(..., need='design') guarantees it"
+    return scene.design.duration_deg
+
+
+def _json_object(path: Path) -> dict:
+    try:
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise InputError(f"{path}: larger than {MAX_FILE_BYTES} bytes, which no design needs")
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read as UTF-8 text ({error})") from error
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise InputError(f"{path}: not valid JSON: {error}") from error
+    if not isinstance(data, dict):
+        raise InputError(f"{path}: not a design.json of camopt: an object with `pieces` is expected")
+    return data
+
+
+def _rows(lists) -> np.ndarray:
+    """Coefficient lists of any length as one array (p, q), padded with zeros."""
+    rows = [np.array(row, dtype=float) for row in lists]
+    if any(row.ndim != 1 or not 1 <= len(row) <= 64 for row in rows):
+        raise ValueError("coefficients_mm needs a list of 1 to 64 numbers per piece")
+    out = np.zeros((len(rows), max((len(row) for row in rows), default=0)))
+    for i, row in enumerate(rows):
+        out[i, : len(row)] = row
+    return out

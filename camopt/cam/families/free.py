@@ -1,0 +1,239 @@
+"""The free cam: acceleration as a cubic spline, its joining and ramp conditions solved once as x = x_p + Z z.
+
+The acceleration over the duration is a clamped cubic B-spline (de Boor, A Practical Guide to Splines, 1978) on equal
+knot intervals, so the lift is a quintic spline, four times continuously differentiable inside. Every limit of the
+design is imposed on Bernstein control points: a polynomial lies between its smallest and largest control point on
+the interval (Farin, Curves and Surfaces for CAGD, 2002, ch. 5), so such a row holds at every angle and is linear in z.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import comb, factorial
+
+import numpy as np
+from scipy.interpolate import BSpline, PPoly
+
+from camopt.cam.lift import Lift, with_ramps
+from camopt.cam.ramps import Ramp, scene_ramps
+from camopt.scene.schema import Design
+from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
+
+DEGREE = 3
+"""Polynomial degree of the acceleration."""
+CAP_INTERVAL = 0.5 * DEG
+"""Longest interval between lift control nets: control points then exceed the lift by less than 1e-4 mm."""
+HAIR = 1e-9
+"""Relative tightening of every limit, so that round-off in the solver and in the pieces cannot break it."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Linear limits `matrix @ z <= bound` on a free cam; row r comes from the design's limit `names[group[r]]`.
+
+    `slope[r]` is d bound[r] / d limit in SI, zero for the nose. `scale` (per name) is the limit in SI, `unit` its unit
+    of the scene file in SI.
+    """
+
+    matrix: np.ndarray  # (r, m)
+    bound: np.ndarray  # (r)
+    slope: np.ndarray  # (r)
+    group: np.ndarray  # (r) int
+    names: tuple[str, ...]
+    scale: np.ndarray  # (g)
+    unit: np.ndarray  # (g)
+
+    def rows(self, name: str) -> np.ndarray:
+        """Indices of the rows of one limit; empty where the design does not set it."""
+        return np.flatnonzero(self.group == self.names.index(name)) if name in self.names else np.zeros(0, int)
+
+
+@dataclass(frozen=True)
+class FreeCam:
+    """A spline cam between two ramps: spline coefficients x = x_p + Z z (n) [mm/deg^2], free coefficients z (m).
+
+    `breaks` (k + 1) [rad] are the knots, equally spaced over the duration; Z (n, m) has orthonormal columns.
+    """
+
+    breaks: np.ndarray
+    opening: Ramp
+    closing: Ramp
+    x_p: np.ndarray
+    Z: np.ndarray
+
+    @property
+    def knot_deg(self) -> float:
+        """Knot interval [deg]."""
+        return float(self.breaks[1] - self.breaks[0]) / DEG
+
+    @cached_property
+    def _bases(self) -> tuple[PPoly, ...]:
+        """Lift of every basis function and its first six derivatives, each with values (n)."""
+        lift = _basis_lift(self.breaks)
+        return lift, *(lift.derivative(k) for k in range(1, 7))
+
+    @cached_property
+    def _ramps(self) -> tuple[PPoly, ...]:
+        """The ramps' lift and its first six derivatives."""
+        lift = PPoly(self._without_spline.coefficients[:, ::-1].T, self._without_spline.borders)
+        return lift, *(lift.derivative(k) for k in range(1, 7))
+
+    @cached_property
+    def _without_spline(self) -> Lift:
+        """The ramps, with the opening ramp's straight line in place of the spline."""
+        line = np.array([[self.opening.height, self.opening.velocity]])
+        return with_ramps(self.breaks[[0, -1]], line, self.opening, self.closing, "free", {})
+
+    def coefficients(self, z: np.ndarray) -> np.ndarray:
+        """Spline coefficients x (n) [mm/deg^2] of free coefficients z (m)."""
+        return self.x_p + self.Z @ z
+
+    def lift(self, z: np.ndarray) -> Lift:
+        """The cam of free coefficients z (m), its pieces exact."""
+        x = self.coefficients(z)
+        pieces = (self._bases[0].c @ x)[::-1].T  # (k, 6), ascending powers
+        pieces[:, 0] += self.opening.height + self.opening.velocity * (self.breaks[:-1] - self.breaks[0])
+        pieces[:, 1] += self.opening.velocity
+        parameters = {"knot_deg": self.knot_deg, "coefficients_mm_per_deg2": x.tolist()}
+        return with_ramps(self.breaks, pieces, self.opening, self.closing, "free", parameters)
+
+    def basis(self, theta, order: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """Matrix (k, n) and offset (k) with lift^(order)(theta) = matrix @ x + offset [m/rad^order].
+
+        `theta` (k) [rad] may lie anywhere; derivatives up to the sixth (beyond the fifth only
+        the ramps' feet have one), one-sided from the right at the knots.
+        """
+        theta = np.mod(np.asarray(theta, dtype=float) + np.pi, 2 * np.pi) - np.pi
+        inside = (theta >= self.breaks[0]) & (theta < self.breaks[-1])
+        matrix = np.zeros((len(theta), len(self.x_p)))
+        matrix[inside] = self._bases[order](theta[inside])
+        offset = self._ramps[order](theta)
+        return matrix, offset
+
+    def area(self) -> tuple[np.ndarray, float]:
+        """Row (m) and constant with area = row @ z + constant [m rad]."""
+        row = self._bases[0].antiderivative()(self.breaks[-1])
+        constant = self._without_spline.area
+        return row @ self.Z, float(constant + row @ self.x_p)
+
+    def control_points(self, order: int, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Bernstein control points of lift^(order) between `edges` [rad] and the knots inside them.
+
+        Returns matrix (c, m) and offset (c) with points = matrix @ z + offset [m/rad^order].
+        """
+        low, high = edges[0], edges[-1]
+        inner = self.breaks[(self.breaks > low) & (self.breaks < high)]
+        edges = _merged(np.concatenate([edges, inner]))
+        start, width, degree = edges[:-1], np.diff(edges), DEGREE + 2 - order
+        taylor = np.stack(
+            [self._bases[order].derivative(k)(start) * width[:, None] ** k / factorial(k) for k in range(degree + 1)]
+        )
+        to_bernstein = np.array([[comb(i, k) / comb(degree, k) for k in range(degree + 1)] for i in range(degree + 1)])
+        points = np.einsum("ik,ken->ein", to_bernstein, taylor)
+        greville = start[:, None] + width[:, None] * np.arange(degree + 1) / degree
+        offset = (
+            [
+                self.opening.height + self.opening.velocity * (greville - self.breaks[0]),
+                np.full_like(greville, self.opening.velocity),
+            ][order]
+            if order < 2
+            else np.zeros_like(greville)
+        )
+        points = np.concatenate([points[:, :-1].reshape(-1, points.shape[2]), points[-1, -1:]])  # shared ends once
+        offset = np.append(offset[:, :-1].ravel(), offset[-1, -1])
+        matrix = points @ self.Z
+        size = np.abs(matrix).max(axis=1)
+        matrix[size < 1e-12 * size.max()] = 0.0  # fixed by the ramps, to round-off
+        return matrix, offset + points @ self.x_p
+
+    def limits(self, design: Design) -> Limits:
+        """The design's acceleration, jerk, lift and nose limits as rows on z that hold at every angle."""
+        parts = _Rows()
+        ends = self.breaks[[0, -1]]
+        if design.acceleration_max_mm_per_deg2 is not None:
+            parts.add(self, "acceleration_max_mm_per_deg2", MM_PER_DEG2, design, 2, ends, (1,))
+        if design.acceleration_min_mm_per_deg2 is not None:
+            parts.add(self, "acceleration_min_mm_per_deg2", MM_PER_DEG2, design, 2, ends, (-1,))
+        if design.jerk_max_mm_per_deg3 is not None:
+            parts.add(self, "jerk_max_mm_per_deg3", MM_PER_DEG3, design, 3, ends, (1, -1))
+        if design.nose_deg:
+            nose = np.array([-1.0, 1.0]) * design.nose_deg * DEG
+            parts.add(self, "nose_deg", DEG, design, 2, nose, (1,))
+        count = int(np.ceil((self.breaks[1] - self.breaks[0]) / CAP_INTERVAL))
+        fine = np.linspace(ends[0], ends[1], count * (len(self.breaks) - 1) + 1)
+        parts.add(self, "max_lift_mm", MM, design, 0, fine, (1,))
+        return parts.limits()
+
+
+class _Rows:
+    """Collects the rows of `Limits`, one limit at a time."""
+
+    def __init__(self):
+        self.parts: list[tuple] = []
+
+    def add(self, cam: FreeCam, name: str, unit: float, design: Design, order: int, edges, signs) -> None:
+        """Adds sign * lift^(order) <= sign * limit on control points; the jerk limit binds both signs."""
+        matrix, offset = cam.control_points(order, np.asarray(edges))
+        limit = getattr(design, name) * unit
+        nose = name == "nose_deg"
+        for sign in signs:
+            level = 0.0 if nose else abs(limit)
+            tight = HAIR * (MM_PER_DEG2 * 0.01 if nose else level)  # the nose has no level: a usual acceleration
+            slope = 0.0 if nose else np.sign(limit)
+            bound = level - tight - sign * offset
+            self.parts.append((sign * matrix, bound, np.full(len(bound), slope), name, limit, unit))
+
+    def limits(self) -> Limits:
+        names = tuple(dict.fromkeys(p[3] for p in self.parts))
+        first = {p[3]: p for p in reversed(self.parts)}
+        return Limits(
+            matrix=np.concatenate([p[0] for p in self.parts]),
+            bound=np.concatenate([p[1] for p in self.parts]),
+            slope=np.concatenate([p[2] for p in self.parts]),
+            group=np.concatenate([np.full(len(p[1]), names.index(p[3])) for p in self.parts]),
+            names=names,
+            scale=np.array([first[n][4] for n in names]),
+            unit=np.array([first[n][5] for n in names]),
+        )
+
+
+def free_cam(design: Design, knot_deg: float = 3.0) -> FreeCam:
+    """The free cam of a design: the knot interval is the longest that divides the duration and is <= `knot_deg`.
+
+    Conditions: lift, velocity and zero acceleration at both ramp tops; raises ValueError for a knot interval that
+    leaves no free coefficient.
+    """
+    half = design.duration_deg / 2 * DEG
+    count = int(np.ceil(design.duration_deg / knot_deg - 1e-9))
+    if count < 2:
+        raise ValueError(
+            f"knot_deg must be at most half of duration_deg = {design.duration_deg:g} (given: {knot_deg:g})"
+        )
+    breaks = np.linspace(-half, half, count + 1)
+    opening, closing = scene_ramps(design)
+    lift = _basis_lift(breaks)
+    n = lift.c.shape[2]
+    first, last = np.eye(n)[[0, n - 1]]
+    conditions = np.stack([first, last, lift.derivative()(half) / half, lift(half) / half**2])
+    velocity = -closing.velocity - opening.velocity
+    rise = closing.height - opening.height - opening.velocity * 2 * half
+    values = np.array([0.0, 0.0, velocity / half, rise / half**2])
+    row_scale = np.abs(conditions).max(axis=1)
+    conditions, values = conditions / row_scale[:, None], values / row_scale
+    q, r = np.linalg.qr(conditions.T, mode="complete")
+    x_p = q[:, :4] @ np.linalg.solve(r[:4].T, values)
+    x_p += q[:, :4] @ np.linalg.solve(r[:4].T, values - conditions @ x_p)  # one refinement: equalities to round-off
+    return FreeCam(breaks, opening, closing, x_p, q[:, 4:])
+
+
+def _basis_lift(breaks: np.ndarray) -> PPoly:
+    """Twice integrated cubic B-splines from zero at the first knot, values (n), per coefficient in mm/deg^2."""
+    knots = np.concatenate([np.full(DEGREE, breaks[0]), breaks, np.full(DEGREE, breaks[-1])])
+    spline = BSpline(knots, np.eye(len(breaks) - 1 + DEGREE) * MM_PER_DEG2, DEGREE)
+    taylor = [spline(breaks[:-1], nu=k) / factorial(k) for k in range(DEGREE, -1, -1)]
+    return PPoly(np.stack(taylor), breaks).antiderivative(2)
+
+
+def _merged(edges: np.ndarray) -> np.ndarray:
+    """Sorted edges without those that differ by round-off only."""
+    edges = np.sort(edges)
+    return edges[np.append(True, np.diff(edges) > 1e-12)]

@@ -1,0 +1,95 @@
+"""CAM as the user names one: a family with parameters, a lift table, a run folder or its design.json."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+
+from camopt.cam.design_file import read_design
+from camopt.cam.lift import Lift
+from camopt.scene import InputError, Scene
+
+DESIGN_FILE = "design.json"
+
+
+def number(text: str) -> float:
+    """A finite number."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError("a finite number is needed")
+    return value
+
+
+def numbers(text: str) -> tuple[float, ...]:
+    """Finite numbers between slashes, as in 2/10/18."""
+    return tuple(number(part) for part in text.split("/"))
+
+
+@dataclass(frozen=True)
+class Family:
+    """Where a family is designed, and its parameters: name on the command line -> (keyword, parser)."""
+
+    module: str
+    function: str
+    parameters: dict[str, tuple[str, Callable[[str], object]]]
+
+
+FAMILIES = {
+    "polydyne": Family(
+        "camopt.cam.families.polydyne",
+        "polydyne",
+        {
+            "exponents": ("exponents", numbers),
+            "speed_rpm": ("design_speed_rpm", number),
+            "ramp_height_mm": ("ramp_height_mm", number),
+        },
+    ),
+}
+
+
+def read_cam(spec: str | Path, scene: Scene, table_angle: str | None = None, table_lift: str | None = None) -> Lift:
+    """The lift law that `spec` names, under a scene with [operation] and [design].
+
+    A family name, optionally with parameters (`polydyne:exponents=2/10/18/26/34,speed_rpm=6000`); a run folder or its
+    design.json; or a lift table, for which see `camopt.cam.tables.read_lift_table`. A file whose name is a family's is
+    reached as ./name. Raises InputError for anything else.
+    """
+    name, _, parameters = str(spec).partition(":")
+    path = Path(spec)
+    if name in FAMILIES and not isinstance(spec, Path):
+        return _designed(name, parameters, scene)
+    if str(spec) and path.is_dir():
+        if not (path / DESIGN_FILE).is_file():
+            raise InputError(f"cam {str(spec)!r}: the folder holds no {DESIGN_FILE}; give a camopt run folder")
+        return read_design(path / DESIGN_FILE, scene)
+    if not path.is_file():
+        raise InputError(
+            f"cam {str(spec)!r}: neither a family ({', '.join(FAMILIES)}) nor a lift table, design.json or run folder"
+        )
+    if path.suffix == ".json":
+        return read_design(path, scene)
+    from camopt.cam.tables import read_lift_table  # brings SciPy's splines, which nothing else here needs
+
+    return read_lift_table(path, scene, table_angle, table_lift)
+
+
+def _designed(name: str, text: str, scene: Scene) -> Lift:
+    """A member of a family, its module imported only now."""
+    family = FAMILIES[name]
+    keywords = {}
+    for item in filter(None, text.split(",")):
+        key, equals, value = item.partition("=")
+        if key not in family.parameters or not equals:
+            known = ", ".join(f"{k}=..." for k in family.parameters)
+            raise InputError(f"cam {name}: parameter {item!r}: expected {known}")
+        keyword, parse = family.parameters[key]
+        if keyword in keywords:
+            raise InputError(f"cam {name}: parameter {key!r} is given more than once")
+        try:
+            keywords[keyword] = parse(value)
+        except ValueError:
+            raise InputError(
+                f"cam {name}: {key}={value!r}: expected {'numbers like 2/10/18' if parse is numbers else 'a number'}"
+            ) from None
+    return getattr(import_module(family.module), family.function)(scene, **keywords)

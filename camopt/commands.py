@@ -1,0 +1,161 @@
+"""The verbs of the command line: each loads what it needs, calls one public function and prints the outcome.
+
+Everything beyond the scene is imported inside the verb, so that bad input is answered before JAX or numba load.
+"""
+
+import tomllib
+from argparse import Namespace
+from pathlib import Path
+
+from camopt.scene import InputError, builtin_scenes, load_scene, scene_text
+from camopt.storage import check_run_folder, default_run_folder, write_csv, write_json
+
+SIMULATED = ("valve", "seat", "operation", "design")
+
+
+def optimize(args: Namespace) -> int:
+    scene = load_scene(args.scene, need=SIMULATED)
+    if args.resume and args.out is None:
+        raise InputError("optimize: --resume needs the run folder to go on in: add --out DIR")
+    folder = Path(args.out) if args.out else default_run_folder(scene.name)
+    check_run_folder(folder, args.resume)
+    from camopt.optimize.run import optimize as run
+
+    result = run(
+        scene,
+        speeds=args.speeds,
+        accuracy=args.accuracy,
+        gradient=args.gradient,
+        out=folder,
+        seed=args.seed,
+        resume=args.resume,
+        progress=True,
+    )
+    print(f"run folder: {result.folder}")
+    return result.exit_code
+
+
+def verify(args: Namespace) -> int:
+    scene = load_scene(args.scene, need=SIMULATED)
+    lift = _cam_of(args, scene)
+    from camopt.verify import verify_cam
+
+    report = verify_cam(scene, lift, speeds_rpm=args.speeds, methods=args.method, accuracy=args.accuracy)
+    content = report.as_dict()
+    if args.json:
+        write_json(args.json, content)
+    print(f"{'r/min':>8}  {'bounce mm':>10}  {'jump mm':>8}  {'seating m/s':>11}  verdict")
+    for row in content["speeds"]:
+        numbers = (row["speed_rpm"], row["bounce_mm"], row["jump_mm"], row["seating_velocity_m_per_s"])
+        shown = (_shown(v, w) for v, w in zip(numbers, (8, 10, 8, 11), strict=True))
+        print("  ".join(shown), f" {row['verdict']}")
+    broken = f" (broken: {', '.join(map(str, content['broken']))})" if content["broken"] else ""
+    print(f"verdict: {report.verdict}{broken}")
+    return 0 if report.verdict == "confirmed" else 3
+
+
+def simulate(args: Namespace) -> int:
+    scene = load_scene(args.scene, need=SIMULATED)
+    lift = _cam_of(args, scene)
+    from camopt.study.motion import motion_table
+    from camopt.study.motion import simulate as motion_of
+
+    motion = motion_of(scene, lift, args.speed, args.method, args.revolutions, args.step_deg)
+    if args.csv:
+        write_csv(args.csv, motion_table(motion))
+    print(f"{scene.name}, {lift.family}, {args.speed:g} r/min, {args.method}, from rest")
+    for revolution, part in motion.groupby("revolution"):
+        valve = part["position_mm"].sel(mass=scene.valve)
+        print(f"revolution {revolution}: largest valve position {float(valve.max()):.4f} mm")
+        for element in (e.name for e in scene.element if e.kind == "contact"):
+            force = part["force_N"].sel(element=element)
+            print(f"  {element:<20} force {float(force.min()):10.1f} to {float(force.max()):10.1f} N")
+    return 0
+
+
+def compare(args: Namespace) -> int:
+    scene = load_scene(args.scene, need=SIMULATED)
+    folder = Path(args.out) if args.out else default_run_folder(scene.name)
+    check_run_folder(folder)
+    from camopt.cam.read import read_cam
+
+    designs = {str(Path(d)): read_cam(Path(d), scene) for d in args.design}
+    from camopt.optimize.comparison import compare as comparison
+
+    comparison(scene, designs, folder)
+    print(f"comparison: {folder}")
+    return 0
+
+
+def cam(args: Namespace) -> int:
+    scene = load_scene(args.scene, need=("operation", "design"))
+    lift = _cam_of(args, scene)
+    from camopt.cam.tables import write_lift_table
+    from camopt.scene.units import DEG, MM
+
+    if args.csv:
+        write_lift_table(args.csv, lift, args.step_deg)
+    design = scene.design
+    assert design is not None
+    print(f"{lift.family}: " + ", ".join(f"{k} = {v}" for k, v in lift.parameters.items()))
+    print(f"maximum lift   {lift.max_lift / MM:.6f} mm (limit {design.max_lift_mm:g})")
+    print(
+        f"area           {lift.area / MM / DEG:.4f} mm deg, area ratio {lift.area_ratio(design.max_lift_mm * MM):.6f}"
+    )
+    limits = (
+        ("acceleration", 2, design.acceleration_min_mm_per_deg2, design.acceleration_max_mm_per_deg2),
+        ("jerk", 3, design.jerk_max_mm_per_deg3 and -design.jerk_max_mm_per_deg3, design.jerk_max_mm_per_deg3),
+    )
+    for name, order, low, high in limits:
+        least, most = (value * DEG**order / MM for value in lift.extremes(order))
+        limit = f"limits {'none' if low is None else f'{low:g}'} to {'none' if high is None else f'{high:g}'}"
+        print(f"{name:<14} {least:.6f} to {most:.6f} mm/deg^{order} ({limit})")
+    return 0
+
+
+def modes(args: Namespace) -> int:
+    scene = load_scene(args.scene)
+    from camopt.study.modes import modes as modes_of
+
+    found = modes_of(scene, args.state)
+    if args.json:
+        write_json(args.json, found.as_dict())
+    print(f"{scene.name}, {args.state}; closed contacts: {', '.join(found.closed) or 'none'}")
+    print(f"{'Hz':>12}  {'rad/s':>12}  {'damping':>8}  " + "  ".join(f"{n:>10}" for n in found.mass_names))
+    for row in zip(found.frequency_Hz, found.angular, found.damping_ratio, found.shape, strict=True):
+        shape = "  ".join(f"{value:10.4f}" for value in row[3])
+        print(f"{row[0]:12.6g}  {row[1]:12.6g}  {100 * row[2]:6.2f} %  {shape}")
+    return 0
+
+
+def bound(args: Namespace) -> int:
+    scene = load_scene(args.scene, need=SIMULATED)
+    from camopt.optimize.summary import area_bound
+
+    content = area_bound(scene)
+    if args.json:
+        write_json(args.json, content)
+    for name, value in content.items():
+        print(f"{name}: {value}")
+    return 0
+
+
+def scenes(args: Namespace) -> int:
+    if args.name is not None:
+        if args.name not in builtin_scenes():
+            raise InputError(f"scene {args.name!r}: not built in; built in are {', '.join(builtin_scenes())}")
+        print(scene_text(args.name), end="")
+        return 0
+    for name, text in builtin_scenes().items():
+        print(f"{name:<14} {tomllib.loads(text)['title']}")
+    return 0
+
+
+def _cam_of(args: Namespace, scene):
+    from camopt.cam.read import read_cam
+
+    return read_cam(args.cam, scene, args.table_angle, args.table_lift)
+
+
+def _shown(value: float | None, width: int) -> str:
+    return f"{'none' if value is None else f'{value:.5g}':>{width}}"

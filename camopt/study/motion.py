@@ -1,0 +1,134 @@
+"""One motion from rest, by any of the methods, on a regular grid of cam angles."""
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+
+from camopt.cam.lift import Lift
+from camopt.scene import InputError, Response, Scene, Train, build_train, rest_position
+from camopt.scene.response import end_state, joined
+from camopt.scene.units import DEG, MM
+from camopt.study.modes import highest_rate
+
+Method = Literal["event", "rkg", "tmm", "houbolt", "smooth"]
+MODULES = {
+    "event": "camopt.exact.engine",
+    "rkg": "camopt.verify.rkg",
+    "tmm": "camopt.verify.tmm",
+    "houbolt": "camopt.verify.houbolt",
+    "smooth": "camopt.smooth.simulate",
+}
+LARGEST_PHASE = 0.3
+"""Step times the train's highest rate [rad]: MOTORI 2004's rule for explicit steps (0.31), and for drawn curves."""
+MOST_STEPS = 20_000_000
+
+
+def simulate(
+    scene: Scene, cam: Lift, speed_rpm: float, method: Method = "event", revolutions: int = 2, step_deg: float = 0.1
+) -> xr.Dataset:
+    """Motion of the valve train from rest at -180 degrees, `revolutions` of the cam at a crankshaft speed [r/min].
+
+    `step_deg` [cam degrees] must divide 360; it is the step of the result. The method's own step is that over the
+    smallest integer for which step * highest rate of the train <= 0.3. Returned is a dataset over `sample` with
+    coordinates revolution (from 1), cam_angle_deg (-180 to 180), time_s, and variables lift_mm, position_mm and
+    velocity_m_per_s (sample, mass), force_N (sample, element); between a method's samples positions are cubic,
+    velocities their derivative, forces linear, and where a force jumps the later value stands.
+    Raises InputError for unusable arguments, or a motion that the method refuses.
+    """
+    steps = _steps_per_revolution(speed_rpm, method, revolutions, step_deg)
+    if scene.operation is None or scene.seat is None:
+        raise InputError(f"scene {scene.name}: simulate needs valve, seat and [operation]")
+    train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
+    finer = max(1, int(np.ceil(highest_rate(train) * step_deg * DEG / cam_speed / LARGEST_PHASE)))
+    if steps * finer * revolutions > MOST_STEPS:
+        raise InputError(
+            f"simulate at {speed_rpm:g} r/min: the train's highest mode needs {steps * finer * revolutions} steps and "
+            f"at most {MOST_STEPS} are allowed: raise the speed or ask for fewer revolutions"
+        )
+    response = _motion(train, cam, cam_speed, method, revolutions, steps * finer)
+    return _dataset(scene, cam, speed_rpm, method, resampled(response, steps * revolutions))
+
+
+def _steps_per_revolution(speed_rpm, method, revolutions, step_deg) -> int:
+    """Steps of the result in a revolution; every argument of `simulate` that is a number or a choice is checked."""
+    if method not in MODULES:
+        raise InputError(f"simulate: method {method!r}: expected one of {', '.join(MODULES)}")
+    if not (np.isfinite(speed_rpm) and speed_rpm > 0):
+        raise InputError(f"simulate: speed {speed_rpm}: a crankshaft speed above 0 r/min is needed")
+    if int(revolutions) != revolutions or not 1 <= revolutions <= 1000:
+        raise InputError(f"simulate: revolutions {revolutions}: an integer from 1 to 1000 is needed")
+    steps = round(360.0 / step_deg) if step_deg > 0 else 0
+    if not (1 <= steps <= 360_000) or abs(steps * step_deg - 360.0) > 1e-9 * steps:
+        raise InputError(f"simulate: step {step_deg} deg: a step that divides 360 deg, 0.001 or more, is needed")
+    return steps
+
+
+def _motion(train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int, steps: int) -> Response:
+    module = import_module(MODULES[method])
+    if method == "smooth":
+        return module.simulate_smooth(train, cam, cam_speed, revolutions, steps_per_revolution=steps)
+    revolve = module.prepare(train, cam, cam_speed, steps)
+    position = rest_position(train)
+    state, parts = np.concatenate([position, np.zeros_like(position)]), []
+    for _ in range(revolutions):
+        parts.append(revolve(state))
+        state = end_state(parts[-1])
+    return joined(parts)
+
+
+def resampled(response: Response, steps: int) -> Response:
+    """A record on `steps` + 1 equally spaced angles over its whole range."""
+    grid = np.linspace(response.angle[0], response.angle[-1], steps + 1)
+    # a sample that misses its grid angle by round-off is that grid angle's sample, not the end of the interval before
+    left = np.searchsorted(response.angle, grid + 1e-12 * np.abs(grid[-1]), side="right") - 1
+    left = np.minimum(left, len(response.angle) - 2)
+    width = np.diff(response.angle)[left]
+    s = np.divide(grid - response.angle[left], width, out=np.ones_like(grid), where=width > 0).clip(0.0, 1.0)[:, None]
+    dt = (width / response.cam_speed)[:, None]
+    x0, x1, v0, v1 = response.x[left], response.x[left + 1], response.v[left], response.v[left + 1]
+    rise, u0, u1 = x1 - x0, dt * v0, dt * v1  # cubic Hermite: x0 + s u0 + s^2 a + s^3 b
+    a, b = 3 * rise - 2 * u0 - u1, u0 + u1 - 2 * rise
+    x = x0 + s * (u0 + s * (a + s * b))
+    slope = u0 + s * (2 * a + s * 3 * b)
+    v = np.divide(slope, dt, out=v1.copy(), where=dt > 0)
+    force = (1 - s) * response.force[left] + s * response.force[left + 1]
+    lift = (1 - s[:, 0]) * response.lift[left] + s[:, 0] * response.lift[left + 1]
+    return Response(response.train, response.cam_speed, grid, lift, x, v, force)
+
+
+def _dataset(scene: Scene, cam: Lift, speed_rpm: float, method: str, response: Response) -> xr.Dataset:
+    train, steps = response.train, (len(response.angle) - 1) // response.revolutions
+    sample = np.arange(len(response.angle))
+    revolution = np.minimum(sample // steps, response.revolutions - 1)  # the last sample closes the last revolution
+    angle_deg = -180.0 + (sample - revolution * steps) * (360.0 / steps)
+    variables = {
+        "lift_mm": ("sample", cam(angle_deg * DEG) / MM, {"units": "mm"}),
+        "position_mm": (("sample", "mass"), response.x / MM, {"units": "mm"}),
+        "velocity_m_per_s": (("sample", "mass"), response.v, {"units": "m/s"}),
+        "force_N": (("sample", "element"), response.force, {"units": "N"}),
+    }
+    coords = {
+        "revolution": ("sample", revolution + 1),
+        "cam_angle_deg": ("sample", angle_deg, {"units": "deg"}),
+        "time_s": ("sample", response.time, {"units": "s"}),
+        "mass": list(train.mass_names),
+        "element": list(train.element_names),
+    }
+    attributes = {"scene": scene.name, "cam": cam.family, "speed_rpm": speed_rpm, "method": method}
+    return xr.Dataset(variables, coords, attributes)
+
+
+def motion_table(motion: xr.Dataset) -> Mapping[str, np.ndarray]:
+    """Columns of `simulate --csv`: revolution, cam_angle_deg, time_s, then every mass and every element."""
+    columns = {name: motion[name].values for name in ("revolution", "cam_angle_deg", "time_s")}
+    for variable, dimension, unit in (
+        ("position_mm", "mass", "mm"),
+        ("velocity_m_per_s", "mass", "m_per_s"),
+        ("force_N", "element", "N"),
+    ):
+        for i, name in enumerate(motion[dimension].values):
+            columns[f"{name}_{unit}"] = motion[variable].values[:, i]
+    return columns

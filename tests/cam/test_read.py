@@ -1,0 +1,143 @@
+"""CAM as the user names one: families with parameters, run folders and design.json."""
+
+import json
+
+import numpy as np
+import pytest
+
+from camopt.cam.design_file import design_record, read_design, write_design
+from camopt.cam.families.polydyne import polydyne
+from camopt.cam.lift import Lift
+from camopt.cam.read import FAMILIES, read_cam
+from camopt.scene import InputError, load_scene
+from camopt.scene.units import DEG, MM
+
+KODAMA = load_scene("kodama")
+POLYDYNE = polydyne(KODAMA)
+THETA = np.linspace(-np.pi, np.pi, 7207)
+
+
+def difference(one: Lift, other: Lift, order: int = 0) -> float:
+    return float(np.abs(one(THETA, order) - other(THETA, order)).max())
+
+
+class TestFamilies:
+    def test_plain_name_is_the_default_member(self):
+        assert difference(read_cam("polydyne", KODAMA), POLYDYNE) == 0
+
+    def test_parameters_reach_the_family(self):
+        spec = "polydyne:exponents=2/12/20/32/34,speed_rpm=6000,ramp_height_mm=0.25"
+        expected = polydyne(KODAMA, (2, 12, 20, 32, 34), design_speed_rpm=6000, ramp_height_mm=0.25)
+        assert difference(read_cam(spec, KODAMA), expected) == 0
+        assert difference(read_cam("polydyne:speed_rpm=6000", KODAMA), POLYDYNE) > 1e-3 * MM
+
+    @pytest.mark.parametrize("name", FAMILIES)
+    def test_every_family_designs_a_cam_for_kodama(self, name):
+        assert 0.5 < read_cam(name, KODAMA).area_ratio(9.4 * MM) < 0.7
+
+    @pytest.mark.parametrize(
+        ("spec", "says"),
+        [
+            ("polydine", "neither a family .*polydyne"),
+            ("", "neither a family"),
+            ("polydyne:speed=6000", "'speed=6000'.*speed_rpm="),
+            ("polydyne:speed_rpm", "'speed_rpm'.*exponents="),
+            ("polydyne:speed_rpm=fast", "expected a number"),
+            ("polydyne:speed_rpm=nan", "expected a number"),
+            ("polydyne:exponents=2/x/3", "numbers like 2/10/18"),
+            ("polydyne:exponents=2/10", "five distinct"),
+            ("polydyne:speed_rpm=6000,speed_rpm=5000", "more than once"),
+        ],
+    )
+    def test_faults(self, spec, says):
+        with pytest.raises(InputError, match=says) as error:
+            read_cam(spec, KODAMA)
+        assert "\n" not in str(error.value)
+
+
+class TestDesignFile:
+    def test_round_trip_is_exact(self, tmp_path):
+        file = tmp_path / "design.json"
+        write_design(file, POLYDYNE, 9.4 * MM, area_gap_percent=1.5, gradient_gain=float("nan"))
+        back = read_cam(tmp_path, KODAMA)
+        assert difference(back, POLYDYNE) < 1e-12 * MM
+        for order in (1, 2, 3):
+            assert difference(back, POLYDYNE, order) < 1e-11 * np.abs(POLYDYNE.extremes(order)).max()
+        assert back.half_duration == pytest.approx(POLYDYNE.half_duration, rel=1e-15)
+        assert (back.family, back.parameters) == ("polydyne", POLYDYNE.parameters)
+        assert difference(read_cam(str(file), KODAMA), back) == 0
+
+    def test_content_is_the_contracts(self, tmp_path):
+        write_design(tmp_path / "d.json", POLYDYNE, 9.4 * MM, area_gap_percent=1.5, gradient_gain=float("nan"))
+        data = json.loads((tmp_path / "d.json").read_text())
+        assert (data["area_gap_percent"], data["gradient_gain"]) == (1.5, None)
+        assert data["area_mm_deg"] == pytest.approx(POLYDYNE.area / MM / DEG)
+        assert data["area_ratio"] == pytest.approx(data["area_mm_deg"] / (9.4 * 144))
+        pieces = data["pieces"]
+        assert (pieces["start_deg"][0], pieces["end_deg"][-1]) == (-180, 180)
+        nose = pieces["start_deg"].index(0.0) - 1
+        u = pieces["end_deg"][nose] - pieces["start_deg"][nose]
+        assert sum(c * u**k for k, c in enumerate(pieces["coefficients_mm"][nose])) == pytest.approx(9.4, abs=1e-9)
+
+    def test_duration_falls_back_to_the_scene(self, tmp_path):
+        record = plain_record()
+        del record["duration_deg"]
+        assert read_design(written(tmp_path, record), KODAMA).half_duration == pytest.approx(72 * DEG)
+
+    def test_pieces_of_different_degree(self, tmp_path):
+        record = plain_record()
+        record["pieces"]["coefficients_mm"] = [trimmed(row) for row in record["pieces"]["coefficients_mm"]]
+        assert difference(read_design(written(tmp_path, record), KODAMA), POLYDYNE) < 1e-12 * MM
+
+    @pytest.mark.parametrize(
+        ("change", "says"),
+        [
+            (lambda r: r.pop("pieces"), "'pieces' is missing"),
+            (lambda r: r["pieces"].pop("end_deg"), "'end_deg' is missing"),
+            (lambda r: r["pieces"]["start_deg"].pop(), "equal length"),
+            (lambda r: r["pieces"].update(start_deg=[], end_deg=[], coefficients_mm=[]), "equal length"),
+            (lambda r: r["pieces"]["start_deg"].__setitem__(0, -179.0), "cover -180 to 180"),
+            (lambda r: r["pieces"]["end_deg"].__setitem__(3, 0.0), "cover -180 to 180"),
+            (lambda r: r["pieces"]["coefficients_mm"][5].__setitem__(0, float("nan")), "finite"),
+            (lambda r: r["pieces"]["coefficients_mm"][5].__setitem__(0, "x"), "not a design.json"),
+            (lambda r: r["pieces"]["coefficients_mm"].__setitem__(5, []), "1 to 64 numbers"),
+            (lambda r: r["pieces"]["coefficients_mm"][5].__setitem__(0, 7.0), "steps by"),
+            (lambda r: r.update(duration_deg=400), "between 0 and 360"),
+        ],
+    )
+    def test_faults(self, tmp_path, change, says):
+        record = plain_record()
+        change(record)
+        with pytest.raises(InputError, match=says) as error:
+            read_design(written(tmp_path, record), KODAMA)
+        assert "design.json" in str(error.value)
+        assert "\n" not in str(error.value)
+
+    @pytest.mark.parametrize(("text", "says"), [("{", "not valid JSON"), ("[1]", "an object"), ("\xff", "UTF-8")])
+    def test_files_that_are_no_designs(self, tmp_path, text, says):
+        file = tmp_path / "design.json"
+        file.write_bytes(text.encode("latin-1"))
+        with pytest.raises(InputError, match=says):
+            read_cam(str(file), KODAMA)
+
+    def test_folder_without_design(self, tmp_path):
+        with pytest.raises(InputError, match=r"holds no design\.json"):
+            read_cam(tmp_path, KODAMA)
+
+
+def plain_record() -> dict:
+    from camopt.storage import plain
+
+    return plain(design_record(POLYDYNE, 9.4 * MM))
+
+
+def written(folder, record: dict):
+    file = folder / "design.json"
+    file.write_text(json.dumps(record))
+    return file
+
+
+def trimmed(row: list[float]) -> list[float]:
+    while len(row) > 1 and row[-1] == 0:
+        row = row[:-1]
+    return row

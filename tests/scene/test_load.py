@@ -1,0 +1,180 @@
+"""Reading scenes: the contract's example, every input fault, and all faults at once with file and key."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from camopt.scene import InputError, builtin_scenes, load_scene, parse_scene, scene_text
+
+EXAMPLE = (Path(__file__).parent / "example.toml").read_text()
+KODAMA = scene_text("kodama")
+ALL = ("valve", "seat", "operation", "design")
+
+
+def changed(text: str, old: str, new: str, count: int = 1) -> str:
+    assert text.count(old) >= 1, f"{old!r} is not in the scene"
+    return text.replace(old, new, count)
+
+
+def faults(text: str, need: tuple[str, ...] = ()) -> list[str]:
+    with pytest.raises(InputError) as error:
+        parse_scene(text, "mine.toml", need)
+    lines = str(error.value).splitlines()
+    assert all(line.startswith("mine.toml: ") for line in lines)
+    return [line.removeprefix("mine.toml: ") for line in lines]
+
+
+def test_example_of_the_contract_parses():
+    scene = parse_scene(EXAMPLE, "example.toml", (*ALL, "geometry"))
+    assert (scene.name, scene.valve, scene.seat) == ("example", "valve", "seat")
+    assert scene.operation.speeds_rpm == (5000, 6000, 6500, 7000)
+    assert scene.operation.band_rpm == (5000, 7000)
+    assert (scene.design.nose_deg, scene.design.contact_force_max_N, scene.design.reach_max_lift) == (40, 5000, False)
+    assert (scene.geometry.follower, scene.geometry.base_radius_mm) == ("flat", 16)
+    assert scene.mass[0].assumed == ("mass_kg",)
+    assert [e.name for e in scene.element] == ["train", "spring", "seat"]
+    assert (scene.element[0].gap_mm, scene.element[0].cam_driven, scene.element[1].preload_N) == (0.1, True, 250)
+
+
+def test_left_out_keys_take_the_defaults_of_the_contract():
+    text = changed(EXAMPLE, "damping_N_s_per_m = 0.0           #", "#")
+    text = changed(text, "force_N = 0.0                     #", "#")
+    scene = parse_scene(text, "mine.toml")
+    assert (scene.mass[0].damping_N_s_per_m, scene.mass[0].force_N) == (0.0, 0.0)
+    assert (scene.element[2].gap_mm, scene.element[2].cam_driven) == (0.0, False)
+
+
+@pytest.mark.parametrize("name", builtin_scenes())
+def test_built_in_scenes_load(name):
+    scene = load_scene(name, need=() if name == "ohv-3dof" else ALL)
+    assert scene.name == name
+    assert scene.title
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "says"),
+    [
+        ("mass_kg = 0.24", "mass_kg = -0.24", "mass.1.mass_kg", "greater than 0"),
+        ("mass_kg = 0.24", "mass_kg = nan", "mass.1.mass_kg", "finite"),
+        ("mass_kg = 0.24", "mass_kg = inf", "mass.1.mass_kg", "finite"),
+        ("mass_kg = 0.24", 'mass_kg = "0.24"', "mass.1.mass_kg", "number"),
+        ("assumed = [\"mass_kg\"]", "asumed = []", "mass.1.asumed", "unknown key"),
+        ("stiffness_N_per_m = 38200.0", "", "element.2.stiffness_N_per_m", "missing"),
+        ("stiffness_N_per_m = 38200.0", "stiffness_N_per_m = 0.0", "element.2.stiffness_N_per_m", "greater than 0"),
+        ("damping_N_s_per_m = 4000.0", "damping_N_s_per_m = -1.0", "element.3.damping_N_s_per_m", "equal to 0"),
+        ("gap_mm = 0.1 ", "gap_mm = -0.1 ", "element.1.gap_mm", "equal to 0"),
+        ('kind = "contact"                  #', 'kind = "glue" #', "element.1.kind", "'spring' or 'contact'"),
+        ("cam_driven = true ", 'cam_driven = "yes" ', "element.1.cam_driven", "boolean"),
+        ("format = 1", "format = 2", "format", "1"),
+        ("[operation]", "[operations]", "operations", "unknown key"),
+        ("cam_per_crank = 0.5", "cam_per_crank = 0", "operation.cam_per_crank", "greater than 0"),
+        ("band_rpm = [5000, 7000]", "band_rpm = [7000, 5000]", "operation", "lower < upper"),
+        ("speeds_rpm = [5000, 6000,", "speeds_rpm = [6000, 5000,", "operation", "ascending"),
+        ("speeds_rpm = [5000, 6000, 6500, 7000]", "speeds_rpm = []", "operation.speeds_rpm", "at least 1"),
+        ("duration_deg = 144", "duration_deg = 320", "design.duration_deg", "less than 300"),
+        ("nose_deg = 40 ", "nose_deg = 80 ", "design", "half of duration_deg"),
+        ("ramp_height_mm = 0.265 ", "ramp_height_mm = 0.05 ", "design", "too low for its foot"),
+        ("acceleration_min_mm_per_deg2 = -0.008", "acceleration_min_mm_per_deg2 = 0.008", "design.acceleration_min",
+         "less than 0"),
+        ('follower = "flat" ', 'follower = "roller" ', "geometry", "roller_radius_mm"),
+        ('between = ["valve", "ground"]', 'between = ["poppet", "ground"]', "element.2.between", "'poppet'"),
+        ('between = ["valve", "ground"]', 'between = ["valve", "valve"]', "element.2.between", "both ends"),
+        ('name = "spring"', 'name = "train"', "element", "'train' is used more than once"),
+        ('name = "spring"', 'name = "two words"', "element.2.name", "pattern"),
+        ('valve = "valve" ', 'valve = "piston" ', "valve", "'piston'"),
+        ('seat = "seat"', 'seat = "cushion"', "seat", "'cushion'"),
+        ('seat = "seat"', "", "valve and seat", "both or neither"),
+        ('assumed = ["mass_kg"]', 'assumed = ["mass"]', "mass.1.assumed", "'mass'"),
+        ('seat = "seat"', 'seat = "spring"', "seat", "pushes the valve open"),
+        ("cam_driven = true ", "cam_driven = false ", "element", "exactly one"),
+    ],
+)  # fmt: skip
+def test_one_fault_is_one_sentence_with_its_key(old, new, key, says):
+    (line,) = faults(changed(EXAMPLE, old, new))
+    assert line.startswith(key)
+    assert says in line
+
+
+def test_misspelt_key_is_unknown_and_the_right_one_missing():
+    lines = faults(changed(EXAMPLE, "mass_kg = 0.24", "mass_kilo = 0.24"))
+    assert [line.split(":")[0] for line in lines] == ["mass.1.mass_kg", "mass.1.mass_kilo"]
+    assert ("missing" in lines[0], "unknown key" in lines[1]) == (True, True)
+
+
+def test_seat_that_pulls_the_valve_shut_is_refused():
+    start = EXAMPLE.index('name = "seat"')
+    text = EXAMPLE[:start] + changed(EXAMPLE[start:], '["ground", "valve"]', '["valve", "ground"]')
+    (line,) = faults(text)
+    assert line.startswith("seat: element 'seat' must be a contact between")
+
+
+def test_duplicate_masses_and_a_mass_named_ground():
+    text = changed(KODAMA, 'name = "spring_2"', 'name = "spring_1"')
+    assert any("the name 'spring_1' is used more than once" in line for line in faults(text))
+    assert any("'ground' is the name of the ground" in f for f in faults(changed(KODAMA, '"camshaft"', '"ground"')))
+
+
+def test_follower_that_nothing_holds_is_named():
+    """The paper's own placement: lash at the cam and no hold-down force leave the follower floating at rest."""
+    text = changed(KODAMA, "force_N = -19.1\n", "")
+    text = changed(text, ', "force_N"]', "]")
+    text = changed(text, "gap_mm = 0.169\n", "")
+    text = changed(text, ', "gap_mm"]', "]")
+    text = changed(text, "cam_driven = true\n", "cam_driven = true\ngap_mm = 0.169\n")
+    (line,) = faults(text)
+    assert "follower" in line
+    assert "force_N" in line
+    held = changed(text, "damping_N_s_per_m = 20.5\n", "damping_N_s_per_m = 20.5\nforce_N = -19.1\n")
+    assert parse_scene(held, "held.toml").mass[1].force_N == -19.1
+
+
+def test_all_faults_are_reported_at_once():
+    text = changed(EXAMPLE, "mass_kg = 0.24", "mass_kg = -1.0")
+    text = changed(text, "gap_mm = 0.1 ", "gap = 0.1 ")
+    text = changed(text, "duration_deg = 144", 'duration_deg = "long"')
+    keys = {re.split(r":", line)[0] for line in faults(text)}
+    assert keys == {"mass.1.mass_kg", "element.1.gap", "design.duration_deg"}
+
+
+def test_all_dangling_names_are_reported_at_once():
+    text = changed(EXAMPLE, 'between = ["valve", "ground"]', 'between = ["a", "ground"]')
+    text = changed(text, 'valve = "valve" ', 'valve = "b" ')
+    assert {re.split(r":", line)[0] for line in faults(text)} == {"element.2.between", "valve"}
+
+
+@pytest.mark.parametrize("text", ["format = ", "format = 1\nformat = 1", "mass = [", "\x00"])
+def test_malformed_toml(text):
+    (line,) = faults(text)
+    assert "not valid TOML" in line
+
+
+def test_missing_parts_are_named_by_the_command_that_needs_them():
+    assert faults(scene_text("ohv-3dof"), ("valve", "design")) == [
+        "valve: missing; this command needs it",
+        "design: missing; this command needs it",
+    ]
+
+
+def test_empty_file_names_what_is_missing():
+    keys = {line.split(":")[0] for line in faults("")}
+    assert keys == {"format", "name", "mass", "element"}
+
+
+def test_missing_unreadable_and_huge_files(tmp_path):
+    with pytest.raises(InputError, match="neither a built-in scene"):
+        load_scene(tmp_path / "none.toml")
+    binary = tmp_path / "binary.toml"
+    binary.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="UTF-8"):
+        load_scene(binary)
+    huge = tmp_path / "huge.toml"
+    huge.write_text("#" * 1_000_001)
+    with pytest.raises(InputError, match="larger than"):
+        load_scene(huge)
+
+
+def test_a_file_is_loaded_like_a_built_in_scene(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(KODAMA)
+    assert load_scene(path) == load_scene("kodama")

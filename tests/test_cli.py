@@ -1,0 +1,210 @@
+"""The command line: exit codes, one clear sentence per fault, files of the contract, and nothing heavy too early."""
+
+import argparse
+import subprocess
+import sys
+
+import pytest
+
+import camopt
+import camopt.verify
+from camopt import cli, commands
+from camopt.scene import scene_text
+
+VERBS = ("optimize", "verify", "simulate", "compare", "cam", "modes", "bound", "scenes")
+
+
+def run(capsys, *arguments: str) -> tuple[int, str, str]:
+    """Exit code, stdout and stderr of one command; argparse's own exits count too."""
+    try:
+        code = cli.main(arguments)
+    except SystemExit as stop:
+        code = stop.code
+    out = capsys.readouterr()
+    return code, out.out, out.err
+
+
+class TestHelp:
+    def test_version(self, capsys):
+        assert run(capsys, "--version") == (0, f"camopt {camopt.__version__}\n", "")
+
+    def test_help_lists_what_exists(self, capsys):
+        code, out, _ = run(capsys, "--help")
+        assert code == 0
+        assert "example: camopt " in out
+        assert all(f"\n    {verb} " in out for verb in VERBS)
+        assert not any(later in out for later in ("tradeoff", "extremes", "reduce"))
+
+    @pytest.mark.parametrize("verb", VERBS)
+    def test_every_command_has_an_example_that_parses(self, capsys, verb):
+        code, out, _ = run(capsys, verb, "--help")
+        assert code == 0
+        example = next(line for line in out.splitlines() if line.startswith("example: camopt "))
+        words = example.removeprefix("example: camopt ").split(" > ")[0].split()
+        assert cli.parser().parse_args(words).command == verb
+
+    @pytest.mark.parametrize(
+        "arguments",
+        [(), ("optimise",), ("optimize", "--speed", "band"), ("simulate", "kodama"), ("modes",), ("verify", "kodama")],
+    )
+    def test_wrong_use_ends_with_two(self, capsys, arguments):
+        code, out, err = run(capsys, *arguments)
+        assert (code, out) == (2, "")
+        assert "error:" in err
+
+
+FRESH = """
+import sys
+from camopt.cli import main
+try:
+    code = main(sys.argv[2:])
+except SystemExit as stop:
+    code = stop.code
+heavy = {"jax", "numba", "matplotlib", "xarray", "diffrax"} & set(sys.modules)
+sys.exit(f"code {code}, loaded {heavy}" if heavy or code != int(sys.argv[1]) else 0)
+"""
+
+
+@pytest.mark.parametrize(
+    ("code", "arguments"),
+    [
+        (0, "--help"),
+        (0, "optimize --help"),
+        (0, "scenes"),
+        (2, "verify none.toml --cam polydyne"),
+        (2, "optimize none.toml"),
+        (2, "verify kodama --cam none.csv"),
+        (2, "optimize kodama --out /"),
+        (2, "simulate kodama --cam polydyne --speed -1"),
+    ],
+)
+def test_help_and_faults_load_nothing_heavy(code, arguments, tmp_path):
+    command = [sys.executable, "-c", FRESH, str(code), *arguments.split()]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_module_runs_as_the_command(tmp_path):
+    command = [sys.executable, "-m", "camopt", "modes", "none.toml"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("camopt: scene 'none.toml': neither a built-in scene")
+    assert done.stderr.count("\n") == 1
+
+
+def test_closed_pipe_is_no_error():
+    command = [sys.executable, "-m", "camopt", "scenes", "kodama"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()  # long before the program has started
+        assert process.stderr.read() == b""
+    assert process.returncode == 0
+
+
+class TestFaults:
+    def test_faults_of_a_scene_come_with_file_and_key(self, capsys, tmp_path):
+        file = tmp_path / "bad.toml"
+        file.write_text(scene_text("kodama").replace("mass_kg = 0.303", "mass_kg = -1.0").replace("nose_deg", "nose"))
+        code, out, err = run(capsys, "verify", str(file), "--cam", "polydyne")
+        assert (code, out) == (2, "")
+        assert f"{file}: mass.1.mass_kg: " in err
+        assert f"{file}: design.nose: unknown key" in err
+        assert "Traceback" not in err
+
+    def test_scene_without_the_parts_a_command_needs(self, capsys):
+        code, _, err = run(capsys, "simulate", "ohv-3dof", "--cam", "polydyne", "--speed", "6000")
+        assert code == 2
+        assert "ohv-3dof: valve: missing" in err
+
+    @pytest.mark.parametrize("verb", ["verify", "cam", "simulate"])
+    def test_unknown_cam_names_the_families(self, capsys, verb):
+        extra = ("--speed", "6000") if verb == "simulate" else ()
+        code, out, err = run(capsys, verb, "kodama", "--cam", "polydine", *extra)
+        assert (code, out) == (2, "")
+        assert "polydyne" in err
+        assert err.count("\n") == 1
+
+    def test_unwritable_file(self, capsys, tmp_path):
+        code, _, err = run(capsys, "modes", "kodama", "--json", str(tmp_path / "none" / "modes.json"))
+        assert code == 2
+        assert "cannot be written" in err
+
+    def test_existing_run_folder_and_resume_without_folder(self, capsys, tmp_path):
+        code, _, err = run(capsys, "optimize", "kodama", "--out", str(tmp_path))
+        assert (code, "exists already" in err) == (2, True)
+        code, _, err = run(capsys, "optimize", "kodama", "--resume")
+        assert (code, "--out DIR" in err) == (2, True)
+
+    def test_a_defect_says_so_and_debug_shows_where(self, capsys, monkeypatch):
+        def broken(_):
+            raise ZeroDivisionError("division by zero")
+
+        monkeypatch.setattr(commands, "modes", broken)
+        code, out, err = run(capsys, "modes", "kodama")
+        assert (code, out) == (1, "")
+        assert err == (
+            "camopt: a defect of camopt, not of your input (ZeroDivisionError: division by zero); --debug shows where\n"
+        )
+        code, _, err = run(capsys, "modes", "kodama", "--debug")
+        assert code == 1
+        assert "Traceback" in err
+        assert "in broken" in err
+
+    @pytest.mark.parametrize(("verb", "remedy"), [("optimize", True), ("scenes", False)])
+    def test_interrupt(self, capsys, monkeypatch, verb, remedy):
+        def interrupted(_):
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(commands, verb, interrupted)
+        code, _, err = run(capsys, verb)
+        assert code == 130
+        assert err.startswith("camopt: interrupted")
+        assert ("--resume" in err) == remedy
+
+
+class TestArguments:
+    @pytest.mark.parametrize(
+        ("text", "expected"),
+        [
+            ("6000", (6000,)),
+            ("6000,5000,6000", (5000, 6000)),
+            ("300:8000:100", tuple(range(300, 8001, 100))),
+            ("5000:5250:100", (5000, 5100, 5200)),
+            ("1:2:0.1", tuple(1 + i * 0.1 for i in range(11))),
+            ("5000:5000:1", (5000,)),
+        ],
+    )
+    def test_speeds(self, text, expected):
+        assert cli.speeds(text) == pytest.approx(expected)
+        assert len(cli.speeds(text)) == len(expected)
+
+    @pytest.mark.parametrize(
+        "text",
+        ["", "fast", "5000,", "-5000", "0", "nan", "inf", "1:2", "2:1:1", "1:2:0", "1:2:-1", "1:1e9:1", "1:2:3:4"],
+    )
+    def test_unusable_speeds(self, text):
+        with pytest.raises(argparse.ArgumentTypeError):
+            cli.speeds(text)
+
+    def test_accuracy_is_a_word_or_micrometres(self):
+        words = ["verify", "kodama", "--cam", "polydyne", "--accuracy"]
+        assert cli.parser().parse_args([*words, "fine"]).accuracy == "fine"
+        assert cli.parser().parse_args([*words, "0.5"]).accuracy == 0.5
+
+    @pytest.mark.parametrize(
+        "option",
+        ["--accuracy=rough", "--accuracy=0", "--seed=-1", "--seed=1.5", "--seed=4294967296", "--speeds=all"],
+    )
+    def test_unusable_options(self, capsys, option):
+        code, _, err = run(capsys, "optimize", "kodama", option)
+        assert code == 2
+        assert option.split("=")[1] in err
+
+    def test_defaults_are_the_contracts(self):
+        args = cli.parser().parse_args(["optimize"])
+        assert (args.scene, args.speeds, args.accuracy, args.gradient) == ("kodama", "band", "standard", "smooth")
+        assert (args.out, args.seed, args.resume) == (None, 0, False)
+        args = cli.parser().parse_args(["simulate", "kodama", "--cam", "polydyne", "--speed", "6000"])
+        assert (args.method, args.revolutions, args.step_deg, args.csv) == ("event", 2, 0.1, None)
+        args = cli.parser().parse_args(["verify", "kodama", "--cam", "polydyne"])
+        assert (args.speeds, args.method, args.accuracy) == (None, "all", "standard")

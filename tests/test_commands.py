@@ -1,0 +1,202 @@
+"""The verbs of the command line: files of the contract, what is printed, and the exit codes of the outcomes."""
+
+import csv
+import json
+import sys
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+import pytest
+
+import camopt.verify
+from camopt import cli
+from camopt.cam.families.polydyne import polydyne
+from camopt.cam.read import read_cam
+from camopt.scene import builtin_scenes, load_scene, scene_text
+from camopt.storage import create_run_folder
+
+
+def run(capsys, *arguments: str) -> tuple[int, str, str]:
+    """Exit code, stdout and stderr of one command; argparse's own exits count too."""
+    try:
+        code = cli.main(arguments)
+    except SystemExit as stop:
+        code = stop.code
+    out = capsys.readouterr()
+    return code, out.out, out.err
+
+
+class TestScenes:
+    def test_list(self, capsys):
+        code, out, _ = run(capsys, "scenes")
+        assert code == 0
+        assert [line.split()[0] for line in out.splitlines()] == sorted(builtin_scenes())
+        assert "Finger-follower valve train, ten masses" in out
+
+    def test_print_one_to_edit(self, capsys):
+        assert run(capsys, "scenes", "kodama") == (0, scene_text("kodama"), "")
+
+    def test_unknown(self, capsys):
+        code, out, err = run(capsys, "scenes", "kodamo")
+        assert (code, out) == (2, "")
+        assert "kodama" in err
+
+
+class TestModes:
+    def test_json_and_table(self, capsys, tmp_path):
+        file = tmp_path / "modes.json"
+        code, out, _ = run(capsys, "modes", "ohv-3dof", "--json", str(file))
+        content = json.loads(file.read_text())
+        assert code == 0
+        assert [f"{f:.6g}" for f in content["frequency_Hz"]] == ["2832.25", "15642.9", "72247.8"]
+        np.testing.assert_allclose(content["shape"][1], [-0.0217, 0.0745, 0.9970], atol=5e-5)
+        assert all(number in out for number in ("2832.25", "17795.6", "453946", "-0.9997"))
+
+    def test_state(self, capsys):
+        assert "18622" in run(capsys, "modes", "kodama", "--state", "seated")[1]
+        assert "18622" not in run(capsys, "modes", "kodama")[1]
+
+
+class TestCam:
+    def test_lift_table(self, capsys, tmp_path):
+        file = tmp_path / "lift.csv"
+        code, out, _ = run(capsys, "cam", "kodama", "--cam", "polydyne", "--csv", str(file))
+        scene = load_scene("kodama")
+        lift = polydyne(scene)
+        assert code == 0
+        assert "9.400000 mm" in out
+        assert f"{lift.area_ratio(9.4e-3):.6f}" in out
+        assert len(file.read_text().splitlines()) == 3602
+        assert read_cam(str(file), scene).area == pytest.approx(lift.area, rel=1e-10)
+
+    def test_step(self, capsys, tmp_path):
+        file = tmp_path / "lift.csv"
+        assert run(capsys, "cam", "kodama", "--cam", "polydyne", "--csv", str(file), "--step-deg", "0.5")[0] == 0
+        assert len(file.read_text().splitlines()) == 722
+        assert run(capsys, "cam", "kodama", "--cam", "polydyne", "--csv", str(file), "--step-deg", "0.7")[0] == 2
+
+    def test_foreign_table_with_units(self, capsys, tmp_path):
+        file = tmp_path / "cam.dat"
+        degrees = np.arange(-180.0, 180.1)
+        lift = polydyne(load_scene("kodama"))(np.radians(degrees)) * 1e3
+        np.savetxt(file, np.column_stack([2 * degrees, lift]))
+        code, _, err = run(capsys, "cam", "kodama", "--cam", str(file))
+        assert (code, "--table-angle" in err) == (2, True)
+        options = ("--table-angle", "crank", "--table-lift", "mm")
+        code, out, _ = run(capsys, "cam", "kodama", "--cam", str(file), *options)
+        assert code == 0
+        assert "maximum lift   9.400000 mm" in out
+
+
+class TestSimulate:
+    def test_csv(self, capsys, tmp_path):
+        file = tmp_path / "motion.csv"
+        words = ["simulate", "kodama", "--cam", "polydyne", "--speed", "5000", "--step-deg", "1", "--csv", str(file)]
+        code, out, _ = run(capsys, *words)
+        with open(file, newline="") as text:
+            rows = list(csv.DictReader(text))
+        assert code == 0
+        assert (len(rows), rows[0]["revolution"], rows[-1]["revolution"]) == (721, "1", "2")
+        assert (float(rows[0]["cam_angle_deg"]), float(rows[-1]["cam_angle_deg"])) == (-180, 180)
+        assert float(rows[-1]["time_s"]) == pytest.approx(2 * 60 / 2500)
+        assert float(rows[0]["cam_follower_N"]) == pytest.approx(19.1)
+        top = max(float(row["valve_head_mm"]) for row in rows[360:])
+        assert f"{top:.4f} mm" in out.splitlines()[-4]
+
+
+class TestVerbsThatSearch:
+    """What the command line hands on and makes of the answer; the verbs themselves are tested where they live."""
+
+    @pytest.mark.parametrize(
+        ("verdict", "code"), [("confirmed", 0), ("rejected", 3), ("sensitive", 3), ("not converged", 3)]
+    )
+    def test_verify(self, capsys, tmp_path, monkeypatch, verdict, code):
+        asked = {}
+        row = {"speed_rpm": 5000.0, "verdict": verdict, "bounce_mm": None, "jump_mm": 0.0125}
+        content = {"verdict": verdict, "broken": ["bounce_mm"], "speeds": [row | {"seating_velocity_m_per_s": 0.25}]}
+
+        def verify_cam(scene, lift, **options):
+            asked.update(options, scene=scene.name, family=lift.family)
+            return SimpleNamespace(verdict=verdict, as_dict=lambda: content)
+
+        monkeypatch.setattr(camopt.verify, "verify_cam", verify_cam, raising=False)
+        file = tmp_path / "v.json"
+        words = [
+            "verify",
+            "kodama",
+            "--cam",
+            "polydyne",
+            "--speeds",
+            "5000,6000",
+            "--method",
+            "rkg",
+            "--json",
+            str(file),
+        ]
+        got, out, _ = run(capsys, *words)
+        assert got == code
+        assert asked == {
+            "scene": "kodama",
+            "family": "polydyne",
+            "speeds_rpm": (5000.0, 6000.0),
+            "methods": "rkg",
+            "accuracy": "standard",
+        }
+        assert json.loads(file.read_text()) == content
+        assert out.splitlines()[1].split()[:4] == ["5000", "none", "0.0125", "0.25"]
+        assert out.splitlines()[-1] == f"verdict: {verdict} (broken: bounce_mm)"
+
+    @pytest.mark.parametrize("code", [0, 3])
+    def test_optimize(self, capsys, tmp_path, monkeypatch, code):
+        asked = {}
+
+        def optimize(scene, **options):
+            asked.update(options, scene=scene.name)
+            return SimpleNamespace(exit_code=code, folder=options["out"])
+
+        stand_in(monkeypatch, "camopt.optimize.run", optimize=optimize)
+        words = ["optimize", "motori-1", "--speeds", "nominal", "--accuracy", "draft", "--gradient", "none"]
+        got, out, _ = run(capsys, *words, "--seed", "7", "--out", str(tmp_path / "run"))
+        assert got == code
+        assert asked == {
+            "scene": "motori-1",
+            "speeds": "nominal",
+            "accuracy": "draft",
+            "gradient": "none",
+            "out": tmp_path / "run",
+            "seed": 7,
+            "resume": False,
+            "progress": True,
+        }
+        assert out == f"run folder: {tmp_path / 'run'}\n"
+
+    def test_compare(self, capsys, tmp_path, monkeypatch):
+        from camopt.cam.design_file import write_design
+
+        asked = []
+        stand_in(monkeypatch, "camopt.optimize.comparison", compare=lambda *given: asked.append(given))
+        folder = create_run_folder(tmp_path / "first")
+        lift = polydyne(load_scene("kodama"))
+        write_design(folder / "design.json", lift, 9.4e-3)
+        code, _, _ = run(capsys, "compare", "kodama", "--design", str(folder), "--out", str(tmp_path / "second"))
+        ((scene, designs, out),) = asked
+        assert (code, scene.name, out) == (0, "kodama", tmp_path / "second")
+        assert list(designs) == [str(folder)]
+        assert designs[str(folder)].area == pytest.approx(lift.area)
+        code, _, err = run(capsys, "compare", "kodama", "--design", "polydyne")
+        assert (code, "neither" in err) == (2, True)
+
+    def test_bound(self, capsys, tmp_path, monkeypatch):
+        content = {"area_ratio_bound": 0.5984, "area_ratio_feasible": float("nan"), "speeds_rpm": [5000]}
+        stand_in(monkeypatch, "camopt.optimize.summary", area_bound=lambda scene: content)
+        code, out, _ = run(capsys, "bound", "kodama", "--json", str(tmp_path / "b.json"))
+        assert code == 0
+        assert "area_ratio_bound: 0.5984" in out
+        assert json.loads((tmp_path / "b.json").read_text()) == content | {"area_ratio_feasible": None}
+
+
+def stand_in(monkeypatch, name: str, **functions) -> None:
+    module = ModuleType(name)
+    for key, function in functions.items():
+        setattr(module, key, function)
+    monkeypatch.setitem(sys.modules, name, module)
