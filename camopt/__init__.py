@@ -7,15 +7,26 @@ __version__ = version("camopt")
 
 _PUBLIC = {
     "load_scene": "camopt.scene",
+    "polydyne": "camopt.cam.families.polydyne",
+    "free_cam": "camopt.cam.families.free",
+    "read_cam": "camopt.cam.read",
+    "read_lift_table": "camopt.cam.tables",
+    "simulate": "camopt.study.motion",
+    "modes": "camopt.study.modes",
+    "area_bound": "camopt.optimize.summary",
+    "compare": "camopt.optimize.comparison",
 }
+_CALLABLE_PACKAGES = ("optimize", "verify")
 
 
 def __getattr__(name: str):
     """Public names are imported on first use, so that `import camopt` loads neither JAX nor numba."""
+    if name in _CALLABLE_PACKAGES:
+        return import_module(f"camopt.{name}")
     if name in _PUBLIC:
         return getattr(import_module(_PUBLIC[name]), name)
     raise AttributeError(f"module 'camopt' has no attribute {name!r}")
 
 
 def __dir__():
-    return sorted([*_PUBLIC, "__version__"])
+    return sorted([*_PUBLIC, *_CALLABLE_PACKAGES, "__version__"])

@@ -29,10 +29,30 @@ def optimize(args: Namespace) -> int:
         out=folder,
         seed=args.seed,
         resume=args.resume,
-        progress=True,
+        progress=not args.quiet,
     )
-    print(f"run folder: {result.folder}")
+    from camopt.report import write_report
+
+    page = write_report(result.folder)
+    _print_outcome(result)
+    print(f"run folder: {result.folder}, report: {page}")
     return result.exit_code
+
+
+def _print_outcome(result) -> None:
+    """Start -> End in physical units, the area ratios, the verdict."""
+    from camopt.report.folder import read_run_folder
+    from camopt.report.tables import start_and_end
+
+    print(f"{'':<28} {'unit':<10} {'start':>12}    {'end':>12}")
+    for row in start_and_end(read_run_folder(result.folder)):
+        print(f"{row['label']:<28} {row['unit']:<10} {row['start']:>12} -> {row['end']:>12}")
+    record = result.record
+    print(f"area ratio {record['area_ratio']:.5f}, certified bound {record['area_ratio_bound']:.5f}", end="")
+    print(f" (gap {record['area_gap_percent']:.2f} %), no-jump program {record['area_ratio_no_jump']:.5f}", end="")
+    print(f", gained by the gradient stage {record['gradient_gain']:.5f}")
+    broken = f" (broken: {', '.join(result.verdict.broken)})" if result.verdict.broken else ""
+    print(f"verdict: {result.verdict.verdict}{broken}")
 
 
 def verify(args: Namespace) -> int:

@@ -44,7 +44,7 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
         while code == NEED_PROPAGATOR:
             x, v = state[:n].copy(), state[n:].copy()
             code, count, switchings = revolve(
-                arrays, lift.borders, lift.coefficients, cam_speed, step, table.slots, table.table, x, v, rows
+                arrays, lift.borders, lift.coefficients, cam_speed, step, *table.built, x, v, rows
             )
             if code == NEED_PROPAGATOR:
                 table.build(count)

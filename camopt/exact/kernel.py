@@ -46,7 +46,9 @@ def contact_scalars(train, status, lift, x, v, watch, slope, force, acceleration
         p = preload[e] + stiffness[e] * d
         f = p + damping[e] * rate
         watch[0, e], watch[1, e], slope[0, e] = p, f, stiffness[e] * rate
-        force[e] = 0.0 if contact[e] and status[e] != ACTING else f
+        force[e] = f
+        if contact[e] and (status[e] != ACTING or f < 0.0):  # where it lets go, f is zero but for rounding
+            force[e] = 0.0
         if a[e] >= 0:
             acceleration[a[e]] -= force[e]
         if b[e] >= 0:

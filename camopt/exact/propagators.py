@@ -5,6 +5,7 @@ constant 1 form one linear system; its matrix exponential advances y exactly, wh
 """
 
 from functools import lru_cache
+from threading import Lock
 
 import numpy as np
 from scipy.linalg import expm
@@ -51,11 +52,23 @@ class Propagators:
     def __init__(self, train: Train, step: float, width: int):
         self.train, self.step, self.width = train, step, width
         self.contacts = np.flatnonzero(train.contact)
-        self.slots = np.full(2 ** len(self.contacts), -1, dtype=np.int32)
-        self.table = np.zeros((0, 2 * len(train.mass) + width + 1, 2 * len(train.mass)))
+        slots = np.full(2 ** len(self.contacts), -1, dtype=np.int32)
+        self.built = slots, np.zeros((0, 2 * len(train.mass) + width + 1, 2 * len(train.mass)))
+        self._lock = Lock()
 
     def build(self, contact_set: int) -> None:
-        """Adds the propagator of a set: bit i says that contact i acts."""
+        """Adds the propagator of a set: bit i says that contact i acts.
+
+        `built` is replaced, never changed: another thread may be reading it.
+        """
+        with self._lock:
+            slots, table = self.built
+            if slots[contact_set] < 0:
+                slots = slots.copy()
+                slots[contact_set] = len(table)
+                self.built = slots, np.concatenate([table, self._propagator(contact_set)[None]])
+
+    def _propagator(self, contact_set: int) -> np.ndarray:
         n2, q = 2 * len(self.train.mass), self.width
         acting = ~self.train.contact
         acting[self.contacts] = (contact_set >> np.arange(len(self.contacts))) & 1
@@ -68,8 +81,7 @@ class Propagators:
         system[:n2, -1] = constant * self.step
         for k in range(q - 1):
             system[n2 + k, n2 + k + 1] = k + 1.0
-        self.slots[contact_set] = len(self.table)
-        self.table = np.concatenate([self.table, np.ascontiguousarray(expm(system)[:n2].T)[None]])
+        return np.ascontiguousarray(expm(system)[:n2].T)
 
 
 @lru_cache(maxsize=64)

@@ -26,19 +26,51 @@ REVOLUTION = "one revolution"
 QUANTITIES = {
     q.name: q
     for q in (
-        Quantity("bounce_mm", "bounce", "mm", "largest distance of the valve from its seat touch after closing", CLOSED,
-                 "bounce_max_mm"),
-        Quantity("jump_mm", "jump", "mm", "largest separation of a contact between cam and valve", EVENT, "jump_max_mm"),
+        Quantity(
+            "bounce_mm",
+            "bounce",
+            "mm",
+            "largest distance of the valve from its seat touch after closing",
+            CLOSED,
+            "bounce_max_mm",
+        ),
+        Quantity(
+            "jump_mm", "jump", "mm", "largest separation of a contact between cam and valve", EVENT, "jump_max_mm"
+        ),
         Quantity("jump_deg", "jump angle", "deg", "largest total angle of separation of such a contact", EVENT),
-        Quantity("contact_force_min_N", "least contact force", "N", "smallest force of a contact between cam and valve",
-                 EVENT),
-        Quantity("contact_force_max_N", "peak contact force", "N", "largest force of a contact between cam and valve",
-                 EVENT, "contact_force_max_N"),
-        Quantity("seating_velocity_m_per_s", "seating velocity", "m/s", "speed of the valve at the touch", "the touch",
-                 "seating_velocity_max_m_per_s"),
-        Quantity("impact_velocity_m_per_s", "impact velocity", "m/s", "largest approach speed of any seat closing", CLOSED),
-        Quantity("dynamic_area_mm_deg", "dynamic area", "mm deg", "integral of the valve's distance from its seat touch",
-                 REVOLUTION),
+        Quantity(
+            "contact_force_min_N",
+            "least contact force",
+            "N",
+            "smallest force of a contact between cam and valve",
+            EVENT,
+        ),
+        Quantity(
+            "contact_force_max_N",
+            "peak contact force",
+            "N",
+            "largest force of a contact between cam and valve",
+            EVENT,
+            "contact_force_max_N",
+        ),
+        Quantity(
+            "seating_velocity_m_per_s",
+            "seating velocity",
+            "m/s",
+            "speed of the valve at the touch",
+            "the touch",
+            "seating_velocity_max_m_per_s",
+        ),
+        Quantity(
+            "impact_velocity_m_per_s", "impact velocity", "m/s", "largest approach speed of any seat closing", CLOSED
+        ),
+        Quantity(
+            "dynamic_area_mm_deg",
+            "dynamic area",
+            "mm deg",
+            "integral of the valve's distance from its seat touch",
+            REVOLUTION,
+        ),
         Quantity("excess_lift_mm", "excess lift", "mm", "largest valve lift above the kinematic lift", REVOLUTION),
     )
-}  # fmt: skip
+}

@@ -1,0 +1,118 @@
+"""From the no-jump linear program to a cam that the non-smooth judge confirms: angles, speeds and one common margin."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from camopt.optimize.journal import Journal
+from camopt.optimize.judge import Judge, Judged
+from camopt.optimize.no_jump import Margins, NoCamHoldsContact, NoJumpOptimum, NoJumpProgram
+from camopt.optimize.relocate import relocate
+from camopt.scene.errors import InputError
+from camopt.scene.units import DEG, MM
+
+FIRST_MARGINS_N = (0.0, 20.0, 60.0, 150.0)
+"""Common margins tried in turn until one is confirmed; anchors of the reference train: 0 N usually is."""
+FIRST_STEP_N = 20.0
+"""First step down from a confirmed common margin; the step is kept until a cam fails, then halved."""
+RELOCATIONS = 2
+BISECTIONS = 5
+
+
+@dataclass
+class Search:
+    """The state of a search: best confirmed cam, its journal, and a report of every step to `show`."""
+
+    judge: Judge
+    journal: Journal
+    show: Callable[[dict], None] = lambda line: None
+    confirmed: list[NoJumpOptimum] = field(default_factory=list)  # each larger than the one before
+    best_judged: Judged | None = None
+    steps: int = 0
+
+    @property
+    def best(self) -> NoJumpOptimum | None:
+        """The largest confirmed cam."""
+        return self.confirmed[-1] if self.confirmed else None
+
+    def consider(self, stage: str, found: NoJumpOptimum) -> Judged:
+        """Judge a cam, keep it if it is confirmed and larger than the best, and report the step."""
+        self.steps += 1
+        judged = self.journal.recall(self.steps, found.z)
+        if judged is None:
+            judged = self.judge(found.lift)
+            self.journal.keep(self.steps, found.z, judged)
+        else:
+            self.judge.remember(judged)
+        if judged.holds and (self.best is None or found.area_ratio > self.best.area_ratio):
+            self.confirmed.append(found)
+            self.best_judged = judged
+        line = {
+            "iteration": self.steps,
+            "stage": stage,
+            "area_ratio": found.area_ratio,
+            "area_mm_deg": found.lift.area / MM / DEG,
+            "worst_bounce_mm": judged.worst("bounce_mm"),
+            **{f"worst_{name}": judged.worst(name) for name in judged.limited if name != "bounce_mm"},
+            "worst_share": float(judged.share.max()) if judged.share.size else 0.0,
+            "worst_speed_rpm": judged.worst_speed_rpm,
+            "confirmed": judged.holds,
+            "best_area_ratio": self.best.area_ratio if self.best else None,
+        }
+        self.journal.note(line)
+        self.show(line)
+        return judged
+
+
+def no_jump_stage(search: Search, program: NoJumpProgram) -> NoJumpProgram:
+    """Fill `search.best` with the largest confirmed cam of one common margin; returns the program it came from.
+
+    Switching angles are located again on the cam found (they need not settle: the best confirmed cam counts), the
+    worst judged speed is inserted while the cam fails there, and the common margin is bisected to the least confirmed.
+    Raises InputError where no margin is confirmed.
+    """
+    program, level = _first_confirmed(search, program)
+    for _ in range(RELOCATIONS):
+        assert search.best is not None
+        before = search.best
+        try:
+            moved = relocate(program, before.lift)
+            search.consider("re-located angles", moved.solve(Margins(level, level, level)))
+        except NoCamHoldsContact:
+            break
+        if search.best is before:
+            break
+        program = moved
+    low, high, step = -np.inf, level, FIRST_STEP_N
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high) if np.isfinite(low) else high - step
+        judged = search.consider("margin", program.solve(Margins(middle, middle, middle)))
+        if judged.holds:
+            high = middle
+        else:
+            low = middle
+    return program
+
+
+def _first_confirmed(search: Search, program: NoJumpProgram) -> tuple[NoJumpProgram, float]:
+    """The program, with speeds inserted, and the first common margin [N] whose cam is confirmed."""
+    for level in FIRST_MARGINS_N:
+        try:
+            for _ in range(3):
+                judged = search.consider("no-jump program", program.solve(Margins(level, level, level)))
+                if judged.holds:
+                    return program, level
+                worst = search.judge.scene.cam_speed(judged.worst_speed_rpm)
+                if np.abs(program.speeds / worst - 1).min() < 1e-3:
+                    break
+                program = program.extended([worst])
+        except NoCamHoldsContact as error:
+            raise InputError(
+                f"no confirmed cam was found: {error}; allow more bounce and jump, raise the spring's preload, "
+                f"or lower the top speed"
+            ) from error
+    raise InputError(
+        "no cam of the no-jump program holds the scene's limits on the motion at the judged speeds, with margins up to "
+        f"{FIRST_MARGINS_N[-1]:g} N: allow more bounce and jump, raise the spring's preload, or lower the top speed"
+    )

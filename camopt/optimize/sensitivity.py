@@ -1,0 +1,53 @@
+"""Slopes of the limited metrics by the free cam's coefficients, on the smooth path from the settled states."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from camopt.cam.families.free import FreeCam
+from camopt.optimize.judge import Judged
+from camopt.scene.schema import Scene
+from camopt.scene.train import build_train
+from camopt.smooth.grid import equal_grid
+from camopt.smooth.metrics import revolution_metrics
+from camopt.smooth.simulate import EPS, LIFT_SAMPLES, response_arrays, touch_layer
+from camopt.smooth.system import build_system
+
+REVOLUTIONS = 2
+"""Revolutions from the settled state; the last one is measured. What a change of the cam does to the state before
+them is left out: on `kodama` it has fallen to a fifth or less after two (spectral radius 0.32 to 0.44)."""
+
+
+class Sensitivity:
+    """Values and gradients of metrics by z at a fixed number of speeds (one compilation)."""
+
+    def __init__(self, scene: Scene, cam: FreeCam, names: tuple[str, ...], width: int):
+        self.scene, self.cam, self.names, self.width = scene, cam, names, width
+        theta = equal_grid(LIFT_SAMPLES)
+        parts = [cam.basis(theta, k) for k in (0, 1)]
+        matrix = np.stack([m @ cam.Z for m, _ in parts], axis=1)  # (k, 2, m)
+        offset = np.stack([m @ cam.x_p + o for m, o in parts], axis=1)
+        self._start_angle = cam.lift(np.zeros(cam.Z.shape[1])).opening_foot
+        system, half, foot = build_system(build_train(scene)), float(cam.breaks[-1]), self._start_angle
+
+        @partial(jax.vmap, in_axes=(None, 0, 0))
+        def one(z, cam_speed, y0):
+            def metrics(z):
+                samples = jnp.asarray(offset) + jnp.asarray(matrix) @ z
+                motion = response_arrays(system, samples, cam_speed, y0, revolutions=REVOLUTIONS)
+                found = revolution_metrics(system, motion, cam_speed, half, foot, REVOLUTIONS - 1, touch_layer(EPS))
+                return jnp.stack([found[n] for n in names])
+
+            return metrics(z), jax.jacrev(metrics)(z)
+
+        self._compiled = jax.jit(one)
+
+    def __call__(self, z: np.ndarray, judged: Judged, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Metrics (r, l) and gradients (r, l, m) at the judged speeds `rows` (r <= width)."""
+        filled = np.resize(rows, self.width)  # a fixed width: one compilation
+        speeds = np.array([self.scene.cam_speed(s) for s in judged.speeds_rpm[filled]])
+        states = judged.states[filled].reshape(self.width, 2, -1)
+        values, slopes = self._compiled(jnp.asarray(z), jnp.asarray(speeds), jnp.asarray(states))
+        return np.asarray(values)[: len(rows)], np.asarray(slopes)[: len(rows)]

@@ -1,0 +1,58 @@
+"""An adaptive integrator of diffrax on the same smoothed motion: the check of the scan, and a choice of solvers."""
+
+from functools import partial
+
+import diffrax
+import jax
+import jax.numpy as jnp
+
+from camopt.scene.errors import InputError
+from camopt.smooth.scan import lift_at
+from camopt.smooth.system import Motion, System
+
+MOST_STEPS = 2**17
+SOLVERS = {
+    name.lower(): getattr(diffrax, name)
+    for name in ("Tsit5", "Dopri5", "Dopri8", "Bosh3", "Heun", "Kvaerno3", "Kvaerno5", "KenCarp4", "KenCarp5")
+}
+"""Diffrax's solvers for ordinary differential equations with an error estimate, by name in lower case."""
+
+
+@partial(jax.jit, static_argnames=("solver", "ramp"))
+def adaptive_states(
+    system: System, samples, cam_speed, y0, angle, eps, tolerance, solver: str = "tsit5", ramp: str = "compact"
+) -> Motion:
+    """Motion at the angles `angle` (k) [rad] from the state y0 (2, n) at the first; arguments as of `response_arrays`.
+
+    Error control is as in `refined_grid`: `tolerance` [m] per step in positions, and in velocities times the stiffest
+    frequency. Samples beyond a failure of the solver are NaN. Raises InputError for an unknown solver.
+    """
+    if solver not in SOLVERS:
+        raise InputError(f"method {solver!r}: unknown; choose scan or one of {', '.join(SOLVERS)}")
+    frequency = jax.lax.stop_gradient(system.stiffest())
+    scale = jnp.stack([jnp.ones_like(frequency), frequency])[:, None]  # one tolerance for both, in metres
+
+    def rate(t, z, _):
+        lift, lift_dtheta = lift_at(samples, angle[0] + t * cam_speed)
+        return system.rate(z * scale, lift, lift_dtheta * cam_speed, eps, ramp) / scale
+
+    time = (angle - angle[0]) / cam_speed
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(rate),
+        SOLVERS[solver](),
+        time[0],
+        time[-1],
+        None,
+        y0 / scale,
+        saveat=diffrax.SaveAt(ts=time),
+        stepsize_controller=diffrax.PIDController(rtol=0.0, atol=tolerance, dtmax=2 * jnp.pi / cam_speed / 360),
+        adjoint=diffrax.RecursiveCheckpointAdjoint(),
+        max_steps=MOST_STEPS,
+        throw=False,
+    )
+    assert solution.ys is not None
+    states = solution.ys * scale[None]
+    states = jnp.where(solution.result == diffrax.RESULTS.successful, states, jnp.nan)
+    lift, lift_dtheta = lift_at(samples, angle)
+    force = jax.vmap(lambda y, l, l_dt: system.force(y, l, l_dt, eps, ramp))(states, lift, lift_dtheta * cam_speed)
+    return Motion(angle, lift, states[:, 0], states[:, 1], force)

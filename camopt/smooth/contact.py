@@ -1,0 +1,58 @@
+"""The smoothed contact law: a ramp S of width `eps` stands in for max(0, .).
+
+With u = d + preload / k the compression beyond the touch, the force of a contact is
+
+    f = clip_0( k eps S(u / eps) + c u' S'(u / eps) ).
+
+S is either the compact ramp, equal to max(0, r) outside |r| < 1/2 and twice continuously differentiable, or the
+softplus. Outside its layer the compact ramp *is* the law of the non-smooth model (no bias of the resting force), which
+softplus, pushing with k eps ln 2 at the touch itself, is not.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+
+class Ramp(NamedTuple):
+    """A smooth stand-in for max(0, r), its derivative, and its layer |r| < half_width with the steps it asks for."""
+
+    value: Callable[[jax.Array], jax.Array]
+    slope: Callable[[jax.Array], jax.Array]
+    half_width: float
+    steps: int
+
+
+def _compact_value(r: jax.Array) -> jax.Array:
+    z = jnp.clip(r + 0.5, 0.0, 1.0)
+    return jnp.where(r < 0.5, z**3 * (1.0 - 0.5 * z), r)
+
+
+def _compact_slope(r: jax.Array) -> jax.Array:
+    z = jnp.clip(r + 0.5, 0.0, 1.0)
+    return z * z * (3.0 - 2.0 * z)
+
+
+RAMPS = {
+    "compact": Ramp(_compact_value, _compact_slope, 0.5, 4),
+    "softplus": Ramp(jax.nn.softplus, jax.nn.sigmoid, 20.0, 80),
+}
+"""Ramps by name; softplus has no edge, at 20 it is e^-20 of its width from its asymptotes."""
+
+
+def raw_force(u, u_dot, stiffness, damping, eps, ramp: str = "compact") -> jax.Array:
+    """k eps S(u / eps) + c u' S'(u / eps) [N], before it is clipped at zero; arguments as `contact_force`."""
+    smooth = RAMPS[ramp]
+    return stiffness * eps * smooth.value(u / eps) + damping * u_dot * smooth.slope(u / eps)
+
+
+def contact_force(u, u_dot, stiffness, damping, eps, ramp: str = "compact") -> jax.Array:
+    """Force of contacts [N], never below zero, any shape.
+
+    `u` [m] is the compression beyond the touch and `u_dot` [m/s] its rate; `eps` > 0 [m] is the width of the layer.
+    Source: design of this project; the limit eps -> 0 is max(0, k u + c u') for u > 0 and 0 otherwise.
+    """
+    force = raw_force(u, u_dot, stiffness, damping, eps, ramp)
+    return jnp.where(force > 0.0, force, 0.0)

@@ -1,0 +1,134 @@
+"""The grid of angles on which a motion is resolved.
+
+A step that runs through a contact's layer, or over the angle at which its force is clipped, may have a small error and
+still have a wrong derivative: the discrete motion is then differentiated across a wrinkle of height `tolerance` and
+width `eps`. The grid therefore has a point at each edge of a layer and at each clip, and several in a layer.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from camopt.smooth.contact import RAMPS, raw_force
+from camopt.smooth.scan import ERROR, NODES, WEIGHTS, combine, lift_at, stage_slopes
+from camopt.smooth.system import System
+
+CLIP_STEP = 1e-4
+"""Longest step over a clip, as a phase [rad] of the stiffest motion."""
+EDGE = 1e-3
+"""How near to the edge of a layer a step must end, in units of eps; between edges the law is a polynomial."""
+LEAST_STEPS = 720
+"""Steps per revolution at least: no event of a cam is shorter."""
+ATTEMPTS = 1.5
+"""Attempted steps per step kept; about 1.3 on bouncing motions of `kodama`."""
+CHUNK = 128
+"""Attempts between two looks at whether the revolution is done."""
+
+
+class Progress(NamedTuple):
+    """Where the search for the grid stands: angle [rad], next width [rad], state, its slope."""
+
+    angle: jax.Array
+    width: jax.Array
+    y: jax.Array
+    slope: jax.Array
+
+
+def equal_grid(steps: int) -> np.ndarray:
+    """Angles (steps + 1) from -pi to pi [rad] in equal steps."""
+    return np.linspace(-np.pi, np.pi, steps + 1)
+
+
+def refined_grid(system: System, samples, cam_speed, y0, eps, tolerance, steps: int, ramp: str = "compact"):
+    """Angles (steps + 1) from -pi [rad], the last repeated where fewer are needed; one revolution from y0 (2, n).
+
+    `tolerance` [m] is the error permitted per step in the positions, and times the stiffest frequency in the
+    velocities. Where `steps` do not suffice the last angle falls short of pi. No derivative passes through the grid.
+    """
+    system, samples, cam_speed, y0, eps = jax.lax.stop_gradient((system, samples, cam_speed, y0, eps))
+    frequency = system.stiffest()
+    scale = tolerance * jnp.stack([jnp.ones_like(frequency), frequency])[:, None]
+    end = jnp.asarray(jnp.pi, y0.dtype)
+
+    def attempt(at: Progress, _):
+        last = at.angle + at.width >= end
+        width = jnp.where(last, end - at.angle, at.width)
+        h = width / cam_speed
+        lift, lift_dtheta = lift_at(samples, at.angle + width * NODES)
+        lift_dt = lift_dtheta * cam_speed
+        slopes = stage_slopes(system, at.y, at.slope, h, lift, lift_dt, eps, ramp)
+        y = combine(at.y, h, WEIGHTS, slopes)
+        slope = system.rate(y, lift[-1], lift_dt[-1], eps, ramp)
+        error = jnp.max(jnp.abs(combine(0.0, h, ERROR, [*slopes, slope])) / scale)
+        growth = jnp.clip(0.9 * jnp.maximum(error, 1e-10) ** -0.2, 0.1, 5.0)
+        start, stop = (_surfaces(system, q, lift[i], lift_dt[i], eps, ramp) for q, i in ((at.y, 0), (y, -1)))
+        shrink = contact_limit(start, stop, h, eps, CLIP_STEP / frequency, ramp)
+        kept = (error <= 1.0) & (shrink >= 1.0)  # a NaN is not kept
+        factor = jnp.where(shrink < 1.0, jnp.minimum(growth, jnp.maximum(shrink, 1e-4)), growth)
+        factor = jnp.where(jnp.isfinite(error), factor, 0.1)
+        angle = jnp.where(kept, jnp.where(last, end, at.angle + width), at.angle)
+        state = jnp.where(kept, y, at.y), jnp.where(kept, slope, at.slope)
+        return Progress(angle, jnp.minimum(width * factor, 2 * jnp.pi / LEAST_STEPS), *state), (angle, kept)
+
+    lift, lift_dtheta = lift_at(samples, -end)
+    slope = system.rate(y0, lift, lift_dtheta * cam_speed, eps, ramp)
+    begin = Progress(-end, jnp.full_like(end, 2 * jnp.pi / LEAST_STEPS), y0, slope)
+    angle, kept = _until_arrival(attempt, begin, end, chunks=int(ATTEMPTS * steps) // CHUNK + 1)
+    # the angles kept, in order, then the last one repeated
+    reached = jnp.sort(jnp.where(kept, angle, jnp.inf))[:steps]
+    return jnp.concatenate([-end[None], jnp.minimum(reached, jnp.max(jnp.where(kept, angle, -end)))])
+
+
+def _until_arrival(attempt, begin: Progress, end, chunks: int):
+    """Angles and marks of the attempts, chunk by chunk until the end is reached or no chunk is left."""
+
+    def more(state):
+        at, i, _, _ = state
+        return (at.angle < end) & (i < chunks)
+
+    def next_chunk(state):
+        at, i, angle, kept = state
+        at, (a, k) = jax.lax.scan(attempt, at, None, length=CHUNK)
+        return at, i + 1, angle.at[i].set(a), kept.at[i].set(k)
+
+    empty = jnp.full((chunks, CHUNK), jnp.inf, end.dtype), jnp.zeros((chunks, CHUNK), bool)
+    _, _, angle, kept = jax.lax.while_loop(more, next_chunk, (begin, 0, *empty))
+    return angle.ravel(), kept.ravel()
+
+
+def _surfaces(system: System, y, lift, lift_dt, eps, ramp: str):
+    """Compression beyond the touch [m] and force before clipping [N] of the contacts."""
+    contacts = np.flatnonzero(system.topology.contact)
+    u, u_dt = (q[contacts] for q in system.compression(y, lift, lift_dt))
+    return u, raw_force(u, u_dt, system.stiffness[contacts], system.damping[contacts], eps, ramp)
+
+
+def contact_limit(start, stop, h, eps, clip_step, ramp: str) -> jax.Array:
+    """Factor by which a step of `h` [s] from `start` to `stop` (compression, raw force) must shrink; 1 or above: none.
+
+    A step may not run across the edge of a layer: it ends there, found by the secant, or starts there. Inside the layer
+    it may change the compression by the ramp's share. A clip is crossed in a step of at most `clip_step` [s] that starts
+    just before it: a longer one that ends just behind it would see the slope of its last stage clipped away.
+    """
+    (u0, g0), (u1, g1) = start, stop
+    if u0.size == 0:
+        return jnp.ones_like(h)
+    half, share = RAMPS[ramp].half_width * eps, 2 * RAMPS[ramp].half_width * eps / RAMPS[ramp].steps
+    pushing, change, slack = (g0 > 0) | (g1 > 0), jnp.abs(u1 - u0), EDGE * eps
+    factors = []
+    for before, after in ((u0 + half, u1 + half), (u0 - half, u1 - half)):
+        near = jnp.minimum(jnp.abs(before), jnp.abs(after)) <= slack
+        factors.append(jnp.where(pushing & ~near, _secant(before, after), jnp.inf))
+    inside = pushing & (jnp.abs(u0) < half + slack) & (jnp.abs(u1) < half + slack) & (change > share)
+    factors.append(jnp.where(inside, 0.95 * share / jnp.maximum(change, share), jnp.inf))
+    to_clip = jnp.maximum(_secant(g0, g1) - 0.5 * clip_step / h, 0.9 * clip_step / h)
+    factors.append(jnp.where((jnp.minimum(u0, u1) > -half) & (h > clip_step), to_clip, jnp.inf))
+    return jnp.min(jnp.stack(factors))
+
+
+def _secant(before, after):
+    """Share of a step at which a value that changes sign is zero; infinity where it does not change sign."""
+    crosses = before * after < 0
+    return jnp.where(crosses, before / jnp.where(crosses, before - after, 1.0), jnp.inf)

@@ -1,0 +1,243 @@
+"""The declared metrics (`camopt.scene.quantities`) of a motion, in JAX: differentiable where the motion allows it.
+
+Angles at which something happens (the touch, the nominal closing) are roots inside a step, with the derivative of the
+root by the implicit function theorem, so that d(seating velocity) includes the shift of the touch.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from camopt.scene.units import DEG, MM
+from camopt.smooth.system import Motion, System
+
+
+class Closing(NamedTuple):
+    """How the valve came down in one revolution."""
+
+    opened: jax.Array  # bool: the valve left its seat
+    touches: jax.Array  # bool
+    angle: jax.Array  # rad, of the touch
+    velocity: jax.Array  # m/s, negative: closing
+
+
+def margins(system: System, motion: Motion) -> jax.Array:
+    """Compression of every element beyond its touch [m]."""
+    y = jnp.stack([motion.x, motion.v], axis=1)
+    return jax.vmap(lambda y, lift: system.compression(y, lift, 0.0)[0])(y, motion.lift)
+
+
+def seat_distance(system: System, motion: Motion) -> tuple[jax.Array, jax.Array]:
+    """Distance s of the valve from where its seat touches [m], positive open, and its rate [m/s]."""
+    return -margins(system, motion)[:, system.topology.seat], motion.v[:, system.topology.valve]
+
+
+def valve_acceleration(system: System, motion: Motion) -> jax.Array:
+    """Acceleration of the valve [m/s^2], from the forces of the record."""
+    valve = system.topology.valve
+    on_valve = motion.force @ system.topology.incidence(system.mass.shape[0])[:, valve]
+    drag = system.mass_damping[valve] * motion.v[:, valve]
+    return (system.mass_force[valve] - drag - on_valve) / system.mass[valve]
+
+
+def time_to_fall(s, v, a, level, most):
+    """Time [s] in [0, most] at which s + v t + a t^2 / 2 has fallen to `level`, with its derivative.
+
+    Bisection finds it; one Newton step carries the derivative (implicit function theorem).
+    """
+    frozen = jax.lax.stop_gradient((s, v, a))
+
+    def height(t, s, v, a):
+        return s + t * (v + 0.5 * t * a) - level
+
+    def halve(_, bracket):
+        low, high = bracket
+        middle = 0.5 * (low + high)
+        above = height(middle, *frozen) > 0
+        return jnp.where(above, middle, low), jnp.where(above, high, middle)
+
+    most = jax.lax.stop_gradient(most)
+    low, high = jax.lax.fori_loop(0, 50, halve, (jnp.zeros_like(most), most))
+    t = 0.5 * (low + high)
+    speed = frozen[1] + t * frozen[2]
+    falling = speed < 0
+    value = height(t, s, v, a)
+    return t - jnp.where(falling, (value - jax.lax.stop_gradient(value)) / jnp.where(falling, speed, -1.0), 0.0)
+
+
+def closing(system: System, motion: Motion, cam_speed, revolution: int, layer: float = 0.0) -> Closing:
+    """The touch: first angle after the revolution's greatest valve lift at which the seat pushes.
+
+    `layer` [m] is the distance s where the seat starts to push: half of eps for the compact ramp, 0 without smoothing.
+    """
+    s, v = seat_distance(system, motion)
+    index = jnp.arange(len(s))
+    top = jnp.argmax(jnp.where(in_revolution(motion.angle, revolution), s, -jnp.inf))
+    pushes = (motion.force[:, system.topology.seat] > 0) & (index > top)
+    i = jnp.argmax(pushes)
+    j = jnp.maximum(i - 1, 0)
+    before = s[j], v[j], valve_acceleration(system, motion)[j]  # the motion before the touch, not through it
+    t = time_to_fall(*before, layer, (motion.angle[i] - motion.angle[j]) / cam_speed)
+    return Closing(s[top] > layer, jnp.any(pushes), motion.angle[j] + t * cam_speed, v[j] + t * before[2])
+
+
+def in_revolution(angle, revolution: int):
+    """Samples of revolution r: angles from -pi + 2 pi r to pi + 2 pi r."""
+    return jnp.abs(angle - 2 * jnp.pi * revolution) <= jnp.pi
+
+
+def nominal_closing(system: System, motion: Motion, revolution: int):
+    """Angle at which the cam lift has fallen to the lash [rad] (linear inside a step)."""
+    lash = sum(system.gap[e] for e in system.topology.cam_side)
+    above = in_revolution(motion.angle, revolution) & (motion.lift > lash)
+    i = jnp.clip(len(motion.angle) - 1 - jnp.argmax(above[::-1]), 0, len(motion.angle) - 2)
+    fall = motion.lift[i] - motion.lift[i + 1]
+    t = jnp.where(fall > 0, (motion.lift[i] - lash) / jnp.where(fall > 0, fall, 1.0), 0.0)
+    return motion.angle[i] + t * (motion.angle[i + 1] - motion.angle[i])
+
+
+def at_angle(angle, values, theta):
+    """`values` (k, ...) at the angle theta, linear inside a step."""
+    i = jnp.clip(jnp.searchsorted(angle, jax.lax.stop_gradient(theta), side="right") - 1, 0, len(angle) - 2)
+    width = angle[i + 1] - angle[i]
+    t = jnp.where(width > 0, (theta - angle[i]) / jnp.where(width > 0, width, 1.0), 0.0)
+    return values[i] + t * (values[i + 1] - values[i])
+
+
+def step_integral(angle, s, s_dtheta, keep):
+    """Integrals over each step kept of max(0, s) and max(0, s)^2 (Simpson, the middle by the cubic), summed."""
+    width = jnp.diff(angle)
+    middle = 0.5 * (s[1:] + s[:-1]) - width * jnp.diff(s_dtheta) / 8
+
+    def simpson(f):
+        return jnp.sum(jnp.where(keep, width / 6 * (f(s[:-1]) + 4 * f(middle) + f(s[1:])), 0.0))
+
+    return simpson(lambda q: jnp.maximum(q, 0.0)), simpson(lambda q: jnp.maximum(q, 0.0) ** 2)
+
+
+def least(angle, values, keep):
+    """Smallest of `values` (k) over the samples kept, refined by the parabola through it and its neighbours.
+
+    A minimum between samples has the derivative of the interpolant at its foot, not that of the nearest sample. No
+    parabola is drawn through an exact zero: the force of a contact jumps from there where it closes.
+    """
+    i = jnp.clip(jnp.argmin(jnp.where(keep, values, jnp.inf)), 1, len(values) - 2)
+    left, right = angle[i] - angle[i - 1], angle[i + 1] - angle[i]
+    free = (values[i - 1] != 0) & (values[i] != 0) & (values[i + 1] != 0)
+    proper = (left > 0) & (right > 0) & keep[i] & free
+    left, right = jnp.where(proper, left, 1.0), jnp.where(proper, right, 1.0)
+    before, after = (values[i] - values[i - 1]) / left, (values[i + 1] - values[i]) / right
+    curve = (after - before) / (left + right)
+    slope = before + left * curve
+    proper = proper & (curve > 0)
+    shift = jnp.clip(-slope / (2 * jnp.where(proper, curve, 1.0)), -left, right)
+    refined = values[i] + jax.lax.stop_gradient(shift) * (slope + jax.lax.stop_gradient(shift) * curve)
+    return jnp.where(proper, refined, jnp.min(jnp.where(keep, values, jnp.inf)))
+
+
+def peak_height(time, s, v, keep):
+    """Greatest s over the samples kept, raised to the crest of the cubic beside it, whose angle is held."""
+    i = jnp.argmax(jnp.where(keep, s, -jnp.inf))
+    j = jnp.clip(jnp.where(v[i] > 0, i, i - 1), 0, len(s) - 2)  # the crest lies between j and j + 1
+    h, (v0, v1) = time[j + 1] - time[j], jax.lax.stop_gradient((v[j], v[j + 1]))
+    proper = (v0 > 0) & (v1 < 0) & keep[j] & keep[j + 1]
+    t = jnp.where(proper, v0 / jnp.where(proper, v0 - v1, 1.0), 0.0)
+    rise, m0, m1 = s[j + 1] - s[j], v[j] * h, v[j + 1] * h
+    crest = s[j] + t * (m0 + t * (3 * rise - 2 * m0 - m1 + t * (m0 + m1 - 2 * rise)))
+    return jnp.where(proper, crest, jnp.max(jnp.where(keep, s, -jnp.inf)))
+
+
+def soft_least(angle, values, keep, width):
+    """Smooth stand-in for the least of `values` over the samples kept: -width log mean exp(-values / width).
+
+    The mean is by angle, so the result lies above the least value, by at most width * log(window / stay), where stay is
+    the angle spent within `width` of the least.
+    """
+    weight = jnp.where(keep[1:] & keep[:-1], jnp.diff(angle), 0.0)
+    middle = 0.5 * (values[1:] + values[:-1])
+    return -width * jax.nn.logsumexp(-middle / width, b=weight / jnp.sum(weight))
+
+
+def separation_angle(angle, margin, keep):
+    """Total angle at which a contact is apart (margin < 0) [rad], crossings linear inside steps."""
+    low, high = jnp.minimum(margin[1:], margin[:-1]), jnp.maximum(margin[1:], margin[:-1])
+    spread = jnp.where(high > low, high - low, 1.0)
+    share = jnp.where(high <= 0, jnp.where(low < 0, 1.0, 0.0), jnp.clip(-low / spread, 0.0, 1.0))
+    return jnp.sum(jnp.where(keep, jnp.diff(angle) * share, 0.0))
+
+
+def event_metrics(system: System, motion: Motion, half_duration, revolution: int) -> dict[str, jax.Array]:
+    """Jump and contact force over angles within half the duration of the nose, the worst of the cam-side contacts."""
+    centre = 2 * jnp.pi * revolution
+    inside = jnp.abs(motion.angle - centre) <= half_duration
+    both = inside[1:] & inside[:-1]
+    edges = (centre - half_duration, centre + half_duration)
+    margin = margins(system, motion)
+    gap, turn, low, high = [], [], [], []
+    for e in system.topology.cam_side:
+        force = motion.force[:, e]
+        edge_margin = jnp.stack([at_angle(motion.angle, margin[:, e], edge) for edge in edges])
+        edge_force = jnp.stack([at_angle(motion.angle, force, edge) for edge in edges])
+        gap.append(-jnp.minimum(least(motion.angle, margin[:, e], inside), jnp.min(edge_margin)))
+        turn.append(separation_angle(motion.angle, margin[:, e], both))
+        low.append(jnp.minimum(least(motion.angle, force, inside), jnp.min(edge_force)))
+        high.append(jnp.maximum(-least(motion.angle, -force, inside), jnp.max(edge_force)))
+    return {
+        "jump_mm": jnp.maximum(0.0, jnp.max(jnp.stack(gap))) / MM,
+        "jump_deg": jnp.max(jnp.stack(turn)) / DEG,
+        "contact_force_min_N": jnp.maximum(0.0, jnp.min(jnp.stack(low))),
+        "contact_force_max_N": jnp.max(jnp.stack(high)),
+    }
+
+
+def closed_metrics(
+    system: System, motion: Motion, cam_speed, opening_foot, revolution: int, layer: float = 0.0
+) -> dict[str, jax.Array]:
+    """Bounce, seating and impact velocity, and the integral of max(0, s)^2 from the touch to the next opening foot.
+
+    The window ends with the record where the record ends first. Without a touch the values are NaN, and 0 where
+    the valve never opened; gradients are then zero.
+    """
+    touch = closing(system, motion, cam_speed, revolution, layer)
+    nominal = nominal_closing(system, motion, revolution)
+    s, v = seat_distance(system, motion)
+    end = 2 * jnp.pi * (revolution + 1) + opening_foot
+    before_end = motion.angle <= end
+    window = (motion.angle >= jnp.minimum(touch.angle, nominal)) & before_end
+    hop = jnp.where(nominal < touch.angle, at_angle(motion.angle, s, nominal), 0.0)
+    crest = peak_height(motion.angle / cam_speed, s, v, window)
+    bounce = jnp.maximum(jnp.maximum(0.0, hop), crest)
+    after = (motion.angle >= touch.angle) & before_end
+    _, square = step_integral(motion.angle, s, v / cam_speed, after[1:] & after[:-1])
+    falls = (s[:-1] > layer) & (s[1:] <= layer) & window[1:]
+    share = (s[:-1] - layer) / jnp.where(falls, s[:-1] - s[1:], 1.0)
+    impact = jnp.max(jnp.where(falls, -(v[:-1] + share * jnp.diff(v)), 0.0))
+    values = {
+        "bounce_mm": bounce / MM,
+        "seating_velocity_m_per_s": jnp.abs(touch.velocity),
+        "impact_velocity_m_per_s": jnp.maximum(impact, jnp.abs(touch.velocity)),
+        "closed_integral_m2_rad": square,
+    }
+    null = jnp.where(touch.opened, jnp.nan, 0.0)
+    return {name: jnp.where(touch.opened & touch.touches, value, null) for name, value in values.items()}
+
+
+def revolution_metrics(
+    system: System, motion: Motion, cam_speed, half_duration, opening_foot, revolution: int = 0, layer: float = 0.0
+) -> dict[str, jax.Array]:
+    """Every declared metric of revolution r of a record, by its name in `QUANTITIES`, in that unit.
+
+    `half_duration` and `opening_foot` [rad] are the cam's; `layer` as in `closing`.
+    """
+    s, v = seat_distance(system, motion)
+    now = in_revolution(motion.angle, revolution)
+    lash = sum(system.gap[e] for e in system.topology.cam_side)
+    area, _ = step_integral(motion.angle, s, v / cam_speed, now[1:] & now[:-1])
+    excess = jnp.max(jnp.where(now, s - jnp.maximum(0.0, motion.lift - lash), -jnp.inf))
+    return {
+        **closed_metrics(system, motion, cam_speed, opening_foot, revolution, layer),
+        **event_metrics(system, motion, half_duration, revolution),
+        "dynamic_area_mm_deg": area / (MM * DEG),
+        "excess_lift_mm": excess / MM,
+    }

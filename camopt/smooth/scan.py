@@ -1,0 +1,76 @@
+"""Explicit Runge-Kutta of order five (Dormand and Prince) as one `lax.scan` on a given grid of angles.
+
+The grid is data: `camopt.smooth.grid` shrinks it where a contact crosses its layer. Derivatives are taken along the
+grid as it stands, which is right because a motion that is resolved does not depend on its grid.
+Source: Dormand, Prince (1980), A family of embedded Runge-Kutta formulae, J. Comp. Appl. Math. 6, table 2.
+"""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from camopt.smooth.system import System
+
+NODES = np.array([0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0])
+STAGES = (
+    (),
+    (1 / 5,),
+    (3 / 40, 9 / 40),
+    (44 / 45, -56 / 15, 32 / 9),
+    (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
+    (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
+)
+WEIGHTS = (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84)
+ERROR = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40)
+"""Weights of the order-five result less those of the embedded order-four one; the last belongs to the next k1."""
+
+
+def lift_at(samples: jax.Array, theta: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Lift [m] and its angle derivative [m/rad] at `theta` [rad], cubic between samples.
+
+    `samples` (m + 1, 2) hold lift and its angle derivative at m + 1 equal steps from -pi to pi. Linear in `samples`.
+    """
+    count = samples.shape[0] - 1
+    width = 2 * jnp.pi / count
+    place = jnp.mod(theta + jnp.pi, 2 * jnp.pi) / width
+    cell = jnp.clip(place.astype(int), 0, count - 1)
+    s = place - cell
+    left, right = samples[cell], samples[cell + 1]
+    l0, v0, l1, v1 = left[..., 0], left[..., 1] * width, right[..., 0], right[..., 1] * width
+    c2, c3 = 3 * (l1 - l0) - 2 * v0 - v1, 2 * (l0 - l1) + v0 + v1
+    return l0 + s * (v0 + s * (c2 + s * c3)), (v0 + s * (2 * c2 + 3 * s * c3)) / width
+
+
+def combine(y, h, weights, slopes):
+    """y + h * sum_j weights_j slopes_j."""
+    return y + h * sum(w * k for w, k in zip(weights, slopes, strict=True) if w != 0.0)
+
+
+def stage_slopes(system: System, y, k1, h, lift, lift_dt, eps, ramp: str) -> list[jax.Array]:
+    """The six slopes of a step of `h` [s] from state y (2, n) with first slope k1; lift, lift_dt (6) at `NODES`."""
+    slopes = [k1]
+    for i in range(1, 6):
+        slopes.append(system.rate(combine(y, h, STAGES[i], slopes), lift[i], lift_dt[i], eps, ramp))
+    return slopes
+
+
+def integrate(system: System, samples, cam_speed, y0, angle, eps, ramp: str = "compact") -> jax.Array:
+    """States (k, 2, n) at the angles `angle` (k) [rad], ascending, repeats allowed, from state y0 (2, n).
+
+    `samples` as in `lift_at`; `cam_speed` [rad/s].
+    """
+    h = jnp.diff(angle) / cam_speed
+    theta = angle[:-1, None] + jnp.diff(angle)[:, None] * NODES[None, :]
+    lift, lift_dtheta = lift_at(samples, theta)
+
+    @partial(jax.checkpoint, prevent_cse=False)  # keeping the stages for the way back costs more than their repetition
+    def step(y, inputs):
+        h, lift, lift_dt = inputs
+        k1 = system.rate(y, lift[0], lift_dt[0], eps, ramp)
+        y = combine(y, h, WEIGHTS, stage_slopes(system, y, k1, h, lift, lift_dt, eps, ramp))
+        return y, y
+
+    _, states = jax.lax.scan(step, y0, (h, lift, lift_dtheta * cam_speed))
+    return jnp.concatenate([y0[None], states])

@@ -1,0 +1,160 @@
+"""Simulating a valve train on the smooth path: the differentiable core, and the record for everyone else."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from camopt.cam.lift import Lift
+from camopt.scene.errors import InputError, MotionRefused
+from camopt.scene.response import Response, Revolve, end_state, joined
+from camopt.scene.train import Train
+from camopt.smooth.adaptive import adaptive_states
+from camopt.smooth.contact import RAMPS
+from camopt.smooth.grid import equal_grid, refined_grid
+from camopt.smooth.scan import integrate, lift_at
+from camopt.smooth.system import Motion, System, build_system, rest_state
+
+EPS = 1e-8
+"""Default width of the contact's layer [m]: its bias of gradients is below one percent where bounce stays below 0.2 mm,
+and as the grid resolves it, it costs no more than a wide one."""
+TOLERANCE = 1e-10
+"""Default error permitted per step [m]; at 1e-9 gradients of the seating velocity are wrong by some percent."""
+STEPS = 2048
+"""Steps first offered per revolution; `kodama` needs 1500 to 2000 at 5000 to 7000 r/min."""
+MOST_STEPS = 2**17
+"""Steps per revolution beyond which a motion is refused."""
+LIFT_SAMPLES = 2880
+
+
+def lift_samples(lift: Lift, steps: int = LIFT_SAMPLES) -> np.ndarray:
+    """Lift [m] and its angle derivative [m/rad] at `steps` + 1 equal angles from -pi to pi.
+
+    Linear in the lift: for a lift L0 + sum_j z_j B_j the samples are those of L0 plus z against those of the B_j.
+    """
+    theta = equal_grid(steps)
+    return np.stack([lift(theta), lift(theta, 1)], axis=-1)
+
+
+def response_arrays(
+    system: System,
+    samples: jax.Array,
+    cam_speed,
+    y0: jax.Array,
+    eps=EPS,
+    tolerance=TOLERANCE,
+    *,
+    revolutions: int = 1,
+    steps: int = STEPS,
+    refine: bool = True,
+    ramp: str = "compact",
+) -> Motion:
+    """Motion over `revolutions` from the state y0 at -pi: `steps` + 1 samples each, differentiable in every array.
+
+    `samples` as of `lift_samples`, `cam_speed` [rad/s], `eps` and `tolerance` [m] (see `refined_grid`; with `refine`
+    off the steps are equal). Batches of speeds, cams or systems: `jax.vmap`. One program per topology, shapes and
+    keywords. Where `steps` do not suffice every sample is NaN.
+    """
+
+    def revolve(y, _):
+        if refine:
+            angle = refined_grid(system, samples, cam_speed, y, eps, tolerance, steps, ramp)
+        else:
+            angle = jnp.asarray(equal_grid(steps), y.dtype)
+        states = integrate(system, samples, cam_speed, y, angle, eps, ramp)
+        lift, lift_dtheta = lift_at(samples, angle)
+        force = jax.vmap(lambda y, l, l_dt: system.force(y, l, l_dt, eps, ramp))(states, lift, lift_dtheta * cam_speed)
+        arrived = angle[-1] >= jnp.asarray(jnp.pi, y.dtype)
+        states, force = (jnp.where(arrived, q, jnp.nan) for q in (states, force))
+        return states[-1], Motion(angle, lift, states[:, 0], states[:, 1], force)
+
+    _, motion = jax.lax.scan(revolve, y0, None, length=revolutions)
+    turns = 2 * jnp.pi * jnp.arange(revolutions, dtype=y0.dtype)[:, None]
+    motion = motion._replace(angle=motion.angle + turns)
+    return Motion(*(q.reshape(-1, *q.shape[2:]) for q in motion))
+
+
+STATIC = ("revolutions", "steps", "refine", "ramp")
+compiled_response = partial(jax.jit, static_argnames=STATIC)(response_arrays)
+
+
+def touch_layer(eps, ramp: str = "compact"):
+    """Distance s [m] at which the smoothed seat starts to push, for `camopt.smooth.metrics`; 0 for softplus."""
+    return RAMPS[ramp].half_width * eps if ramp == "compact" else 0.0
+
+
+def prepare(
+    train: Train,
+    lift: Lift,
+    cam_speed: float,
+    steps_per_revolution: int | None = None,
+    *,
+    eps: float = EPS,
+    tolerance: float = TOLERANCE,
+    method: str = "scan",
+    ramp: str = "compact",
+) -> Revolve:
+    """One smoothed revolution as a function of its start state (2 n).
+
+    `method` "scan" refines its grid, or takes `steps_per_revolution` equal steps; any other is the name of a diffrax
+    solver in lower case ("tsit5", "dopri8", "kvaerno5", ...). Raises MotionRefused where no grid resolves the motion.
+    """
+    if not eps > 0.0:
+        raise InputError(f"eps = {eps:g} m: the width of the contact's layer must be positive; 1e-8 m is the default")
+    if ramp not in RAMPS:
+        raise InputError(f"ramp {ramp!r}: unknown; choose one of {', '.join(RAMPS)}")
+    system, samples = build_system(train), jnp.asarray(lift_samples(lift))
+
+    def one_revolution(state: np.ndarray) -> Response:
+        y0 = jnp.asarray(state).reshape(2, -1)
+        if method == "scan":
+            motion = _scanned(system, samples, cam_speed, y0, eps, tolerance, steps_per_revolution, ramp)
+        else:
+            angle = equal_grid(steps_per_revolution or LIFT_SAMPLES)
+            motion = adaptive_states(system, samples, cam_speed, y0, angle, eps, tolerance, method, ramp)
+        angle, cam_lift, x, v, force = (np.asarray(q) for q in motion)
+        if not np.all(np.isfinite(x)):
+            raise MotionRefused(
+                f"smooth path at {cam_speed * 30 / np.pi:g} cam r/min with eps = {eps:g} m: no grid of the steps "
+                f"allowed resolves the motion; widen eps, loosen the tolerance, or take more steps"
+            )
+        distinct = np.append(True, np.diff(angle) > 0)
+        return Response(train, cam_speed, *(q[distinct] for q in (angle, cam_lift, x, v, force)))
+
+    return one_revolution
+
+
+def _scanned(system, samples, cam_speed, y0, eps, tolerance, steps, ramp) -> Motion:
+    """One revolution by the scan, with more steps until they suffice where their number was not given."""
+    arguments = system, samples, cam_speed, y0, eps, tolerance
+    if steps is not None:
+        return compiled_response(*arguments, steps=steps, refine=False, ramp=ramp)
+    steps = STEPS
+    motion = compiled_response(*arguments, steps=steps, ramp=ramp)
+    while not jnp.isfinite(motion.x[0, 0]) and steps < MOST_STEPS:
+        steps *= 4
+        motion = compiled_response(*arguments, steps=steps, ramp=ramp)
+    return motion
+
+
+def simulate_smooth(
+    train: Train,
+    lift: Lift,
+    cam_speed: float,
+    revolutions: int = 2,
+    *,
+    eps: float = EPS,
+    steps_per_revolution: int | None = None,
+    tolerance: float = TOLERANCE,
+    method: str = "scan",
+    ramp: str = "compact",
+) -> Response:
+    """Motion from rest on the base circle over `revolutions`; arguments and errors as of `prepare`."""
+    revolve = prepare(
+        train, lift, cam_speed, steps_per_revolution, eps=eps, tolerance=tolerance, method=method, ramp=ramp
+    )
+    records = [revolve(np.asarray(rest_state(train)).ravel())]
+    for _ in range(revolutions - 1):
+        records.append(revolve(end_state(records[-1])))
+    return joined(records)

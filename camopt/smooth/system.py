@@ -1,0 +1,120 @@
+"""The equations of motion of a valve train in JAX, assembled from the scene's SI arrays."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from camopt.scene.rest import rest_position
+from camopt.scene.train import Train
+from camopt.smooth.contact import contact_force
+
+
+class Topology(NamedTuple):
+    """What stands where: hashable, so that one program is compiled per topology and not per value."""
+
+    a: tuple[int, ...]
+    b: tuple[int, ...]
+    contact: tuple[bool, ...]
+    cam_driven: tuple[bool, ...]
+    valve: int
+    seat: int
+    cam_side: tuple[int, ...]
+
+    def incidence(self, masses: int) -> np.ndarray:
+        """Matrix D (e, n) with d = D x + cam_driven * lift - gap."""
+        rows = np.zeros((len(self.a), masses + 1))  # the last column is the ground
+        for e, (a, b) in enumerate(zip(self.a, self.b, strict=True)):
+            rows[e, a] += 1.0
+            rows[e, b] -= 1.0
+        return rows[:, :masses]
+
+
+class Motion(NamedTuple):
+    """Samples of a motion at one speed, revolution after revolution from -pi; repeated angles are allowed."""
+
+    angle: jax.Array  # (k) rad
+    lift: jax.Array  # (k) m
+    x: jax.Array  # (k, n) m
+    v: jax.Array  # (k, n) m/s
+    force: jax.Array  # (k, e) N
+
+
+class System(eqx.Module):
+    """A valve train as a pytree: every array may be differentiated with respect to."""
+
+    mass: jax.Array  # (n) kg
+    mass_damping: jax.Array  # (n) N s/m
+    mass_force: jax.Array  # (n) N
+    stiffness: jax.Array  # (e) N/m
+    damping: jax.Array  # (e) N s/m
+    preload: jax.Array  # (e) N
+    gap: jax.Array  # (e) m
+    topology: Topology = eqx.field(static=True)
+
+    def compression(self, y: jax.Array, lift, lift_dt) -> tuple[jax.Array, jax.Array]:
+        """Compression of every element beyond its zero of elastic force [m] and its rate [m/s], each (e)."""
+        d, d_dt = jnp.matmul(y, self._incidence(y.dtype).T, precision="highest")
+        drive = np.array(self.topology.cam_driven, dtype=y.dtype)
+        return d + drive * lift - self.gap + self.preload / self.stiffness, d_dt + drive * lift_dt
+
+    def force(self, y: jax.Array, lift, lift_dt, eps, ramp: str = "compact") -> jax.Array:
+        """Force of every element [N]: pushes a towards -x and b towards +x."""
+        u, u_dt = self.compression(y, lift, lift_dt)
+        bilateral = self.stiffness * u + self.damping * u_dt
+        contact = contact_force(u, u_dt, self.stiffness, self.damping, eps, ramp)
+        return jnp.where(np.array(self.topology.contact), contact, bilateral)
+
+    def rate(self, y: jax.Array, lift, lift_dt, eps, ramp: str = "compact") -> jax.Array:
+        """Time derivative of the state y = (positions [m], velocities [m/s]) at lift [m] and lift rate [m/s]."""
+        force = self.force(y, lift, lift_dt, eps, ramp)
+        on_mass = jnp.matmul(force, self._incidence(y.dtype), precision="highest")
+        return jnp.stack([y[1], (self.mass_force - self.mass_damping * y[1] - on_mass) / self.mass])
+
+    def stiffest(self) -> jax.Array:
+        """Largest frequency of a mass on its own elements [rad/s]: the scale of the fastest motion."""
+        return jnp.sqrt(jnp.max(self.stiffness @ jnp.abs(self._incidence(self.mass.dtype)) / self.mass))
+
+    def _incidence(self, dtype) -> np.ndarray:
+        return self.topology.incidence(self.mass.shape[0]).astype(dtype)
+
+
+def build_system(train: Train, dtype=jnp.float64) -> System:
+    """The differentiable system of a train."""
+    arrays = (
+        train.mass,
+        train.mass_damping,
+        train.mass_force,
+        train.stiffness,
+        train.damping,
+        train.preload,
+        train.gap,
+    )
+    topology = Topology(
+        tuple(map(int, train.a)),
+        tuple(map(int, train.b)),
+        tuple(map(bool, train.contact)),
+        tuple(map(bool, train.cam_driven)),
+        train.valve,
+        train.seat,
+        tuple(map(int, train.cam_side)),
+    )
+    return System(*(jnp.asarray(a, dtype) for a in arrays), topology)
+
+
+def rest_state(train: Train, system: System | None = None) -> jax.Array:
+    """State at rest on the base circle; differentiable in `system`, which by default is the train's own.
+
+    Which contacts carry at rest comes from the train (`camopt.scene.rest`); for those the balance is one linear solve.
+    """
+    system = build_system(train) if system is None else system
+    x = rest_position(train)
+    closed = ~train.contact | (train.preload + train.stiffness * train.compression(x, 0.0) > 0)
+    rows = system.topology.incidence(len(x))[closed]
+    stiffness, load = system.stiffness[closed], (system.preload - system.stiffness * system.gap)[closed]
+    matrix = rows.T @ (stiffness[:, None] * rows)
+    scale = jnp.sqrt(jnp.diag(matrix))
+    x = jnp.linalg.solve(matrix / jnp.outer(scale, scale), (system.mass_force - rows.T @ load) / scale) / scale
+    return jnp.stack([x, jnp.zeros_like(x)])

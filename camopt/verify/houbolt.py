@@ -1,0 +1,166 @@
+"""Houbolt 1950: implicit, four-point backward differences, order 2, stable at every step, damps unresolved modes.
+
+J. C. Houbolt, A recurrence matrix solution for the dynamic response of elastic aircraft, J. Aeronautical Sciences 17
+(1950). The position of a step solves, with the three positions before it,
+(2 M/h^2 + 11 C/(6h) + K) x = F + M (5 x1 - 4 x2 + x3)/h^2 + C (18 x1 - 9 x2 + 2 x3)/(6h).
+The closed set is iterated within the step until it reproduces itself. Start: Houbolt's difference equations at the
+first point, with fictitious points before it; eliminated, they are the linear acceleration method for the first step,
+and the second step reads x(-1) = h^2 a_0 + 2 x_0 - x_1.
+"""
+
+import numpy as np
+from numba import njit
+
+from camopt.cam.lift import Lift
+from camopt.scene.response import Response, Revolve
+from camopt.scene.train import Train
+
+MOST_SETS = 12
+"""Trials of a closed set per step; where none reproduces itself (the force jumps at closing) the last is kept."""
+
+
+def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int) -> Revolve:
+    """One revolution by Houbolt's method as a function of its start state (2n: positions [m], velocities [m/s]).
+
+    `cam_speed` [rad/s]. Matrices are built for the contact sets that occur. The response has
+    steps_per_revolution + 1 samples; its velocities are Houbolt's third-order backward differences.
+    """
+    steps, n = steps_per_revolution, len(train.mass)
+    h = 2 * np.pi / cam_speed / steps
+    angle = np.linspace(-np.pi, np.pi, steps + 1)
+    cam = np.stack([lift(angle), lift(angle, 1) * cam_speed], axis=1)
+    first = _ClosedSets(train, 6 / h**2, 3 / h)
+    later = _ClosedSets(train, 2 / h**2, 11 / (6 * h))
+
+    def revolve(state: np.ndarray) -> Response:
+        x, v = np.zeros((steps + 2, n)), np.zeros((steps + 1, n))  # x[0] is the fictitious point before the start
+        force = np.zeros((steps + 1, len(train.a)))
+        x[1], v[0] = state[:n], state[n:]
+        _start(first, x, v, force, cam, h)
+        step, mask = 2, _bits(first.closed(force[1]))
+        while step <= steps:
+            step, mask = _march(step, mask, x, v, force, cam, h, *later.kernel_arrays())
+            if step <= steps:
+                later.build(mask)
+        return Response(train, cam_speed, angle, cam[:, 0], x[1:], v, force)
+
+    return revolve
+
+
+class _ClosedSets:
+    """Inverse effective stiffness and loads by closed set, for x'' = m x + ..., x' = c x + ... at the new point."""
+
+    def __init__(self, train: Train, m: float, c: float):
+        self.train, self.m, self.c = train, m, c
+        n, contacts = len(train.mass), int(train.contact.sum())
+        padded = np.eye(n + 1)[:, :n]  # index -1 (ground) reads the row of zeros
+        self.rows = padded[train.a] - padded[train.b]
+        self.slot = np.full(2**contacts, -1)
+        self.inverse, self.damping, self.load = np.zeros((0, n, n)), np.zeros((0, n, n)), np.zeros((0, n, 3))
+
+    def closed(self, force: np.ndarray) -> np.ndarray:
+        """Which contacts push, shape (contacts)."""
+        return force[self.train.contact] > 0
+
+    def build(self, mask: int) -> int:
+        """Slot of a closed set, built if it is new."""
+        if self.slot[mask] >= 0:
+            return int(self.slot[mask])
+        t = self.train
+        acting = ~t.contact
+        acting[np.flatnonzero(t.contact)] = (mask >> np.arange(int(t.contact.sum()))) & 1 == 1
+        k, c = t.stiffness * acting, t.damping * acting
+        damping = np.diag(t.mass_damping) + np.einsum("e,ei,ej->ij", c, self.rows, self.rows)
+        stiffness = np.einsum("e,ei,ej->ij", k, self.rows, self.rows)
+        effective = self.m * np.diag(t.mass) + self.c * damping + stiffness
+        parts = (t.preload * acting - k * t.gap, k * t.cam_driven, c * t.cam_driven)
+        load = np.stack([-p @ self.rows for p in parts], axis=1)
+        load[:, 0] += t.mass_force
+        self.inverse = np.concatenate([self.inverse, np.linalg.inv(effective)[None]])
+        self.damping = np.concatenate([self.damping, damping[None]])
+        self.load = np.concatenate([self.load, load[None]])
+        self.slot[mask] = len(self.inverse) - 1
+        return int(self.slot[mask])
+
+    def kernel_arrays(self) -> tuple:
+        t = self.train
+        laws = (t.contact, t.cam_driven, t.stiffness, t.damping, t.preload, t.gap)
+        return self.rows, t.mass, laws, self.slot, self.inverse, self.damping, self.load
+
+
+def _bits(closed: np.ndarray) -> int:
+    return int(closed @ (1 << np.arange(len(closed))))
+
+
+def _start(sets: _ClosedSets, x, v, force, cam, h: float) -> None:
+    """First step by linear acceleration; fills x[0] (fictitious), x[2], v[1] and the forces of both points."""
+    t = sets.train
+    laws = (t.contact, t.cam_driven, t.stiffness, t.damping, t.preload, t.gap)
+    mask = _forces(x[1], v[0], cam[0], sets.rows, laws, force[0])
+    a0 = (t.mass_force - t.mass_damping * v[0] - force[0] @ sets.rows) / t.mass
+    past_acceleration = 6 / h**2 * x[1] + 6 / h * v[0] + 2 * a0
+    past_velocity = 3 / h * x[1] + 2 * v[0] + h / 2 * a0
+    for _ in range(MOST_SETS):
+        s = sets.build(mask)
+        right = sets.load[s] @ np.array([1.0, *cam[1]]) + t.mass * past_acceleration + sets.damping[s] @ past_velocity
+        x[2] = sets.inverse[s] @ right
+        v[1] = 3 / h * x[2] - past_velocity
+        found = _forces(x[2], v[1], cam[1], sets.rows, laws, force[1])
+        if found == mask:
+            break
+        mask = found
+    x[0] = h**2 * a0 + 2 * x[1] - x[2]
+
+
+@njit(cache=True, nogil=True)
+def _forces(x, v, cam, rows, laws, force):
+    """Element forces into `force` (e) by the contact law; returns the bit mask of the contacts that push."""
+    contact, cam_driven, stiffness, damping, preload, gap = laws
+    mask, bit = 0, 1
+    for e in range(len(contact)):
+        compression, rate = -gap[e], 0.0
+        for i in range(len(x)):
+            compression += rows[e, i] * x[i]
+            rate += rows[e, i] * v[i]
+        if cam_driven[e]:
+            compression += cam[0]
+            rate += cam[1]
+        spring = preload[e] + stiffness[e] * compression
+        force[e] = spring + damping[e] * rate
+        if contact[e]:
+            if spring > 0.0 and force[e] > 0.0:
+                mask += bit
+            else:
+                force[e] = 0.0
+            bit *= 2
+    return mask
+
+
+@njit(cache=True, nogil=True)
+def _march(start, mask, x, v, force, cam, h, rows, mass, laws, slot, inverse, damping, load):
+    """Steps from `start` on, x being one row ahead of v; returns the step reached and the set in use or missing."""
+    n = len(mass)
+    past_velocity, right = np.empty(n), np.empty(n)
+    for step in range(start, len(v)):
+        x1, x2, x3 = x[step], x[step - 1], x[step - 2]
+        for i in range(n):
+            past_velocity[i] = (18.0 * x1[i] - 9.0 * x2[i] + 2.0 * x3[i]) / (6.0 * h)
+        for _ in range(MOST_SETS):
+            s = slot[mask]
+            if s < 0:
+                return step, mask
+            for i in range(n):
+                right[i] = load[s, i, 0] + load[s, i, 1] * cam[step, 0] + load[s, i, 2] * cam[step, 1]
+                right[i] += mass[i] * (5.0 * x1[i] - 4.0 * x2[i] + x3[i]) / h**2
+                for j in range(n):
+                    right[i] += damping[s, i, j] * past_velocity[j]
+            for i in range(n):
+                x[step + 1, i] = 0.0
+                for j in range(n):
+                    x[step + 1, i] += inverse[s, i, j] * right[j]
+                v[step, i] = 11.0 / (6.0 * h) * x[step + 1, i] - past_velocity[i]
+            found = _forces(x[step + 1], v[step], cam[step], rows, laws, force[step])
+            if found == mask:
+                break
+            mask = found
+    return len(v), mask

@@ -1,0 +1,85 @@
+"""Step halving, on a method whose answer is a known function of its steps."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from camopt.scene import QUANTITIES, MotionRefused
+from camopt.scene.train import GROUND
+from camopt.verify import converge as module
+from camopt.verify.converge import FEWEST_STEPS, converge, first_steps
+from camopt.verify.settle import Figures
+from tests.verify.trains import no_lift, train, two_springs
+
+SLOW = train([1.0], [(GROUND, 0, False, False, 100.0, 0.0, 0.0, 0.0)])
+
+
+@pytest.fixture
+def answers(monkeypatch):
+    """Runs converge on figures(steps) -> values by revolution; steps are counted in units of the first."""
+
+    def run(figures, periodic=True, halvings=4):
+        def settled(steps, state):
+            values = figures(steps // FEWEST_STEPS)
+            if values is None:
+                raise MotionRefused("too coarse")
+            by_name = Figures({name: np.asarray(values, dtype=float) for name in QUANTITIES})
+            return SimpleNamespace(response=state + 1, revolutions=7, periodic=periodic, metrics=lambda lift: by_name)
+
+        monkeypatch.setattr(module, "settle", settled)
+        monkeypatch.setattr(module, "end_state", lambda response: response)
+        prepare = lambda train, lift, cam_speed, steps: steps  # noqa: E731
+        return converge(prepare, SLOW, no_lift(), 1.0, np.zeros(2), 2.0, halvings)
+
+    return run
+
+
+def test_first_steps_follow_the_fastest_rate():
+    assert first_steps(SLOW, 1.0) == FEWEST_STEPS
+    stiff = train([0.25], [(GROUND, 0, False, False, 1e8, 0.0, 0.0, 0.0)])  # 20 000 rad/s
+    assert first_steps(stiff, 100.0) == int(np.ceil(2 * np.pi * 20_000 / 100 / 0.6))
+    heavy = train([1.0], [(GROUND, 0, False, False, 1.0, 5e4, 0.0, 0.0)])  # over-damped: rate c/m
+    assert first_steps(heavy, 100.0) == int(np.ceil(2 * np.pi * 5e4 / 100 / 0.6))
+    assert first_steps(two_springs(), 1e-3) > FEWEST_STEPS
+
+
+def test_stands_after_two_halvings_that_change_nothing(answers):
+    done = answers(lambda n: [0.1, 0.1])
+    assert done.converged and done.steps_per_revolution == 4 * FEWEST_STEPS
+    assert done.error["bounce_mm"] == 0.0 and done.revolutions == 7
+    assert np.all(done.state == 3.0)  # each finer step went on from the coarser one's state
+
+
+def test_error_is_the_distance_to_the_two_coarser_answers(answers):
+    # 0.1 + 0.008/n: changes 0.004, 0.002, 0.001, 0.0005 against 0.002 + 1 % of the value
+    done = answers(lambda n: [0.1 + 0.008 / n])
+    assert done.converged and done.steps_per_revolution == 8 * FEWEST_STEPS
+    assert done.worst["bounce_mm"] == pytest.approx(0.101)
+    assert done.error["bounce_mm"] == pytest.approx(0.003)  # the value two halvings earlier
+
+
+def test_what_keeps_moving_is_not_converged(answers):
+    done = answers(lambda n: [0.1 * n])
+    assert not done.converged and done.steps_per_revolution == 16 * FEWEST_STEPS
+    assert done.error["bounce_mm"] == pytest.approx(1.2)
+
+
+def test_an_aperiodic_motion_may_move_within_its_range(answers):
+    wander = {1: 0.0, 2: 0.05, 4: 0.0, 8: 0.05, 16: 0.0}
+    assert not answers(lambda n: [0.5 + wander[n], 0.4 + wander[n]], periodic=True).converged
+    assert answers(lambda n: [0.5 + wander[n], 0.4 + wander[n]], periodic=False).converged
+    assert not answers(lambda n: [0.5 + 4 * wander[n], 0.4 + 4 * wander[n]], periodic=False).converged
+
+
+def test_a_refused_step_is_halved_on_and_begins_again_from_rest(answers):
+    done = answers(lambda n: None if n < 4 else [0.1])
+    assert done.converged and done.steps_per_revolution == 16 * FEWEST_STEPS
+    assert np.all(done.state == 3.0)
+    lost = answers(lambda n: None)
+    assert not lost.converged and lost.state is None and np.isnan(lost.worst["bounce_mm"])
+
+
+def test_not_seating_at_every_step_stands(answers):
+    assert answers(lambda n: [np.nan]).converged
+    assert not answers(lambda n: [np.nan if n % 3 == 1 else 0.1]).converged

@@ -1,0 +1,55 @@
+"""The verifier's independence, read from its imports and from a fresh process."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import camopt.verify
+
+FOLDER = Path(camopt.verify.__file__).parent
+METHODS = ("rkg", "tmm", "houbolt")
+
+
+def imported(path: Path) -> set[str]:
+    """Every module that a file imports, at any depth, in full."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "relative imports hide their layer"
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return names
+
+
+@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.py")), ids=lambda p: p.stem)
+def test_imports_point_down(path):
+    allowed = ("camopt.scene", "camopt.cam", "camopt.verify") + (("camopt.exact",) if path.stem == "verdict" else ())
+    for name in imported(path):
+        assert name.split(".")[0] not in ("jax", "jaxlib", "diffrax", "equinox", "optax")
+        assert not name.startswith("camopt") or name.startswith(allowed), f"{path.name} imports {name}"
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_methods_share_only_train_lift_and_response(method):
+    ours = {name for name in imported(FOLDER / f"{method}.py") if name.startswith("camopt")}
+    shared = {"camopt.cam.lift.Lift", "camopt.scene.response.Response", "camopt.scene.response.Revolve"}
+    assert ours <= shared | {"camopt.scene.train.Train", "camopt.scene.train.GROUND"}
+
+
+def test_the_reader_of_imports_sees_them():
+    assert "camopt.exact.engine" in imported(FOLDER / "verdict.py")
+
+
+def test_a_fresh_import_leaves_no_jax_and_no_exact_path():
+    code = (
+        "import sys, camopt.verify\n"
+        "from camopt.verify import measure, settle, verify\n"
+        "from camopt.verify import rkg, tmm, houbolt\n"
+        "print([m for m in sys.modules if m.split('.')[0] in ('jax', 'jaxlib') or m.startswith('camopt.exact')])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
