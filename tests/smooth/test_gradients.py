@@ -1,0 +1,170 @@
+"""Gradients of the smooth path against central differences of event-exact: the acceptance of this path."""
+
+import dataclasses
+from functools import cache, partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.interpolate import BSpline, PPoly
+
+from camopt.cam.lift import Lift
+from camopt.exact.engine import prepare as prepare_exact
+from camopt.scene.response import end_state, joined
+from camopt.scene.units import DEG
+from camopt.smooth.metrics import revolution_metrics
+from camopt.smooth.simulate import EPS, lift_samples, response_arrays, touch_layer
+from camopt.smooth.system import build_system, rest_state
+from camopt.verify.hermite import Hermite
+from camopt.verify.metrics import measure
+from tests.smooth.trains import kodama
+
+METRICS = ("seating_velocity_m_per_s", "contact_force_min_N", "closed_integral_m2_rad")
+BUMPS = 10
+STEPS = 2560
+
+
+@cache
+def bump(i: int) -> Lift:
+    """A quintic B-spline on the lift, 24 degrees wide, the ten of them spread over the event."""
+    knots = (np.linspace(-60.0, 60.0, BUMPS)[i] + np.linspace(-12.0, 12.0, 7)) * DEG
+    pieces = PPoly.from_spline(BSpline.basis_element(knots).tck)
+    inside = [
+        k for k in range(len(pieces.x) - 1) if pieces.x[k] < pieces.x[k + 1] and knots[0] <= pieces.x[k] < knots[-1]
+    ]
+    rows = np.vstack([np.zeros(6), pieces.c[::-1, inside].T, np.zeros(6)])
+    return Lift(np.concatenate([[-np.pi], knots, [np.pi]]), rows, 1.0)
+
+
+def with_bump(lift: Lift, i: int, height: float) -> Lift:
+    return lift.shifted(dataclasses.replace(bump(i), coefficients=height * bump(i).coefficients))
+
+
+def exact_metrics(train, lift, cam_speed, state) -> np.ndarray:
+    """The metrics of the revolution from `state` by event-exact, measured on the verifier's side."""
+    revolve = prepare_exact(train, lift, cam_speed, 2880)
+    first = revolve(state)
+    record = joined([first, revolve(end_state(first))])
+    found = measure(record, lift)
+    seat = Hermite(record.angle, record.seat_separation(), record.v[:, train.valve] / cam_speed)
+    inside = record.angle <= np.pi
+    top = record.angle[np.argmax(np.where(inside, record.seat_separation(), -np.inf))]
+    touch = seat.falls_through_zero(top, 2 * np.pi)[0]
+    node, weight = np.polynomial.legendre.leggauss(4)
+    knots = np.concatenate([[touch], seat.angle[(seat.angle > touch) & (seat.angle <= np.pi)]])
+    width, middle = 0.5 * np.diff(knots), 0.5 * (knots[1:] + knots[:-1])
+    s = np.maximum(0.0, seat(middle[:, None] + width[:, None] * node))
+    closed = np.sum(width[:, None] * weight * s**2)
+    return np.array([found[METRICS[0]][0], found[METRICS[1]][0], closed])
+
+
+@partial(jax.jit, static_argnames="half_duration")
+def smooth_values(system, samples, cam_speed, y0, half_duration, opening_foot):
+    motion = response_arrays(system, samples, cam_speed, y0, EPS, steps=STEPS)
+    found = revolution_metrics(system, motion, cam_speed, half_duration, opening_foot, layer=touch_layer(EPS))
+    return jnp.stack([found[name] for name in METRICS])
+
+
+by_samples = jax.jit(jax.jacrev(smooth_values, argnums=1), static_argnames="half_duration")
+
+
+def relative(found, reference) -> float:
+    return float(np.linalg.norm(found - reference) / np.linalg.norm(reference))
+
+
+def settled_state(train, lift, cam_speed, revolutions: int) -> np.ndarray:
+    state, revolve = np.asarray(rest_state(train)).ravel(), prepare_exact(train, lift, cam_speed)
+    for _ in range(revolutions):
+        state = end_state(revolve(state))
+    return state
+
+
+CASES = {
+    "calm cam from rest": ((2, 10, 18, 26, 34), 5000, 0),
+    "calm cam settled": ((2, 6, 10, 14, 18), 5000, 8),
+    "bouncing 0.04 mm": ((2, 10, 18, 26, 34), 6000, 8),
+    "bouncing 0.06 mm": ((2, 6, 10, 14, 18), 6000, 8),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_gradients_by_cam_coefficients_are_those_of_the_exact_motion(case):
+    exponents, rpm, revolutions = CASES[case]
+    scene, train, lift = kodama(exponents)
+    speed = scene.cam_speed(rpm)
+    state = settled_state(train, lift, speed, revolutions)
+    step = 1e-8  # of 10 nm: between the curvature of the truth and its rounding, both below 1e-3 here
+    reference = np.stack(
+        [
+            (
+                exact_metrics(train, with_bump(lift, i, step), speed, state)
+                - exact_metrics(train, with_bump(lift, i, -step), speed, state)
+            )
+            / (2 * step)
+            for i in range(BUMPS)
+        ],
+        axis=1,
+    )
+    arguments = (
+        jnp.asarray(lift_samples(lift)),
+        speed,
+        jnp.asarray(state.reshape(2, -1)),
+        lift.half_duration,
+        lift.opening_foot,
+    )
+    jacobian = np.asarray(by_samples(build_system(train), *arguments))
+    basis = np.stack([lift_samples(bump(i)) for i in range(BUMPS)])
+    found = np.einsum("qmk,imk->qi", jacobian, basis)
+    value = smooth_values(build_system(train), *arguments)
+    exact = exact_metrics(train, lift, speed, state)
+    assert value[0] == pytest.approx(exact[0], rel=1e-3)
+    assert relative(found[0], reference[0]) < 1e-2
+    if rpm == 5000:
+        assert exact[1] > 10.0
+        assert relative(found[1], reference[1]) < 1e-2
+        assert value[2] < 1e-18  # no bounce: what is left is the layer, 1e-8 m wide
+    else:
+        assert value[1] == exact[1] == 0.0  # the cam jumps: the least force is zero and stays so
+        assert not np.any(found[1]) and not np.any(reference[1])
+        assert value[2] == pytest.approx(exact[2], rel=1e-2)
+        assert relative(found[2], reference[2]) < 1e-2
+
+
+def test_gradients_by_the_train_are_those_of_the_exact_motion():
+    """Stiffness, damping, preload, gap and mass, the state at rest moving along."""
+    scene, train, lift = kodama()
+    speed = scene.cam_speed(5000)
+    samples = jnp.asarray(lift_samples(lift))
+
+    def seating(system):
+        values = smooth_values(system, samples, speed, rest_state(train, system), lift.half_duration, lift.opening_foot)
+        return values[0]
+
+    system = build_system(train)
+    gradient = jax.jit(jax.grad(seating))(system)
+    seat = train.seat
+    for name, i in (("stiffness", 3), ("damping", seat - 1), ("preload", seat), ("gap", 2), ("mass", 4)):
+        step = 1e-5 * getattr(train, name)[i]
+        pair = []
+        for sign in (1.0, -1.0):
+            values = getattr(train, name).copy()
+            values[i] += sign * step
+            changed = dataclasses.replace(train, **{name: values})
+            pair.append(exact_metrics(changed, lift, speed, np.asarray(rest_state(changed)).ravel())[0])
+        reference = (pair[0] - pair[1]) / (2 * step)
+        assert reference != 0.0
+        assert float(getattr(gradient, name)[i]) == pytest.approx(reference, rel=2e-2), name
+
+
+def test_forward_mode_agrees_with_reverse_mode():
+    scene, train, lift = kodama()
+    speed, y0 = scene.cam_speed(6000), rest_state(train)
+    samples, direction = jnp.asarray(lift_samples(lift)), jnp.asarray(lift_samples(bump(7)))
+    arguments = speed, y0, lift.half_duration, lift.opening_foot
+    system = build_system(train)
+    _, forward = jax.jvp(lambda s: smooth_values(system, s, *arguments), (samples,), (direction,))
+    reverse = by_samples(system, samples, *arguments)
+    np.testing.assert_allclose(forward, jnp.einsum("qmk,mk->q", reverse, direction), rtol=1e-7)
+    assert eqx.tree_equal(build_system(train), system)

@@ -1,0 +1,115 @@
+"""The scan: its order, its agreement with diffrax and with event-exact, its batches, its refusals."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.interpolate import CubicHermiteSpline
+from scipy.linalg import expm
+
+from camopt.exact.engine import prepare as prepare_exact
+from camopt.scene import InputError, MotionRefused
+from camopt.smooth.scan import integrate, lift_at
+from camopt.smooth.simulate import compiled_response, equal_grid, lift_samples, prepare, simulate_smooth
+from camopt.smooth.system import build_system, rest_state
+from tests.smooth.trains import ball, kodama
+
+
+def valve_difference_mm(one, other) -> float:
+    """Largest difference of the valve's position between two records of one revolution [mm]."""
+    valve, speed = one.train.valve, one.cam_speed
+    curve = CubicHermiteSpline(one.angle, one.x[:, valve], one.v[:, valve] / speed)
+    return float(np.max(np.abs(curve(other.angle) - other.x[:, valve]))) * 1e3
+
+
+def test_lift_between_samples_is_the_cubic_and_linear_in_the_samples():
+    _, _, lift = kodama()
+    samples, theta = lift_samples(lift), np.linspace(-np.pi, np.pi, 977)
+    value, slope = lift_at(jnp.asarray(samples), jnp.asarray(theta))
+    np.testing.assert_allclose(value, lift(theta), atol=1e-10)  # h^4 |lift''''| / 384 with h = 2.2 mrad: 2e-11 m
+    np.testing.assert_allclose(slope, lift(theta, 1), atol=1e-7)
+    double, _ = lift_at(jnp.asarray(2 * samples), jnp.asarray(theta))
+    np.testing.assert_allclose(double, 2 * value, rtol=1e-14)
+
+
+def test_the_scan_is_of_order_five_against_the_matrix_exponential():
+    train = ball(0.05, 3e4, 6.0)
+    start = np.array([-2e-4, 0.05])  # pressed in, and never released: linear
+    train = dataclasses.replace(train, mass_force=np.array([-30.0]))
+    matrix = np.array([[0.0, 1.0], [-3e4 / 0.05, -6.0 / 0.05]])
+    rest = np.array([-1e-3, 0.0])
+    exact = rest + expm(matrix * 2e-2) @ (start - rest)
+    counts = np.array([20, 40, 80, 160])
+    flat = jnp.zeros((3, 2))
+    errors = []
+    for count in counts:
+        states = integrate(
+            build_system(train), flat, np.pi / 1e-2, jnp.asarray(start[:, None]), equal_grid(count), 1e-9
+        )
+        errors.append(np.linalg.norm(np.asarray(states[-1, :, 0]) - exact))
+    order = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    assert order == pytest.approx(5.0, abs=0.25)
+
+
+def test_the_scan_and_diffrax_agree_and_both_meet_the_exact_motion():
+    scene, train, lift = kodama()
+    speed = scene.cam_speed(6000)
+    state = np.asarray(rest_state(train)).ravel()
+    scan = prepare(train, lift, speed)(state)
+    check = prepare(train, lift, speed, method="tsit5", tolerance=1e-11)(state)
+    exact = prepare_exact(train, lift, speed)(state)
+    # 1e-8 m of layer at 0.1 to 1 m/s shift the motion by 1e-5 mm or less; diffrax steps over the layers: 8e-5 mm
+    assert valve_difference_mm(scan, exact) < 2e-5
+    assert valve_difference_mm(scan, check) < 3e-4
+    assert np.max(scan.force[:, 1]) == pytest.approx(np.max(exact.force[:, 1]), rel=5e-3)  # sampled peaks
+
+
+def test_equal_steps_converge_to_the_refined_motion_from_above():
+    scene, train, lift = kodama()
+    speed = scene.cam_speed(5000)
+    state = np.asarray(rest_state(train)).ravel()
+    fine = prepare(train, lift, speed, eps=1e-6)(state)
+    errors = [valve_difference_mm(prepare(train, lift, speed, n, eps=1e-6)(state), fine) for n in (1440, 5760, 23040)]
+    assert errors[0] > 3 * errors[1] > 9 * errors[2]
+    assert errors[2] < 1e-4
+
+
+def test_a_batch_of_speeds_is_what_each_gives_alone():
+    scene, train, lift = kodama()
+    system, samples, y0 = build_system(train), jnp.asarray(lift_samples(lift)), rest_state(train)
+    speeds = jnp.asarray([scene.cam_speed(r) for r in (5000.0, 6000.0)])
+    many = jax.vmap(lambda speed: compiled_response(system, samples, speed, y0))(speeds)
+    for i, speed in enumerate(speeds):
+        alone = compiled_response(system, samples, speed, y0)
+        assert np.max(np.abs(many.x[i, -1] - alone.x[-1])) < 1e-9  # rounding, grown by the contacts
+
+
+def test_two_revolutions_are_one_after_the_other():
+    scene, train, lift = kodama()
+    record = simulate_smooth(train, lift, scene.cam_speed(5000), revolutions=2)
+    assert record.revolutions == 2
+    assert np.all(np.diff(record.angle) >= 0)
+    arrays = compiled_response(
+        build_system(train), jnp.asarray(lift_samples(lift)), record.cam_speed, rest_state(train), revolutions=2
+    )
+    np.testing.assert_allclose(arrays.x[-1], record.x[-1], atol=1e-9)
+
+
+def test_too_few_steps_are_refused_and_bad_arguments_named():
+    scene, train, lift = kodama()
+    speed = scene.cam_speed(5000)
+    state = np.asarray(rest_state(train)).ravel()
+    arrays = compiled_response(
+        build_system(train), jnp.asarray(lift_samples(lift)), speed, rest_state(train), steps=256
+    )
+    assert np.all(np.isnan(arrays.x))
+    with pytest.raises(MotionRefused, match="no grid"):
+        prepare(train, lift, speed, 200)(state)  # beyond the stability limit
+    with pytest.raises(InputError, match="eps"):
+        prepare(train, lift, speed, eps=0.0)
+    with pytest.raises(InputError, match="ramp"):
+        prepare(train, lift, speed, ramp="cubic")
+    with pytest.raises(InputError, match="method"):
+        prepare(train, lift, speed, method="euler")(state)
