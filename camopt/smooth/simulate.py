@@ -59,10 +59,10 @@ def response_arrays(
 
     def revolve(y, _):
         if refine:
-            angle = refined_grid(system, samples, cam_speed, y, eps, tolerance, steps, ramp)
+            angle, known = refined_grid(system, samples, cam_speed, y, eps, tolerance, steps, ramp)
         else:
-            angle = jnp.asarray(equal_grid(steps), y.dtype)
-        states = integrate(system, samples, cam_speed, y, angle, eps, ramp)
+            angle, known = jnp.asarray(equal_grid(steps), y.dtype), None
+        states = integrate(system, samples, cam_speed, y, angle, eps, ramp, known)
         lift, lift_dtheta = lift_at(samples, angle)
         force = jax.vmap(lambda y, l, l_dt: system.force(y, l, l_dt, eps, ramp))(states, lift, lift_dtheta * cam_speed)
         arrived = angle[-1] >= jnp.asarray(jnp.pi, y.dtype)
