@@ -27,7 +27,7 @@ from camopt.storage import create_run_folder, default_run_folder, write_json, wr
 from camopt.verify.verdict import Verdict, verify
 
 PACKAGES = ("camopt", "jax", "diffrax", "optax", "numpy", "scipy", "numba", "matplotlib")
-CANDIDATES = 3
+CANDIDATES = 4
 """Confirmed cams of the search, largest first, that the full verdict may be asked about."""
 
 
@@ -103,7 +103,7 @@ def _search(
     cam = free_cam(scene.design, effort.knot_deg)
     program_speeds, judged_speeds = design_speeds(scene.operation, speeds, effort)
     program = no_jump_program(build_train(scene), scene.design, cam, [scene.cam_speed(s) for s in program_speeds])
-    search = Search(Judge(scene, judged_speeds), Journal(folder), show)
+    search = Search(Judge(scene, judged_speeds, effort.judge_stride if speeds == "band" else 1), Journal(folder), show)
     program = no_jump_stage(search, program)
     no_jump = search.best
     assert no_jump is not None, "the stage raises where nothing is confirmed"

@@ -19,7 +19,7 @@ CLIP_STEP = 1e-4
 """Longest step over a clip, as a phase [rad] of the stiffest motion."""
 EDGE = 1e-3
 """Longest step over the edge of a layer, in units of eps; between its edges the law is a polynomial."""
-LEAST_STEPS = 1440
+LEAST_STEPS = 720
 """Steps per revolution at least: no event of a cam is shorter."""
 ATTEMPTS = 1.5
 """Attempted steps per step kept; about 1.3 on bouncing motions of `kodama`."""
@@ -45,8 +45,8 @@ def refined_grid(system: System, samples, cam_speed, y0, eps, tolerance, steps: 
     """Angles (steps + 1) from -pi [rad] and states (steps + 1, 2, n) there; one revolution from y0 (2, n).
 
     `tolerance` [m] is the error permitted per step in the positions, and times the stiffest frequency in the
-    velocities. Where fewer `steps` are needed the last sample is repeated; where they do not suffice its angle falls short
-    of pi. No derivative passes through.
+    velocities. Where fewer `steps` are needed the last sample is repeated; where they do not suffice its angle falls
+    short of pi. No derivative passes through.
     """
     system, samples, cam_speed, y0, eps = jax.lax.stop_gradient((system, samples, cam_speed, y0, eps))
     frequency = system.stiffest()
