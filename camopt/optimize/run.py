@@ -166,7 +166,7 @@ class _Progress:
         self._bar.set_description(line["stage"])
         best = line["best_area_ratio"]
         self._bar.set_postfix_str(
-            f"best area ratio {best:.4f}" * (best is not None)
+            ("no confirmed cam yet" if best is None else f"best area ratio {best:.4f}")
             + f", bounce {line['worst_bounce_mm']:.3f} mm, worst at {line['worst_speed_rpm']:.0f} r/min"
         )
         self._bar.update(1)

@@ -57,7 +57,7 @@ def refined_grid(system: System, samples, cam_speed, y0, eps, tolerance, steps: 
         last = at.angle + at.width >= end
         width = jnp.where(last, end - at.angle, at.width)
         h = width / cam_speed
-        lift, lift_dtheta = lift_at(samples, at.angle + width * NODES)
+        lift, lift_dtheta = lift_at(samples, at.angle + width * jnp.asarray(NODES, end.dtype))
         lift_dt = lift_dtheta * cam_speed
         slopes = stage_slopes(system, at.y, at.slope, h, lift, lift_dt, eps, ramp)
         y = combine(at.y, h, WEIGHTS, slopes)

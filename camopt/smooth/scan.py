@@ -64,7 +64,7 @@ def integrate(system: System, samples, cam_speed, y0, angle, eps, ramp: str = "c
     move the motion off its grid.
     """
     h = jnp.diff(angle) / cam_speed
-    theta = angle[:-1, None] + jnp.diff(angle)[:, None] * NODES[None, :]
+    theta = angle[:-1, None] + jnp.diff(angle)[:, None] * jnp.asarray(NODES, angle.dtype)[None, :]
     lift, lift_dtheta = lift_at(samples, theta)
 
     @partial(jax.checkpoint, prevent_cse=False)  # keeping the stages for the way back costs more than their repetition
