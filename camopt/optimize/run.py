@@ -18,6 +18,7 @@ from camopt.optimize.accuracy import Accuracy, accuracy_named, design_speeds
 from camopt.optimize.bound import area_ratio_bound
 from camopt.optimize.journal import Journal
 from camopt.optimize.judge import Judge
+from camopt.optimize.kinematic import kinematic_optimum
 from camopt.optimize.no_jump import NoJumpOptimum, no_jump_program
 from camopt.optimize.no_jump_stage import Search, no_jump_stage
 from camopt.scene.schema import Scene
@@ -64,7 +65,10 @@ def optimize(
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
     effort = accuracy_named(accuracy)
-    certificate = area_ratio_bound(design)  # contradictory limits end here, before a folder is made
+    kinematic_optimum(
+        design, free_cam(design, effort.knot_deg)
+    )  # contradictory limits end here, before a folder is made
+    certificate = area_ratio_bound(design)
     folder = create_run_folder(out or default_run_folder(scene.name), resume)
     write_text(folder / "scene.toml", tomli_w.dumps(scene.model_dump(exclude_none=True, exclude_defaults=True)))
     settings = {"speeds": speeds, "accuracy": accuracy, "gradient": gradient, "seed": seed}
