@@ -13,6 +13,7 @@ _PUBLIC = {
     "energy": "energy",
     "Energy": "energy",
     "measure": "metrics",
+    "periodic_state": "periodic",
     "settle": "settle",
     "Settled": "settle",
     "verify": "verdict",
