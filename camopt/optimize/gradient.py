@@ -19,7 +19,7 @@ from camopt.optimize.sensitivity import Sensitivity
 
 WIDTH = 8
 """Speeds whose metrics are linearised in a step: those that use their limits most."""
-FIRST_TRUST_N, LEAST_TRUST_N = 40.0, 1.0
+FIRST_TRUST_N, LEAST_TRUST_N = 40.0, 0.25
 """Trust region at the start, and where the stage ends."""
 TRUST_BY_KIND = np.array([1.0, 0.2, 1.0])
 """Part of the trust region that opening flank, closing flank and seat forces may use: a contact that parts on the
