@@ -20,6 +20,8 @@ MOST_SWITCHINGS = 20_000
 """Contact switchings in one revolution beyond which the motion is refused as chatter."""
 AT_ONCE = 4
 """Steps that one span takes where no samples are wanted."""
+MOST_AT_ONCE = 8
+"""Steps between two samples at most."""
 FEWEST_STEPS = 360
 """Steps per revolution at least, however slow the train."""
 
@@ -36,19 +38,19 @@ class EventExact:
     def __init__(self, train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int | None = None):
         self.train, self.lift, self.cam_speed = train, lift, cam_speed
         self.period = 2 * np.pi / cam_speed
-        self.step = _step(train, self.period, steps_per_revolution)
+        self.step, self._per_sample = _step(train, self.period, steps_per_revolution)
         self._laws = train_arrays(train)
         self._cam = lift.borders, lift.coefficients, cam_speed
         self._rows: np.ndarray | None = None
 
     def __call__(self, state: np.ndarray) -> Response:
-        """One revolution from -pi to pi from a state (2n: [m], then [m/s]), sampled at every step, switching and
-        piece border. Raises MotionRefused for endless switching or a motion without bound."""
+        """One revolution from -pi to pi from a state (2n: [m], then [m/s]), sampled as asked and at every
+        switching and piece border. Raises MotionRefused for endless switching or a motion without bound."""
         n, e = len(self.train.mass), len(self.train.a)
         if self._rows is None:
             samples = int(self.period / self.step) + len(self.lift.borders) + 2 * MOST_SWITCHINGS + 16
             self._rows = np.empty((samples, 2 + 2 * n + e))
-        count, _ = self._revolve(np.array(state, dtype=float), self._rows, self._tables(1))
+        count, _ = self._revolve(np.array(state, dtype=float), self._rows, self._tables(self._per_sample))
         done = self._rows[:count].copy()
         angle = done[:, 0] * self.cam_speed - np.pi
         angle[-1] = np.pi
@@ -92,8 +94,9 @@ class EventExact:
 def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int | None = None) -> EventExact:
     """One event-exact revolution as a function of its start state (2n), with `advance` for the end state alone.
 
-    `cam_speed` [rad/s]. The step decides only how often the motion is sampled and how finely switchings are sought; by
-    default it follows the highest mode and is the same at all speeds, so that one set of tables serves them.
+    `cam_speed` [rad/s]. `steps_per_revolution` says how often the motion is sampled and is no dial of accuracy: within,
+    switchings are sought in steps that follow the highest mode. By default these are the samples too; they are the
+    same at all speeds, so that one set of tables serves them.
     """
     return EventExact(train, lift, cam_speed, steps_per_revolution)
 
@@ -124,9 +127,16 @@ def advance_many(
         return np.array(list(pool.map(end, range(k))))
 
 
-def _step(train: Train, period: float, steps_per_revolution: int | None) -> float:
-    """Step [s]: what is asked or finer; by default halved until a revolution has enough, so that speeds share it."""
+def _step(train: Train, period: float, steps_per_revolution: int | None) -> tuple[float, int]:
+    """(step [s], steps per sample): the default or finer, and a whole number of them between samples where asked.
+
+    The default is halved until a revolution has enough steps, so that most speeds share it and its tables.
+    """
     default = default_step(train)
-    if steps_per_revolution is not None:
-        return min(period / steps_per_revolution, default, period / FEWEST_STEPS)
-    return default / 2.0 ** max(0, int(np.ceil(np.log2(default * FEWEST_STEPS / period))))
+    default /= 2.0 ** max(0, int(np.ceil(np.log2(default * FEWEST_STEPS / period))))
+    if steps_per_revolution is None:
+        return default, 1
+    wanted = max(1, int(np.ceil(period / steps_per_revolution / default * (1 - 1e-12))))
+    finer = -(-wanted // MOST_AT_ONCE)  # more samples than asked, where a whole span of steps does not reach the next
+    per_sample = -(-wanted // finer)
+    return period / steps_per_revolution / (finer * per_sample), per_sample

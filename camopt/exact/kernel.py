@@ -57,7 +57,7 @@ def element_forces(laws, status, lift, lift_rate, x, v, force):
 @numba.njit(cache=True, nogil=True)
 def classify(laws, lift, lift_rate, x, v, status):
     """Contact states of an arbitrary state: pushing where both the elastic and the whole force are positive."""
-    a, b, contact, cam_driven, stiffness, damping, preload, gap = laws[3:]
+    a, b, contact, cam_driven, stiffness, _, preload, gap = laws[3:]
     whole = np.zeros(len(a))
     status[:] = ACTING
     element_forces(laws, status, lift, lift_rate, x, v, whole)
@@ -153,7 +153,7 @@ def record(rows, count, t, laws, status, y, h):
 def revolve(laws, cam, h, tables, state, rows, most):
     """One revolution from `state` (2n, changed in place); returns (code, samples or missing key, switchings).
 
-    With `rows` it is sampled at every step, switching and border; without (no rows), only the end is found. `most`
+    With `rows` it is sampled at every span, switching and border; without (no rows), only the end is found. `most`
     switchings are allowed. `cam` holds borders, coefficients and speed.
     """
     borders, pieces, cam_speed = cam
@@ -176,7 +176,7 @@ def revolve(laws, cam, h, tables, state, rows, most):
         if slot < 0:
             return NEED_TABLES, key, switchings
         border = (borders[piece + 1] - borders[0]) / cam_speed if piece + 2 < len(borders) else period
-        target = min((step + 1) * h, period) if sampled else t + span
+        target = min((step + 1) * span, period) if sampled else t + span
         if abs(target - border) < 1e-11 * h:
             target = border
         end = max(t, min(target, border))

@@ -115,7 +115,7 @@ class Propagators:
             powers = np.concatenate([powers, leap @ powers])
             leap = leap @ leap
         powers = powers[: m * NODES + 1]
-        watched = [(e, law) for e in self.contacts for law in _laws(status[e])]
+        watched = [(int(e), law) for e in self.contacts for law in _laws(status[e])]
         rows = np.array([self._watch(e, law, status[e]) for e, law in watched]).reshape(-1, c)
         series = [rows]
         for k in range(1, TERMS + 1):
