@@ -22,8 +22,7 @@ FLOOR_MS = 0.040
 def ratios(rows: list[dict]) -> dict[str, float | None]:
     """Time at TARGET_MM of the first revolution over event-exact's at 300 samples, by method.
 
-    Interpolated on the logarithms between the settings about the target, taken as a line through errors that fall as
-    time grows; None where the method did not get there.
+    Interpolated on the logarithms between the first setting that gets there and the one before; None where none does.
     """
     ours = rows[0]["ms"]
     found = {}
@@ -34,7 +33,6 @@ def ratios(rows: list[dict]) -> dict[str, float | None]:
 
 
 def _time_at(points: list[tuple[float, float]]) -> float | None:
-    points = sorted(points, key=lambda p: p[1])
     for i, (error, ms) in enumerate(points):
         if error <= TARGET_MM:
             if i == 0:
@@ -44,7 +42,7 @@ def _time_at(points: list[tuple[float, float]]) -> float | None:
     return None
 
 
-@njit(nogil=True)
+@njit(cache=True, nogil=True)
 def _spans(times, tables, slot, y, columns, count, out):
     steps = 0
     for _ in range(times):
@@ -53,7 +51,7 @@ def _spans(times, tables, slot, y, columns, count, out):
     return steps
 
 
-@njit(nogil=True)
+@njit(cache=True, nogil=True)
 def _searches(times, tables, slot, y, columns, out, scratch):
     found = 0.0
     for _ in range(times):
@@ -61,7 +59,7 @@ def _searches(times, tables, slot, y, columns, out, scratch):
     return found
 
 
-@njit(nogil=True)
+@njit(cache=True, nogil=True)
 def _jumps(times, laws, status, nodes, h, columns, y, scratch, work):
     for i in range(times):
         jump(laws, status, nodes, h, columns, 0.03 + (i % 60) / 16.0, y.copy(), scratch[0], work)
@@ -133,7 +131,8 @@ def print_table(content: dict) -> None:
     for r in content["methods"]:
         numbers = [*r["error_mm"], r["ms"], r["first_call_ms"]]
         cells = ["-" if v is None else f"{v:.3g}" for v in numbers]
-        print(f"{r['method']:26s}{r['setting']:16s}{cells[0]:>16s}{cells[1]:>12s}{cells[2]:>10s}{cells[3]:>15s}")
+        cells[3] += "  " + r.get("failure", "")
+        print(f"{r['method']:26s}{r['setting']:16s}{cells[0]:>16s}{cells[1]:>12s}{cells[2]:>10s}    {cells[3]}")
     for name, ratio in content["times_slower_than_event_exact"].items():
         print(f"{name}: " + ("does not reach 1e-6 mm" if ratio is None else f"{ratio:.0f} times slower at 1e-6 mm"))
     print("parts of a revolution:", content["parts"])
