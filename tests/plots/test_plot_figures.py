@@ -199,3 +199,12 @@ def test_modes_say_what_they_leave_out():
 def test_a_figure_can_be_saved(tmp_path):
     for path in save(profiles([("design", bump(9.0))], DESIGN), tmp_path, "profiles"):
         assert path.stat().st_size > 5000
+
+
+def test_campbell_dots_lie_where_a_ray_meets_a_frequency_inside_the_band():
+    from camopt.plots.campbell import campbell
+
+    axes = campbell([350.0], [6, 7], (5000, 7000), 0.5).axes[0]
+    dots = [(float(line.get_xdata()[0]), float(line.get_ydata()[0])) for line in axes.lines if line.get_marker() == "o"]
+    # 350 Hz is order 7 at 6000 r/min and order 6 at 7000 r/min (cam at half speed)
+    assert sorted(dots) == [(6000.0, 350.0), (7000.0, 350.0)]
