@@ -31,7 +31,7 @@ def panels(
     """Rows of panels over a shared abscissa with one legend. Cam families keep their own colour; other labels get one
     in the order in which they first appear."""
     labels = list(dict.fromkeys(label for row in rows for panel in row for label, _, _ in panel.curves))
-    line = {label: _line(label, i) for i, label in enumerate(labels)}
+    line = _lines(labels)
     figure = new_figure(width, 0.9 + row_height * len(rows))
     grid = figure.subplots(len(rows), len(rows[0]), sharex=True, sharey="row" if sharey else False, squeeze=False)
     for axes_row, row in zip(grid, rows, strict=True):
@@ -54,9 +54,16 @@ def panels(
     return figure
 
 
-def _line(label: str, place: int) -> dict:
-    if family_of(label):
-        return cam_line(label)
-    colours = [colour for colour, _ in CAMS.values()]
-    dashes = ("-", (0, (5, 1.3)), (0, (2, 1)))[place // len(colours) % 3]
-    return {"color": colours[place % len(colours)], "linestyle": dashes, "linewidth": 1.1}
+def _lines(labels: Sequence[str]) -> dict[str, dict]:
+    """Line properties by label: cams as everywhere, the others in the colours that no cam here has taken."""
+    own = {family_of(label) for label in labels}
+    free = [colour for family, (colour, _) in CAMS.items() if family not in own]
+    lines, taken = {}, 0
+    for label in labels:
+        if family_of(label):
+            lines[label] = cam_line(label)
+            continue
+        dashes = ("-", (0, (5, 1.3)), (0, (2, 1)))[taken // len(free) % 3]
+        lines[label] = {"color": free[taken % len(free)], "linestyle": dashes, "linewidth": 1.1}
+        taken += 1
+    return lines
