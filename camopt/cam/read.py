@@ -81,6 +81,17 @@ FAMILIES = {
             "jerk": ("jerk", yes_or_no),
         },
     ),
+    "exponent": Family("camopt.cam.families.exponent", "exponent", {"exponents": ("exponents", numbers)}),
+    "kurz": Family(
+        "camopt.cam.families.kurz",
+        "kurz",
+        {"sections_deg": ("sections_deg", numbers), "a23_mm_per_deg2": ("a23", number), "jerk": ("jerk", yes_or_no)},
+    ),
+    "trapezoid": Family(
+        "camopt.cam.families.trapezoid",
+        "trapezoid",
+        {"sections_deg": ("sections_deg", numbers), "jerk": ("jerk", yes_or_no)},
+    ),
 }
 
 

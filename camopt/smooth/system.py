@@ -83,15 +83,6 @@ class System(eqx.Module):
 
 def build_system(train: Train, dtype=jnp.float64) -> System:
     """The differentiable system of a train."""
-    arrays = (
-        train.mass,
-        train.mass_damping,
-        train.mass_force,
-        train.stiffness,
-        train.damping,
-        train.preload,
-        train.gap,
-    )
     topology = Topology(
         tuple(map(int, train.a)),
         tuple(map(int, train.b)),
@@ -101,7 +92,8 @@ def build_system(train: Train, dtype=jnp.float64) -> System:
         train.seat,
         tuple(map(int, train.cam_side)),
     )
-    return System(*(jnp.asarray(a, dtype) for a in arrays), topology)
+    names = "mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap"
+    return System(**{name: jnp.asarray(getattr(train, name), dtype) for name in names}, topology=topology)
 
 
 def rest_state(train: Train, system: System | None = None) -> jax.Array:

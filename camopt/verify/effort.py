@@ -42,9 +42,11 @@ def verify_cam(
 ) -> Verdict:
     """Judge a cam at `speeds_rpm` (crankshaft; the scene's by default) and over the scene's band.
 
-    `methods` "all" or one of "event", "rkg", "tmm", "houbolt": one method alone gives figures but no agreement, and so
-    never confirms. `accuracy`: a name of EFFORTS or micrometres. Raises InputError for what cannot be judged.
+    `methods` "all" (for "draft" its two) or one of "event", "rkg", "tmm", "houbolt": one method alone gives figures but
+    no agreement, and so never confirms. `accuracy`: a name of EFFORTS or micrometres. Raises InputError for what cannot
+    be judged.
     """
     effort = effort_of(accuracy)
-    asked = METHODS if methods == "all" else (methods,)
+    every = effort.methods if accuracy == "draft" else METHODS
+    asked = every if methods == "all" else (methods,)
     return verify(scene, lift, speeds_rpm, asked, effort.band_step_rpm, effort.tolerance_um)

@@ -24,14 +24,15 @@ from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
 
 SHORTEST = 2.0 * DEG
 """Shortest section of a searched member: without a jerk limit some sections shrink as far as they are let."""
-PARTS = 60
-"""Parts of a flank with control points of their own: they exceed the acceleration by about 1e-3 of it."""
+FINE, COARSE = 60, 20
+"""Parts of a flank with control points of their own: they exceed the acceleration by about 1e-3 or 1e-2 of it, so that
+a coarse program is the safe side of a fine one, in half the time."""
 HAIR = 1e-9
 """Relative tightening of every limit, so that round-off in the solver cannot break it."""
-STRETCH_PRICE = 10.0
+STRETCH_PRICE = 100.0
 """Area, in maximum lift times half duration, that stretching all limits by their own size costs."""
 TOLERANCES = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-9}
-POPULATION, GENERATIONS, SIMPLEX_STEPS, SEED = 32, 8, 250, 0
+POPULATION, GENERATIONS, SIMPLEX_STEPS, SEED = 32, 8, 200, 0
 
 
 @cache
@@ -47,7 +48,7 @@ def to_bernstein(degree: int, edges: tuple[float, ...]) -> np.ndarray:
     return np.concatenate(parts)
 
 
-def control_points(one: Flank, order: int, parts: int = PARTS, start: float = 0.0) -> np.ndarray:
+def control_points(one: Flank, order: int, parts: int, start: float = 0.0) -> np.ndarray:
     """Rows (c, n) of the control points of the derivative `order` from the angle `start` [rad] to the nose."""
     degree = one.pieces.shape[1] - 1 - order
     factor = np.array([perm(k + order, order) for k in range(degree + 1)], dtype=float)
@@ -64,29 +65,35 @@ def control_points(one: Flank, order: int, parts: int = PARTS, start: float = 0.
     return np.concatenate(found)
 
 
-def limit_rows(one: Flank, design: Design, jerk: bool) -> tuple[np.ndarray, np.ndarray]:
+def limit_rows(one: Flank, design: Design, jerk: bool, parts: int) -> tuple[np.ndarray, np.ndarray]:
     """Rows (r, n) and bounds (r) with rows @ x <= bound: the design's limits, each relative to its own size."""
     half = one.borders[-1]
-    parts = []
-    acceleration = control_points(one, 2)
+    groups = []
+    acceleration = control_points(one, 2, parts)
     if design.acceleration_max_mm_per_deg2 is not None:
-        parts.append((acceleration / (design.acceleration_max_mm_per_deg2 * MM_PER_DEG2), 1.0))
+        groups.append((acceleration / (design.acceleration_max_mm_per_deg2 * MM_PER_DEG2), 1.0))
     if design.acceleration_min_mm_per_deg2 is not None:
-        parts.append((acceleration / (design.acceleration_min_mm_per_deg2 * MM_PER_DEG2), 1.0))
+        groups.append((acceleration / (design.acceleration_min_mm_per_deg2 * MM_PER_DEG2), 1.0))
     if design.nose_deg:
         usual = design.max_lift_mm * MM / half**2
-        parts.append((control_points(one, 2, start=half - design.nose_deg * DEG) / usual, 0.0))
+        groups.append((control_points(one, 2, parts, half - design.nose_deg * DEG) / usual, 0.0))
     if jerk and design.jerk_max_mm_per_deg3 is not None:
-        found = control_points(one, 3) / (design.jerk_max_mm_per_deg3 * MM_PER_DEG3)
-        parts += [(found, 1.0), (-found, 1.0)]
-    lift = control_points(one, 0, parts=1)[:-2]  # the last two are the end lift itself
-    parts.append((lift / (design.max_lift_mm * MM), 1.0))
-    bounds = [np.full(len(matrix), bound - HAIR) for matrix, bound in parts]
-    return np.concatenate([matrix for matrix, _ in parts]), np.concatenate(bounds)
+        found = control_points(one, 3, parts) / (design.jerk_max_mm_per_deg3 * MM_PER_DEG3)
+        groups += [(found, 1.0), (-found, 1.0)]
+    lift = control_points(one, 0, 1)[:-2]  # the last two are the end lift itself
+    groups.append((lift / (design.max_lift_mm * MM), 1.0))
+    bounds = [np.full(len(matrix), bound - HAIR) for matrix, bound in groups]
+    return np.concatenate([matrix for matrix, _ in groups]), np.concatenate(bounds)
 
 
 def best_levels(
-    table: SectionTable, one: Flank, design: Design, ramp: Ramp, jerk: bool, given: Mapping[str, float]
+    table: SectionTable,
+    one: Flank,
+    design: Design,
+    ramp: Ramp,
+    jerk: bool,
+    given: Mapping[str, float],
+    parts: int = FINE,
 ) -> tuple[np.ndarray, float, float]:
     """The levels of largest area for one flank, those in `given` [m/rad^order] kept.
 
@@ -95,7 +102,7 @@ def best_levels(
     half, max_lift = one.borders[-1], design.max_lift_mm * MM
     column = max_lift / half ** table.orders()
     fixed = np.array([ramp.height, ramp.velocity])
-    rows, bound = limit_rows(one, design, jerk)
+    rows, bound = limit_rows(one, design, jerk, parts)
     ends = np.stack([one.end(k) * half**k for k in range(len(table.closed_by))]) / max_lift
     area = one.area() / (max_lift * half)
     kept = [given[n] / c if n in given else None for n, c in zip(table.levels, column, strict=True)]
@@ -134,17 +141,18 @@ def best_angles(
     if half <= count * SHORTEST:
         raise InputError(f"{table.family}: {count} sections of at least {SHORTEST / DEG:g} deg need a longer duration")
 
-    def cost(shares: np.ndarray) -> float:
-        _, ratio, stretch = best_levels(table, flank(table, _angles(shares, half)), design, ramp, jerk, {})
+    def cost(shares: np.ndarray, parts: int) -> float:
+        _, ratio, stretch = best_levels(table, flank(table, _angles(shares, half)), design, ramp, jerk, {}, parts)
         return STRETCH_PRICE / 2 * stretch - ratio
 
     box = [(0.0, 1.0)] * (count - 1)
-    known = np.array([_shares(np.array(s) * half, half) for s in starts])
     first = qmc.Sobol(count - 1, scramble=False).random(POPULATION)
-    first[1 : 1 + len(known)] = known
+    for i, start in enumerate(starts):
+        first[i] = _shares(np.array(start) * half, half)
     found = differential_evolution(
         cost,
         box,
+        args=(COARSE,),
         init=first,  # pyright: ignore[reportArgumentType]  # SciPy's annotation forgets that an array may be given
         maxiter=generations,
         tol=1e-6,
@@ -152,7 +160,7 @@ def best_angles(
         rng=np.random.default_rng(seed),
     )
     options = {"maxfev": SIMPLEX_STEPS, "xatol": 1e-5, "fatol": 1e-8}
-    polished = minimize(cost, found.x, method="Nelder-Mead", bounds=box, options=options)
+    polished = minimize(cost, found.x, args=(FINE,), method="Nelder-Mead", bounds=box, options=options)
     return _angles(polished.x, half)
 
 

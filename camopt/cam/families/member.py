@@ -47,7 +47,13 @@ def member(
     else:
         angles = _checked(table, sections_deg, design.duration_deg / 2) * DEG
     one = flank(table, angles)
-    x = _levels(table, one, design, ramp, jerk, given, open_levels)
+    units = dict(zip(table.levels, table.units(), strict=True))
+    si = {n: v * units[n] for n, v in given.items()}
+    if sections_deg is not None and len(open_levels) == len(table.closed_by):
+        x = np.array([ramp.height, ramp.velocity, *(si.get(n, 0.0) for n in table.levels)])
+        x = closed(table, one, x, design.max_lift_mm * MM, open_levels)
+    else:
+        x = _largest(table, one, design, ramp, jerk, si)
     shown = {
         f"{n}_mm_per_deg{k}": v for n, k, v in zip(table.levels, table.orders(), x[2:] / table.units(), strict=True)
     }
@@ -55,14 +61,11 @@ def member(
     return one.lift(x, ramp, table.family, parameters)
 
 
-def _levels(table: SectionTable, one: Flank, design: Design, ramp: Ramp, jerk: bool, given, open_levels) -> np.ndarray:
-    """x (n) of `Flank` for the levels that are given [mm/deg^order]."""
-    units = dict(zip(table.levels, table.units(), strict=True))
-    si = {n: v * units[n] for n, v in given.items()}
-    if len(open_levels) == len(table.closed_by):
-        x = np.array([ramp.height, ramp.velocity, *(si.get(n, 0.0) for n in table.levels)])
-        return closed(table, one, x, design.max_lift_mm * MM, open_levels)
-    x, _, stretch = best_levels(table, one, design, ramp, jerk, si)
+def _largest(
+    table: SectionTable, one: Flank, design: Design, ramp: Ramp, jerk: bool, given: Mapping[str, float]
+) -> np.ndarray:
+    """x (n) of largest area; InputError where the limits cannot be met."""
+    x, _, stretch = best_levels(table, one, design, ramp, jerk, given)
     if stretch > STRETCH_ROUND_OFF:
         raise InputError(
             f"{table.family}: no member found within the limits of [design]; the best breaks one by "

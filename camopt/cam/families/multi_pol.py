@@ -25,8 +25,8 @@ TABLE_1 = SectionTable(
     closed_by=("a45",),
 )
 STARTS = (
-    (0.028, 0.215, 0.029, 0.358, 0.370),
-    (0.139, 0.094, 0.096, 0.381, 0.290),
+    (0.028, 0.218, 0.028, 0.339, 0.387),
+    (0.139, 0.095, 0.095, 0.381, 0.290),
 )
 """Section angles over half the duration of the largest area under the paper's Table 4, without and with a jerk limit
 of 0.003 mm/deg^3, as experiments/cam_families.py finds them without a start."""

@@ -28,12 +28,14 @@ TABLE_2 = SectionTable(
 LITERAL_RATIO = 0.95
 """Upper end of Table 2's 50 to 95 %: the one of the largest area."""
 STARTS = (
-    (0.144, 0.155, 0.211, 0.490),
-    (0.028, 0.323, 0.356, 0.293),
-    (0.139, 0.274, 0.363, 0.224),
+    (0.114, 0.193, 0.264, 0.429),
+    (0.028, 0.323, 0.352, 0.297),
+    (0.139, 0.274, 0.345, 0.242),
+    (0.243, 0.028, 0.338, 0.391),
 )
-"""Section angles over half the duration of the largest area under the paper's Table 4, for a ratio of 0.95, of 0, and
-of 0 with a jerk limit of 0.003 mm/deg^3, as experiments/cam_families.py finds them without a start."""
+"""Section angles over half the duration of the largest area under the paper's Table 4, as experiments/cam_families.py
+finds them without a start: for a ratio of 0.95, of 0, of 0 with a jerk limit of 0.003 mm/deg^3, and for a quintic
+section II with 0.95."""
 
 
 def table_2(quintic: bool, start_ratio: float) -> SectionTable:

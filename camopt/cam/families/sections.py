@@ -8,6 +8,7 @@ leaves to the designer: the pieces, the area, and every limit imposed on control
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from math import comb, perm
 
 import numpy as np
@@ -22,10 +23,11 @@ U = None
 QUANTITIES = ("lift", "velocity", "acceleration", "jerk")
 RAMP = {"y_r": 0, "v_r": 1}
 """Columns of the ramp's height and velocity; the levels follow."""
-OSCULATING_PARTS = 8
-"""Pieces per section whose terms are not powers; a quarter wave is then met to round-off."""
+OSCULATING_PARTS = 4
+"""Pieces per section whose terms are not powers: they meet a half wave to 1e-13 of its amplitude."""
 
 Cell = str | float | None
+Terms = Callable[[int, np.ndarray, int], np.ndarray]
 
 
 def powers(count: int, u: np.ndarray, order: int) -> np.ndarray:
@@ -45,7 +47,7 @@ class Section:
     velocity: tuple[Cell, Cell]
     acceleration: tuple[Cell, Cell]
     jerk: tuple[Cell, Cell]
-    terms: Callable[[int, np.ndarray, int], np.ndarray] = powers
+    terms: Terms = powers
 
     def conditions(self) -> list[tuple[int, int, str | float]]:
         """Order of the derivative, place (0 start, 1 end) and value of every condition that is given."""
@@ -134,23 +136,22 @@ def flank(table: SectionTable, angles: Sequence[float] | np.ndarray) -> Flank:
         wanted = [row * angle**k for row, (k, _, _) in zip(rows, conditions, strict=True)]
         coefficients = np.linalg.solve(system, np.stack(wanted))
         before = np.stack([section.terms(count, np.ones(1), k)[0] / angle**k for k in range(4)]) @ coefficients
-        inner, local = _pieces(section, coefficients, angle)
-        borders.append(borders[-1][-1] + inner)
-        pieces.append(local)
+        u, unit = _unit(section.terms, count)
+        borders.append(borders[-1][-1] + angle * u[1:])
+        pieces.append(unit / angle ** np.arange(unit.shape[1])[:, None] @ coefficients)
     widest = max(p.shape[1] for p in pieces)
     padded = [np.pad(p, ((0, 0), (0, widest - p.shape[1]), (0, 0))) for p in pieces]
     return Flank(np.concatenate(borders), np.concatenate(padded))
 
 
-def _pieces(section: Section, coefficients: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:
-    """Inner and end borders (p) of one section from its start, and polynomial pieces (p, q, n)."""
-    count = len(coefficients)
-    if section.terms is powers:
-        return np.array([angle]), (coefficients / angle ** np.arange(count)[:, None])[None]
+@cache
+def _unit(terms: Terms, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Borders (p + 1) of a section of width 1, and its terms as local polynomial pieces (p, q, count)."""
+    if terms is powers:
+        return np.array([0.0, 1.0]), np.eye(count)[None]
     u = np.linspace(0.0, 1.0, OSCULATING_PARTS + 1)
-    derivatives = np.stack([section.terms(count, u, k) @ coefficients / angle**k for k in range(MATCHED)], axis=1)
-    columns = [osculating_pieces(u * angle, derivatives[:, :, i]) for i in range(coefficients.shape[1])]
-    return u[1:] * angle, np.stack(columns, axis=2)
+    derivatives = np.stack([terms(count, u, k) for k in range(MATCHED)], axis=1)
+    return u, np.stack([osculating_pieces(u, derivatives[:, :, i]) for i in range(count)], axis=2)
 
 
 def _mirrored(c: np.ndarray, width: float) -> np.ndarray:
