@@ -61,6 +61,12 @@ class Case:
         x = [r.x[i, self.train.valve] for r, i in zip(responses, at, strict=True)]
         return np.concatenate([x[0], x[1][1:]])
 
+    def ends(self, states) -> np.ndarray:
+        """As `states`, of a motion known only at the end of each revolution: the reference elsewhere."""
+        valve = self.truth.copy()
+        valve[[SAMPLES, 2 * SAMPLES]] = [state[self.train.valve] for state in states]
+        return valve
+
     def errors(self, valve: np.ndarray) -> list[float]:
         """Largest error of each revolution [mm]."""
         error = np.abs(valve - self.truth) / MM
@@ -91,6 +97,10 @@ def by_revolution(case: Case, size: str) -> list[dict]:
         revolve = prepare(case.train, case.lift, case.cam_speed, steps)
         setting = f"{steps} samples"
         rows.append(measured(case, "event-exact", setting, lambda r=revolve: case.two(r), case.states, 10 * most))
+    revolve = prepare(case.train, case.lift, case.cam_speed)
+    advance, name = revolve.advance, "event-exact, end state"
+    two = lambda: ((first := advance(case.rest)), advance(first))  # noqa: E731
+    rows.append(measured(case, name, "default step", two, case.ends, 10 * most))
     methods = {
         "Runge-Kutta-Gill": rkg.prepare,
         "transition matrix": lambda *a: tmm.prepare(*a, exponential=True),

@@ -54,8 +54,12 @@ def test_dormand_prince_coefficients_have_order_five():
 def test_ratios_are_those_at_the_target():
     rows = [
         {"method": "event-exact", "error_mm": [1e-9, 1.0], "ms": 0.5},
+        {"method": "event-exact, end state", "error_mm": [1e-9, 1.0], "ms": 0.25},
         {"method": "slow", "error_mm": [1e-5, 1.0], "ms": 10.0},
         {"method": "slow", "error_mm": [1e-7, 1.0], "ms": 1000.0},
         {"method": "never", "error_mm": [1e-5, 1.0], "ms": 10.0},
     ]
-    assert ratios(rows) == {"slow": pytest.approx(200.0), "never": None}
+    assert ratios(rows) == {
+        "slow": {"ms": pytest.approx(100.0), "sampled": pytest.approx(200.0), "end_state": pytest.approx(400.0)},
+        "never": None,
+    }
