@@ -32,7 +32,7 @@ HAIR = 1e-9
 STRETCH_PRICE = 100.0
 """Area, in maximum lift times half duration, that stretching all limits by their own size costs."""
 TOLERANCES = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-9}
-POPULATION, GENERATIONS, SIMPLEX_STEPS, SEED = 32, 8, 200, 0
+POPULATION, GENERATIONS, SIMPLEX_RUNS, SIMPLEX_STEPS, SEED = 32, 8, 2, 120, 0
 
 
 @cache
@@ -159,9 +159,10 @@ def best_angles(
         polish=False,
         rng=np.random.default_rng(seed),
     )
-    options = {"maxfev": SIMPLEX_STEPS, "xatol": 1e-5, "fatol": 1e-8}
-    polished = minimize(cost, found.x, args=(FINE,), method="Nelder-Mead", bounds=box, options=options)
-    return _angles(polished.x, half)
+    shares, options = found.x, {"maxfev": SIMPLEX_STEPS, "xatol": 1e-5, "fatol": 1e-8}
+    for _ in range(SIMPLEX_RUNS):  # a fresh simplex leaves the kinks of the limits on which the last one collapsed
+        shares = minimize(cost, shares, args=(FINE,), method="Nelder-Mead", bounds=box, options=options).x
+    return _angles(shares, half)
 
 
 def _angles(shares: np.ndarray, half: float) -> np.ndarray:
