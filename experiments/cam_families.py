@@ -117,7 +117,9 @@ def long_search(scenes: dict[str, Scene]) -> list[dict]:
         ramp, _ = scene_ramps(design)
         for name, table in SEARCHED.items():
             angles = best_angles(table, design, ramp, True, (), LONG)
-            _, ratio, stretch = best_levels(table, flank(table, angles), design, ramp, True, {})
+            one = flank(table, angles)
+            x, stretch = best_levels(table, one, design, ramp, True, {})
+            ratio = one.lift(x, ramp, name, {}).area_ratio(design.max_lift_mm * MM)
             shares = (angles / angles.sum()).tolist()
             row = {"cam": name, "limits": where, "generations": LONG, "area_ratio": ratio, "stretch": stretch}
             rows.append({**row, "sections_deg": (angles / DEG).tolist(), "shares_of_half_duration": shares})
