@@ -6,7 +6,7 @@ import pytest
 from camopt.cam.families.exponent import exponent
 from camopt.cam.families.kurz import TABLE as KURZ
 from camopt.cam.families.kurz import kurz
-from camopt.cam.families.largest_area import FINE, best_levels, control_points
+from camopt.cam.families.largest_area import FINE, best_levels, control_points, program
 from camopt.cam.families.multi_pol import TABLE_1, multi_pol
 from camopt.cam.families.new_design import new_design
 from camopt.cam.families.polydyne import event_pieces
@@ -84,10 +84,11 @@ class TestLargestArea:
 
     def test_control_points_bound_every_derivative(self):
         one = flank(TABLE_1, np.array([10, 7, 7, 27, 21]) * DEG)
-        x, area_ratio, stretch = best_levels(TABLE_1, one, KODAMA.design, RAMP, True, {})
+        x, stretch = best_levels(TABLE_1, one, KODAMA.design, RAMP, True, {})
         lift = one.lift(x, RAMP, "", {})
         assert stretch == 0
-        assert area_ratio == pytest.approx(ratio(lift), rel=1e-12)
+        linear = program(TABLE_1, one, KODAMA.design, RAMP, True)
+        assert linear.area @ (x[2:] / linear.column) + linear.constant == pytest.approx(ratio(lift), rel=1e-12)
         for order in (0, 2, 3):
             points = control_points(one, order, FINE) @ x
             low, high = lift.extremes(order, -HALF, 0.0)
@@ -222,5 +223,9 @@ class TestTrapezoid:
     def test_largest_area(self):
         lift = trapezoid(KODAMA)
         assert within(lift)
-        assert ratio(lift) > 0.580  # one equation of four: acceleration rises at the jerk limit to its own
+        assert ratio(lift) > 0.5832 - 2e-4
+        rise, _, fall, _ = lift.parameters["sections_deg"]
+        a12, a34 = (lift.parameters[f"{n}_mm_per_deg2"] for n in ("a12", "a34"))
+        assert a12 / rise == pytest.approx(0.003, rel=1e-2)  # both slopes at the jerk limit
+        assert (a12 - a34) / fall == pytest.approx(0.003, rel=1e-2)
         assert lift.extremes(2)[1] == pytest.approx(0.015 * MM_PER_DEG2, rel=1e-3)

@@ -54,7 +54,9 @@ TABLE = SectionTable(
     levels=("v12", "a23"),
     closed_by=("v12",),
 )
-STARTS: tuple[tuple[float, ...], ...] = ()
+STARTS = ((0.338, 0.343, 0.319),)
+"""Section angles over half the duration of the largest area under the paper's Table 4, as the search of
+experiments/cam_families.py finds them without any start; a jerk limit of 0.003 mm/deg^3 does not bind there."""
 
 
 def kurz(

@@ -2,13 +2,15 @@
 
 For fixed section angles the levels solve a linear program: the area is linear in them, and so is every limit on the
 Bernstein control points of a section (Farin, Curves and Surfaces for CAGD, 2002, ch. 5), which bound it at every
-angle. The angles are searched around it: the value is continuous in them, because limits that cannot be met are
-stretched at a price instead of failing, but it has several maxima, hence a population search (differential evolution,
-Storn and Price 1997) before the simplex of Nelder and Mead (1965).
+angle. The angles are searched around it. The best value for given angles is continuous in them, because limits that
+cannot be met are stretched at a price instead of failing, but it has several maxima: hence a population search
+(differential evolution, Storn and Price 1997). Its best is polished in angles and levels together, where the problem is
+smooth, by sequential quadratic programs (SLSQP, Kraft 1988).
 """
 
-from collections.abc import Mapping, Sequence
-from functools import cache
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, lru_cache
 from itertools import pairwise
 from math import comb, perm
 
@@ -29,10 +31,12 @@ FINE, COARSE = 60, 20
 a coarse program is the safe side of a fine one, in half the time."""
 HAIR = 1e-9
 """Relative tightening of every limit, so that round-off in the solver cannot break it."""
-STRETCH_PRICE = 100.0
-"""Area, in maximum lift times half duration, that stretching all limits by their own size costs."""
+STRETCH_PRICE = 50.0
+"""Area ratio that stretching all limits by their own size costs."""
 TOLERANCES = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-9}
-POPULATION, GENERATIONS, SIMPLEX_STEPS, SEED = 32, 8, 200, 0
+MARGIN = 1e-7
+"""Relative margin to every limit in the polish, so that the linear program of the levels still has a point there."""
+POPULATION, GENERATIONS, POLISH_STEPS, SEED = 32, 8, 60, 0
 
 
 @cache
@@ -74,53 +78,82 @@ def limit_rows(one: Flank, design: Design, jerk: bool, parts: int) -> tuple[np.n
         groups.append((acceleration / (design.acceleration_max_mm_per_deg2 * MM_PER_DEG2), 1.0))
     if design.acceleration_min_mm_per_deg2 is not None:
         groups.append((acceleration / (design.acceleration_min_mm_per_deg2 * MM_PER_DEG2), 1.0))
-    if design.nose_deg:
-        usual = design.max_lift_mm * MM / half**2
-        groups.append((control_points(one, 2, parts, half - design.nose_deg * DEG) / usual, 0.0))
     if jerk and design.jerk_max_mm_per_deg3 is not None:
         found = control_points(one, 3, parts) / (design.jerk_max_mm_per_deg3 * MM_PER_DEG3)
         groups += [(found, 1.0), (-found, 1.0)]
     lift = control_points(one, 0, 1)[:-2]  # the last two are the end lift itself
     groups.append((lift / (design.max_lift_mm * MM), 1.0))
+    if design.nose_deg:  # last, and from the nose outwards: sections that leave it drop rows at the end only
+        usual = design.max_lift_mm * MM / half**2
+        groups.append((control_points(one, 2, parts, half - design.nose_deg * DEG)[::-1] / usual, 0.0))
     bounds = [np.full(len(matrix), bound - HAIR) for matrix, bound in groups]
     return np.concatenate([matrix for matrix, _ in groups]), np.concatenate(bounds)
 
 
-def best_levels(
-    table: SectionTable,
-    one: Flank,
-    design: Design,
-    ramp: Ramp,
-    jerk: bool,
-    given: Mapping[str, float],
-    parts: int = FINE,
-) -> tuple[np.ndarray, float, float]:
-    """The levels of largest area for one flank, those in `given` [m/rad^order] kept.
+@dataclass(frozen=True)
+class Program:
+    """Levels of one flank: largest area @ z + constant with rows @ z <= bound, ends @ z = wanted, levels = column * z.
 
-    Returns x (n), its area ratio, and the stretch of the limits that it needs: 0 where they can be met.
+    Lengths are relative to the maximum lift and angles to half the duration; area + constant is the area ratio.
     """
+
+    column: np.ndarray  # (m)
+    area: np.ndarray  # (m)
+    constant: float
+    rows: np.ndarray  # (r, m)
+    bound: np.ndarray  # (r)
+    ends: np.ndarray  # (e, m)
+    wanted: np.ndarray  # (e)
+
+
+def program(table: SectionTable, one: Flank, design: Design, ramp: Ramp, jerk: bool, parts: int = FINE) -> Program:
+    """The linear program of the levels for one flank under the design's limits, the jerk limit only with `jerk`."""
     half, max_lift = one.borders[-1], design.max_lift_mm * MM
     column = max_lift / half ** table.orders()
     fixed = np.array([ramp.height, ramp.velocity])
     rows, bound = limit_rows(one, design, jerk, parts)
     ends = np.stack([one.end(k) * half**k for k in range(len(table.closed_by))]) / max_lift
-    area = one.area() / (max_lift * half)
-    kept = [given[n] / c if n in given else None for n, c in zip(table.levels, column, strict=True)]
+    area = one.area() / (2 * max_lift * half)
+    return Program(
+        column=column,
+        area=area[2:] * column,
+        constant=float(area[:2] @ fixed),
+        rows=rows[:, 2:] * column,
+        bound=bound - rows[:, :2] @ fixed,
+        ends=ends[:, 2:] * column,
+        wanted=np.array([1.0, 0.0])[: len(ends)] - ends[:, :2] @ fixed,
+    )
+
+
+def solved(one: Program, family: str, kept: Sequence[float | None]) -> tuple[np.ndarray, float]:
+    """Best z (m), those in `kept` that are numbers as they are, and the stretch of the limits: 0 if they can be met."""
     result = linprog(
-        np.append(-area[2:] * column, STRETCH_PRICE),
-        A_ub=np.column_stack([rows[:, 2:] * column, -np.ones(len(rows))]),
-        b_ub=bound - rows[:, :2] @ fixed,
-        A_eq=np.column_stack([ends[:, 2:] * column, np.zeros(len(ends))]),
-        b_eq=np.array([1.0, 0.0])[: len(ends)] - ends[:, :2] @ fixed,
+        np.append(-one.area, STRETCH_PRICE),
+        A_ub=np.column_stack([one.rows, -np.ones(len(one.rows))]),
+        b_ub=one.bound,
+        A_eq=np.column_stack([one.ends, np.zeros(len(one.ends))]),
+        b_eq=one.wanted,
         bounds=[*((k, k) for k in kept), (0.0, None)],
         options=TOLERANCES,
     )
     if result.x is None:
-        raise ArithmeticError(f"{table.family}: the linear program of the levels failed: {result.message}")
+        raise ArithmeticError(f"{family}: the linear program of the levels failed: {result.message}")
+    return result.x[:-1], float(result.x[-1])
+
+
+def best_levels(
+    table: SectionTable, one: Flank, design: Design, ramp: Ramp, jerk: bool, given: Mapping[str, float]
+) -> tuple[np.ndarray, float]:
+    """x (n) of `Flank` with the largest area, the levels in `given` [m/rad^order] kept, and the stretch of the limits.
+
+    The levels that the nose determines are solved for once more, to round-off.
+    """
+    linear = program(table, one, design, ramp, jerk)
+    kept = [given[n] / c if n in given else None for n, c in zip(table.levels, linear.column, strict=True)]
+    z, stretch = solved(linear, table.family, kept)
     free = [n for n in (*table.closed_by, *table.levels) if n not in given]
-    x = np.concatenate([fixed, result.x[:-1] * column])
-    x = closed(table, one, x, max_lift, free[: len(table.closed_by)])
-    return x, float(area @ x) / 2, float(result.x[-1])
+    x = np.array([ramp.height, ramp.velocity, *(z * linear.column)])
+    return closed(table, one, x, design.max_lift_mm * MM, free[: len(table.closed_by)]), stretch
 
 
 def best_angles(
@@ -141,27 +174,53 @@ def best_angles(
     if half <= count * SHORTEST:
         raise InputError(f"{table.family}: {count} sections of at least {SHORTEST / DEG:g} deg need a longer duration")
 
-    def cost(shares: np.ndarray, parts: int) -> float:
-        _, ratio, stretch = best_levels(table, flank(table, _angles(shares, half)), design, ramp, jerk, {}, parts)
-        return STRETCH_PRICE / 2 * stretch - ratio
+    def flank_program(shares: np.ndarray, parts: int) -> Program:
+        return program(table, flank(table, _angles(shares, half)), design, ramp, jerk, parts)
 
-    box = [(0.0, 1.0)] * (count - 1)
+    def cost(shares: np.ndarray) -> float:
+        linear = flank_program(shares, COARSE)
+        z, stretch = solved(linear, table.family, [None] * len(table.levels))
+        return STRETCH_PRICE * stretch - float(linear.area @ z) - linear.constant
+
     first = qmc.Sobol(count - 1, scramble=False).random(POPULATION)
     for i, start in enumerate(starts):
         first[i] = _shares(np.array(start) * half, half)
     found = differential_evolution(
         cost,
-        box,
-        args=(COARSE,),
+        [(0.0, 1.0)] * (count - 1),
         init=first,  # pyright: ignore[reportArgumentType]  # SciPy's annotation forgets that an array may be given
         maxiter=generations,
         tol=1e-6,
         polish=False,
         rng=np.random.default_rng(seed),
     )
-    options = {"maxfev": SIMPLEX_STEPS, "xatol": 1e-5, "fatol": 1e-8}
-    polished = minimize(cost, found.x, args=(FINE,), method="Nelder-Mead", bounds=box, options=options)
-    return _angles(polished.x, half)
+    z, _ = solved(flank_program(found.x, FINE), table.family, [None] * len(table.levels))
+    return _angles(_polished(flank_program, found.x, z), half)
+
+
+def _polished(flank_program: Callable[[np.ndarray, int], Program], shares: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Shares (count - 1) of a local optimum near shares and levels z; where none is found, the shares as they are."""
+    count, rows = len(shares), 2 * len(flank_program(shares, FINE).bound)
+
+    @lru_cache(maxsize=2)  # SLSQP asks for the objective and both sets of conditions one after the other
+    def at(point: tuple[float, ...]) -> tuple[float, np.ndarray, np.ndarray]:
+        linear, levels = flank_program(np.clip(point[:count], 0.0, 1.0), FINE), np.array(point[count:])
+        slack = np.ones(rows)  # as many rows for all angles, whatever the nose takes in
+        slack[: len(linear.bound)] = linear.bound - MARGIN - linear.rows @ levels
+        return -float(linear.area @ levels) - linear.constant, slack, linear.ends @ levels - linear.wanted
+
+    result = minimize(
+        lambda v: at(tuple(v))[0],
+        np.concatenate([shares, z]),
+        method="SLSQP",
+        bounds=[(0.0, 1.0)] * count + [(None, None)] * len(z),
+        constraints=[
+            {"type": "ineq", "fun": lambda v: at(tuple(v))[1]},
+            {"type": "eq", "fun": lambda v: at(tuple(v))[2]},
+        ],
+        options={"maxiter": POLISH_STEPS, "ftol": 1e-9},
+    )
+    return np.clip(result.x[:count], 0.0, 1.0) if result.success else shares
 
 
 def _angles(shares: np.ndarray, half: float) -> np.ndarray:

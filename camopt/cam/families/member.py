@@ -65,7 +65,7 @@ def _largest(
     table: SectionTable, one: Flank, design: Design, ramp: Ramp, jerk: bool, given: Mapping[str, float]
 ) -> np.ndarray:
     """x (n) of largest area; InputError where the limits cannot be met."""
-    x, _, stretch = best_levels(table, one, design, ramp, jerk, given)
+    x, stretch = best_levels(table, one, design, ramp, jerk, given)
     if stretch > STRETCH_ROUND_OFF:
         raise InputError(
             f"{table.family}: no member found within the limits of [design]; the best breaks one by "

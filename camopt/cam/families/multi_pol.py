@@ -29,7 +29,8 @@ STARTS = (
     (0.139, 0.095, 0.095, 0.381, 0.290),
 )
 """Section angles over half the duration of the largest area under the paper's Table 4, without and with a jerk limit
-of 0.003 mm/deg^3, as experiments/cam_families.py finds them without a start."""
+of 0.003 mm/deg^3; the search of experiments/cam_families.py finds no more than 2e-4 of area ratio above them without
+any start."""
 
 
 def multi_pol(

@@ -23,7 +23,12 @@ TABLE = SectionTable(
     levels=("a12", "a34"),
     closed_by=("a12", "a34"),
 )
-STARTS: tuple[tuple[float, ...], ...] = ()
+STARTS = (
+    (0.028, 0.198, 0.028, 0.746),
+    (0.069, 0.150, 0.092, 0.689),
+)
+"""Section angles over half the duration of the largest area under the paper's Table 4, without and with a jerk limit
+of 0.003 mm/deg^3, as the search of experiments/cam_families.py finds them without any start."""
 
 
 def trapezoid(scene: Scene, sections_deg: Sequence[float] | None = None, jerk: bool = True) -> Lift:
