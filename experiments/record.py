@@ -2,10 +2,7 @@
 
 import argparse
 import io
-import platform
-import time
 from collections.abc import Callable
-from importlib.metadata import version
 from pathlib import Path
 
 import matplotlib
@@ -13,9 +10,9 @@ from matplotlib.figure import Figure
 
 from camopt.plots.style import RC, write_atomically
 from camopt.storage import write_json
+from experiments.provenance import provenance
 
 RESULTS = Path(__file__).parent / "results"
-PACKAGES = ("camopt", "numpy", "scipy", "numba", "matplotlib")
 DPI = 110
 """Enough for reading on a screen; the figures live in the repository and shall stay small."""
 
@@ -23,13 +20,7 @@ DPI = 110
 def write_result(name: str, size: str, content: dict, figures: dict[str, Figure], folder: Path = RESULTS) -> None:
     """Writes `<name>.json` (the content under its provenance) and `<name>-<key>.png` for each figure."""
     folder.mkdir(parents=True, exist_ok=True)
-    provenance = {
-        "command": f"python -m experiments.{name} {size}",
-        "date": time.strftime("%Y-%m-%d", time.gmtime()),
-        "versions": {package: version(package) for package in PACKAGES} | {"python": platform.python_version()},
-        "processor": platform.machine(),
-    }
-    write_json(folder / f"{name}.json", {"provenance": provenance, **content})
+    write_json(folder / f"{name}.json", {"provenance": provenance(name, size), **content})
     for key, figure in figures.items():
         buffer = io.BytesIO()
         with matplotlib.rc_context(RC):

@@ -35,7 +35,7 @@ PAPER = {
     ("new-design", 6500): (0.39, 0.23), ("new-design", 7000): (0.53, 0.30),
 }  # fmt: skip
 """Bounce [mm] by Runge-Kutta-Gill and by the transition matrix method, as printed."""
-STEPS = {"small": (1440, 5760), "full": (720, 1080, 1200, 1440, 2880, 5760, 11520, 46080)}
+STEPS = {"small": (1440, 11520), "full": (720, 1080, 1200, 1440, 2880, 5760, 11520, 46080)}
 """Per revolution. The paper prints none; 1440 is a quarter of a degree, and below 1200 the printed matrices blow up."""
 DRAWS = {"small": 2, "full": 16}
 SPEEDS = {"small": (6500,), "full": (5000, 6000, 6500, 7000)}

@@ -49,4 +49,4 @@ def test_soft_springs_hold_less_and_hard_ones_more(content):
     for engine in motori.ENGINES:
         least = [row(content, "extremes", engine=engine, case=c)["contact_force_min_N"]
                  for c in ("soft spring (x 0.5)", "as given", "hard spring (x 2)")]  # fmt: skip
-        assert least[0] < least[1] - 100 < least[2] - 200
+        assert least[0] < least[1] - 50 and least[1] < least[2] - 200  # of a preload of 125, 250 and 500 N

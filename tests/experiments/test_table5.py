@@ -22,12 +22,14 @@ def test_the_printed_numbers_are_beside_the_truth(content):
         assert high - low < 0.02  # not yet chaotic at 6500
 
 
-def test_finer_steps_bring_both_methods_to_the_truth_by_force_only(content):
+def test_finer_steps_bring_both_methods_together_and_by_force_to_the_truth(content):
     by_way = {(d["criterion"], d["steps_per_revolution"]): d["6500"] for d in content["distance_mm"]}
-    fine, coarse = by_way["force", 5760], by_way["force", 1440]
+    fine, coarse = by_way["force", 11520], by_way["force", 1440]
+    # the second revolution: later ones move by some 0.003 mm with the rounding of the lift
+    assert fine["rkg_to_tmm_second"] < coarse["rkg_to_tmm_second"] / 3
     for key in ("rkg_to_event", "tmm_to_event"):
-        assert fine[key] < coarse[key] / 2 and fine[key] < 0.006
-        assert by_way["displacement", 5760][key] > fine[key] + 0.004  # another contact law, another answer
+        assert fine[key] < 0.006
+        assert by_way["displacement", 11520][key] > 0.0075  # another contact law, another answer
     assert coarse["rkg_to_tmm"] < content["paper_distance_mm"]["6500"] / 5
 
 
