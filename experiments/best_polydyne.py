@@ -7,7 +7,6 @@ least bounce that any member reaches. Members must keep the acceleration limits;
 for, as in the paper's Table 4. Searched by SciPy's differential evolution on (four exponents, design speed).
 """
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -17,19 +16,17 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.exact import prepare
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import DEG, MM
-from camopt.storage import write_json
 from camopt.verify.limits import broken_by_shape
 from camopt.verify.sweep import at_speeds
-from experiments.provenance import provenance
+from experiments.record import RESULTS, run_script, write_result
 
-RESULTS = Path(__file__).parent / "results"
 SIZES = {"small": (1, 4), "full": (16, 12)}  # generations, population per parameter
 BOUNDS = [(2, 8), (6, 40), (10, 60), (14, 80), (5000.0, 7500.0)]
 BARRED = 10.0  # score of a member that breaks the acceleration limits or the lift cap
 
 
-def main(size: str = "full") -> dict:
-    """Searches both answers and writes results/best_polydyne.json."""
+def main(size: str = "full", folder: Path = RESULTS) -> dict:
+    """Searches both answers and writes best_polydyne.json into `folder`."""
     scene = load_scene("kodama")
     limit = scene.design.bounce_max_mm
     seen: dict[tuple, dict] = {}
@@ -61,9 +58,8 @@ def main(size: str = "full") -> dict:
         "bounce_limit_mm": limit,
         "largest_area_within_limit": max(holding, key=lambda m: m["area_ratio"]) if holding else None,
         "least_bounce": min(usable, key=lambda m: (m["bounce_mm"], -m["area_ratio"])),
-        "provenance": provenance(__file__, size),
     }
-    write_json(RESULTS / f"best_polydyne{'' if size == 'full' else '-' + size}.json", result)
+    write_result("best_polydyne", size, result, {}, folder)
     return result
 
 
@@ -84,4 +80,4 @@ def figures(scene, exponents: tuple[int, ...], design_speed_rpm: float) -> dict:
 
 
 if __name__ == "__main__":
-    print(main(*sys.argv[1:]))
+    run_script(main, __doc__)
