@@ -54,7 +54,7 @@ def settle(revolve: Revolve, state: np.ndarray, most: int = 40, measured: int = 
     n = len(state) // 2
     periodic, revolutions = False, 0
     while not periodic and revolutions < most:
-        after = end_state(_finite(revolve(state)))
+        after = _next_state(revolve, state)
         change = np.abs(after - state)
         periodic = bool(change[:n].max() < SETTLED_POSITION and change[n:].max() < SETTLED_VELOCITY)
         state, revolutions = after, revolutions + 1
@@ -63,6 +63,12 @@ def settle(revolve: Revolve, state: np.ndarray, most: int = 40, measured: int = 
         responses.append(_finite(revolve(state)))
         state = end_state(responses[-1])
     return Settled(joined(responses), revolutions, periodic)
+
+
+def _next_state(revolve: Revolve, state: np.ndarray) -> np.ndarray:
+    """The state a revolution later; a method that offers `advance` gets there without samples, which is faster."""
+    advance = getattr(revolve, "advance", None)
+    return end_state(_finite(revolve(state))) if advance is None else advance(state, 1)
 
 
 def _finite(response: Response) -> Response:
