@@ -131,7 +131,7 @@ def test_gradients_by_cam_coefficients_are_those_of_the_exact_motion(case):
         assert abs(exact[1]) < 1e-6 and 0.0 <= value[1] < layer
         assert value[1] > 0.0 or not np.any(found[1])
     if value[2] < 1e-18:
-        assert exact[2] < 1e-18  # no bounce: what is left is the layer, 1e-8 m wide
+        assert exact[2] < 1e-18  # no bounce: what is left is the layer
     else:
         assert value[2] == pytest.approx(exact[2], rel=1e-2)
         assert relative(found[2], reference[2]) < 1e-2
