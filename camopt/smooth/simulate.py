@@ -16,10 +16,10 @@ from camopt.smooth.grid import equal_grid, refined_grid
 from camopt.smooth.scan import integrate, lift_at
 from camopt.smooth.system import Motion, System, build_system, rest_state
 
-EPS = 5e-9
+EPS = 2e-9
 """Default width of the contact's layer [m]. At 1e-7 its width alone puts gradients of bouncing motions of `kodama` off
-by up to 5 percent, and at 1e-8 those of a hop of 6e-8 m by 2 percent; as the grid resolves the layer, a narrow one costs
-no more than a wide one."""
+by up to 5 percent, and at 1e-8 those of a hop of 6e-8 m by 2 percent; as the grid resolves the layer, a narrow one
+costs no more than a wide one."""
 TOLERANCE = 1e-11
 """Default error permitted per step [m]: gradients at 6000 r/min are then within one percent; at 1e-9, within ten."""
 STEPS = 4096

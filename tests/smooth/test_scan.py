@@ -60,7 +60,7 @@ def test_the_scan_and_diffrax_agree_and_both_meet_the_exact_motion():
     scan = prepare(train, lift, speed)(state)
     check = prepare(train, lift, speed, method="tsit5", tolerance=1e-11)(state)
     exact = prepare_exact(train, lift, speed)(state)
-    # 5e-9 m of layer at 0.1 to 1 m/s shift the motion by 1e-5 mm or less; diffrax steps over the layers: 8e-5 mm
+    # 2e-9 m of layer at 0.1 to 1 m/s shift the motion by 1e-5 mm or less; diffrax steps over the layers: 8e-5 mm
     assert valve_difference_mm(scan, exact) < 2e-5
     assert valve_difference_mm(scan, check) < 3e-4
     assert np.max(scan.force[:, 1]) == pytest.approx(np.max(exact.force[:, 1]), rel=5e-3)  # sampled peaks
