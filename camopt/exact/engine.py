@@ -28,8 +28,9 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
 
     `cam_speed` [rad/s]. The step decides only how often the motion is sampled and how finely switchings are sought; by
     default it follows the highest mode and is the same at all speeds, so that one set of propagators serves them.
-    Raises MotionRefused for endless switching or a motion without bound.
+    Raises MotionRefused for endless switching or a motion without bound, InputError for laws that are not linear.
     """
+    train.require_linear("event-exact", 'simulate with method "dop853", "rkg" or "smooth"')
     period = 2 * np.pi / cam_speed
     step = default_step(train) if steps_per_revolution is None else period / steps_per_revolution
     step = min(step, default_step(train), period / 360)

@@ -23,8 +23,10 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
     """One revolution by Houbolt's method as a function of its start state (2n: positions [m], velocities [m/s]).
 
     `cam_speed` [rad/s]. Matrices are built for the contact sets that occur. The response has
-    steps_per_revolution + 1 samples; its velocities are Houbolt's third-order backward differences.
+    steps_per_revolution + 1 samples; its velocities are Houbolt's third-order backward differences. Raises InputError
+    for laws that are not linear.
     """
+    train.require_linear("Houbolt's method", 'use method "dop853" or "rkg"')
     steps, n = steps_per_revolution, len(train.mass)
     h = 2 * np.pi / cam_speed / steps
     angle = np.linspace(-np.pi, np.pi, steps + 1)

@@ -24,8 +24,10 @@ def prepare(
     """One revolution by the transition matrix method as a function of its start state (2n: [m], then [m/s]).
 
     `cam_speed` [rad/s]; `exponential` replaces the printed Taylor matrices by the exact ones. Matrices are built for
-    the contact sets that occur. The response has steps_per_revolution + 1 samples.
+    the contact sets that occur. The response has steps_per_revolution + 1 samples. Raises InputError for laws that are
+    not linear.
     """
+    train.require_linear("the transition matrix method", 'use method "dop853" or "rkg"')
     steps, n = steps_per_revolution, len(train.mass)
     h = 2 * np.pi / cam_speed / steps
     angle = np.linspace(-np.pi, np.pi, steps + 1)
