@@ -54,7 +54,7 @@ def phase_contacts(train: Train) -> np.ndarray:
     Seated is the set closed at rest; raises InputError where more than one contact between cam and valve is open there,
     or where laws are not linear.
     """
-    train.require_linear("the no-jump program", "design on a scene with linear laws and verify the cam on this one")
+    train.require_linear("the no-jump program", "optimise a scene with linear laws and verify its cam on this one")
     x = rest_position(train)
     margin = train.compression(x, 0.0) - train.touch_compression
     seated = ~train.contact | (margin >= -1e-12)  # a contact at its touch, to round-off, counts as closed

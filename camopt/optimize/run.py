@@ -64,6 +64,9 @@ def optimize(
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
     effort = accuracy_named(accuracy)
+    build_train(scene).require_linear(
+        "the optimiser", "optimise a scene with linear laws and verify its cam on this one"
+    )
     certificate = area_ratio_bound(design)  # contradictory limits end here, before a folder is made
     folder = create_run_folder(out or default_run_folder(scene.name), resume)
     write_text(folder / "scene.toml", tomli_w.dumps(scene.model_dump(exclude_none=True, exclude_defaults=True)))
