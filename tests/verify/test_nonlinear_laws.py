@@ -154,11 +154,11 @@ def test_the_band_of_a_nonlinear_train_is_swept_with_a_method_that_carries_it():
     assert verdict._sweeping(build_train(load_scene("kodama"))) is engine.prepare
 
 
-@pytest.mark.long  # a minute: DOP853 settles and looks at six neighbours; the small sizes are above
+@pytest.mark.long  # two minutes: DOP853 settles and looks at six neighbours; the small sizes are above
 def test_the_verdict_on_kodama_hertz_at_5000_is_an_agreement():
     scene, _, _ = hertz()
     found = verdict.verify(scene, polydyne(scene), (5000.0,), band_step_rpm=None, halvings=2).speeds[0]
     assert found.verdict == "confirmed"
     assert list(found.methods) == ["dop853", "rkg"]
     for method in found.methods.values():
-        assert method.worst["seating_velocity_m_per_s"] == pytest.approx(0.1454, abs=1e-3)
+        assert method.worst["seating_velocity_m_per_s"] == pytest.approx(0.1490, abs=1e-3)
