@@ -8,6 +8,11 @@ __version__ = version("camopt")
 _PUBLIC = {
     "load_scene": "camopt.scene",
     "polydyne": "camopt.cam.families.polydyne",
+    "multi_pol": "camopt.cam.families.multi_pol",
+    "new_design": "camopt.cam.families.new_design",
+    "exponent": "camopt.cam.families.exponent",
+    "kurz": "camopt.cam.families.kurz",
+    "trapezoid": "camopt.cam.families.trapezoid",
     "free_cam": "camopt.cam.families.free",
     "read_cam": "camopt.cam.read",
     "read_lift_table": "camopt.cam.tables",

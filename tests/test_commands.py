@@ -152,7 +152,14 @@ class TestVerbsThatSearch:
 
         def optimize(scene, **options):
             asked.update(options, scene=scene.name)
-            return SimpleNamespace(exit_code=code, folder=options["out"])
+            folder = create_run_folder(options["out"])
+            step = {"stage": "margin", "area_ratio": 0.55, "confirmed": True}
+            (folder / "history.jsonl").write_text(json.dumps(step) + "\n")
+            record = {"area_ratio": 0.56, "area_ratio_bound": 0.6, "area_gap_percent": 6.67}
+            record |= {"area_ratio_no_jump": 0.555, "gradient_gain": 0.005}
+            (folder / "design.json").write_text(json.dumps(record))
+            verdict = SimpleNamespace(verdict="sensitive" if code else "confirmed", broken=())
+            return SimpleNamespace(exit_code=code, folder=folder, record=record, verdict=verdict)
 
         stand_in(monkeypatch, "camopt.optimize.run", optimize=optimize)
         words = ["optimize", "motori-1", "--speeds", "nominal", "--accuracy", "draft", "--gradient", "none"]
@@ -168,7 +175,12 @@ class TestVerbsThatSearch:
             "resume": False,
             "progress": True,
         }
-        assert out == f"run folder: {tmp_path / 'run'}\n"
+        start_to_end, areas, verdict, folder = out.splitlines()[1:]
+        assert start_to_end.split() == ["area", "ratio", "–", "0.55", "->", "0.56"]
+        assert "0.56000, certified bound 0.60000 (gap 6.67 %), no-jump program 0.55500" in areas
+        assert verdict == f"verdict: {'sensitive' if code else 'confirmed'}"
+        assert folder == f"run folder: {tmp_path / 'run'}, report: {tmp_path / 'run' / 'report.html'}"
+        assert (tmp_path / "run" / "report.html").exists()
 
     def test_compare(self, capsys, tmp_path, monkeypatch):
         from camopt.cam.design_file import write_design

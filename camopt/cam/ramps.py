@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camopt.scene.schema import Design
+from camopt.scene.errors import InputError
+from camopt.scene.schema import Design, Scene
 from camopt.scene.units import DEG, MM, MM_PER_DEG
 
 FOOT_VELOCITY = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
@@ -40,3 +41,13 @@ def scene_ramps(design: Design) -> tuple[Ramp, Ramp]:
     foot = design.ramp_foot_deg * DEG
     opening, closing = (Ramp(h * MM, v * MM_PER_DEG, foot) for h, v, _ in design.ramps())
     return opening, closing
+
+
+def symmetric_conditions(scene: Scene, family: str) -> tuple[Design, Ramp]:
+    """Design conditions of a scene and the one ramp of a symmetric cam; InputError where there is none, or two."""
+    if scene.design is None:
+        raise InputError(f"{family}: the scene needs [design]")
+    opening, closing = scene_ramps(scene.design)
+    if opening != closing:
+        raise InputError(f"{family}: the cam is symmetric, but the scene's closing ramp differs from its opening ramp")
+    return scene.design, opening

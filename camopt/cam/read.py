@@ -26,6 +26,16 @@ def numbers(text: str) -> tuple[float, ...]:
     return tuple(number(part) for part in text.split("/"))
 
 
+def yes_or_no(text: str) -> bool:
+    """yes or no."""
+    if text not in ("yes", "no"):
+        raise ValueError("yes or no is needed")
+    return text == "yes"
+
+
+EXPECTED = {number: "a number", numbers: "numbers like 2/10/18", yes_or_no: "yes or no"}
+
+
 @dataclass(frozen=True)
 class Family:
     """Where a family is designed, and its parameters: name on the command line -> (keyword, parser)."""
@@ -44,6 +54,43 @@ FAMILIES = {
             "speed_rpm": ("design_speed_rpm", number),
             "ramp_height_mm": ("ramp_height_mm", number),
         },
+    ),
+    "multi-pol": Family(
+        "camopt.cam.families.multi_pol",
+        "multi_pol",
+        {
+            "sections_deg": ("sections_deg", numbers),
+            "a12_mm_per_deg2": ("a12", number),
+            "a45_mm_per_deg2": ("a45", number),
+            "j34_mm_per_deg3": ("j34", number),
+            "j45_mm_per_deg3": ("j45", number),
+            "jerk": ("jerk", yes_or_no),
+        },
+    ),
+    "new-design": Family(
+        "camopt.cam.families.new_design",
+        "new_design",
+        {
+            "sections_deg": ("sections_deg", numbers),
+            "a12_mm_per_deg2": ("a12", number),
+            "a34_mm_per_deg2": ("a34", number),
+            "j34_mm_per_deg3": ("j34", number),
+            "j23_mm_per_deg3": ("j23", number),
+            "start_ratio": ("start_ratio", number),
+            "quintic": ("quintic", yes_or_no),
+            "jerk": ("jerk", yes_or_no),
+        },
+    ),
+    "exponent": Family("camopt.cam.families.exponent", "exponent", {"exponents": ("exponents", numbers)}),
+    "kurz": Family(
+        "camopt.cam.families.kurz",
+        "kurz",
+        {"sections_deg": ("sections_deg", numbers), "a23_mm_per_deg2": ("a23", number), "jerk": ("jerk", yes_or_no)},
+    ),
+    "trapezoid": Family(
+        "camopt.cam.families.trapezoid",
+        "trapezoid",
+        {"sections_deg": ("sections_deg", numbers), "jerk": ("jerk", yes_or_no)},
     ),
 }
 
@@ -89,7 +136,5 @@ def _designed(name: str, text: str, scene: Scene) -> Lift:
         try:
             keywords[keyword] = parse(value)
         except ValueError:
-            raise InputError(
-                f"cam {name}: {key}={value!r}: expected {'numbers like 2/10/18' if parse is numbers else 'a number'}"
-            ) from None
+            raise InputError(f"cam {name}: {key}={value!r}: expected {EXPECTED[parse]}") from None
     return getattr(import_module(family.module), family.function)(scene, **keywords)

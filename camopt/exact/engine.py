@@ -1,20 +1,29 @@
 """Event-exact motion of a train with linear laws: every switching located to round-off, no stability limit.
 
 The papers' transition matrix method with the exact exponential, the lift as exact polynomial pieces, and each contact's
-switching found inside the step on the power series of the motion.
+switching found inside the step on the power series of the watched force.
 """
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.exact.kernel import CHATTER, NEED_PROPAGATOR, NOT_FINITE, revolve
-from camopt.exact.propagators import default_step, propagators
+from camopt.exact.kernel import CHATTER, DONE, NEED_TABLES, revolve
+from camopt.exact.propagators import Propagators, default_step, propagators
 from camopt.scene.errors import MotionRefused
-from camopt.scene.response import Response, Revolve
+from camopt.scene.response import Response
 from camopt.scene.train import Train
 
 MOST_SWITCHINGS = 20_000
 """Contact switchings in one revolution beyond which the motion is refused as chatter."""
+AT_ONCE = 4
+"""Steps that one span takes where no samples are wanted."""
+MOST_AT_ONCE = 8
+"""Steps between two samples at most."""
+FEWEST_STEPS = 360
+"""Steps per revolution at least, however slow the train."""
 
 
 def train_arrays(train: Train) -> tuple:
@@ -23,44 +32,112 @@ def train_arrays(train: Train) -> tuple:
     return tuple(getattr(train, k) for k in (*names, "stiffness", "damping", "preload", "gap"))
 
 
-def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int | None = None) -> Revolve:
-    """One event-exact revolution as a function of its start state (2n).
+class EventExact:
+    """Event-exact motion at one speed: called, one sampled revolution; `advance`, only the state at its end."""
 
-    `cam_speed` [rad/s]. The step decides only how often the motion is sampled and how finely switchings are sought; by
-    default it follows the highest mode and is the same at all speeds, so that one set of propagators serves them.
-    Raises MotionRefused for endless switching or a motion without bound, InputError for laws that are not linear.
-    """
-    train.require_linear("event-exact", 'simulate with method "dop853", "rkg" or "smooth"')
-    period = 2 * np.pi / cam_speed
-    step = default_step(train) if steps_per_revolution is None else period / steps_per_revolution
-    step = min(step, default_step(train), period / 360)
-    n, e = len(train.mass), len(train.a)
-    table = propagators(train, step, lift.coefficients.shape[1])
-    arrays = train_arrays(train)
-    samples = int(period / step) + len(lift.borders) + 2 * MOST_SWITCHINGS + 16
-    rows = np.empty((samples, 2 + 2 * n + e))
+    def __init__(self, train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int | None = None):
+        train.require_linear("event-exact", 'simulate with method "dop853", "rkg" or "smooth"')
+        self.train, self.lift, self.cam_speed = train, lift, cam_speed
+        self.period = 2 * np.pi / cam_speed
+        self.step, self._per_sample = _step(train, self.period, steps_per_revolution)
+        self._laws = train_arrays(train)
+        self._cam = lift.borders, lift.coefficients, cam_speed
+        self._rows: np.ndarray | None = None
 
-    def one_revolution(state: np.ndarray) -> Response:
-        code = NEED_PROPAGATOR
-        while code == NEED_PROPAGATOR:
-            x, v = state[:n].copy(), state[n:].copy()
-            code, count, switchings = revolve(
-                arrays, lift.borders, lift.coefficients, cam_speed, step, *table.built, x, v, rows
-            )
-            if code == NEED_PROPAGATOR:
-                table.build(count)
-        if code in (CHATTER, NOT_FINITE):
-            what = (
-                f"contacts switch more than {MOST_SWITCHINGS} times" if code == CHATTER else "the motion has no bound"
-            )
-            raise MotionRefused(
-                f"event-exact at {cam_speed * 30 / np.pi:g} cam r/min: {what} in one revolution "
-                f"({switchings} switchings): give the contacts damping, or check masses and stiffnesses"
-            )
-        done = rows[:count].copy()
-        angle = done[:, 0] * cam_speed - np.pi
+    def __call__(self, state: np.ndarray) -> Response:
+        """One revolution from -pi to pi from a state (2n: [m], then [m/s]), sampled as asked and at every
+        switching and piece border. Raises MotionRefused for endless switching or a motion without bound."""
+        n, e = len(self.train.mass), len(self.train.a)
+        if self._rows is None:
+            samples = int(self.period / self.step) + len(self.lift.borders) + 2 * MOST_SWITCHINGS + 16
+            self._rows = np.empty((samples, 2 + 2 * n + e))
+        count, _ = self._revolve(np.array(state, dtype=float), self._rows, self._tables(self._per_sample))
+        done = self._rows[:count].copy()
+        angle = done[:, 0] * self.cam_speed - np.pi
         angle[-1] = np.pi
         x, v, force = done[:, 2 : 2 + n], done[:, 2 + n : 2 + 2 * n], done[:, 2 + 2 * n :]
-        return Response(train, cam_speed, angle, done[:, 1], x, v, force)
+        return Response(self.train, self.cam_speed, angle, done[:, 1], x, v, force)
 
-    return one_revolution
+    def advance(self, state: np.ndarray, revolutions: int = 1) -> np.ndarray:
+        """State (2n) after whole revolutions from a state at -pi (2n), several times faster than sampled.
+
+        Raises MotionRefused for endless switching or a motion without bound.
+        """
+        n, e = len(self.train.mass), len(self.train.a)
+        after, nothing, tables = np.array(state, dtype=float), np.empty((0, 2 + 2 * n + e)), self._tables(AT_ONCE)
+        for _ in range(revolutions):
+            self._revolve(after, nothing, tables)
+        return after
+
+    def _tables(self, at_once: int) -> Propagators:
+        return propagators(self.train, self.step, self.lift.coefficients.shape[1], at_once)
+
+    def _revolve(self, state: np.ndarray, rows: np.ndarray, tables: Propagators) -> tuple[int, int]:
+        """One revolution, `state` changed in place: (samples, switchings)."""
+        code, start = NEED_TABLES, state.copy()
+        while code == NEED_TABLES:
+            state[:] = start
+            code, count, switchings = revolve(
+                self._laws, self._cam, self.step, tables.built, state, rows, MOST_SWITCHINGS
+            )
+            if code == NEED_TABLES:
+                tables.build(count)
+        if code != DONE:
+            chatter = f"contacts switch more than {MOST_SWITCHINGS} times"
+            raise MotionRefused(
+                f"event-exact at {self.cam_speed * 30 / np.pi:g} cam r/min: "
+                f"{chatter if code == CHATTER else 'the motion has no bound'} in one revolution "
+                f"({switchings} switchings): give the contacts damping, or check masses and stiffnesses"
+            )
+        return count, switchings
+
+
+def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int | None = None) -> EventExact:
+    """One event-exact revolution as a function of its start state (2n), with `advance` for the end state alone.
+
+    `cam_speed` [rad/s]. `steps_per_revolution` says how often the motion is sampled and is no dial of accuracy: within,
+    switchings are sought in steps that follow the highest mode. By default these are the samples too; they are the
+    same at all speeds, so that one set of tables serves them.
+    """
+    return EventExact(train, lift, cam_speed, steps_per_revolution)
+
+
+def advance_many(
+    train: Train,
+    lifts: Lift | Sequence[Lift],
+    cam_speeds: Sequence[float],
+    states: np.ndarray,
+    revolutions: int,
+    workers: int = 2,
+) -> np.ndarray:
+    """End states (k, 2n) after `revolutions` of k motions, side by side in threads.
+
+    `lifts` is one lift or k, `cam_speeds` (k) [rad/s], `states` (2n) or (k, 2n). A refused motion ends in a row of NaN.
+    """
+    k = len(cam_speeds)
+    cams = [lifts] * k if isinstance(lifts, Lift) else list(lifts)
+    starts = np.broadcast_to(states, (k, np.shape(states)[-1]))
+
+    def end(i: int) -> np.ndarray:
+        try:
+            return prepare(train, cams[i], cam_speeds[i]).advance(starts[i], revolutions)
+        except MotionRefused:
+            return np.full(starts.shape[1], np.nan)
+
+    with ThreadPoolExecutor(workers) as pool:
+        return np.array(list(pool.map(end, range(k))))
+
+
+def _step(train: Train, period: float, steps_per_revolution: int | None) -> tuple[float, int]:
+    """(step [s], steps per sample): the default or finer, and a whole number of them between samples where asked.
+
+    The default is halved until a revolution has enough steps, so that most speeds share it and its tables.
+    """
+    default = default_step(train)
+    default /= 2.0 ** max(0, int(np.ceil(np.log2(default * FEWEST_STEPS / period))))
+    if steps_per_revolution is None:
+        return default, 1
+    wanted = max(1, int(np.ceil(period / steps_per_revolution / default * (1 - 1e-12))))
+    finer = -(-wanted // MOST_AT_ONCE)  # more samples than asked, where a whole span of steps does not reach the next
+    per_sample = -(-wanted // finer)
+    return period / steps_per_revolution / (finer * per_sample), per_sample

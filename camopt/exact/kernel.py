@@ -1,37 +1,43 @@
-"""One revolution, event-exact: fixed steps by the exact propagator, series where a switching or a piece border is."""
+"""One revolution, event-exact: spans by the exact propagator, jumps to the switchings and piece borders inside them."""
 
 import numba
 import numpy as np
 
-from camopt.exact.taylor import ACTING, COMPRESSED, SEPARATED, TERMS, evaluate, next_switch, series
+from camopt.exact.propagators import ACTING, COMPRESSED, NODES, SEPARATED, TERMS
+from camopt.exact.switching import SAMPLES, TICK, apply, first_suspect, next_switch
 
-DONE, NEED_PROPAGATOR, CHATTER, NOT_FINITE = 0, 1, 2, 3
+DONE, NEED_TABLES, CHATTER, NOT_FINITE = 0, 1, 2, 3
+ORDER = 8
+"""Highest power of the short series behind a node: its remainder is below 1e-17 of the motion."""
 
 
 @numba.njit(cache=True, nogil=True)
-def lift_coefficients(piece, offset, cam_speed, out):
-    """Coefficients of the lift in time about the angle `offset` [rad] inside a piece (q, m/rad^k); zero beyond."""
+def lift_series(piece, offset, scale, u):
+    """Coefficients u (q) of the lift in tau about the angle `offset` [rad] inside a piece (q, m/rad^k).
+
+    `scale` [rad] is the angle per tau. Returns how many of them to use: none on the base circle.
+    """
     q, still = len(piece), True
     for k in range(q):
-        out[k] = piece[k]
+        u[k] = piece[k]
         still = still and piece[k] == 0.0
-    if still:  # the base circle
-        return
-    for low in range(q - 1):
-        for k in range(q - 2, low - 1, -1):
-            out[k] += offset * out[k + 1]
-    scale = 1.0
+    if still:
+        return 0
+    if offset != 0.0:
+        for low in range(q - 1):
+            for k in range(q - 2, low - 1, -1):
+                u[k] += offset * u[k + 1]
+    power = 1.0
     for k in range(q):
-        out[k] *= scale
-        scale *= cam_speed
+        u[k] *= power
+        power *= scale
+    return q
 
 
 @numba.njit(cache=True, nogil=True)
-def contact_scalars(train, status, lift, x, v, watch, slope, force, acceleration):
-    """Forces (e), accelerations (n), and per contact the watched quantities and slopes, (2, e): p and f."""
-    mass, mass_damping, mass_force, a, b, contact, cam_driven, stiffness, damping, preload, gap = train
-    for i in range(len(mass)):
-        acceleration[i] = mass_force[i] - mass_damping[i] * v[i]
+def element_forces(laws, status, lift, lift_rate, x, v, force):
+    """Forces (e) as the elements exert them; where a contact lets go it is zero but for rounding."""
+    a, b, contact, cam_driven, stiffness, damping, preload, gap = laws[3:]
     for e in range(len(a)):
         d, rate = -gap[e], 0.0
         if a[e] >= 0:
@@ -41,170 +47,172 @@ def contact_scalars(train, status, lift, x, v, watch, slope, force, acceleration
             d -= x[b[e]]
             rate -= v[b[e]]
         if cam_driven[e]:
-            d += lift[0]
-            rate += lift[1]
-        p = preload[e] + stiffness[e] * d
-        f = p + damping[e] * rate
-        watch[0, e], watch[1, e], slope[0, e] = p, f, stiffness[e] * rate
-        force[e] = f
-        if contact[e] and (status[e] != ACTING or f < 0.0):  # where it lets go, f is zero but for rounding
+            d += lift
+            rate += lift_rate
+        force[e] = preload[e] + stiffness[e] * d + damping[e] * rate
+        if contact[e] and (status[e] != ACTING or force[e] < 0.0):
             force[e] = 0.0
-        if a[e] >= 0:
-            acceleration[a[e]] -= force[e]
-        if b[e] >= 0:
-            acceleration[b[e]] += force[e]
-    for i in range(len(mass)):
-        acceleration[i] /= mass[i]
+
+
+@numba.njit(cache=True, nogil=True)
+def classify(laws, lift, lift_rate, x, v, status):
+    """Contact states of an arbitrary state: pushing where both the elastic and the whole force are positive."""
+    a, b, contact, cam_driven, stiffness, _, preload, gap = laws[3:]
+    whole = np.zeros(len(a))
+    status[:] = ACTING
+    element_forces(laws, status, lift, lift_rate, x, v, whole)
     for e in range(len(a)):
         if not contact[e]:
             continue
-        second = 0.0
+        d = -gap[e] + cam_driven[e] * lift
         if a[e] >= 0:
-            second += acceleration[a[e]]
+            d += x[a[e]]
         if b[e] >= 0:
-            second -= acceleration[b[e]]
-        if cam_driven[e]:
-            second += 2.0 * lift[2]
-        slope[1, e] = slope[0, e] + damping[e] * second
+            d -= x[b[e]]
+        if preload[e] + stiffness[e] * d <= 0.0:
+            status[e] = SEPARATED
+        elif whole[e] <= 0.0:
+            status[e] = COMPRESSED
 
 
 @numba.njit(cache=True, nogil=True)
-def may_switch(status, contact, h, watch0, slope0, watch1, slope1):
-    """Whether a contact may switch within a step, from values and slopes at both ends: may say yes too often."""
+def find(keys, status, contact):
+    """(slot of the tables for a state of the contacts or -1, its key)."""
+    key, digit = 0, 1
     for e in range(len(contact)):
-        if not contact[e]:
-            continue
-        for law in range(2):
-            if (law == 0 and status[e] == ACTING) or (law == 1 and status[e] == SEPARATED):
-                continue
-            sign = -1.0 if status[e] == SEPARATED or (law == 1 and status[e] == COMPRESSED) else 1.0
-            w0, w1 = sign * watch0[law, e], sign * watch1[law, e]
-            s0, s1 = sign * slope0[law, e], sign * slope1[law, e]
-            if w1 < 0.0 or w0 < 0.0:
-                return True
-            if (s0 < 0.0 and w0 + h * s0 < 0.0) or (s1 > 0.0 and w1 - h * s1 < 0.0):
-                return True
-    return False
+        if contact[e]:
+            key += digit * status[e]
+            digit *= 3
+    for slot in range(len(keys)):
+        if keys[slot] == key:
+            return slot, key
+    return -1, key
 
 
-@numba.njit(cache=True, nogil=True)
-def classify(train, lift, x, v, status):
-    """Contact states of an arbitrary state: pushing where both the elastic and the whole force are positive."""
-    e_count = len(train[3])
-    watch, slope = np.zeros((2, e_count)), np.zeros((2, e_count))
-    status[:] = SEPARATED
-    contact_scalars(train, status, lift, x, v, watch, slope, np.zeros(e_count), np.zeros(len(x)))
-    for e in range(e_count):
-        if watch[0, e] > 0.0:
-            status[e] = ACTING if watch[1, e] > 0.0 else COMPRESSED
-
-
-@numba.njit(cache=True, nogil=True)
-def record(rows, count, t, lift, x, v, force):
-    """Appends one sample: time, lift, x, v, force."""
-    n, e = len(x), len(force)
-    row = rows[count]
-    row[0], row[1] = t, lift
+@numba.njit(cache=True, nogil=True, fastmath={"contract"})
+def short_series(laws, status, h, u, used, tau, x, v, work):
+    """Adds to x, v (n) their change over tau steps, a small part of one, by the series of the equations of motion."""
+    mass, mass_damping, mass_force, a, b, contact, cam_driven, stiffness, damping, preload, gap = laws
+    dx, dv, acceleration = work
+    n, power = len(mass), 1.0
     for i in range(n):
-        row[2 + i], row[2 + n + i] = x[i], v[i]
-    for i in range(e):
-        row[2 + 2 * n + i] = force[i]
+        dx[i], dv[i] = x[i], v[i]
+    for k in range(ORDER):
+        lift = u[k] * power if k < used else 0.0
+        rate = (k + 1) * u[k + 1] * power / h if k + 1 < used else 0.0
+        for i in range(n):
+            acceleration[i] = (mass_force[i] if k == 0 else 0.0) - mass_damping[i] * dv[i]
+        for e in range(len(a)):
+            if contact[e] and status[e] != ACTING:
+                continue
+            p, q = a[e], b[e]
+            f = preload[e] - stiffness[e] * gap[e] if k == 0 else 0.0
+            if cam_driven[e]:
+                f += stiffness[e] * lift + damping[e] * rate
+            if p >= 0:
+                f += stiffness[e] * dx[p] + damping[e] * dv[p]
+            if q >= 0:
+                f -= stiffness[e] * dx[q] + damping[e] * dv[q]
+                acceleration[q] += f
+            if p >= 0:
+                acceleration[p] -= f
+        share = tau * h / (k + 1)
+        power *= tau
+        for i in range(n):
+            dx[i], dv[i] = dv[i] * share, acceleration[i] / mass[i] * share
+            x[i] += dx[i]
+            v[i] += dv[i]
+
+
+@numba.njit(cache=True, nogil=True)
+def jump(laws, status, nodes, h, columns, length, y, there, work):
+    """Advances y by `length` steps, anywhere within a span: to the nearest node by its propagator, then by series."""
+    n = len(laws[0])
+    node = min(max(int(length * NODES + 0.5), 0), len(nodes) - 1)
+    apply(nodes[node], y, columns, len(y), there)
+    for i in range(len(y)):
+        y[i] = there[i]
+    rest = length - node / NODES
+    if rest != 0.0:
+        short_series(laws, status, h, y[2 * n :], columns - 2 * n, rest, y[:n], y[n : 2 * n], work)
+
+
+@numba.njit(cache=True, nogil=True)
+def record(rows, count, t, laws, status, y, h):
+    """Appends one sample: time, lift, x, v, force."""
+    n = len(laws[0])
+    row = rows[count]
+    row[0], row[1] = t, y[2 * n]
+    for i in range(2 * n):
+        row[2 + i] = y[i]
+    element_forces(laws, status, y[2 * n], y[2 * n + 1] / h, y[:n], y[n : 2 * n], row[2 + 2 * n :])
     return count + 1
 
 
 @numba.njit(cache=True, nogil=True)
-def acting_set(status, contact):
-    """Bit pattern of the acting contacts."""
-    bits, i = 0, 0
-    for e in range(len(contact)):
-        if contact[e]:
-            if status[e] == ACTING:
-                bits |= 1 << i
-            i += 1
-    return bits
+def revolve(laws, cam, h, tables, state, rows, most):
+    """One revolution from `state` (2n, changed in place); returns (code, samples or missing key, switchings).
 
-
-@numba.njit(cache=True, nogil=True)
-def revolve(train, borders, pieces, cam_speed, h, slots, table, x, v, rows):
-    """One revolution from state x, v (changed in place); returns (code, samples or contact set, switchings)."""
-    n, e_count, contact = len(x), len(train[3]), train[5]
-    q, period = pieces.shape[1], 2.0 * np.pi / cam_speed
-    lift = np.zeros(TERMS + 2)
-    status = np.zeros(e_count, dtype=np.int64)
-    watch, slope = np.zeros((2, 2, e_count)), np.zeros((2, 2, e_count))
-    force, acceleration = np.zeros(e_count), np.zeros(n)
-    xs, vs, ds = np.zeros((TERMS + 1, n)), np.zeros((TERMS + 1, n)), np.zeros((TERMS + 1, e_count))
-    w, y = np.zeros(TERMS + 1), np.zeros(2 * n)
-    t, piece, step, switchings = 0.0, 0, 0, 0
-    lift_coefficients(pieces[0], 0.0, cam_speed, lift)
-    classify(train, lift, x, v, status)
-    contact_scalars(train, status, lift, x, v, watch[0], slope[0], force, acceleration)
-    count = record(rows, 0, t, lift[0], x, v, force)
+    With `rows` it is sampled at every span, switching and border; without (no rows), only the end is found. `most`
+    switchings are allowed. `cam` holds borders, coefficients and speed.
+    """
+    borders, pieces, cam_speed = cam
+    n2, q, contact = len(state), pieces.shape[1], laws[5]
+    n, period, sampled, scale = n2 // 2, 2.0 * np.pi / cam_speed, len(rows) > 0, cam_speed * h
+    steps = (tables.nodes.shape[1] - 1) // NODES
+    span = steps * h
+    status = np.zeros(len(contact), dtype=np.int64)
+    y, there, out = np.zeros(n2 + q), np.zeros(n2 + q), np.zeros(tables.span.shape[2])
+    scratch = there, np.zeros(TERMS + 1), np.zeros(SAMPLES + 1), np.zeros(SAMPLES + 1)
+    work = np.zeros(n), np.zeros(n), np.zeros(n)
+    y[:n2] = state
+    t, piece, step, count, switchings = 0.0, 0, 0, 0, 0
+    columns = n2 + lift_series(pieces[0], 0.0, scale, y[n2:])
+    classify(laws, y[n2], y[n2 + 1] / h, y[:n], y[n:n2], status)
+    slot, key = find(tables.keys, status, contact)
+    if sampled:
+        count = record(rows, count, t, laws, status, y, h)
     while t < period:
-        target = min((step + 1) * h, period)
-        if period - target < 1e-6 * h:
-            target = period
-        border = (borders[piece + 1] - borders[0]) / cam_speed
-        if piece + 2 == len(borders):
-            border = period  # not its rounding
-        end = min(target, border)
-        regular = end == target and abs(target - t - h) < 1e-9 * h
-        if regular:
-            slot = slots[acting_set(status, contact)]
-            if slot < 0:
-                return NEED_PROPAGATOR, acting_set(status, contact), switchings
-            _advance(table[slot], lift, h, q, x, v, y)
-            lift_coefficients(pieces[piece], end * cam_speed + borders[0] - borders[piece], cam_speed, lift)
-            contact_scalars(train, status, lift, y[:n], y[n:], watch[1], slope[1], force, acceleration)
-            regular = not may_switch(status, contact, h, watch[0], slope[0], watch[1], slope[1])
-        if regular:
-            x[:], v[:] = y[:n], y[n:]
-            t, which, new = end, -1, 0
+        if slot < 0:
+            return NEED_TABLES, key, switchings
+        border = (borders[piece + 1] - borders[0]) / cam_speed if piece + 2 < len(borders) else period
+        target = min((step + 1) * span, period) if sampled else t + span
+        if abs(target - border) < 1e-11 * h:
+            target = border
+        end = max(t, min(target, border))
+        which, watches = -1, tables.count[slot]
+        apply(tables.span[slot], y, columns, n2 + q + 2 * watches * (steps + 1), out)
+        whole = abs(end - t - span) < 2e-11 * h
+        if whole and first_suspect(out, n2 + q, watches, steps) == steps:
+            for i in range(columns):
+                y[i] = out[i]
+            t = end
         else:
-            lift_coefficients(pieces[piece], t * cam_speed + borders[0] - borders[piece], cam_speed, lift)
-            series(train, status, lift, x, v, xs, vs, ds)
-            length, which, new = next_switch(train, status, lift, ds, end - t, w)
-            evaluate(xs, length, x)
-            evaluate(vs, length, v)
-            t = end if which < 0 else t + length
-            lift_coefficients(pieces[piece], t * cam_speed + borders[0] - borders[piece], cam_speed, lift)
-            contact_scalars(train, status, lift, x, v, watch[1], slope[1], force, acceleration)
-        if count + 2 >= len(rows):
-            return CHATTER, count, switchings
-        count = record(rows, count, t, lift[0], x, v, force)
-        if which >= 0:
-            status[which] = new
-            switchings += 1
-            contact_scalars(train, status, lift, x, v, watch[1], slope[1], force, acceleration)
-            count = record(rows, count, t, lift[0], x, v, force)
-        elif end == border and piece + 2 < len(borders):
+            whole = False
+            length, which = next_switch(tables, slot, y, columns, out, (end - t) / h, TICK / h, scratch)
+            jump(laws, status, tables.nodes[slot], h, columns, length, y, there, work)
+            t = t + length * h if which >= 0 else end
+        if which < 0 and end == border and piece + 2 < len(borders):
             piece += 1
-            lift_coefficients(pieces[piece], 0.0, cam_speed, lift)
-            contact_scalars(train, status, lift, x, v, watch[1], slope[1], force, acceleration)
-        if which < 0 and end == target:
+            columns = n2 + lift_series(pieces[piece], 0.0, scale, y[n2:])
+        elif not whole:
+            lift_series(pieces[piece], t * cam_speed + borders[0] - borders[piece], scale, y[n2:])
+        if sampled:
+            if count + 2 >= len(rows):
+                return CHATTER, count, switchings
+            count = record(rows, count, t, laws, status, y, h)
+        if which >= 0:
+            status[tables.element[slot, which]] = tables.new[slot, which]
+            slot, key = find(tables.keys, status, contact)
+            switchings += 1
+            if switchings > most:
+                return CHATTER, count, switchings
+            if sampled:
+                count = record(rows, count, t, laws, status, y, h)
+        elif end == target:
             step += 1
-        watch[0], slope[0] = watch[1], slope[1]
-    for i in range(n):
-        if not (np.isfinite(x[i]) and np.isfinite(v[i])):
+    state[:] = y[:n2]
+    for i in range(n2):
+        if not np.isfinite(state[i]):
             return NOT_FINITE, count, switchings
     return DONE, count, switchings
-
-
-@numba.njit(cache=True, nogil=True)
-def _advance(propagator, lift, h, q, x, v, y):
-    """y (2n) = propagator applied to (x, v, lift coefficients in units of the step, 1)."""
-    n = len(x)
-    y[:] = propagator[2 * n + q]
-    for j in range(n):
-        for i in range(2 * n):
-            y[i] += propagator[j, i] * x[j]
-    for j in range(n):
-        for i in range(2 * n):
-            y[i] += propagator[n + j, i] * v[j]
-    scale = 1.0
-    for k in range(q):
-        if lift[k] != 0.0:
-            u = lift[k] * scale
-            for i in range(2 * n):
-                y[i] += propagator[2 * n + k, i] * u
-        scale *= h

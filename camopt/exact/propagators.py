@@ -1,19 +1,43 @@
-"""Exact propagators over one fixed step, one per set of acting contacts, built only for sets that occur.
+"""Exact propagators over fixed spans, one set per state of the contacts, built only for states that occur.
 
-With the lift over the step as a polynomial in tau = t / step, the state y = (x, v), the lift's coefficients u and the
-constant 1 form one linear system; its matrix exponential advances y exactly, whatever the stiffness.
+With the lift as a polynomial in tau = t / step, the motion (x, v), the lift's coefficients u and the constant 1 form
+one linear system; its matrix exponential advances them exactly, whatever the stiffness. The quantity that decides
+whether a contact switches is linear in them too, so its values, slopes and power series are rows of matrices.
 """
 
 from functools import lru_cache
 from threading import Lock
+from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import expm
 
 from camopt.scene.train import GROUND, Train
 
 LARGEST_PHASE = 1.5
 """Default step times highest frequency [rad]: switching is sought well within a quarter period of any mode."""
+NODES = 16
+"""Ready propagators per step: the rest of a jump to any instant is at most 1/32 step, 0.05 rad of the highest mode."""
+TERMS = 22
+"""Highest power in the series of a watched quantity: over one step the remainder is below 1e-16 of the motion."""
+FIRST_STATES = 8
+"""Contact states for which there is room at first; it doubles."""
+SEPARATED, COMPRESSED, ACTING = 0, 1, 2
+"""States of a contact: apart; pressed in but without force, its damper having cancelled it; pushing."""
+
+
+class Tables(NamedTuple):
+    """Everything the kernel reads, s contact states deep; matrices transposed, rows (c): x, v, u (q), constant.
+
+    A watch is a quantity of a contact that stays positive until it switches: w of them at most, `count` in use.
+    """
+
+    keys: np.ndarray  # (s) contact states in base 3
+    count: np.ndarray  # (s)
+    element: np.ndarray  # (s, w) whose state changes when the watch turns negative
+    new: np.ndarray  # (s, w) to what
+    span: np.ndarray  # (s, c, c - 1 + 2 w (m + 1)): x, v, u after m steps; then values and slopes at every step
+    nodes: np.ndarray  # (s, m NODES + 1, c, c - 1): x, v, u at every node
+    series: np.ndarray  # (s, w, c, TERMS + 1): the watch's power series in tau
 
 
 def linear_system(train: Train, acting: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -47,47 +71,121 @@ def highest_frequency(train: Train) -> float:
 
 
 class Propagators:
-    """Transposed propagators (2n + q + 1, 2n) of one train, step [s] and lift width q (coefficients of a piece)."""
+    """The tables of one train, step [s], lift width q (coefficients of a piece) and steps m taken at once."""
 
-    def __init__(self, train: Train, step: float, width: int):
-        self.train, self.step, self.width = train, step, width
+    def __init__(self, train: Train, step: float, width: int, at_once: int):
+        self.train, self.step, self.width, self.at_once = train, step, width, at_once
         self.contacts = np.flatnonzero(train.contact)
-        slots = np.full(2 ** len(self.contacts), -1, dtype=np.int32)
-        self.built = slots, np.zeros((0, 2 * len(train.mass) + width + 1, 2 * len(train.mass)))
+        c, w, s = 2 * len(train.mass) + width + 1, 2 * len(self.contacts), FIRST_STATES
+        self._buffers = Tables(
+            keys=np.empty(s, dtype=np.int64),
+            count=np.empty(s, dtype=np.int64),
+            element=np.empty((s, w), dtype=np.int64),
+            new=np.empty((s, w), dtype=np.int64),
+            span=np.empty((s, c, c - 1 + 2 * w * (at_once + 1))),
+            nodes=np.empty((s, at_once * NODES + 1, c, c - 1)),
+            series=np.empty((s, w, c, TERMS + 1)),
+        )
+        self.built = self._buffers._replace(keys=self._buffers.keys[:0])
         self._lock = Lock()
 
-    def build(self, contact_set: int) -> None:
-        """Adds the propagator of a set: bit i says that contact i acts.
+    def build(self, key: int) -> None:
+        """Adds the tables of a state of the contacts: digit i of `key` in base 3 is the state of contact i.
 
-        `built` is replaced, never changed: another thread may be reading it.
+        What `built` already shows is never changed: another thread may be reading it.
         """
         with self._lock:
-            slots, table = self.built
-            if slots[contact_set] < 0:
-                slots = slots.copy()
-                slots[contact_set] = len(table)
-                self.built = slots, np.concatenate([table, self._propagator(contact_set)[None]])
+            slot = len(self.built.keys)
+            if key in self.built.keys:
+                return
+            if slot == len(self._buffers.keys):
+                self._buffers = Tables(*(np.concatenate([part, np.empty_like(part)]) for part in self._buffers))
+            for part, new in zip(self._buffers, self._tables(key), strict=True):
+                part[slot] = new
+            self.built = self._buffers._replace(keys=self._buffers.keys[: slot + 1])
 
-    def _propagator(self, contact_set: int) -> np.ndarray:
-        n2, q = 2 * len(self.train.mass), self.width
-        acting = ~self.train.contact
-        acting[self.contacts] = (contact_set >> np.arange(len(self.contacts))) & 1
+    def _tables(self, key: int) -> tuple[np.ndarray, ...]:
+        c, m, most = 2 * len(self.train.mass) + self.width + 1, self.at_once, 2 * len(self.contacts)
+        status = np.full(len(self.train.a), ACTING)
+        status[self.contacts] = key // 3 ** np.arange(len(self.contacts)) % 3
+        system = self._system(status == ACTING)
+        powers = np.eye(c)[None]
+        leap = _exponential(system / NODES)
+        while len(powers) <= m * NODES:  # by doubling: rounding grows with the logarithm only
+            powers = np.concatenate([powers, leap @ powers])
+            leap = leap @ leap
+        powers = powers[: m * NODES + 1]
+        watched = [(int(e), law) for e in self.contacts for law in _laws(status[e])]
+        rows = np.array([self._watch(e, law, status[e]) for e, law in watched]).reshape(-1, c)
+        series = [rows]
+        for k in range(1, TERMS + 1):
+            series.append(series[-1] @ system / k)
+        looks = [np.concatenate(series[:2]) @ powers[i * NODES] for i in range(m + 1)]
+        span = np.concatenate([powers[-1][:-1], *looks]).T
+        tables = np.zeros((most, c, TERMS + 1))
+        tables[: len(rows)] = np.stack(series, axis=-1)
+        element, new = np.zeros((2, most), dtype=np.int64)
+        element[: len(rows)] = [e for e, _ in watched]
+        new[: len(rows)] = [self._after(e, law, status[e]) for e, law in watched]
+        padded = np.zeros((c, c - 1 + 2 * most * (m + 1)))
+        padded[:, : span.shape[1]] = span
+        return np.array(key), np.array(len(rows)), element, new, padded, powers[:, :-1].transpose(0, 2, 1), tables
+
+    def _system(self, acting: np.ndarray) -> np.ndarray:
+        """d/dtau of (x, v, u, 1), shape (c, c)."""
+        n2, q, h = 2 * len(self.train.mass), self.width, self.step
         a, by_lift, by_velocity, constant = linear_system(self.train, acting)
         system = np.zeros((n2 + q + 1, n2 + q + 1))
-        system[:n2, :n2] = a * self.step
-        system[:n2, n2] = by_lift * self.step
+        system[:n2, :n2] = a * h
+        system[:n2, n2] = by_lift * h
         if q > 1:
             system[:n2, n2 + 1] = by_velocity  # the coefficient of tau is the lift velocity times the step
-        system[:n2, -1] = constant * self.step
+        system[:n2, -1] = constant * h
         for k in range(q - 1):
             system[n2 + k, n2 + k + 1] = k + 1.0
-        return np.ascontiguousarray(expm(system)[:n2].T)
+        return system
+
+    def _watch(self, e: int, law: int, status: int) -> np.ndarray:
+        """Row (c) of a contact's elastic force (law 0) or whole force (law 1), so signed that it is positive."""
+        t, n, q = self.train, len(self.train.mass), self.width
+        row = np.zeros(2 * n + q + 1)
+        for mass, sign in ((t.a[e], 1.0), (t.b[e], -1.0)):
+            if mass != GROUND:
+                row[mass] += sign * t.stiffness[e]
+                row[n + mass] += sign * t.damping[e] * law
+        if t.cam_driven[e]:
+            row[2 * n] += t.stiffness[e]
+            if q > 1:
+                row[2 * n + 1] += t.damping[e] * law / self.step
+        row[-1] = t.preload[e] - t.stiffness[e] * t.gap[e]
+        return row if status == ACTING or (status, law) == (COMPRESSED, 0) else -row
+
+    def _after(self, e: int, law: int, status: int) -> int:
+        """State of a contact after the watched quantity has turned negative."""
+        if status == ACTING:
+            return COMPRESSED if self.train.damping[e] > 0.0 else SEPARATED
+        return SEPARATED if (status, law) == (COMPRESSED, 0) else ACTING
 
 
-@lru_cache(maxsize=64)
-def propagators(train: Train, step: float, width: int) -> Propagators:
+def _exponential(matrix: np.ndarray) -> np.ndarray:
+    """exp(matrix) by its plain series, for a spectral radius below 0.1: elements of very different size (a position by
+    a velocity, a coefficient of the lift by another) each keep their relative accuracy, which squaring would lose."""
+    total = term = np.eye(len(matrix))
+    for k in range(1, 17):
+        term = term @ matrix / k
+        total = total + term
+    return total
+
+
+def _laws(status: int) -> tuple[int, ...]:
+    """What is watched: elastic force 0, whole force 1."""
+    return {SEPARATED: (0,), COMPRESSED: (0, 1), ACTING: (1,)}[int(status)]
+
+
+@lru_cache(maxsize=24)
+def propagators(train: Train, step: float, width: int, at_once: int) -> Propagators:
     """The propagators of a train, shared by all speeds and cams that use the same step and lift width."""
-    return Propagators(train, step, width)
+    return Propagators(train, step, width, at_once)
 
 
 @lru_cache(maxsize=256)

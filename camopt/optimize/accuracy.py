@@ -16,14 +16,15 @@ class Accuracy:
     knot_deg: float  # of the free cam
     program_speeds: int  # of the no-jump program over a band
     judged_speeds: int  # of the search's judge over a band
+    judge_stride: int  # one in so many is judged first
     gradient_steps: int
     verdict: Effort  # of the final verdict
 
 
 ACCURACIES = {
-    "draft": Accuracy(3.0, 5, 17, 6, EFFORTS["draft"]),
-    "standard": Accuracy(2.0, 9, 47, 16, EFFORTS["standard"]),
-    "fine": Accuracy(1.5, 17, 93, 30, EFFORTS["fine"]),
+    "draft": Accuracy(3.0, 5, 47, 4, 6, EFFORTS["draft"]),
+    "standard": Accuracy(2.0, 9, 187, 4, 16, EFFORTS["standard"]),
+    "fine": Accuracy(1.5, 17, 373, 8, 30, EFFORTS["fine"]),
 }
 
 BEYOND = 1e-3

@@ -212,7 +212,8 @@ def area_ratio_bound(design: Design, intervals: int = INTERVALS) -> Certificate:
     """
     grid = equal_grid(design, intervals)
     if not control_is_limited(design):
-        return Certificate(design, grid, *np.zeros((4, len(grid))), np.zeros(3))  # only the lift cap limits: ratio 1
+        zero = np.zeros(len(grid))
+        return Certificate(design, grid, zero, zero, zero, zero, np.zeros(3))  # only the lift cap limits: ratio 1
     return Certificate(design, grid, *Discretised(design, grid).multipliers())
 
 

@@ -89,13 +89,16 @@ class Discretised:
         """
         n = self.nodes
         motion = self.motion()
-        cost = np.zeros(motion.shape[1])
+        columns = self.order * n + n - 1
+        cost = np.zeros(columns)
         for state in range(self.order + 1):
             cost[self.column(state, np.arange(n - 1))] = -self.steps[state + 1]
         if control_worth is not None:
             full = self.unit[0] * self.half
             cost[self.column(self.order, np.arange(n - 1))] -= control_worth * self.unit[self.order] / full
-        answer = linprog(cost, A_eq=motion, b_eq=np.zeros(motion.shape[0]), bounds=self.bounds(), method="highs-ipm")
+        answer = linprog(
+            cost, A_eq=motion, b_eq=np.zeros(self.order * (n - 1)), bounds=self.bounds(), method="highs-ipm"
+        )
         if answer.status == 2:
             raise InputError(conflict(self.design, free_cam(self.design)))
         if answer.status != 0:

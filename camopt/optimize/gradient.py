@@ -19,13 +19,13 @@ from camopt.optimize.sensitivity import Sensitivity
 
 WIDTH = 8
 """Speeds whose metrics are linearised in a step: those that use their limits most."""
-FIRST_TRUST_N, LEAST_TRUST_N = 40.0, 1.0
+FIRST_TRUST_N, LEAST_TRUST_N = 40.0, 0.25
 """Trust region at the start, and where the stage ends."""
 TRUST_BY_KIND = np.array([1.0, 0.2, 1.0])
 """Part of the trust region that opening flank, closing flank and seat forces may use: a contact that parts on the
 closing flank lands on the ramp and the seat, where metrics are far from linear; tension on opening costs little."""
 GROWTH, SHRINKAGE = 1.5, 0.4
-AIM = SHARE - 0.02
+AIM = SHARE - 0.03
 """Share of its limit that a linearised metric may use."""
 MOST_SHARE = 4.0
 """A larger share says only that a step went far too far."""
@@ -62,7 +62,7 @@ class Linearised:
 
     z0: np.ndarray
     metric: np.ndarray  # (r) index into the judged metrics
-    speed: np.ndarray  # (r) index into the judged speeds
+    speed_rpm: np.ndarray  # (r)
     share: np.ndarray  # (r) at z0, judged
     slope: np.ndarray  # (r, m) smooth
     curvature: np.ndarray  # (r) what the last refused step used beyond the first order
@@ -70,8 +70,10 @@ class Linearised:
     def corrected(self, z: np.ndarray, judged: Judged) -> "Linearised":
         """This model with what a refused step showed beyond the first order, scaled to the smaller next step."""
         expected = self.share + self.slope @ (z - self.z0)
-        shown = np.minimum(judged.share[self.metric, self.speed], MOST_SHARE)
-        return replace(self, curvature=SHRINKAGE**2 * np.maximum(shown - expected, 0.0))
+        at = np.minimum(np.searchsorted(judged.speeds_rpm, self.speed_rpm), len(judged.speeds_rpm) - 1)
+        shown = np.minimum(judged.share[self.metric, at], MOST_SHARE)
+        known = judged.speeds_rpm[at] == self.speed_rpm  # a cam that fails early is not judged everywhere
+        return replace(self, curvature=SHRINKAGE**2 * np.where(known, np.maximum(shown - expected, 0.0), 0.0))
 
     def bound(self) -> np.ndarray:
         """Right side of slope @ z <= bound (r); a share above AIM may stay but not grow."""
@@ -90,7 +92,7 @@ def linearised(z: np.ndarray, judged: Judged, sensitivity: Sensitivity) -> Linea
     known = np.all(np.isfinite(slopes), axis=2) & np.any(slopes != 0, axis=2)
     at, metric = np.nonzero(known)
     share = judged.share[metric, order[at]]
-    return Linearised(z, metric, order[at], share, slopes[at, metric], np.zeros(len(at)))
+    return Linearised(z, metric, judged.speeds_rpm[order[at]], share, slopes[at, metric], np.zeros(len(at)))
 
 
 def step(program: NoJumpProgram, best: NoJumpOptimum, model: Linearised, trust: float) -> NoJumpOptimum:

@@ -230,7 +230,7 @@ class NoJumpProgram:
             needed,
         )
 
-    def extended(self, speeds: Sequence[float], angles: Sequence[Angles] | None = None) -> "NoJumpProgram":
+    def extended(self, speeds: Sequence[float] | np.ndarray, angles: Sequence[Angles] | None = None) -> "NoJumpProgram":
         """This program with further cam speeds [rad/s], at the angles given or at those of static load transfer."""
         more = _blocks(self.train, self.design, self.cam, speeds, angles, self.window)
         return replace(self, blocks=self.blocks + more)
@@ -245,7 +245,7 @@ def no_jump_program(
     train: Train,
     design: Design,
     cam: FreeCam,
-    speeds: Sequence[float],
+    speeds: Sequence[float] | np.ndarray,
     angles: Sequence[Angles] | None = None,
     window: Window | None = None,
 ) -> NoJumpProgram:

@@ -74,7 +74,7 @@ def static_angles(train: Train, cam: FreeCam) -> Angles:
     opening = _lift_at_touch(train, shared, train.seat)
     lash = [e for e in train.cam_side if not seated[e]]
     closing = _lift_at_touch(train, seated, lash[0]) if lash else opening
-    half = cam.breaks[-1]
+    half = float(cam.breaks[-1])
     before = [_before_top(cam.opening, lift, "opening") for lift in (closing, opening)]
     after = [_before_top(cam.closing, lift, "closing") for lift in (opening, closing)]
     return Angles(-half - before[0], -half - before[1], half + after[0], half + after[1])

@@ -18,6 +18,7 @@ from camopt.optimize.accuracy import Accuracy, accuracy_named, design_speeds
 from camopt.optimize.bound import area_ratio_bound
 from camopt.optimize.journal import Journal
 from camopt.optimize.judge import Judge
+from camopt.optimize.kinematic import kinematic_optimum
 from camopt.optimize.no_jump import NoJumpOptimum, no_jump_program
 from camopt.optimize.no_jump_stage import Search, no_jump_stage
 from camopt.scene.schema import Scene
@@ -27,7 +28,7 @@ from camopt.storage import create_run_folder, default_run_folder, write_json, wr
 from camopt.verify.verdict import Verdict, verify
 
 PACKAGES = ("camopt", "jax", "diffrax", "optax", "numpy", "scipy", "numba", "matplotlib")
-CANDIDATES = 3
+CANDIDATES = 4
 """Confirmed cams of the search, largest first, that the full verdict may be asked about."""
 
 
@@ -67,7 +68,10 @@ def optimize(
     build_train(scene).require_linear(
         "the optimiser", "optimise a scene with linear laws and verify its cam on this one"
     )
-    certificate = area_ratio_bound(design)  # contradictory limits end here, before a folder is made
+    kinematic_optimum(
+        design, free_cam(design, effort.knot_deg)
+    )  # contradictory limits end here, before a folder is made
+    certificate = area_ratio_bound(design)
     folder = create_run_folder(out or default_run_folder(scene.name), resume)
     write_text(folder / "scene.toml", tomli_w.dumps(scene.model_dump(exclude_none=True, exclude_defaults=True)))
     settings = {"speeds": speeds, "accuracy": accuracy, "gradient": gradient, "seed": seed}
@@ -106,7 +110,7 @@ def _search(
     cam = free_cam(scene.design, effort.knot_deg)
     program_speeds, judged_speeds = design_speeds(scene.operation, speeds, effort)
     program = no_jump_program(build_train(scene), scene.design, cam, [scene.cam_speed(s) for s in program_speeds])
-    search = Search(Judge(scene, judged_speeds), Journal(folder), show)
+    search = Search(Judge(scene, judged_speeds, effort.judge_stride if speeds == "band" else 1), Journal(folder), show)
     program = no_jump_stage(search, program)
     no_jump = search.best
     assert no_jump is not None, "the stage raises where nothing is confirmed"
@@ -169,7 +173,7 @@ class _Progress:
         self._bar.set_description(line["stage"])
         best = line["best_area_ratio"]
         self._bar.set_postfix_str(
-            f"best area ratio {best:.4f}" * (best is not None)
+            ("no confirmed cam yet" if best is None else f"best area ratio {best:.4f}")
             + f", bounce {line['worst_bounce_mm']:.3f} mm, worst at {line['worst_speed_rpm']:.0f} r/min"
         )
         self._bar.update(1)

@@ -60,7 +60,7 @@ def convergence(
     draw_limit(area, no_jump, f"no-jump\nprogram\n{no_jump:.4f}" if no_jump is not None else "", va="top")
     area.set_ylabel("area ratio [-]")
     area.margins(y=0.12)
-    area.legend(loc="lower right")
+    area.legend(loc="center")
     zero_and_decades(bounce, bounce_max_mm, FINEST_MM)
     bounce.set_ylabel("worst bounce [mm]")
     draw_limit(bounce, bounce_max_mm, quoted("at most", bounce_max_mm, "mm"))

@@ -55,8 +55,8 @@ class Train:
         if self.laws is not None:
             names = ", ".join(n for n, kind in zip(self.element_names, self.laws.kind, strict=True) if kind != LINEAR)
             raise InputError(
-                f"{method} needs linear laws, one constant matrix per set of closed contacts, and these elements have "
-                f"other laws: {names}; {instead}"
+                f"{method} needs elements whose force is linear in their compression, "
+                f"and these have other laws: {names}; {instead}"
             )
 
     def compression(self, x: np.ndarray, lift: np.ndarray | float) -> np.ndarray:

@@ -13,7 +13,7 @@ def cache_compilations(folder: Path | None = None) -> Path | None:
     the folder is created for this user alone, and one that others may write to, or that cannot be made, is not used
     (returns None: programs are then compiled anew in each run).
     """
-    given = jax.config.jax_compilation_cache_dir
+    given = jax.config.values["jax_compilation_cache_dir"]
     if given is not None and folder is None:
         return Path(given)
     folder = folder or Path("~/.cache/camopt").expanduser() / f"jax-{jax.__version__}"

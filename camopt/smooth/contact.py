@@ -45,8 +45,8 @@ RAMPS = {
 def raw_force(u, u_dot, stiffness, damping, eps, ramp: str = "compact") -> jax.Array:
     """p(eps S(u / eps)) + c u' S'(u / eps) [N], before it is clipped at zero; arguments as `contact_force`."""
     smooth = RAMPS[ramp]
-    pressed = eps * smooth.value(u / eps)
-    elastic = stiffness(pressed) if callable(stiffness) else stiffness * pressed
+    pressed = smooth.value(u / eps)
+    elastic = stiffness(eps * pressed) if callable(stiffness) else stiffness * eps * pressed
     return elastic + damping * u_dot * smooth.slope(u / eps)
 
 

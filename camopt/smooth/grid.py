@@ -18,7 +18,7 @@ from camopt.smooth.system import System
 CLIP_STEP = 1e-4
 """Longest step over a clip, as a phase [rad] of the stiffest motion."""
 EDGE = 1e-3
-"""How near to the edge of a layer a step must end, in units of eps; between edges the law is a polynomial."""
+"""Longest step over the edge of a layer, in units of eps; between its edges the law is a polynomial."""
 LEAST_STEPS = 720
 """Steps per revolution at least: no event of a cam is shorter."""
 ATTEMPTS = 1.5
@@ -42,10 +42,11 @@ def equal_grid(steps: int) -> np.ndarray:
 
 
 def refined_grid(system: System, samples, cam_speed, y0, eps, tolerance, steps: int, ramp: str = "compact"):
-    """Angles (steps + 1) from -pi [rad], the last repeated where fewer are needed; one revolution from y0 (2, n).
+    """Angles (steps + 1) from -pi [rad] and states (steps + 1, 2, n) there; one revolution from y0 (2, n).
 
     `tolerance` [m] is the error permitted per step in the positions, and times the stiffest frequency in the
-    velocities. Where `steps` do not suffice the last angle falls short of pi. No derivative passes through the grid.
+    velocities. Where fewer `steps` are needed the last sample is repeated; where they do not suffice its angle falls
+    short of pi. No derivative passes through.
     """
     system, samples, cam_speed, y0, eps = jax.lax.stop_gradient((system, samples, cam_speed, y0, eps))
     frequency = system.stiffest()
@@ -56,7 +57,7 @@ def refined_grid(system: System, samples, cam_speed, y0, eps, tolerance, steps: 
         last = at.angle + at.width >= end
         width = jnp.where(last, end - at.angle, at.width)
         h = width / cam_speed
-        lift, lift_dtheta = lift_at(samples, at.angle + width * NODES)
+        lift, lift_dtheta = lift_at(samples, at.angle + width * jnp.asarray(NODES, end.dtype))
         lift_dt = lift_dtheta * cam_speed
         slopes = stage_slopes(system, at.y, at.slope, h, lift, lift_dt, eps, ramp)
         y = combine(at.y, h, WEIGHTS, slopes)
@@ -70,32 +71,33 @@ def refined_grid(system: System, samples, cam_speed, y0, eps, tolerance, steps: 
         factor = jnp.where(jnp.isfinite(error), factor, 0.1)
         angle = jnp.where(kept, jnp.where(last, end, at.angle + width), at.angle)
         state = jnp.where(kept, y, at.y), jnp.where(kept, slope, at.slope)
-        return Progress(angle, jnp.minimum(width * factor, 2 * jnp.pi / LEAST_STEPS), *state), (angle, kept)
+        return Progress(angle, jnp.minimum(width * factor, 2 * jnp.pi / LEAST_STEPS), *state), (angle, state[0], kept)
 
     lift, lift_dtheta = lift_at(samples, -end)
     slope = system.rate(y0, lift, lift_dtheta * cam_speed, eps, ramp)
     begin = Progress(-end, jnp.full_like(end, 2 * jnp.pi / LEAST_STEPS), y0, slope)
-    angle, kept = _until_arrival(attempt, begin, end, chunks=int(ATTEMPTS * steps) // CHUNK + 1)
-    # the angles kept, in order, then the last one repeated
-    reached = jnp.sort(jnp.where(kept, angle, jnp.inf))[:steps]
-    return jnp.concatenate([-end[None], jnp.minimum(reached, jnp.max(jnp.where(kept, angle, -end)))])
+    angle, states, kept = _until_arrival(attempt, begin, end, chunks=int(ATTEMPTS * steps) // CHUNK + 1)
+    index = jnp.flatnonzero(kept, size=steps, fill_value=-1)
+    index = jnp.where(index < 0, jnp.max(index), index)
+    return jnp.append(-end, angle[index]), jnp.concatenate([y0[None], states[index]])
 
 
 def _until_arrival(attempt, begin: Progress, end, chunks: int):
-    """Angles and marks of the attempts, chunk by chunk until the end is reached or no chunk is left."""
+    """Angles, states and marks of the attempts, chunk by chunk until the end is reached or no chunk is left."""
 
-    def more(state):
-        at, i, _, _ = state
+    def more(search):
+        at, i, _ = search
         return (at.angle < end) & (i < chunks)
 
-    def next_chunk(state):
-        at, i, angle, kept = state
-        at, (a, k) = jax.lax.scan(attempt, at, None, length=CHUNK)
-        return at, i + 1, angle.at[i].set(a), kept.at[i].set(k)
+    def next_chunk(search):
+        at, i, records = search
+        at, chunk = jax.lax.scan(attempt, at, None, length=CHUNK)
+        return at, i + 1, tuple(record.at[i].set(new) for record, new in zip(records, chunk, strict=True))
 
-    empty = jnp.full((chunks, CHUNK), jnp.inf, end.dtype), jnp.zeros((chunks, CHUNK), bool)
-    _, _, angle, kept = jax.lax.while_loop(more, next_chunk, (begin, 0, *empty))
-    return angle.ravel(), kept.ravel()
+    kinds = (begin.angle, begin.y, jnp.asarray(False))
+    empty = tuple(jnp.zeros((chunks, CHUNK, *k.shape), k.dtype) for k in kinds)
+    _, _, records = jax.lax.while_loop(more, next_chunk, (begin, 0, empty))
+    return tuple(record.reshape(-1, *record.shape[2:]) for record in records)
 
 
 def _surfaces(system: System, y, lift, lift_dt, eps, ramp: str):
@@ -108,27 +110,25 @@ def _surfaces(system: System, y, lift, lift_dt, eps, ramp: str):
 def contact_limit(start, stop, h, eps, clip_step, ramp: str) -> jax.Array:
     """Factor by which a step of `h` [s] from `start` to `stop` (compression, raw force) must shrink; 1 or above: none.
 
-    A step may not run across the edge of a layer: it ends there, found by the secant, or starts there. Inside the layer
-    it may change the compression by the ramp's share. A clip is crossed in a step of at most `clip_step` [s] that starts
-    just before it: a longer one that ends just behind it would see the slope of its last stage clipped away.
+    The edges of a layer and the clip are crossed in short steps that start just before them: a long step that ends just
+    behind would see a derivative of its last stage that belongs to the other side. Inside a layer a step may change the
+    compression by the ramp's share.
     """
     (u0, g0), (u1, g1) = start, stop
     if u0.size == 0:
         return jnp.ones_like(h)
     half, share = RAMPS[ramp].half_width * eps, 2 * RAMPS[ramp].half_width * eps / RAMPS[ramp].steps
-    pushing, change, slack = (g0 > 0) | (g1 > 0), jnp.abs(u1 - u0), EDGE * eps
-    factors = []
-    for before, after in ((u0 + half, u1 + half), (u0 - half, u1 - half)):
-        near = jnp.minimum(jnp.abs(before), jnp.abs(after)) <= slack
-        factors.append(jnp.where(pushing & ~near, _secant(before, after), jnp.inf))
-    inside = pushing & (jnp.abs(u0) < half + slack) & (jnp.abs(u1) < half + slack) & (change > share)
-    factors.append(jnp.where(inside, 0.95 * share / jnp.maximum(change, share), jnp.inf))
-    to_clip = jnp.maximum(_secant(g0, g1) - 0.5 * clip_step / h, 0.9 * clip_step / h)
-    factors.append(jnp.where((jnp.minimum(u0, u1) > -half) & (h > clip_step), to_clip, jnp.inf))
-    return jnp.min(jnp.stack(factors))
+    pushing, change = (g0 > 0) | (g1 > 0), jnp.abs(u1 - u0)
+    edges = [_crossing(u0 - edge, u1 - edge, EDGE * eps, pushing) for edge in (-half, half)]
+    inside = pushing & (jnp.abs(u0) < half) & (change > share)
+    layer = jnp.where(inside, 0.95 * share / jnp.maximum(change, share), jnp.inf)
+    clip = _crossing(g0, g1, clip_step * jnp.abs(g1 - g0) / h, jnp.minimum(u0, u1) > -half)
+    return jnp.min(jnp.stack([*edges, layer, clip]))
 
 
-def _secant(before, after):
-    """Share of a step at which a value that changes sign is zero; infinity where it does not change sign."""
-    crosses = before * after < 0
-    return jnp.where(crosses, before / jnp.where(crosses, before - after, 1.0), jnp.inf)
+def _crossing(before, after, longest, matters):
+    """Factor for a step in which a value changes sign and changes by more than `longest`: to just before its zero."""
+    change = jnp.abs(after - before)
+    refused = matters & (before * after < 0) & (change > longest)
+    change = jnp.where(refused, change, 1.0)
+    return jnp.where(refused, jnp.maximum(jnp.abs(before) - 0.5 * longest, 0.9 * longest) / change, jnp.inf)

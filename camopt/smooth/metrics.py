@@ -97,12 +97,16 @@ def nominal_closing(system: System, motion: Motion, revolution: int):
     return motion.angle[i] + t * (motion.angle[i + 1] - motion.angle[i])
 
 
-def at_angle(angle, values, theta):
-    """`values` (k, ...) at the angle theta, linear inside a step."""
+def at_angle(angle, values, theta, slope=None):
+    """`values` (k) at the angle theta: linear inside a step, or the cubic with the `slope` (k) by angle."""
     i = jnp.clip(jnp.searchsorted(angle, jax.lax.stop_gradient(theta), side="right") - 1, 0, len(angle) - 2)
     width = angle[i + 1] - angle[i]
     t = jnp.where(width > 0, (theta - angle[i]) / jnp.where(width > 0, width, 1.0), 0.0)
-    return values[i] + t * (values[i + 1] - values[i])
+    rise = values[i + 1] - values[i]
+    linear = values[i] + t * rise
+    if slope is None:
+        return linear
+    return linear + t * (1 - t) * ((1 - t) * (slope[i] * width - rise) - t * (slope[i + 1] * width - rise))
 
 
 def step_integral(angle, s, s_dtheta, keep):
@@ -205,7 +209,7 @@ def closed_metrics(
     end = 2 * jnp.pi * (revolution + 1) + opening_foot
     before_end = motion.angle <= end
     window = (motion.angle >= jnp.minimum(touch.angle, nominal)) & before_end
-    hop = jnp.where(nominal < touch.angle, at_angle(motion.angle, s, nominal), 0.0)
+    hop = jnp.where(nominal < touch.angle, at_angle(motion.angle, s, nominal, v / cam_speed), 0.0)
     crest = peak_height(motion.angle / cam_speed, s, v, window)
     bounce = jnp.maximum(jnp.maximum(0.0, hop), crest)
     after = (motion.angle >= touch.angle) & before_end

@@ -56,21 +56,25 @@ def stage_slopes(system: System, y, k1, h, lift, lift_dt, eps, ramp: str) -> lis
     return slopes
 
 
-def integrate(system: System, samples, cam_speed, y0, angle, eps, ramp: str = "compact") -> jax.Array:
+def integrate(system: System, samples, cam_speed, y0, angle, eps, ramp: str = "compact", known=None) -> jax.Array:
     """States (k, 2, n) at the angles `angle` (k) [rad], ascending, repeats allowed, from state y0 (2, n).
 
-    `samples` as in `lift_at`; `cam_speed` [rad/s].
+    `samples` as in `lift_at`; `cam_speed` [rad/s]. With `known` (k, 2, n), the states found with the grid, each step
+    starts from these, and the scan only carries the derivatives: rounding that grows from contact to contact cannot
+    move the motion off its grid.
     """
     h = jnp.diff(angle) / cam_speed
-    theta = angle[:-1, None] + jnp.diff(angle)[:, None] * NODES[None, :]
+    theta = angle[:-1, None] + jnp.diff(angle)[:, None] * jnp.asarray(NODES, angle.dtype)[None, :]
     lift, lift_dtheta = lift_at(samples, theta)
 
     @partial(jax.checkpoint, prevent_cse=False)  # keeping the stages for the way back costs more than their repetition
     def step(y, inputs):
-        h, lift, lift_dt = inputs
+        h, lift, lift_dt, end = inputs
         k1 = system.rate(y, lift[0], lift_dt[0], eps, ramp)
         y = combine(y, h, WEIGHTS, stage_slopes(system, y, k1, h, lift, lift_dt, eps, ramp))
+        y = y if end is None else y + jax.lax.stop_gradient(end - y)
         return y, y
 
-    _, states = jax.lax.scan(step, y0, (h, lift, lift_dtheta * cam_speed))
+    ends = None if known is None else known[1:]
+    _, states = jax.lax.scan(step, y0, (h, lift, lift_dtheta * cam_speed, ends))
     return jnp.concatenate([y0[None], states])

@@ -71,7 +71,7 @@ class System(eqx.Module):
 
     def raw_force(self, u: jax.Array, u_dt: jax.Array, eps, ramp: str = "compact") -> jax.Array:
         """Force of every element taken as a contact [N], before it is clipped at zero."""
-        return raw_force(u, u_dt, self.elastic, self.damping, eps, ramp)
+        return raw_force(u, u_dt, self.stiffness if self.laws is None else self.elastic, self.damping, eps, ramp)
 
     def touch(self) -> jax.Array:
         """Compression at which each elastic force is zero [m], shape (e)."""
@@ -98,16 +98,6 @@ class System(eqx.Module):
 
 def build_system(train: Train, dtype=jnp.float64) -> System:
     """The differentiable system of a train."""
-    stiffness = train.stiffness if train.laws is None else train.laws.coefficient
-    arrays = (
-        train.mass,
-        train.mass_damping,
-        train.mass_force,
-        stiffness,
-        train.damping,
-        train.preload,
-        train.gap,
-    )
     topology = Topology(
         tuple(map(int, train.a)),
         tuple(map(int, train.b)),
@@ -117,8 +107,12 @@ def build_system(train: Train, dtype=jnp.float64) -> System:
         train.seat,
         tuple(map(int, train.cam_side)),
     )
-    laws = None if train.laws is None else elastic_laws(train.laws, dtype)
-    return System(*(jnp.asarray(a, dtype) for a in arrays), topology, laws)
+    names = "mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap"
+    values = {name: getattr(train, name) for name in names}
+    laws = None
+    if train.laws is not None:
+        values["stiffness"], laws = train.laws.coefficient, elastic_laws(train.laws, dtype)
+    return System(**{k: jnp.asarray(v, dtype) for k, v in values.items()}, topology=topology, laws=laws)
 
 
 def rest_state(train: Train, system: System | None = None) -> jax.Array:

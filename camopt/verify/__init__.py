@@ -10,7 +10,10 @@ from importlib import import_module
 from types import ModuleType
 
 _PUBLIC = {
+    "energy": "energy",
+    "Energy": "energy",
     "measure": "metrics",
+    "periodic_state": "periodic",
     "settle": "settle",
     "Settled": "settle",
     "verify": "verdict",
@@ -32,6 +35,12 @@ def __dir__():
 
 class _Callable(ModuleType):
     """This package is also the public function: `camopt.verify(scene, lift)` is `verify_cam`."""
+
+    def __setattr__(self, name: str, value):
+        """Keeps `settle` and `energy` the functions after the import system has bound the files of the same names."""
+        if name in _PUBLIC and isinstance(value, ModuleType):
+            value = getattr(value, name)
+        super().__setattr__(name, value)
 
     def __call__(self, *args, **kwargs):
         return import_module("camopt.verify.effort").verify_cam(*args, **kwargs)

@@ -6,6 +6,14 @@ J. C. Houbolt, A recurrence matrix solution for the dynamic response of elastic 
 The closed set is iterated within the step until it reproduces itself. Start: Houbolt's difference equations at the
 first point, with fictitious points before it; eliminated, they are the linear acceleration method for the first step,
 and the second step reads x(-1) = h^2 a_0 + 2 x_0 - x_1.
+
+MOTORI's explicit form (K. Osman, MOTORI 2004, Int. J. Traffic and Transport Engineering 4 (2014), Eqs. (9) to (11),
+after Levy and Wilkinson 1976): the acceleration at the current point is force by mass, a_0 = F_0/m (9), the next
+position follows from the second difference with it, x1 = 2 x0 - x(-1) + h^2 a_0, and its velocity from the third-order
+difference v1 = (11 x1 - 18 x0 + 9 x(-1) - 2 x(-2))/(6 h) (10); before the start stand two fictitious points of constant
+acceleration. The paper does not print how the position is advanced; in this reading (9) is the "additional requirement"
+of its text. Order 2, and not the form that "always converges": omega h must stay below
+sqrt((20/3 zeta)^2 + 4) - 20/3 zeta (a root of the difference equation reaches -1), that is 2 without damping.
 """
 
 import numpy as np
@@ -13,24 +21,43 @@ from numba import njit
 
 from camopt.cam.lift import Lift
 from camopt.scene.response import Response, Revolve
-from camopt.scene.train import Train
+from camopt.scene.train import GROUND, Train
 
+STEP_RULE = 0.31
+"""Highest frequency times step [rad], Osman 2014, Eq. (11)."""
 MOST_SETS = 12
 """Trials of a closed set per step; where none reproduces itself (the force jumps at closing) the last is kept."""
 
 
-def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int) -> Revolve:
+def step_rule(train: Train) -> float:
+    """Largest step [s] by Osman 2014, Eq. (11): 0.31 / omega_max, omega_max = sqrt(k_max / m).
+
+    The paper has one mass; with several, omega_max is the largest such value of a mass and an element at it.
+    """
+    highest = 0.0
+    for end in (train.a, train.b):
+        at = end != GROUND
+        highest = max(highest, np.max(train.stiffness[at] / train.mass[end[at]], initial=0.0))
+    return STEP_RULE / float(np.sqrt(highest))
+
+
+def prepare(
+    train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int | None = None, explicit: bool = False
+) -> Revolve:
     """One revolution by Houbolt's method as a function of its start state (2n: positions [m], velocities [m/s]).
 
-    `cam_speed` [rad/s]. Matrices are built for the contact sets that occur. The response has
-    steps_per_revolution + 1 samples; its velocities are Houbolt's third-order backward differences. Raises InputError
-    for laws that are not linear.
+    `cam_speed` [rad/s]; the step follows `step_rule` where the number of steps is left out; `explicit` takes MOTORI's
+    form. Implicit, matrices are built for the contact sets that occur. The response has steps_per_revolution + 1
+    samples; its velocities are third-order backward differences. Raises InputError for laws that are not linear.
     """
     train.require_linear("Houbolt's method", 'use method "dop853" or "rkg"')
-    steps, n = steps_per_revolution, len(train.mass)
-    h = 2 * np.pi / cam_speed / steps
+    period = 2 * np.pi / cam_speed
+    steps = int(np.ceil(period / step_rule(train))) if steps_per_revolution is None else steps_per_revolution
+    n, h = len(train.mass), period / steps
     angle = np.linspace(-np.pi, np.pi, steps + 1)
     cam = np.stack([lift(angle), lift(angle, 1) * cam_speed], axis=1)
+    if explicit:
+        return _explicit(train, angle, cam, cam_speed, h)
     first = _ClosedSets(train, 6 / h**2, 3 / h)
     later = _ClosedSets(train, 2 / h**2, 11 / (6 * h))
 
@@ -49,14 +76,34 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
     return revolve
 
 
+def _explicit(train: Train, angle, cam, cam_speed: float, h: float) -> Revolve:
+    """MOTORI's form on the samples `angle` (k), with the lift and its velocity at them in `cam` (k, 2)."""
+    n, samples = len(train.mass), len(angle)
+    masses = train.mass, train.mass_damping, train.mass_force
+    laws = train.contact, train.cam_driven, train.stiffness, train.damping, train.preload, train.gap
+
+    def revolve(state: np.ndarray) -> Response:
+        x, v, force = np.zeros((samples + 2, n)), np.zeros((samples, n)), np.zeros((samples, len(train.a)))
+        x[2], v[0] = state[:n], state[n:]  # x[0] and x[1] are the fictitious points before the start
+        _march_explicit(x, v, force, cam, h, _rows(train), masses, laws)
+        return Response(train, cam_speed, angle, cam[:, 0], x[2:], v, force)
+
+    return revolve
+
+
+def _rows(train: Train) -> np.ndarray:
+    """Compression of each element by position, shape (e, n)."""
+    padded = np.eye(len(train.mass) + 1)[:, :-1]  # index -1 (ground) reads the row of zeros
+    return padded[train.a] - padded[train.b]
+
+
 class _ClosedSets:
     """Inverse effective stiffness and loads by closed set, for x'' = m x + ..., x' = c x + ... at the new point."""
 
     def __init__(self, train: Train, m: float, c: float):
         self.train, self.m, self.c = train, m, c
         n, contacts = len(train.mass), int(train.contact.sum())
-        padded = np.eye(n + 1)[:, :n]  # index -1 (ground) reads the row of zeros
-        self.rows = padded[train.a] - padded[train.b]
+        self.rows = _rows(train)
         self.slot = np.full(2**contacts, -1)
         self.inverse, self.damping, self.load = np.zeros((0, n, n)), np.zeros((0, n, n)), np.zeros((0, n, 3))
 
@@ -166,3 +213,24 @@ def _march(start, mask, x, v, force, cam, h, rows, mass, laws, slot, inverse, da
                 break
             mask = found
     return len(v), mask
+
+
+@njit(cache=True, nogil=True)
+def _march_explicit(x, v, force, cam, h, rows, masses, laws):
+    """All steps from x[2], v[0] on, x being two rows ahead of v; forces at every point."""
+    mass, mass_damping, mass_force = masses
+    for step in range(len(v)):
+        _forces(x[step + 2], v[step], cam[step], rows, laws, force[step])
+        for i in range(len(mass)):
+            acceleration = mass_force[i] - mass_damping[i] * v[step, i]
+            for e in range(len(rows)):
+                acceleration -= rows[e, i] * force[step, e]
+            acceleration /= mass[i]
+            x0 = x[step + 2, i]
+            if step == 0:
+                x[1, i] = x0 - h * v[0, i] + 0.5 * h**2 * acceleration
+                x[0, i] = x0 - 2.0 * h * v[0, i] + 2.0 * h**2 * acceleration
+            if step + 1 < len(v):
+                x1 = 2.0 * x0 - x[step + 1, i] + h**2 * acceleration
+                v[step + 1, i] = (11.0 * x1 - 18.0 * x0 + 9.0 * x[step + 1, i] - 2.0 * x[step, i]) / (6.0 * h)
+                x[step + 3, i] = x1

@@ -5,12 +5,15 @@ Proc. Cambridge Philosophical Society 47 (1951). Stable up to about omega h = 2.
 element by element at every stage; a contact pushes f = max(0, p + c d') where its elastic force p > 0, and 0 elsewhere.
 Every elastic law of a scene is carried: p = preload + k d, p = k u^exponent of a hertz contact pressed by u, and
 p = preload + integral of the stiffness table from 0 to d.
+The criterion "displacement" is Kodama's printed one, for reproduction only: a contact is open where it is not
+compressed (their x_3 > x_2), and until then its damper may pull, f = p + c d' of either sign.
 """
 
 import numpy as np
 from numba import njit
 
 from camopt.cam.lift import Lift
+from camopt.scene.errors import InputError
 from camopt.scene.response import Response, Revolve
 from camopt.scene.train import Train
 
@@ -20,20 +23,25 @@ CARRIED = np.array([2.0, 1.0, 1.0, 2.0])
 RENEWED = np.array([0.5, 1.0 - ROOT, 1.0 + ROOT, 0.5])
 STAGE = np.array([0, 1, 1, 2])
 """Stage times in half steps."""
+MAY_PULL = {"force": False, "displacement": True}
+"""By separation criterion: whether a compressed contact's force may be below zero."""
 
 
-def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int) -> Revolve:
+def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int, criterion: str = "force") -> Revolve:
     """One revolution by Runge-Kutta-Gill as a function of its start state (2n: positions [m], velocities [m/s]).
 
-    `cam_speed` [rad/s]. The response has steps_per_revolution + 1 samples.
+    `cam_speed` [rad/s]; `criterion`: a contact opens by "force", or by "displacement" alone (Kodama's). The response
+    has steps_per_revolution + 1 samples. Raises InputError for another criterion.
     """
+    if criterion not in MAY_PULL:
+        raise InputError(f"separation criterion {criterion!r}: expected {' or '.join(MAY_PULL)}")
     steps = steps_per_revolution
     h = 2 * np.pi / cam_speed / steps
     halves = np.linspace(-np.pi, np.pi, 2 * steps + 1)
     rise, rate = lift(halves), lift(halves, 1) * cam_speed
     masses = train.mass, train.mass_damping, train.mass_force
     ends = train.a, train.b, train.contact, train.cam_driven
-    laws = (*_elastic_arrays(train), train.damping, train.preload, train.gap)
+    laws = (*_elastic_arrays(train), train.damping, train.preload, train.gap, MAY_PULL[criterion])
 
     def revolve(state: np.ndarray) -> Response:
         states = np.empty((steps + 1, len(state)))
@@ -85,7 +93,7 @@ def _slope(y, rise, rate, masses, ends, laws, dy, force):
     """dy/dt into `dy` (2n) and the element forces into `force` (e)."""
     mass, mass_damping, mass_force = masses
     a, b, contact, cam_driven = ends
-    kind, coefficient, exponent, table, damping, preload, gap = laws
+    kind, coefficient, exponent, table, damping, preload, gap, may_pull = laws
     n = len(mass)
     for i in range(n):
         dy[i] = y[n + i]
@@ -103,7 +111,7 @@ def _slope(y, rise, rate, masses, ends, laws, dy, force):
             d_rate += rate
         elastic = _elastic(kind[e], coefficient[e], exponent[e], table[e], preload[e], d)
         f = elastic + damping[e] * d_rate
-        if contact[e] and (elastic <= 0.0 or f < 0.0):
+        if contact[e] and (elastic <= 0.0 or (f < 0.0 and not may_pull)):
             f = 0.0
         force[e] = f
         if a[e] >= 0:

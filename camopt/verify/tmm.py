@@ -4,7 +4,9 @@ Explicit. As printed (Taylor up to the fourth derivative of x, hence v up to h^3
 the exact exponential the train is propagated without error and the order 3 is that of the force, kept up to its second
 derivative. The closed set is the one found at the start of each step, so across a damped closing the order is 1.
 Kodama, Honda, Otaka, Paerk: valve train dynamics by the transition matrix method. Their printed [C] and [K] carry
-misprints; the matrices here are assembled from Eqs. (5) to (11), that is from the elements.
+misprints; the matrices here are assembled from Eqs. (5) to (11), that is from the elements. Their separation criterion
+(open where x_3 > x_2, the damper pulling until then) is "displacement", for reproduction only; "force" opens a contact
+where its force reaches zero.
 """
 
 import math
@@ -14,20 +16,31 @@ from numba import njit
 from scipy.linalg import expm
 
 from camopt.cam.lift import Lift
+from camopt.scene.errors import InputError
 from camopt.scene.response import Response, Revolve
 from camopt.scene.train import GROUND, Train
 
+MAY_PULL = {"force": False, "displacement": True}
+"""By separation criterion: whether a compressed contact stays closed while its force is below zero."""
+
 
 def prepare(
-    train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int, exponential: bool = False
+    train: Train,
+    lift: Lift,
+    cam_speed: float,
+    steps_per_revolution: int,
+    exponential: bool = False,
+    criterion: str = "force",
 ) -> Revolve:
     """One revolution by the transition matrix method as a function of its start state (2n: [m], then [m/s]).
 
-    `cam_speed` [rad/s]; `exponential` replaces the printed Taylor matrices by the exact ones. Matrices are built for
-    the contact sets that occur. The response has steps_per_revolution + 1 samples. Raises InputError for laws that are
-    not linear.
+    `cam_speed` [rad/s]; `exponential` replaces the printed Taylor matrices by the exact ones; `criterion`: a contact
+    opens by "force", or by "displacement" alone. Matrices are built for the contact sets that occur. The response has
+    steps_per_revolution + 1 samples. Raises InputError for another criterion, or laws that are not linear.
     """
     train.require_linear("the transition matrix method", 'use method "dop853" or "rkg"')
+    if criterion not in MAY_PULL:
+        raise InputError(f"separation criterion {criterion!r}: expected {' or '.join(MAY_PULL)}")
     steps, n = steps_per_revolution, len(train.mass)
     h = 2 * np.pi / cam_speed / steps
     angle = np.linspace(-np.pi, np.pi, steps + 1)
@@ -40,7 +53,7 @@ def prepare(
         force = np.empty((steps + 1, len(train.a)))
         step = 0
         while step <= steps:
-            step, missing = _march(step, states, force, cam, *transitions.kernel_arrays())
+            step, missing = _march(step, states, force, cam, MAY_PULL[criterion], *transitions.kernel_arrays())
             if missing >= 0:
                 transitions.build(missing)
         return Response(train, cam_speed, angle, cam[:, 0], states[:, :n], states[:, n:], force)
@@ -62,7 +75,7 @@ class _Transitions:
     def kernel_arrays(self) -> tuple:
         t = self.train
         laws = (t.contact, t.cam_driven.astype(float), t.stiffness, t.damping, t.preload, t.gap)
-        return self.rows, *laws, self.slot, self.by_state, self.by_cam
+        return self.rows, laws, self.slot, self.by_state, self.by_cam
 
     def build(self, mask: int) -> None:
         """Matrices of one closed set: state (2n, 2n), and cam (2n, 5) on 1, lift and its three time derivatives."""
@@ -123,8 +136,9 @@ def _exact(inverse_mass, damping, stiffness, h: float) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
-def _closed_set(y, cam, rows, contact, cam_driven, stiffness, damping, preload, gap, force):
-    """Bit mask of the closed contacts in a state: compressed and pushing; the element forces go into `force` (e)."""
+def _closed_set(y, cam, may_pull, rows, laws, force):
+    """Bit mask of the closed contacts in a state, compressed and pushing or `may_pull`; forces go into `force` (e)."""
+    contact, cam_driven, stiffness, damping, preload, gap = laws
     n = len(y) // 2
     mask, bit = 0, 1
     for e in range(len(contact)):
@@ -135,7 +149,7 @@ def _closed_set(y, cam, rows, contact, cam_driven, stiffness, damping, preload, 
         p = preload[e] + stiffness[e] * d
         f = p + damping[e] * d_rate
         if contact[e]:
-            if p > 0.0 and f > 0.0:
+            if p > 0.0 and (f > 0.0 or may_pull):
                 mask |= bit
             else:
                 f = 0.0
@@ -145,14 +159,12 @@ def _closed_set(y, cam, rows, contact, cam_driven, stiffness, damping, preload, 
 
 
 @njit(cache=True, nogil=True)
-def _march(
-    start, states, force, cam, rows, contact, cam_driven, stiffness, damping, preload, gap, slot, by_state, by_cam
-):
+def _march(start, states, force, cam, may_pull, rows, laws, slot, by_state, by_cam):
     """Steps from sample `start` on; returns the sample reached and the set whose matrices are missing, or -1."""
     last = len(states) - 1
     for step in range(start, last + 1):
         y = states[step]
-        mask = _closed_set(y, cam[step], rows, contact, cam_driven, stiffness, damping, preload, gap, force[step])
+        mask = _closed_set(y, cam[step], may_pull, rows, laws, force[step])
         if step == last:
             break
         if slot[mask] < 0:

@@ -111,10 +111,10 @@ def verify(
     `methods` are names of METHODS or NONLINEAR_METHODS, by default the first two for the scene's laws; the first one's
     figures are reported and its neighbourhood is searched; two at least are needed for an agreement, so a single
     method ends as "not converged". `band_step_rpm` None leaves the band and the starting speeds out; they are swept
-    with event-exact (Runge-Kutta-Gill for nonlinear laws), and all methods look at the worst speed of every limited
-    metric. Bounce and jump "start" where they exceed the scene's limit, or 0.05 mm where it sets none.
-    `tolerance_um` [um]: by how much halving the step may still move bounce and jump. Raises InputError for a scene
-    without valve or operation, or an unknown method.
+    with event-exact (Runge-Kutta-Gill for nonlinear laws), and unless a listed speed rejects the cam already, all
+    methods look at the worst speed of every limited metric. Bounce and jump "start" where they exceed the scene's
+    limit, or 0.05 mm where it sets none. `tolerance_um` [um]: by how much halving the step may still move bounce and
+    jump. Raises InputError for a scene without valve or operation, or an unknown method.
     """
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name!r}: a verdict needs valve, seat and [operation]")
@@ -136,7 +136,8 @@ def verify(
     if band_step_rpm is not None:
         limited = tuple(dict.fromkeys(["bounce_mm", *(name for name, _ in motion_limits(scene.design).values())]))
         band = sweep(_sweeping(train), scene, lift, band_step_rpm, limited, workers)
-        worst = judge(sorted({band.worst(name)[0] for name in limited}))
+        if not any(s.verdict == "rejected" for s in at_speeds):  # nothing the band shows can save a rejected cam
+            worst = judge(sorted({band.worst(name)[0] for name in limited}))
         first = first_exceeding(_sweeping(train), scene, lift, _starts(scene), workers)
     shape = broken_by_shape(lift, scene.design)
     every = (*at_speeds, *worst)

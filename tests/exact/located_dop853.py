@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 APART, PRESSED, PUSHING = range(3)
 
 
-def located_dop853(scene, lift, speed_rpm, angles, start, rtol=1e-12):
+def located_dop853(scene, lift, speed_rpm, angles, start, rtol=1e-12, max_step=1e-5):
     """Positions (len(angles), n) [m] at cam angles [rad] of the first revolution, from positions `start` at rest."""
     omega = speed_rpm * scene.operation.cam_per_crank * np.pi / 30
     n = len(scene.mass)
@@ -78,7 +78,7 @@ def located_dop853(scene, lift, speed_rpm, angles, start, rtol=1e-12):
             "DOP853",
             rtol=rtol,
             atol=1e-16,
-            max_step=1e-5,
+            max_step=max_step,
             dense_output=True,
             events=[watcher(i, law, direction) for i, _, law, direction in watched],
         )

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from tests.exact.located_dop853 import located_dop853
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
@@ -10,6 +9,7 @@ from camopt.exact import prepare
 from camopt.scene import MotionRefused, build_train, load_scene, parse_scene, rest_position
 from camopt.scene.response import end_state
 from camopt.scene.units import DEG, MM
+from tests.exact.located_dop853 import located_dop853
 
 GRID = np.linspace(-180.0, 180.0, 721) * DEG
 

@@ -199,3 +199,27 @@ def test_modes_say_what_they_leave_out():
 def test_a_figure_can_be_saved(tmp_path):
     for path in save(profiles([("design", bump(9.0))], DESIGN), tmp_path, "profiles"):
         assert path.stat().st_size > 5000
+
+
+def test_campbell_dots_lie_where_a_ray_meets_a_frequency_inside_the_band():
+    from camopt.plots.campbell import campbell
+
+    axes = campbell([350.0], [6, 7], (5000, 7000), 0.5).axes[0]
+    dots = [(float(line.get_xdata()[0]), float(line.get_ydata()[0])) for line in axes.lines if line.get_marker() == "o"]
+    # 350 Hz is order 7 at 6000 r/min and order 6 at 7000 r/min (cam at half speed)
+    assert sorted(dots) == [(6000.0, 350.0), (7000.0, 350.0)]
+
+
+def test_panels_keep_a_label_in_one_colour_and_cams_in_their_own():
+    from camopt.plots.panels import Panel, panels
+
+    x = np.array([0.0, 1.0])
+    rows = [[Panel("a", [("polydyne", x, x), ("rkg", x, 2 * x)])], [Panel("b", [("rkg", x, x), ("tmm", x, x)])]]
+    first, second = panels(rows, "x").axes
+    colour = {
+        line.get_label(): line.get_color() for line in first.lines if not str(line.get_label()).startswith("_")
+    }  # the legend's lines
+    assert colour["polydyne"] == cam_line("polydyne")["color"]
+    assert len(set(colour.values())) == 3
+    assert [line.get_color() for line in second.lines[:2]] == [colour["rkg"], colour["tmm"]]
+    assert list(first.lines[1].get_ydata()) == [0.0, 2.0]

@@ -1,9 +1,11 @@
 """Small trains whose motion is known in closed form, and the valve train of the gradient tests."""
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
+from camopt.cam.design_file import read_design
 from camopt.cam.families.polydyne import polydyne
 from camopt.scene import Train, build_train, load_scene
 
@@ -42,7 +44,14 @@ def _train(masses, a, b, stiffness, damping, gap=0.0) -> Train:
 
 
 @cache
-def kodama(exponents: tuple[int, ...] = (2, 10, 18, 26, 34)):
+def kodama(exponents: tuple[int, ...] = (2, 10, 18, 26, 34), design_speed_rpm: float = 7000):
     """Scene, train and a Polydyne of the built-in valve train."""
     scene = load_scene("kodama")
-    return scene, build_train(scene), polydyne(scene, exponents=exponents, design_speed_rpm=7000)
+    return scene, build_train(scene), polydyne(scene, exponents=exponents, design_speed_rpm=design_speed_rpm)
+
+
+@cache
+def delivered():
+    """Scene, train and the cam that `camopt optimize kodama` delivered."""
+    scene = load_scene("kodama")
+    return scene, build_train(scene), read_design(Path(__file__).parents[1] / "data" / "kodama-design.json", scene)

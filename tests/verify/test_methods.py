@@ -19,6 +19,7 @@ METHODS = {
     "tmm": tmm.prepare,
     "tmm-exponential": partial(tmm.prepare, exponential=True),
     "houbolt": houbolt.prepare,
+    "houbolt-explicit": partial(houbolt.prepare, explicit=True),
 }
 START = np.array([0.02, -0.03, 0.4, -0.2])
 SPEED = 1.5
@@ -49,6 +50,7 @@ def reference():
         ("tmm", 3, (400, 800, 1600, 3200)),
         ("tmm-exponential", 3, (400, 800, 1600, 3200)),
         ("houbolt", 2, (3200, 6400, 12800)),
+        ("houbolt-explicit", 2, (1600, 3200, 6400)),
     ],
 )
 def test_order_on_smooth_motion(name, order, steps):

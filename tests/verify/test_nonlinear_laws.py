@@ -122,7 +122,7 @@ def test_the_no_jump_program_refuses():
     from camopt.cam.families.free import free_cam
 
     scene, parts, _ = hertz()
-    with pytest.raises(InputError, match="the no-jump program needs linear laws"):
+    with pytest.raises(InputError, match="the no-jump program needs elements whose force is linear"):
         no_jump_program(parts, scene.design, free_cam(scene.design, 4.0), [scene.cam_speed(5000)])
 
 
@@ -143,7 +143,7 @@ def test_a_verdict_asks_the_methods_that_carry_the_laws(monkeypatch):
 
 def test_a_method_that_cannot_carry_the_laws_is_refused_by_the_verdict():
     scene, _, _ = hertz()
-    with pytest.raises(InputError, match="event-exact needs linear laws"):
+    with pytest.raises(InputError, match="event-exact needs elements whose force is linear"):
         verify_cam(scene, polydyne(scene), (5000.0,), "event")
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from camopt.cam.lift import Lift, with_ramps
 from camopt.cam.osculating import MATCHED, osculating_pieces
-from camopt.cam.ramps import scene_ramps
+from camopt.cam.ramps import symmetric_conditions
 from camopt.scene import InputError, Scene, Train, build_train
 from camopt.scene.rest import static_matrices
 from camopt.scene.units import DEG, MM
@@ -62,37 +62,49 @@ def polydyne(
     `ramp_height_mm` replaces the scene's on both sides (the paper's Table 4 uses 0.250). The cam is symmetric.
     Raises InputError for unusable exponents or a scene whose two ramps differ.
     """
-    powers = np.array(exponents, dtype=float)
-    if len(powers) != 5 or len(set(exponents)) != 5 or powers.min() < 2 or not np.all(np.isfinite(powers)):
-        raise InputError(f"polydyne: exponents {exponents}: five distinct numbers from 2 up are needed")
-    if np.any((powers != np.round(powers)) & (powers < 8)) or powers.max() > 100:
-        raise InputError(f"polydyne: exponents {exponents}: each must be an integer or at least 8, and at most 100")
+    powers = checked_exponents(exponents, "polydyne")
     design, operation = scene.design, scene.operation
     if design is None or operation is None:
         raise InputError("polydyne: the scene needs [design] and [operation]")
     if ramp_height_mm is not None:
         design = design.model_copy(update={"ramp_height_mm": ramp_height_mm, "closing_ramp_height_mm": ramp_height_mm})
-    opening, closing = scene_ramps(design)
-    if opening != closing:
-        raise InputError("polydyne: the cam is symmetric, but the scene's closing ramp differs from its opening ramp")
+        scene = scene.model_copy(update={"design": design})
+    design, ramp = symmetric_conditions(scene, "polydyne")
     speed = design_speed_rpm or operation.speeds_rpm[-1]
     if dynamic is None:
         k_e, k_sp, mass = equivalent_train(build_train(scene))
         dynamic = 1 + k_sp / k_e, scene.cam_speed(speed) ** 2 * mass / k_e
-    half = design.duration_deg * DEG / 2
-    borders, pieces = _event(powers, half, design.max_lift_mm * MM, opening.height, opening.velocity, *dynamic)
+    half, rise = design.duration_deg * DEG / 2, design.max_lift_mm * MM - ramp.height
+    flank_end = np.array([0.0, 0.0, 0.0, -ramp.velocity / dynamic[1], 0.0])  # Eq. (3)
+    borders, pieces = event_pieces(powers, half, flank_end, rise, ramp.height, *dynamic)
     parameters = {"exponents": [float(p) for p in powers], "design_speed_rpm": speed}
-    parameters |= {"A": dynamic[0], "B_deg2": dynamic[1] / DEG**2, "ramp_height_mm": opening.height / MM}
-    return with_ramps(borders, pieces, opening, closing, "polydyne", parameters)
+    parameters |= {"A": dynamic[0], "B_deg2": dynamic[1] / DEG**2, "ramp_height_mm": ramp.height / MM}
+    return with_ramps(borders, pieces, ramp, ramp, "polydyne", parameters)
 
 
-def _event(powers, half, max_lift, ramp_height, ramp_velocity, a, b) -> tuple[np.ndarray, np.ndarray]:
-    """Borders [rad] and pieces between the ramp tops."""
+def checked_exponents(exponents: tuple[float, ...], family: str) -> np.ndarray:
+    """The exponents (5) as numbers; InputError where they are not five distinct usable ones."""
+    powers = np.array(exponents, dtype=float)
+    if len(powers) != 5 or len(set(exponents)) != 5 or powers.min() < 2 or not np.all(np.isfinite(powers)):
+        raise InputError(f"{family}: exponents {exponents}: five distinct numbers from 2 up are needed")
+    if np.any((powers != np.round(powers)) & (powers < 8)) or powers.max() > 100:
+        raise InputError(f"{family}: exponents {exponents}: each must be an integer or at least 8, and at most 100")
+    return powers
+
+
+def event_pieces(
+    powers: np.ndarray, half: float, flank_end: np.ndarray, rise: float, ramp_height: float, a: float, b: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Borders [rad] and pieces of the symmetric cam ramp_height + a y + b y'' between the ramp tops.
+
+    y = y_max (1 + sum_i C_i x^p_i) has the value and four derivatives `flank_end` (5) [m/rad^k] at x = 1; the cam rises
+    by `rise` [m] from the ramp top to the nose.
+    """
     powers = np.concatenate([[0.0], powers])  # the first unknown is y_max itself
     rows = np.array([_power_derivatives(powers, np.ones(1), k)[0] / half**k for k in range(5)])
     nose = a * _power_derivatives(powers, np.zeros(1), 0) + b * _power_derivatives(powers, np.zeros(1), 2) / half**2
     system = np.concatenate([rows, nose])
-    wanted = np.array([0.0, 0.0, 0.0, -ramp_velocity / b, 0.0, max_lift - ramp_height])
+    wanted = np.append(flank_end, rise)
     scale = np.abs(system).max(axis=1)
     unknowns = np.linalg.solve(system / scale[:, None], wanted / scale)
     per_side = max(int(np.ceil(half / (PIECE_DEG * DEG))), int(np.ceil(powers.max())))

@@ -1,0 +1,75 @@
+"""Kurz-type cam ("ruckfreier Nocken"): half sine, quarter sine and a parabola of acceleration. A reconstruction.
+
+Kurz's own definition (ATZ 56, 1954) was not at hand: this is the form that textbooks pass on, and "Kurz-type" is all
+that is claimed. Per section, over its own angle phi and width Phi:
+    1  s = H + c11 phi - c12 sin(pi phi / Phi)               acceleration a half sine, zero at both ends
+    2  s = s1 + c21 phi + c22 sin(pi phi / (2 Phi))          deceleration a quarter sine from zero
+    3  s = c31 (Phi - phi)^4 - c32 (Phi - phi)^2 + c33       deceleration a parabola about the nose
+joined with continuous lift, velocity and acceleration. The scene's ramp of constant velocity takes the place of
+Kurz's cosine ramp, so that all families share one.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from camopt.cam.families.member import member
+from camopt.cam.families.sections import Section, SectionTable, U
+from camopt.cam.lift import Lift
+from camopt.scene import Scene
+
+
+def _sine(wave: float, u: np.ndarray, order: int) -> np.ndarray:
+    """The derivative `order` of 1, u, sin(wave u) at u (k), shape (k, 3)."""
+    line = np.stack(
+        [np.ones_like(u), u] if order == 0 else [np.zeros_like(u), np.full_like(u, float(order == 1))], axis=1
+    )
+    return np.column_stack([line, wave**order * np.sin(wave * u + order * np.pi / 2)])
+
+
+def half_sine(_: int, u: np.ndarray, order: int) -> np.ndarray:
+    """Terms of section 1: 1, u, sin(pi u)."""
+    return _sine(np.pi, u, order)
+
+
+def quarter_sine(_: int, u: np.ndarray, order: int) -> np.ndarray:
+    """Terms of section 2: 1, u, sin(pi u / 2)."""
+    return _sine(np.pi / 2, u, order)
+
+
+def about_the_nose(_: int, u: np.ndarray, order: int) -> np.ndarray:
+    """Terms of section 3: 1, (1 - u)^2, (1 - u)^4."""
+    powers = np.array([0, 2, 4])
+    factor = (-1.0) ** order * np.prod([powers - i for i in range(order)], axis=0, initial=1.0)
+    return factor * (1.0 - u)[:, None] ** np.maximum(powers - order, 0)
+
+
+TABLE = SectionTable(
+    "kurz",
+    (
+        Section(("y_r", U), ("v_r", "v12"), (U, U), (U, U), half_sine),
+        Section(("y12", U), ("v12", U), (U, "a23"), (U, U), quarter_sine),
+        Section(("y23", U), ("v23", U), ("a23", U), (U, U), about_the_nose),
+    ),
+    levels=("v12", "a23"),
+    closed_by=("v12",),
+)
+STARTS = ((0.338, 0.343, 0.319),)
+"""Section angles over half the duration of the largest area under the paper's Table 4, as the search of
+experiments/cam_families.py finds them without any start; a jerk limit of 0.003 mm/deg^3 does not bind there."""
+
+
+def kurz(
+    scene: Scene,
+    sections_deg: Sequence[float] | None = None,
+    a23: float | None = None,
+    jerk: bool = True,
+) -> Lift:
+    """The Kurz-type cam of a scene's duration, maximum lift and ramps; a reconstruction, see the module.
+
+    `sections_deg`: the three section angles from the ramp to the nose; `a23` [mm/deg^2]: acceleration where sections 2
+    and 3 meet, which with the maximum lift determines the flank's largest velocity. What is left out is chosen for the
+    largest area under the scene's limits, without the jerk limit where `jerk` is false. Raises InputError for unusable
+    angles or levels, a scene whose two ramps differ, or limits that no member meets.
+    """
+    return member(scene, TABLE, STARTS, sections_deg, {"a23": a23}, jerk)

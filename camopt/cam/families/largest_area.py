@@ -1,0 +1,242 @@
+"""The largest-area member of a sectioned family under a scene's limits.
+
+For fixed section angles the levels solve a linear program: the area is linear in them, and so is every limit on the
+Bernstein control points of a section (Farin, Curves and Surfaces for CAGD, 2002, ch. 5), which bound it at every
+angle. The angles are searched around it. The best value for given angles is continuous in them, because limits that
+cannot be met are stretched at a price instead of failing, but it has several maxima: hence a population search
+(differential evolution, Storn and Price 1997). Its best is polished in angles and levels together, where the problem is
+smooth, by sequential quadratic programs (SLSQP, Kraft 1988).
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from itertools import pairwise
+from math import comb, perm
+
+import numpy as np
+from scipy.optimize import differential_evolution, linprog, minimize
+from scipy.stats import qmc
+
+from camopt.cam.families.sections import Flank, SectionTable, closed, flank
+from camopt.cam.ramps import Ramp
+from camopt.scene import InputError
+from camopt.scene.schema import Design
+from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
+
+SHORTEST = 2.0 * DEG
+"""Shortest section of a searched member: without a jerk limit some sections shrink as far as they are let."""
+FINE, COARSE = 60, 20
+"""Parts of a flank with control points of their own: they exceed the acceleration by about 1e-3 or 1e-2 of it, so that
+a coarse program is the safe side of a fine one, in half the time."""
+HAIR = 1e-9
+"""Relative tightening of every limit, so that round-off in the solver cannot break it."""
+STRETCH_PRICE = 50.0
+"""Area ratio that stretching all limits by their own size costs."""
+TOLERANCES = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-9}
+MARGIN = 1e-7
+"""Relative margin to every limit in the polish, so that the linear program of the levels still has a point there."""
+POPULATION, GENERATIONS, POLISH_STEPS, SEED = 32, 8, 60, 0
+
+
+@cache
+def to_bernstein(degree: int, edges: tuple[float, ...]) -> np.ndarray:
+    """Matrix (parts * (degree + 1), degree + 1) from power coefficients on [0, 1] to control points between edges."""
+    k = np.arange(degree + 1)
+    binomial = np.array([[comb(i, j) for i in k] for j in k], dtype=float)
+    rows = np.array([[comb(i, j) / comb(degree, j) for j in k] for i in k])
+    parts = []
+    for start, end in pairwise(edges):
+        taylor = binomial * float(start) ** np.maximum(k - k[:, None], 0)
+        parts.append(rows @ ((end - start) ** k[:, None] * taylor))
+    return np.concatenate(parts)
+
+
+def control_points(one: Flank, order: int, parts: int, start: float = 0.0) -> np.ndarray:
+    """Rows (c, n) of the control points of the derivative `order` from the angle `start` [rad] to the nose."""
+    degree = one.pieces.shape[1] - 1 - order
+    factor = np.array([perm(k + order, order) for k in range(degree + 1)], dtype=float)
+    shares = np.linspace(0.0, 1.0, max(1, parts // len(one.pieces)) + 1)
+    widths = np.diff(one.borders)
+    found = []
+    for low, width, piece in zip(one.borders[:-1], widths, one.relative, strict=True):
+        first = max(0.0, (start - low) / width)
+        if first < 1.0:
+            matrix = to_bernstein(degree, tuple(shares))
+            if first > 0.0:
+                matrix = to_bernstein.__wrapped__(degree, tuple(first + (1.0 - first) * shares))
+            found.append(matrix @ (factor[:, None] * piece[order:]) / width**order)
+    return np.concatenate(found)
+
+
+def limit_rows(one: Flank, design: Design, jerk: bool, parts: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows (r, n) and bounds (r) with rows @ x <= bound: the design's limits, each relative to its own size."""
+    half = one.borders[-1]
+    groups = []
+    acceleration = control_points(one, 2, parts)
+    if design.acceleration_max_mm_per_deg2 is not None:
+        groups.append((acceleration / (design.acceleration_max_mm_per_deg2 * MM_PER_DEG2), 1.0))
+    if design.acceleration_min_mm_per_deg2 is not None:
+        groups.append((acceleration / (design.acceleration_min_mm_per_deg2 * MM_PER_DEG2), 1.0))
+    if jerk and design.jerk_max_mm_per_deg3 is not None:
+        found = control_points(one, 3, parts) / (design.jerk_max_mm_per_deg3 * MM_PER_DEG3)
+        groups += [(found, 1.0), (-found, 1.0)]
+    lift = control_points(one, 0, 1)[:-2]  # the last two are the end lift itself
+    groups.append((lift / (design.max_lift_mm * MM), 1.0))
+    if design.nose_deg:  # last, and from the nose outwards: sections that leave it drop rows at the end only
+        usual = design.max_lift_mm * MM / half**2
+        groups.append((control_points(one, 2, parts, half - design.nose_deg * DEG)[::-1] / usual, 0.0))
+    bounds = [np.full(len(matrix), bound - HAIR) for matrix, bound in groups]
+    return np.concatenate([matrix for matrix, _ in groups]), np.concatenate(bounds)
+
+
+@dataclass(frozen=True)
+class Program:
+    """Levels of one flank: largest area @ z + constant with rows @ z <= bound, ends @ z = wanted, levels = column * z.
+
+    Lengths are relative to the maximum lift and angles to half the duration; area + constant is the area ratio.
+    """
+
+    column: np.ndarray  # (m)
+    area: np.ndarray  # (m)
+    constant: float
+    rows: np.ndarray  # (r, m)
+    bound: np.ndarray  # (r)
+    ends: np.ndarray  # (e, m)
+    wanted: np.ndarray  # (e)
+
+
+def program(table: SectionTable, one: Flank, design: Design, ramp: Ramp, jerk: bool, parts: int = FINE) -> Program:
+    """The linear program of the levels for one flank under the design's limits, the jerk limit only with `jerk`."""
+    half, max_lift = one.borders[-1], design.max_lift_mm * MM
+    column = max_lift / half ** table.orders()
+    fixed = np.array([ramp.height, ramp.velocity])
+    rows, bound = limit_rows(one, design, jerk, parts)
+    ends = np.stack([one.end(k) * half**k for k in range(len(table.closed_by))]) / max_lift
+    area = one.area() / (2 * max_lift * half)
+    return Program(
+        column=column,
+        area=area[2:] * column,
+        constant=float(area[:2] @ fixed),
+        rows=rows[:, 2:] * column,
+        bound=bound - rows[:, :2] @ fixed,
+        ends=ends[:, 2:] * column,
+        wanted=np.array([1.0, 0.0])[: len(ends)] - ends[:, :2] @ fixed,
+    )
+
+
+def solved(one: Program, family: str, kept: Sequence[float | None]) -> tuple[np.ndarray, float]:
+    """Best z (m), those in `kept` that are numbers as they are, and the stretch of the limits: 0 if they can be met."""
+    result = linprog(
+        np.append(-one.area, STRETCH_PRICE),
+        A_ub=np.column_stack([one.rows, -np.ones(len(one.rows))]),
+        b_ub=one.bound,
+        A_eq=np.column_stack([one.ends, np.zeros(len(one.ends))]),
+        b_eq=one.wanted,
+        bounds=[*((k, k) for k in kept), (0.0, None)],
+        options=TOLERANCES,
+    )
+    if result.x is None:
+        raise ArithmeticError(f"{family}: the linear program of the levels failed: {result.message}")
+    return result.x[:-1], float(result.x[-1])
+
+
+def best_levels(
+    table: SectionTable, one: Flank, design: Design, ramp: Ramp, jerk: bool, given: Mapping[str, float]
+) -> tuple[np.ndarray, float]:
+    """x (n) of `Flank` with the largest area, the levels in `given` [m/rad^order] kept, and the stretch of the limits.
+
+    The levels that the nose determines are solved for once more, to round-off.
+    """
+    linear = program(table, one, design, ramp, jerk)
+    kept = [given[n] / c if n in given else None for n, c in zip(table.levels, linear.column, strict=True)]
+    z, stretch = solved(linear, table.family, kept)
+    free = [n for n in (*table.closed_by, *table.levels) if n not in given]
+    x = np.array([ramp.height, ramp.velocity, *(z * linear.column)])
+    return closed(table, one, x, design.max_lift_mm * MM, free[: len(table.closed_by)]), stretch
+
+
+def best_angles(
+    table: SectionTable,
+    design: Design,
+    ramp: Ramp,
+    jerk: bool,
+    starts: Sequence[Sequence[float]],
+    generations: int = GENERATIONS,
+    seed: int = SEED,
+) -> np.ndarray:
+    """Section angles [rad] of the largest area, none below `SHORTEST`; the same call gives the same angles.
+
+    `starts`: section angles, in shares of half the duration, that join the first population. Raises InputError where
+    no member of the family was found that meets the limits.
+    """
+    half, count = design.duration_deg * DEG / 2, len(table.sections)
+    if half <= count * SHORTEST:
+        raise InputError(f"{table.family}: {count} sections of at least {SHORTEST / DEG:g} deg need a longer duration")
+
+    def flank_program(shares: np.ndarray, parts: int) -> Program:
+        return program(table, flank(table, _angles(shares, half)), design, ramp, jerk, parts)
+
+    def cost(shares: np.ndarray) -> float:
+        linear = flank_program(shares, COARSE)
+        z, stretch = solved(linear, table.family, [None] * len(table.levels))
+        return STRETCH_PRICE * stretch - float(linear.area @ z) - linear.constant
+
+    first = qmc.Sobol(count - 1, scramble=False).random(POPULATION)
+    for i, start in enumerate(starts):
+        first[i] = _shares(np.array(start) * half, half)
+    found = differential_evolution(
+        cost,
+        [(0.0, 1.0)] * (count - 1),
+        init=first,  # pyright: ignore[reportArgumentType]  # SciPy's annotation forgets that an array may be given
+        maxiter=generations,
+        tol=1e-6,
+        polish=False,
+        rng=np.random.default_rng(seed),
+    )
+    z, _ = solved(flank_program(found.x, FINE), table.family, [None] * len(table.levels))
+    return _angles(_polished(flank_program, found.x, z), half)
+
+
+def _polished(flank_program: Callable[[np.ndarray, int], Program], shares: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Shares (count - 1) of a local optimum near shares and levels z; where none is found, the shares as they are."""
+    count, rows = len(shares), 2 * len(flank_program(shares, FINE).bound)
+
+    @lru_cache(maxsize=2)  # SLSQP asks for the objective and both sets of conditions one after the other
+    def at(point: tuple[float, ...]) -> tuple[float, np.ndarray, np.ndarray]:
+        linear, levels = flank_program(np.clip(point[:count], 0.0, 1.0), FINE), np.array(point[count:])
+        slack = np.ones(rows)  # as many rows for all angles, whatever the nose takes in
+        slack[: len(linear.bound)] = linear.bound - MARGIN - linear.rows @ levels
+        return -float(linear.area @ levels) - linear.constant, slack, linear.ends @ levels - linear.wanted
+
+    result = minimize(
+        lambda v: at(tuple(v))[0],
+        np.concatenate([shares, z]),
+        method="SLSQP",
+        bounds=[(0.0, 1.0)] * count + [(None, None)] * len(z),
+        constraints=[
+            {"type": "ineq", "fun": lambda v: at(tuple(v))[1]},
+            {"type": "eq", "fun": lambda v: at(tuple(v))[2]},
+        ],
+        options={"maxiter": POLISH_STEPS, "ftol": 1e-9},
+    )
+    return np.clip(result.x[:count], 0.0, 1.0) if result.success else shares
+
+
+def _angles(shares: np.ndarray, half: float) -> np.ndarray:
+    """Section angles [rad]: each share (count - 1) cuts its part off what the sections before it have left."""
+    rest = half - (len(shares) + 1) * SHORTEST
+    angles = []
+    for share in shares:
+        angles.append(SHORTEST + share * rest)
+        rest *= 1 - share
+    return np.array([*angles, SHORTEST + rest])
+
+
+def _shares(angles: np.ndarray, half: float) -> np.ndarray:
+    """Inverse of `_angles`, clipped to what it can reach."""
+    rest, shares = half - len(angles) * SHORTEST, []
+    for angle in angles[:-1]:
+        shares.append(float(np.clip((angle - SHORTEST) / rest, 0.0, 1.0)) if rest > 0 else 0.0)
+        rest *= 1 - shares[-1]
+    return np.array(shares)

@@ -1,0 +1,172 @@
+"""Cams in sections: boundary conditions in a table, one short function per section of the opening flank.
+
+A table states lift, velocity, acceleration and jerk at the start and the end of every section, as the tables of Kodama
+et al. do; as many terms as a section has conditions make it unique (their Eq. (4) where the terms are powers). For
+fixed section angles everything is linear in the levels, the accelerations and jerks at the borders that the table
+leaves to the designer: the pieces, the area, and every limit imposed on control points.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from math import comb, perm
+
+import numpy as np
+
+from camopt.cam.lift import Lift, with_ramps
+from camopt.cam.osculating import MATCHED, osculating_pieces
+from camopt.cam.ramps import Ramp
+from camopt.scene.units import DEG, MM
+
+U = None
+"""A boundary condition that is not given, in the tables' own notation."""
+QUANTITIES = ("lift", "velocity", "acceleration", "jerk")
+RAMP = {"y_r": 0, "v_r": 1}
+"""Columns of the ramp's height and velocity; the levels follow."""
+OSCULATING_PARTS = 4
+"""Pieces per section whose terms are not powers: they meet a half wave to 1e-13 of its amplitude."""
+
+Cell = str | float | None
+Terms = Callable[[int, np.ndarray, int], np.ndarray]
+
+
+def powers(count: int, u: np.ndarray, order: int) -> np.ndarray:
+    """The derivative `order` of 1, u, u^2, ... at u (k), shape (k, count): the terms of Eq. (4)."""
+    factor = np.array([perm(i, order) for i in range(count)], dtype=float)
+    return factor * np.asarray(u, dtype=float)[:, None] ** np.maximum(np.arange(count) - order, 0)
+
+
+@dataclass(frozen=True)
+class Section:
+    """Boundary conditions (start, end) of one section: a symbol, 0, or U; `terms` gives its functions of 0 <= u <= 1.
+
+    A symbol is the ramp's (y_r, v_r), a level of the table, or else the value at the end of the section before.
+    """
+
+    lift: tuple[Cell, Cell]
+    velocity: tuple[Cell, Cell]
+    acceleration: tuple[Cell, Cell]
+    jerk: tuple[Cell, Cell]
+    terms: Terms = powers
+
+    def conditions(self) -> list[tuple[int, int, str | float]]:
+        """Order of the derivative, place (0 start, 1 end) and value of every condition that is given."""
+        cells = ((k, end, getattr(self, name)[end]) for k, name in enumerate(QUANTITIES) for end in (0, 1))
+        return [(k, end, cell) for k, end, cell in cells if cell is not None]
+
+
+@dataclass(frozen=True)
+class SectionTable:
+    """A family's sections, its free levels, and those that the conditions at the nose determine.
+
+    The first letter of a level is its order (v, a, j). One level in `closed_by` meets end lift = maximum lift, a second
+    one end velocity = 0 where no section states it. `multiples` names fixed multiples of a level.
+    """
+
+    family: str
+    sections: tuple[Section, ...]
+    levels: tuple[str, ...]
+    closed_by: tuple[str, ...]
+    multiples: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+
+    def symbols(self) -> dict[str | float, np.ndarray]:
+        """Row of every known symbol on x = (ramp height, ramp velocity, levels)."""
+        unit = np.eye(2 + len(self.levels))
+        rows: dict[str | float, np.ndarray] = {s: unit[i] for s, i in RAMP.items()}
+        rows |= {level: unit[2 + i] for i, level in enumerate(self.levels)}
+        rows |= {s: factor * rows[level] for s, (factor, level) in self.multiples.items()}
+        return rows | {0: np.zeros(len(unit))}
+
+    def orders(self) -> np.ndarray:
+        """Order of derivative of every level (m)."""
+        return np.array(["yvaj".index(level[0]) for level in self.levels])
+
+    def units(self) -> np.ndarray:
+        """mm/deg^order of every level, in SI (m)."""
+        return MM / DEG ** self.orders()
+
+
+@dataclass(frozen=True)
+class Flank:
+    """The opening flank for fixed angles: local coefficients are pieces (p, q, n) @ x [m/rad^k].
+
+    `borders` (p + 1) [rad] run from 0 at the ramp top to half the duration at the nose; x = (ramp height [m], ramp
+    velocity [m/rad], levels [m/rad^order]).
+    """
+
+    borders: np.ndarray
+    pieces: np.ndarray
+
+    @property
+    def relative(self) -> np.ndarray:
+        """Coefficients (p, q, n) by the angle relative to each piece's width."""
+        widths = np.diff(self.borders)[:, None] ** np.arange(self.pieces.shape[1])
+        return self.pieces * widths[:, :, None]
+
+    def end(self, order: int) -> np.ndarray:
+        """Row (n) of the derivative `order` at the nose."""
+        width = self.borders[-1] - self.borders[-2]
+        factors = [float(perm(k, order)) * width ** max(k - order, 0) for k in range(self.pieces.shape[1])]
+        return np.array(factors) @ self.pieces[-1]
+
+    def area(self) -> np.ndarray:
+        """Row (n) of the area of both flanks [m rad]."""
+        terms = self.relative / (np.arange(self.pieces.shape[1]) + 1)[:, None]
+        return 2 * np.einsum("p,pqn->n", np.diff(self.borders), terms)
+
+    def lift(self, x: np.ndarray, ramp: Ramp, family: str, parameters: dict) -> Lift:
+        """The symmetric cam of levels x (n) between two equal ramps."""
+        up = self.pieces @ x
+        down = np.array([_mirrored(c, w) for c, w in zip(up[::-1], np.diff(self.borders)[::-1], strict=True)])
+        borders = np.concatenate([self.borders - self.borders[-1], (self.borders[-1] - self.borders[::-1])[1:]])
+        return with_ramps(borders, np.concatenate([up, down]), ramp, ramp, family, parameters)
+
+
+def flank(table: SectionTable, angles: Sequence[float] | np.ndarray) -> Flank:
+    """The opening flank of a table for section angles [rad], section by section from the ramp."""
+    symbols = table.symbols()
+    before = np.zeros((len(QUANTITIES), 2 + len(table.levels)))
+    borders, pieces = [np.zeros(1)], []
+    for section, angle in zip(table.sections, angles, strict=True):
+        conditions = section.conditions()
+        count = len(conditions)
+        system = np.stack([section.terms(count, np.array([end]), k)[0] for k, end, _ in conditions])
+        # a symbol that is no level is the end of the section before, which only a start can take over
+        rows = [symbols[cell] if end or cell in symbols else before[k] for k, end, cell in conditions]
+        wanted = [row * angle**k for row, (k, _, _) in zip(rows, conditions, strict=True)]
+        coefficients = np.linalg.solve(system, np.stack(wanted))
+        before = np.stack([section.terms(count, np.ones(1), k)[0] / angle**k for k in range(4)]) @ coefficients
+        u, unit = _unit(section.terms, count)
+        borders.append(borders[-1][-1] + angle * u[1:])
+        pieces.append(unit / angle ** np.arange(unit.shape[1])[:, None] @ coefficients)
+    widest = max(p.shape[1] for p in pieces)
+    padded = [np.pad(p, ((0, 0), (0, widest - p.shape[1]), (0, 0))) for p in pieces]
+    return Flank(np.concatenate(borders), np.concatenate(padded))
+
+
+@cache
+def _unit(terms: Terms, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Borders (p + 1) of a section of width 1, and its terms as local polynomial pieces (p, q, count)."""
+    if terms is powers:
+        return np.array([0.0, 1.0]), np.eye(count)[None]
+    u = np.linspace(0.0, 1.0, OSCULATING_PARTS + 1)
+    derivatives = np.stack([terms(count, u, k) for k in range(MATCHED)], axis=1)
+    return u, np.stack([osculating_pieces(u, derivatives[:, :, i]) for i in range(count)], axis=2)
+
+
+def _mirrored(c: np.ndarray, width: float) -> np.ndarray:
+    """Coefficients of p(width - u) from those of p(u)."""
+    q = range(len(c))
+    return np.array([(-1.0) ** j * sum(comb(k, j) * width ** (k - j) * c[k] for k in q if k >= j) for j in q])
+
+
+def closed(table: SectionTable, one: Flank, x: np.ndarray, max_lift: float, by: Sequence[str]) -> np.ndarray:
+    """x (n) with the levels `by` solved for end lift = maximum lift [m] and, with two of them, end velocity = 0."""
+    columns = [2 + table.levels.index(level) for level in by]
+    rows = np.stack([one.end(k) for k in range(len(columns))])
+    wanted = np.array([max_lift, 0.0])[: len(columns)]
+    x = x.copy()
+    x[columns] = 0.0
+    for _ in range(2):  # the second solve leaves the end lift at round-off
+        x[columns] += np.linalg.solve(rows[:, columns], wanted - rows @ x)
+    return x

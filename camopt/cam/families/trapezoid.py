@@ -1,0 +1,41 @@
+"""Jerk-limited trapezoid: acceleration in straight lines, up to a level, held, down to another, held to the nose.
+
+The flank that the jerk limit shapes: acceleration rises and falls at constant jerk and rests at two levels, which the
+maximum lift and the rest at the nose determine (Norton, Cam Design and Manufacturing Handbook, 2009, on trapezoidal
+acceleration). Jerk steps at every border.
+"""
+
+from collections.abc import Sequence
+
+from camopt.cam.families.member import member
+from camopt.cam.families.sections import Section, SectionTable, U
+from camopt.cam.lift import Lift
+from camopt.scene import Scene
+
+TABLE = SectionTable(
+    "trapezoid",
+    (
+        Section(("y_r", U), ("v_r", U), (0, "a12"), (U, U)),
+        Section(("y12", U), ("v12", U), ("a12", "a12"), (U, U)),
+        Section(("y23", U), ("v23", U), ("a12", "a34"), (U, U)),
+        Section(("y34", U), ("v34", U), ("a34", "a34"), (U, U)),
+    ),
+    levels=("a12", "a34"),
+    closed_by=("a12", "a34"),
+)
+STARTS = (
+    (0.028, 0.198, 0.028, 0.746),
+    (0.069, 0.150, 0.092, 0.689),
+)
+"""Section angles over half the duration of the largest area under the paper's Table 4, without and with a jerk limit
+of 0.003 mm/deg^3, as the search of experiments/cam_families.py finds them without any start."""
+
+
+def trapezoid(scene: Scene, sections_deg: Sequence[float] | None = None, jerk: bool = True) -> Lift:
+    """The trapezoidal cam of a scene's duration, maximum lift and ramps.
+
+    `sections_deg`: the four section angles from the ramp to the nose, which determine both levels; by default those of
+    the largest area under the scene's limits, without the jerk limit where `jerk` is false. Raises InputError for
+    unusable angles, a scene whose two ramps differ, or limits that no member meets.
+    """
+    return member(scene, TABLE, STARTS, sections_deg, {}, jerk)

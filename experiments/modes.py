@@ -1,0 +1,97 @@
+"""Which natural frequencies do the built-in trains have, and which harmonics of the cam meet the spring's surge?
+
+Surge: the masses of a divided valve spring between fixed ends, recognised as the masses that only preloaded elements
+hold. The eigen analysis of a valvetrain in the literature (Tables 1 and 2) is set beside `ohv-3dof`.
+"""
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.linalg import eigh
+
+from camopt.cam.families.polydyne import polydyne
+from camopt.plots import modes as draw_modes
+from camopt.plots.campbell import campbell
+from camopt.scene import Scene, build_train, builtin_scenes, load_scene
+from camopt.scene.units import MM
+from camopt.study.modes import assembled, modes
+from experiments.record import RESULTS, run_script, write_result
+
+PAPER_HZ = (2832.25, 15642.9, 72247.8)
+PAPER_SHAPES = ((0.6894, 0.6557, 0.3078), (-0.0217, 0.0745, 0.9970), (0.0104, -0.9997, 0.0232))
+STATES = ("lifted", "seated")
+LISTED = 15
+"""Modes written per scene and state at most, the lowest."""
+
+
+def main(size: str, folder=RESULTS) -> dict:
+    """Modes of every built-in scene, surge and the paper's tables; drawn where there are two masses or more (full)."""
+    scenes = {name: load_scene(name) for name in builtin_scenes()}
+    content: dict = {"modes": {}, "surge": {}, "ohv_3dof": beside_the_paper(scenes["ohv-3dof"])}
+    figures: dict[str, Figure] = {}
+    for name, scene in scenes.items():
+        states = STATES if scene.seat else STATES[:1]
+        found = {state: modes(scene, state) for state in states}
+        content["modes"][name] = {
+            s: {"frequency_Hz": m.frequency_Hz[:LISTED], "damping_ratio": m.damping_ratio[:LISTED], "closed": m.closed}
+            for s, m in found.items()
+        }
+        lifted = found["lifted"]
+        if size == "full" and len(scene.mass) > 1:
+            what = f"{name}, lifted" if scene.seat else name
+            figures[name] = draw_modes(lifted.frequency_Hz, lifted.shape, lifted.mass_names, what)
+        surge = surge_frequencies(scene)
+        if len(surge) and scene.operation and scene.design:
+            rows = meetings(scene, surge)
+            content["surge"][name] = {"frequency_Hz": surge, "harmonics_in_band": rows}
+            orders = sorted({row["order"] for row in rows})
+            if size == "full":
+                figures[f"{name}-surge"] = campbell(
+                    list(surge), orders, scene.operation.band_rpm, scene.operation.cam_per_crank,
+                    f"{name}: surge of the valve spring (both ends fixed) and the cam's harmonics",
+                )  # fmt: skip
+    write_result("modes", size, content, figures, folder)
+    return content
+
+
+def surge_frequencies(scene: Scene) -> np.ndarray:
+    """Undamped frequencies [Hz] of the spring's masses between fixed ends, ascending; empty for a massless spring."""
+    train = build_train(scene)
+    touching = [(train.a == i) | (train.b == i) for i in range(len(train.mass))]
+    spring = [i for i, at in enumerate(touching) if np.all(train.preload[at] > 0) and i != train.valve]
+    if not spring:
+        return np.array([])
+    _, stiffness = assembled(train, np.ones(len(train.a), dtype=bool))
+    squares = eigh(stiffness[np.ix_(spring, spring)], np.diag(train.mass[spring]), eigvals_only=True)
+    return np.sqrt(squares) / (2 * np.pi)
+
+
+def meetings(scene: Scene, surge: np.ndarray) -> list[dict]:
+    """Every harmonic of the cam that meets a surge frequency inside the band, with the harmonic of a Polydyne lift."""
+    assert scene.operation is not None, "main asks only for scenes with an operation"
+    (low, high), ratio = scene.operation.band_rpm, scene.operation.cam_per_crank
+    angle = np.linspace(-np.pi, np.pi, 7200, endpoint=False)
+    amplitude = 2 * np.abs(np.fft.rfft(polydyne(scene)(angle))) / len(angle) / MM
+    rows = []
+    for mode, f in enumerate(surge, 1):
+        orders = range(int(np.ceil(f * 60 / (high * ratio))), int(f * 60 / (low * ratio)) + 1)
+        rows += [
+            {"mode": mode, "frequency_Hz": f, "order": n, "speed_rpm": f * 60 / (n * ratio),
+             "polydyne_lift_harmonic_um": 1e3 * amplitude[n]}
+            for n in orders
+        ]  # fmt: skip
+    return rows
+
+
+def beside_the_paper(scene: Scene) -> list[dict]:
+    """Tables 1 and 2 of the eigen analysis beside this program's modes; a shape's sign is free."""
+    found = modes(scene)
+    rows = []
+    for i, (hz, shape) in enumerate(zip(PAPER_HZ, PAPER_SHAPES, strict=True)):
+        sign = np.sign(found.shape[i] @ np.array(shape))
+        rows.append({"mode": i + 1, "paper_Hz": hz, "frequency_Hz": found.frequency_Hz[i], "paper_shape": shape,
+                     "shape": sign * found.shape[i]})  # fmt: skip
+    return rows
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)

@@ -1,0 +1,159 @@
+"""MOTORI 2004 (Osman 2014): what do its two engines do, and does stiffening the valve train calm the contact force?
+
+Figures 3 and 4 of the paper in kind (motion and forces over the cam angle), a span of speeds with a pitch, Figures 5
+and 6 (contact force against train stiffness), and the extreme conditions its abstract names. The paper's Kurz cam is
+not tabulated: a fixed Polydyne of the scene's duration and lift stands in. Speeds are camshaft speeds, as the tool's.
+"""
+
+import numpy as np
+
+from camopt.cam.families.polydyne import polydyne
+from camopt.cam.lift import Lift
+from camopt.exact import prepare
+from camopt.scene import MotionRefused, Scene, build_train, load_scene, rest_position
+from camopt.scene.response import Response
+from camopt.scene.units import DEG, RPM
+from camopt.verify.settle import Settled, settle
+from camopt.verify.sweep import at_speeds
+from experiments.motori_figures import group_figure, span_figure, stiffness_figure
+from experiments.record import RESULTS, run_script, write_result
+
+ENGINES = ("motori-1", "motori-2")
+DYNAMIC = (1.0, 9.22 * DEG**2)
+"""A and B of the stand-in cam: one smooth cam for every variant, so that only the train changes."""
+SPEED = 2000.0
+STIFFNESS = {"small": (10, 50, 1000), "full": (2, 5, 10, 20, 50, 100, 150, 300, 600, 1000)}
+DRAWN = (10, 20, 50, 1000)
+SPAN = {"small": (500.0, 3500.0, 1500.0), "full": (300.0, 4000.0, 100.0)}
+"""First and last camshaft speed and pitch [r/min]; the tool's own defaults at full size."""
+TABLE = ("bounce_mm", "jump_mm", "jump_deg", "contact_force_min_N", "contact_force_max_N", "seating_velocity_m_per_s")
+
+
+def main(size: str, folder=RESULTS) -> dict:
+    """Everything above, as figures and tables; small: fewer stiffnesses and speeds, no figures."""
+    scenes = {name: load_scene(name) for name in ENGINES}
+    content: dict = {"cam_speed_rpm": SPEED, "cam": cam_of(scenes["motori-1"]).parameters}
+    content["stiffness"] = [row for zeta in (None, 0.1) for row in stiffness_table(scenes["motori-1"], size, zeta)]
+    content["extremes"] = [row for scene in scenes.values() for row in extremes(scene)]
+    content["span"] = {name: span(scene, size) for name, scene in scenes.items()}
+    figures = {}
+    if size == "full":
+        lift = cam_of(scenes["motori-1"])
+        figures["group"] = group_figure({name: settled(s, lift, SPEED) for name, s in scenes.items()}, lift)
+        figures["stiffness"] = stiffness_figure({k: drawn_forces(scenes["motori-1"], k) for k in DRAWN})
+        figures["span"] = span_figure(content["span"])
+    write_result("motori", size, content, figures, folder)
+    return content
+
+
+def cam_of(scene: Scene) -> Lift:
+    return polydyne(scene, dynamic=DYNAMIC)
+
+
+def changed(scene: Scene, **elements: dict[str, float]) -> Scene:
+    """The scene with keys of its elements replaced: name=dict(stiffness_N_per_m=...)."""
+    rows = tuple(e.model_copy(update=elements.get(e.name, {})) for e in scene.element)
+    return scene.model_copy(update={"element": rows})
+
+
+def settled(scene: Scene, lift: Lift, cam_rpm: float) -> Settled:
+    """The settled event-exact motion from rest at a camshaft speed [r/min]."""
+    train = build_train(scene)
+    start = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    return settle(prepare(train, lift, cam_rpm * RPM), start)
+
+
+def figures_of(scene: Scene, lift: Lift, cam_rpm: float) -> dict:
+    """Metrics of the settled motion, and the contact force against that of a rigid valve train.
+
+    `ripple_N`: root mean square, over the duration, of the contact force less m omega^2 h'' + F_2 of a valve that
+    follows the cam; `landing_force_N`: largest contact force anywhere (the clearance closes on the ramp, outside the
+    duration); `hop_um`: largest separation anywhere between the nominal closing and opening of the clearance.
+    """
+    try:
+        motion = settled(scene, lift, cam_rpm)
+    except MotionRefused as refused:
+        return {"refused": str(refused)}
+    response, found = motion.response, motion.metrics(lift)
+    train, omega = response.train, cam_rpm * RPM
+    angle = np.mod(response.angle + np.pi, 2 * np.pi) - np.pi
+    spring = train.element_names.index("spring")
+    rigid = np.maximum(0.0, train.mass[0] * omega**2 * lift(angle, 2) + train.preload[spring]
+                       + train.stiffness[spring] * (lift(angle) - train.lash))  # fmt: skip
+    contact = response.force[:, train.cam_side[0]]
+    step = np.gradient(response.angle) * (np.abs(angle) <= lift.half_duration)
+    lashed = np.abs(angle) < lift.closing_angle(train.lash)
+    row = {name: found.worst(name) for name in TABLE}
+    row["ripple_N"] = float(np.sqrt(np.sum(step * (contact - rigid) ** 2) / np.sum(step)))
+    row["landing_force_N"] = float(contact.max())
+    row["seat_force_max_N"] = float(response.force[:, train.seat].max())
+    row["clash_force_max_N"] = float(response.force[:, train.element_names.index("coil_clash")].max())
+    row["hop_um"] = round(response.separation(train.cam_side[0])[lashed].max() * 1e6, 6)  # below: rounding of mm
+    return row | {"periodic": motion.periodic}
+
+
+def stiffened(scene: Scene, kN_per_mm: float, zeta: float | None) -> Scene:
+    """The train's stiffness replaced; its damping constant kept (None), or set to a damping ratio `zeta`."""
+    new = {"stiffness_N_per_m": kN_per_mm * 1e6}
+    if zeta is not None:
+        new["damping_N_s_per_m"] = 2 * zeta * np.sqrt(kN_per_mm * 1e6 * scene.mass[0].mass_kg)
+    return changed(scene, train=new)
+
+
+def stiffness_table(scene: Scene, size: str, zeta: float | None) -> list[dict]:
+    """Figures 5 and 6 as numbers: the contact force against the train's stiffness [kN/mm]."""
+    lift = cam_of(scene)
+    kept = "damping ratio 0.1" if zeta else "damping constant 1200 kg/s"
+    rows = []
+    for k in STIFFNESS[size]:
+        row = {"engine": scene.name, "train_kN_per_mm": k, "kept": kept}
+        rows.append(row | figures_of(stiffened(scene, k, zeta), lift, SPEED))
+    return rows
+
+
+def extremes(scene: Scene) -> list[dict]:
+    """The extreme conditions of the abstract, one at a time, at SPEED unless the speed is the condition."""
+    spring, seat = (next(e for e in scene.element if e.name == name) for name in ("spring", "seat"))
+
+    def sprung(factor: float) -> Scene:
+        preload = {"preload_N": factor * spring.preload_N}
+        rate = {"stiffness_N_per_m": factor * spring.stiffness_N_per_m}
+        return changed(scene, spring=rate | preload, seat={"preload_N": factor * seat.preload_N})
+
+    def damped(factor: float) -> Scene:
+        rows = {e.name: {"damping_N_s_per_m": factor * e.damping_N_s_per_m} for e in scene.element}
+        return changed(scene, **rows)
+
+    cases = {
+        "as given": (scene, SPEED),
+        "soft spring (x 0.5)": (sprung(0.5), SPEED),
+        "hard spring (x 2)": (sprung(2.0), SPEED),
+        "low damping (x 0.1)": (damped(0.1), SPEED),
+        "high damping (x 4)": (damped(4.0), SPEED),
+        "low speed (300)": (scene, 300.0),
+        "high speed (4000)": (scene, 4000.0),
+        "clearance 0.2 mm, on the ramp": (changed(scene, train={"gap_mm": 0.2}), SPEED),
+        "clearance 0.4 mm, beyond the ramp": (changed(scene, train={"gap_mm": 0.4}), SPEED),
+    }
+    lift = cam_of(scene)
+    return [{"engine": scene.name, "case": c} | figures_of(s, lift, v) for c, (s, v) in cases.items()]
+
+
+def span(scene: Scene, size: str) -> dict[str, list[float]]:
+    """Metrics over a span of camshaft speeds with start, end and pitch."""
+    assert scene.operation is not None, "the built-in scenes have one"
+    first, last, pitch = SPAN[size]
+    speeds = np.arange(first, last + pitch / 2, pitch)
+    rows = at_speeds(prepare, scene, cam_of(scene), speeds / scene.operation.cam_per_crank)
+    return {"cam_speed_rpm": speeds.tolist()} | {name: [row[name] for row in rows] for name in TABLE}
+
+
+def drawn_forces(scene: Scene, kN_per_mm: float) -> dict[str, Response]:
+    """Motions at one train stiffness, by what was done with the damping."""
+    lift = cam_of(scene)
+    kept = {"damping constant kept (1200 kg/s)": None, "damping ratio kept (0.1)": 0.1}
+    return {k: settled(stiffened(scene, kN_per_mm, zeta), lift, SPEED).response for k, zeta in kept.items()}
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)

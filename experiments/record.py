@@ -1,0 +1,44 @@
+"""What every experiment leaves: a small JSON with its provenance, and figures as PNG."""
+
+import argparse
+import io
+import platform
+import time
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+
+import matplotlib
+from matplotlib.figure import Figure
+
+from camopt.plots.style import RC, write_atomically
+from camopt.storage import write_json
+
+RESULTS = Path(__file__).parent / "results"
+PACKAGES = ("camopt", "numpy", "scipy", "numba", "matplotlib")
+DPI = 110
+"""Enough for reading on a screen; the figures live in the repository and shall stay small."""
+
+
+def write_result(name: str, size: str, content: dict, figures: dict[str, Figure], folder: Path = RESULTS) -> None:
+    """Writes `<name>.json` (the content under its provenance) and `<name>-<key>.png` for each figure."""
+    folder.mkdir(parents=True, exist_ok=True)
+    provenance = {
+        "command": f"python -m experiments.{name} {size}",
+        "date": time.strftime("%Y-%m-%d", time.gmtime()),
+        "versions": {package: version(package) for package in PACKAGES} | {"python": platform.python_version()},
+        "processor": platform.machine(),
+    }
+    write_json(folder / f"{name}.json", {"provenance": provenance, **content})
+    for key, figure in figures.items():
+        buffer = io.BytesIO()
+        with matplotlib.rc_context(RC):
+            figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+        write_atomically(folder / f"{name}-{key}.png", buffer.getvalue())
+
+
+def run_script(main: Callable[[str], object], description: str | None) -> None:
+    """`python -m experiments.<name> [small|full]`."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("size", nargs="?", choices=("small", "full"), default="full")
+    main(parser.parse_args().size)

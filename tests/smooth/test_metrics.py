@@ -1,0 +1,95 @@
+"""The metrics in JAX: the same values as the verifier's side from one response, and their special cases."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from camopt.exact.engine import prepare as prepare_exact
+from camopt.scene import QUANTITIES
+from camopt.scene.response import end_state, joined
+from camopt.smooth.metrics import closing, revolution_metrics, soft_least
+from camopt.smooth.system import Motion, build_system, rest_state
+from camopt.verify.metrics import measure
+from tests.smooth.trains import kodama
+
+measured = partial(jax.jit, static_argnames=("revolution",))(revolution_metrics)
+
+
+def exact_record(rpm: float, revolutions: int):
+    scene, train, lift = kodama()
+    revolve = prepare_exact(train, lift, scene.cam_speed(rpm))
+    state, records = np.asarray(rest_state(train)).ravel(), []
+    for _ in range(revolutions):
+        records.append(revolve(state))
+        state = end_state(records[-1])
+    return joined(records), lift
+
+
+def motion_of(response, size: int = 8192) -> Motion:
+    """The record padded to one size, so that one program serves all: repeated samples carry no weight."""
+    fields = (response.angle, response.lift, response.x, response.v, response.force)
+    return Motion(*(jnp.asarray(np.concatenate([q, np.repeat(q[-1:], size - len(q), axis=0)])) for q in fields))
+
+
+@pytest.mark.parametrize("rpm", [5000, 6000, 7000])
+def test_both_sides_measure_the_same(rpm):
+    response, lift = exact_record(rpm, 3)
+    system, expected = build_system(response.train), measure(response, lift)
+    arguments = motion_of(response), response.cam_speed, lift.half_duration, lift.opening_foot
+    for r in (0, 1):
+        found = measured(system, *arguments, revolution=r)
+        for name in QUANTITIES:
+            # a crest between samples: the largest of cubics there, of samples and parabolas here
+            assert float(found[name]) == pytest.approx(expected[name][r], rel=2e-4, abs=2e-5), (name, r)
+
+
+def test_a_valve_that_stays_shut_is_quiet_and_one_that_never_seats_has_no_value():
+    response, lift = exact_record(5000, 1)
+    system, motion = build_system(response.train), motion_of(response)
+    shut = motion._replace(x=jnp.zeros_like(motion.x), v=jnp.zeros_like(motion.v), force=jnp.ones_like(motion.force))
+    hanging = motion._replace(force=jnp.zeros_like(motion.force))
+    arguments = response.cam_speed, lift.half_duration, lift.opening_foot
+    assert float(measured(system, shut, *arguments)["bounce_mm"]) == 0.0
+    assert float(measured(system, shut, *arguments)["seating_velocity_m_per_s"]) == 0.0
+    slope = jax.grad(lambda x: measured(system, hanging._replace(x=x), *arguments)["seating_velocity_m_per_s"])
+    assert np.isnan(measured(system, hanging, *arguments)["seating_velocity_m_per_s"])
+    assert not np.any(slope(motion.x))
+
+
+def test_the_touch_shifts_with_the_valve():
+    """Raising the valve delays the touch by height over speed, and changes its speed by acceleration times delay."""
+    response, _ = exact_record(5000, 1)
+    system, motion = build_system(response.train), motion_of(response)
+    valve, seat, speed = response.train.valve, response.train.seat, response.cam_speed
+    touch_sample = int(np.argmax((response.angle > 0) & (response.force[:, seat] > 0)))
+    early = motion.angle < response.angle[touch_sample]  # without the sample on the touch: it falls inside a step
+    last = int(np.flatnonzero(np.asarray(early))[-1])
+    keep = np.r_[: last + 1, touch_sample + 2 : len(motion.angle)]
+    coarse = Motion(*(q[keep] for q in motion))
+
+    def touch(height):
+        raised = coarse._replace(x=coarse.x.at[last, valve].add(height))
+        found = closing(system, raised, speed, 0)
+        return jnp.stack([found.angle / speed, found.velocity])
+
+    (angle, velocity), slope = np.asarray(touch(0.0)), np.asarray(jax.jacfwd(touch)(0.0))
+    assert angle * speed == pytest.approx(response.angle[touch_sample], abs=1e-6)
+    assert velocity == pytest.approx(response.v[touch_sample, valve], rel=1e-3)
+    assert slope[0] == pytest.approx(-1 / velocity, rel=1e-9)
+    step = 1e-10
+    difference = (touch(step) - touch(-step)) / (2 * step)
+    np.testing.assert_allclose(np.asarray(slope), np.asarray(difference), rtol=1e-3)
+
+
+def test_the_soft_least_lies_within_its_stated_bound():
+    angle = jnp.linspace(-1.0, 1.0, 2001)
+    force = 100.0 + 400.0 * angle**2
+    keep = jnp.abs(angle) <= 0.8
+    for width in (1.0, 10.0):
+        soft = float(soft_least(angle, force, keep, width))
+        stay = 2 * np.sqrt(width / 400.0)
+        assert 100.0 < soft < 100.0 + width * np.log(1.6 / stay) + width
+    assert float(soft_least(angle, force, keep, 0.1)) == pytest.approx(100.0, abs=0.5)
