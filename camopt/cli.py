@@ -16,7 +16,7 @@ from camopt import __version__
 
 DONE, DEFECT, BAD_INPUT, NOT_CONFIRMED, INTERRUPTED = 0, 1, 2, 3, 130
 ACCURACIES = ("draft", "standard", "fine")
-METHODS = ("event", "rkg", "tmm", "houbolt")
+METHODS = ("event", "rkg", "tmm", "houbolt", "dop853")
 MOST_SPEEDS = 10_000
 
 

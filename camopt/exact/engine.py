@@ -36,6 +36,7 @@ class EventExact:
     """Event-exact motion at one speed: called, one sampled revolution; `advance`, only the state at its end."""
 
     def __init__(self, train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int | None = None):
+        train.require_linear("event-exact", 'simulate with method "dop853", "rkg" or "smooth"')
         self.train, self.lift, self.cam_speed = train, lift, cam_speed
         self.period = 2 * np.pi / cam_speed
         self.step, self._per_sample = _step(train, self.period, steps_per_revolution)

@@ -44,6 +44,7 @@ def compare(scene: Scene, designs: dict[str, Lift], out: Path | str, accuracy: s
 
     `designs`: name -> lift law. Writes comparison.csv and figures.
     """
+    build_train(scene).require_linear("the comparison", "verify each cam on this scene with `camopt verify`")
     folder = create_run_folder(out)
     named = {"design" if len(designs) == 1 else name: lift for name, lift in designs.items()}
     compare_in(folder, scene, named, {}, accuracy_named(accuracy))

@@ -51,8 +51,10 @@ class Angles:
 def phase_contacts(train: Train) -> np.ndarray:
     """Elements that act in each phase, shape (3, e) bool: seated, shared, lifted.
 
-    Seated is the set closed at rest; raises InputError where more than one contact between cam and valve is open there.
+    Seated is the set closed at rest; raises InputError where more than one contact between cam and valve is open there,
+    or where laws are not linear.
     """
+    train.require_linear("the no-jump program", "optimise a scene with linear laws and verify its cam on this one")
     x = rest_position(train)
     margin = train.compression(x, 0.0) - train.touch_compression
     seated = ~train.contact | (margin >= -1e-12)  # a contact at its touch, to round-off, counts as closed

@@ -65,6 +65,9 @@ def optimize(
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
     effort = accuracy_named(accuracy)
+    build_train(scene).require_linear(
+        "the optimiser", "optimise a scene with linear laws and verify its cam on this one"
+    )
     kinematic_optimum(
         design, free_cam(design, effort.knot_deg)
     )  # contradictory limits end here, before a folder is made

@@ -28,6 +28,7 @@ METHODS = {
     "rkg": "Runge-Kutta-Gill",
     "tmm": "transition matrix",
     "houbolt": "Houbolt",
+    "dop853": "DOP853",
     "smooth": "smooth",
 }
 VERDICTS = {

@@ -20,8 +20,8 @@ MAX_FILE_BYTES = 1_000_000
 def builtin_scenes() -> dict[str, str]:
     """Names and TOML texts of the built-in scenes."""
     folder = resources.files("camopt.scene") / "library"
-    files = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
-    return {f.name.removesuffix(".toml"): f.read_text(encoding="utf-8") for f in files}
+    files = {f.name.removesuffix(".toml"): f for f in folder.iterdir() if f.name.endswith(".toml")}
+    return {name: files[name].read_text(encoding="utf-8") for name in sorted(files)}
 
 
 def scene_text(source: str | Path) -> str:

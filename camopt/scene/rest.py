@@ -1,14 +1,20 @@
-"""Static equilibrium on the base circle, found over the sets of closed contacts."""
+"""Static equilibrium on the base circle, found over the sets of closed contacts; beyond linear laws, from there on."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 
 from camopt.scene.errors import InputError
+from camopt.scene.laws import Laws
 from camopt.scene.train import GROUND, Train
 
 FORCE_SLACK = 1e-9
 """Relative slack on forces and separations at rest: a contact exactly at its touch counts either way."""
+MOST_STEPS = 200
+"""Newton steps to rest under nonlinear laws; ten are usual."""
+GROUNDING = 1e-12
+"""Stiffness to ground that a Newton step adds, relative to the largest of the train."""
 
 
 def static_matrices(train: Train, closed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -16,14 +22,20 @@ def static_matrices(train: Train, closed: np.ndarray) -> tuple[np.ndarray, np.nd
     n = len(train.mass)
     stiffness, load = np.zeros((n, n)), train.mass_force.copy()
     for e in np.flatnonzero(closed):
-        row = np.zeros(n)
-        if train.a[e] != GROUND:
-            row[train.a[e]] += 1.0
-        if train.b[e] != GROUND:
-            row[train.b[e]] -= 1.0
+        row = _row(train, int(e))
         stiffness += train.stiffness[e] * np.outer(row, row)
         load -= row * (train.preload[e] - train.stiffness[e] * train.gap[e])
     return stiffness, load
+
+
+def _row(train: Train, e: int) -> np.ndarray:
+    """Compression of element e by position, shape (n)."""
+    row = np.zeros(len(train.mass))
+    if train.a[e] != GROUND:
+        row[train.a[e]] += 1.0
+    if train.b[e] != GROUND:
+        row[train.b[e]] -= 1.0
+    return row
 
 
 def rest_position(train: Train) -> np.ndarray:
@@ -31,6 +43,8 @@ def rest_position(train: Train) -> np.ndarray:
 
     Raises InputError where a mass is not held, or where no set of closed contacts is in equilibrium.
     """
+    if train.laws is not None:
+        return _balanced(train, train.laws, rest_position(replace(train, laws=None)))
     contacts = np.flatnonzero(train.contact)
     if len(contacts) > 16:
         raise InputError(
@@ -61,4 +75,34 @@ def rest_position(train: Train) -> np.ndarray:
         )
     raise InputError(
         "no static equilibrium on the base circle was found for any set of closed contacts: check preloads and gaps"
+    )
+
+
+def _balanced(train: Train, laws: Laws, x: np.ndarray) -> np.ndarray:
+    """Rest under nonlinear laws, searched from the rest x (n) [m] of their linear stand-ins.
+
+    Every elastic force rises with its compression, so rest is the minimum of a convex energy: Newton's method, its step
+    halved while it overshoots. A little stiffness to ground carries it across contacts that are open.
+    """
+    rows = np.stack([_row(train, e) for e in range(len(train.a))])
+
+    def unbalanced(x):
+        d = train.compression(x, 0.0)
+        p = laws.force(d, train.preload)
+        open_ = train.contact & (p <= 0.0)
+        return train.mass_force - rows.T @ np.where(open_, 0.0, p), np.where(open_, 0.0, laws.tangent(d, train.preload))
+
+    slack = FORCE_SLACK * max(np.abs(train.preload).max(), np.abs(train.mass_force).max(), 1.0)
+    for _ in range(MOST_STEPS):
+        force, tangent = unbalanced(x)
+        if np.abs(force).max() <= slack:
+            return x
+        stiffness = rows.T @ (tangent[:, None] * rows) + np.eye(len(x)) * GROUNDING * train.stiffness.max()
+        step = np.linalg.solve(stiffness, force)
+        while unbalanced(x + step)[0] @ step < -0.1 * abs(force @ step):
+            step = step / 2
+        x = x + step
+    raise InputError(
+        f"no static equilibrium on the base circle was found in {MOST_STEPS} steps under the elements' nonlinear laws: "
+        f"check preloads, gaps and stiffness tables"
     )

@@ -1,8 +1,9 @@
 """What a scene file may say: masses, elements, operation, design limits and geometry, in the field's units."""
 
+from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
@@ -27,18 +28,72 @@ class Mass(Table):
 
 
 class Element(Table):
-    """A spring (bilateral) or contact (pushes, never pulls) between two masses or a mass and ground."""
+    """A spring (bilateral) or contact (pushes, never pulls) between two masses or a mass and ground.
+
+    `law` says how the elastic force grows with the compression (see `camopt.scene.laws`). "linear": with
+    `stiffness_N_per_m`. "hertz", contacts only: with `stiffness_N_per_m`, then in N/m^exponent, to the power
+    `exponent` (1.5 where left out). "progressive": the stiffness itself follows `stiffness_table`, rows of
+    [compression_mm, stiffness_N_per_m] by ascending compression. `preload_N` is the elastic force at compression zero.
+    """
 
     name: Name
     kind: Literal["spring", "contact"]
     between: tuple[str, str]
-    stiffness_N_per_m: Positive
+    law: Literal["linear", "hertz", "progressive"] = "linear"
+    stiffness_N_per_m: Positive | None = Field(default=None, validate_default=True)
+    exponent: Annotated[float, Field(ge=1, le=3)] | None = None
+    stiffness_table: Annotated[tuple[tuple[float, Positive], ...], Field(min_length=2, max_length=200)] | None = Field(
+        default=None, validate_default=True
+    )
     damping_N_s_per_m: NonNegative = 0.0
     preload_N: float = 0.0
     gap_mm: NonNegative = 0.0
     cam_driven: bool = False
     assumed: tuple[str, ...] = ()
     source: str = ""
+
+    @field_validator("law")
+    @classmethod
+    def _law_of_a_contact(cls, law, info: ValidationInfo):
+        if law == "hertz" and info.data.get("kind") == "spring":
+            raise ValueError('"hertz" is a law of contacts: a spring may be "linear" or "progressive"')
+        return law
+
+    @field_validator("stiffness_N_per_m")
+    @classmethod
+    def _stiffness_or_table(cls, stiffness, info: ValidationInfo):
+        law = info.data.get("law")
+        if stiffness is None and law in ("linear", "hertz"):
+            raise ValueError("missing")
+        if stiffness is not None and law == "progressive":
+            raise ValueError('law "progressive" takes its stiffness from stiffness_table: leave this key out')
+        return stiffness
+
+    @field_validator("exponent")
+    @classmethod
+    def _exponent_of_hertz(cls, exponent, info: ValidationInfo):
+        if exponent is not None and info.data.get("law") in ("linear", "progressive"):
+            raise ValueError('belongs to law = "hertz", and only to it')
+        return exponent
+
+    @field_validator("stiffness_table")
+    @classmethod
+    def _table_of_progressive(cls, table, info: ValidationInfo):
+        law = info.data.get("law")
+        if table is None and law == "progressive":
+            raise ValueError("missing; give rows of [compression_mm, stiffness_N_per_m]")
+        if table is not None and law in ("linear", "hertz"):
+            raise ValueError('belongs to law = "progressive", and only to it')
+        if table is not None and any(a[0] >= b[0] for a, b in pairwise(table)):
+            raise ValueError("the compressions of its rows must ascend without repeats")
+        return table
+
+    @field_validator("preload_N")
+    @classmethod
+    def _preload_of_hertz(cls, preload, info: ValidationInfo):
+        if preload < 0 and info.data.get("law") == "hertz":
+            raise ValueError('must not be negative with law = "hertz": a contact that touches later has a gap_mm')
+        return preload
 
 
 class Operation(Table):

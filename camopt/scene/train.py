@@ -4,7 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camopt.scene.schema import Scene
+from camopt.scene.errors import InputError
+from camopt.scene.laws import KINDS, LINEAR, POINT_CONTACT, Laws
+from camopt.scene.schema import Element, Scene
 from camopt.scene.units import MM
 
 GROUND = -1
@@ -16,7 +18,8 @@ class Train:
 
     An element e stands between `a[e]` and `b[e]` (mass index, or GROUND) with compression
     d = x_a - x_b + cam_driven * lift - gap and elastic force preload + stiffness * d; it pushes a towards -x and b
-    towards +x.
+    towards +x. Where `laws` are given they rule the elastic force, and `stiffness` is only their stand-in for modes
+    and step sizes.
     """
 
     mass: np.ndarray  # (n) kg
@@ -35,6 +38,7 @@ class Train:
     cam_side: tuple[int, ...]  # contacts between cam and valve, in order from the cam
     mass_names: tuple[str, ...]
     element_names: tuple[str, ...]
+    laws: Laws | None = None  # None: every law is linear
 
     @property
     def lash(self) -> float:
@@ -44,7 +48,16 @@ class Train:
     @property
     def touch_compression(self) -> np.ndarray:
         """Compression at which each element's elastic force is zero [m], shape (e)."""
-        return -self.preload / self.stiffness
+        return -self.preload / self.stiffness if self.laws is None else self.laws.touch(self.preload)
+
+    def require_linear(self, method: str, instead: str) -> None:
+        """Raises InputError, with the remedy `instead`, where a method that is exact for linear laws meets others."""
+        if self.laws is not None:
+            names = ", ".join(n for n, kind in zip(self.element_names, self.laws.kind, strict=True) if kind != LINEAR)
+            raise InputError(
+                f"{method} needs elements whose force is linear in their compression, "
+                f"and these have other laws: {names}; {instead}"
+            )
 
     def compression(self, x: np.ndarray, lift: np.ndarray | float) -> np.ndarray:
         """Compression of every element [m], shape (..., e), for positions x (..., n) [m] and lift (...) [m]."""
@@ -63,6 +76,7 @@ def build_train(scene: Scene) -> Train:
     cam_driven = np.array([e.cam_driven for e in elements])
     valve = index[scene.valve] if scene.valve else -1
     names = tuple(e.name for e in elements)
+    laws = _laws(elements)
     return Train(
         mass=np.array([m.mass_kg for m in masses]),
         mass_damping=np.array([m.damping_N_s_per_m for m in masses]),
@@ -71,7 +85,7 @@ def build_train(scene: Scene) -> Train:
         b=b,
         contact=contact,
         cam_driven=cam_driven,
-        stiffness=np.array([e.stiffness_N_per_m for e in elements]),
+        stiffness=laws.stand_in(),
         damping=np.array([e.damping_N_s_per_m for e in elements]),
         preload=np.array([e.preload_N for e in elements]),
         gap=np.array([e.gap_mm for e in elements]) * MM,
@@ -80,7 +94,26 @@ def build_train(scene: Scene) -> Train:
         cam_side=_contacts_between_cam_and_valve(a, b, contact, cam_driven, valve),
         mass_names=tuple(m.name for m in masses),
         element_names=names,
+        laws=laws if np.any(laws.kind != LINEAR) else None,
     )
+
+
+def _laws(elements: tuple[Element, ...]) -> Laws:
+    """The elements' laws in SI; tables are filled up to one length with their last stiffness, metre by metre."""
+    kind = np.array([KINDS[e.law] for e in elements])
+    rows = max(len(e.stiffness_table or ()) for e in elements) or 1
+    table = np.zeros((len(elements), rows, 2))
+    coefficient = np.array([e.stiffness_N_per_m or 0.0 for e in elements])
+    for i, e in enumerate(elements):
+        given = np.array(e.stiffness_table or [(0.0, coefficient[i])])
+        more = rows - len(given)
+        further = given[-1, 0] * MM + np.arange(1, more + 1)
+        table[i, :, 0] = np.concatenate([given[:, 0] * MM, further])
+        table[i, :, 1] = np.concatenate([given[:, 1], np.full(more, given[-1, 1])])
+        if e.law == "progressive":
+            coefficient[i] = np.interp(0.0, *table[i].T)
+    exponent = np.array([(e.exponent or POINT_CONTACT) if e.law == "hertz" else 1.0 for e in elements])
+    return Laws(kind, coefficient, exponent, table)
 
 
 def _contacts_between_cam_and_valve(a, b, contact, cam_driven, valve) -> tuple[int, ...]:

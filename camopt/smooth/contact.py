@@ -1,8 +1,8 @@
 """The smoothed contact law: a ramp S of width `eps` stands in for max(0, .).
 
-With u = d + preload / k the compression beyond the touch, the force of a contact is
+With u the compression beyond the touch (d + preload / k), the force of a contact is
 
-    f = clip_0( k eps S(u / eps) + c u' S'(u / eps) ).
+    f = clip_0( p(eps S(u / eps)) + c u' S'(u / eps) ),    p(u) = k u where the elastic law is linear.
 
 S is either the compact ramp, equal to max(0, r) outside |r| < 1/2 and twice continuously differentiable, or the
 softplus. Outside its layer the compact ramp *is* the law of the non-smooth model (no bias of the resting force), which
@@ -43,15 +43,18 @@ RAMPS = {
 
 
 def raw_force(u, u_dot, stiffness, damping, eps, ramp: str = "compact") -> jax.Array:
-    """k eps S(u / eps) + c u' S'(u / eps) [N], before it is clipped at zero; arguments as `contact_force`."""
+    """p(eps S(u / eps)) + c u' S'(u / eps) [N], before it is clipped at zero; arguments as `contact_force`."""
     smooth = RAMPS[ramp]
-    return stiffness * eps * smooth.value(u / eps) + damping * u_dot * smooth.slope(u / eps)
+    pressed = smooth.value(u / eps)
+    elastic = stiffness(eps * pressed) if callable(stiffness) else stiffness * eps * pressed
+    return elastic + damping * u_dot * smooth.slope(u / eps)
 
 
 def contact_force(u, u_dot, stiffness, damping, eps, ramp: str = "compact") -> jax.Array:
     """Force of contacts [N], never below zero, any shape.
 
     `u` [m] is the compression beyond the touch and `u_dot` [m/s] its rate; `eps` > 0 [m] is the width of the layer.
+    `stiffness` [N/m], or the elastic force p [N] as a function of the compression beyond the touch.
     Source: design of this project; the limit eps -> 0 is max(0, k u + c u') for u > 0 and 0 otherwise.
     """
     force = raw_force(u, u_dot, stiffness, damping, eps, ramp)

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from camopt.smooth.contact import RAMPS, raw_force
+from camopt.smooth.contact import RAMPS
 from camopt.smooth.scan import ERROR, NODES, WEIGHTS, combine, lift_at, stage_slopes
 from camopt.smooth.system import System
 
@@ -103,8 +103,8 @@ def _until_arrival(attempt, begin: Progress, end, chunks: int):
 def _surfaces(system: System, y, lift, lift_dt, eps, ramp: str):
     """Compression beyond the touch [m] and force before clipping [N] of the contacts."""
     contacts = np.flatnonzero(system.topology.contact)
-    u, u_dt = (q[contacts] for q in system.compression(y, lift, lift_dt))
-    return u, raw_force(u, u_dt, system.stiffness[contacts], system.damping[contacts], eps, ramp)
+    u, u_dt = system.compression(y, lift, lift_dt)
+    return u[contacts], system.raw_force(u, u_dt, eps, ramp)[contacts]
 
 
 def contact_limit(start, stop, h, eps, clip_step, ramp: str) -> jax.Array:

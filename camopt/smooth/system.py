@@ -9,7 +9,8 @@ import numpy as np
 
 from camopt.scene.rest import rest_position
 from camopt.scene.train import Train
-from camopt.smooth.contact import contact_force
+from camopt.smooth.contact import raw_force
+from camopt.smooth.laws import ElasticLaws, elastic_laws
 
 
 class Topology(NamedTuple):
@@ -48,24 +49,37 @@ class System(eqx.Module):
     mass: jax.Array  # (n) kg
     mass_damping: jax.Array  # (n) N s/m
     mass_force: jax.Array  # (n) N
-    stiffness: jax.Array  # (e) N/m
+    stiffness: jax.Array  # (e) N/m, of a hertz contact N/m^exponent
     damping: jax.Array  # (e) N s/m
     preload: jax.Array  # (e) N
     gap: jax.Array  # (e) m
     topology: Topology = eqx.field(static=True)
+    laws: ElasticLaws | None = None  # None: every law is linear
 
     def compression(self, y: jax.Array, lift, lift_dt) -> tuple[jax.Array, jax.Array]:
         """Compression of every element beyond its zero of elastic force [m] and its rate [m/s], each (e)."""
         d, d_dt = jnp.matmul(y, self._incidence(y.dtype).T, precision="highest")
         drive = np.array(self.topology.cam_driven, dtype=y.dtype)
-        return d + drive * lift - self.gap + self.preload / self.stiffness, d_dt + drive * lift_dt
+        return d + drive * lift - self.gap - self.touch(), d_dt + drive * lift_dt
 
     def force(self, y: jax.Array, lift, lift_dt, eps, ramp: str = "compact") -> jax.Array:
         """Force of every element [N]: pushes a towards -x and b towards +x."""
         u, u_dt = self.compression(y, lift, lift_dt)
-        bilateral = self.stiffness * u + self.damping * u_dt
-        contact = contact_force(u, u_dt, self.stiffness, self.damping, eps, ramp)
-        return jnp.where(np.array(self.topology.contact), contact, bilateral)
+        bilateral = self.elastic(u) + self.damping * u_dt
+        pushing = self.raw_force(u, u_dt, eps, ramp)
+        return jnp.where(np.array(self.topology.contact), jnp.where(pushing > 0.0, pushing, 0.0), bilateral)
+
+    def raw_force(self, u: jax.Array, u_dt: jax.Array, eps, ramp: str = "compact") -> jax.Array:
+        """Force of every element taken as a contact [N], before it is clipped at zero."""
+        return raw_force(u, u_dt, self.stiffness if self.laws is None else self.elastic, self.damping, eps, ramp)
+
+    def touch(self) -> jax.Array:
+        """Compression at which each elastic force is zero [m], shape (e)."""
+        return -self.preload / self.stiffness if self.laws is None else self.laws.touch(self.stiffness, self.preload)
+
+    def elastic(self, u: jax.Array) -> jax.Array:
+        """Elastic force [N] of every element at the compression u (e) [m] beyond its touch."""
+        return self.stiffness * u if self.laws is None else self.laws.force(u, self.stiffness, self.preload)
 
     def rate(self, y: jax.Array, lift, lift_dt, eps, ramp: str = "compact") -> jax.Array:
         """Time derivative of the state y = (positions [m], velocities [m/s]) at lift [m] and lift rate [m/s]."""
@@ -75,7 +89,8 @@ class System(eqx.Module):
 
     def stiffest(self) -> jax.Array:
         """Largest frequency of a mass on its own elements [rad/s]: the scale of the fastest motion."""
-        return jnp.sqrt(jnp.max(self.stiffness @ jnp.abs(self._incidence(self.mass.dtype)) / self.mass))
+        stiffness = self.stiffness if self.laws is None else self.laws.stand_in(self.stiffness)
+        return jnp.sqrt(jnp.max(stiffness @ jnp.abs(self._incidence(self.mass.dtype)) / self.mass))
 
     def _incidence(self, dtype) -> np.ndarray:
         return self.topology.incidence(self.mass.shape[0]).astype(dtype)
@@ -93,20 +108,26 @@ def build_system(train: Train, dtype=jnp.float64) -> System:
         tuple(map(int, train.cam_side)),
     )
     names = "mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap"
-    return System(**{name: jnp.asarray(getattr(train, name), dtype) for name in names}, topology=topology)
+    values = {name: getattr(train, name) for name in names}
+    laws = None
+    if train.laws is not None:
+        values["stiffness"], laws = train.laws.coefficient, elastic_laws(train.laws, dtype)
+    return System(**{k: jnp.asarray(v, dtype) for k, v in values.items()}, topology=topology, laws=laws)
 
 
 def rest_state(train: Train, system: System | None = None) -> jax.Array:
     """State at rest on the base circle; differentiable in `system`, which by default is the train's own.
 
-    Which contacts carry at rest comes from the train (`camopt.scene.rest`); for those the balance is one linear solve.
+    Rest and which contacts carry there come from the train (`camopt.scene.rest`); one Newton step on the balance of
+    those brings in the system: with the implicit function theorem's derivative, and exact where their laws are linear.
     """
     system = build_system(train) if system is None else system
     x = rest_position(train)
-    closed = ~train.contact | (train.preload + train.stiffness * train.compression(x, 0.0) > 0)
-    rows = system.topology.incidence(len(x))[closed]
-    stiffness, load = system.stiffness[closed], (system.preload - system.stiffness * system.gap)[closed]
-    matrix = rows.T @ (stiffness[:, None] * rows)
+    closed = ~train.contact | (train.compression(x, 0.0) > train.touch_compression)
+    x, rows = jnp.asarray(x, system.mass.dtype), system.topology.incidence(len(x))[closed].astype(system.mass.dtype)
+    u, _ = system.compression(jnp.stack([x, jnp.zeros_like(x)]), 0.0, 0.0)
+    force, tangent = (q[closed] for q in jax.jvp(system.elastic, (u,), (jnp.ones_like(u),)))
+    matrix = rows.T @ (tangent[:, None] * rows)
     scale = jnp.sqrt(jnp.diag(matrix))
-    x = jnp.linalg.solve(matrix / jnp.outer(scale, scale), (system.mass_force - rows.T @ load) / scale) / scale
+    x = x + jnp.linalg.solve(matrix / jnp.outer(scale, scale), (system.mass_force - rows.T @ force) / scale) / scale
     return jnp.stack([x, jnp.zeros_like(x)])

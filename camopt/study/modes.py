@@ -65,8 +65,7 @@ def acting_elements(train: Train, state: State) -> np.ndarray:
     acting = np.ones(len(train.a), dtype=bool)
     if train.seat < 0:
         return acting
-    force = train.preload + train.stiffness * train.compression(rest_position(train), 0.0)
-    acting = ~train.contact | (force > 0)
+    acting = ~train.contact | (train.compression(rest_position(train), 0.0) > train.touch_compression)
     acting[list(train.cam_side)] = True
     acting[train.seat] = state == "seated"
     return acting

@@ -13,12 +13,13 @@ from camopt.scene.response import end_state, joined
 from camopt.scene.units import DEG, MM
 from camopt.study.modes import highest_rate
 
-Method = Literal["event", "rkg", "tmm", "houbolt", "smooth"]
+Method = Literal["event", "rkg", "tmm", "houbolt", "dop853", "smooth"]
 MODULES = {
     "event": "camopt.exact.engine",
     "rkg": "camopt.verify.rkg",
     "tmm": "camopt.verify.tmm",
     "houbolt": "camopt.verify.houbolt",
+    "dop853": "camopt.verify.dop853",
     "smooth": "camopt.smooth.simulate",
 }
 LARGEST_PHASE = 0.3

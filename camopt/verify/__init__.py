@@ -1,8 +1,8 @@
 """The non-smooth verifier: independent methods, metrics, settling and the verdict (NumPy and numba, no JAX).
 
-Every method (`rkg`, `tmm`, `houbolt`) assembles its own equations and has its own contact law: that duplication is the
-independence. They share only the train's data, the lift pieces and the response record. Names are imported on first
-use; only `verdict` reaches for the event-exact method, and only when asked to.
+Every method (`rkg`, `tmm`, `houbolt`, `dop853`) assembles its own equations and has its own contact law: that
+duplication is the independence. They share only the train's data, the lift pieces and the response record. Names are
+imported on first use; only `verdict` reaches for the event-exact method, and only when asked to.
 """
 
 import sys

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from camopt.cam.lift import Lift
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
-from camopt.verify.verdict import METHODS, Verdict, verify
+from camopt.scene.train import build_train
+from camopt.verify.verdict import METHODS, Verdict, methods_for, verify
 
 
 @dataclass(frozen=True)
@@ -42,11 +43,11 @@ def verify_cam(
 ) -> Verdict:
     """Judge a cam at `speeds_rpm` (crankshaft; the scene's by default) and over the scene's band.
 
-    `methods` "all" (for "draft" its two) or one of "event", "rkg", "tmm", "houbolt": one method alone gives figures but
-    no agreement, and so never confirms. `accuracy`: a name of EFFORTS or micrometres. Raises InputError for what cannot
-    be judged.
+    `methods` "all" (those that carry the scene's laws; for "draft" the first two) or one of "event", "rkg", "tmm",
+    "houbolt", "dop853": one method alone gives figures but no agreement, and so never confirms. `accuracy`: a name of
+    EFFORTS or micrometres. Raises InputError for what cannot be judged.
     """
     effort = effort_of(accuracy)
-    every = effort.methods if accuracy == "draft" else METHODS
+    every = methods_for(build_train(scene))[: 2 if accuracy == "draft" else None]
     asked = every if methods == "all" else (methods,)
     return verify(scene, lift, speeds_rpm, asked, effort.band_step_rpm, effort.tolerance_um)

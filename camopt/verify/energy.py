@@ -66,8 +66,9 @@ def energy(response: Response, lift: Lift) -> Energy:
     Between samples the motion is taken as the quintic through positions, velocities and accelerations, the latter from
     the recorded forces on the interval's own side of a force jump; the lift is exact. Where contacts switch at samples
     (event-exact) only this interpolation errs, below 1e-9 of the stored energy at 7200 samples in a revolution of the
-    built-in scenes; where they do not, the residual is the method's own error.
+    built-in scenes; where they do not, the residual is the method's own error. Raises InputError for nonlinear laws.
     """
+    response.train.require_linear("the energy balance", "judge such a train by the agreement of its methods")
     t, time = response.train, response.time
     start = np.flatnonzero(np.diff(time) > 0)
     h = np.diff(time)[start]

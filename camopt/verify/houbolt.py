@@ -48,8 +48,9 @@ def prepare(
 
     `cam_speed` [rad/s]; the step follows `step_rule` where the number of steps is left out; `explicit` takes MOTORI's
     form. Implicit, matrices are built for the contact sets that occur. The response has steps_per_revolution + 1
-    samples; its velocities are third-order backward differences.
+    samples; its velocities are third-order backward differences. Raises InputError for laws that are not linear.
     """
+    train.require_linear("Houbolt's method", 'use method "dop853" or "rkg"')
     period = 2 * np.pi / cam_speed
     steps = int(np.ceil(period / step_rule(train))) if steps_per_revolution is None else steps_per_revolution
     n, h = len(train.mass), period / steps

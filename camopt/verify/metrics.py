@@ -95,7 +95,7 @@ def _gap(response: Response, e: int, lift_slope: np.ndarray) -> tuple[np.ndarray
     ends = [(response.x[:, i], response.v[:, i] / response.cam_speed) if i != GROUND else (0.0, 0.0) for i in
             (t.a[e], t.b[e])]  # fmt: skip
     (xa, va), (xb, vb) = ends
-    gap = xb - xa - t.cam_driven[e] * response.lift + t.gap[e] - t.preload[e] / t.stiffness[e]
+    gap = xb - xa - t.cam_driven[e] * response.lift + t.gap[e] + t.touch_compression[e]
     return gap, vb - va - t.cam_driven[e] * lift_slope
 
 

@@ -2,7 +2,9 @@
 
 S. Gill, A process for the step-by-step integration of differential equations in an automatic digital computing machine,
 Proc. Cambridge Philosophical Society 47 (1951). Stable up to about omega h = 2.8. The right-hand side is assembled
-element by element at every stage; a contact pushes f = max(0, p + c d') where p = preload + k d > 0, and 0 elsewhere.
+element by element at every stage; a contact pushes f = max(0, p + c d') where its elastic force p > 0, and 0 elsewhere.
+Every elastic law of a scene is carried: p = preload + k d, p = k u^exponent of a hertz contact pressed by u, and
+p = preload + integral of the stiffness table from 0 to d.
 The criterion "displacement" is Kodama's printed one, for reproduction only: a contact is open where it is not
 compressed (their x_3 > x_2), and until then its damper may pull, f = p + c d' of either sign.
 """
@@ -39,7 +41,7 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
     rise, rate = lift(halves), lift(halves, 1) * cam_speed
     masses = train.mass, train.mass_damping, train.mass_force
     ends = train.a, train.b, train.contact, train.cam_driven
-    laws = train.stiffness, train.damping, train.preload, train.gap, MAY_PULL[criterion]
+    laws = (*_elastic_arrays(train), train.damping, train.preload, train.gap, MAY_PULL[criterion])
 
     def revolve(state: np.ndarray) -> Response:
         states = np.empty((steps + 1, len(state)))
@@ -51,12 +53,47 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
     return revolve
 
 
+def _elastic_arrays(train: Train) -> tuple[np.ndarray, ...]:
+    """Kind (e), coefficient (e), exponent (e) and stiffness table (e, q, 2) of the elastic laws."""
+    if train.laws is not None:
+        return train.laws.kind, train.laws.coefficient, train.laws.exponent, train.laws.table
+    e = len(train.a)
+    return np.zeros(e, dtype=int), train.stiffness, np.ones(e), np.zeros((e, 1, 2))
+
+
+@njit(cache=True, nogil=True)
+def _elastic(kind, coefficient, exponent, table, preload, d):
+    """Elastic force [N] at compression d [m]."""
+    if kind == 0:
+        return preload + coefficient * d
+    if kind == 1:
+        pressed = d + (preload / coefficient) ** (1.0 / exponent)
+        return coefficient * pressed**exponent if pressed > 0.0 else 0.0
+    return preload + _work(table, d) - _work(table, 0.0)
+
+
+@njit(cache=True, nogil=True)
+def _work(table, d):
+    """Integral of the stiffness from the first row of `table` (q, 2) to d; constant beyond the first and last row."""
+    if d <= table[0, 0]:
+        return table[0, 1] * (d - table[0, 0])
+    total = 0.0
+    for i in range(len(table) - 1):
+        width = table[i + 1, 0] - table[i, 0]
+        part = min(d, table[i + 1, 0]) - table[i, 0]
+        slope = (table[i + 1, 1] - table[i, 1]) / width
+        total += part * (table[i, 1] + 0.5 * slope * part)
+        if d <= table[i + 1, 0]:
+            return total
+    return total + table[-1, 1] * (d - table[-1, 0])
+
+
 @njit(cache=True, nogil=True)
 def _slope(y, rise, rate, masses, ends, laws, dy, force):
     """dy/dt into `dy` (2n) and the element forces into `force` (e)."""
     mass, mass_damping, mass_force = masses
     a, b, contact, cam_driven = ends
-    stiffness, damping, preload, gap, may_pull = laws
+    kind, coefficient, exponent, table, damping, preload, gap, may_pull = laws
     n = len(mass)
     for i in range(n):
         dy[i] = y[n + i]
@@ -72,7 +109,7 @@ def _slope(y, rise, rate, masses, ends, laws, dy, force):
         if cam_driven[e]:
             d += rise
             d_rate += rate
-        elastic = preload[e] + stiffness[e] * d
+        elastic = _elastic(kind[e], coefficient[e], exponent[e], table[e], preload[e], d)
         f = elastic + damping[e] * d_rate
         if contact[e] and (elastic <= 0.0 or (f < 0.0 and not may_pull)):
             f = 0.0

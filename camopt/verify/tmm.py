@@ -36,8 +36,9 @@ def prepare(
 
     `cam_speed` [rad/s]; `exponential` replaces the printed Taylor matrices by the exact ones; `criterion`: a contact
     opens by "force", or by "displacement" alone. Matrices are built for the contact sets that occur. The response has
-    steps_per_revolution + 1 samples. Raises InputError for another criterion.
+    steps_per_revolution + 1 samples. Raises InputError for another criterion, or laws that are not linear.
     """
+    train.require_linear("the transition matrix method", 'use method "dop853" or "rkg"')
     if criterion not in MAY_PULL:
         raise InputError(f"separation criterion {criterion!r}: expected {' or '.join(MAY_PULL)}")
     steps, n = steps_per_revolution, len(train.mass)

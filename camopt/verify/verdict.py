@@ -16,13 +16,18 @@ from camopt.scene.response import Revolve
 from camopt.scene.rest import rest_position
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
-from camopt.verify import houbolt, rkg, tmm
-from camopt.verify.converge import RELATIVE, Converged, Prepare, converge, tolerances
+from camopt.verify import dop853, houbolt, rkg, tmm
+from camopt.verify.converge import RELATIVE, Converged, Prepare, converge, first_steps, tolerances
 from camopt.verify.limits import broken_by_shape, motion_limits
 from camopt.verify.settle import Figures, settle
 from camopt.verify.sweep import STARTS_MM, Band, first_exceeding, sweep
 
 METHODS = ("event", "rkg", "tmm", "houbolt")
+"""Methods for a train whose laws are linear."""
+NONLINEAR_METHODS = ("dop853", "rkg")
+"""Methods for a train with other laws; DOP853 carries linear ones too."""
+SWEEP_REFINEMENT = 4
+"""Runge-Kutta-Gill's steps in a sweep, as a multiple of the first ones: where its bounce is right to some um."""
 ORDER = ("confirmed", "sensitive", "not converged", "rejected")
 """From best to worst: one speed at which a limit is surely broken rejects the cam, whatever the others say."""
 REPORTED = tuple(name for name in QUANTITIES if name != "excess_lift_mm")
@@ -95,7 +100,7 @@ def verify(
     scene: Scene,
     lift: Lift,
     speeds_rpm: tuple[float, ...] | None = None,
-    methods: tuple[str, ...] = ("event", "rkg"),
+    methods: tuple[str, ...] | None = None,
     band_step_rpm: float | None = 20.0,
     tolerance_um: float = 2.0,
     halvings: int = 6,
@@ -103,18 +108,22 @@ def verify(
 ) -> Verdict:
     """Judge a cam at `speeds_rpm` (crankshaft; the scene's by default) and over the scene's band.
 
-    `methods` are names of METHODS, the first one's figures are reported and its neighbourhood is searched; two at
-    least are needed for an agreement, so a single method ends as "not converged". `band_step_rpm` None leaves the band
-    and the starting speeds out; they are swept with event-exact, and unless a listed speed rejects the cam already,
-    all methods look at the worst speed of every limited metric. Bounce and jump "start" where they exceed the scene's
+    `methods` are names of METHODS or NONLINEAR_METHODS, by default the first two for the scene's laws; the first one's
+    figures are reported and its neighbourhood is searched; two at least are needed for an agreement, so a single
+    method ends as "not converged". `band_step_rpm` None leaves the band and the starting speeds out; they are swept
+    with event-exact (Runge-Kutta-Gill for nonlinear laws), and unless a listed speed rejects the cam already, all
+    methods look at the worst speed of every limited metric. Bounce and jump "start" where they exceed the scene's
     limit, or 0.05 mm where it sets none. `tolerance_um` [um]: by how much halving the step may still move bounce and
     jump. Raises InputError for a scene without valve or operation, or an unknown method.
     """
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name!r}: a verdict needs valve, seat and [operation]")
-    if not methods or (unknown := [m for m in methods if m not in METHODS]):
+    train = build_train(scene)
+    methods = methods_for(train)[:2] if methods is None else methods
+    known = dict.fromkeys((*METHODS, *NONLINEAR_METHODS))
+    if not methods or (unknown := [m for m in methods if m not in known]):
         raise InputError(
-            f"methods {methods}: give names out of {', '.join(METHODS)}" + f"; not {unknown}" * bool(methods)
+            f"methods {methods}: give names out of {', '.join(known)}" + f"; not {unknown}" * bool(methods)
         )
 
     def judge(speeds) -> tuple[SpeedVerdict, ...]:
@@ -126,15 +135,20 @@ def verify(
     band, worst, first = None, (), {"bounce_mm": None, "jump_mm": None}
     if band_step_rpm is not None:
         limited = tuple(dict.fromkeys(["bounce_mm", *(name for name, _ in motion_limits(scene.design).values())]))
-        band = sweep(_event_by_default(), scene, lift, band_step_rpm, limited, workers)
+        band = sweep(_sweeping(train), scene, lift, band_step_rpm, limited, workers)
         if not any(s.verdict == "rejected" for s in at_speeds):  # nothing the band shows can save a rejected cam
             worst = judge(sorted({band.worst(name)[0] for name in limited}))
-        first = first_exceeding(_event_by_default(), scene, lift, _starts(scene), workers)
+        first = first_exceeding(_sweeping(train), scene, lift, _starts(scene), workers)
     shape = broken_by_shape(lift, scene.design)
     every = (*at_speeds, *worst)
     broken = dict.fromkeys([*shape, *(name for s in every for name in s.broken)])
     overall = max([*(s.verdict for s in every), "rejected" if shape else "confirmed"], key=ORDER.index)
     return Verdict(overall, tuple(broken), at_speeds, band, worst, first["jump_mm"], first["bounce_mm"])
+
+
+def methods_for(train: Train) -> tuple[str, ...]:
+    """Names of all methods that judge a train, the most accurate first."""
+    return METHODS if train.laws is None else NONLINEAR_METHODS
 
 
 def _method(name: str) -> Prepare:
@@ -143,14 +157,18 @@ def _method(name: str) -> Prepare:
         from camopt.exact import engine
 
         return engine.prepare
-    return {"rkg": rkg.prepare, "tmm": tmm.prepare, "houbolt": houbolt.prepare}[name]
+    return {"rkg": rkg.prepare, "tmm": tmm.prepare, "houbolt": houbolt.prepare, "dop853": dop853.prepare}[name]
 
 
-def _event_by_default() -> Callable[[Train, Lift, float], Revolve]:
-    """Event-exact at its own step, which is the same at all speeds."""
-    from camopt.exact import engine
+def _sweeping(train: Train) -> Callable[[Train, Lift, float], Revolve]:
+    """The method of sweeps: event-exact at its own step, the same at all speeds, unless laws are nonlinear."""
+    if train.laws is None:
+        from camopt.exact import engine
 
-    return engine.prepare
+        return engine.prepare
+    return lambda train, lift, cam_speed: rkg.prepare(
+        train, lift, cam_speed, SWEEP_REFINEMENT * first_steps(train, cam_speed)
+    )
 
 
 def _starts(scene: Scene) -> dict[str, float]:

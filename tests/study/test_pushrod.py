@@ -1,0 +1,72 @@
+"""The pushrod train of the Cam Design Handbook: its printed frequencies, and that the built-in scene is that train."""
+
+import numpy as np
+import pytest
+
+from camopt.scene import build_train, load_scene, parse_scene, rest_position
+from camopt.scene.rest import static_matrices
+from camopt.study.modes import modes
+
+POUND, INCH = 0.45359237, 0.0254
+POUND_PER_INCH = POUND * 9.80665 / INCH
+RATIO = 1.7
+TWO_MASSES = f"""
+format = 1
+name = "handbook"
+[[mass]]
+name = "cam_side"
+mass_kg = {(0.270 + 0.114 / 2) * POUND}
+[[mass]]
+name = "valve_side"
+mass_kg = {(0.114 / 2 + 0.132 / 0.875**2 + (0.251 + 0.153 / 3) * RATIO**2) * POUND}
+[[element]]
+name = "pushrod"
+kind = "spring"
+between = ["cam_side", "valve_side"]
+stiffness_N_per_m = {3.0e5 * POUND_PER_INCH}
+[[element]]
+name = "spring"
+kind = "spring"
+between = ["valve_side", "ground"]
+stiffness_N_per_m = {660 * POUND_PER_INCH}
+"""
+
+
+def test_two_mass_form_has_the_printed_masses_and_frequencies():
+    scene = parse_scene(TWO_MASSES, "handbook")
+    assert [round(m.mass_kg / POUND, 3) for m in scene.mass] == [0.327, 1.102]  # printed: 0.327 and 1.10 lbm
+    first, second = modes(scene).frequency_Hz
+    assert (round(first), round(second, -2)) == (67, 3400)  # printed
+    # recomputed from the printed masses of three digits
+    assert (first, second) == (pytest.approx(67.2, abs=0.05), pytest.approx(3411, abs=2))
+
+
+def test_built_in_scene_is_that_train_on_the_valve_axis():
+    """Frequencies do not depend on the axis: the five masses without contact at the cam, the spring's lumps following,
+    are the two masses; the stem, rigid in the book, lowers the second."""
+    train = build_train(load_scene("pushrod-5mass"))
+    mass = dict(zip(train.mass_names, train.mass, strict=True))
+    stiffness = dict(zip(train.element_names, train.stiffness, strict=True))
+    assert mass["lifter"] * RATIO**2 / POUND == pytest.approx(0.327, rel=1e-4)
+    spring = mass["spring_1"] * (4 + 1) / 9  # lumps at two thirds and one third of the valve's motion
+    moving = (mass["rocker"] + mass["valve"] + spring) * RATIO**2 / POUND
+    assert moving == pytest.approx(1.102, rel=0.01)  # 19/54 of the spring in place of a third
+    assert stiffness["coil_1"] / 3 * RATIO**2 / POUND_PER_INCH == pytest.approx(660, rel=1e-4)
+    assert stiffness["pushrod"] * RATIO**2 / POUND_PER_INCH == pytest.approx(3.0e5, rel=1e-4)
+    assert stiffness["rocker_valve"] / POUND_PER_INCH == pytest.approx(4.7e5, rel=1e-4)
+    acting = np.array([name not in ("cam_lifter", "seat") for name in train.element_names])
+    matrix, _ = static_matrices(train, acting)
+    squares = np.linalg.eigvals(matrix / train.mass[:, None]).real
+    frequency = np.sort(np.sqrt(squares)) / (2 * np.pi)
+    assert frequency[0] == pytest.approx(67.2, rel=0.01)
+    assert 0.8 * 3411 < frequency[3] < 3411
+
+
+def test_the_train_rests_on_the_cam_with_its_lash_at_the_valve():
+    train = build_train(load_scene("pushrod-5mass"))
+    x = rest_position(train)
+    force = dict(zip(train.element_names, train.preload + train.stiffness * train.compression(x, 0.0), strict=True))
+    assert force["cam_lifter"] == pytest.approx(20.0) and force["pushrod"] == pytest.approx(20.0)
+    assert force["rocker_valve"] < 0 and force["seat"] == pytest.approx(350.0, rel=0.01)
+    assert [train.element_names[e] for e in train.cam_side] == ["cam_lifter", "pushrod", "rocker_valve"]
+    assert train.lash == pytest.approx(0.2e-3)
