@@ -35,11 +35,9 @@ def gradient_stage(search: Search, program: NoJumpProgram, steps: int) -> None:
     """Improve `search.best` by at most `steps` steps within the speeds and angles of `program`."""
     assert search.best is not None and search.best_judged is not None, "the no-jump stage comes first"
     sensitivity = Sensitivity(search.judge.scene, program.cam, search.best_judged.limited, WIDTH)
-    trust, best = FIRST_TRUST_N, None
+    trust, best = FIRST_TRUST_N, search.best
+    model = linearised(best.z, search.best_judged, sensitivity)
     for _ in range(steps):
-        if search.best is not best:
-            best = search.best
-            model = linearised(best.z, search.best_judged, sensitivity)
         try:
             found = step(program, best, model, trust)
         except Infeasible:
@@ -51,7 +49,8 @@ def gradient_stage(search: Search, program: NoJumpProgram, steps: int) -> None:
             model = model.corrected(found.z, judged)
             trust *= SHRINKAGE
         else:
-            trust *= GROWTH
+            trust, best = trust * GROWTH, found
+            model = linearised(best.z, judged, sensitivity)
         if trust < LEAST_TRUST_N:
             break
 

@@ -48,9 +48,10 @@ class Journal:
         if path is None:
             return
         content = io.BytesIO()
-        figures = {f"figure:{k}": v for k, v in judged.figures.items()}
-        named = {k: getattr(judged, k) for k in ARRAYS}
-        np.savez(content, z=z, limited=np.array(judged.limited, dtype=str), **named, **figures)
+        stored = {f"figure:{k}": v for k, v in judged.figures.items()}
+        stored |= {k: getattr(judged, k) for k in ARRAYS}
+        stored |= {"z": z, "limited": np.array(judged.limited, dtype=str)}
+        np.savez(content, allow_pickle=False, **stored)
         write_bytes(path, content.getvalue())
 
     def note(self, line: dict) -> None:

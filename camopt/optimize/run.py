@@ -106,10 +106,11 @@ def _search(
     scene: Scene, speeds: str, effort: Accuracy, gradient: str, folder: Path, show: Callable, times: dict
 ) -> tuple[Search, NoJumpOptimum]:
     """The search's stages; returns it with the best cam that the linear program alone gave."""
-    started = time.perf_counter()
-    cam = free_cam(scene.design, effort.knot_deg)
-    program_speeds, judged_speeds = design_speeds(scene.operation, speeds, effort)
-    program = no_jump_program(build_train(scene), scene.design, cam, [scene.cam_speed(s) for s in program_speeds])
+    started, design, operation = time.perf_counter(), scene.design, scene.operation
+    assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
+    cam = free_cam(design, effort.knot_deg)
+    program_speeds, judged_speeds = design_speeds(operation, speeds, effort)
+    program = no_jump_program(build_train(scene), design, cam, [scene.cam_speed(s) for s in program_speeds])
     search = Search(Judge(scene, judged_speeds, effort.judge_stride if speeds == "band" else 1), Journal(folder), show)
     program = no_jump_stage(search, program)
     no_jump = search.best
