@@ -13,10 +13,13 @@ import numpy as np
 from camopt.optimize.judge import LEAST_LIMIT, SHARE, Judged
 from camopt.optimize.kinematic import area_ratio_row, reach, spline_rows
 from camopt.optimize.linear_program import Infeasible
+from camopt.optimize.margins import margin_stage
 from camopt.optimize.no_jump import PEAK, SEAT, NoJumpOptimum, NoJumpProgram
 from camopt.optimize.no_jump_stage import Search
 from camopt.optimize.sensitivity import Sensitivity
 
+ON_MARGINS = 0.25
+"""Part of the steps that optax takes on the margins, before the free steps."""
 WIDTH = 8
 """Speeds whose metrics are linearised in a step: those that use their limits most."""
 FIRST_TRUST_N, LEAST_TRUST_N = 40.0, 0.25
@@ -32,12 +35,13 @@ MOST_SHARE = 4.0
 
 
 def gradient_stage(search: Search, program: NoJumpProgram, steps: int) -> None:
-    """Improve `search.best` by at most `steps` steps within the speeds and angles of `program`."""
+    """Improve `search.best` by at most `steps` steps within the speeds and angles of `program`: margins, then z."""
     assert search.best is not None and search.best_judged is not None, "the no-jump stage comes first"
     sensitivity = Sensitivity(search.judge.scene, program.cam, search.best_judged.limited, WIDTH)
+    margin_stage(search, program, sensitivity, int(ON_MARGINS * steps))
     trust, best = FIRST_TRUST_N, search.best
     model = linearised(best.z, search.best_judged, sensitivity)
-    for _ in range(steps):
+    for _ in range(steps - int(ON_MARGINS * steps)):
         try:
             found = step(program, best, model, trust)
         except Infeasible:
