@@ -8,8 +8,8 @@ from pathlib import Path
 import matplotlib
 from matplotlib.figure import Figure
 
-from camopt.plots.style import RC, write_atomically
-from camopt.storage import write_json
+from camopt.plots.style import RC
+from camopt.storage import write_bytes, write_json
 from experiments.provenance import provenance
 
 RESULTS = Path(__file__).parent / "results"
@@ -25,7 +25,7 @@ def write_result(name: str, size: str, content: dict, figures: dict[str, Figure]
         buffer = io.BytesIO()
         with matplotlib.rc_context(RC):
             figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
-        write_atomically(folder / f"{name}-{key}.png", buffer.getvalue())
+        write_bytes(folder / f"{name}-{key}.png", buffer.getvalue())
 
 
 def run_script(main: Callable[[str], object], description: str | None) -> None:

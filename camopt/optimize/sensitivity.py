@@ -29,8 +29,8 @@ class Sensitivity:
         parts = [cam.basis(theta, k) for k in (0, 1)]
         matrix = np.stack([m @ cam.Z for m, _ in parts], axis=1)  # (k, 2, m)
         offset = np.stack([m @ cam.x_p + o for m, o in parts], axis=1)
-        self._start_angle = cam.lift(np.zeros(cam.Z.shape[1])).opening_foot
-        system, half, foot = build_system(build_train(scene)), float(cam.breaks[-1]), self._start_angle
+        foot = cam.lift(np.zeros(cam.Z.shape[1])).opening_foot  # of the ramp, the same for every z
+        system, half = build_system(build_train(scene)), float(cam.breaks[-1])
 
         @partial(jax.vmap, in_axes=(None, 0, 0))
         def one(z, cam_speed, y0):
