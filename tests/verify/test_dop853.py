@@ -50,11 +50,12 @@ def event_exact(speed_rpm):
     return start, at(engine.prepare(train, polydyne(scene), scene.cam_speed(speed_rpm), 7200)(start))
 
 
-@pytest.mark.parametrize(("speed_rpm", "within_mm"), [(5000, 1e-6), (7000, 3e-4)])  # at 7000 r/min it bounces
-def test_linear_train_against_event_exact(speed_rpm, within_mm):
+# at 7000 r/min it bounces, and 1440 samples miss one of the 63 switchings
+@pytest.mark.parametrize(("speed_rpm", "samples", "within_mm"), [(5000, 1440, 1e-6), (7000, 2880, 1e-4)])
+def test_linear_train_against_event_exact(speed_rpm, samples, within_mm):
     scene = load_scene("kodama")
     start, exact = event_exact(speed_rpm)
-    motion = dop853.prepare(build_train(scene), polydyne(scene), scene.cam_speed(speed_rpm), 1440)(start)
+    motion = dop853.prepare(build_train(scene), polydyne(scene), scene.cam_speed(speed_rpm), samples)(start)
     assert np.abs(at(motion) - exact).max() < within_mm * MM
     assert np.ptp(exact[:, -6]) > 8 * MM  # the valve did move
 

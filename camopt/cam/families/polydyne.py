@@ -16,8 +16,6 @@ from camopt.scene import InputError, Scene, Train, build_train
 from camopt.scene.rest import static_matrices
 from camopt.scene.units import DEG, MM
 
-PIECE_DEG = 2.0
-
 
 def equivalent_train(train: Train) -> tuple[float, float, float]:
     """Stiffness cam to valve k_e [N/m], spring rate at the valve k_sp [N/m] and moving mass M [kg] (Eq. (2)).
@@ -107,8 +105,7 @@ def event_pieces(
     wanted = np.append(flank_end, rise)
     scale = np.abs(system).max(axis=1)
     unknowns = np.linalg.solve(system / scale[:, None], wanted / scale)
-    per_side = max(int(np.ceil(half / (PIECE_DEG * DEG))), int(np.ceil(powers.max())))
-    borders = np.linspace(0.0, half, per_side + 1)
+    borders = half * _piece_borders(powers)
     derivatives = np.array(
         [
             (
@@ -124,6 +121,17 @@ def event_pieces(
     mirrored = derivatives[::-1] * (-1.0) ** np.arange(MATCHED)
     pieces = np.concatenate([osculating_pieces(-borders[::-1], mirrored), osculating_pieces(borders, derivatives)])
     return np.concatenate([-borders[:0:-1], borders]), pieces
+
+
+def _piece_borders(powers: np.ndarray) -> np.ndarray:
+    """Ascending borders in [0, 1] of the pieces of sum C_i x^p_i: at each as wide as x^p (p width / x)^12 <= 1 allows,
+    which keeps the error of `osculating_pieces` everywhere at its bound. They widen towards the nose."""
+    high = powers[powers >= 2 * MATCHED]  # lower powers are met exactly
+    borders = [1.0]
+    while borders[-1] > 0.0:
+        width = np.min(borders[-1] ** (1 - high / (2 * MATCHED)) / high, initial=1.0)
+        borders.append(max(0.0, borders[-1] - width))
+    return np.array(borders[::-1])
 
 
 def _power_derivatives(powers: np.ndarray, x: np.ndarray, order: int) -> np.ndarray:
