@@ -68,6 +68,15 @@ def area_rows(run: RunFolder) -> list[dict]:
     ]
 
 
+def worth_rows(run: RunFolder) -> list[dict]:
+    """Per cent more area for one per cent more of each limit, where design.json records them, largest first."""
+    worth = run.design.get("limit_worth")
+    known = [(k, v) for k, v in worth.items() if is_number(v)] if isinstance(worth, dict) else []
+    return [
+        {"label": label_and_unit(str(k))[0], "worth": shown(v, 3)} for k, v in sorted(known, key=lambda pair: -pair[1])
+    ]
+
+
 def comparison_groups(run: RunFolder) -> list[dict]:
     """One entry per cam and set of limits: its worst figures over the speeds, and its verdict over all of them."""
     groups = []

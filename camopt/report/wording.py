@@ -85,6 +85,12 @@ def shown(value, digits: int = 4) -> str:
     return f"{value:.{digits}g}".replace("-", "−")
 
 
+def in_words(values: list) -> str:
+    """`5000, 6000 and 7000`."""
+    words = [shown(v) for v in values]
+    return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
+
+
 def cell(text: str, digits: int = 4) -> str:
     """A table file's cell: as a rounded number where it is one, else as it stands."""
     value = as_number(text)
