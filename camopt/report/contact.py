@@ -15,8 +15,7 @@ WIDTH = 320.0
 def geometry(cams: Cams) -> dict | None:
     """Figures and faults per cam and a drawing of the design's contour; None where the scene has no [geometry].
 
-    The tightest spot is where the contour's radius of curvature is smallest: of the concave part where there is one
-    (there a flat follower cannot go, and a roller may undercut), else of the convex part.
+    The tightest spot is where the contour's radius of curvature is smallest, convex or concave.
     """
     if cams.scene is None or cams.scene.geometry is None or not cams.lifts:
         return None
@@ -34,11 +33,8 @@ def geometry(cams: Cams) -> dict | None:
 
 
 def tightest(c: Contact) -> int:
-    """Sample of the smallest radius of curvature, concave before convex."""
-    radius = c.radius_of_curvature
-    concave = radius <= 0
-    candidates = concave if concave.any() else radius > 0
-    return int(np.argmin(np.where(candidates, np.abs(radius), np.inf)))
+    """Sample of the smallest radius of curvature, convex or concave; a cusp has one near zero."""
+    return int(np.argmin(np.abs(c.radius_of_curvature)))
 
 
 def _drawing(c: Contact, name: str) -> dict:

@@ -1,11 +1,12 @@
 """Where the masses and elements of a valve train stand in a drawing, laid out from the graph of the scene.
 
-Positions point down the page as the valve opens, so in an element between a and b, which a compresses by moving towards
-+x, a stands above b: the seat comes to lie above the valve, the spring's foot below it, as in an engine. All lengths are
-pixels of the drawing; masses move by `SCALE` pixels per millimetre.
+Positions point down the page as the valve opens, so in an element between a and b, which a compresses by moving
+towards +x, a stands above b: the seat comes to lie above the valve, the spring's foot below it, as in an engine. All
+lengths are pixels of the drawing; masses move by `SCALE` pixels per millimetre.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -22,6 +23,10 @@ LENGTH = {"coil": 30.0, "rod": 18.0, "contact": 36.0}
 """Room for an element at its shortest; a contact needs some for its magnified gap."""
 HEIGHT = {"valve": 22.0, "mass": 22.0, "small": 12.0, "hub": 10.0}
 MARGIN = 14.0
+WORDS = 54.0
+"""Room for words beside a mass or a contact."""
+STROKE_MM = 10.0
+"""Room below the lowest mass, for its motion."""
 
 
 @dataclass(frozen=True)
@@ -42,27 +47,32 @@ class Strokes:
         return cls(np.maximum(d.max(axis=0), 0.0), np.where(train.cam_driven, 0.0, np.ptp(squeezed, axis=0)))
 
 
-def drawing(train: Train, strokes: Strokes, base_mm: float, radius_mm: float) -> dict:
-    """Masses and elements in pixels; `base_mm` and `radius_mm` are the cam's base and largest radius.
+def drawing(train: Train, strokes: Strokes, follower_mm: float, radius_mm: float) -> dict:
+    """Masses and elements in pixels; `follower_mm` is the distance from the cam's centre to the far side of what runs
+    on the base circle (its radius, and a roller's diameter), `radius_mm` the cam's largest radius.
 
     Keys: width, height, scale; masses: name, kind (mass, valve, small, hub: the cam's centre), x, y, left, right,
     height; elements: name, look (coil, rod, cam), contact, a, b (-1: ground), x, top, bottom: y of an end on the
     ground, else None, and words: on which side its words stand (-1 left).
     """
     kinds = _kinds(train)
-    looks = ["cam" if c else "coil" if s > COIL_MM else "rod" for c, s in zip(train.cam_driven, strokes.span, strict=True)]
+    looks = [
+        "cam" if c else "coil" if s > COIL_MM else "rod" for c, s in zip(train.cam_driven, strokes.span, strict=True)
+    ]
     half = np.array([HEIGHT[k] / 2 for k in kinds])
-    need = [_need(train, e, looks[e], strokes.approach[e], base_mm) for e in range(len(train.a))]
+    need = [_need(train, e, looks[e], strokes.approach[e], follower_mm) for e in range(len(train.a))]
     y = _heights(train, need, half)
     column = _columns(train, y)
     offset, lanes = _lanes(train, column, y)
     widths = [max((abs(o) for e, o in enumerate(offset) if lanes[e] == c), default=0) for c in range(max(column) + 1)]
-    centre = np.cumsum([0.0, *(LANE * (a + b + 1.15) for a, b in zip(widths[:-1], widths[1:], strict=True))])
+    centre = np.cumsum([0.0, *(LANE * (a + b + 1.15) for a, b in pairwise(widths))])
     x = [float(centre[lanes[e]] + LANE * offset[e]) for e in range(len(train.a))]
-    masses = [
-        {"name": n, "kind": k, "x": float(centre[c]), "y": float(v), "height": 2 * float(h), **_reach(train, i, x, centre[c], k)}
-        for i, (n, k, c, v, h) in enumerate(zip(train.mass_names, kinds, column, y, half, strict=True))
-    ]  # fmt: skip
+    masses = []
+    for i, (name, kind) in enumerate(zip(train.mass_names, kinds, strict=True)):
+        middle = float(centre[column[i]])
+        left, right = _edges(train, i, x, middle, kind)
+        masses.append({"name": name, "kind": kind, "x": middle, "y": float(y[i]), "left": left, "right": right,
+                       "height": 2 * float(half[i])})  # fmt: skip
     elements = []
     for e, name in enumerate(train.element_names):
         a, b = int(train.a[e]), int(train.b[e])
@@ -101,18 +111,20 @@ def _path(train: Train) -> list[int]:
     return [first]
 
 
-def _need(train: Train, e: int, look: str, approach_mm: float, base_mm: float) -> float:
+def _need(train: Train, e: int, look: str, approach_mm: float, follower_mm: float) -> float:
     """Least distance of an element's ends in the installed position."""
     length = LENGTH["contact"] if train.contact[e] else LENGTH["coil" if look == "coil" else "rod"]
     if train.contact[e] and look == "coil":
         length += LENGTH["coil"] / 2
-    return length + SCALE * (approach_mm + (base_mm if look == "cam" else 0.0))
+    return length + SCALE * (approach_mm + (follower_mm if look == "cam" else 0.0))
 
 
 def _heights(train: Train, need: list[float], half: np.ndarray) -> np.ndarray:
     """y of every mass: as high as the elements above it allow; where they run in a circle the first mass goes first."""
     n = len(half)
-    between = [(int(a), int(b), e) for e, (a, b) in enumerate(zip(train.a, train.b, strict=True)) if GROUND not in (a, b)]
+    between = [
+        (int(a), int(b), e) for e, (a, b) in enumerate(zip(train.a, train.b, strict=True)) if GROUND not in (a, b)
+    ]
     y, waiting = np.zeros(n), set(range(n))
     while waiting:
         free = [i for i in waiting if not any(b == i and a in waiting and a != i for a, b, _ in between)]
@@ -120,9 +132,10 @@ def _heights(train: Train, need: list[float], half: np.ndarray) -> np.ndarray:
         above = [y[a] + half[a] + need[e] + half[i] for a, b, e in between if b == i and a not in waiting]
         y[i] = max(above, default=0.0)
         waiting.remove(i)
-    for a, b, e in reversed(between):  # a mass with nothing above it hangs close over what it stands on
-        if not any(q == a for _, q, _ in between):
-            y[a] = min(y[q] - half[q] - need[k] - half[a] for p, q, k in between if p == a)
+    for i in range(n - 1, -1, -1):  # a mass with nothing above it hangs close over what it stands on
+        below = [y[b] - half[b] - need[e] - half[i] for a, b, e in between if a == i]
+        if below and not any(b == i for _, b, _ in between):
+            y[i] = min(below)
     return y
 
 
@@ -169,25 +182,26 @@ def _lanes(train: Train, column: list[int], y: np.ndarray) -> tuple[list[int], l
     return offset, lane
 
 
-def _reach(train: Train, i: int, x: list[float], centre: float, kind: str) -> dict[str, float]:
+def _edges(train: Train, i: int, x: list[float], middle: float, kind: str) -> tuple[float, float]:
     """Left and right edge of a mass: over all its elements."""
     own = [x[e] for e in range(len(x)) if i in (train.a[e], train.b[e]) and not train.cam_driven[e]]
     pad = {"small": 20.0, "hub": 10.0}.get(kind, 34.0)
-    return {"left": float(min([*own, centre]) - pad), "right": float(max([*own, centre]) + pad)}
+    return float(min([*own, middle]) - pad), float(max([*own, middle]) + pad)
 
 
 def _framed(masses: list[dict], elements: list[dict], radius: float) -> dict:
-    """Shifted so that everything, the turning cam included, lies inside, with room for words at the right."""
+    """Shifted so that everything, the turning cam included, lies inside, with room for words at the sides."""
     cams = [(e["x"], masses[e["a"]]["y"] if e["a"] != GROUND else e["top"]) for e in elements if e["look"] == "cam"]
-    left = min([m["left"] for m in masses] + [x - radius for x, _ in cams])
-    right = max([m["right"] + 52 for m in masses] + [x + radius for x, _ in cams] + [e["x"] + 60 for e in elements])
-    tops = [y - radius for _, y in cams] + [m["y"] - m["height"] for m in masses] + [e["top"] for e in elements if e["top"] is not None]  # fmt: skip
-    lows = [m["y"] + m["height"] + 10 * SCALE for m in masses] + [e["bottom"] for e in elements if e["bottom"] is not None]  # fmt: skip
-    dx, dy = MARGIN - left, MARGIN - min(tops)
+    grounds = [e[end] for e in elements for end in ("top", "bottom") if e[end] is not None]
+    left = min([m["left"] for m in masses] + [x - radius for x, _ in cams] + [e["x"] - WORDS for e in elements])
+    right = max([m["right"] + WORDS for m in masses] + [x + radius for x, _ in cams])
+    top = min([m["y"] - m["height"] for m in masses] + [y - radius for _, y in cams] + grounds)
+    low = max([m["y"] + m["height"] + STROKE_MM * SCALE for m in masses] + grounds)
+    dx, dy = MARGIN - left, MARGIN - top
     for m in masses:
-        m["x"], m["left"], m["right"], m["y"] = m["x"] + dx, m["left"] + dx, m["right"] + dx, m["y"] + dy
+        m |= {"x": m["x"] + dx, "left": m["left"] + dx, "right": m["right"] + dx, "y": m["y"] + dy}
     for e in elements:
         e["x"] += dx
-        for end in ("top", "bottom"):
-            e[end] = None if e[end] is None else e[end] + dy
-    return {"width": right + dx + MARGIN, "height": max(lows) + dy + MARGIN, "scale": SCALE, "masses": masses, "elements": elements}  # fmt: skip
+        e |= {end: None if e[end] is None else e[end] + dy for end in ("top", "bottom")}
+    size = {"width": right + dx + MARGIN, "height": low + dy + MARGIN}
+    return {**size, "scale": SCALE, "masses": masses, "elements": elements}

@@ -1,5 +1,6 @@
 """The simulated motion behind the report's animation: settled revolutions of the run's cams, as plain numbers."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import numpy as np
 from camopt.cam.design_file import read_design
 from camopt.cam.geometry import contact
 from camopt.cam.lift import Lift
-from camopt.cam.read import FAMILIES, read_cam
+from camopt.cam.read import read_cam
 from camopt.exact.engine import prepare
 from camopt.plots.style import DESIGN, cam_line, family_of
 from camopt.report.drawing import Strokes, drawing
@@ -25,6 +26,10 @@ MOST_NUMBERS = 400_000
 """Numbers in the page's motion; the step is the finest that stays below. About 2 MB."""
 SAME_AREA = 1e-6
 """Area ratios that agree to this are of the same cam: a comparison table holds every digit."""
+STORED = re.compile(r"[\w.,=:+ ()-]+")
+"""Names of cams that may name a file `cams/<name>.json`: no separators, so none leads out of the folder."""
+QUICK = "polydyne"
+"""The family that a bare name rebuilds at once, without a search for its largest-area member."""
 BASE_MM = 16.0
 """Base circle radius that is drawn where the scene has no [geometry]."""
 UM = 1e-6
@@ -40,9 +45,9 @@ class Cams:
 
 
 def cams_of(folder: Path, run: RunFolder) -> Cams:
-    """The design, and those cams of the comparison that their name rebuilds with the recorded area ratio.
+    """The design, and those cams of the comparison that the folder holds or their name rebuilds.
 
-    The names come from a file: only families of camopt are followed, never a path.
+    A cam is held by `cams/<name>.json`, written as design.json is. Whatever is found must have the recorded area ratio.
     """
     if "scene.toml" in run.missing or "design.json" in run.missing:
         return Cams(None, {}, ["Without scene.toml and design.json no cam can be simulated."])
@@ -66,10 +71,12 @@ def cams_of(folder: Path, run: RunFolder) -> Cams:
 def _rebuilt(name: str, area: float | None, folder: Path, scene: Scene) -> Lift:
     if name == DESIGN:
         lift = read_design(folder / "design.json", scene)
-    elif name.split(":")[0] in FAMILIES:
+    elif STORED.fullmatch(name) and (stored := folder / "cams" / f"{name}.json").is_file():
+        lift = read_design(stored, scene)
+    elif name.split(":")[0] == QUICK:
         lift = read_cam(name, scene)
     else:
-        raise InputError("the run folder does not hold its lift")
+        raise InputError(f"the run folder does not hold its lift, cams/{name}.json")
     assert scene.design is not None, "load_scene(..., need='design') guarantees it"
     found = lift.area_ratio(scene.design.max_lift_mm * MM)
     if not is_number(area) or abs(found - area) > SAME_AREA:
@@ -103,12 +110,15 @@ def animation(cams: Cams) -> dict | None:
     if not entries:
         return None
     x = np.concatenate([np.array(m["position_um"]).T for c in entries for m in c["motions"]]) * UM / MM
-    base, radius = _radii(scene), max(np.hypot(*np.array(c["contour_mm"]).T).max() for c in entries)
+    geometry = scene.geometry
+    base = geometry.base_radius_mm if geometry else BASE_MM
+    roller = (geometry.roller_radius_mm if geometry else None) or 0.0
+    radius = max(np.hypot(*np.array(c["contour_mm"]).T).max() for c in entries)
     return {
         "step_deg": step,
-        "drawing": drawing(train, Strokes.of(train, x), base, float(radius)),
-        "follower": scene.geometry.follower if scene.geometry else "point",
-        "roller_radius_mm": (scene.geometry.roller_radius_mm if scene.geometry else None) or 0.0,
+        "drawing": drawing(train, Strokes.of(train, x), base + 2 * roller, float(radius)),
+        "follower": geometry.follower if geometry else "point",
+        "roller_radius_mm": roller,
         "base_radius_mm": base,
         "contacts": contacts,
         "seat": contacts.index(train.seat),
@@ -151,10 +161,6 @@ def _cam(name: str, lift: Lift, scene: Scene, step_deg: float) -> dict:
         "lift_um": _rounded(lift(theta) / UM, 0),
         "contour_mm": _rounded(contour, 3),
     }
-
-
-def _radii(scene: Scene) -> float:
-    return scene.geometry.base_radius_mm if scene.geometry else BASE_MM
 
 
 def _rounded(values: np.ndarray, digits: int) -> list:

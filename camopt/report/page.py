@@ -25,7 +25,7 @@ from camopt.report.tables import (
     start_and_end,
     worth_rows,
 )
-from camopt.report.wording import NO_VERDICT, VERDICTS, in_words, is_number, label_and_unit, shown
+from camopt.report.wording import NO_VERDICT, VERDICTS, broken_words, in_words, is_number, shown
 from camopt.storage import write_text
 
 HERE = Path(__file__).parent
@@ -202,4 +202,4 @@ def figures(run: RunFolder) -> list[dict]:
 
 
 def _words(value) -> list[str]:
-    return [label_and_unit(str(v))[0] for v in value] if isinstance(value, list) else []
+    return [broken_words(str(v)) for v in value] if isinstance(value, list) else []
