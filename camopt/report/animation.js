@@ -22,7 +22,7 @@
   const angle = () => -180 + state.index * step;
   const shift = (mass) => (mass < 0 ? 0 : (scale * motion.position_um[mass][state.index]) / 1000);
   const separation = (k) => motion.separation_um[k][state.index] / 1000; // mm
-  const isOpen = (k) => motion.separation_um[k][state.index] > 0 || motion.force_N[k][state.index] === 0;
+  const isOpen = (k, i = state.index) => motion.separation_um[k][i] > 0 || motion.force_N[k][i] === 0;
   const line = (x1, y1, x2, y2) => `M${x1} ${y1}L${x2} ${y2}`;
 
   function coil(x, top, bottom, wide) {
@@ -76,7 +76,8 @@
       part.word = make(group, "text", { class: "open", x: e.x + 22 * e.words, "text-anchor": anchor }, "open");
     }
     for (const [y, side] of [[e.top, -1], [e.bottom, 1]]) {
-      if (y !== null && !(e.look === "cam" && side < 0)) make(group, "path", { class: "ground", d: ground(e.x, y, side) });
+      if (y === null || (e.look === "cam" && side < 0)) continue;
+      make(group, "path", { class: "ground", d: ground(e.x, y, side) });
     }
     if (e.look === "cam") {
       part.wheel = make(layer.cam, "g");
@@ -88,8 +89,8 @@
   });
 
   function drawnGap(k, magnification) {
-    const true_gap = scale * separation(k);
-    return Math.min(magnification * true_gap, true_gap + ROOM);
+    const gap = scale * separation(k);
+    return Math.min(magnification * gap, gap + ROOM);
   }
   function place(part, magnification) {
     const { x, k, look } = part, m = drawing.masses;
@@ -108,8 +109,8 @@
     } else {
       face = below - STUB;
       const body = look === "coil" ? coil(x, top, face - gap, 12) : line(x, top, x, face - gap);
-      const faces = line(x - 13, face - gap - 1.5, x + 13, face - gap - 1.5) + line(x - 13, face + 1.5, x + 13, face + 1.5);
-      part.body.setAttribute("d", body + faces + line(x, face, x, below));
+      const plate = (y) => line(x - 13, y, x + 13, y);
+      part.body.setAttribute("d", body + plate(face - gap - 1.5) + plate(face + 1.5) + line(x, face, x, below));
       top = face - gap;
     }
     if (k >= 0) {
@@ -123,7 +124,8 @@
   }
   function follower(part, x, face, below) {
     if (data.follower === "flat") return line(x - 30, face, x + 30, face) + line(x, face, x, below);
-    if (data.follower === "point") return `M${x - 6} ${face + 9}L${x} ${face}L${x + 6} ${face + 9}M${x} ${face}V${below}`;
+    const tip = face + 9;
+    if (data.follower === "point") return `M${x - 6} ${tip}L${x} ${face}L${x + 6} ${tip}M${x} ${face}V${below}`;
     const centre = face + scale * data.roller_radius_mm;
     part.roller.setAttribute("cy", centre);
     return line(x, centre, x, below);
@@ -141,7 +143,8 @@
     chart.setAttribute("viewBox", `0 0 ${width} ${end + 34}`);
     across = (i) => LEFT + ((width - LEFT - RIGHT) * i) / steps;
     const lifts = motion.separation_um[data.seat];
-    const most = Math.max(1, Math.ceil(Math.max(...data.cams.flatMap((c) => c.motions.map((q) => Math.max(...q.separation_um[data.seat])))) / 1000));
+    const tops = data.cams.flatMap((c) => c.motions.map((q) => Math.max(...q.separation_um[data.seat])));
+    const most = Math.max(1, Math.ceil(Math.max(...tops) / 1000)); // one axis for all cams and speeds
     const up = (um) => bottom - (HIGH * um) / 1000 / most;
     for (let mm = 0; mm <= most; mm += most > 5 ? 2 : 1) {
       make(chart, "path", { class: "grid", d: line(LEFT, up(1000 * mm), width - RIGHT, up(1000 * mm)) });
@@ -149,7 +152,8 @@
     }
     make(chart, "text", { x: 2, y: 10 }, "valve lift above the seat [mm]");
     const points = lifts.map((v, i) => `${across(i).toFixed(1)} ${up(v).toFixed(1)}`).join("L");
-    make(chart, "path", { class: "curve", d: `M${points}`, stroke: cam.colour, "stroke-dasharray": cam.dashes.join(" ") });
+    const dashes = cam.dashes.join(" ");
+    make(chart, "path", { class: "curve", d: `M${points}`, stroke: cam.colour, "stroke-dasharray": dashes });
     data.contacts.forEach((element, k) => openSpans(k, drawing.elements[element].name, bottom + 8 + k * ROW, width));
     for (let deg = -180; deg <= 180; deg += 90) {
       const anchor = { "-180": "start", 180: "end" }[deg] ?? "middle";
@@ -162,17 +166,15 @@
   function openSpans(k, name, y, width) {
     make(chart, "text", { x: LEFT, y: y + 11 }, `${name}: open`);
     make(chart, "path", { class: "grid", d: line(LEFT, y + 20, width - RIGHT, y + 20) });
-    const index = state.index;
     for (let i = 0, begin = -1; i <= steps + 1; i++) {
-      state.index = i;
-      const open = i <= steps && isOpen(k);
+      const open = i <= steps && isOpen(k, i);
       if (open && begin < 0) begin = i;
       if (!open && begin >= 0) {
-        make(chart, "rect", { class: "light on", x: across(begin), y: y + 15, width: Math.max(1.5, across(i - 1) - across(begin)), height: 10 });
+        const long = Math.max(1.5, across(i - 1) - across(begin));
+        make(chart, "rect", { class: "light on", x: across(begin), y: y + 15, width: long, height: 10 });
         begin = -1;
       }
     }
-    state.index = index;
   }
 
   // ---- numbers, controls
@@ -206,7 +208,8 @@
     $("train-speed").replaceChildren(...cam.motions.map((m) => new Option(`${m.speed_rpm} r/min`, m.speed_rpm)));
     motion = cam.motions.find((m) => String(m.speed_rpm) === wanted) ?? cam.motions.at(-1);
     $("train-speed").value = motion.speed_rpm;
-    const contour = `M${cam.contour_mm.map(([x, y]) => `${(scale * x).toFixed(2)} ${(scale * y).toFixed(2)}`).join("L")}Z`;
+    const points = cam.contour_mm.map(([x, y]) => `${(scale * x).toFixed(2)} ${(scale * y).toFixed(2)}`);
+    const contour = `M${points.join("L")}Z`;
     for (const part of parts.filter((p) => p.contour)) {
       part.contour.setAttribute("d", contour);
       part.contour.setAttribute("stroke", cam.colour);

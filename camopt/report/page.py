@@ -3,6 +3,7 @@
 import base64
 import hashlib
 import json
+from functools import cache
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -52,43 +53,51 @@ def write_report(folder: Path | str) -> Path:
     return path
 
 
-def render(run: RunFolder, cams: Cams) -> str:
-    """The page of a run folder's data and cams; every text from the folder is escaped."""
-    environment = Environment(
+@cache
+def _environment() -> Environment:
+    return Environment(
         loader=FileSystemLoader(HERE),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+
+
+def render(run: RunFolder, cams: Cams) -> str:
+    """The page of a run folder's data and cams; every text from the folder is escaped."""
     limits = limit_rows(run)
     verdict = run.verification.get("verdict")
     kind, mark, meaning = VERDICTS.get(verdict, NO_VERDICT) if isinstance(verdict, str) else NO_VERDICT
-    return environment.get_template("page.html.j2").render(
-        run=run,
-        title=str(run.scene.get("title") or run.scene.get("name") or run.name),
-        verdict={"word": verdict or "not verified", "kind": kind, "mark": mark, "meaning": meaning},
-        sections=SECTIONS,
-        broken=_words(run.verification.get("broken")),
-        disagreements=disagreements(run, limits),
-        headline=headline(run),
-        limits=limits,
-        start_end=start_and_end(run),
-        areas=area_rows(run),
-        groups=comparison_groups(run),
-        limit_names=LIMITS,
-        comparison=comparison_table(run),
-        floats=floats(run),
-        worth=worth_rows(run),
-        geometry=geometry(cams),
-        speeds=speed_rows(run),
-        speed_columns=[heading(c) for c in SPEED_COLUMNS],
-        methods=method_tables(run),
-        accuracy=accuracy(run),
-        provenance=provenance_rows(run.provenance),
-        figures=figures(run),
-        placed=PLACED,
-        **_moving(cams),
+    return (
+        _environment()
+        .get_template("page.html.j2")
+        .render(
+            run=run,
+            title=str(run.scene.get("title") or run.scene.get("name") or run.name),
+            verdict={"word": verdict or "not verified", "kind": kind, "mark": mark, "meaning": meaning},
+            sections=SECTIONS,
+            broken=_words(run.verification.get("broken")),
+            disagreements=disagreements(run, limits),
+            headline=headline(run),
+            limits=limits,
+            start_end=start_and_end(run),
+            areas=area_rows(run),
+            groups=comparison_groups(run),
+            limit_names=LIMITS,
+            comparison=comparison_table(run),
+            floats=floats(run),
+            worth=worth_rows(run),
+            geometry=geometry(cams),
+            speeds=speed_rows(run),
+            speed_columns=[heading(c) for c in SPEED_COLUMNS],
+            methods=method_tables(run),
+            accuracy=accuracy(run),
+            provenance=provenance_rows(run.provenance),
+            figures=figures(run),
+            placed=PLACED,
+            **_moving(cams),
+        )
     )
 
 
