@@ -86,37 +86,27 @@ def _rebuilt(name: str, area: float | None, folder: Path, scene: Scene) -> Lift:
     return lift
 
 
-def animation(cams: Cams) -> dict | None:
-    """What the page's script draws (None without a motion): `drawing`, and per cam its contour and its motions.
+def animation(cams: Cams) -> tuple[dict | None, list[str]]:
+    """What the page's script draws (None without a motion), and sentences on what is left out.
 
-    Per motion: position_um (mass by angle), force_N and separation_um (contact by angle), from -180 to 180 deg, by
-    event-exact, settled or the last revolution that was run (`periodic`). Refused motions are named in `left_out`.
+    `drawing` is the train's; `cams` holds contour, lift and motions of each cam. A motion: position_um (mass by angle),
+    force_N and separation_um (contact by angle), from -180 to 180 deg, by event-exact, settled or the last revolution
+    that was run (`periodic`).
     """
-    scene = cams.scene
-    if scene is None or scene.operation is None or not cams.lifts:
-        return None
+    scene, left_out = cams.scene, list(cams.left_out)
+    if scene is None or not cams.lifts:
+        return None, left_out
     train = build_train(scene)
     contacts = np.flatnonzero(train.contact).tolist()
-    per_sample = (len(train.mass) + 2 * len(contacts)) * len(cams.lifts) * len(scene.operation.speeds_rpm)
-    step = next((s for s in STEPS_DEG if per_sample * 360 / s <= MOST_NUMBERS), STEPS_DEG[-1])
-    entries, left_out = [], list(cams.left_out)
-    for name, lift in cams.lifts.items():
-        motions = []
-        for speed in scene.operation.speeds_rpm:
-            try:
-                motions.append({"speed_rpm": speed, **motion(train, lift, scene.cam_speed(speed), step, contacts)})
-            except (MotionRefused, InputError) as error:
-                left_out.append(f"{name} at {shown(speed)} r/min is not shown: {error}")
-        entries.append({"name": name, **_cam(name, lift, scene, step), "motions": motions})
-    entries = [c for c in entries if c["motions"]]
+    entries, step = _moved(cams.lifts, scene, train, contacts, left_out)
     if not entries:
-        return None
+        return None, left_out
     x = np.concatenate([np.array(m["position_um"]).T for c in entries for m in c["motions"]]) * UM / MM
     geometry = scene.geometry
     base = geometry.base_radius_mm if geometry else BASE_MM
     roller = (geometry.roller_radius_mm if geometry else None) or 0.0
     radius = max(np.hypot(*np.array(c["contour_mm"]).T).max() for c in entries)
-    return {
+    data = {
         "step_deg": step,
         "drawing": drawing(train, Strokes.of(train, x), base + 2 * roller, float(radius)),
         "follower": geometry.follower if geometry else "point",
@@ -125,8 +115,28 @@ def animation(cams: Cams) -> dict | None:
         "contacts": contacts,
         "seat": contacts.index(train.seat),
         "cams": entries,
-        "left_out": left_out,
     }
+    return data, left_out
+
+
+def _moved(
+    lifts: dict[str, Lift], scene: Scene, train: Train, contacts: list[int], left_out: list[str]
+) -> tuple[list[dict], float]:
+    """The cams with their motions and the step [deg] between samples; what is refused goes into `left_out`."""
+    speeds = scene.operation.speeds_rpm if scene.operation else ()
+    per_sample = (len(train.mass) + 2 * len(contacts)) * len(lifts) * len(speeds)
+    step = next((s for s in STEPS_DEG if per_sample * 360 / s <= MOST_NUMBERS), STEPS_DEG[-1])
+    entries = []
+    for name, lift in lifts.items():
+        motions = []
+        for speed in speeds:
+            try:
+                motions.append({"speed_rpm": speed, **motion(train, lift, scene.cam_speed(speed), step, contacts)})
+            except (MotionRefused, InputError) as error:
+                left_out.append(f"{name} at {shown(speed)} r/min is not shown: {error}")
+        if motions:
+            entries.append({"name": name, **_cam(name, lift, scene, step), "motions": motions})
+    return entries, step
 
 
 def motion(train: Train, lift: Lift, cam_speed: float, step_deg: float, contacts: list[int]) -> dict:

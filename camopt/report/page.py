@@ -103,9 +103,9 @@ def render(run: RunFolder, cams: Cams) -> str:
 
 def _moving(cams: Cams) -> dict:
     """The animation's part of the page: data and script, or the sentences that say why there is none."""
-    data = animation(cams)
+    data, left_out = animation(cams)
     if data is None:
-        return {"animation": "", "script": "", "script_hash": "", "motion_note": "", "motion_left_out": cams.left_out}
+        return {"animation": "", "script": "", "script_hash": "", "motion_note": "", "motion_left_out": left_out}
     script = (HERE / "animation.js").read_text(encoding="utf-8")
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     circle = f"a base circle of {shown(data['base_radius_mm'])} mm"
@@ -121,7 +121,7 @@ def _moving(cams: Cams) -> dict:
         "script": script,
         "script_hash": f"sha256-{digest}",
         "motion_note": note,
-        "motion_left_out": data.pop("left_out"),
+        "motion_left_out": left_out,
     }
 
 

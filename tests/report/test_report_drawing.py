@@ -22,7 +22,7 @@ def moved(train) -> np.ndarray:
 def drawn(scene):
     train = build_train(scene)
     x = moved(train)
-    return train, x, drawing(train, Strokes.of(train, x), BASE_MM, BASE_MM + 9.4)
+    return x, drawing(train, Strokes.of(train, x), BASE_MM, BASE_MM + 9.4)
 
 
 def edges(picture, x_mm):
@@ -35,7 +35,7 @@ def edges(picture, x_mm):
 
 @pytest.mark.parametrize("name", ["kodama", "motori-1", "motori-2", "pushrod-5mass"])
 def test_nothing_collides_while_the_valve_opens(name):
-    train, x, picture = drawn(load_scene(name))
+    x, picture = drawn(load_scene(name))
     for row in x:
         boxes = edges(picture, row)
         for i, a in enumerate(boxes):
@@ -50,7 +50,7 @@ def test_nothing_collides_while_the_valve_opens(name):
 
 @pytest.mark.parametrize("name", ["kodama", "motori-1", "pushrod-5mass"])
 def test_elements_meet_their_masses(name):
-    _, _, picture = drawn(load_scene(name))
+    _, picture = drawn(load_scene(name))
     for e in picture["elements"]:
         for end in (e["a"], e["b"]):
             if end != GROUND:
@@ -58,7 +58,7 @@ def test_elements_meet_their_masses(name):
 
 
 def test_kodama_reads_as_an_engine_does():
-    train, _, picture = drawn(load_scene("kodama"))
+    _, picture = drawn(load_scene("kodama"))
     masses = {m["name"]: m for m in picture["masses"]}
     elements = {e["name"]: e for e in picture["elements"]}
     way = ["camshaft", "follower", "valve_tip", "valve_stem", "valve_head"]
@@ -74,7 +74,7 @@ def test_kodama_reads_as_an_engine_does():
 
 
 def test_a_valve_spring_that_is_a_contact_is_still_a_coil():
-    _, _, picture = drawn(load_scene("motori-1"))
+    _, picture = drawn(load_scene("motori-1"))
     looks = {e["name"]: (e["look"], e["contact"]) for e in picture["elements"]}
     assert looks["spring"] == ("coil", True) and looks["seat"] == ("rod", True) and looks["train"] == ("cam", True)
 
@@ -83,7 +83,7 @@ def test_masses_in_a_circle_are_drawn_too():
     more = (
         '\n[[element]]\nname = "strap"\nkind = "spring"\nbetween = ["spring_5", "spring_1"]\nstiffness_N_per_m = 10.0\n'
     )
-    _, _, picture = drawn(parse_scene(scene_text("kodama") + more, "circle"))
+    _, picture = drawn(parse_scene(scene_text("kodama") + more, "circle"))
     strap = picture["elements"][-1]
     assert strap["x"] != picture["masses"][5]["x"]  # beside the coils, not through them
     assert np.isfinite(picture["height"])

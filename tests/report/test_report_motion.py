@@ -8,7 +8,7 @@ from camopt.cam.design_file import write_design
 from camopt.cam.read import read_cam
 from camopt.exact.engine import prepare
 from camopt.report.folder import read_run_folder
-from camopt.report.motion import MOST_NUMBERS, animation, cams_of, motion
+from camopt.report.motion import MOST_NUMBERS, Cams, animation, cams_of, motion
 from camopt.report.page import embedded
 from camopt.scene import build_train, load_scene, rest_position
 from camopt.scene.units import DEG, MM
@@ -95,15 +95,23 @@ def test_a_cam_that_the_folder_holds_is_read(tmp_path, write, contents, polydyne
 def test_animation_keeps_its_size(tmp_path, write, contents, polydyne):
     folder = folder_of(tmp_path, write, contents, polydyne)
     cams = cams_of(folder, read_run_folder(folder))
-    data = animation(cams)
+    data, left_out = animation(cams)
+    assert data is not None and left_out == []
     assert data["step_deg"] == 0.5 and data["seat"] == 2 and data["follower"] == "point"
     assert [m["speed_rpm"] for m in data["cams"][0]["motions"]] == [5000, 6000, 7000]
     top = np.array(data["cams"][0]["contour_mm"])[180]
     np.testing.assert_allclose(top, [0.0, 16 + polydyne(0.0) / MM], atol=1e-3)
     many = replace(cams, lifts={f"polydyne {i}": polydyne for i in range(30)})
-    assert (coarse := animation(many)) is not None
+    coarse, _ = animation(many)
+    assert coarse is not None
     count = sum(np.size(m[k]) for c in coarse["cams"] for m in c["motions"] for k in m if k.endswith(("_um", "_N")))
     assert coarse["step_deg"] > 0.5 and count < 1.01 * MOST_NUMBERS
+
+
+def test_a_scene_without_event_exact_motion_says_so(polydyne):
+    data, left_out = animation(Cams(load_scene("kodama-hertz"), {"design": polydyne}, []))
+    assert data is None
+    assert all("design at" in sentence and "linear" in sentence for sentence in left_out) and len(left_out) == 4
 
 
 def test_embedded_data_cannot_end_its_element():
