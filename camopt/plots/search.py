@@ -11,6 +11,9 @@ from matplotlib.ticker import MaxNLocator
 from camopt.plots.speeds import FINEST_MM
 from camopt.plots.style import BASE, DESIGN, cam_line, draw_limit, new_figure, quoted, styled, zero_and_decades
 
+NAME_WIDTH = 0.0105
+"""Width of a letter of a stage's name as a share of the axes."""
+
 
 @dataclass(frozen=True)
 class History:
@@ -70,17 +73,29 @@ def convergence(
     return figure
 
 
+def _rows_of(words: Sequence[str], begins: Sequence[int], steps: int) -> list[int]:
+    """A row for each stage's name, the lowest in which the name before it has ended."""
+    ends: list[float] = []
+    rows = []
+    for word, begin in zip(words, begins, strict=True):
+        row = next((r for r, end in enumerate(ends) if end <= begin), len(ends))
+        end = begin + steps * NAME_WIDTH * (len(word) + 1)
+        ends[row : row + 1] = [end]
+        rows.append(row)
+    return rows
+
+
 def _stages(area: Axes, bounce: Axes, stage: Sequence[str]) -> None:
     """Name each run of steps of one stage above the figure, with a line where it begins."""
     begins = [i for i in range(len(stage)) if i == 0 or stage[i] != stage[i - 1]]
-    for row, i in enumerate(begins):
+    for row, i in zip(_rows_of([stage[i] for i in begins], begins, len(stage)), begins, strict=True):
         for axes in (area, bounce):
             axes.axvline(i + 0.5, color="#999999", linewidth=0.7, zorder=1)
         area.annotate(
             stage[i],
             (i + 0.6, 1.0),
             xycoords=area.get_xaxis_transform(),
-            xytext=(0, 3 + 10 * (row % 2)),  # neighbours on two heights: short stages would write over each other
+            xytext=(0, 3 + 10 * row),
             textcoords="offset points",
             fontsize=BASE - 1,
             ha="left",

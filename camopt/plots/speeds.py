@@ -48,11 +48,12 @@ def bounce_against_speed(
     figure = new_figure(7.6, 5.8)
     rows = figure.subplots(2, 1, sharex=True)
     for axes, key in zip(rows, ("bounce_mm", "jump_mm"), strict=True):
+        quantity = QUANTITIES[key]
+        limit = getattr(design, quantity.limit or "")
         for s in sweeps:
             _draw(axes, s, key)
-        quantity = QUANTITIES[key]
+            _mark_start(axes, s, getattr(s, key), limit)
         axes.set_ylabel(f"{quantity.label} [{quantity.unit}]")
-        limit = getattr(design, quantity.limit or "")
         draw_limit(axes, limit, quoted("at most", limit, "mm"))
         zero_and_decades(axes, limit, FINEST_MM)
         axes.axvspan(*band_rpm, color=SHADE, zorder=0)
@@ -66,11 +67,44 @@ def bounce_against_speed(
             transform=axes.get_xaxis_transform(),
             zorder=5,
         )
-    rows[0].set_title(f"shaded: band {band_rpm[0]:g} to {band_rpm[1]:g} r/min;  ▲ speeds of the verdict",
+    rows[0].set_title(f"shaded: band {band_rpm[0]:g} to {band_rpm[1]:g} r/min;  ▲ speeds of the verdict;  "
+                      "◆ where a cam first passes the limit",
                       fontsize=BASE - 1, fontweight="normal")  # fmt: skip
     rows[1].set_xlabel("crankshaft speed [r/min]")
     legend_above(figure, rows[0])
     return figure
+
+
+def first_passed(speed_rpm: np.ndarray, values: np.ndarray, limit: float) -> float | None:
+    """Speed [r/min] at which the drawn curve first rises above the limit, None where it never does.
+
+    A speed without a value (the valve never seats) counts as passed.
+    """
+    above = ~(np.asarray(values, dtype=float) <= limit)
+    if not above.any():
+        return None
+    i = int(np.argmax(above))
+    if i == 0 or np.isnan(values[i]):
+        return float(speed_rpm[i])
+    return float(np.interp(limit, values[i - 1 : i + 1], speed_rpm[i - 1 : i + 1]))
+
+
+def _mark_start(axes: Axes, sweep: Sweep, values: np.ndarray, limit: float | None) -> None:
+    """The speed from which a cam floats or bounces: a diamond on the limit, its speed to 10 r/min beside it."""
+    if limit is None or (at := first_passed(sweep.speed_rpm, values, limit)) is None:
+        return
+    colour = cam_line(sweep.cam)["color"]
+    axes.plot(at, limit, "D", color=colour, markersize=6, markeredgecolor="white", zorder=6)
+    axes.annotate(
+        f"≈{round(at, -1):.0f}",
+        (at, limit),
+        xytext=(-5, 5),
+        textcoords="offset points",
+        ha="right",
+        color=colour,
+        fontsize=BASE - 1,
+        bbox={"facecolor": "white", "alpha": 0.7, "linewidth": 0, "pad": 0.5},
+    )
 
 
 def _draw(axes: Axes, sweep: Sweep, key: str) -> None:

@@ -24,7 +24,11 @@ CAPTIONS = {
         "Valve lift, its closing enlarged, and the contact forces between cam and valve, at each speed; where a force "
         "is zero the contact is open.",
     ),
-    "bounce_against_speed": ("Bounce and jump over the band", "Linear up to 0.01 mm, logarithmic above."),
+    "bounce_against_speed": (
+        "Bounce and jump over the band",
+        "Linear up to 0.01 mm, logarithmic above. The curves are event-exact alone; the verdict rests on the marked "
+        "speeds and, where it was asked for, on the band.",
+    ),
     "convergence": (
         "The search",
         "Area ratio and worst bounce of its steps; only confirmed steps (filled) may be returned.",

@@ -1,12 +1,18 @@
-"""The report of a run folder: one HTML file that needs no network, no script and nothing beside it."""
+"""The report of a run folder: one HTML file that opens offline and fetches nothing; its only script is its own."""
 
+import base64
+import hashlib
+import json
+from functools import cache
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from camopt.report.contact import geometry
 from camopt.report.figures import CAPTIONS, inline_svg, ordered
 from camopt.report.folder import RunFolder, read_run_folder
 from camopt.report.limits import disagreements, limit_rows
+from camopt.report.motion import Cams, animation, cams_of
 from camopt.report.tables import (
     LIMITS,
     SPEED_COLUMNS,
@@ -18,56 +24,111 @@ from camopt.report.tables import (
     provenance_rows,
     speed_rows,
     start_and_end,
+    worth_rows,
 )
-from camopt.report.wording import NO_VERDICT, VERDICTS, is_number, label_and_unit, shown
+from camopt.report.wording import NO_VERDICT, VERDICTS, broken_words, in_words, is_number, shown
 from camopt.storage import write_text
+
+HERE = Path(__file__).parent
+SECTIONS = (
+    ("limits", "Limits"), ("area", "Area"), ("motion", "Animation"), ("cams", "Cams"), ("motions", "Motion and forces"),
+    ("band", "Band"), ("worth", "Worth of limits"), ("search", "Search"), ("geometry", "Geometry"),
+    ("accuracy", "Accuracy"), ("verification", "Verification"), ("provenance", "Provenance"),
+)  # fmt: skip
+PLACED = ("profiles", "valve_motion", "bounce_against_speed", "convergence")
+"""Figures that stand in a section of their own; any others follow before the tables."""
 
 
 def write_report(folder: Path | str) -> Path:
     """Write `report.html` into a run folder from the files that lie in it, and return its path.
 
-    Parts that are missing are named in the page. Raises InputError where the folder is none or a file in it cannot
-    be understood; an older report then stays as it is.
+    The animation's motion is simulated here, by event-exact. Parts that are missing are named in the page. Raises
+    InputError where the folder is none or a file in it cannot be understood; an older report then stays as it is.
     """
     folder = Path(folder)
-    page = render(read_run_folder(folder))
+    run = read_run_folder(folder)
+    page = render(run, cams_of(folder, run))
     path = folder / "report.html"
     write_text(path, page)
     return path
 
 
-def render(run: RunFolder) -> str:
-    """The page of a run folder's data; every text from the folder is escaped."""
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent),
+@cache
+def _environment() -> Environment:
+    return Environment(
+        loader=FileSystemLoader(HERE),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+
+
+def render(run: RunFolder, cams: Cams) -> str:
+    """The page of a run folder's data and cams; every text from the folder is escaped."""
     limits = limit_rows(run)
     verdict = run.verification.get("verdict")
     kind, mark, meaning = VERDICTS.get(verdict, NO_VERDICT) if isinstance(verdict, str) else NO_VERDICT
-    return environment.get_template("page.html.j2").render(
-        run=run,
-        title=str(run.scene.get("title") or run.scene.get("name") or run.name),
-        verdict={"word": verdict or "not verified", "kind": kind, "mark": mark, "meaning": meaning},
-        broken=_words(run.verification.get("broken")),
-        disagreements=disagreements(run, limits),
-        headline=headline(run),
-        limits=limits,
-        start_end=start_and_end(run),
-        areas=area_rows(run),
-        groups=comparison_groups(run),
-        limit_names=LIMITS,
-        comparison=comparison_table(run),
-        speeds=speed_rows(run),
-        speed_columns=[heading(c) for c in SPEED_COLUMNS],
-        methods=method_tables(run),
-        accuracy=accuracy(run),
-        provenance=provenance_rows(run.provenance),
-        figures=figures(run),
+    return (
+        _environment()
+        .get_template("page.html.j2")
+        .render(
+            run=run,
+            title=str(run.scene.get("title") or run.scene.get("name") or run.name),
+            verdict={"word": verdict or "not verified", "kind": kind, "mark": mark, "meaning": meaning},
+            sections=SECTIONS,
+            broken=_words(run.verification.get("broken")),
+            disagreements=disagreements(run, limits),
+            headline=headline(run),
+            limits=limits,
+            start_end=start_and_end(run),
+            areas=area_rows(run),
+            groups=comparison_groups(run),
+            limit_names=LIMITS,
+            comparison=comparison_table(run),
+            floats=floats(run),
+            worth=worth_rows(run),
+            geometry=geometry(cams),
+            speeds=speed_rows(run),
+            speed_columns=[heading(c) for c in SPEED_COLUMNS],
+            methods=method_tables(run),
+            accuracy=accuracy(run),
+            provenance=provenance_rows(run.provenance),
+            figures=figures(run),
+            placed=PLACED,
+            **_moving(cams),
+        )
     )
+
+
+def _moving(cams: Cams) -> dict:
+    """The animation's part of the page: data and script, or the sentences that say why there is none."""
+    data, left_out = animation(cams)
+    if data is None:
+        return {"animation": "", "script": "", "script_hash": "", "motion_note": "", "motion_left_out": left_out}
+    script = (HERE / "animation.js").read_text(encoding="utf-8")
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    circle = f"a base circle of {shown(data['base_radius_mm'])} mm"
+    if data["follower"] == "point":
+        circle += " and a pointed follower, for the scene gives no [geometry]"
+    note = (
+        f"Simulated by event-exact, one revolution once the motion has settled, a sample every "
+        f"{shown(data['step_deg'])} deg. Cam and masses move to one "
+        f"scale, the cam with {circle}; gaps are drawn larger, as far as there is room. Yellow: an open contact."
+    )
+    return {
+        "animation": embedded(data),
+        "script": script,
+        "script_hash": f"sha256-{digest}",
+        "motion_note": note,
+        "motion_left_out": left_out,
+    }
+
+
+def embedded(data: dict) -> str:
+    """JSON that may stand inside a script element: nothing in it can end the element or begin another."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False, ensure_ascii=True)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 def headline(run: RunFolder) -> list[str]:
@@ -85,13 +146,26 @@ def headline(run: RunFolder) -> list[str]:
     if is_number(d.get("gradient_gain")):
         sentences.append(f"The gradient stage gained {shown(d['gradient_gain'], 3)} of area ratio.")
     band = v.get("band") or {}
+    speeds = [s.get("speed_rpm") for s in v.get("speeds", [])]
     if band:
         sentences.append(
             f"Largest bounce over {shown(band.get('from_rpm'))} to {shown(band.get('to_rpm'))} r/min in steps of "
             f"{shown(band.get('step_rpm'))} r/min: {shown(band.get('worst_bounce_mm'))} mm, at "
             f"{shown(band.get('worst_speed_rpm'))} r/min."
         )
-    starts = v.get("limits") or {}
+    elif speeds:
+        sentences.append(
+            f"Verified at {in_words(speeds)} r/min and at no speed between: the band was not asked for (--speeds band)."
+        )
+    return sentences + floats(run)
+
+
+def floats(run: RunFolder) -> list[str]:
+    """Sentences on the speeds at which the design's jump and bounce begin; none where they were not sought."""
+    starts = run.verification.get("limits") or {}
+    if not run.verification.get("band"):
+        return []  # null then says that nobody looked, not that there is none
+    sentences = []
     for key, word in (("first_jump_rpm", "Jump"), ("first_bounce_rpm", "Bounce")):
         if key in starts:
             at = starts[key]
@@ -137,4 +211,4 @@ def figures(run: RunFolder) -> list[dict]:
 
 
 def _words(value) -> list[str]:
-    return [label_and_unit(str(v))[0] for v in value] if isinstance(value, list) else []
+    return [broken_words(str(v)) for v in value] if isinstance(value, list) else []

@@ -5,7 +5,7 @@ from itertools import groupby
 from camopt.plots.style import DESIGN, cam_line, family_of
 from camopt.report.folder import RunFolder
 from camopt.report.limits import worst_of
-from camopt.report.wording import METHODS, VERDICTS, as_number, cell, is_number, label_and_unit, shown
+from camopt.report.wording import METHODS, VERDICTS, as_number, broken_words, cell, is_number, label_and_unit, shown
 
 SPEED_COLUMNS = (
     "jump_mm", "jump_deg", "contact_force_min_N", "contact_force_max_N", "seating_velocity_m_per_s",
@@ -43,28 +43,43 @@ def start_and_end(run: RunFolder) -> list[dict]:
 
 
 def area_rows(run: RunFolder) -> list[dict]:
-    """Area ratios: certified bound, no-jump program, design, and the cams compared under all limits, largest first."""
+    """Area ratios: certified bound, no-jump program, design, and the cams compared, largest first.
+
+    The bound says nothing about cams beyond its limits, so they have no share of it.
+    """
     bound = run.design.get("area_ratio_bound")
     entries = [
-        ("certified bound", bound, "", "#888888"),
-        ("no-jump linear program", run.design.get("area_ratio_no_jump"), "", "#bbbbbb"),
-        (DESIGN, run.design.get("area_ratio"), run.verification.get("verdict", ""), cam_line(DESIGN)["color"]),
+        ("certified bound", bound, "", "#888888", True),
+        ("no-jump linear program", run.design.get("area_ratio_no_jump"), "", "#bbbbbb", True),
+        (DESIGN, run.design.get("area_ratio"), run.verification.get("verdict", ""), cam_line(DESIGN)["color"], True),
     ]
-    cams = [c for c in comparison_groups(run) if c["limits"] == "all" and family_of(c["cam"]) != DESIGN]
-    entries += [(c["cam"], c["area"], c["verdict"], cam_line(c["cam"])["color"]) for c in cams]
+    for c in comparison_groups(run):
+        if family_of(c["cam"]) != DESIGN:
+            within = c["limits"] == "all"
+            label = c["cam"] if within else f"{c['cam']} (without the jerk limit)"
+            entries.append((label, c["area"], c["verdict"], cam_line(c["cam"])["color"], within))
     known = [e for e in entries if is_number(e[1])]
     largest = max((e[1] for e in known), default=1.0)
     return [
         {
             "label": label,
             "area": f"{area:.4f}",
-            "share": f"{100 * area / bound:.1f} %" if is_number(bound) and bound > 0 else "–",
+            "share": f"{100 * area / bound:.1f} %" if within and is_number(bound) and bound > 0 else "–",
             "verdict": verdict,
             "kind": VERDICTS[verdict][0] if verdict in VERDICTS else "",
             "width": round(100 * max(area, 0.0) / largest, 1) if largest > 0 else 0,
             "colour": colour,
         }
-        for label, area, verdict, colour in sorted(known, key=lambda e: -e[1])
+        for label, area, verdict, colour, within in sorted(known, key=lambda e: -e[1])
+    ]
+
+
+def worth_rows(run: RunFolder) -> list[dict]:
+    """Per cent more area for one per cent more of each limit, where design.json records them, largest first."""
+    worth = run.design.get("limit_worth")
+    known = [(k, v) for k, v in worth.items() if is_number(v)] if isinstance(worth, dict) else []
+    return [
+        {"label": label_and_unit(str(k))[0], "worth": shown(v, 3)} for k, v in sorted(known, key=lambda pair: -pair[1])
     ]
 
 
@@ -79,7 +94,7 @@ def comparison_groups(run: RunFolder) -> list[dict]:
         verdicts = {r.get("verdict", "") for r in rows}
         verdict = next((v for v in ("rejected", "not converged", "sensitive", "confirmed") if v in verdicts), "")
         words = ",".join(r.get("broken", "") for r in rows).replace(";", ",").split(",")
-        broken = dict.fromkeys(label_and_unit(word.strip())[0] for word in words if word.strip())
+        broken = dict.fromkeys(broken_words(word.strip()) for word in words if word.strip())
         groups.append(
             {
                 "cam": cam,

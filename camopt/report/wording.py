@@ -56,6 +56,12 @@ def label_and_unit(key: str) -> tuple[str, str]:
     return key.replace("_", " "), ""
 
 
+def broken_words(text: str) -> str:
+    """`jump_max_mm at 6000 r/min` -> `jump max at 6000 r/min`."""
+    key, at, where = text.partition(" at ")
+    return label_and_unit(key)[0] + at + where
+
+
 def is_number(value) -> TypeGuard[float]:
     """True for a real, finite number; False for everything else that a file may hold."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
@@ -83,6 +89,12 @@ def shown(value, digits: int = 4) -> str:
     if math.isfinite(value) and abs(value) >= 10**digits:
         return f"{value:.0f}".replace("-", "−")
     return f"{value:.{digits}g}".replace("-", "−")
+
+
+def in_words(values: list) -> str:
+    """`5000, 6000 and 7000`."""
+    words = [shown(v) for v in values]
+    return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
 
 
 def cell(text: str, digits: int = 4) -> str:

@@ -223,3 +223,34 @@ def test_panels_keep_a_label_in_one_colour_and_cams_in_their_own():
     assert len(set(colour.values())) == 3
     assert [line.get_color() for line in second.lines[:2]] == [colour["rkg"], colour["tmm"]]
     assert list(first.lines[1].get_ydata()) == [0.0, 2.0]
+
+
+def test_a_cam_is_marked_where_it_first_passes_the_limit():
+    from camopt.plots.speeds import first_passed
+
+    speed = np.array([5000.0, 5100.0, 5200.0, 5300.0])
+    assert first_passed(speed, np.array([0.0, 0.04, 0.08, 0.0]), 0.05) == pytest.approx(5125.0)
+    assert first_passed(speed, np.array([0.0, 0.05, 0.05, 0.0]), 0.05) is None  # on the limit is within
+    assert first_passed(speed, np.array([0.0, 0.0, np.nan, 0.0]), 0.05) == 5200.0  # never seats
+    assert first_passed(speed, np.array([0.1, 0.0, 0.0, 0.0]), 0.05) == 5000.0
+    axes = bounce_against_speed([Sweep("kurz", speed, 0.04 * np.arange(4), 0 * speed)], DESIGN, (5000, 5300)).axes
+    marks = [[line for line in a.lines if line.get_marker() == "D"] for a in axes]
+    assert [len(m) for m in marks] == [1, 0]
+    assert marks[0][0].get_xdata()[0] == pytest.approx(5125.0) and marks[0][0].get_ydata()[0] == 0.05
+    assert marks[0][0].get_color() == cam_line("kurz")["color"]
+    assert "≈5120" in [t.get_text() for t in axes[0].texts]
+
+
+def test_names_of_short_stages_do_not_overlap():
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    stage = ["no-jump program", "re-located angles", *["margin"] * 5, *["margins by gradient"] * 4, *["gradient"] * 6]
+    count = len(stage)
+    history = History(stage, np.full(count, 0.56), np.full(count, 0.01), np.full(count, True))
+    figure = convergence(history, 0.62, 0.56, 0.05)
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    figure.draw(renderer)
+    boxes = [t.get_window_extent(renderer) for t in figure.axes[0].texts if t.get_text() in stage]
+    assert len(boxes) == 5
+    for i, box in enumerate(boxes):
+        assert not any(box.overlaps(other) for other in boxes[:i])

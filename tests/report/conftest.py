@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 
 import pytest
 
@@ -98,9 +99,9 @@ def parts() -> dict:
     }
 
 
-def write_parts(folder, data: dict) -> None:
+def write_parts(folder, data: dict, scene: str = "kodama") -> None:
     folder.mkdir(exist_ok=True)
-    (folder / "scene.toml").write_text(scene_text("kodama"), encoding="utf-8")
+    (folder / "scene.toml").write_text(scene_text(scene), encoding="utf-8")
     for name in ("design", "verification", "provenance"):
         (folder / f"{name}.json").write_text(json.dumps(data[name]), encoding="utf-8")
     with open(folder / "comparison.csv", "w", newline="", encoding="utf-8") as file:
@@ -118,19 +119,37 @@ def draw(folder) -> None:
     save(figure, folder / "figures", "convergence")
 
 
+@pytest.fixture(scope="session")
+def new_contents():
+    """Contents as `contents`, for fixtures that live longer than a test."""
+    return parts
+
+
+@pytest.fixture(scope="session")
+def write_into(tmp_path_factory):
+    """Writes contents and a figure into a folder: folder, contents, built-in scene."""
+    drawn = tmp_path_factory.mktemp("drawn")
+    draw(drawn)
+
+    def write_all(folder, data: dict, scene: str) -> None:
+        write_parts(folder, data, scene)
+        shutil.copytree(drawn / "figures", folder / "figures", dirs_exist_ok=True)
+
+    return write_all
+
+
 @pytest.fixture
 def contents() -> dict:
     return parts()
 
 
 @pytest.fixture
-def write(tmp_path):
+def write(tmp_path, write_into):
     """Writes a run folder of given contents and returns its path."""
 
-    def write_folder(data: dict):
+    def write_folder(data: dict, scene: str = "kodama"):
         folder = tmp_path / "kodama-run"
-        write_parts(folder, data)
-        draw(folder)
+        write_into(folder, data, scene)
         return folder
 
     return write_folder

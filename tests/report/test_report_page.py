@@ -82,6 +82,21 @@ def test_other_verdicts_are_not_green(write, contents, verdict):
     assert verdict.capitalize() in page.text and "Broken: bounce." in page.text
 
 
+def test_without_a_band_nothing_is_said_about_floating(write, contents):
+    contents["verification"] |= {"band": None, "limits": {"first_jump_rpm": None, "first_bounce_rpm": None}}
+    page = page_of(write(contents))
+    assert "does not begin" not in page.text  # null: nobody looked
+    assert "Verified at 5000, 6000, 6500 and 7000 r/min and at no speed between" in page.text
+
+
+def test_worth_of_limits_where_the_run_recorded_it(write, contents):
+    assert "This run did not record it" in page_of(write(contents)).text
+    contents["design"]["limit_worth"] = {"max_lift_mm": 0.1234, "jerk_max_mm_per_deg3": 0.25, EVIL: 0.01}
+    page = page_of(write(contents))
+    table = next(t for t in page.tables if "worth [% of area per %]" in t[0])
+    assert table[1:3] == [["jerk max", "0.25"], ["max lift", "0.123"]] and "script" not in page.elements
+
+
 def test_limits_show_the_worst_at_its_speed(write, contents):
     limits = page_of(write(contents)).table("limit")
     assert limits["jerk max"]["reached"] == "0.003" and limits["jerk max"]["state"] == "✓ held"
@@ -135,7 +150,9 @@ def test_start_and_end_are_physical(write, contents):
 
 def test_areas_stand_against_the_certified_bound(write, contents):
     rows = page_of(write(contents)).table("cam")
-    assert list(rows) == ["certified bound", "design", "no-jump linear program", "polydyne"]
+    other = "multi-pol (without the jerk limit)"
+    assert list(rows) == ["certified bound", other, "design", "no-jump linear program", "polydyne"]
+    assert rows[other]["area ratio"] == "0.6021" and rows[other]["of the bound"] == "–"
     assert rows["polydyne"]["area ratio"] == "0.5434" and rows["polydyne"]["of the bound"] == "87.8 %"
     assert rows["design"]["verdict"] == "confirmed" and rows["polydyne"]["verdict"] == "rejected"
 

@@ -1,0 +1,264 @@
+// The valve train in motion: draws what camopt/report/motion.py embedded; asks for nothing from outside.
+"use strict";
+(() => {
+  const $ = (id) => document.getElementById(id);
+  const data = JSON.parse($("train-motion").textContent);
+  const { drawing, step_deg: step } = data;
+  const scale = drawing.scale; // pixels per millimetre
+  const steps = Math.round(360 / step);
+  const ROOM = 16; // pixels that a gap may be drawn wider than it is
+  const STUB = 7; // pixels from a contact's face to the mass that it stands on
+  const still = matchMedia("(prefers-reduced-motion: reduce)");
+  const state = { index: Math.round(140 / step), playing: false, last: 0, rest: 0 };
+  let cam, motion;
+
+  function make(parent, name, attributes = {}, words) {
+    const node = document.createElementNS("http://www.w3.org/2000/svg", name);
+    for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
+    if (words !== undefined) node.textContent = words;
+    return parent.appendChild(node);
+  }
+  const number = (value, digits) => value.toFixed(digits).replace("-", "−");
+  const angle = () => -180 + state.index * step;
+  const shift = (mass) => (mass < 0 ? 0 : (scale * motion.position_um[mass][state.index]) / 1000);
+  const separation = (k) => motion.separation_um[k][state.index] / 1000; // mm
+  const isOpen = (k, i = state.index) => motion.separation_um[k][i] > 0 || motion.force_N[k][i] === 0;
+  const line = (x1, y1, x2, y2) => `M${x1} ${y1}L${x2} ${y2}`;
+
+  function coil(x, top, bottom, wide) {
+    const turns = 5, lead = 4, pitch = (bottom - top - 2 * lead) / (2 * turns);
+    let path = `M${x} ${top}V${top + lead}`;
+    for (let i = 0; i < 2 * turns; i++) path += `L${x + (i % 2 ? -wide : wide)} ${top + lead + (i + 0.5) * pitch}`;
+    return `${path}L${x} ${bottom - lead}V${bottom}`;
+  }
+  function ground(x, y, side) { // side -1: the ground lies above
+    let path = line(x - 15, y, x + 15, y);
+    for (let i = -12; i <= 12; i += 6) path += line(x + i, y, x + i + 4 * side, y + 6 * side);
+    return path;
+  }
+
+  // ---- the train: parts are made once, `place` moves them
+  const svg = $("train-drawing");
+  svg.setAttribute("viewBox", `0 0 ${Math.ceil(drawing.width)} ${Math.ceil(drawing.height)}`);
+  svg.style.maxWidth = `${Math.ceil(1.15 * drawing.width)}px`;
+  const layer = { cam: make(svg, "g"), lines: make(svg, "g"), masses: make(svg, "g") };
+  const masses = drawing.masses.map((m) => {
+    const group = make(layer.masses, "g");
+    make(group, "title", {}, m.name);
+    const name = m.name.length > 14 ? `${m.name.slice(0, 13)}…` : m.name;
+    const y = m.y - m.height / 2, attributes = { class: `mass ${m.kind}` };
+    if (m.kind === "hub") {
+      make(group, "path", { ...attributes, d: line(m.left, m.y, m.right, m.y) });
+      make(group, "circle", { ...attributes, cx: m.x, cy: m.y, r: 6 });
+    } else if (m.kind === "valve") {
+      const d = `M${m.left} ${y + m.height}L${m.left + 9} ${y}H${m.right - 9}L${m.right} ${y + m.height}Z`;
+      make(group, "path", { ...attributes, d });
+    } else {
+      make(group, "rect", { ...attributes, x: m.left, y, width: m.right - m.left, height: m.height, rx: 3 });
+    }
+    const inside = m.kind === "mass" || m.kind === "valve";
+    const place = inside ? { x: (m.left + m.right) / 2, "text-anchor": "middle" } : { x: m.right + 5 };
+    make(group, "text", { ...place, y: m.y + 4, class: inside ? "name" : "name small" }, name);
+    return group;
+  });
+  const parts = drawing.elements.map((e, index) => {
+    const k = data.contacts.indexOf(index); // -1: a bilateral spring
+    const group = make(layer.lines, "g");
+    make(group, "title", {}, e.name);
+    const part = { ...e, k };
+    if (k >= 0) part.light = make(group, "rect", { class: "light", width: 36, x: e.x - 18, rx: 5 });
+    part.body = make(group, "path", { class: e.look });
+    if (e.look === "cam" && data.follower === "roller") {
+      part.roller = make(group, "circle", { class: "mass", cx: e.x, r: scale * data.roller_radius_mm });
+    }
+    if (k >= 0) {
+      const anchor = e.words < 0 ? "end" : "start";
+      part.word = make(group, "text", { class: "open", x: e.x + 22 * e.words, "text-anchor": anchor }, "open");
+    }
+    for (const [y, side] of [[e.top, -1], [e.bottom, 1]]) {
+      if (y === null || (e.look === "cam" && side < 0)) continue;
+      make(group, "path", { class: "ground", d: ground(e.x, y, side) });
+    }
+    if (e.look === "cam") {
+      part.wheel = make(layer.cam, "g");
+      part.contour = make(part.wheel, "path", { class: "contour" });
+      part.mark = make(part.wheel, "path", { class: "nose", d: line(0, 0, 0, 0.6 * scale * data.base_radius_mm) });
+      if (e.a < 0) make(part.wheel, "circle", { class: "mass", r: 6 });
+    }
+    return part;
+  });
+
+  function drawnGap(k, magnification) {
+    const gap = scale * separation(k);
+    return Math.min(magnification * gap, gap + ROOM);
+  }
+  function place(part, magnification) {
+    const { x, k, look } = part, m = drawing.masses;
+    const above = part.a < 0 ? part.top : m[part.a].y + shift(part.a);
+    const below = part.b < 0 ? part.bottom : m[part.b].y - m[part.b].height / 2 + shift(part.b);
+    const gap = k < 0 ? 0 : drawnGap(k, magnification);
+    let top = part.a < 0 || look === "cam" ? above : above + m[part.a].height / 2;
+    let face = below;
+    if (look === "cam") {
+      part.wheel.setAttribute("transform", `translate(${x} ${above}) rotate(${angle()})`);
+      top = above + scale * (data.base_radius_mm + cam.lift_um[state.index] / 1000);
+      face = top + gap;
+      part.body.setAttribute("d", follower(part, x, face, below));
+    } else if (k < 0) {
+      part.body.setAttribute("d", look === "coil" ? coil(x, top, below, 12) : line(x, top, x, below));
+    } else {
+      face = below - STUB;
+      const body = look === "coil" ? coil(x, top, face - gap, 12) : line(x, top, x, face - gap);
+      const plate = (y) => line(x - 13, y, x + 13, y);
+      part.body.setAttribute("d", body + plate(face - gap - 1.5) + plate(face + 1.5) + line(x, face, x, below));
+      top = face - gap;
+    }
+    if (k >= 0) {
+      const open = isOpen(k);
+      part.light.setAttribute("y", top - 6);
+      part.light.setAttribute("height", Math.max(12, face - top + 12));
+      part.light.classList.toggle("on", open);
+      part.word.setAttribute("y", (top + face) / 2 + 4);
+      part.word.style.display = open ? "" : "none";
+    }
+  }
+  function follower(part, x, face, below) {
+    if (data.follower === "flat") return line(x - 30, face, x + 30, face) + line(x, face, x, below);
+    const tip = face + 9;
+    if (data.follower === "point") return `M${x - 6} ${tip}L${x} ${face}L${x + 6} ${tip}M${x} ${face}V${below}`;
+    const centre = face + scale * data.roller_radius_mm;
+    part.roller.setAttribute("cy", centre);
+    return line(x, centre, x, below);
+  }
+
+  // ---- the chart above the slider: valve lift, and when each contact is open
+  const chart = $("train-chart");
+  const LEFT = 40, RIGHT = 10, TOP = 16, HIGH = 110, ROW = 30;
+  let cursor, across, drawnWidth;
+  function drawChart() {
+    const width = Math.max(280, chart.parentElement.clientWidth), n = data.contacts.length;
+    drawnWidth = chart.parentElement.clientWidth;
+    const bottom = TOP + HIGH, end = bottom + 8 + n * ROW;
+    chart.replaceChildren();
+    chart.setAttribute("viewBox", `0 0 ${width} ${end + 34}`);
+    across = (i) => LEFT + ((width - LEFT - RIGHT) * i) / steps;
+    const lifts = motion.separation_um[data.seat];
+    const tops = data.cams.flatMap((c) => c.motions.map((q) => Math.max(...q.separation_um[data.seat])));
+    const most = Math.max(1, Math.ceil(Math.max(...tops) / 1000)); // one axis for all cams and speeds
+    const up = (um) => bottom - (HIGH * um) / 1000 / most;
+    for (let mm = 0; mm <= most; mm += most > 5 ? 2 : 1) {
+      make(chart, "path", { class: "grid", d: line(LEFT, up(1000 * mm), width - RIGHT, up(1000 * mm)) });
+      make(chart, "text", { x: LEFT - 5, y: up(1000 * mm) + 4, "text-anchor": "end" }, mm);
+    }
+    make(chart, "text", { x: 2, y: 10 }, "valve lift above the seat [mm]");
+    const points = lifts.map((v, i) => `${across(i).toFixed(1)} ${up(v).toFixed(1)}`).join("L");
+    const dashes = cam.dashes.join(" ");
+    make(chart, "path", { class: "curve", d: `M${points}`, stroke: cam.colour, "stroke-dasharray": dashes });
+    data.contacts.forEach((element, k) => openSpans(k, drawing.elements[element].name, bottom + 8 + k * ROW, width));
+    for (let deg = -180; deg <= 180; deg += 90) {
+      const anchor = { "-180": "start", 180: "end" }[deg] ?? "middle";
+      make(chart, "text", { x: across((deg + 180) / step), y: end + 14, "text-anchor": anchor }, number(deg, 0));
+    }
+    make(chart, "text", { x: (LEFT + width - RIGHT) / 2, y: end + 29, "text-anchor": "middle" }, "cam angle [deg]");
+    cursor = make(chart, "path", { class: "cursor" });
+    cursor.dataset.end = end;
+  }
+  function openSpans(k, name, y, width) {
+    make(chart, "text", { x: LEFT, y: y + 11 }, `${name}: open`);
+    make(chart, "path", { class: "grid", d: line(LEFT, y + 20, width - RIGHT, y + 20) });
+    for (let i = 0, begin = -1; i <= steps + 1; i++) {
+      const open = i <= steps && isOpen(k, i);
+      if (open && begin < 0) begin = i;
+      if (!open && begin >= 0) {
+        const long = Math.max(1.5, across(i - 1) - across(begin));
+        make(chart, "rect", { class: "light on", x: across(begin), y: y + 15, width: long, height: 10 });
+        begin = -1;
+      }
+    }
+  }
+
+  // ---- numbers, controls
+  const rows = data.contacts.map((element) => {
+    const row = $("train-numbers").insertRow();
+    row.insertCell().textContent = drawing.elements[element].name;
+    return [row.insertCell(), row.insertCell(), row.insertCell()];
+  });
+  function show() {
+    const magnification = Number($("train-gaps").value);
+    masses.forEach((group, i) => group.setAttribute("transform", `translate(0 ${shift(i)})`));
+    parts.forEach((part) => place(part, magnification));
+    rows.forEach(([word, force, apart], k) => {
+      word.textContent = isOpen(k) ? "open" : "closed";
+      word.className = isOpen(k) ? "text lit" : "text";
+      force.textContent = number(motion.force_N[k][state.index], 1);
+      apart.textContent = number(separation(k), 4);
+    });
+    cursor.setAttribute("d", line(across(state.index), TOP, across(state.index), cursor.dataset.end));
+    const lift = `valve ${number(separation(data.seat), 3)} mm above its seat`;
+    const at = `cam angle ${number(angle(), 1)} deg`;
+    $("train-angle").value = state.index;
+    $("train-angle").setAttribute("aria-valuetext", `${at}, ${lift}`);
+    $("train-caption").textContent = `${cam.name} at ${motion.speed_rpm} r/min, ${at}: cam lift ` +
+      `${number(cam.lift_um[state.index] / 1000, 3)} mm, ${lift}. Gaps drawn ${magnification} times.` +
+      (motion.periodic ? "" : " This motion has not settled: one revolution of many that differ.");
+  }
+  function choose() {
+    cam = data.cams[$("train-cam").value];
+    const wanted = $("train-speed").value;
+    $("train-speed").replaceChildren(...cam.motions.map((m) => new Option(`${m.speed_rpm} r/min`, m.speed_rpm)));
+    motion = cam.motions.find((m) => String(m.speed_rpm) === wanted) ?? cam.motions.at(-1);
+    $("train-speed").value = motion.speed_rpm;
+    const points = cam.contour_mm.map(([x, y]) => `${(scale * x).toFixed(2)} ${(scale * y).toFixed(2)}`);
+    const contour = `M${points.join("L")}Z`;
+    for (const part of parts.filter((p) => p.contour)) {
+      part.contour.setAttribute("d", contour);
+      part.contour.setAttribute("stroke", cam.colour);
+      part.contour.setAttribute("fill", cam.colour);
+    }
+    drawChart();
+    show();
+  }
+  function play(on) {
+    state.playing = on;
+    state.last = 0;
+    $("train-play").textContent = on ? "Pause" : "Play";
+    $("train-play").setAttribute("aria-pressed", on);
+    if (on) requestAnimationFrame(frame);
+  }
+  function frame(now) {
+    if (!state.playing) return;
+    const pause = still.matches ? 500 : 0; // whoever asked for little motion sees two pictures a second
+    if (!state.last || now - state.last >= pause) {
+      const turned = state.last ? still.matches ? 5 : ((now - state.last) / 1000) * Number($("train-pace").value) : 0;
+      state.rest += turned / step;
+      const whole = Math.floor(state.rest);
+      state.rest -= whole;
+      state.index = (state.index + whole) % steps;
+      state.last = now;
+      show();
+    }
+    requestAnimationFrame(frame);
+  }
+  $("train-cam").replaceChildren(...data.cams.map((c, i) => new Option(c.name, i)));
+  $("train-cam").addEventListener("change", choose);
+  $("train-speed").addEventListener("change", choose);
+  $("train-gaps").addEventListener("change", show);
+  $("train-play").addEventListener("click", () => play(!state.playing));
+  $("train-angle").max = steps;
+  $("train-angle").addEventListener("input", (event) => {
+    play(false);
+    state.index = Number(event.target.value);
+    show();
+  });
+  $("train").addEventListener("keydown", (event) => { // buttons and lists have their own meaning for space
+    if (event.key !== " " || ["BUTTON", "SELECT"].includes(event.target.tagName)) return;
+    event.preventDefault();
+    play(!state.playing);
+  });
+  choose();
+  new ResizeObserver(() => {
+    if (chart.parentElement.clientWidth === drawnWidth) return;
+    drawChart();
+    show();
+  }).observe(chart.parentElement);
+})();

@@ -1,0 +1,207 @@
+"""Where the masses and elements of a valve train stand in a drawing, laid out from the graph of the scene.
+
+Positions point down the page as the valve opens, so in an element between a and b, which a compresses by moving
+towards +x, a stands above b: the seat comes to lie above the valve, the spring's foot below it, as in an engine. All
+lengths are pixels of the drawing; masses move by `SCALE` pixels per millimetre.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from camopt.scene.train import GROUND, Train
+from camopt.scene.units import MM
+
+SCALE = 4.0
+"""Pixels per millimetre, of the motion and of the cam."""
+LANE = 58.0
+"""Distance of neighbouring elements of one mass."""
+COIL_MM = 0.5
+"""An element whose compression varies by more than this is drawn as a coil, a stiffer one as a rod."""
+LENGTH = {"coil": 30.0, "rod": 18.0, "contact": 36.0}
+"""Room for an element at its shortest; a contact needs some for its magnified gap."""
+HEIGHT = {"valve": 22.0, "mass": 22.0, "small": 12.0, "hub": 10.0}
+MARGIN = 14.0
+WORDS = 54.0
+"""Room for words beside a mass or a contact."""
+STROKE_MM = 10.0
+"""Room below the lowest mass, for its motion."""
+
+
+@dataclass(frozen=True)
+class Strokes:
+    """What the motions demand of the drawing, per element (e) [mm]: by how much its ends come nearer than in the
+    installed position, and how far its compression varies while it is compressed."""
+
+    approach: np.ndarray
+    span: np.ndarray
+
+    @classmethod
+    def of(cls, train: Train, x: np.ndarray) -> "Strokes":
+        """From positions x (k, n) [mm] of all motions; the cam's own lift is part of the cam, not of its element."""
+        padded = np.concatenate([x, np.zeros((len(x), 1))], axis=1)
+        d = padded[:, train.a] - padded[:, train.b]
+        beyond = d - (train.gap + train.touch_compression) / MM
+        squeezed = np.where(train.contact, np.maximum(beyond, 0.0), beyond)
+        return cls(np.maximum(d.max(axis=0), 0.0), np.where(train.cam_driven, 0.0, np.ptp(squeezed, axis=0)))
+
+
+def drawing(train: Train, strokes: Strokes, follower_mm: float, radius_mm: float) -> dict:
+    """Masses and elements in pixels; `follower_mm` is the distance from the cam's centre to the far side of what runs
+    on the base circle (its radius, and a roller's diameter), `radius_mm` the cam's largest radius.
+
+    Keys: width, height, scale; masses: name, kind (mass, valve, small, hub: the cam's centre), x, y, left, right,
+    height; elements: name, look (coil, rod, cam), contact, a, b (-1: ground), x, top, bottom: y of an end on the
+    ground, else None, and words: on which side its words stand (-1 left).
+    """
+    kinds = _kinds(train)
+    looks = [
+        "cam" if c else "coil" if s > COIL_MM else "rod" for c, s in zip(train.cam_driven, strokes.span, strict=True)
+    ]
+    half = np.array([HEIGHT[k] / 2 for k in kinds])
+    need = [_need(train, e, looks[e], strokes.approach[e], follower_mm) for e in range(len(train.a))]
+    y = _heights(train, need, half)
+    column = _columns(train, y)
+    offset, lanes = _lanes(train, column, y)
+    widths = [max((abs(o) for e, o in enumerate(offset) if lanes[e] == c), default=0) for c in range(max(column) + 1)]
+    centre = np.cumsum([0.0, *(LANE * (a + b + 1.15) for a, b in pairwise(widths))])
+    x = [float(centre[lanes[e]] + LANE * offset[e]) for e in range(len(train.a))]
+    masses = []
+    for i, (name, kind) in enumerate(zip(train.mass_names, kinds, strict=True)):
+        middle = float(centre[column[i]])
+        left, right = _edges(train, i, x, middle, kind)
+        masses.append({"name": name, "kind": kind, "x": middle, "y": float(y[i]), "left": left, "right": right,
+                       "height": 2 * float(half[i])})  # fmt: skip
+    elements = []
+    for e, name in enumerate(train.element_names):
+        a, b = int(train.a[e]), int(train.b[e])
+        top = None if a != GROUND else float(y[b] - half[b] - need[e])
+        bottom = None if b != GROUND else float(y[a] + half[a] + need[e])
+        elements.append({"name": name, "look": looks[e], "contact": bool(train.contact[e]), "a": a, "b": b,
+                         "x": x[e], "top": top, "bottom": bottom, "words": -1 if offset[e] < 0 else 1})  # fmt: skip
+    return _framed(masses, elements, radius_mm * SCALE)
+
+
+def _kinds(train: Train) -> list[str]:
+    """The valve, the hub that carries the cam, small masses (a spring's coils) and the others."""
+    hubs = {int(train.a[e]) for e in np.flatnonzero(train.cam_driven)}
+    named = [*hubs - {GROUND}, train.valve]
+    small = 0.5 * train.mass[train.valve]
+    path = _path(train)
+    return [
+        "valve" if i == train.valve else "hub" if i in named else "small" if m < small and i not in path else "mass"
+        for i, m in enumerate(train.mass)
+    ]
+
+
+def _path(train: Train) -> list[int]:
+    """Masses on the shortest way from the cam to the valve, the one under the cam first."""
+    first = int(train.b[np.flatnonzero(train.cam_driven)[0]])
+    ways, seen = [[first]], {first, GROUND}
+    while ways:
+        way = ways.pop(0)
+        if way[-1] == train.valve:
+            return way
+        for a, b in zip(train.a.tolist(), train.b.tolist(), strict=True):
+            other = b if a == way[-1] else a if b == way[-1] else GROUND
+            if other not in seen:
+                seen.add(other)
+                ways.append([*way, other])
+    return [first]
+
+
+def _need(train: Train, e: int, look: str, approach_mm: float, follower_mm: float) -> float:
+    """Least distance of an element's ends in the installed position."""
+    length = LENGTH["contact"] if train.contact[e] else LENGTH["coil" if look == "coil" else "rod"]
+    if train.contact[e] and look == "coil":
+        length += LENGTH["coil"] / 2
+    return length + SCALE * (approach_mm + (follower_mm if look == "cam" else 0.0))
+
+
+def _heights(train: Train, need: list[float], half: np.ndarray) -> np.ndarray:
+    """y of every mass: as high as the elements above it allow; where they run in a circle the first mass goes first."""
+    n = len(half)
+    between = [
+        (int(a), int(b), e) for e, (a, b) in enumerate(zip(train.a, train.b, strict=True)) if GROUND not in (a, b)
+    ]
+    y, waiting = np.zeros(n), set(range(n))
+    while waiting:
+        free = [i for i in waiting if not any(b == i and a in waiting and a != i for a, b, _ in between)]
+        i = min(free or waiting)
+        above = [y[a] + half[a] + need[e] + half[i] for a, b, e in between if b == i and a not in waiting]
+        y[i] = max(above, default=0.0)
+        waiting.remove(i)
+    for i in range(n - 1, -1, -1):  # a mass with nothing above it hangs close over what it stands on
+        below = [y[b] - half[b] - need[e] - half[i] for a, b, e in between if a == i]
+        if below and not any(b == i for _, b, _ in between):
+            y[i] = min(below)
+    return y
+
+
+def _columns(train: Train, y: np.ndarray) -> list[int]:
+    """Column of every mass: 0 from the cam to the valve, then one for every branch, more where masses are level."""
+    column = dict.fromkeys([*_path(train), *(int(train.a[e]) for e in np.flatnonzero(train.cam_driven))], 0)
+    column.pop(GROUND, None)
+    pairs = [(int(a), int(b)) for a, b in zip(train.a, train.b, strict=True) if GROUND not in (a, b)]
+    used = 1
+    for start in range(len(y)):
+        if start in column:
+            continue
+        branch, found = [start], {start}
+        for i in branch:
+            more = [b if a == i else a for a, b in pairs if i in (a, b)]
+            fresh = [m for m in dict.fromkeys(more) if m not in column and m not in found]
+            branch += fresh
+            found |= set(fresh)
+        level: dict[float, int] = {}
+        for i in branch:
+            place = level.get(round(float(y[i])), 0)
+            column[i] = used + place
+            level[round(float(y[i]))] = place + 1
+        used += max(level.values())
+    return [column[i] for i in range(len(y))]
+
+
+def _lanes(train: Train, column: list[int], y: np.ndarray) -> tuple[list[int], list[int]]:
+    """Per element: its place in lanes from a column's middle, and that column."""
+    offset, lane = [0] * len(train.a), [0] * len(train.a)
+    taken: set[tuple[int, str, int]] = set()
+    order = sorted(range(len(train.a)), key=lambda e: (not train.cam_driven[e], GROUND in (train.a[e], train.b[e]), e))
+    for e in order:
+        ends = [(int(m), side) for m, side in ((train.a[e], "below"), (train.b[e], "above")) if m != GROUND]
+        lane[e] = max(column[m] for m, _ in ends)
+        here = [end for end in ends if column[end[0]] == lane[e]]
+        places = [0, -1, 1, -2, 2, -3, 3]
+        if len(here) == 2:
+            low, high = sorted(y[m] for m, _ in here)
+            passed = any(c == lane[e] and low < v < high for c, v in zip(column, y, strict=True))
+            places = places[3:] if passed else places  # beside the masses that stand between its ends
+        offset[e] = next((p for p in places if not any((*end, p) in taken for end in here)), places[-1])
+        taken |= {(*end, offset[e]) for end in here}
+    return offset, lane
+
+
+def _edges(train: Train, i: int, x: list[float], middle: float, kind: str) -> tuple[float, float]:
+    """Left and right edge of a mass: over all its elements."""
+    own = [x[e] for e in range(len(x)) if i in (train.a[e], train.b[e]) and not train.cam_driven[e]]
+    pad = {"small": 20.0, "hub": 10.0}.get(kind, 34.0)
+    return float(min([*own, middle]) - pad), float(max([*own, middle]) + pad)
+
+
+def _framed(masses: list[dict], elements: list[dict], radius: float) -> dict:
+    """Shifted so that everything, the turning cam included, lies inside, with room for words at the sides."""
+    cams = [(e["x"], masses[e["a"]]["y"] if e["a"] != GROUND else e["top"]) for e in elements if e["look"] == "cam"]
+    grounds = [e[end] for e in elements for end in ("top", "bottom") if e[end] is not None]
+    left = min([m["left"] for m in masses] + [x - radius for x, _ in cams] + [e["x"] - WORDS for e in elements])
+    right = max([m["right"] + WORDS for m in masses] + [x + radius for x, _ in cams])
+    top = min([m["y"] - m["height"] for m in masses] + [y - radius for _, y in cams] + grounds)
+    low = max([m["y"] + m["height"] + STROKE_MM * SCALE for m in masses] + grounds)
+    dx, dy = MARGIN - left, MARGIN - top
+    for m in masses:
+        m |= {"x": m["x"] + dx, "left": m["left"] + dx, "right": m["right"] + dx, "y": m["y"] + dy}
+    for e in elements:
+        e["x"] += dx
+        e |= {end: None if e[end] is None else e[end] + dy for end in ("top", "bottom")}
+    size = {"width": right + dx + MARGIN, "height": low + dy + MARGIN}
+    return {**size, "scale": SCALE, "masses": masses, "elements": elements}

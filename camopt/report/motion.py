@@ -1,0 +1,182 @@
+"""The simulated motion behind the report's animation: settled revolutions of the run's cams, as plain numbers."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from camopt.cam.design_file import read_design
+from camopt.cam.geometry import contact
+from camopt.cam.lift import Lift
+from camopt.cam.read import read_cam
+from camopt.exact.engine import prepare
+from camopt.plots.style import DESIGN, cam_line, family_of
+from camopt.report.drawing import Strokes, drawing
+from camopt.report.folder import RunFolder
+from camopt.report.wording import as_number, is_number, shown
+from camopt.scene import InputError, Scene, Train, build_train, load_scene, rest_position
+from camopt.scene.errors import MotionRefused
+from camopt.scene.units import DEG, MM
+from camopt.study.motion import resampled
+from camopt.verify.settle import settle
+
+STEPS_DEG = (0.5, 1.0, 2.0, 5.0)
+MOST_NUMBERS = 400_000
+"""Numbers in the page's motion; the step is the finest that stays below. About 2 MB."""
+SAME_AREA = 1e-6
+"""Area ratios that agree to this are of the same cam: a comparison table holds every digit."""
+STORED = re.compile(r"[\w.,=:+ ()-]+")
+"""Names of cams that may name a file `cams/<name>.json`: no separators, so none leads out of the folder."""
+QUICK = "polydyne"
+"""The family that a bare name rebuilds at once, without a search for its largest-area member."""
+BASE_MM = 16.0
+"""Base circle radius that is drawn where the scene has no [geometry]."""
+UM = 1e-6
+
+
+@dataclass(frozen=True)
+class Cams:
+    """The scene of a run folder, its cams that can be rebuilt, and a sentence for every one that cannot."""
+
+    scene: Scene | None
+    lifts: dict[str, Lift]
+    left_out: list[str]
+
+
+def cams_of(folder: Path, run: RunFolder) -> Cams:
+    """The design, and those cams of the comparison that the folder holds or their name rebuilds.
+
+    A cam is held by `cams/<name>.json`, written as design.json is. Whatever is found must have the recorded area ratio.
+    """
+    if "scene.toml" in run.missing or "design.json" in run.missing:
+        return Cams(None, {}, ["Without scene.toml and design.json no cam can be simulated."])
+    try:
+        scene = load_scene(folder / "scene.toml", need=("valve", "seat", "operation", "design"))
+    except InputError as error:
+        return Cams(None, {}, [f"The scene cannot be simulated: {error}"])
+    recorded = {DESIGN: run.design.get("area_ratio")}
+    for row in run.comparison:
+        if family_of(row["cam"]) != DESIGN:
+            recorded.setdefault(row["cam"], as_number(row.get("area_ratio", "")))
+    lifts, left_out = {}, []
+    for name, area in recorded.items():
+        try:
+            lifts[name] = _rebuilt(name, area, folder, scene)
+        except InputError as error:
+            left_out.append(f"{name} is not simulated here: {error}")
+            if name == DESIGN:
+                break  # other cams alone would pass for the run's motion
+    return Cams(scene, lifts, left_out)
+
+
+def _rebuilt(name: str, area: float | None, folder: Path, scene: Scene) -> Lift:
+    if name == DESIGN:
+        lift = read_design(folder / "design.json", scene)
+    elif STORED.fullmatch(name) and (stored := folder / "cams" / f"{name}.json").is_file():
+        lift = read_design(stored, scene)
+    elif name.split(":")[0] == QUICK:
+        lift = read_cam(name, scene)
+    else:
+        raise InputError(f"the run folder does not hold its lift, cams/{name}.json")
+    assert scene.design is not None, "load_scene(..., need='design') guarantees it"
+    found = lift.area_ratio(scene.design.max_lift_mm * MM)
+    if not is_number(area) or abs(found - area) > SAME_AREA:
+        raise InputError(f"its area ratio comes out as {shown(found, 6)}, the run recorded {shown(area, 6)}")
+    return lift
+
+
+def animation(cams: Cams) -> tuple[dict | None, list[str]]:
+    """What the page's script draws (None without a motion), and sentences on what is left out.
+
+    `drawing` is the train's; `cams` holds contour, lift and motions of each cam. A motion: position_um (mass by angle),
+    force_N and separation_um (contact by angle), from -180 to 180 deg, by event-exact, settled or the last revolution
+    that was run (`periodic`).
+    """
+    scene, left_out = cams.scene, list(cams.left_out)
+    if scene is None or not cams.lifts:
+        return None, left_out
+    train = build_train(scene)
+    contacts = np.flatnonzero(train.contact).tolist()
+    entries, step = _moved(cams.lifts, scene, train, contacts, left_out)
+    if not entries:
+        return None, left_out
+    x = np.concatenate([np.array(m["position_um"]).T for c in entries for m in c["motions"]]) * UM / MM
+    geometry = scene.geometry
+    base = geometry.base_radius_mm if geometry else BASE_MM
+    roller = (geometry.roller_radius_mm if geometry else None) or 0.0
+    radius = max(np.hypot(*np.array(c["contour_mm"]).T).max() for c in entries)
+    data = {
+        "step_deg": step,
+        "drawing": drawing(train, Strokes.of(train, x), base + 2 * roller, float(radius)),
+        "follower": geometry.follower if geometry else "point",
+        "roller_radius_mm": roller,
+        "base_radius_mm": base,
+        "contacts": contacts,
+        "seat": contacts.index(train.seat),
+        "cams": entries,
+    }
+    return data, left_out
+
+
+def _moved(
+    lifts: dict[str, Lift], scene: Scene, train: Train, contacts: list[int], left_out: list[str]
+) -> tuple[list[dict], float]:
+    """The cams with their motions and the step [deg] between samples; what is refused goes into `left_out`."""
+    speeds = scene.operation.speeds_rpm if scene.operation else ()
+    per_sample = (len(train.mass) + 2 * len(contacts)) * len(lifts) * len(speeds)
+    step = next((s for s in STEPS_DEG if per_sample * 360 / s <= MOST_NUMBERS), STEPS_DEG[-1])
+    entries = []
+    for name, lift in lifts.items():
+        motions = []
+        for speed in speeds:
+            try:
+                motions.append({"speed_rpm": speed, **motion(train, lift, scene.cam_speed(speed), step, contacts)})
+            except (MotionRefused, InputError) as error:
+                left_out.append(f"{name} at {shown(speed)} r/min is not shown: {error}")
+        if motions:
+            entries.append({"name": name, **_cam(name, lift, scene, step), "motions": motions})
+    return entries, step
+
+
+def motion(train: Train, lift: Lift, cam_speed: float, step_deg: float, contacts: list[int]) -> dict:
+    """One settled revolution by event-exact on a grid of `step_deg`, `cam_speed` [rad/s]; see `animation`."""
+    steps = round(360 / step_deg)
+    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    settled = settle(prepare(train, lift, cam_speed, steps), rest)
+    record = resampled(settled.response, steps * settled.response.revolutions)
+    last = slice(-steps - 1, None)
+    return {
+        "periodic": settled.periodic,
+        "position_um": _rounded(record.x[last].T / UM, 0),
+        "force_N": _rounded(record.force[last][:, contacts].T, 1),
+        "separation_um": _rounded(np.array([record.separation(e)[last] for e in contacts]) / UM, 1),
+    }
+
+
+def _cam(name: str, lift: Lift, scene: Scene, step_deg: float) -> dict:
+    """A cam's line, its lift [um] by angle and its contour [mm], the nose towards +y, seen with the angle growing to
+    the right of it; without [geometry] that of a pointed follower on a base circle of BASE_MM."""
+    line = cam_line(name)
+    theta = np.linspace(-180, 180, round(360 / step_deg) + 1) * DEG
+    if scene.geometry is None:
+        angle = np.linspace(-np.pi, np.pi, 361)
+        radius = BASE_MM + lift(angle) / MM
+        contour = np.stack([radius * np.sin(angle), radius * np.cos(angle)], axis=1)
+    else:
+        points = contact(lift, scene.geometry).contour[:, ::-1] / MM
+        contour = points[np.linspace(0, len(points) - 1, 721).round().astype(int)]
+    dashes = line["linestyle"]
+    return {
+        "colour": line["color"],
+        "dashes": [] if isinstance(dashes, str) else [2 * d for d in dashes[1]],
+        "lift_um": _rounded(lift(theta) / UM, 0),
+        "contour_mm": _rounded(contour, 3),
+    }
+
+
+def _rounded(values: np.ndarray, digits: int) -> list:
+    """Nested lists of rounded numbers, whole ones without a decimal point."""
+    if np.ndim(values) > 1:
+        return [_rounded(row, digits) for row in values]
+    return [int(v) if v == int(v) else v for v in np.round(values, digits).tolist()]

@@ -1,0 +1,252 @@
+"""The page in a real browser: it opens without error or request, and its controls draw the run's motion."""
+
+import re
+import shutil
+
+import numpy as np
+import pytest
+
+from camopt.cam.design_file import write_design
+from camopt.cam.read import read_cam
+from camopt.exact.engine import prepare
+from camopt.plots.style import cam_line
+from camopt.report import write_report
+from camopt.scene import build_train, load_scene, rest_position
+from camopt.scene.units import DEG, MM
+from camopt.verify.settle import settle
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
+SCENE = load_scene("kodama")
+EVIL = "</script><script>document.title='changed'</script>"
+
+
+@pytest.fixture(scope="module")
+def lifts():
+    return {
+        "design": read_cam("polydyne:exponents=2/10/18/26/34,speed_rpm=4000", SCENE),
+        "polydyne": read_cam("polydyne", SCENE),
+    }
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory, lifts, new_contents, write_into):
+    """The page of a run folder of kodama whose title would break out of the page if it could."""
+    folder = tmp_path_factory.mktemp("browser") / "run"
+    data = new_contents()
+    data["comparison"] = [row for row in data["comparison"] if row["cam"] in lifts]
+    for row in data["comparison"]:
+        row["area_ratio"] = lifts[row["cam"]].area_ratio(9.4 * MM)
+    write_into(folder, data, "kodama")
+    further = {k: data["design"][k] for k in ("area_ratio_bound", "area_gap_percent")}
+    write_design(folder / "design.json", lifts["design"], 9.4 * MM, **further)
+    text = (folder / "scene.toml").read_text(encoding="utf-8")
+    geometry = '[geometry]\nfollower = "roller"\nbase_radius_mm = 18\nroller_radius_mm = 8\n\n[[mass]]'
+    text = re.sub('title = ".*"', f'title = "{EVIL}"', text).replace("[[mass]]", geometry, 1)
+    (folder / "scene.toml").write_text(text, encoding="utf-8")
+    return write_report(folder)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with playwright.sync_playwright() as driver:
+        # root in a container has no sandbox; the page is this test's own file
+        started = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield started
+        started.close()
+
+
+@pytest.fixture
+def open_page(browser, report):
+    """Opens the report in a window of its own; at the end nothing may have been said, thrown or fetched."""
+    contexts, faults, requests = [], [], []
+
+    def opened(**settings):
+        context = browser.new_context(**{"viewport": {"width": 1366, "height": 768}} | settings)
+        contexts.append(context)
+        page = context.new_page()
+        page.on("console", lambda message: faults.append(message.text))
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        page.on("request", lambda request: requests.append(request.url))
+        page.goto(report.as_uri())
+        return page
+
+    yield opened
+    for context in contexts:
+        context.close()
+    assert faults == []
+    assert requests == [report.as_uri()] * len(contexts)
+
+
+def picture(page) -> str:
+    return page.evaluate("document.getElementById('train-drawing').innerHTML")
+
+
+def numbers(page) -> dict[str, list[str]]:
+    """Rows of the table of contacts: state, force, separation."""
+    rows = page.locator("#train-numbers tr").all_inner_texts()[1:]
+    return {row.split("\t")[0]: row.split("\t")[1:] for row in rows}
+
+
+def set_angle(page, degrees: float) -> None:
+    page.evaluate(
+        "v => { const s = document.getElementById('train-angle'); s.value = v; s.dispatchEvent(new Event('input')); }",
+        round((degrees + 180) / 0.5),
+    )
+
+
+def slider(page) -> int:
+    return int(page.locator("#train-angle").input_value())
+
+
+def wait_for(page, reached) -> None:
+    """Up to five seconds; the page's policy forbids the evaluated strings of Playwright's own waiting."""
+    for _ in range(100):
+        if reached():
+            return
+        page.wait_for_timeout(50)
+    raise AssertionError("nothing happened for five seconds")
+
+
+def test_texts_of_the_run_stay_text(open_page):
+    page = open_page()
+    assert page.locator("h1").inner_text() == EVIL
+    assert page.title() == f"confirmed: {EVIL}"
+    assert page.locator("script").count() == 2
+
+
+def test_numbers_are_the_simulated_motion(open_page, lifts):
+    page, train = open_page(), build_train(SCENE)
+    for cam, label in (("design", "0"), ("polydyne", "1")):
+        page.select_option("#train-cam", label)
+        page.select_option("#train-speed", "5000")
+        start = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+        record = settle(prepare(train, lifts[cam], SCENE.cam_speed(5000)), start).response
+        for degrees in (-90.0, -40.0, 0.0, 60.0):
+            set_angle(page, degrees)
+            at = 2 * np.pi * (record.revolutions - 1) + degrees * DEG
+            shown = numbers(page)
+            assert list(shown) == ["cam_follower", "follower_valve", "seat"]
+            for name, (state, force, apart) in shown.items():
+                e = train.element_names.index(name)
+                true_force = np.interp(at, record.angle, record.force[:, e])
+                assert float(force) == pytest.approx(true_force, rel=0.02, abs=1.0)
+                assert float(apart) == pytest.approx(np.interp(at, record.angle, record.separation(e)) / MM, abs=2e-3)
+                if abs(true_force) > 1.0:
+                    assert state == "closed"
+            assert f"cam angle {degrees:.1f} deg".replace("-", "−") in page.locator("#train-caption").inner_text()
+
+
+def test_numbers_of_the_tables_are_the_files(open_page, lifts, new_contents):
+    page, data = open_page(), new_contents()
+    area = page.locator("#area ~ .scroll table").first.inner_text()
+    assert f"{lifts['design'].area_ratio(9.4 * MM):.4f}" in area
+    assert f"{data['design']['area_ratio_bound']:.4f}" in area
+    limits = page.locator("#limits ~ .scroll table").first.inner_text()
+    assert str(data["verification"]["band"]["worst_bounce_mm"]) in limits
+    geometry = page.locator("#geometry ~ .scroll table").first.inner_text()
+    assert "smallest convex radius [mm]" in geometry and "polydyne" in geometry
+    assert page.locator("#tightest-spot").count() == 1
+
+
+def test_every_choice_changes_the_drawing(open_page):
+    page = open_page()
+    set_angle(page, -30.0)  # the cam is turned and the valve open
+    seen = [picture(page)]
+    for control, value in (("#train-cam", "1"), ("#train-speed", "5000"), ("#train-gaps", "1")):
+        page.select_option(control, value)
+        seen.append(picture(page))
+    set_angle(page, -30.5)
+    seen.append(picture(page))
+    assert len(set(seen)) == len(seen)
+    stroke = page.locator("#train-chart .curve").get_attribute("stroke")
+    assert stroke == cam_line("polydyne")["color"]
+    assert page.locator("#train-drawing .contour").get_attribute("stroke") == stroke
+
+
+def test_the_cam_turns_and_the_valve_follows(open_page):
+    page = open_page()
+    page.select_option("#train-speed", "5000")
+    turned = page.locator("#train-drawing .contour").locator("..")
+
+    def mass_y() -> float:
+        group = page.locator("#train-drawing .valve").locator("..")
+        return float(re.findall(r"translate\(0 (.*)\)", group.get_attribute("transform") or "")[0])
+
+    set_angle(page, 0.0)
+    assert "rotate(0)" in (turned.get_attribute("transform") or "")
+    opened = mass_y()
+    set_angle(page, -150.0)
+    assert "rotate(-150)" in (turned.get_attribute("transform") or "")
+    assert opened - mass_y() > 4 * 8.0  # pixels: nearly the whole lift of 9.4 mm, downwards
+
+
+def test_open_contacts_light_up_and_gaps_grow(open_page):
+    page = open_page()
+    page.select_option("#train-speed", "5000")
+    set_angle(page, -150.0)  # lash at the valve tip, seat closed
+    lights = page.locator("#train-drawing .light")
+    by_name = dict(zip(("cam_follower", "follower_valve", "seat"), lights.all(), strict=True))
+    state = {name: row[0] for name, row in numbers(page).items()}
+    for name, light in by_name.items():
+        assert ("on" in (light.get_attribute("class") or "")) == (state[name] == "open")
+    assert state["seat"] == "closed" and state["follower_valve"] == "open"
+    tall = []
+    for factor in ("1", "10", "50"):
+        page.select_option("#train-gaps", factor)
+        tall.append(float(by_name["follower_valve"].get_attribute("height") or 0))
+    assert tall[0] < tall[2] and tall == sorted(tall)
+
+
+def test_keys_move_play_and_pause(open_page):
+    page = open_page()
+    caption = page.locator("#train-caption")
+    page.focus("#train-angle")
+    assert page.evaluate("getComputedStyle(document.activeElement).outlineStyle") != "none"
+    page.keyboard.press("ArrowRight")
+    assert "−39.5 deg" in caption.inner_text()
+    page.keyboard.press("Space")
+    wait_for(page, lambda: slider(page) > 290)
+    assert page.locator("#train-play").inner_text() == "Pause"
+    page.keyboard.press("Space")
+    stopped = caption.inner_text()
+    page.wait_for_timeout(150)
+    assert caption.inner_text() == stopped and page.locator("#train-play").inner_text() == "Play"
+
+
+def test_little_motion_is_respected(open_page):
+    page = open_page(reduced_motion="reduce")
+    page.click("#train-play")
+    wait_for(page, lambda: slider(page) != 280)
+    assert slider(page) == 290  # one step of 5 deg
+
+
+def test_a_phone_shows_all_without_sideways_scrolling(open_page):
+    page = open_page(viewport={"width": 375, "height": 812})
+    assert page.evaluate("document.documentElement.scrollWidth") == 375
+    for control in ("#train-cam", "#train-speed", "#train-play", "#train-angle", "#train-drawing"):
+        box = page.locator(control).bounding_box()
+        assert box["x"] >= 0 and box["x"] + box["width"] <= 375
+
+
+def test_print_shows_the_figures_and_no_controls(open_page):
+    page = open_page()
+    page.emulate_media(media="print")
+    assert not page.locator("#train-play").is_visible() and not page.locator("nav").is_visible()
+    for part in ("#train-drawing", "#train-chart", "#train-caption", "figure svg >> nth=0"):
+        assert page.locator(part).is_visible()
+    page.set_viewport_size({"width": 718, "height": 1000})  # the text of an A4 page with margins of 10 mm
+    wide = page.locator(".scroll table").evaluate_all("tables => tables.map((t) => t.getBoundingClientRect().right)")
+    assert max(wide) <= 718
+
+
+def test_a_foreign_script_does_not_run(browser, report):
+    page = browser.new_page()
+    page.goto(report.as_uri())
+    page.evaluate(
+        "() => { const s = document.createElement('script'); s.textContent = 'window.ran = 1';"
+        "document.body.append(s); }"
+    )
+    assert page.evaluate("window.ran === undefined")
+    page.close()

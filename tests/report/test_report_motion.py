@@ -1,0 +1,123 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from camopt.cam.design_file import write_design
+from camopt.cam.read import read_cam
+from camopt.exact.engine import prepare
+from camopt.report.folder import read_run_folder
+from camopt.report.motion import MOST_NUMBERS, Cams, animation, cams_of, motion
+from camopt.report.page import embedded
+from camopt.scene import build_train, load_scene, rest_position
+from camopt.scene.units import DEG, MM
+from camopt.verify.settle import settle
+
+SCENE = load_scene("motori-1")
+SPEED = SCENE.cam_speed(5000)
+
+
+@pytest.fixture(scope="module")
+def polydyne():
+    return read_cam("polydyne", SCENE)
+
+
+def test_motion_is_the_settled_one_of_event_exact(polydyne):
+    train = build_train(SCENE)
+    found = motion(train, polydyne, SPEED, 0.5, [0, 1, 2, 3])
+    settled = settle(prepare(train, polydyne, SPEED), np.concatenate([rest_position(train), [0.0]]))
+    record = settled.response
+    middle = 2 * np.pi * (record.revolutions - 1)
+    for i in (0, 250, 360, 500, 720):
+        at = middle + (-180 + 0.5 * i) * DEG
+        x = np.interp(at, record.angle, record.x[:, 0])
+        assert found["position_um"][0][i] == pytest.approx(1e6 * x, abs=1.5)  # rounded to 1 um, chords of the record
+        for e in range(4):
+            assert found["separation_um"][e][i] == pytest.approx(
+                1e6 * np.interp(at, record.angle, record.separation(e)), abs=1.0
+            )
+    assert found["periodic"] == settled.periodic
+    worst = settled.metrics(polydyne)
+    inside = slice(round((180 - 72) / 0.5), round((180 + 72) / 0.5) + 1)
+    assert max(found["force_N"][0][inside]) == pytest.approx(worst.worst("contact_force_max_N"), rel=0.02)
+    jump = max(found["separation_um"][0][inside]) / 1000
+    assert jump == pytest.approx(worst.worst("jump_mm"), abs=2e-3)
+
+
+def folder_of(tmp_path, write, contents, lift, scene_name="motori-1"):
+    contents["design"]["area_ratio"] = lift.area_ratio(9.4 * MM)
+    contents["comparison"] = [r for r in contents["comparison"] if r["cam"] != "multi-pol"]
+    for row in contents["comparison"]:
+        row["area_ratio"] = lift.area_ratio(9.4 * MM)
+    folder = write(contents, scene_name)
+    write_design(folder / "design.json", lift, 9.4 * MM)
+    return folder
+
+
+def test_cams_are_those_of_the_run(tmp_path, write, contents, polydyne):
+    folder = folder_of(tmp_path, write, contents, polydyne)
+    cams = cams_of(folder, read_run_folder(folder))
+    assert list(cams.lifts) == ["design", "polydyne"] and cams.left_out == []
+
+
+def test_a_cam_of_another_area_is_not_shown_as_the_run_s(tmp_path, write, contents, polydyne):
+    folder = folder_of(tmp_path, write, contents, polydyne)
+    run = read_run_folder(folder)
+    for row in run.comparison:
+        row["area_ratio"] = str(float(row["area_ratio"]) + 2e-6)
+    cams = cams_of(folder, run)
+    assert list(cams.lifts) == ["design"]
+    assert "polydyne is not simulated here: its area ratio comes out as" in cams.left_out[0]
+
+
+@pytest.mark.parametrize("name", ["../secret", "/etc/passwd", "multi-pol", "<b>x</b>"])
+def test_names_lead_to_no_file_outside_and_start_no_search(tmp_path, write, contents, polydyne, name):
+    folder = folder_of(tmp_path, write, contents, polydyne)
+    write_design(tmp_path / "secret.json", polydyne, 9.4 * MM)
+    run = read_run_folder(folder)
+    for row in run.comparison:
+        row["cam"] = name
+    cams = cams_of(folder, run)
+    assert list(cams.lifts) == ["design"] and len(cams.left_out) == 1
+
+
+def test_a_cam_that_the_folder_holds_is_read(tmp_path, write, contents, polydyne):
+    folder = folder_of(tmp_path, write, contents, polydyne)
+    run = read_run_folder(folder)
+    for row in run.comparison:
+        row["cam"] = "multi-pol (no-jerk)"
+    (folder / "cams").mkdir()
+    write_design(folder / "cams" / "multi-pol (no-jerk).json", polydyne, 9.4 * MM)
+    assert list(cams_of(folder, run).lifts) == ["design", "multi-pol (no-jerk)"]
+
+
+def test_animation_keeps_its_size(tmp_path, write, contents, polydyne):
+    folder = folder_of(tmp_path, write, contents, polydyne)
+    cams = cams_of(folder, read_run_folder(folder))
+    data, left_out = animation(cams)
+    assert data is not None and left_out == []
+    assert data["step_deg"] == 0.5 and data["seat"] == 2 and data["follower"] == "point"
+    assert [m["speed_rpm"] for m in data["cams"][0]["motions"]] == [5000, 6000, 7000]
+    top = np.array(data["cams"][0]["contour_mm"])[180]
+    np.testing.assert_allclose(top, [0.0, 16 + polydyne(0.0) / MM], atol=1e-3)
+    many = replace(cams, lifts={f"polydyne {i}": polydyne for i in range(30)})
+    coarse, _ = animation(many)
+    assert coarse is not None
+    count = sum(np.size(m[k]) for c in coarse["cams"] for m in c["motions"] for k in m if k.endswith(("_um", "_N")))
+    assert coarse["step_deg"] > 0.5 and count < 1.01 * MOST_NUMBERS
+
+
+def test_a_scene_without_event_exact_motion_says_so(polydyne):
+    data, left_out = animation(Cams(load_scene("kodama-hertz"), {"design": polydyne}, []))
+    assert data is None
+    assert all("design at" in sentence and "linear" in sentence for sentence in left_out) and len(left_out) == 4
+
+
+def test_embedded_data_cannot_end_its_element():
+    data = {"name": "</script><!--<script>&amp;\u2028", "values": [1.5, -2]}
+    text = embedded(data)
+    assert json.loads(text) == data
+    assert not set("<>&\u2028") & set(text)
+    with pytest.raises(ValueError):
+        embedded({"x": float("nan")})
