@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import BSpline, PPoly
 from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.optimize import minimize_scalar
+from scipy.optimize import fminbound
 from scipy.sparse import csr_array
 from scipy.special import comb
 
@@ -23,8 +23,8 @@ PENALTY_ORDER = 4
 """Fourth differences estimated the acceleration best: third ones leave 1.1 to 2 times the error, and generalised cross
 validation in place of the likelihood takes coarse tables (1 and 2 deg) for noise-free."""
 WEIGHTS = np.arange(-18.0, 16.0, 3.0)
-"""Logarithms of the penalty's weight that are tried before the best is refined; below, equations of knots denser than rows are
-singular to rounding."""
+"""Logarithms of the penalty's weight that are tried before the best is refined. Below, the equations of knots denser
+than rows are singular to rounding."""
 _CARDINAL = BSpline.basis_element(np.arange(DEGREE + 2.0), extrapolate=False)
 
 
@@ -91,11 +91,14 @@ def fitted(degrees: np.ndarray, lift: np.ndarray, count: int, free: np.ndarray, 
     rank = len(free) - (len(free) == count)  # a constant over the whole turn costs nothing
 
     def solved(log_weight: float):
-        stiff = np.exp(log_weight) * penalty
-        factor = cholesky_banded(normal + stiff, lower=True)
+        factor = cholesky_banded(normal + np.exp(log_weight) * penalty, lower=True)
         c = cho_solve_banded((factor, True), right)
-        bent = c @ (stiff[0] * c) + 2 * sum(c[k:] @ (stiff[k, : len(c) - k] * c[: len(c) - k]) for k in range(1, BAND))
-        return factor, c, float(np.sum((lift - rows @ c) ** 2) + bent) / len(lift)
+        turn = np.zeros(count)
+        turn[free] = c
+        for _ in range(PENALTY_ORDER):
+            turn = np.roll(turn, -1) - turn
+        bent = np.exp(log_weight) * _scale(count) * float(turn @ turn)
+        return factor, c, (float(np.sum((lift - rows @ c) ** 2)) + bent) / len(lift)
 
     def cost(log_weight: float) -> float:
         factor, _, variance = solved(log_weight)
@@ -103,7 +106,7 @@ def fitted(degrees: np.ndarray, lift: np.ndarray, count: int, free: np.ndarray, 
 
     if weight is None:
         best = WEIGHTS[int(np.argmin([cost(w) for w in WEIGHTS]))]
-        weight = float(minimize_scalar(cost, bounds=(best - 3, best + 3), method="bounded", options={"xatol": 0.05}).x)
+        weight = float(fminbound(cost, best - 3, best + 3, xtol=0.05))
     factor, c, variance = solved(weight)
     covariance = cho_solve_banded((factor, True), np.eye(len(free)))
     coefficients = np.zeros(count)
@@ -132,8 +135,13 @@ def _penalty(count: int) -> csr_array:
     weights = [(-1) ** d * comb(2 * order, order + d, exact=True) for d in range(-order, order + 1)]
     columns = np.mod(np.arange(count)[:, None] + np.arange(-order, order + 1), count)
     rows = np.repeat(np.arange(count), 2 * order + 1)
-    values = np.tile(weights, count) * (count / 360.0) ** (2 * order - 1)
+    values = np.tile(weights, count) * _scale(count)
     return csr_array((values, (rows, columns.ravel())), shape=(count, count))
+
+
+def _scale(count: int) -> float:
+    """Integral over the angle [deg] of a squared fourth derivative, over its sum of squared differences."""
+    return (count / 360.0) ** (2 * PENALTY_ORDER - 1)
 
 
 def _bands(matrix) -> np.ndarray:
