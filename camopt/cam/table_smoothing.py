@@ -44,16 +44,12 @@ def smoothed(where: str, degrees: np.ndarray, lift: np.ndarray, lines: list[int]
     """
     event = find_event(where, degrees, lift)
     kept, outliers = _without_outliers(where, event, lift)
-    if (negative := lift[kept.rows] < -BASE_MM).any():
-        row = kept.rows[int(np.flatnonzero(negative)[0])]
-        raise InputError(
-            f"{where}: line {lines[row]}: a lift of {lift[row]:g} mm; lift is counted from the base circle, positive up"
-        )
     count, free = _knots(kept)
     if kept.start is None:
         fit = fitted(kept.degrees, lift[kept.rows], count, free)
     else:
         fit = fitted_non_negative(kept.degrees, lift[kept.rows], count, free)
+    outliers = sorted(outliers + _off_base_circle(where, event, lift, fit.noise, lines))
     report = {"noise_um": round(1e3 * fit.noise, 4), "outliers": len(outliers)}
     if outliers:
         report["outlier_lines"] = [lines[row] for row in outliers]
@@ -79,6 +75,22 @@ def smoothed(where: str, degrees: np.ndarray, lift: np.ndarray, lines: list[int]
         "acceleration_error_percent": round(100 * error / peak, 2),
     }
     return Smoothed(pieces, outliers, report | ({"cut_ramps": event.cut} if event.cut else {}))
+
+
+def _off_base_circle(where: str, event: Event, lift: np.ndarray, noise: float, lines: list[int]) -> list[int]:
+    """Rows outside the event that are not on the base circle; for a turn without one, no row may be below zero."""
+    limit = max(BASE_MM, OUTLIER * noise)
+    if event.start is None:
+        off, most = np.flatnonzero(lift < -limit), 0.0
+    else:
+        outside = np.setdiff1d(np.arange(len(lift)), event.rows)
+        off, most = outside[np.abs(lift[outside]) > limit], MOST_OUTLIERS * len(outside)
+    if len(off) > most:
+        raise InputError(
+            f"{where}: line {lines[off[0]]}: a lift of {lift[off[0]]:g} mm on the base circle, and {len(off)} such rows; "
+            f"lift is counted from the base circle, positive up"
+        )
+    return [int(row) for row in off]
 
 
 def _knots(event: Event) -> tuple[int, np.ndarray]:
