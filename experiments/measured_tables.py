@@ -10,13 +10,14 @@ measured motorbike tables are drawn where they lie in ../shared/data/lift beside
 
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 from scipy.interpolate import make_interp_spline
 
 from camopt.cam.read import read_cam
 from camopt.cam.table_smoothing import smoothed
-from camopt.plots.style import CAMS, INK, LIMIT, new_figure
+from camopt.plots.style import CAMS, INK, LIMIT, RC, new_figure
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import DEG, MM
 from experiments.record import RESULTS, run_script, write_result
@@ -98,6 +99,7 @@ def cell(truth, noise_um: float, step: float, seeds: int) -> dict:
     }  # fmt: skip
 
 
+@matplotlib.rc_context(RC)
 def draw_errors(rows: list[dict], peak: float) -> Figure:
     """Root mean square error of lift and acceleration against the noise, a colour per step, plain dashed."""
     figure = new_figure(7.2, 3.6)
@@ -112,15 +114,17 @@ def draw_errors(rows: list[dict], peak: float) -> Figure:
     left.loglog(NOISES_UM, NOISES_UM, color=INK, lw=0.8, ls="--", label="noise itself")
     right.axhline(10, color=LIMIT, lw=0.8)
     right.annotate("refused above", (10, 10), color=LIMIT, va="bottom", ha="right", fontsize=7)
+    right.annotate("dotted: not smoothed", (0.5, 2000), color=INK, fontsize=7)
     left.set(title="lift error [um]", xlabel="noise of a row [um]")
-    right.set(title="acceleration error [% of its peak]; dotted: not smoothed", xlabel="noise of a row [um]")
+    right.set(title="acceleration error [% of peak]", xlabel="noise of a row [um]")
     for axes in (left, right):
         axes.set_xticks(NOISES_UM, [f"{n:g}" for n in NOISES_UM])
         axes.minorticks_off()
-    left.legend(title="step of the table")
+    left.legend(title="step of the table", fontsize=7)
     return figure
 
 
+@matplotlib.rc_context(RC)
 def draw_example(truth) -> Figure:
     """Acceleration from one table: truth, second differences of the rows, smoothed."""
     figure = new_figure(7.2, 3.4)
@@ -136,6 +140,7 @@ def draw_example(truth) -> Figure:
     return figure
 
 
+@matplotlib.rc_context(RC)
 def draw_measured(drawn: dict) -> Figure:
     """Acceleration of the measured tables: divided second differences of the rows, and the law."""
     figure = new_figure(7.2, 5.6)

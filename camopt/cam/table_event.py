@@ -14,9 +14,9 @@ CLOSING_SHARE = 0.01
 FOOT_REACH_DEG = 15.0
 """How far outside the last row above BASE_MM the foot is looked for: a ramp's foot of 10 deg is within the noise."""
 SHORTEST_BASE_DEG = 10.0
-CUT_MM = 0.02
+CUT_MM = 0.15
 """A flank whose last step, down to the base circle, is this much more than twice the one before has no ramp: where a
-ramp meets the base circle its steps shrink or stay."""
+ramp meets the base circle its steps shrink or stay. Four standard deviations of that difference at a noise of 10 um."""
 RAMP_LENGTH = 3.0
 """A cut ramp is continued over 3 h/v (lift and velocity at the cut): there the cubic h (1 - u/L)^3 with that lift and
 velocity comes to rest with no step in acceleration."""

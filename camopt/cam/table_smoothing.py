@@ -87,7 +87,7 @@ def _off_base_circle(where: str, event: Event, lift: np.ndarray, noise: float, l
         off, most = outside[np.abs(lift[outside]) > limit], MOST_OUTLIERS * len(outside)
     if len(off) > most:
         raise InputError(
-            f"{where}: line {lines[off[0]]}: a lift of {lift[off[0]]:g} mm on the base circle, and {len(off)} such rows; "
+            f"{where}: line {lines[off[0]]}: a lift of {lift[off[0]]:g} mm on the base circle ({len(off)} such rows): "
             f"lift is counted from the base circle, positive up"
         )
     return [int(row) for row in off]
