@@ -81,14 +81,16 @@ def cell(truth, noise_um: float, step: float, seeds: int) -> dict:
         ours = [law.pieces(np.mod(EVENT, 360.0), k) - t for k, t in zip((0, 2), true, strict=True)]
         theirs = [plain(EVENT, k) - t for k, t in zip((0, 2), true, strict=True)]
         found.append([law.report, *ours, *theirs])
+    if not found:
+        return {"noise_um": noise_um, "step_deg": step, "tables": seeds, "refused": refused}
     rms = [[float(np.sqrt(np.mean(f[i] ** 2))) for f in found] for i in range(1, 5)]
-    worst = [max((float(np.abs(f[i]).max()) for f in found), default=None) for i in range(1, 5)]
+    worst = [max((float(np.abs(f[i]).max()) for f in found)) for i in range(1, 5)]
     peak = np.abs(true[1]).max()
     reports = [f[0] for f in found]
-    mean = [float(np.mean(r)) if r else None for r in rms]
+    mean = [float(np.mean(r)) for r in rms]
     return {
         "noise_um": noise_um, "step_deg": step, "tables": seeds, "refused": refused,
-        "noise_estimated_um": float(np.mean([r["noise_um"] for r in reports])) if found else None,
+        "noise_estimated_um": float(np.mean([r["noise_um"] for r in reports])),
         "rows_rejected": sum(r["outliers"] for r in reports),
         "lift_rms_um": 1e3 * mean[0], "lift_max_um": 1e3 * worst[0],
         "acceleration_rms_mm_per_deg2": mean[1], "acceleration_max_mm_per_deg2": worst[1],
@@ -105,7 +107,7 @@ def draw_errors(rows: list[dict], peak: float) -> Figure:
     figure = new_figure(7.2, 3.6)
     left, right = figure.subplots(1, 2)
     for colour, step in zip(COLOURS, STEPS_DEG, strict=False):
-        mine = [r for r in rows if r["step_deg"] == step]
+        mine = [r for r in rows if r["step_deg"] == step and r["refused"] < r["tables"]]
         noise = [r["noise_um"] for r in mine]
         left.loglog(noise, [r["lift_rms_um"] for r in mine], "o-", color=colour, ms=3, label=f"{step:g} deg")
         for key, dashes in (("acceleration_rms", "o-"), ("plain_acceleration_rms", "o:")):
