@@ -84,7 +84,7 @@ def cell(truth, noise_um: float, step: float, seeds: int) -> dict:
     if not found:
         return {"noise_um": noise_um, "step_deg": step, "tables": seeds, "refused": refused}
     rms = [[float(np.sqrt(np.mean(f[i] ** 2))) for f in found] for i in range(1, 5)]
-    worst = [max((float(np.abs(f[i]).max()) for f in found)) for i in range(1, 5)]
+    worst = [max(float(np.abs(f[i]).max()) for f in found) for i in range(1, 5)]
     peak = np.abs(true[1]).max()
     reports = [f[0] for f in found]
     mean = [float(np.mean(r)) for r in rms]

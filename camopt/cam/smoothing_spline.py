@@ -107,7 +107,7 @@ def fitted(degrees: np.ndarray, lift: np.ndarray, count: int, free: np.ndarray, 
 
     if weight is None:
         best = WEIGHTS[int(np.argmin([cost(w) for w in WEIGHTS]))]
-        weight = np.asarray(fminbound(cost, best - 3, best + 3, xtol=0.05)).item()
+        weight = float(np.asarray(fminbound(cost, best - 3, best + 3, xtol=0.05)))
     factor, c, variance = solved(weight)
     covariance = cho_solve_banded((factor, True), np.eye(len(free)))
     coefficients = np.zeros(count)
