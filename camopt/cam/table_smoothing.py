@@ -20,7 +20,7 @@ NEIGHBOURS = 3
 MOST_OUTLIERS = 0.05
 NOISE_FREE_MM = 1e-6
 """Noise below which a table is taken as computed, not measured: interpolating it moves the acceleration less than
-smoothing does. Exact tables of 0.1 to 2 deg are estimated at 1e-7 mm and less."""
+smoothing does. Tables of an exact polydyne stay below it at 0.5 deg and finer."""
 ERROR_SHARE = 0.1
 """Largest standard error of the acceleration (root mean square over the event) over its peak: beyond it, dynamics
 from the table would be dynamics of its noise."""
