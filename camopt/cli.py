@@ -193,6 +193,13 @@ def _cam_options(c: argparse.ArgumentParser) -> None:
     )
     c.add_argument("--table-angle", choices=("cam", "crank"), help="angle of a lift table from elsewhere")
     c.add_argument("--table-lift", choices=("mm", "m", "inch"), help="unit of the lift in such a table")
+    c.add_argument(
+        "--table-ratio",
+        type=_positive,
+        metavar="R",
+        help="valve lift over the table's lift, where that is tappet lift (1); all three may also stand in the table's "
+        "header, as in '# table-angle = crank'",
+    )
 
 
 def speeds(text: str) -> tuple[float, ...]:

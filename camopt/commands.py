@@ -174,7 +174,7 @@ def scenes(args: Namespace) -> int:
 def _cam_of(args: Namespace, scene):
     from camopt.cam.read import read_cam
 
-    return read_cam(args.cam, scene, args.table_angle, args.table_lift)
+    return read_cam(args.cam, scene, args.table_angle, args.table_lift, args.table_ratio)
 
 
 def _shown(value: float | None, width: int) -> str:

@@ -95,7 +95,13 @@ FAMILIES = {
 }
 
 
-def read_cam(spec: str | Path, scene: Scene, table_angle: str | None = None, table_lift: str | None = None) -> Lift:
+def read_cam(
+    spec: str | Path,
+    scene: Scene,
+    table_angle: str | None = None,
+    table_lift: str | None = None,
+    table_ratio: float | None = None,
+) -> Lift:
     """The lift law that `spec` names, under a scene with [operation] and [design].
 
     A family name, optionally with parameters (`polydyne:exponents=2/10/18/26/34,speed_rpm=6000`); a run folder or its
@@ -118,7 +124,7 @@ def read_cam(spec: str | Path, scene: Scene, table_angle: str | None = None, tab
         return read_design(path, scene)
     from camopt.cam.tables import read_lift_table  # brings SciPy's splines, which nothing else here needs
 
-    return read_lift_table(path, scene, table_angle, table_lift)
+    return read_lift_table(path, scene, table_angle, table_lift, table_ratio)
 
 
 def _designed(name: str, text: str, scene: Scene) -> Lift:

@@ -119,7 +119,8 @@ class TestForeignTable:
     def test_turn_without_base_circle_is_interpolated_periodically(self, tmp_path):
         degrees = np.arange(0, 360, 2.0)
         file = foreign(tmp_path, degrees, 4 * (1 - np.cos((degrees - 77) * DEG)) + 0.1)
-        lift = read_lift_table(file, KODAMA, "cam", "mm")
+        scene = KODAMA.model_copy(update={"design": KODAMA.design.model_copy(update={"duration_deg": 300})})
+        lift = read_lift_table(file, scene, "cam", "mm")
         # interpolation of a sine by a quintic spline: a few times (2 deg)^6 / 720 of 4 mm
         np.testing.assert_allclose(lift(THETA) / MM, 4 * (1 + np.cos(THETA)) + 0.1, atol=1e-9)
         half = np.pi - np.arccos(1 - (0.265 - 0.1) / 4)

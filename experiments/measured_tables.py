@@ -1,0 +1,166 @@
+"""How well does a measured lift table give the cam's acceleration?
+
+    python -m experiments.measured_tables [small|full]
+
+The truth is the polydyne of `kodama`; its table is read over a whole turn in steps of 0.25 to 2 cam degrees with normal
+noise of 0.5 to 10 um on every row, base circle included, and rounded to 0.1 um. Each table is smoothed as camopt does
+it (the noise is not told) and interpolated plainly. Errors are over the event, angles as the table has them. Both
+measured motorbike tables are drawn where they lie in ../shared/data/lift beside the repository.
+"""
+
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.interpolate import make_interp_spline
+
+from camopt.cam.read import read_cam
+from camopt.cam.table_smoothing import smoothed
+from camopt.plots.style import CAMS, INK, LIMIT, RC, new_figure
+from camopt.scene import InputError, load_scene
+from camopt.scene.units import DEG, MM
+from experiments.record import RESULTS, run_script, write_result
+
+MEASURED = Path(__file__).resolve().parents[2] / "shared" / "data" / "lift"
+TABLES = ("motorbike-exhaust-ramps", "motorbike-intake-coarse")
+NOISES_UM = (0.5, 1.0, 2.0, 5.0, 10.0)
+STEPS_DEG = (0.25, 0.5, 1.0, 2.0)
+EVENT = np.linspace(-102.0, 102.0, 4081)
+COLOURS = [colour for colour, _ in CAMS.values()]
+
+
+def main(size: str = "full", folder: Path = RESULTS) -> dict:
+    """Errors over noise, step and seed; the measured tables where they are; writes JSON and figures."""
+    scene = load_scene("kodama")
+    truth = read_cam("polydyne", scene)
+    noises, steps, seeds = (NOISES_UM, STEPS_DEG, 20) if size == "full" else ((1.0, 10.0), (0.5, 2.0), 2)
+    rows = [cell(truth, noise, step, seeds) for step in steps for noise in noises]
+    measured, drawn = {}, {}
+    for name in TABLES:
+        file = MEASURED / f"{name}.dat"
+        if not file.is_file():
+            measured[name] = "skipped: not on this machine"
+            continue
+        lift = read_cam(file, scene, "crank", "m")
+        table = np.loadtxt(file)
+        low, high = (value / MM * DEG**2 for value in lift.extremes(2))
+        limits = {"acceleration_min_mm_per_deg2": low, "acceleration_max_mm_per_deg2": high}
+        measured[name] = lift.parameters | limits | {"duration_deg": 2 * lift.half_duration / DEG}
+        drawn[name] = (lift, 0.5 * table[:, 0], 1e3 * table[:, 1])
+    peak = float(np.abs(truth.extremes(2)).max() / MM * DEG**2)
+    content = {"truth_peak_acceleration_mm_per_deg2": peak, "generated": rows, "measured": measured}
+    figures = {"error": draw_errors(rows, peak), "example": draw_example(truth)} if size == "full" else {}
+    if drawn and size == "full":
+        figures["motorbike"] = draw_measured(drawn)
+    write_result("measured_tables" if size == "full" else f"measured_tables-{size}", size, content, figures, folder)
+    return content
+
+
+def generated(truth, noise_um: float, step: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Angles [deg] and lift [mm] of a noisy table over a turn that closes on itself."""
+    degrees = np.arange(-180.0, 180.0 + step / 2, step)
+    lift = truth(degrees * DEG) / MM + np.random.default_rng(seed).normal(0, 1e-3 * noise_um, len(degrees))
+    lift[-1] = lift[0]
+    return degrees, np.round(lift, 4)
+
+
+def cell(truth, noise_um: float, step: float, seeds: int) -> dict:
+    """Errors at one noise and step, averaged over the seeds that are accepted (largest values: the worst of them)."""
+    true = [truth(EVENT * DEG, k) / MM * DEG**k for k in (0, 2)]
+    found, refused = [], 0
+    for seed in range(seeds):
+        degrees, lift = generated(truth, noise_um, step, seed)
+        try:
+            law = smoothed("generated", degrees, lift, list(range(len(lift))))
+        except InputError:
+            refused += 1
+            continue
+        assert law.pieces is not None, "a noisy table is smoothed"
+        plain = make_interp_spline(degrees, lift, 5, bc_type="periodic")
+        ours = [law.pieces(np.mod(EVENT, 360.0), k) - t for k, t in zip((0, 2), true, strict=True)]
+        theirs = [plain(EVENT, k) - t for k, t in zip((0, 2), true, strict=True)]
+        found.append([law.report, *ours, *theirs])
+    if not found:
+        return {"noise_um": noise_um, "step_deg": step, "tables": seeds, "refused": refused}
+    rms = [[float(np.sqrt(np.mean(f[i] ** 2))) for f in found] for i in range(1, 5)]
+    worst = [max(float(np.abs(f[i]).max()) for f in found) for i in range(1, 5)]
+    peak = np.abs(true[1]).max()
+    reports = [f[0] for f in found]
+    mean = [float(np.mean(r)) for r in rms]
+    return {
+        "noise_um": noise_um, "step_deg": step, "tables": seeds, "refused": refused,
+        "noise_estimated_um": float(np.mean([r["noise_um"] for r in reports])),
+        "rows_rejected": sum(r["outliers"] for r in reports),
+        "lift_rms_um": 1e3 * mean[0], "lift_max_um": 1e3 * worst[0],
+        "acceleration_rms_mm_per_deg2": mean[1], "acceleration_max_mm_per_deg2": worst[1],
+        "acceleration_rms_percent": 100 * mean[1] / peak,
+        "acceleration_estimated_percent": float(np.mean([r["acceleration_error_percent"] for r in reports])),
+        "plain_lift_rms_um": 1e3 * mean[2], "plain_acceleration_rms_mm_per_deg2": mean[3],
+        "plain_acceleration_max_mm_per_deg2": worst[3],
+    }  # fmt: skip
+
+
+@matplotlib.rc_context(RC)
+def draw_errors(rows: list[dict], peak: float) -> Figure:
+    """Root mean square error of lift and acceleration against the noise, a colour per step, plain dashed."""
+    figure = new_figure(7.2, 3.6)
+    left, right = figure.subplots(1, 2)
+    for colour, step in zip(COLOURS, STEPS_DEG, strict=False):
+        mine = [r for r in rows if r["step_deg"] == step and r["refused"] < r["tables"]]
+        noise = [r["noise_um"] for r in mine]
+        left.loglog(noise, [r["lift_rms_um"] for r in mine], "o-", color=colour, ms=3, label=f"{step:g} deg")
+        for key, dashes in (("acceleration_rms", "o-"), ("plain_acceleration_rms", "o:")):
+            share = [100 * r[f"{key}_mm_per_deg2"] / peak for r in mine]
+            right.loglog(noise, share, dashes, color=colour, ms=3)
+    left.loglog(NOISES_UM, NOISES_UM, color=INK, lw=0.8, ls="--", label="noise itself")
+    right.axhline(10, color=LIMIT, lw=0.8)
+    right.annotate("refused above", (10, 10), color=LIMIT, va="bottom", ha="right", fontsize=7)
+    right.annotate("dotted: not smoothed", (0.5, 2000), color=INK, fontsize=7)
+    left.set(title="lift error [um]", xlabel="noise of a row [um]")
+    right.set(title="acceleration error [% of peak]", xlabel="noise of a row [um]")
+    for axes in (left, right):
+        axes.set_xticks(NOISES_UM, [f"{n:g}" for n in NOISES_UM])
+        axes.minorticks_off()
+    left.legend(title="step of the table", fontsize=7)
+    return figure
+
+
+@matplotlib.rc_context(RC)
+def draw_example(truth) -> Figure:
+    """Acceleration from one table: truth, second differences of the rows, smoothed."""
+    figure = new_figure(7.2, 3.4)
+    axes = figure.subplots()
+    degrees, lift = generated(truth, 2.0, 1.0, 0)
+    law = smoothed("generated", degrees, lift, list(range(len(lift))))
+    assert law.pieces is not None, "a noisy table is smoothed"
+    axes.plot(degrees[1:-1], np.diff(lift, 2), ".", color="#999999", ms=3, label="second differences of the rows")
+    axes.plot(EVENT, truth(EVENT * DEG, 2) / MM * DEG**2, color=INK, lw=2.4, alpha=0.35, label="truth")
+    axes.plot(EVENT, law.pieces(np.mod(EVENT, 360), 2), color=COLOURS[0], lw=1.1, label="smoothed")
+    axes.set(title="acceleration [mm/deg$^2$], 1 deg steps, noise 2 um", xlabel="cam angle [deg]", xlim=(-110, 110))
+    axes.legend()
+    return figure
+
+
+@matplotlib.rc_context(RC)
+def draw_measured(drawn: dict) -> Figure:
+    """Acceleration of the measured tables: divided second differences of the rows, and the law."""
+    figure = new_figure(7.2, 5.6)
+    for axes, (name, (lift, degrees, height)) in zip(figure.subplots(2, 1, sharex=True), drawn.items(), strict=False):
+        slope = np.diff(height) / np.diff(degrees)
+        second = np.diff(slope) / (0.5 * (degrees[2:] - degrees[:-2]))
+        nose = degrees[np.argmax(height)] - float(EVENT[np.argmax(lift(EVENT * DEG))])
+        axes.plot(np.mod(degrees[1:-1] - nose + 180, 360) - 180, second, ".", color="#999999", ms=4,
+                  label="second differences of the rows")  # fmt: skip
+        axes.plot(EVENT, lift(EVENT * DEG, 2) / MM * DEG**2, color=COLOURS[0], label="smoothed")
+        low, high = (value / MM * DEG**2 for value in lift.extremes(2))
+        margin = 0.35 * (high - low)
+        axes.set(title=f"{name}: acceleration [mm/deg$^2$], noise {lift.parameters['noise_um']:.2g} um",
+                 ylim=(low - margin, high + margin), xlim=(-102, 102))  # fmt: skip
+        axes.legend(loc="upper center")
+    axes.set(xlabel="cam angle from the middle of the duration [deg]")
+    return figure
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)
