@@ -32,6 +32,8 @@ from camopt.verify.limits import broken_by_shape
 from camopt.verify.settle import settle
 
 POPULATION = 32
+NEAR = 0.15
+"""Distance from known members, in parts of the bounds' width, within which half of the first population lies."""
 HOPELESS = 6.0
 """Bounce in multiples of the limit at which the slower speeds are not looked at: such a member only shows the way."""
 FIGURES = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s")
@@ -174,15 +176,10 @@ class _Search:
             known = self.notes.recall(x)
             return self.notes.keep(x, self.score(x)) if known is None else known
 
-        low, high = np.array(self.space.bounds).T
-        sobol = qmc.Sobol(len(low), scramble=True, rng=np.random.default_rng(seed))
-        first = low + (high - low) * sobol.random(POPULATION)
-        for i, known in enumerate(self.space.known):
-            first[i] = known
         found = differential_evolution(
             cost,
             self.space.bounds,
-            init=first,  # pyright: ignore[reportArgumentType]  # as in `largest_area`
+            init=_first_population(self.space, seed),  # pyright: ignore[reportArgumentType]  # as in `largest_area`
             maxiter=evaluations // POPULATION - 1,
             tol=0.0,
             polish=False,
@@ -204,6 +201,17 @@ class _Search:
             if bounce > self.limit:
                 return 1.0 + (1.0 if np.isinf(bounce) else bounce / (1.0 + bounce))
         return 1.0 - lift.area_ratio(self.design.max_lift_mm * MM)
+
+
+def _first_population(space: Space, seed: int) -> np.ndarray:
+    """Vectors (POPULATION, d): the known ones, as many near them as to make up half, and the rest anywhere."""
+    low, high = np.array(space.bounds).T
+    unit = qmc.Sobol(len(low), rng=np.random.default_rng(seed)).random(POPULATION)
+    first = low + (high - low) * unit
+    for i in range(POPULATION // 2 if space.known else 0):
+        near = 0.0 if i < len(space.known) else NEAR * (2 * unit[i] - 1) * (high - low)
+        first[i] = np.clip(np.array(space.known[i % len(space.known)]) + near, low, high)
+    return first
 
 
 class Notes:
