@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 
-from camopt.cam.families.multi_pol import multi_pol
 from camopt.cam.families.new_design import new_design
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.read import FAMILIES
@@ -39,11 +38,12 @@ class TestSpaces:
         for x in space.known:
             assert np.all((low <= x) & (x <= high))
 
-    @pytest.mark.parametrize(("family", "plain"), [("multi-pol", multi_pol), ("new-design", new_design)])
-    def test_known_members_are_the_plain_ones(self, family, plain):
+    @pytest.mark.parametrize(("family", "reached"), [("multi-pol", 0.602), ("new-design", 0.5505)])
+    def test_known_members_hold_and_are_the_plain_ones(self, family, reached):
+        """`reached` by a long search without any start, see tests/cam/test_families.py."""
         space = family_space(KODAMA, family, True)
         best = max(ratio(lift) for x in space.known if excess(lift := space.member(np.array(x)), KODAMA.design) == 0)
-        assert best == pytest.approx(ratio(plain(KODAMA)), abs=2e-3)
+        assert best == pytest.approx(reached, abs=2e-3)
 
     def test_using_less_of_a_limit_keeps_it(self):
         space = family_space(KODAMA, "multi-pol", False)
@@ -73,7 +73,9 @@ def test_excess_is_relative_to_the_limit():
     highest = lift.extremes(2)[1] / MM_PER_DEG2
     assert excess(lift, FREED) == pytest.approx(highest / 0.015 - 1, rel=1e-9)
     assert excess(lift, FREED.model_copy(update={"acceleration_max_mm_per_deg2": 0.016})) == 0
-    assert excess(new_design(KODAMA, jerk=False), KODAMA.design) == 1.0  # a step in acceleration
+    assert (
+        excess(new_design(KODAMA, (15.8, 9.9, 11.0, 35.3), 0.0125, j34=0.00044), KODAMA.design) == 1.0
+    )  # a step in acceleration
 
 
 class TestSearch:
@@ -91,7 +93,7 @@ class TestSearch:
         assert free.figures["bounce_mm"] > 0.03
 
     def test_exponents_are_searched_too(self):
-        found = largest_area_member(KODAMA, "exponent", False, None, 96, speeds_rpm=(5000.0,))
+        found = largest_area_member(KODAMA, "exponent", False, None, 64, speeds_rpm=(5000.0,))
         assert found.holds  # the plain one does not: its acceleration is 0.0166 mm/deg2
         assert found.area_ratio > 0.54
 
