@@ -6,7 +6,8 @@ Every family of the registry is searched over its own free parameters (section a
 speed) for the largest area whose bounce stays within 0.05 mm at the four listed speeds, under all limits on the shape
 and without the jerk limit. `new-design` is searched in its readings: literally (a12* from 0.5 to 0.95 a12, only
 possible without a jerk limit), and repaired (a12* = 0). Where no member holds the limit, the least bounce is reported.
-Winners are judged again by event-exact and Runge-Kutta-Gill together. Jump and seating velocity are reported, not
+Winners are judged again by event-exact and Runge-Kutta-Gill together, over neighbouring speeds, lifts and states: the
+search itself asks for the bounce at the listed speeds alone. Jump and seating velocity are reported, not
 limited.
 """
 
