@@ -144,6 +144,12 @@ def _compare(command: Command) -> None:
     )
     _scene(c, default="kodama")
     c.add_argument("--design", action="append", default=[], metavar="RUN", help="run folder or design.json; repeatable")
+    c.add_argument(
+        "--baselines",
+        choices=("plain", "best"),
+        default="plain",
+        help="the literature's cams of largest area, or every family searched within the bounce limit, minutes (plain)",
+    )
     c.add_argument("--out", metavar="DIR", help="folder of the comparison (runs/<scene>-<UTC time>)")
 
 

@@ -186,12 +186,15 @@ class TestVerbsThatSearch:
         from camopt.cam.design_file import write_design
 
         asked = []
-        stand_in(monkeypatch, "camopt.optimize.comparison", compare=lambda *given: asked.append(given))
+        stand_in(
+            monkeypatch, "camopt.optimize.comparison", compare=lambda *given, **named: asked.append((*given, named))
+        )
         folder = create_run_folder(tmp_path / "first")
         lift = polydyne(load_scene("kodama"))
         write_design(folder / "design.json", lift, 9.4e-3)
         code, _, _ = run(capsys, "compare", "kodama", "--design", str(folder), "--out", str(tmp_path / "second"))
-        ((scene, designs, out),) = asked
+        ((scene, designs, out, named),) = asked
+        assert named == {"baselines": "plain"}
         assert (code, scene.name, out) == (0, "kodama", tmp_path / "second")
         assert list(designs) == [str(folder)]
         assert designs[str(folder)].area == pytest.approx(lift.area)

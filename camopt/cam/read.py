@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from camopt.cam.design_file import read_design
 from camopt.cam.lift import Lift
@@ -108,10 +109,11 @@ def read_cam(
     design.json; or a lift table, for which see `camopt.cam.tables.read_lift_table`. A file whose name is a family's is
     reached as ./name. Raises InputError for anything else.
     """
-    name, _, parameters = str(spec).partition(":")
     path = Path(spec)
-    if name in FAMILIES and not isinstance(spec, Path):
-        return _designed(name, parameters, scene)
+    if str(spec).partition(":")[0] in FAMILIES and not isinstance(spec, Path):
+        name, keywords = family_and_keywords(str(spec))
+        family = FAMILIES[name]  # its module is imported only now
+        return getattr(import_module(family.module), family.function)(scene, **keywords)
     if str(spec) and path.is_dir():
         if not (path / DESIGN_FILE).is_file():
             raise InputError(f"cam {str(spec)!r}: the folder holds no {DESIGN_FILE}; give a camopt run folder")
@@ -127,10 +129,12 @@ def read_cam(
     return read_lift_table(path, scene, table_angle, table_lift, table_ratio)
 
 
-def _designed(name: str, text: str, scene: Scene) -> Lift:
-    """A member of a family, its module imported only now."""
-    family = FAMILIES[name]
-    keywords = {}
+def family_and_keywords(spec: str) -> tuple[str, dict[str, Any]]:
+    """The name of a family and its parameters as keywords of its function; InputError for unknown or unusable ones."""
+    name, _, text = spec.partition(":")
+    if name not in FAMILIES:
+        raise InputError(f"cam {spec!r}: not a family: expected {', '.join(FAMILIES)}")
+    family, keywords = FAMILIES[name], {}
     for item in filter(None, text.split(",")):
         key, equals, value = item.partition("=")
         if key not in family.parameters or not equals:
@@ -143,4 +147,4 @@ def _designed(name: str, text: str, scene: Scene) -> Lift:
             keywords[keyword] = parse(value)
         except ValueError:
             raise InputError(f"cam {name}: {key}={value!r}: expected {EXPECTED[parse]}") from None
-    return getattr(import_module(family.module), family.function)(scene, **keywords)
+    return name, keywords

@@ -1,12 +1,14 @@
 """Designs beside the cams of the literature: `comparison.csv` and the figures of a run folder."""
 
 import json
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift, lift_table
+from camopt.cam.read import FAMILIES, read_cam
 from camopt.exact.engine import prepare
 from camopt.optimize.accuracy import Accuracy, accuracy_named
 from camopt.plots import (
@@ -20,7 +22,7 @@ from camopt.plots import (
     save,
     valve_motion,
 )
-from camopt.scene.errors import MotionRefused
+from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.rest import rest_position
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
@@ -36,39 +38,103 @@ FIGURE_SPEEDS = 61
 BEYOND_BAND = 0.1
 """How far, relative to its width, the figure shows speeds outside the band."""
 TABLE_STEP_DEG = 0.1
+SECTIONED = ("multi-pol", "new-design")
+NO_JERK = " (no jerk limit)"
+"""Ending of the name of a baseline that was designed without the scene's jerk limit."""
+HALVINGS = 3
+"""Of the step of each method for a baseline: enough where it bounces little, and where it bounces much only the range
+matters."""
 MOTION_COLUMNS = ("jump_mm", "contact_force_min_N", "seating_velocity_m_per_s", "impact_velocity_m_per_s")
 
 
-def compare(scene: Scene, designs: dict[str, Lift], out: Path | str, accuracy: str = "draft") -> Path:
+def compare(
+    scene: Scene, designs: dict[str, Lift], out: Path | str, accuracy: str = "draft", baselines: str = "plain"
+) -> Path:
     """Compare designs with the scene's baselines in the new folder `out`; returns it.
 
-    `designs`: name -> lift law. Writes comparison.csv and figures.
+    `designs`: name -> lift law. `baselines` "plain": the literature's cams as their authors would draw them, for the
+    largest area; "best": every family searched for the largest area within the scene's bounce limit at its listed
+    speeds, which takes minutes. Either under all limits of the scene and without its jerk limit. Writes comparison.csv
+    and figures. Raises InputError for an unusable folder or scene, and for other words.
     """
     build_train(scene).require_linear("the comparison", "verify each cam on this scene with `camopt verify`")
+    if baselines not in BASELINES:
+        raise InputError(f"baselines {baselines!r}: expected {' or '.join(BASELINES)}")
+    effort = accuracy_named(accuracy)
     folder = create_run_folder(out)
     named = {"design" if len(designs) == 1 else name: lift for name, lift in designs.items()}
-    compare_in(folder, scene, named, {}, accuracy_named(accuracy))
+    compare_in(folder, scene, named, {}, effort, BASELINES[baselines](scene))
     return folder
 
 
-def baselines(scene: Scene) -> dict[str, Lift]:
-    """The cams of the literature that a design is compared with, by name."""
-    return {"polydyne": polydyne(scene)}
+def plain_baselines(scene: Scene) -> dict[str, Lift | str]:
+    """Polydyne, Multi-Pol and New Design by name; a sentence where a family has no member."""
+    cams: dict[str, Lift | str] = {"polydyne": _member(lambda: polydyne(scene))}
+    for name in SECTIONED:
+        cams[name] = _member(lambda name=name: read_cam(name, scene))
+        if _jerk_limited(scene):
+            cams[name + NO_JERK] = _member(lambda name=name: read_cam(f"{name}:jerk=no", scene))
+    return cams
+
+
+def best_baselines(scene: Scene) -> dict[str, Lift | str]:
+    """Every family's largest area within the scene's bounce limit, by name; where none holds it, the least bounce."""
+    from camopt.optimize.baselines import largest_area_member
+
+    limit = None if scene.design is None else scene.design.bounce_max_mm
+    cams: dict[str, Lift | str] = {}
+    for jerk in (True, False) if _jerk_limited(scene) else (True,):
+        for name in FAMILIES:
+            cams[name + ("" if jerk else NO_JERK)] = _member(
+                lambda name=name, jerk=jerk: largest_area_member(scene, name, jerk, limit, progress=True).lift
+            )
+    return cams
+
+
+BASELINES = {"plain": plain_baselines, "best": best_baselines}
+
+
+def _jerk_limited(scene: Scene) -> bool:
+    return scene.design is not None and scene.design.jerk_max_mm_per_deg3 is not None
+
+
+def _member(design: Callable[[], Lift]) -> Lift | str:
+    """A family's member, or why the scene has none: the comparison says so and goes on with the others."""
+    try:
+        return design()
+    except InputError as error:
+        return str(error)
 
 
 def compare_in(
-    folder: Path, scene: Scene, designs: dict[str, Lift], verdicts: dict[str, Verdict], effort: Accuracy
+    folder: Path,
+    scene: Scene,
+    designs: dict[str, Lift],
+    verdicts: dict[str, Verdict],
+    effort: Accuracy,
+    baselines: Mapping[str, Lift | str] | None = None,
 ) -> None:
-    """comparison.csv and figures into a folder; cams with a verdict at the listed speeds are not verified again."""
-    cams = designs | baselines(scene)
+    """comparison.csv and figures into a folder; cams with a verdict at the listed speeds are not verified again.
+
+    `baselines` as `plain_baselines`, which is the default, gives them; one that has no member gets a row that says why.
+    """
+    baselines = plain_baselines(scene) if baselines is None else baselines
+    cams = designs | {name: lift for name, lift in baselines.items() if not isinstance(lift, str)}
     rows: list[dict] = []
     for name, lift in cams.items():
         verdict = verdicts.get(name) or verify(
-            scene, lift, None, EFFORTS["draft"].methods, None, effort.verdict.tolerance_um
+            scene, lift, None, EFFORTS["draft"].methods, None, effort.verdict.tolerance_um, HALVINGS
         )
         rows += comparison_rows(scene, name, lift, verdict)
+    rows += [_without_member(name, why, rows[0]) for name, why in baselines.items() if isinstance(why, str)]
     write_csv(folder / "comparison.csv", {key: [row[key] for row in rows] for key in rows[0]})
-    draw(folder, scene, cams)
+    draw(folder, scene, {name: lift for name, lift in cams.items() if not name.endswith(NO_JERK)})
+
+
+def _without_member(name: str, why: str, like: dict) -> dict:
+    limits = "no-jerk" if name.endswith(NO_JERK) else "all"
+    named = {"cam": name, "limits": limits, "verdict": "rejected", "broken": why}
+    return dict.fromkeys(like) | named
 
 
 def comparison_rows(scene: Scene, name: str, lift: Lift, verdict: Verdict) -> list[dict]:
@@ -79,13 +145,15 @@ def comparison_rows(scene: Scene, name: str, lift: Lift, verdict: Verdict) -> li
     low, high = (a / MM * DEG**2 for a in lift.extremes(2, -half, half))
     jerk = float(np.abs(lift.extremes(3, -half, half)).max()) / MM * DEG**3
     shape = broken_by_shape(lift, design)
+    limits = "no-jerk" if "jerk_max_mm_per_deg3" in shape else "all"
+    shape = [name for name in shape if name != "jerk_max_mm_per_deg3"]  # no limit in the table it is in
     rows = []
     for found in verdict.speeds:
         figures = found.as_dict()
         rows.append(
             {
                 "cam": name,
-                "limits": "no-jerk" if "jerk_max_mm_per_deg3" in shape else "all",
+                "limits": limits,
                 "speed_rpm": found.speed_rpm,
                 "area_ratio": lift.area_ratio(design.max_lift_mm * MM),
                 "acceleration_max_mm_per_deg2": high,

@@ -1,15 +1,24 @@
 """The experiment on the cam families at its small size."""
 
 import json
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+from camopt.cam.families.multi_pol import multi_pol
+from camopt.cam.families.new_design import new_design
+from camopt.cam.lift import Lift
+from camopt.scene import load_scene
 from experiments import cam_families
+from experiments.cam_families_table import markdown, orders_of_continuity
+
+README = Path(__file__).parents[2] / "README.md"
+STORED = json.loads((cam_families.RESULTS / "cam_families.json").read_text())["cams"]
 
 
-def test_small_size(tmp_path, monkeypatch):
-    monkeypatch.setattr(cam_families, "RESULTS", tmp_path)
-    cam_families.main("small")
+def test_small_size(tmp_path, capsys):
+    cam_families.main("small", tmp_path)
     rows = json.loads((tmp_path / "cam_families-small.json").read_text())["cams"]
     assert {(r["cam"], r["limits"]) for r in rows} == {
         (cam, limits) for cam in cam_families.SMALL for limits in ("Table 4", "kodama")
@@ -22,4 +31,41 @@ def test_small_size(tmp_path, monkeypatch):
     assert polydyne["ramp_step_jerk_mm_per_deg3"] == pytest.approx(0.00323, abs=1e-5)
     assert trapezoid["section_step_jerk_mm_per_deg3"] == pytest.approx(trapezoid["jerk_max_mm_per_deg3"])
     assert trapezoid["broken"] == []
+    assert [b["speed_rpm"] for b in trapezoid["bounce"]] == [5000.0]
+    assert "`trapezoid`" in capsys.readouterr().out
     assert (tmp_path / "cam_families-small.png").stat().st_size > 10_000
+
+
+def test_readme_has_the_stored_table():
+    assert "\n".join(markdown(STORED)) in README.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("cam", "reached"), [("multi-pol", 0.636), ("new-design", 0.635), ("new-design:start_ratio=0", 0.612)]
+)
+def test_stored_members_reach_the_literature(cam, reached):
+    (row,) = [r for r in STORED if r["cam"] == cam and r["limits"] == "Table 4"]
+    assert row["area_ratio"] >= reached - 0.002
+    assert row["acceleration_max_mm_per_deg2"] <= 0.015
+    assert row["acceleration_min_mm_per_deg2"] >= -0.008
+    assert min(row["parameters"]["sections_deg"]) >= 2 - 1e-9
+    assert [b["speed_rpm"] for b in row["bounce"]] == [5000, 6000, 6500, 7000]
+
+
+class TestContinuity:
+    def test_multi_pol(self):
+        lift = multi_pol(load_scene("kodama"), (7.5, 11.5, 7.5, 22.7, 22.8), a12=0.0114, j34=-0.00175, j45=-0.00014)
+        assert orders_of_continuity(lift) == {"ramp": [2], "sections": [3, 3, 3, 3], "nose": [4]}
+
+    @pytest.mark.parametrize(("ratio", "ramp", "first"), [(0.95, 1, 2), (0.0, 3, 2), (1.0, 1, 3)])
+    def test_new_design(self, ratio, ramp, first):
+        lift = new_design(load_scene("kodama"), (15.8, 9.9, 11.0, 35.3), a12=0.0125, j34=0.00044, start_ratio=ratio)
+        assert orders_of_continuity(lift) == {"ramp": [ramp], "sections": [first, 3, 3], "nose": [4]}
+
+    def test_a_small_step_is_seen(self):
+        whole = multi_pol(load_scene("kodama"), (7.5, 11.5, 7.5, 22.7, 22.8), a12=0.0114, j34=-0.00175, j45=-0.00014)
+        nose = int(np.argmin(np.abs(whole.borders)))
+        pieces = whole.coefficients.copy()
+        pieces[nose, 1] += 1e-5 * np.abs(whole.extremes(1)).max()
+        stepped = Lift(whole.borders, pieces, whole.half_duration, "", whole.parameters)
+        assert orders_of_continuity(stepped)["nose"] == [0]

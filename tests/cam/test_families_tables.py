@@ -9,6 +9,7 @@ from camopt.cam.families.multi_pol import TABLE_1, multi_pol
 from camopt.cam.families.new_design import new_design, table_2
 from camopt.cam.families.sections import QUANTITIES, U
 from camopt.cam.lift import Lift
+from camopt.cam.read import read_cam
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import DEG, MM, MM_PER_DEG
 
@@ -41,7 +42,9 @@ def printed(text: str) -> list[list]:
 
 
 def assert_conditions(lift: Lift, text: str, ratio: float = 1.0) -> None:
-    """Every condition of a printed table on both flanks of a cam, to 1e-10 of the largest value of its derivative."""
+    """Every condition of a printed table on both flanks of a cam, to 1e-10 of the largest value of its derivative, and
+    the end lift, which both tables leave out."""
+    assert float(lift(0.0)) == pytest.approx(9.4 * MM, rel=1e-10)
     borders = -HALF_DEG + np.concatenate([[0.0], np.cumsum(lift.parameters["sections_deg"])])
     for k, (name, cells) in enumerate(
         (q, [row[2 * i : 2 * i + 2] for row in printed(text)]) for i, q in enumerate(QUANTITIES)
@@ -127,6 +130,19 @@ class TestConditions:
         assert lift.coefficients[piece, 5:] == pytest.approx(0.0)
         end = np.polynomial.Polynomial(lift.coefficients[piece]).deriv(3)(9.9 * DEG)
         assert end == pytest.approx(-2 * 0.0125 * MM / DEG**3 / 9.9, rel=1e-10)  # a result of the quartic
+
+    @pytest.mark.parametrize(
+        ("reading", "text", "ratio"),
+        [
+            ("start_ratio=0.7,quintic=yes,j23_mm_per_deg3=-0.002", PRINTED_2, 0.7),
+            ("start_ratio=0,quintic=yes,j23_mm_per_deg3=-0.002", PRINTED_2, 0.0),
+            ("start_ratio=0,quintic=no", PRINTED_2.replace("0     0    j23", "0     0    U"), 0.0),
+            ("", PRINTED_2.replace("0     0    j23", "0     0    U"), 0.95),
+        ],
+    )
+    def test_readings_of_table_2_are_chosen_on_the_command_line(self, reading, text, ratio):
+        levels = "sections_deg=15.8/9.9/11/35.3,a12_mm_per_deg2=0.0125,j34_mm_per_deg3=0.00044"
+        assert_conditions(read_cam(f"new-design:{levels},{reading}".rstrip(","), KODAMA), text, ratio)
 
     def test_a_wrong_level_is_noticed(self):
         lift = multi_pol(KODAMA, **MULTI_POL)

@@ -11,6 +11,7 @@ import pytest
 from camopt.cam.design_file import read_design
 from camopt.cam.ramps import scene_ramps
 from camopt.exact import prepare
+from camopt.optimize import comparison
 from camopt.optimize import run as module
 from camopt.optimize.accuracy import ACCURACIES, design_speeds
 from camopt.optimize.judge import Judge
@@ -24,9 +25,16 @@ from camopt.verify.sweep import at_speeds
 DELIVERED = Path(__file__).parents[1] / "data" / "kodama-design.json"  # camopt optimize kodama
 
 
+@pytest.fixture(scope="module", autouse=True)
+def few_baselines():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(comparison, "SECTIONED", ())
+        yield
+
+
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory):
-    """A run without gradients."""
+    """A run without gradients, compared with Polydyne alone: the others are tested in test_comparison.py."""
     folder = tmp_path_factory.mktemp("runs") / "plain"
     return optimize(load_scene("motori-1"), "nominal", "draft", "none", folder)
 

@@ -175,7 +175,7 @@ def best_angles(
         raise InputError(f"{table.family}: {count} sections of at least {SHORTEST / DEG:g} deg need a longer duration")
 
     def flank_program(shares: np.ndarray, parts: int) -> Program:
-        return program(table, flank(table, _angles(shares, half)), design, ramp, jerk, parts)
+        return program(table, flank(table, section_angles(shares, half)), design, ramp, jerk, parts)
 
     def cost(shares: np.ndarray) -> float:
         linear = flank_program(shares, COARSE)
@@ -184,7 +184,7 @@ def best_angles(
 
     first = qmc.Sobol(count - 1, scramble=False).random(POPULATION)
     for i, start in enumerate(starts):
-        first[i] = _shares(np.array(start) * half, half)
+        first[i] = angle_shares(np.array(start) * half, half)
     found = differential_evolution(
         cost,
         [(0.0, 1.0)] * (count - 1),
@@ -195,7 +195,7 @@ def best_angles(
         rng=np.random.default_rng(seed),
     )
     z, _ = solved(flank_program(found.x, FINE), table.family, [None] * len(table.levels))
-    return _angles(_polished(flank_program, found.x, z), half)
+    return section_angles(_polished(flank_program, found.x, z), half)
 
 
 def _polished(flank_program: Callable[[np.ndarray, int], Program], shares: np.ndarray, z: np.ndarray) -> np.ndarray:
@@ -223,7 +223,7 @@ def _polished(flank_program: Callable[[np.ndarray, int], Program], shares: np.nd
     return np.clip(result.x[:count], 0.0, 1.0) if result.success else shares
 
 
-def _angles(shares: np.ndarray, half: float) -> np.ndarray:
+def section_angles(shares: np.ndarray, half: float) -> np.ndarray:
     """Section angles [rad]: each share (count - 1) cuts its part off what the sections before it have left."""
     rest = half - (len(shares) + 1) * SHORTEST
     angles = []
@@ -233,7 +233,7 @@ def _angles(shares: np.ndarray, half: float) -> np.ndarray:
     return np.array([*angles, SHORTEST + rest])
 
 
-def _shares(angles: np.ndarray, half: float) -> np.ndarray:
+def angle_shares(angles: np.ndarray, half: float) -> np.ndarray:
     """Inverse of `_angles`, clipped to what it can reach."""
     rest, shares = half - len(angles) * SHORTEST, []
     for angle in angles[:-1]:

@@ -54,10 +54,14 @@ def member(
         x = closed(table, one, x, design.max_lift_mm * MM, open_levels)
     else:
         x = _largest(table, one, design, ramp, jerk, si)
-    shown = {
-        f"{n}_mm_per_deg{k}": v for n, k, v in zip(table.levels, table.orders(), x[2:] / table.units(), strict=True)
-    }
-    parameters = {"sections_deg": (angles / DEG).tolist(), **{n: float(v) for n, v in shown.items()}, **parameters}
+    return cam_of(table, one, angles, x, ramp, **parameters)
+
+
+def cam_of(table: SectionTable, one: Flank, angles: np.ndarray, x: np.ndarray, ramp: Ramp, **parameters) -> Lift:
+    """The cam of levels x (n) on a flank of section angles [rad], with both among its parameters."""
+    names = [f"{n}_mm_per_deg{k}" for n, k in zip(table.levels, table.orders(), strict=True)]
+    levels = dict(zip(names, (x[2:] / table.units()).tolist(), strict=True))
+    parameters = {"sections_deg": (angles / DEG).tolist(), **levels, **parameters}
     return one.lift(x, ramp, table.family, parameters)
 
 
