@@ -20,6 +20,8 @@ _PUBLIC = {
     "modes": "camopt.study.modes",
     "area_bound": "camopt.optimize.summary",
     "compare": "camopt.optimize.comparison",
+    "pareto": "camopt.study.pareto",
+    "joint_spring": "camopt.study.pareto",
 }
 _CALLABLE_PACKAGES = ("optimize", "verify")
 

@@ -66,6 +66,7 @@ class Margins:
 class SpeedRows:
     """Forces at one speed: force = offset + matrix @ z [N] of `element` at `angle` [rad], row by row; kind as above."""
 
+    train: Train
     cam_speed: float
     angles: Angles
     matrix: np.ndarray  # (r, m)
@@ -98,7 +99,7 @@ def speed_rows(train: Train, design: Design, samples: CamSamples, cam_speed: flo
     force = np.concatenate([p[0] for p in parts])
     kind, angle = (np.concatenate([p[i] for p in parts]) for i in (1, 3))
     element = np.concatenate([np.full(len(p[1]), p[2]) for p in parts])
-    return SpeedRows(cam_speed, angles, np.ascontiguousarray(force[:, 1:]), force[:, 0], kind, element, angle)
+    return SpeedRows(train, cam_speed, angles, np.ascontiguousarray(force[:, 1:]), force[:, 0], kind, element, angle)
 
 
 @dataclass(frozen=True)
@@ -230,15 +231,19 @@ class NoJumpProgram:
             needed,
         )
 
-    def extended(self, speeds: Sequence[float] | np.ndarray, angles: Sequence[Angles] | None = None) -> "NoJumpProgram":
-        """This program with further cam speeds [rad/s], at the angles given or at those of static load transfer."""
-        more = _blocks(self.train, self.design, self.cam, speeds, angles, self.window)
+    def extended(self, speeds: Sequence[float] | np.ndarray, train: Train | None = None) -> "NoJumpProgram":
+        """This program with further cam speeds [rad/s] at the angles of static load transfer.
+
+        With `train`, a perturbed one (its spring, its lash), the same cam must hold contact in that one too.
+        """
+        more = _blocks(train or self.train, self.design, self.cam, speeds, None, self.window)
         return replace(self, blocks=self.blocks + more)
 
     def relocated(self, angles: Sequence[Angles]) -> "NoJumpProgram":
-        """The same program at other switching angles, one per speed."""
-        blocks = _blocks(self.train, self.design, self.cam, self.speeds, angles, self.window)
-        return replace(self, blocks=blocks)
+        """The same program at other switching angles, one per block."""
+        pairs = zip(self.blocks, angles, strict=True)
+        blocks = [_blocks(b.train, self.design, self.cam, [b.cam_speed], [a], self.window)[0] for b, a in pairs]
+        return replace(self, blocks=tuple(blocks))
 
 
 def no_jump_program(

@@ -15,7 +15,7 @@ from scipy.interpolate import PPoly
 from camopt.cam.families.free import FreeCam, free_cam
 from camopt.optimize.bound import INTERVALS, Certificate, Further, control_is_limited, piecewise_sum
 from camopt.optimize.bound_program import Discretised, equal_grid
-from camopt.optimize.no_jump import PEAK, SEAT, Margins, NoJumpProgram, SpeedRows, no_jump_program, speed_rows
+from camopt.optimize.no_jump import PEAK, SEAT, Margins, NoJumpProgram, SpeedRows, speed_rows
 from camopt.optimize.periodic import exact_steps, incidence, sample_cam, velocity_scale
 from camopt.scene.units import DEG, MM
 
@@ -62,7 +62,7 @@ def no_jump_bound(program: NoJumpProgram, margins: Margins, knot_deg: float = KN
     angles = [block.angles for block in program.blocks]
     cam = free_cam(design, knot_deg)
     capped = design.model_copy(update={"reach_max_lift": False})  # a cap bounds what must be reached, too
-    fine = no_jump_program(program.train, capped, cam, program.speeds, angles, program.window)
+    fine = replace(program, design=capped, cam=cam).relocated(angles)
     found = fine.solve(margins)
     full = design.max_lift_mm * MM * design.duration_deg * DEG
     force = found.optimum.duals[len(fine.limits.bound) :] * full
@@ -80,7 +80,7 @@ def force_terms(program: NoJumpProgram, margins: np.ndarray, multipliers: np.nda
     for i, block in enumerate(program.blocks):
         signed = np.where(block.kind == PEAK, -1.0, 1.0) * multipliers[program.speed == i]
         without = speed_rows(
-            program.train, program.design, sample_cam(line, block.angles), block.cam_speed, block.angles, program.window
+            block.train, program.design, sample_cam(line, block.angles), block.cam_speed, block.angles, program.window
         )
         peak = program.design.contact_force_max_N or 0.0
         level = np.where(block.kind == PEAK, peak, margins[np.minimum(block.kind, SEAT), i])
@@ -93,7 +93,7 @@ def force_terms(program: NoJumpProgram, margins: np.ndarray, multipliers: np.nda
 
 def _kernel(program: NoJumpProgram, line: FreeCam, block: SpeedRows, signed: np.ndarray) -> PPoly:
     """What a unit of control at s adds to the sum of `signed` times the forces of one speed, over the duration."""
-    train, speed = program.train, block.cam_speed
+    train, speed = block.train, block.cam_speed
     edges = sample_cam(line, block.angles, STEP).edges
     steps = exact_steps(train, edges, speed, block.angles)
     n2 = 2 * len(train.mass)

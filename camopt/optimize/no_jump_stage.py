@@ -9,6 +9,7 @@ from camopt.optimize.journal import Journal
 from camopt.optimize.judge import Judge, Judged
 from camopt.optimize.no_jump import Margins, NoCamHoldsContact, NoJumpOptimum, NoJumpProgram
 from camopt.optimize.relocate import relocate
+from camopt.optimize.robust import RobustJudge
 from camopt.scene.errors import InputError
 from camopt.scene.units import DEG, MM
 
@@ -24,7 +25,7 @@ BISECTIONS = 5
 class Search:
     """The state of a search: best confirmed cam, its journal, and a report of every step to `show`."""
 
-    judge: Judge
+    judge: Judge | RobustJudge
     journal: Journal
     show: Callable[[dict], None] = lambda line: None
     confirmed: list[NoJumpOptimum] = field(default_factory=list)  # each larger than the one before

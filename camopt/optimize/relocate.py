@@ -69,7 +69,7 @@ def relocate(program: NoJumpProgram, lift: Lift, revolutions: int = REVOLUTIONS)
     angles = []
     for block in program.blocks:
         try:
-            angles.append(located_angles(settled_revolution(program.train, lift, block.cam_speed, revolutions)))
+            angles.append(located_angles(settled_revolution(block.train, lift, block.cam_speed, revolutions)))
         except NoLoadTransfer:
             angles.append(block.angles)
     return program.relocated(angles)

@@ -2,7 +2,6 @@
 
 import platform
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -14,13 +13,12 @@ from camopt.cam.design_file import design_record
 from camopt.cam.families.free import free_cam
 from camopt.cam.lift import Lift
 from camopt.cam.tables import write_lift_table
-from camopt.optimize.accuracy import Accuracy, accuracy_named, design_speeds
+from camopt.optimize.accuracy import Accuracy, accuracy_named
 from camopt.optimize.bound import area_ratio_bound
 from camopt.optimize.journal import Journal
-from camopt.optimize.judge import Judge
 from camopt.optimize.kinematic import kinematic_optimum
-from camopt.optimize.no_jump import NoJumpOptimum, no_jump_program
-from camopt.optimize.no_jump_stage import Search, no_jump_stage
+from camopt.optimize.no_jump import NoJumpOptimum
+from camopt.optimize.search import find_cam
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 from camopt.scene.units import MM
@@ -77,7 +75,7 @@ def optimize(
     settings = {"speeds": speeds, "accuracy": accuracy, "gradient": gradient, "seed": seed}
     with _Progress(progress, effort, gradient) as shown:
         times = {"bound": time.perf_counter() - begun}
-        search, no_jump = _search(scene, speeds, effort, gradient, folder, shown.step, times)
+        search, no_jump = find_cam(scene, speeds, effort, gradient, Journal(folder), shown.step, times)
         shown.stage("verdict")
         started = time.perf_counter()
         chosen, verdict = _confirmed(scene, search.confirmed, speeds, effort)
@@ -100,29 +98,6 @@ def optimize(
     times |= {"comparison": time.perf_counter() - started, "total": time.perf_counter() - begun}
     write_json(folder / "provenance.json", _provenance(settings, times, search.judge.calls))
     return Run(folder, chosen.lift, verdict, record, 0 if verdict.verdict == "confirmed" else 3)
-
-
-def _search(
-    scene: Scene, speeds: str, effort: Accuracy, gradient: str, folder: Path, show: Callable, times: dict
-) -> tuple[Search, NoJumpOptimum]:
-    """The search's stages; returns it with the best cam that the linear program alone gave."""
-    started, design, operation = time.perf_counter(), scene.design, scene.operation
-    assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
-    cam = free_cam(design, effort.knot_deg)
-    program_speeds, judged_speeds = design_speeds(operation, speeds, effort)
-    program = no_jump_program(build_train(scene), design, cam, [scene.cam_speed(s) for s in program_speeds])
-    search = Search(Judge(scene, judged_speeds, effort.judge_stride if speeds == "band" else 1), Journal(folder), show)
-    program = no_jump_stage(search, program)
-    no_jump = search.best
-    assert no_jump is not None, "the stage raises where nothing is confirmed"
-    times["no_jump"] = time.perf_counter() - started
-    if gradient == "smooth":
-        from camopt.optimize.gradient import gradient_stage  # loads JAX
-
-        started = time.perf_counter()
-        gradient_stage(search, program, effort.gradient_steps)
-        times["gradient"] = time.perf_counter() - started
-    return search, no_jump
 
 
 def _confirmed(

@@ -1,0 +1,57 @@
+"""The search for a cam, without a run folder around it: no-jump program, then the gradient stage where asked."""
+
+import time
+from collections.abc import Callable, Mapping
+
+from camopt.cam.families.free import free_cam
+from camopt.optimize.accuracy import Accuracy, design_speeds
+from camopt.optimize.journal import Journal
+from camopt.optimize.judge import Judge
+from camopt.optimize.no_jump import NoJumpOptimum, no_jump_program
+from camopt.optimize.no_jump_stage import Search, no_jump_stage
+from camopt.optimize.robust import Perturbation, RobustJudge
+from camopt.scene.schema import Scene
+from camopt.scene.train import build_train
+
+
+def find_cam(
+    scene: Scene,
+    speeds: str,
+    effort: Accuracy,
+    gradient: str = "none",
+    journal: Journal | None = None,
+    show: Callable[[dict], None] = lambda line: None,
+    times: dict | None = None,
+    perturbations: Mapping[str, Perturbation] | None = None,
+) -> tuple[Search, NoJumpOptimum]:
+    """The cam of largest area that the event-exact judge confirms; with it the best that the linear program alone gave.
+
+    `speeds` "band" or "nominal"; `gradient` "none", or "smooth" for the gradient stage after the program; `times` [s]
+    takes what each stage took. With `perturbations` (by name) the limits on the motion must hold under each of them
+    too. Raises InputError where no cam is confirmed.
+    """
+    started, design, operation = time.perf_counter(), scene.design, scene.operation
+    assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
+    times = {} if times is None else times
+    cam = free_cam(design, effort.knot_deg)
+    program_speeds, judged_speeds = design_speeds(operation, speeds, effort)
+    cam_speeds = [scene.cam_speed(s) for s in program_speeds]
+    program = no_jump_program(build_train(scene), design, cam, cam_speeds)
+    judge = Judge(scene, judged_speeds, effort.judge_stride if speeds == "band" else 1)
+    if perturbations:
+        judge = RobustJudge(judge, perturbations)
+        for perturbed in perturbations.values():
+            if perturbed.scene is not scene:
+                program = program.extended(cam_speeds, build_train(perturbed.scene))
+    search = Search(judge, journal or Journal(None), show)
+    program = no_jump_stage(search, program)
+    no_jump = search.best
+    assert no_jump is not None, "the stage raises where nothing is confirmed"
+    times["no_jump"] = time.perf_counter() - started
+    if gradient == "smooth":
+        from camopt.optimize.gradient import gradient_stage  # loads JAX
+
+        started = time.perf_counter()
+        gradient_stage(search, program, effort.gradient_steps)
+        times["gradient"] = time.perf_counter() - started
+    return search, no_jump
