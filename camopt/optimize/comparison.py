@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from camopt.cam.design_file import write_design
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift, lift_table
 from camopt.cam.read import FAMILIES, read_cam
@@ -117,9 +118,14 @@ def compare_in(
     """comparison.csv and figures into a folder; cams with a verdict at the listed speeds are not verified again.
 
     `baselines` as `plain_baselines`, which is the default, gives them; one that has no member gets a row that says why.
+    The others are kept in the folder's `cams`, for the report and for `--cam`.
     """
     baselines = plain_baselines(scene) if baselines is None else baselines
     cams = designs | {name: lift for name, lift in baselines.items() if not isinstance(lift, str)}
+    assert scene.design is not None, "load_scene(..., need='design') guarantees it"
+    for name in cams.keys() - designs.keys():
+        (folder / "cams").mkdir(exist_ok=True)
+        write_design(folder / "cams" / f"{name}.json", cams[name], scene.design.max_lift_mm * MM)
     rows: list[dict] = []
     for name, lift in cams.items():
         verdict = verdicts.get(name) or verify(

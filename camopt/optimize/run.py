@@ -16,7 +16,7 @@ from camopt.cam.tables import write_lift_table
 from camopt.optimize.accuracy import Accuracy, accuracy_named
 from camopt.optimize.bound import area_ratio_bound
 from camopt.optimize.journal import Journal
-from camopt.optimize.kinematic import kinematic_optimum
+from camopt.optimize.kinematic import kinematic_optimum, limit_worth
 from camopt.optimize.no_jump import NoJumpOptimum
 from camopt.optimize.search import find_cam
 from camopt.scene.schema import Scene
@@ -66,9 +66,7 @@ def optimize(
     build_train(scene).require_linear(
         "the optimiser", "optimise a scene with linear laws and verify its cam on this one"
     )
-    kinematic_optimum(
-        design, free_cam(design, effort.knot_deg)
-    )  # contradictory limits end here, before a folder is made
+    kinematic = kinematic_optimum(design, free_cam(design, effort.knot_deg))  # contradictory limits end here
     certificate = area_ratio_bound(design)
     folder = create_run_folder(out or default_run_folder(scene.name), resume)
     write_text(folder / "scene.toml", tomli_w.dumps(scene.model_dump(exclude_none=True, exclude_defaults=True)))
@@ -87,6 +85,7 @@ def optimize(
         area_gap_percent=100 * (certificate.bound - chosen.area_ratio) / certificate.bound,
         area_ratio_no_jump=no_jump.area_ratio,
         gradient_gain=max(0.0, chosen.area_ratio - no_jump.area_ratio),
+        limit_worth=limit_worth(kinematic),
     )
     write_json(folder / "design.json", record)
     write_lift_table(folder / "lift.csv", chosen.lift)
