@@ -11,7 +11,7 @@ every other switching the field is continuous and the saltation matrix is the id
 import numba
 import numpy as np
 
-from camopt.exact.instants import accelerations, compression, state_at
+from camopt.exact.instants import compression, state_at
 from camopt.exact.integrals import integrals_back
 from camopt.exact.kernel import ORDER
 from camopt.exact.propagators import ACTING, NODES, SEPARATED
@@ -57,16 +57,19 @@ def short_series_back(motion, h, tau, g, term, push):
 
 
 @numba.njit(cache=True, nogil=True)
-def carry_back(s, slot, length, bar, out, work):
-    """out (2n + q) = cotangent at a start, by x, v and the lift's coefficients there, of `bar` (2n) `length` later."""
+def carry_back(nodes, motion, h, length, bar, out, work):
+    """out (2n + q) = cotangent at a start, by x, v and the lift's coefficients there, of `bar` (2n) `length` later.
+
+    `nodes` and `motion` are those of the contact state.
+    """
     g, term, push = work
-    n2, nodes = len(bar), s.tables.nodes[slot]
+    n2 = len(bar)
     node = min(max(int(length * NODES + 0.5), 0), len(nodes) - 1)
     rest, used = length - node / NODES, n2
     g[:n2] = bar
     if rest != 0.0:
         g[n2:] = 0.0
-        short_series_back(s.motion[slot], s.step, rest, g, term, push)
+        short_series_back(motion, h, rest, g, term, push)
         used = len(g)
     apply_transposed(nodes[node], g, used, len(g), out)
 
@@ -123,39 +126,57 @@ def switch_back(s, trace, seeds, k, bar, by_coefficients, by_element):
 
 
 @numba.njit(cache=True, nogil=True)
+def forces_back(laws, state, h, y, bar, share, by_mass, by_element):
+    """Adds share times the cotangent `bar` (2n + q) times the change of every acceleration by the parameters."""
+    mass, mass_damping, mass_force, a, b, _, cam_driven, stiffness, damping, preload, gap = laws
+    n = len(mass)
+    for m in range(n):  # -bar_v / mass * acceleration, the acceleration force by force
+        push = share * bar[n + m] / mass[m]
+        by_mass[0, m] -= push * (mass_force[m] - mass_damping[m] * y[n + m]) / mass[m]
+        by_mass[1, m] -= push * y[n + m]
+        by_mass[2, m] += push
+    for e in range(len(a)):
+        if state[e] != ACTING:
+            continue
+        d, rate, p, q = -gap[e], 0.0, a[e], b[e]
+        if p >= 0:
+            d, rate = d + y[p], rate + y[n + p]
+        if q >= 0:
+            d, rate = d - y[q], rate - y[n + q]
+        if cam_driven[e]:
+            d, rate = d + y[2 * n], rate + y[2 * n + 1] / h
+        force, push = preload[e] + stiffness[e] * d + damping[e] * rate, 0.0
+        if p >= 0:
+            pushed = share * bar[n + p] / mass[p]
+            push -= pushed
+            by_mass[0, p] += pushed * force / mass[p]
+        if q >= 0:
+            pushed = share * bar[n + q] / mass[q]
+            push += pushed
+            by_mass[0, q] -= pushed * force / mass[q]
+        by_element[0, e] += push * d
+        by_element[1, e] += push * rate
+        by_element[2, e] += push
+        by_element[3, e] -= push * stiffness[e]
+
+
+@numba.njit(cache=True, nogil=True)
 def parameters_back(s, trace, k, length, bar, linear, square, by_mass, by_element, work):
     """Adds the integral of cotangent times change of the forces, over the segment's start to `length`.
 
     `bar` (2n) is the cotangent there, `linear` and `square` those of the seat's integrals on the way.
     """
-    mass, mass_damping, mass_force, a, b, _, _, stiffness, damping, preload, _ = s.laws
-    n, slot, panels = len(mass), trace.slot[k], int(np.ceil(length))
+    slot, h, panels = trace.slot[k], s.step, int(np.ceil(length))
+    nodes, motion, laws, state = s.tables.nodes[slot], s.motion[slot], s.laws, s.states[slot]
     there = np.empty(trace.y.shape[1])
     for i in range(panels * len(POINTS)):
         at = (i // len(POINTS) + POINTS[i % len(POINTS)]) * length / panels
-        share = SHARES[i % len(POINTS)] * length / panels * s.step
+        share = SHARES[i % len(POINTS)] * length / panels * h
         y = state_at(s, trace, k, at)
-        carry_back(s, slot, length - at, bar, there, work)
+        carry_back(nodes, motion, h, length - at, bar, there, work)
         if linear != 0.0 or square != 0.0:
             integrals_back(s, slot, y, length - at, linear, square, there)
-        acceleration = accelerations(s, slot, y)
-        for m in range(n):
-            push = share * there[n + m] / mass[m]
-            by_mass[0, m] -= push * acceleration[m]
-            by_mass[1, m] -= push * y[n + m]
-            by_mass[2, m] += push
-        for e in range(len(a)):
-            if s.states[slot, e] != ACTING:
-                continue
-            push = -there[n + a[e]] / mass[a[e]] if a[e] >= 0 else 0.0
-            if b[e] >= 0:
-                push += there[n + b[e]] / mass[b[e]]
-            push *= share
-            d, rate = compression(s, e, y)
-            by_element[0, e] += push * d
-            by_element[1, e] += push * rate
-            by_element[2, e] += push
-            by_element[3, e] -= push * stiffness[e]
+        forces_back(laws, state, h, y, there, share, by_mass, by_element)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -169,6 +190,7 @@ def sweep(s, trace, seeds, bar, by_coefficients, by_mass, by_element):
     width = trace.y.shape[1]
     start, out = np.empty(width), np.empty(width)
     work = np.empty(width), np.empty(width), np.empty(s.motion.shape[2])
+    nodes, motion, h, cam_speed = s.tables.nodes, s.motion, s.step, s.cam[2]
     for k in range(len(trace.length) - 1, -1, -1):
         if trace.watch[k] >= 0:
             switch_back(s, trace, seeds, k, bar, by_coefficients, by_element)
@@ -177,7 +199,7 @@ def sweep(s, trace, seeds, bar, by_coefficients, by_mass, by_element):
         while i >= 0:
             seen, length = seeds.bar[i], seeds.length[i]
             if seen[n2] != 0.0 or seen[n2 + 1] != 0.0:
-                lift_point_back(seen[n2], seen[n2 + 1], trace.offset[k] + length * per_step, s.cam[2], piece)
+                lift_point_back(seen[n2], seen[n2 + 1], trace.offset[k] + length * per_step, cam_speed, piece)
             if length == trace.length[k]:
                 for j in range(n2):
                     bar[j] += seen[j]
@@ -185,7 +207,7 @@ def sweep(s, trace, seeds, bar, by_coefficients, by_mass, by_element):
                 for j in range(n2):
                     start[j] += seen[j]
             else:
-                carry_back(s, slot, length, seen[:n2], out, work)
+                carry_back(nodes[slot], motion[slot], h, length, seen[:n2], out, work)
                 for j in range(width):
                     start[j] += out[j]
                 if mechanical:
@@ -194,7 +216,7 @@ def sweep(s, trace, seeds, bar, by_coefficients, by_mass, by_element):
         if mechanical:
             length, linear, square = trace.length[k], seeds.integral[k], seeds.square[k]
             parameters_back(s, trace, k, length, bar, linear, square, by_mass, by_element, work)
-        carry_back(s, slot, trace.length[k], bar, out, work)
+        carry_back(nodes[slot], motion[slot], h, trace.length[k], bar, out, work)
         for j in range(width):
             start[j] += out[j]
         if seeds.integral[k] != 0.0 or seeds.square[k] != 0.0:

@@ -29,15 +29,15 @@ def state_at(s, trace, k, length):
 @numba.njit(cache=True, nogil=True)
 def compression(s, e, y):
     """(d, d') of element e: compression [m] and its rate [m/s]."""
-    laws, n = s.laws, len(s.laws[0])
-    d, rate = -laws[10][e], 0.0
-    if laws[3][e] >= 0:
-        d += y[laws[3][e]]
-        rate += y[n + laws[3][e]]
-    if laws[4][e] >= 0:
-        d -= y[laws[4][e]]
-        rate -= y[n + laws[4][e]]
-    if laws[6][e]:
+    mass, _, _, a, b, _, cam_driven, _, _, _, gap = s.laws
+    n, d, rate = len(mass), -gap[e], 0.0
+    if a[e] >= 0:
+        d += y[a[e]]
+        rate += y[n + a[e]]
+    if b[e] >= 0:
+        d -= y[b[e]]
+        rate -= y[n + b[e]]
+    if cam_driven[e]:
         d += y[2 * n]
         rate += y[2 * n + 1] / s.step
     return d, rate
@@ -94,7 +94,7 @@ def evaluate(w, t):
 def crest(w, sign, low, high):
     """(t, value, slope) of the largest sign * w in [low, high], and whether it is a crest inside."""
     best, at, steep, inside = -np.inf, low, 0.0, False
-    before, rise, t = 0.0, 0.0, low
+    rise, t = 0.0, low
     for i in range(LOOKS + 1):
         right = low + (high - low) * i / LOOKS
         value, slope, _ = evaluate(w, right)
@@ -106,7 +106,7 @@ def crest(w, sign, low, high):
             height = sign * evaluate(w, top)[0]
             if height >= best:
                 best, at, steep, inside = height, top, 0.0, True
-        before, rise, t = value, slope, right
+        rise, t = slope, right
     return at, best, steep, inside
 
 

@@ -250,7 +250,7 @@ def dynamic_area(s, trace, seeds, turn):
 
 @numba.njit(cache=True, nogil=True)
 def closed_integral(s, trace, seeds, turn):
-    """Integral of the squared seat's distance by angle, from the touch to the next opening foot, a border of the lift."""
+    """Integral of the squared seat's distance by angle from the touch to the next opening foot (a lift border)."""
     touched, opened = touch(s, trace, turn)
     if touched < 0:
         return (np.nan if opened else 0.0), NONE

@@ -10,7 +10,6 @@ import numpy as np
 from camopt.exact.kernel import DONE, revolve
 from camopt.exact.propagators import ACTING, NODES, SEPARATED, TERMS, Propagators, Tables, linear_system
 from camopt.exact.trace import later
-from camopt.scene.train import Train
 
 
 class Setting(NamedTuple):
@@ -37,7 +36,11 @@ class SlotTables:
         self._tables, self._lock = tables, Lock()
         self._keys = np.empty(0, dtype=np.int64)
         n, e, c = len(tables.train.mass), len(tables.train.a), tables.built.nodes.shape[2]
-        self._parts = np.empty((0, e), dtype=np.int64), np.empty((0, n, 2 * n + 2)), np.empty((0, tables.at_once + 1, c))
+        self._parts = (
+            np.empty((0, e), dtype=np.int64),
+            np.empty((0, n, 2 * n + 2)),
+            np.empty((0, tables.at_once + 1, c)),
+        )
 
     def for_tables(self, built: Tables) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(states, motion, integral) of `Setting` for at least the contact states in `built`."""
@@ -45,7 +48,8 @@ class SlotTables:
             if len(self._keys) < len(built.keys):
                 new = [self._of(built, slot) for slot in range(len(self._keys), len(built.keys))]
                 self._parts = tuple(  # type: ignore[assignment]
-                    np.concatenate([old, np.array(more)]) for old, more in zip(self._parts, zip(*new), strict=True)
+                    np.concatenate([old, np.array(more)])
+                    for old, more in zip(self._parts, zip(*new, strict=True), strict=True)
                 )
                 self._keys = built.keys
             return self._parts
@@ -80,9 +84,9 @@ def slot_tables(tables: Propagators) -> SlotTables:
 
 @numba.njit(cache=True, nogil=True)
 def follow(laws, cam, step, tables, state, revolutions, most, rows, trace):
-    """Whole revolutions from `state` (2n, changed in place) into the trace: (code, segments or missing key, switchings).
+    """Whole revolutions from `state` (2n, changed in place) into the trace.
 
-    `rows` is what `revolve` samples into: none here.
+    Returns (code, segments or missing key, switchings). `rows` is what `revolve` samples into: none here.
     """
     used, total = 0, 0
     for turn in range(revolutions):
