@@ -108,7 +108,8 @@ class TracedMotion:
         self.end = np.array(start, dtype=float)
         self.trace = _followed(laws, cam, step, tables, self.end, revolutions)
         sides = np.array(train.cam_side, dtype=np.int64)
-        numbers = train.valve, train.seat, sides, lift.half_duration, lift.opening_foot
+        foot = lift.opening_foot if np.any(lift.coefficients) else np.pi  # a flat lift never opens
+        numbers = train.valve, train.seat, sides, lift.half_duration, foot
         self.setting = Setting(laws, cam, step, tables.built, *slot_tables(tables).for_tables(tables.built), *numbers)
 
     def gradient(self, metrics: Sequence[str], revolution: int = 0, cotangent: np.ndarray | None = None) -> Gradient:
