@@ -16,9 +16,12 @@ from camopt.exact.integrals import integrals_back
 from camopt.exact.kernel import ORDER
 from camopt.exact.propagators import ACTING, NODES, SEPARATED
 
-POINTS = (np.polynomial.legendre.leggauss(5)[0] + 1) / 2
-"""Gauss points per step for the mechanical parameters: the product of state and cotangent turns by 3 rad at most."""
-SHARES = np.polynomial.legendre.leggauss(5)[1] / 2
+MOST_POINTS = 14
+"""Gauss points in one segment at most."""
+POINTS, SHARES = np.zeros((2, MOST_POINTS + 1, MOST_POINTS))
+for _n in range(1, MOST_POINTS + 1):
+    _x, _w = np.polynomial.legendre.leggauss(_n)
+    POINTS[_n, :_n], SHARES[_n, :_n] = (_x + 1) / 2, _w / 2
 
 
 @numba.njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
@@ -166,12 +169,12 @@ def parameters_back(s, trace, k, length, bar, linear, square, by_mass, by_elemen
 
     `bar` (2n) is the cotangent there, `linear` and `square` those of the seat's integrals on the way.
     """
-    slot, h, panels = trace.slot[k], s.step, int(np.ceil(length))
+    # the product of state and cotangent turns by 3 rad per step at most: so many points leave 1e-7 of the highest mode
+    slot, h, count = trace.slot[k], s.step, min(int(np.ceil(1.25 * length)) + 4, MOST_POINTS)
     nodes, motion, laws, state = s.tables.nodes[slot], s.motion[slot], s.laws, s.states[slot]
     there = np.empty(trace.y.shape[1])
-    for i in range(panels * len(POINTS)):
-        at = (i // len(POINTS) + POINTS[i % len(POINTS)]) * length / panels
-        share = SHARES[i % len(POINTS)] * length / panels * h
+    for i in range(count):
+        at, share = POINTS[count, i] * length, SHARES[count, i] * length * h
         y = state_at(s, trace, k, at)
         carry_back(nodes, motion, h, length - at, bar, there, work)
         if linear != 0.0 or square != 0.0:

@@ -174,6 +174,8 @@ def largest(s, trace, e, status, sign, low, high):
                 value, where, length, steep = top, k, i + t, slope
             elif inside:
                 second = max(second, top)
+    if where >= 0 and abs(length - trace.length[where]) < 1e-12:
+        length = trace.length[where]
     return value, where, length, steep, second
 
 

@@ -116,12 +116,12 @@ def bounce(s, trace, seeds, turn):
     if touched < 0:
         return (np.nan if opened else 0.0), NONE
     value, k, length, slope, second = largest(s, trace, s.seat, SEPARATED, 1.0, start, end)
-    if k < 0 or value <= 0.0:
+    at_start = k >= 0 and abs(trace.angle[k] + length * s.cam[2] * s.step - start) < 1e-12
+    if k < 0 or value <= 0.0 or (at_start and nominal < 0):  # at the touch the distance is zero but for rounding
         return 0.0, NONE
     unit = 1.0 / (s.laws[7][s.seat] * MM)  # the watch of an open contact is stiffness times separation
     seed_separation(s, seeds, k, length, s.seat, 1.0 / MM)
-    at = trace.angle[k] + length * s.cam[2] * s.step
-    if nominal >= 0 and abs(at - start) < 1e-12:
+    if at_start:
         seed_nominal(s, trace, seeds, k, length, slope * unit / s.step)
     else:
         seed_end(s, trace, seeds, k, length, slope * unit)

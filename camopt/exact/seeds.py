@@ -32,7 +32,9 @@ def empty_seeds(segments: int, observations: int, masses: int, elements: int) ->
         np.empty(observations, dtype=np.int64),
         np.empty(observations),
         np.empty((observations, 2 * masses + 2)),
-        *(np.zeros(segments) for _ in range(3)),
+        np.zeros(segments),
+        np.zeros(segments),
+        np.zeros(segments),
         np.zeros((4, elements)),
     )
 

@@ -47,9 +47,12 @@ class SlotTables:
         with self._lock:
             if len(self._keys) < len(built.keys):
                 new = [self._of(built, slot) for slot in range(len(self._keys), len(built.keys))]
-                self._parts = tuple(  # type: ignore[assignment]
-                    np.concatenate([old, np.array(more)])
-                    for old, more in zip(self._parts, zip(*new, strict=True), strict=True)
+                states, motion, integral = (np.array(part) for part in zip(*new, strict=True))
+                old = self._parts
+                self._parts = (
+                    np.concatenate([old[0], states]),
+                    np.concatenate([old[1], motion]),
+                    np.concatenate([old[2], integral]),
                 )
                 self._keys = built.keys
             return self._parts

@@ -29,7 +29,9 @@ def empty_trace(segments: int, width: int, looks: int) -> Trace:
         np.empty(segments + 1),
         np.empty(segments),
         np.empty(segments),
-        *(np.empty(segments, dtype=np.int64) for _ in range(3)),
+        np.empty(segments, dtype=np.int64),
+        np.empty(segments, dtype=np.int64),
+        np.empty(segments, dtype=np.int64),
         np.empty((segments + 1, width)),
         np.empty((segments, looks)),
     )

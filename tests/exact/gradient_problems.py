@@ -11,7 +11,7 @@ from camopt.cam.families.free import free_cam
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift, recentred
 from camopt.exact.gradient import rest_state
-from camopt.exact.motion import TracedMotion
+from camopt.exact.motion import ByTrain, Slopes, TracedMotion
 from camopt.scene import build_train, load_scene
 
 DESIGN = Path(__file__).parents[1] / "data" / "kodama-design.json"
@@ -28,6 +28,7 @@ def kodama():
 def cam_with_bumps(name: str, count: int) -> tuple[Lift, np.ndarray]:
     """A cam and `count` free-cam coefficients added to it, as changes (count, p, q) of its pieces per mm/deg^2."""
     scene, _ = kodama()
+    assert scene.design is not None
     base = polydyne(scene) if name == "polydyne" else read_design(DESIGN, scene)
     free = free_cam(scene.design, scene.design.duration_deg / (count + 1))
     z = np.zeros(free.Z.shape[1])
@@ -46,14 +47,20 @@ def moved(lift: Lift, change: np.ndarray) -> Lift:
     return replace(lift, coefficients=lift.coefficients + change)
 
 
+def by_train(slopes: Slopes) -> ByTrain:
+    assert slopes.by_train is not None
+    return slopes.by_train
+
+
 def from_rest(train, lift, cam_speed, metrics, held=None):
     """Values of metrics in the first revolution from rest, or from the state `held`."""
     return TracedMotion(train, lift, cam_speed, rest_state(train) if held is None else held).values(metrics)
 
 
 def differences(values, steps):
-    """Central differences of values(step) (l) at several steps: (len(steps), l)."""
-    return np.array([(values(h) - values(-h)) / (2 * h) for h in steps])
+    """Central differences of values(step) (l) at steps a decade apart, of second and, from two steps, fourth order."""
+    second = np.array([(values(h) - values(-h)) / (2 * h) for h in steps])
+    return np.concatenate([second, (100 * second[1:] - second[:-1]) / 99])
 
 
 def least_error(exact, reference):

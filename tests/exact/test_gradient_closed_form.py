@@ -15,7 +15,7 @@ from camopt.exact.gradient import (
 from camopt.exact.motion import TracedMotion
 from camopt.scene import build_train, parse_scene
 from camopt.scene.rest import rest_position
-from tests.exact.gradient_problems import cam_with_bumps, kodama
+from tests.exact.gradient_problems import by_train, cam_with_bumps, kodama
 from tests.exact.test_engine import SEAT_ONLY
 
 FLAT = Lift(np.array([-np.pi, np.pi]), np.zeros((1, 2)), 1.0)
@@ -46,9 +46,9 @@ def test_bouncing_ball_without_damping():
     assert motion.end == pytest.approx(end(height, k, GRAVITY), rel=1e-9)
     slopes = motion.pull_back(ends=np.eye(2))
     assert slopes.by_start[:, 0] == pytest.approx(slope(lambda a: end(a, k, GRAVITY), height), rel=1e-7)
-    assert slopes.by_train.stiffness[:, 1] == pytest.approx(slope(lambda a: end(height, a, GRAVITY), k), rel=1e-7)
+    assert by_train(slopes).stiffness[:, 1] == pytest.approx(slope(lambda a: end(height, a, GRAVITY), k), rel=1e-7)
     by_weight = slope(lambda a: end(height, k, a), GRAVITY)
-    assert -slopes.by_train.mass_force[:, 0] == pytest.approx(by_weight, rel=1e-7)
+    assert -by_train(slopes).mass_force[:, 0] == pytest.approx(by_weight, rel=1e-7)
 
 
 def test_damped_contact_reverses_a_fast_ball_by_its_coefficient_of_restitution():
@@ -76,8 +76,8 @@ def test_damped_contact_reverses_a_fast_ball_by_its_coefficient_of_restitution()
         wanted.append((end(*(at + step)) - end(*(at - step))) / (2 * step[i]))
     assert -slopes.by_start[:, 1] == pytest.approx(wanted[0], rel=1e-8)
     assert slopes.by_start[:, 0] == pytest.approx(wanted[1], rel=1e-8, abs=1e-8)
-    assert slopes.by_train.damping[:, 1] == pytest.approx(wanted[2], rel=1e-8)
-    assert slopes.by_train.stiffness[:, 1] == pytest.approx(wanted[3], rel=1e-8)
+    assert by_train(slopes).damping[:, 1] == pytest.approx(wanted[2], rel=1e-8)
+    assert by_train(slopes).stiffness[:, 1] == pytest.approx(wanted[3], rel=1e-8)
 
 
 TWO_BODIES = """
@@ -120,7 +120,7 @@ def test_two_bodies_collide_elastically():
     by_speeds = np.array([[(m1 - m2), 2 * m2], [2 * m1, (m2 - m1)]]) / total
     assert slopes.by_start[:, 2:] == pytest.approx(by_speeds, rel=1e-6)
     by_masses = np.array([[2 * m2, -2 * m1], [2 * m2, -2 * m1]]) * (u1 - u2) / total**2
-    assert slopes.by_train.mass == pytest.approx(by_masses, rel=1e-6)
+    assert by_train(slopes).mass == pytest.approx(by_masses, rel=1e-6)
 
 
 def test_rest_follows_the_train():
