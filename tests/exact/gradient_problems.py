@@ -58,9 +58,10 @@ def from_rest(train, lift, cam_speed, metrics, held=None):
 
 
 def differences(values, steps):
-    """Central differences of values(step) (l) at steps a decade apart, of second and, from two steps, fourth order."""
+    """Central differences of values(step) (l) at descending steps, of second and, from two steps, fourth order."""
     second = np.array([(values(h) - values(-h)) / (2 * h) for h in steps])
-    return np.concatenate([second, (100 * second[1:] - second[:-1]) / 99])
+    ratio = (np.asarray(steps)[:-1] / np.asarray(steps)[1:])[:, None] ** 2
+    return np.concatenate([second, (ratio * second[1:] - second[:-1]) / (ratio - 1)])
 
 
 def least_error(exact, reference):
