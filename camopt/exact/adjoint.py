@@ -3,7 +3,7 @@
 At a fixed time, a change of the state passes a segment by the exact propagator, so a cotangent goes back by its
 transpose. At a switching the vector field jumps only where a contact closes (its force sets in at damping * d'); a
 change of the switching time, -dm / d' with m the compression beyond the touch, then changes the state by the jump of
-the field (saltation; Hiskens and Pai 2000, Eq. (27), and earlier Aizerman and Gantmakher 1958). The jump is
+the field (saltation; Aizerman and Gantmakher 1958, Hiskens and Pai 2000). The jump is
 proportional to d', so their quotient, the damping over the masses, is regular however slow the contact closes. At
 every other switching the field is continuous and the saltation matrix is the identity.
 """
