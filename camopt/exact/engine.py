@@ -12,6 +12,7 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.exact.kernel import CHATTER, DONE, NEED_TABLES, revolve
 from camopt.exact.propagators import Propagators, default_step, propagators
+from camopt.exact.trace import empty_trace
 from camopt.scene.errors import MotionRefused
 from camopt.scene.response import Response
 from camopt.scene.train import Train
@@ -24,6 +25,7 @@ MOST_AT_ONCE = 8
 """Steps between two samples at most."""
 FEWEST_STEPS = 360
 """Steps per revolution at least, however slow the train."""
+NO_TRACE = empty_trace(0, 0, 0)
 
 
 def train_arrays(train: Train) -> tuple:
@@ -78,18 +80,23 @@ class EventExact:
         while code == NEED_TABLES:
             state[:] = start
             code, count, switchings = revolve(
-                self._laws, self._cam, self.step, tables.built, state, rows, MOST_SWITCHINGS
+                self._laws, self._cam, self.step, tables.built, state, rows, NO_TRACE, MOST_SWITCHINGS
             )
             if code == NEED_TABLES:
                 tables.build(count)
         if code != DONE:
-            chatter = f"contacts switch more than {MOST_SWITCHINGS} times"
-            raise MotionRefused(
-                f"event-exact at {self.cam_speed * 30 / np.pi:g} cam r/min: "
-                f"{chatter if code == CHATTER else 'the motion has no bound'} in one revolution "
-                f"({switchings} switchings): give the contacts damping, or check masses and stiffnesses"
-            )
+            raise refusal(code, self.cam_speed, switchings)
         return count, switchings
+
+
+def refusal(code: int, cam_speed: float, switchings: int) -> MotionRefused:
+    """The sentence for a revolution that the kernel could not finish."""
+    chatter = f"contacts switch more than {MOST_SWITCHINGS} times"
+    return MotionRefused(
+        f"event-exact at {cam_speed * 30 / np.pi:g} cam r/min: "
+        f"{chatter if code == CHATTER else 'the motion has no bound'} in one revolution "
+        f"({switchings} switchings): give the contacts damping, or check masses and stiffnesses"
+    )
 
 
 def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int | None = None) -> EventExact:

@@ -5,8 +5,9 @@ import numpy as np
 
 from camopt.exact.propagators import ACTING, COMPRESSED, NODES, SEPARATED, TERMS
 from camopt.exact.switching import SAMPLES, TICK, apply, first_suspect, next_switch
+from camopt.exact.trace import begin_segment, end_segment
 
-DONE, NEED_TABLES, CHATTER, NOT_FINITE = 0, 1, 2, 3
+DONE, NEED_TABLES, CHATTER, NOT_FINITE, TRACE_FULL = 0, 1, 2, 3, 4
 ORDER = 8
 """Highest power of the short series behind a node: its remainder is below 1e-17 of the motion."""
 
@@ -150,15 +151,17 @@ def record(rows, count, t, laws, status, y, h):
 
 
 @numba.njit(cache=True, nogil=True)
-def revolve(laws, cam, h, tables, state, rows, most):
+def revolve(laws, cam, h, tables, state, rows, trace, most):
     """One revolution from `state` (2n, changed in place); returns (code, samples or missing key, switchings).
 
-    With `rows` it is sampled at every span, switching and border; without (no rows), only the end is found. `most`
-    switchings are allowed. `cam` holds borders, coefficients and speed.
+    With `rows` it is sampled at every span, switching and border; without (no rows), only the end is found. With room
+    in `trace` every segment is written there and counted instead. `most` switchings are allowed. `cam` holds borders,
+    coefficients and speed.
     """
     borders, pieces, cam_speed = cam
     n2, q, contact = len(state), pieces.shape[1], laws[5]
     n, period, sampled, scale = n2 // 2, 2.0 * np.pi / cam_speed, len(rows) > 0, cam_speed * h
+    traced = len(trace.length) > 0
     steps = (tables.nodes.shape[1] - 1) // NODES
     span = steps * h
     status = np.zeros(len(contact), dtype=np.int64)
@@ -182,6 +185,12 @@ def revolve(laws, cam, h, tables, state, rows, most):
         end = max(t, min(target, border))
         which, watches = -1, tables.count[slot]
         apply(tables.span[slot], y, columns, n2 + q + 2 * watches * (steps + 1), out)
+        if traced:
+            if count >= len(trace.length):
+                return TRACE_FULL, count, switchings
+            angle, offset = t * cam_speed + borders[0], t * cam_speed + borders[0] - borders[piece]
+            begin_segment(trace, count, angle, offset, slot, piece, y, out[n2 + q :])
+        length = float(steps)
         whole = abs(end - t - span) < 2e-11 * h
         if whole and first_suspect(out, n2 + q, watches, steps) == steps:
             for i in range(columns):
@@ -197,6 +206,9 @@ def revolve(laws, cam, h, tables, state, rows, most):
             columns = n2 + lift_series(pieces[piece], 0.0, scale, y[n2:])
         elif not whole:
             lift_series(pieces[piece], t * cam_speed + borders[0] - borders[piece], scale, y[n2:])
+        if traced:
+            end_segment(trace, count, length, which, t * cam_speed + borders[0], y)
+            count += 1
         if sampled:
             if count + 2 >= len(rows):
                 return CHATTER, count, switchings

@@ -1,0 +1,183 @@
+"""The exact gradient against central differences of event-exact values, and its pieces against one another."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from camopt.exact import prepare
+from camopt.exact.gradient import rest_state, value_and_gradient, value_and_gradient_many
+from camopt.exact.metrics import METRICS
+from camopt.exact.motion import Samples, TracedMotion
+from camopt.scene import InputError
+from camopt.scene.response import end_state, joined
+from camopt.verify import measure
+from tests.exact.gradient_problems import by_train, cam_with_bumps, differences, from_rest, kodama, least_error, moved
+
+CASES = [("polydyne", 6500), ("design", 6000)]
+MORE = [(cam, rpm) for cam in ("polydyne", "design") for rpm in (5000, 6000, 6500)]
+COEFFICIENT_STEPS = 1e-5, 1e-6, 1e-7, 1e-8  # mm/deg^2, beside 0.015
+FLOORS = 1e-5, 1e-2, 1e-5, 1e-2, 10.0
+"""Smallest size of positions [m], velocities [m/s], lift, its velocity and forces [N] that samples are weighed by."""
+PARAMETER_STEPS = 10.0 ** np.arange(-2.5, -7.0, -0.5)  # relative
+
+
+def check_coefficients(cam, rpm):
+    scene, train = kodama()
+    lift, bumps = cam_with_bumps(cam, 20)
+    speed = scene.cam_speed(rpm)
+    found = value_and_gradient(train, lift, speed, METRICS)
+    exact = np.einsum("lpq,zpq->lz", found.by_coefficients, bumps)
+    reference = np.stack(
+        [
+            differences(lambda h, b=b: from_rest(train, moved(lift, h * b), speed, METRICS), COEFFICIENT_STEPS)
+            for b in bumps
+        ],
+        axis=-1,
+    )
+    for i, name in enumerate(METRICS):
+        if np.any(exact[i]):
+            assert least_error(exact[i], reference[:, i]) < 1e-6, name
+        else:  # a metric that stays zero, but for rounding over the step
+            assert np.abs(reference[:, i]).max() < 1e-6, name
+    return found
+
+
+@pytest.mark.parametrize(("cam", "rpm"), CASES)
+def test_by_cam_coefficients(cam, rpm):
+    found = check_coefficients(cam, rpm)
+    moving = [n for n, g in zip(METRICS, found.by_coefficients, strict=True) if np.any(g)]
+    assert len(moving) >= (8 if cam == "polydyne" else 5)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("cam", "rpm"), MORE)
+def test_by_cam_coefficients_at_every_speed(cam, rpm):
+    check_coefficients(cam, rpm)
+
+
+NAMES = "mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap"
+
+
+def check_parameters(cam, rpm, directions):
+    """Along `directions(count)` (d, count) in units of each parameter's value, the state at rest moving along."""
+    scene, train = kodama()
+    lift, _ = cam_with_bumps(cam, 20)
+    speed = scene.cam_speed(rpm)
+    found = value_and_gradient(train, lift, speed, METRICS, mechanical=True)
+    for name in NAMES:
+        value = getattr(train, name)
+        moves = directions(len(value)) * np.where(value != 0, np.abs(value), {"gap": 1e-4}.get(name, 10.0))
+        exact = getattr(by_train(found), name) @ moves.T
+
+        def values(h, move, name=name, value=value):
+            return from_rest(replace(train, **{name: value + h * move}), lift, speed, METRICS)
+
+        reference = np.stack(
+            [differences(lambda h, m=m: values(h, m), PARAMETER_STEPS) for m in moves],
+            axis=-1,
+        )
+        for i, metric in enumerate(METRICS):
+            if np.any(exact[i]):
+                assert least_error(exact[i], reference[:, i]) < 1e-5, (name, metric)
+            else:
+                assert np.abs(reference[:, i]).max() < 1e-6, (name, metric)
+
+
+def test_by_the_train():
+    check_parameters("polydyne", 6500, lambda count: np.cos(np.arange(count))[None])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("cam", "rpm"), MORE)
+def test_by_every_parameter_of_the_train(cam, rpm):
+    check_parameters(cam, rpm, np.eye)
+
+
+@pytest.mark.parametrize("metric", [m for m in METRICS if m != "contact_force_min_N"])
+def test_taylor_remainder_is_of_second_order(metric):
+    scene, train = kodama()
+    lift, bumps = cam_with_bumps("polydyne", 20)
+    speed, direction = scene.cam_speed(6000), np.tensordot(np.cos(np.arange(20.0)), bumps, 1)
+    start = rest_state(train)
+    found = value_and_gradient(train, lift, speed, [metric], start)
+    slope, steps = np.sum(found.by_coefficients * direction), np.array([2e-7, 1e-7, 5e-8, 2.5e-8])
+    rests = [
+        abs(from_rest(train, moved(lift, h * direction), speed, [metric], start) - found.values - h * slope)[0]
+        for h in steps
+    ]
+    slopes = np.diff(np.log(rests)) / np.diff(np.log(steps))
+    assert np.median(slopes) == pytest.approx(2.0, abs=0.1)
+
+
+def test_values_are_those_of_the_verifier():
+    scene, train = kodama()
+    lift, _ = cam_with_bumps("polydyne", 20)
+    speed = scene.cam_speed(6500)
+    first = prepare(train, lift, speed, 14400)(rest_state(train))
+    record = joined([first, prepare(train, lift, speed, 14400)(end_state(first))])
+    theirs = measure(record, lift)
+    names = [m for m in METRICS if m in theirs]
+    ours = TracedMotion(train, lift, speed, rest_state(train), 2).values(names)
+    for name, value in zip(names, ours, strict=True):
+        assert value == pytest.approx(theirs[name][0], rel=1e-5), name  # the verifier's parabola: 2e-6 of the force
+
+
+def test_one_sweep_of_a_cotangent_is_the_sum_of_the_single_ones():
+    scene, train = kodama()
+    lift, _ = cam_with_bumps("polydyne", 20)
+    motion = TracedMotion(train, lift, scene.cam_speed(6500), rest_state(train), mechanical=True)
+    weights = np.cos(np.arange(len(METRICS)))
+    single, together = motion.gradient(METRICS), motion.gradient(METRICS, cotangent=weights)
+    assert together.by_start[0] == pytest.approx(weights @ single.by_start, rel=1e-9)
+    for field in fields(by_train(single)):
+        expected = weights @ getattr(single.by_train, field.name)
+        assert getattr(together.by_train, field.name)[0] == pytest.approx(expected, rel=1e-8), field.name
+    expected = np.tensordot(weights, single.by_coefficients, 1)
+    assert np.abs(together.by_coefficients[0] - expected).max() < 1e-9 * np.abs(expected).max()
+
+
+def test_any_function_of_samples_and_of_the_end():
+    scene, train = kodama()
+    lift, bumps = cam_with_bumps("polydyne", 20)
+    speed, angles, random = scene.cam_speed(5000), np.linspace(-1.2, 3.0, 40), np.random.default_rng(2)
+    start, change = rest_state(train), np.tensordot(np.cos(np.arange(20.0)), bumps, 1)
+    motion = TracedMotion(train, lift, speed, start, mechanical=True)
+    scale = Samples(
+        *(
+            1.0 / np.maximum(np.abs(part).max(axis=0), floor)
+            for part, floor in zip(vars(motion.at(angles)).values(), FLOORS, strict=True)
+        )
+    )
+    bars = Samples(*(random.normal(size=(1, 40, *np.shape(s))) * s for s in vars(scale).values()))
+    ends = random.normal(size=(1, 20)) / np.repeat([1e-4, 1.0], 10)
+
+    def number(change, train=train):
+        moving = TracedMotion(train, moved(lift, change), speed, start)
+        parts = zip(vars(moving.at(angles)).values(), vars(bars).values(), strict=True)
+        return np.array([sum(np.sum(a * b[0]) for a, b in parts) + ends[0] @ moving.end])
+
+    slopes = motion.pull_back(angles, bars, ends)
+    exact = np.sum(slopes.by_coefficients[0] * change)
+    assert least_error(np.array([exact]), differences(lambda h: number(h * change), COEFFICIENT_STEPS)) < 1e-6
+    stiffer = differences(lambda h: number(0.0, replace(train, stiffness=train.stiffness * (1 + h))), PARAMETER_STEPS)
+    assert least_error(by_train(slopes).stiffness @ train.stiffness, stiffer) < 1e-5
+
+
+def test_many_motions_side_by_side_are_the_single_ones():
+    scene, train = kodama()
+    lifts = [cam_with_bumps(name, 20)[0] for name in ("polydyne", "design")]
+    speeds = [scene.cam_speed(rpm) for rpm in (6500, 5500)]
+    many = value_and_gradient_many(train, lifts, speeds, ["bounce_mm"])
+    for found, lift, speed in zip(many, lifts, speeds, strict=True):
+        single = value_and_gradient(train, lift, speed, ["bounce_mm"])
+        assert found is not None
+        assert np.array_equal(found.by_coefficients, single.by_coefficients)
+    first, second = (found.values[0] for found in many if found is not None)
+    assert first > 10 * second
+
+
+def test_an_unknown_metric_is_refused():
+    scene, train = kodama()
+    with pytest.raises(InputError, match="no exact gradient of noise"):
+        value_and_gradient(train, cam_with_bumps("design", 20)[0], scene.cam_speed(5000), ["noise"])
