@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from camopt.scene.rest import rest_position
 from camopt.scene.train import Train
 from camopt.smooth.contact import raw_force
 from camopt.smooth.laws import ElasticLaws, elastic_laws
@@ -113,21 +112,3 @@ def build_system(train: Train, dtype=jnp.float64) -> System:
     if train.laws is not None:
         values["stiffness"], laws = train.laws.coefficient, elastic_laws(train.laws, dtype)
     return System(**{k: jnp.asarray(v, dtype) for k, v in values.items()}, topology=topology, laws=laws)
-
-
-def rest_state(train: Train, system: System | None = None) -> jax.Array:
-    """State at rest on the base circle; differentiable in `system`, which by default is the train's own.
-
-    Rest and which contacts carry there come from the train (`camopt.scene.rest`); one Newton step on the balance of
-    those brings in the system: with the implicit function theorem's derivative, and exact where their laws are linear.
-    """
-    system = build_system(train) if system is None else system
-    x = rest_position(train)
-    closed = ~train.contact | (train.compression(x, 0.0) > train.touch_compression)
-    x, rows = jnp.asarray(x, system.mass.dtype), system.topology.incidence(len(x))[closed].astype(system.mass.dtype)
-    u, _ = system.compression(jnp.stack([x, jnp.zeros_like(x)]), 0.0, 0.0)
-    force, tangent = (q[closed] for q in jax.jvp(system.elastic, (u,), (jnp.ones_like(u),)))
-    matrix = rows.T @ (tangent[:, None] * rows)
-    scale = jnp.sqrt(jnp.diag(matrix))
-    x = x + jnp.linalg.solve(matrix / jnp.outer(scale, scale), (system.mass_force - rows.T @ force) / scale) / scale
-    return jnp.stack([x, jnp.zeros_like(x)])

@@ -11,7 +11,8 @@ from camopt.exact.engine import prepare as prepare_exact
 from camopt.scene import QUANTITIES
 from camopt.scene.response import end_state, joined
 from camopt.smooth.metrics import closing, revolution_metrics, soft_least
-from camopt.smooth.system import Motion, build_system, rest_state
+from camopt.smooth.rest import rest_state
+from camopt.smooth.system import Motion, build_system
 from camopt.verify.metrics import measure
 from tests.smooth.trains import kodama
 
