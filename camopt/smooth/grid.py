@@ -106,9 +106,8 @@ def _until_arrival(attempt, begin: Progress, end, chunks: int):
 
 def _surfaces(system: System, y, lift, lift_dt, eps, ramp: str):
     """Compression beyond the touch [m] and force before clipping [N] of the contacts."""
-    contacts = np.flatnonzero(system.topology.contact)
     u, u_dt = system.compression(y, lift, lift_dt)
-    return u[contacts], system.raw_force(u, u_dt, eps, ramp)[contacts]
+    return u[system.topology.contacts], system.raw_force(u, u_dt, eps, ramp)
 
 
 def contact_limit(start, stop, h, eps, clip_step, ramp: str) -> jax.Array:
