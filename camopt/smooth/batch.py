@@ -25,7 +25,7 @@ def stage_lifts(lift: Lift, steps: int) -> np.ndarray:
 
     Linear in the lift: for lifts L0 + sum_j z_j B_j they are those of L0 plus z against those of the B_j.
     """
-    theta = np.asarray(stage_angles(equal_grid(steps)))
+    theta = np.asarray(stage_angles(jnp.asarray(equal_grid(steps))))
     return np.stack([lift(theta), lift(theta, 1)])
 
 
