@@ -95,7 +95,7 @@ def _optimize(command: Command) -> None:
     c.add_argument("--speeds", choices=("band", "nominal"), default="band", help="speeds the cam must hold at (band)")
     c.add_argument("--accuracy", choices=ACCURACIES, default="standard", help="speed against accuracy (standard)")
     c.add_argument(
-        "--gradient", choices=("smooth", "none"), default="smooth", help="gradients of the dynamics (smooth)"
+        "--gradient", choices=("smooth", "exact", "none"), default="smooth", help="gradients of the dynamics (smooth)"
     )
     c.add_argument("--out", metavar="DIR", help="run folder, refused if it exists (runs/<scene>-<UTC time>)")
     c.add_argument("--seed", type=_seed, default=0, metavar="N", help="seed of the searches (0)")

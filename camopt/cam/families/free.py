@@ -96,6 +96,12 @@ class FreeCam:
         parameters = {"knot_deg": self.knot_deg, "coefficients_mm_per_deg2": x.tolist()}
         return with_ramps(self.breaks, pieces, self.opening, self.closing, "free", parameters)
 
+    def piece_basis(self) -> tuple[np.ndarray, np.ndarray]:
+        """Matrix (p, q, m) and offset (p, q) [m/rad^k]: the pieces of `lift(z)` are matrix @ z + offset."""
+        size = self.Z.shape[1]
+        offset = self.lift(np.zeros(size)).coefficients
+        return np.stack([self.lift(unit).coefficients - offset for unit in np.eye(size)], axis=-1), offset
+
     def basis(self, theta, order: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Matrix (k, n) and offset (k) with lift^(order)(theta) = matrix @ x + offset [m/rad^order].
 
