@@ -35,7 +35,8 @@ def angles_deg(step_deg: float) -> np.ndarray:
 def write_rounded_table(path: str | Path, lift: Lift, step_deg: float, digits: int, rocker_ratio: float = 1.0) -> None:
     """Writes cam_angle_deg, lift_mm (at the valve) and, with a rocker ratio other than 1, tappet_lift_mm.
 
-    Lifts carry `digits` decimals: at the table's angles what is read back differs by at most half a unit of the last.
+    Lifts carry `digits` decimals: at the table's angles what is read back differs by at most half a unit of the last;
+    between them the interpolation of rounded lifts adds up to a third of a unit where the step is 0.1 deg.
     """
     degrees = angles_deg(step_deg)
     height = lift(degrees * DEG) / MM

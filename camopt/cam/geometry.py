@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camopt.cam.lift import Lift
+from camopt.cam.lift import Lift, mirrored_pieces
 from camopt.scene import InputError
 from camopt.scene.schema import Geometry
 from camopt.scene.units import DEG, MM
@@ -141,17 +141,9 @@ def crossing(lift: Lift, height: float) -> tuple[float, float]:
         raise InputError(
             f"duration: {height / MM:g} mm is not below the maximum lift, {lift.max_lift / MM:g} mm, and above zero"
         )
-    mirror = Lift(-lift.borders[::-1], _mirrored(lift), lift.half_duration)
+    pieces = mirrored_pieces(lift.coefficients, np.diff(lift.borders))
+    mirror = Lift(-lift.borders[::-1], pieces, lift.half_duration)
     return -mirror.closing_angle(height), lift.closing_angle(height)
-
-
-def _mirrored(lift: Lift) -> np.ndarray:
-    """Coefficients of lift(-theta)."""
-    widths = np.diff(lift.borders)
-    pieces = zip(lift.coefficients[::-1], widths[::-1], strict=True)
-    count = lift.coefficients.shape[1]
-    flipped = [np.polynomial.Polynomial(c)(np.polynomial.Polynomial([w, -1.0])).coef for c, w in pieces]
-    return np.array([np.pad(c, (0, count - len(c))) for c in flipped])
 
 
 def _sampled(lift: Lift) -> tuple[np.ndarray, ...]:

@@ -86,8 +86,7 @@ def static_forces(train: Train, lift: np.ndarray) -> np.ndarray:
     forces = np.empty((len(lift), len(train.a)))
     for i, s in enumerate(lift):
         d = train.compression(rest_position(replace(train, gap=train.gap - train.cam_driven * s)), s)
-        linear = train.laws is None
-        force = train.preload + train.stiffness * d if linear else train.laws.force(d, train.preload)
+        force = train.preload + train.stiffness * d if train.laws is None else train.laws.force(d, train.preload)
         forces[i] = np.where(train.contact, np.maximum(force, 0.0), force)
     return forces
 
