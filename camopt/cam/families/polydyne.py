@@ -117,18 +117,19 @@ def event_pieces(
     wanted = xp.concatenate([flank_end, xp.asarray([rise])])
     scale = abs(system).max(axis=1)
     unknowns = xp.linalg.solve(system / scale[:, None], wanted / scale)
-    borders = xp.linspace(0.0, half, per_side + 1)
-    derivatives = xp.stack(
-        [
-            (
-                a * _power_derivatives(powers, borders / half, k)
-                + b * _power_derivatives(powers, borders / half, k + 2) / half**2
-            )
-            @ unknowns
-            / half**k
-            for k in range(MATCHED)
-        ]
-    ).T + ramp_height * np.eye(MATCHED)[0]
+    shares = np.linspace(0.0, 1.0, per_side + 1)  # constants: x^p has no derivative by x at 0 that JAX could take
+    borders = half * xp.asarray(shares)
+    derivatives = (
+        xp.stack(
+            [
+                (a * _power_derivatives(powers, shares, k) + b * _power_derivatives(powers, shares, k + 2) / half**2)
+                @ unknowns
+                / half**k
+                for k in range(MATCHED)
+            ]
+        ).T
+        + ramp_height * np.eye(MATCHED)[0]
+    )
     mirrored = derivatives[::-1] * (-1.0) ** np.arange(MATCHED)
     pieces = xp.concatenate([osculating_pieces(-borders[::-1], mirrored), osculating_pieces(borders, derivatives)])
     return xp.concatenate([-borders[:0:-1], borders]), pieces
