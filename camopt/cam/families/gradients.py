@@ -106,7 +106,9 @@ def _places(coefficients, widths, order: int) -> jax.Array:
     def newton(_, shares):
         slope, bend = (widths**k * _polynomial(coefficients, shares * widths, order + k) for k in (1, 2))
         step = jnp.where(bend < 0, -slope / jnp.where(bend < 0, bend, -1.0), 0.0)
-        return jnp.clip(shares + step, 0.0, 1.0)
+        moved = jnp.clip(shares + step, 0.0, 1.0)
+        now, then = (_polynomial(coefficients, at * widths, order) for at in (shares, moved))
+        return jnp.where(then > now, moved, shares)  # where slope and bend are both round-off a step leads astray
 
     return jax.lax.fori_loop(0, NEWTON_STEPS, newton, shares)
 
