@@ -202,7 +202,7 @@ class TestRiseFunctionsBetweenDwells:
         one = flank(TABLES[family], np.array([half]))
         x = closed(TABLES[family], one, np.zeros(3), rise, ("y_nose",))
         borders, coefficients = one.event(x)
-        u = np.linspace(0.0, half, 20_001)
+        u = np.linspace(0.0, half, 2001)
         piece = np.searchsorted(borders, u - half, side="right") - 1
         piece = np.minimum(piece, len(one.pieces) - 1)
         local = u - half - borders[piece]

@@ -125,11 +125,10 @@ def differentiable(scene: Scene, cam: Lift) -> DifferentiableCam:
     if cam.family == "free":
         return _free(scene, cam)
     design, ramp = symmetric_conditions(scene, cam.family)
-    height = cam.parameters.get("ramp_height_mm", design.ramp_height_mm)
     conditions = {
         "duration_deg": design.duration_deg,
         "max_lift_mm": design.max_lift_mm,
-        "ramp_height_mm": height,
+        "ramp_height_mm": cam.parameters.get("ramp_height_mm", design.ramp_height_mm),
         "ramp_velocity_mm_per_deg": design.ramp_velocity_mm_per_deg,
     }
     if cam.family in ("polydyne", "exponent"):
@@ -142,7 +141,9 @@ def differentiable(scene: Scene, cam: Lift) -> DifferentiableCam:
 
     def pieces(p: Parameters) -> tuple[Any, Any]:
         p = {name: jnp.asarray(value, dtype=float) for name, value in p.items()}
-        sides = Ramp(p["ramp_height_mm"] * MM, p["ramp_velocity_mm_per_deg"] * MM_PER_DEG, ramp.foot)  # pyright: ignore[reportArgumentType]  # traced
+        height: Any = p["ramp_height_mm"] * MM  # traced numbers
+        velocity: Any = p["ramp_velocity_mm_per_deg"] * MM_PER_DEG
+        sides = Ramp(height, velocity, ramp.foot)
         return whole_turn(*event(p, sides), sides, sides)
 
     parameters = {name: jnp.asarray(value, dtype=float) for name, value in (own | conditions).items()}
@@ -164,11 +165,12 @@ def _powers(cam: Lift) -> tuple[Parameters, Event]:
     per_side = pieces_per_side(exponents, cam.half_duration)
 
     def event(p: Parameters, ramp: Ramp):
-        powers = jnp.asarray(exponents).at[np.flatnonzero(free)].set(p["exponents"])
+        powers: Any = jnp.asarray(exponents).at[np.flatnonzero(free)].set(p["exponents"])
         dynamic = b if speed is None else b * (p["speed_rpm"] / speed) ** 2  # B = omega^2 M / k_e
         joins = [0.0, -ramp.velocity, 0.0, 0.0, 0.0] if speed is None else [0, 0, 0, -ramp.velocity / dynamic, 0]
+        flank_end: Any = jnp.asarray(joins)
         half, rise = p["duration_deg"] * DEG / 2, p["max_lift_mm"] * MM - ramp.height
-        return event_pieces(powers, half, jnp.asarray(joins), rise, ramp.height, a, dynamic, per_side)
+        return event_pieces(powers, half, flank_end, rise, ramp.height, a, dynamic, per_side)
 
     return own, event
 
@@ -201,10 +203,11 @@ def _sections(cam: Lift) -> tuple[Parameters, Event]:
     def event(p: Parameters, ramp: Ramp):
         now = table_of(p, cam)
         first = p.get("sections_deg", jnp.zeros(0)) * DEG
-        one = flank(now, jnp.append(first, p["duration_deg"] * DEG / 2 - first.sum()))  # pyright: ignore[reportArgumentType]  # JAX
+        angles: Any = jnp.append(first, p["duration_deg"] * DEG / 2 - first.sum())
+        one = flank(now, angles)
         levels = [p.get(name, 0.0) * unit for name, unit in zip(names, now.units(), strict=True)]
-        x = jnp.asarray([ramp.height, ramp.velocity, *levels])
-        return one.event(closed(now, one, x, p["max_lift_mm"] * MM, now.closed_by))  # pyright: ignore[reportArgumentType]  # JAX
+        x: Any = jnp.asarray([ramp.height, ramp.velocity, *levels])
+        return one.event(closed(now, one, x, p["max_lift_mm"] * MM, now.closed_by))
 
     return own, event
 
