@@ -155,12 +155,19 @@ def _compare(command: Command) -> None:
 
 def _cam(command: Command) -> None:
     c = command(
-        "cam", "show a cam against the scene's limits, and write its lift table", "camopt cam kodama --cam polydyne"
+        "cam",
+        "show a cam against the scene's limits, its contact with the follower, and write lift table and contour",
+        "camopt cam kodama --cam polydyne --csv lift.csv",
     )
     _scene(c)
     _cam_options(c)
-    c.add_argument("--step-deg", type=_positive, default=0.1, metavar="DEG", help="step of the table (0.1)")
+    c.add_argument("--speed", type=_positive, metavar="RPM", help="with [geometry]: Hertz stress at crankshaft r/min")
+    c.add_argument("--step-deg", type=_positive, default=0.1, metavar="DEG", help="step of what is written (0.1)")
+    c.add_argument(
+        "--digits", type=_digits, metavar="N", help="decimals of the lift in mm (table: every digit; contour: 6)"
+    )
     c.add_argument("--csv", metavar="FILE", help="write the lift table")
+    c.add_argument("--contour", metavar="FILE", help="with [geometry]: write the contour, Cartesian and polar")
 
 
 def _modes(command: Command) -> None:
@@ -239,6 +246,12 @@ def _positive(text: str) -> float:
 def _count(text: str) -> int:
     if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 1000:
         raise argparse.ArgumentTypeError(f"{text!r}: expected an integer from 1 to 1000")
+    return int(text)
+
+
+def _digits(text: str) -> int:
+    if not text.isascii() or not text.isdigit() or int(text) > 12:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected an integer from 0 to 12")
     return int(text)
 
 

@@ -54,9 +54,9 @@ def optimize(
     """Design the cam of largest area that a scene's limits allow, and have it verified and compared.
 
     `speeds` "band" (the scene's band, every speed) or "nominal" (its listed speeds); `accuracy` a name of
-    `camopt.optimize.accuracy`; `gradient` "smooth", "exact" or "none". The run folder of design.md section 7 is written
-    to `out` (default runs/<scene>-<UTC time>), except report.html, which `camopt.report` makes from it. With `resume` an
-    interrupted run in `out` goes on and ends in the same design. The search draws no random numbers; `seed` is
+    `camopt.optimize.accuracy`; `gradient` "smooth", "exact" or "none". The run folder of design.md section 7 goes
+    to `out` (default runs/<scene>-<UTC time>), but for report.html, which `camopt.report` makes from it. With `resume`
+    an interrupted run in `out` goes on and ends in the same design. The search draws no random numbers; `seed` is
     recorded. Raises InputError for contradictory limits, an unusable folder, or a scene without a confirmed cam.
     """
     begun = time.perf_counter()

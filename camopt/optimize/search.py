@@ -26,7 +26,7 @@ def find_cam(
 ) -> tuple[Search, NoJumpOptimum]:
     """The cam of largest area that the event-exact judge confirms; with it the best that the linear program alone gave.
 
-    `speeds` "band" or "nominal"; `gradient` "none", or "smooth" or "exact" for a gradient stage along that path; `times`
+    `speeds` "band" or "nominal"; `gradient` "none", or "smooth" or "exact" for a gradient stage on that path; `times`
     takes what each stage took [s]. With `perturbations` (by name) the limits on the motion must hold under each of them
     too. Raises InputError where no cam is confirmed.
     """
