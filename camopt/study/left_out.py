@@ -1,0 +1,113 @@
+"""Contacts left out of a model because they never switch, watched in every revolution: a run in which one would refuses.
+
+Only contacts other than the seat and those between cam and valve may be left out: the metrics read those.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from camopt.scene import MotionRefused, Response, Scene, Train, build_train
+from camopt.scene.response import Revolve
+from camopt.scene.units import DEG
+from camopt.verify.hermite import Hermite
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A scene without its idle contacts, and the watch on them."""
+
+    scene: Scene  # those that never closed are gone, those that never opened are bilateral springs
+    open: tuple[str, ...]  # names of contacts that stayed open
+    closed: tuple[str, ...]  # names of contacts that stayed closed
+    watched: Train | None  # the masses of `scene`, and nothing but these contacts; None: nothing is left out
+
+    def prepare(self, method: Callable[..., Revolve], *arguments) -> Revolve:
+        """A method's revolution of this scene; `arguments` as of the method's `prepare`. It has no unsampled `advance`,
+        so that every revolution is watched; it raises MotionRefused where a contact left out would have switched."""
+        revolve = method(*arguments)
+        if self.watched is None:
+            return revolve
+
+        def watched(state: np.ndarray) -> Response:
+            response = revolve(state)
+            self.check(response)
+            return response
+
+        return watched
+
+    def check(self, response: Response) -> None:
+        """Raises MotionRefused, naming contact, angle and speed, where a contact left out would have switched."""
+        t = self.watched
+        if t is None:
+            return
+        d = t.compression(response.x, response.lift)
+        rate = t.compression(response.v, np.zeros(len(d))) + t.gap  # none of them is cam-driven
+        for e, name in enumerate(t.element_names):
+            if name in self.open:
+                k = _first_above(response, d[:, e] - t.touch_compression[e], rate[:, e])
+            else:
+                elastic = t.preload + t.stiffness * d if t.laws is None else t.laws.force(d, t.preload)
+                k = _first(elastic[:, e] + t.damping[e] * rate[:, e] <= 0.0)
+            if k is not None:
+                angle = (response.angle[k] / DEG + 180.0) % 360.0 - 180.0
+                raise MotionRefused(
+                    f"model {self.scene.name}: contact {name!r} is left out as never "
+                    f"{'closing' if name in self.open else 'opening'}, and would at {angle:.1f} deg and "
+                    f"{response.cam_speed * 30 / np.pi:g} cam r/min: simulate the scene that has it"
+                )
+
+
+def idle_contacts(responses: Iterable[Response]) -> tuple[frozenset[str], frozenset[str]]:
+    """Names of the contacts that carry no force in any of the records, and of those that always carry some."""
+    force = None
+    for response in responses:
+        t = response.train
+        least, most = response.force.min(axis=0), response.force.max(axis=0)
+        force = (least, most) if force is None else (np.minimum(force[0], least), np.maximum(force[1], most))
+    if force is None:
+        return frozenset(), frozenset()
+    other = [e for e in np.flatnonzero(t.contact) if e != t.seat and e not in t.cam_side]
+    never = frozenset(t.element_names[e] for e in other if force[1][e] <= 0.0)
+    always = frozenset(t.element_names[e] for e in other if force[0][e] > 0.0)
+    return never, always
+
+
+def leave_out(scene: Scene, never_closed: frozenset[str], never_open: frozenset[str]) -> LeftOut:
+    """The scene without the contacts `never_closed`, with those `never_open` as springs, and the watch on both.
+
+    A contact with law "hertz" stays: a spring cannot have it.
+    """
+    never_open = frozenset(e.name for e in scene.element if e.name in never_open and e.law != "hertz")
+    if not never_closed | never_open:
+        return LeftOut(scene, (), (), None)
+    elements = tuple(
+        e.model_copy(update={"kind": "spring"}) if e.name in never_open else e
+        for e in scene.element
+        if e.name not in never_closed
+    )
+    idle = tuple(e for e in scene.element if e.name in never_closed | never_open)
+    watched = build_train(scene.model_copy(update={"element": idle, "valve": None, "seat": None}))
+    names = sorted(never_closed), sorted(never_open)
+    return LeftOut(scene.model_copy(update={"element": elements}), tuple(names[0]), tuple(names[1]), watched)
+
+
+def _first_above(response: Response, height: np.ndarray, rate: np.ndarray) -> int | None:
+    """First sample about which the cubic through heights [m] and rates [m/s] exceeds zero, or None.
+
+    A cubic lies within its control points, which are cheap; only where one is above zero is it looked at closely.
+    """
+    third = np.diff(response.time) / 3
+    control = np.maximum(height[:-1] + rate[:-1] * third, height[1:] - rate[1:] * third)
+    if max(height.max(), control.max()) <= 0.0:
+        return None
+    curve = Hermite(response.angle, height, rate / response.cam_speed)
+    angles = curve.angle
+    above = [curve.maximum(a, b) > 0.0 for a, b in zip(angles[:-1], angles[1:], strict=True)]
+    k = _first(np.array(above))
+    return None if k is None else int(np.searchsorted(response.angle, angles[k]))
+
+
+def _first(true: np.ndarray) -> int | None:
+    return int(np.argmax(true)) if true.any() else None
