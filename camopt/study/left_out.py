@@ -1,10 +1,11 @@
-"""Contacts left out of a model because they never switch, watched in every revolution: a run in which one would refuses.
+"""Contacts left out of a model because they never switch, watched in every revolution: a run where one would refuses.
 
 Only contacts other than the seat and those between cam and valve may be left out: the metrics read those.
 """
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -104,7 +105,7 @@ def _first_above(response: Response, height: np.ndarray, rate: np.ndarray) -> in
         return None
     curve = Hermite(response.angle, height, rate / response.cam_speed)
     angles = curve.angle
-    above = [curve.maximum(a, b) > 0.0 for a, b in zip(angles[:-1], angles[1:], strict=True)]
+    above = [curve.maximum(a, b) > 0.0 for a, b in pairwise(angles)]
     k = _first(np.array(above))
     return None if k is None else int(np.searchsorted(response.angle, angles[k]))
 
