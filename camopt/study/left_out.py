@@ -11,6 +11,7 @@ import numpy as np
 
 from camopt.scene import MotionRefused, Response, Scene, Train, build_train
 from camopt.scene.response import Revolve
+from camopt.scene.train import GROUND
 from camopt.scene.units import DEG
 from camopt.verify.hermite import Hermite
 
@@ -43,14 +44,13 @@ class LeftOut:
         t = self.watched
         if t is None:
             return
-        d = t.compression(response.x, response.lift)
-        rate = t.compression(response.v, np.zeros(len(d))) + t.gap  # none of them is cam-driven
         for e, name in enumerate(t.element_names):
+            beyond = _between(response.x, t, e) - (t.gap[e] + t.touch_compression[e])  # none of them is cam-driven
+            rate = _between(response.v, t, e)
             if name in self.open:
-                k = _first_above(response, d[:, e] - t.touch_compression[e], rate[:, e])
+                k = _first_above(response, beyond, rate)
             else:
-                elastic = t.preload + t.stiffness * d if t.laws is None else t.laws.force(d, t.preload)
-                k = _first(elastic[:, e] + t.damping[e] * rate[:, e] <= 0.0)
+                k = _first(_elastic(t, e, beyond) + t.damping[e] * rate <= 0.0)
             if k is not None:
                 angle = (response.angle[k] / DEG + 180.0) % 360.0 - 180.0
                 raise MotionRefused(
@@ -99,15 +99,33 @@ def _first_above(response: Response, height: np.ndarray, rate: np.ndarray) -> in
 
     A cubic lies within its control points, which are cheap; only where one is above zero is it looked at closely.
     """
-    third = np.diff(response.time) / 3
+    time = response.time
+    third = (time[1:] - time[:-1]) / 3
+    if height.max() + max(rate.max(), -rate.min()) * third.max() <= 0.0:
+        return None
     control = np.maximum(height[:-1] + rate[:-1] * third, height[1:] - rate[1:] * third)
-    if max(height.max(), control.max()) <= 0.0:
+    if control.max() <= 0.0 and height.max() <= 0.0:
         return None
     curve = Hermite(response.angle, height, rate / response.cam_speed)
     angles = curve.angle
     above = [curve.maximum(a, b) > 0.0 for a, b in pairwise(angles)]
     k = _first(np.array(above))
     return None if k is None else int(np.searchsorted(response.angle, angles[k]))
+
+
+def _between(q: np.ndarray, t: Train, e: int) -> np.ndarray:
+    """Positions or velocities (k, n) of one end of element e against the other's, shape (k)."""
+    if t.b[e] == GROUND:
+        return q[:, t.a[e]]
+    return -q[:, t.b[e]] if t.a[e] == GROUND else q[:, t.a[e]] - q[:, t.b[e]]
+
+
+def _elastic(t: Train, e: int, beyond: np.ndarray) -> np.ndarray:
+    """Elastic force [N] of element e compressed by `beyond` (k) [m] more than at its touch."""
+    if t.laws is None:
+        return t.stiffness[e] * beyond
+    every = np.repeat((beyond + t.touch_compression[e])[:, None], len(t.a), axis=1)
+    return t.laws.force(every, t.preload)[:, e]
 
 
 def _first(true: np.ndarray) -> int | None:

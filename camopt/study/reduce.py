@@ -9,7 +9,7 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.exact import engine
-from camopt.scene import InputError, MotionRefused, Response, Scene, build_train, rest_position
+from camopt.scene import InputError, MotionRefused, Response, Scene, Train, build_train, rest_position
 from camopt.scene.response import Revolve
 from camopt.scene.units import DEG, MM
 from camopt.study.left_out import LeftOut, idle_contacts, leave_out
@@ -141,13 +141,13 @@ def reduce(
     watched = {end for e in scene.element if e.name in idle[0] | idle[1] for end in e.between} - {"ground"}
     rows = [_candidate(m, idle, cam, speeds, truth, workers) for m in smaller_models(scene, frozenset(watched))]
     ranges = {s: t.figures.range("bounce_mm") for s, t in zip(speeds, truth, strict=True) if not t.periodic}
-    found = Reduction(scene, cam.family, speeds, ranges, tolerance_mm, _times(full, cam, max(speeds)), tuple(rows))
+    found = Reduction(scene, cam.family, speeds, ranges, tolerance_mm, path_times(full, cam, max(speeds)), tuple(rows))
     if not smooth:
         return found
     best = found.proposed
-    timed = replace(best, ms=best.ms | _smooth_times(best.smaller.scene, cam, max(speeds)))
+    timed = replace(best, ms=best.ms | smooth_times(best.smaller.scene, cam, max(speeds)))
     rows[rows.index(best)] = timed
-    full_ms = found.full_ms | _smooth_times(scene, cam, max(speeds))
+    full_ms = found.full_ms | smooth_times(scene, cam, max(speeds))
     return replace(found, full_ms=full_ms, candidates=tuple(rows))
 
 
@@ -166,7 +166,9 @@ def reduction_lines(found: Reduction) -> list[str]:
             continue
         error = [c.error[k] for k in ("bounce_mm", "jump_mm", "lift_mm", *COMPARED[2:])]
         mark = " <" if c is found.proposed else ""
-        lines.append(f"{c.smaller.scene.name:<24}" + "".join(f"{v:12.4g}" for v in (*error, *c.ms.values())) + mark)
+        lines.append(
+            f"{c.smaller.scene.name:<24}" + "".join(f"{v:12.4g}" for v in (*error, *(c.ms[p] for p in paths))) + mark
+        )
     for speed, (low, high) in found.aperiodic_rpm.items():
         lines.append(
             f"at {speed:g} r/min the full model itself does not repeat (bounce {low:.4f} to {high:.4f} mm): its errors "
@@ -186,7 +188,7 @@ def _candidate(smaller: Smaller, idle, cam: Lift, speeds, truth: list[Observed],
     model = leave_out(smaller.scene, *idle)
     try:
         seen = _observe(model, cam, speeds, workers)
-        ms = _times(model, cam, max(speeds))
+        ms = path_times(model, cam, max(speeds))
     except MotionRefused as refusal:
         return Candidate(smaller, model, dict.fromkeys((*COMPARED, "lift_mm"), np.nan), str(refusal), {})
     error = {name: float(np.max(np.abs([s.figures.worst(name) - t.figures.worst(name)
@@ -201,7 +203,7 @@ def _observe(model: LeftOut, cam: Lift, speeds: Sequence[float], workers: int) -
     def at(speed: float) -> Observed:
         train, cam_speed = build_train(model.scene), model.scene.cam_speed(speed)
         revolve = model.prepare(*_truth(train, cam, cam_speed))
-        settled = settle(revolve, _rest(train))
+        settled = settle(revolve, at_rest(train))
         response = settled.response
         curve = Hermite(response.angle, response.seat_separation(), response.v[:, train.valve] / cam_speed)
         return Observed(settled.metrics(cam), np.maximum(0.0, curve(GRID)), settled.periodic, response)
@@ -210,21 +212,22 @@ def _observe(model: LeftOut, cam: Lift, speeds: Sequence[float], workers: int) -
         return list(pool.map(at, speeds))
 
 
-def _truth(train, cam: Lift, cam_speed: float) -> tuple:
+def _truth(train: Train, cam: Lift, cam_speed: float) -> tuple:
     """Event-exact, or Runge-Kutta-Gill at the step of the verifier's sweeps where laws are nonlinear."""
     if train.laws is None:
         return engine.prepare, train, cam, cam_speed
     return rkg.prepare, train, cam, cam_speed, SWEEP_REFINEMENT * first_steps(train, cam_speed)
 
 
-def _rest(train) -> np.ndarray:
+def at_rest(train: Train) -> np.ndarray:
+    """State (2n) at rest on the base circle."""
     return np.concatenate([rest_position(train), np.zeros(len(train.mass))])
 
 
-def _times(model: LeftOut, cam: Lift, speed_rpm: float) -> dict[str, float]:
+def path_times(model: LeftOut, cam: Lift, speed_rpm: float) -> dict[str, float]:
     """Processor time [ms] of the first sampled revolution from rest, by each path that carries the scene's laws."""
     train, cam_speed = build_train(model.scene), model.scene.cam_speed(speed_rpm)
-    steps, rest = first_steps(train, cam_speed), _rest(train)
+    steps, rest = first_steps(train, cam_speed), at_rest(train)
     paths: dict[str, Revolve] = {"rkg": model.prepare(rkg.prepare, train, cam, cam_speed, steps)}
     if train.laws is None:
         paths["event"] = model.prepare(engine.prepare, train, cam, cam_speed)
@@ -232,8 +235,8 @@ def _times(model: LeftOut, cam: Lift, speed_rpm: float) -> dict[str, float]:
     return {name: milliseconds(lambda r=paths[name]: r(rest)) for name in PATHS if name in paths}
 
 
-def _smooth_times(scene: Scene, cam: Lift, speed_rpm: float) -> dict[str, float]:
-    """As `_times`, of the smooth scan at the same step, alone and in a batch of speeds just below (per motion)."""
+def smooth_times(scene: Scene, cam: Lift, speed_rpm: float) -> dict[str, float]:
+    """As `path_times`, of the smooth scan at the same step, alone and in a batch of speeds just below (per motion)."""
     import jax
     import jax.numpy as jnp
 
