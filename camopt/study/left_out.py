@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numba import njit
 
 from camopt.scene import MotionRefused, Response, Scene, Train, build_train
 from camopt.scene.response import Revolve
@@ -44,12 +45,14 @@ class LeftOut:
         t = self.watched
         if t is None:
             return
-        for e, name in enumerate(t.element_names):
-            beyond = _between(response.x, t, e) - (t.gap[e] + t.touch_compression[e])  # none of them is cam-driven
-            rate = _between(response.v, t, e)
+        for e, name in enumerate(t.element_names):  # none of them is cam-driven
+            touch = t.gap[e] + t.touch_compression[e]
             if name in self.open:
-                k = _first_above(response, beyond, rate)
+                ends = t.a[e], t.b[e]
+                safe = _highest(response.angle, response.x, response.v, *ends, response.cam_speed) <= touch
+                k = None if safe else _first_above(response, _between(response.x, t, e) - touch, t, e)
             else:
+                beyond, rate = _between(response.x, t, e) - touch, _between(response.v, t, e)
                 k = _first(_elastic(t, e, beyond) + t.damping[e] * rate <= 0.0)
             if k is not None:
                 angle = (response.angle[k] / DEG + 180.0) % 360.0 - 180.0
@@ -94,23 +97,31 @@ def leave_out(scene: Scene, never_closed: frozenset[str], never_open: frozenset[
     return LeftOut(scene.model_copy(update={"element": elements}), tuple(names[0]), tuple(names[1]), watched)
 
 
-def _first_above(response: Response, height: np.ndarray, rate: np.ndarray) -> int | None:
-    """First sample about which the cubic through heights [m] and rates [m/s] exceeds zero, or None.
+@njit(cache=True, nogil=True)
+def _highest(angle, x, v, a, b, cam_speed):
+    """What the compression of [a, b] stays below at and between samples: the control points of its cubics [m]."""
+    top, last = -np.inf, len(angle) - 1
+    for i in range(last + 1):
+        d, rate = 0.0, 0.0
+        if a >= 0:
+            d += x[i, a]
+            rate += v[i, a]
+        if b >= 0:
+            d -= x[i, b]
+            rate -= v[i, b]
+        top = max(top, d)
+        if i < last:
+            top = max(top, d + rate * (angle[i + 1] - angle[i]) / (3.0 * cam_speed))
+        if i > 0:
+            top = max(top, d - rate * (angle[i] - angle[i - 1]) / (3.0 * cam_speed))
+    return top
 
-    A cubic lies within its control points, which are cheap; only where one is above zero is it looked at closely.
-    """
-    time = response.time
-    third = (time[1:] - time[:-1]) / 3
-    if height.max() + max(rate.max(), -rate.min()) * third.max() <= 0.0:
-        return None
-    control = np.maximum(height[:-1] + rate[:-1] * third, height[1:] - rate[1:] * third)
-    if control.max() <= 0.0 and height.max() <= 0.0:
-        return None
-    curve = Hermite(response.angle, height, rate / response.cam_speed)
-    angles = curve.angle
-    above = [curve.maximum(a, b) > 0.0 for a, b in pairwise(angles)]
-    k = _first(np.array(above))
-    return None if k is None else int(np.searchsorted(response.angle, angles[k]))
+
+def _first_above(response: Response, height: np.ndarray, t: Train, e: int) -> int | None:
+    """First sample after which the cubic through heights [m] and rates [m/s] exceeds zero, or None."""
+    curve = Hermite(response.angle, height, _between(response.v, t, e) / response.cam_speed)
+    k = _first(np.array([curve.maximum(a, b) > 0.0 for a, b in pairwise(curve.angle)]))
+    return None if k is None else int(np.searchsorted(response.angle, curve.angle[k]))
 
 
 def _between(q: np.ndarray, t: Train, e: int) -> np.ndarray:

@@ -25,7 +25,7 @@ COMPARED = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s", "contact_force_m
 WITHIN = ("bounce_mm", "jump_mm", "lift_mm")
 """Errors that the tolerance is about."""
 GRID = np.arange(-180.0, 180.0, 0.1) * DEG
-REPEATS = 3
+REPEATS = 5
 BATCH = 16
 """Motions side by side where a batch is timed."""
 PATHS = ("event", "rkg", "tmm", "smooth", "batch")
