@@ -5,6 +5,7 @@ Only contacts other than the seat and those between cam and valve may be left ou
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -40,25 +41,34 @@ class LeftOut:
 
         return watched
 
+    @cached_property
+    def _watches(self) -> list[tuple[int, float, bool]]:
+        """Element of `watched`, distance of its ends [m] at its touch (none is cam-driven), and whether it is open."""
+        t = self.watched
+        if t is None:
+            return []
+        touch = t.gap + t.touch_compression
+        return [(e, float(touch[e]), name in self.open) for e, name in enumerate(t.element_names)]
+
     def check(self, response: Response) -> None:
         """Raises MotionRefused, naming contact, angle and speed, where a contact left out would have switched."""
         t = self.watched
         if t is None:
             return
-        for e, name in enumerate(t.element_names):  # none of them is cam-driven
-            touch = t.gap[e] + t.touch_compression[e]
-            if name in self.open:
-                ends = t.a[e], t.b[e]
-                safe = _highest(response.angle, response.x, response.v, *ends, response.cam_speed) <= touch
-                k = None if safe else _first_above(response, _between(response.x, t, e) - touch, t, e)
+        for e, touch, is_open in self._watches:
+            ends = t.a[e], t.b[e]
+            if is_open and _highest(response.angle, response.x, response.v, *ends, response.cam_speed) <= touch:
+                continue
+            beyond = _between(response.x, t, e) - touch
+            if is_open:
+                k = _first_above(response, beyond, t, e)
             else:
-                beyond, rate = _between(response.x, t, e) - touch, _between(response.v, t, e)
-                k = _first(_elastic(t, e, beyond) + t.damping[e] * rate <= 0.0)
+                k = _first(_elastic(t, e, beyond) + t.damping[e] * _between(response.v, t, e) <= 0.0)
             if k is not None:
                 angle = (response.angle[k] / DEG + 180.0) % 360.0 - 180.0
                 raise MotionRefused(
-                    f"model {self.scene.name}: contact {name!r} is left out as never "
-                    f"{'closing' if name in self.open else 'opening'}, and would at {angle:.1f} deg and "
+                    f"model {self.scene.name}: contact {t.element_names[e]!r} is left out as never "
+                    f"{'closing' if is_open else 'opening'}, and would at {angle:.1f} deg and "
                     f"{response.cam_speed * 30 / np.pi:g} cam r/min: simulate the scene that has it"
                 )
 

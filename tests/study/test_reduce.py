@@ -1,10 +1,14 @@
 """Smaller models against the whole one: what they keep exactly, what they get wrong, and contacts that are left out."""
 
+import json
 from dataclasses import replace
+from functools import partial
+from importlib import import_module
 
 import numpy as np
 import pytest
 
+from camopt import cli
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import engine
 from camopt.scene import InputError, MotionRefused, build_train, load_scene, parse_scene, rest_position, scene_text
@@ -253,3 +257,19 @@ class TestReduce:
             reduce(PUSHROD, **arguments)
         with pytest.raises(InputError, match="needs valve"):
             reduce(load_scene("ohv-3dof"))
+
+    def test_command(self, capsys, tmp_path, monkeypatch):
+        module = import_module("camopt.study.reduce")
+        monkeypatch.setattr(module, "reduce", partial(reduce, smooth=False))
+        file = tmp_path / "reduction.json"
+        words = ["reduce", "pushrod-5mass", "--speeds", "3000", "--tolerance-mm", "0.05", "--json", str(file)]
+        assert cli.main(words) == 0
+        out, content = capsys.readouterr().out, json.loads(file.read_text())
+        assert content["proposed"] in out
+        assert (content["tolerance_mm"], content["speeds_rpm"], content["cam"]) == (0.05, [3000.0], "polydyne")
+        assert len(content["models"][1]["ms_per_revolution"]) == 3
+
+    @pytest.mark.long
+    def test_every_path_is_timed_for_the_proposal(self):
+        best = reduce(PUSHROD, speeds_rpm=(3000,), tolerance_mm=0.05).proposed
+        assert set(best.ms) == {"event", "rkg", "tmm", "smooth", "batch"}
