@@ -22,6 +22,7 @@ _PUBLIC = {
     "read_lift_table": "camopt.cam.tables",
     "simulate": "camopt.study.motion",
     "modes": "camopt.study.modes",
+    "reduce": "camopt.study.reduce",
     "area_bound": "camopt.optimize.summary",
     "compare": "camopt.optimize.comparison",
     "pareto": "camopt.study.pareto",

@@ -77,7 +77,7 @@ def parser() -> argparse.ArgumentParser:
         one.add_argument("--debug", action="store_true", help="show the traceback of an error")
         return one
 
-    for add in (_optimize, _verify, _simulate, _compare, _cam, _modes, _bound, _scenes):
+    for add in (_optimize, _verify, _simulate, _compare, _cam, _modes, _bound, _reduce, _scenes):
         add(command)
     return top
 
@@ -183,6 +183,21 @@ def _bound(command: Command) -> None:
     c.add_argument("--json", metavar="FILE", help="write the bounds as JSON")
 
 
+def _reduce(command: Command) -> None:
+    c = command(
+        "reduce",
+        "smaller models of a scene, with what each gets wrong and saves",
+        "camopt reduce kodama --speeds 5000 --tolerance-mm 0.02",
+    )
+    _scene(c)
+    _cam_options(c, default="polydyne")
+    c.add_argument("--speeds", type=speeds, metavar="LIST", help="5000,6000 or 300:8000:100 crankshaft r/min (listed)")
+    c.add_argument(
+        "--tolerance-mm", type=_positive, default=0.01, metavar="MM", help="error of bounce, jump and lift (0.01)"
+    )
+    c.add_argument("--json", metavar="FILE", help="write every model's errors and times, and the proposed scene")
+
+
 def _scenes(command: Command) -> None:
     c = command("scenes", "list the built-in scenes, or print one to edit", "camopt scenes kodama > mine.toml")
     c.add_argument("name", nargs="?", metavar="NAME", help="built-in scene to print")
@@ -196,13 +211,14 @@ def _scene(c: argparse.ArgumentParser, default: str | None = None) -> None:
         c.add_argument("scene", metavar="SCENE", nargs="?", default=default, help=f"{text} ({default})")
 
 
-def _cam_options(c: argparse.ArgumentParser) -> None:
+def _cam_options(c: argparse.ArgumentParser, default: str | None = None) -> None:
     c.add_argument(
         "--cam",
-        required=True,
+        required=default is None,
+        default=default,
         metavar="CAM",
         help="family (polydyne, or polydyne:exponents=2/10/18/26/34,speed_rpm=6000), lift table, run folder or its "
-        "design.json",
+        "design.json" + (f" ({default})" if default else ""),
     )
     c.add_argument("--table-angle", choices=("cam", "crank"), help="angle of a lift table from elsewhere")
     c.add_argument("--table-lift", choices=("mm", "m", "inch"), help="unit of the lift in such a table")

@@ -147,6 +147,19 @@ def bound(args: Namespace) -> int:
     return 0
 
 
+def reduce(args: Namespace) -> int:
+    scene = load_scene(args.scene, need=SIMULATED)
+    lift = _cam_of(args, scene)
+    from camopt.study.reduce import reduce as reduction_of
+    from camopt.study.reduce import reduction_lines
+
+    found = reduction_of(scene, lift, args.speeds, args.tolerance_mm)
+    if args.json:
+        write_json(args.json, found.as_dict())
+    print("\n".join(reduction_lines(found)))
+    return 0
+
+
 def scenes(args: Namespace) -> int:
     if args.name is not None:
         if args.name not in builtin_scenes():
