@@ -94,3 +94,22 @@ def test_no_nan_over_initial_gaps_and_speeds():
 
     value, (by_gap, by_speed) = jax.jit(jax.vmap(jax.value_and_grad(end, argnums=(0, 1))))(gap, speed)
     assert np.all(np.isfinite(value)) and np.all(np.isfinite(by_gap)) and np.all(np.isfinite(by_speed))
+
+
+def test_the_derivative_of_a_damped_bounce_meets_its_limit_as_the_square_root_of_eps():
+    """The layer lasts eps / speed and the damper's force rises within it: what is left of it falls with eps."""
+    mass, stiffness, damping, height, speed = 0.05, 7e7, 857.0, 1e-3, 1.0
+    _, _, ratio = restitution(mass, stiffness, damping)
+    system = build_system(ball(mass, stiffness, damping))
+
+    @jax.jit
+    def by_height(height, eps):
+        def end(height):
+            y0 = jnp.stack([height[None], jnp.asarray([-speed])])
+            return response_arrays(system, jnp.asarray(FLAT), SPEED, y0, eps, 1e-11, steps=1024).x[-1, 0]
+
+        return jax.grad(end)(height)
+
+    errors = [abs(float(by_height(jnp.asarray(height), eps)) / -ratio - 1.0) for eps in (1e-6, 1e-7, 1e-8, 1e-9)]
+    assert errors[-1] < 1e-3
+    assert errors[0] > 10 * errors[-1]
