@@ -13,10 +13,11 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 
 from camopt import __version__
+from camopt.verify import INDEPENDENT
 
 DONE, DEFECT, BAD_INPUT, NOT_CONFIRMED, INTERRUPTED = 0, 1, 2, 3, 130
 ACCURACIES = ("draft", "standard", "fine")
-METHODS = ("event", "rkg", "tmm", "houbolt", "dop853")
+METHODS = ("event", *INDEPENDENT)
 MOST_SPEEDS = 10_000
 
 

@@ -13,10 +13,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from camopt.cam.ramps import Ramp
-from camopt.scene.units import DEG, MM
+from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     from scipy.interpolate import PPoly
+
+    from camopt.scene.schema import Design
 
 
 @dataclass(frozen=True)
@@ -96,6 +99,27 @@ class Lift:
         if len(roots) == 0:
             raise ValueError(f"the lift never reaches {height / MM:g} mm")
         return float(np.max(roots))
+
+    def plot(self, design: "Design | None" = None) -> "Figure":
+        """Lift, velocity, acceleration and jerk as a matplotlib Figure, with a design's limits where one is given."""
+        from camopt.plots import profiles
+
+        return profiles([(self.family, lift_table(self, 0.1))], design)
+
+    def _repr_html_(self) -> str:
+        from pandas import DataFrame
+
+        low, high = self.extremes(2)
+        rows = {
+            "family": self.family,
+            **self.parameters,
+            "duration [deg]": 2 * self.half_duration / DEG,
+            "maximum lift [mm]": self.max_lift / MM,
+            "area [mm deg]": self.area / (MM * DEG),
+            "acceleration [mm/deg²]": f"{low / MM_PER_DEG2:.5g} to {high / MM_PER_DEG2:.5g}",
+            "jerk [mm/deg³], at most": np.abs(self.extremes(3)).max() / MM_PER_DEG3,
+        }
+        return DataFrame([rows.keys(), rows.values()]).T.to_html(index=False, header=False, float_format="{:.6g}".format)
 
     def shifted(self, error: "Lift") -> "Lift":
         """This lift plus a small lift `error` (a grinding error), on the union of both pieces."""

@@ -39,11 +39,16 @@ EXPECTED = {number: "a number", numbers: "numbers like 2/10/18", yes_or_no: "yes
 
 @dataclass(frozen=True)
 class Family:
-    """Where a family is designed, and its parameters: name on the command line -> (keyword, parser)."""
+    """Where a family is designed, and its parameters: name on the command line -> (keyword, parser).
+
+    `table` names the module's `SectionTable` where the family has one; with it, and STARTS beside it, the family is
+    differentiable and searched for its best member without another line.
+    """
 
     module: str
     function: str
     parameters: dict[str, tuple[str, Callable[[str], object]]]
+    table: str = ""
 
 
 FAMILIES = {
@@ -67,6 +72,7 @@ FAMILIES = {
             "j45_mm_per_deg3": ("j45", number),
             "jerk": ("jerk", yes_or_no),
         },
+        "TABLE_1",
     ),
     "new-design": Family(
         "camopt.cam.families.new_design",
@@ -87,11 +93,13 @@ FAMILIES = {
         "camopt.cam.families.kurz",
         "kurz",
         {"sections_deg": ("sections_deg", numbers), "a23_mm_per_deg2": ("a23", number), "jerk": ("jerk", yes_or_no)},
+        "TABLE",
     ),
     "trapezoid": Family(
         "camopt.cam.families.trapezoid",
         "trapezoid",
         {"sections_deg": ("sections_deg", numbers), "jerk": ("jerk", yes_or_no)},
+        "TABLE",
     ),
     "cycloidal": Family("camopt.cam.families.dwell", "cycloidal", {}),
     "3-4-5": Family("camopt.cam.families.dwell", "polynomial_345", {}),

@@ -8,10 +8,11 @@ are searched over their exponents, Polydyne over its design speed too. A family 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 
 import numpy as np
 
-from camopt.cam.families import kurz, multi_pol, new_design, trapezoid
+from camopt.cam.families import new_design
 from camopt.cam.families.exponent import exponent
 from camopt.cam.families.largest_area import POPULATION, angle_shares, best_angles, best_levels, section_angles
 from camopt.cam.families.member import cam_of
@@ -19,7 +20,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.families.sections import SectionTable, flank
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import symmetric_conditions
-from camopt.cam.read import family_and_keywords, read_cam
+from camopt.cam.read import FAMILIES, family_and_keywords, read_cam
 from camopt.scene import InputError, Scene
 from camopt.scene.schema import Design
 from camopt.scene.units import DEG
@@ -67,17 +68,11 @@ def family_space(scene: Scene, family: str, jerk: bool) -> Space:
         return _exponents(scene, name, given)
     if name == "new-design":
         return _new_design(scene, jerk, **given)
-    if name in TABLES:
-        table, starts = TABLES[name]
-        return _sections(scene, lambda _: (table, {}), starts, [], jerk)
+    if FAMILIES[name].table:
+        module = import_module(FAMILIES[name].module)
+        table = getattr(module, FAMILIES[name].table)
+        return _sections(scene, lambda _: (table, {}), module.STARTS, [], jerk)
     return Space([], lambda _: read_cam(family, scene))
-
-
-TABLES = {
-    "multi-pol": (multi_pol.TABLE_1, multi_pol.STARTS),
-    "kurz": (kurz.TABLE, kurz.STARTS),
-    "trapezoid": (trapezoid.TABLE, trapezoid.STARTS),
-}
 
 
 def _exponents(scene: Scene, name: str, given: dict) -> Space:

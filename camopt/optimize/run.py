@@ -26,6 +26,8 @@ from camopt.storage import create_run_folder, default_run_folder, write_json, wr
 from camopt.verify.verdict import Verdict, verify
 
 PACKAGES = ("camopt", "jax", "diffrax", "optax", "numpy", "scipy", "numba", "matplotlib")
+SHOWN = ("area_ratio", "area_ratio_bound", "area_gap_percent", "area_ratio_no_jump", "gradient_gain")
+"""Figures of the record that a notebook shows above the verdict."""
 CANDIDATES = 4
 """Confirmed cams of the search, largest first, that the full verdict may be asked about."""
 
@@ -39,6 +41,17 @@ class Run:
     verdict: Verdict
     record: dict
     exit_code: int  # 0 confirmed, 3 not
+
+    def plot(self):
+        """Bounce and jump against speed as a matplotlib Figure."""
+        return self.verdict.plot()
+
+    def _repr_html_(self) -> str:
+        from pandas import DataFrame
+
+        rows = {name.replace("_", " "): self.record[name] for name in SHOWN} | {"run folder": str(self.folder)}
+        table = DataFrame([rows.keys(), rows.values()]).T.to_html(index=False, header=False, float_format="{:.5f}".format)
+        return table + self.verdict._repr_html_()
 
 
 def optimize(

@@ -21,11 +21,11 @@ JERK_SPAN = 2.5
 
 
 @styled
-def profiles(cams: Sequence[tuple[str, Table]], design: Design) -> Figure:
+def profiles(cams: Sequence[tuple[str, Table]], design: Design | None = None) -> Figure:
     """Lift, velocity, acceleration and jerk against cam angle.
 
     `cams` holds a name and the columns of `camopt.cam.lift.lift_table` per cam; `design` gives the limits that are
-    drawn, the duration (thin lines) and the nose (shaded: no positive acceleration there).
+    drawn, the duration (thin lines) and the nose (shaded: no positive acceleration there); without one none is.
     """
     figure = new_figure(7.6, 8.6)
     rows = figure.subplots(4, 1, sharex=True, height_ratios=(1.5, 1, 1.15, 1.15))
@@ -33,6 +33,17 @@ def profiles(cams: Sequence[tuple[str, Table]], design: Design) -> Figure:
         for name, table in cams:
             axes.plot(table["cam_angle_deg"], table[column], label=name, **cam_line(name))
         axes.set_ylabel(label)
+    legend_above(figure, rows[0])
+    rows[0].set_ylim(bottom=0)
+    rows[3].set_xlabel("cam angle [deg]")
+    if design is not None:
+        _conditions(rows, cams, design)
+    return figure
+
+
+def _conditions(rows: Sequence[Axes], cams: Sequence[tuple[str, Table]], design: Design) -> None:
+    """The design's duration and limits, and axes that end where its event does."""
+    for axes in rows:
         for angle in (-design.duration_deg / 2, design.duration_deg / 2):
             axes.axvline(angle, color="#999999", linewidth=0.7, zorder=1)
     _limits(rows, design)
@@ -41,15 +52,12 @@ def profiles(cams: Sequence[tuple[str, Table]], design: Design) -> Figure:
     end = design.duration_deg / 2 + max(h / v for h, v, _ in design.ramps()) + design.ramp_foot_deg / 2 + 2
     rows[3].set_xlim(-end, end)
     rows[3].set_xlabel(f"cam angle [deg];  thin lines: duration {design.duration_deg:g} deg")
-    legend_above(figure, rows[0])
-    return figure
 
 
 def _limits(rows: Sequence[Axes], design: Design) -> None:
     draw_limit(
         rows[0], design.max_lift_mm, quoted("reach" if design.reach_max_lift else "at most", design.max_lift_mm, "mm")
     )
-    rows[0].set_ylim(bottom=0)
     low, high = design.acceleration_min_mm_per_deg2, design.acceleration_max_mm_per_deg2
     draw_limit(rows[2], high, quoted("at most", high, ""))
     draw_limit(rows[2], low, quoted("at least", low, ""))

@@ -40,7 +40,7 @@ class Sweep:
 @styled
 def bounce_against_speed(
     sweeps: Sequence[Sweep],
-    design: Design,
+    design: Design | None,
     band_rpm: tuple[float, float],
     speeds_rpm: Sequence[float] = (),
 ) -> Figure:
@@ -49,7 +49,7 @@ def bounce_against_speed(
     rows = figure.subplots(2, 1, sharex=True)
     for axes, key in zip(rows, ("bounce_mm", "jump_mm"), strict=True):
         quantity = QUANTITIES[key]
-        limit = getattr(design, quantity.limit or "")
+        limit = getattr(design, quantity.limit or "", None)
         for s in sweeps:
             _draw(axes, s, key)
             _mark_start(axes, s, getattr(s, key), limit)

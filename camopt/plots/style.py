@@ -90,7 +90,17 @@ def cam_line(cam: str) -> dict:
 
 def new_figure(width: float, height: float) -> Figure:
     """An empty figure of a size in inches that lays itself out; it belongs to no window and no global state."""
-    return Figure(figsize=(width, height), layout="constrained")
+    return ShownFigure(figsize=(width, height), layout="constrained")
+
+
+class ShownFigure(Figure):
+    """A figure that a notebook shows without pyplot having been imported."""
+
+    def _repr_png_(self) -> bytes:
+        buffer = io.BytesIO()
+        with matplotlib.rc_context(RC):
+            self.savefig(buffer, format="png", dpi=110)
+        return buffer.getvalue()
 
 
 def draw_limit(axes: Axes, value: float | None, text: str, va: str = "center") -> None:

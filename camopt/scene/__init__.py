@@ -1,4 +1,34 @@
-"""What the user describes: scene files, their checks, the valve train as SI arrays, and the declared quantities."""
+"""What the user describes: scene files, their checks, the valve train as SI arrays, and the declared quantities.
+
+Writing a scene
+===============
+
+A scene is a TOML file; `camopt scenes` lists the built-in ones and `camopt scenes kodama > mine.toml` prints one to
+edit. Every fault is reported at once, with its key: unknown keys, missing parts, wrong types, NaN, negative masses,
+duplicate or dangling names. A unit always stands in the key.
+
+- The valve axis is the only axis: coordinates are positive in the opening direction and zero in the installed
+  position, so reduce masses and stiffnesses that move with a rocker to the valve first.
+- `[[mass]]`: `name`, `mass_kg`; to ground `damping_N_s_per_m`; a constant `force_N` where only that holds a mass.
+- `[[element]]`: `name`, `kind`, `between = [a, b]` (a mass or "ground"), `stiffness_N_per_m`, `damping_N_s_per_m`,
+  `preload_N`, `gap_mm`. It is compressed by d = x_a - x_b + (the lift, where `cam_driven = true`) - gap; "spring" acts
+  both ways, "contact" only pushes. So the cam pushes the valve in a contact between ["ground", "valve"] with
+  `cam_driven = true`; a valve spring stands between ["valve", "ground"]; the seat is a contact between
+  ["ground", "valve"] whose preload is the force that holds the valve on it.
+- Other laws than linear: `law = "hertz"` with `exponent`, or `law = "progressive"` with a `stiffness_table`.
+- `valve` and `seat` at the top name the mass and the contact that bounce is about. `gap_mm` between cam and valve is
+  the lash, which the ramp has to cover.
+- `[operation]`: listed speeds and band in crankshaft r/min; `cam_per_crank` is 0.5 for a four-stroke engine, 1 where
+  the speeds are camshaft speeds.
+- `[design]`: duration (cam degrees between the ramp tops), maximum lift, ramps, limits; a limit left out limits
+  nothing. `[geometry]` (optional): flat or roller follower, for curvature, contour and Hertz stress.
+- What the source does not give belongs in `assumed = [...]` of its table, and what it gives in `source`: `verify` does
+  not mind, your readers do.
+
+At rest on the base circle every mass must be held, and the seat must not push the valve open; a scene where that fails
+is refused with a sentence. `camopt modes mine.toml` is a good first look: natural frequencies far from those measured
+mean a wrong mass or stiffness. Then `camopt simulate`, `camopt verify` and `camopt optimize`.
+"""
 
 from camopt.scene.errors import InputError as InputError
 from camopt.scene.errors import MotionRefused as MotionRefused

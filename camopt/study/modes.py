@@ -33,6 +33,19 @@ class Modes:
         out = {name: getattr(self, name) for name in names}
         return {"angular_rad_per_s" if k == "angular" else k: v for k, v in out.items()}
 
+    def plot(self):
+        """The mode shapes over the masses as a matplotlib Figure."""
+        from camopt.plots import modes as figure
+
+        return figure(self.frequency_Hz, self.shape, self.mass_names, self.state)
+
+    def _repr_html_(self) -> str:
+        from pandas import DataFrame
+
+        columns = {"frequency [Hz]": self.frequency_Hz, "damping ratio": self.damping_ratio}
+        shapes = dict(zip(self.mass_names, self.shape.T, strict=True))
+        return DataFrame(columns | shapes).to_html(float_format="{:.5g}".format)
+
 
 def modes(scene: Scene, state: State = "lifted") -> Modes:
     """Modes of a scene with the valve lifted off its seat or on it.

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from importlib import import_module
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -12,14 +12,11 @@ from camopt.scene import InputError, Response, Scene, Train, build_train, rest_p
 from camopt.scene.response import end_state, joined
 from camopt.scene.units import DEG, MM
 from camopt.study.modes import highest_rate
+from camopt.verify import INDEPENDENT
 
-Method = Literal["event", "rkg", "tmm", "houbolt", "dop853", "smooth"]
 MODULES = {
     "event": "camopt.exact.engine",
-    "rkg": "camopt.verify.rkg",
-    "tmm": "camopt.verify.tmm",
-    "houbolt": "camopt.verify.houbolt",
-    "dop853": "camopt.verify.dop853",
+    **INDEPENDENT,
     "smooth": "camopt.smooth.simulate",
 }
 DIFFERENTIABLE = {"smooth": "camopt.smooth.differentiable"}
@@ -33,7 +30,7 @@ def simulate(
     scene: Scene,
     cam: Lift,
     speed_rpm: float,
-    method: Method = "event",
+    method: str = "event",
     revolutions: int = 2,
     step_deg: float = 0.1,
     parameters: Mapping[str, Any] | None = None,
@@ -45,6 +42,9 @@ def simulate(
     coordinates revolution (from 1), cam_angle_deg (-180 to 180), time_s, and variables lift_mm, position_mm and
     velocity_m_per_s (sample, mass), force_N (sample, element); between a method's samples positions are cubic,
     velocities their derivative, forces linear, and where a force jumps the later value stands.
+
+    `method`: "event", "smooth" or one of `camopt.verify.INDEPENDENT`. The dataset shows itself in a notebook, and
+    draws itself: `motion.position_mm.sel(mass=scene.valve).plot(x="time_s")`.
 
     Differentiable: `parameters` (see `motion_parameters`) replaces numbers of scene and cam by arrays that JAX may
     trace, and so may `speed_rpm` be, under `jax.grad`, `jax.jit` and `jax.vmap`. The dataset then holds JAX arrays
@@ -170,15 +170,15 @@ def _dataset(scene: Scene, cam: Lift, speed_rpm: float, method: str, response: R
     revolution = np.minimum(sample // steps, response.revolutions - 1)  # the last sample closes the last revolution
     angle_deg = -180.0 + (sample - revolution * steps) * (360.0 / steps)
     variables = {
-        "lift_mm": ("sample", response.lift / MM, {"units": "mm"}),
-        "position_mm": (("sample", "mass"), response.x / MM, {"units": "mm"}),
-        "velocity_m_per_s": (("sample", "mass"), response.v, {"units": "m/s"}),
-        "force_N": (("sample", "element"), response.force, {"units": "N"}),
+        "lift_mm": ("sample", response.lift / MM, {"units": "mm", "long_name": "lift"}),
+        "position_mm": (("sample", "mass"), response.x / MM, {"units": "mm", "long_name": "position"}),
+        "velocity_m_per_s": (("sample", "mass"), response.v, {"units": "m/s", "long_name": "velocity"}),
+        "force_N": (("sample", "element"), response.force, {"units": "N", "long_name": "force"}),
     }
     coords = {
         "revolution": ("sample", revolution + 1),
-        "cam_angle_deg": ("sample", angle_deg, {"units": "deg"}),
-        "time_s": ("sample", response.time, {"units": "s"}),
+        "cam_angle_deg": ("sample", angle_deg, {"units": "deg", "long_name": "cam angle"}),
+        "time_s": ("sample", response.time, {"units": "s", "long_name": "time"}),
         "mass": list(train.mass_names),
         "element": list(train.element_names),
     }

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from html import escape
 
 import numpy as np
 
@@ -87,6 +88,9 @@ class Reduction:
         path = "event" if "event" in self.full_ms else "rkg"
         allowed = [c for c in self.candidates if c.within(self.tolerance_mm)]
         return min(allowed, key=lambda c: c.ms[path], default=self.candidates[0])
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(chr(10).join(reduction_lines(self)))}</pre>"
 
     def as_dict(self) -> dict:
         """The content of `reduce --json`; the proposed scene as TOML keeps every contact, so that none is unwatched."""

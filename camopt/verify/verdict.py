@@ -6,6 +6,7 @@ The only file of this package that reaches for the event-exact method, and only 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from importlib import import_module
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from camopt.scene.response import Revolve
 from camopt.scene.rest import rest_position
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
-from camopt.verify import dop853, houbolt, rkg, tmm
+from camopt.verify import INDEPENDENT, rkg
 from camopt.verify.converge import RELATIVE, Converged, Prepare, converge, first_steps, tolerances
 from camopt.verify.limits import broken_by_shape, motion_limits
 from camopt.verify.settle import Figures, settle
@@ -79,6 +80,19 @@ class Verdict:
     worst_in_band: tuple[SpeedVerdict, ...]  # all methods at the worst speeds of the band
     first_jump_rpm: float | None
     first_bounce_rpm: float | None
+    scene: Scene | None = None  # what was judged, and which cam: for the figure alone
+    cam: str = "cam"
+
+    def plot(self):
+        """Bounce and jump against speed, with the scene's limits, as a matplotlib Figure."""
+        from camopt.verify.shown import figure
+
+        return figure(self)
+
+    def _repr_html_(self) -> str:
+        from camopt.verify.shown import html
+
+        return html(self)
 
     def as_dict(self) -> dict:
         """verification.json: NaN becomes null; `band` is null where no band was swept."""
@@ -108,7 +122,7 @@ def verify(
 ) -> Verdict:
     """Judge a cam at `speeds_rpm` (crankshaft; the scene's by default) and over the scene's band.
 
-    `methods` are names of METHODS or NONLINEAR_METHODS, by default the first two for the scene's laws; the first one's
+    `methods` are "event" or names of INDEPENDENT, by default the first two for the scene's laws; the first one's
     figures are reported and its neighbourhood is searched; two at least are needed for an agreement, so a single
     method ends as "not converged". `band_step_rpm` None leaves the band and the starting speeds out; they are swept
     with event-exact (Runge-Kutta-Gill for nonlinear laws), and unless a listed speed rejects the cam already, all
@@ -120,7 +134,7 @@ def verify(
         raise InputError(f"scene {scene.name!r}: a verdict needs valve, seat and [operation]")
     train = build_train(scene)
     methods = methods_for(train)[:2] if methods is None else methods
-    known = dict.fromkeys((*METHODS, *NONLINEAR_METHODS))
+    known = ("event", *INDEPENDENT)
     if not methods or (unknown := [m for m in methods if m not in known]):
         raise InputError(
             f"methods {methods}: give names out of {', '.join(known)}" + f"; not {unknown}" * bool(methods)
@@ -143,7 +157,8 @@ def verify(
     every = (*at_speeds, *worst)
     broken = dict.fromkeys([*shape, *(name for s in every for name in s.broken)])
     overall = max([*(s.verdict for s in every), "rejected" if shape else "confirmed"], key=ORDER.index)
-    return Verdict(overall, tuple(broken), at_speeds, band, worst, first["jump_mm"], first["bounce_mm"])
+    starts = first["jump_mm"], first["bounce_mm"]
+    return Verdict(overall, tuple(broken), at_speeds, band, worst, *starts, scene, lift.family)
 
 
 def methods_for(train: Train) -> tuple[str, ...]:
@@ -157,7 +172,7 @@ def _method(name: str) -> Prepare:
         from camopt.exact import engine
 
         return engine.prepare
-    return {"rkg": rkg.prepare, "tmm": tmm.prepare, "houbolt": houbolt.prepare, "dop853": dop853.prepare}[name]
+    return import_module(INDEPENDENT[name]).prepare
 
 
 def _sweeping(train: Train) -> Callable[[Train, Lift, float], Revolve]:

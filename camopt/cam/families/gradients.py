@@ -16,6 +16,7 @@ Importing this module turns on 64-bit floats in JAX.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from math import perm
 from typing import Any
 
@@ -25,14 +26,12 @@ import numpy as np
 
 from camopt.cam.families.dwell import TABLES as DWELL
 from camopt.cam.families.free import free_cam
-from camopt.cam.families.kurz import TABLE as KURZ
-from camopt.cam.families.multi_pol import TABLE_1
 from camopt.cam.families.new_design import table_2
 from camopt.cam.families.polydyne import event_pieces, piece_shares
 from camopt.cam.families.sections import SectionTable, closed, flank
-from camopt.cam.families.trapezoid import TABLE as TRAPEZOID
 from camopt.cam.lift import Lift, whole_turn
 from camopt.cam.ramps import Ramp, symmetric_conditions
+from camopt.cam.read import FAMILIES
 from camopt.scene import InputError, Scene
 from camopt.scene.units import DEG, MM, MM_PER_DEG
 
@@ -133,10 +132,10 @@ def differentiable(scene: Scene, cam: Lift) -> DifferentiableCam:
     }
     if cam.family in ("polydyne", "exponent"):
         own, event = _powers(cam)
-    elif cam.family in SECTIONED:
-        own, event = _sections(cam)
+    elif cam.family in FAMILIES:
+        own, event = _sections(cam, _table_of(cam.family))
     else:
-        families = ", ".join(("polydyne", "exponent", *SECTIONED, "free"))
+        families = ", ".join((*FAMILIES, "free"))
         raise InputError(f"cam {cam.family!r}: only a family has parameters to differentiate by: {families}")
 
     def pieces(p: Parameters) -> tuple[Any, Any]:
@@ -179,19 +178,21 @@ def _new_design(p: Parameters, cam: Lift) -> SectionTable:
     return table_2(cam.parameters["section_II"] == "quintic", p["start_ratio"])
 
 
-SECTIONED: dict[str, Callable[[Parameters, Lift], SectionTable]] = {
-    "multi-pol": lambda _, __: TABLE_1,
-    "new-design": _new_design,
-    "kurz": lambda _, __: KURZ,
-    "trapezoid": lambda _, __: TRAPEZOID,
-    **{name: lambda _, __, table=table: table for name, table in DWELL.items()},
-}
+TableOf = Callable[[Parameters, Lift], SectionTable]
 """The table of a sectioned family for given parameters."""
 
 
-def _sections(cam: Lift) -> tuple[Parameters, Event]:
+def _table_of(family: str) -> TableOf:
+    if family == "new-design":
+        return _new_design
+    entry = FAMILIES[family]
+    table = DWELL[family] if family in DWELL else getattr(import_module(entry.module), entry.table)
+    return lambda _, __: table
+
+
+def _sections(cam: Lift, table_of: TableOf) -> tuple[Parameters, Event]:
     """Own parameters of a sectioned cam, and its event's pieces."""
-    table_of, given = SECTIONED[cam.family], cam.parameters
+    given = cam.parameters
     table = table_of(given, cam)
     names = [f"{level}_mm_per_deg{order}" for level, order in zip(table.levels, table.orders(), strict=True)]
     own = {name: given[name] for name, level in zip(names, table.levels, strict=True) if level not in table.closed_by}
