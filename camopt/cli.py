@@ -152,6 +152,7 @@ def _compare(command: Command) -> None:
         help="the literature's cams of largest area, or every family searched within the bounce limit, minutes (plain)",
     )
     c.add_argument("--out", metavar="DIR", help="folder of the comparison (runs/<scene>-<UTC time>)")
+    c.add_argument("--quiet", action="store_true", help="no progress bar")
 
 
 def _cam(command: Command) -> None:

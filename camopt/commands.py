@@ -102,7 +102,7 @@ def compare(args: Namespace) -> int:
     designs = {str(Path(d)): read_cam(Path(d), scene) for d in args.design}
     from camopt.optimize.comparison import compare as comparison
 
-    comparison(scene, designs, folder, baselines=args.baselines)
+    comparison(scene, designs, folder, baselines=args.baselines, progress=not args.quiet)
     print(f"comparison: {folder}")
     return 0
 

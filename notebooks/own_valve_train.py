@@ -101,7 +101,9 @@ scene = camopt.load_scene(folder / "mine.toml")
 
 # %%
 try:
-    parse_scene(MINE.replace("mass_kg = 0.06", "mass_kg = -1").replace('"tappet", "valve"]', '"tapet", "valve"]'), "mine")
+    parse_scene(
+        MINE.replace("mass_kg = 0.06", "mass_kg = -1").replace('"tappet", "valve"]', '"tapet", "valve"]'), "mine"
+    )
 except InputError as fault:
     print(fault)
 

@@ -38,11 +38,11 @@ def error_and_time(method: str, step_deg: float) -> tuple[float, float]:
 
 FINEST_DEG = 0.01
 truth = camopt.simulate(scene, cam, 6000, "event", 1, FINEST_DEG)
-rows = [
-    {"method": method, "step [deg]": step, **dict(zip(("error [um]", "time [s]"), error_and_time(method, step)))}
-    for method in ("event", "rkg", "houbolt")
-    for step in (0.1, 0.03, 0.01)
-]
+rows = []
+for method in ("event", "rkg", "houbolt"):
+    for step_deg in (0.1, 0.03, 0.01):
+        error_um, seconds = error_and_time(method, step_deg)
+        rows.append({"method": method, "step [deg]": step_deg, "error [um]": error_um, "time [s]": seconds})
 table = pandas.DataFrame(rows)
 table
 

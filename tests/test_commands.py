@@ -273,7 +273,7 @@ class TestVerbsThatSearch:
         write_design(folder / "design.json", lift, 9.4e-3)
         code, _, _ = run(capsys, "compare", "kodama", "--design", str(folder), "--out", str(tmp_path / "second"))
         ((scene, designs, out, named),) = asked
-        assert named == {"baselines": "plain"}
+        assert named == {"baselines": "plain", "progress": True}
         assert (code, scene.name, out) == (0, "kodama", tmp_path / "second")
         assert list(designs) == [str(folder)]
         assert designs[str(folder)].area == pytest.approx(lift.area)

@@ -2,15 +2,22 @@
 
 import re
 import shlex
+import shutil
+import subprocess
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import pytest
 
-from camopt.cli import parser
+from camopt.cli import main, parser
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README, re.DOTALL)
-COMMANDS = [line for kind, text in BLOCKS if kind == "sh" for line in text.splitlines() if line.startswith("camopt ")]
+LINES = [line for kind, text in BLOCKS if kind == "sh" and not text.startswith("python3") for line in text.splitlines()]
+COMMANDS = [line for line in LINES if line.startswith("camopt ")]
+SLOW = ("optimize", "verify", "compare", "reduce", "bound")
+"""Verbs that search or judge: parsed always, run by the long test."""
+DESIGN = Path(__file__).parent / "data" / "kodama-design.json"
 
 
 def test_there_are_two_set_up_lines():
@@ -20,7 +27,65 @@ def test_there_are_two_set_up_lines():
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_commands_parse(command):
-    assert parser().parse_args(shlex.split(command)[1:]).command
+    assert parser().parse_args(shlex.split(command.partition(" > ")[0])[1:]).command
+
+
+def run(line: str) -> int:
+    """Exit code of a line as a shell would run it in the present folder; camopt's own without a new process."""
+    if not line.startswith("camopt "):
+        return subprocess.run(["bash", "-c", line], check=False, timeout=60).returncode
+    command, _, file = line.partition(" > ")
+    words = shlex.split(command)[1:]
+    if not file:
+        return main(words)
+    with open(file, "w", encoding="utf-8") as out, redirect_stdout(out):
+        return main(words)
+
+
+def test_quick_commands_work_as_printed(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "runs" / "nominal").mkdir(parents=True)  # what the optimisation before them leaves
+    shutil.copy(DESIGN, tmp_path / "runs" / "nominal" / "design.json")
+    quick = [line for line in LINES if not (line.startswith("camopt ") and shlex.split(line)[1] in SLOW)]
+    assert len(quick) >= 6
+    for line in quick:
+        assert run(line) == 0, (line, capsys.readouterr().err)
+    for name in ("mine.toml", "lift.csv", "contour.csv", "motion.csv"):
+        assert (tmp_path / name).stat().st_size > 1000
+    assert "Hertz stress" in capsys.readouterr().out
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+def test_every_command_works_as_printed(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for line in LINES:
+        # Polydyne breaks kodama's jerk limit, so its verdict is 3: ran, but not confirmed
+        assert run(line) == (3 if "verify kodama --cam polydyne" in line else 0), (line, capsys.readouterr().err)
+
+
+def test_links_lead_somewhere():
+    root = Path(__file__).parents[1]
+    for page in ("README.md", "CONTRIBUTING.md"):
+        text = (root / page).read_text(encoding="utf-8")
+        for target in re.findall(r"\]\(([^)#\s]+)\)", text):
+            assert (root / target).exists(), (page, target)
+
+
+@pytest.mark.parametrize("row", re.findall(r"^\| .* \|$", README.partition("## Measured claims")[2], re.MULTILINE))
+def test_every_claim_names_a_command_that_exists(row):
+    if row.count("|") != 4 or row.startswith("| claim"):
+        return  # the table of the literature's cams, made by the command below it
+    root = Path(__file__).parents[1]
+    commands = re.findall(r"`([^`]+)`", row.split("|")[3])
+    assert commands
+    for command in commands:
+        words = shlex.split(command)
+        for name in [w for w in words if w.startswith(("tests/", "experiments."))]:
+            path = name if name.startswith("tests/") else name.replace(".", "/") + ".py"
+            assert (root / path).exists(), command
+        if words[0] == "camopt":
+            assert parser().parse_args(words[1:]).command
 
 
 def test_python_example_runs(capsys):

@@ -119,7 +119,9 @@ class Lift:
             "acceleration [mm/deg²]": f"{low / MM_PER_DEG2:.5g} to {high / MM_PER_DEG2:.5g}",
             "jerk [mm/deg³], at most": np.abs(self.extremes(3)).max() / MM_PER_DEG3,
         }
-        return DataFrame([rows.keys(), rows.values()]).T.to_html(index=False, header=False, float_format="{:.6g}".format)
+        return DataFrame([rows.keys(), rows.values()]).T.to_html(
+            index=False, header=False, float_format="{:.6g}".format
+        )
 
     def shifted(self, error: "Lift") -> "Lift":
         """This lift plus a small lift `error` (a grinding error), on the union of both pieces."""

@@ -49,14 +49,20 @@ MOTION_COLUMNS = ("jump_mm", "contact_force_min_N", "seating_velocity_m_per_s", 
 
 
 def compare(
-    scene: Scene, designs: dict[str, Lift], out: Path | str, accuracy: str = "draft", baselines: str = "plain"
+    scene: Scene,
+    designs: dict[str, Lift],
+    out: Path | str,
+    accuracy: str = "draft",
+    baselines: str = "plain",
+    progress: bool = False,
 ) -> Path:
     """Compare designs with the scene's baselines in the new folder `out`; returns it.
 
-    `designs`: name -> lift law. `baselines` "plain": the literature's cams as their authors would draw them, for the
-    largest area; "best": every family searched for the largest area within the scene's bounce limit at its listed
-    speeds, which takes minutes. Either under all limits of the scene and without its jerk limit. Writes comparison.csv
-    and figures. Raises InputError for an unusable folder or scene, and for other words.
+    `designs`: name -> lift law, each judged at the scene's listed speeds (k) [r/min]. `baselines` "plain": the
+    literature's cams as their authors would draw them, for the largest area; "best": every family searched for the
+    largest area within the scene's bounce limit at its listed speeds, which takes minutes and with `progress` draws a
+    bar. Either under all limits of the scene and without its jerk limit. Writes comparison.csv and figures. Raises
+    InputError for an unusable folder or scene, and for other words.
     """
     build_train(scene).require_linear("the comparison", "verify each cam on this scene with `camopt verify`")
     if baselines not in BASELINES:
@@ -64,11 +70,11 @@ def compare(
     effort = accuracy_named(accuracy)
     folder = create_run_folder(out)
     named = {"design" if len(designs) == 1 else name: lift for name, lift in designs.items()}
-    compare_in(folder, scene, named, {}, effort, BASELINES[baselines](scene))
+    compare_in(folder, scene, named, {}, effort, BASELINES[baselines](scene, progress))
     return folder
 
 
-def plain_baselines(scene: Scene) -> dict[str, Lift | str]:
+def plain_baselines(scene: Scene, progress: bool = False) -> dict[str, Lift | str]:
     """Polydyne, Multi-Pol and New Design by name; a sentence where a family has no member."""
     cams: dict[str, Lift | str] = {"polydyne": _member(lambda: polydyne(scene))}
     for name in SECTIONED:
@@ -78,7 +84,7 @@ def plain_baselines(scene: Scene) -> dict[str, Lift | str]:
     return cams
 
 
-def best_baselines(scene: Scene) -> dict[str, Lift | str]:
+def best_baselines(scene: Scene, progress: bool = False) -> dict[str, Lift | str]:
     """Every family's largest area within the scene's bounce limit, by name; where none holds it, the least bounce."""
     from camopt.optimize.baselines import largest_area_member
 
@@ -87,7 +93,7 @@ def best_baselines(scene: Scene) -> dict[str, Lift | str]:
     for jerk in (True, False) if _jerk_limited(scene) else (True,):
         for name in FAMILIES:
             cams[name + ("" if jerk else NO_JERK)] = _member(
-                lambda name=name, jerk=jerk: largest_area_member(scene, name, jerk, limit, progress=True).lift
+                lambda name=name, jerk=jerk: largest_area_member(scene, name, jerk, limit, progress=progress).lift
             )
     return cams
 

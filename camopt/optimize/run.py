@@ -50,7 +50,9 @@ class Run:
         from pandas import DataFrame
 
         rows = {name.replace("_", " "): self.record[name] for name in SHOWN} | {"run folder": str(self.folder)}
-        table = DataFrame([rows.keys(), rows.values()]).T.to_html(index=False, header=False, float_format="{:.5f}".format)
+        table = DataFrame([rows.keys(), rows.values()]).T.to_html(
+            index=False, header=False, float_format="{:.5f}".format
+        )
         return table + self.verdict._repr_html_()
 
 

@@ -18,8 +18,8 @@ def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float = MARGI
     `area_ratio_bound`: no cam under the design's limits has more, spline or not; `area_ratio_feasible`: a free cam
     that reaches this; `area_ratio_no_jump`: the largest of a free cam whose contacts keep `margin_N` at the listed
     speeds under the linear model, null where none does; `area_ratio_no_jump_bound`: what no cam, spline or not, exceeds
-    under that linear model, its margins and its switching angles; `worth_percent`: what 1 % more of each limit buys.
-    Raises InputError for contradictory limits.
+    under that linear model, its margins and its switching angles; `speeds_rpm` (k); `worth_percent`: what 1 % more of
+    each limit buys. Raises InputError for contradictory limits.
     """
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"

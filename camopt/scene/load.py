@@ -47,7 +47,7 @@ def load_scene(source: str | Path, need: tuple[str, ...] = ()) -> Scene:
     """The scene of a built-in name or TOML file, fully checked.
 
     `need` names optional parts that the caller cannot do without, out of "valve", "seat", "operation", "design",
-    "geometry". Raises InputError with one line per fault.
+    "geometry". Numbers keep the units of their keys (`_mm`, `_deg`, `_rpm`). Raises InputError with one line per fault.
     """
     return parse_scene(scene_text(source), str(source), need)
 

@@ -56,7 +56,8 @@ def modes(scene: Scene, state: State = "lifted") -> Modes:
 
     With damping the modes are those of the damped train: frequency |lambda| / (2 pi), damping ratio
     -Re(lambda) / |lambda|, shape in the phase in which it is largest; overdamped pairs are left out.
-    Raises InputError for an unknown state.
+    Returns `Modes`: m frequencies [Hz] ascending, damping ratios (m), shapes (m, n) over the n masses. Raises
+    InputError for an unknown state.
     """
     if state not in ("lifted", "seated"):
         raise InputError(f"modes: state {state!r}: expected 'lifted' or 'seated'")

@@ -1,8 +1,9 @@
 '''The non-smooth verifier: independent methods, metrics, settling and the verdict (NumPy and numba, no JAX).
 
-Also the public function: `camopt.verify(scene, cam, speeds_rpm, methods, accuracy)` is `camopt.verify.effort.verify_cam`
-and returns a `Verdict`; it raises `camopt.scene.InputError` for what cannot be judged. `speeds_rpm` (k) are crankshaft
-speeds [r/min], the scene's listed ones by default; how accurately is said in `camopt.verify.effort`.
+Also the public function: `camopt.verify(scene, cam, speeds_rpm, methods, accuracy)` is `verify_cam` of
+`camopt.verify.effort` and returns a `Verdict`; it raises `camopt.scene.InputError` for what cannot be judged.
+`speeds_rpm` (k) are crankshaft speeds [r/min], the scene's listed ones by default; how accurately is said in
+`camopt.verify.effort`.
 
 How verification works
 ======================
@@ -10,9 +11,9 @@ How verification works
 - Every method (`rkg`, `tmm`, `houbolt`, `dop853`) assembles its own equations and has its own contact law: that
   duplication is the independence. They share only the train's data, the lift pieces and the response record. A test
   reads the imports; none may reach for JAX, the smoothed path or event-exact.
-- At each speed a method starts at rest and runs until the state one revolution apart moves less than 1 um and 1 mm/s, at
-  most 40 revolutions (`settle`); the next four are measured, and a metric is its worst over them (`metrics`). A motion
-  that does not settle is reported as aperiodic, with its range.
+- At each speed a method starts at rest and runs until the state one revolution apart moves less than 1 um and 1 mm/s,
+  at most 40 revolutions (`settle`); the next four are measured, and a metric is its worst over them (`metrics`). A
+  motion that does not settle is reported as aperiodic, with its range.
 - A method's step is halved until bounce and jump stand (`converge`); what the last halvings moved is the error estimate
   of every figure.
 - Agreement: the deciding figures of all methods overlap within range and error estimate. Then every limit of the scene
@@ -91,8 +92,9 @@ and its line in `INDEPENDENT`
     "semi-implicit-euler": "camopt.verify.semi_implicit_euler",
 
 With that `camopt simulate --method` and `camopt verify --method` know it, `verify(..., methods=...)` of
-`camopt.verify.verdict` lets it vote, and `tests/verify/test_layers.py` reads its imports. `camopt.verify.verdict.METHODS`
-says which methods vote by default. `tests/test_guide.py` writes this very file and this line, and runs them.
+`camopt.verify.verdict` lets it vote, and `tests/verify/test_layers.py` reads its imports. `METHODS` of
+`camopt.verify.verdict` says which methods vote by default. `tests/test_guide.py` writes this very file and this line,
+and runs them.
 '''
 
 import sys

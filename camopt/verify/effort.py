@@ -1,4 +1,24 @@
-"""What `--accuracy` means to the verifier, and the verdict as the command line asks for it."""
+"""What `--accuracy` means to the verifier, and the verdict as the command line asks for it.
+
+Choosing an accuracy
+====================
+
+- **draft** while you try things: two methods, the band in steps of 100 r/min, a verdict within seconds to a minute. A
+  cam that draft rejects is rejected; one that draft confirms may still be caught between its speeds.
+- **standard** for what you keep: every method (the optimiser asks three), 20 r/min, halved steps may move 2 um.
+- **fine** before anything is ground: every method, 5 r/min, 1 um. Minutes.
+- A number of micrometres, for `verify`, is `standard` with that tolerance: below 1 it takes long where
+  the cam bounces, because methods that locate no switching converge with the first power of their step there.
+
+The name also sets the optimiser's effort (`camopt.optimize.accuracy`: knots, speeds, gradient steps). What was asked
+and what was delivered stand side by side in every verification: each figure has its error, estimated from the last
+halvings, and a figure whose error is large says so instead of being wrong. Beyond the jump the motion does not settle
+and no accuracy helps: there the answer is a range.
+
+Where time matters more, use a smaller model (`camopt reduce`, which tells its error) or fewer speeds rather than a
+looser tolerance: with event-exact the price of an accurate motion is a fraction of a millisecond. Measured prices:
+`python -m experiments.work_precision` and `python -m experiments.cost_scaling`.
+"""
 
 from dataclasses import dataclass
 

@@ -53,7 +53,7 @@ def test_the_jerk_limit_does_not_reject_in_the_table_without_it():
 
 def test_a_family_without_member_is_said(tmp_path, monkeypatch):
     monkeypatch.setattr(comparison, "draw", lambda *a: None)
-    monkeypatch.setitem(comparison.BASELINES, "plain", lambda scene: {"polydyne": "no member, because"})
+    monkeypatch.setitem(comparison.BASELINES, "plain", lambda *_: {"polydyne": "no member, because"})
     lift = polydyne(MOTORI)
     verdict = verify(MOTORI, lift, None, ("event",), None, 5.0, 0)
     monkeypatch.setattr(comparison, "verify", lambda *a: verdict)

@@ -46,7 +46,7 @@ and its line in `FAMILIES`, with a parser for each parameter and the name of the
     ),
 
 With that it is known to every command (`camopt cam kodama --cam two-parabolas:sections_deg=22/50`), verified like any
-other cam, differentiable (`camopt.differentiable`) and searched among the baselines (`camopt compare --baselines best`).
+other cam, differentiable (`camopt.differentiable`) and searched as a baseline (`camopt compare --baselines best`).
 A family that is no table of sections has its own construction, as `polydyne.py` has, and ends in `with_ramps`; then
 `gradients.py` needs its parameters too. `tests/test_guide.py` writes this very file and this line, and runs them.
 '''

@@ -208,7 +208,8 @@ class _Rows:
 def free_cam(design: Design, knot_deg: float = 3.0) -> FreeCam:
     """The free cam of a design: the knot interval is the longest that divides the duration and is <= `knot_deg`.
 
-    Conditions: lift, velocity and zero acceleration at both ramp tops; raises ValueError for a knot interval that
+    Conditions: lift, velocity and zero acceleration at both ramp tops; what is left are the free coefficients z (n)
+    [mm/deg^2]. Raises ValueError for a knot interval that
     leaves no free coefficient.
     """
     half = design.duration_deg / 2 * DEG

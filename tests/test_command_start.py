@@ -1,0 +1,94 @@
+"""How soon a command answers: help and input errors in a fresh process, without JAX, plain text everywhere."""
+
+import os
+import pty
+import subprocess
+import sys
+from functools import cache
+
+import pytest
+
+from camopt import cli
+
+ANSWERS = {
+    "help": (0, ["--help"]),
+    "help of a command": (0, ["verify", "--help"]),
+    "scene that is not there": (2, ["verify", "none.toml", "--cam", "polydyne"]),
+    "cam that is not there": (2, ["simulate", "kodama", "--cam", "none.csv", "--speed", "6000"]),
+}
+BUSIEST_S = 0.3
+"""Processor time of a whole command that ends in help or an input error, JAX and numba not loaded."""
+MEASURE = """
+import resource, subprocess, sys
+code = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(code, used.ru_utime + used.ru_stime)
+"""
+
+
+def processor_time(*command: str, runs: int = 2) -> tuple[int, float]:
+    """Exit code and least processor time [s] of some runs: unlike the clock it does not feel the neighbours."""
+    least, code = float("inf"), -1
+    for _ in range(runs):
+        words = [sys.executable, "-c", MEASURE, *command]
+        done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60)
+        code, seconds = (float(word) for word in done.stdout.split())
+        least = min(least, seconds)
+    return int(code), least
+
+
+@cache
+def allowed() -> float:
+    """What an answer may take [s]: more only on a machine that is slow to start Python with NumPy too."""
+    return max(BUSIEST_S, 4 * processor_time(sys.executable, "-c", "import numpy")[1])
+
+
+@pytest.mark.parametrize("answer", ANSWERS)
+def test_answers_at_once(answer, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, words = ANSWERS[answer]
+    found, seconds = processor_time(sys.executable, "-m", "camopt", *words)
+    assert found == code
+    assert seconds < allowed()
+
+
+def test_jax_would_be_noticed():
+    assert processor_time(sys.executable, "-c", "import jax", runs=1)[1] > allowed()
+
+
+def on_a_terminal(*words: str, **environment: str) -> bytes:
+    """What a command writes to a terminal."""
+    master, slave = pty.openpty()
+    with subprocess.Popen(
+        [sys.executable, "-m", "camopt", *words], stdout=slave, stderr=slave, env=os.environ | environment
+    ) as process:
+        os.close(slave)
+        text = b""
+        while True:
+            try:
+                part = os.read(master, 65536)
+            except OSError:  # how Linux says that the other end is closed
+                break
+            if not part:
+                break
+            text += part
+    os.close(master)
+    assert process.returncode in (0, 2)
+    return text
+
+
+@pytest.mark.parametrize("words", [("--help",), ("scenes",), ("modes", "none.toml")])
+def test_no_colour_is_no_colour(words):
+    text = on_a_terminal(*words, NO_COLOR="1", TERM="xterm")
+    assert len(text) > 20 and b"\x1b" not in text
+
+
+@pytest.mark.parametrize("words", [("--help",), ("modes", "none.toml")])
+def test_no_colour_where_there_is_no_terminal(words):
+    done = subprocess.run([sys.executable, "-m", "camopt", *words], capture_output=True, timeout=60)
+    assert b"\x1b" not in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("verb", ["optimize", "compare"])
+def test_every_command_with_a_progress_bar_can_be_quiet(verb):
+    assert cli.parser().parse_args([verb, "kodama", "--quiet"]).quiet
