@@ -23,6 +23,7 @@ _PUBLIC = {
     "simulate": "camopt.study.motion",
     "modes": "camopt.study.modes",
     "reduce": "camopt.study.reduce",
+    "tradeoff": "camopt.study.tradeoff",
     "area_bound": "camopt.optimize.summary",
     "compare": "camopt.optimize.comparison",
     "pareto": "camopt.study.pareto",

@@ -7,7 +7,7 @@ import tomllib
 from argparse import Namespace
 from pathlib import Path
 
-from camopt.scene import InputError, builtin_scenes, load_scene, scene_text
+from camopt.scene import InputError, build_train, builtin_scenes, load_scene, scene_text
 from camopt.storage import check_run_folder, default_run_folder, write_csv, write_json
 
 SIMULATED = ("valve", "seat", "operation", "design")
@@ -70,6 +70,7 @@ def verify(args: Namespace) -> int:
         shown = (_shown(v, w) for v, w in zip(numbers, (8, 10, 8, 11), strict=True))
         print("  ".join(shown), f" {row['verdict']}")
     broken = f" (broken: {', '.join(map(str, content['broken']))})" if content["broken"] else ""
+    print(report.accuracy["statement"])
     print(f"verdict: {report.verdict}{broken}")
     return 0 if report.verdict == "confirmed" else 3
 
@@ -79,11 +80,15 @@ def simulate(args: Namespace) -> int:
     lift = _cam_of(args, scene)
     from camopt.study.motion import motion_table
     from camopt.study.motion import simulate as motion_of
+    from camopt.verify.verdict import methods_for
 
-    motion = motion_of(scene, lift, args.speed, args.method, args.revolutions, args.step_deg)
+    method = args.method or ("event" if args.accuracy is None else methods_for(build_train(scene))[0])
+    motion = motion_of(scene, lift, args.speed, method, args.revolutions, args.step_deg, accuracy=args.accuracy)
     if args.csv:
         write_csv(args.csv, motion_table(motion))
-    print(f"{scene.name}, {lift.family}, {args.speed:g} r/min, {args.method}, from rest")
+    print(f"{scene.name}, {lift.family}, {args.speed:g} r/min, {method}, from rest")
+    if args.accuracy is not None:
+        print(motion.attrs["accuracy_statement"])
     for revolution, part in motion.groupby("revolution"):
         valve = part["position_mm"].sel(mass=scene.valve)
         print(f"revolution {revolution}: largest valve position {float(valve.max()):.4f} mm")
@@ -157,6 +162,20 @@ def reduce(args: Namespace) -> int:
     if args.json:
         write_json(args.json, found.as_dict())
     print("\n".join(reduction_lines(found)))
+    return 0
+
+
+def tradeoff(args: Namespace) -> int:
+    scene = load_scene(args.scene, need=SIMULATED)
+    if args.resume and args.out is None:
+        raise InputError("tradeoff: --resume needs the folder to go on in: add --out DIR")
+    folder = Path(args.out) if args.out else default_run_folder(scene.name)
+    check_run_folder(folder, args.resume)
+    from camopt.study.tradeoff import tradeoff as measure
+
+    found = measure(scene, folder, args.resume, args.size, progress=not args.quiet)
+    print(found.words)
+    print(f"table: {found.folder / 'tradeoff.csv'}, figures: {found.folder / 'figures'}")
     return 0
 
 

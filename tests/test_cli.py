@@ -11,7 +11,7 @@ import camopt.verify
 from camopt import cli, commands
 from camopt.scene import scene_text
 
-VERBS = ("optimize", "verify", "simulate", "compare", "cam", "modes", "bound", "reduce", "scenes")
+VERBS = ("optimize", "verify", "simulate", "compare", "cam", "modes", "bound", "reduce", "tradeoff", "scenes")
 
 
 def run(capsys, *arguments: str) -> tuple[int, str, str]:

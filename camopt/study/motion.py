@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from importlib import import_module
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -12,6 +12,9 @@ from camopt.scene import InputError, Response, Scene, Train, build_train, rest_p
 from camopt.scene.response import end_state, joined
 from camopt.scene.units import DEG, MM
 from camopt.study.modes import highest_rate
+
+if TYPE_CHECKING:
+    from camopt.study.delivered import Delivered, Run
 
 Method = Literal["event", "rkg", "tmm", "houbolt", "dop853", "smooth"]
 MODULES = {
@@ -27,6 +30,12 @@ DIFFERENTIABLE = {"smooth": "camopt.smooth.differentiable"}
 LARGEST_PHASE = 0.3
 """Step times the train's highest rate [rad]: MOTORI 2004's rule for explicit steps (0.31), and for drawn curves."""
 MOST_STEPS = 20_000_000
+FEWEST_STEPS = 720
+"""Steps per revolution at least where an accuracy chooses them, however slow the train: the cam has to be followed."""
+TOLERANCE_OF_WIDTH = 5e-3
+"""The smooth path's error per step over the width of its layer: that of its defaults."""
+LEAST_WIDTH = 2.5e-10
+"""Finest layer [m] that an accuracy may choose."""
 
 
 def simulate(
@@ -37,6 +46,7 @@ def simulate(
     revolutions: int = 2,
     step_deg: float = 0.1,
     parameters: Mapping[str, Any] | None = None,
+    accuracy: str | float | None = None,
 ) -> xr.Dataset:
     """Motion of the valve train from rest at -180 degrees, `revolutions` of the cam at a crankshaft speed [r/min].
 
@@ -45,6 +55,10 @@ def simulate(
     coordinates revolution (from 1), cam_angle_deg (-180 to 180), time_s, and variables lift_mm, position_mm and
     velocity_m_per_s (sample, mass), force_N (sample, element); between a method's samples positions are cubic,
     velocities their derivative, forces linear, and where a force jumps the later value stands.
+
+    With an `accuracy`, a name or micrometres of the valve's position, the method's step (of "smooth": the width of the
+    layer and the grid) is chosen from stored curves and halved until the motion stands (`camopt.study.delivered`); the
+    dataset's attributes say what was asked, what error is estimated for what was delivered, and whether that is enough.
 
     Differentiable: `parameters` (see `motion_parameters`) replaces numbers of scene and cam by arrays that JAX may
     trace, and so may `speed_rpm` be, under `jax.grad`, `jax.jit` and `jax.vmap`. The dataset then holds JAX arrays
@@ -70,6 +84,10 @@ def simulate(
         return _dataset(scene, cam, speed_rpm, method, response).assign(
             {name: ("measured", values) for name, values in metrics.items()}
         )
+    if accuracy is not None:
+        done = delivered(train, cam, cam_speed, method, revolutions, accuracy)
+        motion = _dataset(scene, cam, speed_rpm, method, resampled(done.response, steps * revolutions))
+        return motion.assign_attrs(accuracy_statement=done.sentence(), **done.attributes())
     finer = max(1, int(np.ceil(highest_rate(train) * step_deg * DEG / cam_speed / LARGEST_PHASE)))
     if steps * finer * revolutions > MOST_STEPS:
         raise InputError(
@@ -78,6 +96,33 @@ def simulate(
         )
     response = _motion(train, cam, cam_speed, method, revolutions, steps * finer)
     return _dataset(scene, cam, speed_rpm, method, resampled(response, steps * revolutions))
+
+
+def delivered(
+    train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int, accuracy: str | float
+) -> "Delivered":
+    """The motion from rest at an accuracy; see `camopt.study.delivered`."""
+    from camopt.study.delivered import MOST_VALUES, deliver
+
+    run = dialled(train, cam, cam_speed, method, revolutions)
+    if method == "smooth":
+        return deliver(run, method, accuracy, revolutions, LEAST_WIDTH)
+    most = MOST_VALUES / revolutions / (2 + 2 * len(train.mass) + len(train.a))
+    return deliver(run, method, accuracy, revolutions, 2 * np.pi * highest_rate(train) / cam_speed / most)
+
+
+def dialled(train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int) -> "Run":
+    """The motion from rest as a function of the method's dial: step times highest rate [rad], or layer width [m]."""
+    rate = highest_rate(train)
+
+    def run(setting: float) -> Response:
+        if method == "smooth":
+            smooth, tolerance = import_module(MODULES[method]), setting * TOLERANCE_OF_WIDTH
+            return smooth.simulate_smooth(train, cam, cam_speed, revolutions, eps=setting, tolerance=tolerance)
+        steps = max(FEWEST_STEPS, int(np.ceil(2 * np.pi * rate / cam_speed / setting)))
+        return _motion(train, cam, cam_speed, method, revolutions, steps)
+
+    return run
 
 
 def motion_parameters(scene: Scene, cam: Lift) -> dict[str, np.ndarray]:

@@ -11,7 +11,7 @@ from camopt.scene.quantities import QUANTITIES
 from camopt.scene.response import Revolve, end_state
 from camopt.scene.rest import static_matrices
 from camopt.scene.train import Train
-from camopt.verify.settle import Figures, settle
+from camopt.verify.settle import SETTLED_POSITION, Figures, settle
 
 Prepare = Callable[[Train, Lift, float, int], Revolve]
 """A method: train, lift, cam speed [rad/s] and steps per revolution to one revolution of a state."""
@@ -68,14 +68,21 @@ def first_steps(train: Train, cam_speed: float) -> int:
 
 
 def converge(
-    prepare: Prepare, train: Train, lift: Lift, cam_speed: float, start: np.ndarray, tolerance_um: float, halvings: int
+    prepare: Prepare,
+    train: Train,
+    lift: Lift,
+    cam_speed: float,
+    start: np.ndarray,
+    tolerance_um: float,
+    halvings: int,
+    settled: float = SETTLED_POSITION,
 ) -> Converged:
     """Halve the step until every deciding figure stands twice in a row, at most `halvings` times and,
     after the second halving, to no more than MOST_STEPS.
 
     `start` (2n) is the state at rest; a finer step continues from the coarser one's settled state. The error estimate
     is the larger distance to the two coarser answers: no method has an order across contacts that would allow less. An
-    aperiodic motion stands when it moves by no more than its own range.
+    aperiodic motion stands when it moves by no more than its own range. `settled` [m]: as `position` of `settle`.
     """
     finest = steps = first_steps(train, cam_speed)
     allowed = tolerances(tolerance_um)
@@ -88,7 +95,7 @@ def converge(
             break
         finest = steps << halving
         try:
-            done = settle(prepare(train, lift, cam_speed, finest), state)
+            done = settle(prepare(train, lift, cam_speed, finest), state, position=settled)
         except MotionRefused:
             runs, stood, state = [], [], start
             continue
