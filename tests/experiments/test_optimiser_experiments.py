@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from experiments import optimiser, price_list
+from experiments import gradient_value, optimiser, price_list
 
 
 def test_optimiser_row_is_within_its_bound_and_limits(tmp_path):
@@ -21,3 +21,10 @@ def test_price_of_preload_is_a_price(tmp_path):
     (price,) = content["prices"]
     assert price["group"] == "preload" and price["price_percent"] > 1.0  # less preload, sooner afloat
     assert {p["perturbation"] for p in content["as_designed"]} >= {"spring rate less", "lash more", "grinding 0"}
+
+
+@pytest.mark.long
+def test_with_few_coefficients_either_gradient_adds_area(tmp_path):
+    few = gradient_value.main("small", tmp_path)["few coefficients"]
+    assert few["none"]["gain"] == 0.0
+    assert few["smooth"]["gain"] > 1e-3 and few["exact"]["gain"] > 1e-3
