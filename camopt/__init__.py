@@ -20,6 +20,8 @@ _PUBLIC = {
     "modes": "camopt.study.modes",
     "area_bound": "camopt.optimize.summary",
     "compare": "camopt.optimize.comparison",
+    "identify": "camopt.study.identify",
+    "MeasuredLift": "camopt.study.identify",
     "pareto": "camopt.study.pareto",
     "joint_spring": "camopt.study.pareto",
 }

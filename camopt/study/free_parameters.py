@@ -39,9 +39,10 @@ class FreeParameters:
     """The free parameters (p) of a scene; a point of the fit is `logs` (p), the logarithms of their factors."""
 
     def __init__(self, scene: Scene, free: Sequence[str]):
-        """`free` (p): `<name>.<key>`, such as `valve.mass_kg`; `*` ties all that match (`coil_*.damping_N_s_per_m`).
+        """`free` (p): `<name>.<key>`, such as `valve.mass_kg`; `*` ties all that match and are not
+        zero (`coil_*.damping_N_s_per_m`).
 
-        Raises InputError for a name that matches nothing or a second time, or whose start is zero.
+        Raises InputError for a name that matches nothing, zeros only, masses and elements both, or a second time.
         """
         self.scene, self.train = scene, build_train(scene)
         self.tied = tuple(_tied(scene, name) for name in free)
@@ -73,13 +74,19 @@ class FreeParameters:
 
 def _tied(scene: Scene, name: str) -> Tied:
     pattern, _, key = name.rpartition(".")
+    found, zero = [], False
     for table, keys in ((scene.mass, MASS_KEYS), (scene.element, ELEMENT_KEYS)):
-        at = [i for i, row in enumerate(table) if fnmatchcase(row.name, pattern)] if key in keys else []
+        matched = [i for i, row in enumerate(table) if fnmatchcase(row.name, pattern)] if key in keys else []
+        at = [i for i in matched if getattr(table[i], key)]  # a factor leaves zero as it is
+        zero = zero or len(at) < len(matched)
         if at:
-            start = [getattr(table[i], key) for i in at]
-            if not all(start):
-                raise InputError(f"identify: {name}: the fit starts at the scene's value, and that is 0 or none: set it")
-            return Tied(name, key, keys[key], np.array(at), start[0])
+            found.append(Tied(name, key, keys[key], np.array(at), getattr(table[at[0]], key)))
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise InputError(f"identify: {name}: masses and elements both match: name them apart")
+    if zero:
+        raise InputError(f"identify: {name}: the fit starts at the scene's value, and that is 0 or none: set it")
     raise InputError(
         f"identify: {name!r}: no such parameter; expected <mass>.{'|'.join(MASS_KEYS)} or "
         f"<element>.{'|'.join(ELEMENT_KEYS)}, with the names of scene {scene.name}"

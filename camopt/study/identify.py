@@ -23,7 +23,7 @@ ROUNDING = 1e-7
 SURPRISING = 5.0
 """Standard deviations by which noise and correlation of the residual may miss what they should be."""
 JACOBIANS_AGREE = 1e-2
-"""Largest relative distance of the differences' Jacobian to the exact adjoint; more, and the motion is too sensitive."""
+"""Largest relative distance of the differences' Jacobian to the exact adjoint; more: too sensitive."""
 
 
 @dataclass(frozen=True)
@@ -94,10 +94,10 @@ def identify(
 
     `free`: such as `valve.mass_kg`, `train.stiffness_N_per_m`, `seat.gap_mm`; `coil_*.damping_N_s_per_m` moves all that
     match by one factor. The motion starts from rest, `settle` whole revolutions before the angle -180 of the data.
-    `zero_known=False`: the sensor's zero is unknown, series by series. `noise_um`: the sensor's noise where it is known;
-    the residual is then held against it. The intervals are those of the linear model at the estimate (Seber and Wild,
-    Nonlinear Regression, 1989, section 5.1), in the logarithms, with Student's t and the noise of the residual, which is
-    taken as white. Positions fix forces only up to a common factor: leave one preload or stiffness at a known value.
+    `zero_known=False`: the sensor's zero is unknown, series by series. `noise_um`: the sensor's noise where it is
+    known; the residual is then held against it. The intervals are those of the linear model at the estimate (Seber and
+    Wild, Nonlinear Regression, 1989), in the logarithms, with Student's t and the noise of the residual, taken as
+    white. Positions fix forces only up to a common factor: leave one preload or stiffness at a known value.
 
     Raises InputError for unusable data or names, or laws that are not linear; MotionRefused where the start values
     have no motion.
@@ -211,7 +211,7 @@ def _remarks(fitted: Fitted, residuals, noise: float, stated: float | None, free
         yield f"the fit did not come to a stand in {fitted.steps} steps: start nearer, or free fewer parameters"
     if error > JACOBIANS_AGREE:
         yield (
-            f"differences and adjoint disagree by {error:.2g}: the motion is too sensitive (bounce, jump, or nearly so); "
+            f"differences and adjoint disagree by {error:.2g}: the motion is too sensitive (bounce, jump, or nearly); "
             "take lower speeds, or leave out the angles after closing"
         )
     if stated is not None and (noise / stated) ** 2 - 1 > SURPRISING * np.sqrt(2 / freedom):

@@ -1,12 +1,13 @@
 """Least squares of a measured valve lift: residuals of event-exact motions, their exact gradient, damped Gauss-Newton.
 
 The gradient of the squares is the exact adjoint's, one sweep per series whatever the number of parameters. The Jacobian
-that turns it into a step, and gives the covariance, is one of central differences; it is kept while the steps do what it
-predicts, and compared with the adjoint at the end.
+that turns it into a step is one of forward differences, kept while the steps do what it promises; that of the
+covariance is one of central differences at the end, and is compared with the adjoint there.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -19,17 +20,18 @@ from camopt.scene.train import Train
 from camopt.study.free_parameters import FreeParameters
 
 DIFFERENCE = 1e-4
-"""Step of the Jacobian's central differences in a logarithm: truncation and rounding are both below 1e-6 of a column."""
+"""Step of the Jacobian's central differences in a logarithm: truncation and rounding stay below 1e-6 of a column."""
 LONGEST_STEP = 0.5
 """Longest step in the logarithms of the factors."""
 STANDING = 1e-4
-"""Decrease of the squares still to be had, in variances of the noise, at which the fit stands: a hundredth of a standard
-error."""
-DISAPPOINTING, ACCEPTED = 0.8, 0.1
-"""Shares of the predicted decrease below which the Jacobian is renewed, and below which a step is taken back."""
+"""Decrease of the squares, in variances of the noise, below which the fit stands: a hundredth of a standard error."""
+DISAPPOINTING, SHORTENED, ACCEPTED = 0.8, 0.25, 0.1
+"""Shares of the promised decrease below which the Jacobian is renewed, the next step shortened, this one taken back."""
 ROUNDING_M = 1e-12
 """Residual that counts as none."""
 MOST_STEPS = 60
+FARTHEST = np.log(10.0)
+"""Farthest from the start values in the logarithms: beyond a factor of ten a train may take millions of steps."""
 
 
 @dataclass(frozen=True)
@@ -56,12 +58,12 @@ class LiftFit:
     def residual(self, motions: Sequence[TracedMotion]) -> np.ndarray:
         """Computed less measured valve position (m) [m]; where the zero is not known, less each series' mean."""
         valve = self.parameters.train.valve
-        return self._centred(
-            [m.at(s.angle).x[:, valve] - s.valve for m, s in zip(motions, self.series, strict=True)]
-        )
+        return self._centred([m.at(s.angle).x[:, valve] - s.valve for m, s in zip(motions, self.series, strict=True)])
 
     def tried(self, logs: np.ndarray) -> tuple[list[TracedMotion], np.ndarray]:
-        """Motions and residual at a point that may have none: then the residual is infinite."""
+        """Motions and residual at a point that may have none, or lie too far off: then the residual is infinite."""
+        if np.abs(logs).max() > FARTHEST:
+            return [], np.full(1, np.inf)
         try:
             motions = self.motions(self.parameters.moved(logs))
         except (MotionRefused, InputError):
@@ -76,7 +78,9 @@ class LiftFit:
         train, total = motions[0].train, np.zeros(len(self.parameters.tied))
         n, e = len(train.mass), len(train.a)
         parts = np.split(bar, self.borders)
-        for motion, series, part in zip(motions, self.series, np.split(self._centred(parts), self.borders), strict=True):
+        for motion, series, part in zip(
+            motions, self.series, np.split(self._centred(parts), self.borders), strict=True
+        ):
             m = len(part)
             x = np.zeros((1, m, n))
             x[0, :, train.valve] = part
@@ -139,9 +143,9 @@ def descend(fit: LiftFit) -> Fitted:
             logs, residual, motions, fresh = logs + step, found, trial, False
         if gained < DISAPPOINTING and not fresh:
             jacobian, fresh = fit.slopes(logs, residual), True
-        if gained < 0.25:
+        if gained < SHORTENED:
             radius = float(np.linalg.norm(step)) / 4
-        elif gained > 0.75:
+        elif gained > DISAPPOINTING:
             radius = min(LONGEST_STEP, 2 * radius)
     return Fitted(logs, residual, fit.jacobian(logs), motions, MOST_STEPS, False)
 
@@ -170,5 +174,5 @@ def limited_step(jacobian: np.ndarray, gradient: np.ndarray, noise: float, radiu
     if np.linalg.norm(step(0.0)) <= radius:
         return step(0.0) @ directions
     longest = np.linalg.norm(along) / radius  # with this damping every step is short enough
-    damping = brentq(lambda d: float(np.linalg.norm(step(d))) - radius, 0.0, longest)
-    return step(damping) @ directions
+    damping: Any = brentq(lambda d: float(np.linalg.norm(step(d))) - radius, 0.0, longest)
+    return step(float(damping)) @ directions
