@@ -33,7 +33,7 @@ CASES = {
          "seat.stiffness_N_per_m", "seat.damping_N_s_per_m", "coil_*.damping_N_s_per_m"),
     ),
 }  # fmt: skip
-SIZES = {"small": (("motori-1",), 1, 0.2), "full": (tuple(CASES), 6, 0.1)}
+SIZES = {"small": (("motori-1",), 1, 0.2), "full": (tuple(CASES), 12, 0.1)}
 """Scenes, seeds, degrees between samples."""
 
 
@@ -83,7 +83,7 @@ def fit(name: str, seed: int, step_deg: float) -> dict:
 def figure(name: str, fits: list[dict]) -> Figure:
     """Every interval over its truth, the seeds side by side; start values as crosses."""
     names = [row["parameter"] for row in fits[0]["parameters"]]
-    drawn = new_figure(7.2, 1.2 + 0.42 * len(names))
+    drawn = new_figure(7.6, 1.2 + 0.6 * len(names))
     axes = drawn.subplots()
     for k, one in enumerate(fits):
         for i, row in enumerate(one["parameters"]):
@@ -96,7 +96,7 @@ def figure(name: str, fits: list[dict]) -> Figure:
     axes.axvline(1.0, color=INK, linewidth=0.8)
     axes.set_yticks(range(len(names)), names)
     axes.invert_yaxis()
-    axes.set(xlabel="over the truth (bars: 95 % intervals, red where they miss it; crosses: start values)",
+    axes.set(xlabel="over the truth (bars: 95 % intervals, red: missed; crosses: starts)",
              title=f"{name}: {len(fits)} noises of {NOISE_UM:g} µm")  # fmt: skip
     return drawn
 

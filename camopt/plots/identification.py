@@ -25,9 +25,9 @@ def identification(table: xr.Dataset, speeds_rpm: Sequence[float], angles_deg, r
     left.invert_yaxis()
     left.set_xlabel("estimate over start value")
     if np.any(~known):
-        left.legend(loc="best")
+        left.legend(loc="lower left", bbox_to_anchor=(0, 1))
     for i, (speed, angle, residual) in enumerate(zip(speeds_rpm, angles_deg, residuals_um, strict=True)):
         right.plot(angle, residual, color=OTHERS[i % len(OTHERS)], linewidth=0.6, label=f"{speed:g} r/min")
     right.set(xlabel="cam angle [deg]", ylabel="computed less measured [µm]", title=f"noise {noise_um:.3g} µm")
-    right.legend(loc="best", ncols=2)
+    right.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=len(residuals_um), columnspacing=1.0)
     return figure
