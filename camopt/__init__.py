@@ -25,6 +25,8 @@ _PUBLIC = {
     "reduce": "camopt.study.reduce",
     "area_bound": "camopt.optimize.summary",
     "compare": "camopt.optimize.comparison",
+    "identify": "camopt.study.identify",
+    "MeasuredLift": "camopt.study.identify",
     "pareto": "camopt.study.pareto",
     "joint_spring": "camopt.study.pareto",
 }
