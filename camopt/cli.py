@@ -77,7 +77,7 @@ def parser() -> argparse.ArgumentParser:
         one.add_argument("--debug", action="store_true", help="show the traceback of an error")
         return one
 
-    for add in (_optimize, _verify, _simulate, _compare, _cam, _modes, _bound, _scenes):
+    for add in (_optimize, _verify, _simulate, _compare, _cam, _modes, _bound, _reduce, _scenes):
         add(command)
     return top
 
@@ -95,7 +95,7 @@ def _optimize(command: Command) -> None:
     c.add_argument("--speeds", choices=("band", "nominal"), default="band", help="speeds the cam must hold at (band)")
     c.add_argument("--accuracy", choices=ACCURACIES, default="standard", help="speed against accuracy (standard)")
     c.add_argument(
-        "--gradient", choices=("smooth", "none"), default="smooth", help="gradients of the dynamics (smooth)"
+        "--gradient", choices=("smooth", "exact", "none"), default="smooth", help="gradients of the dynamics (smooth)"
     )
     c.add_argument("--out", metavar="DIR", help="run folder, refused if it exists (runs/<scene>-<UTC time>)")
     c.add_argument("--seed", type=_seed, default=0, metavar="N", help="seed of the searches (0)")
@@ -155,12 +155,19 @@ def _compare(command: Command) -> None:
 
 def _cam(command: Command) -> None:
     c = command(
-        "cam", "show a cam against the scene's limits, and write its lift table", "camopt cam kodama --cam polydyne"
+        "cam",
+        "show a cam against the scene's limits, its contact with the follower, and write lift table and contour",
+        "camopt cam kodama --cam polydyne --csv lift.csv",
     )
     _scene(c)
     _cam_options(c)
-    c.add_argument("--step-deg", type=_positive, default=0.1, metavar="DEG", help="step of the table (0.1)")
+    c.add_argument("--speed", type=_positive, metavar="RPM", help="with [geometry]: Hertz stress at crankshaft r/min")
+    c.add_argument("--step-deg", type=_positive, default=0.1, metavar="DEG", help="step of what is written (0.1)")
+    c.add_argument(
+        "--digits", type=_digits, metavar="N", help="decimals of the lift in mm (table: every digit; contour: 6)"
+    )
     c.add_argument("--csv", metavar="FILE", help="write the lift table")
+    c.add_argument("--contour", metavar="FILE", help="with [geometry]: write the contour, Cartesian and polar")
 
 
 def _modes(command: Command) -> None:
@@ -176,6 +183,21 @@ def _bound(command: Command) -> None:
     c.add_argument("--json", metavar="FILE", help="write the bounds as JSON")
 
 
+def _reduce(command: Command) -> None:
+    c = command(
+        "reduce",
+        "smaller models of a scene, with what each gets wrong and saves",
+        "camopt reduce kodama --speeds 5000 --tolerance-mm 0.02",
+    )
+    _scene(c)
+    _cam_options(c, default="polydyne")
+    c.add_argument("--speeds", type=speeds, metavar="LIST", help="5000,6000 or 300:8000:100 crankshaft r/min (listed)")
+    c.add_argument(
+        "--tolerance-mm", type=_positive, default=0.01, metavar="MM", help="error of bounce, jump and lift (0.01)"
+    )
+    c.add_argument("--json", metavar="FILE", help="write every model's errors and times, and the proposed scene")
+
+
 def _scenes(command: Command) -> None:
     c = command("scenes", "list the built-in scenes, or print one to edit", "camopt scenes kodama > mine.toml")
     c.add_argument("name", nargs="?", metavar="NAME", help="built-in scene to print")
@@ -189,13 +211,14 @@ def _scene(c: argparse.ArgumentParser, default: str | None = None) -> None:
         c.add_argument("scene", metavar="SCENE", nargs="?", default=default, help=f"{text} ({default})")
 
 
-def _cam_options(c: argparse.ArgumentParser) -> None:
+def _cam_options(c: argparse.ArgumentParser, default: str | None = None) -> None:
     c.add_argument(
         "--cam",
-        required=True,
+        required=default is None,
+        default=default,
         metavar="CAM",
         help="family (polydyne, or polydyne:exponents=2/10/18/26/34,speed_rpm=6000), lift table, run folder or its "
-        "design.json",
+        "design.json" + (f" ({default})" if default else ""),
     )
     c.add_argument("--table-angle", choices=("cam", "crank"), help="angle of a lift table from elsewhere")
     c.add_argument("--table-lift", choices=("mm", "m", "inch"), help="unit of the lift in such a table")
@@ -239,6 +262,12 @@ def _positive(text: str) -> float:
 def _count(text: str) -> int:
     if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 1000:
         raise argparse.ArgumentTypeError(f"{text!r}: expected an integer from 1 to 1000")
+    return int(text)
+
+
+def _digits(text: str) -> int:
+    if not text.isascii() or not text.isdigit() or int(text) > 12:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected an integer from 0 to 12")
     return int(text)
 
 

@@ -108,28 +108,15 @@ def compare(args: Namespace) -> int:
 
 
 def cam(args: Namespace) -> int:
-    scene = load_scene(args.scene, need=("operation", "design"))
+    asked = tuple(f"--{name}" for name in ("speed", "contour") if getattr(args, name) is not None)
+    scene = load_scene(args.scene, need=SIMULATED if args.speed else ("operation", "design"))
+    if asked and scene.geometry is None:
+        raise InputError(f"scene {scene.name}: {' and '.join(asked)} needs [geometry]: follower and base radius")
     lift = _cam_of(args, scene)
-    from camopt.cam.tables import write_lift_table
-    from camopt.scene.units import DEG, MM
+    from camopt.study.cam import export, sheet
 
-    if args.csv:
-        write_lift_table(args.csv, lift, args.step_deg)
-    design = scene.design
-    assert design is not None
-    print(f"{lift.family}: " + ", ".join(f"{k} = {v}" for k, v in lift.parameters.items()))
-    print(f"maximum lift   {lift.max_lift / MM:.6f} mm (limit {design.max_lift_mm:g})")
-    print(
-        f"area           {lift.area / MM / DEG:.4f} mm deg, area ratio {lift.area_ratio(design.max_lift_mm * MM):.6f}"
-    )
-    limits = (
-        ("acceleration", 2, design.acceleration_min_mm_per_deg2, design.acceleration_max_mm_per_deg2),
-        ("jerk", 3, design.jerk_max_mm_per_deg3 and -design.jerk_max_mm_per_deg3, design.jerk_max_mm_per_deg3),
-    )
-    for name, order, low, high in limits:
-        least, most = (value * DEG**order / MM for value in lift.extremes(order))
-        limit = f"limits {'none' if low is None else f'{low:g}'} to {'none' if high is None else f'{high:g}'}"
-        print(f"{name:<14} {least:.6f} to {most:.6f} mm/deg^{order} ({limit})")
+    export(scene, lift, args.csv, args.contour, args.step_deg, args.digits)
+    print("\n".join(sheet(scene, lift, args.speed)))
     return 0
 
 
@@ -157,6 +144,19 @@ def bound(args: Namespace) -> int:
         write_json(args.json, content)
     for name, value in content.items():
         print(f"{name}: {value}")
+    return 0
+
+
+def reduce(args: Namespace) -> int:
+    scene = load_scene(args.scene, need=SIMULATED)
+    lift = _cam_of(args, scene)
+    from camopt.study.reduce import reduce as reduction_of
+    from camopt.study.reduce import reduction_lines
+
+    found = reduction_of(scene, lift, args.speeds, args.tolerance_mm)
+    if args.json:
+        write_json(args.json, found.as_dict())
+    print("\n".join(reduction_lines(found)))
     return 0
 
 

@@ -11,6 +11,7 @@ import pytest
 import camopt.verify
 from camopt import cli
 from camopt.cam.families.polydyne import polydyne
+from camopt.cam.geometry import contact, crossing
 from camopt.cam.read import read_cam
 from camopt.scene import builtin_scenes, load_scene, scene_text
 from camopt.storage import create_run_folder
@@ -86,6 +87,84 @@ class TestCam:
         code, out, _ = run(capsys, "cam", "kodama", "--cam", str(file), *options)
         assert code == 0
         assert "maximum lift   9.400000 mm" in out
+
+
+GEOMETRY = """
+[geometry]
+follower = "roller"
+base_radius_mm = 30
+roller_radius_mm = 10
+contact_width_mm = 12
+rocker_ratio = 1.2
+assumed = ["base_radius_mm"]
+"""
+
+
+class TestCamWithFollower:
+    CAM = ("--cam", "polydyne")
+
+    def scene(self, tmp_path, geometry: str, name: str = "kodama") -> str:
+        file = tmp_path / f"{name}.toml"
+        file.write_text(scene_text(name) + geometry)
+        return str(file)
+
+    def test_contact_and_stress(self, capsys, tmp_path):
+        """Printed figures are those of the contact; the stress standing still is worked out here by hand."""
+        where = self.scene(tmp_path, GEOMETRY)
+        code, out, _ = run(capsys, "cam", where, *self.CAM, "--speed", "4000")
+        scene = load_scene(where)
+        lift = polydyne(scene)
+        found = contact(lift, scene.geometry)
+        lines = [line.split() for line in out.splitlines()]
+        shown = {" ".join(words[:-2]): float(words[-2]) for words in lines if words[-1] in ("mm", "deg")}
+        assert code == 0
+        assert shown["smallest convex radius"] == pytest.approx(found.smallest_convex * 1e3, abs=1e-4)
+        assert shown["largest pressure angle"] == pytest.approx(np.degrees(found.pressure_angle.max()), abs=1e-4)
+        assert "assumed: base_radius_mm" in out
+        opening, _ = crossing(lift, 1e-3)
+        assert f"{'open above 1 mm':<24} {np.degrees(opening):10.4f} to {-np.degrees(opening):.4f} deg" in out
+        standing, moving = out.splitlines()[-1].split(), out.splitlines()[-2].split()
+        force = 1.2 * (19.1 + 197.0 + 152000 / 6 * (9.4e-3 - 0.169e-3))
+        radius = 1 / (1 / found.radius_of_curvature[np.argmin(np.abs(found.theta))] + 1 / 10e-3)
+        by_hand = 0.418 * np.sqrt(force / 12e-3 * 210e9 / radius) / 1e6
+        assert float(standing[2]) == pytest.approx(by_hand, rel=5e-3)
+        assert float(moving[4]) > 1.02 * by_hand
+        assert "(event-exact)" in out
+
+    def test_laws_that_event_exact_refuses(self, capsys, tmp_path):
+        where = self.scene(tmp_path, GEOMETRY, "kodama-hertz")
+        code, out, _ = run(capsys, "cam", where, *self.CAM, "--speed", "6000")
+        assert (code, "6000 r/min (rkg)" in out) == (0, True)
+
+    def test_faults_are_sentences(self, capsys, tmp_path):
+        where = self.scene(tmp_path, '[geometry]\nfollower = "flat"\nbase_radius_mm = 5\nface_width_mm = 12\n')
+        code, out, _ = run(capsys, "cam", where, "--cam", "exponent", "--speed", "6000")
+        assert code == 0
+        assert "fault: a flat follower needs a contour without cusp" in out
+        assert "fault: the contact needs a face" in out
+        assert out.splitlines()[-1].startswith("Hertz stress: none without a contour")
+
+    def test_exports(self, capsys, tmp_path):
+        table, contour = tmp_path / "lift.csv", tmp_path / "contour.csv"
+        words = ("--csv", str(table), "--contour", str(contour), "--step-deg", "0.5", "--digits", "4")
+        assert run(capsys, "cam", self.scene(tmp_path, GEOMETRY), *self.CAM, *words)[0] == 0
+        assert table.read_text().splitlines()[:2] == ["cam_angle_deg,lift_mm,tappet_lift_mm", "-180,0.0000,0.0000"]
+        first, row = contour.read_text().splitlines()[:2]
+        assert first == "cam_angle_deg,x_mm,y_mm,polar_angle_deg,radius_mm"
+        assert row == "-180,-30.00000,0.00000,-180.0000000,30.00000"
+        assert table.read_text().splitlines()[361] == "0,9.4000,7.8333"
+
+    @pytest.mark.parametrize(
+        ("words", "says"),
+        [
+            (("--contour", "c.csv"), "--contour needs [geometry]"),
+            (("--speed", "6000"), "--speed needs [geometry]"),
+            (("--digits", "13"), "an integer from 0 to 12"),
+        ],
+    )
+    def test_wrong_use(self, capsys, words, says):
+        code, _, err = run(capsys, "cam", "kodama", *self.CAM, *words)
+        assert (code, says in err) == (2, True)
 
 
 class TestSimulate:

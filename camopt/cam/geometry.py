@@ -1,8 +1,8 @@
 """Contact of a cam with its follower: curvature, eccentricity, pressure angle, contour, and durations above a lift.
 
-The follower translates towards the cam's axis and moves as the lift law says (ratio 1); flat, with its face at right
-angles to its axis, or a roller whose centre moves along it. With R the base radius and s the lift (Norton, Cam Design
-and Manufacturing Handbook, 2009, ch. 7):
+The follower translates towards the cam's axis and moves as the lift law says, over the rocker ratio; flat, with its
+face at right angles to its axis, or a roller whose centre moves along it. With R the base radius and s the follower's
+lift (Norton, Cam Design and Manufacturing Handbook, 2009, ch. 7):
     flat     radius of curvature R + s + s'', eccentricity of the contact s', pressure angle 0
     roller   pitch curve r = R + roller radius + s with radius of curvature (r^2 + r'^2)^(3/2) / (r^2 + 2 r'^2 - r r''),
              the cam's less by the roller radius, and pressure angle atan(r' / r)
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camopt.cam.lift import Lift
+from camopt.cam.lift import Lift, mirrored_pieces
 from camopt.scene import InputError
 from camopt.scene.schema import Geometry
 from camopt.scene.units import DEG, MM
@@ -80,26 +80,36 @@ class Contact:
             "pressure_angle_max_deg": None if flat else float(np.abs(self.pressure_angle).max()) / DEG,
         }
 
+    @property
+    def contour_fault(self) -> str | None:
+        """Why no contour gives this lift to this follower, as a sentence; None where one does."""
+        concave, roller = self.smallest_concave, self.geometry.roller_radius_mm
+        if roller is None:
+            sentence = "a flat follower needs a contour without cusp or concave flank: enlarge the base radius"
+            return None if concave is None else sentence
+        sentence = "the roller undercuts the cam: enlarge the base radius or take a smaller roller"
+        return sentence if concave is not None and concave <= roller * MM else None
+
     def faults(self) -> list[str]:
         """What keeps the cam from being made or run with this follower, a sentence each."""
-        found, concave = [], self.smallest_concave
-        if self.geometry.follower == "flat":
-            if concave is not None:
-                found.append("a flat follower needs a contour without cusp or concave flank: enlarge the base radius")
-            width = self.geometry.face_width_mm
-            if width is not None and self.face_width > width * MM:
-                found.append(f"the contact needs a face {self.face_width / MM:.2f} mm wide, which has {width:g} mm")
-        else:
-            assert self.geometry.roller_radius_mm is not None, "the schema asks for it"
-            roller = self.geometry.roller_radius_mm * MM
-            if concave is not None and concave <= roller:
-                found.append("the roller undercuts the cam: enlarge the base radius or take a smaller roller")
+        found = [] if self.contour_fault is None else [self.contour_fault]
+        width = self.geometry.face_width_mm
+        if self.geometry.follower == "flat" and width is not None and self.face_width > width * MM:
+            found.append(f"the contact needs a face {self.face_width / MM:.2f} mm wide, which has {width:g} mm")
         return found
 
 
-def contact(lift: Lift, geometry: Geometry) -> Contact:
-    """The contact of a cam with the follower of a scene's [geometry]."""
-    theta, s, velocity, acceleration = _sampled(lift)
+def contact(lift: Lift, geometry: Geometry, theta: np.ndarray | None = None) -> Contact:
+    """The contact of a cam with the follower of a scene's [geometry].
+
+    At `theta` (k) [rad], any turn, from the right where a derivative steps; by default over one turn, every piece
+    sampled at both its ends and at least every `STEP`.
+    """
+    if theta is None:
+        theta, *law = _sampled(lift)
+    else:
+        law = [lift(theta, order) for order in range(3)]
+    s, velocity, acceleration = (values / geometry.rocker_ratio for values in law)
     base = geometry.base_radius_mm * MM
     if geometry.roller_radius_mm is None:
         r = base + s
@@ -131,17 +141,9 @@ def crossing(lift: Lift, height: float) -> tuple[float, float]:
         raise InputError(
             f"duration: {height / MM:g} mm is not below the maximum lift, {lift.max_lift / MM:g} mm, and above zero"
         )
-    mirror = Lift(-lift.borders[::-1], _mirrored(lift), lift.half_duration)
+    pieces = mirrored_pieces(lift.coefficients, np.diff(lift.borders))
+    mirror = Lift(-lift.borders[::-1], pieces, lift.half_duration)
     return -mirror.closing_angle(height), lift.closing_angle(height)
-
-
-def _mirrored(lift: Lift) -> np.ndarray:
-    """Coefficients of lift(-theta)."""
-    widths = np.diff(lift.borders)
-    pieces = zip(lift.coefficients[::-1], widths[::-1], strict=True)
-    count = lift.coefficients.shape[1]
-    flipped = [np.polynomial.Polynomial(c)(np.polynomial.Polynomial([w, -1.0])).coef for c, w in pieces]
-    return np.array([np.pad(c, (0, count - len(c))) for c in flipped])
 
 
 def _sampled(lift: Lift) -> tuple[np.ndarray, ...]:

@@ -7,6 +7,7 @@ from the coefficients, never from a table.
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from math import comb
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -121,32 +122,32 @@ def recentred(lift: Lift, piece: np.ndarray, start: np.ndarray) -> np.ndarray:
 
 def with_ramps(borders, coefficients, opening: Ramp, closing: Ramp, family: str, parameters: dict) -> Lift:
     """The event's pieces, borders (p + 1) from -half to +half duration [rad], between ramps and base circle."""
-    half = float(borders[-1])
-    width = max(7, np.shape(coefficients)[1])
-    up_borders, up = opening.opening_pieces(float(borders[0]))
-    mirrored, down = closing.opening_pieces(-half)
-    down_borders = -mirrored[::-1]
-    down = np.array([_reversed(c, w) for c, w in zip(down[::-1], np.diff(down_borders), strict=True)])
-    parts = [
-        _widened(np.zeros((1, 1)), width),
-        _widened(up, width),
-        _widened(np.asarray(coefficients), width),
-        _widened(down, width),
-        _widened(np.zeros((1, 1)), width),
-    ]
-    edges = np.concatenate([[-np.pi], up_borders, np.asarray(borders)[1:-1], down_borders, [np.pi]])
+    edges, pieces = whole_turn(np.asarray(borders), np.asarray(coefficients), opening, closing)
     keep = np.diff(edges) > 0  # a ramp without foot leaves an empty piece
-    return Lift(edges[np.append(keep, True)], np.concatenate(parts)[keep], half, family, parameters)
+    return Lift(edges[np.append(keep, True)], pieces[keep], float(borders[-1]), family, parameters)
 
 
-def _reversed(c: np.ndarray, width: float) -> np.ndarray:
-    """Coefficients of p(width - u) from those of p(u)."""
-    poly = np.polynomial.Polynomial(c)(np.polynomial.Polynomial([width, -1.0]))
-    return np.pad(poly.coef, (0, max(0, len(c) - len(poly.coef))))[: len(c)]
+def whole_turn(borders, coefficients, opening: Ramp, closing: Ramp) -> tuple[np.ndarray, np.ndarray]:
+    """Borders and pieces from -pi to pi of an event between ramps, arrays of NumPy or of JAX; pieces may be empty."""
+    xp = coefficients.__array_namespace__()
+    width = max(7, coefficients.shape[1])
+    up_borders, up = opening.opening_pieces(borders[0], xp)
+    mirrored, down = closing.opening_pieces(-borders[-1], xp)
+    down_borders = -mirrored[::-1]
+    down = mirrored_pieces(down, xp.diff(mirrored))
+    base_circle = np.zeros((1, width))
+    parts = [xp.pad(c, ((0, 0), (0, width - c.shape[1]))) for c in (up, coefficients, down)]
+    edges = xp.concatenate([np.array([-np.pi]), up_borders, borders[1:-1], down_borders, np.array([np.pi])])
+    return edges, xp.concatenate([base_circle, *parts, base_circle])
 
 
-def _widened(c: np.ndarray, width: int) -> np.ndarray:
-    return np.pad(c, ((0, 0), (0, width - c.shape[1])))
+def mirrored_pieces(coefficients, widths) -> np.ndarray:
+    """Coefficients (p, q) of lift(-theta), its pieces in ascending order, from those of lift and their widths (p)."""
+    xp = coefficients.__array_namespace__()
+    k = np.arange(coefficients.shape[1])
+    binomial = np.array([[comb(i, j) * (-1.0) ** j for i in k] for j in k])  # p(width - u) by Newton's binomial
+    widths = widths[::-1, None, None] ** np.maximum(k - k[:, None], 0)
+    return xp.einsum("pjk,pk->pj", binomial * widths, coefficients[::-1])
 
 
 def lift_table(lift: Lift, step_deg: float) -> dict[str, np.ndarray]:

@@ -20,12 +20,16 @@ _UPPER = np.array([_falling(_POWERS, k) for k in range(MATCHED)], dtype=float)
 
 
 def osculating_pieces(borders: np.ndarray, derivatives: np.ndarray) -> np.ndarray:
-    """Local coefficients (p, 12) on `borders` (p + 1) from `derivatives` (p + 1, 6) by the same variable."""
-    width = np.diff(borders)[:, None]
+    """Local coefficients (p, 12) on `borders` (p + 1) from `derivatives` (p + 1, 6) by the same variable.
+
+    Both arrays are NumPy's or both JAX's.
+    """
+    xp = derivatives.__array_namespace__()
+    width = xp.diff(borders)[:, None]
     orders = np.arange(MATCHED)
     start = derivatives[:-1] * width**orders / _FACTORIAL  # in units of the piece's own width
     low = np.arange(MATCHED)
     lower = np.array([_falling(low, k) for k in range(MATCHED)], dtype=float)
     rest = derivatives[1:] * width**orders - start @ lower.T
-    upper = np.linalg.solve(_UPPER, rest.T).T
-    return np.concatenate([start, upper], axis=1) / width ** np.arange(2 * MATCHED)
+    upper = xp.linalg.solve(_UPPER, rest.T).T
+    return xp.concatenate([start, upper], axis=1) / width ** np.arange(2 * MATCHED)

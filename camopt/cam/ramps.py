@@ -25,15 +25,16 @@ class Ramp:
         """Angle from the foot's outer end to the ramp top [rad]; the foot rises velocity * foot / 2."""
         return self.height / self.velocity + self.foot / 2
 
-    def opening_pieces(self, top: float) -> tuple[np.ndarray, np.ndarray]:
-        """Borders (3) [rad] up to the angle `top` and local coefficients (2, 7) [m/rad^k], base circle left out."""
+    def opening_pieces(self, top: float, xp=np) -> tuple[np.ndarray, np.ndarray]:
+        """Borders (3) [rad] up to the angle `top` and local coefficients (2, 7) [m/rad^k], base circle left out.
+
+        With `xp` = jax.numpy, `top`, height and velocity may be traced.
+        """
         start = top - self.length
-        foot, straight = np.zeros(7), np.zeros(7)
-        if self.foot > 0:
-            powers = np.arange(6)
-            foot[1:] = self.velocity * FOOT_VELOCITY / (powers + 1) / self.foot**powers
-        straight[:2] = self.velocity * self.foot / 2, self.velocity
-        return np.array([start, start + self.foot, top]), np.array([foot, straight])
+        powers = np.arange(6)
+        shape = FOOT_VELOCITY / (powers + 1) / self.foot**powers if self.foot > 0 else np.zeros(6)
+        foot, straight = np.append(0.0, shape), np.append([self.foot / 2, 1.0], np.zeros(5))
+        return xp.asarray([start, start + self.foot, top]), self.velocity * xp.asarray([foot, straight])
 
 
 def scene_ramps(design: Design) -> tuple[Ramp, Ramp]:

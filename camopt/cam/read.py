@@ -93,6 +93,9 @@ FAMILIES = {
         "trapezoid",
         {"sections_deg": ("sections_deg", numbers), "jerk": ("jerk", yes_or_no)},
     ),
+    "cycloidal": Family("camopt.cam.families.dwell", "cycloidal", {}),
+    "3-4-5": Family("camopt.cam.families.dwell", "polynomial_345", {}),
+    "4-5-6-7": Family("camopt.cam.families.dwell", "polynomial_4567", {}),
 }
 
 

@@ -1,9 +1,9 @@
-"""The gradient stage: sequential linear steps on the free coefficients along smooth gradients, judged non-smoothly.
+"""The gradient stage: sequential linear steps on the free coefficients along the metrics' slopes, judged non-smoothly.
 
-At the best confirmed cam the contacts barely part, and there smooth gradients are right. Each step solves the design's
-linear program once more: all limits on the shape exactly, every limited metric linearised at the speeds where it is
-used most, and a trust region in newtons: no contact force of the linear model falls further than that below what it
-is. A step counts only if the event-exact judge confirms it; if not, the region shrinks.
+At the best confirmed cam the contacts barely part, and there the smooth path's gradients are right too. Each step
+solves the design's linear program once more: all limits on the shape exactly, every limited metric linearised at the
+speeds where it is used most, and a trust region in newtons: no contact force of the linear model falls further than
+that below what it is. A step counts only if the event-exact judge confirms it; if not, the region shrinks.
 """
 
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from camopt.optimize.linear_program import Infeasible
 from camopt.optimize.margins import margin_stage
 from camopt.optimize.no_jump import PEAK, SEAT, NoJumpOptimum, NoJumpProgram
 from camopt.optimize.no_jump_stage import Search
-from camopt.optimize.sensitivity import Sensitivity
+from camopt.optimize.sensitivity import SENSITIVITIES, Sensitivity
 
 ON_MARGINS = 0.25
 """Part of the steps that optax takes on the margins, before the free steps."""
@@ -34,10 +34,13 @@ MOST_SHARE = 4.0
 """A larger share says only that a step went far too far."""
 
 
-def gradient_stage(search: Search, program: NoJumpProgram, steps: int) -> None:
-    """Improve `search.best` by at most `steps` steps within the speeds and angles of `program`: margins, then z."""
+def gradient_stage(search: Search, program: NoJumpProgram, steps: int, path: str = "smooth") -> None:
+    """Improve `search.best` by at most `steps` steps within the speeds and angles of `program`: margins, then z.
+
+    `path` "smooth" or "exact": where the slopes of the metrics come from.
+    """
     assert search.best is not None and search.best_judged is not None, "the no-jump stage comes first"
-    sensitivity = Sensitivity(search.judge.scene, program.cam, search.best_judged.limited, WIDTH)
+    sensitivity = SENSITIVITIES[path](search.judge.scene, program.cam, search.best_judged.limited, WIDTH)
     margin_stage(search, program, sensitivity, int(ON_MARGINS * steps))
     trust, best = FIRST_TRUST_N, search.best
     model = linearised(best.z, search.best_judged, sensitivity)

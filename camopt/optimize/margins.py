@@ -1,7 +1,7 @@
-"""Margins of the no-jump program moved by optax along smooth gradients, before the free steps of `gradient`.
+"""Margins of the no-jump program moved by optax along gradients of the metrics, before the free steps of `gradient`.
 
 Every iterate is the optimum of a linear program, so all limits on the cam's shape hold exactly. The area's slope by the
-margins is the program's dual; a metric's slope is its smooth gradient by z times the program's own slope dz / d margins
+margins is the program's dual; a metric's slope is its gradient by z times the program's own slope dz / d margins
 at its active rows. Shares of limits enter by a barrier, so that gradients are only taken where contacts barely part; a
 cam that the judge refuses sends the search back to the best one with half the step.
 """

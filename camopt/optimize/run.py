@@ -54,9 +54,9 @@ def optimize(
     """Design the cam of largest area that a scene's limits allow, and have it verified and compared.
 
     `speeds` "band" (the scene's band, every speed) or "nominal" (its listed speeds); `accuracy` a name of
-    `camopt.optimize.accuracy`; `gradient` "smooth" or "none". The run folder of design.md section 7 is written to
-    `out` (default runs/<scene>-<UTC time>), except report.html, which `camopt.report` makes from it. With `resume` an
-    interrupted run in `out` goes on and ends in the same design. The search draws no random numbers; `seed` is
+    `camopt.optimize.accuracy`; `gradient` "smooth", "exact" or "none". The run folder of design.md section 7 goes
+    to `out` (default runs/<scene>-<UTC time>), but for report.html, which `camopt.report` makes from it. With `resume`
+    an interrupted run in `out` goes on and ends in the same design. The search draws no random numbers; `seed` is
     recorded. Raises InputError for contradictory limits, an unusable folder, or a scene without a confirmed cam.
     """
     begun = time.perf_counter()
@@ -131,7 +131,7 @@ class _Progress:
     """A bar over the search's steps with stage, best area and worst bounce; silent where not wanted."""
 
     def __init__(self, wanted: bool, effort: Accuracy, gradient: str):
-        steps = 8 + (effort.gradient_steps if gradient == "smooth" else 0)
+        steps = 8 + (effort.gradient_steps if gradient != "none" else 0)
         self._bar = tqdm(total=steps + 1, disable=None if wanted else True, unit="step", dynamic_ncols=True)
 
     def __enter__(self) -> "_Progress":

@@ -26,8 +26,8 @@ def find_cam(
 ) -> tuple[Search, NoJumpOptimum]:
     """The cam of largest area that the event-exact judge confirms; with it the best that the linear program alone gave.
 
-    `speeds` "band" or "nominal"; `gradient` "none", or "smooth" for the gradient stage after the program; `times` [s]
-    takes what each stage took. With `perturbations` (by name) the limits on the motion must hold under each of them
+    `speeds` "band" or "nominal"; `gradient` "none", or "smooth" or "exact" for a gradient stage on that path; `times`
+    takes what each stage took [s]. With `perturbations` (by name) the limits on the motion must hold under each of them
     too. Raises InputError where no cam is confirmed.
     """
     started, design, operation = time.perf_counter(), scene.design, scene.operation
@@ -48,10 +48,10 @@ def find_cam(
     no_jump = search.best
     assert no_jump is not None, "the stage raises where nothing is confirmed"
     times["no_jump"] = time.perf_counter() - started
-    if gradient == "smooth":
+    if gradient != "none":
         from camopt.optimize.gradient import gradient_stage  # loads JAX
 
         started = time.perf_counter()
-        gradient_stage(search, program, effort.gradient_steps)
+        gradient_stage(search, program, effort.gradient_steps, gradient)
         times["gradient"] = time.perf_counter() - started
     return search, no_jump

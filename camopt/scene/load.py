@@ -121,6 +121,9 @@ def _name_faults(scene: Scene) -> list[str]:
             for key in row.assumed:
                 if key not in type(row).model_fields:
                     faults.append(f"{table}.{i}.assumed: {key!r} is no key of this table")
+    if scene.geometry is not None:
+        unknown = [key for key in scene.geometry.assumed if key not in type(scene.geometry).model_fields]
+        faults += [f"geometry.assumed: {key!r} is no key of this table" for key in unknown]
     if scene.valve is not None and scene.valve not in masses:
         faults.append(f"valve: no mass is named {scene.valve!r}")
     if scene.seat is not None and scene.seat not in elements:

@@ -78,6 +78,19 @@ def rest_position(train: Train) -> np.ndarray:
     )
 
 
+def static_forces(train: Train, lift: np.ndarray) -> np.ndarray:
+    """Forces of the elements (k, e) [N] where the cam stands still at lifts (k) [m]; zero in open contacts.
+
+    The lift closes the gap of what the cam drives. Raises InputError as `rest_position` does.
+    """
+    forces = np.empty((len(lift), len(train.a)))
+    for i, s in enumerate(lift):
+        d = train.compression(rest_position(replace(train, gap=train.gap - train.cam_driven * s)), s)
+        force = train.preload + train.stiffness * d if train.laws is None else train.laws.force(d, train.preload)
+        forces[i] = np.where(train.contact, np.maximum(force, 0.0), force)
+    return forces
+
+
 def _balanced(train: Train, laws: Laws, x: np.ndarray) -> np.ndarray:
     """Rest under nonlinear laws, searched from the rest x (n) [m] of their linear stand-ins.
 

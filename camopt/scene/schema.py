@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validat
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
+PoissonRatio = Annotated[float, Field(ge=0, le=0.5)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,63}$")]
 
 
@@ -160,12 +161,25 @@ class Design(Table):
 
 
 class Geometry(Table):
-    """Follower and cam body, for curvature and contact along the cam."""
+    """Follower and cam body, for curvature, contact and stress along the cam.
+
+    `rocker_ratio` is valve lift over follower lift. `face_width_mm` is the flat face's extent across the cam's axis;
+    `contact_width_mm`, along it, is the length of the line of contact, by default the face width. The moduli and
+    Poisson's ratios default to steel's.
+    """
 
     follower: Literal["flat", "roller"]
     base_radius_mm: Positive
     face_width_mm: Positive | None = None
     roller_radius_mm: Positive | None = None
+    rocker_ratio: Positive = 1.0
+    contact_width_mm: Positive | None = None
+    cam_modulus_GPa: Positive = 210.0
+    cam_poisson_ratio: PoissonRatio = 0.3
+    follower_modulus_GPa: Positive = 210.0
+    follower_poisson_ratio: PoissonRatio = 0.3
+    assumed: tuple[str, ...] = ()
+    source: str = ""
 
     @model_validator(mode="after")
     def _roller(self):

@@ -12,7 +12,6 @@ import jax.core
 import jax.numpy as jnp
 import numpy as np
 
-from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
 from camopt.scene.response import Response
 from camopt.scene.train import Train
@@ -42,13 +41,6 @@ def samples_of_pieces(borders: np.ndarray, coefficients: jax.Array, steps: int =
     order = np.arange(1, coefficients.shape[1])
     own = coefficients[piece]
     return jnp.stack([jnp.sum(own * powers, 1), jnp.sum(own[:, 1:] * (order * powers[:, :-1]), 1)], axis=-1)
-
-
-def piece_basis(cam: FreeCam) -> tuple[np.ndarray, np.ndarray]:
-    """Matrix (p, q, m) and offset (p, q) [m/rad^k]: `matrix @ z + offset` are the pieces of the free cam's z (m)."""
-    size = cam.Z.shape[1]
-    offset = cam.lift(np.zeros(size)).coefficients
-    return np.stack([cam.lift(unit).coefficients - offset for unit in np.eye(size)], axis=-1), offset
 
 
 def differentiable_motion(

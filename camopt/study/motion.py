@@ -86,7 +86,7 @@ def motion_parameters(scene: Scene, cam: Lift) -> dict[str, np.ndarray]:
     By mass (n): mass [kg], mass_damping [N s/m], mass_force [N]; by element (e): stiffness [N/m, of a hertz contact
     N/m^exponent], damping [N s/m], preload [N], gap [m]; and lift (p, q) [m/rad^k], the coefficients of the cam's
     pieces. Any part of it may be given to `simulate`. Turns on JAX's 64-bit floats. Of a free cam
-    the pieces are linear in z (`camopt.smooth.differentiable.piece_basis`).
+    the pieces are linear in z (`FreeCam.piece_basis`).
     """
     import_module("camopt.smooth")  # before anything is traced: it turns on JAX's 64-bit floats
     return _numbers(build_train(scene), cam)

@@ -74,12 +74,12 @@ def test_gradients_are_those_of_event_exact(name):
 
 
 def test_pieces_of_a_free_cam_are_affine_in_its_coefficients():
-    from camopt.smooth.differentiable import piece_basis, samples_of_pieces
+    from camopt.smooth.differentiable import samples_of_pieces
     from camopt.smooth.simulate import lift_samples
 
     cam = free_cam(SCENE.design, 12.0)
     z = np.random.default_rng(1).normal(size=cam.Z.shape[1]) * 1e-3
-    matrix, offset = piece_basis(cam)
+    matrix, offset = cam.piece_basis()
     lift = cam.lift(z)
     np.testing.assert_allclose(matrix @ z + offset, lift.coefficients, rtol=1e-9, atol=1e-15)
     found = samples_of_pieces(lift.borders, jax.numpy.asarray(lift.coefficients))

@@ -89,12 +89,21 @@ class FreeCam:
 
     def lift(self, z: np.ndarray) -> Lift:
         """The cam of free coefficients z (m), its pieces exact."""
-        x = self.coefficients(z)
-        pieces = (self._bases[0].c @ x)[::-1].T  # (k, 6), ascending powers
-        pieces[:, 0] += self.opening.height + self.opening.velocity * (self.breaks[:-1] - self.breaks[0])
-        pieces[:, 1] += self.opening.velocity
-        parameters = {"knot_deg": self.knot_deg, "coefficients_mm_per_deg2": x.tolist()}
-        return with_ramps(self.breaks, pieces, self.opening, self.closing, "free", parameters)
+        parameters = {"knot_deg": self.knot_deg, "coefficients_mm_per_deg2": self.coefficients(z).tolist()}
+        return with_ramps(self.breaks, self.pieces(z), self.opening, self.closing, "free", parameters)
+
+    def pieces(self, z):
+        """Local coefficients (k, 6) [m/rad^k] of free coefficients z (m), an array of NumPy or JAX."""
+        line = np.zeros((len(self.breaks) - 1, DEGREE + 3))
+        line[:, 0] = self.opening.height + self.opening.velocity * (self.breaks[:-1] - self.breaks[0])
+        line[:, 1] = self.opening.velocity
+        return (self._bases[0].c @ self.coefficients(z))[::-1].T + line
+
+    def piece_basis(self) -> tuple[np.ndarray, np.ndarray]:
+        """Matrix (p, q, m) and offset (p, q) [m/rad^k]: the pieces of `lift(z)` are matrix @ z + offset."""
+        size = self.Z.shape[1]
+        offset = self.lift(np.zeros(size)).coefficients
+        return np.stack([self.lift(unit).coefficients - offset for unit in np.eye(size)], axis=-1), offset
 
     def basis(self, theta, order: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Matrix (k, n) and offset (k) with lift^(order)(theta) = matrix @ x + offset [m/rad^order].

@@ -19,7 +19,7 @@ from camopt.cam.lift import Lift
 from camopt.scene import Scene
 
 
-def _sine(wave: float, u: np.ndarray, order: int) -> np.ndarray:
+def sine_terms(wave: float, u: np.ndarray, order: int) -> np.ndarray:
     """The derivative `order` of 1, u, sin(wave u) at u (k), shape (k, 3)."""
     line = np.stack(
         [np.ones_like(u), u] if order == 0 else [np.zeros_like(u), np.full_like(u, float(order == 1))], axis=1
@@ -29,12 +29,12 @@ def _sine(wave: float, u: np.ndarray, order: int) -> np.ndarray:
 
 def half_sine(_: int, u: np.ndarray, order: int) -> np.ndarray:
     """Terms of section 1: 1, u, sin(pi u)."""
-    return _sine(np.pi, u, order)
+    return sine_terms(np.pi, u, order)
 
 
 def quarter_sine(_: int, u: np.ndarray, order: int) -> np.ndarray:
     """Terms of section 2: 1, u, sin(pi u / 2)."""
-    return _sine(np.pi / 2, u, order)
+    return sine_terms(np.pi / 2, u, order)
 
 
 def about_the_nose(_: int, u: np.ndarray, order: int) -> np.ndarray:

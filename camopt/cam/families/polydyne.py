@@ -91,39 +91,48 @@ def checked_exponents(exponents: tuple[float, ...], family: str) -> np.ndarray:
 
 
 def event_pieces(
-    powers: np.ndarray, half: float, flank_end: np.ndarray, rise: float, ramp_height: float, a: float, b: float
+    powers: np.ndarray,
+    half: float,
+    flank_end: np.ndarray,
+    rise: float,
+    ramp_height: float,
+    a: float,
+    b: float,
+    shares: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Borders [rad] and pieces of the symmetric cam ramp_height + a y + b y'' between the ramp tops.
 
     y = y_max (1 + sum_i C_i x^p_i) has the value and four derivatives `flank_end` (5) [m/rad^k] at x = 1; the cam rises
-    by `rise` [m] from the ramp top to the nose.
+    by `rise` [m] from the ramp top to the nose. `shares` of the half duration are the borders of a flank's pieces, by
+    default `piece_shares`. The arrays are NumPy's or JAX's, but `shares`: x^p has no derivative by x at 0 for JAX.
     """
-    powers = np.concatenate([[0.0], powers])  # the first unknown is y_max itself
-    rows = np.array([_power_derivatives(powers, np.ones(1), k)[0] / half**k for k in range(5)])
+    xp = powers.__array_namespace__()
+    shares = piece_shares(powers) if shares is None else shares
+    powers = xp.concatenate([np.zeros(1), powers])  # the first unknown is y_max itself
+    rows = xp.stack([_power_derivatives(powers, np.ones(1), k)[0] / half**k for k in range(5)])
     nose = a * _power_derivatives(powers, np.zeros(1), 0) + b * _power_derivatives(powers, np.zeros(1), 2) / half**2
-    system = np.concatenate([rows, nose])
-    wanted = np.append(flank_end, rise)
-    scale = np.abs(system).max(axis=1)
-    unknowns = np.linalg.solve(system / scale[:, None], wanted / scale)
-    borders = half * _piece_borders(powers)
-    derivatives = np.array(
-        [
-            (
-                a * _power_derivatives(powers, borders / half, k)
-                + b * _power_derivatives(powers, borders / half, k + 2) / half**2
-            )
-            @ unknowns
-            / half**k
-            for k in range(MATCHED)
-        ]
-    ).T
-    derivatives[:, 0] += ramp_height
+    system = xp.concatenate([rows, nose])
+    wanted = xp.concatenate([flank_end, xp.asarray([rise])])
+    scale = abs(system).max(axis=1)
+    unknowns = xp.linalg.solve(system / scale[:, None], wanted / scale)
+    borders = half * xp.asarray(shares)
+    derivatives = (
+        xp.stack(
+            [
+                (a * _power_derivatives(powers, shares, k) + b * _power_derivatives(powers, shares, k + 2) / half**2)
+                @ unknowns
+                / half**k
+                for k in range(MATCHED)
+            ]
+        ).T
+        + ramp_height * np.eye(MATCHED)[0]
+    )
     mirrored = derivatives[::-1] * (-1.0) ** np.arange(MATCHED)
-    pieces = np.concatenate([osculating_pieces(-borders[::-1], mirrored), osculating_pieces(borders, derivatives)])
-    return np.concatenate([-borders[:0:-1], borders]), pieces
+    pieces = xp.concatenate([osculating_pieces(-borders[::-1], mirrored), osculating_pieces(borders, derivatives)])
+    return xp.concatenate([-borders[:0:-1], borders]), pieces
 
 
-def _piece_borders(powers: np.ndarray) -> np.ndarray:
+def piece_shares(powers: np.ndarray) -> np.ndarray:
     """Ascending borders in [0, 1] of the pieces of sum C_i x^p_i: at each as wide as x^p (p width / x)^12 <= 1 allows,
     which keeps the error of `osculating_pieces` everywhere at its bound. They widen towards the nose."""
     high = powers[powers >= 2 * MATCHED]  # lower powers are met exactly
@@ -136,6 +145,7 @@ def _piece_borders(powers: np.ndarray) -> np.ndarray:
 
 def _power_derivatives(powers: np.ndarray, x: np.ndarray, order: int) -> np.ndarray:
     """d^order/dx^order of x^p for every x (k) and power (q), shape (k, q); x >= 0."""
-    factor = np.prod([powers - i for i in range(order)], axis=0) if order else np.ones_like(powers)
-    left = np.where(factor != 0, powers - order, 0.0)
+    xp = powers.__array_namespace__()
+    factor = xp.prod(xp.stack([powers - i for i in range(order)]), axis=0) if order else xp.ones_like(powers)
+    left = xp.where(factor != 0, powers - order, 0.0)
     return factor * x[:, None] ** left

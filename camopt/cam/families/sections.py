@@ -3,17 +3,18 @@
 A table states lift, velocity, acceleration and jerk at the start and the end of every section, as the tables of Kodama
 et al. do; as many terms as a section has conditions make it unique (their Eq. (4) where the terms are powers). For
 fixed section angles everything is linear in the levels, the accelerations and jerks at the borders that the table
-leaves to the designer: the pieces, the area, and every limit imposed on control points.
+leaves to the designer: the pieces, the area, and every limit imposed on control points. The construction runs on
+arrays of NumPy, and of JAX for `camopt.cam.families.gradients`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from math import comb, perm
+from math import perm
 
 import numpy as np
 
-from camopt.cam.lift import Lift, with_ramps
+from camopt.cam.lift import Lift, mirrored_pieces, with_ramps
 from camopt.cam.osculating import MATCHED, osculating_pieces
 from camopt.cam.ramps import Ramp
 from camopt.scene.units import DEG, MM
@@ -106,8 +107,9 @@ class Flank:
     def end(self, order: int) -> np.ndarray:
         """Row (n) of the derivative `order` at the nose."""
         width = self.borders[-1] - self.borders[-2]
-        factors = [float(perm(k, order)) * width ** max(k - order, 0) for k in range(self.pieces.shape[1])]
-        return np.array(factors) @ self.pieces[-1]
+        k = np.arange(self.pieces.shape[1])
+        falling = np.array([float(perm(i, order)) for i in k])
+        return falling * width ** np.maximum(k - order, 0) @ self.pieces[-1]
 
     def area(self) -> np.ndarray:
         """Row (n) of the area of both flanks [m rad]."""
@@ -116,14 +118,20 @@ class Flank:
 
     def lift(self, x: np.ndarray, ramp: Ramp, family: str, parameters: dict) -> Lift:
         """The symmetric cam of levels x (n) between two equal ramps."""
+        return with_ramps(*self.event(x), ramp, ramp, family, parameters)
+
+    def event(self, x) -> tuple[np.ndarray, np.ndarray]:
+        """Borders [rad] and pieces of both flanks, the nose at zero, for levels x (n)."""
+        xp = self.borders.__array_namespace__()
         up = self.pieces @ x
-        down = np.array([_mirrored(c, w) for c, w in zip(up[::-1], np.diff(self.borders)[::-1], strict=True)])
-        borders = np.concatenate([self.borders - self.borders[-1], (self.borders[-1] - self.borders[::-1])[1:]])
-        return with_ramps(borders, np.concatenate([up, down]), ramp, ramp, family, parameters)
+        down = mirrored_pieces(up, xp.diff(self.borders))
+        borders = xp.concatenate([self.borders - self.borders[-1], (self.borders[-1] - self.borders[::-1])[1:]])
+        return borders, xp.concatenate([up, down])
 
 
-def flank(table: SectionTable, angles: Sequence[float] | np.ndarray) -> Flank:
-    """The opening flank of a table for section angles [rad], section by section from the ramp."""
+def flank(table: SectionTable, angles: np.ndarray) -> Flank:
+    """The opening flank of a table for section angles [rad] in an array of NumPy or JAX, section by section."""
+    xp = angles.__array_namespace__()
     symbols = table.symbols()
     before = np.zeros((len(QUANTITIES), 2 + len(table.levels)))
     borders, pieces = [np.zeros(1)], []
@@ -134,14 +142,14 @@ def flank(table: SectionTable, angles: Sequence[float] | np.ndarray) -> Flank:
         # a symbol that is no level is the end of the section before, which only a start can take over
         rows = [symbols[cell] if end or cell in symbols else before[k] for k, end, cell in conditions]
         wanted = [row * angle**k for row, (k, _, _) in zip(rows, conditions, strict=True)]
-        coefficients = np.linalg.solve(system, np.stack(wanted))
-        before = np.stack([section.terms(count, np.ones(1), k)[0] / angle**k for k in range(4)]) @ coefficients
+        coefficients = xp.linalg.solve(system, xp.stack(wanted))
+        before = xp.stack([section.terms(count, np.ones(1), k)[0] / angle**k for k in range(4)]) @ coefficients
         u, unit = _unit(section.terms, count)
         borders.append(borders[-1][-1] + angle * u[1:])
         pieces.append(unit / angle ** np.arange(unit.shape[1])[:, None] @ coefficients)
     widest = max(p.shape[1] for p in pieces)
-    padded = [np.pad(p, ((0, 0), (0, widest - p.shape[1]), (0, 0))) for p in pieces]
-    return Flank(np.concatenate(borders), np.concatenate(padded))
+    padded = [xp.pad(p, ((0, 0), (0, widest - p.shape[1]), (0, 0))) for p in pieces]
+    return Flank(xp.concatenate(borders), xp.concatenate(padded))
 
 
 @cache
@@ -154,19 +162,14 @@ def _unit(terms: Terms, count: int) -> tuple[np.ndarray, np.ndarray]:
     return u, np.stack([osculating_pieces(u, derivatives[:, :, i]) for i in range(count)], axis=2)
 
 
-def _mirrored(c: np.ndarray, width: float) -> np.ndarray:
-    """Coefficients of p(width - u) from those of p(u)."""
-    q = range(len(c))
-    return np.array([(-1.0) ** j * sum(comb(k, j) * width ** (k - j) * c[k] for k in q if k >= j) for j in q])
-
-
 def closed(table: SectionTable, one: Flank, x: np.ndarray, max_lift: float, by: Sequence[str]) -> np.ndarray:
     """x (n) with the levels `by` solved for end lift = maximum lift [m] and, with two of them, end velocity = 0."""
     columns = [2 + table.levels.index(level) for level in by]
-    rows = np.stack([one.end(k) for k in range(len(columns))])
-    wanted = np.array([max_lift, 0.0])[: len(columns)]
-    x = x.copy()
-    x[columns] = 0.0
+    xp = one.borders.__array_namespace__()
+    rows = xp.stack([one.end(k) for k in range(len(columns))])
+    wanted = xp.asarray([max_lift, 0.0])[: len(columns)]
+    chosen = np.eye(len(x))[:, columns]
+    x = x * (1 - chosen.sum(axis=1))
     for _ in range(2):  # the second solve leaves the end lift at round-off
-        x[columns] += np.linalg.solve(rows[:, columns], wanted - rows @ x)
+        x = x + chosen @ xp.linalg.solve(rows[:, columns], wanted - rows @ x)
     return x

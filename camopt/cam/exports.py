@@ -1,0 +1,105 @@
+"""What is handed to whoever grinds the cam: the lift table and the contour, in millimetres with the digits asked for.
+
+The contour gives the point that touches the follower at each cam angle of the table. Its coordinates carry one digit
+more than the lift: two rounded coordinates miss a point by up to 0.71 of a unit, and a roller's lift by that over the
+cosine of the pressure angle, so with the lift's own digits half a unit of lift could not be kept. As each point comes
+with its cam angle, nothing need be interpolated to rebuild the lift there: the support function of the points (flat
+follower) or the roller laid on them meets it within half a unit of the lift's last digit.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from camopt.cam.geometry import contact
+from camopt.cam.lift import Lift
+from camopt.scene import InputError
+from camopt.scene.schema import Geometry
+from camopt.scene.units import DEG, MM
+from camopt.storage import write_csv
+
+MOST_ROWS = 360_000
+MOST_DIGITS = 12
+AT_ONCE = 100
+"""Angles whose contact with all points is worked out together."""
+
+
+def angles_deg(step_deg: float) -> np.ndarray:
+    """Cam angles from -180 to 180 deg; InputError for a step that does not divide the turn."""
+    count = round(360 / step_deg) if step_deg > 0 else 0
+    if not 1 <= count <= MOST_ROWS or abs(count * step_deg - 360) > 1e-9 * count:
+        raise InputError(f"export: step {step_deg} deg: a step that divides 360 deg, 0.001 or more, is needed")
+    return np.linspace(-180.0, 180.0, count + 1)
+
+
+def write_rounded_table(path: str | Path, lift: Lift, step_deg: float, digits: int, rocker_ratio: float = 1.0) -> None:
+    """Writes cam_angle_deg, lift_mm (at the valve) and, with a rocker ratio other than 1, tappet_lift_mm.
+
+    Lifts carry `digits` decimals: at the table's angles what is read back differs by at most half a unit of the last;
+    between them the interpolation of rounded lifts adds up to a third of a unit where the step is 0.1 deg.
+    """
+    degrees = angles_deg(step_deg)
+    height = lift(degrees * DEG) / MM
+    columns = {"cam_angle_deg": _angle_cells(degrees), "lift_mm": rounded(height, digits)}
+    if rocker_ratio != 1.0:
+        columns["tappet_lift_mm"] = rounded(height / rocker_ratio, digits)
+    write_csv(path, columns)
+
+
+def write_contour(path: str | Path, lift: Lift, geometry: Geometry, step_deg: float, digits: int) -> None:
+    """Writes the contour by cam angle: x_mm, y_mm, polar_angle_deg and radius_mm of the point of contact.
+
+    The axis of the cam is the origin, the nose towards +x, the cam turning against the angle (mirror it for the other
+    sense). `digits` are the lift's; lengths carry one more, the polar angle three more. Raises InputError where no
+    contour gives this lift to this follower.
+    """
+    degrees = angles_deg(step_deg)
+    fault = contact(lift, geometry).contour_fault
+    if fault is not None:
+        raise InputError(f"contour: {fault}")
+    points = contact(lift, geometry, degrees * DEG)
+    x, y = points.contour.T
+    angle, radius = points.polar
+    columns = {
+        "cam_angle_deg": _angle_cells(degrees),
+        "x_mm": rounded(x / MM, digits + 1),
+        "y_mm": rounded(y / MM, digits + 1),
+        "polar_angle_deg": rounded(angle / DEG, digits + 3),
+        "radius_mm": rounded(radius / MM, digits + 1),
+    }
+    write_csv(path, columns)
+
+
+def rounded(values: np.ndarray, digits: int) -> list[str]:
+    """Numbers with a fixed number of decimals, 0 to 12; no minus before a zero."""
+    if not 0 <= digits <= MOST_DIGITS:
+        raise InputError(f"export: {digits} digits: from 0 to {MOST_DIGITS} decimals of a millimetre can be written")
+    return [f"{value:z.{digits}f}" for value in values]
+
+
+def _angle_cells(degrees: np.ndarray) -> list[str]:
+    """Angles to 1e-9 deg, without the tail that binary fractions leave."""
+    return [f"{angle:.12g}" for angle in degrees]
+
+
+def lift_from_contour(points: np.ndarray, geometry: Geometry, theta: np.ndarray) -> np.ndarray:
+    """Lift (k) [m] that the points (p, 2) [m] of a contour give the follower at cam angles `theta` (k) [rad].
+
+    The follower rests on the outermost point: under a flat face that is the points' support function, for a roller the
+    offset by its radius. Between the angles of the points the lift is short by about step^2 / 8 times the radius of
+    curvature. Raises InputError where no point lies under the roller.
+    """
+    base, roller = geometry.base_radius_mm * MM, (geometry.roller_radius_mm or 0.0) * MM
+    found = []
+    for some in np.array_split(theta, max(1, len(theta) // AT_ONCE)):
+        cos, sin = np.cos(some)[:, None], np.sin(some)[:, None]
+        along = points[:, 0] * cos + points[:, 1] * sin
+        if roller:
+            across = points[:, 1] * cos - points[:, 0] * sin
+            reach = np.sqrt(np.maximum(roller**2 - across**2, 0.0))
+            along = np.where((np.abs(across) <= roller) & (along > 0), along + reach, -np.inf)
+        found.append(along.max(axis=1))
+    height = np.concatenate(found) - base - roller
+    if not np.all(np.isfinite(height)):
+        raise InputError("contour: no point lies under the roller at some angles: give the contour in finer steps")
+    return geometry.rocker_ratio * height

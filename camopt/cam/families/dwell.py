@@ -1,0 +1,57 @@
+"""Rise functions between two dwells as both flanks of a cam: cycloidal, 3-4-5 and 4-5-6-7 polynomial. Test subjects.
+
+Norton, Cam Design and Manufacturing Handbook, 2009, ch. 3: the 3-4-5 polynomial has zero acceleration at both ends of
+the rise, the 4-5-6-7 zero jerk too, the cycloid a sine of acceleration. Made for dwells, they come to rest at the nose
+without acceleration, which wastes lift: nobody would grind them for a valve, but their derivatives are known in full.
+They start with the scene's ramp velocity instead of from rest; the cycloid lets it fade with half a wave of cosine,
+which adds no acceleration at the ends.
+"""
+
+import numpy as np
+
+from camopt.cam.families.kurz import sine_terms
+from camopt.cam.families.sections import Section, SectionTable, U, closed, flank
+from camopt.cam.lift import Lift
+from camopt.cam.ramps import symmetric_conditions
+from camopt.scene import Scene
+from camopt.scene.units import DEG, MM
+
+
+def full_and_half_wave(_: int, u: np.ndarray, order: int) -> np.ndarray:
+    """Terms of the cycloid: 1, u, sin(2 pi u), sin(pi u)."""
+    return np.column_stack([sine_terms(2 * np.pi, u, order), sine_terms(np.pi, u, order)[:, 2]])
+
+
+def _table(family: str, jerk: tuple, acceleration: tuple = (0, 0), **terms) -> SectionTable:
+    section = Section(("y_r", "y_nose"), ("v_r", 0), acceleration, jerk, **terms)
+    return SectionTable(family, (section,), levels=("y_nose",), closed_by=("y_nose",))
+
+
+TABLES = {
+    "cycloidal": _table("cycloidal", (U, U), (U, U), terms=full_and_half_wave),
+    "3-4-5": _table("3-4-5", (U, U)),
+    "4-5-6-7": _table("4-5-6-7", (0, 0)),
+}
+
+
+def cycloidal(scene: Scene) -> Lift:
+    """The cycloidal cam of a scene's duration, maximum lift and ramps; InputError where its two ramps differ."""
+    return _designed(scene, "cycloidal")
+
+
+def polynomial_345(scene: Scene) -> Lift:
+    """The 3-4-5 polynomial cam of a scene's duration, maximum lift and ramps; InputError where its two ramps differ."""
+    return _designed(scene, "3-4-5")
+
+
+def polynomial_4567(scene: Scene) -> Lift:
+    """The 4-5-6-7 polynomial cam of a scene's duration, maximum lift and ramps; InputError as the others."""
+    return _designed(scene, "4-5-6-7")
+
+
+def _designed(scene: Scene, family: str) -> Lift:
+    design, ramp = symmetric_conditions(scene, family)
+    table = TABLES[family]
+    one = flank(table, np.array([design.duration_deg * DEG / 2]))
+    x = closed(table, one, np.array([ramp.height, ramp.velocity, 0.0]), design.max_lift_mm * MM, table.closed_by)
+    return one.lift(x, ramp, family, {})

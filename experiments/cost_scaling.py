@@ -1,0 +1,192 @@
+"""How does the cost of a revolution grow with masses, contacts, speeds and cams, and what does one mass save?
+
+Train: `kodama`, its spring divided more finely for more masses, reduced as `camopt reduce` does for fewer. First
+revolution from rest of the plain Polydyne, fixed-step paths at the step that the highest mode asks for. Processor time,
+or time on the wall where JAX is in play.
+"""
+
+import time
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from camopt.cam.families.polydyne import polydyne
+from camopt.exact import engine
+from camopt.scene import Scene, build_train, load_scene, parse_scene
+from camopt.smooth.simulate import lift_samples, response_arrays
+from camopt.smooth.system import build_system, rest_state
+from camopt.study.left_out import LeftOut, leave_out
+from camopt.study.reduce import at_rest, milliseconds, path_times, smooth_times
+from camopt.study.smaller import scene_toml, smaller_models
+from camopt.verify import rkg, tmm
+from camopt.verify.converge import first_steps
+from experiments.cost_figures import figures, print_table
+from experiments.record import RESULTS, run_script, write_result
+
+SPEED_RPM = 6000.0
+CHAIN = ((10, 5), (9, 5), (8, 5), (7, 5), (6, 5), (5, 4), (4, 3), (3, 2), (2, 1), (1, 0))
+"""(masses, surge masses): first the train is condensed, then the spring loses its modes."""
+COILS = {"small": (10,), "full": (10, 20, 40)}
+IDLE = {"small": (0, 1), "full": (0, 1, 2, 4, 8)}
+SIDE_BY_SIDE = {"small": (1, 4), "full": (1, 4, 16, 64)}
+SMOOTH_AT = {"small": (10, 1), "full": (45, 25, 15, 10, 5, 3, 1)}
+CLASH = """
+[[element]]
+name = "clash_{0}"
+kind = "contact"
+between = ["{1}", "{2}"]
+stiffness_N_per_m = 1e6
+damping_N_s_per_m = 5.0
+gap_mm = 14.0
+"""
+
+
+def main(size: str, folder=RESULTS) -> dict:
+    """Measures, prints and writes `cost_scaling.json` and its figures."""
+    scene = load_scene("kodama")
+    cam = polydyne(scene)
+    rows = [masses_row(s, cam, len(s.mass) in SMOOTH_AT[size]) for s in scenes_by_masses(scene, size)]
+    content = {
+        "speed_rpm": SPEED_RPM,
+        "masses": rows,
+        "one_against_ten": one_against_ten(rows),
+        "masses_exponent": {p: exponent(rows, "masses", p) for p in rows[0]["ms"]} if size == "full" else {},
+        "contacts": (contacts := [contacts_row(scene, cam, n) for n in IDLE[size]]),
+        "never_closing": [never_closing(scene, cam), never_closing(load_scene("motori-1"), cam)],
+        "side_by_side": (many := [side_by_side_row(scene, cam, n) for n in SIDE_BY_SIDE[size]]),
+        "side_by_side_exponent": {p: exponent(many, "motions", p) for p in many[0]["ms"]},
+    }
+    print_table(content)
+    write_result("cost_scaling", size, content, figures(rows, contacts, many) if size == "full" else {}, folder)
+    return content
+
+
+def scenes_by_masses(scene: Scene, size: str) -> list[Scene]:
+    """Many masses down to one."""
+    models = {(len(m.scene.mass), m.surge_masses): m.scene for m in smaller_models(scene)}
+    return [*(with_coils(scene, n) for n in reversed(COILS[size])), *(models[key] for key in CHAIN)]
+
+
+def with_coils(scene: Scene, count: int) -> Scene:
+    """The scene with its spring of five masses divided into `count`: mass and rate stay."""
+    coils = [m for m in scene.mass if m.name.startswith("spring_")]
+    names = [f"spring_{i}" for i in range(1, count + 1)]
+    mass = tuple(coils[0].model_copy(update={"name": n, "mass_kg": coils[0].mass_kg * 5 / count}) for n in names)
+    ends, ratio = ["valve_tip", *names, "ground"], (count + 1) / 6
+    coil = next(e for e in scene.element if e.name == "coil_1")
+    stiffness, damping = (coil.stiffness_N_per_m or 0.0) * ratio, coil.damping_N_s_per_m * ratio
+    update = {"stiffness_N_per_m": stiffness, "damping_N_s_per_m": damping}
+    springs = [
+        coil.model_copy(update={"name": f"coil_{i}", "between": (ends[i - 1], ends[i]), **update})
+        for i in range(1, count + 2)
+    ]
+    kept = [e for e in scene.element if not e.name.startswith("coil_")]
+    masses = tuple(m for m in scene.mass if m not in coils) + mass
+    return parse_scene(scene_toml(scene.model_copy(update={"mass": masses, "element": (*kept, *springs)})), scene.name)
+
+
+def masses_row(scene: Scene, cam, smooth: bool) -> dict:
+    """Times of one scene by path [ms], and what they are made of."""
+    train, cam_speed = build_train(scene), scene.cam_speed(SPEED_RPM)
+    ms = path_times(LeftOut(scene, (), (), None), cam, SPEED_RPM)
+    run = engine.prepare(train, cam, cam_speed)
+    rest = at_rest(train)
+    ms["event, end state"] = milliseconds(lambda: run.advance(rest), 20)
+    if smooth:
+        ms |= smooth_times(scene, cam, SPEED_RPM)
+    response, samples = run(rest), int(run.period / run.step)
+    return {
+        "masses": len(scene.mass),
+        "steps_per_revolution": first_steps(train, cam_speed),
+        "event_steps": samples,
+        "event_stops": len(response.angle) - samples,  # switchings twice, borders of the lift's pieces once
+        "ms": ms,
+    }
+
+
+def one_against_ten(rows: list[dict]) -> dict:
+    """Time of the one-mass scene over that of the ten-mass one: in all, from the step count, and per step."""
+    one, ten = (next(r for r in rows if r["masses"] == n) for n in (1, 10))
+    steps = {p: "event_steps" if p.startswith("event") else "steps_per_revolution" for p in one["ms"]}
+    found = {}
+    for path in one["ms"]:
+        time, count = one["ms"][path] / ten["ms"][path], one[steps[path]] / ten[steps[path]]
+        found[path] = {"time": time, "steps": count, "per_step": time / count}
+    return found | {"event_stops": {"one": one["event_stops"], "ten": ten["event_stops"]}}
+
+
+def exponent(rows: list[dict], by: str, path: str) -> float:
+    """Slope of log time over log `by`, over the upper half of the logarithmic range."""
+    points = np.log([(r[by], r["ms"][path]) for r in rows if r["ms"].get(path)])
+    upper = points[points[:, 0] >= points[:, 0].mean()]
+    return float(np.polyfit(upper[:, 0], upper[:, 1], 1)[0]) if len(upper) > 1 else float("nan")
+
+
+def with_clashes(scene: Scene, count: int) -> Scene:
+    """The scene with `count` contacts that never close: between coils, or above the valve."""
+    coils = [m.name for m in scene.mass if m.name.startswith("spring_")] or [scene.valve, "ground"]
+    pairs = [(coils[i % (len(coils) - 1)], coils[i % (len(coils) - 1) + 1]) for i in range(count)]
+    text = scene_toml(scene) + "".join(CLASH.format(i, *pair) for i, pair in enumerate(pairs, 1))
+    return parse_scene(text, scene.name)
+
+
+def contacts_row(scene: Scene, cam, count: int) -> dict:
+    """Times with `count` contacts more that never close."""
+    return masses_row(with_clashes(scene, count), cam, smooth=False) | {"idle_contacts": count}
+
+
+def never_closing(scene: Scene, cam, repeats: int = 40) -> dict:
+    """A contact that never closes: kept, and left out under watch, against the scene that does not have it."""
+    with_it = with_clashes(scene, 1)
+    model = leave_out(with_it, frozenset({"clash_1"}), frozenset())
+    cam_speed = scene.cam_speed(SPEED_RPM)
+    whole, part = build_train(with_it), build_train(model.scene)
+    rest, steps = at_rest(part), first_steps(part, cam_speed)
+    methods = {
+        "event": engine.prepare,
+        "rkg": lambda train, cam, cam_speed: rkg.prepare(train, cam, cam_speed, steps),
+        "tmm": lambda train, cam, cam_speed: tmm.prepare(train, cam, cam_speed, steps),
+    }
+    rows = {}
+    for name, method in methods.items():
+        kept, gone = method(whole, cam, cam_speed), method(part, cam, cam_speed)
+        watched = model.prepare(method, part, cam, cam_speed)
+        times = np.array(
+            [[milliseconds(lambda r=r: r(rest), 1) for r in (kept, gone, watched)] for _ in range(repeats)]
+        )
+        kept_more, _, watched_more = np.median(times / times[:, 1:2], axis=0) - 1  # of neighbours in time
+        end = [r(rest).x[-1] for r in (kept, gone, watched)]
+        rows[name] = {
+            "ms_without": times[:, 1].min(),
+            "kept": {"time": kept_more, "same_digits": bool(np.array_equal(end[0], end[1]))},
+            "left_out": {"time": watched_more, "same_digits": bool(np.array_equal(end[2], end[1]))},
+            "kept_largest_change_mm": float(np.abs(end[0] - end[1]).max() * 1e3),
+        }
+    return {"scene": scene.name, "more_time": rows}
+
+
+def side_by_side_row(scene: Scene, cam, count: int) -> dict:
+    """Time on the wall [ms] of `count` speeds, and of `count` cams, at once."""
+    train, top = build_train(scene), scene.cam_speed(SPEED_RPM)
+    rest, speeds = at_rest(train), np.linspace(0.9 * top, top, count)
+    cams = [replace(cam, coefficients=cam.coefficients * (1 - 1e-3 * i)) for i in range(count)]
+    steps, system, y0 = first_steps(train, top), build_system(train), jnp.asarray(rest_state(train))
+    samples = jnp.stack([jnp.asarray(lift_samples(c)) for c in cams])
+
+    def end(lift, speed):
+        return response_arrays(system, lift, speed, y0, steps=steps, refine=False).x[-1]
+
+    by_speed, by_cam = jax.jit(jax.vmap(end, (None, 0))), jax.jit(jax.vmap(end, (0, None)))
+    calls = {
+        "event, speeds": lambda: engine.advance_many(train, cam, list(speeds), rest, 1, 1),
+        "event, cams": lambda: engine.advance_many(train, cams, [top] * count, rest, 1, 1),
+        "smooth batch, speeds": lambda: jax.block_until_ready(by_speed(samples[0], jnp.asarray(speeds))),
+        "smooth batch, cams": lambda: jax.block_until_ready(by_cam(samples, top)),
+    }
+    return {"motions": count, "ms": {name: milliseconds(call, clock=time.perf_counter) for name, call in calls.items()}}
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)

@@ -1,0 +1,103 @@
+"""Round trips of what is written for the grinder: lift table and contour, read back with half a unit to spare."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from camopt.cam.exports import lift_from_contour, write_contour, write_rounded_table
+from camopt.cam.families.exponent import exponent
+from camopt.cam.families.kurz import kurz
+from camopt.cam.families.multi_pol import multi_pol
+from camopt.cam.families.polydyne import polydyne
+from camopt.cam.families.trapezoid import trapezoid
+from camopt.cam.tables import read_lift_table
+from camopt.scene import InputError, load_scene
+from camopt.scene.schema import Geometry
+from camopt.scene.units import DEG, MM
+
+KODAMA = load_scene("kodama")
+CAMS = {
+    "polydyne": polydyne(KODAMA),
+    "exponent": exponent(KODAMA),
+    "multi-pol": multi_pol(KODAMA, (7.5, 11.5, 7.5, 22.7, 22.8), a12=0.0114, j34=-0.00175, j45=-0.00014),
+    "kurz": kurz(KODAMA, (24.0, 25.0, 23.0), a23=-0.0078),
+    "trapezoid": trapezoid(KODAMA, (5.0, 8.0, 13.0, 46.0)),
+}
+FLAT = Geometry(follower="flat", base_radius_mm=40)
+ROLLS = Geometry(follower="roller", base_radius_mm=25, roller_radius_mm=9)
+ROUND_OFF = 1e-13
+"""Of the lift [mm]: where it lies in the middle between two of the digits, half a unit is met only up to that."""
+
+
+def columns(path) -> dict[str, np.ndarray]:
+    with open(path, newline="") as text:
+        rows = list(csv.DictReader(text))
+    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+
+
+def decimals(path, name: str) -> set[int]:
+    with open(path, newline="") as text:
+        return {len(row[name].partition(".")[2]) for row in csv.DictReader(text)}
+
+
+@pytest.mark.parametrize("digits", [3, 4, 5, 6])
+@pytest.mark.parametrize("name", CAMS)
+class TestRoundTrip:
+    def test_lift_table(self, tmp_path, name, digits):
+        lift, path = CAMS[name], tmp_path / "lift.csv"
+        write_rounded_table(path, lift, 0.5, digits, rocker_ratio=1.6)
+        theta = np.linspace(-180, 180, 721) * DEG
+        half = 0.5 * 10.0**-digits + ROUND_OFF
+        read = read_lift_table(path, KODAMA)
+        assert np.abs(read(theta) - lift(theta)).max() / MM <= half
+        written = columns(path)
+        assert np.abs(written["tappet_lift_mm"] - lift(theta) / 1.6 / MM).max() <= half
+        assert decimals(path, "lift_mm") == decimals(path, "tappet_lift_mm") == {digits}
+        assert written["cam_angle_deg"] * DEG == pytest.approx(theta, abs=1e-12)
+
+    @pytest.mark.parametrize("geometry", [FLAT, ROLLS], ids=["flat", "roller"])
+    def test_contour(self, tmp_path, name, digits, geometry):
+        """Lift rebuilt from all the points by the follower that rests on them, Cartesian and polar."""
+        lift, path = CAMS[name], tmp_path / "contour.csv"
+        write_contour(path, lift, geometry, 1.0, digits)
+        written = columns(path)
+        theta = written["cam_angle_deg"] * DEG
+        angle, radius = written["polar_angle_deg"] * DEG, written["radius_mm"]
+        cartesian = np.column_stack([written["x_mm"], written["y_mm"]]) * MM
+        polar = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)]) * MM
+        for points in (cartesian, polar):
+            error = lift_from_contour(points, geometry, theta) - lift(theta)
+            assert np.abs(error).max() / MM < 0.5 * 10.0**-digits
+            assert np.abs(error).max() / MM > 1e-3 * 10.0**-digits  # rounded indeed
+        assert decimals(path, "radius_mm") == decimals(path, "x_mm") == {digits + 1}
+
+
+@pytest.mark.parametrize("geometry", [FLAT, ROLLS.model_copy(update={"rocker_ratio": 1.5})], ids=["flat", "roller"])
+def test_rebuilt_lift_sees_a_change_of_the_contour(tmp_path, geometry):
+    lift, path = CAMS["multi-pol"], tmp_path / "contour.csv"
+    write_contour(path, lift, geometry, 0.1, 9)
+    written = columns(path)
+    theta = written["cam_angle_deg"] * DEG
+    points = np.column_stack([written["x_mm"], written["y_mm"]]) * MM
+    assert lift_from_contour(points, geometry, theta) == pytest.approx(lift(theta), abs=1e-9 * MM)
+    between = theta[:-1] + 0.05 * DEG  # short by step^2 / 8 times the radius, with the roller's added
+    short = lift(between) - lift_from_contour(points, geometry, between)
+    assert -1e-9 * MM < short.min()
+    assert short.max() < 1.5 * 200 * MM * (0.1 * DEG) ** 2 / 8
+    grown = points * (1 + 1 * MM / np.hypot(*points.T))[:, None]
+    ratio = geometry.rocker_ratio
+    assert lift_from_contour(grown, geometry, theta[:1]) == pytest.approx(lift(theta[:1]) + ratio * MM, rel=1e-6)
+
+
+def test_bad_exports(tmp_path):
+    lift = CAMS["polydyne"]
+    with pytest.raises(InputError, match=r"step 0\.7 deg: a step that divides 360 deg"):
+        write_rounded_table(tmp_path / "a.csv", lift, 0.7, 4)
+    with pytest.raises(InputError, match="13 digits"):
+        write_rounded_table(tmp_path / "a.csv", lift, 1.0, 13)
+    with pytest.raises(InputError, match="contour: a flat follower needs"):
+        write_contour(tmp_path / "a.csv", CAMS["multi-pol"], Geometry(follower="flat", base_radius_mm=16), 1.0, 4)
+    with pytest.raises(InputError, match="no point lies under the roller"):
+        lift_from_contour(np.array([[0.025, 0.0]]), ROLLS, np.array([0.0, np.pi]))
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,119 @@
+"""Hertz stress of a line contact against handbook coefficients, and along cams whose contour is known."""
+
+import numpy as np
+import pytest
+
+from camopt.cam.geometry import contact
+from camopt.cam.hertz import contact_modulus, contact_width, hertz_stress, line_pressure, response_stress
+from camopt.cam.lift import Lift
+from camopt.scene import InputError, build_train, load_scene
+from camopt.scene.response import Response
+from camopt.scene.rest import rest_position, static_forces
+from camopt.scene.schema import Geometry
+from camopt.scene.units import MM
+from tests.cam.test_geometry import CAM, OFFSET, RADIUS, ROLLER, cam_of, eccentric_flat, eccentric_roller
+
+FLAT = Geometry(follower="flat", base_radius_mm=16, contact_width_mm=10)
+ROLLS = Geometry(follower="roller", base_radius_mm=16, roller_radius_mm=8, contact_width_mm=10)
+THETA = np.linspace(-3.0, 3.0, 61)
+FORCE = 1000.0 + 200.0 * np.cos(THETA)
+
+
+class TestFormula:
+    def test_handbook_coefficients_for_equal_moduli_and_poisson_ratio_0_3(self):
+        """Roark's Formulas for Stress and Strain, line contact: 0.591 sqrt(p E / K_D), K_D = D1 D2 / (D1 + D2) for two
+        cylinders; Niemann, Maschinenelemente: 0.418 sqrt(p E / R) with the combined radius R."""
+        p, e = 1e5, 210e9
+        modulus = contact_modulus(FLAT)
+        assert modulus == pytest.approx(210e9 / (2 * 0.91))
+        d1, d2 = 0.04, 0.025
+        radius = 1 / (2 / d1 + 2 / d2)
+        assert line_pressure(p, radius, modulus) == pytest.approx(
+            0.591 * np.sqrt(p * e * (d1 + d2) / (d1 * d2)), rel=1e-3
+        )
+        assert line_pressure(p, radius, modulus) == pytest.approx(0.418 * np.sqrt(p * e / radius), rel=1e-3)
+
+    def test_line_carries_the_force(self):
+        """p_0 is the top of a half ellipse over 2 a, a^2 = 4 P R / (pi E*) (Johnson 1985, Eqs. (4.43) and (4.45))."""
+        p, radius, modulus = 2e5, 0.02, 1.2e11
+        a = np.sqrt(4 * p * radius / (np.pi * modulus))
+        assert np.pi / 2 * a * line_pressure(p, radius, modulus) == pytest.approx(p)
+
+    def test_each_body_has_its_own_modulus(self):
+        soft = FLAT.model_copy(update={"follower_modulus_GPa": 100.0, "follower_poisson_ratio": 0.25})
+        assert 1 / contact_modulus(soft) == pytest.approx(0.91 / 210e9 + (1 - 0.25**2) / 100e9)
+
+
+class TestAlongCirclesAboutAnotherCentre:
+    def test_flat(self):
+        found = hertz_stress(cam_of(eccentric_flat), FLAT, THETA, FORCE)
+        expected = line_pressure(FORCE / (10 * MM), RADIUS, contact_modulus(FLAT))
+        assert found.stress == pytest.approx(expected, rel=1e-6)
+        assert found.largest == pytest.approx((expected.max(), 0.0), rel=1e-6, abs=1e-12)
+        assert found.figures()["normal_force_N"] == pytest.approx(1200.0)
+
+    def test_roller(self):
+        """The normal force is the follower's over the cosine of the pressure angle, and 1/R = 1/20 + 1/8 mm."""
+        found = hertz_stress(cam_of(eccentric_roller), ROLLS, THETA, FORCE)
+        normal = FORCE / np.sqrt(1 - (OFFSET * np.sin(THETA) / (RADIUS + ROLLER)) ** 2)
+        assert found.force == pytest.approx(normal, rel=1e-7)
+        expected = line_pressure(normal / (10 * MM), 1 / (1 / RADIUS + 1 / ROLLER), contact_modulus(ROLLS))
+        assert found.stress == pytest.approx(expected, rel=1e-6)
+
+    def test_rocker_ratio(self):
+        """Twice the valve lift for the same follower lift: the same cam, under twice the force."""
+        double = cam_of(lambda theta: 2 * eccentric_flat(theta))
+        geared = FLAT.model_copy(update={"rocker_ratio": 2.0})
+        found = hertz_stress(double, geared, THETA, FORCE)
+        assert found.stress == pytest.approx(
+            np.sqrt(2) * hertz_stress(cam_of(eccentric_flat), FLAT, THETA, FORCE).stress
+        )
+        assert contact(double, geared).face_width == pytest.approx(2 * OFFSET, rel=1e-6)
+
+
+def test_concave_flank_loads_the_roller_less_than_a_convex_one():
+    along = contact(CAM, ROLLS, THETA)
+    assert np.any(along.radius_of_curvature < 0)
+    found = hertz_stress(CAM, ROLLS, THETA, np.full_like(THETA, 500.0))
+    curvature = 1 / along.radius_of_curvature + 1 / ROLLER
+    assert found.stress**2 / found.force == pytest.approx(contact_modulus(ROLLS) / np.pi / (10 * MM) * curvature)
+
+
+def test_no_line_contact_is_refused():
+    with pytest.raises(InputError, match=r"no line contact at -?\d+\.\d deg"):
+        hertz_stress(CAM, FLAT, THETA, FORCE)
+    undercut = Geometry(follower="roller", base_radius_mm=5, roller_radius_mm=40, contact_width_mm=10)
+    with pytest.raises(InputError, match="no line contact"):
+        hertz_stress(CAM, undercut, THETA, FORCE)
+    with pytest.raises(InputError, match="give contact_width_mm"):
+        contact_width(Geometry(follower="flat", base_radius_mm=16))
+    assert contact_width(Geometry(follower="flat", base_radius_mm=16, face_width_mm=12)) == pytest.approx(12 * MM)
+
+
+def test_response_of_any_turn():
+    """The force of the cam-driven contact, at angles of the second turn."""
+    train = build_train(load_scene("kodama"))
+    angle = THETA + 2 * np.pi
+    driven = train.element_names.index("cam_follower")
+    force = np.zeros((len(THETA), len(train.a)))
+    force[:, driven] = FORCE
+    empty = np.zeros((len(THETA), len(train.mass)))
+    lift: Lift = cam_of(eccentric_flat)
+    found = response_stress(lift, FLAT, Response(train, 300.0, angle, lift(angle), empty, empty, force))
+    assert found.stress == pytest.approx(hertz_stress(lift, FLAT, THETA, FORCE).stress)
+    assert found.largest[1] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_static_forces():
+    """On the base circle the train at rest; lifted, the seat is open and the cam carries the spring's rate."""
+    scene = load_scene("kodama")
+    train = build_train(scene)
+    cam, seat = (train.element_names.index(n) for n in ("cam_follower", "seat"))
+    forces = static_forces(train, np.array([0.0, 5 * MM, 9 * MM]))
+    d = train.compression(rest_position(train), 0.0)
+    assert forces[0, seat] == pytest.approx(train.preload[seat] + train.stiffness[seat] * d[seat])
+    assert forces[1:, seat] == pytest.approx(0.0)
+    assert forces[0, cam] == pytest.approx(19.1)
+    rate = (forces[2, cam] - forces[1, cam]) / (4 * MM)
+    assert rate == pytest.approx(152000 / 6, rel=5e-3)  # six coils in series, and a train a thousand times stiffer
+    assert forces[2, cam] == pytest.approx(19.1 + 197.0 + 152000 / 6 * (9 - 0.169) * MM, rel=5e-3)

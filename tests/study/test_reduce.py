@@ -1,0 +1,275 @@
+"""Smaller models against the whole one: what they keep exactly, what they get wrong, and contacts that are left out."""
+
+import json
+from dataclasses import replace
+from functools import partial
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+from camopt import cli
+from camopt.cam.families.polydyne import polydyne
+from camopt.exact import engine
+from camopt.scene import InputError, MotionRefused, build_train, load_scene, parse_scene, rest_position, scene_text
+from camopt.study.left_out import idle_contacts, leave_out
+from camopt.study.modes import assembled, modes
+from camopt.study.reduce import reduce, reduction_lines
+from camopt.study.smaller import chains, condense, fewer_coils, scene_toml, smaller_models
+from camopt.verify import rkg
+from camopt.verify.settle import settle
+
+KODAMA, MOTORI, PUSHROD = (load_scene(name) for name in ("kodama", "motori-1", "pushrod-5mass"))
+
+
+def rest(train) -> np.ndarray:
+    return np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+
+
+def settled(scene, lift, speed_rpm=5000.0):
+    train = build_train(scene)
+    return settle(engine.prepare(train, lift, scene.cam_speed(speed_rpm)), rest(train))
+
+
+def test_all_surge_modes_are_the_same_motion_in_other_coordinates():
+    """Tolerance: both motions bounce, and rounding grows a hundredfold at each of a dozen contacts."""
+    lift = polydyne(KODAMA)
+    modal = fewer_coils(KODAMA, chains(KODAMA), 5)
+    assert len(modal.mass) == 10
+    whole, same = settled(KODAMA, lift).response, settled(modal, lift).response
+    at = np.linspace(-np.pi, np.pi, 721)
+    x, y = (np.interp(at, r.angle, r.seat_separation()) for r in (whole, same))
+    # linear interpolation between other samples: 5e-7 m; a lost mode moves the valve by 6e-6 m
+    np.testing.assert_allclose(x, y, atol=1e-6)
+    for name in ("bounce_mm", "contact_force_max_N"):
+        figures = [r.metrics(lift).worst(name) for r in (settled(KODAMA, lift), settled(modal, lift))]
+        assert figures[0] == pytest.approx(figures[1], rel=1e-4)
+
+
+@pytest.mark.parametrize("scene", [KODAMA, PUSHROD], ids=lambda s: s.name)
+def test_a_reduced_spring_keeps_rate_felt_mass_and_surge(scene):
+    (chain,) = chains(scene)
+    n = len(chain.masses)
+    for surge in range(n):
+        small = fewer_coils(scene, [chain], surge)
+        names = [m.name for m in small.mass]
+        assert len(names) == len(scene.mass) - n + surge
+        # rate and rest
+        k = [e.stiffness_N_per_m or 0.0 for e in chain.springs]
+        assert next(e for e in small.element if e.name == "static_spring_1").stiffness_N_per_m == pytest.approx(
+            k[0] / len(k)
+        )
+        positions = [rest_position(build_train(s))[[m.name for m in s.mass].index(chain.head)] for s in (scene, small)]
+        assert positions[0] == pytest.approx(positions[1], rel=1e-9)
+        # mass felt at the valve's end: sum of m_i (1 - i / (n + 1))^2
+        felt = sum(m.mass_kg * (1 - i / (n + 1)) ** 2 for i, m in enumerate(chain.masses, 1))
+        head = next(m.mass_kg for m in scene.mass if m.name == chain.head)
+        parts = [m.mass_kg for m in small.mass if m.name == chain.head or m.name.startswith("surge")]
+        assert sum(parts) - head == pytest.approx(felt, rel=1e-9)
+        # fixed-fixed surge of the uniform chain: 2 sqrt(k / m) sin(j pi / (2 n + 2))
+        j = np.arange(1, surge + 1)
+        expected = 2 * np.sqrt(k[0] / chain.masses[0].mass_kg) * np.sin(j * np.pi / (2 * n + 2))
+        hung = [m.name for m in small.mass if m.name.startswith("surge")]
+        found = [np.sqrt((e.stiffness_N_per_m or 0) / m.mass_kg) for e in small.element for m in small.mass
+                 if e.name == m.name and m.name in hung]  # fmt: skip
+        np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_damping_of_a_reduced_spring():
+    """Stiffness-proportional damping stays so: c / k of every spring is that of the coils."""
+    small = fewer_coils(KODAMA, chains(KODAMA), 3)
+    for e in small.element:
+        if e.name.startswith(("surge", "static")):
+            assert e.damping_N_s_per_m == pytest.approx(3.16 / 152000.0 * (e.stiffness_N_per_m or 0), rel=1e-9)
+
+
+@pytest.mark.parametrize("mass", ["camshaft", "follower", "valve_stem"])
+def test_condensing_keeps_the_static_answer(mass):
+    """Rest and the stiffness felt by the other masses: the Schur complement of the assembled matrix."""
+    scene = KODAMA
+    train, i = build_train(scene), [m.name for m in scene.mass].index(mass)
+    small = build_train(condense(scene, mass))
+    every = np.ones(len(train.a), dtype=bool)
+    k, others = assembled(train, every)[1], np.arange(len(train.mass)) != i
+    left = k[np.ix_(others, others)] - np.outer(k[others, i], k[i, others]) / k[i, i]
+    np.testing.assert_allclose(assembled(small, every[1:])[1], left, rtol=1e-9, atol=1e-3)
+    assert small.lash == pytest.approx(train.lash, abs=1e-15)
+    x = rest_position(train)
+    if mass != "follower":  # its force goes on with it, to the tip
+        np.testing.assert_allclose(rest_position(small), x[others], rtol=1e-6, atol=1e-12)
+
+
+def test_condensing_turns_a_preloaded_spring_and_the_valve():
+    """The head condensed: the seat touches where the two in series do, and the tip's side becomes the valve."""
+    stem = condense(KODAMA, "valve_stem")
+    head = condense(stem, "valve_head")
+    seat = next(e for e in head.element if e.name == "seat")
+    assert (head.valve, seat.between) == ("valve_tip", ("ground", "valve_tip"))
+    compliance = 1 / 80.1e6 + 1 / 142e6 + 1 / 72.3e6
+    assert seat.stiffness_N_per_m == pytest.approx(1 / compliance)
+    # the seat lets go where it did: 197 N / (72.3e6 N/m) above the installed position
+    assert seat.preload_N == pytest.approx(197 / 72.3e6 / compliance)
+    assert sum(m.mass_kg for m in head.mass) == pytest.approx(sum(m.mass_kg for m in KODAMA.mass))
+
+
+def test_a_mass_between_many_elements_is_not_condensed():
+    with pytest.raises(InputError, match=r"valve_tip.*series"):
+        condense(KODAMA, "valve_tip")
+
+
+@pytest.mark.parametrize("scene", [KODAMA, PUSHROD, load_scene("kodama-hertz")], ids=lambda s: s.name)
+def test_every_model_is_a_scene_that_reads_back(scene):
+    models = smaller_models(scene)
+    counts = [len(m.scene.mass) for m in models]
+    assert models[0].scene is scene
+    assert len({m.scene.name for m in models}) == len(models)
+    assert set(counts) == set(range(min(counts), len(scene.mass) + 1))
+    assert min(counts) == (3 if scene.name == "kodama-hertz" else 1)
+    for m in models:
+        assert parse_scene(scene_toml(m.scene), "text") == m.scene
+    lowest = [modes(m.scene).frequency_Hz[0] for m in models if m.surge_masses]
+    np.testing.assert_allclose(lowest, lowest[0], rtol=0.01)  # the first surge stands in every model that has one
+
+
+def test_coils_that_may_clash_are_kept():
+    text = scene_text("kodama").replace('[[element]]\nname = "bearing"', CLASH + '[[element]]\nname = "bearing"')
+    scene = parse_scene(text, "clash")
+    (chain,) = chains(scene)  # what hangs below them may still be reduced
+    assert (chain.head, [m.name for m in chain.masses]) == ("spring_2", ["spring_3", "spring_4", "spring_5"])
+    assert all({"spring_1", "spring_2"} <= {m.name for m in s.scene.mass} for s in smaller_models(scene))
+    assert chains(scene, frozenset({"spring_5"})) == []
+
+
+CLASH = """[[element]]
+name = "clash"
+kind = "contact"
+between = ["spring_1", "spring_2"]
+stiffness_N_per_m = 1e6
+gap_mm = 6.0
+
+"""
+
+
+class TestLeftOut:
+    lift = polydyne(MOTORI)
+
+    def record(self, scene, speed_rpm=5000.0):
+        return settled(scene, self.lift, speed_rpm).response
+
+    def test_idle_contacts_of_motori(self):
+        never, always = idle_contacts([self.record(MOTORI)])
+        assert (never, always) == ({"coil_clash"}, {"spring"})
+
+    def test_without_them_no_digit_changes(self):
+        """At equal steps: fixed-step methods do the same arithmetic on what acts."""
+        model = leave_out(MOTORI, frozenset({"coil_clash"}), frozenset({"spring"}))
+        cam_speed = MOTORI.cam_speed(5000)
+        whole, part = build_train(MOTORI), build_train(model.scene)
+        assert (whole.contact.sum(), part.contact.sum()) == (4, 2)
+        a = rkg.prepare(whole, self.lift, cam_speed, 20_000)(rest(whole))
+        b = model.prepare(rkg.prepare, part, self.lift, cam_speed, 20_000)(rest(part))
+        assert np.array_equal(a.x, b.x)
+        assert np.array_equal(a.v, b.v)
+
+    def test_a_contact_that_would_close_is_refused(self):
+        """The clash set where the valve passes: refused at the angle at which the whole scene closes it."""
+        near = replace_element(MOTORI, "coil_clash", gap_mm=9.0)
+        whole = self.record(near)
+        assert idle_contacts([whole])[0] == frozenset()
+        closing = whole.angle[np.argmax(whole.force[:, 3] > 0)]
+        model = leave_out(near, frozenset({"coil_clash"}), frozenset())
+        train = build_train(model.scene)
+        run = model.prepare(engine.prepare, train, self.lift, near.cam_speed(5000))
+        with pytest.raises(MotionRefused, match=rf"'coil_clash'.* never closing.* at {np.degrees(closing):.0f}"):
+            run(rest(train))
+
+    def test_a_contact_that_would_open_is_refused(self):
+        weak = replace_element(MOTORI, "spring", preload_N=250.0)
+        model = leave_out(weak, frozenset(), frozenset({"spring"}))
+        assert model.watched is not None
+        pulled = replace(model.watched, preload=np.array([-300.0]))
+        train = build_train(model.scene)
+        record = engine.prepare(train, self.lift, weak.cam_speed(5000))(rest(train))
+        model.check(record)
+        with pytest.raises(MotionRefused, match=r"'spring'.* never opening.* at -180.0 deg and 2500 cam"):
+            replace(model, watched=pulled).check(record)
+
+    def test_a_closing_between_two_samples_is_seen(self):
+        model = leave_out(MOTORI, frozenset({"coil_clash"}), frozenset())
+        train = build_train(model.scene)
+        record = engine.prepare(train, self.lift, MOTORI.cam_speed(5000))(rest(train))
+        peak = record.x[:, 0].max()
+        keep = np.flatnonzero((record.x[:, 0] < peak - 2e-5) & np.append(np.diff(record.angle) > 0, True))
+        coarse = replace(record, **{k: getattr(record, k)[keep] for k in ("angle", "lift", "x", "v", "force")})
+        assert coarse.x.max() < peak - 1e-5
+        assert model.watched is not None
+        for gap, refused in ((peak - 5e-6, True), (peak + 5e-6, False)):
+            watch = replace(model, watched=replace(model.watched, gap=np.array([gap])))
+            if refused:
+                with pytest.raises(MotionRefused, match="coil_clash"):
+                    watch.check(coarse)
+            else:
+                watch.check(coarse)
+
+
+def replace_element(scene, name, **update):
+    changed = tuple(e.model_copy(update=update) if e.name == name else e for e in scene.element)
+    return scene.model_copy(update={"element": changed})
+
+
+class TestReduce:
+    @pytest.fixture(scope="class")
+    @staticmethod
+    def found():
+        return reduce(PUSHROD, speeds_rpm=(3000,), tolerance_mm=0.05, smooth=False)
+
+    def test_the_proposal_is_within_the_tolerance_and_none_cheaper_is(self, found):
+        best = found.proposed
+        assert found.candidates[0].error["lift_mm"] == 0
+        assert len(best.smaller.scene.mass) < 5
+        assert all(best.error[k] <= 0.05 for k in ("bounce_mm", "jump_mm", "lift_mm"))
+        assert not any(c.within(0.05) and c.ms["event"] < best.ms["event"] for c in found.candidates)
+        nothing = replace(found, tolerance_mm=1e-9).proposed
+        assert nothing is found.candidates[0]
+
+    def test_errors_are_differences_of_settled_motions(self, found):
+        lift = polydyne(PUSHROD)
+        small = found.candidates[-1]
+        assert len(small.smaller.scene.mass) == 1
+        whole, one = (settled(s, lift, 3000.0).metrics(lift) for s in (PUSHROD, small.smaller.scene))
+        for name in ("bounce_mm", "contact_force_max_N"):
+            assert small.error[name] == pytest.approx(abs(whole.worst(name) - one.worst(name)), rel=1e-6, abs=1e-9)
+
+    def test_table_and_content(self, found):
+        lines = reduction_lines(found)
+        assert sum(line.startswith("pushrod-5mass") and "ms" not in line for line in lines) == len(found.candidates)
+        assert f"proposed: {found.proposed.smaller.scene.name} (" in lines[-2]
+        content = found.as_dict()
+        assert parse_scene(content["proposed_toml"], "proposed") == found.proposed.smaller.scene
+        assert {m["masses"] for m in content["models"]} == {1, 2, 3, 4, 5}
+
+    @pytest.mark.parametrize(
+        ("arguments", "sentence"),
+        [({"tolerance_mm": 0.0}, "tolerance"), ({"speeds_rpm": ()}, "speeds"), ({"speeds_rpm": (-1.0,)}, "speeds")],
+    )
+    def test_bad_input(self, arguments, sentence):
+        with pytest.raises(InputError, match=sentence):
+            reduce(PUSHROD, **arguments)
+        with pytest.raises(InputError, match="needs valve"):
+            reduce(load_scene("ohv-3dof"))
+
+    def test_command(self, capsys, tmp_path, monkeypatch):
+        module = import_module("camopt.study.reduce")
+        monkeypatch.setattr(module, "reduce", partial(reduce, smooth=False))
+        file = tmp_path / "reduction.json"
+        words = ["reduce", "pushrod-5mass", "--speeds", "3000", "--tolerance-mm", "0.05", "--json", str(file)]
+        assert cli.main(words) == 0
+        out, content = capsys.readouterr().out, json.loads(file.read_text())
+        assert content["proposed"] in out
+        assert (content["tolerance_mm"], content["speeds_rpm"], content["cam"]) == (0.05, [3000.0], "polydyne")
+        assert len(content["models"][1]["ms_per_revolution"]) == 3
+
+    @pytest.mark.long
+    def test_every_path_is_timed_for_the_proposal(self):
+        best = reduce(PUSHROD, speeds_rpm=(3000,), tolerance_mm=0.05).proposed
+        assert set(best.ms) == {"event", "rkg", "tmm", "smooth", "batch"}
