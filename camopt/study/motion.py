@@ -22,7 +22,7 @@ MODULES = {
     "dop853": "camopt.verify.dop853",
     "smooth": "camopt.smooth.simulate",
 }
-DIFFERENTIABLE = {"smooth": "camopt.smooth.differentiable"}
+DIFFERENTIABLE = {"smooth": "camopt.smooth.differentiable", "event": "camopt.optimize.exact_rule"}
 """Modules with a `differentiable_motion`, by the method that `simulate(parameters=...)` takes."""
 LARGEST_PHASE = 0.3
 """Step times the train's highest rate [rad]: MOTORI 2004's rule for explicit steps (0.31), and for drawn curves."""
