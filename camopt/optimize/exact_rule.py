@@ -35,6 +35,8 @@ jax.config.update("jax_enable_x64", True)
 
 TRAIN_PARAMETERS = tuple(field.name for field in fields(ByTrain))
 POSITIVE = ("mass", "stiffness", "cam_speed")
+VELOCITY = "m_per_s"
+"""How the names of metrics end that grow with all velocities."""
 WORKERS = os.cpu_count() or 1
 Arrays = dict[str, np.ndarray]
 
@@ -62,7 +64,7 @@ def exact_metrics(
     motion, variables = _varying(train, lift, cam_speed, parameters, revolutions)
     metric_numbers(train, metrics)
     rows = np.zeros(len(metrics))
-    speeds = np.array([name.endswith("m_per_s") for name in metrics], dtype=float)
+    speeds = np.array([name.endswith(VELOCITY) for name in metrics])
 
     def value(given: Arrays):
         traced = motion.trace(given, ())
@@ -72,8 +74,11 @@ def exact_metrics(
         traced = motion.trace(given, names)
         if traced is None:
             return np.full_like(rows, np.nan), {n: np.full((len(rows), *given[n].shape), np.nan) for n in names}
-        found = traced.gradient(metrics, revolution)
-        return found.values, motion.by_names(names, given, traced, found, found.values * speeds)
+        found, swept = traced.swept(metrics, revolution)
+        slopes = motion.by_names(names, given, traced, swept, found[:, 0] * speeds)
+        for slope in slopes.values():
+            slope[np.isnan(found[:, 0])] = np.nan
+        return found[:, 0], slopes
 
     @jax.custom_vjp
     def values(variables):
@@ -86,7 +91,8 @@ def exact_metrics(
 
     def backward(slopes, bar):
         zero = isinstance(bar, SymbolicZero)
-        return ({name: None if zero or name not in slopes else jnp.tensordot(bar, slopes[name], 1) for name in variables},)  # fmt: skip  # noqa: E501
+        found = {} if zero else {name: weighted(bar, slope) for name, slope in slopes.items()}
+        return ({name: found.get(name) for name in variables},)
 
     values.defvjp(forward, backward, symbolic_zeros=True)
     return values(variables)
@@ -103,6 +109,7 @@ def differentiable_motion(
     motion, variables = _varying(train, lift, cam_speed, parameters, revolutions)
     names = [] if train.seat < 0 or not train.cam_side else list(METRICS)
     n, e, measured = len(train.mass), len(train.a), revolutions - 1
+    speeds = np.array([name.endswith(VELOCITY) for name in names], dtype=bool)
     angle = np.linspace(-np.pi, (2 * revolutions - 1) * np.pi, revolutions * steps + 1)
     samples = Samples(*(np.zeros((len(angle), *shape)) for shape in ((n,), (n,), (), (), (e,))))
     shape = vars(samples), np.zeros((len(names), measured))
@@ -121,19 +128,20 @@ def differentiable_motion(
         by_samples, by_metrics = bars
         total = {name: np.zeros_like(given[name]) for name in wanted}
 
-        def add(part: Slopes, scaled: float) -> None:
-            for name, slope in motion.by_names(wanted, given, traced, part, np.array([scaled])).items():
-                total[name] = total[name] + slope[0]
+        def add(part: Slopes, moving: float) -> None:
+            for name, slope in motion.by_names(wanted, given, traced, part, np.array([moving])).items():
+                total[name] = total[name] + (slope[0] if np.isfinite(moving) else np.nan)
 
         if any(np.any(bar) for bar in by_samples.values()):
             found = vars(traced.at(angle))
             moving = sum(float(np.sum(by_samples[k] * found[k])) for k in ("v", "lift_rate"))
             add(traced.pull_back(angle, Samples(**{k: bar[None] for k, bar in by_samples.items()})), moving)
         for r in range(measured):
-            if np.any(by_metrics[:, r]):
-                found = traced.gradient(names, r, by_metrics[:, r])
-                add(found, sum(b * v for m, b, v in zip(names, by_metrics[:, r], found.values, strict=True)
-                               if b and m.endswith("m_per_s")))  # fmt: skip
+            bar = by_metrics[:, r]
+            if np.any(bar):
+                found, swept = traced.swept(names, r, bar)
+                moving = sum(b * v for b, v in zip(bar[speeds], found[speeds, 0], strict=True) if b)
+                add(swept, np.nan if np.any(np.isnan(found[bar != 0, 0])) else moving)
         return total
 
     @jax.custom_vjp
@@ -171,13 +179,11 @@ class Varying:
         changes = tuple((name, given[name].tobytes()) for name in TRAIN_PARAMETERS if name in given)
         cam = {"borders": given.get("borders", self.lift.borders), "coefficients": given.get("lift")}
         lift = replace(self.lift, **{name: value for name, value in cam.items() if value is not None})
+        train, speed, mechanical = varied(self.train, changes), float(given["cam_speed"]), bool({*names} & MECHANICAL)
         try:
-            train, start = varied(self.train, changes) if "start" not in given else (None, given["start"])
-            train = train or varied_train(self.train, changes)
-            return TracedMotion(
-                train, lift, float(given["cam_speed"]), start, self.revolutions, bool({*names} & MECHANICAL)
-            )
-        except (MotionRefused, InputError):
+            start = given["start"] if "start" in given else rest(train)
+            return TracedMotion(train, lift, speed, start, self.revolutions, mechanical)
+        except (MotionRefused, InputError):  # no bound, endless switching; no rest
             return None
 
     def by_names(
@@ -224,18 +230,19 @@ def by_speed(motion: TracedMotion, slopes: Slopes, start: np.ndarray | None) -> 
     return total / motion.cam_speed
 
 
+def weighted(bar: jax.Array, slope: jax.Array) -> jax.Array:
+    """Sum of slopes (l, ...) times bar (l), of those whose weight is not zero: the others may be NaN."""
+    bar = jnp.reshape(bar, (len(bar), *(1,) * (slope.ndim - 1)))
+    return jnp.sum(jnp.where(bar == 0.0, 0.0, bar * slope), 0)
+
+
 @lru_cache(maxsize=24)
-def varied_train(train: Train, changes: tuple[tuple[str, bytes], ...]) -> Train:
+def varied(train: Train, changes: tuple[tuple[str, bytes], ...]) -> Train:
     """A train with other numbers: the same object for the same numbers, because propagators are kept per train."""
-    numbers = {name: np.frombuffer(data).copy() for name, data in changes}
-    return replace(train, **numbers) if changes else train
+    return replace(train, **{name: np.frombuffer(data).copy() for name, data in changes}) if changes else train
 
 
-@lru_cache(maxsize=24)
-def varied(train: Train, changes: tuple[tuple[str, bytes], ...]) -> tuple[Train, np.ndarray]:
-    """A train with other numbers and its state at rest. Raises InputError where there is none."""
-    moved = varied_train(train, changes)
-    return moved, rest_state(moved)
+rest = lru_cache(maxsize=24)(rest_state)
 
 
 def host_call(function: Callable, result: Any, *args: Any) -> Any:
@@ -259,7 +266,9 @@ def host_call(function: Callable, result: Any, *args: Any) -> Any:
         else:
             with ThreadPoolExecutor(WORKERS) as pool:
                 found = list(pool.map(one, range(count)))
-        return jax.tree.map(lambda *parts: np.reshape(np.array(parts, dtype=float), (*batch, *np.shape(parts[0]))), *found)
+        return jax.tree.map(
+            lambda *parts: np.reshape(np.array(parts, dtype=float), (*batch, *np.shape(parts[0]))), *found
+        )
 
     return jax.pure_callback(many, shapes, *args, vmap_method="broadcast_all")
 
