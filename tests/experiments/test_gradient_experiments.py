@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments import gradient_batch, gradient_bias
+from experiments import gradient_batch, gradient_bias, gradient_cost
 
 
 @pytest.mark.long
@@ -38,3 +38,11 @@ def test_the_error_of_a_gradient_sees_sign_and_size():
     assert flipped["cosine"] == pytest.approx(-1.0, abs=1e-2) and flipped["relative_error"] > 1.9
     assert gradient_bias.against(np.array([2.0, 4.0]), differences)["relative_error"] > 0.9
     assert np.isnan(gradient_bias.against(np.full(2, np.nan), differences)["relative_error"])
+
+
+def test_a_gradient_costs_little_more_than_its_value(tmp_path):
+    """2.2 times is the aim and 1.5 to 1.7 what is measured; a loaded machine scatters even processor times."""
+    content = gradient_cost.main("small", tmp_path)
+    assert set(content["worst_ratio"]) == {"20", "200"}
+    assert max(content["worst_ratio"].values()) < 3.0
+    assert all(row["ratio"] > 1.0 for row in content["rows"])

@@ -85,43 +85,45 @@ def test_by_speed_through_masses_and_dampings():
     assert held == pytest.approx((pair[0] - pair[1]) / 2e-3, rel=1e-5)
 
 
-def chain(cam, parameters, name, step):
-    """Gradient along cos(i) of one of a cam's parameters, and its central differences, through pieces and motion."""
-    borders, coefficients = (np.array(part) for part in cam.pieces(parameters))
-    lift = Lift(borders, coefficients, float(cam.half_duration(parameters)))
+def chain(cam, steps):
+    """(gradient along cos(i) of each of a cam's parameters in `steps`, its central differences), through pieces and
+    motion: one compilation."""
+    borders, coefficients = (np.array(part) for part in cam.pieces(cam.parameters))
+    lift = Lift(borders, coefficients, float(cam.half_duration(cam.parameters)))
 
     def value(p):
-        borders, coefficients = cam.pieces(p)
-        return exact_metrics(TRAIN, lift, SPEED, {"borders": borders, "lift": coefficients}, NAMES)
+        borders, coefficients = cam.pieces(cam.parameters | p)
+        values = exact_metrics(TRAIN, lift, SPEED, {"borders": borders, "lift": coefficients}, NAMES)
+        return values, values
 
-    direction = np.cos(np.arange(np.size(parameters[name]))).reshape(np.shape(parameters[name]))
-    slopes = jax.jacrev(value)(parameters)[name]
-    along = np.tensordot(slopes, direction, np.ndim(direction))
-    differences = []
-    for h in step * 10.0 ** -np.arange(3):
-        up, down = (value(parameters | {name: parameters[name] + sign * h * direction}) for sign in (1, -1))
-        differences.append((up - down) / (2 * h))
-    return along, np.array(differences)
+    at = {name: np.asarray(cam.parameters[name]) for name in steps}
+    compiled, found = jax.jit(jax.jacrev(value, has_aux=True)), []
+    slopes, _ = compiled(at)
+    for name, step in steps.items():
+        direction = np.cos(np.arange(at[name].size)).reshape(at[name].shape)
+        differences = []
+        for h in step * 10.0 ** -np.arange(3):
+            up, down = (compiled(at | {name: at[name] + sign * h * direction})[1] for sign in (1, -1))
+            differences.append((up - down) / (2 * h))
+        found.append((np.tensordot(slopes[name], direction, direction.ndim), np.array(differences)))
+    return found
 
 
 def test_chain_from_the_free_coefficients_of_a_cam():
     free = free_cam(SCENE.design, 6.0)
     z = free.Z.T @ (-0.004 * np.cos(np.linspace(-3.2, 2.9, len(free.x_p))) - free.x_p)
-    cam = differentiable(SCENE, free.lift(z))
-    found, differences = chain(cam, cam.parameters, "z", 1e-5)
+    ((found, differences),) = chain(differentiable(SCENE, free.lift(z)), {"z": 1e-5})
     assert least_error(found, differences) < 1e-6
 
 
-@pytest.mark.parametrize(("name", "step"), [("exponents", 1e-3), ("speed_rpm", 1.0)])
-def test_chain_from_the_parameters_of_a_polydyne(name, step):
-    cam = differentiable(SCENE, polydyne())
-    found, differences = chain(cam, cam.parameters, name, step)
-    assert least_error(found, differences) < 1e-6
+def test_chain_from_the_parameters_of_a_polydyne():
+    for found, differences in chain(differentiable(SCENE, polydyne()), {"exponents": 1e-3, "speed_rpm": 1.0}):
+        assert least_error(found, differences) < 1e-6
 
 
 def test_chain_from_section_angles_moves_the_borders():
     cam = differentiable(SCENE, camopt.trapezoid(SCENE, sections_deg=(5.0, 8.0, 13.0, 46.0)))
-    found, differences = chain(cam, cam.parameters, "sections_deg", 1e-3)
+    ((found, differences),) = chain(cam, {"sections_deg": 1e-3})
     assert least_error(found[:1], differences[:, :1]) < 1e-5  # a jerk that steps leaves kinks in the second derivative
 
 
@@ -134,7 +136,9 @@ def test_simulate_is_differentiable_as_it_stands():
     parameters = motion_parameters(SCENE, polydyne())
     plain = camopt.simulate(SCENE, polydyne(), 6500, method="event", step_deg=1.0)
     traced = camopt.simulate(SCENE, polydyne(), 6500, method="event", step_deg=1.0, parameters=parameters)
-    np.testing.assert_allclose(traced["position_mm"].data, plain["position_mm"], atol=1e-9)
+    np.testing.assert_allclose(
+        traced["position_mm"].data, plain["position_mm"], atol=1e-6
+    )  # its samples are cubic between
     assert set(METRICS) <= set(traced.data_vars)
     gaps = {"gap": parameters["gap"]}
     for name in ("seating_velocity_m_per_s", "position"):
