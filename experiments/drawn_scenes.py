@@ -90,7 +90,9 @@ def chain(rng: np.random.Generator) -> dict:
             more["gap_mm"] = between(rng, GAP_MM)
         if kind == "contact" and i > 0:
             masses[i - 1]["force_N"] = -between(rng, (1.0, preload / 4))
-        elements.append(element(f"e{i}", kind, ends[i : i + 2], between(rng, STIFF_N_PER_M), masses[i]["mass_kg"], **more))
+        elements.append(
+            element(f"e{i}", kind, ends[i : i + 2], between(rng, STIFF_N_PER_M), masses[i]["mass_kg"], **more)
+        )
     valve, mass = ends[-1], masses[-1]["mass_kg"]
     spring = element("spring", "spring", [valve, "ground"], between(rng, SPRING_N_PER_M), mass, preload_N=preload)
     seat = element("seat", "contact", ["ground", valve], between(rng, STIFF_N_PER_M), mass, preload_N=preload)

@@ -13,9 +13,20 @@ from camopt.cam.families.multi_pol import multi_pol
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import prepare as event_exact
 from camopt.scene import MotionRefused, build_train, load_scene
-from camopt.study.judged import NOT_CONVERGED, RANGE, REFUSED, WITHIN, WRONG, apart, doubt, first_answer, judge, truth
+from camopt.study.judged import (
+    NOT_CONVERGED,
+    RANGE,
+    REFUSED,
+    WITHIN,
+    WRONG,
+    doubtful_figure,
+    first_answer,
+    judge,
+    truth,
+)
 from camopt.study.step_methods import STEP_METHODS
 from camopt.verify import dop853
+from camopt.verify.converge import apart
 from experiments.drawn_scenes import drawn
 from experiments.record import RESULTS, run_script, write_result
 
@@ -70,8 +81,15 @@ def judged(number: int, cams) -> dict:
         return {**row, "verdict": REFUSED, "error_of": "", "error": None}
     answer = first_answer(STEP_METHODS[method], *case, halvings=3)
     verdict, error_of, error = judge(answer, true)
-    chaotic = any(true.spread[name] > true.allowed[name] for name in true.spread)
-    return {**row, "doubt": doubt(true), "chaotic": chaotic, "verdict": verdict, "error_of": error_of, "error": error}
+    chaotic = any(true.sensitive(name) for name in true.figures)
+    return {
+        **row,
+        "doubt": doubtful_figure(true)[1],
+        "chaotic": chaotic,
+        "verdict": verdict,
+        "error_of": error_of,
+        "error": error,
+    }
 
 
 def against_dop853(number: int, cams) -> dict:
@@ -88,7 +106,13 @@ def against_dop853(number: int, cams) -> dict:
     name = max(off, key=lambda n: off[n])
     told = true.answer.error[name] / (true.allowed[name] + true.spread[name])
     verdict = WITHIN if off[name] <= 1.0 else NOT_CONVERGED if off[name] <= 1.0 + told else WRONG
-    return {"verdict": verdict, "scene": scene.name, "speed_rpm": speed, "error_of": name, "share_of_allowed": off[name]}
+    return {
+        "verdict": verdict,
+        "scene": scene.name,
+        "speed_rpm": speed,
+        "error_of": name,
+        "share_of_allowed": off[name],
+    }
 
 
 def _counts(rows: list[dict]) -> dict[str, int]:

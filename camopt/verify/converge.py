@@ -118,20 +118,25 @@ def converge(
         nothing = dict.fromkeys(QUANTITIES, np.nan)
         return Converged(finest, False, nothing, dict.fromkeys(QUANTITIES, (np.nan, np.nan)), nothing, 0, False, None)
     worst = {name: runs[-1].worst(name) for name in QUANTITIES}
-    error = {name: max((abs(r.worst(name) - worst[name]) for r in runs[-3:-1]), default=np.inf) for name in QUANTITIES}
+    error = {name: max((apart(r.worst(name), worst[name]) for r in runs[-3:-1]), default=np.inf) for name in QUANTITIES}
     spread = {name: runs[-1].range(name) for name in QUANTITIES}
     converged = finest >= enough and len(stood) > 1 and all(stood[-2:])
     return Converged(finest, converged, worst, spread, error, revolutions, done.periodic, state)
+
+
+def apart(one: float, other: float) -> float:
+    """Distance of two figures; not seating (NaN) in both is the same answer, in one of them another one."""
+    if np.isnan(one) or np.isnan(other):
+        return 0.0 if np.isnan(one) and np.isnan(other) else np.inf
+    return abs(one - other)
 
 
 def _stands(before: Figures, after: Figures, allowed: dict[str, float], periodic: bool) -> bool:
     """Whether halving the step left every deciding figure where it was; not seating twice is the same answer."""
     for name, absolute in allowed.items():
         old, new = before.worst(name), after.worst(name)
-        if np.isnan(old) and np.isnan(new):
-            continue
         low, high = after.range(name)
         width = 0.0 if periodic else high - low
-        if not abs(new - old) <= absolute + RELATIVE * abs(new) + width:
+        if apart(new, old) > absolute + RELATIVE * np.nan_to_num(abs(new)) + np.nan_to_num(width):
             return False
     return True
