@@ -173,7 +173,7 @@ def _bound(command: Command) -> None:
 def _extremes(command: Command) -> None:
     c = command(
         "extremes",
-        "put every method to stiff, fast, slow, undamped and other extremes; a wrong number without a warning is a defect",
+        "put every method to the extremes: no case may end in a wrong number without a warning",
         "camopt extremes motori-1 --out runs/extremes",
     )
     c.add_argument("scene", metavar="SCENE", nargs="?", help="built-in scene or TOML file (every built-in scene)")

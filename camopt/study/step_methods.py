@@ -28,8 +28,8 @@ LOCATING: dict[str, Prepare] = {"event": exact.prepare, "dop853": dop853.prepare
 DIAL = 1024
 """Where the smooth methods' dial begins, in place of steps: at four times it they are at their defaults."""
 SINGLE_EPS, SINGLE_TOLERANCE = 1e-6, 1e-7
-"""Width of the layer and error permitted [m] at four times DIAL in single precision: lifts are rounded to 1e-9 m, and in
-a narrower layer no step would be short enough to find its edge."""
+"""Width of the layer and error permitted [m] at four times DIAL in single precision: it rounds lifts to 1e-9 m, and
+the edge of a narrower layer would be shorter than that."""
 
 
 def smooth(train: Train, lift: Lift, cam_speed: float, dial: int, narrower: float = 1.0) -> Revolve:

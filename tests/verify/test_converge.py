@@ -5,9 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from camopt.scene import QUANTITIES, MotionRefused
+from camopt.cam.families.polydyne import polydyne
+from camopt.scene import QUANTITIES, MotionRefused, build_train, load_scene, rest_position
 from camopt.scene.train import GROUND
 from camopt.verify import converge as module
+from camopt.verify import rkg
 from camopt.verify.converge import FEWEST_STEPS, converge, first_steps
 from camopt.verify.settle import Figures
 from tests.verify.trains import no_lift, train, two_springs
@@ -78,6 +80,24 @@ def test_a_refused_step_is_halved_on_and_begins_again_from_rest(answers):
     assert np.all(done.state == 3.0)
     lost = answers(lambda n: None)
     assert not lost.converged and lost.state is None and np.isnan(lost.worst["bounce_mm"])
+
+
+def test_nothing_converges_before_the_fastest_rate_is_resolved(answers, monkeypatch):
+    monkeypatch.setattr(module, "MOST_STEPS", 16 * FEWEST_STEPS)
+    monkeypatch.setattr(module, "first_steps", lambda train, cam_speed: 33 * FEWEST_STEPS)
+    done = answers(lambda n: [0.1])
+    assert done.steps_per_revolution == 16 * FEWEST_STEPS and not done.converged
+    monkeypatch.setattr(module, "first_steps", lambda train, cam_speed: 16 * FEWEST_STEPS)
+    assert answers(lambda n: [0.1]).converged
+
+
+def test_a_first_revolution_is_measured_from_the_start_at_every_step():
+    scene = load_scene("motori-1")
+    parts, lift, cam_speed = build_train(scene), polydyne(scene), scene.cam_speed(6000)
+    rest = np.append(rest_position(parts), 0.0)
+    done = converge(rkg.prepare, parts, lift, cam_speed, rest, 2.0, 2, settled=False, steps=5760)
+    again = converge(rkg.prepare, parts, lift, cam_speed, rest, 2.0, 0, settled=False, steps=4 * 5760)
+    assert done.worst == again.worst and done.steps_per_revolution == 4 * 5760
 
 
 def test_not_seating_at_every_step_stands(answers):

@@ -1,0 +1,45 @@
+"""Stability limits of the step methods on an undamped oscillator, by bisection, against theory."""
+
+import numpy as np
+import pytest
+
+from camopt.scene.train import GROUND
+from camopt.verify.converge import Prepare
+from tests.verify.test_methods import METHODS
+from tests.verify.trains import no_lift, train
+
+STEPS = 4000
+LIMITS = {
+    "rkg": 2 * np.sqrt(2),  # |1 + z + z^2/2 + z^3/6 + z^4/24| = 1 at z = i 2.83: Hairer, Wanner 1996, IV.2
+    "houbolt-explicit": 2.0,  # second central difference
+}
+
+
+def grows(prepare: Prepare, phase: float) -> bool:
+    """Whether an oscillator from 1 m at rest has grown beyond 100 m after STEPS steps of omega h = phase."""
+    mass = train([1.0], [(GROUND, 0, False, False, 1.0, 0.0, 0.0, 0.0)])
+    revolve = prepare(mass, no_lift(), 2 * np.pi / (STEPS * phase), STEPS)
+    with np.errstate(all="ignore"):
+        end = np.abs(revolve(np.array([1.0, 0.0])).x[-100:]).max()
+    return not end < 100.0
+
+
+@pytest.mark.parametrize("name", LIMITS)
+def test_limit_is_that_of_theory(name):
+    low, high = 0.5, 8.0
+    assert not grows(METHODS[name], low) and grows(METHODS[name], high)
+    while high - low > 1e-4:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if grows(METHODS[name], middle) else (middle, high)
+    # just past the limit growth takes longer than STEPS to show: 100 times in 4000 steps is 1.00115 a step
+    assert low == pytest.approx(LIMITS[name], abs=5e-3)
+
+
+@pytest.mark.parametrize("phase", [0.5, 2.0, 3.0, 10.0, 1e3, 1e6])
+def test_houbolt_has_none(phase):
+    assert not grows(METHODS["houbolt"], phase)
+
+
+@pytest.mark.parametrize("phase", [0.5, 3.0, 10.0, 100.0])
+def test_the_exact_exponential_has_none_between_contacts(phase):
+    assert not grows(METHODS["tmm-exponential"], phase)
