@@ -42,7 +42,7 @@ PAST = 32
 """By what the first number of steps is divided to be past every explicit method's limit, twice halved too."""
 NARROWER = 1e4, 1e9
 """By what the width of the smooth contact's layer is divided on its way to zero."""
-DOP853_STEPS = 60_000
+DOP853_STEPS = 20_000
 """First steps per revolution beyond which DOP853 is left out of a case: it would take minutes."""
 REFERENCE = "event"
 Method = Callable[[Case, Lift, Truth], Converged]

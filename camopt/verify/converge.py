@@ -86,12 +86,15 @@ def converge(
 
     `start` (2n) is the state at rest; a finer step continues from the coarser one's settled state. The error estimate
     is the larger distance to the two coarser answers: no method has an order across contacts that would allow less. An
-    aperiodic motion stands when it moves by no more than its own range. With `settled` off every step measures the
-    first revolution from `start` instead. Where `steps` per revolution to begin with are given, they count as enough;
-    else they follow the train.
+    aperiodic motion stands when it moves by no more than its own range. A halved step takes a step more: were its
+    samples among the coarser one's, a contact that closes just before one of them would be as late at every step. With
+    `settled` off every step measures the first revolution from `start` instead. Where `steps` per revolution to begin
+    with are given, they count as resolving the train; else they follow it. A method may ask for more by an attribute
+    `enough_steps` (train, cam_speed).
     """
-    enough = steps or first_steps(train, cam_speed)
-    finest = steps = min(enough, MOST_STEPS // 4)
+    first = steps or first_steps(train, cam_speed)
+    enough = max(first, getattr(prepare, "enough_steps", lambda *_: 0)(train, cam_speed))
+    finest = steps = min(first, MOST_STEPS // 4)
     allowed = tolerances(tolerance_um)
     state, revolutions = start, 0
     runs: list[Figures] = []
@@ -100,7 +103,7 @@ def converge(
     for halving in range(halvings + 1):
         if halving > 2 and steps << halving > MOST_STEPS:
             break
-        finest = steps << halving
+        finest = (steps << halving) + halving
         try:
             revolve = prepare(train, lift, cam_speed, finest)
             done = settle(revolve, state) if settled else first_revolution(revolve, start)
@@ -112,7 +115,7 @@ def converge(
         runs.append(done.metrics(lift))
         if len(runs) > 1:
             stood.append(_stands(runs[-2], runs[-1], allowed, done.periodic))
-        if len(stood) > 1 and all(stood[-2:]):
+        if finest >= enough and len(stood) > 1 and all(stood[-2:]):
             break
     if done is None or not runs:
         nothing = dict.fromkeys(QUANTITIES, np.nan)
