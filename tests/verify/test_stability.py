@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from camopt.scene.train import GROUND
+from camopt.verify import houbolt
 from camopt.verify.converge import Prepare
 from tests.verify.test_methods import METHODS
 from tests.verify.trains import no_lift, train
@@ -43,3 +44,14 @@ def test_houbolt_has_none(phase):
 @pytest.mark.parametrize("phase", [0.5, 3.0, 10.0, 100.0])
 def test_the_exact_exponential_has_none_between_contacts(phase):
     assert not grows(METHODS["tmm-exponential"], phase)
+
+
+@pytest.mark.parametrize("phase", [0.02, 0.05])
+def test_houbolts_own_damping_is_what_its_steps_are_counted_by(phase):
+    mass = train([1.0], [(GROUND, 0, False, False, 1.0, 0.0, 0.0, 0.0)])
+    motion = houbolt.prepare(mass, no_lift(), 2 * np.pi / (40_000 * phase), 40_000)(np.array([1.0, 0.0]))
+    amplitude = np.hypot(motion.x[:, 0], motion.v[:, 0])
+    decay = np.log(amplitude[100] / amplitude[-1]) / (motion.time[-1] - motion.time[100])
+    assert decay == pytest.approx(phase**3 / 2, rel=0.02)
+    steps = houbolt.enough_steps(mass, 1.0)  # omega = 1 rad/s over 2 pi s: h^3 / 2 = 0.1 / (2 pi)
+    assert steps == int(np.ceil(2 * np.pi / (0.2 / (2 * np.pi)) ** (1 / 3)))
