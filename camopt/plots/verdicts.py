@@ -22,7 +22,7 @@ def verdict_matrix(rows: Sequence[Mapping], scene: str) -> Figure:
     """`rows` have `case` ("scene: case"), `method` and `verdict`; what was not run stays white."""
     cases = list(dict.fromkeys(r["case"].split(": ", 1)[-1] for r in rows))
     methods = list(dict.fromkeys(r["method"] for r in rows))
-    figure = new_figure(3.6 + 0.3 * len(methods), 2.9 + 0.19 * len(cases))
+    figure = new_figure(3.4 + 0.42 * len(methods), 1.9 + 0.2 * len(cases))
     axes = figure.subplots()
     axes.grid(False)
     for r in rows:
@@ -36,7 +36,7 @@ def verdict_matrix(rows: Sequence[Mapping], scene: str) -> Figure:
     axes.set_yticks(range(len(cases)), cases)
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
-    axes.set_title(f"{scene}: figures of the first revolution against the reference", loc="center", fontsize=BASE)
+    axes.set_title(f"{scene}: figures of the first revolution against the reference", loc="right", fontsize=BASE)
     entries = [Patch(color=colour, label=f"{name} {sign}".strip()) for name, (colour, sign) in VERDICTS.items()]
     figure.legend(handles=entries, loc="outside lower center", ncols=3)
     return figure

@@ -11,6 +11,7 @@ from camopt.scene import Scene, build_train
 Change = Callable[[Scene], Scene]
 HEAVY = 30.0
 """Times every damping constant: the seats of the built-in scenes are then over-damped."""
+AS_IT_IS = "as it is"
 COMBINED = "kodama"
 """The scene on which every two changes of different kinds are combined."""
 
@@ -116,7 +117,7 @@ def cases(scene: Scene) -> Iterator[Case]:
     """The scene as it is at its highest listed speed, every single change, and on COMBINED every two."""
     assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
     top = max(scene.operation.speeds_rpm)
-    yield Case("as it is", scene, top)
+    yield Case(AS_IT_IS, scene, top)
     for kind in CHANGES:
         for name in CHANGES[kind]:
             yield _changed(scene, top, {name: CHANGES[kind][name]})

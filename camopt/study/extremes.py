@@ -18,7 +18,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.scene import InputError, Scene, build_train
 from camopt.storage import create_run_folder, write_text
-from camopt.study.extreme_cases import Case, cases
+from camopt.study.extreme_cases import AS_IT_IS, Case, cases
 from camopt.study.judged import (
     NOT_CONVERGED,
     RANGE,
@@ -40,7 +40,7 @@ COLUMNS = ("case", "method", "setting", "error", "error_of", "seconds", "converg
 FILE = "extremes.csv"
 PAST = 32
 """By what the first number of steps is divided to be past every explicit method's limit, twice halved too."""
-NARROWER = 1e4, 1e9
+NARROWER = {"eps 2e-13 m": 1e4, "eps 2e-18 m": 1e9, "eps zero": float("inf")}
 """By what the width of the smooth contact's layer is divided on its way to zero."""
 DOP853_STEPS = 20_000
 """First steps per revolution beyond which DOP853 is left out of a case: it would take minutes."""
@@ -67,20 +67,19 @@ def extremes(scenes: Sequence[Scene], folder: str | Path, resume: bool = False, 
     return rows
 
 
-def methods(case: Case) -> dict[str, Method]:
-    """What a case is put to besides the reference: rows of its own for steps too long, layers too thin, float32."""
+def methods(case: Case) -> dict[tuple[str, str], Method]:
+    """What a case is put to besides the reference, by case name and method: the case as it is also stands for steps
+    past the stability limit and for layers of the smooth contact on their way to zero."""
     train = build_train(case.scene)
     first = first_steps(train, case.scene.cam_speed(case.speed_rpm))
-    found = {name: _stepping(prepare) for name, prepare in STEP_METHODS.items()}
+    found = {(case.name, name): _stepping(prepare) for name, prepare in STEP_METHODS.items()}
     if train.laws is None and first <= DOP853_STEPS:
-        found["dop853"] = _stepping(LOCATING["dop853"], 2, samples(first))
+        found[case.name, "dop853"] = _stepping(LOCATING["dop853"], 2, samples(first))
     if " + " not in case.name:
-        found |= {name: _stepping(prepare, 2, DIAL) for name, prepare in SMOOTH.items()}
-    if case.name == "as it is":
-        past = {f"{name} past its limit": _stepping(p, 2, -(-first // PAST)) for name, p in STEP_METHODS.items()}
-        thin = {
-            f"smooth eps / {by:g}": _stepping(partial(smooth, narrower=by), 2, DIAL) for by in (*NARROWER, float("inf"))
-        }
+        found |= {(case.name, name): _stepping(prepare, 2, DIAL) for name, prepare in SMOOTH.items()}
+    if case.name == AS_IT_IS:
+        past = {("steps past the limit", m): _stepping(p, 2, -(-first // PAST)) for m, p in STEP_METHODS.items()}
+        thin = {(label, "smooth"): _stepping(partial(smooth, narrower=by), 2, DIAL) for label, by in NARROWER.items()}
         found |= past | thin
     return found
 
@@ -94,41 +93,46 @@ def _stepping(prepare: Prepare, halvings: int = 4, steps: int | None = None) -> 
 
 def _rows(scene: Scene, case: Case, have: set[tuple[str, str]]) -> Iterator[dict]:
     """The rows of one case that are not there yet: the reference first, which the others need."""
-    name = f"{scene.name}: {case.name}"
-    asked = {m: run for m, run in methods(case).items() if (name, m) not in have}
-    if not asked and (name, REFERENCE) in have:
+    reference = f"{scene.name}: {case.name}", REFERENCE
+    asked = {(f"{scene.name}: {label}", method): run for (label, method), run in methods(case).items()}
+    asked = {key: run for key, run in asked.items() if key not in have}
+    if not asked and reference in have:
         return
     lift, begin = polydyne(scene), time.perf_counter()
-    row = {"case": name, "error": None, "error_of": "", "converged": False}
+    row = {"case": reference[0], "error": None, "error_of": "", "seconds": 0.0, "converged": False}
     try:
         train = build_train(case.scene)
-        reference = LOCATING["event" if train.laws is None else "dop853"]
-        true = truth(reference, train, lift, case.scene.cam_speed(case.speed_rpm))
+        locating = LOCATING["event" if train.laws is None else "dop853"]
+        true = truth(locating, train, lift, case.scene.cam_speed(case.speed_rpm))
     except InputError as refusal:
-        for method in {REFERENCE: None, **asked}:
-            yield {**row, "method": method, "setting": str(refusal), "seconds": 0.0, "verdict": REFUSED}
+        for name, method in {reference: None, **asked}:
+            yield {**row, "case": name, "method": method, "setting": str(refusal), "verdict": REFUSED}
         return
-    if (name, REFERENCE) not in have:
+    if reference not in have:
         yield _reference_row(row, true, time.perf_counter() - begin)
-    for method, run in asked.items():
-        begin = time.perf_counter()
-        try:
-            answer = run(case, lift, true)
-            setting = f"{answer.steps_per_revolution} " + ("dial" if method.startswith("smooth") else "steps")
-            verdict, error_of, error = judge(answer, true)
-            converged = answer.converged
-        except InputError as refusal:
-            setting, verdict, error_of, error, converged = str(refusal), REFUSED, "", None, False
-        seconds = round(time.perf_counter() - begin, 3)
-        yield {**row, "method": method, "setting": setting, "error": error, "error_of": error_of, "seconds": seconds,
-               "converged": converged, "verdict": verdict}  # fmt: skip
+    for (name, method), run in asked.items():
+        yield {**row, "case": name, "method": method, **_answered(run, method, case, lift, true)}
+
+
+def _answered(run: Method, method: str, case: Case, lift: Lift, true: Truth) -> dict:
+    """One method's part of a row."""
+    begin = time.perf_counter()
+    try:
+        answer = run(case, lift, true)
+    except InputError as refusal:
+        return {"setting": str(refusal), "verdict": REFUSED}
+    verdict, error_of, error = judge(answer, true)
+    setting = f"{answer.steps_per_revolution} {'dial' if method in SMOOTH else 'steps'}"
+    seconds = round(time.perf_counter() - begin, 3)
+    return {"setting": setting, "error": None if verdict == REFUSED else error, "error_of": error_of,
+            "seconds": seconds, "converged": answer.converged, "verdict": verdict}  # fmt: skip
 
 
 def _reference_row(row: dict, true: Truth, seconds: float) -> dict:
     """Event-exact beside its own finer steps; for other laws DOP853, event-exact refusing them."""
     if true.train.laws is not None:
         return {**row, "method": REFERENCE, "setting": "laws are not linear; DOP853 is the reference",
-                "seconds": 0.0, "verdict": REFUSED}  # fmt: skip
+                "verdict": REFUSED}  # fmt: skip
     name, share = doubtful_figure(true)
     verdict = WITHIN if share <= 1.0 else RANGE if true.sensitive(name) else NOT_CONVERGED
     return {**row, "method": REFERENCE, "setting": f"{true.answer.steps_per_revolution} samples",
