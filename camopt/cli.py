@@ -29,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:
-        remedy = "; --out with --resume continues" if args.command == "optimize" else ""
+        remedy = "; --out with --resume continues" if args.command in ("optimize", "extremes") else ""
         print(f"camopt: interrupted{remedy}", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # the reader of a pipe has seen enough; the flush at exit must not fail on it
@@ -77,7 +77,7 @@ def parser() -> argparse.ArgumentParser:
         one.add_argument("--debug", action="store_true", help="show the traceback of an error")
         return one
 
-    for add in (_optimize, _verify, _simulate, _compare, _cam, _modes, _bound, _reduce, _scenes):
+    for add in (_optimize, _verify, _simulate, _compare, _cam, _modes, _bound, _extremes, _reduce, _scenes):
         add(command)
     return top
 
@@ -196,6 +196,20 @@ def _reduce(command: Command) -> None:
         "--tolerance-mm", type=_positive, default=0.01, metavar="MM", help="error of bounce, jump and lift (0.01)"
     )
     c.add_argument("--json", metavar="FILE", help="write every model's errors and times, and the proposed scene")
+
+
+def _extremes(command: Command) -> None:
+    c = command(
+        "extremes",
+        "put every method to the extremes: no case may end in a wrong number without a warning",
+        "camopt extremes motori-1 --out runs/extremes",
+    )
+    c.add_argument("scene", metavar="SCENE", nargs="?", help="built-in scene or TOML file (every built-in scene)")
+    c.add_argument(
+        "--out", metavar="DIR", help="folder of extremes.csv, refused if it exists (runs/<scene>-<UTC time>)"
+    )
+    c.add_argument("--resume", action="store_true", help="go on in the folder named by --out")
+    c.add_argument("--quiet", action="store_true", help="no progress bar")
 
 
 def _scenes(command: Command) -> None:
