@@ -6,5 +6,6 @@ from camopt.exact.compilation import forget_stale_programs
 from camopt.exact.engine import prepare as prepare
 from camopt.exact.kernel import revolve
 
-if hasattr(revolve, "stats"):  # plain Python where numba is told to compile nothing
-    forget_stale_programs(Path(__file__).parent, Path(revolve.stats.cache_path))
+cache = revolve.stats.cache_path if hasattr(revolve, "stats") else None  # numba may be told to compile nothing
+if cache is not None:
+    forget_stale_programs(Path(__file__).parent, Path(cache))
