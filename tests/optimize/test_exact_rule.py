@@ -145,7 +145,7 @@ def test_simulate_is_differentiable_as_it_stands():
         slope = np.asarray(jax.grad(simulated)(gaps, name, 250)["gap"])
         move = np.where(parameters["gap"] > 0, 1e-8, 0.0)
         pair = [simulated({"gap": parameters["gap"] + sign * move}, name, 250) for sign in (1, -1)]
-        assert slope @ move == pytest.approx((pair[0] - pair[1]) / 2, rel=1e-5)
+        assert slope @ move == pytest.approx(float(pair[0] - pair[1]) / 2, rel=1e-5)
     whole = value_and_gradient(TRAIN, polydyne(), SPEED, NAMES[:1], revolutions=2, mechanical=True)
     slope = jax.grad(simulated)(gaps, "seating_velocity_m_per_s", 0)["gap"]
     np.testing.assert_allclose(slope, by_train(whole).gap[0], rtol=1e-9)
