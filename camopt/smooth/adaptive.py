@@ -18,15 +18,31 @@ SOLVERS = {
 """Diffrax's solvers for ordinary differential equations with an error estimate, by name in lower case."""
 
 
-@partial(jax.jit, static_argnames=("solver", "ramp"))
+ADJOINTS = {"reverse": diffrax.RecursiveCheckpointAdjoint, "forward": diffrax.ForwardMode}
+"""Modes of differentiation, chosen before: diffrax's checkpointed loop knows no forward mode, its other no reverse."""
+
+
+@partial(jax.jit, static_argnames=("solver", "ramp", "adjoint"))
 def adaptive_states(
-    system: System, samples, cam_speed, y0, angle, eps, tolerance, solver: str = "tsit5", ramp: str = "compact"
+    system: System,
+    samples,
+    cam_speed,
+    y0,
+    angle,
+    eps,
+    tolerance,
+    solver: str = "tsit5",
+    ramp: str = "compact",
+    adjoint: str = "reverse",
 ) -> Motion:
     """Motion at the angles `angle` (k) [rad] from the state y0 (2, n) at the first; arguments as of `response_arrays`.
 
-    Error control is as in `refined_grid`: `tolerance` [m] per step in positions, and in velocities times the stiffest
-    frequency. Samples beyond a failure of the solver are NaN. Raises InputError for an unknown solver.
+    `adjoint` is "reverse" or "forward", the one mode in which it may then be differentiated. Error control is as in
+    `refined_grid`: `tolerance` [m] per step in positions, and in velocities times the stiffest frequency. Samples
+    beyond a failure of the solver are NaN. Raises InputError for an unknown solver or adjoint.
     """
+    if adjoint not in ADJOINTS:
+        raise InputError(f"adjoint {adjoint!r}: unknown; choose one of {', '.join(ADJOINTS)}")
     if solver not in SOLVERS:
         raise InputError(f"method {solver!r}: unknown; choose scan or one of {', '.join(SOLVERS)}")
     frequency = jax.lax.stop_gradient(system.stiffest())
@@ -46,7 +62,7 @@ def adaptive_states(
         y0 / scale,
         saveat=diffrax.SaveAt(ts=time),
         stepsize_controller=diffrax.PIDController(rtol=0.0, atol=tolerance, dtmax=2 * jnp.pi / cam_speed / 360),
-        adjoint=diffrax.RecursiveCheckpointAdjoint(),
+        adjoint=ADJOINTS[adjoint](),
         max_steps=MOST_STEPS,
         throw=False,
     )

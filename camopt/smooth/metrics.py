@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 
 from camopt.scene.units import DEG, MM
+from camopt.smooth.maxima import soft_greatest, soft_worst
 from camopt.smooth.system import Motion, System
 
 
@@ -152,17 +153,6 @@ def peak_height(time, s, v, keep):
     return jnp.where(proper, crest, jnp.max(jnp.where(keep, s, -jnp.inf)))
 
 
-def soft_least(angle, values, keep, width):
-    """Smooth stand-in for the least of `values` over the samples kept: -width log mean exp(-values / width).
-
-    The mean is by angle, so the result lies above the least value, by at most width * log(window / stay), where stay is
-    the angle spent within `width` of the least.
-    """
-    weight = jnp.where(keep[1:] & keep[:-1], jnp.diff(angle), 0.0)
-    middle = 0.5 * (values[1:] + values[:-1])
-    return -width * jax.nn.logsumexp(-middle / width, b=weight / jnp.sum(weight))
-
-
 def separation_angle(angle, margin, keep):
     """Total angle at which a contact is apart (margin < 0) [rad], crossings linear inside steps."""
     low, high = jnp.minimum(margin[1:], margin[:-1]), jnp.maximum(margin[1:], margin[:-1])
@@ -244,4 +234,27 @@ def revolution_metrics(
         **event_metrics(system, motion, half_duration, revolution),
         "dynamic_area_mm_deg": area / (MM * DEG),
         "excess_lift_mm": excess / MM,
+    }
+
+
+def soft_metrics(
+    system: System, motion: Motion, half_duration, width_mm, width_N, revolution: int = 0
+) -> dict[str, jax.Array]:
+    """Jump [mm] and contact forces [N] by smooth maxima over angles and contacts, under the names of the hard ones.
+
+    `width_mm` and `width_N` are the widths of `camopt.smooth.maxima`. The values' bias is at most the width times
+    log(window / stay) + 1 + log(contacts) there; they have a derivative where the hard ones have none or zero: the jump
+    is that of the largest signed gap, negative while the contacts are closed, and the least force may lie below zero.
+    """
+    inside = jnp.abs(motion.angle - 2 * jnp.pi * revolution) <= half_duration
+    margin, pick = margins(system, motion), list(system.topology.cam_side)
+
+    def worst(values, width):  # (k, contacts)
+        each = jax.vmap(lambda q: soft_greatest(motion.angle, q, inside, width), 1)(values)
+        return soft_worst(each, width)
+
+    return {
+        "jump_mm": worst(-margin[:, pick] / MM, width_mm),
+        "contact_force_min_N": -worst(-motion.force[:, pick], width_N),
+        "contact_force_max_N": worst(motion.force[:, pick], width_N),
     }

@@ -63,9 +63,20 @@ def integrate(system: System, samples, cam_speed, y0, angle, eps, ramp: str = "c
     starts from these, and the scan only carries the derivatives: rounding that grows from contact to contact cannot
     move the motion off its grid.
     """
-    h = jnp.diff(angle) / cam_speed
-    theta = angle[:-1, None] + jnp.diff(angle)[:, None] * jnp.asarray(NODES, angle.dtype)[None, :]
-    lift, lift_dtheta = lift_at(samples, theta)
+    lift, lift_dtheta = lift_at(samples, stage_angles(angle))
+    return integrate_stages(system, jnp.diff(angle) / cam_speed, lift, lift_dtheta * cam_speed, y0, eps, ramp, known)
+
+
+def stage_angles(angle: jax.Array) -> jax.Array:
+    """Angles (k - 1, 6) [rad] of the stages of the steps between the angles (k)."""
+    return angle[:-1, None] + jnp.diff(angle)[:, None] * jnp.asarray(NODES, angle.dtype)[None, :]
+
+
+def integrate_stages(system: System, h, lift, lift_dt, y0, eps, ramp: str = "compact", known=None) -> jax.Array:
+    """As `integrate`, from steps h (k - 1) [s] and lift and lift rate (k - 1, 6) [m], [m/s] at the stages.
+
+    A batch comes last: h (k - 1, 1, 1, b), lift and lift_dt (k - 1, 6, b), y0 (2, n, b) give states (k, 2, n, b).
+    """
 
     @partial(jax.checkpoint, prevent_cse=False)  # keeping the stages for the way back costs more than their repetition
     def step(y, inputs):
@@ -76,5 +87,5 @@ def integrate(system: System, samples, cam_speed, y0, angle, eps, ramp: str = "c
         return y, y
 
     ends = None if known is None else known[1:]
-    _, states = jax.lax.scan(step, y0, (h, lift, lift_dtheta * cam_speed, ends))
+    _, states = jax.lax.scan(step, y0, (h, lift, lift_dt, ends))
     return jnp.concatenate([y0[None], states])

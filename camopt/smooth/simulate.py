@@ -13,8 +13,9 @@ from camopt.scene.train import Train
 from camopt.smooth.adaptive import adaptive_states
 from camopt.smooth.contact import RAMPS
 from camopt.smooth.grid import equal_grid, refined_grid
+from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import integrate, lift_at
-from camopt.smooth.system import Motion, System, build_system, rest_state
+from camopt.smooth.system import Motion, System, build_system
 
 EPS = 2e-9
 """Default width of the contact's layer [m]. At 1e-7 its width alone puts gradients of bouncing motions of `kodama` off

@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from camopt.scene.rest import rest_position
 from camopt.scene.train import Train
 from camopt.smooth.contact import raw_force
 from camopt.smooth.laws import ElasticLaws, elastic_laws
@@ -23,6 +22,11 @@ class Topology(NamedTuple):
     valve: int
     seat: int
     cam_side: tuple[int, ...]
+
+    @property
+    def contacts(self) -> np.ndarray:
+        """Indices of the contacts among the elements."""
+        return np.flatnonzero(self.contact)
 
     def incidence(self, masses: int) -> np.ndarray:
         """Matrix D (e, n) with d = D x + cam_driven * lift - gap."""
@@ -44,7 +48,11 @@ class Motion(NamedTuple):
 
 
 class System(eqx.Module):
-    """A valve train as a pytree: every array may be differentiated with respect to."""
+    """A valve train as a pytree: every array may be differentiated with respect to.
+
+    States y are (2, n), or (2, n, b) for b motions side by side: the batch comes last, where it pays. Lift and its rate
+    are then scalars or (b), and what is said to be (e) below is (e, b).
+    """
 
     mass: jax.Array  # (n) kg
     mass_damping: jax.Array  # (n) N s/m
@@ -58,20 +66,26 @@ class System(eqx.Module):
 
     def compression(self, y: jax.Array, lift, lift_dt) -> tuple[jax.Array, jax.Array]:
         """Compression of every element beyond its zero of elastic force [m] and its rate [m/s], each (e)."""
-        d, d_dt = jnp.matmul(y, self._incidence(y.dtype).T, precision="highest")
-        drive = np.array(self.topology.cam_driven, dtype=y.dtype)
-        return d + drive * lift - self.gap - self.touch(), d_dt + drive * lift_dt
+        rows = self._incidence(y.dtype)
+        d, d_dt = (jnp.matmul(rows, q, precision="highest") for q in (y[0], y[1]))
+        drive = column(np.array(self.topology.cam_driven, dtype=y.dtype), d)
+        lift, lift_dt = (jnp.reshape(q, (1,) * (d.ndim - jnp.ndim(q)) + jnp.shape(q)) for q in (lift, lift_dt))
+        return d + drive * lift - column(self.gap + self.touch(), d), d_dt + drive * lift_dt
 
     def force(self, y: jax.Array, lift, lift_dt, eps, ramp: str = "compact") -> jax.Array:
         """Force of every element [N]: pushes a towards -x and b towards +x."""
         u, u_dt = self.compression(y, lift, lift_dt)
-        bilateral = self.elastic(u) + self.damping * u_dt
         pushing = self.raw_force(u, u_dt, eps, ramp)
-        return jnp.where(np.array(self.topology.contact), jnp.where(pushing > 0.0, pushing, 0.0), bilateral)
+        bilateral = self.elastic(u) + column(self.damping, u) * u_dt
+        return bilateral.at[self.topology.contacts].set(jnp.where(pushing > 0.0, pushing, 0.0))
 
     def raw_force(self, u: jax.Array, u_dt: jax.Array, eps, ramp: str = "compact") -> jax.Array:
-        """Force of every element taken as a contact [N], before it is clipped at zero."""
-        return raw_force(u, u_dt, self.stiffness if self.laws is None else self.elastic, self.damping, eps, ramp)
+        """Force of every contact [N], in the order of the elements, before it is clipped at zero."""
+        pick = self.topology.contacts
+        damping = column(self.damping, u)
+        if self.laws is None:
+            return raw_force(u[pick], u_dt[pick], column(self.stiffness, u)[pick], damping[pick], eps, ramp)
+        return raw_force(u, u_dt, self.elastic, damping, eps, ramp)[pick]
 
     def touch(self) -> jax.Array:
         """Compression at which each elastic force is zero [m], shape (e)."""
@@ -79,13 +93,17 @@ class System(eqx.Module):
 
     def elastic(self, u: jax.Array) -> jax.Array:
         """Elastic force [N] of every element at the compression u (e) [m] beyond its touch."""
-        return self.stiffness * u if self.laws is None else self.laws.force(u, self.stiffness, self.preload)
+        if self.laws is None:
+            return column(self.stiffness, u) * u
+        force = self.laws.force if u.ndim == 1 else jax.vmap(self.laws.force, (-1, None, None), -1)
+        return force(u, self.stiffness, self.preload)
 
     def rate(self, y: jax.Array, lift, lift_dt, eps, ramp: str = "compact") -> jax.Array:
         """Time derivative of the state y = (positions [m], velocities [m/s]) at lift [m] and lift rate [m/s]."""
         force = self.force(y, lift, lift_dt, eps, ramp)
-        on_mass = jnp.matmul(force, self._incidence(y.dtype), precision="highest")
-        return jnp.stack([y[1], (self.mass_force - self.mass_damping * y[1] - on_mass) / self.mass])
+        on_mass = jnp.matmul(self._incidence(y.dtype).T, force, precision="highest")
+        mass, drag, load = (column(q, on_mass) for q in (self.mass, self.mass_damping, self.mass_force))
+        return jnp.stack([y[1], (load - drag * y[1] - on_mass) / mass])
 
     def stiffest(self) -> jax.Array:
         """Largest frequency of a mass on its own elements [rad/s]: the scale of the fastest motion."""
@@ -94,6 +112,11 @@ class System(eqx.Module):
 
     def _incidence(self, dtype) -> np.ndarray:
         return self.topology.incidence(self.mass.shape[0]).astype(dtype)
+
+
+def column(values, like: jax.Array):
+    """`values` (e) with as many axes behind as `like` has beyond one, for its batch."""
+    return values.reshape(values.shape + (1,) * (like.ndim - 1))
 
 
 def build_system(train: Train, dtype=jnp.float64) -> System:
@@ -113,21 +136,3 @@ def build_system(train: Train, dtype=jnp.float64) -> System:
     if train.laws is not None:
         values["stiffness"], laws = train.laws.coefficient, elastic_laws(train.laws, dtype)
     return System(**{k: jnp.asarray(v, dtype) for k, v in values.items()}, topology=topology, laws=laws)
-
-
-def rest_state(train: Train, system: System | None = None) -> jax.Array:
-    """State at rest on the base circle; differentiable in `system`, which by default is the train's own.
-
-    Rest and which contacts carry there come from the train (`camopt.scene.rest`); one Newton step on the balance of
-    those brings in the system: with the implicit function theorem's derivative, and exact where their laws are linear.
-    """
-    system = build_system(train) if system is None else system
-    x = rest_position(train)
-    closed = ~train.contact | (train.compression(x, 0.0) > train.touch_compression)
-    x, rows = jnp.asarray(x, system.mass.dtype), system.topology.incidence(len(x))[closed].astype(system.mass.dtype)
-    u, _ = system.compression(jnp.stack([x, jnp.zeros_like(x)]), 0.0, 0.0)
-    force, tangent = (q[closed] for q in jax.jvp(system.elastic, (u,), (jnp.ones_like(u),)))
-    matrix = rows.T @ (tangent[:, None] * rows)
-    scale = jnp.sqrt(jnp.diag(matrix))
-    x = x + jnp.linalg.solve(matrix / jnp.outer(scale, scale), (system.mass_force - rows.T @ force) / scale) / scale
-    return jnp.stack([x, jnp.zeros_like(x)])

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from importlib import import_module
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -22,13 +22,21 @@ MODULES = {
     "dop853": "camopt.verify.dop853",
     "smooth": "camopt.smooth.simulate",
 }
+DIFFERENTIABLE = {"smooth": "camopt.smooth.differentiable"}
+"""Modules with a `differentiable_motion`, by the method that `simulate(parameters=...)` takes."""
 LARGEST_PHASE = 0.3
 """Step times the train's highest rate [rad]: MOTORI 2004's rule for explicit steps (0.31), and for drawn curves."""
 MOST_STEPS = 20_000_000
 
 
 def simulate(
-    scene: Scene, cam: Lift, speed_rpm: float, method: Method = "event", revolutions: int = 2, step_deg: float = 0.1
+    scene: Scene,
+    cam: Lift,
+    speed_rpm: float,
+    method: Method = "event",
+    revolutions: int = 2,
+    step_deg: float = 0.1,
+    parameters: Mapping[str, Any] | None = None,
 ) -> xr.Dataset:
     """Motion of the valve train from rest at -180 degrees, `revolutions` of the cam at a crankshaft speed [r/min].
 
@@ -37,12 +45,31 @@ def simulate(
     coordinates revolution (from 1), cam_angle_deg (-180 to 180), time_s, and variables lift_mm, position_mm and
     velocity_m_per_s (sample, mass), force_N (sample, element); between a method's samples positions are cubic,
     velocities their derivative, forces linear, and where a force jumps the later value stands.
+
+    Differentiable: `parameters` (see `motion_parameters`) replaces numbers of scene and cam by arrays that JAX may
+    trace, and so may `speed_rpm` be, under `jax.grad`, `jax.jit` and `jax.vmap`. The dataset then holds JAX arrays
+    (`.data`), and every declared metric over `measured`, the revolutions but the last; a motion that the method
+    cannot follow is NaN throughout.
+
+        def seating_velocity(gap):
+            motion = camopt.simulate(scene, cam, 6000, method="smooth", parameters={"gap": gap})
+            return motion["seating_velocity_m_per_s"].data[0]
+
+        jax.grad(seating_velocity)(motion_parameters(scene, cam)["gap"])
+
     Raises InputError for unusable arguments, or a motion that the method refuses.
     """
     steps = _steps_per_revolution(speed_rpm, method, revolutions, step_deg)
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name}: simulate needs valve, seat and [operation]")
     train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
+    if parameters is not None:
+        _check_parameters(scene, cam, method, parameters)
+        module = import_module(DIFFERENTIABLE[method])
+        response, metrics = module.differentiable_motion(train, cam, parameters, cam_speed, revolutions, steps)
+        return _dataset(scene, cam, speed_rpm, method, response).assign(
+            {name: ("measured", values) for name, values in metrics.items()}
+        )
     finer = max(1, int(np.ceil(highest_rate(train) * step_deg * DEG / cam_speed / LARGEST_PHASE)))
     if steps * finer * revolutions > MOST_STEPS:
         raise InputError(
@@ -53,11 +80,48 @@ def simulate(
     return _dataset(scene, cam, speed_rpm, method, resampled(response, steps * revolutions))
 
 
+def motion_parameters(scene: Scene, cam: Lift) -> dict[str, np.ndarray]:
+    """The numbers by which `simulate(parameters=...)` may be differentiated, in SI units and with the scene's values.
+
+    By mass (n): mass [kg], mass_damping [N s/m], mass_force [N]; by element (e): stiffness [N/m, of a hertz contact
+    N/m^exponent], damping [N s/m], preload [N], gap [m]; and lift (p, q) [m/rad^k], the coefficients of the cam's
+    pieces. Any part of it may be given to `simulate`. Turns on JAX's 64-bit floats. Of a free cam
+    the pieces are linear in z (`camopt.smooth.differentiable.piece_basis`).
+    """
+    import_module("camopt.smooth")  # before anything is traced: it turns on JAX's 64-bit floats
+    return _numbers(build_train(scene), cam)
+
+
+def _numbers(train: Train, cam: Lift) -> dict[str, np.ndarray]:
+    names = ("mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap")
+    numbers = {name: getattr(train, name).copy() for name in names}
+    if train.laws is not None:
+        numbers["stiffness"] = train.laws.coefficient.copy()
+    return {**numbers, "lift": cam.coefficients.copy()}
+
+
+def _check_parameters(scene: Scene, cam: Lift, method: str, parameters: Mapping[str, Any]) -> None:
+    if method not in DIFFERENTIABLE:
+        raise InputError(f"simulate: method {method!r} with parameters: needs one of {', '.join(DIFFERENTIABLE)}")
+    jax, known = import_module("jax"), _numbers(build_train(scene), cam)
+    traced = any(isinstance(value, jax.core.Tracer) for value in parameters.values())
+    if traced and not jax.config.jax_enable_x64:
+        raise InputError("simulate: traced in 32-bit floats: call motion_parameters or import camopt.smooth before")
+    for name, value in parameters.items():
+        if name not in known:
+            raise InputError(f"simulate: parameter {name!r}: expected one of {', '.join(known)}")
+        if np.shape(value) != known[name].shape:
+            raise InputError(
+                f"simulate: parameter {name!r} has shape {np.shape(value)}: {known[name].shape} is needed, "
+                f"as motion_parameters(scene, cam) gives it"
+            )
+
+
 def _steps_per_revolution(speed_rpm, method, revolutions, step_deg) -> int:
     """Steps of the result in a revolution; every argument of `simulate` that is a number or a choice is checked."""
     if method not in MODULES:
         raise InputError(f"simulate: method {method!r}: expected one of {', '.join(MODULES)}")
-    if not (np.isfinite(speed_rpm) and speed_rpm > 0):
+    if isinstance(speed_rpm, (int, float, np.number)) and not (np.isfinite(speed_rpm) and speed_rpm > 0):
         raise InputError(f"simulate: speed {speed_rpm}: a crankshaft speed above 0 r/min is needed")
     if int(revolutions) != revolutions or not 1 <= revolutions <= 1000:
         raise InputError(f"simulate: revolutions {revolutions}: an integer from 1 to 1000 is needed")
@@ -106,7 +170,7 @@ def _dataset(scene: Scene, cam: Lift, speed_rpm: float, method: str, response: R
     revolution = np.minimum(sample // steps, response.revolutions - 1)  # the last sample closes the last revolution
     angle_deg = -180.0 + (sample - revolution * steps) * (360.0 / steps)
     variables = {
-        "lift_mm": ("sample", cam(angle_deg * DEG) / MM, {"units": "mm"}),
+        "lift_mm": ("sample", response.lift / MM, {"units": "mm"}),
         "position_mm": (("sample", "mass"), response.x / MM, {"units": "mm"}),
         "velocity_m_per_s": (("sample", "mass"), response.v, {"units": "m/s"}),
         "force_N": (("sample", "element"), response.force, {"units": "N"}),

@@ -15,8 +15,9 @@ from camopt.exact.engine import prepare as prepare_exact
 from camopt.scene.response import end_state, joined
 from camopt.scene.units import DEG
 from camopt.smooth.metrics import revolution_metrics
+from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import EPS, STEPS, lift_samples, response_arrays, touch_layer
-from camopt.smooth.system import build_system, rest_state
+from camopt.smooth.system import build_system
 from camopt.verify.hermite import Hermite
 from camopt.verify.metrics import measure
 from tests.smooth.trains import delivered, kodama

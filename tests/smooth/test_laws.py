@@ -13,8 +13,9 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.scene import build_train, load_scene, rest_position
 from camopt.scene.laws import HERTZ, LINEAR, PROGRESSIVE, Laws
 from camopt.smooth.laws import elastic_laws
+from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples, prepare, response_arrays
-from camopt.smooth.system import build_system, rest_state
+from camopt.smooth.system import build_system
 from camopt.verify import dop853, rkg
 from tests.smooth.trains import ball
 

@@ -1,5 +1,6 @@
 """The metrics in JAX: the same values as the verifier's side from one response, and their special cases."""
 
+import dataclasses
 from functools import partial
 
 import jax
@@ -10,8 +11,10 @@ import pytest
 from camopt.exact.engine import prepare as prepare_exact
 from camopt.scene import QUANTITIES
 from camopt.scene.response import end_state, joined
-from camopt.smooth.metrics import closing, revolution_metrics, soft_least
-from camopt.smooth.system import Motion, build_system, rest_state
+from camopt.smooth.maxima import soft_least, soft_worst, soft_worst_bias
+from camopt.smooth.metrics import closing, revolution_metrics, soft_metrics
+from camopt.smooth.rest import rest_state
+from camopt.smooth.system import Motion, build_system
 from camopt.verify.metrics import measure
 from tests.smooth.trains import kodama
 
@@ -93,3 +96,31 @@ def test_the_soft_least_lies_within_its_stated_bound():
         stay = 2 * np.sqrt(width / 400.0)
         assert 100.0 < soft < 100.0 + width * np.log(1.6 / stay) + width
     assert float(soft_least(angle, force, keep, 0.1)) == pytest.approx(100.0, abs=0.5)
+
+
+def test_the_soft_worst_has_its_stated_bias_and_shares_a_tie():
+    values = jnp.asarray([1.0, 3.0, 3.0, -2.0])
+    for width in (0.1, 1.0):
+        bias = float(soft_worst(values, width)) - 3.0
+        assert width * np.log(2) - 1e-12 <= bias <= soft_worst_bias(4, width)
+    assert soft_worst_bias(4, 0.5) == pytest.approx(0.5 * np.log(4))
+    assert float(soft_worst(jnp.full(4, 2.0), 0.5)) == pytest.approx(2.0 + 0.5 * np.log(4))  # the upper end
+    np.testing.assert_allclose(jax.grad(soft_worst)(values, 0.05), [0.0, 0.5, 0.5, 0.0], atol=1e-9)
+
+
+def test_soft_metrics_approach_the_hard_ones_within_their_bias():
+    response, lift = exact_record(6500, 1)  # the contacts part
+    system, motion = build_system(response.train), motion_of(response)
+    hard = measured(system, motion, response.cam_speed, lift.half_duration, lift.opening_foot)
+    errors = []
+    for share in (1.0, 0.1):
+        soft = jax.jit(soft_metrics)(system, motion, lift.half_duration, 1e-2 * share, 50.0 * share)
+        widths = {"jump_mm": 1e-2 * share, "contact_force_min_N": 50.0 * share, "contact_force_max_N": 50.0 * share}
+        errors.append({name: abs(float(soft[name] - hard[name])) for name in soft})
+        for name, width in widths.items():  # two contacts; a stay of 0.02 deg within a width of the crest at least
+            assert errors[-1][name] < width * (np.log(144 / 0.02) + 1 + np.log(2)), name
+    assert all(errors[1][name] < 0.5 * errors[0][name] for name in errors[0])
+    closed = motion._replace(lift=motion.lift + 1e-2)  # pressed by a centimetre: the hard jump is flat there
+    first = dataclasses.replace(system, topology=system.topology._replace(cam_side=system.topology.cam_side[:1]))
+    assert float(measured(first, closed, response.cam_speed, lift.half_duration, lift.opening_foot)["jump_mm"]) == 0.0
+    assert float(soft_metrics(first, closed, lift.half_duration, 1e-3, 1.0)["jump_mm"]) < -1.0

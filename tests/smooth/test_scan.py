@@ -11,9 +11,10 @@ from scipy.linalg import expm
 
 from camopt.exact.engine import prepare as prepare_exact
 from camopt.scene import InputError, MotionRefused
+from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import integrate, lift_at
 from camopt.smooth.simulate import compiled_response, equal_grid, lift_samples, prepare, simulate_smooth
-from camopt.smooth.system import build_system, rest_state
+from camopt.smooth.system import build_system
 from tests.smooth.trains import ball, kodama
 
 

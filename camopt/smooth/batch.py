@@ -1,0 +1,61 @@
+"""Many motions side by side on equal steps: one scan for all, the batch last in every array.
+
+The refined grid (`camopt.smooth.grid`) gives the derivatives of the layer as narrow as wanted, at several times the
+cost; equal steps run over the layers and want a wide one (`BATCH_EPS`).
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from camopt.cam.lift import Lift
+from camopt.smooth.grid import equal_grid
+from camopt.smooth.metrics import revolution_metrics
+from camopt.smooth.scan import integrate_stages, stage_angles
+from camopt.smooth.simulate import touch_layer
+from camopt.smooth.system import Motion, System
+
+BATCH_EPS = 1e-6
+"""Width of the contact's layer [m] that some two thousand equal steps follow within 1e-3 mm; see
+`experiments.gradient_batch` for what it does to the gradients."""
+
+
+def stage_lifts(lift: Lift, steps: int) -> np.ndarray:
+    """Lift [m] and its angle derivative [m/rad] at the stages of `steps` equal steps from -pi: (2, steps, 6).
+
+    Linear in the lift: for lifts L0 + sum_j z_j B_j they are those of L0 plus z against those of the B_j.
+    """
+    theta = np.asarray(stage_angles(jnp.asarray(equal_grid(steps))))
+    return np.stack([lift(theta), lift(theta, 1)])
+
+
+def batch_motion(system: System, stages, cam_speed, y0, eps=BATCH_EPS, ramp: str = "compact") -> Motion:
+    """One revolution from the states y0 (2, n) or (2, n, b) of b motions: a `Motion` with the batch first, (b, k, ...).
+
+    `stages` (2, steps, 6, b) as of `stage_lifts`, `cam_speed` (b) [rad/s]. Differentiable in every array, in the
+    precision of `stages`; one program per topology and shapes.
+    """
+    steps, width = stages.shape[1], stages.shape[3]
+    angle = jnp.asarray(equal_grid(steps), stages.dtype)
+    speed = jnp.reshape(cam_speed, (1, 1, width))
+    h = jnp.diff(angle)[:, None, None, None] / speed[None]
+    start = y0 if y0.ndim == 3 else jnp.broadcast_to(y0[..., None], (*y0.shape, width))
+    states = integrate_stages(system, h, stages[0], stages[1] * speed, start, eps, ramp)
+    # a step's first stage stands at its start; lift and lift rate are the same at both ends of a revolution
+    lift, lift_dtheta = jnp.concatenate([stages[:, :, 0], stages[:, :1, 0]], axis=1)
+    force = jax.vmap(lambda y, l, l_dt: system.force(y, l, l_dt, eps, ramp))(states, lift, lift_dtheta * speed[0])
+    x, v, force = (jnp.moveaxis(q, -1, 0) for q in (states[:, 0], states[:, 1], force))
+    return Motion(jnp.broadcast_to(angle, (width, steps + 1)), lift.T, x, v, force)
+
+
+def batch_metrics(
+    system: System, stages, cam_speed, y0, half_duration, opening_foot, eps=BATCH_EPS, ramp: str = "compact"
+) -> dict[str, jax.Array]:
+    """The metrics of `revolution_metrics`, (b) each, of `batch_motion`; their windows end with its one revolution."""
+    motion = batch_motion(system, stages, cam_speed, y0, eps, ramp)
+    layer = touch_layer(eps, ramp)
+
+    def one(motion, speed):
+        return revolution_metrics(system, motion, speed, half_duration, opening_foot, layer=layer)
+
+    return jax.vmap(one)(motion, cam_speed)

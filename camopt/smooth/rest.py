@@ -1,0 +1,92 @@
+"""Rest on the base circle in JAX: from a system's numbers alone, so that it may be traced, batched, differentiated.
+
+The NumPy side (`camopt.scene.rest`) goes through the sets of closed contacts and names what is wrong with a scene; here
+rest is the minimum of the elastic energy, which is convex, by Newton's method with a halved step, as there for
+nonlinear laws.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from camopt.scene.rest import rest_position
+from camopt.scene.train import Train
+from camopt.smooth.system import System
+
+MOST_STEPS = 200
+"""Newton steps; ten are usual."""
+MOST_HALVINGS = 40
+SLACK = 1e-9
+"""Unbalanced force at rest, relative to the largest given force; in float32, a hundred units of rounding."""
+GROUNDING = 1e-12
+"""Stiffness to ground that a Newton step adds, relative to the train's largest: it carries across open contacts."""
+
+
+class Search(NamedTuple):
+    """Where the search for rest stands."""
+
+    x: jax.Array  # (n) m
+    unbalanced: jax.Array  # (n) N
+    steps: jax.Array
+
+
+def balance(system: System, x: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Unbalanced force (n) [N] at the positions x (n) [m], lift zero, and the stiffness matrix (n, n) there."""
+    rows = jnp.asarray(system.topology.incidence(x.shape[0]), x.dtype)
+    u, _ = system.compression(jnp.stack([x, jnp.zeros_like(x)]), 0.0, 0.0)
+    force, tangent = jax.jvp(system.elastic, (u,), (jnp.ones_like(u),))
+    carries = ~np.array(system.topology.contact) | (u > 0.0)
+    force, tangent = (jnp.where(carries, q, 0.0) for q in (force, tangent))
+    return system.mass_force - force @ rows, rows.T @ (tangent[:, None] * rows)
+
+
+def newton_step(stiffness: jax.Array, force: jax.Array, ground) -> jax.Array:
+    """Solution of (stiffness + ground) step = force, rows and columns scaled by their diagonal."""
+    stiffness = stiffness + ground * jnp.eye(len(force), dtype=force.dtype)
+    scale = jnp.sqrt(jnp.diag(stiffness))
+    return jnp.linalg.solve(stiffness / jnp.outer(scale, scale), force / scale) / scale
+
+
+@jax.jit
+def rest_positions(system: System) -> jax.Array:
+    """Positions at rest on the base circle [m], shape (n), differentiable by the implicit function theorem.
+
+    NaN where no rest is found: a mass that nothing holds. A contact whose force at rest is exactly zero counts as open,
+    so the derivative there is the one towards open.
+    """
+    frozen = jax.lax.stop_gradient(system)
+    ground = GROUNDING * jnp.max(frozen.stiffness)
+    largest = jnp.maximum(jnp.max(jnp.abs(frozen.preload)), jnp.max(jnp.abs(frozen.mass_force)))
+    slack = max(SLACK, 100 * float(jnp.finfo(frozen.mass.dtype).eps)) * jnp.maximum(largest, 1.0)
+
+    def more(at: Search):
+        return (jnp.max(jnp.abs(at.unbalanced)) > slack) & (at.steps < MOST_STEPS)
+
+    def improve(at: Search) -> Search:
+        step = newton_step(balance(frozen, at.x)[1], at.unbalanced, ground)
+        gain = jnp.abs(at.unbalanced @ step)
+
+        def overshoots(halving):
+            share, count = halving
+            return (balance(frozen, at.x + share * step)[0] @ step < -0.1 * gain) & (count < MOST_HALVINGS)
+
+        share, _ = jax.lax.while_loop(overshoots, lambda h: (0.5 * h[0], h[1] + 1), (jnp.ones_like(gain), 0))
+        x = at.x + share * step
+        return Search(x, balance(frozen, x)[0], at.steps + 1)
+
+    x = jnp.zeros_like(frozen.mass)
+    found = jax.lax.while_loop(more, improve, Search(x, balance(frozen, x)[0], jnp.asarray(0)))
+    stiffness = jax.lax.stop_gradient(balance(frozen, found.x)[1])
+    x = found.x + newton_step(stiffness, balance(system, found.x)[0], 0.0)
+    return jnp.where(jnp.max(jnp.abs(found.unbalanced)) <= slack, x, jnp.nan)
+
+
+def rest_state(train: Train, system: System | None = None) -> jax.Array:
+    """State (2, n) at rest on the base circle: of the train, or of a `system` that has taken its place.
+
+    The train's own rest raises InputError where there is none (`camopt.scene.rest`); a system's is NaN.
+    """
+    x = jnp.asarray(rest_position(train)) if system is None else rest_positions(system)
+    return jnp.stack([x, jnp.zeros_like(x)])

@@ -1,0 +1,104 @@
+"""What do the width of the contact's layer, the step and the precision do to the smooth path's values and gradients?
+
+The seating velocity of a Polydyne cam and its gradient by bumps on the lift, at four speeds, against central
+differences of event-exact motion (several heights, the one that agrees best). Settings that fail stay in the table as
+NaN, which JSON writes as null.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.figure import Figure
+
+from camopt.cam.families.polydyne import polydyne
+from camopt.plots.style import CAMS, LIMIT, legend_above, new_figure, styled
+from camopt.scene import load_scene
+from camopt.smooth.metrics import revolution_metrics
+from camopt.smooth.simulate import TOLERANCE, lift_samples, response_arrays, touch_layer
+from camopt.smooth.system import build_system
+from experiments.gradient_bumps import METRIC, Problem, against, exact_differences, exact_value, problem
+from experiments.record import RESULTS, run_script, write_result
+
+SPEEDS = {"small": (5000.0, 7000.0), "full": (5000.0, 6000.0, 6500.0, 7000.0)}
+BUMPS = {"small": 3, "full": 10}
+EPS = {"small": (1e-6, 2e-9), "full": (1e-5, 1e-6, 1e-7, 1e-8, 2e-9)}
+GRIDS = {"small": ("refined",), "full": ("refined", 2880, 11520, 46080)}
+"""Refined at the default tolerance, or a number of equal steps per revolution."""
+TOLERANCE_32 = 1e-8
+"""In single precision positions of 9 mm are rounded by 1e-9 m."""
+FLOOR, TOP = 1e-7, 1e2
+"""Range of errors that the figure shows."""
+
+
+def main(size: str, folder=RESULTS) -> dict:
+    """The table of all settings; small: two speeds, three bumps, two widths, the refined grid."""
+    scene = load_scene("kodama")
+    p = problem(scene, polydyne(scene, (2, 6, 10, 14, 18), design_speed_rpm=7000), SPEEDS[size], BUMPS[size])
+    truth = [(exact_value(p, p.lift, s), exact_differences(p, s)) for s in range(len(p.speeds_rpm))]
+    settings = [(grid, "float64") for grid in GRIDS[size]] + [("refined", "float32")]
+    rows = []
+    for grid, precision in settings:
+        run = compiled(p, grid, precision)
+        for eps in EPS[size]:
+            for s, (value, differences) in enumerate(truth):
+                found, gradient = (np.asarray(q, float) for q in run(eps, s))
+                row = {"speed_rpm": p.speeds_rpm[s], "eps_m": eps, "grid": str(grid), "precision": precision}
+                rows.append({**row, "value_bias": abs(float(found) / value - 1.0), **against(gradient, differences)})
+    content = {"metric": METRIC, "bumps": BUMPS[size], "exact_m_per_s": [v for v, _ in truth], "rows": rows}
+    write_result("gradient_bias", size, content, {} if size == "small" else {"eps": figure(rows)}, folder)
+    return content
+
+
+def compiled(p: Problem, grid: str | int, precision: str):
+    """Value and gradient (m) as a function of eps and the index of the speed: one program per grid and precision."""
+    dtype = jnp.dtype(precision)
+    system = build_system(p.train, dtype)
+    base = jnp.asarray(lift_samples(p.lift), dtype)
+    parts = jnp.asarray(np.stack([lift_samples(b) for b in p.bumps], -1), dtype)
+    steps, refine = (8192, True) if grid == "refined" else (int(grid), False)
+    tolerance = TOLERANCE if precision == "float64" else TOLERANCE_32
+
+    def value(z, eps, speed, y0):
+        motion = response_arrays(system, base + parts @ z, speed, y0, eps, tolerance, steps=steps, refine=refine)
+        layer, numbers = touch_layer(eps), (p.lift.half_duration, p.lift.opening_foot)
+        return revolution_metrics(system, motion, speed, *numbers, layer=layer)[METRIC]
+
+    program = jax.jit(jax.value_and_grad(value))
+
+    def run(eps: float, s: int):
+        speed, y0 = jnp.asarray(p.cam_speeds[s], dtype), jnp.asarray(p.states[s].reshape(2, -1), dtype)
+        return program(jnp.zeros(len(p.bumps), dtype), jnp.asarray(eps, dtype), speed, y0)
+
+    return run
+
+
+@styled
+def figure(rows: list[dict]) -> Figure:
+    """Value bias (upper row) and gradient error (lower) against eps, a column per speed; failures at the upper edge."""
+    speeds = sorted({row["speed_rpm"] for row in rows})
+    kinds = list(dict.fromkeys((row["grid"], row["precision"]) for row in rows))
+    drawing = new_figure(3.0 * len(speeds), 5.2)
+    axes = drawing.subplots(2, len(speeds), sharex=True, sharey=True, squeeze=False)
+    for axis, speed in zip(axes.T, speeds, strict=True):
+        for number, kind in enumerate(kinds):
+            here = [r for r in rows if r["speed_rpm"] == speed and (r["grid"], r["precision"]) == kind]
+            eps = np.array([r["eps_m"] for r in here])
+            name = f"{'refined grid' if kind[0] == 'refined' else kind[0] + ' equal steps'}, {kind[1]}"
+            for panel, key in zip(axis, ("value_bias", "relative_error"), strict=True):
+                shown = np.array([r[key] for r in here])
+                failed = ~np.isfinite(shown)
+                colour = list(CAMS.values())[number][0]
+                panel.loglog(eps, np.clip(shown, FLOOR, TOP), "os^vD"[number] + "-", color=colour, label=name, ms=4)
+                panel.loglog(eps[failed], np.full(failed.sum(), TOP), "x", color=colour, ms=7)
+        axis[0].set_title(f"{speed:g} r/min")
+        axis[1].axhline(1e-2, color=LIMIT, linestyle=(0, (5, 3)), linewidth=0.9)
+        axis[1].set_xlabel("width of the layer [m]")
+    axes[0, 0].set_ylim(FLOOR / 2, TOP * 2)
+    axes[0, 0].set_ylabel("seating velocity:\nrelative error of the value")
+    axes[1, 0].set_ylabel("relative error of the gradient\n(dashed: 1e-2; x: NaN)")
+    legend_above(drawing, axes[0, 0])
+    return drawing
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)
