@@ -15,6 +15,7 @@ import numpy as np
 from camopt.cam.bumps import moved, with_bumps
 from camopt.cam.lift import Lift
 from camopt.exact.engine import prepare as prepare_event
+from camopt.exact.ensemble import cosine
 from camopt.exact.gradient import rest_state, value_and_gradient
 from camopt.exact.motion import Gradient, TracedMotion
 from camopt.scene.response import end_state, joined
@@ -45,6 +46,8 @@ SAMPLES = 2880
 """Samples per revolution of DOP853: its error permitted is then 1e-8 of the motion."""
 FIRST_STEPS = 8192
 """Steps per revolution first offered to the smooth path."""
+FOLLOWING = 4
+"""Revolutions further on with which the gradient of a motion that does not repeat itself is compared."""
 REPEATS = 3
 """Runs of which the fastest is timed."""
 
@@ -76,10 +79,7 @@ def problem(scene: Scene, lift: Lift, speed_rpm: float, bumps: int) -> Problem:
         advance: Callable[[np.ndarray], np.ndarray] = prepare_event(train, whole, cam_speed).advance
     else:
         revolve = prepare_dop853(train, whole, cam_speed, SAMPLES // 4)
-
-        def advance(state: np.ndarray) -> np.ndarray:
-            return end_state(revolve(state))
-
+        advance = lambda state: end_state(revolve(state))  # noqa: E731
     state, allowed, settled = rest_state(train), np.repeat(SETTLED, len(train.mass)), False
     for _ in range(MOST_SETTLING):
         last, state = state, advance(state)
@@ -132,37 +132,57 @@ def smooth_gradients(p: Problem) -> Callable[[float], Found]:
     )
     shape, y0 = (p.lift.half_duration, p.lift.opening_foot), jnp.asarray(p.start).reshape(2, -1)
 
-    def metric(heights, i, eps, steps: int):
+    def metrics(heights, eps, steps: int):
         samples = base + jnp.asarray(parts) @ heights
         motion = response_arrays(system, samples, p.cam_speed, y0, eps, TOLERANCE, revolutions=REVOLUTIONS, steps=steps)
         found = revolution_metrics(system, motion, p.cam_speed, *shape, layer=touch_layer(eps))
-        return jnp.stack([found[name] for name in METRICS])[i]
+        return jnp.stack([found[name] for name in METRICS])
 
-    value_of = jax.jit(metric, static_argnames="steps")
-    both_of = jax.jit(jax.value_and_grad(metric), static_argnames="steps")
+    values_of = jax.jit(metrics, static_argnames="steps")
+    both_of = jax.jit(
+        jax.value_and_grad(lambda heights, eps, i, steps: metrics(heights, eps, steps)[i]), static_argnames="steps"
+    )
     flat, steps = jnp.zeros(len(units)), FIRST_STEPS
 
     def run(eps: float) -> Found:
         nonlocal steps
-        while not jnp.isfinite(value_of(flat, len(METRICS) - 1, eps, steps=steps)) and steps < MOST_STEPS:
+        while not jnp.isfinite(values_of(flat, eps, steps=steps)[-1]) and steps < MOST_STEPS:  # the dynamic area
             steps *= 4
-        rows = []
+        jax.block_until_ready(both_of(flat, eps, 0, steps=steps))  # compiles
+        value_s, values = fastest(lambda: values_of(flat, eps, steps=steps).block_until_ready())
+        slopes, ratio = [], []
         for i in range(len(METRICS)):
-            value_s, value = fastest(lambda i=i: value_of(flat, i, eps, steps=steps).block_until_ready(), 1)
-            both_of(flat, i, eps, steps=steps) if not rows else None  # compiles
-            both_s, (_, slope) = fastest(lambda i=i: jax.block_until_ready(both_of(flat, i, eps, steps=steps)), 1)
-            rows.append((float(value), np.asarray(slope), both_s / value_s))
-        values, slopes, ratio = (np.array(q) for q in zip(*rows, strict=True))
-        return Found(values, slopes, ratio)
+            both_s, (_, slope) = fastest(lambda i=i: jax.block_until_ready(both_of(flat, eps, i, steps=steps)), 1)
+            slopes.append(np.asarray(slope))
+            ratio.append(both_s / value_s)
+        return Found(np.asarray(values), np.array(slopes), np.array(ratio))
 
     return run
 
 
-def fastest(run: Callable, repeats: int = REPEATS) -> tuple[float, object]:
-    """(seconds of the fastest of some runs, result)."""
-    seconds, result = np.inf, None
-    for _ in range(repeats):
+def repeated_cosines(p: Problem, gradients: np.ndarray) -> np.ndarray:
+    """Least cosines (l) of the exact gradients (l, m) with those of the revolutions that follow; NaN for a zero one."""
+    start, least = p.start, np.full(len(METRICS), np.inf)
+    for _ in range(FOLLOWING):
+        start = prepare_event(p.train, p.lift, p.cam_speed).advance(start)
+        later = value_and_gradient(p.train, p.lift, p.cam_speed, METRICS, start, revolutions=REVOLUTIONS)
+        slopes = np.einsum("lpq,mpq->lm", later.by_coefficients, p.directions)
+        least = np.minimum(least, [cosine(a, b) for a, b in zip(gradients, slopes, strict=True)])
+    return least
+
+
+def spectral_radius(p: Problem) -> float:
+    """Of the cycle map's Jacobian at the start: how a change of the state lives on to the next revolution."""
+    cycle = TracedMotion(p.train, p.lift, p.cam_speed, p.start)
+    return float(np.abs(np.linalg.eigvals(cycle.pull_back(ends=np.eye(len(p.start))).by_start)).max())
+
+
+def fastest[T](run: Callable[[], T], repeats: int = REPEATS) -> tuple[float, T]:
+    """(seconds of the fastest of some runs, result of the last)."""
+    seconds = []
+    while True:
         begin = time.perf_counter()
         result = run()
-        seconds = min(seconds, time.perf_counter() - begin)
-    return seconds, result
+        seconds.append(time.perf_counter() - begin)
+        if len(seconds) == repeats:
+            return min(seconds), result
