@@ -58,7 +58,7 @@ from camopt.study.gradient_verdict import MetricReport, judge
 
 BUMPS = {True: 20, False: 4}
 """Bumps of a train with linear laws, and of others, whose truth takes a second per motion."""
-HEIGHTS = {True: tuple(10.0 ** np.arange(-5.0, -9.6, -0.5)), False: (1e-5, 1e-6, 1e-7)}
+HEIGHTS = {True: tuple((10.0 ** np.arange(-5.0, -9.6, -0.5)).tolist()), False: (1e-5, 1e-6, 1e-7)}
 """Heights of a bump [m] for central differences."""
 WIDTHS = 1e-5, 1e-6, 1e-7, EPS
 """Widths eps [m] of the smooth path's contact layer."""

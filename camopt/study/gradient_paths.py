@@ -7,6 +7,7 @@ into the second.
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -48,6 +49,7 @@ FIRST_STEPS = 8192
 """Steps per revolution first offered to the smooth path."""
 FOLLOWING = 4
 """Revolutions further on with which the gradient of a motion that does not repeat itself is compared."""
+T = TypeVar("T")
 REPEATS = 3
 """Runs of which the fastest is timed."""
 
@@ -177,7 +179,7 @@ def spectral_radius(p: Problem) -> float:
     return float(np.abs(np.linalg.eigvals(cycle.pull_back(ends=np.eye(len(p.start))).by_start)).max())
 
 
-def fastest[T](run: Callable[[], T], repeats: int = REPEATS) -> tuple[float, T]:
+def fastest(run: Callable[[], T], repeats: int = REPEATS) -> tuple[float, T]:
     """(seconds of the fastest of some runs, result of the last)."""
     seconds = []
     while True:

@@ -91,7 +91,7 @@ def verdict(relative_error: float, cosine: float, repeated: float | None = None)
     """
     if repeated is None and relative_error <= MOST_ERROR:
         return "trust"
-    alike = _repeated(p, exact)
+    alike = repeated is None or repeated >= LEAST_COSINE
     return "direction only" if cosine >= LEAST_COSINE and alike else "none"
 
 
