@@ -77,7 +77,7 @@ def parser() -> argparse.ArgumentParser:
         one.add_argument("--debug", action="store_true", help="show the traceback of an error")
         return one
 
-    for add in (_optimize, _verify, _simulate, _compare, _cam, _modes, _bound, _extremes, _reduce, _scenes):
+    for add in (_optimize, _verify, _simulate, _compare, _cam, _modes, _bound, _gradient, _extremes, _reduce, _scenes):
         add(command)
     return top
 
@@ -209,6 +209,18 @@ def _extremes(command: Command) -> None:
         "--out", metavar="DIR", help="folder of extremes.csv, refused if it exists (runs/<scene>-<UTC time>)"
     )
     c.add_argument("--resume", action="store_true", help="go on in the folder named by --out")
+
+
+def _gradient(command: Command) -> None:
+    c = command(
+        "gradient",
+        "may the gradient be trusted here: both paths against differences of the truth, metric by metric",
+        "camopt gradient kodama --cam polydyne --speed 6000",
+    )
+    _scene(c)
+    _cam_options(c)
+    c.add_argument("--speed", type=_positive, required=True, metavar="RPM", help="crankshaft r/min")
+    c.add_argument("--json", metavar="FILE", help="write the comparison as JSON")
     c.add_argument("--quiet", action="store_true", help="no progress bar")
 
 

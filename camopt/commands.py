@@ -184,6 +184,19 @@ def extremes(args: Namespace) -> int:
     return 3 if wrong else 0
 
 
+def gradient(args: Namespace) -> int:
+    scene = load_scene(args.scene, need=SIMULATED)
+    lift = _cam_of(args, scene)
+    from camopt.study.gradient import gradient_report, report_lines
+
+    report = gradient_report(scene, lift, args.speed, progress=not args.quiet)
+    if args.json:
+        write_json(args.json, report.as_dict())
+    print(f"{scene.name}, {lift.family}, {args.speed:g} r/min")
+    print("\n".join(report_lines(report)))
+    return 0
+
+
 def scenes(args: Namespace) -> int:
     if args.name is not None:
         if args.name not in builtin_scenes():
