@@ -26,6 +26,8 @@ _PUBLIC = {
     "tradeoff": "camopt.study.tradeoff",
     "area_bound": "camopt.optimize.summary",
     "compare": "camopt.optimize.comparison",
+    "identify": "camopt.study.identify",
+    "MeasuredLift": "camopt.study.identify",
     "pareto": "camopt.study.pareto",
     "joint_spring": "camopt.study.pareto",
 }

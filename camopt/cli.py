@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:
-        remedy = "; --out with --resume continues" if args.command in ("optimize", "tradeoff") else ""
+        remedy = "; --out with --resume continues" if args.command in ("optimize", "tradeoff", "extremes") else ""
         print(f"camopt: interrupted{remedy}", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # the reader of a pipe has seen enough; the flush at exit must not fail on it
@@ -75,7 +75,21 @@ def parser() -> argparse.ArgumentParser:
         one.add_argument("--debug", action="store_true", help="show the traceback of an error")
         return one
 
-    for add in (_optimize, _verify, _simulate, _compare, _cam, _modes, _bound, _reduce, _tradeoff, _scenes):
+    verbs = (
+        _optimize,
+        _verify,
+        _simulate,
+        _compare,
+        _cam,
+        _modes,
+        _bound,
+        _gradient,
+        _tradeoff,
+        _extremes,
+        _reduce,
+        _scenes,
+    )
+    for add in verbs:
         add(command)
     return top
 
@@ -207,6 +221,33 @@ def _tradeoff(command: Command) -> None:
     c.add_argument("--out", metavar="DIR", help="folder, refused if it exists (runs/<scene>-<UTC time>)")
     c.add_argument("--resume", action="store_true", help="go on in the folder named by --out")
     c.add_argument("--size", choices=("small", "full"), default="full", help="how many settings (full, minutes)")
+    c.add_argument("--quiet", action="store_true", help="no progress bar")
+
+
+def _extremes(command: Command) -> None:
+    c = command(
+        "extremes",
+        "put every method to the extremes: no case may end in a wrong number without a warning",
+        "camopt extremes motori-1 --out runs/extremes",
+    )
+    c.add_argument("scene", metavar="SCENE", nargs="?", help="built-in scene or TOML file (every built-in scene)")
+    c.add_argument(
+        "--out", metavar="DIR", help="folder of extremes.csv, refused if it exists (runs/<scene>-<UTC time>)"
+    )
+    c.add_argument("--resume", action="store_true", help="go on in the folder named by --out")
+    c.add_argument("--quiet", action="store_true", help="no progress bar")
+
+
+def _gradient(command: Command) -> None:
+    c = command(
+        "gradient",
+        "may the gradient be trusted here: both paths against differences of the truth, metric by metric",
+        "camopt gradient kodama --cam polydyne --speed 6000",
+    )
+    _scene(c)
+    _cam_options(c)
+    c.add_argument("--speed", type=positive, required=True, metavar="RPM", help="crankshaft r/min")
+    c.add_argument("--json", metavar="FILE", help="write the comparison as JSON")
     c.add_argument("--quiet", action="store_true", help="no progress bar")
 
 

@@ -179,6 +179,43 @@ def tradeoff(args: Namespace) -> int:
     return 0
 
 
+def extremes(args: Namespace) -> int:
+    if args.resume and args.out is None:
+        raise InputError("extremes: --resume needs the folder to go on in: add --out DIR")
+    dynamic = (name for name, text in builtin_scenes().items() if "seat" in tomllib.loads(text))
+    scenes = [load_scene(name, need=SIMULATED) for name in ([args.scene] if args.scene else dynamic)]
+    folder = Path(args.out) if args.out else default_run_folder(scenes[0].name if args.scene else "extremes")
+    check_run_folder(folder, args.resume)
+    from camopt.plots import save
+    from camopt.plots.verdicts import verdict_matrix
+    from camopt.study.extremes import counts, defects, extremes
+
+    rows = extremes(scenes, folder, args.resume, progress=not args.quiet)
+    for scene in scenes:
+        mine = [r for r in rows if r["case"].startswith(f"{scene.name}: ")]
+        save(verdict_matrix(mine, scene.name), folder / "figures", f"extremes-{scene.name}")
+    for method, by_verdict in counts(rows).items():
+        print(f"{method:<44}" + ", ".join(f"{n} {v}" for v, n in by_verdict.items()))
+    wrong = defects(rows)
+    for row in wrong:
+        print(f"wrong: {row['case']}, {row['method']}: {row['error_of']} off by {float(row['error']):.3g}")
+    print(f"{len(rows)} rows, {len(wrong)} wrong without a warning: {folder}")
+    return 3 if wrong else 0
+
+
+def gradient(args: Namespace) -> int:
+    scene = load_scene(args.scene, need=SIMULATED)
+    lift = _cam_of(args, scene)
+    from camopt.study.gradient import gradient_report, report_lines
+
+    report = gradient_report(scene, lift, args.speed, progress=not args.quiet)
+    if args.json:
+        write_json(args.json, report.as_dict())
+    print(f"{scene.name}, {lift.family}, {args.speed:g} r/min")
+    print("\n".join(report_lines(report)))
+    return 0
+
+
 def scenes(args: Namespace) -> int:
     if args.name is not None:
         if args.name not in builtin_scenes():

@@ -11,7 +11,7 @@ import camopt.verify
 from camopt import cli, commands
 from camopt.scene import scene_text
 
-VERBS = ("optimize", "verify", "simulate", "compare", "cam", "modes", "bound", "reduce", "tradeoff", "scenes")
+VERBS = tuple("optimize verify simulate compare cam modes bound gradient tradeoff extremes reduce scenes".split())
 
 
 def run(capsys, *arguments: str) -> tuple[int, str, str]:
@@ -33,7 +33,6 @@ class TestHelp:
         assert code == 0
         assert "example: camopt " in out
         assert all(f"\n    {verb} " in out for verb in VERBS)
-        assert not any(later in out for later in ("tradeoff", "extremes"))
 
     @pytest.mark.parametrize("verb", VERBS)
     def test_every_command_has_an_example_that_parses(self, capsys, verb):

@@ -25,7 +25,7 @@ MODULES = {
     "dop853": "camopt.verify.dop853",
     "smooth": "camopt.smooth.simulate",
 }
-DIFFERENTIABLE = {"smooth": "camopt.smooth.differentiable"}
+DIFFERENTIABLE = {"smooth": "camopt.smooth.differentiable", "event": "camopt.optimize.exact_rule"}
 """Modules with a `differentiable_motion`, by the method that `simulate(parameters=...)` takes."""
 LARGEST_PHASE = 0.3
 """Step times the train's highest rate [rad]: MOTORI 2004's rule for explicit steps (0.31), and for drawn curves."""
@@ -62,8 +62,9 @@ def simulate(
 
     Differentiable: `parameters` (see `motion_parameters`) replaces numbers of scene and cam by arrays that JAX may
     trace, and so may `speed_rpm` be, under `jax.grad`, `jax.jit` and `jax.vmap`. The dataset then holds JAX arrays
-    (`.data`), and every declared metric over `measured`, the revolutions but the last; a motion that the method
-    cannot follow is NaN throughout.
+    (`.data`), and the declared metrics over `measured`, the revolutions but the last ("event": without the excess
+    lift); a motion that the method cannot follow is NaN throughout. By "event" the gradients are those of the exact
+    motion, and for many motions `camopt.optimize.exact_rule.exact_metrics` is the cheaper way to metrics alone.
 
         def seating_velocity(gap):
             motion = camopt.simulate(scene, cam, 6000, method="smooth", parameters={"gap": gap})

@@ -73,6 +73,15 @@ def settle(
     return Settled(joined(responses), revolutions, periodic)
 
 
+def first_revolution(revolve: Revolve, state: np.ndarray) -> Settled:
+    """The revolution that begins in `state` (2n), measured as it is: for comparing methods, not for judging cams.
+
+    Raises MotionRefused where the motion has no bound.
+    """
+    first = _finite(revolve(state))
+    return Settled(joined([first, _finite(revolve(end_state(first)))]), 0, True)
+
+
 def _next_state(revolve: Revolve, state: np.ndarray) -> np.ndarray:
     """The state a revolution later; a method that offers `advance` gets there without samples, which is faster."""
     advance = getattr(revolve, "advance", None)
