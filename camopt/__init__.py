@@ -23,8 +23,11 @@ _PUBLIC = {
     "simulate": "camopt.study.motion",
     "modes": "camopt.study.modes",
     "reduce": "camopt.study.reduce",
+    "tradeoff": "camopt.study.tradeoff",
     "area_bound": "camopt.optimize.summary",
     "compare": "camopt.optimize.comparison",
+    "identify": "camopt.study.identify",
+    "MeasuredLift": "camopt.study.identify",
     "pareto": "camopt.study.pareto",
     "joint_spring": "camopt.study.pareto",
 }

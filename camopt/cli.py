@@ -5,7 +5,6 @@
 """
 
 import argparse
-import math
 import os
 import sys
 import traceback
@@ -13,12 +12,11 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 
 from camopt import __version__
+from camopt.arguments import ACCURACIES, accuracy, count, digits, positive, seed, speeds
 from camopt.verify import INDEPENDENT
 
 DONE, DEFECT, BAD_INPUT, NOT_CONFIRMED, INTERRUPTED = 0, 1, 2, 3, 130
-ACCURACIES = ("draft", "standard", "fine")
 METHODS = ("event", *INDEPENDENT)
-MOST_SPEEDS = 10_000
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -30,7 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:
-        remedy = "; --out with --resume continues" if args.command == "optimize" else ""
+        remedy = "; --out with --resume continues" if args.command in ("optimize", "tradeoff", "extremes") else ""
         print(f"camopt: interrupted{remedy}", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # the reader of a pipe has seen enough; the flush at exit must not fail on it
@@ -78,7 +76,21 @@ def parser() -> argparse.ArgumentParser:
         one.add_argument("--debug", action="store_true", help="show the traceback of an error")
         return one
 
-    for add in (_optimize, _verify, _simulate, _compare, _cam, _modes, _bound, _reduce, _scenes):
+    verbs = (
+        _optimize,
+        _verify,
+        _simulate,
+        _compare,
+        _cam,
+        _modes,
+        _bound,
+        _gradient,
+        _tradeoff,
+        _extremes,
+        _reduce,
+        _scenes,
+    )
+    for add in verbs:
         add(command)
     return top
 
@@ -99,7 +111,7 @@ def _optimize(command: Command) -> None:
         "--gradient", choices=("smooth", "exact", "none"), default="smooth", help="gradients of the dynamics (smooth)"
     )
     c.add_argument("--out", metavar="DIR", help="run folder, refused if it exists (runs/<scene>-<UTC time>)")
-    c.add_argument("--seed", type=_seed, default=0, metavar="N", help="seed of the searches (0)")
+    c.add_argument("--seed", type=seed, default=0, metavar="N", help="seed of the searches (0)")
     c.add_argument("--resume", action="store_true", help="go on in the run folder named by --out")
     c.add_argument("--quiet", action="store_true", help="no progress bar")
 
@@ -115,7 +127,7 @@ def _verify(command: Command) -> None:
     c.add_argument("--speeds", type=speeds, metavar="LIST", help="5000,6000 or 300:8000:100 crankshaft r/min (listed)")
     c.add_argument("--method", choices=("all", *METHODS), default="all", help="which methods (all)")
     c.add_argument(
-        "--accuracy", type=_accuracy, default="standard", metavar="A", help="draft, standard, fine or micrometres"
+        "--accuracy", type=accuracy, default="standard", metavar="A", help="draft, standard, fine or micrometres"
     )
     c.add_argument("--json", metavar="FILE", help="write the verification as JSON")
 
@@ -128,12 +140,17 @@ def _simulate(command: Command) -> None:
     )
     _scene(c)
     _cam_options(c)
-    c.add_argument("--speed", type=_positive, required=True, metavar="RPM", help="crankshaft r/min")
-    c.add_argument("--method", choices=(*METHODS, "smooth"), default="event", help="method (event)")
-    c.add_argument("--revolutions", type=_count, default=2, metavar="N", help="cam revolutions from rest (2)")
+    c.add_argument("--speed", type=positive, required=True, metavar="RPM", help="crankshaft r/min")
     c.add_argument(
-        "--step-deg", type=_positive, default=0.1, metavar="DEG", help="step of the table, cam degrees (0.1)"
+        "--method",
+        choices=(*METHODS, "smooth"),
+        help="method (event; with --accuracy the most accurate one for the scene's laws)",
     )
+    c.add_argument(
+        "--accuracy", type=accuracy, metavar="A", help="draft, standard, fine or micrometres of the valve's position"
+    )
+    c.add_argument("--revolutions", type=count, default=2, metavar="N", help="cam revolutions from rest (2)")
+    c.add_argument("--step-deg", type=positive, default=0.1, metavar="DEG", help="step of the table, cam degrees (0.1)")
     c.add_argument("--csv", metavar="FILE", help="write the motion as a table")
 
 
@@ -163,10 +180,10 @@ def _cam(command: Command) -> None:
     )
     _scene(c)
     _cam_options(c)
-    c.add_argument("--speed", type=_positive, metavar="RPM", help="with [geometry]: Hertz stress at crankshaft r/min")
-    c.add_argument("--step-deg", type=_positive, default=0.1, metavar="DEG", help="step of what is written (0.1)")
+    c.add_argument("--speed", type=positive, metavar="RPM", help="with [geometry]: Hertz stress at crankshaft r/min")
+    c.add_argument("--step-deg", type=positive, default=0.1, metavar="DEG", help="step of what is written (0.1)")
     c.add_argument(
-        "--digits", type=_digits, metavar="N", help="decimals of the lift in mm (table: every digit; contour: 6)"
+        "--digits", type=digits, metavar="N", help="decimals of the lift in mm (table: every digit; contour: 6)"
     )
     c.add_argument("--csv", metavar="FILE", help="write the lift table")
     c.add_argument("--contour", metavar="FILE", help="with [geometry]: write the contour, Cartesian and polar")
@@ -195,9 +212,45 @@ def _reduce(command: Command) -> None:
     _cam_options(c, default="polydyne")
     c.add_argument("--speeds", type=speeds, metavar="LIST", help="5000,6000 or 300:8000:100 crankshaft r/min (listed)")
     c.add_argument(
-        "--tolerance-mm", type=_positive, default=0.01, metavar="MM", help="error of bounce, jump and lift (0.01)"
+        "--tolerance-mm", type=positive, default=0.01, metavar="MM", help="error of bounce, jump and lift (0.01)"
     )
     c.add_argument("--json", metavar="FILE", help="write every model's errors and times, and the proposed scene")
+
+
+def _tradeoff(command: Command) -> None:
+    c = command("tradeoff", "measure what accuracy costs on a scene: methods and job", "camopt tradeoff kodama")
+    _scene(c)
+    c.add_argument("--out", metavar="DIR", help="folder, refused if it exists (runs/<scene>-<UTC time>)")
+    c.add_argument("--resume", action="store_true", help="go on in the folder named by --out")
+    c.add_argument("--size", choices=("small", "full"), default="full", help="how many settings (full, minutes)")
+    c.add_argument("--quiet", action="store_true", help="no progress bar")
+
+
+def _extremes(command: Command) -> None:
+    c = command(
+        "extremes",
+        "put every method to the extremes: no case may end in a wrong number without a warning",
+        "camopt extremes motori-1 --out runs/extremes",
+    )
+    c.add_argument("scene", metavar="SCENE", nargs="?", help="built-in scene or TOML file (every built-in scene)")
+    c.add_argument(
+        "--out", metavar="DIR", help="folder of extremes.csv, refused if it exists (runs/<scene>-<UTC time>)"
+    )
+    c.add_argument("--resume", action="store_true", help="go on in the folder named by --out")
+    c.add_argument("--quiet", action="store_true", help="no progress bar")
+
+
+def _gradient(command: Command) -> None:
+    c = command(
+        "gradient",
+        "may the gradient be trusted here: both paths against differences of the truth, metric by metric",
+        "camopt gradient kodama --cam polydyne --speed 6000",
+    )
+    _scene(c)
+    _cam_options(c)
+    c.add_argument("--speed", type=positive, required=True, metavar="RPM", help="crankshaft r/min")
+    c.add_argument("--json", metavar="FILE", help="write the comparison as JSON")
+    c.add_argument("--quiet", action="store_true", help="no progress bar")
 
 
 def _scenes(command: Command) -> None:
@@ -226,65 +279,8 @@ def _cam_options(c: argparse.ArgumentParser, default: str | None = None) -> None
     c.add_argument("--table-lift", choices=("mm", "m", "inch"), help="unit of the lift in such a table")
     c.add_argument(
         "--table-ratio",
-        type=_positive,
+        type=positive,
         metavar="R",
         help="valve lift over the table's lift, where that is tappet lift (1); all three may also stand in the table's "
         "header, as in '# table-angle = crank'",
     )
-
-
-def speeds(text: str) -> tuple[float, ...]:
-    """Crankshaft speeds [r/min], ascending, from `5000,6000` or `first:last:step` (last included where it is met)."""
-    parts = text.split(":")
-    if len(parts) == 1:
-        listed = sorted({_positive(part) for part in text.split(",")})
-    elif len(parts) == 3:
-        first, last, step = (_positive(part) for part in parts)
-        if last < first:
-            raise argparse.ArgumentTypeError(f"{text!r}: the last speed lies below the first")
-        count = math.floor((last - first) / step + 1e-9) + 1
-        listed = [first + i * step for i in range(min(count, MOST_SPEEDS + 1))]
-    else:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected 5000,6000 or first:last:step, as in 300:8000:100")
-    if len(listed) > MOST_SPEEDS:
-        raise argparse.ArgumentTypeError(f"{text!r}: more than {MOST_SPEEDS} speeds")
-    return tuple(listed)
-
-
-def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not (math.isfinite(value) and value > 0):
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a number above 0")
-    return value
-
-
-def _count(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 1000:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected an integer from 1 to 1000")
-    return int(text)
-
-
-def _digits(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or int(text) > 12:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected an integer from 0 to 12")
-    return int(text)
-
-
-def _seed(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or int(text) >= 2**32:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected an integer from 0 to 2^32 - 1")
-    return int(text)
-
-
-def _accuracy(text: str) -> str | float:
-    if text in ACCURACIES:
-        return text
-    try:
-        return _positive(text)
-    except argparse.ArgumentTypeError:
-        raise argparse.ArgumentTypeError(
-            f"{text!r}: expected {', '.join(ACCURACIES)} or a number of micrometres"
-        ) from None

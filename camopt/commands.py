@@ -7,7 +7,7 @@ import tomllib
 from argparse import Namespace
 from pathlib import Path
 
-from camopt.scene import InputError, builtin_scenes, load_scene, scene_text
+from camopt.scene import InputError, build_train, builtin_scenes, load_scene, scene_text
 from camopt.storage import check_run_folder, default_run_folder, write_csv, write_json
 
 SIMULATED = ("valve", "seat", "operation", "design")
@@ -70,6 +70,7 @@ def verify(args: Namespace) -> int:
         shown = (_shown(v, w) for v, w in zip(numbers, (8, 10, 8, 11), strict=True))
         print("  ".join(shown), f" {row['verdict']}")
     broken = f" (broken: {', '.join(map(str, content['broken']))})" if content["broken"] else ""
+    print(report.accuracy["statement"])
     print(f"verdict: {report.verdict}{broken}")
     return 0 if report.verdict == "confirmed" else 3
 
@@ -79,11 +80,15 @@ def simulate(args: Namespace) -> int:
     lift = _cam_of(args, scene)
     from camopt.study.motion import motion_table
     from camopt.study.motion import simulate as motion_of
+    from camopt.verify.verdict import methods_for
 
-    motion = motion_of(scene, lift, args.speed, args.method, args.revolutions, args.step_deg)
+    method = args.method or ("event" if args.accuracy is None else methods_for(build_train(scene))[0])
+    motion = motion_of(scene, lift, args.speed, method, args.revolutions, args.step_deg, accuracy=args.accuracy)
     if args.csv:
         write_csv(args.csv, motion_table(motion))
-    print(f"{scene.name}, {lift.family}, {args.speed:g} r/min, {args.method}, from rest")
+    print(f"{scene.name}, {lift.family}, {args.speed:g} r/min, {method}, from rest")
+    if args.accuracy is not None:
+        print(motion.attrs["accuracy_statement"])
     for revolution, part in motion.groupby("revolution"):
         valve = part["position_mm"].sel(mass=scene.valve)
         print(f"revolution {revolution}: largest valve position {float(valve.max()):.4f} mm")
@@ -157,6 +162,57 @@ def reduce(args: Namespace) -> int:
     if args.json:
         write_json(args.json, found.as_dict())
     print("\n".join(reduction_lines(found)))
+    return 0
+
+
+def tradeoff(args: Namespace) -> int:
+    scene = load_scene(args.scene, need=SIMULATED)
+    if args.resume and args.out is None:
+        raise InputError("tradeoff: --resume needs the folder to go on in: add --out DIR")
+    folder = Path(args.out) if args.out else default_run_folder(scene.name)
+    check_run_folder(folder, args.resume)
+    from camopt.study.tradeoff import tradeoff as measure
+
+    found = measure(scene, folder, args.resume, args.size, progress=not args.quiet)
+    print(found.words)
+    print(f"table: {found.folder / 'tradeoff.csv'}, figures: {found.folder / 'figures'}")
+    return 0
+
+
+def extremes(args: Namespace) -> int:
+    if args.resume and args.out is None:
+        raise InputError("extremes: --resume needs the folder to go on in: add --out DIR")
+    dynamic = (name for name, text in builtin_scenes().items() if "seat" in tomllib.loads(text))
+    scenes = [load_scene(name, need=SIMULATED) for name in ([args.scene] if args.scene else dynamic)]
+    folder = Path(args.out) if args.out else default_run_folder(scenes[0].name if args.scene else "extremes")
+    check_run_folder(folder, args.resume)
+    from camopt.plots import save
+    from camopt.plots.verdicts import verdict_matrix
+    from camopt.study.extremes import counts, defects, extremes
+
+    rows = extremes(scenes, folder, args.resume, progress=not args.quiet)
+    for scene in scenes:
+        mine = [r for r in rows if r["case"].startswith(f"{scene.name}: ")]
+        save(verdict_matrix(mine, scene.name), folder / "figures", f"extremes-{scene.name}")
+    for method, by_verdict in counts(rows).items():
+        print(f"{method:<44}" + ", ".join(f"{n} {v}" for v, n in by_verdict.items()))
+    wrong = defects(rows)
+    for row in wrong:
+        print(f"wrong: {row['case']}, {row['method']}: {row['error_of']} off by {float(row['error']):.3g}")
+    print(f"{len(rows)} rows, {len(wrong)} wrong without a warning: {folder}")
+    return 3 if wrong else 0
+
+
+def gradient(args: Namespace) -> int:
+    scene = load_scene(args.scene, need=SIMULATED)
+    lift = _cam_of(args, scene)
+    from camopt.study.gradient import gradient_report, report_lines
+
+    report = gradient_report(scene, lift, args.speed, progress=not args.quiet)
+    if args.json:
+        write_json(args.json, report.as_dict())
+    print(f"{scene.name}, {lift.family}, {args.speed:g} r/min")
+    print("\n".join(report_lines(report)))
     return 0
 
 

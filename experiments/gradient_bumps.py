@@ -21,9 +21,10 @@ SETTLING = 8
 
 
 @cache
-def bump(i: int, count: int) -> Lift:
-    """The i-th of `count` quintic B-splines on the lift [m, height 1], 24 degrees wide, spread over the event."""
-    knots = (np.linspace(-60.0, 60.0, count)[i] + np.linspace(-12.0, 12.0, 7)) * DEG
+def bump(i: int, count: int, interval_deg: float = 4.0, last_deg: float = 60.0) -> Lift:
+    """The i-th of `count` quintic B-splines on the lift [m, height 1], six intervals wide, their middles from -last_deg
+    to last_deg."""
+    knots = (np.linspace(-last_deg, last_deg, count)[i] + interval_deg * np.arange(-3.0, 4.0)) * DEG
     pieces = PPoly.from_spline(BSpline.basis_element(knots).tck)
     inside = [k for k in range(len(pieces.x) - 1) if pieces.x[k] < pieces.x[k + 1] and knots[0] <= pieces.x[k] < knots[-1]]  # fmt: skip  # noqa: E501
     rows = np.vstack([np.zeros(6), pieces.c[::-1, inside].T, np.zeros(6)])
@@ -50,11 +51,12 @@ class Problem:
         return np.array([self.scene.cam_speed(rpm) for rpm in self.speeds_rpm])
 
 
-def problem(scene: Scene, lift: Lift, speeds_rpm: tuple[float, ...], bumps: int) -> Problem:
+def problem(scene: Scene, lift: Lift, speeds_rpm: tuple[float, ...], bumps: int, **grid: float) -> Problem:
+    """From settled states; `grid` as of `bump`."""
     train = build_train(scene)
     rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
     states = np.array([prepare(train, lift, scene.cam_speed(rpm)).advance(rest, SETTLING) for rpm in speeds_rpm])
-    return Problem(scene, train, lift, speeds_rpm, states, tuple(bump(i, bumps) for i in range(bumps)))
+    return Problem(scene, train, lift, speeds_rpm, states, tuple(bump(i, bumps, **grid) for i in range(bumps)))
 
 
 def exact_value(p: Problem, lift: Lift, speed: int) -> float:

@@ -164,6 +164,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
             content[f"{scene.name} band"] = [
                 own(scene, "band", "none"),
                 own(scene, "band", "smooth"),
+                own(scene, "band", "exact"),
                 row(given, "CMA-ES on margins", lambda g: cma_margins(g, few)),
             ]
     for name, found in content.items():

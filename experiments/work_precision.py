@@ -18,8 +18,8 @@ from camopt.exact import prepare
 from camopt.scene import build_train, load_scene, rest_position
 from camopt.scene.response import end_state
 from camopt.scene.units import MM
+from camopt.study.dormand_prince import dormand_prince, problem, right_hand_side
 from camopt.verify import houbolt, rkg, tmm
-from experiments.dormand_prince import dormand_prince, problem, right_hand_side
 from experiments.record import RESULTS, run_script, write_result
 from experiments.work_precision_parts import band_seconds, figure, parts, print_table, ratios
 

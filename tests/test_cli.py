@@ -11,7 +11,7 @@ import camopt.verify
 from camopt import cli, commands
 from camopt.scene import scene_text
 
-VERBS = ("optimize", "verify", "simulate", "compare", "cam", "modes", "bound", "reduce", "scenes")
+VERBS = tuple("optimize verify simulate compare cam modes bound gradient tradeoff extremes reduce scenes".split())
 
 
 def run(capsys, *arguments: str) -> tuple[int, str, str]:
@@ -33,7 +33,6 @@ class TestHelp:
         assert code == 0
         assert "example: camopt " in out
         assert all(f"\n    {verb} " in out for verb in VERBS)
-        assert not any(later in out for later in ("tradeoff", "extremes"))
 
     @pytest.mark.parametrize("verb", VERBS)
     def test_every_command_has_an_example_that_parses(self, capsys, verb):
@@ -205,6 +204,6 @@ class TestArguments:
         assert (args.scene, args.speeds, args.accuracy, args.gradient) == ("kodama", "band", "standard", "smooth")
         assert (args.out, args.seed, args.resume) == (None, 0, False)
         args = cli.parser().parse_args(["simulate", "kodama", "--cam", "polydyne", "--speed", "6000"])
-        assert (args.method, args.revolutions, args.step_deg, args.csv) == ("event", 2, 0.1, None)
+        assert (args.method, args.revolutions, args.step_deg, args.csv) == (None, 2, 0.1, None)  # event
         args = cli.parser().parse_args(["verify", "kodama", "--cam", "polydyne"])
         assert (args.speeds, args.method, args.accuracy) == (None, "all", "standard")

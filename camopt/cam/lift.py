@@ -86,14 +86,15 @@ class Lift:
 
     @cached_property
     def opening_foot(self) -> float:
-        """Angle at which the lift leaves zero [rad]."""
-        return float(self.borders[np.flatnonzero(np.any(self.coefficients != 0, axis=1))[0]])
+        """Angle at which the lift leaves zero [rad]; pi, the end of the revolution, where it never does."""
+        lifted = np.flatnonzero(np.any(self.coefficients != 0, axis=1))
+        return float(self.borders[lifted[0]]) if len(lifted) else np.pi
 
     def closing_angle(self, height: float) -> float:
         """Angle on the closing side at which the lift has fallen to `height` [m] (the lash: nominal closing)."""
         roots = self._derivatives[0].solve(height, discontinuity=False, extrapolate=False)
         roots = roots[np.isfinite(roots)]
-        if height <= 0.0:
+        if height <= 0.0 and np.any(self.coefficients):
             last = np.flatnonzero(np.any(self.coefficients != 0, axis=1))[-1]
             return float(self.borders[last + 1])
         if len(roots) == 0:

@@ -108,13 +108,26 @@ class TracedMotion:
         self.end = np.array(start, dtype=float)
         self.trace = _followed(laws, cam, step, tables, self.end, revolutions)
         sides = np.array(train.cam_side, dtype=np.int64)
-        foot = lift.opening_foot if np.any(lift.coefficients) else np.pi  # a flat lift never opens
-        numbers = train.valve, train.seat, sides, lift.half_duration, foot
+        numbers = train.valve, train.seat, sides, lift.half_duration, lift.opening_foot
         self.setting = Setting(laws, cam, step, tables.built, *slot_tables(tables).for_tables(tables.built), *numbers)
 
     def gradient(self, metrics: Sequence[str], revolution: int = 0, cotangent: np.ndarray | None = None) -> Gradient:
         """Values and gradients of metrics in a revolution, one sweep each; one sweep in all where a `cotangent` (l) of
         the values is given: the gradients' first axis is then 1. Raises InputError for an unknown metric."""
+        values, slopes = self.swept(metrics, revolution, cotangent)
+        return Gradient(
+            **vars(slopes),
+            metrics=tuple(metrics),
+            values=values[:, 0],
+            runner_up=values[:, 1],
+            end=self.end,
+            grazing=self.grazing(),
+        )
+
+    def swept(
+        self, metrics: Sequence[str], revolution: int = 0, cotangent: np.ndarray | None = None
+    ) -> tuple[np.ndarray, Slopes]:
+        """(values and runners-up (l, 2), gradients) as of `gradient`, without the distance to grazing."""
         numbers, values = metric_numbers(self.train, metrics), np.empty((len(metrics), 2))
         weights = np.ones(len(metrics)) if cotangent is None else np.asarray(cotangent, dtype=float)
         together = [slice(i, i + 1) for i in range(len(metrics))] if cotangent is None else [slice(None)]
@@ -122,14 +135,7 @@ class TracedMotion:
         for j, rows in enumerate(together):
             evaluate(self.setting, self.trace, seeds, numbers[rows], weights[rows], revolution, values[rows])
             sweep(self.setting, self.trace, seeds, *(part[j] for part in room))
-        return Gradient(
-            **vars(self._slopes(*room)),
-            metrics=tuple(metrics),
-            values=values[:, 0],
-            runner_up=values[:, 1],
-            end=self.end,
-            grazing=self.grazing(),
-        )
+        return values, self._slopes(*room)
 
     def values(self, metrics: Sequence[str], revolution: int = 0) -> np.ndarray:
         """Values (l) of metrics in a revolution. Raises InputError for an unknown metric."""

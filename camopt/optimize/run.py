@@ -71,8 +71,8 @@ def optimize(
     `speeds` "band" (the scene's band, every speed) or "nominal" (its listed speeds); `accuracy` a name of
     `camopt.optimize.accuracy`; `gradient` "smooth", "exact" or "none". The run folder of design.md section 7 goes
     to `out` (default runs/<scene>-<UTC time>), but for report.html, which `camopt.report` makes from it. With `resume`
-    an interrupted run in `out` goes on and ends in the same design. The search draws no random numbers; `seed` is
-    recorded. Raises InputError for contradictory limits, an unusable folder, or a scene without a confirmed cam.
+    an interrupted run in `out` goes on and ends in the same design. `seed`, where it is not zero, draws the knots to
+    start from. Raises InputError for contradictory limits, an unusable folder, or a scene without a confirmed cam.
     """
     begun = time.perf_counter()
     design, operation = scene.design, scene.operation
@@ -88,7 +88,7 @@ def optimize(
     settings = {"speeds": speeds, "accuracy": accuracy, "gradient": gradient, "seed": seed}
     with _Progress(progress, effort, gradient) as shown:
         times = {"bound": time.perf_counter() - begun}
-        search, no_jump = find_cam(scene, speeds, effort, gradient, Journal(folder), shown.step, times)
+        search, no_jump = find_cam(scene, speeds, effort, gradient, Journal(folder), shown.step, times, seed=seed)
         shown.stage("verdict")
         started = time.perf_counter()
         chosen, verdict = _confirmed(scene, search.confirmed, speeds, effort)

@@ -3,6 +3,8 @@
 import time
 from collections.abc import Callable, Mapping
 
+import numpy as np
+
 from camopt.cam.families.free import free_cam
 from camopt.optimize.accuracy import Accuracy, design_speeds
 from camopt.optimize.journal import Journal
@@ -12,6 +14,16 @@ from camopt.optimize.no_jump_stage import Search, no_jump_stage
 from camopt.optimize.robust import Perturbation, RobustJudge
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
+
+KNOT_SPREAD = 0.1
+"""By how much, relative, a seed may change the knots' interval."""
+
+
+def knot_interval_deg(effort: Accuracy, seed: int) -> float:
+    """Knot interval of the free cam [deg]: the accuracy's own for seed 0, else drawn about it."""
+    if seed == 0:
+        return effort.knot_deg
+    return effort.knot_deg * (1 + KNOT_SPREAD * float(np.random.default_rng(seed).uniform(-1, 1)))
 
 
 def find_cam(
@@ -23,17 +35,19 @@ def find_cam(
     show: Callable[[dict], None] = lambda line: None,
     times: dict | None = None,
     perturbations: Mapping[str, Perturbation] | None = None,
+    seed: int = 0,
 ) -> tuple[Search, NoJumpOptimum]:
     """The cam of largest area that the event-exact judge confirms; with it the best that the linear program alone gave.
 
     `speeds` "band" or "nominal"; `gradient` "none", or "smooth" or "exact" for a gradient stage on that path; `times`
     takes what each stage took [s]. With `perturbations` (by name) the limits on the motion must hold under each of them
-    too. Raises InputError where no cam is confirmed.
+    too. `seed`, where it is not zero, draws the knots' interval, which is what a search starts from beside its limits.
+    Raises InputError where no cam is confirmed.
     """
     started, design, operation = time.perf_counter(), scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
     times = {} if times is None else times
-    cam = free_cam(design, effort.knot_deg)
+    cam = free_cam(design, knot_interval_deg(effort, seed))
     program_speeds, judged_speeds = design_speeds(operation, speeds, effort)
     cam_speeds = [scene.cam_speed(s) for s in program_speeds]
     program = no_jump_program(build_train(scene), design, cam, cam_speeds)

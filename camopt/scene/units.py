@@ -4,6 +4,8 @@ import math
 
 MM = 1e-3
 """Metres in a millimetre."""
+UM = 1e-6
+"""Metres in a micrometre."""
 DEG = math.pi / 180.0
 """Radians in a degree."""
 MM_PER_DEG = MM / DEG

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -14,16 +14,25 @@ from camopt.scene.units import DEG, MM
 from camopt.study.modes import highest_rate
 from camopt.verify import INDEPENDENT
 
+if TYPE_CHECKING:
+    from camopt.study.delivered import Delivered, Run
+
 MODULES = {
     "event": "camopt.exact.engine",
     **INDEPENDENT,
     "smooth": "camopt.smooth.simulate",
 }
-DIFFERENTIABLE = {"smooth": "camopt.smooth.differentiable"}
+DIFFERENTIABLE = {"smooth": "camopt.smooth.differentiable", "event": "camopt.optimize.exact_rule"}
 """Modules with a `differentiable_motion`, by the method that `simulate(parameters=...)` takes."""
 LARGEST_PHASE = 0.3
 """Step times the train's highest rate [rad]: MOTORI 2004's rule for explicit steps (0.31), and for drawn curves."""
 MOST_STEPS = 20_000_000
+FEWEST_STEPS = 720
+"""Steps per revolution at least where an accuracy chooses them, however slow the train: the cam has to be followed."""
+TOLERANCE_OF_WIDTH = 5e-3
+"""The smooth path's error per step over the width of its layer: that of its defaults."""
+LEAST_WIDTH = 2.5e-10
+"""Finest layer [m] that an accuracy may choose."""
 
 
 def simulate(
@@ -34,6 +43,7 @@ def simulate(
     revolutions: int = 2,
     step_deg: float = 0.1,
     parameters: Mapping[str, Any] | None = None,
+    accuracy: str | float | None = None,
 ) -> xr.Dataset:
     """Motion of the valve train from rest at -180 degrees, `revolutions` of the cam at a crankshaft speed [r/min].
 
@@ -46,10 +56,15 @@ def simulate(
     `method`: "event", "smooth" or one of `camopt.verify.INDEPENDENT`. The dataset shows itself in a notebook, and
     draws itself: `motion.position_mm.sel(mass=scene.valve).plot(x="time_s")`.
 
+    With an `accuracy`, a name or micrometres of the valve's position, the method's step (of "smooth": the width of the
+    layer and the grid) is chosen from stored curves and halved until the motion stands (`camopt.study.delivered`); the
+    dataset's attributes say what was asked, what error is estimated for what was delivered, and whether that is enough.
+
     Differentiable: `parameters` (see `motion_parameters`) replaces numbers of scene and cam by arrays that JAX may
     trace, and so may `speed_rpm` be, under `jax.grad`, `jax.jit` and `jax.vmap`. The dataset then holds JAX arrays
-    (`.data`), and every declared metric over `measured`, the revolutions but the last; a motion that the method
-    cannot follow is NaN throughout.
+    (`.data`), and the declared metrics over `measured`, the revolutions but the last ("event": without the excess
+    lift); a motion that the method cannot follow is NaN throughout. By "event" the gradients are those of the exact
+    motion, and for many motions `camopt.optimize.exact_rule.exact_metrics` is the cheaper way to metrics alone.
 
         def seating_velocity(gap):
             motion = camopt.simulate(scene, cam, 6000, method="smooth", parameters={"gap": gap})
@@ -70,6 +85,10 @@ def simulate(
         return _dataset(scene, cam, speed_rpm, method, response).assign(
             {name: ("measured", values) for name, values in metrics.items()}
         )
+    if accuracy is not None:
+        done = delivered(train, cam, cam_speed, method, revolutions, accuracy)
+        motion = _dataset(scene, cam, speed_rpm, method, resampled(done.response, steps * revolutions))
+        return motion.assign_attrs(accuracy_statement=done.sentence(), **done.attributes())
     finer = max(1, int(np.ceil(highest_rate(train) * step_deg * DEG / cam_speed / LARGEST_PHASE)))
     if steps * finer * revolutions > MOST_STEPS:
         raise InputError(
@@ -78,6 +97,33 @@ def simulate(
         )
     response = _motion(train, cam, cam_speed, method, revolutions, steps * finer)
     return _dataset(scene, cam, speed_rpm, method, resampled(response, steps * revolutions))
+
+
+def delivered(
+    train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int, accuracy: str | float
+) -> "Delivered":
+    """The motion from rest at an accuracy; see `camopt.study.delivered`."""
+    from camopt.study.delivered import MOST_VALUES, deliver
+
+    run = dialled(train, cam, cam_speed, method, revolutions)
+    if method == "smooth":
+        return deliver(run, method, accuracy, revolutions, LEAST_WIDTH)
+    most = MOST_VALUES / revolutions / (2 + 2 * len(train.mass) + len(train.a))
+    return deliver(run, method, accuracy, revolutions, 2 * np.pi * highest_rate(train) / cam_speed / most)
+
+
+def dialled(train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int) -> "Run":
+    """The motion from rest as a function of the method's dial: step times highest rate [rad], or layer width [m]."""
+    rate = highest_rate(train)
+
+    def run(setting: float) -> Response:
+        if method == "smooth":
+            smooth, tolerance = import_module(MODULES[method]), setting * TOLERANCE_OF_WIDTH
+            return smooth.simulate_smooth(train, cam, cam_speed, revolutions, eps=setting, tolerance=tolerance)
+        steps = max(FEWEST_STEPS, int(np.ceil(2 * np.pi * rate / cam_speed / setting)))
+        return _motion(train, cam, cam_speed, method, revolutions, steps)
+
+    return run
 
 
 def motion_parameters(scene: Scene, cam: Lift) -> dict[str, np.ndarray]:

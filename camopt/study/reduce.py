@@ -247,8 +247,9 @@ def smooth_times(scene: Scene, cam: Lift, speed_rpm: float) -> dict[str, float]:
     import jax
     import jax.numpy as jnp
 
+    from camopt.smooth.rest import rest_state
     from camopt.smooth.simulate import lift_samples, response_arrays
-    from camopt.smooth.system import build_system, rest_state
+    from camopt.smooth.system import build_system
 
     train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
     steps, samples = first_steps(train, cam_speed), jnp.asarray(lift_samples(cam))

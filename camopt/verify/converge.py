@@ -11,7 +11,7 @@ from camopt.scene.quantities import QUANTITIES
 from camopt.scene.response import Revolve, end_state
 from camopt.scene.rest import static_matrices
 from camopt.scene.train import Train
-from camopt.verify.settle import Figures, settle
+from camopt.verify.settle import SETTLED_POSITION, Figures, first_revolution, settle
 
 Prepare = Callable[[Train, Lift, float, int], Revolve]
 """A method: train, lift, cam speed [rad/s] and steps per revolution to one revolution of a state."""
@@ -20,7 +20,9 @@ COARSEST_PHASE = 0.6
 """Highest frequency times the first step [rad]: well inside the stability limits of the explicit methods."""
 FEWEST_STEPS = 1440
 MOST_STEPS = 120_000
-"""Steps per revolution beyond which a step is not halved again: memory, and minutes."""
+"""Steps per revolution beyond which a step is not halved again: memory, and minutes. A train that would begin beyond a
+quarter of it (very stiff, very slow) begins there, and nothing counts as converged before its fastest rate is resolved:
+Houbolt's method, stable at every step, would damp it out and stand at a wrong force."""
 RELATIVE = 0.01
 """A figure stands when a halved step moves it less than its absolute tolerance plus this share of itself."""
 ABSOLUTE = {
@@ -68,16 +70,33 @@ def first_steps(train: Train, cam_speed: float) -> int:
 
 
 def converge(
-    prepare: Prepare, train: Train, lift: Lift, cam_speed: float, start: np.ndarray, tolerance_um: float, halvings: int
+    prepare: Prepare,
+    train: Train,
+    lift: Lift,
+    cam_speed: float,
+    start: np.ndarray,
+    tolerance_um: float,
+    halvings: int,
+    position: float = SETTLED_POSITION,
+    *,
+    settled: bool = True,
+    steps: int | None = None,
 ) -> Converged:
     """Halve the step until every deciding figure stands twice in a row, at most `halvings` times and,
     after the second halving, to no more than MOST_STEPS.
 
     `start` (2n) is the state at rest; a finer step continues from the coarser one's settled state. The error estimate
     is the larger distance to the two coarser answers: no method has an order across contacts that would allow less. An
-    aperiodic motion stands when it moves by no more than its own range.
+    aperiodic motion stands when it moves by no more than its own range. A halved step takes a step more: were its
+    samples among the coarser one's, a contact that closes just before one of them would be as late at every step. With
+    `settled` off every step measures the first revolution from `start` instead. Where `steps` per revolution to begin
+    with are given, they count as resolving the train; else they follow it. A method may ask for more by an attribute
+    `enough_steps` (train, cam_speed).
+    `position` [m]: as of `settle`.
     """
-    finest = steps = first_steps(train, cam_speed)
+    first = steps or first_steps(train, cam_speed)
+    enough = max(first, getattr(prepare, "enough_steps", lambda *_: 0)(train, cam_speed))
+    finest = steps = min(first, MOST_STEPS // 4)
     allowed = tolerances(tolerance_um)
     state, revolutions = start, 0
     runs: list[Figures] = []
@@ -86,9 +105,10 @@ def converge(
     for halving in range(halvings + 1):
         if halving > 2 and steps << halving > MOST_STEPS:
             break
-        finest = steps << halving
+        finest = (steps << halving) + halving
         try:
-            done = settle(prepare(train, lift, cam_speed, finest), state)
+            revolve = prepare(train, lift, cam_speed, finest)
+            done = settle(revolve, state, position=position) if settled else first_revolution(revolve, start)
         except MotionRefused:
             runs, stood, state = [], [], start
             continue
@@ -97,26 +117,31 @@ def converge(
         runs.append(done.metrics(lift))
         if len(runs) > 1:
             stood.append(_stands(runs[-2], runs[-1], allowed, done.periodic))
-        if len(stood) > 1 and all(stood[-2:]):
+        if finest >= enough and len(stood) > 1 and all(stood[-2:]):
             break
     if done is None or not runs:
         nothing = dict.fromkeys(QUANTITIES, np.nan)
         return Converged(finest, False, nothing, dict.fromkeys(QUANTITIES, (np.nan, np.nan)), nothing, 0, False, None)
     worst = {name: runs[-1].worst(name) for name in QUANTITIES}
-    error = {name: max((abs(r.worst(name) - worst[name]) for r in runs[-3:-1]), default=np.inf) for name in QUANTITIES}
+    error = {name: max((apart(r.worst(name), worst[name]) for r in runs[-3:-1]), default=np.inf) for name in QUANTITIES}
     spread = {name: runs[-1].range(name) for name in QUANTITIES}
-    converged = len(stood) > 1 and all(stood[-2:])
+    converged = finest >= enough and len(stood) > 1 and all(stood[-2:])
     return Converged(finest, converged, worst, spread, error, revolutions, done.periodic, state)
+
+
+def apart(one: float, other: float) -> float:
+    """Distance of two figures; not seating (NaN) in both is the same answer, in one of them another one."""
+    if np.isnan(one) or np.isnan(other):
+        return 0.0 if np.isnan(one) and np.isnan(other) else np.inf
+    return abs(one - other)
 
 
 def _stands(before: Figures, after: Figures, allowed: dict[str, float], periodic: bool) -> bool:
     """Whether halving the step left every deciding figure where it was; not seating twice is the same answer."""
     for name, absolute in allowed.items():
         old, new = before.worst(name), after.worst(name)
-        if np.isnan(old) and np.isnan(new):
-            continue
         low, high = after.range(name)
         width = 0.0 if periodic else high - low
-        if not abs(new - old) <= absolute + RELATIVE * abs(new) + width:
+        if apart(new, old) > absolute + RELATIVE * np.nan_to_num(abs(new)) + np.nan_to_num(width):
             return False
     return True

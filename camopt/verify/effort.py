@@ -20,22 +20,28 @@ looser tolerance: with event-exact the price of an accurate motion is a fraction
 `python -m experiments.work_precision` and `python -m experiments.cost_scaling`.
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 from camopt.cam.lift import Lift
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
+from camopt.scene.units import UM
+from camopt.verify.curves import stored_curves
+from camopt.verify.settle import SETTLED_POSITION
 from camopt.verify.verdict import METHODS, Verdict, methods_for, verify
 
 
 @dataclass(frozen=True)
 class Effort:
-    """Methods that must agree, step of the band, and what halving a method's step may still move."""
+    """Methods that must agree, step of the band, what halving a method's step may still move, and how far a settled
+    motion may still be from itself a revolution later."""
 
     methods: tuple[str, ...]
     band_step_rpm: float
     tolerance_um: float
+    settled_um: float = SETTLED_POSITION / UM
 
 
 EFFORTS = {
@@ -46,12 +52,21 @@ EFFORTS = {
 
 
 def effort_of(accuracy: str | float) -> Effort:
-    """The effort of a named accuracy, or of a tolerance in micrometres; raises InputError for an unknown one."""
+    """The effort of a named accuracy, or of a tolerance in micrometres; raises InputError for an unknown one.
+
+    For a number the stored curves choose the band's step and the settling: the coarsest that kept the largest bounce
+    within it, and the settled bounce within half of it, in nine draws out of ten; never coarser than "draft".
+    """
     if isinstance(accuracy, str):
         if accuracy not in EFFORTS:
             raise InputError(f"accuracy {accuracy!r}: expected {', '.join(EFFORTS)} or a number of micrometres")
         return EFFORTS[accuracy]
-    return Effort(EFFORTS["standard"].methods, EFFORTS["standard"].band_step_rpm, float(accuracy))
+    asked, draft, curves = float(accuracy), EFFORTS["draft"], stored_curves()
+    if not (math.isfinite(asked) and asked > 0):
+        raise InputError(f"accuracy {accuracy}: a number of micrometres above 0 is needed")
+    band_step = min(draft.band_step_rpm, round(curves["band_step"].coarsest(asked)))
+    settled = min(draft.settled_um, curves["settling"].coarsest(0.5 * asked), asked)
+    return Effort(EFFORTS["standard"].methods, band_step, asked, settled)
 
 
 def verify_cam(
@@ -65,9 +80,13 @@ def verify_cam(
 
     `methods` "all" (those that carry the scene's laws; for "draft" the first two) or one of "event", "rkg", "tmm",
     "houbolt", "dop853": one method alone gives figures but no agreement, and so never confirms. `accuracy`: a name of
-    EFFORTS or micrometres. Raises InputError for what cannot be judged.
+    EFFORTS or micrometres; the verdict says what was asked and what error is estimated for what was delivered. Raises
+    InputError for what cannot be judged.
     """
     effort = effort_of(accuracy)
     every = methods_for(build_train(scene))[: 2 if accuracy == "draft" else None]
     asked = every if methods == "all" else (methods,)
-    return verify(scene, lift, speeds_rpm, asked, effort.band_step_rpm, effort.tolerance_um)
+    verdict = verify(
+        scene, lift, speeds_rpm, asked, effort.band_step_rpm, effort.tolerance_um, settled=effort.settled_um * UM
+    )
+    return replace(verdict, asked=accuracy)

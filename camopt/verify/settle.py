@@ -45,24 +45,41 @@ class Figures:
         return float(np.min(self.by_revolution[name])), float(np.max(self.by_revolution[name]))
 
 
-def settle(revolve: Revolve, state: np.ndarray, most: int = 40, measured: int = 4, aperiodic: int = 8) -> Settled:
+def settle(
+    revolve: Revolve,
+    state: np.ndarray,
+    most: int = 40,
+    measured: int = 4,
+    aperiodic: int = 8,
+    position: float = SETTLED_POSITION,
+) -> Settled:
     """Run revolutions from `state` (2n) until the state one revolution apart stands, then the measured ones.
 
-    At most `most` revolutions; a motion that has not settled by then is reported as aperiodic and measured over
+    It stands where no position moves by more than `position` [m] and no velocity by SETTLED_VELOCITY in proportion. At
+    most `most` revolutions; a motion that has not settled by then is reported as aperiodic and measured over
     `aperiodic` revolutions. Raises MotionRefused where the motion has no bound (a step past the stability limit).
     """
-    n = len(state) // 2
+    n, velocity = len(state) // 2, SETTLED_VELOCITY * position / SETTLED_POSITION
     periodic, revolutions = False, 0
     while not periodic and revolutions < most:
         after = _next_state(revolve, state)
         change = np.abs(after - state)
-        periodic = bool(change[:n].max() < SETTLED_POSITION and change[n:].max() < SETTLED_VELOCITY)
+        periodic = bool(change[:n].max() < position and change[n:].max() < velocity)
         state, revolutions = after, revolutions + 1
     responses = []
     for _ in range((measured if periodic else aperiodic) + 1):
         responses.append(_finite(revolve(state)))
         state = end_state(responses[-1])
     return Settled(joined(responses), revolutions, periodic)
+
+
+def first_revolution(revolve: Revolve, state: np.ndarray) -> Settled:
+    """The revolution that begins in `state` (2n), measured as it is: for comparing methods, not for judging cams.
+
+    Raises MotionRefused where the motion has no bound.
+    """
+    first = _finite(revolve(state))
+    return Settled(joined([first, _finite(revolve(end_state(first)))]), 0, True)
 
 
 def _next_state(revolve: Revolve, state: np.ndarray) -> np.ndarray:

@@ -20,7 +20,8 @@ from camopt.scene.train import Train, build_train
 from camopt.verify import INDEPENDENT, rkg
 from camopt.verify.converge import RELATIVE, Converged, Prepare, converge, first_steps, tolerances
 from camopt.verify.limits import broken_by_shape, motion_limits
-from camopt.verify.settle import Figures, settle
+from camopt.verify.settle import SETTLED_POSITION, Figures, settle
+from camopt.verify.stated import stated
 from camopt.verify.sweep import STARTS_MM, Band, first_exceeding, sweep
 
 METHODS = ("event", "rkg", "tmm", "houbolt")
@@ -80,8 +81,15 @@ class Verdict:
     worst_in_band: tuple[SpeedVerdict, ...]  # all methods at the worst speeds of the band
     first_jump_rpm: float | None
     first_bounce_rpm: float | None
+    tolerance_um: float
+    asked: str | float | None = None  # the accuracy by name or in micrometres, where there was one
     scene: Scene | None = None  # what was judged, and which cam: for the figure alone
     cam: str = "cam"
+
+    @property
+    def accuracy(self) -> dict:
+        """What was asked and what was delivered: verification.json's "accuracy"."""
+        return stated((*self.speeds, *self.worst_in_band), self.tolerance_um, self.asked)
 
     def plot(self):
         """Bounce and jump against speed, with the scene's limits, as a matplotlib Figure."""
@@ -107,6 +115,7 @@ class Verdict:
             "speeds": [s.as_dict() for s in self.speeds],
             "band": band,
             "limits": {"first_jump_rpm": self.first_jump_rpm, "first_bounce_rpm": self.first_bounce_rpm},
+            "accuracy": self.accuracy,
         }
 
 
@@ -119,6 +128,7 @@ def verify(
     tolerance_um: float = 2.0,
     halvings: int = 6,
     workers: int = 2,
+    settled: float = SETTLED_POSITION,
 ) -> Verdict:
     """Judge a cam at `speeds_rpm` (crankshaft; the scene's by default) and over the scene's band.
 
@@ -128,7 +138,8 @@ def verify(
     with event-exact (Runge-Kutta-Gill for nonlinear laws), and unless a listed speed rejects the cam already, all
     methods look at the worst speed of every limited metric. Bounce and jump "start" where they exceed the scene's
     limit, or 0.05 mm where it sets none. `tolerance_um` [um]: by how much halving the step may still move bounce and
-    jump. Raises InputError for a scene without valve or operation, or an unknown method.
+    jump. `settled` [m]: largest change of a position over a revolution of a settled motion. Raises InputError for a
+    scene without valve or operation, or an unknown method.
     """
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name!r}: a verdict needs valve, seat and [operation]")
@@ -142,7 +153,10 @@ def verify(
 
     def judge(speeds) -> tuple[SpeedVerdict, ...]:
         with ThreadPoolExecutor(workers) as pool:
-            jobs = [pool.submit(_judge_speed, scene, lift, float(s), methods, tolerance_um, halvings) for s in speeds]
+            jobs = [
+                pool.submit(_judge_speed, scene, lift, float(s), methods, tolerance_um, halvings, settled)
+                for s in speeds
+            ]
             return tuple(job.result() for job in jobs)
 
     at_speeds = judge(scene.operation.speeds_rpm if speeds_rpm is None else speeds_rpm)
@@ -158,7 +172,7 @@ def verify(
     broken = dict.fromkeys([*shape, *(name for s in every for name in s.broken)])
     overall = max([*(s.verdict for s in every), "rejected" if shape else "confirmed"], key=ORDER.index)
     starts = first["jump_mm"], first["bounce_mm"]
-    return Verdict(overall, tuple(broken), at_speeds, band, worst, *starts, scene, lift.family)
+    return Verdict(overall, tuple(broken), at_speeds, band, worst, *starts, tolerance_um, scene=scene, cam=lift.family)
 
 
 def methods_for(train: Train) -> tuple[str, ...]:
@@ -191,10 +205,10 @@ def _starts(scene: Scene) -> dict[str, float]:
     return {name: given.get(name, STARTS_MM) for name in ("bounce_mm", "jump_mm")}
 
 
-def _judge_speed(scene, lift, speed_rpm, methods, tolerance_um, halvings) -> SpeedVerdict:
+def _judge_speed(scene, lift, speed_rpm, methods, tolerance_um, halvings, settled) -> SpeedVerdict:
     train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
     rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
-    answers = {m: converge(_method(m), train, lift, cam_speed, rest, tolerance_um, halvings) for m in methods}
+    answers = {m: converge(_method(m), train, lift, cam_speed, rest, tolerance_um, halvings, settled) for m in methods}
     first = answers[methods[0]]
     if first.state is None:
         return SpeedVerdict(speed_rpm, "not converged", (), (), (np.nan, np.nan), answers)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from experiments.dormand_prince import DENSE, ERROR, A, dormand_prince, right_hand_side
+from camopt.study.dormand_prince import DENSE, ERROR, A, dormand_prince, right_hand_side
 from experiments.work_precision import Case, main
 from experiments.work_precision_parts import ratios
 

@@ -1,0 +1,150 @@
+"""Gradients of a mean over many slightly different cams: where single motions are rough or their gradients fall apart.
+
+Of the mean of a metric over cams with bumps of random height, J_sigma(z) = E J(z + sigma xi), xi normal, two estimates:
+
+    pathwise               E dJ/dz(z + sigma xi)                              exact gradients, averaged
+    evolution strategy     E [J(z + sigma xi) - J(z - sigma xi)] xi / (2 sigma)    values only (Nesterov, Spokoiny 2017)
+
+Where the motion is smooth over the ensemble, the pathwise mean is the one with less noise. It misses what steps of the
+metric contribute (a contact that closes once more or once less), and agreement of its halves does not show that; once
+the motion is chaotic its variance has no bound, which their disagreement shows (`split_half_cosine`). So the evolution
+strategy judges it: `experiments/ensemble_gradients.py`. Members come in pairs, xi and -xi.
+"""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from camopt.cam.bumps import moved
+from camopt.cam.lift import Lift
+from camopt.exact.gradient import rest_state, value_and_gradient_many
+from camopt.exact.motion import TracedMotion
+from camopt.scene.errors import InputError, MotionRefused
+from camopt.scene.train import Train
+
+FEWEST_PAIRS = 2
+
+
+@dataclass(frozen=True)
+class EnsembleGradient:
+    """Means of l metrics over an ensemble of cams and their gradients by m heights of bumps [unit per m]."""
+
+    metrics: tuple[str, ...]
+    values: np.ndarray  # (l) mean
+    gradient: np.ndarray  # (l, m)
+    standard_error: np.ndarray  # (l, m) of the gradient, from the scatter of the pairs
+    split_half_cosine: np.ndarray  # (l) between the gradients of the ensemble's halves: far from 1 is noise
+    members: int  # that count
+    refused: int  # left out with their partner: refused motions, or metrics without a value
+
+
+def ensemble_gradient(
+    train: Train,
+    lift: Lift,
+    cam_speed: float,
+    metrics: Sequence[str],
+    directions: np.ndarray,
+    sigma_m: float,
+    members: int,
+    seed: int,
+    *,
+    start: np.ndarray | None = None,
+    revolutions: int = 1,
+    revolution: int = 0,
+    workers: int = 2,
+) -> EnsembleGradient:
+    """Mean values and mean pathwise gradients of metrics, in `workers` threads.
+
+    `directions` (m, p, q) are changes of `lift.coefficients` per metre, as of `with_bumps`; every member has normal
+    heights of standard deviation `sigma_m` [m] along each. `members` is even; other arguments as of
+    `value_and_gradient`. Raises InputError for unusable numbers, MotionRefused where fewer than two pairs count.
+    """
+    pairs = _pairs(len(directions), sigma_m, members, seed)
+    lifts = [moved(lift, directions, sign * heights) for heights in pairs for sign in (1.0, -1.0)]
+    starts = None if start is None else np.broadcast_to(start, (members, len(start)))
+    options = {"workers": workers, "revolutions": revolutions, "revolution": revolution}
+    found = value_and_gradient_many(train, lifts, [cam_speed] * members, metrics, starts, **options)
+    nothing = np.full(len(metrics), np.nan), np.full((len(metrics), len(directions)), np.nan)
+    values, slopes = zip(
+        *(nothing if g is None else (g.values, np.einsum("lpq,mpq->lm", g.by_coefficients, directions)) for g in found),
+        strict=True,
+    )
+    paired = np.array(slopes).reshape(len(pairs), 2, len(metrics), -1)
+    return _summary(metrics, np.array(values).reshape(len(pairs), 2, -1), paired.mean(axis=1))
+
+
+def evolution_strategy_gradient(
+    train: Train,
+    lift: Lift,
+    cam_speed: float,
+    metrics: Sequence[str],
+    directions: np.ndarray,
+    sigma_m: float,
+    members: int,
+    seed: int,
+    *,
+    start: np.ndarray | None = None,
+    revolutions: int = 1,
+    revolution: int = 0,
+    workers: int = 2,
+) -> EnsembleGradient:
+    """As `ensemble_gradient`, the gradient from values alone: noisier, but right however the motion behaves."""
+    pairs = _pairs(len(directions), sigma_m, members, seed)
+    lifts = [moved(lift, directions, sign * heights) for heights in pairs for sign in (1.0, -1.0)]
+    at = rest_state(train) if start is None else start
+
+    def values_of(member: Lift) -> np.ndarray:
+        return TracedMotion(train, member, cam_speed, at, revolutions).values(metrics, revolution)
+
+    values = _side_by_side(values_of, lifts, len(metrics), workers).reshape(len(pairs), 2, -1)
+    rise = (values[:, 0] - values[:, 1]) / (2.0 * sigma_m**2)
+    return _summary(metrics, values, rise[:, :, None] * pairs[:, None, :])
+
+
+def _pairs(directions: int, sigma_m: float, members: int, seed: int) -> np.ndarray:
+    """Heights (members / 2, m) [m] of the first of every pair."""
+    if members % 2 or members < 2 * FEWEST_PAIRS:
+        raise InputError(f"members = {members}: an ensemble needs an even number of at least {2 * FEWEST_PAIRS}")
+    if not sigma_m > 0.0:
+        raise InputError(f"sigma_m = {sigma_m:g}: the cams of an ensemble must differ; 5e-6 m is a grinding error")
+    return sigma_m * np.random.default_rng(seed).normal(size=(members // 2, directions))
+
+
+def _side_by_side(values_of: Callable[[Lift], np.ndarray], lifts: list[Lift], count: int, workers: int) -> np.ndarray:
+    """Values (k, count) of k cams in threads; NaN where the motion is refused."""
+
+    def one(lift: Lift) -> np.ndarray:
+        try:
+            return values_of(lift)
+        except MotionRefused:
+            return np.full(count, np.nan)
+
+    with ThreadPoolExecutor(workers) as pool:
+        return np.array(list(pool.map(one, lifts)))
+
+
+def _summary(metrics: Sequence[str], values: np.ndarray, slopes: np.ndarray) -> EnsembleGradient:
+    """From values (pairs, 2, l) and the pairs' gradients (pairs, l, m)."""
+    usable = np.all(np.isfinite(values), axis=(1, 2)) & np.all(np.isfinite(slopes), axis=(1, 2))
+    count = int(np.sum(usable))
+    if count < FEWEST_PAIRS:
+        raise MotionRefused(f"of {len(usable)} pairs of cams {count} move so that every metric has a value")
+    slopes = slopes[usable]
+    halves = slopes[: count // 2].mean(axis=0), slopes[count // 2 :].mean(axis=0)
+    return EnsembleGradient(
+        metrics=tuple(metrics),
+        values=values[usable].mean(axis=(0, 1)),
+        gradient=slopes.mean(axis=0),
+        standard_error=slopes.std(axis=0, ddof=1) / np.sqrt(count),
+        split_half_cosine=np.array([cosine(a, b) for a, b in zip(*halves, strict=True)]),
+        members=2 * count,
+        refused=2 * (len(usable) - count),
+    )
+
+
+def cosine(a: np.ndarray, b: np.ndarray) -> float:
+    """Cosine of the angle between two gradients (m); NaN where one of them is zero."""
+    size = np.linalg.norm(a) * np.linalg.norm(b)
+    return float(a @ b / size) if size > 0.0 else float("nan")

@@ -1,0 +1,63 @@
+"""Error against time on logarithmic axes, with the Pareto front."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from camopt.plots.style import INK, new_figure, styled
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#B0518E", "#E69F00", "#56B4E9", "#7A5C2E", "#555555")
+MARKERS = "osD^vP"
+"""Beside eight colours: series that share a colour differ in their marker."""
+PANEL = 3.5
+"""Width of a panel [in]."""
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """One quantity: by series, times (k) [s] and errors (k) in the unit of `label`; errors of 0 stand at the floor."""
+
+    label: str
+    series: Mapping[str, tuple[Sequence[float], Sequence[float]]]
+
+
+@styled
+def work_precision(clouds: Sequence[Cloud], xlabel: str, columns: int = 2) -> Figure:
+    """Panels of error over time, one per quantity; a grey line steps along what nothing else beats."""
+    names = list(dict.fromkeys(name for cloud in clouds for name in cloud.series))
+    look = {n: (COLOURS[i % len(COLOURS)], MARKERS[i // len(COLOURS) % len(MARKERS)]) for i, n in enumerate(names)}
+    columns = min(columns, len(clouds))
+    rows = -(-len(clouds) // columns)
+    figure = new_figure(PANEL * columns + 2.6, max(2.7 * rows, 0.21 * len(names) + 0.4))
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in grid[len(clouds) :]:
+        axes.remove()
+    for axes, cloud in zip(grid, clouds, strict=False):
+        every = np.concatenate([np.asarray(errors, dtype=float) for _, errors in cloud.series.values()])
+        floor = 0.3 * np.min(every[every > 0], initial=1.0)
+        for name, (seconds, errors) in cloud.series.items():
+            colour, marker = look[name]
+            order = np.argsort(seconds)
+            x, y = np.asarray(seconds, dtype=float)[order], np.maximum(np.asarray(errors, dtype=float)[order], floor)
+            axes.plot(x, y, color=colour, marker=marker, markersize=3.5, linewidth=0.8, zorder=3)
+        x = np.concatenate([np.asarray(seconds, dtype=float) for seconds, _ in cloud.series.values()])
+        best = pareto(x, every)
+        axes.step(x[best], np.maximum(every[best], floor), where="post", color=INK, linewidth=3, alpha=0.18, zorder=2)
+        axes.set(xscale="log", yscale="log", xlabel=xlabel, ylabel=cloud.label)
+    for name in names:
+        colour, marker = look[name]
+        grid[0].plot([], [], color=colour, marker=marker, markersize=3.5, linewidth=0.8, label=name)
+    grid[0].plot([], [], color=INK, linewidth=3, alpha=0.18, label="Pareto front")
+    figure.legend(loc="outside right upper", handlelength=2.2)
+    return figure
+
+
+def pareto(seconds: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """Indices of the points that none is faster than at no greater error, from the fastest to the most accurate."""
+    best: list[int] = []
+    for i in np.lexsort((errors, seconds)):
+        if not best or errors[i] < errors[best[-1]]:
+            best.append(int(i))
+    return np.array(best, dtype=int)

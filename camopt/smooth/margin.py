@@ -1,0 +1,26 @@
+"""The contact force margin (see `camopt.exact.margin`) on the smooth path."""
+
+import jax
+import jax.numpy as jnp
+
+from camopt.scene.held import HOLDING_N, held_closed
+from camopt.scene.train import Train
+from camopt.smooth.metrics import event_metrics
+from camopt.smooth.rest import rest_state
+from camopt.smooth.simulate import EPS, STEPS, TOLERANCE, response_arrays
+from camopt.smooth.system import build_system
+
+
+def contact_force_margin(
+    train: Train, samples: jax.Array, cam_speed, half_duration, *, eps=EPS, tolerance=TOLERANCE, steps: int = STEPS
+) -> jax.Array:
+    """Least force [N] of the contacts between cam and valve, held closed, in the first revolution from rest.
+
+    Arguments as of `response_arrays`; differentiable in `samples` and `cam_speed`. NaN where `steps` do not suffice or
+    the contacts pull with more than `HOLDING_N`. Raises InputError as `held_closed`.
+    """
+    held = held_closed(train)
+    system = build_system(held)
+    motion = response_arrays(system, samples, cam_speed, rest_state(held), eps, tolerance, steps=steps)
+    least = event_metrics(system, motion, half_duration, 0)["contact_force_min_N"]
+    return jnp.where(least > 0.0, least - HOLDING_N, jnp.nan)

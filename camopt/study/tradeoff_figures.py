@@ -1,0 +1,47 @@
+"""Figures of `camopt tradeoff`: one per case of methods, one of the job's dials."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from camopt.plots.style import save
+from camopt.plots.tradeoff import Cloud, work_precision
+
+LABELS = {
+    "bounce_mm": "error of bounce [mm]",
+    "jump_mm": "error of jump [mm]",
+    "seating_velocity_m_per_s": "error of seating velocity [m/s]",
+    "lift_mm": "error of valve lift [mm]",
+    "gradient": "relative error of the gradient [-]",
+    "area_mm_deg": "error of area [mm deg]",
+}
+
+
+def draw(folder: Path, rows: Sequence[dict]) -> None:
+    """Writes `<case>.png` and `.svg` for the cases of methods and `job-<quantity>` for the job's dials."""
+    usable = [row for row in rows if row["converged"] and row["seconds"] and row["error_of"] in LABELS]
+    methods = [row for row in usable if not row["case"].startswith("job: ")]
+    for case in dict.fromkeys(row["case"] for row in methods):
+        clouds = _clouds([row for row in methods if row["case"] == case], "method")
+        figure = work_precision(clouds, "time per revolution [s]")
+        save(figure, folder, case.replace("/", "").replace(" ", "-"))
+    # a smaller model is timed by the revolution, the other dials by the whole step of the job
+    job = [row for row in usable if row["case"].startswith("job: ") and row["case"] != "job: masses"]
+    if job:
+        save(work_precision(_clouds(job, "case"), "time of the step of the job [s]"), folder, "job")
+    masses = [row for row in usable if row["case"] == "job: masses"]
+    if masses:
+        save(work_precision(_clouds(masses, "method"), "time per revolution [s]"), folder, "masses")
+
+
+def _clouds(rows: Sequence[dict], by: str) -> list[Cloud]:
+    clouds = []
+    for name, label in LABELS.items():
+        series: dict[str, tuple[list[float], list[float]]] = {}
+        for row in rows:
+            if row["error_of"] == name:
+                seconds, errors = series.setdefault(row[by].removeprefix("job: "), ([], []))
+                seconds.append(row["seconds"])
+                errors.append(row["error"])
+        if series:
+            clouds.append(Cloud(label, series))
+    return clouds

@@ -1,0 +1,124 @@
+"""Which setting of each dial gave which error? Writes the curves from which `--accuracy` picks its settings.
+
+Methods: step times highest rate [rad] (smooth: width of the layer [m]) against the largest error of the valve's
+position over two revolutions from rest. "settling": how far a state may still move per revolution [um] against the
+error of the settled bounce. "band_step": step of a band [r/min] against what it misses of the largest bounce. The truth
+is event-exact at finer samples, settled to 1e-10 m; draws that event-exact itself does not know to 1 um are left out
+and counted.
+"""
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+import camopt.verify
+from camopt.exact import engine
+from camopt.scene import MotionRefused, build_train
+from camopt.scene.units import MM, UM
+from camopt.storage import write_json
+from camopt.study.delivered import apart_um, valve_position
+from camopt.study.motion import dialled
+from camopt.study.reduce import at_rest
+from camopt.verify.curves import FILE
+from camopt.verify.settle import settle
+from camopt.verify.sweep import at_speeds
+from experiments.drawn_cases import DrawnCase, drawn_cases
+from experiments.record import RESULTS, run_script, write_result
+
+SEED = 7
+REVOLUTIONS = 2
+DRAWS = {"small": 2, "full": 40}
+SMOOTH_DRAWS = {"small": 0, "full": 6}
+BAND_DRAWS = {"small": 1, "full": 8}
+PHASES = {"small": (0.1, 0.3), "full": (0.01, 0.02, 0.05, 0.1, 0.2, 0.3)}
+WIDTHS = (1e-9, 1e-8, 1e-7, 1e-6)
+SETTLING_UM = (0.01, 0.1, 1.0, 10.0, 100.0)
+BAND_STEPS = {"small": (100, 200), "full": (5, 10, 20, 50, 100, 200)}
+TRUTH_PHASE = 0.02
+SETTLED = 1e-10
+
+
+def of_methods(cases: list[DrawnCase], phases, smooth: int) -> tuple[dict, int]:
+    """Errors [um] by method: (draws, settings); and how many draws have no truth."""
+    errors: dict[str, list] = {name: [] for name in ("event", "dop853", "rkg", "tmm", "houbolt", "smooth")}
+    unknown = 0
+    for i, case in enumerate(cases):
+        train, cam_speed = build_train(case.scene), case.scene.cam_speed(case.speed_rpm)
+        run = {name: dialled(train, case.lift, cam_speed, name, REVOLUTIONS) for name in errors}
+        truth, other = (valve_position(run["event"](phase), REVOLUTIONS) for phase in (TRUTH_PHASE, 1.5 * TRUTH_PHASE))
+        if apart_um(truth, [other], REVOLUTIONS).max() > 1.0:
+            unknown += 1
+            continue
+        for name, rows in errors.items():
+            if (name == "smooth" and i >= smooth) or (name == "dop853" and i % 6):  # slow ones on fewer draws
+                continue
+            rows.append([_error(run[name], s, truth) for s in (WIDTHS if name == "smooth" else phases)])
+    return {name: rows for name, rows in errors.items() if rows}, unknown
+
+
+def _error(run, setting: float, truth: np.ndarray) -> float:
+    try:
+        return float(apart_um(valve_position(run(setting), REVOLUTIONS), [truth], REVOLUTIONS).max())
+    except MotionRefused:
+        return np.inf
+
+
+def of_settling(cases: list[DrawnCase]) -> list[list[float]]:
+    """Errors of the settled bounce [um]: (draws that settle, tolerances)."""
+    rows = []
+    for case in cases:
+        train = build_train(case.scene)
+        revolve, rest = engine.prepare(train, case.lift, case.scene.cam_speed(case.speed_rpm)), at_rest(train)
+        truth = settle(revolve, rest, most=300, position=SETTLED)
+        if truth.periodic:
+            bounce = partial(settle, revolve, rest, 300)
+            found = [bounce(position=s * UM).metrics(case.lift).worst("bounce_mm") for s in SETTLING_UM]
+            rows.append(np.abs(np.array(found) - truth.metrics(case.lift).worst("bounce_mm")) * MM / UM)
+    return [row for row in rows if np.all(np.isfinite(row))]
+
+
+def of_bands(cases: list[DrawnCase], steps) -> list[list[float]]:
+    """What a band's step misses of the largest bounce in the finest one [um]: (draws, steps)."""
+    rows = []
+    for case in cases:
+        assert case.scene.operation is not None
+        low, high = case.scene.operation.band_rpm
+        speeds = np.arange(low, high + 1, steps[0])
+        found = at_speeds(engine.prepare, case.scene, case.lift, speeds)
+        bounce = np.nan_to_num([row["bounce_mm"] for row in found], nan=np.inf)
+        worst = [bounce[:: step // steps[0]].max() for step in steps]
+        if np.isfinite(worst[0]):
+            rows.append((worst[0] - np.array(worst)) * MM / UM)
+    return rows
+
+
+def curve(unit: str, setting, errors) -> dict:
+    errors = np.asarray(errors)
+    median, p90 = (np.quantile(errors, q, axis=0, method="higher") for q in (0.5, 0.9))
+    return {"unit": unit, "setting": list(setting), "median_um": median, "p90_um": p90, "draws": len(errors)}
+
+
+def main(size: str, folder=RESULTS) -> dict:
+    """Measures and writes `accuracy_curves.json`; at full size also into the package."""
+    cases = list(drawn_cases(SEED, DRAWS[size]))
+    errors, unknown = of_methods(cases, PHASES[size], SMOOTH_DRAWS[size])
+    curves = {
+        name: curve("m", WIDTHS, rows) if name == "smooth" else curve("rad", PHASES[size], rows)
+        for name, rows in errors.items()
+    }
+    curves["settling"] = curve("um", SETTLING_UM, of_settling(cases))
+    curves["band_step"] = curve("r/min", BAND_STEPS[size], of_bands(cases[: BAND_DRAWS[size]], BAND_STEPS[size]))
+    content = {"draws": DRAWS[size], "draws_without_truth": unknown, "curves": curves}
+    for name, one in curves.items():
+        pairs = zip(one["setting"], one["p90_um"], strict=True)
+        print(f"{name:<10}", *(f"{setting:g} {one['unit']}: {error:.2g} um;" for setting, error in pairs))
+    write_result("accuracy_curves", size, content, {}, folder)
+    if size == "full" and folder == RESULTS:
+        package = Path(camopt.verify.__file__).parent / FILE
+        write_json(package, content | {"written_by": "python -m experiments.accuracy_curves"})
+    return content
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)

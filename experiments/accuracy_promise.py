@@ -1,0 +1,129 @@
+"""Is what `--accuracy` delivers as accurate as asked, and does it say so where it is not?
+
+200 scenes, cams and speeds drawn at random, each with an accuracy between 0.1 and 100 um: the valve's position over two
+revolutions from rest by `simulate` (event-exact, and a step method drawn for the same case), and the settled bounce by
+`verify`. A promise is an answer that is not flagged; it is kept where the true error is at most what was asked. Truth:
+event-exact at finer samples, on some draws held against DOP853 with located switchings; where two such answers differ
+by more than was asked, or the motion never repeats, there is no truth to that accuracy and the answer must be flagged.
+"""
+
+import time
+from collections import Counter
+
+import numpy as np
+
+from camopt.exact import engine
+from camopt.scene import build_train
+from camopt.scene.units import MM, UM
+from camopt.study.delivered import apart_um, valve_position
+from camopt.study.motion import delivered, dialled
+from camopt.study.reduce import at_rest
+from camopt.verify.effort import effort_of
+from camopt.verify.settle import settle
+from camopt.verify.stated import bounce_error_um
+from camopt.verify.verdict import verify
+from experiments.drawn_cases import DrawnCase, drawn_cases
+from experiments.record import RESULTS, run_script, write_result
+
+SEED = 20
+DRAWS = {"small": 4, "full": 200}
+DOP853_EVERY = 10
+REVOLUTIONS = 2
+ASKED_UM = (0.1, 100.0)
+TRUTH_PHASES = (0.02, 0.03)
+TRUTH_SAMPLES = (9000, 11_000)
+SETTLED = 1e-10
+
+
+def lift_rows(case: DrawnCase, asked_um: float, other: str, dop853: bool) -> list[dict]:
+    """`simulate` by event-exact and by another method."""
+    train, cam_speed = build_train(case.scene), case.scene.cam_speed(case.speed_rpm)
+    event = dialled(train, case.lift, cam_speed, "event", REVOLUTIONS)
+    truth, again = (valve_position(event(phase), REVOLUTIONS) for phase in TRUTH_PHASES)
+    unknown_um = float(apart_um(truth, [again], REVOLUTIONS).max())
+    rows = []
+    for method in ("event", other):
+        begin = time.perf_counter()
+        found = delivered(train, case.lift, cam_speed, method, REVOLUTIONS, asked_um)
+        seconds = time.perf_counter() - begin
+        true_um = float(apart_um(valve_position(found.response, REVOLUTIONS), [truth], REVOLUTIONS).max())
+        rows.append(row(f"lift, {method}", asked_um, float(found.estimate_um.max()), true_um, unknown_um, seconds))
+    if dop853:
+        located = dialled(train, case.lift, cam_speed, "dop853", REVOLUTIONS)(0.1)
+        rows[0]["truth_against_dop853_um"] = float(
+            apart_um(valve_position(located, REVOLUTIONS), [truth], REVOLUTIONS).max()
+        )
+    return rows
+
+
+def bounce_row(case: DrawnCase, asked_um: float) -> dict:
+    """`verify` by event-exact; a motion that does not repeat is known to its range."""
+    effort, train = effort_of(asked_um), build_train(case.scene)
+    begin = time.perf_counter()
+    verdict = verify(
+        case.scene, case.lift, (case.speed_rpm,), ("event",), None, effort.tolerance_um, settled=effort.settled_um * UM
+    )
+    seconds = time.perf_counter() - begin
+    (speed,) = verdict.speeds
+    bounces, spreads = [], []
+    for samples in TRUTH_SAMPLES:
+        revolve = engine.prepare(train, case.lift, case.scene.cam_speed(case.speed_rpm), samples)
+        settled = settle(revolve, at_rest(train), most=200, position=SETTLED)
+        figures = settled.metrics(case.lift)
+        bounces.append(figures.worst("bounce_mm") * MM / UM)
+        low, high = figures.range("bounce_mm")
+        spreads.append(0.0 if settled.periodic else (high - low) * MM / UM)
+    unknown = max(abs(bounces[0] - bounces[1]), *spreads)
+    true = abs(speed.methods["event"].worst["bounce_mm"] * MM / UM - bounces[0])
+    return row("bounce, event", asked_um, bounce_error_um(speed), true, unknown, seconds)
+
+
+def row(quantity: str, asked: float, estimate: float, true: float, unknown: float, seconds: float) -> dict:
+    """What came of one promise."""
+    has_truth = unknown <= 0.5 * asked  # a NaN has none
+    flagged = not estimate <= asked
+    good = has_truth and true <= asked
+    outcome = ("good" if good else "off" if has_truth else "no truth") + (", flagged" if flagged else ", promised")
+    names = "quantity", "asked_um", "estimated_um", "true_um", "truth_unknown_um", "seconds", "outcome"
+    return dict(zip(names, (quantity, asked, estimate, true, unknown, seconds, outcome), strict=True))
+
+
+def counts(rows: list[dict]) -> dict[str, dict]:
+    """By quantity: outcomes, and the three shares that were asked for."""
+    found = {}
+    for quantity in dict.fromkeys(r["quantity"] for r in rows):
+        of = Counter(r["outcome"] for r in rows if r["quantity"] == quantity)
+        promised = sum(n for outcome, n in of.items() if outcome.endswith("promised"))
+        good = of["good, promised"] + of["good, flagged"]
+        found[quantity] = dict(sorted(of.items())) | {
+            "promises_kept_percent": 100 * of["good, promised"] / max(1, promised),
+            "good_ones_flagged_percent": 100 * of["good, flagged"] / max(1, good),
+        }
+    return found
+
+
+def main(size: str, folder=RESULTS) -> dict:
+    """Draws, counts, prints and writes `accuracy_promise.json`."""
+    rng, rows = np.random.default_rng(SEED + 1), []
+    for i, case in enumerate(drawn_cases(SEED, DRAWS[size])):
+        asked_um = float(10 ** rng.uniform(*np.log10(ASKED_UM)))
+        other = str(rng.choice(("rkg", "tmm", "houbolt")))
+        new = [*lift_rows(case, asked_um, other, i % DOP853_EVERY == 0), bounce_row(case, asked_um)]
+        where = {"scene": case.scene.name, "cam": case.cam_name, "speed_rpm": case.speed_rpm}
+        rows += [where | r for r in new]
+    located = [r for r in rows if "truth_against_dop853_um" in r and r["truth_unknown_um"] <= 0.5 * r["asked_um"]]
+    content = {
+        "draws": DRAWS[size],
+        "counts": counts(rows),
+        "truth_against_dop853_um": max((r["truth_against_dop853_um"] for r in located), default=None),
+        "rows": rows,
+    }
+    for quantity, of in content["counts"].items():
+        print(f"{quantity:<16}", ", ".join(f"{k} {v:g}" for k, v in of.items()))
+    print("truth against located DOP853, largest:", content["truth_against_dop853_um"], "um in", len(located), "draws")
+    write_result("accuracy_promise", size, content, {}, folder)
+    return content
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)

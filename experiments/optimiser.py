@@ -1,0 +1,119 @@
+"""What area do a scene's limits allow, and what does each demand cost? camopt's designs on three scenes.
+
+    python -m experiments.optimiser [small|full]
+
+`kodama`, `kodama` with its spring's coils a quarter heavier, and `pushrod-5mass`: nominal speeds and band, the band
+judged by event-exact on a 20 r/min grid that the search did not use. On `kodama` further: without jump, without the
+jerk limit, without the nose window, and up to 4850 and 7210 r/min. Every row has the certified bound beside it.
+"""
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from camopt.exact import prepare
+from camopt.optimize.accuracy import ACCURACIES, Accuracy
+from camopt.optimize.bound import area_ratio_bound, control_is_limited
+from camopt.optimize.search import find_cam
+from camopt.scene import InputError, load_scene
+from camopt.scene.schema import Scene
+from camopt.verify.sweep import at_speeds
+from experiments.record import RESULTS, run_script, write_result
+from experiments.scenes import heavier_spring
+
+GRID_RPM = 20.0
+WIDER_RPM = (4850.0, 7210.0)
+BOUNCE_MM = 0.02
+SHOWN = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s", "impact_velocity_m_per_s", "contact_force_max_N")
+SMALL = replace(ACCURACIES["draft"], knot_deg=6.0, program_speeds=2, judged_speeds=5, judge_stride=1)
+
+
+def designed(scene: Scene, **limits) -> Scene:
+    """The scene with other limits in its [design]; None for a limit that is left out."""
+    return scene.model_copy(update={"design": scene.design.model_copy(update=limits)})
+
+
+def wider(scene: Scene, band_rpm: tuple[float, float]) -> Scene:
+    """The scene with another band."""
+    return scene.model_copy(update={"operation": scene.operation.model_copy(update={"band_rpm": band_rpm})})
+
+
+def cases(size: str) -> list[tuple[str, Scene, str, str]]:
+    """(name, scene, speeds, gradient) of every row."""
+    kodama = designed(load_scene("kodama"), bounce_max_mm=BOUNCE_MM)
+    if size == "small":
+        return [("kodama, nominal", kodama, "nominal", "none")]
+    scenes = [kodama, *(designed(s, bounce_max_mm=BOUNCE_MM) for s in other_scenes())]
+    rows = [(f"{s.name}, {speeds}", s, speeds, "smooth") for s in scenes for speeds in ("nominal", "band")]
+    return [
+        *rows,
+        ("kodama, band, jump_max_mm = 0", designed(kodama, jump_max_mm=0.0), "band", "none"),
+        ("kodama, nominal, no jerk limit", designed(kodama, jerk_max_mm_per_deg3=None), "nominal", "none"),
+        ("kodama, band, no jerk limit", designed(kodama, jerk_max_mm_per_deg3=None), "band", "none"),
+        ("kodama, band, no nose window", designed(kodama, nose_deg=None), "band", "none"),
+        ("kodama, 4850 to 7210 r/min", wider(kodama, WIDER_RPM), "band", "none"),
+    ]
+
+
+def other_scenes() -> list[Scene]:
+    """The two scenes beside `kodama`."""
+    return [heavier_spring(load_scene("kodama")), load_scene("pushrod-5mass")]
+
+
+def row(name: str, scene: Scene, speeds: str, gradient: str, effort: Accuracy) -> dict:
+    """One design: areas, its worst figures at speeds the search did not use, sign changes of acceleration, time."""
+    started = time.perf_counter()
+    try:
+        search, no_jump = find_cam(scene, speeds, effort, gradient)
+    except InputError as error:
+        return {"case": name, "area_ratio": None, "why": str(error)}
+    seconds = time.perf_counter() - started
+    lift, operation = search.best.lift, scene.operation
+    low, high = operation.band_rpm
+    grid = operation.speeds_rpm if speeds == "nominal" else np.arange(low, high + 1, GRID_RPM)
+    at = at_speeds(prepare, scene, lift, grid)
+    certified = control_is_limited(scene.design)
+    bends = np.sign(np.round(lift(np.linspace(-1, 1, 4001) * lift.half_duration, 2), 9))
+    return {
+        "case": name,
+        "area_ratio": search.best.area_ratio,
+        "area_ratio_no_jump": no_jump.area_ratio,
+        "area_ratio_bound": area_ratio_bound(scene.design).bound if certified else None,
+        "speeds_judged": len(grid),
+        **{n: max(r[n] for r in at) for n in SHOWN},
+        "acceleration_sign_changes": int(np.count_nonzero(np.diff(bends[bends != 0]))),
+        "seconds": seconds,
+    }
+
+
+def main(size: str = "full", folder: Path = RESULTS) -> dict:
+    """Designs every row, prints the table and writes optimiser.json into `folder`."""
+    effort = SMALL if size == "small" else ACCURACIES["standard"]
+    rows = []
+    for case in cases(size):
+        rows.append(row(*case, effort))
+        print(table(rows[-1:], heading=len(rows) == 1), flush=True)
+    content = {"rows": rows}
+    write_result("optimiser", size, content, {}, folder)
+    return content
+
+
+def table(rows: list[dict], heading: bool = True) -> str:
+    """The rows as Markdown."""
+    names = {"area_ratio": "area ratio", "area_ratio_no_jump": "program alone", "area_ratio_bound": "bound"}
+    names |= {"bounce_mm": "bounce mm", "jump_mm": "jump mm", "seating_velocity_m_per_s": "seating m/s"}
+    names |= {"impact_velocity_m_per_s": "impact m/s", "contact_force_max_N": "peak force N"}
+    names |= {"acceleration_sign_changes": "sign changes", "seconds": "s"}
+    digits = {"area_ratio": 4, "area_ratio_no_jump": 4, "area_ratio_bound": 4, "contact_force_max_N": 0, "seconds": 0}
+    digits |= {"acceleration_sign_changes": 0, "seating_velocity_m_per_s": 2, "impact_velocity_m_per_s": 2}
+    lines = [f"| case | {' | '.join(names.values())} |", "|---" * (len(names) + 1) + "|"] if heading else []
+    for r in rows:
+        cells = ["–" if r.get(n) is None else f"{r[n]:.{digits.get(n, 3)}f}" for n in names]
+        lines.append(f"| {r['case']} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)

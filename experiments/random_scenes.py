@@ -1,0 +1,115 @@
+"""Does any of 2000 scenes drawn across the extremes end in a wrong number without a warning?
+
+Every scene: event-exact at two steps and more, its start disturbed by 1e-9 m to tell chaos from error, and one of the
+step-by-step methods in turn, each with its own error estimate, over the first revolution from rest with a Polydyne or
+Multi-Pol cam. DOP853 with located switchings decides on the scenes where event-exact's steps are furthest apart and on
+whatever looks wrong.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from tqdm import tqdm
+
+from camopt.cam.families.multi_pol import multi_pol
+from camopt.cam.families.polydyne import polydyne
+from camopt.exact import prepare as event_exact
+from camopt.scene import MotionRefused, build_train, load_scene
+from camopt.study.judged import (
+    NOT_CONVERGED,
+    RANGE,
+    REFUSED,
+    WITHIN,
+    WRONG,
+    doubtful_figure,
+    first_answer,
+    judge,
+    truth,
+)
+from camopt.study.step_methods import STEP_METHODS
+from camopt.verify import dop853
+from camopt.verify.converge import first_steps
+from experiments.drawn_scenes import drawn
+from experiments.record import RESULTS, run_script, write_result
+
+SCENES = {"small": 5, "full": 2000}
+DECIDED = {"small": 1, "full": 100}
+DOP853_STEPS = 7200
+"""At least; the cube of the step [rad], 7e-10, is the error that DOP853 is permitted."""
+SHOWN = 20
+
+
+def main(size: str, folder=RESULTS) -> dict:
+    """Draws, judges, decides, prints and writes `random_scenes.json`."""
+    kodama = load_scene("kodama")
+    cams = [polydyne(kodama), polydyne(kodama, (2, 4, 26, 30, 36))]
+    cams += [multi_pol(kodama)] if size == "full" else []  # found by a search of seconds
+    rows = [judged(number, cams) for number in tqdm(range(SCENES[size]), disable=size == "small")]
+    doubtful = sorted((r for r in rows if r["doubt"] is not None), key=lambda r: -r["doubt"])[: DECIDED[size]]
+    suspects = [r for r in rows if r["verdict"] == WRONG and r not in doubtful]
+    decided = [{"number": r["number"], **against_dop853(r["number"], cams)} for r in tqdm(doubtful + suspects)]
+    wrong = [r for r in rows if r["verdict"] == WRONG] + [d for d in decided if d["verdict"] == WRONG]
+    counts = {m: _counts([r for r in rows if r["method"] == m]) for m in STEP_METHODS}
+    content = {
+        "scenes": len(rows),
+        "event_exact": {
+            "refused": sum(r["doubt"] is None for r in rows),
+            "steps_agree": sum(r["doubt"] is not None and r["doubt"] <= 1.0 for r in rows),
+            "worst_doubt": [{k: r[k] for k in ("number", "scene", "speed_rpm", "doubt")} for r in doubtful[:SHOWN]],
+        },
+        "methods": counts,
+        "decided_by_dop853": _counts(decided),
+        "wrong_without_warning": wrong,
+    }
+    print({k: v for k, v in content.items() if k != "event_exact"})
+    write_result("random_scenes", size, content, {}, folder)
+    return content
+
+
+def problem(number: int, cams):
+    """Scene, speed [r/min], train, lift and cam speed [rad/s] of a number."""
+    scene, speed = drawn(np.random.default_rng([7, number]))
+    return scene, speed, build_train(scene), cams[number % len(cams)], scene.cam_speed(speed)
+
+
+def judged(number: int, cams) -> dict:
+    """One scene: how much event-exact's steps differ, and the verdict on one of the other methods."""
+    scene, speed, *case = problem(number, cams)
+    method = list(STEP_METHODS)[number % len(STEP_METHODS)]
+    row = {"number": number, "scene": scene.name, "speed_rpm": speed, "method": method, "doubt": None}
+    try:
+        true = truth(event_exact, *case)
+    except MotionRefused:
+        return {**row, "verdict": REFUSED, "error_of": "", "error": None}
+    answer = first_answer(STEP_METHODS[method], *case, halvings=3)
+    verdict, error_of, error = judge(answer, true)
+    return {
+        **row,
+        "doubt": doubtful_figure(true)[1],
+        "verdict": verdict,
+        "error_of": error_of,
+        "error": error,
+    }
+
+
+def against_dop853(number: int, cams) -> dict:
+    """Verdict on event-exact by DOP853; event-exact counts as converged where its own steps agree."""
+    scene, speed, *case = problem(number, cams)
+    try:
+        true = truth(event_exact, *case)
+        other = first_answer(dop853.prepare, *case, halvings=0, steps=max(DOP853_STEPS, first_steps(case[0], case[2])))
+    except MotionRefused as refusal:
+        return {"verdict": REFUSED, "reason": str(refusal)}
+    if other.state is None:
+        return {"verdict": REFUSED, "reason": "DOP853 does not follow the motion"}
+    # what event-exact says of itself, against DOP853's figures
+    verdict, error_of, error = judge(replace(other, converged=true.answer.converged, error=true.answer.error), true)
+    return {"verdict": verdict, "scene": scene.name, "speed_rpm": speed, "error_of": error_of, "error": error}
+
+
+def _counts(rows: list[dict]) -> dict[str, int]:
+    return {v: sum(r["verdict"] == v for r in rows) for v in (WITHIN, RANGE, NOT_CONVERGED, REFUSED, WRONG)}
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)

@@ -1,0 +1,127 @@
+"""`camopt extremes`: what each verdict means, the list, the table on disk, and a defect that is found."""
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from camopt import cli
+from camopt.exact.propagators import highest_frequency
+from camopt.scene import QUANTITIES, build_train, load_scene
+from camopt.study import extremes as module
+from camopt.study.extreme_cases import CHANGES, cases, clearance, contacts, damping, fast_mode, mass_ratio
+from camopt.study.extremes import COLUMNS, defects, extremes
+from camopt.study.judged import NOT_CONVERGED, RANGE, REFUSED, WITHIN, WRONG, Truth, judge
+from camopt.study.step_methods import STEP_METHODS
+from camopt.verify import rkg
+from camopt.verify.converge import Converged, tolerances
+
+NAMES = tuple(tolerances(2.0))
+MOTOR = load_scene("motori-1")
+
+
+def answer(bounce=0.1, error=0.0, converged=True, state=True) -> Converged:
+    worst = dict.fromkeys(QUANTITIES, 1.0) | {"bounce_mm": bounce}
+    estimate = dict.fromkeys(QUANTITIES, error)
+    return Converged(1440, converged, worst, {}, estimate, 0, True, np.zeros(2) if state else None)
+
+
+def true(spread=0.0) -> Truth:
+    figures = dict.fromkeys(NAMES, 1.0) | {"bounce_mm": 0.1}
+    moved = dict.fromkeys(NAMES, 0.0) | {"bounce_mm": spread}
+    return Truth(figures, dict.fromkeys(NAMES, 0.003), moved, answer(), build_train(MOTOR))
+
+
+@pytest.mark.parametrize(
+    ("given", "spread", "verdict"),
+    [
+        (answer(bounce=0.1029), 0.0, WITHIN),
+        (answer(bounce=0.1031), 0.0, WRONG),
+        (answer(bounce=0.1031, converged=False), 0.0, NOT_CONVERGED),
+        (answer(bounce=0.1031, error=1e-3), 0.0, NOT_CONVERGED),
+        (answer(bounce=0.1051, error=1e-3), 0.0, WRONG),
+        (answer(bounce=0.2), 2e-4, WRONG),
+        (answer(bounce=0.2), 4e-4, RANGE),
+        (answer(bounce=np.nan), 0.0, WRONG),
+        (answer(state=False), 0.0, REFUSED),
+    ],
+)
+def test_a_verdict_follows_from_error_estimate_and_flag(given, spread, verdict):
+    assert judge(given, true(spread))[0] == verdict
+
+
+def test_a_figure_that_wanders_excuses_no_other():
+    off = replace(answer(bounce=0.2), worst=dict.fromkeys(NAMES, 1.1))
+    assert judge(off, true(spread=1.0))[:2] == (WRONG, "jump_mm")
+
+
+class TestTheList:
+    def test_changes_do_what_they_say(self):
+        kodama = load_scene("kodama")
+        train = build_train(kodama)
+        assert highest_frequency(build_train(fast_mode(72e3)(kodama))) / (2 * np.pi) > 60e3
+        mass = build_train(mass_ratio(1e4)(kodama)).mass
+        assert mass.max() / mass.min() == pytest.approx(1e4)
+        assert np.all(build_train(contacts(1e9)(kodama)).stiffness[train.contact] == 1e9)
+        assert build_train(damping(0.0)(kodama)).damping.max() == 0.0
+        assert build_train(clearance(1.0)(kodama)).lash == pytest.approx(1e-3)
+        assert build_train(clearance(0.0)(kodama)).lash == 0.0
+        spring = MOTOR.element[1]
+        assert contacts(1e9)(MOTOR).element[1] == spring  # a preloaded contact that is the valve spring
+
+    def test_every_change_alone_and_on_kodama_every_two_of_different_kinds(self):
+        singles = 1 + sum(len(kind) for kind in CHANGES.values())
+        assert len(list(cases(MOTOR))) == singles
+        names = [case.name for case in cases(load_scene("kodama"))]
+        assert len(names) == len(set(names)) == singles + 4 * 10  # two of five kinds, two changes each
+        assert {case.speed_rpm for case in cases(MOTOR)} == {300.0, 7000.0, 15_000.0}
+
+
+@pytest.fixture
+def short(monkeypatch):
+    """Two cases of one scene and the compiled methods of fixed steps."""
+    monkeypatch.setattr(
+        module, "cases", lambda scene: [c for c in cases(scene) if c.name in ("as it is", "15000 r/min")]
+    )
+    monkeypatch.setattr(module, "SMOOTH", {})
+    monkeypatch.setattr(module, "DOP853_STEPS", 0)
+    monkeypatch.setattr(module, "NARROWER", {})
+
+
+def read(folder) -> list[dict]:
+    with open(folder / "extremes.csv", newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_command_writes_the_table_and_goes_on_where_it_was_interrupted(short, tmp_path, capsys):
+    folder = tmp_path / "run"
+    assert cli.main(["extremes", "motori-1", "--out", str(folder), "--quiet"]) == 0
+    rows = read(folder)
+    assert tuple(rows[0]) == COLUMNS
+    assert {r["case"] for r in rows} == {f"motori-1: {c}" for c in ("as it is", "15000 r/min", "steps past the limit")}
+    assert {"event", *STEP_METHODS} <= {r["method"] for r in rows}
+    past = [r["verdict"] for r in rows if r["case"].endswith("past the limit")]
+    assert len(past) == len(STEP_METHODS) and not {WITHIN, WRONG} & set(past)
+    assert sum(r["verdict"] == WITHIN for r in rows) >= 4
+    assert (folder / "figures" / "extremes-motori-1.png").stat().st_size > 0
+    assert cli.main(["extremes", "motori-1", "--out", str(folder)]) == 2
+
+    file = folder / "extremes.csv"
+    lines = file.read_text().splitlines(keepends=True)
+    file.write_text("".join(lines[:-3]) + lines[-3][:20])
+    again = extremes([MOTOR], folder, resume=True, progress=False)
+    after = read(folder)
+    assert [{k: r[k] for k in COLUMNS if k != "seconds"} for r in after] == [
+        {k: r[k] for k in COLUMNS if k != "seconds"} for r in rows
+    ]
+    assert len(again) == len(rows) and not defects(again)
+
+
+def test_a_method_of_another_train_is_found_out(short, tmp_path, monkeypatch, capsys):
+    def softer(train, lift, cam_speed, steps):
+        return rkg.prepare(replace(train, stiffness=0.9 * train.stiffness), lift, cam_speed, steps)
+
+    monkeypatch.setitem(STEP_METHODS, "rkg", softer)
+    assert cli.main(["extremes", "motori-1", "--out", str(tmp_path / "run"), "--quiet"]) == 3
+    assert "wrong: motori-1: 15000 r/min, rkg: " in capsys.readouterr().out

@@ -1,0 +1,115 @@
+"""`camopt gradient`: the verdict's criteria, one report of a small train, and the command around it."""
+
+import json
+
+import numpy as np
+import pytest
+
+from camopt.cam.families.polydyne import polydyne
+from camopt.cli import main
+from camopt.scene import load_scene
+from camopt.smooth.simulate import EPS
+from camopt.study import gradient as study
+from camopt.study.gradient_paths import METRICS, Found, exact_gradients, problem, repeated_cosines
+from camopt.study.gradient_verdict import disagreement, judge, relative_errors, verdict
+
+SLOPES = np.array([[1.0, 2.0], [1.0, 2.0 + 1e-4], [0.5, 2.0]])
+HEIGHTS = 1e-6, 1e-7, 1e-8
+
+
+def judged(gradient, differences=SLOPES, truth=3.0, value=3.0, repeated=None):
+    found = Found(np.array([value]), np.array([gradient]), np.array([2.0]))
+    return judge(0, truth, np.asarray(differences), HEIGHTS, found, {EPS: found}, repeated)
+
+
+def test_sign_factor_and_zero_are_told_from_a_right_gradient():
+    right = judged([1.0, 2.0])
+    assert (right.verdict, right.exact.relative_error, right.exact.cosine) == ("trust", 0.0, pytest.approx(1.0))
+    double = judged([2.0, 4.0])
+    assert double.verdict == "direction only"
+    assert double.exact.relative_error == pytest.approx(1.0, rel=0.2)
+    flipped = judged([-1.0, -2.0])
+    assert flipped.verdict == "none"
+    assert flipped.exact.cosine < -0.9
+    assert judged([0.0, 0.0]).verdict == "none"
+    assert judged([np.nan, 1.0]).verdict == "none"
+
+
+def test_rough_still_and_missing_metrics_have_no_gradient():
+    rough = judged([1.0, 2.0], [[1.0, 2.0], [-1.0, 5.0], [4.0, 0.0]])
+    assert rough.verdict == "none"
+    assert "agree at no height" in rough.reason
+    still = judged([0.0, 0.0], np.zeros((3, 2)), truth=0.0, value=0.0)
+    assert still.verdict == "none"
+    assert "zero all around" in still.reason
+    assert "never seats" in judged([1.0, 2.0], np.full((3, 2), np.nan), truth=np.nan).reason
+
+
+def test_a_motion_that_does_not_repeat_itself_is_not_trusted():
+    assert judged([1.0, 2.0], repeated=0.95).verdict == "direction only"
+    assert judged([1.0, 2.0], repeated=0.5).verdict == "none"
+    assert judged([1.0, 2.0], repeated=np.nan).verdict == "none"
+    assert verdict(1e-3, 1.0) == "trust"
+    assert verdict(2e-2, 1.0) == "direction only"
+
+
+def test_bias_errors_and_disagreement():
+    assert judged([1.0, 2.0], value=3.3).value_bias[EPS] == pytest.approx(0.1)
+    assert relative_errors(np.array([3.0, 4.0]), np.array([[3.0, 0.0], [0.0, 0.0]])) == pytest.approx([4 / 3, np.inf])
+    assert disagreement(np.array([[2.0], [1.0], [1.1]])) == pytest.approx(0.1 / 1.1)
+
+
+@pytest.fixture(scope="module")
+def report():
+    scene = load_scene("motori-1")
+    return study.gradient_report(scene, polydyne(scene), max(scene.operation.speeds_rpm), bumps=2, widths=(EPS,))
+
+
+def test_both_paths_are_right_on_a_train_of_one_mass(report):
+    assert report.settled
+    assert report.spectral_radius < 1.0
+    moving = {n: m for n, m in report.metrics.items() if m.verdict == "trust"}
+    assert {"contact_force_max_N", "seating_velocity_m_per_s", "dynamic_area_mm_deg"} <= set(moving)
+    for name, metric in moving.items():
+        assert metric.exact.relative_error < 1e-5, name
+        assert metric.smooth[EPS].relative_error < 1e-2, name
+        assert metric.value_bias[EPS] < 5e-3, name
+        assert 1.0 < metric.exact.cost_ratio < 10.0, name
+
+
+def test_the_command_writes_the_contract(report, monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(study, "gradient_report", lambda scene, lift, speed, progress: report)
+    file = tmp_path / "gradient.json"
+    words = ["gradient", "motori-1", "--cam", "polydyne", "--speed", "3000", "--json", str(file), "--quiet"]
+    assert main(words) == 0
+    content = json.loads(file.read_text())
+    assert tuple(content["metrics"]) == METRICS
+    one = content["metrics"]["dynamic_area_mm_deg"]
+    assert {"relative_error", "cosine", "cost_ratio"} <= set(one["exact"])
+    assert {"eps_m", "value_bias", "cosine", "relative_error", "cost_ratio"} <= set(one["smooth"][0])
+    assert one["verdict"] in ("trust", "direction only", "none")
+    shown = capsys.readouterr().out
+    assert f"dynamic_area_mm_deg = {one['value']:.6g}: {one['verdict']}" in shown
+    assert "nearest grazing" in shown
+
+
+def test_gradients_of_a_settled_motion_repeat_and_of_a_chaotic_one_do_not():
+    scene = load_scene("kodama")
+    lift, at = polydyne(scene, (2, 6, 10, 14, 18), design_speed_rpm=7000), METRICS.index("seating_velocity_m_per_s")
+    calm, wild = (problem(scene, lift, rpm, 4) for rpm in (5000, 7000))
+    assert calm.settled
+    assert not wild.settled
+    assert repeated_cosines(calm, exact_gradients(calm)[0].gradients)[at] > 0.999
+    assert repeated_cosines(wild, exact_gradients(wild)[0].gradients)[at] < 0.9
+
+
+@pytest.mark.long
+def test_nonlinear_laws_have_the_smooth_path_only():
+    scene = load_scene("kodama-hertz")
+    report = study.gradient_report(scene, polydyne(scene), 5000, bumps=1, widths=(EPS,))
+    content = report.as_dict()
+    assert "linear laws" in content["exact_refused"]
+    metric = report.metrics["dynamic_area_mm_deg"]
+    assert metric.exact is None
+    assert content["metrics"]["dynamic_area_mm_deg"]["exact"] is None
+    assert metric.smooth[EPS].relative_error < 1e-2

@@ -1,0 +1,146 @@
+"""Identification from a simulated lift: gradient, estimates, intervals that hold, and what it must refuse to tell."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from camopt.cam.families.polydyne import polydyne
+from camopt.scene import InputError, load_scene
+from camopt.study.free_parameters import FreeParameters
+from camopt.study.identify import MeasuredLift, identify
+from camopt.study.lift_fit import LiftFit, Series, limited_step
+from camopt.study.motion import simulate
+
+SCENE = load_scene("motori-1")
+LIFT = polydyne(SCENE)
+FREE = ("train.stiffness_N_per_m", "train.damping_N_s_per_m", "train.gap_mm", "seat.stiffness_N_per_m")
+
+
+@cache
+def clean(speed, revolutions):
+    """Cam angles [deg] and valve positions [mm] of the last revolution; its angles count from -180 again."""
+    motion = simulate(SCENE, LIFT, speed, revolutions=revolutions, step_deg=0.2)
+    motion = motion.isel(sample=motion["revolution"].values == revolutions)
+    motion = motion.sel(sample=(motion.cam_angle_deg > -115) & (motion.cam_angle_deg < 160))
+    return motion.cam_angle_deg.values, motion["position_mm"].sel(mass="valve").values
+
+
+def lifts(noise_um, seed=0, revolutions=1):
+    angle, valve = clean(4500, revolutions)
+    noise = 1e-3 * noise_um * np.random.default_rng(seed).standard_normal(len(valve))
+    return [MeasuredLift(4500, angle, valve + noise)]
+
+
+def off(free, seed):
+    """The scene with its free parameters off by up to 20 %, and the logarithms that lead back."""
+    truth = FreeParameters(SCENE, free)
+    logs = np.log(np.random.default_rng(100 + seed).uniform(0.8, 1.2, len(free)))
+    return truth.moved_scene(logs), -logs
+
+
+def as_fit(scene, free, zero_known=True):
+    angle = np.linspace(-1.9, 2.7, 200)
+    return LiftFit(FreeParameters(scene, free), LIFT, [Series(235.0, angle, np.zeros(200), 1)] * 2, zero_known)
+
+
+@pytest.mark.parametrize("zero_known", [True, False])
+def test_the_adjoint_is_the_transpose_of_the_differences(zero_known):
+    free = ("valve.mass_kg", *FREE, "spring.preload_N", "seat.damping_N_s_per_m", "seat.preload_N")
+    fit = as_fit(SCENE, free, zero_known)
+    jacobian = fit.jacobian(np.zeros(len(free)))
+    bar = np.random.default_rng(1).standard_normal(len(jacobian))
+    exact = fit.pulled_back(fit.motions(fit.parameters.train), bar)
+    scale = np.linalg.norm(jacobian, axis=0) * np.linalg.norm(bar)
+    # differences of step 1e-4 leave 1e-8, and rounding 1e-16 m over the step
+    assert np.all(np.abs(jacobian.T @ bar - exact) < 1e-6 * scale)
+    assert np.all(np.abs(exact) > 1e-5 * scale)
+    if not zero_known:
+        assert np.abs(jacobian[:200].mean(axis=0)).max() < 1e-9 * np.abs(jacobian).max()
+
+
+def test_without_noise_the_truth_comes_back():
+    start, back = off(FREE, 0)
+    found = identify(start, LIFT, lifts(0.0), FREE)
+    # the simulated record is cubic between the method's own samples, which fall on the grid: what is left is rounding
+    np.testing.assert_allclose(found.table["estimate"] / found.table["start"], np.exp(back), rtol=1e-5)
+    assert found.noise_um < 1e-4 and found.jacobian_error < 1e-6
+    ends = found.scene.element[0].stiffness_N_per_m, found.scene.element[0].gap_mm
+    np.testing.assert_allclose(ends, (1.5e8, 0.1), rtol=1e-5)
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say():
+    """Ten noises, four parameters: of 40 intervals of 95 % at least 34 hold it. Were all independent, fewer would be
+    a chance of 0.003 (binomial); at half the width about 27 would hold, at a tenth 6."""
+    covered, deviations = 0, []
+    truth = FreeParameters(SCENE, FREE)
+    for seed in range(10):
+        found = identify(SCENE, LIFT, lifts(0.5, seed), FREE, noise_um=0.5)
+        assert found.sound and found.table["identified"].all(), found.remarks
+        start = np.array([t.start for t in truth.tied])
+        covered += int(np.sum((found.table["low"] <= start) & (start <= found.table["high"])))
+        deviations.append(np.log(found.table["estimate"].values / start) / found.table["relative_error"].values)
+    assert covered >= 34
+    # nor too wide: the deviations over their standard errors are of size one
+    assert 0.6 < np.sqrt(np.mean(np.square(deviations))) < 1.4
+
+
+def test_the_scale_of_all_forces_cannot_be_told_from_positions():
+    free = ("valve.mass_kg", "*.stiffness_N_per_m", "*.damping_N_s_per_m", "*.preload_N", "train.gap_mm")
+    found = identify(SCENE, LIFT, lifts(0.5), free)
+    assert found.table["identified"].values.tolist() == [False, False, False, False, True]
+    assert np.isinf(found.table["high"].values[:4]).all() and np.isinf(found.table["relative_error"].values[:4]).all()
+    weakest = found.directions["vector"].values[0]
+    np.testing.assert_allclose(np.abs(weakest), [0.5, 0.5, 0.5, 0.5, 0.0], atol=1e-3)
+    assert np.isnan(found.correlation.values[0, 1])
+
+
+def test_a_parameter_without_effect_stays_and_is_said_to_be_unknown():
+    found = identify(SCENE, LIFT, lifts(2.0), ("train.gap_mm", "spring.damping_N_s_per_m"), noise_um=2.0)
+    assert found.table["identified"].values.tolist() == [True, False]
+    assert found.table["estimate"].values[1] == pytest.approx(0.4, rel=0.05)
+    assert "not identified" in [t.get_text() for axes in found.plot().axes for t in axes.get_legend().get_texts()]
+
+
+def test_a_model_that_misses_something_is_not_believed():
+    wrong = identify(SCENE, LIFT, lifts(2.0), ("train.damping_N_s_per_m",), noise_um=1.0)
+    assert any("does not fall" in r for r in wrong.remarks) and not wrong.sound
+    heavier, _ = off(("valve.mass_kg",), 3)
+    assert any("correlate" in r for r in identify(heavier, LIFT, lifts(0.5), ("seat.damping_N_s_per_m",)).remarks)
+
+
+def test_an_unknown_zero_and_revolutions_before_the_data():
+    shifted = [MeasuredLift(m.speed_rpm, m.cam_angle_deg, m.valve_mm + 0.3) for m in lifts(0.0, revolutions=2)]
+    start, back = off(FREE[:2], 1)
+    found = identify(start, LIFT, shifted, FREE[:2], settle=1, zero_known=False)
+    np.testing.assert_allclose(found.table["estimate"] / found.table["start"], np.exp(back), rtol=1e-4)
+    assert identify(start, LIFT, shifted, FREE[:2], settle=1).noise_um > 100
+
+
+def test_a_step_is_the_whole_one_or_as_long_as_allowed():
+    jacobian = np.array([[2.0, 0.0], [0.0, 0.5], [0.0, 0.0]])
+    whole = limited_step(jacobian, np.array([4.0, 0.25]), 0.1, 9.0)
+    np.testing.assert_allclose(whole, [-1.0, -1.0])
+    short = limited_step(jacobian, np.array([4.0, 0.25]), 0.1, 0.5)
+    assert np.linalg.norm(short) == pytest.approx(0.5) and short[0] < 2 * short[1] < 0
+    np.testing.assert_allclose(limited_step(jacobian, np.array([4.0, 0.25]), 1.0, 9.0), [-1.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("measured", "free", "says"),
+    [
+        (lifts(0.0), ["valve.mas_kg"], "no such parameter"),
+        (lifts(0.0), ["train.preload_N"], "0 or none"),
+        (lifts(0.0), ["train.gap_mm", "*.gap_mm"], "none of them twice"),
+        (lifts(0.0), [], "at least one"),
+        ([], ["train.gap_mm"], "measure more"),
+        ([MeasuredLift(4500, np.array([0.0, -1.0]), np.zeros(2))], ["train.gap_mm"], "ascend"),
+        ([MeasuredLift(4500, np.array([0.0, 1.0]), np.zeros(3))], ["train.gap_mm"], "as many"),
+        ([MeasuredLift(4500, np.array([0.0, 1.0]), np.array([0.0, np.nan]))], ["train.gap_mm"], "finite"),
+        ([MeasuredLift(-1, np.array([0.0, 1.0]), np.zeros(2))], ["train.gap_mm"], "above 0"),
+    ],
+)
+def test_bad_input_is_one_sentence(measured, free, says):
+    with pytest.raises(InputError, match=says) as caught:
+        identify(SCENE, LIFT, measured, free)
+    assert "\n" not in str(caught.value)
