@@ -15,8 +15,9 @@ import numpy as np
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import engine
 from camopt.scene import Scene, build_train, load_scene, parse_scene
+from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples, response_arrays
-from camopt.smooth.system import build_system, rest_state
+from camopt.smooth.system import build_system
 from camopt.study.left_out import LeftOut, leave_out
 from camopt.study.reduce import at_rest, milliseconds, path_times, smooth_times
 from camopt.study.smaller import scene_toml, smaller_models

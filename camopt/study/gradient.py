@@ -123,8 +123,10 @@ def gradient_report(
             bar.update()
     truth = together.values if together else true_values(p, np.zeros(count))
     differences = np.array(differences)
+    repeated = _repeated(p, exact)
     reports = {
-        name: judge(i, truth[i], differences[:, i], heights, exact, smooth, p.settled) for i, name in enumerate(METRICS)
+        name: judge(i, truth[i], differences[:, i], heights, exact, smooth, repeated[i])
+        for i, name in enumerate(METRICS)
     }
     grazing = together.grazing if together else None
     return GradientReport(

@@ -120,8 +120,9 @@ def reduce(
 ) -> Reduction:
     """Smaller models of a scene, from all its masses down to one, against the full model with a cam.
 
-    `cam` is by default the plain Polydyne, `speeds_rpm` (k, crankshaft) the scene's. A model is within the tolerance
-    [mm] where bounce, jump and the valve's lift at every angle of the settled motion differ by no more at any speed.
+    `cam` is by default the plain Polydyne, `speeds_rpm` (k) [crankshaft r/min] the scene's. A model is within the
+    tolerance [mm] where bounce, jump and the valve's lift at every angle of the settled motion differ by no more at any
+    speed.
     Errors are told for event-exact motion, or Runge-Kutta-Gill under nonlinear laws; times for event-exact,
     Runge-Kutta-Gill and the transition matrix method (at the step that each model's own highest frequency asks for),
     and with `smooth` also, for the full and the proposed model, for the smooth scan and a batch of it (JAX compiles

@@ -31,14 +31,14 @@ def bounce_error_um(speed: AtSpeed) -> float:
 
 def stated(speeds: Iterable[AtSpeed], asked_um: float, asked: str | float | None) -> dict:
     """What verification.json says under "accuracy"; `asked` is the accuracy by name, where it has one."""
-    every = {s.speed_rpm: s for s in speeds}.values()
-    errors = {s: bounce_error_um(s) for s in every}
+    every = {s.speed_rpm: s for s in speeds}
+    errors = {rpm: bounce_error_um(s) for rpm, s in every.items()}
     delivered = max(errors.values(), default=np.inf)
     words = f"accuracy asked: {asked_um:g} um" + (f" ({asked})" if isinstance(asked, str) else "")
     if delivered <= asked_um:
         words += f"; estimated error of bounce: {delivered:.2g} um"
     else:
-        ranges = [f"{_range(s.bounce_range_mm)} at {s.speed_rpm:g} r/min" for s in every if errors[s] > asked_um]
+        ranges = [f"{_range(s.bounce_range_mm)} at {rpm:g} r/min" for rpm, s in every.items() if errors[rpm] > asked_um]
         words += f"; not reached: bounce is known to a range only, {', '.join(ranges)}"
     return {
         "asked": asked_um if asked is None else asked,

@@ -26,7 +26,7 @@ def answers(monkeypatch):
     """Runs converge on figures(steps) -> values by revolution; steps are counted in units of the first."""
 
     def run(figures, periodic=True, halvings=4):
-        def settled(steps, state):
+        def settled(steps, state, **_):
             values = figures(steps // FEWEST_STEPS)
             if values is None:
                 raise MotionRefused("too coarse")

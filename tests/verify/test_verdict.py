@@ -74,7 +74,7 @@ def test_confirmed_and_the_contract():
     result = verify(scene(), lift(), **AT_5000)
     data = json.loads(json.dumps(result.as_dict(), allow_nan=False))
     assert data["verdict"] == "confirmed" and data["broken"] == []
-    assert set(data) == {"verdict", "broken", "speeds", "band", "limits"}
+    assert set(data) == {"verdict", "broken", "speeds", "band", "limits", "accuracy"}
     assert data["band"] is None and data["limits"] == {"first_jump_rpm": None, "first_bounce_rpm": None}
     (speed,) = data["speeds"]
     figures = {
