@@ -196,7 +196,9 @@ class TestVerbsThatSearch:
 
         def verify_cam(scene, lift, **options):
             asked.update(options, scene=scene.name, family=lift.family)
-            return SimpleNamespace(verdict=verdict, as_dict=lambda: content)
+            return SimpleNamespace(
+                verdict=verdict, as_dict=lambda: content, accuracy={"statement": "asked and delivered"}
+            )
 
         monkeypatch.setattr(camopt.verify, "verify_cam", verify_cam, raising=False)
         file = tmp_path / "v.json"
@@ -223,6 +225,7 @@ class TestVerbsThatSearch:
         }
         assert json.loads(file.read_text()) == content
         assert out.splitlines()[1].split()[:4] == ["5000", "none", "0.0125", "0.25"]
+        assert "\nasked and delivered\n" in out
         assert out.splitlines()[-1] == f"verdict: {verdict} (broken: bounce_mm)"
 
     @pytest.mark.parametrize("code", [0, 3])
