@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from camopt.scene.units import DEG, MM
 FIRST_MARGINS_N = (0.0, 20.0, 60.0, 150.0)
 """Common margins tried in turn until one is confirmed; anchors of the reference train: 0 N usually is."""
 FIRST_STEP_N = 20.0
-"""First step down from a confirmed common margin; the step is kept until a cam fails, then halved."""
+"""First step down from a confirmed common margin of zero; the step is kept until a cam fails, then halved."""
 RELOCATIONS = 2
 BISECTIONS = 5
 
@@ -73,21 +74,20 @@ def no_jump_stage(search: Search, program: NoJumpProgram) -> NoJumpProgram:
     worst judged speed is inserted while the cam fails there, and the common margin is bisected to the least confirmed.
     Raises InputError where no margin is confirmed.
     """
-    program, level = _first_confirmed(search, program)
+    program, low, high = _first_confirmed(search, program)
     for _ in range(RELOCATIONS):
         assert search.best is not None
         before = search.best
         try:
             moved = relocate(program, before.lift)
-            search.consider("re-located angles", moved.solve(Margins(level, level, level)))
+            search.consider("re-located angles", moved.solve(Margins(high, high, high)))
         except NoCamHoldsContact:
             break
         if search.best is before:
             break
         program = moved
-    low, high, step = -np.inf, level, FIRST_STEP_N
     for _ in range(BISECTIONS):
-        middle = 0.5 * (low + high) if np.isfinite(low) else high - step
+        middle = 0.5 * (low + high) if np.isfinite(low) else high - FIRST_STEP_N
         judged = search.consider("margin", program.solve(Margins(middle, middle, middle)))
         if judged.holds:
             high = middle
@@ -96,14 +96,14 @@ def no_jump_stage(search: Search, program: NoJumpProgram) -> NoJumpProgram:
     return program
 
 
-def _first_confirmed(search: Search, program: NoJumpProgram) -> tuple[NoJumpProgram, float]:
-    """The program, with speeds inserted, and the first common margin [N] whose cam is confirmed."""
-    for level in FIRST_MARGINS_N:
+def _first_confirmed(search: Search, program: NoJumpProgram) -> tuple[NoJumpProgram, float, float]:
+    """The program, with speeds inserted, the common margin [N] tried before, and the first whose cam is confirmed."""
+    for below, level in pairwise((-np.inf, *FIRST_MARGINS_N)):
         try:
             for _ in range(3):
                 judged = search.consider("no-jump program", program.solve(Margins(level, level, level)))
                 if judged.holds:
-                    return program, level
+                    return program, below, level
                 worst = search.judge.scene.cam_speed(judged.worst_speed_rpm)
                 if np.abs(program.speeds / worst - 1).min() < 1e-3:
                     break
