@@ -1,0 +1,55 @@
+"""What does each limit cost in area, and what would a spring of its own allow?
+
+    python -m experiments.fronts [small|full]
+
+`kodama`, accuracy draft, the program alone: the largest area that the event-exact judge confirms over the band against
+the limit on bounce (with the jump limit released, which would hide it), on jump and on jerk; then the factors on the
+valve spring's rate and preload, each within 10 %, that give the largest area together with the cam, confirmed by a
+search with the spring found.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+from camopt.optimize.accuracy import ACCURACIES
+from camopt.optimize.search import find_cam
+from camopt.scene import load_scene
+from camopt.study.pareto import VALUES, joint_spring, pareto
+from experiments.record import RESULTS, run_script, write_result
+
+RELEASED = {"bounce_max_mm": ("jump_max_mm",), "jump_max_mm": (), "jerk_max_mm_per_deg3": ()}
+SMALL = {"jerk_max_mm_per_deg3": (0.002, 0.004)}
+
+
+def main(size: str = "full", folder: Path = RESULTS) -> dict:
+    """Searches, prints and writes fronts.json and a figure per limit into `folder`."""
+    scene, asked = load_scene("kodama"), VALUES if size == "full" else SMALL
+    speeds = "band" if size == "full" else "nominal"
+    fronts = {n: pareto(scene, n, v, release=RELEASED[n], speeds=speeds, progress=True) for n, v in asked.items()}
+    content = {"fronts": {}}
+    for name, front in fronts.items():
+        content["fronts"][name] = {k: front.table[k].values.tolist() for k in ("limit", *front.table.data_vars)}
+        points = zip(*(content["fronts"][name][k] for k in ("area_ratio", "limit")), strict=True)
+        areas = ", ".join(f"{area:.4f} at {limit:g}" for area, limit in points)
+        print(f"{name}: {areas}", flush=True)
+    found = joint_spring(scene, speeds=speeds, evaluations=30 if size == "full" else 4)
+    effort = ACCURACIES["draft"]
+    if size == "small":
+        effort = replace(effort, judged_speeds=5, judge_stride=1)
+    as_given, together = (find_cam(s, speeds, effort)[0].best for s in (scene, found.scene))
+    content["spring"] = {
+        "rate": found.rate,
+        "preload": found.preload,
+        "area_ratio_program": found.area_ratio,
+        "area_ratio_program_as_given": found.area_ratio_as_given,
+        "area_ratio": together.area_ratio,
+        "area_ratio_as_given": as_given.area_ratio,
+    }
+    print(f"spring: rate x {found.rate:.3f}, preload x {found.preload:.3f}: area ratio {together.area_ratio:.4f} "
+          f"instead of {as_given.area_ratio:.4f}")  # fmt: skip
+    write_result("fronts", size, content, {name.removesuffix("_mm"): f.plot() for name, f in fronts.items()}, folder)
+    return content
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)
