@@ -62,8 +62,9 @@ def pareto(
 ) -> Front:
     """Largest area ratio that the event-exact judge confirms, for each value of the design's limit `against`.
 
-    `values` (k) in the limit's own units (default: `VALUES`); `release` names limits to leave out, since a tight jump
-    limit hides what bounce costs. With `out` each point is stored as it is found, and a second call goes on from there.
+    `values` (k) in the limit's own units (default: `VALUES`), tried from tight to loose: a cam found within a tighter
+    limit counts within a looser one too. `release` names limits to leave out, since a tight jump limit hides what
+    bounce costs. With `out` each point is stored as it is found, and a second call goes on from there.
     Raises InputError for an unknown limit or accuracy. A value without a confirmed cam is NaN.
     """
     if scene.design is None or against not in type(scene.design).model_fields or (against not in VALUES and not values):
@@ -73,14 +74,17 @@ def pareto(
         "scene": scene.model_dump(mode="json", exclude_none=True, exclude_defaults=True),
     }
     stored = _stored(out, asked)
-    rows, effort = [], accuracy_named(accuracy)
-    for value in tqdm(values or VALUES[against], disable=None if progress else True, desc=against):
+    rows, effort, best = [], accuracy_named(accuracy), {"area_ratio": None}
+    carried = "_max" in against or "_min" in against
+    for value in tqdm(sorted(values or VALUES[against], key=abs), disable=None if progress else True, desc=against):
         key = repr(float(value))
         if key not in stored:
             stored[key] = _point(_changed(scene, {against: value} | dict.fromkeys(release)), speeds, effort, gradient)
             if out is not None:
                 write_json(out, {"asked": asked, "points": stored})
-        rows.append({"limit": float(value)} | stored[key])
+        if not carried or (stored[key]["area_ratio"] or 0.0) > (best["area_ratio"] or 0.0):
+            best = stored[key]
+        rows.append({"limit": float(value)} | best)
     names = dict.fromkeys(name for row in rows for name in row if name != "limit")
     columns = {n: ("limit", [np.nan if r.get(n) is None else r[n] for r in rows]) for n in names}
     return Front(scene.name, against, xr.Dataset(columns, {"limit": [r["limit"] for r in rows]}))
