@@ -12,13 +12,17 @@ import jax.numpy as jnp
 import numpy as np
 
 from camopt.smooth.contact import RAMPS
-from camopt.smooth.scan import ERROR, NODES, WEIGHTS, combine, lift_at, stage_slopes
+from camopt.smooth.scan import ERROR, NODES, STAGES, WEIGHTS, combine, lift_at, stage_slopes
 from camopt.smooth.system import System
 
 CLIP_STEP = 1e-4
 """Longest step over a clip, as a phase [rad] of the stiffest motion."""
 EDGE = 1e-3
 """Longest step over the edge of a layer, in units of eps; between its edges the law is a polynomial."""
+STRAY = 0.9
+"""Factor for a step that ends before an edge or a clip while one of its stages lies behind."""
+SEEN = 0, 1, 2, 3, 4, 5, 5
+"""Stage at whose angle the start, the later stages and the end of a step are."""
 LEAST_STEPS = 720
 """Steps per revolution at least: no event of a cam is shorter."""
 LARGEST_PHASE = 1.2
@@ -68,8 +72,9 @@ def refined_grid(system: System, samples, cam_speed, y0, eps, tolerance, steps: 
         slope = system.rate(y, lift[-1], lift_dt[-1], eps, ramp)
         error = jnp.max(jnp.abs(combine(0.0, h, ERROR, [*slopes, slope])) / scale)
         growth = jnp.clip(0.9 * jnp.maximum(error, 1e-10) ** -0.2, 0.1, 5.0)
-        start, stop = (_surfaces(system, q, lift[i], lift_dt[i], eps, ramp) for q, i in ((at.y, 0), (y, -1)))
-        shrink = contact_limit(start, stop, h, eps, CLIP_STEP / frequency, ramp)
+        seen = [at.y, *(combine(at.y, h, STAGES[i], slopes[:i]) for i in range(1, 6)), y]
+        where = [(_surfaces(system, q, lift[i], lift_dt[i], eps, ramp)) for q, i in zip(seen, SEEN, strict=True)]
+        shrink = contact_limit(*(jnp.stack(q) for q in zip(*where, strict=True)), h, eps, CLIP_STEP / frequency, ramp)
         kept = (error <= 1.0) & (shrink >= 1.0)  # a NaN is not kept
         factor = jnp.where(shrink < 1.0, jnp.minimum(growth, jnp.maximum(shrink, 1e-4)), growth)
         factor = jnp.where(jnp.isfinite(error), factor, 0.1)
@@ -110,28 +115,32 @@ def _surfaces(system: System, y, lift, lift_dt, eps, ramp: str):
     return u[system.topology.contacts], system.raw_force(u, u_dt, eps, ramp)
 
 
-def contact_limit(start, stop, h, eps, clip_step, ramp: str) -> jax.Array:
-    """Factor by which a step of `h` [s] from `start` to `stop` (compression, raw force) must shrink; 1 or above: none.
+def contact_limit(u, g, h, eps, clip_step, ramp: str) -> jax.Array:
+    """Factor by which a step of `h` [s] must shrink; 1 or above: none.
 
-    The edges of a layer and the clip are crossed in short steps that start just before them: a long step that ends just
-    behind would see a derivative of its last stage that belongs to the other side. Inside a layer a step may change the
+    `u` [m] and `g` [N], compression and raw force (7, contacts), at the step's start, its later stages and its end.
+    The edges of a layer and the clip are crossed in short steps that start just before them. No stage of a long step
+    may lie behind: its derivative belongs to the other side, however little its force differs. The last stages are less
+    accurate than the end, so a step that ends just before may be refused as well. Inside a layer a step may change the
     compression by the ramp's share.
     """
-    (u0, g0), (u1, g1) = start, stop
-    if u0.size == 0:
+    if u.size == 0:
         return jnp.ones_like(h)
     half, share = RAMPS[ramp].half_width * eps, 2 * RAMPS[ramp].half_width * eps / RAMPS[ramp].steps
-    pushing, change = (g0 > 0) | (g1 > 0), jnp.abs(u1 - u0)
-    edges = [_crossing(u0 - edge, u1 - edge, EDGE * eps, pushing) for edge in (-half, half)]
-    inside = pushing & (jnp.abs(u0) < half) & (change > share)
+    pushing, change = jnp.any(g > 0, axis=0), jnp.abs(u[-1] - u[0])
+    edges = [_crossing(u - edge, EDGE * eps, pushing) for edge in (-half, half)]
+    inside = pushing & (jnp.abs(u[0]) < half) & (change > share)
     layer = jnp.where(inside, 0.95 * share / jnp.maximum(change, share), jnp.inf)
-    clip = _crossing(g0, g1, clip_step * jnp.abs(g1 - g0) / h, jnp.minimum(u0, u1) > -half)
+    clip = _crossing(g, clip_step * jnp.abs(g[-1] - g[0]) / h, jnp.max(u, axis=0) > -half)
     return jnp.min(jnp.stack([*edges, layer, clip]))
 
 
-def _crossing(before, after, longest, matters):
-    """Factor for a step in which a value changes sign and changes by more than `longest`: to just before its zero."""
+def _crossing(values, longest, matters):
+    """Factor for a step in which values (7, contacts) change sign and by more than `longest`: to just before zero."""
+    before, after = values[0], values[-1]
     change = jnp.abs(after - before)
-    refused = matters & (before * after < 0) & (change > longest)
-    change = jnp.where(refused, change, 1.0)
-    return jnp.where(refused, jnp.maximum(jnp.abs(before) - 0.5 * longest, 0.9 * longest) / change, jnp.inf)
+    strays = matters & jnp.any(before * values < 0, axis=0) & (change > longest)
+    ends_behind = strays & (before * after < 0)
+    change = jnp.where(strays, change, 1.0)
+    to_zero = jnp.maximum(jnp.abs(before) - 0.5 * longest, 0.9 * longest) / change
+    return jnp.where(ends_behind, to_zero, jnp.where(strays, STRAY, jnp.inf))
