@@ -27,9 +27,10 @@ STRAY = 0.9
 """Share of a step before the first place behind an edge or a clip to which a step shrinks that ends before it."""
 LEAST_STEPS = 720
 """Steps per revolution at least: no event of a cam is shorter."""
-LARGEST_PHASE = 1.2
-"""Longest step, as a phase [rad] of the stiffest motion. A train at rest has no error at any step, but beyond the limit
-of stability (1.9 for the modes of `kodama`, which exceed that frequency by a fifth) its derivatives grow."""
+LARGEST_PHASE = 0.8
+"""Longest step, as a phase [rad] of the stiffest motion. The tolerance bounds the error of the motion, not that of its
+derivative, which every closing fills with the fastest modes: at 1.2 gradients are off by up to three times as much, and
+beyond the limit of stability (1.9 for the modes of `kodama`, which exceed that frequency by a fifth) they grow."""
 ATTEMPTS = 1.5
 """Attempted steps per step kept; about 1.3 on bouncing motions of `kodama`."""
 CHUNK = 128
