@@ -115,9 +115,12 @@ def _until_arrival(attempt, begin: Progress, end, chunks: int):
 
 def _between(y0, slope0, y1, slope1, h):
     """States (7, 2, n) at the shares `BETWEEN` of a step of h [s]: the cubic through its ends and their slopes."""
-    t = BETWEEN.astype(y0.dtype)[:, None, None]
     rise = y1 - y0
-    return y0 + t * rise + t * (1 - t) * ((1 - t) * (h * slope0 - rise) - t * (h * slope1 - rise))
+
+    def at(t):
+        return y0 + t * rise + t * (1 - t) * ((1 - t) * (h * slope0 - rise) - t * (h * slope1 - rise))
+
+    return jax.vmap(at)(jnp.asarray(BETWEEN, y0.dtype))
 
 
 def _surfaces(system: System, y, samples, cam_speed, angle, eps, ramp: str):
@@ -147,16 +150,14 @@ def contact_limit(u, g, h, eps, clip_step, ramp: str) -> jax.Array:
     edges = [_crossing(u - edge, pushing, EDGE * eps) for edge in (-half, half)]
     inside = pushing & (jnp.abs(u[0]) < half) & (change > share)
     layer = jnp.where(inside, 0.95 * share / jnp.maximum(change, share), jnp.inf)
-    clip = _crossing(g, jnp.any(u > -half, axis=0), clip_step / h * jnp.max(jnp.abs(g - g[0]), axis=0))
+    clip = _crossing(g, jnp.any(u > -half, axis=0), clip_step / h * jnp.max(jnp.abs(g - g[:1]), axis=0))
     return jnp.min(jnp.stack([*edges, layer, clip]))
 
 
 def _crossing(values, matters, longest):
     """Factor for a step in which values (k, contacts) change sign and by more than `longest`: to just before zero."""
-    before, after = values[0], values[-1]
-    behind = before * values < 0
-    refused = matters & jnp.any(behind, axis=0) & (jnp.max(jnp.abs(values - before), axis=0) > longest)
+    behind, moved = values[:1] * values < 0, jnp.abs(values - values[:1])
+    refused = matters & jnp.any(behind, axis=0) & (jnp.max(moved, axis=0) > longest)
     first = jnp.min(jnp.where(behind, PLACES.astype(values.dtype)[:, None], 1.0), axis=0)
-    change = jnp.where(behind[-1], jnp.abs(after - before), 1.0)
-    to_zero = jnp.maximum(jnp.abs(before) - 0.5 * longest, 0.9 * longest) / change
+    to_zero = jnp.maximum(jnp.abs(values[0]) - 0.5 * longest, 0.9 * longest) / jnp.where(behind[-1], moved[-1], 1.0)
     return jnp.where(refused, jnp.where(behind[-1], to_zero, STRAY * first), jnp.inf)

@@ -44,7 +44,7 @@ def lift_at(samples: jax.Array, theta: jax.Array) -> tuple[jax.Array, jax.Array]
 
 
 def forces_at(system: System, samples, cam_speed, angle, states, eps, ramp: str = "compact"):
-    """Forces (k, e) [N] and their derivatives by angle [N/rad] at the angles (k) [rad] and states (k, 2, n) of a motion."""
+    """Forces [N] and their derivatives by angle [N/rad], each (k, e), at angles (k) [rad] and states (k, 2, n)."""
 
     def force(y, theta):
         lift, lift_dtheta = lift_at(samples, theta)
