@@ -59,7 +59,7 @@ def differentiable_motion(
     numbers = lift.half_duration, lift.opening_foot
     y0, most = rest_state(train, system), allowed_steps(train, cam_speed)
     motion, metrics = _motion(system, samples, cam_speed, y0, numbers, revolutions, steps, most)
-    return Response(train, cam_speed, regular_angles(revolutions, steps), *motion[1:]), metrics
+    return Response(train, cam_speed, regular_angles(revolutions, steps), *motion[1:5]), metrics
 
 
 def allowed_steps(train: Train, cam_speed) -> int:

@@ -12,18 +12,25 @@ import jax.numpy as jnp
 import numpy as np
 
 from camopt.smooth.contact import RAMPS
-from camopt.smooth.scan import ERROR, NODES, WEIGHTS, combine, lift_at, stage_slopes
+from camopt.smooth.scan import ERROR, NODES, STAGES, WEIGHTS, combine, lift_at, stage_slopes
 from camopt.smooth.system import System
 
 CLIP_STEP = 1e-4
 """Longest step over a clip, as a phase [rad] of the stiffest motion."""
 EDGE = 1e-3
 """Longest step over the edge of a layer, in units of eps; between its edges the law is a polynomial."""
+BETWEEN = np.arange(1, 8) / 8
+"""Shares of a step at which its motion is looked at beside its stages: a contact may open and close between these."""
+PLACES = np.concatenate([[0.0], NODES[1:], BETWEEN, [1.0]])
+"""Shares of a step of its start, its later stages, the looks between and its end."""
+STRAY = 0.9
+"""Share of a step before the first place behind an edge or a clip to which a step shrinks that ends before it."""
 LEAST_STEPS = 720
 """Steps per revolution at least: no event of a cam is shorter."""
-LARGEST_PHASE = 1.2
-"""Longest step, as a phase [rad] of the stiffest motion. A train at rest has no error at any step, but beyond the limit
-of stability (1.9 for the modes of `kodama`, which exceed that frequency by a fifth) its derivatives grow."""
+LARGEST_PHASE = 0.8
+"""Longest step, as a phase [rad] of the stiffest motion. The tolerance bounds the error of the motion, not that of its
+derivative, which every closing fills with the fastest modes: at 1.2 gradients are off by up to three times as much, and
+beyond the limit of stability (1.9 for the modes of `kodama`, which exceed that frequency by a fifth) they grow."""
 ATTEMPTS = 1.5
 """Attempted steps per step kept; about 1.3 on bouncing motions of `kodama`."""
 CHUNK = 128
@@ -68,8 +75,10 @@ def refined_grid(system: System, samples, cam_speed, y0, eps, tolerance, steps: 
         slope = system.rate(y, lift[-1], lift_dt[-1], eps, ramp)
         error = jnp.max(jnp.abs(combine(0.0, h, ERROR, [*slopes, slope])) / scale)
         growth = jnp.clip(0.9 * jnp.maximum(error, 1e-10) ** -0.2, 0.1, 5.0)
-        start, stop = (_surfaces(system, q, lift[i], lift_dt[i], eps, ramp) for q, i in ((at.y, 0), (y, -1)))
-        shrink = contact_limit(start, stop, h, eps, CLIP_STEP / frequency, ramp)
+        inner = [combine(at.y, h, STAGES[i], slopes[:i]) for i in range(1, 6)]
+        seen = jnp.concatenate([jnp.stack([at.y, *inner]), _between(at.y, at.slope, y, slope, h), y[None]])
+        u, g = _surfaces(system, seen, samples, cam_speed, at.angle + width * PLACES.astype(end.dtype), eps, ramp)
+        shrink = contact_limit(u, g, h, eps, CLIP_STEP / frequency, ramp)
         kept = (error <= 1.0) & (shrink >= 1.0)  # a NaN is not kept
         factor = jnp.where(shrink < 1.0, jnp.minimum(growth, jnp.maximum(shrink, 1e-4)), growth)
         factor = jnp.where(jnp.isfinite(error), factor, 0.1)
@@ -104,34 +113,51 @@ def _until_arrival(attempt, begin: Progress, end, chunks: int):
     return tuple(record.reshape(-1, *record.shape[2:]) for record in records)
 
 
-def _surfaces(system: System, y, lift, lift_dt, eps, ramp: str):
-    """Compression beyond the touch [m] and force before clipping [N] of the contacts."""
-    u, u_dt = system.compression(y, lift, lift_dt)
-    return u[system.topology.contacts], system.raw_force(u, u_dt, eps, ramp)
+def _between(y0, slope0, y1, slope1, h):
+    """States (7, 2, n) at the shares `BETWEEN` of a step of h [s]: the cubic through its ends and their slopes."""
+    rise = y1 - y0
+
+    def at(t):
+        return y0 + t * rise + t * (1 - t) * ((1 - t) * (h * slope0 - rise) - t * (h * slope1 - rise))
+
+    return jax.vmap(at)(jnp.asarray(BETWEEN, y0.dtype))
 
 
-def contact_limit(start, stop, h, eps, clip_step, ramp: str) -> jax.Array:
-    """Factor by which a step of `h` [s] from `start` to `stop` (compression, raw force) must shrink; 1 or above: none.
+def _surfaces(system: System, y, samples, cam_speed, angle, eps, ramp: str):
+    """Compression beyond the touch [m] and force before clipping [N], both (k, contacts), at k states and angles."""
+    lift, lift_dtheta = lift_at(samples, angle)
 
-    The edges of a layer and the clip are crossed in short steps that start just before them: a long step that ends just
-    behind would see a derivative of its last stage that belongs to the other side. Inside a layer a step may change the
-    compression by the ramp's share.
+    def one(y, lift, lift_dt):
+        u, u_dt = system.compression(y, lift, lift_dt)
+        return u[system.topology.contacts], system.raw_force(u, u_dt, eps, ramp)
+
+    return jax.vmap(one)(y, lift, lift_dtheta * cam_speed)
+
+
+def contact_limit(u, g, h, eps, clip_step, ramp: str) -> jax.Array:
+    """Factor by which a step of `h` [s] must shrink; 1 or above: none.
+
+    `u` [m] and `g` [N], compression and raw force (k, contacts), at the `PLACES` of the step. The edges of a layer and
+    the clip are crossed in short steps that start just before them. No stage of a long step may lie behind: its
+    derivative belongs to the other side, however little its force differs; the last stages are less accurate than the
+    end, so that even a step that ends just before may be refused. Inside a layer a step may change the compression by
+    the ramp's share.
     """
-    (u0, g0), (u1, g1) = start, stop
-    if u0.size == 0:
+    if u.size == 0:
         return jnp.ones_like(h)
     half, share = RAMPS[ramp].half_width * eps, 2 * RAMPS[ramp].half_width * eps / RAMPS[ramp].steps
-    pushing, change = (g0 > 0) | (g1 > 0), jnp.abs(u1 - u0)
-    edges = [_crossing(u0 - edge, u1 - edge, EDGE * eps, pushing) for edge in (-half, half)]
-    inside = pushing & (jnp.abs(u0) < half) & (change > share)
+    pushing, change = jnp.any(g > 0, axis=0), jnp.abs(u[-1] - u[0])
+    edges = [_crossing(u - edge, pushing, EDGE * eps) for edge in (-half, half)]
+    inside = pushing & (jnp.abs(u[0]) < half) & (change > share)
     layer = jnp.where(inside, 0.95 * share / jnp.maximum(change, share), jnp.inf)
-    clip = _crossing(g0, g1, clip_step * jnp.abs(g1 - g0) / h, jnp.minimum(u0, u1) > -half)
+    clip = _crossing(g, jnp.any(u > -half, axis=0), clip_step / h * jnp.max(jnp.abs(g - g[:1]), axis=0))
     return jnp.min(jnp.stack([*edges, layer, clip]))
 
 
-def _crossing(before, after, longest, matters):
-    """Factor for a step in which a value changes sign and changes by more than `longest`: to just before its zero."""
-    change = jnp.abs(after - before)
-    refused = matters & (before * after < 0) & (change > longest)
-    change = jnp.where(refused, change, 1.0)
-    return jnp.where(refused, jnp.maximum(jnp.abs(before) - 0.5 * longest, 0.9 * longest) / change, jnp.inf)
+def _crossing(values, matters, longest):
+    """Factor for a step in which values (k, contacts) change sign and by more than `longest`: to just before zero."""
+    behind, moved = values[:1] * values < 0, jnp.abs(values - values[:1])
+    refused = matters & jnp.any(behind, axis=0) & (jnp.max(moved, axis=0) > longest)
+    first = jnp.min(jnp.where(behind, PLACES.astype(values.dtype)[:, None], 1.0), axis=0)
+    to_zero = jnp.maximum(jnp.abs(values[0]) - 0.5 * longest, 0.9 * longest) / jnp.where(behind[-1], moved[-1], 1.0)
+    return jnp.where(refused, jnp.where(behind[-1], to_zero, STRAY * first), jnp.inf)

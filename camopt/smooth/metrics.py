@@ -141,16 +141,31 @@ def least(angle, values, keep):
     return jnp.where(proper, refined, jnp.min(jnp.where(keep, values, jnp.inf)))
 
 
-def peak_height(time, s, v, keep):
-    """Greatest s over the samples kept, raised to the crest of the cubic beside it, whose angle is held."""
+def greatest(at, s, v, keep):
+    """Greatest s (k) over the samples kept, raised to the crest of the cubic beside it; v is its derivative by `at`.
+
+    The place of the crest is held. That of a force may lie in the layer of its contact, where a damped contact closes:
+    its derivative then knows how the closing shifts, which that of the sample behind the layer does not.
+    """
     i = jnp.argmax(jnp.where(keep, s, -jnp.inf))
     j = jnp.clip(jnp.where(v[i] > 0, i, i - 1), 0, len(s) - 2)  # the crest lies between j and j + 1
-    h, (v0, v1) = time[j + 1] - time[j], jax.lax.stop_gradient((v[j], v[j + 1]))
+    h, (v0, v1) = at[j + 1] - at[j], jax.lax.stop_gradient((v[j], v[j + 1]))
     proper = (v0 > 0) & (v1 < 0) & keep[j] & keep[j + 1]
-    t = jnp.where(proper, v0 / jnp.where(proper, v0 - v1, 1.0), 0.0)
     rise, m0, m1 = s[j + 1] - s[j], v[j] * h, v[j + 1] * h
-    crest = s[j] + t * (m0 + t * (3 * rise - 2 * m0 - m1 + t * (m0 + m1 - 2 * rise)))
+    second, third = 3 * rise - 2 * m0 - m1, m0 + m1 - 2 * rise
+    t = jax.lax.stop_gradient(jnp.where(proper, _fall_through_zero(m0, m1, second, third), 0.0))
+    crest = s[j] + t * (m0 + t * (second + t * third))
     return jnp.where(proper, crest, jnp.max(jnp.where(keep, s, -jnp.inf)))
+
+
+def _fall_through_zero(m0, m1, second, third):
+    """Place in [0, 1] at which m0 + 2 second t + 3 third t^2 falls from m0 > 0 through zero to m1 < 0."""
+    t = m0 / jnp.where(m0 > m1, m0 - m1, 1.0)
+    for _ in range(4):  # Newton; where the slope is not that of a fall the secant's serves
+        slope = 2 * second + 6 * third * t
+        slope = jnp.where(slope < 0, slope, jnp.where(m0 > m1, m1 - m0, -1.0))
+        t = jnp.clip(t - (m0 + t * (2 * second + 3 * third * t)) / slope, 0.0, 1.0)
+    return t
 
 
 def separation_angle(angle, margin, keep):
@@ -159,6 +174,13 @@ def separation_angle(angle, margin, keep):
     spread = jnp.where(high > low, high - low, 1.0)
     share = jnp.where(high <= 0, jnp.where(low < 0, 1.0, 0.0), jnp.clip(-low / spread, 0.0, 1.0))
     return jnp.sum(jnp.where(keep, jnp.diff(angle) * share, 0.0))
+
+
+def _greatest_force(motion: Motion, e: int, sign: float, inside):
+    """Greatest force of element e [N] over the samples kept, or with the sign -1 the greatest negative one."""
+    if motion.force_dtheta is None:
+        return -least(motion.angle, -sign * motion.force[:, e], inside)
+    return greatest(motion.angle, sign * motion.force[:, e], sign * motion.force_dtheta[:, e], inside)
 
 
 def event_metrics(system: System, motion: Motion, half_duration, revolution: int) -> dict[str, jax.Array]:
@@ -175,8 +197,8 @@ def event_metrics(system: System, motion: Motion, half_duration, revolution: int
         edge_force = jnp.stack([at_angle(motion.angle, force, edge) for edge in edges])
         gap.append(-jnp.minimum(least(motion.angle, margin[:, e], inside), jnp.min(edge_margin)))
         turn.append(separation_angle(motion.angle, margin[:, e], both))
-        low.append(jnp.minimum(least(motion.angle, force, inside), jnp.min(edge_force)))
-        high.append(jnp.maximum(-least(motion.angle, -force, inside), jnp.max(edge_force)))
+        low.append(jnp.minimum(-_greatest_force(motion, e, -1.0, inside), jnp.min(edge_force)))
+        high.append(jnp.maximum(_greatest_force(motion, e, 1.0, inside), jnp.max(edge_force)))
     return {
         "jump_mm": jnp.maximum(0.0, jnp.max(jnp.stack(gap))) / MM,
         "jump_deg": jnp.max(jnp.stack(turn)) / DEG,
@@ -200,7 +222,7 @@ def closed_metrics(
     before_end = motion.angle <= end
     window = (motion.angle >= jnp.minimum(touch.angle, nominal)) & before_end
     hop = jnp.where(nominal < touch.angle, at_angle(motion.angle, s, nominal, v / cam_speed), 0.0)
-    crest = peak_height(motion.angle / cam_speed, s, v, window)
+    crest = greatest(motion.angle / cam_speed, s, v, window)
     bounce = jnp.maximum(jnp.maximum(0.0, hop), crest)
     after = (motion.angle >= touch.angle) & before_end
     _, square = step_integral(motion.angle, s, v / cam_speed, after[1:] & after[:-1])

@@ -43,6 +43,21 @@ def lift_at(samples: jax.Array, theta: jax.Array) -> tuple[jax.Array, jax.Array]
     return l0 + s * (v0 + s * (c2 + s * c3)), (v0 + s * (2 * c2 + 3 * s * c3)) / width
 
 
+def forces_at(system: System, samples, cam_speed, angle, states, eps, ramp: str = "compact"):
+    """Forces [N] and their derivatives by angle [N/rad], each (k, e), at angles (k) [rad] and states (k, 2, n)."""
+
+    def force(y, theta):
+        lift, lift_dtheta = lift_at(samples, theta)
+        return system.force(y, lift, lift_dtheta * cam_speed, eps, ramp)
+
+    def both(y, theta):
+        lift, lift_dtheta = lift_at(samples, theta)
+        slope = system.rate(y, lift, lift_dtheta * cam_speed, eps, ramp)
+        return jax.jvp(force, (y, theta), (slope / cam_speed, jnp.ones_like(theta)))
+
+    return jax.vmap(both)(states, angle)
+
+
 def combine(y, h, weights, slopes):
     """y + h * sum_j weights_j slopes_j."""
     return y + h * sum(w * k for w, k in zip(weights, slopes, strict=True) if w != 0.0)

@@ -14,17 +14,17 @@ from camopt.smooth.adaptive import adaptive_states
 from camopt.smooth.contact import RAMPS
 from camopt.smooth.grid import equal_grid, refined_grid
 from camopt.smooth.rest import rest_state
-from camopt.smooth.scan import integrate, lift_at
+from camopt.smooth.scan import forces_at, integrate, lift_at
 from camopt.smooth.system import Motion, System, build_system
 
 EPS = 2e-9
 """Default width of the contact's layer [m]. At 1e-7 its width alone puts gradients of bouncing motions of `kodama` off
 by up to 5 percent, and at 1e-8 those of a hop of 6e-8 m by 2 percent; as the grid resolves the layer, a narrow one
 costs no more than a wide one."""
-TOLERANCE = 1e-11
+TOLERANCE = 3e-12
 """Default error permitted per step [m]: gradients at 6000 r/min are then within one percent; at 1e-9, within ten."""
-STEPS = 4096
-"""Steps first offered per revolution; `kodama` needs 2000 to 3000 at 5000 to 6500 r/min."""
+STEPS = 5120
+"""Steps first offered per revolution; `kodama` needs 3000 to 4500 at 5000 to 6500 r/min."""
 MOST_STEPS = 2**17
 """Steps per revolution beyond which a motion is refused."""
 LIFT_SAMPLES = 2880
@@ -65,16 +65,15 @@ def response_arrays(
         else:
             angle, known = jnp.asarray(equal_grid(steps), y.dtype), None
         states = integrate(system, samples, cam_speed, y, angle, eps, ramp, known)
-        lift, lift_dtheta = lift_at(samples, angle)
-        force = jax.vmap(lambda y, l, l_dt: system.force(y, l, l_dt, eps, ramp))(states, lift, lift_dtheta * cam_speed)
+        force, force_dtheta = forces_at(system, samples, cam_speed, angle, states, eps, ramp)
         arrived = angle[-1] >= jnp.asarray(jnp.pi, y.dtype)
         states, force = (jnp.where(arrived, q, jnp.nan) for q in (states, force))
-        return states[-1], Motion(angle, lift, states[:, 0], states[:, 1], force)
+        return states[-1], Motion(angle, lift_at(samples, angle)[0], states[:, 0], states[:, 1], force, force_dtheta)
 
     _, motion = jax.lax.scan(revolve, y0, None, length=revolutions)
     turns = 2 * jnp.pi * jnp.arange(revolutions, dtype=y0.dtype)[:, None]
     motion = motion._replace(angle=motion.angle + turns)
-    return Motion(*(q.reshape(-1, *q.shape[2:]) for q in motion))
+    return jax.tree.map(lambda q: q.reshape(-1, *q.shape[2:]), motion)
 
 
 STATIC = ("revolutions", "steps", "refine", "ramp")
@@ -117,7 +116,7 @@ def prepare(
         else:
             angle = equal_grid(steps_per_revolution or LIFT_SAMPLES)
             motion = adaptive_states(system, samples, cam_speed, y0, angle, eps, tolerance, method, ramp)
-        angle, cam_lift, x, v, force = (np.asarray(q) for q in motion)
+        angle, cam_lift, x, v, force = (np.asarray(q) for q in motion[:5])
         if not np.all(np.isfinite(x)):
             raise MotionRefused(
                 f"smooth path at {cam_speed * 30 / np.pi:g} cam r/min with eps = {eps:g} m: no grid of the steps "

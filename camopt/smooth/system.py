@@ -45,6 +45,7 @@ class Motion(NamedTuple):
     x: jax.Array  # (k, n) m
     v: jax.Array  # (k, n) m/s
     force: jax.Array  # (k, e) N
+    force_dtheta: jax.Array | None = None  # (k, e) N/rad, where it is known
 
 
 class System(eqx.Module):

@@ -54,7 +54,7 @@ def smooth_float32(train: Train, lift: Lift, cam_speed: float, dial: int) -> Rev
     def revolve(state: np.ndarray) -> Response:
         y0 = jnp.asarray(state, single).reshape(2, -1)
         motion = compiled_response(system, samples, single(cam_speed), y0, eps, tolerance, steps=4 * STEPS)
-        angle, rise, x, v, force = (np.asarray(q, dtype=float) for q in motion)
+        angle, rise, x, v, force = (np.asarray(q, dtype=float) for q in motion[:5])
         if not np.all(np.isfinite(x)):
             raise MotionRefused("smooth path in single precision: no grid of the steps allowed resolves the motion")
         distinct = np.append(True, np.diff(angle) > 0)

@@ -69,7 +69,7 @@ def _equal(case: Case, precision: str, steps: int, eps: float) -> dict:
         y = jnp.asarray(state.reshape(2, -1, 1), rest.dtype)
         motion = run(y, eps)
         # the record's own angles and velocities are doubles: only the integration is judged
-        lift, x, v, force = (np.asarray(q[0], dtype=float) for q in motion[1:])
+        lift, x, v, force = (np.asarray(q[0], dtype=float) for q in motion[1:5])
         if not np.all(np.isfinite(x)):
             raise MotionRefused("the motion has no bound: the step is past the method's stability limit")
         return Response(case.train, case.cam_speed, np.linspace(-np.pi, np.pi, steps + 1), lift, x, v, force)
@@ -106,7 +106,7 @@ def batch_work(name: str, case: Case, cam_speeds: np.ndarray) -> list[Work]:
     def run(precision: str, steps: int, eps: float) -> dict:
         batch, rest = equal_steps(case, precision, steps, cam_speeds)
         times, motion = timed(lambda: batch(rest, eps), len(cam_speeds))
-        lift, x, v, force = (np.asarray(q, dtype=float) for q in motion[1:])
+        lift, x, v, force = (np.asarray(q, dtype=float) for q in motion[1:5])
         angle = np.linspace(-np.pi, np.pi, steps + 1)
         records = [
             Response(case.train, s, angle, *parts) for s, *parts in zip(cam_speeds, lift, x, v, force, strict=True)
