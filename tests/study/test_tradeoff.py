@@ -1,0 +1,136 @@
+"""`camopt tradeoff`: files, columns, errors against the reference, a run that goes on, refusals, and the words."""
+
+import csv
+import json
+import time
+
+import numpy as np
+import pytest
+
+from camopt import cli
+from camopt.plots.tradeoff import pareto
+from camopt.scene import InputError, load_scene
+from camopt.study import tradeoff_figures
+from camopt.study.tradeoff import COLUMNS, LINES, REFERENCE, Work, error_of, measured, rows_of, timed, tradeoff
+
+
+def table(folder) -> list[dict]:
+    with open(folder / "tradeoff.csv", newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    """Figures by name, as they would be saved: rendering them takes longer than measuring."""
+    figures = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tradeoff_figures, "save", lambda figure, folder, name: figures.update({name: figure}))
+        yield figures
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory, drawn):
+    """The small size on one mass, by the command."""
+    folder = tmp_path_factory.mktemp("tradeoff") / "run"
+    assert cli.main(["tradeoff", "motori-1", "--size", "small", "--out", str(folder), "--quiet"]) == 0
+    return folder
+
+
+class TestRun:
+    def test_files_and_columns(self, small):
+        rows = table(small)
+        assert tuple(rows[0]) == COLUMNS
+        assert (small / "tradeoff.txt").read_text().startswith("On motori-1, ")
+        setup = (small / "setup.csv").read_text().splitlines()
+        assert setup[0] == "case,method,setting,setup_seconds" and len(setup) > 8
+
+    def test_figures(self, small, drawn):
+        names = {"revolution-at-7000-rmin", "16-speeds-side-by-side-up-to-7000-rmin", "job", "masses"}
+        assert set(drawn) == names
+        labels = [axes.get_ylabel() for axes in drawn["revolution-at-7000-rmin"].axes]
+        assert labels == ["error of bounce [mm]", "error of jump [mm]", "error of seating velocity [m/s]",
+                          "error of valve lift [mm]"]  # fmt: skip
+        for figure in drawn.values():
+            assert all(axes.get_xscale() == axes.get_yscale() == "log" for axes in figure.axes)
+            assert all(len(axes.lines) > 1 for axes in figure.axes)  # a method at least, and the front
+
+    def test_errors_and_times_are_sane(self, small):
+        lifts = {r["method"]: r for r in table(small) if r["error_of"] == "lift_mm" and r["case"].startswith("rev")}
+        assert float(lifts["event-exact"]["error"]) < 1e-6
+        for method in ("Runge-Kutta-Gill", "transition matrix", "Houbolt", "SciPy LSODA"):
+            assert 1e-3 < float(lifts[method]["error"]) < 1.0  # they step over the contacts
+        assert all(1e-6 < float(r["seconds"]) < 60 for r in table(small))
+        (finest,) = (r for r in table(small) if (r["case"], r["method"]) == ("job: band step", REFERENCE))
+        assert float(finest["error"]) == 0.0
+
+    def test_a_finished_run_measures_nothing_again(self, small):
+        before = (small / LINES).read_bytes(), (small / "tradeoff.csv").read_bytes()
+        assert cli.main(["tradeoff", "motori-1", "--size", "small", "--out", str(small), "--resume", "--quiet"]) == 0
+        assert ((small / LINES).read_bytes(), (small / "tradeoff.csv").read_bytes()) == before
+
+    def test_refusals(self, small, tmp_path, capsys):
+        assert cli.main(["tradeoff", "motori-1", "--out", str(small)]) == 2
+        assert cli.main(["tradeoff", "motori-1", "--resume"]) == 2
+        assert cli.main(["tradeoff", "ohv-3dof", "--out", str(tmp_path / "a")]) == 2
+        assert cli.main(["tradeoff", "motori-2", "--size", "small", "--out", str(small), "--resume"]) == 2
+        assert "belongs to another scene" in capsys.readouterr().err
+        with pytest.raises(InputError, match="size 'huge': expected one of small, full"):
+            tradeoff(load_scene("motori-1"), tmp_path / "b", size="huge")
+
+
+class TestLines:
+    def test_an_interrupted_run_keeps_what_it_measured(self, tmp_path):
+        """The line that the interruption cut off is measured again, the whole ones are not."""
+        calls: list[str] = []
+
+        def work(name: str) -> Work:
+            return Work("case", "method", name, lambda: calls.append(name) or {"figures": {"bounce_mm": 1.0}})
+
+        path = tmp_path / LINES
+        measured(path, [work("a"), work("b")])
+        path.write_text(path.read_text() + '{"case": "case", "meth')
+        lines = measured(path, [work("c"), work("a"), work("b")])
+        assert calls == ["a", "b", "c"]
+        assert [line["setting"] for line in lines] == ["c", "a", "b"]
+        assert [json.loads(line)["setting"] for line in path.read_text().splitlines()] == ["a", "b", "c"]
+
+    def test_what_fails_stays_with_its_reason(self, tmp_path):
+        def fails() -> dict:
+            raise RuntimeError("too stiff")
+
+        (row,) = rows_of(measured(tmp_path / LINES, [Work("case", "method", "x", fails)]))
+        assert (row["verdict"], row["converged"], row["error"]) == ("too stiff", False, None)
+
+    def test_errors_are_against_the_reference_of_the_case(self):
+        def line(case: str, method: str, bounce: float, **more) -> dict:
+            shared = {"case": case, "method": method, "setting": "s", "failure": "", "seconds": 1.0}
+            return {**shared, "figures": {"bounce_mm": bounce}, **more}
+
+        lines = [line("a", REFERENCE, 1.0, verdict="confirmed"), line("b", REFERENCE, 5.0)]
+        lines += [line("a", "m", 0.75, verdict="rejected"), line("b", "m", 5.5)]
+        del lines[1]["seconds"]  # a reference that was not timed is no row
+        found = {(r["case"], r["method"], r["error_of"]): r["error"] for r in rows_of(lines)}
+        assert found == {
+            ("a", REFERENCE, "bounce_mm"): 0.0,
+            ("a", REFERENCE, "verdict"): 0.0,
+            ("a", "m", "bounce_mm"): 0.25,
+            ("a", "m", "verdict"): 1.0,
+            ("b", "m", "bounce_mm"): 0.5,
+        }
+
+    def test_error_of(self):
+        assert error_of("lift_mm", [1.0, 2.5], [1.0, 2.0]) == 0.5
+        assert error_of("gradient", [3.0, 5.0], [3.0, 4.0]) == pytest.approx(0.2)
+        assert error_of("bounce_mm", None, 1.0) is None
+        assert error_of("bounce_mm", np.nan, 1.0) is None
+
+    def test_the_first_call_is_set_apart(self):
+        durations = iter((0.05, 0.004, 0.003, 0.005))
+
+        times, _ = timed(lambda: time.sleep(next(durations)), 2)
+        assert 0.0015 < times["seconds"] < 0.01 < 0.03 < times["setup_seconds"]
+
+
+def test_the_front_is_what_nothing_beats():
+    seconds, errors = np.array([3.0, 1.0, 2.0, 4.0, 1.0]), np.array([2.0, 5.0, 6.0, 1.0, 4.0])
+    assert pareto(seconds, errors).tolist() == [4, 0, 3]
