@@ -96,8 +96,8 @@ def counts(rows: list[dict]) -> dict[str, dict]:
         promised = sum(n for outcome, n in of.items() if outcome.endswith("promised"))
         good = of["good, promised"] + of["good, flagged"]
         found[quantity] = dict(sorted(of.items())) | {
-            "promises_kept_percent": 100 * of["good, promised"] / max(1, promised),
-            "good_ones_flagged_percent": 100 * of["good, flagged"] / max(1, good),
+            "promises_kept_percent": 100 * of["good, promised"] / promised if promised else None,
+            "good_ones_flagged_percent": 100 * of["good, flagged"] / good if good else None,
         }
     return found
 
@@ -119,7 +119,7 @@ def main(size: str, folder=RESULTS) -> dict:
         "rows": rows,
     }
     for quantity, of in content["counts"].items():
-        print(f"{quantity:<16}", ", ".join(f"{k} {v:g}" for k, v in of.items()))
+        print(f"{quantity:<16}", ", ".join(f"{k} {v if v is None else round(v, 2)}" for k, v in of.items()))
     print("truth against located DOP853, largest:", content["truth_against_dop853_um"], "um in", len(located), "draws")
     write_result("accuracy_promise", size, content, {}, folder)
     return content
