@@ -48,7 +48,9 @@ def test_promises(tmp_path):
         (1.1, 0.5, 0.0, "good, flagged"),
         (0.9, 1.1, 0.0, "off, promised"),
         (np.inf, 2.0, 0.0, "off, flagged"),
+        (0.9, 0.5, 0.4, "good, promised"),
         (0.9, 0.5, 0.6, "no truth, promised"),
+        (0.9, 1.1, 0.2, "no truth, promised"),
         (2.0, 0.5, np.nan, "no truth, flagged"),
     ],
 )
