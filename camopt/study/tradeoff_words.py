@@ -28,7 +28,7 @@ def words_of(scene: str, rows: Sequence[dict]) -> str:
         sentences += _dial(case, [r for r in job if r["case"] == case and r["error_of"] in SHOWN_OF])
     failed = len(rows) - len(answered)
     if failed:
-        sentences.append(f"{failed} settings gave no answer; their rows say why.")
+        sentences.append(f"Settings that gave no answer: {failed}; their rows say why.")
     return " ".join(sentences)
 
 

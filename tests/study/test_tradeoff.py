@@ -14,6 +14,8 @@ from camopt.scene import InputError, load_scene
 from camopt.study import tradeoff as module
 from camopt.study import tradeoff_figures
 from camopt.study.tradeoff import COLUMNS, LINES, REFERENCE, Work, error_of, measured, rows_of, timed, tradeoff
+from camopt.study.tradeoff_words import words_of
+from experiments import tradeoff as experiment
 
 
 def table(folder) -> list[dict]:
@@ -30,10 +32,11 @@ def busy(seconds: float) -> None:
 
 @pytest.fixture(scope="module")
 def drawn():
-    """Figures by name, as they would be saved: rendering them takes longer than measuring."""
+    """Figures by name, as they would be saved: rendering them takes longer than measuring, which is not repeated."""
     figures = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tradeoff_figures, "save", lambda figure, folder, name: figures.update({name: figure}))
+        patch.setattr(module, "PATIENCE", 0.0)
         yield figures
 
 
@@ -49,7 +52,7 @@ class TestRun:
     def test_files_and_columns(self, small):
         rows = table(small)
         assert tuple(rows[0]) == COLUMNS
-        assert (small / "tradeoff.txt").read_text().startswith("On motori-1, ")
+        assert (small / "tradeoff.txt").read_text().startswith("On motori-1; ")
         setup = (small / "setup.csv").read_text().splitlines()
         assert setup[0] == "case,method,setting,setup_seconds" and len(setup) > 8
 
@@ -149,3 +152,76 @@ class TestLines:
 def test_the_front_is_what_nothing_beats():
     seconds, errors = np.array([3.0, 1.0, 2.0, 4.0, 1.0]), np.array([2.0, 5.0, 6.0, 1.0, 4.0])
     assert pareto(seconds, errors).tolist() == [4, 0, 3]
+
+
+class TestWords:
+    @staticmethod
+    def row(case: str, method: str, setting: str, error: float | None, seconds: float | None = 1.0, **more) -> dict:
+        fixed = {"case": case, "method": method, "setting": setting, "error": error, "seconds": seconds}
+        return {**fixed, "error_of": "lift_mm", "converged": error is not None, "verdict": "", **more}
+
+    def test_a_revolution(self):
+        """The cheapest of the most accurate, what each accuracy costs by another method, who is stuck, who fails."""
+        case = "revolution at 5000 r/min"
+        rows = [
+            self.row(case, "event-exact", "360 samples", 1e-5, 1e-3),
+            self.row(case, "event-exact", "1440 samples", 1e-8, 2e-3),
+            self.row(case, "Houbolt", "4000 steps", 0.05, 4e-3),
+            self.row(case, "LSODA", "rtol 1e-06", 5e-4, 0.3),
+            self.row(case, "LSODA", "rtol 1e-09", None, None, verdict="gave up"),
+        ]
+        assert words_of("a train", rows) == (
+            "On a train; times are processor times. A revolution at 5000 r/min with the valve's lift within 0.001 um "
+            "takes 2 ms (event-exact, 1440 samples); by another method 100 um takes 4 ms (Houbolt, 4000 steps), 1 um "
+            "takes 300 ms (LSODA, rtol 1e-06). No setting tried brings these below 1 um: Houbolt (50). Settings that "
+            "gave no answer: 1; their rows say why."
+        )
+
+    def test_precision_compares_the_same_setting(self):
+        case = "16 speeds side by side up to 7000 r/min"
+        rows = [
+            self.row(case, "smooth batch, float64", "a", 1e-3, 4e-3),
+            self.row(case, "smooth batch, float32", "a", 3e-3, 2e-3),
+            self.row(case, "smooth batch, float32", "b", 9.0, 2e-3),
+        ]
+        assert "float32 takes 0.5 of the time of float64 and has 3 times its error at most." in words_of("t", rows)
+
+    def test_dials_of_the_job(self):
+        bounce = {"error_of": "bounce_mm"}
+        rows = [
+            self.row("job: band step", "sweep", "20 r/min", 0.0021, 0.4, **bounce),
+            self.row("job: band step", "reference", "5 r/min", 0.0, 1.5, **bounce),
+            *(self.row("job: masses", "m", f"{n} masses", 0.5 / n**3, 1e-4 * n, **bounce) for n in range(1, 10)),
+        ]
+        words = words_of("t", rows)
+        assert "Band step: 20 r/min 0.4 s, bounce 2.1 um off; 5 r/min 1.5 s, the reference." in words
+        assert "1 masses" not in words and "9 masses 0.9 ms, bounce 0.69 um off" in words
+
+
+class TestExperiment:
+    def test_it_keeps_the_runs_table_words_and_figures(self, small, tmp_path):
+        (small / "figures").mkdir(exist_ok=True)
+        (small / "figures" / "job.png").write_bytes(b"figure")
+        content = experiment.keep(small, "small", tmp_path)
+        stored = json.loads((tmp_path / "tradeoff.json").read_text())
+        assert len(stored["rows"]) == len(table(small)) and stored["words"] == (small / "tradeoff.txt").read_text()[:-1]
+        assert (tmp_path / "tradeoff-job.png").read_bytes() == b"figure"
+        assert content["float32"] == []  # the small size has no JAX
+
+    def test_rounding_is_what_single_precision_changes(self):
+        def line(method: str, lift_mm: float, seconds: float) -> dict:
+            figures = {"lift_mm": [0.0, lift_mm]}
+            return {
+                "case": "c",
+                "method": method,
+                "setting": "s",
+                "failure": "",
+                "seconds": seconds,
+                "figures": figures,
+            }
+
+        lines = [line("reference", 1.0, 1.0), line("x, float64", 1.5, 2.0), line("x, float32", 1.25, 1.0)]
+        (row,) = experiment.rounding(lines)
+        assert (row["float32_moves_lift_um"], row["float64_error_um"], row["time_ratio"]) == pytest.approx(
+            (250, 500, 0.5)
+        )
