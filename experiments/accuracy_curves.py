@@ -26,7 +26,7 @@ from camopt.verify.sweep import at_speeds
 from experiments.drawn_cases import DrawnCase, drawn_cases
 from experiments.record import RESULTS, run_script, write_result
 
-SEED = 7
+SEED = {"small": 24, "full": 7}
 REVOLUTIONS = 2
 DRAWS = {"small": 2, "full": 40}
 SMOOTH_DRAWS = {"small": 0, "full": 6}
@@ -101,7 +101,7 @@ def curve(unit: str, setting, errors) -> dict:
 
 def main(size: str, folder=RESULTS) -> dict:
     """Measures and writes `accuracy_curves.json`; at full size also into the package."""
-    cases = list(drawn_cases(SEED, DRAWS[size]))
+    cases = list(drawn_cases(SEED[size], DRAWS[size]))
     errors, unknown = of_methods(cases, PHASES[size], SMOOTH_DRAWS[size])
     curves = {
         name: curve("m", WIDTHS, rows) if name == "smooth" else curve("rad", PHASES[size], rows)

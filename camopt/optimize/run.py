@@ -91,7 +91,7 @@ def optimize(
         search, no_jump = find_cam(scene, speeds, effort, gradient, Journal(folder), shown.step, times, seed=seed)
         shown.stage("verdict")
         started = time.perf_counter()
-        chosen, verdict = _confirmed(scene, search.confirmed, speeds, effort)
+        chosen, verdict = confirmed_cam(scene, search.confirmed, speeds, effort)
         times["verdict"] = time.perf_counter() - started
     record = design_record(
         chosen.lift,
@@ -114,7 +114,7 @@ def optimize(
     return Run(folder, chosen.lift, verdict, record, 0 if verdict.verdict == "confirmed" else 3)
 
 
-def _confirmed(
+def confirmed_cam(
     scene: Scene, candidates: list[NoJumpOptimum], speeds: str, effort: Accuracy
 ) -> tuple[NoJumpOptimum, Verdict]:
     """The largest candidate that the full verdict confirms; the first one's verdict where none is."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from camopt.plots.style import INK, new_figure, styled
 
@@ -13,6 +14,8 @@ MARKERS = "osD^vP"
 """Beside eight colours: series that share a colour differ in their marker."""
 PANEL = 3.5
 """Width of a panel [in]."""
+NARROW = 100.0
+"""Span of an axis below which labels stand at 2 and 5 too."""
 
 
 @dataclass(frozen=True)
@@ -24,11 +27,12 @@ class Cloud:
 
 
 @styled
-def work_precision(clouds: Sequence[Cloud], xlabel: str, columns: int = 2) -> Figure:
-    """Panels of error over time, one per quantity; a grey line steps along what nothing else beats."""
+def work_precision(clouds: Sequence[Cloud], xlabel: str) -> Figure:
+    """Panels of error over time, one per quantity. A series' line runs through what none of its own settings beats,
+    the grey one steps along what nothing beats."""
     names = list(dict.fromkeys(name for cloud in clouds for name in cloud.series))
     look = {n: (COLOURS[i % len(COLOURS)], MARKERS[i // len(COLOURS) % len(MARKERS)]) for i, n in enumerate(names)}
-    columns = min(columns, len(clouds))
+    columns = min(3 if len(clouds) > 4 else 2, len(clouds))
     rows = -(-len(clouds) // columns)
     figure = new_figure(PANEL * columns + 2.6, max(2.7 * rows, 0.21 * len(names) + 0.4))
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
@@ -39,13 +43,20 @@ def work_precision(clouds: Sequence[Cloud], xlabel: str, columns: int = 2) -> Fi
         floor = 0.3 * np.min(every[every > 0], initial=1.0)
         for name, (seconds, errors) in cloud.series.items():
             colour, marker = look[name]
-            order = np.argsort(seconds)
-            x, y = np.asarray(seconds, dtype=float)[order], np.maximum(np.asarray(errors, dtype=float)[order], floor)
-            axes.plot(x, y, color=colour, marker=marker, markersize=3.5, linewidth=0.8, zorder=3)
+            x, y = np.asarray(seconds, dtype=float), np.maximum(np.asarray(errors, dtype=float), floor)
+            front = pareto(x, y)
+            axes.plot(x, y, color=colour, marker=marker, markersize=3.5, linestyle="none", zorder=3)
+            axes.plot(x[front], y[front], color=colour, linewidth=0.8, zorder=3)
         x = np.concatenate([np.asarray(seconds, dtype=float) for seconds, _ in cloud.series.values()])
         best = pareto(x, every)
         axes.step(x[best], np.maximum(every[best], floor), where="post", color=INK, linewidth=3, alpha=0.18, zorder=2)
         axes.set(xscale="log", yscale="log", xlabel=xlabel, ylabel=cloud.label)
+        for axis in (axes.xaxis, axes.yaxis):
+            low, high = axis.get_view_interval()
+            axis.set_minor_formatter(NullFormatter())
+            if high < NARROW * low:  # the decades alone would leave one label or none
+                axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+                axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     for name in names:
         colour, marker = look[name]
         grid[0].plot([], [], color=colour, marker=marker, markersize=3.5, linewidth=0.8, label=name)

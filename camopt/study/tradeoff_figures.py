@@ -22,18 +22,19 @@ def draw(folder: Path, rows: Sequence[dict]) -> None:
     methods = [row for row in usable if not row["case"].startswith("job: ")]
     for case in dict.fromkeys(row["case"] for row in methods):
         clouds = _clouds([row for row in methods if row["case"] == case], "method")
-        figure = work_precision(clouds, "time per revolution [s]")
+        figure = work_precision(clouds, "processor time per revolution [s]")
         save(figure, folder, case.replace("/", "").replace(" ", "-"))
     # a smaller model is timed by the revolution, the other dials by the whole step of the job
     job = [row for row in usable if row["case"].startswith("job: ") and row["case"] != "job: masses"]
     if job:
-        save(work_precision(_clouds(job, "case"), "time of the step of the job [s]"), folder, "job")
+        save(work_precision(_clouds(job, "case"), "processor time of the step of the job [s]"), folder, "job")
     masses = [row for row in usable if row["case"] == "job: masses"]
     if masses:
-        save(work_precision(_clouds(masses, "method"), "time per revolution [s]"), folder, "masses")
+        save(work_precision(_clouds(masses, "method"), "processor time per revolution [s]"), folder, "masses")
 
 
 def _clouds(rows: Sequence[dict], by: str) -> list[Cloud]:
+    """A cloud per quantity that anything is wrong about."""
     clouds = []
     for name, label in LABELS.items():
         series: dict[str, tuple[list[float], list[float]]] = {}
@@ -42,6 +43,6 @@ def _clouds(rows: Sequence[dict], by: str) -> list[Cloud]:
                 seconds, errors = series.setdefault(row[by].removeprefix("job: "), ([], []))
                 seconds.append(row["seconds"])
                 errors.append(row["error"])
-        if series:
+        if any(error > 0 for _, errors in series.values() for error in errors):
             clouds.append(Cloud(label, series))
     return clouds

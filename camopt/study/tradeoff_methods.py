@@ -1,7 +1,7 @@
 """Work-precision of every method on one revolution, alone and side by side, with its peers (for `camopt tradeoff`).
 
 Error is that of the first revolution from rest of the plain Polydyne at the lowest and the highest listed speed; time
-is per revolution. Compilation and tables are in `setup_seconds`.
+is processor time per revolution. Compilation and tables are in `setup_seconds`.
 """
 
 from collections.abc import Callable
@@ -31,7 +31,7 @@ FIGURES = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s")
 ANGLES = 720
 """Angles of the revolution at which lifts are compared."""
 PEER_ANGLES = 3600
-"""Angles per revolution at which a peer reports its state."""
+"""Angles per revolution at which a peer reports its state; what its seating velocity is off by is mostly theirs."""
 PHASES = {"small": (0.3,), "full": (0.6, 0.3, 0.1, 0.03)}
 """Step times highest rate [rad] of the fixed-step methods."""
 EVENT_STEPS = {"small": (720,), "full": (360, 1440, 5760)}

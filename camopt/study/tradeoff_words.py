@@ -2,74 +2,141 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
+from camopt.plots.tradeoff import pareto
+
 TARGETS_UM = (100.0, 10.0, 1.0, 0.001)
+STUCK_UM = 1.0
+SHOWN_OF = ("bounce_mm", "area_mm_deg")
+MANY = 8
+FIT_MM = 0.1
 
 
 def words_of(scene: str, rows: Sequence[dict]) -> str:
     """What each accuracy costs on this scene."""
-    methods = [r for r in rows if not r["case"].startswith("job: ") and "side by side" not in r["case"]]
-    sentences = []
+    answered = [r for r in rows if r["converged"]]
+    methods = [r for r in answered if r["case"].startswith("revolution")]
+    sentences = [f"On {scene}; times are processor times."]
     for case in dict.fromkeys(r["case"] for r in methods):
-        lifts = [r for r in methods if r["case"] == case and r["error_of"] == "lift_mm" and r["converged"]]
-        costs = [f"{target:g} um {_cheapest(lifts, target)}" for target in TARGETS_UM]
-        sentences.append(f"On {scene}, one {case}: the valve's lift within {'; '.join(costs)}.")
-        sentences += _stuck(lifts)
-    gradients = [r for r in methods if r["error_of"] == "gradient" and r["converged"] and "adjoint" not in r["method"]]
-    for case in dict.fromkeys(r["case"] for r in gradients):
-        best = min((r for r in gradients if r["case"] == case), key=lambda r: r["error"])
-        sentences.append(
-            f"The smooth gradient at the {case} is off by {best['error']:.1g} at best "
-            f"({best['setting']}, {1e3 * best['seconds']:.3g} ms)."
-        )
-    failed = sum(1 for r in rows if not r["converged"])
-    sentences += _side_by_side(rows) + _job(rows)
+        here = [r for r in methods if r["case"] == case]
+        sentences += _lift(case, [r for r in here if r["error_of"] == "lift_mm"])
+        sentences += _gradient([r for r in here if r["error_of"] == "gradient"])
+    sentences += _side_by_side(answered) + _precision(answered)
+    job = [r for r in answered if r["case"].startswith("job: ")]
+    for case in dict.fromkeys(r["case"] for r in job):
+        sentences += _dial(case, [r for r in job if r["case"] == case and r["error_of"] in SHOWN_OF])
+    failed = len(rows) - len(answered)
     if failed:
-        sentences.append(f"{failed} settings gave no answer; their rows say why.")
+        sentences.append(f"Settings that gave no answer: {failed}; their rows say why.")
     return " ".join(sentences)
 
 
-def _cheapest(rows: Sequence[dict], target_um: float) -> str:
-    """The fastest setting of an error within a target of which no finer setting of the method leaves it."""
-    found = [r for r in rows if r["error"] * 1e3 <= target_um]
-    if not found:
-        return "by no method"
-    best = min(found, key=lambda r: r["seconds"])
-    others = [r for r in found if not r["method"].startswith(best["method"].split(",")[0])]
-    text = f"costs {1e3 * best['seconds']:.3g} ms ({best['method']}, {best['setting']})"
-    if others:
-        second = min(others, key=lambda r: r["seconds"])
-        text += f", {1e3 * second['seconds']:.3g} ms by {second['method']}"
-    return text
+def _lift(case: str, rows: Sequence[dict]) -> list[str]:
+    """The most accurate way, what every target costs by other methods, and who reaches none."""
+    reached = [target for target in TARGETS_UM if any(r["error"] * 1e3 <= target for r in rows)]
+    if not reached:
+        return [f"A {case}: no method gives the valve's lift within {TARGETS_UM[0]:g} um."]
+    best = _cheapest(rows, reached[-1])
+    text = f"A {case} with the valve's lift within {reached[-1]:g} um takes {_ms(best)}"
+    others = [r for r in rows if _family(r) != _family(best)]
+    within: dict[str, list[float]] = {}
+    for target in reached:
+        if any(r["error"] * 1e3 <= target for r in others):
+            within.setdefault(_ms(_cheapest(others, target)), []).append(target)
+    if within:
+        text += "; by another method " + ", ".join(f"{targets[-1]:g} um takes {ms}" for ms, targets in within.items())
+    least = {name: min(r["error"] for r in rows if r["method"] == name) * 1e3 for name in _methods(rows)}
+    stuck = [f"{name} ({_figure(um)})" for name, um in least.items() if um > STUCK_UM]
+    sentences = [text + "."]
+    if stuck:
+        sentences.append(f"No setting tried brings these below {STUCK_UM:g} um: {', '.join(stuck)}.")
+    return sentences
 
 
-def _stuck(rows: Sequence[dict]) -> list[str]:
-    """Methods whose best setting stays above a micrometre."""
-    best: dict[str, float] = {}
-    for r in rows:
-        best[r["method"]] = min(best.get(r["method"], float("inf")), r["error"] * 1e3)
-    stuck = [f"{name} ({um:.2g} um)" for name, um in best.items() if um > 1.0]
-    return [f"Within the settings tried these stay above 1 um: {', '.join(stuck)}."] if stuck else []
+def _gradient(rows: Sequence[dict]) -> list[str]:
+    """The gradient by the adjoint, and the best by reverse mode."""
+    exact = [r for r in rows if "adjoint" in r["method"]]
+    smooth = [r for r in rows if "adjoint" not in r["method"]]
+    if not exact or not smooth:
+        return []
+    best = min(smooth, key=lambda r: r["error"])
+    return [
+        f"Its gradient by the adjoint takes {1e3 * exact[0]['seconds']:.3g} ms; reverse mode of the smooth path takes "
+        f"{1e3 * best['seconds']:.3g} ms and is off by {best['error']:.1g} at best ({best['setting']})."
+    ]
 
 
 def _side_by_side(rows: Sequence[dict]) -> list[str]:
-    found = [r for r in rows if "side by side" in r["case"] and r["error_of"] == "lift_mm" and r["converged"]]
+    found = [r for r in rows if "side by side" in r["case"] and r["method"] != "reference"]
     parts = []
-    for method in dict.fromkeys(r["method"] for r in found):
+    for method in _methods(found):
         best = min((r for r in found if r["method"] == method), key=lambda r: r["error"])
-        parts.append(f"{method} {1e3 * best['seconds']:.3g} ms at {best['error'] * 1e3:.2g} um")
-    return [f"Of {found[0]['case']}, a revolution takes: {', '.join(parts)}."] if parts else []
+        parts.append(f"{method} {1e3 * best['seconds']:.3g} ms, {_figure(best['error'] * 1e3)} um")
+    return [f"With {found[0]['case']} a revolution takes and is off by: {'; '.join(parts)}."] if parts else []
 
 
-def _job(rows: Sequence[dict]) -> list[str]:
-    """Each dial's settings with their time and error."""
-    sentences = []
-    job = [r for r in rows if r["case"].startswith("job: ") and r["converged"]]
-    for case in dict.fromkeys(r["case"] for r in job):
-        parts = []
-        for setting in dict.fromkeys(r["setting"] for r in job if r["case"] == case):
-            of = [r for r in job if (r["case"], r["setting"]) == (case, setting)]
-            errors = [f"{r['error_of']} {r['error']:.2g}" for r in of if r["error_of"] != "verdict"]
-            verdict = f", {of[0]['verdict']}" if of[0]["verdict"] else ""
-            parts.append(f"{setting.split(':')[0]} {of[0]['seconds']:.3g} s, {' and '.join(errors)}{verdict}")
-        sentences.append(f"{case.removeprefix('job: ').capitalize()} (time, error): {'; '.join(parts)}.")
-    return sentences
+def _precision(rows: Sequence[dict]) -> list[str]:
+    """float32 beside float64 of the same setting."""
+    lifts = {(r["case"], r["method"], r["setting"]): r for r in rows if r["error_of"] == "lift_mm"}
+    pairs = [
+        (r, lifts[case, method.replace("float32", "float64"), setting])
+        for (case, method, setting), r in lifts.items()
+        if "float32" in method and (case, method.replace("float32", "float64"), setting) in lifts
+    ]
+    if not pairs:
+        return []
+    time = np.median([single["seconds"] / double["seconds"] for single, double in pairs])
+    worst = max(single["error"] / double["error"] for single, double in pairs)
+    return [f"float32 takes {time:.2g} of the time of float64 and has {worst:.2g} times its error at most."]
+
+
+def _dial(case: str, rows: Sequence[dict]) -> list[str]:
+    """A dial's settings with time, error and verdict; of many settings those worth taking."""
+    parts, rows = [], [r for r in rows if r["seconds"]]
+    for setting in dict.fromkeys(r["setting"] for r in _worth(rows)):
+        of = [r for r in rows if r["setting"] == setting]
+        errors = "the reference" if of[0]["method"] == "reference" else " and ".join(_error(r) for r in of)
+        verdict = f", {of[0]['verdict']}" if of[0]["verdict"] else ""
+        parts.append(f"{setting} {_time(of[0]['seconds'])}, {errors}{verdict}")
+    return [f"{case.removeprefix('job: ').capitalize()}: {'; '.join(parts)}."] if parts else []
+
+
+def _worth(rows: Sequence[dict]) -> Sequence[dict]:
+    """All of a few settings; of MANY those off by at most FIT_MM that none beats in time and error."""
+    if len({r["setting"] for r in rows}) < MANY:
+        return rows
+    rows = [r for r in rows if r["error"] <= FIT_MM]
+    best = pareto(np.array([r["seconds"] for r in rows]), np.array([r["error"] for r in rows]))
+    return [rows[i] for i in best]
+
+
+def _error(row: dict) -> str:
+    if row["error_of"] == "bounce_mm":
+        return f"bounce {_figure(1e3 * row['error'])} um off"
+    return f"area {_figure(row['error'])} mm deg off"
+
+
+def _figure(value: float) -> str:
+    """Two digits, without an exponent where there is no need of one."""
+    return f"{value:.0f}" if value >= 100 else f"{value:.2g}"
+
+
+def _time(seconds: float) -> str:
+    return f"{seconds:.3g} s" if seconds > 0.1 else f"{1e3 * seconds:.3g} ms"
+
+
+def _ms(row: dict) -> str:
+    return f"{1e3 * row['seconds']:.3g} ms ({row['method']}, {row['setting']})"
+
+
+def _cheapest(rows: Sequence[dict], target_um: float) -> dict:
+    return min((r for r in rows if r["error"] * 1e3 <= target_um), key=lambda r: r["seconds"])
+
+
+def _family(row: dict) -> str:
+    return row["method"].split(",")[0]
+
+
+def _methods(rows: Sequence[dict]) -> list[str]:
+    return list(dict.fromkeys(r["method"] for r in rows))

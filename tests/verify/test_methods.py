@@ -1,6 +1,6 @@
 """Every method against motions known from elsewhere: order of convergence, a bouncing mass, each other."""
 
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 import pytest
@@ -11,16 +11,10 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.scene import build_train, load_scene, rest_position
 from camopt.scene.train import GROUND
 from camopt.scene.units import MM
-from camopt.verify import houbolt, rkg, tmm
+from camopt.study.step_methods import STEP_METHODS as METHODS
+from camopt.verify import rkg
 from tests.verify.trains import ball_on_seat, no_lift, smooth_lift, train, two_springs
 
-METHODS = {
-    "rkg": rkg.prepare,
-    "tmm": tmm.prepare,
-    "tmm-exponential": partial(tmm.prepare, exponential=True),
-    "houbolt": houbolt.prepare,
-    "houbolt-explicit": partial(houbolt.prepare, explicit=True),
-}
 START = np.array([0.02, -0.03, 0.4, -0.2])
 SPEED = 1.5
 

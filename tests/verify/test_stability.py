@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from camopt.scene.train import GROUND
+from camopt.study.step_methods import STEP_METHODS as METHODS
 from camopt.verify import houbolt
 from camopt.verify.converge import Prepare
-from tests.verify.test_methods import METHODS
 from tests.verify.trains import no_lift, train
 
 STEPS = 4000

@@ -5,7 +5,7 @@ import pytest
 
 from camopt.exact import prepare as event_exact
 from camopt.scene.train import GROUND
-from tests.verify.test_methods import METHODS
+from camopt.study.step_methods import STEP_METHODS as METHODS
 from tests.verify.trains import no_lift, train
 
 STEP = 0.4 / 60_000

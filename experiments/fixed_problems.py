@@ -1,0 +1,63 @@
+"""How accurate is every method on the fixed problems, and with which power of the step does its error fall?
+
+The table of `camopt.study.problems`, which the tests hold every method to: the motion of one mass over one revolution
+against a formula, or event-exact at finer samples. Steps grow tenfold up to the number of the table.
+"""
+
+import time
+
+import numpy as np
+
+from camopt.scene.units import UM
+from camopt.study.problems import PROBLEMS, Problem, position
+from camopt.study.step_methods import LOCATING, STEP_METHODS
+from experiments.record import RESULTS, run_script, write_result
+
+ANGLE = np.linspace(-np.pi, np.pi, 361)
+DIVISORS = {"small": (5, 1), "full": (10, 5, 2, 1)}
+LOCATED_STEPS = {"event": 3600, "dop853": 7200}
+"""A locating method's steps are samples; these are the finest."""
+
+
+def errors(problem: Problem, method: str, divisors: tuple[int, ...], reference: np.ndarray) -> dict:
+    """A row: errors [um] at each number of steps, the power of the step, and the processor time of the finest."""
+    setting, finest = problem.setting(), LOCATED_STEPS.get(method, problem.steps)
+    found: list[float] = []
+    seconds = np.nan
+    for divisor in divisors:
+        revolve = (STEP_METHODS | LOCATING)[method](setting.train, setting.lift, setting.cam_speed, finest // divisor)
+        revolve(setting.start)  # tables and compilation
+        begin = time.process_time()
+        motion = revolve(setting.start)
+        seconds = time.process_time() - begin
+        found.append(float(np.abs(position(setting, motion, ANGLE) - reference).max() / UM))
+    known = np.isfinite(found)  # not where the step is past the stability limit
+    power = np.polyfit(np.log(np.array(divisors)[known]), np.log(np.array(found)[known]), 1)[0]
+    return {
+        "problem": problem.name,
+        "method": method,
+        "steps": [finest // d for d in divisors],
+        "error_um": found,
+        "power_of_step": None if method in LOCATING else float(power),
+        "tolerance_um": problem.tolerance.get(method, np.nan) / UM,
+        "processor_ms": 1e3 * seconds,
+    }
+
+
+def main(size: str, folder=RESULTS) -> dict:
+    """Measures, prints and writes `fixed_problems.json`."""
+    rows = []
+    for problem in PROBLEMS[: 2 if size == "small" else None]:
+        reference = problem.reference(ANGLE)
+        for method in (*STEP_METHODS, *(LOCATING if size == "full" else ("event",))):
+            rows.append(errors(problem, method, DIVISORS[size], reference))
+            row = rows[-1]
+            shown = " ".join(f"{e:9.2g}" for e in row["error_um"])
+            print(f"{problem.name:<18}{method:<18}{shown} um  {row['power_of_step'] or 0:5.2f}")
+    content = {"rows": rows}
+    write_result("fixed_problems", size, content, {}, folder)
+    return content
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)

@@ -1,0 +1,77 @@
+"""What does each accuracy cost on the reference valve train, by every method and every dial of the job?
+
+`camopt tradeoff` on `kodama` (small: the small size on `motori-1`): table, figures and words. Beside it what single
+precision changes of the same motion: float32 against float64 at the same steps and layer, alone and side by side.
+"""
+
+import csv
+import json
+import shutil
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from camopt.scene import load_scene
+from camopt.scene.units import MM, UM
+from camopt.study.tradeoff import LINES, tradeoff
+from camopt.study.tradeoff_words import words_of
+from experiments.record import RESULTS, run_script, write_result
+
+SCENE = {"small": "motori-1", "full": "kodama"}
+
+
+def rounding(lines: list[dict]) -> list[dict]:
+    """By setting: how far float32 moves the valve's lift [um], how far float64 is from the truth, ratio of times."""
+    references = {line["case"]: line for line in lines if line["method"] == "reference"}
+    rows = []
+    for line in lines:
+        if "float32" not in line["method"] or line["failure"]:
+            continue
+        key = line["case"], line["method"].replace("float32", "float64"), line["setting"]
+        (double,) = (other for other in lines if (other["case"], other["method"], other["setting"]) == key)
+        single, wide, true = (
+            np.array(one["figures"]["lift_mm"]) * MM / UM for one in (line, double, references[line["case"]])
+        )
+        rows.append(
+            {
+                "case": line["case"],
+                "setting": line["setting"],
+                "float32_moves_lift_um": float(np.abs(single - wide).max()),
+                "float64_error_um": float(np.abs(wide - true).max()),
+                "time_ratio": line["seconds"] / double["seconds"],
+            }
+        )
+    return rows
+
+
+def main(size: str, folder: Path = RESULTS) -> dict:
+    """Measures in a scratch folder; keeps table, figures and words in `folder`."""
+    scene = load_scene(SCENE[size])
+    with tempfile.TemporaryDirectory() as scratch:
+        found = tradeoff(scene, Path(scratch) / "run", size=size, progress=size == "full")
+        return keep(found.folder, size, folder)
+
+
+def keep(run: Path, size: str, folder: Path = RESULTS) -> dict:
+    """Writes `tradeoff.json` and `tradeoff-<figure>.png` from the folder of a run."""
+    with open(run / "tradeoff.csv", newline="", encoding="utf-8") as file:
+        rows = [_numbers(row) for row in csv.DictReader(file)]
+    lines = [json.loads(line) for line in (run / LINES).read_text(encoding="utf-8").splitlines()]
+    content = {"words": words_of(SCENE[size], rows), "float32": rounding(lines), "rows": rows}
+    print(content["words"])
+    for row in content["float32"]:
+        print(row)
+    write_result("tradeoff", size, content, {}, folder)
+    for figure in sorted((run / "figures").glob("*.png")):
+        shutil.copyfile(figure, folder / f"tradeoff-{figure.name}")
+    return content
+
+
+def _numbers(row: dict) -> dict:
+    empty_or_number = {key: float(row[key]) if row[key] else None for key in ("error", "seconds")}
+    return {**row, **empty_or_number, "converged": row["converged"] == "True"}
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)

@@ -1,0 +1,227 @@
+"""`camopt tradeoff`: files, columns, errors against the reference, a run that goes on, refusals, and the words."""
+
+import csv
+import json
+import time
+from itertools import chain, repeat
+
+import numpy as np
+import pytest
+
+from camopt import cli
+from camopt.plots.tradeoff import pareto
+from camopt.scene import InputError, load_scene
+from camopt.study import tradeoff as module
+from camopt.study import tradeoff_figures
+from camopt.study.tradeoff import COLUMNS, LINES, REFERENCE, Work, error_of, measured, rows_of, timed, tradeoff
+from camopt.study.tradeoff_words import words_of
+from experiments import tradeoff as experiment
+
+
+def table(folder) -> list[dict]:
+    with open(folder / "tradeoff.csv", newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def busy(seconds: float) -> None:
+    """Uses that much processor time."""
+    end = time.process_time() + seconds
+    while time.process_time() < end:
+        pass
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    """Figures by name, as they would be saved: rendering them takes longer than measuring, which is not repeated."""
+    figures = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tradeoff_figures, "save", lambda figure, folder, name: figures.update({name: figure}))
+        patch.setattr(module, "PATIENCE", 0.0)
+        yield figures
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory, drawn):
+    """The small size on one mass, by the command."""
+    folder = tmp_path_factory.mktemp("tradeoff") / "run"
+    assert cli.main(["tradeoff", "motori-1", "--size", "small", "--out", str(folder), "--quiet"]) == 0
+    return folder
+
+
+class TestRun:
+    def test_files_and_columns(self, small):
+        rows = table(small)
+        assert tuple(rows[0]) == COLUMNS
+        assert (small / "tradeoff.txt").read_text().startswith("On motori-1; ")
+        setup = (small / "setup.csv").read_text().splitlines()
+        assert setup[0] == "case,method,setting,setup_seconds" and len(setup) > 8
+
+    def test_figures(self, small, drawn):
+        names = {"revolution-at-7000-rmin", "16-speeds-side-by-side-up-to-7000-rmin", "job", "masses"}
+        assert set(drawn) == names
+        labels = [axes.get_ylabel() for axes in drawn["revolution-at-7000-rmin"].axes]
+        assert labels == ["error of bounce [mm]", "error of jump [mm]", "error of seating velocity [m/s]",
+                          "error of valve lift [mm]"]  # fmt: skip
+        for figure in drawn.values():
+            assert all(axes.get_xscale() == axes.get_yscale() == "log" for axes in figure.axes)
+            assert all(len(axes.lines) > 1 for axes in figure.axes)  # a method at least, and the front
+
+    def test_errors_and_times_are_sane(self, small):
+        lifts = {r["method"]: r for r in table(small) if r["error_of"] == "lift_mm" and r["case"].startswith("rev")}
+        assert float(lifts["event-exact"]["error"]) < 1e-6
+        for method in ("Runge-Kutta-Gill", "transition matrix", "Houbolt", "SciPy LSODA"):
+            assert 1e-3 < float(lifts[method]["error"]) < 1.0  # they step over the contacts
+        assert all(1e-6 < float(r["seconds"]) < 60 for r in table(small))
+        (finest,) = (r for r in table(small) if (r["case"], r["method"]) == ("job: band step", REFERENCE))
+        assert float(finest["error"]) == 0.0
+
+    def test_a_finished_run_measures_nothing_again(self, small):
+        before = (small / LINES).read_bytes(), (small / "tradeoff.csv").read_bytes()
+        assert cli.main(["tradeoff", "motori-1", "--size", "small", "--out", str(small), "--resume", "--quiet"]) == 0
+        assert ((small / LINES).read_bytes(), (small / "tradeoff.csv").read_bytes()) == before
+
+    def test_refusals(self, small, tmp_path, capsys):
+        assert cli.main(["tradeoff", "motori-1", "--out", str(small)]) == 2
+        assert cli.main(["tradeoff", "motori-1", "--resume"]) == 2
+        assert cli.main(["tradeoff", "ohv-3dof", "--out", str(tmp_path / "a")]) == 2
+        assert cli.main(["tradeoff", "motori-2", "--size", "small", "--out", str(small), "--resume"]) == 2
+        assert "belongs to another scene" in capsys.readouterr().err
+        with pytest.raises(InputError, match="size 'huge': expected one of small, full"):
+            tradeoff(load_scene("motori-1"), tmp_path / "b", size="huge")
+
+
+class TestLines:
+    def test_an_interrupted_run_keeps_what_it_measured(self, tmp_path):
+        """The line that the interruption cut off is measured again, the whole ones are not."""
+        calls: list[str] = []
+
+        def work(name: str) -> Work:
+            return Work("case", "method", name, lambda: calls.append(name) or {"figures": {"bounce_mm": 1.0}})
+
+        path = tmp_path / LINES
+        measured(path, [work("a"), work("b")])
+        path.write_text(path.read_text() + '{"case": "case", "meth')
+        lines = measured(path, [work("c"), work("a"), work("b")])
+        assert calls == ["a", "b", "c"]
+        assert [line["setting"] for line in lines] == ["c", "a", "b"]
+        assert [json.loads(line)["setting"] for line in path.read_text().splitlines()] == ["a", "b", "c"]
+
+    def test_what_fails_stays_with_its_reason(self, tmp_path):
+        def fails() -> dict:
+            raise RuntimeError("too stiff")
+
+        (row,) = rows_of(measured(tmp_path / LINES, [Work("case", "method", "x", fails)]))
+        assert (row["verdict"], row["converged"], row["error"]) == ("too stiff", False, None)
+
+    def test_errors_are_against_the_reference_of_the_case(self):
+        def line(case: str, method: str, bounce: float, **more) -> dict:
+            shared = {"case": case, "method": method, "setting": "s", "failure": "", "seconds": 1.0}
+            return {**shared, "figures": {"bounce_mm": bounce}, **more}
+
+        lines = [line("a", REFERENCE, 1.0, verdict="confirmed"), line("b", REFERENCE, 5.0)]
+        lines += [line("a", "m", 0.75, verdict="rejected"), line("b", "m", 5.5)]
+        del lines[1]["seconds"]  # a reference that was not timed is no row
+        found = {(r["case"], r["method"], r["error_of"]): r["error"] for r in rows_of(lines)}
+        assert found == {
+            ("a", REFERENCE, "bounce_mm"): 0.0,
+            ("a", REFERENCE, "verdict"): 0.0,
+            ("a", "m", "bounce_mm"): 0.25,
+            ("a", "m", "verdict"): 1.0,
+            ("b", "m", "bounce_mm"): 0.5,
+        }
+
+    def test_error_of(self):
+        assert error_of("lift_mm", [1.0, 2.5], [1.0, 2.0]) == 0.5
+        assert error_of("gradient", [3.0, 5.0], [3.0, 4.0]) == pytest.approx(0.2)
+        assert error_of("bounce_mm", None, 1.0) is None
+        assert error_of("bounce_mm", np.nan, 1.0) is None
+
+    def test_the_first_call_is_set_apart(self, monkeypatch):
+        monkeypatch.setattr(module, "PATIENCE", 0.05)
+        durations = chain((0.05, 0.004, 0.002), repeat(0.004))
+        times, _ = timed(lambda: busy(next(durations)), 2)
+        assert times["seconds"] == pytest.approx(0.001, rel=0.2)
+        assert times["setup_seconds"] == pytest.approx(0.048, rel=0.1)
+
+    def test_waiting_is_not_counted(self, monkeypatch):
+        monkeypatch.setattr(module, "PATIENCE", 0.01)
+        times, _ = timed(lambda: time.sleep(0.02) or busy(0.01))
+        assert times["seconds"] == pytest.approx(0.01, rel=0.1)
+
+
+def test_the_front_is_what_nothing_beats():
+    seconds, errors = np.array([3.0, 1.0, 2.0, 4.0, 1.0]), np.array([2.0, 5.0, 6.0, 1.0, 4.0])
+    assert pareto(seconds, errors).tolist() == [4, 0, 3]
+
+
+class TestWords:
+    @staticmethod
+    def row(case: str, method: str, setting: str, error: float | None, seconds: float | None = 1.0, **more) -> dict:
+        fixed = {"case": case, "method": method, "setting": setting, "error": error, "seconds": seconds}
+        return {**fixed, "error_of": "lift_mm", "converged": error is not None, "verdict": "", **more}
+
+    def test_a_revolution(self):
+        """The cheapest of the most accurate, what each accuracy costs by another method, who is stuck, who fails."""
+        case = "revolution at 5000 r/min"
+        rows = [
+            self.row(case, "event-exact", "360 samples", 1e-5, 1e-3),
+            self.row(case, "event-exact", "1440 samples", 1e-8, 2e-3),
+            self.row(case, "Houbolt", "4000 steps", 0.05, 4e-3),
+            self.row(case, "LSODA", "rtol 1e-06", 5e-4, 0.3),
+            self.row(case, "LSODA", "rtol 1e-09", None, None, verdict="gave up"),
+        ]
+        assert words_of("a train", rows) == (
+            "On a train; times are processor times. A revolution at 5000 r/min with the valve's lift within 0.001 um "
+            "takes 2 ms (event-exact, 1440 samples); by another method 100 um takes 4 ms (Houbolt, 4000 steps), 1 um "
+            "takes 300 ms (LSODA, rtol 1e-06). No setting tried brings these below 1 um: Houbolt (50). Settings that "
+            "gave no answer: 1; their rows say why."
+        )
+
+    def test_precision_compares_the_same_setting(self):
+        case = "16 speeds side by side up to 7000 r/min"
+        rows = [
+            self.row(case, "smooth batch, float64", "a", 1e-3, 4e-3),
+            self.row(case, "smooth batch, float32", "a", 3e-3, 2e-3),
+            self.row(case, "smooth batch, float32", "b", 9.0, 2e-3),
+        ]
+        assert "float32 takes 0.5 of the time of float64 and has 3 times its error at most." in words_of("t", rows)
+
+    def test_dials_of_the_job(self):
+        bounce = {"error_of": "bounce_mm"}
+        rows = [
+            self.row("job: band step", "sweep", "20 r/min", 0.0021, 0.4, **bounce),
+            self.row("job: band step", "reference", "5 r/min", 0.0, 1.5, **bounce),
+            *(self.row("job: masses", "m", f"{n} masses", 0.5 / n**3, 1e-4 * n, **bounce) for n in range(1, 10)),
+        ]
+        words = words_of("t", rows)
+        assert "Band step: 20 r/min 0.4 s, bounce 2.1 um off; 5 r/min 1.5 s, the reference." in words
+        assert "1 masses" not in words and "9 masses 0.9 ms, bounce 0.69 um off" in words
+
+
+class TestExperiment:
+    def test_it_keeps_the_runs_table_words_and_figures(self, small, tmp_path):
+        (small / "figures").mkdir(exist_ok=True)
+        (small / "figures" / "job.png").write_bytes(b"figure")
+        content = experiment.keep(small, "small", tmp_path)
+        stored = json.loads((tmp_path / "tradeoff.json").read_text())
+        assert len(stored["rows"]) == len(table(small)) and stored["words"] == (small / "tradeoff.txt").read_text()[:-1]
+        assert (tmp_path / "tradeoff-job.png").read_bytes() == b"figure"
+        assert content["float32"] == []  # the small size has no JAX
+
+    def test_rounding_is_what_single_precision_changes(self):
+        def line(method: str, lift_mm: float, seconds: float) -> dict:
+            figures = {"lift_mm": [0.0, lift_mm]}
+            return {
+                "case": "c",
+                "method": method,
+                "setting": "s",
+                "failure": "",
+                "seconds": seconds,
+                "figures": figures,
+            }
+
+        lines = [line("reference", 1.0, 1.0), line("x, float64", 1.5, 2.0), line("x, float32", 1.25, 1.0)]
+        (row,) = experiment.rounding(lines)
+        assert (row["float32_moves_lift_um"], row["float64_error_um"], row["time_ratio"]) == pytest.approx(
+            (250, 500, 0.5)
+        )
