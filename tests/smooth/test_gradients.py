@@ -211,6 +211,7 @@ def test_gradients_by_the_train_are_those_of_the_exact_motion():
         assert float(getattr(gradient, name)[i]) == pytest.approx(reference, rel=2e-2), name
 
 
+@pytest.mark.long  # a small train always runs it: tests/smooth/test_adaptive.py
 def test_forward_mode_agrees_with_reverse_mode():
     scene, train, lift = kodama()
     speed, y0 = scene.cam_speed(6000), rest_state(train)
