@@ -42,6 +42,9 @@ def main(size: str, folder=RESULTS) -> dict:
         for eps in EPS[size]:
             for s, (value, differences) in enumerate(truth):
                 found, gradient = (np.asarray(q, float) for q in run(eps, s))
+                gradient = (
+                    gradient if np.isfinite(found) else np.full_like(gradient, np.nan)
+                )  # no value has no gradient
                 row = {"speed_rpm": p.speeds_rpm[s], "eps_m": eps, "grid": str(grid), "precision": precision}
                 rows.append({**row, "value_bias": abs(float(found) / value - 1.0), **against(gradient, differences)})
     content = {"metric": METRIC, "bumps": BUMPS[size], "exact_m_per_s": [v for v, _ in truth], "rows": rows}

@@ -80,7 +80,8 @@ def closing(system: System, motion: Motion, cam_speed, revolution: int, layer: f
     j = jnp.maximum(i - 1, 0)
     before = s[j], v[j], valve_acceleration(system, motion)[j]  # the motion before the touch, not through it
     t = time_to_fall(*before, layer, (motion.angle[i] - motion.angle[j]) / cam_speed)
-    return Closing(s[top] > layer, jnp.any(pushes), motion.angle[j] + t * cam_speed, v[j] + t * before[2])
+    opened = ~(s[top] <= layer)  # a motion that is NaN has no value; it did not stay shut
+    return Closing(opened, jnp.any(pushes), motion.angle[j] + t * cam_speed, v[j] + t * before[2])
 
 
 def in_revolution(angle, revolution: int):

@@ -54,10 +54,12 @@ def test_a_valve_that_stays_shut_is_quiet_and_one_that_never_seats_has_no_value(
     response, lift = exact_record(5000, 1)
     system, motion = build_system(response.train), motion_of(response)
     shut = motion._replace(x=jnp.zeros_like(motion.x), v=jnp.zeros_like(motion.v), force=jnp.ones_like(motion.force))
+    lost = motion._replace(x=jnp.full_like(motion.x, jnp.nan), force=jnp.full_like(motion.force, jnp.nan))
     hanging = motion._replace(force=jnp.zeros_like(motion.force))
     arguments = response.cam_speed, lift.half_duration, lift.opening_foot
     assert float(measured(system, shut, *arguments)["bounce_mm"]) == 0.0
     assert float(measured(system, shut, *arguments)["seating_velocity_m_per_s"]) == 0.0
+    assert np.isnan(measured(system, lost, *arguments)["seating_velocity_m_per_s"])  # not zero
     slope = jax.grad(lambda x: measured(system, hanging._replace(x=x), *arguments)["seating_velocity_m_per_s"])
     assert np.isnan(measured(system, hanging, *arguments)["seating_velocity_m_per_s"])
     assert not np.any(slope(motion.x))
