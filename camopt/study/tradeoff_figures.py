@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from camopt.plots.style import save
 from camopt.plots.tradeoff import Cloud, work_precision
+from camopt.study.tradeoff import REFERENCE
 
 LABELS = {
     "bounce_mm": "error of bounce [mm]",
@@ -27,7 +28,7 @@ def draw(folder: Path, rows: Sequence[dict]) -> None:
 def figures(rows: Sequence[dict]) -> dict[str, Figure]:
     """A figure by the name of each case of methods, "job" for the job's dials, "masses" for smaller models."""
     usable = [row for row in rows if row["converged"] and row["seconds"] and row["error_of"] in LABELS]
-    methods = [row for row in usable if not row["case"].startswith("job: ")]
+    methods = [row for row in usable if not row["case"].startswith("job: ") and row["method"] != REFERENCE]
     # a smaller model is timed by the revolution, the other dials by the whole step of the job
     masses = [row for row in usable if row["case"] == "job: masses"]
     job = [row for row in usable if row["case"].startswith("job: ") and row not in masses]
@@ -36,7 +37,7 @@ def figures(rows: Sequence[dict]) -> dict[str, Figure]:
         clouds = _clouds([row for row in methods if row["case"] == case], "method")
         found[case.replace("/", "").replace(" ", "-")] = work_precision(clouds, "processor time per revolution [s]")
     if job:
-        found["job"] = work_precision(_clouds(job, "case"), "processor time of the step of the job [s]")
+        found["job"] = work_precision(_clouds(job, "case"), "processor time of the step of the job [s]", rivals=False)
     if masses:
         found["masses"] = work_precision(_clouds(masses, "method"), "processor time per revolution [s]")
     return found
