@@ -6,7 +6,6 @@ precision changes of the same motion: float32 against float64 at the same steps 
 
 import csv
 import json
-import shutil
 import tempfile
 from pathlib import Path
 
@@ -15,6 +14,7 @@ import numpy as np
 from camopt.scene import load_scene
 from camopt.scene.units import MM, UM
 from camopt.study.tradeoff import LINES, tradeoff
+from camopt.study.tradeoff_figures import figures
 from camopt.study.tradeoff_words import words_of
 from experiments.record import RESULTS, run_script, write_result
 
@@ -54,17 +54,16 @@ def main(size: str, folder: Path = RESULTS) -> dict:
 
 
 def keep(run: Path, size: str, folder: Path = RESULTS) -> dict:
-    """Writes `tradeoff.json` and `tradeoff-<figure>.png` from the folder of a run."""
+    """Writes `tradeoff.json` and `tradeoff-<figure>.png` from the table of a run."""
     with open(run / "tradeoff.csv", newline="", encoding="utf-8") as file:
         rows = [_numbers(row) for row in csv.DictReader(file)]
     lines = [json.loads(line) for line in (run / LINES).read_text(encoding="utf-8").splitlines()]
-    content = {"words": words_of(SCENE[size], rows), "float32": rounding(lines), "rows": rows}
+    short = [{k: float(f"{v:.4g}") if isinstance(v, float) else v for k, v in row.items()} for row in rows]
+    content = {"words": words_of(SCENE[size], rows), "float32": rounding(lines), "rows": short}
     print(content["words"])
     for row in content["float32"]:
-        print(row)
-    write_result("tradeoff", size, content, {}, folder)
-    for figure in sorted((run / "figures").glob("*.png")):
-        shutil.copyfile(figure, folder / f"tradeoff-{figure.name}")
+        print(", ".join(f"{k} {v:.3g}" if isinstance(v, float) else v for k, v in row.items()))
+    write_result("tradeoff", size, content, figures(rows) if size == "full" else {}, folder)
     return content
 
 

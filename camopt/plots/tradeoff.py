@@ -27,9 +27,9 @@ class Cloud:
 
 
 @styled
-def work_precision(clouds: Sequence[Cloud], xlabel: str) -> Figure:
-    """Panels of error over time, one per quantity. A series' line runs through what none of its own settings beats,
-    the grey one steps along what nothing beats."""
+def work_precision(clouds: Sequence[Cloud], xlabel: str, rivals: bool = True) -> Figure:
+    """Panels of error over time, one per quantity. A series' line runs through what none of its own settings beats; a
+    grey one steps along what nothing beats, where the series are `rivals`: ways to the same thing."""
     names = list(dict.fromkeys(name for cloud in clouds for name in cloud.series))
     look = {n: (COLOURS[i % len(COLOURS)], MARKERS[i // len(COLOURS) % len(MARKERS)]) for i, n in enumerate(names)}
     columns = min(3 if len(clouds) > 4 else 2, len(clouds))
@@ -49,7 +49,9 @@ def work_precision(clouds: Sequence[Cloud], xlabel: str) -> Figure:
             axes.plot(x[front], y[front], color=colour, linewidth=0.8, zorder=3)
         x = np.concatenate([np.asarray(seconds, dtype=float) for seconds, _ in cloud.series.values()])
         best = pareto(x, every)
-        axes.step(x[best], np.maximum(every[best], floor), where="post", color=INK, linewidth=3, alpha=0.18, zorder=2)
+        if rivals:
+            steps = np.maximum(every[best], floor)
+            axes.step(x[best], steps, where="post", color=INK, linewidth=3, alpha=0.18, zorder=2)
         axes.set(xscale="log", yscale="log", xlabel=xlabel, ylabel=cloud.label)
         for axis in (axes.xaxis, axes.yaxis):
             low, high = axis.get_view_interval()
@@ -60,7 +62,8 @@ def work_precision(clouds: Sequence[Cloud], xlabel: str) -> Figure:
     for name in names:
         colour, marker = look[name]
         grid[0].plot([], [], color=colour, marker=marker, markersize=3.5, linewidth=0.8, label=name)
-    grid[0].plot([], [], color=INK, linewidth=3, alpha=0.18, label="Pareto front")
+    if rivals:
+        grid[0].plot([], [], color=INK, linewidth=3, alpha=0.18, label="Pareto front")
     figure.legend(loc="outside right upper", handlelength=2.2)
     return figure
 

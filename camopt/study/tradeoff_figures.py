@@ -3,8 +3,11 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
 from camopt.plots.style import save
 from camopt.plots.tradeoff import Cloud, work_precision
+from camopt.study.tradeoff import REFERENCE
 
 LABELS = {
     "bounce_mm": "error of bounce [mm]",
@@ -17,20 +20,27 @@ LABELS = {
 
 
 def draw(folder: Path, rows: Sequence[dict]) -> None:
-    """Writes `<case>.png` and `.svg` for the cases of methods and `job-<quantity>` for the job's dials."""
+    """Writes every figure as `<name>.png` and `.svg`."""
+    for name, figure in figures(rows).items():
+        save(figure, folder, name)
+
+
+def figures(rows: Sequence[dict]) -> dict[str, Figure]:
+    """A figure by the name of each case of methods, "job" for the job's dials, "masses" for smaller models."""
     usable = [row for row in rows if row["converged"] and row["seconds"] and row["error_of"] in LABELS]
-    methods = [row for row in usable if not row["case"].startswith("job: ")]
+    methods = [row for row in usable if not row["case"].startswith("job: ") and row["method"] != REFERENCE]
+    # a smaller model is timed by the revolution, the other dials by the whole step of the job
+    masses = [row for row in usable if row["case"] == "job: masses"]
+    job = [row for row in usable if row["case"].startswith("job: ") and row not in masses]
+    found = {}
     for case in dict.fromkeys(row["case"] for row in methods):
         clouds = _clouds([row for row in methods if row["case"] == case], "method")
-        figure = work_precision(clouds, "processor time per revolution [s]")
-        save(figure, folder, case.replace("/", "").replace(" ", "-"))
-    # a smaller model is timed by the revolution, the other dials by the whole step of the job
-    job = [row for row in usable if row["case"].startswith("job: ") and row["case"] != "job: masses"]
+        found[case.replace("/", "").replace(" ", "-")] = work_precision(clouds, "processor time per revolution [s]")
     if job:
-        save(work_precision(_clouds(job, "case"), "processor time of the step of the job [s]"), folder, "job")
-    masses = [row for row in usable if row["case"] == "job: masses"]
+        found["job"] = work_precision(_clouds(job, "case"), "processor time of the step of the job [s]", rivals=False)
     if masses:
-        save(work_precision(_clouds(masses, "method"), "processor time per revolution [s]"), folder, "masses")
+        found["masses"] = work_precision(_clouds(masses, "method"), "processor time per revolution [s]")
+    return found
 
 
 def _clouds(rows: Sequence[dict], by: str) -> list[Cloud]:

@@ -24,6 +24,8 @@ def words_of(scene: str, rows: Sequence[dict]) -> str:
         sentences += _gradient([r for r in here if r["error_of"] == "gradient"])
     sentences += _side_by_side(answered) + _precision(answered)
     job = [r for r in answered if r["case"].startswith("job: ")]
+    if job:
+        sentences.append("Of the job, by dial, each setting with its time and error:")
     for case in dict.fromkeys(r["case"] for r in job):
         sentences += _dial(case, [r for r in job if r["case"] == case and r["error_of"] in SHOWN_OF])
     failed = len(rows) - len(answered)
@@ -88,7 +90,7 @@ def _precision(rows: Sequence[dict]) -> list[str]:
         return []
     time = np.median([single["seconds"] / double["seconds"] for single, double in pairs])
     worst = max(single["error"] / double["error"] for single, double in pairs)
-    return [f"float32 takes {time:.2g} of the time of float64 and has {worst:.2g} times its error at most."]
+    return [f"float32 takes {time:.2g} of the time of float64 and is at most {worst:.2g} times as far off."]
 
 
 def _dial(case: str, rows: Sequence[dict]) -> list[str]:
