@@ -45,21 +45,32 @@ def main(size: str, folder=RESULTS) -> dict:
     cams = [polydyne(kodama), polydyne(kodama, (2, 4, 26, 30, 36))]
     cams += [multi_pol(kodama)] if size == "full" else []  # found by a search of seconds
     rows = [judged(number, cams) for number in tqdm(range(SCENES[size]), disable=size == "small")]
-    doubtful = sorted((r for r in rows if r["doubt"] is not None), key=lambda r: -r["doubt"])[: DECIDED[size]]
+    doubtful = most_doubtful(rows)[: DECIDED[size]]
     suspects = [r for r in rows if r["verdict"] == WRONG and r not in doubtful]
     decided = [{"number": r["number"], **against_dop853(r["number"], cams)} for r in tqdm(doubtful + suspects)]
+    return keep(rows, decided, size, folder)
+
+
+def most_doubtful(rows: list[dict]) -> list[dict]:
+    """Rows by how far event-exact's steps are apart, the furthest first."""
+    return sorted((r for r in rows if r["doubt"] is not None), key=lambda r: -r["doubt"])
+
+
+def keep(rows: list[dict], decided: list[dict], size: str, folder=RESULTS, **more) -> dict:
+    """Counts, prints and writes `random_scenes.json`."""
     wrong = [r for r in rows if r["verdict"] == WRONG] + [d for d in decided if d["verdict"] == WRONG]
-    counts = {m: _counts([r for r in rows if r["method"] == m]) for m in STEP_METHODS}
+    shown = ("number", "scene", "speed_rpm", "doubt")
     content = {
         "scenes": len(rows),
         "event_exact": {
             "refused": sum(r["doubt"] is None for r in rows),
             "steps_agree": sum(r["doubt"] is not None and r["doubt"] <= 1.0 for r in rows),
-            "worst_doubt": [{k: r[k] for k in ("number", "scene", "speed_rpm", "doubt")} for r in doubtful[:SHOWN]],
+            "worst_doubt": [{k: r[k] for k in shown} for r in most_doubtful(rows)[: min(SHOWN, DECIDED[size])]],
         },
-        "methods": counts,
+        "methods": {m: _counts([r for r in rows if r["method"] == m]) for m in STEP_METHODS},
         "decided_by_dop853": _counts(decided),
         "wrong_without_warning": wrong,
+        **more,
     }
     print({k: v for k, v in content.items() if k != "event_exact"})
     write_result("random_scenes", size, content, {}, folder)

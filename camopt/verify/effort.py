@@ -16,8 +16,9 @@ halvings, and a figure whose error is large says so instead of being wrong. Beyo
 and no accuracy helps: there the answer is a range.
 
 Where time matters more, use a smaller model (`camopt reduce`, which tells its error) or fewer speeds rather than a
-looser tolerance: with event-exact the price of an accurate motion is a fraction of a millisecond. Measured prices:
-`python -m experiments.work_precision` and `python -m experiments.cost_scaling`.
+looser tolerance: with event-exact the price of an accurate motion is a fraction of a millisecond. Prices on a scene of
+your own: `camopt tradeoff SCENE`. How often what is delivered is what was asked (534 of 535 promises kept over 200
+drawn scenes, cams and speeds; 2.6 % of the good answers flagged): `python -m experiments.accuracy_promise`.
 """
 
 import math
