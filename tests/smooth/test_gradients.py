@@ -187,8 +187,8 @@ def test_gradients_are_those_of_the_adjoint_over_many_states(count):
         for name, a, b, c in zip(METRICS, found, exact, near, strict=True):
             if np.any(b):
                 assert relative(a, b) < max(1e-2, relative(c, b)), (rpm, name)
-            else:  # no jump or no bounce: the metric is still, but for what the layer leaves of s^2 [m^2]
-                assert np.abs(a).max() < 1e-15, (rpm, name)
+            else:  # no jump or no bounce: the metric is still, but for s^2 in the layer; a bounce has 1e-8
+                assert np.abs(a).max() < 1e-13, (rpm, name)
 
 
 def test_gradients_by_the_train_are_those_of_the_exact_motion():
