@@ -165,7 +165,7 @@ def drawn(count: int):
             scene, train, lift = CAMS[random.integers(len(CAMS))]()
             whole, directions = with_bumps(lift, BUMPS)
             lift, speed = moved(whole, directions, 2e-6 * random.normal(size=BUMPS)), scene.cam_speed(rpm)
-            yield rpm, train, lift, directions, speed, settled_state(train, lift, speed, random.integers(10))
+            yield rpm, train, lift, directions, speed, settled_state(train, lift, speed, int(random.integers(10)))
 
 
 @pytest.mark.parametrize("count", [4, pytest.param(40, marks=pytest.mark.long)])
