@@ -54,7 +54,7 @@ from camopt.study.gradient_paths import (
     spectral_radius,
     true_values,
 )
-from camopt.study.gradient_verdict import MetricReport, judge
+from camopt.study.gradient_verdict import LEAST_COSINE, MOST_ERROR, MetricReport, judge
 
 BUMPS = {True: 20, False: 4}
 """Bumps of a train with linear laws, and of others, whose truth takes a second per motion."""
@@ -158,7 +158,12 @@ def _repeated(p: Problem, exact: Found | None) -> list[float | None]:
 def report_lines(report: GradientReport) -> list[str]:
     """The report as lines of text."""
     path = f"{'relative error':>14} {'cosine':>8} {'cost':>5}"
-    lines = [f"{report.bumps} bumps of {', '.join(f'{h:.0e}' for h in report.heights_m)} m; settled: {report.settled}"]
+    heights = ", ".join(f"{h:.0e}" for h in report.heights_m)
+    lines = [
+        f"against central differences by {report.bumps} bumps of {heights} m on the lift",
+        f"trust: error <= {MOST_ERROR:g} in a motion that repeats itself; direction only: cosine >= {LEAST_COSINE:g}",
+        "the motion repeats itself" if report.settled else "the motion does not repeat itself",
+    ]
     if report.grazing:
         near = report.grazing
         lines += [f"nearest grazing: closing at {near.approach_m_per_s:.2g} m/s, missed by {near.gap_m:.2g} m"]

@@ -116,7 +116,7 @@ def _reason(truth: float, still: bool, agreement: float, repeated: float | None)
         return "differences agree at no height: rough at every scale"
     if repeated is None:
         return ""
-    return f"the motion does not repeat itself: least cosine with the next revolutions {repeated:.2g}"
+    return f"the motion does not repeat itself: least cosine with its gradients in the next revolutions {repeated:.4f}"
 
 
 def _bias(value: float, truth: float) -> float:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments import gradient_batch, gradient_bias, gradient_cost
+from experiments import ensemble_gradients, gradient_batch, gradient_bias, gradient_cost
 
 
 @pytest.mark.long
@@ -29,6 +29,13 @@ def test_a_batch_costs_less_than_trajectories_one_by_one(tmp_path):
         )  # ten times less than quiet: small batch, loaded machine
     assert refined["at_speed"][0]["relative_error"] < 1e-2
     assert all(np.isfinite(row["ms_per_trajectory"]) for row in content["methods"])
+
+
+def test_the_mean_over_cams_does_what_its_gradient_promises_where_it_is_smooth(tmp_path):
+    content = ensemble_gradients.main("small", tmp_path)
+    rows = [r for r in content["rows"] if (r["metric"], r["gradient"]) == ("jump_mm", "mean, pathwise")]
+    assert len(rows) == 1 and rows[0]["promised"] < 0.0
+    assert rows[0]["change"] == pytest.approx(rows[0]["promised"], rel=2e-2)
 
 
 def test_the_error_of_a_gradient_sees_sign_and_size():

@@ -1,0 +1,101 @@
+"""Above the jump: does the gradient of a mean over neighbouring cams say what a step does, where a single one does not?
+
+`kodama` with a Polydyne at 7000 r/min, the first revolution from rest, 10 bumps on the lift. The mean is over cams
+whose bumps have heights of standard deviation `SIGMA`. Three gradients of a metric: of the single cam (exact), of the
+mean (pathwise: exact gradients averaged) and of the mean by an evolution strategy (values only). Each proposes a step
+of a given length downhill; other members than those of the gradients then say by how much the mean changed.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from tqdm import tqdm
+
+from camopt.cam.bumps import moved, with_bumps
+from camopt.cam.families.polydyne import polydyne
+from camopt.exact.ensemble import cosine, ensemble_gradient, evolution_strategy_gradient
+from camopt.exact.gradient import rest_state, value_and_gradient
+from camopt.exact.motion import TracedMotion
+from camopt.plots.style import CAMS, INK, legend_above, new_figure, styled
+from camopt.scene import build_train, load_scene
+from experiments.record import RESULTS, run_script, write_result
+
+RPM = 7000.0
+METRICS = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s", "contact_force_max_N")
+SIGMA = 2e-6
+"""Standard deviation of the bumps' heights [m]: an ordinary grinding error."""
+BUMPS = {"small": 3, "full": 10}
+MEMBERS = {"small": 8, "full": 1000}
+JUDGES = {"small": 8, "full": 1000}
+"""Members of the gradients, and of the mean that judges a step; the strategy has four times as many of the former."""
+LENGTHS = {"small": (1e-6,), "full": (2e-7, 5e-7, 1e-6, 2e-6, 5e-6)}
+"""Lengths of the steps [m]: root of the sum of squared heights."""
+
+
+def main(size: str = "full", folder: Path = RESULTS) -> dict:
+    """The three gradients of each metric, the change each promises for a step downhill, and the change of the mean."""
+    scene = load_scene("kodama")
+    train, speed = build_train(scene), scene.cam_speed(RPM)
+    lift, directions = with_bumps(polydyne(scene), BUMPS[size])
+    arguments = train, lift, speed, METRICS, directions, SIGMA
+    single = value_and_gradient(train, lift, speed, METRICS)
+    pathwise = ensemble_gradient(*arguments, MEMBERS[size], seed=1)
+    strategy = evolution_strategy_gradient(*arguments, 4 * MEMBERS[size], seed=2)
+    gradients = {
+        "single cam": np.einsum("lpq,mpq->lm", single.by_coefficients, directions),
+        "mean, pathwise": pathwise.gradient,
+        "mean, evolution strategy": strategy.gradient,
+    }
+    noise = SIGMA * np.random.default_rng(3).normal(size=(JUDGES[size], BUMPS[size]))
+
+    def members(heights: np.ndarray) -> np.ndarray:
+        """Values (k, l) of the judging members about the cam with the bumps at heights (m) [m]."""
+        lifts = (moved(lift, directions, heights + one) for one in noise)
+        return np.array([TracedMotion(train, one, speed, rest_state(train)).values(METRICS) for one in lifts])
+
+    before, rows = members(np.zeros(BUMPS[size])), []
+    for i, metric in enumerate(METRICS):
+        for name, gradient in tqdm(gradients.items(), desc=metric, disable=None):
+            downhill = -gradient[i] / np.linalg.norm(gradient[i])
+            for length in LENGTHS[size]:
+                change = members(length * downhill)[:, i] - before[:, i]
+                rows.append({
+                    "metric": metric, "gradient": name, "length_um": 1e6 * length,
+                    "promised": float(gradient[i] @ downhill * length), "change": float(change.mean()),
+                    "standard_error": float(change.std() / np.sqrt(len(change))),
+                    "cosine_with_strategy": cosine(gradient[i], strategy.gradient[i]),
+                })  # fmt: skip
+    content = {
+        "speed_rpm": RPM, "sigma_um": 1e6 * SIGMA, "members": MEMBERS[size], "metrics": METRICS,
+        "mean": before.mean(axis=0).tolist(), "scatter": before.std(axis=0).tolist(),
+        "split_half_cosine": pathwise.split_half_cosine.tolist(),
+        "strategy_split_half_cosine": strategy.split_half_cosine.tolist(), "rows": rows,
+    }  # fmt: skip
+    write_result("ensemble_gradients", size, content, {} if size == "small" else {"steps": figure(rows)}, folder)
+    return content
+
+
+@styled
+def figure(rows: list[dict]) -> Figure:
+    """Change of the mean over the change that each gradient promised, against the length of the step."""
+    drawing = new_figure(3.0 * len(METRICS), 3.2)
+    for axis, metric in zip(drawing.subplots(1, len(METRICS), sharey=True), METRICS, strict=True):
+        here = [r for r in rows if r["metric"] == metric]
+        for number, name in enumerate(dict.fromkeys(r["gradient"] for r in here)):
+            own = [r for r in here if r["gradient"] == name]
+            kept, error = (np.array([r[key] / r["promised"] for r in own]) for key in ("change", "standard_error"))
+            axis.errorbar([r["length_um"] for r in own], kept, np.abs(error), marker="os^"[number], ms=4, capsize=2,
+                          color=list(CAMS.values())[number][0], label=name)  # fmt: skip
+        axis.axhline(1.0, color=INK, linestyle=(0, (5, 3)), linewidth=0.9)
+        axis.axhline(0.0, color=INK, linewidth=0.6)
+        axis.set(xscale="log", title=metric, xlabel="length of the step [um]", ylim=(-0.5, 3.5))
+        axis.set_xticks(sorted({r["length_um"] for r in here}), [f"{1e6 * length:g}" for length in LENGTHS["full"]])
+        axis.minorticks_off()
+    drawing.axes[0].set_ylabel("change of the mean / promised change")
+    legend_above(drawing, drawing.axes[0])
+    return drawing
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)
