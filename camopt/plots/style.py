@@ -28,9 +28,13 @@ CAMS = {
     "exponent": ("#E69F00", (0, (3, 1.2))),
     "kurz": ("#56B4E9", (0, (4, 1.2, 1.2, 1.2, 1.2, 1.2))),
     "trapezoid": ("#7A5C2E", (0, (9, 2))),
+    "cycloidal": ("#9A9A9A", (0, (2.2, 2.2))),
+    "3-4-5": ("#767676", (0, (9, 1.5, 3, 1.5))),
+    "4-5-6-7": ("#4D4D4D", (0, (1, 2.4))),
 }
 """Colour and dashes of each cam family: Okabe and Ito's (2008) colours, safe for the colour-blind, without the yellow
-that vanishes on white and with the purple darkened. The dashes tell the cams apart without any colour."""
+that vanishes on white and with the purple darkened; greys for the textbook cams that serve as test subjects. The dashes
+tell the cams apart without any colour."""
 OTHERS = ("#555555", "#9A6A00", "#3B6F6F", "#7A3B69")
 """Colours of cams outside the families (lift tables); the name picks one, so that a table keeps its own too."""
 OWN_NAMES = {"free", "free-cam", "camopt", "optimized", "optimised"}

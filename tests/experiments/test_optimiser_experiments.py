@@ -18,6 +18,7 @@ def test_optimiser_row_is_within_its_bound_and_limits(tmp_path):
     assert "| kodama, nominal |" in optimiser.table([row])
 
 
+@pytest.mark.long
 def test_price_of_preload_is_a_price(tmp_path):
     content = price_list.main("small", tmp_path)
     (price,) = content["prices"]
