@@ -20,6 +20,9 @@ FIRST_STEP_N = 20.0
 """First step down from a confirmed common margin of zero; the step is kept until a cam fails, then halved."""
 RELOCATIONS = 2
 BISECTIONS = 5
+FIRST_SPREAD_N, GROWTH, SHRINKAGE = 15.0, 1.3, 0.95
+"""Of the margins drawn apart: standard deviation at first, and its factors after a better cam and a refused one. A
+better one in six keeps it, as Rechenberg's (1973) one-fifth rule does."""
 
 
 @dataclass
@@ -94,6 +97,31 @@ def no_jump_stage(search: Search, program: NoJumpProgram) -> NoJumpProgram:
         else:
             low = middle
     return program
+
+
+def margins_apart(search: Search, program: NoJumpProgram, draws: int, seed: int) -> None:
+    """Improve `search.best` by margins [N] of opening flank, closing flank and seat drawn apart about its own.
+
+    An evolution strategy with one parent and one child (Rechenberg 1973): where a cam is confirmed hangs on contacts
+    that barely part, and is too rough for slopes. A draw without more area than the best confirmed cam is not judged.
+    """
+    assert search.best is not None, "a common margin comes first"
+    generator, spread = np.random.default_rng(seed), FIRST_SPREAD_N
+    centre = search.best.margins[:, 0]  # one common margin so far
+    for _ in range(draws):
+        drawn = centre + spread * generator.normal(size=3)
+        try:
+            found = program.solve(Margins(*drawn))
+        except NoCamHoldsContact:
+            spread *= SHRINKAGE
+            continue
+        if found.area_ratio <= search.best.area_ratio:
+            continue
+        search.consider("margins apart", found)
+        if search.best is found:
+            centre, spread = drawn, spread * GROWTH
+        else:
+            spread *= SHRINKAGE
 
 
 def _first_confirmed(search: Search, program: NoJumpProgram) -> tuple[NoJumpProgram, float, float]:

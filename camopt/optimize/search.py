@@ -10,7 +10,7 @@ from camopt.optimize.accuracy import Accuracy, design_speeds
 from camopt.optimize.journal import Journal
 from camopt.optimize.judge import Judge
 from camopt.optimize.no_jump import NoJumpOptimum, no_jump_program
-from camopt.optimize.no_jump_stage import Search, no_jump_stage
+from camopt.optimize.no_jump_stage import Search, margins_apart, no_jump_stage
 from camopt.optimize.robust import Perturbation, RobustJudge
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
@@ -41,8 +41,8 @@ def find_cam(
 
     `speeds` "band" or "nominal"; `gradient` "none", or "smooth" or "exact" for a gradient stage on that path; `times`
     takes what each stage took [s]. With `perturbations` (by name) the limits on the motion must hold under each of them
-    too. `seed`, where it is not zero, draws the knots' interval, which is what a search starts from beside its limits.
-    Raises InputError where no cam is confirmed.
+    too. `seed` draws the margins and, where it is not zero, the knots' interval, which is what a search starts from
+    beside its limits. Raises InputError where no cam is confirmed.
     """
     started, design, operation = time.perf_counter(), scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
@@ -59,6 +59,7 @@ def find_cam(
                 program = program.extended(cam_speeds, build_train(perturbed.scene))
     search = Search(judge, journal or Journal(None), show)
     program = no_jump_stage(search, program)
+    margins_apart(search, program, effort.margin_draws, seed)
     no_jump = search.best
     assert no_jump is not None, "the stage raises where nothing is confirmed"
     times["no_jump"] = time.perf_counter() - started
