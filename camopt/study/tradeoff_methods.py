@@ -23,7 +23,7 @@ from camopt.verify.hermite import Hermite
 from camopt.verify.metrics import measure
 
 try:
-    from sksundae.cvode import CVODE
+    from sksundae.cvode import CVODE  # pyright: ignore[reportMissingImports]  # an extra, "peers"
 except ImportError:
     CVODE = None
 
