@@ -10,7 +10,7 @@ Choosing an accuracy
 - A number of micrometres, for `verify`, is `standard` with that tolerance: below 1 it takes long where
   the cam bounces, because methods that locate no switching converge with the first power of their step there.
 
-The name also sets the optimiser's effort (`camopt.optimize.accuracy`: knots, speeds, gradient steps). What was asked
+The name also sets the optimiser's effort (`camopt.optimize.accuracy`: knots, speeds, steps, margins). What was asked
 and what was delivered stand side by side in every verification: each figure has its error, estimated from the last
 halvings, and a figure whose error is large says so instead of being wrong. Beyond the jump the motion does not settle
 and no accuracy helps: there the answer is a range.
