@@ -2,6 +2,7 @@
 
 from itertools import groupby
 
+from camopt.optimize.comparison import NO_JERK
 from camopt.plots.style import DESIGN, cam_line, family_of
 from camopt.report.folder import RunFolder
 from camopt.report.limits import worst_of
@@ -56,7 +57,7 @@ def area_rows(run: RunFolder) -> list[dict]:
     for c in comparison_groups(run):
         if family_of(c["cam"]) != DESIGN:
             within = c["limits"] == "all"
-            label = c["cam"] if within else f"{c['cam']} (without the jerk limit)"
+            label = c["cam"] if within else f"{c['cam'].removesuffix(NO_JERK)} (without the jerk limit)"
             entries.append((label, c["area"], c["verdict"], cam_line(c["cam"])["color"], within))
     known = [e for e in entries if is_number(e[1])]
     largest = max((e[1] for e in known), default=1.0)
