@@ -13,12 +13,10 @@ EFFORT = replace(ACCURACIES["draft"], knot_deg=12.0, margin_draws=24)
 
 
 def test_margins_apart_add_confirmed_area_and_repeat():
-    stages = []
-    first, second = (find_cam(SCENE, "nominal", EFFORT, show=lambda line: stages.append(line["stage"])) for _ in "ab")
-    common, _ = find_cam(SCENE, "nominal", replace(EFFORT, margin_draws=0))
-    best = first[0].best
-    assert "margins apart" in stages
-    assert best.area_ratio > common.best.area_ratio + 1e-3
-    assert first[0].best_judged.holds
-    assert np.ptp(best.margins[:, 0]) > 1.0  # no longer one margin for all
-    np.testing.assert_array_equal(best.z, second[0].best.z)
+    lines = []
+    (first, _), (second, _) = (find_cam(SCENE, "nominal", EFFORT, show=lines.append) for _ in "ab")
+    common = max(line["best_area_ratio"] for line in lines if line["stage"] == "margin")
+    assert first.best.area_ratio > common + 1e-3
+    assert first.best_judged.holds
+    assert np.ptp(first.best.margins[:, 0]) > 1.0  # no longer one margin for all
+    np.testing.assert_array_equal(first.best.z, second.best.z)
