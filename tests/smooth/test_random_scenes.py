@@ -1,5 +1,7 @@
 """Gradients over initial gaps, zero among them, and over random scenes: no NaN, and no zero that nobody announced."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -7,6 +9,7 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.kurz import kurz
+from camopt.exact.motion import TracedMotion
 from camopt.scene import build_train, load_scene
 from camopt.scene.units import RPM
 from camopt.smooth.metrics import revolution_metrics
@@ -20,16 +23,25 @@ SAMPLES = jnp.asarray(lift_samples(LIFT))
 CAM_SIDE = TRAIN.cam_side[0]
 GAPS = np.array([0.0, 1e-9, -1e-9, 1e-6, 5e-5, 1e-4, 3e-4])
 NUMBERS = ("mass", "stiffness", "damping", "preload")
+OFFERED = 8192
+"""Steps per revolution: 20 of the 1000 scenes need more than 4096; one that needs more than it is offered is NaN."""
 METRICS = ("dynamic_area_mm_deg", "contact_force_max_N", "seating_velocity_m_per_s", "bounce_mm", "jump_mm")
 
 
 def metrics(system, speed):
-    motion = response_arrays(system, SAMPLES, speed, rest_state(TRAIN, system), steps=4096)
+    motion = response_arrays(system, SAMPLES, speed, rest_state(TRAIN, system), steps=OFFERED)
     found = revolution_metrics(system, motion, speed, LIFT.half_duration, LIFT.opening_foot, layer=touch_layer(EPS))
     return jnp.stack([found[name] for name in METRICS])
 
 
-many = jax.jit(jax.vmap(lambda system, speed: (metrics(system, speed), jax.jacrev(metrics)(system, speed))))
+@jax.jit
+def many(system, speeds):
+    """Values and gradients of every scene, a hundred side by side: what reverse mode keeps of a thousand is 34 GB."""
+
+    def one(scene):
+        return metrics(*scene), jax.jacrev(metrics)(*scene)
+
+    return jax.lax.map(one, (system, speeds), batch_size=min(100, len(speeds)))
 
 
 def random_scenes(count: int, seed: int):
@@ -46,7 +58,14 @@ def random_scenes(count: int, seed: int):
 @pytest.mark.parametrize("count", [8, pytest.param(1000, marks=pytest.mark.long)])
 def test_gradients_are_finite_and_not_silently_zero(count):
     system, speeds = random_scenes(count, 11)
-    values, gradient = many(system, speeds)
+    values, gradient = jax.tree.map(np.asarray, many(system, speeds))
+    seats = np.isfinite(values[:, METRICS.index("seating_velocity_m_per_s")])
+    for i in np.flatnonzero(~seats):  # not within the revolution recorded: no value, as event-exact says too
+        train = replace(TRAIN, **{n: np.asarray(getattr(system, n)[i]) for n in (*NUMBERS, "gap")})
+        motion = TracedMotion(train, LIFT, float(speeds[i]), np.ravel(rest_state(train)), 1)
+        assert np.isnan(motion.values(["seating_velocity_m_per_s"])[0])
+    assert np.mean(seats) > 0.99
+    values, gradient = values[seats], jax.tree.map(lambda q: q[seats], gradient)
     assert np.all(np.isfinite(values))
     for name in (*NUMBERS, "gap"):
         assert np.all(np.isfinite(getattr(gradient, name))), name
