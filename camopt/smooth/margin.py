@@ -22,5 +22,5 @@ def contact_force_margin(
     held = held_closed(train)
     system = build_system(held)
     motion = response_arrays(system, samples, cam_speed, rest_state(held), eps, tolerance, steps=steps)
-    least = event_metrics(system, motion, half_duration, 0)["contact_force_min_N"]
+    least = event_metrics(system, motion, cam_speed, half_duration, 0)["contact_force_min_N"]
     return jnp.where(least > 0.0, least - HOLDING_N, jnp.nan)

@@ -29,6 +29,15 @@ def margins(system: System, motion: Motion) -> jax.Array:
     return jax.vmap(lambda y, lift: system.compression(y, lift, 0.0)[0])(y, motion.lift)
 
 
+def margin_slopes(system: System, motion: Motion, cam_speed) -> jax.Array | None:
+    """Derivatives of the margins by angle [m/rad]; None where the lift's is not known."""
+    if motion.lift_dtheta is None:
+        return None
+    y = jnp.stack([motion.x, motion.v], axis=1)
+    lift_dt = motion.lift_dtheta * cam_speed
+    return jax.vmap(lambda y, lift_dt: system.compression(y, 0.0, lift_dt)[1])(y, lift_dt) / cam_speed
+
+
 def seat_distance(system: System, motion: Motion) -> tuple[jax.Array, jax.Array]:
     """Distance s of the valve from where its seat touches [m], positive open, and its rate [m/s]."""
     return -margins(system, motion)[:, system.topology.seat], motion.v[:, system.topology.valve]
@@ -42,28 +51,26 @@ def valve_acceleration(system: System, motion: Motion) -> jax.Array:
     return (system.mass_force[valve] - drag - on_valve) / system.mass[valve]
 
 
-def time_to_fall(s, v, a, level, most):
-    """Time [s] in [0, most] at which s + v t + a t^2 / 2 has fallen to `level`, with its derivative.
+def time_to_fall(coefficients, level, most):
+    """Time in [0, most] at which sum_k coefficients[k] t^k has fallen to `level`, with its derivative.
 
     Bisection finds it; one Newton step carries the derivative (implicit function theorem).
     """
-    frozen = jax.lax.stop_gradient((s, v, a))
-
-    def height(t, s, v, a):
-        return s + t * (v + 0.5 * t * a) - level
+    series = jnp.stack(coefficients)[::-1]
+    frozen, fixed = jax.lax.stop_gradient((series, level))
 
     def halve(_, bracket):
         low, high = bracket
         middle = 0.5 * (low + high)
-        above = height(middle, *frozen) > 0
+        above = jnp.polyval(frozen, middle) > fixed
         return jnp.where(above, middle, low), jnp.where(above, high, middle)
 
     most = jax.lax.stop_gradient(most)
     low, high = jax.lax.fori_loop(0, 50, halve, (jnp.zeros_like(most), most))
     t = 0.5 * (low + high)
-    speed = frozen[1] + t * frozen[2]
+    speed = jnp.polyval(jnp.polyder(frozen), t)
     falling = speed < 0
-    value = height(t, s, v, a)
+    value = jnp.polyval(series, t) - level
     return t - jnp.where(falling, (value - jax.lax.stop_gradient(value)) / jnp.where(falling, speed, -1.0), 0.0)
 
 
@@ -78,10 +85,10 @@ def closing(system: System, motion: Motion, cam_speed, revolution: int, layer: f
     pushes = (motion.force[:, system.topology.seat] > 0) & (index > top)
     i = jnp.argmax(pushes)
     j = jnp.maximum(i - 1, 0)
-    before = s[j], v[j], valve_acceleration(system, motion)[j]  # the motion before the touch, not through it
-    t = time_to_fall(*before, layer, (motion.angle[i] - motion.angle[j]) / cam_speed)
+    acceleration = valve_acceleration(system, motion)[j]  # the motion before the touch, not through it
+    t = time_to_fall((s[j], v[j], 0.5 * acceleration), layer, (motion.angle[i] - motion.angle[j]) / cam_speed)
     opened = ~(s[top] <= layer)  # a motion that is NaN has no value; it did not stay shut
-    return Closing(opened, jnp.any(pushes), motion.angle[j] + t * cam_speed, v[j] + t * before[2])
+    return Closing(opened, jnp.any(pushes), motion.angle[j] + t * cam_speed, v[j] + t * acceleration)
 
 
 def in_revolution(angle, revolution: int):
@@ -90,13 +97,19 @@ def in_revolution(angle, revolution: int):
 
 
 def nominal_closing(system: System, motion: Motion, revolution: int):
-    """Angle at which the cam lift has fallen to the lash [rad] (linear inside a step)."""
+    """Angle at which the cam lift has fallen to the lash [rad]: cubic inside a step, or linear without its slope."""
     lash = sum(system.gap[e] for e in system.topology.cam_side)
     above = in_revolution(motion.angle, revolution) & (motion.lift > lash)
     i = jnp.clip(len(motion.angle) - 1 - jnp.argmax(above[::-1]), 0, len(motion.angle) - 2)
-    fall = motion.lift[i] - motion.lift[i + 1]
-    t = jnp.where(fall > 0, (motion.lift[i] - lash) / jnp.where(fall > 0, fall, 1.0), 0.0)
-    return motion.angle[i] + t * (motion.angle[i + 1] - motion.angle[i])
+    width, rise = motion.angle[i + 1] - motion.angle[i], motion.lift[i + 1] - motion.lift[i]
+    slopes = (rise, rise) if motion.lift_dtheta is None else motion.lift_dtheta[i + jnp.arange(2)] * width
+    t = time_to_fall(_cubic(motion.lift[i], rise, *slopes), lash, jnp.where(rise < 0, 1.0, 0.0))
+    return motion.angle[i] + t * width
+
+
+def _cubic(start, rise, m0, m1):
+    """Coefficients of the cubic on [0, 1] from `start` by `rise`, with the slopes m0 and m1 at its ends."""
+    return start, m0, 3 * rise - 2 * m0 - m1, m0 + m1 - 2 * rise
 
 
 def at_angle(angle, values, theta, slope=None):
@@ -122,12 +135,13 @@ def step_integral(angle, s, s_dtheta, keep):
     return simpson(lambda q: jnp.maximum(q, 0.0)), simpson(lambda q: jnp.maximum(q, 0.0) ** 2)
 
 
-def least(angle, values, keep):
-    """Smallest of `values` (k) over the samples kept, refined by the parabola through it and its neighbours.
+def least(angle, values, edges):
+    """Smallest of `values` (k) at samples between the edges, refined by the parabola through it and its neighbours.
 
     A minimum between samples has the derivative of the interpolant at its foot, not that of the nearest sample. No
     parabola is drawn through an exact zero: the force of a contact jumps from there where it closes.
     """
+    keep = (angle >= edges[0]) & (angle <= edges[1])
     i = jnp.clip(jnp.argmin(jnp.where(keep, values, jnp.inf)), 1, len(values) - 2)
     left, right = angle[i] - angle[i - 1], angle[i + 1] - angle[i]
     free = (values[i - 1] != 0) & (values[i] != 0) & (values[i + 1] != 0)
@@ -138,24 +152,27 @@ def least(angle, values, keep):
     slope = before + left * curve
     proper = proper & (curve > 0)
     shift = jnp.clip(-slope / (2 * jnp.where(proper, curve, 1.0)), -left, right)
+    shift = jnp.clip(shift, edges[0] - angle[i], edges[1] - angle[i])
     refined = values[i] + jax.lax.stop_gradient(shift) * (slope + jax.lax.stop_gradient(shift) * curve)
     return jnp.where(proper, refined, jnp.min(jnp.where(keep, values, jnp.inf)))
 
 
-def greatest(at, s, v, keep):
-    """Greatest s (k) over the samples kept, raised to the crest of the cubic beside it; v is its derivative by `at`.
+def greatest(at, s, v, edges):
+    """Greatest s (k) at samples between the edges, raised to the crest of the cubic beside it; v: derivative by `at`.
 
     The place of the crest is held. That of a force may lie in the layer of its contact, where a damped contact closes:
     its derivative then knows how the closing shifts, which that of the sample behind the layer does not.
     """
+    keep = (at >= edges[0]) & (at <= edges[1])
     i = jnp.argmax(jnp.where(keep, s, -jnp.inf))
     j = jnp.clip(jnp.where(v[i] > 0, i, i - 1), 0, len(s) - 2)  # the crest lies between j and j + 1
     h, (v0, v1) = at[j + 1] - at[j], jax.lax.stop_gradient((v[j], v[j + 1]))
-    proper = (v0 > 0) & (v1 < 0) & keep[j] & keep[j + 1]
-    rise, m0, m1 = s[j + 1] - s[j], v[j] * h, v[j + 1] * h
-    second, third = 3 * rise - 2 * m0 - m1, m0 + m1 - 2 * rise
+    proper = (v0 > 0) & (v1 < 0)
+    start, m0, second, third = _cubic(s[j], s[j + 1] - s[j], v[j] * h, v[j + 1] * h)
+    m1 = v[j + 1] * h
     t = jax.lax.stop_gradient(jnp.where(proper, _fall_through_zero(m0, m1, second, third), 0.0))
-    crest = s[j] + t * (m0 + t * (second + t * third))
+    proper = proper & (at[j] + t * h >= edges[0]) & (at[j] + t * h <= edges[1])
+    crest = start + t * (m0 + t * (second + t * third))
     return jnp.where(proper, crest, jnp.max(jnp.where(keep, s, -jnp.inf)))
 
 
@@ -177,29 +194,28 @@ def separation_angle(angle, margin, keep):
     return jnp.sum(jnp.where(keep, jnp.diff(angle) * share, 0.0))
 
 
-def _greatest_force(motion: Motion, e: int, sign: float, inside):
-    """Greatest force of element e [N] over the samples kept, or with the sign -1 the greatest negative one."""
-    if motion.force_dtheta is None:
-        return -least(motion.angle, -sign * motion.force[:, e], inside)
-    return greatest(motion.angle, sign * motion.force[:, e], sign * motion.force_dtheta[:, e], inside)
+def _greatest_between(angle, values, slopes, edges, sign=1.0):
+    """Greatest of sign * values (k) between two angles and there: of cubics, or without their `slopes` of parabolas."""
+    values, slopes = sign * values, None if slopes is None else sign * slopes
+    crest = -least(angle, -values, edges) if slopes is None else greatest(angle, values, slopes, edges)
+    return jnp.max(jnp.stack([crest, *(at_angle(angle, values, edge, slopes) for edge in edges)]))
 
 
-def event_metrics(system: System, motion: Motion, half_duration, revolution: int) -> dict[str, jax.Array]:
+def event_metrics(system: System, motion: Motion, cam_speed, half_duration, revolution: int) -> dict[str, jax.Array]:
     """Jump and contact force over angles within half the duration of the nose, the worst of the cam-side contacts."""
     centre = 2 * jnp.pi * revolution
     inside = jnp.abs(motion.angle - centre) <= half_duration
     both = inside[1:] & inside[:-1]
     edges = (centre - half_duration, centre + half_duration)
-    margin = margins(system, motion)
+    margin, slope = margins(system, motion), margin_slopes(system, motion, cam_speed)
     gap, turn, low, high = [], [], [], []
     for e in system.topology.cam_side:
-        force = motion.force[:, e]
-        edge_margin = jnp.stack([at_angle(motion.angle, margin[:, e], edge) for edge in edges])
-        edge_force = jnp.stack([at_angle(motion.angle, force, edge) for edge in edges])
-        gap.append(-jnp.minimum(least(motion.angle, margin[:, e], inside), jnp.min(edge_margin)))
-        turn.append(separation_angle(motion.angle, margin[:, e], both))
-        low.append(jnp.minimum(-_greatest_force(motion, e, -1.0, inside), jnp.min(edge_force)))
-        high.append(jnp.maximum(_greatest_force(motion, e, 1.0, inside), jnp.max(edge_force)))
+        pressed = motion.angle, margin[:, e], None if slope is None else slope[:, e]
+        force = motion.angle, motion.force[:, e], None if motion.force_dtheta is None else motion.force_dtheta[:, e]
+        gap.append(_greatest_between(*pressed, edges, -1.0))
+        turn.append(separation_angle(*pressed[:2], both))
+        low.append(-_greatest_between(*force, edges, -1.0))
+        high.append(_greatest_between(*force, edges))
     return {
         "jump_mm": jnp.maximum(0.0, jnp.max(jnp.stack(gap))) / MM,
         "jump_deg": jnp.max(jnp.stack(turn)) / DEG,
@@ -220,11 +236,12 @@ def closed_metrics(
     nominal = nominal_closing(system, motion, revolution)
     s, v = seat_distance(system, motion)
     end = 2 * jnp.pi * (revolution + 1) + opening_foot
-    before_end = motion.angle <= end
-    window = (motion.angle >= jnp.minimum(touch.angle, nominal)) & before_end
+    before_end, begin = motion.angle <= end, jnp.minimum(touch.angle, nominal)
+    window = (motion.angle >= begin) & before_end
     hop = jnp.where(nominal < touch.angle, at_angle(motion.angle, s, nominal, v / cam_speed), 0.0)
-    crest = greatest(motion.angle / cam_speed, s, v, window)
-    bounce = jnp.maximum(jnp.maximum(0.0, hop), crest)
+    crest = greatest(motion.angle, s, v / cam_speed, (begin, end))
+    highest = jnp.maximum(jnp.maximum(0.0, hop), crest)
+    bounce = jnp.where(highest > layer, highest, 0.0)  # a valve in the layer has not left its seat
     after = (motion.angle >= touch.angle) & before_end
     _, square = step_integral(motion.angle, s, v / cam_speed, after[1:] & after[:-1])
     falls = (s[:-1] > layer) & (s[1:] <= layer) & window[1:]
@@ -254,7 +271,7 @@ def revolution_metrics(
     excess = jnp.max(jnp.where(now, s - jnp.maximum(0.0, motion.lift - lash), -jnp.inf))
     return {
         **closed_metrics(system, motion, cam_speed, opening_foot, revolution, layer),
-        **event_metrics(system, motion, half_duration, revolution),
+        **event_metrics(system, motion, cam_speed, half_duration, revolution),
         "dynamic_area_mm_deg": area / (MM * DEG),
         "excess_lift_mm": excess / MM,
     }

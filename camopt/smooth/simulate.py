@@ -68,7 +68,8 @@ def response_arrays(
         force, force_dtheta = forces_at(system, samples, cam_speed, angle, states, eps, ramp)
         arrived = angle[-1] >= jnp.asarray(jnp.pi, y.dtype)
         states, force = (jnp.where(arrived, q, jnp.nan) for q in (states, force))
-        return states[-1], Motion(angle, lift_at(samples, angle)[0], states[:, 0], states[:, 1], force, force_dtheta)
+        lift, lift_dtheta = lift_at(samples, angle)
+        return states[-1], Motion(angle, lift, states[:, 0], states[:, 1], force, force_dtheta, lift_dtheta)
 
     _, motion = jax.lax.scan(revolve, y0, None, length=revolutions)
     turns = 2 * jnp.pi * jnp.arange(revolutions, dtype=y0.dtype)[:, None]

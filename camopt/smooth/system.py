@@ -46,6 +46,7 @@ class Motion(NamedTuple):
     v: jax.Array  # (k, n) m/s
     force: jax.Array  # (k, e) N
     force_dtheta: jax.Array | None = None  # (k, e) N/rad, where it is known
+    lift_dtheta: jax.Array | None = None  # (k) m/rad, where it is known
 
 
 class System(eqx.Module):

@@ -1,4 +1,10 @@
-"""Gradients over initial gaps, zero among them, and over random scenes: no NaN, and no zero that nobody announced."""
+"""Gradients over initial gaps, zero among them, and over random scenes: no NaN, no zero that nobody announced, and the
+slopes of event-exact's own adjoint.
+
+More lash is not less area everywhere: a valve thrown off the closing ramp may fly the longer for it. That is so in
+seven of the 1000 scenes, in each of which the valve jumps, by event-exact's adjoint and by its central differences
+(scene 2: +770 753 mm deg/m at lash steps of 1e-7 to 1e-11 m).
+"""
 
 from dataclasses import replace
 
@@ -9,7 +15,7 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.kurz import kurz
-from camopt.exact.motion import TracedMotion
+from camopt.exact.gradient import value_and_gradient
 from camopt.scene import build_train, load_scene
 from camopt.scene.units import RPM
 from camopt.smooth.metrics import revolution_metrics
@@ -25,6 +31,8 @@ GAPS = np.array([0.0, 1e-9, -1e-9, 1e-6, 5e-5, 1e-4, 3e-4])
 NUMBERS = ("mass", "stiffness", "damping", "preload")
 OFFERED = 8192
 """Steps per revolution: 20 of the 1000 scenes need more than 4096; one that needs more than it is offered is NaN."""
+LASH = 1e-4
+"""Change of the lash [m] that weighs as much as one of a mass, stiffness, damping or preload by itself."""
 METRICS = ("dynamic_area_mm_deg", "contact_force_max_N", "seating_velocity_m_per_s", "bounce_mm", "jump_mm")
 
 
@@ -44,7 +52,7 @@ def many(system, speeds):
     return jax.lax.map(one, (system, speeds), batch_size=min(100, len(speeds)))
 
 
-def random_scenes(count: int, seed: int):
+def random_scenes(count: int = 1000, seed: int = 11):
     """Every mass, stiffness, damping and preload within a factor of about two, the gaps of the grid in turn."""
     rng = np.random.default_rng(seed)
     one = build_system(TRAIN)
@@ -55,15 +63,56 @@ def random_scenes(count: int, seed: int):
     return system, jnp.asarray(rng.uniform(1000.0, 2500.0, count) * RPM)
 
 
-@pytest.mark.parametrize("count", [8, pytest.param(1000, marks=pytest.mark.long)])
-def test_gradients_are_finite_and_not_silently_zero(count):
-    system, speeds = random_scenes(count, 11)
+def exact(system, speed, more_lash: float = 0.0):
+    """Values (l) and `weighed` gradients (l, p) of one scene by event-exact."""
+    numbers = {name: getattr(system, name) for name in NUMBERS}
+    train = replace(TRAIN, **numbers, gap=system.gap + more_lash * (np.arange(len(system.gap)) == CAM_SIDE))
+    found = value_and_gradient(train, LIFT, float(speed), METRICS, mechanical=True)
+    return found.values, weighed(found.by_train, train)
+
+
+def weighed(gradient, system):
+    """Gradients (..., l, p) by the logarithm of every mass, stiffness, damping and preload, and by lash / LASH."""
+    parts = [np.asarray(getattr(gradient, n)) * np.asarray(getattr(system, n))[..., None, :] for n in NUMBERS]
+    return np.concatenate([*parts, LASH * np.asarray(gradient.gap)[..., CAM_SIDE, None]], axis=-1)
+
+
+def assert_exact(system, speeds, values, gradient):
+    """Every metric and its gradient as event-exact has them; a valve that does not seat has no value in either.
+
+    Allowed is 1e-2 of the gradient. Where the valve lands on a ramp of constant velocity, whatever the train, seven
+    scenes' seating velocity has a gradient of a thousandth of itself or less: there, 2e-5 of the value. Where more
+    does not agree, event-exact must itself change its gradient by as much over the width of a layer: one scene, where
+    the valve flies over its nominal closing at a lash of zero, which cam lift reaches with no velocity.
+    """
+    found, doubtful = weighed(gradient, system), 0
+    for i, speed in enumerate(speeds):
+        scene = jax.tree.map(lambda q, i=i: q[i], system)
+        truth, slopes = exact(scene, speed)
+        np.testing.assert_array_equal(np.isfinite(values[i]), np.isfinite(truth))
+        has = np.isfinite(truth)
+        by_lash, expected = found[i, :2, -1], slopes[:2, -1]  # of area and force: alone too
+        np.testing.assert_allclose(by_lash, expected, rtol=1e-2, err_msg=f"by lash, scene {i}")
+        norm, error = np.linalg.norm(slopes, axis=-1), np.linalg.norm(found[i] - slopes, axis=-1)
+        floor = np.where([name.startswith("seating") for name in METRICS], 2e-5 * np.abs(truth), 1e-6)
+        off = (error > np.maximum(1e-2 * norm, floor)) | ~np.isclose(values[i], truth, rtol=1e-3, atol=2e-5)
+        if np.any(off & has):
+            near = exact(scene, speed, EPS)[1]
+            assert np.all((error <= np.linalg.norm(near - slopes, axis=-1))[off & has]), f"scene {i}"
+            doubtful += 1
+    assert doubtful <= len(speeds) // 500
+
+
+FEW = (0, 1, 2, 3, 4, 5, 6, 629)  # every gap; in 2 the area rises with lash, in 629 the largest jump is at an edge
+
+
+@pytest.mark.parametrize("count", [len(FEW), pytest.param(1000, marks=pytest.mark.long)])
+def test_gradients_are_finite_not_silently_zero_and_exact(count):
+    drawn, chosen = random_scenes(), np.arange(count) if count > len(FEW) else np.array(FEW)
+    system, speeds = jax.tree.map(lambda q: np.asarray(q)[chosen], drawn)
     values, gradient = jax.tree.map(np.asarray, many(system, speeds))
+    assert_exact(system, speeds, values, gradient)
     seats = np.isfinite(values[:, METRICS.index("seating_velocity_m_per_s")])
-    for i in np.flatnonzero(~seats):  # not within the revolution recorded: no value, as event-exact says too
-        train = replace(TRAIN, **{n: np.asarray(getattr(system, n)[i]) for n in (*NUMBERS, "gap")})
-        motion = TracedMotion(train, LIFT, float(speeds[i]), np.ravel(rest_state(train)), 1)
-        assert np.isnan(motion.values(["seating_velocity_m_per_s"])[0])
     assert np.mean(seats) > 0.99
     values, gradient = values[seats], jax.tree.map(lambda q: q[seats], gradient)
     assert np.all(np.isfinite(values))
@@ -71,9 +120,10 @@ def test_gradients_are_finite_and_not_silently_zero(count):
         assert np.all(np.isfinite(getattr(gradient, name))), name
     by_gap = np.asarray(gradient.gap[:, :, CAM_SIDE])
     area, force, seating, bounce, jump = range(len(METRICS))
-    assert np.all(by_gap[:, area] < 0.0)  # more lash, less valve lift
-    assert np.all(by_gap[:, force] != 0.0) and np.all(np.any(gradient.stiffness[:, force] != 0.0, axis=-1))
     moves = np.asarray(values) > 0.0
+    assert np.all(by_gap[:, area] != 0.0)
+    assert np.all(by_gap[~moves[:, jump], area] < 0.0)  # of a valve that follows its cam more lash takes lift
+    assert np.all(by_gap[:, force] != 0.0) and np.all(np.any(gradient.stiffness[:, force] != 0.0, axis=-1))
     for metric in (seating, bounce, jump):  # zero only with the value, and a valve that touches has a speed
         assert np.all((by_gap[:, metric] != 0.0) == moves[:, metric]), METRICS[metric]
     assert np.mean(moves[:, seating]) > 0.8
