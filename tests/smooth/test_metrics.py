@@ -13,7 +13,7 @@ from camopt.scene import QUANTITIES
 from camopt.scene.response import end_state, joined
 from camopt.scene.units import MM
 from camopt.smooth.maxima import soft_least, soft_worst, soft_worst_bias
-from camopt.smooth.metrics import closing, revolution_metrics, soft_metrics
+from camopt.smooth.metrics import closing, greatest, least, revolution_metrics, soft_metrics
 from camopt.smooth.rest import rest_state
 from camopt.smooth.system import Motion, build_system
 from camopt.verify.metrics import measure
@@ -88,6 +88,15 @@ def test_the_touch_shifts_with_the_valve():
     step = 1e-10
     difference = (touch(step) - touch(-step)) / (2 * step)
     np.testing.assert_allclose(np.asarray(slope), np.asarray(difference), rtol=1e-3)
+
+
+def test_an_extreme_counts_up_to_the_window_s_edge_and_not_beyond():
+    angle = jnp.linspace(-1.0, 1.0, 21)
+    dip, slope = (angle - 0.23) ** 2, 2 * (angle - 0.23)
+    for edge, lowest in ((0.21, 0.02**2), (0.24, 0.0)):  # both between the samples at 0.2 and 0.3
+        assert float(least(angle, dip, (-0.9, edge))) == pytest.approx(lowest, abs=1e-12)
+    assert float(-greatest(angle, -dip, -slope, (-0.9, 0.24))) == pytest.approx(0.0, abs=1e-12)
+    assert float(-greatest(angle, -dip, -slope, (-0.9, 0.21))) == pytest.approx(0.03**2)  # the sample; edges are apart
 
 
 def test_the_soft_least_lies_within_its_stated_bound():

@@ -80,10 +80,10 @@ def weighed(gradient, system):
 def assert_exact(system, speeds, values, gradient):
     """Every metric and its gradient as event-exact has them; a valve that does not seat has no value in either.
 
-    Allowed is 1e-2 of the gradient. Where the valve lands on a ramp of constant velocity, whatever the train, seven
-    scenes' seating velocity has a gradient of a thousandth of itself or less: there, 2e-5 of the value. Where more
-    does not agree, event-exact must itself change its gradient by as much over the width of a layer: one scene, where
-    the valve flies over its nominal closing at a lash of zero, which cam lift reaches with no velocity.
+    Allowed is 1e-2 of the gradient. On a ramp of constant velocity the seating velocity hardly depends on the train:
+    six gradients of it are below 1.3e-3 of the value itself; there 2e-5 of the value is allowed. Where more does
+    not agree, event-exact must itself change its gradient by as much over the width of a layer: in one scene the valve
+    flies over the nominal closing of a lash of zero, which the cam lift reaches without velocity (bounce 0.6 % off).
     """
     found, doubtful = weighed(gradient, system), 0
     for i, speed in enumerate(speeds):
@@ -94,7 +94,7 @@ def assert_exact(system, speeds, values, gradient):
         by_lash, expected = found[i, :2, -1], slopes[:2, -1]  # of area and force: alone too
         np.testing.assert_allclose(by_lash, expected, rtol=1e-2, err_msg=f"by lash, scene {i}")
         norm, error = np.linalg.norm(slopes, axis=-1), np.linalg.norm(found[i] - slopes, axis=-1)
-        floor = np.where([name.startswith("seating") for name in METRICS], 2e-5 * np.abs(truth), 1e-6)
+        floor = 2e-5 * np.abs(truth) * [name.startswith("seating") for name in METRICS]
         off = (error > np.maximum(1e-2 * norm, floor)) | ~np.isclose(values[i], truth, rtol=1e-3, atol=2e-5)
         if np.any(off & has):
             near = exact(scene, speed, EPS)[1]
