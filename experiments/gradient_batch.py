@@ -20,10 +20,11 @@ import numpy as np
 from camopt.cam.design_file import read_design
 from camopt.cam.lift import Lift, recentred
 from camopt.exact.engine import prepare as prepare_exact
-from camopt.exact.gradient import value_and_gradient_many
+from camopt.exact.many import value_and_gradient_many
 from camopt.exact.motion import TracedMotion
 from camopt.optimize.exact_rule import exact_metrics
 from camopt.scene import load_scene
+from camopt.scene.units import DEG
 from camopt.smooth.adaptive import adaptive_states
 from camopt.smooth.batch import BATCH_EPS, batch_metrics, batch_motion, stage_lifts
 from camopt.smooth.grid import equal_grid
@@ -38,14 +39,16 @@ SIZES = {"small": (2, 3, (5000.0, 6000.0)), "full": (64, 20, (5000.0, 6000.0, 65
 """Cams, bumps, speeds."""
 DESIGN = Path(__file__).parents[1] / "tests" / "data" / "kodama-design.json"
 """The cam that `camopt optimize kodama` delivered: calm enough at every speed that 1e-3 mm has a meaning."""
-ON_KNOTS = {"interval_deg": 3.0, "last_deg": 57.0}
-"""Bumps whose knots are the cam's own."""
+ON_KNOTS = {"interval_deg": 4.0, "last_deg": 38.0}
+"""Bumps whose knots are every second of the cam's own, which are 2 deg apart."""
+SPACING = 2 * DEG
 ERROR_MM = 1e-3
 STEPS = (1440, 2160, 2880, 4320, 5760, 8640)
 TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)
 REFERENCE_STEPS = 28_800
 """Per revolution; event-exact at its default takes some 900 at 5000 r/min."""
 DIFFRAX_SAMPLES = 720
+WORKERS = os.cpu_count() or 1
 Timed = tuple[np.ndarray, np.ndarray, dict]
 """Wall and processor seconds per trajectory with gradient, gradients (s, m) of the first cam, and the setting."""
 HEIGHT = 1e-6
@@ -152,14 +155,15 @@ def refined_grid(p: Problem, z: np.ndarray) -> Timed:
 def exact_numpy(p: Problem, z: np.ndarray) -> Timed:
     """All cams and speeds by `value_and_gradient_many`, gradients by the pieces turned into those by the bumps."""
     lift, bumps = on_common_pieces(p)
-    lifts = [replace(lift, coefficients=lift.coefficients + bumps @ one) for one in z.T for _ in p.cam_speeds]
     speeds, states = np.tile(p.cam_speeds, z.shape[1]), np.tile(p.states, (z.shape[1], 1))
 
     def all_gradients():
-        many = value_and_gradient_many(p.train, lifts, speeds, [METRIC], states, workers=os.cpu_count() or 1)
+        cams = [replace(lift, coefficients=lift.coefficients + change) for change in np.moveaxis(bumps @ z, -1, 0)]
+        lifts = [cam for cam in cams for _ in p.cam_speeds]
+        many = value_and_gradient_many(p.train, lifts, speeds, [METRIC], states, workers=WORKERS, spacing=SPACING)
         done = [one for one in many if one is not None]
         assert len(done) == len(many), "a motion was refused"
-        return np.array([np.tensordot(one.by_coefficients[0], bumps, 2) for one in done])
+        return np.tensordot(np.array([one.by_coefficients[0] for one in done]), bumps, 2)
 
     seconds, slopes = timed(all_gradients)
     return seconds / len(speeds), slopes[: len(p.speeds_rpm)], exact_setting(p, lift)
@@ -171,7 +175,7 @@ def exact_jax(p: Problem, z: np.ndarray) -> Timed:
 
     def value(z, speed, start):
         cam = {"lift": lift.coefficients + jnp.asarray(bumps) @ z, "start": start}
-        return exact_metrics(p.train, lift, speed, cam, [METRIC])[0]
+        return exact_metrics(p.train, lift, speed, cam, [METRIC], spacing=SPACING)[0]
 
     many = jax.jit(jax.vmap(jax.vmap(jax.grad(value), (None, 0, 0)), (0, None, None)))
     seconds, slopes = timed(lambda: many(jnp.asarray(z.T), jnp.asarray(p.cam_speeds), jnp.asarray(p.states)))
@@ -197,7 +201,7 @@ def exact_setting(p: Problem, lift: Lift) -> dict:
     worst = 0.0
     for speed, state in zip(p.cam_speeds, p.states, strict=True):
         fine = prepare_exact(p.train, p.lift, speed, REFERENCE_STEPS)(state)
-        motion = TracedMotion(p.train, lift, speed, state)
+        motion = TracedMotion(p.train, lift, speed, state, spacing=SPACING)
         angle = np.linspace(-np.pi, np.pi, 721)
         i = p.train.valve
         curve = Hermite(fine.angle, fine.x[:, i], fine.v[:, i] / speed)

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from numba import njit
 
 from camopt.exact import prepare
+from camopt.exact.advance import advance, apply
 from camopt.exact.engine import AT_ONCE, advance_many
-from camopt.exact.kernel import jump
-from camopt.exact.switching import apply, first_suspect, next_switch
+from camopt.exact.switching import first_suspect, next_switch
 from camopt.plots.style import INK, LIMIT, new_figure, styled
 from camopt.scene import build_train
 
@@ -63,9 +63,9 @@ def _searches(times, tables, slot, y, columns, out, scratch):
 
 
 @njit(cache=True, nogil=True)
-def _jumps(times, laws, status, nodes, h, columns, y, scratch, work):
+def _jumps(times, tables, slot, h, columns, y, work):
     for i in range(times):
-        jump(laws, status, nodes, h, columns, 0.03 + (i % 60) / 16.0, y.copy(), scratch[0], work)
+        advance(tables, slot, h, columns, 0.03 + (i % 60) / 16.0, y.copy(), work)
 
 
 def parts(case, repeats: int) -> dict:
@@ -92,12 +92,10 @@ def _unit_times(run, case, repeats: int) -> dict[str, float]:
     y = np.concatenate([case.rest, np.full(q, 1e-6)])
     count, columns, out = int(tables.count[slot]), len(y), np.zeros(tables.span.shape[2])
     scratch = np.zeros(len(y)), np.zeros(23), np.zeros(17), np.zeros(17)
-    status, work = np.full(len(case.train.a), 2), tuple(np.zeros(n2 // 2) for _ in range(3))
-    times, nodes = 2000, tables.nodes[slot]
-    laws = run._laws
+    work, times = (np.zeros(len(y)), np.zeros(n2 + 2), np.zeros(n2 // 2)), 2000
     calls = {
         "span": lambda: _spans(times, tables, slot, y, columns, count, out),
-        "jump": lambda: _jumps(times, laws, status, nodes, run.step, columns, y, scratch, work),
+        "jump": lambda: _jumps(times, tables, slot, run.step, columns, y, work),
     }
     seconds = {name: _best(call, 5 * repeats) / times for name, call in calls.items()}
     out[:] = 1.0

@@ -11,10 +11,10 @@ every other switching the field is continuous and the saltation matrix is the id
 import numba
 import numpy as np
 
+from camopt.exact.advance import carry_back
 from camopt.exact.instants import compression, state_at
 from camopt.exact.integrals import integrals_back
-from camopt.exact.kernel import ORDER
-from camopt.exact.propagators import ACTING, NODES, SEPARATED
+from camopt.exact.propagators import ACTING, SEPARATED
 
 MOST_POINTS = 14
 """Gauss points in one segment at most."""
@@ -22,59 +22,6 @@ POINTS, SHARES = np.zeros((2, MOST_POINTS + 1, MOST_POINTS))
 for _n in range(1, MOST_POINTS + 1):
     _x, _w = np.polynomial.legendre.leggauss(_n)
     POINTS[_n, :_n], SHARES[_n, :_n] = (_x + 1) / 2, _w / 2
-
-
-@numba.njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
-def apply_transposed(matrix, g, used, rows, out):
-    """out (rows) = the first `used` columns of a transposed propagator applied to g: the propagator's transpose."""
-    for j in range(rows):
-        total = 0.0
-        for i in range(used):
-            total += matrix[j, i] * g[i]
-        out[j] = total
-
-
-@numba.njit(cache=True, nogil=True, fastmath={"contract"})
-def short_series_back(motion, h, tau, g, term, push):
-    """g (2n + q) = exp(tau S)' g, S the system of x, v and the lift's coefficients by the step; |tau| small."""
-    n, m = motion.shape
-    q = len(g) - 2 * n
-    term[:] = g
-    for k in range(ORDER):
-        share = tau / (k + 1)
-        push[:] = 0.0
-        for i in range(n):
-            b = term[n + i]
-            for j in range(m):
-                push[j] += motion[i, j] * b
-        for j in range(q - 1, 0, -1):
-            term[2 * n + j] = share * j * term[2 * n + j - 1]
-        term[2 * n] = share * h * push[2 * n]
-        if q > 1:
-            term[2 * n + 1] += share * push[2 * n + 1]
-        for i in range(n):
-            term[n + i] = share * h * (term[i] + push[n + i])
-            term[i] = share * h * push[i]
-        for i in range(len(g)):
-            g[i] += term[i]
-
-
-@numba.njit(cache=True, nogil=True)
-def carry_back(nodes, motion, h, length, bar, out, work):
-    """out (2n + q) = cotangent at a start, by x, v and the lift's coefficients there, of `bar` (2n) `length` later.
-
-    `nodes` and `motion` are those of the contact state.
-    """
-    g, term, push = work
-    n2 = len(bar)
-    node = min(max(int(length * NODES + 0.5), 0), len(nodes) - 1)
-    rest, used = length - node / NODES, n2
-    g[:n2] = bar
-    if rest != 0.0:
-        g[n2:] = 0.0
-        short_series_back(motion, h, rest, g, term, push)
-        used = len(g)
-    apply_transposed(nodes[node], g, used, len(g), out)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -171,12 +118,12 @@ def parameters_back(s, trace, k, length, bar, linear, square, by_mass, by_elemen
     """
     # the product of state and cotangent turns by 3 rad per step at most: so many points leave 1e-7 of the highest mode
     slot, h, count = trace.slot[k], s.step, min(int(np.ceil(1.25 * length)) + 4, MOST_POINTS)
-    nodes, motion, laws, state = s.tables.nodes[slot], s.motion[slot], s.laws, s.states[slot]
+    motion, laws, state = s.motion[slot], s.laws, s.states[slot]
     there = np.empty(trace.y.shape[1])
     for i in range(count):
         at, share = POINTS[count, i] * length, SHARES[count, i] * length * h
         y = state_at(s, trace, k, at)
-        carry_back(nodes, motion, h, length - at, bar, there, work)
+        carry_back(s.tables, slot, motion, h, length - at, bar, there, work)
         if linear != 0.0 or square != 0.0:
             integrals_back(s, slot, y, length - at, linear, square, there)
         forces_back(laws, state, h, y, there, share, by_mass, by_element)
@@ -193,7 +140,7 @@ def sweep(s, trace, seeds, bar, by_coefficients, by_mass, by_element):
     width = trace.y.shape[1]
     start, out = np.empty(width), np.empty(width)
     work = np.empty(width), np.empty(width), np.empty(s.motion.shape[2])
-    nodes, motion, h, cam_speed = s.tables.nodes, s.motion, s.step, s.cam[2]
+    motion, h, cam_speed = s.motion, s.step, s.cam[2]
     for k in range(len(trace.length) - 1, -1, -1):
         if trace.watch[k] >= 0:
             switch_back(s, trace, seeds, k, bar, by_coefficients, by_element)
@@ -210,7 +157,7 @@ def sweep(s, trace, seeds, bar, by_coefficients, by_mass, by_element):
                 for j in range(n2):
                     start[j] += seen[j]
             else:
-                carry_back(nodes[slot], motion[slot], h, length, seen[:n2], out, work)
+                carry_back(s.tables, slot, motion[slot], h, length, seen[:n2], out, work)
                 for j in range(width):
                     start[j] += out[j]
                 if mechanical:
@@ -219,7 +166,7 @@ def sweep(s, trace, seeds, bar, by_coefficients, by_mass, by_element):
         if mechanical:
             length, linear, square = trace.length[k], seeds.integral[k], seeds.square[k]
             parameters_back(s, trace, k, length, bar, linear, square, by_mass, by_element, work)
-        carry_back(nodes[slot], motion[slot], h, trace.length[k], bar, out, work)
+        carry_back(s.tables, slot, motion[slot], h, trace.length[k], bar, out, work)
         for j in range(width):
             start[j] += out[j]
         if seeds.integral[k] != 0.0 or seeds.square[k] != 0.0:

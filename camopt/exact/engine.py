@@ -19,8 +19,10 @@ from camopt.scene.train import Train
 
 MOST_SWITCHINGS = 20_000
 """Contact switchings in one revolution beyond which the motion is refused as chatter."""
-AT_ONCE = 4
+AT_ONCE = 8
 """Steps that one span takes where no samples are wanted."""
+LONGEST_SPAN = 12
+"""Steps of a span at most, where spans are to end on the borders of the lift's pieces."""
 MOST_AT_ONCE = 8
 """Steps between two samples at most."""
 FEWEST_STEPS = 360
@@ -135,13 +137,23 @@ def advance_many(
         return np.array(list(pool.map(end, range(k))))
 
 
-def _step(train: Train, period: float, steps_per_revolution: int | None) -> tuple[float, int]:
-    """(step [s], steps per sample): the default or finer, and a whole number of them between samples where asked.
+def free_step(train: Train, cam_speed: float) -> float:
+    """Step [s] where nothing is asked: the default, halved until a revolution has enough of them, so that most speeds
+    share it and its tables."""
+    step = default_step(train)
+    return step / 2.0 ** max(0, int(np.ceil(np.log2(step * FEWEST_STEPS * cam_speed / (2 * np.pi)))))
 
-    The default is halved until a revolution has enough steps, so that most speeds share it and its tables.
-    """
-    default = default_step(train)
-    default /= 2.0 ** max(0, int(np.ceil(np.log2(default * FEWEST_STEPS / period))))
+
+def step_on_borders(train: Train, cam_speed: float, spacing: float) -> tuple[float, int]:
+    """(step [s], steps per span) with which every border of the lift's pieces, `spacing` [rad] apart, ends a span."""
+    steps = int(np.ceil(spacing / cam_speed / default_step(train) * (1 - 1e-12)))
+    at_once = -(-steps // -(-steps // LONGEST_SPAN))
+    return spacing / cam_speed / (-(-steps // at_once) * at_once), at_once
+
+
+def _step(train: Train, period: float, steps_per_revolution: int | None) -> tuple[float, int]:
+    """(step [s], steps per sample): the default or finer, and a whole number of them between samples where asked."""
+    default = free_step(train, 2 * np.pi / period)
     if steps_per_revolution is None:
         return default, 1
     wanted = max(1, int(np.ceil(period / steps_per_revolution / default * (1 - 1e-12))))

@@ -19,7 +19,8 @@ import numpy as np
 
 from camopt.cam.bumps import moved
 from camopt.cam.lift import Lift
-from camopt.exact.gradient import rest_state, value_and_gradient_many
+from camopt.exact.gradient import rest_state
+from camopt.exact.many import value_and_gradient_many
 from camopt.exact.motion import TracedMotion
 from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.train import Train
@@ -64,8 +65,10 @@ def ensemble_gradient(
     pairs = _pairs(len(directions), sigma_m, members, seed)
     lifts = [moved(lift, directions, sign * heights) for heights in pairs for sign in (1.0, -1.0)]
     starts = None if start is None else np.broadcast_to(start, (members, len(start)))
-    options = {"workers": workers, "revolutions": revolutions, "revolution": revolution}
-    found = value_and_gradient_many(train, lifts, [cam_speed] * members, metrics, starts, **options)
+    found = value_and_gradient_many(
+        train, lifts, [cam_speed] * members, metrics, starts,
+        workers=workers, revolutions=revolutions, revolution=revolution,
+    )  # fmt: skip
     nothing = np.full(len(metrics), np.nan), np.full((len(metrics), len(directions)), np.nan)
     values, slopes = zip(
         *(nothing if g is None else (g.values, np.einsum("lpq,mpq->lm", g.by_coefficients, directions)) for g in found),

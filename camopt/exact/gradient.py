@@ -1,13 +1,11 @@
 """Values and exact gradients of a motion's metrics: by the cam, by the start state and by the train."""
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.exact.motion import ByTrain, Gradient, TracedMotion
-from camopt.scene.errors import MotionRefused
 from camopt.scene.rest import rest_position, static_matrices
 from camopt.scene.train import GROUND, Train
 
@@ -23,48 +21,24 @@ def value_and_gradient(
     revolution: int = 0,
     cotangent: np.ndarray | None = None,
     mechanical: bool = False,
+    spacing: float | None = None,
 ) -> Gradient:
     """Values of metrics (l) in one revolution of an event-exact motion and their gradients.
 
     The motion runs `revolutions` from the state `start` (2n: [m], then [m/s]) at -pi, which is held; without one it
     runs from rest, and gradients by the train then include what the rest position owes to it. With a `cotangent` (l)
-    of the values one combined gradient is taken, in one sweep. `mechanical`: gradients by the train too.
+    of the values one combined gradient is taken, in one sweep. `mechanical`: gradients by the train too. `spacing` as
+    of `TracedMotion`.
 
     Raises MotionRefused for endless switching or a motion without bound, InputError for an unknown metric or for laws
     that are not linear.
     """
     at = rest_state(train) if start is None else start
-    motion = TracedMotion(train, lift, cam_speed, at, revolutions, mechanical)
+    motion = TracedMotion(train, lift, cam_speed, at, revolutions, mechanical, spacing)
     gradient = motion.gradient(metrics, revolution, cotangent)
     if start is None and gradient.by_train is not None:
         gradient.by_train.add(rest_back(train, gradient.by_start))
     return gradient
-
-
-def value_and_gradient_many(
-    train: Train,
-    lifts: Sequence[Lift],
-    cam_speeds: Sequence[float],
-    metrics: Sequence[str],
-    starts: np.ndarray | None = None,
-    *,
-    workers: int = 2,
-    **options,
-) -> list[Gradient | None]:
-    """`value_and_gradient` of k motions side by side in threads; None for a motion that is refused.
-
-    `lifts` (k), `cam_speeds` (k) [rad/s], `starts` (k, 2n) or None for rest; `options` as there.
-    """
-
-    def one(i: int) -> Gradient | None:
-        try:
-            start = None if starts is None else starts[i]
-            return value_and_gradient(train, lifts[i], cam_speeds[i], metrics, start, **options)
-        except MotionRefused:
-            return None
-
-    with ThreadPoolExecutor(workers) as pool:
-        return list(pool.map(one, range(len(cam_speeds))))
 
 
 def periodic_value_and_gradient(

@@ -3,9 +3,9 @@
 import numba
 import numpy as np
 
-from camopt.exact.kernel import jump, lift_series
-from camopt.exact.propagators import ACTING, NODES, SEPARATED, TERMS
-from camopt.exact.switching import apply
+from camopt.exact.advance import advance, apply
+from camopt.exact.kernel import lift_series
+from camopt.exact.propagators import ACTING, SEPARATED, TERMS
 
 LOOKS = 8
 """Intervals per step in which a crest is sought: the highest mode turns by less than 0.2 rad in one."""
@@ -19,24 +19,32 @@ def state_at(s, trace, k, length):
     n = len(s.laws[0])
     y = trace.y[k].copy()
     if length != 0.0:
-        work = np.zeros(n), np.zeros(n), np.zeros(n)
-        slot, scale, piece = trace.slot[k], s.cam[2] * s.step, trace.piece[k]
-        jump(s.laws, s.states[slot], s.tables.nodes[slot], s.step, len(y), length, y, np.zeros(len(y)), work)
+        work = np.empty(len(y)), np.empty(2 * n + 2), np.empty(n)
+        scale, piece = s.cam[2] * s.step, trace.piece[k]
+        advance(s.tables, trace.slot[k], s.step, len(y), length, y, work)
         lift_series(s.cam[1][piece], trace.offset[k] + length * scale, scale, y[2 * n :])
     return y
+
+
+@numba.njit(cache=True, nogil=True)
+def closeness(a, b, gap, n, y):
+    """(d, d') of an element between the masses a and b that the cam does not drive."""
+    d, rate = -gap, 0.0
+    if a >= 0:
+        d += y[a]
+        rate += y[n + a]
+    if b >= 0:
+        d -= y[b]
+        rate -= y[n + b]
+    return d, rate
 
 
 @numba.njit(cache=True, nogil=True)
 def compression(s, e, y):
     """(d, d') of element e: compression [m] and its rate [m/s]."""
     mass, _, _, a, b, _, cam_driven, _, _, _, gap = s.laws
-    n, d, rate = len(mass), -gap[e], 0.0
-    if a[e] >= 0:
-        d += y[a[e]]
-        rate += y[n + a[e]]
-    if b[e] >= 0:
-        d -= y[b[e]]
-        rate -= y[n + b[e]]
+    n = len(mass)
+    d, rate = closeness(a[e], b[e], gap[e], n, y)
     if cam_driven[e]:
         d += y[2 * n]
         rate += y[2 * n + 1] / s.step
@@ -75,7 +83,7 @@ def series_at(s, trace, k, step, watch, w, there):
     """w (TERMS + 1) = power series of a watch about the start of a step of segment k."""
     slot = trace.slot[k]
     y, c = trace.y[k], trace.y.shape[1]
-    apply(s.tables.nodes[slot, step * NODES], y, c, c, there)
+    apply(s.tables.steps[slot, step], y, c, c, there)
     apply(s.tables.series[slot, watch], there, c, TERMS + 1, w)
 
 
@@ -164,7 +172,7 @@ def largest(s, trace, e, status, sign, low, high):
         begin = max(0.0, (low - trace.angle[k]) / per_step)
         end = min(trace.length[k], (high - trace.angle[k]) / per_step)
         for i in range(int(begin), int(np.ceil(end))):
-            if _bound(trace.looks[k, 2 * count * i + watch :], count, sign) < enough:
+            if _bound(trace.looks, k, 2 * count * i + watch, count, sign) < enough:
                 continue
             series_at(s, trace, k, i, watch, w, there)
             t, top, slope, inside = crest(w, sign, max(begin - i, 0.0), min(end - i, 1.0))
@@ -180,25 +188,26 @@ def largest(s, trace, e, status, sign, low, high):
 
 
 @numba.njit(cache=True, nogil=True)
-def _bound(look, count, sign):
+def _bound(looks, k, at, count, sign):
     """A level that sign * watch does not pass within a step, from values and slopes at its ends."""
-    f0, g0, f1, g1 = sign * look[0], sign * look[count], sign * look[2 * count], sign * look[3 * count]
+    f0, g0 = sign * looks[k, at], sign * looks[k, at + count]
+    f1, g1 = sign * looks[k, at + 2 * count], sign * looks[k, at + 3 * count]
     return max(max(f0, f1), max(f0 + g0, f1 - g1))
 
 
 @numba.njit(cache=True, nogil=True)
 def nearest_miss(s, trace, e):
     """Smallest watch of contact e [N] at a return while it is apart: how close it came to closing; inf for none."""
-    least = np.inf
+    least, looks, states = np.inf, trace.looks, s.states
     w, there = np.zeros(TERMS + 1), np.zeros(trace.y.shape[1])
     for k in range(len(trace.length)):
         slot = trace.slot[k]
-        if s.states[slot, e] != SEPARATED:
+        if states[slot, e] != SEPARATED:
             continue
         watch, count = watch_of(s, slot, e), s.tables.count[slot]
         for i in range(int(np.ceil(trace.length[k]))):
-            look = trace.looks[k, 2 * count * i + watch :]
-            if look[count] < 0.0 < look[3 * count] and -_bound(look, count, -1.0) < least:
+            at = 2 * count * i + watch
+            if looks[k, at + count] < 0.0 < looks[k, at + 3 * count] and -_bound(looks, k, at, count, -1.0) < least:
                 series_at(s, trace, k, i, watch, w, there)
                 _, top, _, inside = crest(w, -1.0, 0.0, min(trace.length[k] - i, 1.0))
                 if inside:

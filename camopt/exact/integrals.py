@@ -3,9 +3,9 @@
 import numba
 import numpy as np
 
+from camopt.exact.advance import apply
 from camopt.exact.instants import series_at, watch_of
-from camopt.exact.propagators import NODES, TERMS
-from camopt.exact.switching import apply
+from camopt.exact.propagators import TERMS
 
 
 @numba.njit(cache=True, nogil=True)
@@ -87,7 +87,7 @@ def integrals_back(s, slot, y, length, linear, square, out):
     `linear` and `square` weigh the seat's distance and its square.
     """
     watch, columns, stiffness = watch_of(s, slot, s.seat), len(y), s.laws[7][s.seat]
-    nodes, series = s.tables.nodes[slot], s.tables.series[slot, watch]
+    steps, series = s.tables.steps[slot], s.tables.series[slot, watch]
     p, w, row, there = np.empty(TERMS + 1), np.empty(TERMS + 1), np.empty(columns), np.empty(columns)
     first = 0
     if square == 0.0:
@@ -100,7 +100,7 @@ def integrals_back(s, slot, y, length, linear, square, out):
             power *= width
             p[k] = linear / stiffness * power / (k + 1)
         if square != 0.0:
-            apply(nodes[i * NODES], y, columns, columns, there)
+            apply(steps[i], y, columns, columns, there)
             apply(series, there, columns, TERMS + 1, w)
             _add_square(w, 2.0 * square / stiffness**2, width, p)
         for j in range(columns):
@@ -110,5 +110,5 @@ def integrals_back(s, slot, y, length, linear, square, out):
         for j in range(columns):
             total = 0.0
             for k in range(columns):
-                total += nodes[i * NODES, j, k] * row[k]
+                total += steps[i, j, k] * row[k]
             out[j] += total

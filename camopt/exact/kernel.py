@@ -3,13 +3,12 @@
 import numba
 import numpy as np
 
-from camopt.exact.propagators import ACTING, COMPRESSED, NODES, SEPARATED, TERMS
-from camopt.exact.switching import SAMPLES, TICK, apply, first_suspect, next_switch
+from camopt.exact.advance import advance, apply
+from camopt.exact.propagators import ACTING, COMPRESSED, SEPARATED, TERMS
+from camopt.exact.switching import SAMPLES, TICK, first_suspect, next_switch
 from camopt.exact.trace import begin_segment, end_segment
 
 DONE, NEED_TABLES, CHATTER, NOT_FINITE, TRACE_FULL = 0, 1, 2, 3, 4
-ORDER = 8
-"""Highest power of the short series behind a node: its remainder is below 1e-17 of the motion."""
 
 
 @numba.njit(cache=True, nogil=True)
@@ -90,54 +89,6 @@ def find(keys, status, contact):
     return -1, key
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"contract"})
-def short_series(laws, status, h, u, used, tau, x, v, work):
-    """Adds to x, v (n) their change over tau steps, a small part of one, by the series of the equations of motion."""
-    mass, mass_damping, mass_force, a, b, contact, cam_driven, stiffness, damping, preload, gap = laws
-    dx, dv, acceleration = work
-    n, power = len(mass), 1.0
-    for i in range(n):
-        dx[i], dv[i] = x[i], v[i]
-    for k in range(ORDER):
-        lift = u[k] * power if k < used else 0.0
-        rate = (k + 1) * u[k + 1] * power / h if k + 1 < used else 0.0
-        for i in range(n):
-            acceleration[i] = (mass_force[i] if k == 0 else 0.0) - mass_damping[i] * dv[i]
-        for e in range(len(a)):
-            if contact[e] and status[e] != ACTING:
-                continue
-            p, q = a[e], b[e]
-            f = preload[e] - stiffness[e] * gap[e] if k == 0 else 0.0
-            if cam_driven[e]:
-                f += stiffness[e] * lift + damping[e] * rate
-            if p >= 0:
-                f += stiffness[e] * dx[p] + damping[e] * dv[p]
-            if q >= 0:
-                f -= stiffness[e] * dx[q] + damping[e] * dv[q]
-                acceleration[q] += f
-            if p >= 0:
-                acceleration[p] -= f
-        share = tau * h / (k + 1)
-        power *= tau
-        for i in range(n):
-            dx[i], dv[i] = dv[i] * share, acceleration[i] / mass[i] * share
-            x[i] += dx[i]
-            v[i] += dv[i]
-
-
-@numba.njit(cache=True, nogil=True)
-def jump(laws, status, nodes, h, columns, length, y, there, work):
-    """Advances y by `length` steps, anywhere within a span: to the nearest node by its propagator, then by series."""
-    n = len(laws[0])
-    node = min(max(int(length * NODES + 0.5), 0), len(nodes) - 1)
-    apply(nodes[node], y, columns, len(y), there)
-    for i in range(len(y)):
-        y[i] = there[i]
-    rest = length - node / NODES
-    if rest != 0.0:
-        short_series(laws, status, h, y[2 * n :], columns - 2 * n, rest, y[:n], y[n : 2 * n], work)
-
-
 @numba.njit(cache=True, nogil=True)
 def record(rows, count, t, laws, status, y, h):
     """Appends one sample: time, lift, x, v, force."""
@@ -162,12 +113,12 @@ def revolve(laws, cam, h, tables, state, rows, trace, most):
     n2, q, contact = len(state), pieces.shape[1], laws[5]
     n, period, sampled, scale = n2 // 2, 2.0 * np.pi / cam_speed, len(rows) > 0, cam_speed * h
     traced = len(trace.length) > 0
-    steps = (tables.nodes.shape[1] - 1) // NODES
+    steps = tables.steps.shape[1] - 1
     span = steps * h
     status = np.zeros(len(contact), dtype=np.int64)
     y, there, out = np.zeros(n2 + q), np.zeros(n2 + q), np.zeros(tables.span.shape[2])
     scratch = there, np.zeros(TERMS + 1), np.zeros(SAMPLES + 1), np.zeros(SAMPLES + 1)
-    work = np.zeros(n), np.zeros(n), np.zeros(n)
+    work = there, np.zeros(n2 + 2), np.zeros(n)
     y[:n2] = state
     t, piece, step, count, switchings = 0.0, 0, 0, 0, 0
     columns = n2 + lift_series(pieces[0], 0.0, scale, y[n2:])
@@ -199,7 +150,7 @@ def revolve(laws, cam, h, tables, state, rows, trace, most):
         else:
             whole = False
             length, which = next_switch(tables, slot, y, columns, out, (end - t) / h, TICK / h, scratch)
-            jump(laws, status, tables.nodes[slot], h, columns, length, y, there, work)
+            advance(tables, slot, h, columns, length, y, work)
             t = t + length * h if which >= 0 else end
         if which < 0 and end == border and piece + 2 < len(borders):
             piece += 1

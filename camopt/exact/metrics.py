@@ -8,7 +8,7 @@ have no cotangents.
 import numba
 import numpy as np
 
-from camopt.exact.instants import accelerations, compression, largest, state_at
+from camopt.exact.instants import accelerations, closeness, largest, state_at
 from camopt.exact.integrals import distance_integral, seed_integral, seed_square, square_integral
 from camopt.exact.propagators import ACTING, SEPARATED, TERMS
 from camopt.exact.seeds import observe, seed_end, seed_force, seed_separation
@@ -60,10 +60,11 @@ def closes(s, trace, k, e):
 @numba.njit(cache=True, nogil=True)
 def touch(s, trace, turn):
     """(segment that the touch of a revolution ends, whether the valve opened); segment -1 for no touch."""
-    top, peak = 0.0, -1
+    top, peak, e, states = 0.0, -1, s.seat, s.states
+    mass, _, _, a, b, _, _, stiffness, _, preload, gap = s.laws
     for k in range(len(trace.length)):
-        if abs(trace.angle[k] - 2 * np.pi * turn) <= np.pi and s.states[trace.slot[k], s.seat] == SEPARATED:
-            height = -compression(s, s.seat, trace.y[k])[0] - s.laws[9][s.seat] / s.laws[7][s.seat]
+        if abs(trace.angle[k] - 2 * np.pi * turn) <= np.pi and states[trace.slot[k], e] == SEPARATED:
+            height = -closeness(a[e], b[e], gap[e], len(mass), trace.y[k])[0] - preload[e] / stiffness[e]
             if height >= top:
                 top, peak = height, k
     if peak < 0:

@@ -7,7 +7,7 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint import sweep
-from camopt.exact.engine import AT_ONCE, MOST_SWITCHINGS, prepare, refusal, train_arrays
+from camopt.exact.engine import AT_ONCE, MOST_SWITCHINGS, free_step, refusal, step_on_borders, train_arrays
 from camopt.exact.evaluate import closings_margin, collect, evaluate, sample
 from camopt.exact.kernel import DONE, NEED_TABLES, TRACE_FULL
 from camopt.exact.metrics import METRICS
@@ -98,12 +98,16 @@ class TracedMotion:
         start: np.ndarray,
         revolutions: int = 1,
         mechanical: bool = False,
+        spacing: float | None = None,
     ):
-        """`start` (2n: [m], then [m/s]); `mechanical`: gradients by the train too. Raises MotionRefused for endless
-        switching or a motion without bound, InputError for laws that are not linear."""
+        """`start` (2n: [m], then [m/s]); `mechanical`: gradients by the train too. `spacing` [rad] between the borders
+        of most pieces of the lift: where many cams share it and a few speeds, their motions then take less time, for
+        tables of their own at each speed. Raises MotionRefused for endless switching or a motion without bound,
+        InputError for laws that are not linear."""
         self.train, self.lift, self.cam_speed, self.mechanical = train, lift, cam_speed, mechanical
-        step = prepare(train, lift, cam_speed).step
-        tables = propagators(train, step, lift.coefficients.shape[1], AT_ONCE)
+        train.require_linear("event-exact", 'simulate with method "dop853", "rkg" or "smooth"')
+        step, at_once = steps_of(train, cam_speed, spacing)
+        tables = propagators(train, step, lift.coefficients.shape[1], at_once)
         laws, cam = train_arrays(train), (lift.borders, lift.coefficients, cam_speed)
         self.end = np.array(start, dtype=float)
         self.trace = _followed(laws, cam, step, tables, self.end, revolutions)
@@ -201,6 +205,13 @@ class TracedMotion:
         return Slopes(by_coefficients, by_start, by_train)
 
 
+def steps_of(train: Train, cam_speed: float, spacing: float | None) -> tuple[float, int]:
+    """(step [s], steps per span): with `spacing` [rad], so that borders of the lift so far apart end spans."""
+    if spacing is not None:
+        return step_on_borders(train, cam_speed, spacing)
+    return free_step(train, cam_speed), AT_ONCE
+
+
 def metric_numbers(train: Train, metrics: Sequence[str]) -> np.ndarray:
     """Numbers of metrics by their names; raises InputError for an unknown one or a train without valve and seat."""
     unknown = [name for name in metrics if name not in METRICS]
@@ -214,7 +225,7 @@ def metric_numbers(train: Train, metrics: Sequence[str]) -> np.ndarray:
 def _followed(laws, cam, step: float, tables: Propagators, state: np.ndarray, revolutions: int) -> Trace:
     """The trace of whole revolutions from `state` (2n), which is changed in place to the end."""
     start, segments = state.copy(), FIRST_SEGMENTS * revolutions
-    width, looks = tables.built.nodes.shape[3], 4 * len(tables.contacts) * (tables.at_once + 1)
+    width, looks = tables.built.steps.shape[3], 4 * len(tables.contacts) * (tables.at_once + 1)
     trace = empty_trace(segments, width, looks)
     while True:
         state[:] = start

@@ -15,8 +15,8 @@ from camopt.scene.train import GROUND, Train
 
 LARGEST_PHASE = 1.5
 """Default step times highest frequency [rad]: switching is sought well within a quarter period of any mode."""
-NODES = 16
-"""Ready propagators per step: the rest of a jump to any instant is at most 1/32 step, 0.05 rad of the highest mode."""
+FINE = 32
+"""Ready propagators inside a step: any instant is at most 1/64 step from one, 0.024 rad of the highest mode."""
 TERMS = 22
 """Highest power in the series of a watched quantity: over one step the remainder is below 1e-16 of the motion."""
 FIRST_STATES = 8
@@ -36,7 +36,9 @@ class Tables(NamedTuple):
     element: np.ndarray  # (s, w) whose state changes when the watch turns negative
     new: np.ndarray  # (s, w) to what
     span: np.ndarray  # (s, c, c - 1 + 2 w (m + 1)): x, v, u after m steps; then values and slopes at every step
-    nodes: np.ndarray  # (s, m NODES + 1, c, c - 1): x, v, u at every node
+    steps: np.ndarray  # (s, m + 1, c, c - 1): x, v, u after every step
+    fine: np.ndarray  # (s, FINE, c, c - 1): x, v, u after every FINE-th of a step
+    motion: np.ndarray  # (s, 2n + 3, n): accelerations by x, v, lift, lift velocity, and their constants, in SI
     series: np.ndarray  # (s, w, c, TERMS + 1): the watch's power series in tau
 
 
@@ -83,7 +85,9 @@ class Propagators:
             element=np.empty((s, w), dtype=np.int64),
             new=np.empty((s, w), dtype=np.int64),
             span=np.empty((s, c, c - 1 + 2 * w * (at_once + 1))),
-            nodes=np.empty((s, at_once * NODES + 1, c, c - 1)),
+            steps=np.empty((s, at_once + 1, c, c - 1)),
+            fine=np.empty((s, FINE, c, c - 1)),
+            motion=np.empty((s, 2 * len(train.mass) + 3, len(train.mass))),
             series=np.empty((s, w, c, TERMS + 1)),
         )
         self.built = self._buffers._replace(keys=self._buffers.keys[:0])
@@ -108,20 +112,17 @@ class Propagators:
         c, m, most = 2 * len(self.train.mass) + self.width + 1, self.at_once, 2 * len(self.contacts)
         status = np.full(len(self.train.a), ACTING)
         status[self.contacts] = key // 3 ** np.arange(len(self.contacts)) % 3
-        system = self._system(status == ACTING)
-        powers = np.eye(c)[None]
-        leap = _exponential(system / NODES)
-        while len(powers) <= m * NODES:  # by doubling: rounding grows with the logarithm only
-            powers = np.concatenate([powers, leap @ powers])
-            leap = leap @ leap
-        powers = powers[: m * NODES + 1]
+        linear = linear_system(self.train, status == ACTING)
+        system = self._system(*linear)
+        fine = _powers(_exponential(system / FINE), FINE)
+        steps = _powers(fine[-1], m)
         watched = [(int(e), law) for e in self.contacts for law in _laws(status[e])]
         rows = np.array([self._watch(e, law, status[e]) for e, law in watched]).reshape(-1, c)
         series = [rows]
         for k in range(1, TERMS + 1):
             series.append(series[-1] @ system / k)
-        looks = [np.concatenate(series[:2]) @ powers[i * NODES] for i in range(m + 1)]
-        span = np.concatenate([powers[-1][:-1], *looks]).T
+        looks = [np.concatenate(series[:2]) @ steps[i] for i in range(m + 1)]
+        span = np.concatenate([steps[-1][:-1], *looks]).T
         tables = np.zeros((most, c, TERMS + 1))
         tables[: len(rows)] = np.stack(series, axis=-1)
         element, new = np.zeros((2, most), dtype=np.int64)
@@ -129,12 +130,13 @@ class Propagators:
         new[: len(rows)] = [self._after(e, law, status[e]) for e, law in watched]
         padded = np.zeros((c, c - 1 + 2 * most * (m + 1)))
         padded[:, : span.shape[1]] = span
-        return np.array(key), np.array(len(rows)), element, new, padded, powers[:, :-1].transpose(0, 2, 1), tables
+        propagators = (powers[:, :-1].transpose(0, 2, 1) for powers in (steps, fine[:-1]))
+        motion = np.column_stack(linear)[len(self.train.mass) :].T
+        return np.array(key), np.array(len(rows)), element, new, padded, *propagators, motion, tables
 
-    def _system(self, acting: np.ndarray) -> np.ndarray:
-        """d/dtau of (x, v, u, 1), shape (c, c)."""
+    def _system(self, a, by_lift, by_velocity, constant) -> np.ndarray:
+        """d/dtau of (x, v, u, 1), shape (c, c), from `linear_system`."""
         n2, q, h = 2 * len(self.train.mass), self.width, self.step
-        a, by_lift, by_velocity, constant = linear_system(self.train, acting)
         system = np.zeros((n2 + q + 1, n2 + q + 1))
         system[:n2, :n2] = a * h
         system[:n2, n2] = by_lift * h
@@ -175,6 +177,15 @@ def _exponential(matrix: np.ndarray) -> np.ndarray:
         term = term @ matrix / k
         total = total + term
     return total
+
+
+def _powers(leap: np.ndarray, most: int) -> np.ndarray:
+    """leap^i, i = 0 to most, by doubling: rounding grows with the logarithm only."""
+    powers = np.eye(len(leap))[None]
+    while len(powers) <= most:
+        powers = np.concatenate([powers, leap @ powers])
+        leap = leap @ leap
+    return powers[: most + 1]
 
 
 def _laws(status: int) -> tuple[int, ...]:

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 
 from camopt.exact.kernel import DONE, revolve
-from camopt.exact.propagators import ACTING, NODES, SEPARATED, TERMS, Propagators, Tables, linear_system
+from camopt.exact.propagators import ACTING, SEPARATED, TERMS, Propagators, Tables
 from camopt.exact.trace import later
 
 
@@ -35,7 +35,7 @@ class SlotTables:
     def __init__(self, tables: Propagators):
         self._tables, self._lock = tables, Lock()
         self._keys = np.empty(0, dtype=np.int64)
-        n, e, c = len(tables.train.mass), len(tables.train.a), tables.built.nodes.shape[2]
+        n, e, c = len(tables.train.mass), len(tables.train.a), tables.built.steps.shape[2]
         self._parts = (
             np.empty((0, e), dtype=np.int64),
             np.empty((0, n, 2 * n + 2)),
@@ -61,20 +61,18 @@ class SlotTables:
         train, contacts = self._tables.train, self._tables.contacts
         status = np.full(len(train.a), ACTING)
         status[contacts] = built.keys[slot] // 3 ** np.arange(len(contacts)) % 3
-        a, by_lift, by_velocity, _ = linear_system(train, status == ACTING)
-        motion = np.column_stack([a, by_lift, by_velocity])[len(train.mass) :]
-        return status, np.ascontiguousarray(motion), self._integral(built, slot, status)
+        return status, built.motion[slot, :-1].T.copy(), self._integral(built, slot, status)
 
     def _integral(self, built: Tables, slot: int, status: np.ndarray) -> np.ndarray:
         """From the seat's power series while it is apart, step by step; else zero."""
-        train, c, steps = self._tables.train, built.nodes.shape[2], self._tables.at_once
+        train, c, steps = self._tables.train, built.steps.shape[2], self._tables.at_once
         rows = np.zeros((steps + 1, c))
         if train.seat < 0 or status[train.seat] != SEPARATED:
             return rows
         w = list(built.element[slot, : built.count[slot]]).index(train.seat)
         one = built.series[slot, w] @ (1.0 / np.arange(1, TERMS + 2)) / train.stiffness[train.seat]
         for i in range(steps):
-            rows[i + 1] = rows[i] + built.nodes[slot, i * NODES] @ one[:-1]
+            rows[i + 1] = rows[i] + built.steps[slot, i] @ one[:-1]
             rows[i + 1, -1] += one[-1]
         return rows
 

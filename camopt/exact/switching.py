@@ -2,31 +2,14 @@
 
 import numba
 
-from camopt.exact.propagators import NODES, TERMS
+from camopt.exact.advance import apply
+from camopt.exact.propagators import TERMS
 
 TICK = 1e-13
 """Smallest time [s] between two switchings that is resolved: far below any step, above the rounding of the series."""
-SAMPLES = 16
+SAMPLES = 15
 """Samples of the series per step: the highest mode turns by less than 0.1 rad between two, so that one extremum at
 most lies there."""
-
-
-@numba.njit(cache=True, nogil=True, fastmath={"contract"})
-def apply(matrix, y, columns, used, out):
-    """out (used) = the first rows of a transposed matrix applied to the first `columns` of y, plus its constant."""
-    constant = matrix[len(y)]
-    for i in range(used):
-        out[i] = constant[i]
-    j = 0
-    while j + 4 <= columns:  # four columns per pass: the result is loaded and stored a quarter as often
-        a, b, c, d = y[j], y[j + 1], y[j + 2], y[j + 3]
-        for i in range(used):
-            out[i] += (matrix[j, i] * a + matrix[j + 1, i] * b) + (matrix[j + 2, i] * c + matrix[j + 3, i] * d)
-        j += 4
-    while j < columns:
-        for i in range(used):
-            out[i] += matrix[j, i] * y[j]
-        j += 1
 
 
 @numba.njit(cache=True, nogil=True)
@@ -53,10 +36,10 @@ def first_suspect(out, at, count, steps):
 @numba.njit(cache=True, nogil=True)
 def next_switch(tables, slot, y, columns, out, length, tick, scratch):
     """First switching in (0, length] steps: (instant, watch), or (length, -1). `out` holds the watches of the span."""
-    count, nodes, series = tables.count[slot], tables.nodes[slot], tables.series[slot]
+    count, begin, series = tables.count[slot], tables.steps[slot], tables.series[slot]
     there, w, value, slope = scratch
     c = len(y)
-    steps = (len(nodes) - 1) // NODES
+    steps = len(begin) - 1
     for i in range(first_suspect(out, c, count, steps), steps):
         if i >= length:
             break
@@ -66,7 +49,7 @@ def next_switch(tables, slot, y, columns, out, length, tick, scratch):
             if not suspect(out, c + 2 * count * i, watch, count):
                 continue
             if not reached:
-                apply(nodes[i * NODES], y, columns, c, there)
+                apply(begin[i], y, columns, c, there)
                 reached = True
             apply(series[watch], there, columns, TERMS + 1, w)
             s = first_negative(w, tick if i == 0 else 0.0, best, value, slope)

@@ -50,18 +50,20 @@ def exact_metrics(
     *,
     revolutions: int = 1,
     revolution: int = 0,
+    spacing: float | None = None,
 ) -> jax.Array:
     """Values (l) of metrics in one revolution of an event-exact motion, in the units of their names.
 
     `parameters` replaces numbers by arrays that JAX may trace: of the train under the names of `ByTrain`, "lift"
     (p, q) [m/rad^k] and "borders" (p + 1) [rad] of the cam's pieces, "start" (2n: [m], then [m/s]), the state at -pi,
     which is rest where it is left out. `cam_speed` [rad/s] may be traced too. Derivatives by the borders take lift and
-    velocity to be continuous across them, and the ends of the duration and the opening foot to stay.
+    velocity to be continuous across them, and the ends of the duration and the opening foot to stay. `spacing` [rad] as
+    of `TracedMotion`, for batches of many cams at few speeds.
 
     The value costs one motion, values with their gradients by the cam one motion and one sweep back per metric.
     Raises InputError for an unknown metric, an unknown parameter or laws that are not linear.
     """
-    motion, variables = _varying(train, lift, cam_speed, parameters, revolutions)
+    motion, variables = _varying(train, lift, cam_speed, parameters, revolutions, spacing)
     metric_numbers(train, metrics)
     rows = np.zeros(len(metrics))
     speeds = np.array([name.endswith(VELOCITY) for name in metrics])
@@ -171,6 +173,7 @@ class Varying:
     train: Train
     lift: Lift
     revolutions: int
+    spacing: float | None
 
     def trace(self, given: Arrays, names: tuple[str, ...]) -> TracedMotion | None:
         """The motion under given numbers, to be differentiated by `names`; None where it cannot be followed."""
@@ -182,7 +185,7 @@ class Varying:
         train, speed, mechanical = varied(self.train, changes), float(given["cam_speed"]), bool({*names} & MECHANICAL)
         try:
             start = given["start"] if "start" in given else rest(train)
-            return TracedMotion(train, lift, speed, start, self.revolutions, mechanical)
+            return TracedMotion(train, lift, speed, start, self.revolutions, mechanical, self.spacing)
         except (MotionRefused, InputError):  # no bound, endless switching; no rest
             return None
 
@@ -273,7 +276,7 @@ def host_call(function: Callable, result: Any, *args: Any) -> Any:
     return jax.pure_callback(many, shapes, *args, vmap_method="broadcast_all")
 
 
-def _varying(train: Train, lift: Lift, cam_speed, parameters: Mapping[str, Any], revolutions: int):
+def _varying(train: Train, lift: Lift, cam_speed, parameters: Mapping[str, Any], revolutions: int, spacing=None):
     """(what is kept, what varies); raises InputError for laws that are not linear or an unknown parameter."""
     train.require_linear("event-exact", 'simulate with method "smooth"')
     known = (*TRAIN_PARAMETERS, "lift", "borders", "start")
@@ -281,7 +284,7 @@ def _varying(train: Train, lift: Lift, cam_speed, parameters: Mapping[str, Any],
     if unknown:
         raise InputError(f"event-exact: parameter {', '.join(unknown)}: expected one of {', '.join(known)}")
     variables = {name: jnp.asarray(value, float) for name, value in parameters.items()}
-    return Varying(train, lift, revolutions), variables | {"cam_speed": jnp.asarray(cam_speed, float)}
+    return Varying(train, lift, revolutions, spacing), variables | {"cam_speed": jnp.asarray(cam_speed, float)}
 
 
 def _perturbed(variables) -> tuple[dict[str, jax.Array], tuple[str, ...]]:

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from camopt.cam.families.free import FreeCam
-from camopt.exact.gradient import value_and_gradient_many
+from camopt.exact.many import value_and_gradient_many
 from camopt.optimize.judge import Judged
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train

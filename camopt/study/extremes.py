@@ -8,7 +8,7 @@ import csv
 import io
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -48,16 +48,22 @@ REFERENCE = "event"
 Method = Callable[[Case, Lift, Truth], Converged]
 
 
-def extremes(scenes: Sequence[Scene], folder: str | Path, resume: bool = False, progress: bool = True) -> list[dict]:
+def extremes(
+    scenes: Sequence[Scene],
+    folder: str | Path,
+    resume: bool = False,
+    progress: bool = True,
+    named: Collection[str] | None = None,
+) -> list[dict]:
     """Runs the list over `scenes` and writes `extremes.csv` row by row into `folder`; returns all its rows.
 
-    With `resume` rows that are there already are not run again. Raises InputError for a folder that exists without
+    With `named` only the cases of these names are run; with `resume` rows that are there already are not run again. Raises InputError for a folder that exists without
     `resume` or cannot be written.
     """
     file = create_run_folder(folder, resume) / FILE
     rows = _read(file)
     have = {(r["case"], r["method"]) for r in rows}
-    work = [(scene, case) for scene in scenes for case in cases(scene)]
+    work = [(scene, case) for scene in scenes for case in cases(scene) if named is None or case.name in named]
     with tqdm(work, disable=not progress, unit="case") as bar:
         for scene, case in bar:
             bar.set_postfix_str(f"{scene.name}: {case.name}")

@@ -1,0 +1,58 @@
+"""Does any method, put to the fixed list of extremes on any built-in scene, end in a wrong number without a warning?
+
+    python -m experiments.extremes [small|full]
+
+What `camopt extremes` runs, on every scene that moves (combinations of two extremes on `kodama`), kept row by row in
+`runs/extremes`, from where an interrupted run goes on; the small size takes the case without change on `motori-2`.
+"""
+
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+from camopt.plots.verdicts import verdict_matrix
+from camopt.scene import load_scene
+from camopt.study import extremes as study
+from camopt.study.extreme_cases import AS_IT_IS
+from camopt.study.judged import REFUSED
+from experiments.record import RESULTS, run_script, write_result
+
+SCENES = {"small": ("motori-2",), "full": ("kodama", "kodama-hertz", "motori-1", "motori-2", "pushrod-5mass")}
+RUN = Path("runs") / "extremes"
+
+
+def main(size: str, folder=RESULTS) -> dict:
+    """Runs the list, prints the counts and writes `extremes.json`, at full size with a figure per scene."""
+    scenes = [load_scene(name) for name in SCENES[size]]
+    if size == "full":
+        rows = study.extremes(scenes, RUN, resume=RUN.exists())
+    else:
+        with tempfile.TemporaryDirectory() as scratch:
+            rows = study.extremes(scenes, scratch, resume=True, progress=False, named=(AS_IT_IS,))
+    by_scene = {s.name: [r for r in rows if r["case"].startswith(f"{s.name}: ")] for s in scenes}
+    content = {
+        "rows": len(rows),
+        "wrong": [f"{r['case']}, {r['method']}" for r in study.defects(rows)],
+        "by_scene": {name: dict(Counter(r["verdict"] for r in mine)) for name, mine in by_scene.items()},
+        "by_method": study.counts(rows),
+        "refusals": dict(Counter(r["setting"] for r in rows if r["verdict"] == REFUSED)),
+        "seconds": {name: sum(float(r["seconds"] or 0) for r in mine) for name, mine in by_scene.items()},
+        "verdicts": {name: _by_case(name, mine) for name, mine in by_scene.items()},
+    }
+    for method, verdicts in content["by_method"].items():
+        print(f"{method:<20}" + ", ".join(f"{n} {v}" for v, n in verdicts.items()))
+    print(f"{len(rows)} rows, {len(content['wrong'])} wrong without a warning")
+    figures = {name: verdict_matrix(mine, name) for name, mine in by_scene.items()} if size == "full" else {}
+    write_result("extremes", size, content, figures, folder)
+    return content
+
+
+def _by_case(scene: str, rows: list[dict]) -> dict[str, dict[str, str]]:
+    found: dict[str, dict[str, str]] = {}
+    for row in rows:
+        found.setdefault(row["case"].removeprefix(f"{scene}: "), {})[row["method"]] = row["verdict"]
+    return found
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)
