@@ -57,8 +57,8 @@ def extremes(
 ) -> list[dict]:
     """Runs the list over `scenes` and writes `extremes.csv` row by row into `folder`; returns all its rows.
 
-    With `named` only the cases of these names are run; with `resume` rows that are there already are not run again. Raises InputError for a folder that exists without
-    `resume` or cannot be written.
+    With `named` only the cases of these names are run; with `resume` rows that are there already are not run again.
+    Raises InputError for a folder that exists without `resume` or cannot be written.
     """
     file = create_run_folder(folder, resume) / FILE
     rows = _read(file)
