@@ -35,7 +35,7 @@ def margin_stage(search: Search, program: NoJumpProgram, sensitivity: Sensitivit
         update, state = adam.update(jnp.asarray(slope), state)
         moved = optax.apply_updates(margins, scale * jnp.asarray(update))
         try:
-            found = program.solve(Margins(*np.asarray(moved)), best.optimum.working)
+            found = program.solve(Margins(*np.asarray(moved)))
         except NoCamHoldsContact:
             scale *= 0.5
             continue

@@ -25,7 +25,7 @@ from camopt.scene.units import MM
 from camopt.storage import create_run_folder, default_run_folder, write_json, write_text
 from camopt.verify.verdict import Verdict, verify
 
-PACKAGES = ("camopt", "jax", "diffrax", "optax", "numpy", "scipy", "numba", "matplotlib")
+PACKAGES = ("camopt", "jax", "diffrax", "optax", "numpy", "scipy", "highspy", "numba", "matplotlib")
 SHOWN = ("area_ratio", "area_ratio_bound", "area_gap_percent", "area_ratio_no_jump", "gradient_gain")
 """Figures of the record that a notebook shows above the verdict."""
 CANDIDATES = 4
