@@ -146,7 +146,7 @@ class _Progress:
     """A bar over the search's steps with stage, best area and worst bounce; silent where not wanted."""
 
     def __init__(self, wanted: bool, effort: Accuracy, gradient: str):
-        steps = 8 + (effort.gradient_steps if gradient != "none" else 0)
+        steps = 8 + effort.margin_draws + (effort.gradient_steps if gradient != "none" else 0)
         self._bar = tqdm(total=steps + 1, disable=None if wanted else True, unit="step", dynamic_ncols=True)
 
     def __enter__(self) -> "_Progress":
