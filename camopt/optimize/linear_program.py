@@ -15,12 +15,15 @@ from highspy import HighsBasisStatus, HighsModelStatus, HighsStatus
 
 FEASIBILITY = 1e-10
 """Largest violation of a scaled row: the least tolerance that HiGHS takes."""
+SMALLEST = 1e-12
+"""Entries of scaled rows that are left out: the least size that HiGHS takes."""
 OPTIONS = {
     "output_flag": False,
     "presolve": "off",  # it would throw the basis away
     "parallel": "off",  # `threads` stays alone: HiGHS wants one number of them in the whole process
     "primal_feasibility_tolerance": FEASIBILITY,
     "dual_feasibility_tolerance": 1e-9,
+    "small_matrix_value": SMALLEST,
 }
 ADDED_PER_ROUND = 400
 """Most violated rows added in one round."""
@@ -92,10 +95,12 @@ class WarmModel:
     def add(self, rows: np.ndarray, level: np.ndarray) -> None:
         """Take further rows in, their right sides from `level` (r)."""
         rows = np.setdiff1d(rows, self.held)
-        starts = np.arange(len(rows), dtype=np.int32) * len(self._columns)
-        indices, entries = np.tile(self._columns, len(rows)), self.matrix[rows].ravel()
-        lowest = np.full(len(rows), -np.inf)
-        _succeeds(self._highs.addRows(len(rows), lowest, level[rows], len(entries), starts, indices, entries))
+        dense, lowest = self.matrix[rows], np.full(len(rows), -np.inf)
+        kept = np.abs(dense) > SMALLEST
+        row, column = np.nonzero(kept)
+        starts = np.searchsorted(row, np.arange(len(rows))).astype(np.int32)
+        entries, columns = dense[kept], column.astype(np.int32)
+        _succeeds(self._highs.addRows(len(rows), lowest, level[rows], len(entries), starts, columns, entries))
         self.held = np.concatenate([self.held, rows])
 
     def keep(self, rows: np.ndarray) -> None:

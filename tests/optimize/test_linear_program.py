@@ -84,6 +84,12 @@ def test_a_solver_that_gives_up_is_asked_by_how_much_the_rows_are_broken(monkeyp
         maximise(np.ones(2), Rows(matrix, np.ones(2)), np.ones(4), FEW)
 
 
+def test_entries_too_small_for_the_solver_are_left_out():
+    matrix = np.array([[1.0, 1e-14], [-1.0, 1e-11], [0.0, 1.0], [1e-15, -1.0]])
+    found = maximise(np.array([1.0, 2.0]), Rows(matrix, np.ones(2)), np.array([1.0, 1.0, 3.0, 1.0]), FEW)
+    np.testing.assert_allclose(found.z, [1.0, 3.0], atol=1e-9)
+
+
 def test_kodama_solved_again_with_other_margins_gives_the_cold_answer():
     scene = load_scene("kodama")
     cam, speeds = free_cam(scene.design, 6.0), [scene.cam_speed(s) for s in (5000.0, 7000.0)]
