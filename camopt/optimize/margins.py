@@ -39,7 +39,7 @@ def margin_stage(search: Search, program: NoJumpProgram, sensitivity: Sensitivit
         except NoCamHoldsContact:
             scale *= 0.5
             continue
-        search.consider("margins by gradient", found)
+        search.consider("margins by gradient", found, briefly=True)
         if search.best is best:
             scale *= 0.5
             continue
