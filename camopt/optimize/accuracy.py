@@ -18,14 +18,14 @@ class Accuracy:
     judged_speeds: int  # of the search's judge over a band
     judge_stride: int  # one in so many is judged first
     gradient_steps: int
-    margin_draws: int  # of margins drawn apart
+    margin_draws: int  # cams judged whose margins are drawn apart
     verdict: Effort  # of the final verdict
 
 
 ACCURACIES = {
     "draft": Accuracy(3.0, 5, 47, 4, 6, 0, EFFORTS["draft"]),
-    "standard": Accuracy(2.0, 9, 187, 4, 16, 0, EFFORTS["standard"]),
-    "fine": Accuracy(1.5, 17, 373, 8, 30, 64, EFFORTS["fine"]),
+    "standard": Accuracy(2.0, 9, 187, 4, 16, 96, EFFORTS["standard"]),
+    "fine": Accuracy(1.5, 17, 373, 8, 30, 160, EFFORTS["fine"]),
 }
 
 BEYOND = 1e-3

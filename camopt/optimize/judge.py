@@ -17,6 +17,8 @@ from camopt.verify.settle import settle
 
 SHARE = 0.8
 """Part of every limit on the motion that a search may use: the rest is for speeds and neighbours it did not see."""
+CRITICAL = 2
+"""Speeds judged before all others where only the answer counts: one per thread."""
 LEAST_LIMIT = 1e-6
 """Stands in for a limit of zero in its share: a nanometre, in metrics counted in mm."""
 
@@ -50,7 +52,8 @@ class Judged:
 class Judge:
     """Judges cams of one scene at fixed speeds [crankshaft r/min]; remembers settled states to settle sooner.
 
-    Every `stride`-th speed is judged first, and the others only for a cam that holds there.
+    Every `stride`-th speed is judged first, and the others only for a cam that holds there. A call with `briefly` asks
+    only whether the cam holds: the speeds at which cams used their limits most so far come before all others.
     """
 
     def __init__(self, scene: Scene, speeds_rpm, stride: int = 1, workers: int = 2):
@@ -59,16 +62,19 @@ class Judge:
         self._trains = [replace(train) for _ in range(workers)]  # each thread keeps its own propagators
         self._start = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
         self._states = np.tile(self._start, (len(self.speeds_rpm), 1))
+        self._used = np.zeros(len(self.speeds_rpm))  # largest share of a limit when last judged there
         self.calls = 0
 
-    def __call__(self, lift: Lift) -> Judged:
+    def __call__(self, lift: Lift, briefly: bool = False) -> Judged:
         self.calls += 1
         every = np.arange(len(self.speeds_rpm))
-        first = every[:: self.stride]
-        found = self._found(lift, first)
-        judged = self._judged(found)
-        if self.stride > 1 and judged.holds:
-            judged = self._judged(found | self._found(lift, np.setdiff1d(every, first)))
+        critical = [np.sort(np.argsort(-self._used)[:CRITICAL])] if briefly else []
+        found: dict[int, tuple[dict[str, float], np.ndarray]] = {}
+        for group in (*critical, every[:: self.stride], every):
+            found |= self._found(lift, np.setdiff1d(group, [*found]))
+            judged = self._judged(found)
+            if not judged.holds:
+                break
         self.remember(judged)
         return judged
 
@@ -76,6 +82,7 @@ class Judge:
         """Start the next settling from these states: a resumed search settles as the unbroken one did."""
         at = np.searchsorted(self.speeds_rpm, judged.speeds_rpm)
         self._states[at] = np.where(np.isfinite(judged.states), judged.states, self._start)
+        self._used[at] = judged.share.max(axis=0, initial=0.0)
 
     def _judged(self, found: dict[int, tuple[dict[str, float], np.ndarray]]) -> Judged:
         at = sorted(found)

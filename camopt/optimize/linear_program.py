@@ -1,23 +1,39 @@
-"""Linear programs with many dense rows and few columns: SciPy's HiGHS on a working set of rows that grows as needed.
+"""Linear programs with many dense rows and few columns: HiGHS on a working set of rows that grows as needed.
 
 Of several ten thousand limit and force rows only about as many bind as there are free coefficients. Each round solves
-on the working set and adds the rows that the answer breaks, until none is left: the optimum of the whole program.
+on the working set and adds the rows that the answer breaks, until none is left: the optimum of the whole program. The
+rows keep their model and its basis: the dual simplex method goes on from it when rows are added, and when the program
+is solved again with other right sides (Huangfu and Hall 2018, as HiGHS has it).
 """
 
 from dataclasses import dataclass
 from functools import cached_property
 
+import highspy
 import numpy as np
-from scipy.optimize import linprog
+from highspy import HighsBasisStatus, HighsModelStatus, HighsStatus
 
 FEASIBILITY = 1e-10
 """Largest violation of a scaled row: the least tolerance that HiGHS takes."""
-TOLERANCES = {"primal_feasibility_tolerance": FEASIBILITY, "dual_feasibility_tolerance": 1e-9}
+SMALLEST = 1e-12
+"""Entries of scaled rows that are left out: the least size that HiGHS takes."""
+OPTIONS = {
+    "output_flag": False,
+    "presolve": "off",  # it would throw the basis away
+    "parallel": "off",  # `threads` stays alone: HiGHS wants one number of them in the whole process
+    "primal_feasibility_tolerance": FEASIBILITY,
+    "dual_feasibility_tolerance": 1e-9,
+    "small_matrix_value": SMALLEST,
+}
 ADDED_PER_ROUND = 400
 """Most violated rows added in one round."""
 MAX_ROUNDS = 60
 KEPT_PER_COLUMN = 4
-"""Rows per column that are kept as the next program's first working set: the tightest ones."""
+"""Rows per column that are kept for the next program: the tightest ones; slack ones go once there are twice as many."""
+
+
+class GaveUp(ArithmeticError):
+    """The solver ends without an answer."""
 
 
 class Infeasible(Exception):
@@ -42,6 +58,11 @@ class Rows:
         """The matrix as the solver sees it: typical columns, rows with a largest entry of one."""
         return self.matrix * self.column / self.norm[:, None]
 
+    @cached_property
+    def model(self) -> "WarmModel":
+        """The solver's model of these rows, which remembers the last working set and basis."""
+        return WarmModel(self.scaled)
+
 
 @dataclass(frozen=True)
 class Optimum:
@@ -58,63 +79,125 @@ class Optimum:
         return np.flatnonzero(self.duals > 0)
 
 
+class WarmModel:
+    """A HiGHS model of some rows of `matrix` (r, m), columns free in sign, that keeps its basis between programs."""
+
+    def __init__(self, matrix: np.ndarray):
+        self.matrix, self.held = matrix, np.zeros(0, dtype=int)  # indices of the rows in the model
+        self.pivots = 0  # of the simplex method, so far
+        self._highs = highspy.Highs()
+        for name, value in OPTIONS.items():
+            _succeeds(self._highs.setOptionValue(name, value))
+        self._columns = np.arange(matrix.shape[1], dtype=np.int32)
+        free = np.full(len(self._columns), np.inf)
+        _succeeds(self._highs.addVars(len(free), -free, free))
+
+    def add(self, rows: np.ndarray, level: np.ndarray) -> None:
+        """Take further rows in, their right sides from `level` (r)."""
+        rows = np.setdiff1d(rows, self.held)
+        dense, lowest = self.matrix[rows], np.full(len(rows), -np.inf)
+        kept = np.abs(dense) > SMALLEST
+        row, column = np.nonzero(kept)
+        starts = np.searchsorted(row, np.arange(len(rows))).astype(np.int32)
+        entries, columns = dense[kept], column.astype(np.int32)
+        _succeeds(self._highs.addRows(len(rows), lowest, level[rows], len(entries), starts, columns, entries))
+        self.held = np.concatenate([self.held, rows])
+
+    def keep(self, rows: np.ndarray) -> None:
+        """Leave out the slack rows that are not among `rows`; a basis without them stays one."""
+        slack = [status == HighsBasisStatus.kBasic for status in self._highs.getBasis().row_status]
+        out = np.flatnonzero(slack & ~np.isin(self.held, rows)).astype(np.int32)
+        _succeeds(self._highs.deleteRows(len(out), out))
+        self.held = np.delete(self.held, out)
+
+    def pose(self, cost: np.ndarray, level: np.ndarray) -> None:
+        """Another objective (m) and right sides (r) on the rows in the model."""
+        _succeeds(self._highs.changeColsCost(len(cost), self._columns, -cost))
+        for i, value in enumerate(level[self.held]):
+            _succeeds(self._highs.changeRowBounds(i, -np.inf, value))
+
+    def solve(self) -> tuple[np.ndarray | None, np.ndarray]:
+        """Solution (m) and duals of the rows in the model; (None, empty) where the program is unbounded on them.
+
+        Raises Infeasible, and GaveUp where the solver decides nothing.
+        """
+        for solver in ("simplex", "simplex", "ipx"):  # from the basis, without it, by interior points
+            _succeeds(self._highs.setOptionValue("solver", solver))
+            self._highs.run()
+            self.pivots += self._highs.getInfo().simplex_iteration_count
+            status = self._highs.getModelStatus()
+            if status == HighsModelStatus.kOptimal:
+                found = self._highs.getSolution()
+                return np.array(found.col_value), np.maximum(-np.array(found.row_dual), 0.0)
+            if status == HighsModelStatus.kInfeasible:
+                raise Infeasible(f"{len(self.held)} rows have no point in common")
+            if status == HighsModelStatus.kUnbounded:
+                return None, np.zeros(0)
+            _succeeds(self._highs.clearSolver())
+        raise GaveUp(f"the linear program was not solved: {self._highs.modelStatusToString(status)}")
+
+
+def _succeeds(status: HighsStatus) -> None:
+    """HiGHS takes what it is given: warnings and errors are mistakes in this file."""
+    if status != HighsStatus.kOk:
+        raise RuntimeError(f"HiGHS refused a call: {status}")
+
+
 def maximise(objective: np.ndarray, rows: Rows, bound: np.ndarray, working: np.ndarray) -> Optimum:
     """The point z (m) with the largest objective @ z under rows.matrix @ z <= bound (r), z free in sign.
 
-    `working` (w): row indices to begin with; they decide the time taken, not the answer. Raises Infeasible, and
-    ArithmeticError where the program is unbounded or the solver gives up.
+    `working` (w): row indices to begin with where these rows are new to the solver; else it goes on from where it
+    stands. Both decide the time taken, not the answer. Raises Infeasible, and ArithmeticError where the program is
+    unbounded or the solver gives up.
     """
-    level = bound / rows.norm
+    level, model = bound / rows.norm, rows.model
     cost = objective * rows.column
     cost_scale = np.abs(cost).max() or 1.0
-    working = np.unique(working)
+    model.pose(cost / cost_scale, level)
+    if len(model.held) == 0:
+        model.add(working, level)
     for _ in range(MAX_ROUNDS):
-        u, multipliers = _solve(cost / cost_scale, rows.scaled[working], level[working], len(working) == len(level))
+        u, multipliers = _solved(model, level)
         if u is None:
-            working = np.arange(len(level))  # unbounded on the working set only
+            if len(model.held) == len(level):
+                raise ArithmeticError("the linear program is unbounded")
+            model.add(np.arange(len(level)), level)  # unbounded on the working set only
             continue
-        excess_of_all = rows.scaled @ u - level
-        excess = excess_of_all.copy()
-        excess[working] = 0.0  # these hold to the solver's tolerance
-        broken = np.flatnonzero(excess > FEASIBILITY)
-        if len(broken) == 0:
+        excess = rows.scaled @ u - level
+        broken = excess > FEASIBILITY
+        broken[model.held] = False  # these hold to the solver's tolerance
+        worst = np.flatnonzero(broken)
+        if len(worst) == 0:
             duals = np.zeros(len(bound))
-            duals[working] = multipliers * cost_scale / rows.norm[working]
+            duals[model.held] = multipliers * cost_scale / rows.norm[model.held]
             z = u * rows.column
-            tightest = np.argsort(-excess_of_all)[: KEPT_PER_COLUMN * len(z)]
+            tightest = np.argsort(-excess)[: KEPT_PER_COLUMN * len(z)]
+            if len(model.held) > 2 * len(tightest):
+                model.keep(tightest)
             return Optimum(z, float(objective @ z), duals, tightest)
-        worst = broken[np.argsort(excess[broken])[-ADDED_PER_ROUND:]]
-        working = np.union1d(working, worst)
+        model.add(worst[np.argsort(excess[worst])[-ADDED_PER_ROUND:]], level)
     raise ArithmeticError(f"the linear program still breaks rows after {MAX_ROUNDS} rounds")
 
 
-def _solve(cost, matrix, level, whole: bool) -> tuple[np.ndarray | None, np.ndarray]:
-    """Solution and duals of one round; (None, empty) where it is unbounded although rows are still left out."""
-    for method in ("highs-ds", "highs-ipm"):  # the simplex method gives up on some programs that are nearly infeasible
-        answer = linprog(-cost, A_ub=matrix, b_ub=level, bounds=(None, None), method=method, options=TOLERANCES)
-        if answer.status in (0, 2, 3):
-            break
-    else:
-        if _least_violation(matrix, level) > FEASIBILITY:
-            raise Infeasible(answer.message)
-    if answer.status == 2:
-        raise Infeasible(answer.message)
-    if answer.status == 3 and not whole:
-        return None, np.zeros(0)
-    if answer.status != 0:
-        raise ArithmeticError(f"the linear program was not solved: {answer.message}")
-    return answer.x, np.maximum(-answer.ineqlin.marginals, 0.0)
+def _solved(model: WarmModel, level: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
+    """What the model's rows give; where the solver decides nothing, a program that always has a solution decides."""
+    try:
+        return model.solve()
+    except GaveUp:
+        if least_violation(model.matrix[model.held], level[model.held]) > FEASIBILITY:
+            raise Infeasible(f"{len(model.held)} rows have no point in common") from None
+        raise
 
 
-def _least_violation(matrix: np.ndarray, level: np.ndarray) -> float:
-    """Smallest s >= 0 for which matrix @ u <= level + s has a solution: a program that always has one."""
-    cost = np.append(np.zeros(matrix.shape[1]), 1.0)
-    bounds = [(None, None)] * matrix.shape[1] + [(0.0, None)]
-    elastic = np.column_stack([matrix, -np.ones(len(level))])
-    answer = linprog(cost, A_ub=elastic, b_ub=level, bounds=bounds, method="highs-ds")
-    if answer.status != 0:
-        raise ArithmeticError(f"whether the linear program has a solution was not decided: {answer.message}")
-    return float(answer.fun)
+def least_violation(matrix: np.ndarray, level: np.ndarray) -> float:
+    """Smallest s >= 0 for which matrix (r, m) @ u <= level (r) + s has a solution."""
+    last = np.append(np.zeros(matrix.shape[1]), -1.0)
+    elastic = WarmModel(np.vstack([np.column_stack([matrix, -np.ones(len(level))]), last]))
+    elastic.pose(last, level)
+    elastic.add(np.arange(len(level) + 1), np.append(level, 0.0))
+    u, _ = elastic.solve()
+    assert u is not None, "s is bounded from below"
+    return float(u[-1])
 
 
 def least_relaxation(rows: Rows, bound: np.ndarray, give: np.ndarray, size: float, working: np.ndarray) -> float | None:

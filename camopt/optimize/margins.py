@@ -35,11 +35,11 @@ def margin_stage(search: Search, program: NoJumpProgram, sensitivity: Sensitivit
         update, state = adam.update(jnp.asarray(slope), state)
         moved = optax.apply_updates(margins, scale * jnp.asarray(update))
         try:
-            found = program.solve(Margins(*np.asarray(moved)), best.optimum.working)
+            found = program.solve(Margins(*np.asarray(moved)))
         except NoCamHoldsContact:
             scale *= 0.5
             continue
-        search.consider("margins by gradient", found)
+        search.consider("margins by gradient", found, briefly=True)
         if search.best is best:
             scale *= 0.5
             continue

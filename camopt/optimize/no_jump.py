@@ -193,16 +193,15 @@ class NoJumpProgram:
         """Contact force of every force row [N] under the linear model, shape (r)."""
         return np.concatenate([b.offset + b.matrix @ z for b in self.blocks])
 
-    def solve(self, margins: Margins | None = None, working: np.ndarray | None = None) -> NoJumpOptimum:
-        """The cam of largest area with these margins (by default 20 N each).
+    def solve(self, margins: Margins | None = None) -> NoJumpOptimum:
+        """The cam of largest area with these margins (by default 20 N each); quick after the first ones.
 
-        `working`: the working set of an earlier, similar answer (`optimum.working`), to begin with. Raises
-        NoCamHoldsContact where no cam keeps the margins.
+        Raises NoCamHoldsContact where no cam keeps the margins.
         """
         table = (margins or Margins()).table(len(self.blocks))
         bound = self.bound(table)
         row, constant = area_ratio_row(self.design, self.cam)
-        begin = self.first_working() if working is None else working
+        begin = self.first_working()
         try:
             optimum = reach(self.cam, self.design, row, self.rows, bound, begin)
         except Infeasible:

@@ -23,6 +23,10 @@ BISECTIONS = 5
 FIRST_SPREAD_N, GROWTH, SHRINKAGE = 15.0, 1.3, 0.95
 """Of the margins drawn apart: standard deviation at first, and its factors after a better cam and a refused one. A
 better one in six keeps it, as Rechenberg's (1973) one-fifth rule does."""
+LEARNING = 0.2
+"""Weight of a step that led to a better cam in the shape of the further steps."""
+DRAWS_PER_CAM = 4
+"""Draws at most per cam judged: half of them have no more area than the best cam and end there."""
 
 
 @dataclass
@@ -41,12 +45,15 @@ class Search:
         """The largest confirmed cam."""
         return self.confirmed[-1] if self.confirmed else None
 
-    def consider(self, stage: str, found: NoJumpOptimum) -> Judged:
-        """Judge a cam, keep it if it is confirmed and larger than the best, and report the step."""
+    def consider(self, stage: str, found: NoJumpOptimum, briefly: bool = False) -> Judged:
+        """Judge a cam, keep it if it is confirmed and larger than the best, and report the step.
+
+        `briefly`: only whether it is confirmed counts, so that a refused one need not be judged at every speed.
+        """
         self.steps += 1
         judged = self.journal.recall(self.steps, found.z)
         if judged is None:
-            judged = self.judge(found.lift)
+            judged = self.judge(found.lift, briefly)
             self.journal.keep(self.steps, found.z, judged)
         else:
             self.judge.remember(judged)
@@ -91,7 +98,7 @@ def no_jump_stage(search: Search, program: NoJumpProgram) -> NoJumpProgram:
         program = moved
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high) if np.isfinite(low) else high - FIRST_STEP_N
-        judged = search.consider("margin", program.solve(Margins(middle, middle, middle)))
+        judged = search.consider("margin", program.solve(Margins(middle, middle, middle)), briefly=True)
         if judged.holds:
             high = middle
         else:
@@ -99,17 +106,21 @@ def no_jump_stage(search: Search, program: NoJumpProgram) -> NoJumpProgram:
     return program
 
 
-def margins_apart(search: Search, program: NoJumpProgram, draws: int, seed: int) -> None:
+def margins_apart(search: Search, program: NoJumpProgram, cams: int, seed: int) -> None:
     """Improve `search.best` by margins [N] of opening flank, closing flank and seat drawn apart about its own.
 
-    An evolution strategy with one parent and one child (Rechenberg 1973): where a cam is confirmed hangs on contacts
-    that barely part, and is too rough for slopes. A draw without more area than the best confirmed cam is not judged.
+    An evolution strategy with one parent and one child, its steps shaped by those that led on (Igel, Suttorp, Hansen
+    2006, without their path): where a cam is confirmed hangs on contacts that barely part, and is too rough for slopes.
+    At most `cams` are judged; a draw without more area than the best confirmed cam is not.
     """
     assert search.best is not None, "a common margin comes first"
-    generator, spread = np.random.default_rng(seed), FIRST_SPREAD_N
-    centre = search.best.margins[:, 0]  # one common margin so far
-    for _ in range(draws):
-        drawn = centre + spread * generator.normal(size=3)
+    generator, spread, shape = np.random.default_rng(seed), FIRST_SPREAD_N, np.eye(3)
+    centre, last = search.best.margins[:, 0], search.steps + cams  # one common margin so far
+    for _ in range(DRAWS_PER_CAM * cams):
+        if search.steps == last:
+            break
+        step = np.linalg.cholesky(shape) @ generator.normal(size=3)
+        drawn = centre + spread * step
         try:
             found = program.solve(Margins(*drawn))
         except NoCamHoldsContact:
@@ -117,9 +128,10 @@ def margins_apart(search: Search, program: NoJumpProgram, draws: int, seed: int)
             continue
         if found.area_ratio <= search.best.area_ratio:
             continue
-        search.consider("margins apart", found)
+        search.consider("margins apart", found, briefly=True)
         if search.best is found:
             centre, spread = drawn, spread * GROWTH
+            shape = (1 - LEARNING) * shape + LEARNING * np.outer(step, step)
         else:
             spread *= SHRINKAGE
 

@@ -149,12 +149,12 @@ class RobustJudge:
         """Cams judged."""
         return self.first.calls
 
-    def __call__(self, lift: Lift) -> Judged:
-        worst, self.worst = self.first(lift), "as designed"
+    def __call__(self, lift: Lift, briefly: bool = False) -> Judged:
+        worst, self.worst = self.first(lift, briefly), "as designed"
         for name, judge in self._others.items():
             if not worst.holds:
                 break
-            judged = judge(self.perturbations[name].applied(lift))
+            judged = judge(self.perturbations[name].applied(lift), briefly)
             if judged.share.max() > worst.share.max():
                 worst, self.worst = judged, name
         return worst

@@ -25,7 +25,7 @@ from camopt.scene.units import MM
 from camopt.storage import create_run_folder, default_run_folder, write_json, write_text
 from camopt.verify.verdict import Verdict, verify
 
-PACKAGES = ("camopt", "jax", "diffrax", "optax", "numpy", "scipy", "numba", "matplotlib")
+PACKAGES = ("camopt", "jax", "diffrax", "optax", "numpy", "scipy", "highspy", "numba", "matplotlib")
 SHOWN = ("area_ratio", "area_ratio_bound", "area_gap_percent", "area_ratio_no_jump", "gradient_gain")
 """Figures of the record that a notebook shows above the verdict."""
 CANDIDATES = 4
@@ -146,7 +146,7 @@ class _Progress:
     """A bar over the search's steps with stage, best area and worst bounce; silent where not wanted."""
 
     def __init__(self, wanted: bool, effort: Accuracy, gradient: str):
-        steps = 8 + (effort.gradient_steps if gradient != "none" else 0)
+        steps = 8 + effort.margin_draws + (effort.gradient_steps if gradient != "none" else 0)
         self._bar = tqdm(total=steps + 1, disable=None if wanted else True, unit="step", dynamic_ncols=True)
 
     def __enter__(self) -> "_Progress":

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Mapping
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from camopt.cam.families.free import free_cam
 from camopt.optimize.accuracy import Accuracy, design_speeds
@@ -26,6 +27,7 @@ def knot_interval_deg(effort: Accuracy, seed: int) -> float:
     return effort.knot_deg * (1 + KNOT_SPREAD * float(np.random.default_rng(seed).uniform(-1, 1)))
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")  # the matrices are small, and the judge has threads of its own
 def find_cam(
     scene: Scene,
     speeds: str,

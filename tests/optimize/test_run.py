@@ -73,11 +73,11 @@ def test_interrupted_run_resumes_to_the_same_design(plain, tmp_path, monkeypatch
     folder = tmp_path / "run"
     steps = []
 
-    def interrupted(self, lift):
+    def interrupted(self, lift, briefly=False):
         steps.append(lift)
         if len(steps) == 4:
             raise KeyboardInterrupt
-        return judge(self, lift)
+        return judge(self, lift, briefly)
 
     judge = Judge.__call__
     monkeypatch.setattr(Judge, "__call__", interrupted)
