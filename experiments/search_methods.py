@@ -188,12 +188,17 @@ def _row(method: str, judged: int, seconds: float, confirmed: list[tuple[float, 
 
 
 def reached(rows: list[dict]) -> None:
-    """Adds to every row when it first has the area of the first row's first and last confirmed cam, beside that row."""
+    """Adds to every row when it first has the area of the first row's first and last confirmed cam, beside that row;
+    and how much longer than the first row it took to its own largest area (None: the first row never has it)."""
     for name, (own_seconds, aim) in zip(("first", "last"), (rows[0]["stairs"][0], rows[0]["stairs"][-1]), strict=True):
         for r in rows:
             at = next((s for s, area in r["stairs"] if area >= aim - ROUNDING), None)
             r[f"seconds_to_{name}"] = at
             r[f"ratio_to_{name}"] = None if at is None else at / own_seconds
+    for r in rows:
+        at, area = r["stairs"][-1] if r["stairs"] else (None, np.inf)
+        own_seconds = next((s for s, had in rows[0]["stairs"] if had >= area - ROUNDING), None)
+        r["ratio_to_best"] = None if at is None or own_seconds is None else at / own_seconds
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # as camopt's search has it: it helps all of them
@@ -222,7 +227,8 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
             for aim in ("first", "last"):
                 at, ratio = r[f"seconds_to_{aim}"], r[f"ratio_to_{aim}"]
                 print(f", camopt's {aim} " + ("never" if at is None else f"{at:.1f} s ({ratio:.1f})"), end="")
-            print()
+            ratio = r["ratio_to_best"]
+            print("" if ratio is None else f", its own best {r['stairs'][-1][0]:.1f} s ({ratio:.1f})")
     write_result("search_methods", size, content, {}, folder)
     return content
 

@@ -18,6 +18,8 @@ from camopt.scene.train import build_train
 
 KNOT_SPREAD = 0.1
 """By how much, relative, a seed may change the knots' interval."""
+BETWEEN_SHARE = 0.9
+"""Part of every limit on the motion that a cam may use between the speeds at which it was searched."""
 
 
 def knot_interval_deg(effort: Accuracy, seed: int) -> float:
@@ -62,6 +64,8 @@ def find_cam(
     search = Search(judge, journal or Journal(None), show)
     program = no_jump_stage(search, program)
     margins_apart(search, program, effort.margin_draws, seed)
+    between = Judge(scene, 0.5 * (judged_speeds[1:] + judged_speeds[:-1])) if speeds == "band" else None
+    hold_between(search, between)
     no_jump = search.best
     assert no_jump is not None, "the stage raises where nothing is confirmed"
     times["no_jump"] = time.perf_counter() - started
@@ -70,5 +74,22 @@ def find_cam(
 
         started = time.perf_counter()
         gradient_stage(search, program, effort.gradient_steps, gradient)
+        hold_between(search, between)
         times["gradient"] = time.perf_counter() - started
     return search, no_jump
+
+
+def hold_between(search: Search, between: Judge | None) -> None:
+    """Drops confirmed cams, the largest first, that do not hold between the judged speeds of a band: of many drawn,
+    some hold at just these. The last one stays."""
+    dropped = False
+    while between and len(search.confirmed) > 1 and _used(between, search) > BETWEEN_SHARE:
+        search.confirmed.pop()
+        dropped = True
+    if dropped:
+        search.best_judged = search.judge(search.confirmed[-1].lift)
+
+
+def _used(judge: Judge, search: Search) -> float:
+    """Largest share of a limit that the largest confirmed cam uses at the judge's speeds."""
+    return float(judge(search.confirmed[-1].lift).share.max(initial=0.0))

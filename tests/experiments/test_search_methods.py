@@ -29,6 +29,7 @@ def test_ratios_are_of_the_first_cam_that_is_large_enough():
     reached(rows)
     assert [r["ratio_to_first"] for r in rows] == [1.0, 3.0, None]
     assert [r["seconds_to_last"] for r in rows] == [10.0, None, None]
+    assert [r["ratio_to_best"] for r in rows] == [1.0, 0.6, None]
 
 
 def test_the_program_by_scipy_has_camopts_answer():

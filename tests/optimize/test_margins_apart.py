@@ -9,7 +9,7 @@ from camopt.optimize.search import find_cam
 from camopt.scene import load_scene
 
 SCENE = load_scene("kodama")
-EFFORT = replace(ACCURACIES["draft"], knot_deg=12.0, margin_draws=24)
+EFFORT = replace(ACCURACIES["draft"], knot_deg=12.0, margin_draws=48)
 
 
 def test_margins_apart_add_confirmed_area_and_repeat():
