@@ -1,17 +1,20 @@
 """What does coarse-to-fine save in the optimiser, and does it end in the same design?
 
 The search for a band as it is: a linear program at a few speeds to which only failing ones are added; a judge that
-looks at one speed in four first and at all only for a cam that holds there, and that settles from the states of the cam
-before. Beside it the same search with the judge, and with both, fine from the start. Time is processor time; designs
-are compared by area, by their largest difference in lift, and by the verdict of the accuracy's methods.
+looks at the two most critical speeds first where only the answer counts, then at one in four, at all only for a cam
+that holds there, and that settles from the states of the cam before. Beside it the same search with the judge, and with
+both, fine from the start. Time is processor time; designs are compared by area, by their largest difference in lift,
+and by the verdict of the accuracy's methods.
 """
 
 import time
 from dataclasses import replace
+from unittest import mock
 
 import numpy as np
 
 from camopt.optimize.accuracy import ACCURACIES, Accuracy
+from camopt.optimize.judge import Judge, Judged
 from camopt.optimize.run import confirmed_cam
 from camopt.optimize.search import find_cam
 from camopt.scene import Scene, load_scene
@@ -37,11 +40,20 @@ def variants(effort: Accuracy) -> dict[str, Accuracy]:
     }
 
 
+class JudgeAtEverySpeed(Judge):
+    """The search's judge without its short answers."""
+
+    def __call__(self, lift, briefly: bool = False) -> Judged:
+        return super().__call__(lift)
+
+
 def measured(scene: Scene, effort: Accuracy, gradient: str) -> tuple[dict, np.ndarray]:
     """One search: its row, and the lift of its cam [m] at ANGLES."""
     judged: list[int] = []
     begin = time.process_time()
-    search, _ = find_cam(scene, "band", effort, gradient, show=lambda line: judged.append(line["confirmed"]))
+    judge = JudgeAtEverySpeed if effort.judge_stride == 1 else Judge
+    with mock.patch("camopt.optimize.search.Judge", judge):
+        search, _ = find_cam(scene, "band", effort, gradient, show=lambda line: judged.append(line["confirmed"]))
     seconds = time.process_time() - begin
     found, verdict = confirmed_cam(scene, search.confirmed, "nominal", effort)
     row = {

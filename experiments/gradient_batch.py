@@ -243,7 +243,7 @@ def loosest(p: Problem, settings, valve) -> tuple[float, float]:
     raise RuntimeError(f"no setting of {settings} keeps within {ERROR_MM} mm of its own reference")
 
 
-def timed(call, repeats: int = 3):
+def timed(call, repeats: int = 10):
     """Least wall and processor time (2) [s] of a call that is compiled, and its result."""
     result, seconds = jax.block_until_ready(call()), []
     for _ in range(repeats):
