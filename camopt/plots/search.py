@@ -73,32 +73,35 @@ def convergence(
     return figure
 
 
-def _rows_of(words: Sequence[str], begins: Sequence[int], steps: int) -> list[int]:
-    """A row for each stage's name, the lowest in which the name before it has ended."""
+def _places(words: Sequence[str], begins: Sequence[int], steps: int) -> list[tuple[int, bool]]:
+    """(row, on the left of its begin) of each stage's name: the lowest row in which the name before it has ended, on
+    the left where it would run out of the figure on the right."""
     ends: list[float] = []
-    rows = []
+    places = []
     for word, begin in zip(words, begins, strict=True):
-        row = next((r for r, end in enumerate(ends) if end <= begin), len(ends))
-        end = begin + steps * NAME_WIDTH * (len(word) + 1)
-        ends[row : row + 1] = [end]
-        rows.append(row)
-    return rows
+        width = steps * NAME_WIDTH * (len(word) + 1)
+        on_left = begin + width > steps and begin > width
+        start = begin - width if on_left else begin
+        row = next((r for r, end in enumerate(ends) if end <= start), len(ends))
+        ends[row : row + 1] = [start + width]
+        places.append((row, on_left))
+    return places
 
 
 def _stages(area: Axes, bounce: Axes, stage: Sequence[str]) -> None:
     """Name each run of steps of one stage above the figure, with a line where it begins."""
     begins = [i for i in range(len(stage)) if i == 0 or stage[i] != stage[i - 1]]
-    for row, i in zip(_rows_of([stage[i] for i in begins], begins, len(stage)), begins, strict=True):
+    for (row, on_left), i in zip(_places([stage[i] for i in begins], begins, len(stage)), begins, strict=True):
         for axes in (area, bounce):
             axes.axvline(i + 0.5, color="#999999", linewidth=0.7, zorder=1)
         area.annotate(
             stage[i],
-            (i + 0.6, 1.0),
+            (i + (0.4 if on_left else 0.6), 1.0),
             xycoords=area.get_xaxis_transform(),
             xytext=(0, 3 + 10 * row),
             textcoords="offset points",
             fontsize=BASE - 1,
-            ha="left",
+            ha="right" if on_left else "left",
         )
     for axes in (area, bounce):
         axes.set_xlim(0.5, len(stage) + 0.5)

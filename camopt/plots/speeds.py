@@ -25,6 +25,10 @@ FINEST_MM = 0.01
 """Below this the axis is linear, above it logarithmic: zero is a value of bounce and jump that must be seen."""
 
 
+NUMBER_WIDTH = 0.08
+"""Width of a speed's number as a share of the axes."""
+
+
 @dataclass(frozen=True)
 class Sweep:
     """Bounce and jump of one cam at k crankshaft speeds; NaN where the valve never seats."""
@@ -52,7 +56,7 @@ def bounce_against_speed(
         limit = getattr(design, quantity.limit or "", None)
         for s in sweeps:
             _draw(axes, s, key)
-            _mark_start(axes, s, getattr(s, key), limit)
+        _mark_starts(axes, sweeps, key, limit)
         axes.set_ylabel(f"{quantity.label} [{quantity.unit}]")
         draw_limit(axes, limit, quoted("at most", limit, "mm"))
         zero_and_decades(axes, limit, FINEST_MM)
@@ -89,22 +93,29 @@ def first_passed(speed_rpm: np.ndarray, values: np.ndarray, limit: float) -> flo
     return float(np.interp(limit, values[i - 1 : i + 1], speed_rpm[i - 1 : i + 1]))
 
 
-def _mark_start(axes: Axes, sweep: Sweep, values: np.ndarray, limit: float | None) -> None:
-    """The speed from which a cam floats or bounces: a diamond on the limit, its speed to 10 r/min beside it."""
-    if limit is None or (at := first_passed(sweep.speed_rpm, values, limit)) is None:
+def _mark_starts(axes: Axes, sweeps: Sequence[Sweep], key: str, limit: float | None) -> None:
+    """The speeds from which cams float or bounce: a diamond on the limit, its speed to 10 r/min beside it.
+
+    It stands on the left, or on the right where there is a diamond near on the left.
+    """
+    if limit is None:
         return
-    colour = cam_line(sweep.cam)["color"]
-    axes.plot(at, limit, "D", color=colour, markersize=6, markeredgecolor="white", zorder=6)
-    axes.annotate(
-        f"≈{round(at, -1):.0f}",
-        (at, limit),
-        xytext=(-5, 5),
-        textcoords="offset points",
-        ha="right",
-        color=colour,
-        fontsize=BASE - 1,
-        bbox={"facecolor": "white", "alpha": 0.7, "linewidth": 0, "pad": 0.5},
-    )
+    found = [(first_passed(s.speed_rpm, getattr(s, key), limit), s.cam) for s in sweeps]
+    before = -np.inf
+    for at, cam in sorted((at, cam) for at, cam in found if at is not None):
+        colour, left = cam_line(cam)["color"], at - before > NUMBER_WIDTH * np.ptp(sweeps[0].speed_rpm)
+        before = at
+        axes.plot(at, limit, "D", color=colour, markersize=6, markeredgecolor="white", zorder=6)
+        axes.annotate(
+            f"≈{round(at, -1):.0f}",
+            (at, limit),
+            xytext=(-5 if left else 5, 5),
+            textcoords="offset points",
+            ha="right" if left else "left",
+            color=colour,
+            fontsize=BASE - 1,
+            bbox={"facecolor": "white", "alpha": 0.7, "linewidth": 0, "pad": 0.5},
+        )
 
 
 def _draw(axes: Axes, sweep: Sweep, key: str) -> None:

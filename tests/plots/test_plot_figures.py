@@ -254,3 +254,24 @@ def test_names_of_short_stages_do_not_overlap():
     assert len(boxes) == 5
     for i, box in enumerate(boxes):
         assert not any(box.overlaps(other) for other in boxes[:i])
+
+
+def test_numbers_of_neighbouring_marks_stand_on_different_sides():
+    from camopt.plots.speeds import Sweep, bounce_against_speed
+    from camopt.scene import load_scene
+
+    speed = np.arange(5000.0, 7001.0, 50.0)
+    cams = (("new-design", 5300.0), ("multi-pol", 5350.0), ("polydyne", 6500.0))
+    sweeps = [Sweep(cam, speed, np.where(speed > at, 0.1, 0.0), np.zeros(len(speed))) for cam, at in cams]
+    axes = bounce_against_speed(sweeps, load_scene("kodama").design, (5000.0, 7000.0)).axes[0]
+    sides = {text.get_text(): text.get_ha() for text in axes.texts if text.get_text().startswith("≈")}
+    assert list(sides.values()) == ["right", "left", "right"]
+
+
+def test_names_of_late_stages_end_inside_the_figure():
+    from camopt.plots.search import _places
+
+    words = ["no-jump program", "margin", "margins by gradient", "gradient"]
+    places = _places(words, [0, 2, 104, 108], 114)
+    assert [on_left for _, on_left in places] == [False, False, True, True]
+    assert places[0][0] != places[1][0] and places[2][0] != places[3][0]
