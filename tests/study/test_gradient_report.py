@@ -96,11 +96,12 @@ def test_the_command_writes_the_contract(report, monkeypatch, tmp_path, capsys):
 def test_gradients_of_a_settled_motion_repeat_and_of_a_chaotic_one_do_not():
     scene = load_scene("kodama")
     lift, at = polydyne(scene, (2, 6, 10, 14, 18), design_speed_rpm=7000), METRICS.index("seating_velocity_m_per_s")
-    calm, wild = (problem(scene, lift, rpm, 4) for rpm in (5000, 7000))
+    calm, *wild = (problem(scene, lift, rpm, 4) for rpm in (5000, 6950, 7000, 7050))
     assert calm.settled
-    assert not wild.settled
+    assert not any(p.settled for p in wild)
     assert repeated_cosines(calm, exact_gradients(calm)[0].gradients)[at] > 0.999
-    assert repeated_cosines(wild, exact_gradients(wild)[0].gradients)[at] < 0.9
+    # where the motion is chaotic each cosine is a draw, which the last digit of the motion decides
+    assert np.median([repeated_cosines(p, exact_gradients(p)[0].gradients)[at] for p in wild]) < 0.9
 
 
 @pytest.mark.long
