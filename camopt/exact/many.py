@@ -17,16 +17,17 @@ from camopt.exact.motion import (
     FIRST_SEGMENTS,
     NO_ROWS,
     OBSERVATIONS,
-    ByTrain,
     Gradient,
     Grazing,
+    by_train,
     metric_numbers,
+    room_for,
     steps_of,
 )
 from camopt.exact.propagators import propagators
 from camopt.exact.seeds import empty_seeds
 from camopt.exact.setting import Setting, follow, slot_tables
-from camopt.exact.trace import empty_trace, first
+from camopt.exact.trace import first
 from camopt.scene.train import Train
 
 PARTS = 4
@@ -160,7 +161,7 @@ def _run(train: Train, motions: Motions, wanted: Wanted, step: float, at_once: i
     while i < k:
         if code == TRACE_FULL:
             segments = 4 * segments or FIRST_SEGMENTS * wanted.revolutions
-            trace = empty_trace(segments, tables.built.steps.shape[3], 4 * len(tables.contacts) * (at_once + 1))
+            trace = room_for(tables, segments)
             seeds = empty_seeds(segments, observations, len(train.mass), len(train.a))
         built = tables.built
         numbers = train.valve, train.seat, sides, half_duration, 0.0
@@ -177,15 +178,13 @@ def _run(train: Train, motions: Motions, wanted: Wanted, step: float, at_once: i
 
 
 def _gradient(train: Train, motions: Motions, i: int, metrics: tuple[str, ...], mechanical: bool, rest: bool):
-    by_train = None
-    if mechanical:
-        by_train = ByTrain(*motions.by_mass[i].transpose(1, 0, 2), *motions.by_element[i].transpose(1, 0, 2))
-        if rest:
-            by_train.add(rest_back(train, motions.by_start[i]))
+    slopes = by_train(motions.by_mass[i], motions.by_element[i]) if mechanical else None
+    if slopes is not None and rest:
+        slopes.add(rest_back(train, motions.by_start[i]))
     return Gradient(
         by_coefficients=motions.by_coefficients[i],
         by_start=motions.by_start[i],
-        by_train=by_train,
+        by_train=slopes,
         metrics=metrics,
         values=motions.values[i, :, 0],
         runner_up=motions.values[i, :, 1],

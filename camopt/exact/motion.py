@@ -199,10 +199,17 @@ class TracedMotion:
         return tuple(np.zeros((sweeps, *shape)) for shape in shapes)
 
     def _slopes(self, by_start, by_coefficients, by_mass, by_element) -> Slopes:
-        by_train = None
-        if self.mechanical:
-            by_train = ByTrain(*by_mass.transpose(1, 0, 2), *by_element.transpose(1, 0, 2))
-        return Slopes(by_coefficients, by_start, by_train)
+        return Slopes(by_coefficients, by_start, by_train(by_mass, by_element) if self.mechanical else None)
+
+
+def by_train(by_mass: np.ndarray, by_element: np.ndarray) -> ByTrain:
+    """What `sweep` found for l numbers, (l, 3, n) and (l, 4, e), by its names."""
+    return ByTrain(*by_mass.transpose(1, 0, 2), *by_element.transpose(1, 0, 2))
+
+
+def room_for(tables: Propagators, segments: int) -> Trace:
+    """An empty trace of motions that use these tables."""
+    return empty_trace(segments, tables.built.steps.shape[3], 4 * len(tables.contacts) * (tables.at_once + 1))
 
 
 def steps_of(train: Train, cam_speed: float, spacing: float | None) -> tuple[float, int]:
@@ -225,8 +232,7 @@ def metric_numbers(train: Train, metrics: Sequence[str]) -> np.ndarray:
 def _followed(laws, cam, step: float, tables: Propagators, state: np.ndarray, revolutions: int) -> Trace:
     """The trace of whole revolutions from `state` (2n), which is changed in place to the end."""
     start, segments = state.copy(), FIRST_SEGMENTS * revolutions
-    width, looks = tables.built.steps.shape[3], 4 * len(tables.contacts) * (tables.at_once + 1)
-    trace = empty_trace(segments, width, looks)
+    trace = room_for(tables, segments)
     while True:
         state[:] = start
         code, count, switchings = follow(
@@ -238,6 +244,6 @@ def _followed(laws, cam, step: float, tables: Propagators, state: np.ndarray, re
             tables.build(count)
         elif code == TRACE_FULL:
             segments *= 4
-            trace = empty_trace(segments, width, looks)
+            trace = room_for(tables, segments)
         else:
             raise refusal(code, cam[2], switchings)
