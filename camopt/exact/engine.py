@@ -31,7 +31,8 @@ NO_TRACE = empty_trace(0, 0, 0)
 
 
 def train_arrays(train: Train) -> tuple:
-    """The train as the plain arrays that the compiled kernel reads."""
+    """The train as the plain arrays that the compiled kernel reads; raises InputError for laws that are not linear."""
+    train.require_linear("event-exact", 'simulate with method "dop853", "rkg" or "smooth"')
     names = ("mass", "mass_damping", "mass_force", "a", "b", "contact", "cam_driven")
     return tuple(getattr(train, k) for k in (*names, "stiffness", "damping", "preload", "gap"))
 
@@ -40,11 +41,10 @@ class EventExact:
     """Event-exact motion at one speed: called, one sampled revolution; `advance`, only the state at its end."""
 
     def __init__(self, train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int | None = None):
-        train.require_linear("event-exact", 'simulate with method "dop853", "rkg" or "smooth"')
+        self._laws = train_arrays(train)
         self.train, self.lift, self.cam_speed = train, lift, cam_speed
         self.period = 2 * np.pi / cam_speed
         self.step, self._per_sample = _step(train, self.period, steps_per_revolution)
-        self._laws = train_arrays(train)
         self._cam = lift.borders, lift.coefficients, cam_speed
         self._rows: np.ndarray | None = None
 

@@ -105,13 +105,13 @@ def value_and_gradient_many(
 ) -> list[Gradient | None]:
     """`value_and_gradient` of k motions side by side in threads; None for a motion that is refused.
 
-    `lifts` (k), `cam_speeds` (k) [rad/s], `starts` (k, 2n) or None for rest; the rest as there.
+    `lifts` (k), `cam_speeds` (k) [rad/s], `starts` (k, 2n) or None for rest; the rest as there. Raises InputError as
+    there.
     """
-    train.require_linear("event-exact", 'simulate with method "smooth"')
+    laws = train_arrays(train)
     weights = np.ones(len(metrics)) if cotangent is None else np.asarray(cotangent, dtype=float)
     wanted = Wanted(revolutions, revolution, metric_numbers(train, metrics), weights, cotangent is not None)
-    rest = [rest_state(train)] * len(lifts) if starts is None else starts
-    states = np.array(rest, dtype=float)
+    states = np.array([rest_state(train)] * len(lifts) if starts is None else starts, dtype=float)
     groups: dict[tuple, list[int]] = {}
     for i, (lift, speed) in enumerate(zip(lifts, cam_speeds, strict=True)):
         pieces = lift.borders.tobytes(), lift.coefficients.shape, lift.half_duration
@@ -121,7 +121,7 @@ def value_and_gradient_many(
     def one_part(step: float, at_once: int, part: list[int]) -> None:
         some, speeds = [lifts[i] for i in part], np.array([cam_speeds[i] for i in part])
         motions = _motions(train, some, speeds, states[part], wanted, mechanical)
-        for i in _run(train, motions, wanted, step, at_once, some[0].half_duration):
+        for i in _run(train, laws, motions, wanted, step, at_once, some[0].half_duration):
             found[part[i]] = _gradient(train, motions, i, tuple(metrics), mechanical, starts is None)
 
     with ThreadPoolExecutor(workers) as pool:
@@ -153,7 +153,9 @@ def _motions(train: Train, lifts: list[Lift], speeds, states, wanted: Wanted, me
     )
 
 
-def _run(train: Train, motions: Motions, wanted: Wanted, step: float, at_once: int, half_duration: float) -> list[int]:
+def _run(
+    train: Train, laws: tuple, motions: Motions, wanted: Wanted, step: float, at_once: int, half_duration: float
+) -> list[int]:
     """Runs all motions; returns those that are not refused."""
     tables = propagators(train, step, motions.coefficients.shape[2], at_once)
     sides, k, segments = np.array(train.cam_side, dtype=np.int64), len(motions.cam_speed), 0
@@ -166,7 +168,7 @@ def _run(train: Train, motions: Motions, wanted: Wanted, step: float, at_once: i
         built = tables.built
         numbers = train.valve, train.seat, sides, half_duration, 0.0
         cam = motions.borders, motions.coefficients[0], 0.0
-        setting = Setting(train_arrays(train), cam, step, built, *slot_tables(tables).for_tables(built), *numbers)
+        setting = Setting(laws, cam, step, built, *slot_tables(tables).for_tables(built), *numbers)
         begin = i
         i, code, key = run(setting, motions, wanted, MOST_SWITCHINGS, NO_ROWS, trace, seeds, begin, k)
         done += range(begin, i)

@@ -105,10 +105,9 @@ class TracedMotion:
         tables of their own at each speed. Raises MotionRefused for endless switching or a motion without bound,
         InputError for laws that are not linear."""
         self.train, self.lift, self.cam_speed, self.mechanical = train, lift, cam_speed, mechanical
-        train.require_linear("event-exact", 'simulate with method "dop853", "rkg" or "smooth"')
+        laws, cam = train_arrays(train), (lift.borders, lift.coefficients, cam_speed)
         step, at_once = steps_of(train, cam_speed, spacing)
         tables = propagators(train, step, lift.coefficients.shape[1], at_once)
-        laws, cam = train_arrays(train), (lift.borders, lift.coefficients, cam_speed)
         self.end = np.array(start, dtype=float)
         self.trace = _followed(laws, cam, step, tables, self.end, revolutions)
         sides = np.array(train.cam_side, dtype=np.int64)

@@ -23,8 +23,6 @@ from camopt.scene.schema import Design
 
 FINEST_MM = 0.01
 """Below this the axis is linear, above it logarithmic: zero is a value of bounce and jump that must be seen."""
-
-
 NUMBER_WIDTH = 0.08
 """Width of a speed's number as a share of the axes."""
 
