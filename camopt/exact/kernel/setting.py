@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
+from camopt.exact.kernel.arrays import CamArrays, TrainArrays
 from camopt.exact.kernel.propagators import ACTING, SEPARATED, TERMS, Propagators, Tables
 from camopt.exact.kernel.revolution import DONE, revolve
 from camopt.exact.kernel.trace import later
@@ -15,8 +16,8 @@ from camopt.exact.kernel.trace import later
 class Setting(NamedTuple):
     """A train with n masses and e elements, s contact states deep, a cam of p pieces and its speed."""
 
-    laws: tuple  # as `engine.train_arrays`
-    cam: tuple  # borders (p + 1) rad, coefficients (p, q), cam speed rad/s
+    train: TrainArrays
+    cam: CamArrays
     step: float  # s
     tables: Tables
     states: np.ndarray  # (s, e): of every contact
@@ -84,7 +85,7 @@ def slot_tables(tables: Propagators) -> SlotTables:
 
 
 @numba.njit(cache=True, nogil=True)
-def follow(laws, cam, step, tables, state, revolutions, most, rows, trace):
+def follow(train, cam, step, tables, state, revolutions, most, rows, trace):
     """Whole revolutions from `state` (2n, changed in place) into the trace.
 
     Returns (code, segments or missing key, switchings). `rows` is what `revolve` samples into: none here.
@@ -92,7 +93,7 @@ def follow(laws, cam, step, tables, state, revolutions, most, rows, trace):
     used, total = 0, 0
     for turn in range(revolutions):
         rest = later(trace, used)
-        code, count, switchings = revolve(laws, cam, step, tables, state, rows, rest, most)
+        code, count, switchings = revolve(train, cam, step, tables, state, rows, rest, most)
         total += switchings
         if code != DONE:
             return code, count, total
