@@ -23,7 +23,7 @@ MAY_IMPORT = {
     "study": {"cam", "smooth", "exact", "verify", "optimize"} | SUPPORT,
     "report": {"cam", "smooth", "exact", "verify", "optimize", "study"} | SUPPORT,
 }
-TOP = {"__init__", "__main__", "cli", "commands", "arguments"}
+TOP = {"__init__", "__main__", "cli", "commands", "arguments", "suggesting_parser", "next_steps", "comparison_lines"}
 WITHOUT_JAX = ("scene", "exact", "verify", "plots", "storage")
 JAX = {"jax", "jaxlib", "diffrax", "equinox", "optax", "jaxtyping"}
 VERDICT = "verify/verdict.py"

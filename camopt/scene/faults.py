@@ -230,7 +230,10 @@ def _dynamics_faults(scene: Scene) -> list[str]:
     if np.count_nonzero(train.cam_driven) != 1:
         faults.append("element: exactly one element must have cam_driven = true")
     elif not train.cam_side or not train.cam_driven[train.cam_side[0]]:
-        faults.append("element: the cam-driven element must be a contact with a way to the valve")
+        faults.append(
+            "element: the cam-driven element must be a contact with a way to the valve, and every contact on it must "
+            "push that way: between = [the cam's side, the valve's side], in this order"
+        )
     if not faults:
         try:
             rest_position(train)

@@ -47,7 +47,7 @@ def load_scene(source: str | Path, need: tuple[str, ...] = ()) -> Scene:
 
 def parse_scene(text: str, where: str, need: tuple[str, ...] = ()) -> Scene:
     """As `load_scene`, from TOML text; `where` is named in the messages."""
-    scene, faults = checked(_tuples(toml_data(text, where)), need)
+    scene, faults = checked({key: _tuples(value) for key, value in toml_data(text, where).items()}, need)
     if scene is None or faults:
         raise InputError("\n".join(f"{where}: {fault}" for fault in faults))
     return scene

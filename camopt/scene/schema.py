@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 SMALLEST, LARGEST = 1e-12, 1e15
-"""Size of a number of a scene in its key's unit, where it may not be zero: what lies beyond is a slip, and no arithmetic
-of double precision holds it beside the others."""
+"""Size of a number of a scene in its key's unit, where it may not be zero: what lies beyond is a slip, and double
+precision does not hold it beside the others."""
 
 
 def _not_too_small(value: float) -> float:
@@ -222,7 +222,7 @@ class Geometry(Table):
     def _of_a_roller(cls, radius, info: ValidationInfo):
         follower = info.data.get("follower")
         if follower is not None and (follower == "roller") != (radius is not None):
-            raise ValueError('belongs to follower = "roller", and only to it' if radius else "missing; a roller has one")
+            raise ValueError("missing; a roller has one" if radius is None else "belongs to rollers only: leave it out")
         return radius
 
 
@@ -247,3 +247,10 @@ class Scene(Table):
 
         assert self.operation is not None, "load_scene(..., need='operation') guarantees it"
         return speed_rpm * self.operation.cam_per_crank * RPM
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on what is unusual: numbers outside `camopt.scene.usual.USUAL`, a lash above the ramps."""
+        from camopt.scene.notes import scene_notes
+
+        return scene_notes(self)

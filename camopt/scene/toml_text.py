@@ -27,7 +27,7 @@ def toml_data(text: str, where: str) -> dict:
         raise InputError(f"{where}: a dotted key of more than {MOST_PARTS} parts; a scene's tables nest once")
     brackets = (1 if bracket in "[{" else -1 for bracket in re.findall(r"[][{}]", bare))
     if max(accumulate(brackets), default=0) > DEEPEST:
-        raise InputError(f"{where}: arrays or tables nested more than {DEEPEST} deep; a scene's nest three deep at most")
+        raise InputError(f"{where}: arrays or tables nested more than {DEEPEST} deep; a scene's are at most three")
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
