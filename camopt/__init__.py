@@ -49,6 +49,35 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr_
     from camopt.study.tradeoff import tradeoff
 
 __version__ = version("camopt")
+
+__all__ = [
+    "MeasuredLift",
+    "area_bound",
+    "compare",
+    "cycloidal",
+    "differentiable",
+    "exponent",
+    "free_cam",
+    "identify",
+    "joint_spring",
+    "kurz",
+    "load_scene",
+    "modes",
+    "multi_pol",
+    "new_design",
+    "optimize",
+    "pareto",
+    "polydyne",
+    "polynomial_345",
+    "polynomial_4567",
+    "read_cam",
+    "read_lift_table",
+    "reduce",
+    "simulate",
+    "tradeoff",
+    "trapezoid",
+    "verify",
+]
 _PUBLIC = {
     "load_scene": "camopt.scene",
     "polydyne": "camopt.cam.families.polydyne",

@@ -25,7 +25,7 @@ def write_bytes(path: str | Path, content: bytes) -> None:
 
     A device or pipe (/dev/stdout) is written to as it is. Raises InputError where nothing can be written.
     """
-    path = usable_path(path, "file")
+    path = Path(path)
     try:
         if path.exists() and not path.is_file() and not path.is_dir():
             path.write_bytes(content)
@@ -33,8 +33,8 @@ def write_bytes(path: str | Path, content: bytes) -> None:
         if path.is_dir():
             raise IsADirectoryError("it is a folder")
         _replace(path.resolve(), content)
-    except OSError as error:
-        reason = error.strerror or error
+    except (OSError, ValueError) as error:  # a ValueError where a name holds a NUL
+        reason = error.strerror or error if isinstance(error, OSError) else error
         raise InputError(
             f"{path}: cannot be written ({reason}); name a file in an existing, writable folder"
         ) from error
