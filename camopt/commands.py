@@ -8,7 +8,6 @@ import tomllib
 from argparse import Namespace
 from pathlib import Path
 
-from camopt.comparison_lines import comparison_lines
 from camopt.scene import InputError, Scene, build_train, builtin_scenes, load_scene, scene_text
 from camopt.scene.notes import speed_notes
 from camopt.scene.spelling import did_you_mean
@@ -106,6 +105,7 @@ def compare(args: Namespace) -> int:
     from camopt.cam.read import read_cam
 
     designs = {str(Path(d)): read_cam(Path(d), scene) for d in args.design}
+    from camopt.comparison_lines import comparison_lines
     from camopt.optimize.comparison import compare as comparison
 
     comparison(scene, designs, folder, baselines=args.baselines, progress=not args.quiet)
