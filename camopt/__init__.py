@@ -30,23 +30,25 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr_
     from camopt.cam.families.dwell import cycloidal, polynomial_345, polynomial_4567
     from camopt.cam.families.exponent import exponent
     from camopt.cam.families.free import free_cam
-    from camopt.cam.families.gradients import differentiable
     from camopt.cam.families.kurz import kurz
     from camopt.cam.families.multi_pol import multi_pol
     from camopt.cam.families.new_design import new_design
     from camopt.cam.families.polydyne import polydyne
     from camopt.cam.families.trapezoid import trapezoid
     from camopt.cam.read import read_cam
-    from camopt.cam.tables import read_lift_table
-    from camopt.optimize.comparison import compare
-    from camopt.optimize.summary import area_bound
+    from camopt.cam.tables.lift_table import read_lift_table
+    from camopt.differentiable.families import differentiable
+    from camopt.optimizer.baselines.comparison import compare
+    from camopt.optimizer.bound.summary import area_bound
+    from camopt.optimizer.run import optimize
     from camopt.scene import load_scene
-    from camopt.study.identify import MeasuredLift, identify
+    from camopt.study.fronts import joint_spring, pareto
+    from camopt.study.identify.identification import MeasuredLift, identify
     from camopt.study.modes import modes
-    from camopt.study.motion import simulate
-    from camopt.study.pareto import joint_spring, pareto
-    from camopt.study.reduce import reduce
-    from camopt.study.tradeoff import tradeoff
+    from camopt.study.reduce.reduction import reduce
+    from camopt.study.simulate.motion import simulate
+    from camopt.study.tradeoff.tradeoff import tradeoff
+    from camopt.verifier.accuracy import verify
 
 __version__ = version("camopt")
 
@@ -79,6 +81,8 @@ __all__ = [
     "verify",
 ]
 _PUBLIC = {
+    "optimize": "camopt.optimizer.run",
+    "verify": "camopt.verifier.accuracy",
     "load_scene": "camopt.scene",
     "polydyne": "camopt.cam.families.polydyne",
     "multi_pol": "camopt.cam.families.multi_pol",
@@ -90,27 +94,24 @@ _PUBLIC = {
     "cycloidal": "camopt.cam.families.dwell",
     "polynomial_345": "camopt.cam.families.dwell",
     "polynomial_4567": "camopt.cam.families.dwell",
-    "differentiable": "camopt.cam.families.gradients",
+    "differentiable": "camopt.differentiable.families",
     "read_cam": "camopt.cam.read",
-    "read_lift_table": "camopt.cam.tables",
-    "simulate": "camopt.study.motion",
+    "read_lift_table": "camopt.cam.tables.lift_table",
+    "simulate": "camopt.study.simulate.motion",
     "modes": "camopt.study.modes",
-    "reduce": "camopt.study.reduce",
-    "tradeoff": "camopt.study.tradeoff",
-    "area_bound": "camopt.optimize.summary",
-    "compare": "camopt.optimize.comparison",
-    "identify": "camopt.study.identify",
-    "MeasuredLift": "camopt.study.identify",
-    "pareto": "camopt.study.pareto",
-    "joint_spring": "camopt.study.pareto",
+    "reduce": "camopt.study.reduce.reduction",
+    "tradeoff": "camopt.study.tradeoff.tradeoff",
+    "area_bound": "camopt.optimizer.bound.summary",
+    "compare": "camopt.optimizer.baselines.comparison",
+    "identify": "camopt.study.identify.identification",
+    "MeasuredLift": "camopt.study.identify.identification",
+    "pareto": "camopt.study.fronts",
+    "joint_spring": "camopt.study.fronts",
 }
-_CALLABLE_PACKAGES = ("optimize", "verify")
 
 
 def __getattr__(name: str):
     """Public names are imported on first use, so that `import camopt` loads neither JAX nor numba."""
-    if name in _CALLABLE_PACKAGES:
-        return import_module(f"camopt.{name}")
     if name in _PUBLIC:
         return getattr(import_module(_PUBLIC[name]), name)
     raise AttributeError(f"module 'camopt' has no attribute {name!r}")
