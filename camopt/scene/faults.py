@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from camopt.scene.errors import InputError
 from camopt.scene.rest import rest_position
-from camopt.scene.schema import Scene, Table
+from camopt.scene.schema import MOST_ROWS, Scene, Table
 from camopt.scene.spelling import did_you_mean
 from camopt.scene.text_file import excerpt
 from camopt.scene.train import build_train
@@ -31,6 +31,9 @@ PLAIN = {
 
 def checked(data: dict, need: tuple[str, ...]) -> tuple[Scene | None, list[str]]:
     """The scene of a file's tables, or None, and a sentence per fault; `need` as in `load_scene`."""
+    crowded = {kind: len(_rows(data, kind)) for kind, most in MOST_ROWS.items() if len(_rows(data, kind)) > most}
+    if crowded:  # reading them all would take long, and their faults would fill a book
+        return None, [f"{kind}: {n} rows, and a scene has at most {MOST_ROWS[kind]}" for kind, n in crowded.items()]
     scene, errors = _validated(data)
     faulty = {error["loc"][0] for error in errors if error["loc"]}
     names = _name_faults(data)
@@ -133,12 +136,11 @@ def _unknown_key(loc: tuple) -> str:
     """An unknown key, with the known one that was probably meant, or the table to which it belongs."""
     key, by_name = loc[-1], tables()
     own = by_name[loc[0]].model_fields if len(loc) > 1 else Scene.model_fields
-    meant = did_you_mean(key, own)
-    if not meant:
-        homes = [name for name, table in by_name.items() if key in table.model_fields]
-        headings = [f"[[{name}]]" if name in ("mass", "element") else f"[{name}]" for name in homes]
-        meant = f"; it belongs in {' or '.join(headings)}" if homes else ""
-    return "unknown key" + (meant or "; check the spelling against `camopt scenes kodama`")
+    homes = [name for name, table in by_name.items() if key in table.model_fields]
+    if homes:
+        headings = [f"[[{name}]]" if name in MOST_ROWS else f"[{name}]" for name in homes]
+        return f"unknown key; it belongs in {' or '.join(headings)}"
+    return "unknown key" + (did_you_mean(key, own) or "; check the spelling against `camopt scenes kodama`")
 
 
 def _rows(data: dict, table: str) -> list[dict]:
@@ -156,7 +158,7 @@ def _texts(row: dict, key: str) -> tuple[str, ...]:
 def _name_faults(data: dict) -> list[str]:
     """Names used twice, names that nothing has, and masses that no element holds."""
     faults, names, every = [], {}, {}
-    for kind in ("mass", "element"):
+    for kind in MOST_ROWS:
         given = [row.get("name") for row in _rows(data, kind)]
         names[kind] = [name for name in given if isinstance(name, str)]
         every[kind] = len(names[kind]) == len(given) > 0  # else a name that is faulty itself may be the one meant
@@ -213,7 +215,7 @@ def _unheld(data: dict, masses: list[str]) -> list[str]:
 
 def _train_tables(data: dict) -> Scene:
     """The scene of the train alone; its tables are known to be without fault."""
-    rows = {kind: tuple(tables()[kind].model_validate(row) for row in data[kind]) for kind in ("mass", "element")}
+    rows = {kind: tuple(tables()[kind].model_validate(row) for row in data[kind]) for kind in MOST_ROWS}
     return Scene.model_construct(valve=data["valve"], seat=data["seat"], mass=rows["mass"], element=rows["element"])
 
 

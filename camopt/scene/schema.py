@@ -9,6 +9,8 @@ SMALLEST, LARGEST = 1e-12, 1e15
 """Size of a number of a scene in its key's unit, where it may not be zero: what lies beyond is a slip, and double
 precision does not hold it beside the others."""
 
+MOST_ROWS = {"mass": 200, "element": 400}
+
 
 def _not_too_small(value: float) -> float:
     if abs(value) < SMALLEST:
@@ -238,8 +240,8 @@ class Scene(Table):
     operation: Operation | None = None
     design: Design | None = None
     geometry: Geometry | None = None
-    mass: Annotated[tuple[Mass, ...], Field(min_length=1, max_length=200)]
-    element: Annotated[tuple[Element, ...], Field(min_length=1, max_length=400)]
+    mass: Annotated[tuple[Mass, ...], Field(min_length=1, max_length=MOST_ROWS["mass"])]
+    element: Annotated[tuple[Element, ...], Field(min_length=1, max_length=MOST_ROWS["element"])]
 
     def cam_speed(self, speed_rpm: float) -> float:
         """Cam speed [rad/s] at a crankshaft speed [r/min]."""
