@@ -6,7 +6,7 @@ from pathlib import Path
 
 VERDICTS = ("confirmed", "sensitive", "not converged", "rejected")
 """From the best to the worst; a cam's is the worst of its speeds."""
-BROKEN_WIDTH = 60
+BROKEN_WIDTH = 48
 """Characters of what is broken that a line shows; comparison.csv holds all of it."""
 HEAD = ("cam", "area ratio", "bounce mm", "jump mm", "verdict", "broken")
 

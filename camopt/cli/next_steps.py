@@ -27,16 +27,12 @@ def left_behind(args: Namespace) -> str:
     left = f"; {folder} is left, with {', '.join(names)}"
     if not hasattr(args, "resume"):
         return f"{left}: delete it or name another --out"
-    again = f"{_camopt(args.command, *_scene_of(args))} --out {shlex.quote(str(folder))}"
-    return f"{left}: `{again} --resume` with the same options goes on there, or delete it"
+    again = _camopt(args.command, *([args.scene] if args.scene else []), "--out", folder, "--resume")
+    return f"{left}: {again} with the same options goes on there, or delete it"
 
 
 def _camopt(*words: object) -> str:
-    return shlex.join(["camopt", *map(str, words)])
-
-
-def _scene_of(args: Namespace) -> list[str]:
-    return [args.scene] if args.scene else []
+    return f"`{shlex.join(['camopt', *map(str, words)])}`"
 
 
 def _cam_of(args: Namespace) -> list[object]:
@@ -108,8 +104,10 @@ def _after_reduce(args: Namespace, code: int) -> str:
 
 def _after_scenes(args: Namespace, code: int) -> str:
     if args.name is None:
-        return f"{_camopt('scenes', 'kodama')} > mine.toml writes one to edit"
-    return f"{_camopt('scenes', args.name)} > mine.toml, edit it, and {_camopt('modes', 'mine.toml')} is a first look"
+        return "`camopt scenes kodama > mine.toml` writes one to edit"
+    return (
+        f"write it to a file, as in `camopt scenes {args.name} > mine.toml`, edit it, and try `camopt modes mine.toml`"
+    )
 
 
 _AFTER = {

@@ -122,32 +122,33 @@ def test_a_contact_between_cam_and_valve_the_wrong_way_round_is_refused(name):
     assert reversed_contacts >= 1
 
 
+TEXTS = {
+    "integer beyond floats": ("duration_deg = 144", f"duration_deg = 1{'0' * 400}"),
+    "integer of 5,000 digits": ("duration_deg = 144", f"duration_deg = 1{'0' * 5000}"),
+    "number that is nearly nothing": ("mass_kg = 0.24", "mass_kg = 5e-324"),
+    "limit that is nearly nothing": ("jerk_max_mm_per_deg3 = 0.003", "jerk_max_mm_per_deg3 = 1e-100"),
+    "speed beyond every engine": ("speeds_rpm = [5000,", "speeds_rpm = [1e300,"),
+    "arrays within arrays": ("format = 1", f"x = {'[' * 100_000}"),
+    "closed arrays within arrays": ("format = 1", f"x = {'[' * 400}{']' * 400}"),
+    "tables within tables": ("format = 1", f"x = {'{a = ' * 400}1{'}' * 400}"),
+    "key of 100,000 parts": ("format = 1", f"x{'.a' * 100_000} = 1"),
+    "quoted key of 100,000 parts": ("format = 1", '"a".' * 100_000 + "b = 1"),
+    "heading of 100,000 parts": ("format = 1", f"[x{'.a' * 100_000}]"),
+    "key in a table in a line": ("format = 1", f"x = {{b{'.a' * 100_000} = 1}}"),
+    "quotes without end": ("format = 1", 'x = """' + '\\"""' * 100_000),
+    "long key": ("format = 1", f"{'k' * 100_000} = 1"),
+    "long value": ('follower = "flat" ', f'follower = "{"f" * 100_000}" '),
+    "100,000 masses": ("[[mass]]", "[[mass]]\n" * 100_000 + "[[mass]]"),
+}
+
+
 class TestHostileText:
     """What an attacker or a slip can write: a sentence, soon, and without the memory of the machine."""
-
-    TEXTS = {
-        "integer beyond floats": ("duration_deg = 144", f"duration_deg = 1{'0' * 400}"),
-        "integer of 5,000 digits": ("duration_deg = 144", f"duration_deg = 1{'0' * 5000}"),
-        "number that is nearly nothing": ("mass_kg = 0.24", "mass_kg = 5e-324"),
-        "limit that is nearly nothing": ("jerk_max_mm_per_deg3 = 0.003", "jerk_max_mm_per_deg3 = 1e-100"),
-        "speed beyond every engine": ("speeds_rpm = [5000,", "speeds_rpm = [1e300,"),
-        "arrays within arrays": ("format = 1", f"x = {'[' * 100_000}"),
-        "closed arrays within arrays": ("format = 1", f"x = {'[' * 400}{']' * 400}"),
-        "tables within tables": ("format = 1", f"x = {'{a = ' * 400}1{'}' * 400}"),
-        "key of 100,000 parts": ("format = 1", f"x{'.a' * 100_000} = 1"),
-        "quoted key of 100,000 parts": ("format = 1", '"a".' * 100_000 + "b = 1"),
-        "heading of 100,000 parts": ("format = 1", f"[x{'.a' * 100_000}]"),
-        "key in a table in a line": ("format = 1", f"x = {{b{'.a' * 100_000} = 1}}"),
-        "quotes without end": ("format = 1", 'x = """' + '\\"""' * 100_000),
-        "long key": ("format = 1", f"{'k' * 100_000} = 1"),
-        "long value": ('follower = "flat" ', f'follower = "{"f" * 100_000}" '),
-        "100,000 masses": ("[[mass]]", "[[mass]]\n" * 100_000 + "[[mass]]"),
-    }
 
     @pytest.mark.parametrize("case", TEXTS)
     def test_ends_in_a_sentence(self, case):
         begin = time.process_time()
-        lines = faults(changed(EXAMPLE, *self.TEXTS[case]))
+        lines = faults(changed(EXAMPLE, *TEXTS[case]))
         assert time.process_time() - begin < 10  # seconds, a busy machine's; without its limit a dotted key takes 40 GB
         assert all(len(line) < 500 for line in lines)
         assert not any("Traceback" in line for line in lines)
