@@ -68,7 +68,7 @@ def optimize(
 ) -> Run:
     """Design the cam of largest area that a scene's limits allow, and have it verified and compared.
 
-    `speeds` "band" (the scene's band, every speed) or "nominal" (its listed speeds); `accuracy` a name of
+    `speeds` "band" (every speed of the scene's band) or "nominal" (its listed speeds (k) [r/min]); `accuracy` a name of
     `camopt.optimizer.accuracy`; `gradient` "smooth", "exact" or "none". The run folder of design.md section 7 goes
     to `out` (default runs/<scene>-<UTC time>), but for report.html, which `camopt.report` makes from it. With `resume`
     an interrupted run in `out` goes on and ends in the same design. `seed`, where it is not zero, draws the knots to

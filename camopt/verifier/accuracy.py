@@ -77,7 +77,7 @@ def verify(
     methods: str = "all",
     accuracy: str | float = "standard",
 ) -> Verdict:
-    """Judge a cam at `speeds_rpm` (crankshaft; the scene's by default) and over the scene's band.
+    """Judge a cam at `speeds_rpm` (k) [r/min of the crankshaft; the scene's by default] and over the scene's band.
 
     `methods` "all" (those that carry the scene's laws; for "draft" the first two) or one of "event", "rkg", "tmm",
     "houbolt", "dop853": one method alone gives figures but no agreement, and so never confirms. `accuracy`: a name of

@@ -12,7 +12,7 @@ from camopt.plots.style import RC
 from camopt.storage import write_bytes, write_json
 from experiments.support.provenance import provenance
 
-RESULTS = Path(__file__).parent / "results"
+RESULTS = Path(__file__).parents[1] / "results"
 DPI = 110
 """Enough for reading on a screen; the figures live in the repository and shall stay small."""
 

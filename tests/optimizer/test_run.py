@@ -112,7 +112,7 @@ def test_unconfirmed_design_ends_with_code_3_and_its_folder(plain, tmp_path, mon
     from dataclasses import replace
 
     rejected = replace(plain.verdict, verdict="rejected", broken=("bounce_max_mm at 7000 r/min",))
-    monkeypatch.setattr(module, "verify", lambda *a, **k: rejected)
+    monkeypatch.setattr(module, "verdict_on", lambda *a, **k: rejected)
     result = optimize(load_scene("motori-1"), "nominal", "draft", "none", tmp_path / "run")
     assert result.exit_code == 3
     assert json.loads((tmp_path / "run" / "verification.json").read_text())["verdict"] == "rejected"

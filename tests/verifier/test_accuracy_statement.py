@@ -78,7 +78,7 @@ class TestEffort:
             effort_of(accuracy)
 
     def test_verify_is_asked_for_it(self, monkeypatch):
-        monkeypatch.setattr(module, "verify", lambda *arguments, settled: Result(arguments, settled))
+        monkeypatch.setattr(module, "verdict_on", lambda *arguments, settled: Result(arguments, settled))
         scene = load_scene("motori-1")
         found = verify(scene, polydyne(scene), (5000.0,), "event", 50.0)
         effort = effort_of(50.0)

@@ -13,7 +13,7 @@ from camopt.measure.settling import Figures
 from camopt.scene import QUANTITIES, InputError, load_scene
 from camopt.verifier import verdict
 from camopt.verifier.convergence import Converged
-from camopt.verifier.verdict import agreement, verify
+from camopt.verifier.verdict import agreement, verdict_on
 
 SHAPE = ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3", "nose_deg")
 AT_5000 = {"speeds_rpm": (5000.0,), "band_step_rpm": None, "halvings": 2}
@@ -71,7 +71,7 @@ def test_a_limit_is_broken_only_beyond_error_and_neighbours():
 
 
 def test_confirmed_and_the_contract():
-    result = verify(scene(), lift(), **AT_5000)
+    result = verdict_on(scene(), lift(), **AT_5000)
     data = json.loads(json.dumps(result.as_dict(), allow_nan=False))
     assert data["verdict"] == "confirmed" and data["broken"] == []
     assert set(data) == {"verdict", "broken", "speeds", "band", "limits", "accuracy"}
@@ -93,21 +93,21 @@ def test_confirmed_and_the_contract():
 
 
 def test_a_broken_limit_is_named_and_rejects():
-    result = verify(scene(seating_velocity_max_m_per_s=0.15), lift(), **AT_5000)
+    result = verdict_on(scene(seating_velocity_max_m_per_s=0.15), lift(), **AT_5000)
     assert result.verdict == "rejected"
     assert result.broken == ("seating_velocity_max_m_per_s at 5000 r/min",)
 
 
 def test_a_limit_within_the_neighbourhood_is_sensitive():
     # 0.1 % of speed moves the seating velocity of 0.16241 m/s by about 0.1 % of itself
-    result = verify(scene(seating_velocity_max_m_per_s=0.1624), lift(), **AT_5000)
+    result = verdict_on(scene(seating_velocity_max_m_per_s=0.1624), lift(), **AT_5000)
     assert result.verdict == "sensitive"
     assert result.speeds[0].straddled == ("seating_velocity_max_m_per_s at 5000 r/min",)
     assert result.broken == ()
 
 
 def test_a_limit_on_the_shape_rejects_alone():
-    result = verify(scene(max_lift_mm=9.3), lift(), **AT_5000)
+    result = verdict_on(scene(max_lift_mm=9.3), lift(), **AT_5000)
     assert result.verdict == "rejected" and result.broken == ("max_lift_mm",)
     assert result.speeds[0].verdict == "confirmed"
 
@@ -119,10 +119,10 @@ def test_a_sign_flipped_in_one_method_ends_the_agreement(monkeypatch, part):
 
     others = verdict._method
     monkeypatch.setattr(verdict, "_method", lambda name: flipped if name == "event" else others(name))
-    assert verify(scene(), lift(), **AT_5000).verdict == "not converged"
+    assert verdict_on(scene(), lift(), **AT_5000).verdict == "not converged"
 
 
 def test_one_method_is_no_agreement_and_an_unknown_one_is_refused():
-    assert verify(scene(), lift(), methods=("rkg",), **AT_5000).verdict == "not converged"
+    assert verdict_on(scene(), lift(), methods=("rkg",), **AT_5000).verdict == "not converged"
     with pytest.raises(InputError, match="magic"):
-        verify(scene(), lift(), methods=("rkg", "magic"), **AT_5000)
+        verdict_on(scene(), lift(), methods=("rkg", "magic"), **AT_5000)

@@ -17,7 +17,7 @@ TRUTH = polydyne(KODAMA)
 EVENT = np.linspace(-102, 102, 2041)
 ACCELERATION = TRUTH(EVENT * DEG, 2) / MM * DEG**2
 PEAK = np.abs(ACCELERATION).max()
-MEASURED = Path(__file__).resolve().parents[3] / "shared" / "data" / "lift"
+MEASURED = Path(__file__).resolve().parents[4] / "shared" / "data" / "lift"
 
 
 def table(noise_um=0.0, step=1.0, seed=0):
