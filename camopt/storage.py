@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from camopt.scene.errors import InputError
+from camopt.scene.text_file import usable_path
 
 
 def write_text(path: str | Path, text: str) -> None:
     """Writes UTF-8 text; see `write_bytes`."""
-    write_bytes(path, text.encode())
+    write_bytes(path, text.encode(errors="backslashreplace"))  # the name of a file may hold what UTF-8 cannot
 
 
 def write_bytes(path: str | Path, content: bytes) -> None:
@@ -32,11 +33,19 @@ def write_bytes(path: str | Path, content: bytes) -> None:
         if path.is_dir():
             raise IsADirectoryError("it is a folder")
         _replace(path.resolve(), content)
-    except OSError as error:
-        reason = error.strerror or error
+    except (OSError, ValueError) as error:  # a ValueError where a name holds a NUL
+        reason = error.strerror or error if isinstance(error, OSError) else error
         raise InputError(
             f"{path}: cannot be written ({reason}); name a file in an existing, writable folder"
         ) from error
+
+
+def check_file(path: str | Path) -> None:
+    """Raises InputError where no file can be written, so that nothing is computed in vain."""
+    path = usable_path(path, "file")
+    reason = "it is a folder" if path.is_dir() else "" if path.parent.is_dir() else "its folder does not exist"
+    if reason:
+        raise InputError(f"{path}: cannot be written ({reason}); name a file in an existing, writable folder")
 
 
 def _replace(path: Path, content: bytes) -> None:
@@ -89,7 +98,7 @@ def default_run_folder(scene_name: str) -> Path:
 
 def check_run_folder(folder: str | Path, resume: bool = False) -> None:
     """Raises InputError where `folder` exists and is not to be resumed, or cannot be a folder."""
-    folder = Path(folder)
+    folder = usable_path(folder, "folder")
     if folder.is_dir() and not resume:
         raise InputError(f"{folder}: this run folder exists already: give another --out, or --resume to go on in it")
     if os.path.lexists(folder) and not folder.is_dir():

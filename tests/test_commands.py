@@ -34,7 +34,7 @@ class TestScenes:
         assert "Finger-follower valve train, ten masses" in out
 
     def test_print_one_to_edit(self, capsys):
-        assert run(capsys, "scenes", "kodama") == (0, scene_text("kodama"), "")
+        assert run(capsys, "scenes", "kodama", "--quiet") == (0, scene_text("kodama"), "")
 
     def test_unknown(self, capsys):
         code, out, err = run(capsys, "scenes", "kodamo")

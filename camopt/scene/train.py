@@ -117,10 +117,13 @@ def _laws(elements: tuple[Element, ...]) -> Laws:
 
 
 def _contacts_between_cam_and_valve(a, b, contact, cam_driven, valve) -> tuple[int, ...]:
-    """Contacts on the way from the cam-driven element to the valve, the ground not being a way."""
+    """Contacts on the way from the cam-driven element to the valve, the ground not being a way.
+
+    A contact pushes from `a` to `b` only: one that stands the other way round is no way to the valve.
+    """
     if valve < 0:
         return ()
-    for first in np.flatnonzero(cam_driven):
+    for first in np.flatnonzero(cam_driven & (b != GROUND)):
         ways: list[tuple[int, tuple[int, ...]]] = [(int(b[first]), (int(first),))]
         seen = {GROUND}
         while ways:
@@ -129,7 +132,7 @@ def _contacts_between_cam_and_valve(a, b, contact, cam_driven, valve) -> tuple[i
                 return tuple(e for e in path if contact[e])
             seen.add(mass)
             for e in range(len(a)):
-                if e in path or mass not in (a[e], b[e]):
+                if e in path or mass not in ((a[e],) if contact[e] else (a[e], b[e])):
                     continue
                 other = int(b[e] if a[e] == mass else a[e])
                 if other not in seen:
