@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from camopt.cam.read import read_cam
-from camopt.exact.metrics import METRICS
-from camopt.exact.motion import TracedMotion
+from camopt.exact.adjoint.metrics import METRICS
+from camopt.exact.adjoint.motion import TracedMotion
+from camopt.measure.metrics import measure
 from camopt.scene import QUANTITIES, build_train, builtin_scenes, load_scene, rest_position
 from camopt.scene.response import Response, end_state, joined
-from camopt.verify import measure
-from camopt.verify.converge import RELATIVE, apart, converge, first_steps, tolerances
-from camopt.verify.verdict import SWEEP_REFINEMENT, _method, methods_for
+from camopt.verifier.convergence import RELATIVE, apart, converge, first_steps, tolerances
+from camopt.verifier.verdict import SWEEP_REFINEMENT, _method, methods_for
 from tests.measure.raw_motion import TURN, Equations, raw_motion, samples
 from tests.measure.second_reading import Reading
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from camopt.cam.lift import Lift
+from camopt.exact.adjoint.evaluate import evaluate
+from camopt.exact.adjoint.motion import OBSERVATIONS, TracedMotion, metric_numbers
+from camopt.exact.adjoint.seeds import empty_seeds
 from camopt.exact.engine import prepare
-from camopt.exact.evaluate import evaluate
-from camopt.exact.motion import OBSERVATIONS, TracedMotion, metric_numbers
-from camopt.exact.seeds import empty_seeds
 from camopt.scene import MotionRefused, Scene, build_train, rest_position
 from camopt.scene.train import Train
 
