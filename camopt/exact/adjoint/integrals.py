@@ -73,7 +73,7 @@ def seed_square(s, trace, seeds, k, weight, w, there):
 
 @numba.njit(cache=True, nogil=True)
 def _by_touch(s, seeds, weight):
-    """Adds the cotangents of the seat's distance, -(d + preload / stiffness), by the seat's parameters, d held fixed."""
+    """Adds the cotangents of the seat's distance, -(d + preload / stiffness), by its own parameters, d held."""
     e, stiffness, preload = s.seat, s.laws[7][s.seat], s.laws[9][s.seat]
     seeds.element[0, e] += weight * preload / stiffness**2
     seeds.element[2, e] -= weight / stiffness

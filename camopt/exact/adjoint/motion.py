@@ -158,7 +158,7 @@ class TracedMotion:
         return values[:, 0]
 
     def at(self, angles: np.ndarray) -> Samples:
-        """The motion at m angles [rad] from -pi, where the trace starts; where a force jumps, its value before the jump."""
+        """The motion at m angles [rad], the trace starting at -pi; where a force jumps, its value before the jump."""
         n = len(self.train.mass)
         rows = np.empty((len(angles), 2 * n + 2 + len(self.train.a)))
         sample(self.setting, self.trace, *self._instants(angles), rows)

@@ -118,8 +118,7 @@ def first_negative(w, start, end, value, slope):
 
 @numba.njit(cache=True, nogil=True)
 def _dip(w, start, high):
-    """The t at which w turns negative on its way to its lowest point in (start, high); -1 where that is not negative.
-    """
+    """The t at which w turns negative before its lowest point in (start, high); -1 if that point is not negative."""
     low, above = start, _value_and_slope(w, start)[0]
     for _ in range(60):
         middle = 0.5 * (low + high)
