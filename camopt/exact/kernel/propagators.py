@@ -46,7 +46,7 @@ class Tables(NamedTuple):
 
 
 def linear_system(train: Train, acting: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A (2n, 2n) and the columns (2n) of lift, lift velocity and constant in y' = A y + ... for the elements `acting`."""
+    """A (2n, 2n), and the columns (2n) of lift, lift velocity and constant, of y' = A y + ... for elements `acting`."""
     n = len(train.mass)
     a = np.zeros((2 * n, 2 * n))
     by_lift, by_velocity, constant = np.zeros(2 * n), np.zeros(2 * n), np.zeros(2 * n)
