@@ -25,7 +25,7 @@ two stages."""
 PLACES = np.concatenate([[0.0], NODES[1:], BETWEEN, [1.0]])
 """Shares of a step at which its start, its later stages, the examined places between and its end lie."""
 STRAY = 0.9
-"""A step that ends before an edge or a clip but passes it on the way shrinks to this share of the first place behind."""
+"""A step that ends before an edge or a clip but crosses it midway shrinks to this share of the first place beyond."""
 LEAST_STEPS = 720
 """A revolution has at least this many steps: no event of a cam is shorter than one of them."""
 LARGEST_PHASE = 0.8
