@@ -40,13 +40,13 @@ class Wanted(NamedTuple):
 
     revolutions: int
     revolution: int
-    metrics: np.ndarray  # (l) numbers
+    metrics: np.ndarray  # (l) the numbers by which `measure` knows the metrics
     weights: np.ndarray  # (l)
     together: bool  # one sweep for the weighted sum instead of one per metric
 
 
 class Motions(NamedTuple):
-    """k motions of one train on the same pieces, and what is found of them; g sweeps each."""
+    """k motions of one train whose cams share their piece borders, with room for what g sweeps find of each motion."""
 
     borders: np.ndarray  # (p + 1) rad
     coefficients: np.ndarray  # (k, p, q)
@@ -63,9 +63,10 @@ class Motions(NamedTuple):
 
 @numba.njit(cache=True, nogil=True)
 def run(s, motions, wanted, most, rows, trace, seeds, begin, end):
-    """Motions `begin` to `end` under the setting s, whose cam is replaced; stops at one that is not done.
+    """Runs the motions `begin` to `end` under the setting s, with each motion's own cam in place of the setting's.
 
-    Returns (that motion or `end`, code, missing key); `rows` as of `follow`.
+    The loop stops at the first motion that `follow` cannot finish. Returns (the number of that motion, or `end`; the
+    code that `follow` gave; the key of the missing table). `rows` is passed on to `follow`.
     """
     start = np.empty(motions.state.shape[1])
     for i in range(begin, end):
@@ -104,10 +105,11 @@ def value_and_gradient_many(
     mechanical: bool = False,
     spacing: float | None = None,
 ) -> list[Gradient | None]:
-    """`value_and_gradient` of k motions side by side in threads; None for a motion that is refused.
+    """`value_and_gradient` of k motions side by side in threads; a motion that is refused gives None.
 
-    `lifts` (k), `cam_speeds` (k) [rad/s], `starts` (k, 2n) or None for rest; the rest as there. Raises InputError as
-    there.
+    `lifts` (k) and `cam_speeds` (k) [rad/s] describe the motions. `starts` (k, 2n: [m], then [m/s]) are the states in
+    which they begin; without them every motion begins at rest. All other arguments mean what they mean for
+    `value_and_gradient`, and InputError is raised in the same cases.
     """
     arrays = train_arrays(train)
     weights = np.ones(len(metrics)) if cotangent is None else np.asarray(cotangent, dtype=float)
@@ -157,7 +159,7 @@ def _motions(train: Train, lifts: list[Lift], speeds, states, wanted: Wanted, me
 def _run(
     train: Train, arrays: TrainArrays, motions: Motions, wanted: Wanted, step: float, at_once: int, half_duration: float
 ) -> list[int]:
-    """Runs all motions; returns those that are not refused."""
+    """Runs all motions and returns the numbers of those that are not refused."""
     tables = propagators(train, step, motions.coefficients.shape[2], at_once)
     sides, k, segments = np.array(train.cam_side, dtype=np.int64), len(motions.cam_speed), 0
     observations, i, done, code = OBSERVATIONS * len(wanted.metrics), 0, [], TRACE_FULL

@@ -46,7 +46,7 @@ def load_scene(source: str | Path, need: tuple[str, ...] = ()) -> Scene:
 
 
 def parse_scene(text: str, where: str, need: tuple[str, ...] = ()) -> Scene:
-    """As `load_scene`, from TOML text; `where` is named in the messages."""
+    """The scene of a TOML text; `where` names its source in the messages. `need` and errors are as for `load_scene`."""
     scene, faults = checked({key: _tuples(value) for key, value in toml_data(text, where).items()}, need)
     if scene is None or faults:
         raise InputError("\n".join(f"{where}: {fault}" for fault in faults))
@@ -54,7 +54,7 @@ def parse_scene(text: str, where: str, need: tuple[str, ...] = ()) -> Scene:
 
 
 def _tuples(value):
-    """TOML arrays as tuples, which is what the frozen schema holds."""
+    """Turns TOML arrays into tuples, which is what the frozen schema holds."""
     if isinstance(value, list):
         return tuple(_tuples(v) for v in value)
     if isinstance(value, dict):

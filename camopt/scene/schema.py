@@ -57,10 +57,11 @@ class Mass(Table):
 class Element(Table):
     """A spring (bilateral) or contact (pushes, never pulls) between two masses or a mass and ground.
 
-    `law` says how the elastic force grows with the compression (see `camopt.scene.laws`). "linear": with
-    `stiffness_N_per_m`. "hertz", contacts only: with `stiffness_N_per_m`, then in N/m^exponent, to the power
-    `exponent` (1.5 where left out). "progressive": the stiffness itself follows `stiffness_table`, rows of
-    [compression_mm, stiffness_N_per_m] by ascending compression. `preload_N` is the elastic force at compression zero.
+    `law` says how the elastic force grows with the compression (see `camopt.scene.laws`). Under "linear" it grows by
+    `stiffness_N_per_m`. Under "hertz", which only contacts may have, it grows with the power `exponent` (1.5 where left
+    out) of the compression, and `stiffness_N_per_m` is its factor [N/m^exponent]. Under "progressive" the stiffness
+    itself follows `stiffness_table`, rows of [compression_mm, stiffness_N_per_m] in ascending order. `preload_N` is the
+    elastic force at compression zero.
     """
 
     name: Name
@@ -124,7 +125,7 @@ class Element(Table):
 
 
 class Operation(Table):
-    """Speeds, crankshaft r/min; cam speed = `cam_per_crank` times that."""
+    """Speeds of the crankshaft [r/min]; the cam turns at `cam_per_crank` times these speeds."""
 
     speeds_rpm: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=1000)]
     band_rpm: tuple[Positive, Positive]
@@ -229,7 +230,7 @@ class Geometry(Table):
 
 
 class Scene(Table):
-    """A valve train with its operation and design conditions, as one scene file says it."""
+    """A valve train with its operation and design conditions, as a scene file states them."""
 
     format: Literal[1]
     name: Name

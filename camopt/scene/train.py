@@ -1,4 +1,4 @@
-"""The valve train as SI arrays: data only. Each path assembles its own equations and writes its own contact law."""
+"""The valve train as SI arrays, which are data only: each path has its own equations and its own contact law."""
 
 from dataclasses import dataclass
 
@@ -99,7 +99,7 @@ def build_train(scene: Scene) -> Train:
 
 
 def _laws(elements: tuple[Element, ...]) -> Laws:
-    """The elements' laws in SI; tables are filled up to one length with their last stiffness, metre by metre."""
+    """The elements' laws in SI. Rows that repeat the last stiffness, a metre apart, bring tables to one length."""
     kind = np.array([KINDS[e.law] for e in elements])
     rows = max(len(e.stiffness_table or ()) for e in elements) or 1
     table = np.zeros((len(elements), rows, 2))
@@ -117,10 +117,7 @@ def _laws(elements: tuple[Element, ...]) -> Laws:
 
 
 def _contacts_between_cam_and_valve(a, b, contact, cam_driven, valve) -> tuple[int, ...]:
-    """Contacts on the way from the cam-driven element to the valve, the ground not being a way.
-
-    A contact pushes from `a` to `b` only: one that stands the other way round is no way to the valve.
-    """
+    """Contacts on the way from the cam-driven element to the valve; no way leads over the ground."""
     if valve < 0:
         return ()
     for first in np.flatnonzero(cam_driven & (b != GROUND)):

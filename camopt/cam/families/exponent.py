@@ -1,7 +1,8 @@
 """Exponent polynomial: the lift law of Eq. (1) of Kodama et al. as the cam lift itself, without dynamic correction.
 
-Often miscalled Polydyne. Its powers are those of Dudley (1948); five exponents meet five conditions where the flank
-meets the ramp: its height, its velocity, and no acceleration, jerk or snap there. The maximum lift is the sixth.
+It is often miscalled Polydyne. Its powers are those of Dudley (1948). The five exponents meet five conditions where the
+flank meets the ramp: the ramp's height, its velocity, and no acceleration, jerk or snap. The maximum lift is the sixth
+condition.
 """
 
 import numpy as np

@@ -18,10 +18,10 @@ from camopt.scene.units import DEG, MM
 
 
 def equivalent_train(train: Train) -> tuple[float, float, float]:
-    """Stiffness cam to valve k_e [N/m], spring rate at the valve k_sp [N/m] and moving mass M [kg] (Eq. (2)).
+    """(stiffness between cam and valve k_e [N/m], spring rate at the valve k_sp [N/m], moving mass M [kg]) of Eq. (2).
 
-    Static condensation to the valve with the contacts between cam and valve closed and the seat open; M weighs each
-    mass with the square of its share in a slow lift of the valve (Rayleigh).
+    The train is condensed statically to the valve, with the contacts between cam and valve closed and the seat open. M
+    weighs each mass with the square of its share in a slow lift of the valve (Rayleigh).
     """
     closed = ~train.contact | (train.preload > 0)  # a spring may be declared as a preloaded contact
     closed[train.seat] = False
@@ -41,7 +41,7 @@ def equivalent_train(train: Train) -> tuple[float, float, float]:
 
 
 def _condensed(stiffness: np.ndarray, kept: int) -> float:
-    """Stiffness seen at one mass when all others follow freely."""
+    """Stiffness [N/m] at the mass `kept` when all other masses follow freely."""
     unit = np.eye(len(stiffness))[kept]
     return 1.0 / float(np.linalg.solve(stiffness, unit)[kept])
 
@@ -55,10 +55,10 @@ def polydyne(
 ) -> Lift:
     """The Polydyne cam of a scene's duration, maximum lift and ramps.
 
-    `exponents`: five distinct numbers from 2 up, integers or at least 8; `design_speed_rpm`: crankshaft speed at which
-    the valve follows y exactly, the highest listed by default; `dynamic`: A [] and B [rad^2] in place of the train's.
-    `ramp_height_mm` replaces the scene's on both sides (the paper's Table 4 uses 0.250). The cam is symmetric.
-    Raises InputError for unusable exponents or a scene whose two ramps differ.
+    `exponents` are five distinct numbers from 2 up, integers or at least 8. `design_speed_rpm` is the crankshaft speed
+    at which the valve follows y exactly, by default the highest one listed. `dynamic` gives A [] and B [rad^2] in place
+    of the train's. `ramp_height_mm` replaces the scene's on both sides (the paper's Table 4 uses 0.250). The cam is
+    symmetric. Raises InputError for unusable exponents or a scene whose two ramps differ.
     """
     powers = checked_exponents(exponents, "polydyne")
     design, operation = scene.design, scene.operation
@@ -81,7 +81,7 @@ def polydyne(
 
 
 def checked_exponents(exponents: tuple[float, ...], family: str) -> np.ndarray:
-    """The exponents (5) as numbers; InputError where they are not five distinct usable ones."""
+    """The exponents (5) as numbers; raises InputError where they are not five distinct and usable numbers."""
     powers = np.array(exponents, dtype=float)
     if len(powers) != 5 or len(set(exponents)) != 5 or powers.min() < 2 or not np.all(np.isfinite(powers)):
         raise InputError(f"{family}: exponents {exponents}: five distinct numbers from 2 up are needed")
@@ -133,8 +133,11 @@ def event_pieces(
 
 
 def piece_shares(powers: np.ndarray) -> np.ndarray:
-    """Ascending borders in [0, 1] of the pieces of sum C_i x^p_i: at each as wide as x^p (p width / x)^12 <= 1 allows,
-    which keeps the error of `osculating_pieces` everywhere at its bound. They widen towards the nose."""
+    """Ascending borders in [0, 1] of the pieces of sum C_i x^p_i.
+
+    Each piece is as wide as x^p (p width / x)^12 <= 1 allows, which keeps the error of `osculating_pieces` at its bound
+    everywhere. The pieces widen towards the nose.
+    """
     high = powers[powers >= 2 * MATCHED]  # lower powers are met exactly
     borders = [1.0]
     while borders[-1] > 0.0:

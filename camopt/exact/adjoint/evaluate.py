@@ -1,4 +1,7 @@
-"""Values of a traced motion with their cotangents: metrics and samples; and how near it is to grazing."""
+"""Metrics and samples of a traced motion with their cotangents, and how near the motion is to grazing.
+
+A motion grazes where a contact only just touches, or only just fails to: there its gradient is one-sided.
+"""
 
 import numba
 import numpy as np
@@ -12,7 +15,10 @@ from camopt.exact.kernel.revolution import element_forces
 
 @numba.njit(cache=True, nogil=True)
 def evaluate(s, trace, seeds, metrics, weights, turn, values):
-    """Fills values (l, 2: value, runner-up) of metrics in a revolution; `seeds` then holds their weighted sum's."""
+    """Fills values (l, 2: value, runner-up) of the metrics of a revolution.
+
+    `seeds` then holds the cotangents of the sum of the values, each times its weight.
+    """
     clear(seeds, len(trace.length))
     for i in range(len(metrics)):
         seeds.weight[0] = weights[i]
@@ -22,7 +28,10 @@ def evaluate(s, trace, seeds, metrics, weights, turn, values):
 
 @numba.njit(cache=True, nogil=True)
 def closings_margin(s, trace):
-    """(slowest closing of a damped contact [m/s], smallest separation at which one turned back [m]); inf for none."""
+    """(slowest closing of a damped contact [m/s], smallest separation at which one turned back [m]).
+
+    Each is infinite where nothing of the kind happens.
+    """
     approach, gap = np.inf, np.inf
     train = s.train
     for k in range(len(trace.length)):
@@ -38,7 +47,7 @@ def closings_margin(s, trace):
 
 @numba.njit(cache=True, nogil=True)
 def sample(s, trace, segments, lengths, rows):
-    """Fills rows (m, 2n + 2 + e) with x, v, lift, lift velocity and the elements' forces at instants."""
+    """Fills rows (m, 2n + 2 + e) with x, v, lift, lift velocity and the elements' forces at m instants, all in SI."""
     n = len(s.train.mass)
     for i in range(len(segments)):
         y, slot = state_at(s, trace, segments[i], lengths[i]), trace.slot[segments[i]]
@@ -50,7 +59,7 @@ def sample(s, trace, segments, lengths, rows):
 
 @numba.njit(cache=True, nogil=True)
 def collect(s, trace, seeds, segments, lengths, bar):
-    """Fills `seeds` with the cotangents bar (m, 2n + 2 + e) of what `sample` gives."""
+    """Fills `seeds` with the cotangents bar (m, 2n + 2 + e) of the rows that `sample` fills."""
     n2 = 2 * len(s.train.mass)
     clear(seeds, len(trace.length))
     for i in range(len(bar)):

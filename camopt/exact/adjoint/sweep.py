@@ -1,11 +1,12 @@
 """The discrete adjoint of event-exact: one sweep back over a trace, with the saltation where a damped contact closes.
 
-At a fixed time, a change of the state passes a segment by the exact propagator, so a cotangent goes back by its
-transpose. At a switching the vector field jumps only where a contact closes (its force sets in at damping * d'); a
-change of the switching time, -dm / d' with m the compression beyond the touch, then changes the state by the jump of
-the field (saltation; Aizerman and Gantmakher 1958, Hiskens and Pai 2000). The jump is
-proportional to d', so their quotient, the damping over the masses, is regular however slow the contact closes. At
-every other switching the field is continuous and the saltation matrix is the identity.
+Within a segment, the exact propagator carries a change of the state forward, so its transpose carries a cotangent back.
+At a switching the accelerations jump only where a contact closes, because its force sets in at damping * d'. With m the
+compression beyond the touch, a change dm of it moves the switching time by -dm / d', and the state behind the switching
+then changes by that time multiplied by the jump of the accelerations (saltation; Aizerman and Gantmakher 1958, Hiskens
+and Pai 2000). The jump is proportional to d', so that the quotient, the damping over the masses, is regular however
+slowly the contact closes. At every other switching the accelerations are continuous and the saltation matrix is the
+identity.
 """
 
 import numba
@@ -17,7 +18,7 @@ from camopt.exact.kernel.instants import compression, state_at
 from camopt.exact.kernel.propagators import ACTING, SEPARATED
 
 MOST_POINTS = 14
-"""Gauss points in one segment at most."""
+"""Largest number of Gauss points in one segment."""
 POINTS, SHARES = np.zeros((2, MOST_POINTS + 1, MOST_POINTS))
 for _n in range(1, MOST_POINTS + 1):
     _x, _w = np.polynomial.legendre.leggauss(_n)
@@ -26,7 +27,10 @@ for _n in range(1, MOST_POINTS + 1):
 
 @numba.njit(cache=True, nogil=True)
 def lift_back(bar, offset, scale, by_piece):
-    """Adds to by_piece (q) what a cotangent `bar` (q, destroyed) of `lift_series` is by the piece's coefficients."""
+    """Adds to by_piece (q) the cotangent by a piece's coefficients that follows from `bar`.
+
+    `bar` (q) is the cotangent of what `lift_series` gives; it is destroyed.
+    """
     q, power = len(bar), 1.0
     for k in range(q):
         bar[k] *= power
@@ -41,7 +45,10 @@ def lift_back(bar, offset, scale, by_piece):
 
 @numba.njit(cache=True, nogil=True)
 def lift_point_back(lift_bar, rate_bar, offset, cam_speed, by_piece):
-    """The same for a cotangent of the lift [m] and its velocity [m/s] at one angle `offset` from the piece's start."""
+    """Adds to by_piece (q) the cotangent that follows from those of the lift [m] and its velocity [m/s] at one angle.
+
+    The angle is `offset` [rad] from the piece's start.
+    """
     power, before = 1.0, 0.0
     for k in range(len(by_piece)):
         by_piece[k] += lift_bar * power + rate_bar * cam_speed * k * before
@@ -77,7 +84,7 @@ def switch_back(s, trace, seeds, k, bar, by_coefficients, by_element):
 
 @numba.njit(cache=True, nogil=True)
 def forces_back(train, state, h, y, bar, share, by_mass, by_element):
-    """Adds share times the cotangent `bar` (2n + q) times the change of every acceleration by the parameters."""
+    """Adds share times the cotangent `bar` (2n + q) times the derivatives of all accelerations by the parameters."""
     n = len(train.mass)
     for m in range(n):  # -bar_v / mass * acceleration, the acceleration force by force
         push = share * bar[n + m] / train.mass[m]
@@ -111,9 +118,10 @@ def forces_back(train, state, h, y, bar, share, by_mass, by_element):
 
 @numba.njit(cache=True, nogil=True)
 def parameters_back(s, trace, k, length, bar, linear, square, by_mass, by_element, work):
-    """Adds the integral of cotangent times change of the forces, over the segment's start to `length`.
+    """Adds what the parameters contribute between the start of segment k and the instant `length` steps later.
 
-    `bar` (2n) is the cotangent there, `linear` and `square` those of the seat's integrals on the way.
+    That is the integral of the cotangent times the derivatives of the accelerations. `bar` (2n) is the cotangent at
+    `length`; `linear` and `square` are those of the integrals of the seat's distance and its square on the way.
     """
     # the product of state and cotangent turns by 3 rad per step at most: so many points leave 1e-7 of the highest mode
     slot, h, count = trace.slot[k], s.step, min(int(np.ceil(1.25 * length)) + 4, MOST_POINTS)

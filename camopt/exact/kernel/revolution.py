@@ -1,4 +1,4 @@
-"""One revolution, event-exact: spans by the exact propagator, jumps to the switchings and piece borders inside them."""
+"""One event-exact revolution: it goes span by span, and stops at the switchings and piece borders inside a span."""
 
 import numba
 import numpy as np
@@ -13,9 +13,9 @@ DONE, NEED_TABLES, CHATTER, NOT_FINITE, TRACE_FULL = 0, 1, 2, 3, 4
 
 @numba.njit(cache=True, nogil=True)
 def lift_series(piece, offset, scale, u):
-    """Coefficients u (q) of the lift in tau about the angle `offset` [rad] inside a piece (q, m/rad^k).
+    """Writes to u (q) the coefficients of the lift in tau about the angle `offset` [rad] inside a piece (q, m/rad^k).
 
-    `scale` [rad] is the angle per tau. Returns how many of them to use: none on the base circle.
+    `scale` [rad] is the angle per tau. Returns how many coefficients are to be used: none on the base circle.
     """
     q, still = len(piece), True
     for k in range(q):
@@ -36,7 +36,7 @@ def lift_series(piece, offset, scale, u):
 
 @numba.njit(cache=True, nogil=True)
 def element_forces(train, status, lift, lift_rate, x, v, force):
-    """Forces (e) as the elements exert them; where a contact lets go it is zero but for rounding."""
+    """Writes to force (e) the forces [N] that the elements exert; where a contact lets go, rounding may be left."""
     for e in range(len(train.a)):
         d, rate = -train.gap[e], 0.0
         if train.a[e] >= 0:
@@ -55,7 +55,7 @@ def element_forces(train, status, lift, lift_rate, x, v, force):
 
 @numba.njit(cache=True, nogil=True)
 def classify(train, lift, lift_rate, x, v, status):
-    """Contact states of an arbitrary state: pushing where both the elastic and the whole force are positive."""
+    """Writes the contact states of an arbitrary state: a contact pushes if its elastic and whole force are positive."""
     whole = np.zeros(len(train.a))
     status[:] = ACTING
     element_forces(train, status, lift, lift_rate, x, v, whole)
@@ -75,7 +75,7 @@ def classify(train, lift, lift_rate, x, v, status):
 
 @numba.njit(cache=True, nogil=True)
 def find(keys, status, contact):
-    """(slot of the tables for a state of the contacts or -1, its key)."""
+    """(slot of the tables for a state of the contacts, -1 where they are not built yet; key of that state)."""
     key, digit = 0, 1
     for e in range(len(contact)):
         if contact[e]:
@@ -101,8 +101,13 @@ def record(rows, count, t, train, status, y, h):
 
 @numba.njit(cache=True, nogil=True)
 def next_stop(cam, piece, t, target, step):
-    """(border, target, end) of the span that begins at t [s]: where the lift's piece ends, where the span was to end
-    (moved onto a border within its rounding), and the earlier of the two."""
+    """Runs one revolution from `state` (2n), which it changes in place.
+
+    Returns (code, number of samples or missing key, number of switchings). Where `rows` has room, the motion is sampled
+    at every span, switching and border; otherwise only the end is found. Where `trace` has room, every segment is
+    written there and segments are counted in place of samples. At most `most` switchings are allowed. `cam` holds the
+    borders and coefficients of the lift's pieces and the cam speed [rad/s].
+
     last = piece + 2 >= len(cam.borders)
     border = 2.0 * np.pi / cam.speed if last else (cam.borders[piece + 1] - cam.borders[0]) / cam.speed
     if abs(target - border) < 1e-11 * step:

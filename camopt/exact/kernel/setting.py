@@ -1,4 +1,4 @@
-"""What a traced motion runs under, as the compiled code reads it, and the run itself."""
+"""The train, cam and tables of a traced motion as the compiled code reads them, and the run itself."""
 
 from functools import lru_cache
 from threading import Lock
@@ -14,7 +14,7 @@ from camopt.exact.kernel.trace import later
 
 
 class Setting(NamedTuple):
-    """A train with n masses and e elements, s contact states deep, a cam of p pieces and its speed."""
+    """A train with n masses, e elements and tables for s contact states; a cam of p pieces and its speed."""
 
     train: TrainArrays
     cam: CamArrays
@@ -31,7 +31,7 @@ class Setting(NamedTuple):
 
 
 class SlotTables:
-    """Per contact state what the adjoint needs beside the propagators, added as those are."""
+    """What the adjoint needs for each contact state beside the propagators; it grows as they do."""
 
     def __init__(self, tables: Propagators):
         self._tables, self._lock = tables, Lock()
@@ -65,7 +65,8 @@ class SlotTables:
         return status, built.motion[slot, :-1].T.copy(), self._integral(built, slot, status)
 
     def _integral(self, built: Tables, slot: int, status: np.ndarray) -> np.ndarray:
-        """From the seat's power series while it is apart, step by step; else zero."""
+        """The rows of `Setting.integral` for one contact state: from the seat's power series while the seat is apart,
+        step by step, and zero otherwise."""
         train, c, steps = self._tables.train, built.steps.shape[2], self._tables.at_once
         rows = np.zeros((steps + 1, c))
         if train.seat < 0 or status[train.seat] != SEPARATED:
@@ -86,9 +87,10 @@ def slot_tables(tables: Propagators) -> SlotTables:
 
 @numba.njit(cache=True, nogil=True)
 def follow(train, cam, step, tables, state, revolutions, most, rows, trace):
-    """Whole revolutions from `state` (2n, changed in place) into the trace.
+    """Writes whole revolutions from `state` (2n), which is changed in place, into the trace.
 
-    Returns (code, segments or missing key, switchings). `rows` is what `revolve` samples into: none here.
+    Returns (code, number of segments or missing key, number of switchings). `rows` is where `revolve` would write
+    samples; here it has no room for any.
     """
     used, total = 0, 0
     for turn in range(revolutions):
