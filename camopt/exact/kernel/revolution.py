@@ -1,4 +1,4 @@
-"""One event-exact revolution: it goes span by span, and stops at the switchings and piece borders inside a span."""
+"""One revolution, event-exact: spans by the exact propagator, jumps to the switchings and piece borders inside them."""
 
 import numba
 import numpy as np
@@ -13,9 +13,9 @@ DONE, NEED_TABLES, CHATTER, NOT_FINITE, TRACE_FULL = 0, 1, 2, 3, 4
 
 @numba.njit(cache=True, nogil=True)
 def lift_series(piece, offset, scale, u):
-    """Writes to u (q) the coefficients of the lift in tau about the angle `offset` [rad] inside a piece (q, m/rad^k).
+    """Coefficients u (q) of the lift in tau about the angle `offset` [rad] inside a piece (q, m/rad^k).
 
-    `scale` [rad] is the angle per tau. Returns how many coefficients are to be used: none on the base circle.
+    `scale` [rad] is the angle per tau. Returns how many of them to use: none on the base circle.
     """
     q, still = len(piece), True
     for k in range(q):
@@ -75,7 +75,7 @@ def classify(train, lift, lift_rate, x, v, status):
 
 @numba.njit(cache=True, nogil=True)
 def find(keys, status, contact):
-    """(slot of the tables for a state of the contacts, -1 where they are not built yet; key of that state)."""
+    """(slot of the tables for a state of the contacts or -1, its key)."""
     key, digit = 0, 1
     for e in range(len(contact)):
         if contact[e]:
@@ -101,13 +101,8 @@ def record(rows, count, t, train, status, y, h):
 
 @numba.njit(cache=True, nogil=True)
 def next_stop(cam, piece, t, target, step):
-    """Runs one revolution from `state` (2n), which it changes in place.
-
-    Returns (code, number of samples or missing key, number of switchings). Where `rows` has room, the motion is sampled
-    at every span, switching and border; otherwise only the end is found. Where `trace` has room, every segment is
-    written there and segments are counted in place of samples. At most `most` switchings are allowed. `cam` holds the
-    borders and coefficients of the lift's pieces and the cam speed [rad/s].
-
+    """(border, target, end) of the span that begins at t [s]: where the lift's piece ends, where the span was to end
+    (moved onto a border within its rounding), and the earlier of the two."""
     last = piece + 2 >= len(cam.borders)
     border = 2.0 * np.pi / cam.speed if last else (cam.borders[piece + 1] - cam.borders[0]) / cam.speed
     if abs(target - border) < 1e-11 * step:
@@ -144,10 +139,11 @@ def begin(train, cam, h, state, y, status):
 
 @numba.njit(cache=True, nogil=True)
 def revolve(train, cam, h, tables, state, rows, trace, most):
-    """One revolution from `state` (2n, changed in place); returns (code, samples or missing key, switchings).
+    """Runs one revolution from `state` (2n), which it changes in place.
 
-    With `rows` it is sampled at every span, switching and border; without (no rows), only the end is found. With room
-    in `trace` every segment is written there and counted instead. `most` switchings are allowed.
+    Returns (code, number of samples or missing key, number of switchings). Where `rows` has room, the motion is sampled
+    at every span, switching and border; otherwise only the end is found. Where `trace` has room, every segment is
+    written there and segments are counted in place of samples. At most `most` switchings are allowed.
     """
     n2, q, period, scale = len(state), cam.pieces.shape[1], 2.0 * np.pi / cam.speed, cam.speed * h
     sampled, traced, span = len(rows) > 0, len(trace.length) > 0, (tables.steps.shape[1] - 1) * h
