@@ -148,7 +148,7 @@ class TestNotes:
 def test_table_that_ends_compare(tmp_path):
     rows = [
         ("design", 5000, 0.58, 0.01, 0.02, 0.001, "confirmed", ""),
-        ("design", 6000, 0.58, 0.03, 0.04, 0.002, "sensitive", "bounce_mm"),
+        ("design", 6000, 0.58, 0.03, 0.04, 0.002, "sensitive", "jump_mm at 6000 r/min; jump_mm at 6500 r/min"),
         ("multi-pol (no jerk limit)", 5000, 0.6, None, None, 0.1, "rejected", "jerk_max_mm_per_deg3; bounce_mm"),
         ("multi-pol (no jerk limit)", 6000, 0.6, 0.5, 0.5, 0.3, "rejected", "jerk_max_mm_per_deg3; jump_mm"),
         (
@@ -166,7 +166,7 @@ def test_table_that_ends_compare(tmp_path):
     write_csv(tmp_path / "comparison.csv", dict(zip(names, map(list, zip(*rows, strict=True)), strict=True)))
     head, *lines = comparison_lines(tmp_path)
     assert head.split() == ["cam", "area", "ratio", "bounce", "mm", "jump", "mm", "verdict", "broken"]
-    assert lines[0].split() == ["design", "0.5800", "0.0400", "0.0020", "sensitive", "bounce_mm"]
+    assert lines[0].split() == ["design", "0.5800", "0.0400", "0.0020", "sensitive", "jump_mm"]
     assert lines[1].split("  ")[0] == "multi-pol (no jerk limit)"
     assert lines[1].endswith("0.6000     0.5000   0.3000  rejected   jerk_max_mm_per_deg3, bounce_mm, jump_mm")
     assert lines[2].split()[:5] == ["new-design", "none", "none", "none", "rejected"]

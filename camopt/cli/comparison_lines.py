@@ -1,6 +1,7 @@
 """The table that ends `camopt compare`: a line per cam of comparison.csv, its worst over the speeds."""
 
 import csv
+import re
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -8,6 +9,7 @@ VERDICTS = ("confirmed", "sensitive", "not converged", "rejected")
 """From the best to the worst; a cam's is the worst of its speeds."""
 BROKEN_WIDTH = 48
 """Characters of what is broken that a line shows; comparison.csv holds all of it."""
+_AT_SPEED = re.compile(r" at [\d.e+]+ r/min$")
 HEAD = ("cam", "area ratio", "bounce mm", "jump mm", "verdict", "broken")
 
 
@@ -22,7 +24,8 @@ def comparison_lines(folder: Path) -> list[str]:
 
 
 def _line(rows: list[dict[str, str]]) -> tuple[str, ...]:
-    broken = ", ".join(dict.fromkeys(name for row in rows for name in row["broken"].split("; ") if name))
+    named = (_AT_SPEED.sub("", name) for row in rows for name in row["broken"].split("; ") if name)
+    broken = ", ".join(dict.fromkeys(named))
     shown = broken if len(broken) <= BROKEN_WIDTH else broken[: BROKEN_WIDTH - 3] + "..."
     verdict = max((row["verdict"] for row in rows), key=lambda word: VERDICTS.index(word) if word in VERDICTS else 99)
     ratio = f"{float(rows[0]['area_ratio']):.4f}" if rows[0]["area_ratio"] else "none"
