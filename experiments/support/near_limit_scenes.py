@@ -15,19 +15,19 @@ SPREAD = 0.2
 BAND_RPM = 200, 300
 """Width of the band of speeds."""
 KINDS = (
-    {"name": "bucket-light-coils", "masses": 1, "coils": (2,), "ratio": LIGHT},
+    {"name": "bucket-light-coils", "masses": 1, "coils": (2,), "ratio": LIGHT, "faster": 1.04},
     {"name": "finger-light-coils", "masses": 2, "coils": (2,), "ratio": LIGHT},
     {"name": "pushrod-light-coils", "masses": 3, "coils": (2,), "ratio": LIGHT},
-    {"name": "pushrod-elastic", "masses": 3, "coils": (1,), "softer": 0.4, "slower": 0.85},
-    {"name": "bucket-unequal-ramps", "masses": 1, "coils": (1,), "ramps": True},
+    {"name": "pushrod-elastic", "masses": 3, "coils": (1,), "softer": 0.5, "faster": 0.63},
+    {"name": "bucket-unequal-ramps", "masses": 1, "coils": (1,), "ramps": True, "faster": 1.03},
     {"name": "finger-unequal-ramps", "masses": 2, "coils": (), "ramps": True},
-    {"name": "bucket-nested-springs", "masses": 1, "coils": (2, 1), "ratio": LIGHT, "slower": 0.75},
+    {"name": "bucket-nested-springs", "masses": 1, "coils": (2, 1), "ratio": LIGHT, "faster": 0.85},
     {"name": "finger-nested-springs", "masses": 2, "coils": (1, 1)},
     {"name": "bucket-heavy", "masses": 1, "coils": (2,), "heavier": 1.8},
-    {"name": "finger-light", "masses": 2, "coils": (1,), "heavier": 0.55, "slower": 1.1},
+    {"name": "finger-light", "masses": 2, "coils": (1,), "heavier": 0.55, "faster": 1.15},
 )
 """What is drawn: masses from cam to valve, lumped masses of each spring's chain of coils, and what is special. Where a
-drawn train reaches its limits far above or below the speed that its spring just holds, the band lies there ("slower").
+drawn train reaches its limits far above or below the speed that its spring just holds, the band lies there ("faster").
 """
 MASSES_KG = {1: (0.12,), 2: (0.05, 0.085), 3: (0.055, 0.04, 0.125)}
 NAMES = {1: ("valve",), 2: ("follower", "valve"), 3: ("lifter", "rocker", "valve")}
@@ -87,7 +87,7 @@ def drawn_scene(number: int, seed: int = 13) -> Scene:
         masses, elements = masses + more_masses, elements + more_elements
     inertia = sum(m["mass_kg"] for m in masses[:count]) + coil_mass / 3
     top = np.sqrt((preload + stiffness * 8.5e-3) / (inertia * NOSE_M_PER_RAD2)) * 60 / np.pi
-    top *= around(0.95) * kind.get("slower", 1.0)
+    top *= around(0.95) * kind.get("faster", 1.0)
     width = rng.uniform(*BAND_RPM)
     band = [float(round(top - width)), float(round(top))]
     operation = {"speeds_rpm": [band[1]], "band_rpm": band}
