@@ -67,7 +67,7 @@ except ImportError:
 live
 
 # %% [markdown]
-# The verdict on each: methods that share no code with the optimiser must agree, and every limit must hold. Families
+# The verdict on each: independent methods must agree on the motion, and every limit must hold. Families
 # that leave a limit out, as Polydyne leaves the jerk, are rejected by name of that limit.
 
 # %%

@@ -1,4 +1,4 @@
-"""The names that design.md section 7 promises: each exists, says shapes, units and errors, and is in the guide."""
+"""The names that README and notebooks promise: each exists, says shapes, units and errors, and is in the guide."""
 
 import ast
 import inspect

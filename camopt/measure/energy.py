@@ -6,7 +6,7 @@ With compressions d and elastic forces p = preload + k d the equations of motion
     damped = int c d'^2 dt (acting elements) + int c v^2 dt (masses),
 and `left` is what a contact still holds when its force reaches zero: -int p d' dt while it is compressed without force.
 That is U(opening) where it separates and U(opening) - U(closing) where it closes again, U = p^2 / (2 k), so nothing is
-counted that comes back (design.md section 2). The contact law is written here once more, and from the motion alone: the
+counted that comes back (docs/model.md). The contact law is written here once more, and from the motion alone: the
 balance closes only if the method that made the record integrated these equations.
 """
 

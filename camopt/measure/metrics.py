@@ -1,4 +1,4 @@
-"""The metrics of a recorded motion (design.md section 4): one value per revolution, from piecewise cubics in NumPy.
+"""The metrics of a recorded motion (docs/model.md): one value per revolution, from piecewise cubics in NumPy.
 
 The seat force becomes positive where the signed distance s falls through zero: a closing contact is compressed and
 pushes from there on. So the touch is the root of s, not the first sample that shows a force.

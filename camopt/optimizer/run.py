@@ -69,8 +69,8 @@ def optimize(
     """Design the cam of largest area that a scene's limits allow, and have it verified and compared.
 
     `speeds` "band" (every speed of the scene's band) or "nominal" (its listed speeds (k) [r/min]); `accuracy` a name of
-    `camopt.optimizer.accuracy`; `gradient` "smooth", "exact" or "none". The run folder of design.md section 7 goes
-    to `out` (default runs/<scene>-<UTC time>), but for report.html, which `camopt.report` makes from it. With `resume`
+    `camopt.optimizer.accuracy`; `gradient` "smooth", "exact" or "none". The run folder (docs/run-folder.md) goes to
+    `out` (default runs/<scene>-<UTC time>), but for report.html, which `camopt.report` makes from it. With `resume`
     an interrupted run in `out` goes on and ends in the same design. `seed`, where it is not zero, draws the knots to
     start from. Raises InputError for contradictory limits, an unusable folder, or a scene without a confirmed cam.
     """

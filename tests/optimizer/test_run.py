@@ -21,6 +21,7 @@ from camopt.report import write_report
 from camopt.scene import InputError, build_train, load_scene
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3
 from camopt.verifier.methods import rkg
+from tests.test_docs import undocumented
 
 DELIVERED = Path(__file__).parents[1] / "data" / "kodama-design.json"  # camopt optimize kodama
 
@@ -55,6 +56,11 @@ def test_run_folder_holds_the_contract(plain):
     assert scene == load_scene("motori-1")
     again = read_design(folder / "design.json", scene)
     assert again.area_ratio(9.4 * MM) == pytest.approx(record["area_ratio"], rel=1e-12)
+
+
+def test_the_page_of_the_run_folder_names_every_file_and_key(plain):
+    write_report(plain.folder)
+    assert undocumented(plain.folder) == set()
 
 
 def test_verdict_is_confirmed_and_compared(plain):

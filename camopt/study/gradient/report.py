@@ -79,7 +79,7 @@ class GradientReport:
     metrics: dict[str, MetricReport] = field(default_factory=dict)
 
     def as_dict(self) -> dict:
-        """Content of `gradient --json` (design.md section 7)."""
+        """Content of `gradient --json` (docs/run-folder.md)."""
         return {
             "speed_rpm": self.speed_rpm,
             "bumps": self.bumps,

@@ -1,4 +1,4 @@
-"""What accuracy costs on a scene: every method and every dial of the job, error against time (design.md section 6).
+"""What accuracy costs on a scene: every method and every dial of the job, error against time.
 
 Measurements are lines of `measured.jsonl`, each written once it is known, so that an interrupted run goes on where it
 stood; `tradeoff.csv`, `setup.csv`, the figures and the words are made from these lines.
