@@ -191,7 +191,7 @@ class _Search:
         """How bad a member is."""
         try:
             lift = self.space.member(x)
-        except (InputError, np.linalg.LinAlgError):
+        except InputError:
             return 3.0
         over = excess(lift, self.design)
         if over > 0:

@@ -104,13 +104,13 @@ def polydyne(
         lift = with_ramps(borders, pieces, ramp, ramp, "polydyne", parameters)
     except (np.linalg.LinAlgError, ValueError):
         raise InputError(_left("its six conditions have no common solution", parameters, half)) from None
-    if why := _no_member(lift, design.max_lift_mm * MM, ramp):
+    if why := no_member(lift, design.max_lift_mm * MM, ramp):
         raise InputError(_left(why, parameters, half))
     return lift
 
 
-def _no_member(lift: Lift, top: float, ramp: Ramp) -> str:
-    """Why a solution of the six conditions is no Polydyne cam under the maximum lift `top` [m]; "" where it is one."""
+def no_member(lift: Lift, top: float, ramp: Ramp) -> str:
+    """Why a solution of the six conditions is no cam under the maximum lift `top` [m], as a clause; "" where it is."""
     half, largest = lift.half_duration, lift.max_lift
     slowest, fastest = lift.extremes(1, -half, 0.0)
     missed = abs(lift(-half) - ramp.height) / top, abs(lift(-half, 1) / ramp.velocity - 1), abs(lift(0.0) / top - 1)
