@@ -167,7 +167,7 @@ def comparison_rows(scene: Scene, name: str, lift: Lift, verdict: Verdict) -> li
                 "cam": name,
                 "limits": limits,
                 "speed_rpm": found.speed_rpm,
-                "area_ratio": lift.area_ratio(design.max_lift_mm * MM),
+                "area_ratio": lift.area_ratio_in(design),
                 "acceleration_max_mm_per_deg2": high,
                 "acceleration_min_mm_per_deg2": low,
                 "jerk_max_mm_per_deg3": jerk,
