@@ -6,6 +6,7 @@ each through the whole job at draft accuracy, comparison included. A crash, or a
 
 import tempfile
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -105,7 +106,7 @@ def spring(rng, masses: list[dict], valve: str, rate: float, preload: float, coi
     masses += [{"name": name, "mass_kg": weight / (coils + 1)} for name in names[1:-1]]
     ratio = float(rng.uniform(*COIL_DAMPING))
     damping = 2 * ratio * np.sqrt(one * weight / (coils + 1))
-    ends = zip(names[:-1], names[1:], strict=True)
+    ends = pairwise(names)
     return [{"name": f"spring_{i + 1}", "kind": "spring", "between": list(pair), "stiffness_N_per_m": one,
              "damping_N_s_per_m": float(damping), "preload_N": preload} for i, pair in enumerate(ends)]  # fmt: skip
 
