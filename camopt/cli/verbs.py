@@ -21,6 +21,7 @@ def optimize(args: Namespace) -> int:
     scene = _scene_of(args)
     folder = _run_folder(args, scene.name)
     from camopt.optimizer.run import optimize as run
+    from camopt.report import write_report
 
     result = run(
         scene,
@@ -31,9 +32,8 @@ def optimize(args: Namespace) -> int:
         seed=args.seed,
         resume=args.resume,
         progress=not args.quiet,
+        designed=write_report,
     )
-    from camopt.report import write_report
-
     page = write_report(result.folder)
     _print_outcome(result)
     print(f"run folder: {result.folder}, report: {page}")
@@ -72,6 +72,7 @@ def verify(args: Namespace) -> int:
         print("  ".join(shown), f" {row['verdict']}")
     broken = f" (broken: {', '.join(map(str, content['broken']))})" if content["broken"] else ""
     print(report.accuracy["statement"])
+    _print_area_words(lift, scene)
     print(f"verdict: {report.verdict}{broken}")
     return 0 if report.verdict == "confirmed" else 3
 
@@ -110,6 +111,8 @@ def compare(args: Namespace) -> int:
 
     comparison(scene, designs, folder, baselines=args.baselines, progress=not args.quiet)
     print("\n".join(comparison_lines(folder)))
+    for name, lift in designs.items():
+        _print_area_words(lift, scene, f"{name}: ")
     print(f"comparison: {folder}")
     return 0
 
@@ -124,6 +127,7 @@ def cam(args: Namespace) -> int:
 
     export(scene, lift, args.csv, args.contour, args.step_deg, args.digits)
     print("\n".join(sheet(scene, lift, args.speed)))
+    _print_area_words(lift, scene)
     return 0
 
 
@@ -246,6 +250,14 @@ def _run_folder(args: Namespace, name: str) -> Path:
     check_run_folder(folder, resume)
     args.folder = folder
     return folder
+
+
+def _print_area_words(lift, scene, whose: str = "") -> None:
+    """What must be said of a cam's duration and area ratio, a line each."""
+    from camopt.optimizer.bound.area_words import area_words
+
+    for sentence in area_words(lift, scene.design):
+        print(f"note: {whose}{sentence}")
 
 
 def _cam_of(args: Namespace, scene):
