@@ -9,13 +9,15 @@ from scipy.interpolate import PPoly
 from camopt.cam.lift import Lift, lift_table
 from camopt.cam.table_file import TableText, parsed
 from camopt.cam.table_smoothing import smoothed
-from camopt.cam.table_spline import centred, event_borders, table_pieces
+from camopt.cam.table_spline import centred, event_borders, own_pieces, spline_pieces
 from camopt.scene import InputError, Scene
 from camopt.scene.units import DEG, MM
 from camopt.storage import write_csv
 
 FEWEST_ROWS = 20
 MOST_ROWS = 20_000
+DERIVATIVES = {"velocity_mm_per_deg": 1, "acceleration_mm_per_deg2": 2}
+"""Columns of camopt's own tables that are read beside the lift, and their order."""
 LIFT_UNITS_MM = {"mm": 1.0, "m": 1e3, "inch": 25.4}
 ANGLE_KINDS = ("cam", "crank")
 PLAUSIBLE = 10.0
@@ -26,8 +28,6 @@ PLAUSIBLE_DURATION = 1.8
 
 def write_lift_table(path: str | Path, lift: Lift, step_deg: float = 0.1) -> None:
     """Writes `lift.csv`: angle, lift, velocity, acceleration and jerk with every digit, -180 to 180 deg."""
-    if not (step_deg > 0 and abs(round(360 / step_deg) * step_deg - 360) < 1e-9 * 360 / step_deg):
-        raise InputError(f"lift table: step {step_deg} deg: a step that divides 360 deg is needed")
     write_csv(path, lift_table(lift, step_deg))
 
 
@@ -40,12 +40,12 @@ def read_lift_table(
 ) -> Lift:
     """The lift law of a table: camopt's own unsmoothed, any other smoothed within its noise.
 
-    A table with the columns cam_angle_deg and lift_mm (camopt's own) needs no more; its duration is the scene's, and a
-    quintic spline passes through every row. Any other needs `table_angle` (cam, crank) and `table_lift` (mm, m, inch),
+    A table with the columns cam_angle_deg and lift_mm (camopt's own) needs no more: it passes through every row, and
+    meets velocity and acceleration where they stand beside the lift. Any other needs `table_angle` (cam, crank) and `table_lift` (mm, m, inch),
     here or as keys in its # header; `table_ratio` (1) turns tappet lift into the valve lift that the scene counts. Its
     first two columns are angle [deg] and lift, it covers a turn or one event that begins and ends on the base circle,
-    and its duration is what lies between the scene's ramp heights, whose middle becomes angle zero. What was done to
-    it (noise, outliers, largest shift of a row) is in the lift's `parameters`; see `camopt.cam.table_smoothing`.
+    and the middle of its duration becomes angle zero. The duration of every table is what lies between the scene's
+    ramp heights. What was done to a table from elsewhere (noise, outliers, largest shift of a row) is in the lift's `parameters`; see `camopt.cam.table_smoothing`.
     Raises InputError with file and line for anything else.
     """
     assert scene.design is not None and scene.operation is not None, "load_scene(..., need=...) guarantees both"
@@ -59,17 +59,15 @@ def read_lift_table(
     _check(where, table, degrees, height, scene.design.max_lift_mm)
     report = {"file": Path(path).name, "rows": len(degrees)}
     if table.own:
-        pieces = table_pieces(where, degrees * DEG, height * MM)
-        middle, half = 0.0, scene.design.duration_deg * DEG / 2
+        pieces = _own_pieces(where, table, degrees, height)
     else:
         pieces, done = _measured(where, table, degrees, height)
         report |= {"angle": given["angle"], "lift": given["lift"], "ratio": float(given["ratio"] or 1), **done}
-        opening, closing = (h * MM for h, _, _ in scene.design.ramps())
-        start, end = event_borders(where, pieces, opening, closing)
-        middle, half = 0.5 * (start + end), 0.5 * (end - start)
-        _check_duration(where, 2 * half / DEG, scene.design.duration_deg)
-    borders, coefficients = centred(pieces, middle)
-    return Lift(borders, coefficients, half, "table", report)
+    opening, closing = (h * MM for h, _, _ in scene.design.ramps())
+    start, end = event_borders(where, pieces, opening, closing)
+    _check_duration(where, (end - start) / DEG, scene.design.duration_deg)
+    borders, coefficients = centred(pieces, 0.0 if table.own else 0.5 * (start + end))
+    return Lift(borders, coefficients, 0.5 * (end - start), "table", report)
 
 
 def _own(where: str, table: TableText, given: dict) -> tuple[np.ndarray, np.ndarray]:
@@ -82,6 +80,16 @@ def _own(where: str, table: TableText, given: dict) -> tuple[np.ndarray, np.ndar
             f"{where}: cam_angle_deg runs from {degrees[0]:g} to {degrees[-1]:g} and must run from -180 to 180"
         )
     return degrees, height
+
+
+def _own_pieces(where: str, table: TableText, degrees: np.ndarray, height: np.ndarray) -> PPoly:
+    """Pieces [rad, m] over one turn of a table that camopt wrote, with or without the derivatives beside the lift."""
+    if not set(DERIVATIVES) <= set(table.names):
+        return spline_pieces(where, degrees * DEG, height * MM)
+    velocity, acceleration = (
+        table.rows[:, table.names.index(name)] * MM / DEG**order for name, order in DERIVATIVES.items()
+    )
+    return own_pieces(where, degrees * DEG, height * MM, velocity, acceleration, table.lines)
 
 
 def _foreign(where: str, table: TableText, given: dict, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
@@ -110,7 +118,7 @@ def _measured(where: str, table: TableText, degrees: np.ndarray, height: np.ndar
     """Pieces [rad, m] over one turn of a table from elsewhere, and what was done to it."""
     found = smoothed(where, degrees, height, table.lines)
     if found.pieces is None:
-        return table_pieces(where, degrees * DEG, height * MM), found.report
+        return spline_pieces(where, degrees * DEG, height * MM), found.report
     powers = np.arange(len(found.pieces.c))[::-1, None]
     return PPoly(found.pieces.c * MM / DEG**powers, found.pieces.x * DEG), found.report
 
