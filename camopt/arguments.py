@@ -47,6 +47,12 @@ def digits(text: str) -> int:
     return int(text)
 
 
+def picture_file(text: str) -> str:
+    if not text.lower().endswith((".png", ".svg")):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a file that ends in .png or .svg")
+    return text
+
+
 def seed(text: str) -> int:
     if not text.isascii() or not text.isdigit() or int(text) >= 2**32:
         raise argparse.ArgumentTypeError(f"{text!r}: expected an integer from 0 to 2^32 - 1")

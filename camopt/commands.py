@@ -104,7 +104,9 @@ def compare(args: Namespace) -> int:
     check_run_folder(folder)
     from camopt.cam.read import read_cam
 
-    designs = {str(Path(d)): read_cam(Path(d), scene) for d in args.design}
+    designs = {
+        str(Path(d)): read_cam(Path(d), scene, args.table_angle, args.table_lift, args.table_ratio) for d in args.design
+    }
     from camopt.optimize.comparison import compare as comparison
 
     comparison(scene, designs, folder, baselines=args.baselines, progress=not args.quiet)
@@ -120,7 +122,7 @@ def cam(args: Namespace) -> int:
     lift = _cam_of(args, scene)
     from camopt.study.cam import export, sheet
 
-    export(scene, lift, args.csv, args.contour, args.step_deg, args.digits)
+    export(scene, lift, args.csv, args.contour, args.step_deg, args.digits, args.figure)
     print("\n".join(sheet(scene, lift, args.speed)))
     return 0
 

@@ -10,20 +10,27 @@ from typing import Any
 from camopt.cam.design_file import read_design
 from camopt.cam.lift import Lift
 from camopt.scene import InputError, Scene
+from camopt.scene.units import MM
 
 DESIGN_FILE = "design.json"
+LEAST, MOST = 1e-6, 1e6
+"""Smallest size of a parameter but zero, and its largest, in field units: beyond them arithmetic fails, not cams."""
+LIFT_SLACK = 1e-6 * MM
+"""Lift [m] below the base circle or above the maximum that rounding explains."""
+SHOWN = 80
+"""Characters of what the user named that a message repeats."""
 
 
 def number(text: str) -> float:
-    """A finite number."""
+    """A number of a size that a cam may have."""
     value = float(text)
-    if not math.isfinite(value):
-        raise ValueError("a finite number is needed")
+    if not (value == 0 or LEAST <= abs(value) <= MOST):
+        raise ValueError(f"zero or a size from {LEAST:g} to {MOST:g} is needed")
     return value
 
 
 def numbers(text: str) -> tuple[float, ...]:
-    """Finite numbers between slashes, as in 2/10/18."""
+    """Numbers between slashes, as in 2/10/18."""
     return tuple(number(part) for part in text.split("/"))
 
 
@@ -34,7 +41,8 @@ def yes_or_no(text: str) -> bool:
     return text == "yes"
 
 
-EXPECTED = {number: "a number", numbers: "numbers like 2/10/18", yes_or_no: "yes or no"}
+SIZE = f"of a size from {LEAST:g} to {MOST:g}, or zero"
+EXPECTED = {number: f"a number {SIZE}", numbers: f"numbers like 2/10/18, each {SIZE}", yes_or_no: "yes or no"}
 
 
 @dataclass(frozen=True)
@@ -122,16 +130,18 @@ def read_cam(
     """
     path = Path(spec)
     if str(spec).partition(":")[0] in FAMILIES and not isinstance(spec, Path):
-        name, keywords = family_and_keywords(str(spec))
-        family = FAMILIES[name]  # its module is imported only now
-        return getattr(import_module(family.module), family.function)(scene, **keywords)
-    if str(spec) and path.is_dir():
+        return _member(str(spec), scene)
+    try:
+        is_folder, is_file = bool(str(spec)) and path.is_dir(), path.is_file()
+    except (OSError, ValueError):  # longer than the system allows, or no path at all
+        is_folder = is_file = False
+    if is_folder:
         if not (path / DESIGN_FILE).is_file():
-            raise InputError(f"cam {str(spec)!r}: the folder holds no {DESIGN_FILE}; give a camopt run folder")
+            raise InputError(f"cam {_shown(spec)}: the folder holds no {DESIGN_FILE}; give a camopt run folder")
         return read_design(path / DESIGN_FILE, scene)
-    if not path.is_file():
+    if not is_file:
         raise InputError(
-            f"cam {str(spec)!r}: neither a family ({', '.join(FAMILIES)}) nor a lift table, design.json or run folder"
+            f"cam {_shown(spec)}: neither a family ({', '.join(FAMILIES)}) nor a lift table, design.json or run folder"
         )
     if path.suffix == ".json":
         return read_design(path, scene)
@@ -140,22 +150,43 @@ def read_cam(
     return read_lift_table(path, scene, table_angle, table_lift, table_ratio)
 
 
+def _member(spec: str, scene: Scene) -> Lift:
+    """The member of a family; InputError where its parameters lead out of the scene's lift."""
+    name, keywords = family_and_keywords(spec)
+    family = FAMILIES[name]  # its module is imported only now
+    lift: Lift = getattr(import_module(family.module), family.function)(scene, **keywords)
+    assert scene.design is not None, "load_scene(..., need='design') guarantees it"
+    low, high = lift.extremes(0)
+    if low < -LIFT_SLACK or high > scene.design.max_lift_mm * MM + LIFT_SLACK:
+        raise InputError(
+            f"cam {_shown(spec)}: its lift would go from {low / MM:.4g} to {high / MM:.4g} mm and must stay between 0 and "
+            f"max_lift_mm = {scene.design.max_lift_mm:g}: give other parameters"
+        )
+    return lift
+
+
+def _shown(spec: str | Path) -> str:
+    """What the user named, in quotes and short enough to read."""
+    text = str(spec)
+    return repr(text if len(text) <= SHOWN else text[:SHOWN] + "...")
+
+
 def family_and_keywords(spec: str) -> tuple[str, dict[str, Any]]:
     """The name of a family and its parameters as keywords of its function; InputError for unknown or unusable ones."""
     name, _, text = spec.partition(":")
     if name not in FAMILIES:
-        raise InputError(f"cam {spec!r}: not a family: expected {', '.join(FAMILIES)}")
+        raise InputError(f"cam {_shown(spec)}: not a family: expected {', '.join(FAMILIES)}")
     family, keywords = FAMILIES[name], {}
     for item in filter(None, text.split(",")):
         key, equals, value = item.partition("=")
         if key not in family.parameters or not equals:
             known = ", ".join(f"{k}=..." for k in family.parameters)
-            raise InputError(f"cam {name}: parameter {item!r}: expected {known}")
+            raise InputError(f"cam {name}: parameter {_shown(item)}: expected {known}")
         keyword, parse = family.parameters[key]
         if keyword in keywords:
             raise InputError(f"cam {name}: parameter {key!r} is given more than once")
         try:
             keywords[keyword] = parse(value)
         except ValueError:
-            raise InputError(f"cam {name}: {key}={value!r}: expected {EXPECTED[parse]}") from None
+            raise InputError(f"cam {name}: {key}={_shown(value)}: expected {EXPECTED[parse]}") from None
     return name, keywords

@@ -7,8 +7,9 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from camopt.cam.lift import Lift, lift_table
+from camopt.cam.ramps import Ramp, scene_ramps
 from camopt.cam.table_file import TableText, parsed
-from camopt.cam.table_smoothing import smoothed
+from camopt.cam.table_smoothing import check_between_rows, smoothed
 from camopt.cam.table_spline import centred, event_borders, own_pieces, spline_pieces
 from camopt.scene import InputError, Scene
 from camopt.scene.units import DEG, MM
@@ -61,7 +62,7 @@ def read_lift_table(
     if table.own:
         pieces = _own_pieces(where, table, degrees, height)
     else:
-        pieces, done = _measured(where, table, degrees, height)
+        pieces, done = _measured(where, table, degrees, height, scene_ramps(scene.design))
         report |= {"angle": given["angle"], "lift": given["lift"], "ratio": float(given["ratio"] or 1), **done}
     opening, closing = (h * MM for h, _, _ in scene.design.ramps())
     start, end = event_borders(where, pieces, opening, closing)
@@ -114,11 +115,18 @@ def _foreign(where: str, table: TableText, given: dict, scene: Scene) -> tuple[n
     return table.rows[:, 0] * per_unit, table.rows[:, 1] * LIFT_UNITS_MM[given["lift"]] * ratio
 
 
-def _measured(where: str, table: TableText, degrees: np.ndarray, height: np.ndarray) -> tuple[PPoly, dict]:
+def _measured(
+    where: str, table: TableText, degrees: np.ndarray, height: np.ndarray, ramps: tuple[Ramp, Ramp]
+) -> tuple[PPoly, dict]:
     """Pieces [rad, m] over one turn of a table from elsewhere, and what was done to it."""
-    found = smoothed(where, degrees, height, table.lines)
+    found = smoothed(where, degrees, height, table.lines, ramps)
     if found.pieces is None:
-        return spline_pieces(where, degrees * DEG, height * MM), found.report
+        pieces = spline_pieces(where, degrees * DEG, height * MM)
+        first = pieces.x[0]
+        check_between_rows(
+            where, lambda at: pieces(np.mod(at * DEG - first, 2 * np.pi) + first) / MM, degrees, height, table.lines
+        )
+        return pieces, found.report
     powers = np.arange(len(found.pieces.c))[::-1, None]
     return PPoly(found.pieces.c * MM / DEG**powers, found.pieces.x * DEG), found.report
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.polydyne import polydyne
+from camopt.cam.ramps import scene_ramps
 from camopt.cam.read import read_cam
 from camopt.cam.smoothing_spline import basis, fitted
 from camopt.cam.table_smoothing import smoothed
@@ -14,6 +15,7 @@ from camopt.scene.units import DEG, MM
 
 KODAMA = load_scene("kodama")
 TRUTH = polydyne(KODAMA)
+RAMPS = scene_ramps(KODAMA.design)
 EVENT = np.linspace(-102, 102, 2041)
 ACCELERATION = TRUTH(EVENT * DEG, 2) / MM * DEG**2
 PEAK = np.abs(ACCELERATION).max()
@@ -28,7 +30,7 @@ def table(noise_um=0.0, step=1.0, seed=0):
 
 
 def law(degrees, lift):
-    return smoothed("table", degrees, lift, list(range(1, len(lift) + 1)))
+    return smoothed("table", degrees, lift, list(range(1, len(lift) + 1)), RAMPS)
 
 
 def smooth_pieces(found):

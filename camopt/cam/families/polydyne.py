@@ -14,7 +14,10 @@ from camopt.cam.osculating import MATCHED, osculating_pieces
 from camopt.cam.ramps import symmetric_conditions
 from camopt.scene import InputError, Scene, Train, build_train
 from camopt.scene.rest import static_matrices
+from camopt.scene.schema import Design
 from camopt.scene.units import DEG, MM
+
+LEAST_SPEED_RPM, MOST_SPEED_RPM = 1.0, 1e6
 
 
 def equivalent_train(train: Train) -> tuple[float, float, float]:
@@ -58,17 +61,22 @@ def polydyne(
     `exponents`: five distinct numbers from 2 up, integers or at least 8; `design_speed_rpm`: crankshaft speed at which
     the valve follows y exactly, the highest listed by default; `dynamic`: A [] and B [rad^2] in place of the train's.
     `ramp_height_mm` replaces the scene's on both sides (the paper's Table 4 uses 0.250). The cam is symmetric.
-    Raises InputError for unusable exponents or a scene whose two ramps differ.
+    Raises InputError for unusable exponents, speed or ramp height, and for a scene whose two ramps differ.
     """
     powers = checked_exponents(exponents, "polydyne")
     design, operation = scene.design, scene.operation
     if design is None or operation is None:
         raise InputError("polydyne: the scene needs [design] and [operation]")
     if ramp_height_mm is not None:
+        _check_ramp_height(design, ramp_height_mm)
         design = design.model_copy(update={"ramp_height_mm": ramp_height_mm, "closing_ramp_height_mm": ramp_height_mm})
         scene = scene.model_copy(update={"design": design})
     design, ramp = symmetric_conditions(scene, "polydyne")
-    speed = design_speed_rpm or operation.speeds_rpm[-1]
+    speed = operation.speeds_rpm[-1] if design_speed_rpm is None else design_speed_rpm
+    if not LEAST_SPEED_RPM <= speed <= MOST_SPEED_RPM:
+        raise InputError(
+            f"polydyne: a design speed of {speed:g} r/min: one from {LEAST_SPEED_RPM:g} to {MOST_SPEED_RPM:g} is needed"
+        )
     if dynamic is None:
         k_e, k_sp, mass = equivalent_train(build_train(scene))
         dynamic = 1 + k_sp / k_e, scene.cam_speed(speed) ** 2 * mass / k_e
@@ -78,6 +86,15 @@ def polydyne(
     parameters = {"exponents": [float(p) for p in powers], "design_speed_rpm": speed}
     parameters |= {"A": dynamic[0], "B_deg2": dynamic[1] / DEG**2, "ramp_height_mm": ramp.height / MM}
     return with_ramps(borders, pieces, ramp, ramp, "polydyne", parameters)
+
+
+def _check_ramp_height(design: Design, ramp_height_mm: float) -> None:
+    foot = 0.5 * design.ramp_foot_deg * max(velocity for _, velocity, _ in design.ramps())
+    if not foot < ramp_height_mm < design.max_lift_mm:
+        raise InputError(
+            f"polydyne: a ramp height of {ramp_height_mm:g} mm: it must be more than the {foot:.4g} mm that the ramp's foot "
+            f"rises by, and less than max_lift_mm = {design.max_lift_mm:g}"
+        )
 
 
 def checked_exponents(exponents: tuple[float, ...], family: str) -> np.ndarray:
