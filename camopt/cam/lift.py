@@ -113,8 +113,9 @@ class Lift:
 
     def __repr__(self) -> str:
         return (
-            f"Lift({self.family}: duration {2 * self.half_duration / DEG:.6g} deg, maximum lift {self.max_lift / MM:.6g} "
-            f"mm, area {self.area / (MM * DEG):.6g} mm deg, {len(self.coefficients)} pieces)"
+            f"Lift({self.family}: duration {2 * self.half_duration / DEG:.6g} deg, "
+            f"maximum lift {self.max_lift / MM:.6g} mm, area {self.area / (MM * DEG):.6g} mm deg, "
+            f"{len(self.coefficients)} pieces)"
         )
 
     def _repr_html_(self) -> str:

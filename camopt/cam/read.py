@@ -1,6 +1,5 @@
 """CAM as the user names one: a family with parameters, a lift table, a run folder or its design.json."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
@@ -159,8 +158,8 @@ def _member(spec: str, scene: Scene) -> Lift:
     low, high = lift.extremes(0)
     if low < -LIFT_SLACK or high > scene.design.max_lift_mm * MM + LIFT_SLACK:
         raise InputError(
-            f"cam {_shown(spec)}: its lift would go from {low / MM:.4g} to {high / MM:.4g} mm and must stay between 0 and "
-            f"max_lift_mm = {scene.design.max_lift_mm:g}: give other parameters"
+            f"cam {_shown(spec)}: its lift would go from {low / MM:.4g} to {high / MM:.4g} mm and must stay between 0 "
+            f"and max_lift_mm = {scene.design.max_lift_mm:g}: give other parameters"
         )
     return lift
 

@@ -1,11 +1,12 @@
 """A periodic quintic smoothing spline whose noise and stiffness come from the data (restricted likelihood).
 
 The lift is sum_i c_i B_i on uniform knots over one turn, four times continuously differentiable, and penalised by the
-fourth or the third differences of c (P-splines: Eilers and Marx 1996, Statistical Science 11, Eq. 7). Read as a Gaussian
-prior, the penalty gives the noise, the weight of the penalty (Wahba 1985, Annals of Statistics 13, Eq. 1.8), the
-standard error of every derivative (Silverman 1985, JRSS B 47, section 6), and which of the two differences the rows
-speak for: fourth ones expect a jerk that wanders and steps, third ones an acceleration that does. Coefficients outside the event are zero, so that the
-base circle is exactly zero, and no coefficient is negative, so that the lift is not. Degrees and mm inside.
+fourth or the third differences of c (P-splines: Eilers and Marx 1996, Statistical Science 11, Eq. 7). Read as a
+Gaussian prior, the penalty gives the noise, the weight of the penalty (Wahba 1985, Annals of Statistics 13, Eq. 1.8),
+the standard error of every derivative (Silverman 1985, JRSS B 47, section 6), and which of the two differences the rows
+speak for: fourth ones expect a jerk that wanders and steps, third ones an acceleration that does. Coefficients outside
+the event are zero, so that the base circle is exactly zero, and no coefficient is negative, so that the lift is not.
+Degrees and mm inside.
 """
 
 from dataclasses import dataclass, field
@@ -221,8 +222,9 @@ def _scale(count: int, order: int) -> float:
 def _log_determinant(size: int, order: int, ring: bool) -> float:
     """Logarithm of the determinant of the squared differences of `size` coefficients, zero beyond both ends.
 
-    A Toeplitz matrix with the symbol (2 - 2 cos x)^order (Boettcher and Silbermann 1999, section 10.58); on the ring the
-    product of its eigenvalues but for the zero, size^(2 order).
+    It is a Toeplitz matrix of symbol (2 - 2 cos x)^order, a pure Fisher-Hartwig singularity (Boettcher and Silbermann
+    1999, Introduction to Large Truncated Toeplitz Matrices); on the `ring` the product of its eigenvalues but for the
+    zero counts, size^(2 order).
     """
     if ring:
         return 2 * order * float(np.log(size))

@@ -27,7 +27,7 @@ class Event:
     """Rows (indices into the table, angles ascending) that make the law, and the angles it may stand between [deg].
 
     `start` and `end` are None for a turn without base circle. `cut` says which flank, opening and closing, ends without
-    a ramp; `camopt.cam.table_completion` adds the rows that continue it.
+    a ramp; `camopt.cam.table_completion` adds the rows that continue it. `noise` [mm] is a first estimate.
     """
 
     rows: np.ndarray = field(repr=False)
@@ -35,6 +35,7 @@ class Event:
     start: float | None
     end: float | None
     cut: tuple[bool, bool] = (False, False)
+    noise: float = 0.0
     added_degrees: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
     added_lift: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
 
@@ -64,14 +65,15 @@ def find_event(where: str, degrees: np.ndarray, lift: np.ndarray) -> Event:
     wide, height = angle[np.mod(index, n)] + TURN * np.floor_divide(index, n), turned[np.mod(index, n)]
     opening = n
     closing = opening + int(np.mod(above[widest] - after, n))
-    largest_drop = max(CUT * _noise(angle, turned, high), LEAST_CUT_MM)
+    noise = _noise(angle, turned, high)
+    largest_drop = max(CUT * noise, LEAST_CUT_MM)
     start, cut_before = _foot(wide, height, opening, -1, largest_drop)
     end, cut_after = _foot(wide, height, closing, 1, largest_drop)
     kept = np.arange(len(index))
     kept = kept[
         ((kept >= opening) if cut_before else (wide > start)) & ((kept <= closing) if cut_after else (wide < end))
     ]
-    return Event(order[np.mod(index[kept], n)], wide[kept], start, end, (cut_before, cut_after))
+    return Event(order[np.mod(index[kept], n)], wide[kept], start, end, (cut_before, cut_after), noise)
 
 
 def _noise(angle: np.ndarray, lift: np.ndarray, high: np.ndarray) -> float:
@@ -104,7 +106,7 @@ def _check_ends(where: str, degrees: np.ndarray, lift: np.ndarray) -> None:
 
 
 def _foot(angle: np.ndarray, lift: np.ndarray, last: int, outward: int, largest_drop: float) -> tuple[float, bool]:
-    """Outermost angle of the foot beside the row `last` of a flank (that row's where it was cut), and whether it was."""
+    """Outermost angle of the foot beside the row `last` of a flank, and whether its ramp was cut: then that row's."""
     step = abs(angle[last] - angle[last - outward])
     rise, drop = lift[last - outward] - lift[last], lift[last] - lift[last + outward]
     on_base_circle = abs(lift[last + outward]) < BASE_MM

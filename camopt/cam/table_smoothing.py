@@ -30,8 +30,8 @@ from the table would be dynamics of its noise."""
 ERROR_FACTOR = 1.7
 PEAK_FACTOR = 2.8
 """The acceleration's error (root mean square over the event) and that of its largest and smallest value, over their
-standard errors, that 95 % of tables stay below in every family of cams, jerk limited or not: experiments/measured_tables.
-More than one, as a cam is no random function: its jerk and its acceleration step at few angles."""
+standard errors, that 95 % of the tables of experiments/measured_tables.py stay below in every family of cams, its jerk
+limited or not. More than one, as a cam is no random function: its jerk or its acceleration steps at few angles."""
 INVENTED_SHARE = 0.01
 """Largest distance of the law from a straight line between two rows, over the maximum lift: more is not in the table.
 At a step of 4 deg a cam of 0.015 mm/deg^2 has a third of that."""
@@ -55,6 +55,7 @@ def smoothed(where: str, degrees: np.ndarray, lift: np.ndarray, lines: list[int]
     too many outliers, negative lift, rows that fix no usable acceleration, or gaps in which the law would be invented.
     """
     event = completed(where, find_event(where, degrees, lift), lift, lines, ramps)
+    _off_base_circle(where, event, lift, event.noise, lines)  # before such rows spoil the fit
     kept, outliers = _without_outliers(where, event, lift)
     angles, height, count, free, given = _arguments(kept, lift)
     fit = (fitted if kept.start is None else fitted_non_negative)(angles, height, count, free, given)
@@ -65,15 +66,15 @@ def smoothed(where: str, degrees: np.ndarray, lift: np.ndarray, lines: list[int]
     if outliers:
         report["outlier_lines"] = [lines[row] for row in outliers]
     if len(event.added_lift):
-        report |= _added(event)
+        report |= _added(event, lift)
     elif fit.noise < NOISE_FREE_MM and not outliers:
         return Smoothed(None, outliers, report | {"largest_shift_um": 0.0})
     error = acceleration_error(fit, angles, height, count, given)
     if error.likeliest > ERROR_SHARE * error.largest:
         raise InputError(
             f"{where}: no usable acceleration: with {len(kept.rows)} rows in the event and a noise of "
-            f"{1e3 * fit.noise:.3g} um its standard error is {100 * error.likeliest / error.largest:.0f} % of the peak, over "
-            f"{100 * ERROR_SHARE:g} %: measure in finer steps or with less noise"
+            f"{1e3 * fit.noise:.3g} um its standard error is {100 * error.likeliest / error.largest:.0f} % of the "
+            f"peak, over {100 * ERROR_SHARE:g} %: measure in finer steps or with less noise"
         )
     pieces = fit.pieces()
     used = _used(degrees, event, outliers)
@@ -105,13 +106,13 @@ def check_between_rows(where: str, law: Callable, degrees: np.ndarray, lift: np.
         )
 
 
-def _added(event: Event) -> dict:
-    """What a cut table was given beyond its rows: flanks, largest lift, and the angle over which it was added."""
+def _added(event: Event, lift: np.ndarray) -> dict:
+    """What a cut table was given beyond its rows: flanks, the lift from which on, and over which angle."""
     assert event.start is not None and event.end is not None, "a cut event lies between two feet"
     beyond = event.end - event.start - (event.degrees[-1] - event.degrees[0])
     return {
         "cut_ramps": sum(event.cut),
-        "added_lift_mm": round(float(event.added_lift.max()), 4),
+        "added_lift_mm": round(float(max(lift[event.rows[-side]] for side in (0, 1) if event.cut[side])), 4),
         "added_deg": round(float(beyond), 3),
     }
 

@@ -68,7 +68,7 @@ def spline_pieces(where: str, angle: np.ndarray, lift: np.ndarray) -> PPoly:
 def own_pieces(
     where: str, angle: np.ndarray, lift: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, lines: list[int]
 ) -> PPoly:
-    """Pieces over one turn from camopt's own columns: `angle` [rad], lift [m], its derivatives [m/rad, m/rad^2], all (r).
+    """Pieces over one turn from camopt's own columns: angle [rad], lift [m], its derivatives [m/rad, m/rad^2], all (r).
 
     Raises InputError for a turn that does not close, and for columns that contradict each other.
     """

@@ -41,12 +41,13 @@ def read_lift_table(
 ) -> Lift:
     """The lift law of a table: camopt's own unsmoothed, any other smoothed within its noise.
 
-    A table with the columns cam_angle_deg and lift_mm (camopt's own) needs no more: it passes through every row, and
-    meets velocity and acceleration where they stand beside the lift. Any other needs `table_angle` (cam, crank) and `table_lift` (mm, m, inch),
-    here or as keys in its # header; `table_ratio` (1) turns tappet lift into the valve lift that the scene counts. Its
-    first two columns are angle [deg] and lift, it covers a turn or one event that begins and ends on the base circle,
-    and the middle of its duration becomes angle zero. The duration of every table is what lies between the scene's
-    ramp heights. What was done to a table from elsewhere (noise, outliers, largest shift of a row) is in the lift's `parameters`; see `camopt.cam.table_smoothing`.
+    A table with the columns cam_angle_deg and lift_mm (camopt's own) needs no more: the law passes through every row,
+    and meets velocity and acceleration where they stand beside the lift. Any other needs `table_angle` (cam, crank) and
+    `table_lift` (mm, m, inch), here or as keys in its # header; `table_ratio` (1) turns tappet lift into the valve lift
+    that the scene counts. Its first two columns are angle [deg] and lift, it covers a turn or one event that begins and
+    ends on the base circle, and the middle of its duration becomes angle zero. What was done to it (noise, outliers,
+    largest shift of a row, lift added where a ramp is missing, error of the acceleration) is in the lift's
+    `parameters`; see `camopt.cam.table_smoothing`. The duration of every table lies between the scene's ramp heights.
     Raises InputError with file and line for anything else.
     """
     assert scene.design is not None and scene.operation is not None, "load_scene(..., need=...) guarantees both"

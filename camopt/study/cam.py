@@ -102,12 +102,12 @@ def remarks(lift: Lift, design: Design) -> list[str]:
     if abs(longer) > SAME_DURATION_DEG:
         said.append(
             f"The cam is {abs(longer):.4g} deg {'longer' if longer > 0 else 'shorter'} between its ramp tops than the "
-            f"scene's duration_deg of {design.duration_deg:g}, so its area ratio does not compare with the scene's cams."
+            f"scene's duration_deg of {design.duration_deg:g}: its area ratio does not compare with the scene's cams."
         )
     if lift.max_lift > design.max_lift_mm * MM * (1 + SAME_LIFT):
         said.append(
-            f"Its lift exceeds the scene's max_lift_mm of {design.max_lift_mm:g}, by which the area ratio is divided: the "
-            f"ratio may pass one."
+            f"Its lift exceeds the scene's max_lift_mm of {design.max_lift_mm:g}, by which the area ratio is divided: "
+            f"the ratio may pass one."
         )
     added = lift.parameters.get("added_lift_mm")
     if added is not None:
@@ -117,8 +117,8 @@ def remarks(lift: Lift, design: Design) -> list[str]:
         )
     if "acceleration_error_percent" in lift.parameters:
         said.append(
-            f"With 95 % confidence the acceleration is within {lift.parameters['acceleration_error_percent']:g} % of its "
-            f"largest value (root mean square over the event), its extremes within "
+            f"With 95 % confidence the acceleration is within {lift.parameters['acceleration_error_percent']:g} % of "
+            f"its largest value (root mean square over the event), its extremes within "
             f"{lift.parameters['peak_error_percent']:g} %."
         )
     return said
@@ -166,7 +166,8 @@ def _stress(scene: Scene, lift: Lift, geometry: Geometry, speed_rpm: float) -> l
 def dynamic_stress(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[HertzStress, str]:
     """The stress over one cam revolution under way, and the method: event-exact, or rkg where that refuses.
 
-    Event-exact is not asked where the train's laws are beyond it. Raises InputError as `hertz_stress` and `camopt.study.motion.simulate` do.
+    Event-exact is not asked where the train's laws are beyond it. Raises InputError as `hertz_stress` and
+    `camopt.study.motion.simulate` do.
     """
     from camopt.study.motion import simulate
 

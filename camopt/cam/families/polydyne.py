@@ -92,8 +92,8 @@ def _check_ramp_height(design: Design, ramp_height_mm: float) -> None:
     foot = 0.5 * design.ramp_foot_deg * max(velocity for _, velocity, _ in design.ramps())
     if not foot < ramp_height_mm < design.max_lift_mm:
         raise InputError(
-            f"polydyne: a ramp height of {ramp_height_mm:g} mm: it must be more than the {foot:.4g} mm that the ramp's foot "
-            f"rises by, and less than max_lift_mm = {design.max_lift_mm:g}"
+            f"polydyne: a ramp height of {ramp_height_mm:g} mm: it must be more than the {foot:.4g} mm that the ramp's "
+            f"foot rises by, and less than max_lift_mm = {design.max_lift_mm:g}"
         )
 
 
