@@ -31,7 +31,7 @@ def write_rounded_table(path: str | Path, lift: Lift, step_deg: float, digits: i
     """
     degrees = angles_deg(step_deg)
     height = lift(degrees * DEG) / MM
-    columns = {"cam_angle_deg": degrees, "lift_mm": rounded(height, digits)}
+    columns = {"cam_angle_deg": _angle_cells(degrees), "lift_mm": rounded(height, digits)}
     if rocker_ratio != 1.0:
         columns["tappet_lift_mm"] = rounded(height / rocker_ratio, digits)
     write_csv(path, columns)
@@ -52,7 +52,7 @@ def write_contour(path: str | Path, lift: Lift, geometry: Geometry, step_deg: fl
     x, y = points.contour.T
     angle, radius = points.polar
     columns = {
-        "cam_angle_deg": degrees,
+        "cam_angle_deg": _angle_cells(degrees),
         "x_mm": rounded(x / MM, digits + 1),
         "y_mm": rounded(y / MM, digits + 1),
         "polar_angle_deg": rounded(angle / DEG, digits + 3),
@@ -66,6 +66,11 @@ def rounded(values: np.ndarray, digits: int) -> list[str]:
     if not 0 <= digits <= MOST_DIGITS:
         raise InputError(f"export: {digits} digits: from 0 to {MOST_DIGITS} decimals of a millimetre can be written")
     return [f"{value:z.{digits}f}" for value in values]
+
+
+def _angle_cells(degrees: np.ndarray) -> list[str]:
+    """Angles to 1e-9 deg, whole ones without a point."""
+    return [f"{angle:.12g}" for angle in degrees]
 
 
 def lift_from_contour(points: np.ndarray, geometry: Geometry, theta: np.ndarray) -> np.ndarray:

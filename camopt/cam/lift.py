@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from camopt.scene.schema import Design
 
+ROUNDING = 1e-9
 MOST_ROWS = 360_000
 """Rows of a lift table at most: 0.001 deg."""
 
@@ -159,7 +160,23 @@ def recentred(lift: Lift, piece: np.ndarray, start: np.ndarray) -> np.ndarray:
 
 
 def with_ramps(borders, coefficients, opening: Ramp, closing: Ramp, family: str, parameters: dict) -> Lift:
-    """The event's pieces, borders (p + 1) from -half to +half duration [rad], between ramps and base circle."""
+    """The event's pieces, borders (p + 1) from -half to +half duration [rad], between ramps and base circle.
+
+    Raises InputError for a ramp that is lower than its foot rises, and for ramps longer than the base circle.
+    """
+    for name, ramp in (("opening", opening), ("closing", closing)):
+        foot_rise = 0.5 * ramp.velocity * ramp.foot
+        if ramp.height < foot_rise * (1 - ROUNDING):
+            raise InputError(
+                f"{family}: the {name} ramp's height is {ramp.height / MM:.4g} mm and must not be less than the "
+                f"{foot_rise / MM:.4g} mm that its foot rises by (velocity times half the foot)"
+            )
+    turn = opening.length + closing.length + float(borders[-1] - borders[0])
+    if max(opening.length - borders[0], closing.length + borders[-1]) >= np.pi:
+        raise InputError(
+            f"{family}: duration and ramps together take {turn / DEG:.4g} cam degrees and reach past half a turn: "
+            f"give lower or faster ramps, or a shorter duration"
+        )
     edges, pieces = whole_turn(np.asarray(borders), np.asarray(coefficients), opening, closing)
     keep = np.diff(edges) > 0  # a ramp without foot leaves an empty piece
     return Lift(edges[np.append(keep, True)], pieces[keep], float(borders[-1]), family, parameters)

@@ -14,7 +14,6 @@ from camopt.cam.osculating import MATCHED, osculating_pieces
 from camopt.cam.ramps import symmetric_conditions
 from camopt.scene import InputError, Scene, Train, build_train
 from camopt.scene.rest import static_matrices
-from camopt.scene.schema import Design
 from camopt.scene.units import DEG, MM
 
 LEAST_SPEED_RPM, MOST_SPEED_RPM = 1.0, 1e6
@@ -68,7 +67,6 @@ def polydyne(
     if design is None or operation is None:
         raise InputError("polydyne: the scene needs [design] and [operation]")
     if ramp_height_mm is not None:
-        _check_ramp_height(design, ramp_height_mm)
         design = design.model_copy(update={"ramp_height_mm": ramp_height_mm, "closing_ramp_height_mm": ramp_height_mm})
         scene = scene.model_copy(update={"design": design})
     design, ramp = symmetric_conditions(scene, "polydyne")
@@ -86,15 +84,6 @@ def polydyne(
     parameters = {"exponents": [float(p) for p in powers], "design_speed_rpm": speed}
     parameters |= {"A": dynamic[0], "B_deg2": dynamic[1] / DEG**2, "ramp_height_mm": ramp.height / MM}
     return with_ramps(borders, pieces, ramp, ramp, "polydyne", parameters)
-
-
-def _check_ramp_height(design: Design, ramp_height_mm: float) -> None:
-    foot = 0.5 * design.ramp_foot_deg * max(velocity for _, velocity, _ in design.ramps())
-    if not foot < ramp_height_mm < design.max_lift_mm:
-        raise InputError(
-            f"polydyne: a ramp height of {ramp_height_mm:g} mm: it must be more than the {foot:.4g} mm that the ramp's "
-            f"foot rises by, and less than max_lift_mm = {design.max_lift_mm:g}"
-        )
 
 
 def checked_exponents(exponents: tuple[float, ...], family: str) -> np.ndarray:
