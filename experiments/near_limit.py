@@ -29,7 +29,7 @@ from experiments.support.record import RESULTS, run_script, write_result
 PER_SCENE = 20
 SEED = 2026
 REST_RPM = 10.0
-SMALL = {"scenes": (4,), "cams": 2, "width_rpm": 20.0, "accuracy": "draft"}
+SMALL = {"scenes": (4,), "cams": 1, "width_rpm": 20.0, "accuracy": "draft"}
 FULL = {"scenes": tuple(range(len(KINDS))), "cams": PER_SCENE, "width_rpm": None, "accuracy": "standard"}
 OUTCOMES = (
     "confirmed-good",
