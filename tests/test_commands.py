@@ -13,7 +13,7 @@ from camopt.cam.geometry import contact, crossing
 from camopt.cam.read import read_cam
 from camopt.cli import parser as cli
 from camopt.scene import builtin_scenes, load_scene, scene_text
-from camopt.storage import create_run_folder
+from camopt.storage import create_run_folder, write_csv
 
 
 def run(capsys, *arguments: str) -> tuple[int, str, str]:
@@ -34,7 +34,7 @@ class TestScenes:
         assert "Finger-follower valve train, ten masses" in out
 
     def test_print_one_to_edit(self, capsys):
-        assert run(capsys, "scenes", "kodama") == (0, scene_text("kodama"), "")
+        assert run(capsys, "scenes", "kodama", "--quiet") == (0, scene_text("kodama"), "")
 
     def test_unknown(self, capsys):
         code, out, err = run(capsys, "scenes", "kodamo")
@@ -267,20 +267,24 @@ class TestVerbsThatSearch:
         from camopt.cam.design_file import write_design
 
         asked = []
-        stand_in(
-            monkeypatch,
-            "camopt.optimizer.baselines.comparison",
-            compare=lambda *given, **named: asked.append((*given, named)),
-        )
+        row = {"cam": "design", "area_ratio": 0.58, "bounce_mm": 0.02, "bounce_high_mm": 0.03, "jump_mm": 0.01}
+        row |= {"verdict": "confirmed", "broken": ""}
+
+        def compare(*given, **named):
+            asked.append((*given, named))
+            write_csv(create_run_folder(given[2]) / "comparison.csv", {key: [value] for key, value in row.items()})
+
+        stand_in(monkeypatch, "camopt.optimizer.baselines.comparison", compare=compare)
         folder = create_run_folder(tmp_path / "first")
         lift = polydyne(load_scene("kodama"))
         write_design(folder / "design.json", lift, 9.4e-3)
-        code, _, _ = run(capsys, "compare", "kodama", "--design", str(folder), "--out", str(tmp_path / "second"))
+        code, printed, _ = run(capsys, "compare", "kodama", "--design", str(folder), "--out", str(tmp_path / "second"))
         ((scene, designs, out, named),) = asked
         assert named == {"baselines": "plain", "progress": True}
         assert (code, scene.name, out) == (0, "kodama", tmp_path / "second")
         assert list(designs) == [str(folder)]
         assert designs[str(folder)].area == pytest.approx(lift.area)
+        assert printed.splitlines()[1].split() == ["design", "0.5800", "0.0300", "0.0100", "confirmed", "nothing"]
         code, _, err = run(capsys, "compare", "kodama", "--design", "polydyne")
         assert (code, "neither" in err) == (2, True)
 

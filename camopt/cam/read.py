@@ -10,6 +10,8 @@ from typing import Any
 from camopt.cam.design_file import read_design
 from camopt.cam.lift import Lift
 from camopt.scene import InputError, Scene
+from camopt.scene.spelling import did_you_mean
+from camopt.scene.text_file import excerpt, usable_path
 
 DESIGN_FILE = "design.json"
 
@@ -120,18 +122,20 @@ def read_cam(
     design.json; or a lift table, for which see `camopt.cam.tables.lift_table.read_lift_table`. A file whose name is a
     family's is reached as ./name. Raises InputError for anything else.
     """
-    path = Path(spec)
-    if str(spec).partition(":")[0] in FAMILIES and not isinstance(spec, Path):
+    name = str(spec).partition(":")[0]
+    if name in FAMILIES and not isinstance(spec, Path):
         name, keywords = family_and_keywords(str(spec))
         family = FAMILIES[name]  # its module is imported only now
         return getattr(import_module(family.module), family.function)(scene, **keywords)
+    path = usable_path(spec, "cam")
     if str(spec) and path.is_dir():
         if not (path / DESIGN_FILE).is_file():
             raise InputError(f"cam {str(spec)!r}: the folder holds no {DESIGN_FILE}; give a camopt run folder")
         return read_design(path / DESIGN_FILE, scene)
     if not path.is_file():
         raise InputError(
-            f"cam {str(spec)!r}: neither a family ({', '.join(FAMILIES)}) nor a lift table, design.json or run folder"
+            f"cam {excerpt(str(spec))}: neither a family ({', '.join(FAMILIES)}) nor a lift table, design.json or run "
+            f"folder{did_you_mean(name, FAMILIES)}"
         )
     if path.suffix == ".json":
         return read_design(path, scene)
@@ -144,18 +148,22 @@ def family_and_keywords(spec: str) -> tuple[str, dict[str, Any]]:
     """The name of a family and its parameters as keywords of its function; InputError for unknown or unusable ones."""
     name, _, text = spec.partition(":")
     if name not in FAMILIES:
-        raise InputError(f"cam {spec!r}: not a family: expected {', '.join(FAMILIES)}")
+        raise InputError(
+            f"cam {excerpt(spec)}: not a family: expected {', '.join(FAMILIES)}{did_you_mean(name, FAMILIES)}"
+        )
     family, keywords = FAMILIES[name], {}
     for item in filter(None, text.split(",")):
         key, equals, value = item.partition("=")
         if key not in family.parameters or not equals:
             known = ", ".join(f"{k}=..." for k in family.parameters)
-            raise InputError(f"cam {name}: parameter {item!r}: expected {known}")
+            expected = f"expected {known}" if known else "this family has none"
+            meant = did_you_mean(key, family.parameters)
+            raise InputError(f"cam {name}: parameter {excerpt(item)}: {expected}{meant}")
         keyword, parse = family.parameters[key]
         if keyword in keywords:
             raise InputError(f"cam {name}: parameter {key!r} is given more than once")
         try:
             keywords[keyword] = parse(value)
         except ValueError:
-            raise InputError(f"cam {name}: {key}={value!r}: expected {EXPECTED[parse]}") from None
+            raise InputError(f"cam {name}: {key}={excerpt(value)}: expected {EXPECTED[parse]}") from None
     return name, keywords

@@ -15,6 +15,7 @@ motion switches endlessly or has no bound, a number is not finite, or a mass or 
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from copy import deepcopy
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Any
@@ -192,9 +193,8 @@ class Varying:
     def by_names(
         self, names: tuple[str, ...], given: Arrays, motion: TracedMotion, slopes: Slopes, moving: np.ndarray
     ) -> Arrays:
-        """Gradients (l, ...) by each of the names; `moving` (l) is the part of each number that grows in proportion to
-        all velocities."""
-        by_train, found = slopes.by_train, {}
+        """Gradients (l, ...) by each of the names; `moving` (l) is what of the numbers grows with all velocities."""
+        by_train, found = deepcopy(slopes.by_train), {}  # the slopes stay as they are: they may be read again
         if by_train is not None and "start" not in given:
             by_train.add(rest_back(motion.train, slopes.by_start))
         for name in names:

@@ -23,7 +23,8 @@ from camopt.exact.adjoint.motion import (
 )
 from camopt.exact.adjoint.seeds import empty_seeds
 from camopt.exact.adjoint.sweep import sweep
-from camopt.exact.engine import MOST_SWITCHINGS, train_arrays
+from camopt.exact.engine import MOST_SWITCHINGS
+from camopt.exact.kernel.arrays import CamArrays, TrainArrays, train_arrays
 from camopt.exact.kernel.propagators import propagators
 from camopt.exact.kernel.revolution import DONE, NEED_TABLES, TRACE_FULL
 from camopt.exact.kernel.setting import Setting, follow, slot_tables
@@ -70,14 +71,14 @@ def run(s, motions, wanted, most, rows, trace, seeds, begin, end):
     start = np.empty(motions.state.shape[1])
     for i in range(begin, end):
         start[:] = motions.state[i]
-        cam = (motions.borders, motions.coefficients[i], motions.cam_speed[i])
-        code, count, _ = follow(s.laws, cam, s.step, s.tables, motions.state[i], wanted.revolutions, most, rows, trace)
+        cam = CamArrays(motions.borders, motions.coefficients[i], motions.cam_speed[i])
+        code, count, _ = follow(s.train, cam, s.step, s.tables, motions.state[i], wanted.revolutions, most, rows, trace)
         if code != DONE:
             motions.state[i] = start
             return i, code, count
         one = Setting(
-            s.laws, cam, s.step, s.tables, s.states, s.motion, s.integral, s.valve, s.seat, s.cam_side, s.half_duration,
-            motions.foot[i],
+            s.train, cam, s.step, s.tables, s.states, s.motion, s.integral, s.valve, s.seat, s.cam_side,
+            s.half_duration, motions.foot[i],
         )  # fmt: skip
         done = first(trace, count)
         for j in range(motions.by_start.shape[1]):
@@ -110,7 +111,7 @@ def value_and_gradient_many(
     which they begin; without them every motion begins at rest. All other arguments mean what they mean for
     `value_and_gradient`, and InputError is raised in the same cases.
     """
-    laws = train_arrays(train)
+    arrays = train_arrays(train)
     weights = np.ones(len(metrics)) if cotangent is None else np.asarray(cotangent, dtype=float)
     wanted = Wanted(revolutions, revolution, metric_numbers(train, metrics), weights, cotangent is not None)
     states = np.array([rest_state(train)] * len(lifts) if starts is None else starts, dtype=float)
@@ -123,7 +124,7 @@ def value_and_gradient_many(
     def one_part(step: float, at_once: int, part: list[int]) -> None:
         some, speeds = [lifts[i] for i in part], np.array([cam_speeds[i] for i in part])
         motions = _motions(train, some, speeds, states[part], wanted, mechanical)
-        for i in _run(train, laws, motions, wanted, step, at_once, some[0].half_duration):
+        for i in _run(train, arrays, motions, wanted, step, at_once, some[0].half_duration):
             found[part[i]] = _gradient(train, motions, i, tuple(metrics), mechanical, starts is None)
 
     with ThreadPoolExecutor(workers) as pool:
@@ -156,7 +157,7 @@ def _motions(train: Train, lifts: list[Lift], speeds, states, wanted: Wanted, me
 
 
 def _run(
-    train: Train, laws: tuple, motions: Motions, wanted: Wanted, step: float, at_once: int, half_duration: float
+    train: Train, arrays: TrainArrays, motions: Motions, wanted: Wanted, step: float, at_once: int, half_duration: float
 ) -> list[int]:
     """Runs all motions and returns the numbers of those that are not refused."""
     tables = propagators(train, step, motions.coefficients.shape[2], at_once)
@@ -169,8 +170,8 @@ def _run(
             seeds = empty_seeds(segments, observations, len(train.mass), len(train.a))
         built = tables.built
         numbers = train.valve, train.seat, sides, half_duration, 0.0
-        cam = motions.borders, motions.coefficients[0], 0.0
-        setting = Setting(laws, cam, step, built, *slot_tables(tables).for_tables(built), *numbers)
+        cam = CamArrays(motions.borders, motions.coefficients[0], 0.0)
+        setting = Setting(arrays, cam, step, built, *slot_tables(tables).for_tables(built), *numbers)
         begin = i
         i, code, key = run(setting, motions, wanted, MOST_SWITCHINGS, NO_ROWS, trace, seeds, begin, k)
         done += range(begin, i)

@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from camopt.cam.lift import Lift
+from camopt.exact.kernel.arrays import cam_arrays, train_arrays
 from camopt.exact.kernel.propagators import Propagators, default_step, propagators
 from camopt.exact.kernel.revolution import CHATTER, DONE, NEED_TABLES, revolve
 from camopt.exact.kernel.trace import empty_trace
@@ -31,22 +32,15 @@ FEWEST_STEPS = 360
 NO_TRACE = empty_trace(0, 0, 0)
 
 
-def train_arrays(train: Train) -> tuple:
-    """The train as the plain arrays that the compiled kernel reads; raises InputError for laws that are not linear."""
-    train.require_linear("event-exact", 'simulate with method "dop853", "rkg" or "smooth"')
-    names = ("mass", "mass_damping", "mass_force", "a", "b", "contact", "cam_driven")
-    return tuple(getattr(train, k) for k in (*names, "stiffness", "damping", "preload", "gap"))
-
-
 class EventExact:
     """Event-exact motion at one speed: a call gives one sampled revolution, `advance` only the state at its end."""
 
     def __init__(self, train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int | None = None):
-        self._laws = train_arrays(train)
+        self._arrays = train_arrays(train)
         self.train, self.lift, self.cam_speed = train, lift, cam_speed
         self.period = 2 * np.pi / cam_speed
         self.step, self._per_sample = _step(train, self.period, steps_per_revolution)
-        self._cam = lift.borders, lift.coefficients, cam_speed
+        self._cam = cam_arrays(lift, cam_speed)
         self._rows: np.ndarray | None = None
 
     def __call__(self, state: np.ndarray) -> Response:
@@ -83,7 +77,7 @@ class EventExact:
         while code == NEED_TABLES:
             state[:] = start
             code, count, switchings = revolve(
-                self._laws, self._cam, self.step, tables.built, state, rows, NO_TRACE, MOST_SWITCHINGS
+                self._arrays, self._cam, self.step, tables.built, state, rows, NO_TRACE, MOST_SWITCHINGS
             )
             if code == NEED_TABLES:
                 tables.build(count)

@@ -120,7 +120,7 @@ def _contacts_between_cam_and_valve(a, b, contact, cam_driven, valve) -> tuple[i
     """Contacts on the way from the cam-driven element to the valve; no way leads over the ground."""
     if valve < 0:
         return ()
-    for first in np.flatnonzero(cam_driven):
+    for first in np.flatnonzero(cam_driven & (b != GROUND)):
         ways: list[tuple[int, tuple[int, ...]]] = [(int(b[first]), (int(first),))]
         seen = {GROUND}
         while ways:
@@ -129,7 +129,7 @@ def _contacts_between_cam_and_valve(a, b, contact, cam_driven, valve) -> tuple[i
                 return tuple(e for e in path if contact[e])
             seen.add(mass)
             for e in range(len(a)):
-                if e in path or mass not in (a[e], b[e]):
+                if e in path or mass not in ((a[e],) if contact[e] else (a[e], b[e])):
                     continue
                 other = int(b[e] if a[e] == mass else a[e])
                 if other not in seen:

@@ -236,7 +236,7 @@ def section_angles(shares: np.ndarray, half: float) -> np.ndarray:
 
 
 def angle_shares(angles: np.ndarray, half: float) -> np.ndarray:
-    """Shares (count - 1) of section angles [rad]: the inverse of `section_angles`, clipped to the shares allowed."""
+    """Shares (count - 1) from which `section_angles` gives these angles [rad], clipped to what it can reach."""
     rest, shares = half - len(angles) * SHORTEST, []
     for angle in angles[:-1]:
         shares.append(float(np.clip((angle - SHORTEST) / rest, 0.0, 1.0)) if rest > 0 else 0.0)

@@ -23,7 +23,7 @@ def distance_integral(s, trace, k, w, there):
         for j in range(TERMS + 1):
             power *= length - step
             rest += w[j] * power / (j + 1)
-        total += rest / s.laws[7][s.seat]
+        total += rest / s.train.stiffness[s.seat]
     return total
 
 
@@ -38,7 +38,7 @@ def square_integral(s, trace, k, w, there):
         _add_square(w, 1.0, min(1.0, trace.length[k] - i), p)
         for j in range(TERMS + 1):
             total += w[j] * p[j]
-    return total / s.laws[7][s.seat] ** 2
+    return total / s.train.stiffness[s.seat] ** 2
 
 
 @numba.njit(cache=True, nogil=True)
@@ -74,7 +74,7 @@ def seed_square(s, trace, seeds, k, weight, w, there):
 @numba.njit(cache=True, nogil=True)
 def _by_touch(s, seeds, weight):
     """Adds the cotangents of the seat's distance, -(d + preload / stiffness), by its own parameters, d held."""
-    e, stiffness, preload = s.seat, s.laws[7][s.seat], s.laws[9][s.seat]
+    e, stiffness, preload = s.seat, s.train.stiffness[s.seat], s.train.preload[s.seat]
     seeds.element[0, e] += weight * preload / stiffness**2
     seeds.element[2, e] -= weight / stiffness
     seeds.element[3, e] += weight
@@ -86,7 +86,7 @@ def integrals_back(s, slot, y, length, linear, square, out):
 
     `linear` and `square` are the weights of the integrals of the seat's distance and of its square.
     """
-    watch, columns, stiffness = watch_of(s, slot, s.seat), len(y), s.laws[7][s.seat]
+    watch, columns, stiffness = watch_of(s, slot, s.seat), len(y), s.train.stiffness[s.seat]
     steps, series = s.tables.steps[slot], s.tables.series[slot, watch]
     p, w, row, there = np.empty(TERMS + 1), np.empty(TERMS + 1), np.empty(columns), np.empty(columns)
     first = 0

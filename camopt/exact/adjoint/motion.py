@@ -10,7 +10,8 @@ from camopt.exact.adjoint.evaluate import closings_margin, collect, evaluate, sa
 from camopt.exact.adjoint.metrics import METRICS
 from camopt.exact.adjoint.seeds import empty_seeds
 from camopt.exact.adjoint.sweep import sweep
-from camopt.exact.engine import AT_ONCE, MOST_SWITCHINGS, free_step, refusal, step_on_borders, train_arrays
+from camopt.exact.engine import AT_ONCE, MOST_SWITCHINGS, free_step, refusal, step_on_borders
+from camopt.exact.kernel.arrays import CamArrays, TrainArrays, cam_arrays, train_arrays
 from camopt.exact.kernel.propagators import Propagators, propagators
 from camopt.exact.kernel.revolution import DONE, NEED_TABLES, TRACE_FULL
 from camopt.exact.kernel.setting import Setting, follow, slot_tables
@@ -112,14 +113,14 @@ class TracedMotion:
         switching or a motion without bound, and InputError for laws that are not linear.
         """
         self.train, self.lift, self.cam_speed, self.mechanical = train, lift, cam_speed, mechanical
-        laws, cam = train_arrays(train), (lift.borders, lift.coefficients, cam_speed)
+        arrays, cam = train_arrays(train), cam_arrays(lift, cam_speed)
         step, at_once = steps_of(train, cam_speed, spacing)
         tables = propagators(train, step, lift.coefficients.shape[1], at_once)
         self.end = np.array(start, dtype=float)
-        self.trace = _followed(laws, cam, step, tables, self.end, revolutions)
+        self.trace = _followed(arrays, cam, step, tables, self.end, revolutions)
         sides = np.array(train.cam_side, dtype=np.int64)
         numbers = train.valve, train.seat, sides, lift.half_duration, lift.opening_foot
-        self.setting = Setting(laws, cam, step, tables.built, *slot_tables(tables).for_tables(tables.built), *numbers)
+        self.setting = Setting(arrays, cam, step, tables.built, *slot_tables(tables).for_tables(tables.built), *numbers)
 
     def gradient(self, metrics: Sequence[str], revolution: int = 0, cotangent: np.ndarray | None = None) -> Gradient:
         """Values (l) and gradients of metrics in a revolution, with one sweep for each metric.
@@ -244,14 +245,16 @@ def metric_numbers(train: Train, metrics: Sequence[str]) -> np.ndarray:
     return np.array([METRICS.index(name) for name in metrics], dtype=np.int64)
 
 
-def _followed(laws, cam, step: float, tables: Propagators, state: np.ndarray, revolutions: int) -> Trace:
+def _followed(
+    arrays: TrainArrays, cam: CamArrays, step: float, tables: Propagators, state: np.ndarray, revolutions: int
+) -> Trace:
     """The trace of whole revolutions from `state` (2n), which is changed in place to the end."""
     start, segments = state.copy(), FIRST_SEGMENTS * revolutions
     trace = room_for(tables, segments)
     while True:
         state[:] = start
         code, count, switchings = follow(
-            laws, cam, step, tables.built, state, revolutions, MOST_SWITCHINGS, NO_ROWS, trace
+            arrays, cam, step, tables.built, state, revolutions, MOST_SWITCHINGS, NO_ROWS, trace
         )
         if code == DONE:
             return first(trace, count)
@@ -261,4 +264,4 @@ def _followed(laws, cam, step: float, tables: Propagators, state: np.ndarray, re
             segments *= 4
             trace = room_for(tables, segments)
         else:
-            raise refusal(code, cam[2], switchings)
+            raise refusal(code, cam.speed, switchings)

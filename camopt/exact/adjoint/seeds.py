@@ -68,38 +68,38 @@ def observe(seeds, k, length):
 @numba.njit(cache=True, nogil=True)
 def seed_force(s, trace, seeds, k, length, e, weight):
     """Adds the cotangents of weight * (preload + stiffness d + damping d') of element e at an instant."""
-    _, _, _, a, b, _, cam_driven, stiffness, damping, _, _ = s.laws
-    n = len(s.laws[0])
+    train = s.train
+    n = len(s.train.mass)
     weight *= seeds.weight[0]
     d, rate = compression(s, e, state_at(s, trace, k, length))
     bar = observe(seeds, k, length)
-    for mass, sign in ((a[e], weight), (b[e], -weight)):
+    for mass, sign in ((train.a[e], weight), (train.b[e], -weight)):
         if mass >= 0:
-            bar[mass] += sign * stiffness[e]
-            bar[n + mass] += sign * damping[e]
-    if cam_driven[e]:
-        bar[2 * n] += weight * stiffness[e]
-        bar[2 * n + 1] += weight * damping[e]
+            bar[mass] += sign * train.stiffness[e]
+            bar[n + mass] += sign * train.damping[e]
+    if train.cam_driven[e]:
+        bar[2 * n] += weight * train.stiffness[e]
+        bar[2 * n + 1] += weight * train.damping[e]
     seeds.element[0, e] += weight * d
     seeds.element[1, e] += weight * rate
     seeds.element[2, e] += weight
-    seeds.element[3, e] -= weight * stiffness[e]
+    seeds.element[3, e] -= weight * train.stiffness[e]
 
 
 @numba.njit(cache=True, nogil=True)
 def seed_separation(s, seeds, k, length, e, weight):
     """Adds the cotangents of weight * separation of contact e at an instant; separation = -(d + preload/stiffness)."""
-    _, _, _, a, b, _, cam_driven, stiffness, _, preload, _ = s.laws
+    train = s.train
     weight *= seeds.weight[0]
     bar = observe(seeds, k, length)
-    if a[e] >= 0:
-        bar[a[e]] -= weight
-    if b[e] >= 0:
-        bar[b[e]] += weight
-    if cam_driven[e]:
-        bar[2 * len(s.laws[0])] -= weight
-    seeds.element[0, e] += weight * preload[e] / stiffness[e] ** 2
-    seeds.element[2, e] -= weight / stiffness[e]
+    if train.a[e] >= 0:
+        bar[train.a[e]] -= weight
+    if train.b[e] >= 0:
+        bar[train.b[e]] += weight
+    if train.cam_driven[e]:
+        bar[2 * len(s.train.mass)] -= weight
+    seeds.element[0, e] += weight * train.preload[e] / train.stiffness[e] ** 2
+    seeds.element[2, e] -= weight / train.stiffness[e]
     seeds.element[3, e] += weight
 
 

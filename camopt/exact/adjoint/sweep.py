@@ -58,63 +58,62 @@ def lift_point_back(lift_bar, rate_bar, offset, cam_speed, by_piece):
 @numba.njit(cache=True, nogil=True)
 def switch_back(s, trace, seeds, k, bar, by_coefficients, by_element):
     """Carries `bar` (2n) from after the switching that ends segment k to before it."""
-    mass, _, _, a, b, _, cam_driven, stiffness, damping, preload, _ = s.laws
-    slot, n = trace.slot[k], len(mass)
+    train = s.train
+    slot, n = trace.slot[k], len(train.mass)
     e = s.tables.element[slot, trace.watch[k]]
     rate = compression(s, e, trace.y[k + 1])[1]
     pull = 0.0
     if s.states[slot, e] == SEPARATED and rate > 0.0:
-        pull += damping[e] * ((bar[n + a[e]] / mass[a[e]]) if a[e] >= 0 else 0.0)
-        pull -= damping[e] * ((bar[n + b[e]] / mass[b[e]]) if b[e] >= 0 else 0.0)
+        pull += train.damping[e] * ((bar[n + train.a[e]] / train.mass[train.a[e]]) if train.a[e] >= 0 else 0.0)
+        pull -= train.damping[e] * ((bar[n + train.b[e]] / train.mass[train.b[e]]) if train.b[e] >= 0 else 0.0)
     if seeds.time[k] != 0.0 and rate != 0.0:
         pull += seeds.time[k] / rate
     if pull == 0.0:
         return
-    if a[e] >= 0:
-        bar[a[e]] -= pull
-    if b[e] >= 0:
-        bar[b[e]] += pull
-    if cam_driven[e]:
-        end = trace.offset[k] + trace.length[k] * s.step * s.cam[2]
-        lift_point_back(-pull, 0.0, end, s.cam[2], by_coefficients[trace.piece[k]])
-    by_element[0, e] += pull * preload[e] / stiffness[e] ** 2
-    by_element[2, e] -= pull / stiffness[e]
+    if train.a[e] >= 0:
+        bar[train.a[e]] -= pull
+    if train.b[e] >= 0:
+        bar[train.b[e]] += pull
+    if train.cam_driven[e]:
+        end = trace.offset[k] + trace.length[k] * s.step * s.cam.speed
+        lift_point_back(-pull, 0.0, end, s.cam.speed, by_coefficients[trace.piece[k]])
+    by_element[0, e] += pull * train.preload[e] / train.stiffness[e] ** 2
+    by_element[2, e] -= pull / train.stiffness[e]
     by_element[3, e] += pull
 
 
 @numba.njit(cache=True, nogil=True)
-def forces_back(laws, state, h, y, bar, share, by_mass, by_element):
+def forces_back(train, state, h, y, bar, share, by_mass, by_element):
     """Adds share times the cotangent `bar` (2n + q) times the derivatives of all accelerations by the parameters."""
-    mass, mass_damping, mass_force, a, b, _, cam_driven, stiffness, damping, preload, gap = laws
-    n = len(mass)
+    n = len(train.mass)
     for m in range(n):  # -bar_v / mass * acceleration, the acceleration force by force
-        push = share * bar[n + m] / mass[m]
-        by_mass[0, m] -= push * (mass_force[m] - mass_damping[m] * y[n + m]) / mass[m]
+        push = share * bar[n + m] / train.mass[m]
+        by_mass[0, m] -= push * (train.mass_force[m] - train.mass_damping[m] * y[n + m]) / train.mass[m]
         by_mass[1, m] -= push * y[n + m]
         by_mass[2, m] += push
-    for e in range(len(a)):
+    for e in range(len(train.a)):
         if state[e] != ACTING:
             continue
-        d, rate, p, q = -gap[e], 0.0, a[e], b[e]
+        d, rate, p, q = -train.gap[e], 0.0, train.a[e], train.b[e]
         if p >= 0:
             d, rate = d + y[p], rate + y[n + p]
         if q >= 0:
             d, rate = d - y[q], rate - y[n + q]
-        if cam_driven[e]:
+        if train.cam_driven[e]:
             d, rate = d + y[2 * n], rate + y[2 * n + 1] / h
-        force, push = preload[e] + stiffness[e] * d + damping[e] * rate, 0.0
+        force, push = train.preload[e] + train.stiffness[e] * d + train.damping[e] * rate, 0.0
         if p >= 0:
-            pushed = share * bar[n + p] / mass[p]
+            pushed = share * bar[n + p] / train.mass[p]
             push -= pushed
-            by_mass[0, p] += pushed * force / mass[p]
+            by_mass[0, p] += pushed * force / train.mass[p]
         if q >= 0:
-            pushed = share * bar[n + q] / mass[q]
+            pushed = share * bar[n + q] / train.mass[q]
             push += pushed
-            by_mass[0, q] -= pushed * force / mass[q]
+            by_mass[0, q] -= pushed * force / train.mass[q]
         by_element[0, e] += push * d
         by_element[1, e] += push * rate
         by_element[2, e] += push
-        by_element[3, e] -= push * stiffness[e]
+        by_element[3, e] -= push * train.stiffness[e]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -126,7 +125,7 @@ def parameters_back(s, trace, k, length, bar, linear, square, by_mass, by_elemen
     """
     # the product of state and cotangent turns by 3 rad per step at most: so many points leave 1e-7 of the highest mode
     slot, h, count = trace.slot[k], s.step, min(int(np.ceil(1.25 * length)) + 4, MOST_POINTS)
-    motion, laws, state = s.motion[slot], s.laws, s.states[slot]
+    motion, state = s.motion[slot], s.states[slot]
     there = np.empty(trace.y.shape[1])
     for i in range(count):
         at, share = POINTS[count, i] * length, SHARES[count, i] * length * h
@@ -134,7 +133,7 @@ def parameters_back(s, trace, k, length, bar, linear, square, by_mass, by_elemen
         carry_back(s.tables, slot, motion, h, length - at, bar, there, work)
         if linear != 0.0 or square != 0.0:
             integrals_back(s, slot, y, length - at, linear, square, there)
-        forces_back(laws, state, h, y, there, share, by_mass, by_element)
+        forces_back(s.train, state, h, y, there, share, by_mass, by_element)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -144,11 +143,11 @@ def sweep(s, trace, seeds, bar, by_coefficients, by_mass, by_element):
     Adds to by_coefficients (p, q); to by_mass (3, n: mass, damping, force) and by_element (4, e: stiffness, damping,
     preload, gap) where by_mass has rows.
     """
-    n2, mechanical, per_step = len(bar), len(by_mass) > 0, s.cam[2] * s.step
+    n2, mechanical, per_step = len(bar), len(by_mass) > 0, s.cam.speed * s.step
     width = trace.y.shape[1]
     start, out = np.empty(width), np.empty(width)
     work = np.empty(width), np.empty(width), np.empty(s.motion.shape[2])
-    motion, h, cam_speed = s.motion, s.step, s.cam[2]
+    motion, h, cam_speed = s.motion, s.step, s.cam.speed
     for k in range(len(trace.length) - 1, -1, -1):
         if trace.watch[k] >= 0:
             switch_back(s, trace, seeds, k, bar, by_coefficients, by_element)

@@ -16,13 +16,13 @@ TIE = 1e-3
 @numba.njit(cache=True, nogil=True)
 def state_at(s, trace, k, length):
     """x, v and the lift's coefficients (2n + q) at `length` steps from the start of segment k."""
-    n = len(s.laws[0])
+    n = len(s.train.mass)
     y = trace.y[k].copy()
     if length != 0.0:
         work = np.empty(len(y)), np.empty(2 * n + 2), np.empty(n)
-        scale, piece = s.cam[2] * s.step, trace.piece[k]
+        scale, piece = s.cam.speed * s.step, trace.piece[k]
         advance(s.tables, trace.slot[k], s.step, len(y), length, y, work)
-        lift_series(s.cam[1][piece], trace.offset[k] + length * scale, scale, y[2 * n :])
+        lift_series(s.cam.pieces[piece], trace.offset[k] + length * scale, scale, y[2 * n :])
     return y
 
 
@@ -42,10 +42,10 @@ def closeness(a, b, gap, n, y):
 @numba.njit(cache=True, nogil=True)
 def compression(s, e, y):
     """(d, d') of element e: compression [m] and its rate [m/s]."""
-    mass, _, _, a, b, _, cam_driven, _, _, _, gap = s.laws
-    n = len(mass)
-    d, rate = closeness(a[e], b[e], gap[e], n, y)
-    if cam_driven[e]:
+    train = s.train
+    n = len(train.mass)
+    d, rate = closeness(train.a[e], train.b[e], train.gap[e], n, y)
+    if train.cam_driven[e]:
         d += y[2 * n]
         rate += y[2 * n + 1] / s.step
     return d, rate
@@ -54,19 +54,19 @@ def compression(s, e, y):
 @numba.njit(cache=True, nogil=True)
 def accelerations(s, slot, y):
     """Acceleration of every mass (n) [m/s^2] in a contact state."""
-    mass, mass_damping, mass_force, a, b, _, _, stiffness, damping, preload, _ = s.laws
-    n = len(mass)
-    force = mass_force - mass_damping * y[n : 2 * n]
-    for e in range(len(a)):
+    train = s.train
+    n = len(train.mass)
+    force = train.mass_force - train.mass_damping * y[n : 2 * n]
+    for e in range(len(train.a)):
         if s.states[slot, e] != ACTING:
             continue
         d, rate = compression(s, e, y)
-        f = preload[e] + stiffness[e] * d + damping[e] * rate
-        if a[e] >= 0:
-            force[a[e]] -= f
-        if b[e] >= 0:
-            force[b[e]] += f
-    return force / mass
+        f = train.preload[e] + train.stiffness[e] * d + train.damping[e] * rate
+        if train.a[e] >= 0:
+            force[train.a[e]] -= f
+        if train.b[e] >= 0:
+            force[train.b[e]] += f
+    return force / train.mass
 
 
 @numba.njit(cache=True, nogil=True)
@@ -160,7 +160,7 @@ def largest(s, trace, e, status, sign, low, high):
     The runner-up is the next highest crest, if it lies within `TIE` of the highest, and -inf otherwise.
     """
     value, second, where, length, steep = -np.inf, -np.inf, -1, 0.0, 0.0
-    per_step = s.cam[2] * s.step
+    per_step = s.cam.speed * s.step
     w, there = np.zeros(TERMS + 1), np.zeros(trace.y.shape[1])
     enough = _highest_look(s, trace, e, status, sign, low, high)
     enough -= TIE * abs(enough)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
+from camopt.exact.kernel.arrays import CamArrays, TrainArrays
 from camopt.exact.kernel.propagators import ACTING, SEPARATED, TERMS, Propagators, Tables
 from camopt.exact.kernel.revolution import DONE, revolve
 from camopt.exact.kernel.trace import later
@@ -15,8 +16,8 @@ from camopt.exact.kernel.trace import later
 class Setting(NamedTuple):
     """A train with n masses, e elements and tables for s contact states; a cam of p pieces and its speed."""
 
-    laws: tuple  # as `engine.train_arrays`
-    cam: tuple  # borders (p + 1) rad, coefficients (p, q), cam speed rad/s
+    train: TrainArrays
+    cam: CamArrays
     step: float  # s
     tables: Tables
     states: np.ndarray  # (s, e): of every contact
@@ -85,7 +86,7 @@ def slot_tables(tables: Propagators) -> SlotTables:
 
 
 @numba.njit(cache=True, nogil=True)
-def follow(laws, cam, step, tables, state, revolutions, most, rows, trace):
+def follow(train, cam, step, tables, state, revolutions, most, rows, trace):
     """Writes whole revolutions from `state` (2n), which is changed in place, into the trace.
 
     Returns (code, number of segments or missing key, number of switchings). `rows` is where `revolve` would write
@@ -94,7 +95,7 @@ def follow(laws, cam, step, tables, state, revolutions, most, rows, trace):
     used, total = 0, 0
     for turn in range(revolutions):
         rest = later(trace, used)
-        code, count, switchings = revolve(laws, cam, step, tables, state, rows, rest, most)
+        code, count, switchings = revolve(train, cam, step, tables, state, rows, rest, most)
         total += switchings
         if code != DONE:
             return code, count, total
