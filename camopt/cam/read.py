@@ -156,8 +156,8 @@ def _member(spec: str, scene: Scene) -> Lift:
     low, high = lift.extremes(0)
     if low < -LIFT_SLACK or high > scene.design.max_lift_mm * MM + LIFT_SLACK:
         raise InputError(
-            f"cam {excerpt(str(spec))}: its lift would go from {low / MM:.4g} to {high / MM:.4g} mm and must stay between 0 "
-            f"and max_lift_mm = {scene.design.max_lift_mm:g}: give other parameters"
+            f"cam {excerpt(str(spec))}: its lift would go from {low / MM:.4g} to {high / MM:.4g} mm and must stay "
+            f"between 0 and max_lift_mm = {scene.design.max_lift_mm:g}: give other parameters"
         )
     return lift
 
