@@ -20,6 +20,7 @@ from camopt.scene import InputError, Scene, parse_scene
 from experiments.support.record import RESULTS, run_script, write_result
 
 SCENES = {"small": 1, "full": 10}
+SPEEDS = {"small": "nominal", "full": "band"}
 ARCHITECTURES = ("bucket", "finger", "pushrod", "pushrod-elastic")
 DAMPING = 0.02, 0.06
 """Damping ratios of contacts, stems and rods, each against the mass that it carries."""
@@ -121,12 +122,12 @@ def design(rng: np.random.Generator) -> dict:
     return found | ({"closing_ramp_velocity_mm_per_deg": 0.009} if rng.random() < 0.3 else {})
 
 
-def job(scene: Scene, folder: Path) -> dict:
+def job(scene: Scene, folder: Path, speeds: str = "band") -> dict:
     """How the job ends on a scene: its verdict, the sentence of a refusal, or the defect."""
     begin = time.perf_counter()
     row = {"scene": scene.name, "masses": len(scene.mass), "contacts": sum(e.kind == "contact" for e in scene.element)}
     try:
-        found = optimize(scene, accuracy="draft", gradient="none", out=folder)
+        found = optimize(scene, speeds, "draft", "none", folder)
     except InputError as refusal:
         return row | {"ends": "refused", "sentence": str(refusal), "seconds": time.perf_counter() - begin}
     except Exception as error:  # what the experiment is there to find
@@ -156,7 +157,7 @@ def main(size: str, folder=RESULTS) -> dict:
     rows = []
     for number in tqdm(range(SCENES[size]), disable=size == "small"):
         with tempfile.TemporaryDirectory() as runs:
-            rows.append(job(drawn(number), Path(runs) / "run"))
+            rows.append(job(drawn(number), Path(runs) / "run", SPEEDS[size]))
         print(rows[-1])
     ends = {e: sum(r["ends"] == e for r in rows) for e in sorted({r["ends"] for r in rows})}
     content = {"trains": len(rows), "ends": ends, "rows": rows}
