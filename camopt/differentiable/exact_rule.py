@@ -1,19 +1,21 @@
 """The JAX rule of the exact path: `jax.grad`, `jax.jit` and `jax.vmap` through event-exact motions.
 
-The motion runs outside JAX, in one host call whatever is batched: its motions side by side in threads, derivatives by
-their discrete adjoint. The rule stands here and not in `camopt.exact`, which the verifier's verdict imports and which
-therefore knows no JAX.
+The motion runs outside JAX. A batch takes one host call, in which its motions run side by side in threads; derivatives
+come from their discrete adjoint. The rule stands here and not in `camopt.exact`, because the verifier's verdict imports
+`camopt.exact` and must not load JAX.
 
-Speed: with r = speed / speed', masses times r^2 and dampings times r move through the same positions and forces by
-angle at speed', at velocities divided by r. So derivatives by the speed are those by masses and dampings.
+Derivatives by the speed need no sweep of their own. Let r = speed / speed'. A train whose masses are multiplied by r^2
+and whose dampings are multiplied by r passes, at speed', through the same positions and forces at the same angles, with
+all velocities divided by r. So the derivative by the speed follows from those by masses and dampings.
 
-A motion that cannot be followed (no rest, endless switching, no bound, numbers that are not finite or a mass or
-stiffness that is not positive) is NaN throughout, its derivatives too.
+A motion that cannot be followed is NaN throughout, and so are its derivatives. That happens where there is no rest, the
+motion switches endlessly or has no bound, a number is not finite, or a mass or stiffness is not positive.
 """
 
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from copy import deepcopy
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Any
@@ -34,7 +36,7 @@ from camopt.scene.train import Train
 TRAIN_PARAMETERS = tuple(field.name for field in fields(ByTrain))
 POSITIVE = ("mass", "stiffness", "cam_speed")
 VELOCITY = "m_per_s"
-"""How the names of metrics end that grow with all velocities."""
+"""Ending of the names of those metrics that grow in proportion to all velocities."""
 WORKERS = os.cpu_count() or 1
 Arrays = dict[str, np.ndarray]
 
@@ -52,13 +54,14 @@ def exact_metrics(
 ) -> jax.Array:
     """Values (l) of metrics in one revolution of an event-exact motion, in the units of their names.
 
-    `parameters` replaces numbers by arrays that JAX may trace: of the train under the names of `ByTrain`, "lift"
-    (p, q) [m/rad^k] and "borders" (p + 1) [rad] of the cam's pieces, "start" (2n: [m], then [m/s]), the state at -pi,
-    which is rest where it is left out. `cam_speed` [rad/s] may be traced too. Derivatives by the borders take lift and
-    velocity to be continuous across them, and the ends of the duration and the opening foot to stay. `spacing` [rad] as
-    of `TracedMotion`, for batches of many cams at few speeds.
+    `parameters` replaces numbers by arrays that JAX may trace: parameters of the train under the names of `ByTrain`;
+    "lift" (p, q) [m/rad^k] and "borders" (p + 1) [rad], the coefficients and borders of the cam's pieces; and "start"
+    (2n: [m], then [m/s]), the state at -pi, which is rest where it is left out. `cam_speed` [rad/s] may be traced too.
+    Derivatives by the borders assume that lift and velocity are continuous across them and that the ends of the
+    duration and the opening foot stay where they are. `spacing` [rad] means what it means for `TracedMotion`; it pays
+    for batches of many cams at few speeds.
 
-    The value costs one motion, values with their gradients by the cam one motion and one sweep back per metric.
+    The values cost one motion. Values with their gradients by the cam cost one motion and one sweep back per metric.
     Raises InputError for an unknown metric, an unknown parameter or laws that are not linear.
     """
     motion, variables = _varying(train, lift, cam_speed, parameters, revolutions, spacing)
@@ -103,8 +106,8 @@ def differentiable_motion(
 ) -> tuple[Response, dict[str, jax.Array]]:
     """Motion from rest on `steps` equal steps per revolution, and the metrics of all revolutions but the last.
 
-    Arguments as of `exact_metrics`; what is differentiated by costs the motion a second time and a sweep per
-    revolution. The record's arrays are JAX arrays.
+    Arguments are those of `exact_metrics`, and the record's arrays are JAX arrays. Differentiating costs the motion a
+    second time and a sweep per revolution.
     """
     motion, variables = _varying(train, lift, cam_speed, parameters, revolutions)
     names = [] if train.seat < 0 or not train.cam_side else list(METRICS)
@@ -166,7 +169,7 @@ def differentiable_motion(
 
 @dataclass(frozen=True)
 class Varying:
-    """A motion of which JAX varies some numbers: what it keeps."""
+    """The part of a motion that stays fixed while JAX varies some of its numbers."""
 
     train: Train
     lift: Lift
@@ -174,7 +177,7 @@ class Varying:
     spacing: float | None
 
     def trace(self, given: Arrays, names: tuple[str, ...]) -> TracedMotion | None:
-        """The motion under given numbers, to be differentiated by `names`; None where it cannot be followed."""
+        """The traced motion for given numbers, ready to be differentiated by `names`; None if it cannot be followed."""
         if not all(np.all(np.isfinite(v)) and (k not in POSITIVE or np.all(v > 0)) for k, v in given.items()):
             return None
         changes = tuple((name, given[name].tobytes()) for name in TRAIN_PARAMETERS if name in given)
@@ -191,7 +194,7 @@ class Varying:
         self, names: tuple[str, ...], given: Arrays, motion: TracedMotion, slopes: Slopes, moving: np.ndarray
     ) -> Arrays:
         """Gradients (l, ...) by each of the names; `moving` (l) is what of the numbers grows with all velocities."""
-        by_train, found = slopes.by_train, {}
+        by_train, found = deepcopy(slopes.by_train), {}  # the slopes stay as they are: they may be read again
         if by_train is not None and "start" not in given:
             by_train.add(rest_back(motion.train, slopes.by_start))
         for name in names:
@@ -209,18 +212,21 @@ class Varying:
 
 
 MECHANICAL = {*TRAIN_PARAMETERS, "cam_speed"}
-"""Variables whose gradients need the sweep over the train's parameters."""
+"""Names of the variables whose gradients need the sweep over the train's parameters."""
 
 
 def by_borders(lift: Lift, by_coefficients: np.ndarray) -> np.ndarray:
-    """Gradients (l, p + 1) by the borders, where lift and velocity are continuous: a piece moves with its start."""
+    """Gradients (l, p + 1) by the borders of pieces that meet with continuous lift and velocity.
+
+    A piece moves with the border at its start.
+    """
     derivative = np.arange(1, lift.coefficients.shape[1]) * lift.coefficients[:, 1:]
     starts = -np.sum(by_coefficients[:, :, :-1] * derivative, axis=2)
     return np.concatenate([starts, np.zeros((len(starts), 1))], axis=1)
 
 
 def by_speed(motion: TracedMotion, slopes: Slopes, start: np.ndarray | None) -> np.ndarray:
-    """Gradients (l) by the cam speed through masses, dampings and the start's velocities."""
+    """Gradients (l) by the cam speed, from those by masses, dampings and the velocities of the start."""
     by_train, train = slopes.by_train, motion.train
     assert by_train is not None
     total = 2 * by_train.mass @ train.mass + by_train.mass_damping @ train.mass_damping
@@ -232,14 +238,14 @@ def by_speed(motion: TracedMotion, slopes: Slopes, start: np.ndarray | None) -> 
 
 
 def weighted(bar: jax.Array, slope: jax.Array) -> jax.Array:
-    """Sum of slopes (l, ...) times bar (l), of those whose weight is not zero: the others may be NaN."""
+    """Sum of the slopes (l, ...) times their weights bar (l), without those of weight zero, which may be NaN."""
     bar = jnp.reshape(bar, (len(bar), *(1,) * (slope.ndim - 1)))
     return jnp.sum(jnp.where(bar == 0.0, 0.0, bar * slope), 0)
 
 
 @lru_cache(maxsize=24)
 def varied(train: Train, changes: tuple[tuple[str, bytes], ...]) -> Train:
-    """A train with other numbers: the same object for the same numbers, because propagators are kept per train."""
+    """A train with some numbers replaced; the same numbers give the same object, as propagators are kept per train."""
     return replace(train, **{name: np.frombuffer(data).copy() for name, data in changes}) if changes else train
 
 
@@ -247,8 +253,10 @@ rest = lru_cache(maxsize=24)(rest_state)
 
 
 def host_call(function: Callable, result: Any, *args: Any) -> Any:
-    """`function` of NumPy arrays (a tree like `result`) as one JAX call; under `vmap` it still is one, its rows in
-    threads."""
+    """Calls a `function` of NumPy arrays, which returns a tree like `result`, from JAX.
+
+    Under `vmap` it is still one call, whose rows run in threads.
+    """
     shapes = jax.tree.map(lambda part: jax.ShapeDtypeStruct(np.shape(part), jnp.float64), result)
     ranks = [np.ndim(leaf) for leaf in jax.tree.leaves(args)]
 
@@ -275,7 +283,7 @@ def host_call(function: Callable, result: Any, *args: Any) -> Any:
 
 
 def _varying(train: Train, lift: Lift, cam_speed, parameters: Mapping[str, Any], revolutions: int, spacing=None):
-    """(what is kept, what varies); raises InputError for laws that are not linear or an unknown parameter."""
+    """(what stays fixed, what varies); raises InputError for laws that are not linear or an unknown parameter."""
     train.require_linear("event-exact", 'simulate with method "smooth"')
     known = (*TRAIN_PARAMETERS, "lift", "borders", "start")
     unknown = [name for name in parameters if name not in known]
@@ -286,6 +294,6 @@ def _varying(train: Train, lift: Lift, cam_speed, parameters: Mapping[str, Any],
 
 
 def _perturbed(variables) -> tuple[dict[str, jax.Array], tuple[str, ...]]:
-    """Values of variables in a forward rule, and the names of those that are differentiated by."""
+    """The values of the variables in a forward rule, and the names of those by which JAX differentiates."""
     names = tuple(name for name, variable in variables.items() if variable.perturbed)
     return {name: variable.value for name, variable in variables.items()}, names

@@ -1,6 +1,6 @@
 """`camopt.simulate(..., method="smooth", parameters=...)`: one motion as a function of the numbers of train and cam.
 
-`parameters` is a dictionary of arrays, so JAX differentiates, batches and compiles by it as it stands.
+`parameters` is a dictionary of arrays, which JAX can differentiate by, batch and trace without further preparation.
 """
 
 from collections.abc import Mapping
@@ -22,11 +22,11 @@ from camopt.smooth.simulate import EPS, LIFT_SAMPLES, STEPS, TOLERANCE, response
 from camopt.smooth.system import Motion, System, build_system
 
 TRAIN_PARAMETERS = ("mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap")
-"""Fields of `Train` that may be given; the stiffness of a hertz contact is its coefficient [N/m^exponent]."""
+"""Fields of `Train` that may be given. The stiffness of a hertz contact is its coefficient [N/m^exponent]."""
 
 
 def system_with(train: Train, parameters: Mapping[str, jax.Array]) -> System:
-    """The system of a train, with those of its numbers that `parameters` holds in place of the train's."""
+    """The system of a train, in which the numbers that `parameters` holds take the place of the train's own."""
     system = build_system(train)
     names = [name for name in TRAIN_PARAMETERS if name in parameters]
     values = [jnp.asarray(parameters[name], system.mass.dtype) for name in names]
@@ -34,7 +34,7 @@ def system_with(train: Train, parameters: Mapping[str, jax.Array]) -> System:
 
 
 def samples_of_pieces(borders: np.ndarray, coefficients: jax.Array, steps: int = LIFT_SAMPLES) -> jax.Array:
-    """As `lift_samples`, of polynomial pieces with coefficients (p, q) [m/rad^k] between `borders` (p + 1) [rad]."""
+    """The samples of `lift_samples`, for pieces with coefficients (p, q) [m/rad^k] between `borders` (p + 1) [rad]."""
     theta = equal_grid(steps)
     piece = np.clip(np.searchsorted(borders, theta, side="right") - 1, 0, len(borders) - 2)
     powers = (theta - borders[piece])[:, None] ** np.arange(coefficients.shape[1])
@@ -49,9 +49,9 @@ def differentiable_motion(
     """Motion from rest on `steps` equal steps per revolution, and the metrics of all revolutions but the last.
 
     `parameters` maps names of `TRAIN_PARAMETERS` to arrays of the train's shapes, and "lift" to the coefficients of
-    the cam's pieces (p, q) [m/rad^k]; what is left out is the train's and the cam's. Everything else of these two, the
-    borders of the pieces among them, is fixed. `cam_speed` [rad/s] may be traced. The record's arrays are JAX arrays.
-    A motion that the `allowed_steps` do not resolve is NaN.
+    the cam's pieces (p, q) [m/rad^k]. A name that is left out keeps the value of the train or the cam, and everything
+    else about these two, such as the borders of the pieces, is fixed. `cam_speed` [rad/s] may be traced. The record's
+    arrays are JAX arrays. A motion that the `allowed_steps` do not resolve is NaN.
     """
     system = system_with(train, parameters)
     pieces = jnp.asarray(parameters.get("lift", lift.coefficients), system.mass.dtype)
@@ -63,8 +63,11 @@ def differentiable_motion(
 
 
 def allowed_steps(train: Train, cam_speed) -> int:
-    """Steps offered per revolution: `STEPS`, doubled for slow speeds of stiff trains until half of them suffice for
-    stability; a traced speed is taken for one at which `STEPS` do."""
+    """Number of steps offered per revolution.
+
+    It is `STEPS`, doubled for stiff trains at slow speeds until half of the steps suffice for stability. A traced speed
+    is assumed to be one at which `STEPS` suffice.
+    """
     if isinstance(cam_speed, jax.core.Tracer):
         return STEPS
     with jax.ensure_compile_time_eval():
@@ -73,7 +76,7 @@ def allowed_steps(train: Train, cam_speed) -> int:
 
 
 def regular_angles(revolutions: int, steps: int) -> np.ndarray:
-    """Angles (revolutions * steps + 1) of a record from -pi [rad]."""
+    """Equally spaced angles (revolutions * steps + 1) [rad] of a record that begins at -pi."""
     return np.linspace(-np.pi, (2 * revolutions - 1) * np.pi, revolutions * steps + 1)
 
 
@@ -90,7 +93,7 @@ def _motion(system, samples, cam_speed, y0, numbers, revolutions: int, steps: in
 
 
 def regular(motion: Motion, cam_speed, angle: np.ndarray) -> Motion:
-    """The motion at the angles `angle` [rad]: positions cubic between samples, velocities and forces linear."""
+    """The motion at the angles `angle` [rad]; between samples positions are cubics, velocities and forces linear."""
     theta = jnp.asarray(angle)
 
     def linear(values):

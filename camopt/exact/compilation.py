@@ -9,7 +9,7 @@ STAMP = "camopt-exact.sha256"
 
 
 def forget_stale_programs(sources: Path, kept: Path) -> bool:
-    """Deletes the programs that numba keeps in the folder `kept` where a source has changed since; returns whether.
+    """Deletes the programs that numba keeps in the folder `kept` if a source has changed since; returns whether it did.
 
     numba compares a program with the file of its own function only, and compiles what it calls from other files into
     it: after a change of one of these it would go on with the old one. So all programs of the folder `sources`, and of
