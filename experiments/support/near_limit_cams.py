@@ -14,7 +14,7 @@ from camopt.cam.lift import Lift
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, no_jump_program
 from camopt.scene import Scene, build_train
-from experiments.support.near_limit_truth import Truth, truth
+from experiments.support.near_limit_truth import MOST, Truth, truth
 
 KNOTS_DEG = 3.0, 4.0, 5.0
 AROUND = 0.5, 2.0
@@ -24,9 +24,9 @@ KEPT_N, TENSION_N = (0.0, 80.0), (20.0, 800.0)
 KINEMATIC = 0.4
 """Share of the lines that end at the largest cam that the shape's limits allow."""
 PROGRAM_SPEEDS = 4
-COARSE_RPM = 8.0
-"""Step of the speeds in a first bisection."""
-BISECTIONS, FULL = 9, 5
+COARSE_RPM, COARSE_MOST = 12.0, 40
+"""Step of the speeds in a first bisection, and plain revolutions at each."""
+BISECTIONS, FULL = 7, 5
 PER_LINE = 4
 DIGITS = 12
 """To which a cam's coefficients are rounded before anything is done with it, so that its record says all of it."""
@@ -85,7 +85,8 @@ def _located(scene: Scene, cam: FreeCam, safe, risky, target: float) -> tuple[np
         return _rounded(safe + s * (risky - safe))
 
     def share(s: float, step: float) -> tuple[float, Truth]:
-        found = truth(scene, cam.lift(at(s)), band(scene, step), enough=AROUND[1])
+        most = MOST if step == 1.0 else COARSE_MOST
+        found = truth(scene, cam.lift(at(s)), band(scene, step), enough=AROUND[1], most=most)
         return found.share, found
 
     low, high = 0.0, 1.0

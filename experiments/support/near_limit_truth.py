@@ -28,6 +28,8 @@ DIFFERENCE = 1e-2
 MOST_NEWTON, OLDEST = 8, 10
 """Newton's steps, and speeds after which the Jacobian, and with it stability, is looked at anew."""
 LARGEST_RADIUS = 1 - 1e-4
+WAIT = 4
+"""Speeds that settle by plain revolutions after one at which no fixed point was found."""
 MOST = 150
 """Revolutions in which it must settle; an aperiodic motion is then measured over MEASURED more."""
 MEASURED = 4
@@ -74,10 +76,13 @@ def limits_of(scene: Scene) -> np.ndarray:
     return np.array([design.bounce_max_mm, design.jump_max_mm, design.seating_velocity_max_m_per_s])
 
 
-def truth(scene: Scene, lift: Lift, speeds_rpm: np.ndarray, enough: float = np.inf) -> Truth:
-    """The settled motion at ascending speeds, each from its neighbours'; ends early beyond a share of `enough`."""
+def truth(scene: Scene, lift: Lift, speeds_rpm: np.ndarray, enough: float = np.inf, most: int = MOST) -> Truth:
+    """The settled motion at ascending speeds, each from its neighbours'; ends early beyond a share of `enough`.
+
+    `most` plain revolutions where no fixed point is found.
+    """
     train, limits = build_train(scene), limits_of(scene)
-    fixed, figures, periodic = FixedPoints(train), [], []
+    fixed, figures, periodic = FixedPoints(train, most), [], []
     for speed in speeds_rpm:
         try:
             found, repeats = fixed.next(lift, scene.cam_speed(speed))
@@ -93,11 +98,12 @@ def truth(scene: Scene, lift: Lift, speeds_rpm: np.ndarray, enough: float = np.i
 class FixedPoints:
     """Settled states of a train at one speed after the other."""
 
-    def __init__(self, train: Train):
-        self.train, self.scale = train, np.repeat(UNIT, len(train.mass))
+    def __init__(self, train: Train, most: int):
+        self.train, self.scale, self.most = train, np.repeat(UNIT, len(train.mass)), most
         self.states: list[np.ndarray] = []  # of the last speeds at which the motion repeats, in UNIT
         self.slope: np.ndarray | None = None  # Jacobian of the cycle map, in UNIT
         self.age = 0
+        self.waits = 0  # speeds at which no fixed point is sought, because there was none shortly before
 
     def next(self, lift: Lift, cam_speed: float) -> tuple[np.ndarray, bool]:
         """(worst METRICS of the settled motion, whether it repeats) at the next speed."""
@@ -106,11 +112,13 @@ class FixedPoints:
         def cycle(y: np.ndarray) -> np.ndarray:
             return revolve.advance(y * self.scale) / self.scale
 
-        y = self._newton(cycle) if self.states else None
+        y = self._newton(cycle) if self.states and self.waits == 0 else None
+        self.waits = max(0, self.waits - 1)
         repeats = y is not None
         if y is None:
             start = self.states[-1] if self.states else at_rest(self.train) / self.scale
-            y, repeats = settled(cycle, start)
+            self.waits = self.waits or (WAIT if self.states else 0)
+            y, repeats = settled(cycle, start, self.most)
             self.states, self.slope = [], None
         self.states = [*self.states[-1:], y]
         return worst(self.train, lift, cam_speed, y * self.scale, 1 if repeats else MEASURED), repeats
@@ -143,9 +151,9 @@ def jacobian(cycle, y: np.ndarray, after: np.ndarray) -> np.ndarray:
     return np.stack([(cycle(y + DIFFERENCE * unit) - after) / DIFFERENCE for unit in np.eye(len(y))], axis=1)
 
 
-def settled(cycle, y: np.ndarray) -> tuple[np.ndarray, bool]:
+def settled(cycle, y: np.ndarray, most: int) -> tuple[np.ndarray, bool]:
     """(state after plain revolutions, whether it repeats to SETTLED), in UNIT."""
-    for _ in range(MOST):
+    for _ in range(most):
         after = cycle(y)
         change, y = np.abs(after - y).max(), after
         if change < SETTLED:
