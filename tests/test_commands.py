@@ -12,7 +12,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.geometry import contact, crossing
 from camopt.cam.read import read_cam
 from camopt.cli import parser as cli
-from camopt.scene import builtin_scenes, load_scene, scene_text
+from camopt.scene import MotionRefused, builtin_scenes, load_scene, scene_text
 from camopt.storage import create_run_folder, write_csv
 
 
@@ -87,6 +87,70 @@ class TestCam:
         assert code == 0
         assert "maximum lift   9.400000 mm" in out
 
+    def raw_table(self, tmp_path):
+        """A table in crank angles of another cam than the scene's: longer, higher."""
+        file = tmp_path / "raw.dat"
+        degrees = np.arange(-180.0, 180.1)
+        lift = 1.4 * polydyne(load_scene("kodama"))(np.radians(degrees / 1.2)) * 1e3
+        np.savetxt(file, np.column_stack([2 * degrees, lift * (np.abs(degrees) < 122)]), fmt="%.6f")
+        return str(file), ("--table-angle", "crank", "--table-lift", "mm")
+
+    def test_another_duration_and_lift_are_said(self, capsys, tmp_path):
+        file, options = self.raw_table(tmp_path)
+        code, out, _ = run(capsys, "cam", "kodama", "--cam", file, *options)
+        own = float(out.split("duration")[1].split()[0])
+        assert code == 0
+        assert own > 172
+        assert (
+            f"The cam is {own - 144:.4g} deg longer between its ramp tops than the scene's duration_deg of 144" in out
+        )
+        assert "Its lift exceeds the scene's max_lift_mm of 9.4" in out
+        quiet = run(capsys, "cam", "kodama", "--cam", "polydyne")[1]
+        assert "longer" not in quiet and "exceeds" not in quiet and "confidence" not in quiet
+
+    def test_errors_and_added_lift_are_said(self, capsys, tmp_path):
+        file = tmp_path / "cut.dat"
+        degrees = np.arange(-180.0, 180.1)
+        lift = polydyne(load_scene("kodama"))(np.radians(degrees)) * 1e3 * (np.abs(degrees) < 75)
+        np.savetxt(file, np.column_stack([degrees, lift]))
+        code, out, _ = run(capsys, "cam", "kodama", "--cam", str(file), "--table-angle", "cam", "--table-lift", "mm")
+        assert code == 0
+        assert "With 95 % confidence the acceleration is within" in out
+        assert "up to 0.243 mm of lift that were not measured" in out
+
+    @pytest.mark.parametrize(("suffix", "starts"), [("png", b"\x89PNG"), ("svg", b"<?xml")])
+    def test_figure(self, capsys, tmp_path, suffix, starts):
+        file = tmp_path / f"cam.{suffix}"
+        assert run(capsys, "cam", "kodama", "--cam", "polydyne", "--figure", str(file))[0] == 0
+        content = file.read_bytes()
+        assert content.startswith(starts)
+        if suffix == "svg":  # a curve in each of four axes, and the scene's limits by their numbers
+            text = content.decode()
+            assert text.count('id="axes_') == 4
+            assert all(f"<!-- {limit}" in text for limit in ("9.4 mm", "0.015", "0.003"))
+
+    def test_figure_of_an_unknown_kind(self, capsys, tmp_path):
+        code, _, err = run(capsys, "cam", "kodama", "--cam", "polydyne", "--figure", str(tmp_path / "cam.bmp"))
+        assert (code, "ends in .png or .svg" in err) == (2, True)
+        assert list(tmp_path.iterdir()) == []
+
+    @pytest.mark.parametrize("name", ["x" * 5000, "a/" * 3000, "a\0b", "\udcff.dat"])
+    def test_names_that_no_system_has(self, capsys, name):
+        code, out, err = run(capsys, "cam", "kodama", "--cam", name)
+        assert (code, out) == (2, "")
+        assert "neither a family" in err and len(err) < 400 and err.count("\n") == 1
+
+    def test_compare_reads_a_raw_table(self, capsys, tmp_path, monkeypatch):
+        file, options = self.raw_table(tmp_path)
+        seen = {}
+        monkeypatch.setattr(
+            "camopt.optimizer.baselines.comparison.compare", lambda scene, designs, *_, **__: seen.update(designs)
+        )
+        folder = str(tmp_path / "comparison")
+        assert run(capsys, "compare", "kodama", "--design", file, "--out", folder)[0] == 2
+        assert run(capsys, "compare", "kodama", "--design", file, *options, "--out", folder)[0] == 0
+        assert seen[file].max_lift == pytest.approx(1.4 * 9.4e-3, rel=1e-4)
+
 
 GEOMETRY = """
 [geometry]
@@ -134,6 +198,20 @@ class TestCamWithFollower:
         where = self.scene(tmp_path, GEOMETRY, "kodama-hertz")
         code, out, _ = run(capsys, "cam", where, *self.CAM, "--speed", "6000")
         assert (code, "6000 r/min (rkg)" in out) == (0, True)
+
+    def test_a_refused_motion_is_not_tried_again_the_same_way(self, capsys, tmp_path, monkeypatch):
+        asked = []
+
+        def refuses(scene, cam, speed_rpm, method, revolutions):
+            asked.append(method)
+            raise MotionRefused(f"{method} refuses")
+
+        monkeypatch.setattr("camopt.study.simulate.motion.simulate", refuses)
+        for name, methods in (("kodama", ["event", "rkg"]), ("kodama-hertz", ["rkg"])):
+            asked.clear()
+            where = self.scene(tmp_path, GEOMETRY, name)
+            run(capsys, "cam", where, *self.CAM, "--speed", "6000")
+            assert asked == methods
 
     def test_faults_are_sentences(self, capsys, tmp_path):
         where = self.scene(tmp_path, '[geometry]\nfollower = "flat"\nbase_radius_mm = 5\nface_width_mm = 12\n')

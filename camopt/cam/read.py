@@ -1,6 +1,5 @@
 """CAM as the user names one: a family with parameters, a lift table, a run folder or its design.json."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
@@ -12,20 +11,25 @@ from camopt.cam.lift import Lift
 from camopt.scene import InputError, Scene
 from camopt.scene.spelling import did_you_mean
 from camopt.scene.text_file import excerpt, usable_path
+from camopt.scene.units import MM
 
 DESIGN_FILE = "design.json"
+LEAST, MOST = 1e-6, 1e6
+"""Smallest size of a parameter but zero, and its largest, in field units: beyond them arithmetic fails, not cams."""
+LIFT_SLACK = 1e-6 * MM
+"""Lift [m] below the base circle or above the maximum that rounding explains."""
 
 
 def number(text: str) -> float:
-    """A finite number."""
+    """A number of a size that a cam may have."""
     value = float(text)
-    if not math.isfinite(value):
-        raise ValueError("a finite number is needed")
+    if not (value == 0 or LEAST <= abs(value) <= MOST):
+        raise ValueError(f"zero or a size from {LEAST:g} to {MOST:g} is needed")
     return value
 
 
 def numbers(text: str) -> tuple[float, ...]:
-    """Finite numbers between slashes, as in 2/10/18."""
+    """Numbers between slashes, as in 2/10/18."""
     return tuple(number(part) for part in text.split("/"))
 
 
@@ -36,7 +40,8 @@ def yes_or_no(text: str) -> bool:
     return text == "yes"
 
 
-EXPECTED = {number: "a number", numbers: "numbers like 2/10/18", yes_or_no: "yes or no"}
+SIZE = f"of a size from {LEAST:g} to {MOST:g}, or zero"
+EXPECTED = {number: f"a number {SIZE}", numbers: f"numbers like 2/10/18, each {SIZE}", yes_or_no: "yes or no"}
 
 
 @dataclass(frozen=True)
@@ -124,13 +129,11 @@ def read_cam(
     """
     name = str(spec).partition(":")[0]
     if name in FAMILIES and not isinstance(spec, Path):
-        name, keywords = family_and_keywords(str(spec))
-        family = FAMILIES[name]  # its module is imported only now
-        return getattr(import_module(family.module), family.function)(scene, **keywords)
+        return _member(str(spec), scene)
     path = usable_path(spec, "cam")
     if str(spec) and path.is_dir():
         if not (path / DESIGN_FILE).is_file():
-            raise InputError(f"cam {str(spec)!r}: the folder holds no {DESIGN_FILE}; give a camopt run folder")
+            raise InputError(f"cam {excerpt(str(spec))}: the folder holds no {DESIGN_FILE}; give a camopt run folder")
         return read_design(path / DESIGN_FILE, scene)
     if not path.is_file():
         raise InputError(
@@ -142,6 +145,21 @@ def read_cam(
     from camopt.cam.tables.lift_table import read_lift_table  # brings SciPy's splines, which nothing else here needs
 
     return read_lift_table(path, scene, table_angle, table_lift, table_ratio)
+
+
+def _member(spec: str, scene: Scene) -> Lift:
+    """The member of a family; InputError where its parameters lead out of the scene's lift."""
+    name, keywords = family_and_keywords(spec)
+    family = FAMILIES[name]  # its module is imported only now
+    lift: Lift = getattr(import_module(family.module), family.function)(scene, **keywords)
+    assert scene.design is not None, "load_scene(..., need='design') guarantees it"
+    low, high = lift.extremes(0)
+    if low < -LIFT_SLACK or high > scene.design.max_lift_mm * MM + LIFT_SLACK:
+        raise InputError(
+            f"cam {excerpt(str(spec))}: its lift would go from {low / MM:.4g} to {high / MM:.4g} mm and must stay "
+            f"between 0 and max_lift_mm = {scene.design.max_lift_mm:g}: give other parameters"
+        )
+    return lift
 
 
 def family_and_keywords(spec: str) -> tuple[str, dict[str, Any]]:

@@ -16,7 +16,7 @@ from io import TextIOWrapper
 from camopt import __version__
 from camopt.cli.next_steps import left_behind, next_step
 from camopt.cli.suggesting_parser import SuggestingParser
-from camopt.cli.values import ACCURACIES, accuracy, count, digits, positive, seed, speeds
+from camopt.cli.values import ACCURACIES, accuracy, count, digits, picture_file, positive, seed, speeds
 from camopt.storage import check_file
 from camopt.verifier.methods import INDEPENDENT
 
@@ -170,7 +170,10 @@ def _compare(command: Command) -> None:
         "camopt compare kodama --design runs/first --out runs/comparison",
     )
     _scene(c, default="kodama")
-    c.add_argument("--design", action="append", default=[], metavar="RUN", help="run folder or design.json; repeatable")
+    c.add_argument(
+        "--design", action="append", default=[], metavar="RUN", help="run folder, design or table; repeatable"
+    )
+    _table_options(c)
     c.add_argument(
         "--baselines",
         choices=("plain", "best"),
@@ -195,6 +198,7 @@ def _cam(command: Command) -> None:
     )
     c.add_argument("--csv", metavar="FILE", help="write the lift table")
     c.add_argument("--contour", metavar="FILE", help="with [geometry]: write the contour, Cartesian and polar")
+    c.add_argument("--figure", type=picture_file, metavar="FILE", help="draw it with the scene's limits, .png or .svg")
 
 
 def _modes(command: Command) -> None:
@@ -280,6 +284,10 @@ def _cam_options(c: argparse.ArgumentParser, default: str | None = None) -> None
         help="family (polydyne, or polydyne:exponents=2/10/18/26/34,speed_rpm=6000), lift table, run folder or its "
         "design.json" + (f" ({default})" if default else ""),
     )
+    _table_options(c)
+
+
+def _table_options(c: argparse.ArgumentParser) -> None:
     c.add_argument("--table-angle", choices=("cam", "crank"), help="angle of a lift table from elsewhere")
     c.add_argument("--table-lift", choices=("mm", "m", "inch"), help="unit of the lift in such a table")
     c.add_argument(

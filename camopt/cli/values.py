@@ -50,6 +50,12 @@ def digits(text: str) -> int:
     return _integer(text, 0, 12)
 
 
+def picture_file(text: str) -> str:
+    if not text.lower().endswith((".png", ".svg")):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a file that ends in .png or .svg")
+    return text
+
+
 def seed(text: str) -> int:
     return _integer(text, 0, 2**32 - 1)
 

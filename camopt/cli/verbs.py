@@ -104,9 +104,11 @@ def compare(args: Namespace) -> int:
     scene = _scene_of(args)
     folder = _run_folder(args, scene.name)
     from camopt.cam.read import read_cam
-
-    designs = {str(Path(d)): read_cam(Path(d), scene) for d in args.design}
     from camopt.cli.comparison_lines import comparison_lines
+
+    designs = {
+        str(Path(d)): read_cam(Path(d), scene, args.table_angle, args.table_lift, args.table_ratio) for d in args.design
+    }
     from camopt.optimizer.baselines.comparison import compare as comparison
 
     comparison(scene, designs, folder, baselines=args.baselines, progress=not args.quiet)
@@ -125,7 +127,7 @@ def cam(args: Namespace) -> int:
     lift = _cam_of(args, scene)
     from camopt.study.cam_sheet import export, sheet
 
-    export(scene, lift, args.csv, args.contour, args.step_deg, args.digits)
+    export(scene, lift, args.csv, args.contour, args.step_deg, args.digits, args.figure)
     print("\n".join(sheet(scene, lift, args.speed)))
     _print_area_words(lift, scene)
     return 0

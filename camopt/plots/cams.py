@@ -51,6 +51,8 @@ def _conditions(rows: Sequence[Axes], cams: Sequence[tuple[str, Table]], design:
     if design.jerk_max_mm_per_deg3 is not None:
         _shorten(rows[3], cams, JERK_SPAN * design.jerk_max_mm_per_deg3)
     end = design.duration_deg / 2 + max(h / v for h, v, _ in design.ramps()) + design.ramp_foot_deg / 2 + 2
+    lifted = [float(np.abs(table["cam_angle_deg"][table["lift_mm"] > 0]).max(initial=0.0)) for _, table in cams]
+    end = max(end, *lifted)  # a cam longer than the design shows whole
     rows[3].set_xlim(-end, end)
     rows[3].set_xlabel(f"cam angle [deg];  thin lines: duration {design.duration_deg:g} deg")
 

@@ -155,14 +155,18 @@ def save(figure: Figure, folder: Path | str, name: str) -> tuple[Path, Path]:
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     paths = folder / f"{name}.png", folder / f"{name}.svg"
-    metadata = {"png": {"Software": None}, "svg": {"Date": None, "Creator": "camopt"}}
     for path in paths:
-        kind = path.suffix[1:]
-        buffer = io.BytesIO()
-        with matplotlib.rc_context(RC):
-            figure.savefig(buffer, format=kind, dpi=160, metadata=metadata[kind])
-        write_atomically(path, buffer.getvalue())
+        write_atomically(path, picture(figure, path.suffix[1:]))
     return paths
+
+
+def picture(figure: Figure, kind: str) -> bytes:
+    """A figure as a PNG or SVG file's bytes, the same ones for the same figure."""
+    metadata = {"png": {"Software": None}, "svg": {"Date": None, "Creator": "camopt"}}
+    buffer = io.BytesIO()
+    with matplotlib.rc_context(RC):
+        figure.savefig(buffer, format=kind, dpi=160, metadata=metadata[kind])
+    return buffer.getvalue()
 
 
 def write_atomically(path: Path, data: bytes) -> None:

@@ -47,13 +47,14 @@ def lift_of(scene: Scene, knot_deg: float, z) -> Lift:
 
 
 def near_limit_cams(scene: Scene, rng: np.random.Generator, most: int = PER_LINE) -> list[NearLimit]:
-    """Up to `most` cams of one drawn line, whose worst figure at any r/min of the band lies around its limit."""
+    """Up to `most` different cams of one drawn line whose worst figure at any r/min lies around its limit."""
     knot_deg = float(rng.choice(KNOTS_DEG))
     cam = free_cam(scene.design, knot_deg)
     safe, risky = _line(scene, cam, rng)
     targets = np.exp(rng.uniform(*np.log(AROUND), PER_LINE))[:most]
     found = [_located(scene, cam, safe, risky, target) for target in targets]
-    return [NearLimit(knot_deg, *one) for one in found if one is not None]
+    different = {z.tobytes(): NearLimit(knot_deg, z, known) for z, known in (one for one in found if one is not None)}
+    return list(different.values())
 
 
 def band(scene: Scene, step: float = 1.0) -> np.ndarray:

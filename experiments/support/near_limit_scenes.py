@@ -14,10 +14,13 @@ LIGHT = 5e-4
 SPREAD = 0.2
 BAND_RPM = 200, 300
 """Width of the band of speeds."""
+CROSSING = 0.2, 0.6
+"""How far below its upper end, as a share of its width, the band of a lightly damped spring has the speed at which a
+harmonic of the cam meets the first surge mode."""
 KINDS = (
     {"name": "bucket-light-coils", "masses": 1, "coils": (2,), "ratio": LIGHT, "faster": 1.04},
     {"name": "finger-light-coils", "masses": 2, "coils": (2,), "ratio": LIGHT},
-    {"name": "pushrod-light-coils", "masses": 3, "coils": (2,), "ratio": LIGHT},
+    {"name": "pushrod-light-coils", "masses": 3, "coils": (2,), "ratio": LIGHT, "faster": 0.88},
     {"name": "pushrod-elastic", "masses": 3, "coils": (1,), "softer": 0.5, "faster": 0.63},
     {"name": "bucket-unequal-ramps", "masses": 1, "coils": (1,), "ramps": True, "faster": 1.03},
     {"name": "finger-unequal-ramps", "masses": 2, "coils": (), "ramps": True},
@@ -88,13 +91,28 @@ def drawn_scene(number: int, seed: int = 13) -> Scene:
     inertia = sum(m["mass_kg"] for m in masses[:count]) + coil_mass / 3
     top = np.sqrt((preload + stiffness * 8.5e-3) / (inertia * NOSE_M_PER_RAD2)) * 60 / np.pi
     top *= around(0.95) * kind.get("faster", 1.0)
-    width = rng.uniform(*BAND_RPM)
+    width, inside = rng.uniform(*BAND_RPM), rng.uniform(*CROSSING)
+    if "ratio" in kind:
+        top = _crossing(masses, elements, top) + inside * width
     band = [float(round(top - width)), float(round(top))]
     operation = {"speeds_rpm": [band[1]], "band_rpm": band}
     design = DESIGN | (CLOSING_RAMP if kind.get("ramps") else {})
     data = {"format": 1, "name": kind["name"], "valve": "valve", "seat": "seat", "operation": operation,
             "design": design, "mass": masses, "element": elements}  # fmt: skip
     return parse_scene(tomli_w.dumps(data), kind["name"])
+
+
+def _crossing(masses: list[dict], elements: list[dict], near_rpm: float) -> float:
+    """The crankshaft speed nearest to `near_rpm` at which a harmonic of the cam meets the first chain's first surge."""
+    coils = [m["mass_kg"] for m in masses if m["name"].startswith("coil_0")]
+    k = next(e["stiffness_N_per_m"] for e in elements if e["name"] == "spring_0_0")
+    surge_rpm = _surge(k, coils[0], len(coils)) * 60 / np.pi
+    return surge_rpm / max(1, round(surge_rpm / near_rpm))
+
+
+def _surge(k: float, mass: float, coils: int) -> float:
+    """First surge frequency [rad/s] of a chain of equal coils between springs of stiffness k, held at both ends."""
+    return float(2 * np.sqrt(k / mass) * np.sin(np.pi / (2 * (coils + 1))))
 
 
 def _element(name, kind, ends, stiffness, damping, **more) -> dict:
@@ -105,11 +123,11 @@ def _element(name, kind, ends, stiffness, damping, **more) -> dict:
 def _chain(number: int, coils: int, stiffness: float, preload: float, mass: float, ratio: float):
     """(masses, elements) of a spring as a chain of lumped coils between valve and ground, of a total stiffness.
 
-    The coils' dampers give the first surge mode, omega = 2 sqrt(k / m) sin(pi / (2 (coils + 1))), the damping ratio.
+    The coils' dampers give the first surge mode the damping ratio.
     """
     names = [f"coil_{number}_{i}" for i in range(coils)]
     k, each = stiffness * (coils + 1), mass / max(coils, 1)
-    surge = 2 * np.sqrt(k / each) * np.sin(np.pi / (2 * (coils + 1))) if coils else np.sqrt(stiffness / 0.1)
+    surge = _surge(k, each, coils) if coils else float(np.sqrt(stiffness / 0.1))
     ends = ["valve", *names, "ground"]
     elements = [
         _element(f"spring_{number}_{i}", "spring", ends[i : i + 2], k, 2 * ratio * k / surge, preload_N=preload)

@@ -69,7 +69,7 @@ def test_small_campaign(tmp_path):
 
 
 def row(verdict, warm, cold):
-    return {"verdict": verdict, "truth": {"share": warm}, "cold": {"share": cold}}
+    return {"verdict": verdict, "truth": {"share": warm}, "cold": {"share": cold}, "rest": {"share": 0.6}}
 
 
 def test_outcomes():
@@ -84,3 +84,4 @@ def test_outcomes():
     assert [outcome(r) for r in rows] == list(OUTCOMES)
     counts = table(rows)
     assert counts["good"] == 3 and counts["good ones refused"] == 2 and counts["good among the undecided"] == 1
+    assert counts["bad from rest only"] == 1

@@ -6,7 +6,7 @@ design is imposed on Bernstein control points: a polynomial lies between its sma
 the interval (Farin, Curves and Surfaces for CAGD, 2002, ch. 5), so such a row holds at every angle and is linear in z.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import comb, factorial
 
@@ -54,11 +54,11 @@ class FreeCam:
     `breaks` (k + 1) [rad] are the knots, equally spaced over the duration; Z (n, m) has orthonormal columns.
     """
 
-    breaks: np.ndarray
+    breaks: np.ndarray = field(repr=False)
     opening: Ramp
     closing: Ramp
-    x_p: np.ndarray
-    Z: np.ndarray
+    x_p: np.ndarray = field(repr=False)
+    Z: np.ndarray = field(repr=False)
 
     @property
     def knot_deg(self) -> float:

@@ -24,6 +24,8 @@ ROUNDING = 1e-9
 MISSED = 1e-6
 """Relative error of a condition that rounding may leave: solved conditions are met to 1e-9."""
 
+LEAST_SPEED_RPM, MOST_SPEED_RPM = 1.0, 1e6
+
 
 def equivalent_train(train: Train) -> tuple[float, float, float]:
     """(stiffness between cam and valve k_e [N/m], spring rate at the valve k_sp [N/m], moving mass M [kg]) of Eq. (2).
@@ -80,8 +82,9 @@ def polydyne(
     `exponents`: five distinct numbers from 2 up, integers or at least 8; `design_speed_rpm`: crankshaft speed at which
     the valve follows y exactly, the highest listed by default; `dynamic`: A [] and B [rad^2] in place of the train's.
     `ramp_height_mm` replaces the scene's on both sides (the paper's Table 4 uses 0.250). The cam is symmetric.
-    Raises InputError for unusable exponents, a scene whose two ramps differ, a train without an equivalent of one mass,
-    and a dynamic correction that leaves the family: a cam that exceeds the maximum lift or falls while it should rise.
+    Raises InputError for unusable exponents, speed or ramp height, a scene whose two ramps differ, a train without an
+    equivalent of one mass, and a dynamic correction that leaves the family: a cam that exceeds the maximum lift or falls
+    while it should rise.
     """
     powers = checked_exponents(exponents, "polydyne")
     design, operation = scene.design, scene.operation
@@ -91,7 +94,11 @@ def polydyne(
         design = design.model_copy(update={"ramp_height_mm": ramp_height_mm, "closing_ramp_height_mm": ramp_height_mm})
         scene = scene.model_copy(update={"design": design})
     design, ramp = symmetric_conditions(scene, "polydyne")
-    speed = design_speed_rpm or operation.speeds_rpm[-1]
+    speed = operation.speeds_rpm[-1] if design_speed_rpm is None else design_speed_rpm
+    if not LEAST_SPEED_RPM <= speed <= MOST_SPEED_RPM:
+        raise InputError(
+            f"polydyne: a design speed of {speed:g} r/min: one from {LEAST_SPEED_RPM:g} to {MOST_SPEED_RPM:g} is needed"
+        )
     if dynamic is None:
         k_e, k_sp, mass = equivalent_train(build_train(scene))
         dynamic = 1 + k_sp / k_e, scene.cam_speed(speed) ** 2 * mass / k_e
