@@ -83,8 +83,8 @@ def polydyne(
     the valve follows y exactly, the highest listed by default; `dynamic`: A [] and B [rad^2] in place of the train's.
     `ramp_height_mm` replaces the scene's on both sides (the paper's Table 4 uses 0.250). The cam is symmetric.
     Raises InputError for unusable exponents, speed or ramp height, a scene whose two ramps differ, a train without an
-    equivalent of one mass, and a dynamic correction that leaves the family: a cam that exceeds the maximum lift or falls
-    while it should rise.
+    equivalent of one mass, and a dynamic correction that leaves the family: a cam that exceeds the maximum lift or
+    falls while it should rise.
     """
     powers = checked_exponents(exponents, "polydyne")
     design, operation = scene.design, scene.operation
