@@ -1,8 +1,8 @@
 """The raw motion that the second reading reads: SciPy's DOP853 with every switching of a contact located.
 
-Written from design.md section 2 and the scene file alone, with an assembly and a contact law of its own; of camopt it
-uses the scene's numbers and the lift's polynomial pieces. Between two switchings, and between two borders of the lift's
-pieces, the equations are smooth: each such stretch of the motion is kept with its dense output.
+Written from "Masses and elements" in docs/model.md and the scene file alone, with an assembly and a contact law of its
+own; of camopt it uses the scene's numbers and the lift's polynomial pieces. Between two switchings, and between two
+borders of the lift's pieces, the equations are smooth: each such stretch of the motion is kept with its dense output.
 """
 
 from dataclasses import dataclass, field

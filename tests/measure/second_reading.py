@@ -1,6 +1,6 @@
 """A second reading of every declared metric, from the raw motion of `raw_motion`: formulas of its own.
 
-Written from the text "Metrics" of design.md section 4 and from nothing else: what `camopt.measure` and `camopt.exact`
+Written from the text "The metrics" of docs/model.md and from nothing else: what `camopt.measure` and `camopt.exact`
 compute from samples and from power series is read here from the integrator's dense output and from the instants at
 which it located the switchings.
 """
