@@ -4,9 +4,6 @@ The motion runs outside JAX, in one host call whatever is batched: its motions s
 their discrete adjoint. The rule stands here and not in `camopt.exact`, which the verifier's verdict imports and which
 therefore knows no JAX.
 
-Speed: with r = speed / speed', masses times r^2 and dampings times r move through the same positions and forces by
-angle at speed', at velocities divided by r. So derivatives by the speed are those by masses and dampings.
-
 A motion that cannot be followed (no rest, endless switching, no bound, numbers that are not finite or a mass or
 stiffness that is not positive) is NaN throughout, its derivatives too.
 """
@@ -14,8 +11,6 @@ stiffness that is not positive) is NaN throughout, its derivatives too.
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields, replace
-from functools import lru_cache
 from typing import Any
 
 import jax
@@ -24,21 +19,20 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 
 from camopt.cam.lift import Lift
-from camopt.exact.gradient import rest_back, rest_state
 from camopt.exact.metrics import METRICS
-from camopt.exact.motion import ByTrain, Samples, Slopes, TracedMotion, metric_numbers
-from camopt.scene.errors import InputError, MotionRefused
+from camopt.exact.motion import Samples, Slopes, metric_numbers
+from camopt.optimize.varying_motion import CAM_PARAMETERS, TRAIN_PARAMETERS, Arrays, Varying
+from camopt.scene.errors import InputError
 from camopt.scene.response import Response
 from camopt.scene.train import Train
 
 jax.config.update("jax_enable_x64", True)
 
-TRAIN_PARAMETERS = tuple(field.name for field in fields(ByTrain))
-POSITIVE = ("mass", "stiffness", "cam_speed")
 VELOCITY = "m_per_s"
 """How the names of metrics end that grow with all velocities."""
+SLOWER = 100.0
+"""How many times slower than expected a traced speed may come out before the motion is given up."""
 WORKERS = os.cpu_count() or 1
-Arrays = dict[str, np.ndarray]
 
 
 def exact_metrics(
@@ -55,10 +49,10 @@ def exact_metrics(
     """Values (l) of metrics in one revolution of an event-exact motion, in the units of their names.
 
     `parameters` replaces numbers by arrays that JAX may trace: of the train under the names of `ByTrain`, "lift"
-    (p, q) [m/rad^k] and "borders" (p + 1) [rad] of the cam's pieces, "start" (2n: [m], then [m/s]), the state at -pi,
-    which is rest where it is left out. `cam_speed` [rad/s] may be traced too. Derivatives by the borders take lift and
-    velocity to be continuous across them, and the ends of the duration and the opening foot to stay. `spacing` [rad] as
-    of `TracedMotion`, for batches of many cams at few speeds.
+    (p, q) [m/rad^k] and "borders" (p + 1) [rad] of the cam's pieces, "half_duration" [rad], "start" (2n: [m], then
+    [m/s]), the state at -pi, which is rest where it is left out. `cam_speed` [rad/s] may be traced too. Derivatives by
+    the borders take lift and velocity to be continuous across them, and the opening foot not to end a hop. `spacing`
+    [rad] as of `TracedMotion`, for batches of many cams at few speeds.
 
     The value costs one motion, values with their gradients by the cam one motion and one sweep back per metric.
     Raises InputError for an unknown metric, an unknown parameter or laws that are not linear.
@@ -77,7 +71,8 @@ def exact_metrics(
         if traced is None:
             return np.full_like(rows, np.nan), {n: np.full((len(rows), *given[n].shape), np.nan) for n in names}
         found, swept = traced.swept(metrics, revolution)
-        slopes = motion.by_names(names, given, traced, swept, found[:, 0] * speeds)
+        by_window = traced.by_half_duration(metrics, revolution) if "half_duration" in names else None
+        slopes = motion.by_names(names, given, traced, swept, found[:, 0] * speeds, by_window)
         for slope in slopes.values():
             slope[np.isnan(found[:, 0])] = np.nan
         return found[:, 0], slopes
@@ -101,14 +96,21 @@ def exact_metrics(
 
 
 def differentiable_motion(
-    train: Train, lift: Lift, parameters: Mapping[str, Any], cam_speed, revolutions: int, steps: int
+    train: Train,
+    lift: Lift,
+    parameters: Mapping[str, Any],
+    cam_speed,
+    revolutions: int,
+    steps: int,
+    slowest: float | None = None,
 ) -> tuple[Response, dict[str, jax.Array]]:
     """Motion from rest on `steps` equal steps per revolution, and the metrics of all revolutions but the last.
 
     Arguments as of `exact_metrics`; what is differentiated by costs the motion a second time and a sweep per
-    revolution. The record's arrays are JAX arrays.
+    revolution. A motion at less than a hundredth of the `slowest` speed [rad/s] is NaN: it would take hours. The
+    record's arrays are JAX arrays.
     """
-    motion, variables = _varying(train, lift, cam_speed, parameters, revolutions)
+    motion, variables = _varying(train, lift, cam_speed, parameters, revolutions, slowest=slowest)
     names = [] if train.seat < 0 or not train.cam_side else list(METRICS)
     n, e, measured = len(train.mass), len(train.a), revolutions - 1
     speeds = np.array([name.endswith(VELOCITY) for name in names], dtype=bool)
@@ -130,8 +132,9 @@ def differentiable_motion(
         by_samples, by_metrics = bars
         total = {name: np.zeros_like(given[name]) for name in wanted}
 
-        def add(part: Slopes, moving: float) -> None:
-            for name, slope in motion.by_names(wanted, given, traced, part, np.array([moving])).items():
+        def add(part: Slopes, moving: float, by_window: float = 0.0) -> None:
+            moved = motion.by_names(wanted, given, traced, part, np.array([moving]), np.array([by_window]))
+            for name, slope in moved.items():
                 total[name] = total[name] + (slope[0] if np.isfinite(moving) else np.nan)
 
         if any(np.any(bar) for bar in by_samples.values()):
@@ -143,7 +146,9 @@ def differentiable_motion(
             if np.any(bar):
                 found, swept = traced.swept(names, r, bar)
                 moving = sum(b * v for b, v in zip(bar[speeds], found[speeds, 0], strict=True) if b)
-                add(swept, np.nan if np.any(np.isnan(found[bar != 0, 0])) else moving)
+                by_window = traced.by_half_duration(names, r) if "half_duration" in wanted else np.zeros(len(names))
+                lost = np.any(np.isnan(found[bar != 0, 0]))
+                add(swept, np.nan if lost else moving, float(bar[bar != 0] @ by_window[bar != 0]))
         return total
 
     @jax.custom_vjp
@@ -166,86 +171,10 @@ def differentiable_motion(
     return response, dict(zip(names, values, strict=True))
 
 
-@dataclass(frozen=True)
-class Varying:
-    """A motion of which JAX varies some numbers: what it keeps."""
-
-    train: Train
-    lift: Lift
-    revolutions: int
-    spacing: float | None
-
-    def trace(self, given: Arrays, names: tuple[str, ...]) -> TracedMotion | None:
-        """The motion under given numbers, to be differentiated by `names`; None where it cannot be followed."""
-        if not all(np.all(np.isfinite(v)) and (k not in POSITIVE or np.all(v > 0)) for k, v in given.items()):
-            return None
-        changes = tuple((name, given[name].tobytes()) for name in TRAIN_PARAMETERS if name in given)
-        cam = {"borders": given.get("borders", self.lift.borders), "coefficients": given.get("lift")}
-        lift = replace(self.lift, **{name: value for name, value in cam.items() if value is not None})
-        train, speed, mechanical = varied(self.train, changes), float(given["cam_speed"]), bool({*names} & MECHANICAL)
-        try:
-            start = given["start"] if "start" in given else rest(train)
-            return TracedMotion(train, lift, speed, start, self.revolutions, mechanical, self.spacing)
-        except (MotionRefused, InputError):  # no bound, endless switching; no rest
-            return None
-
-    def by_names(
-        self, names: tuple[str, ...], given: Arrays, motion: TracedMotion, slopes: Slopes, moving: np.ndarray
-    ) -> Arrays:
-        """Gradients (l, ...) by each of the names; `moving` (l) is what of the numbers grows with all velocities."""
-        by_train, found = slopes.by_train, {}
-        if by_train is not None and "start" not in given:
-            by_train.add(rest_back(motion.train, slopes.by_start))
-        for name in names:
-            if name == "lift":
-                found[name] = slopes.by_coefficients
-            elif name == "borders":
-                found[name] = by_borders(motion.lift, slopes.by_coefficients)
-            elif name == "start":
-                found[name] = slopes.by_start
-            elif name == "cam_speed":
-                found[name] = by_speed(motion, slopes, given.get("start")) + moving / motion.cam_speed
-            else:
-                found[name] = getattr(by_train, name)
-        return found
-
-
-MECHANICAL = {*TRAIN_PARAMETERS, "cam_speed"}
-"""Variables whose gradients need the sweep over the train's parameters."""
-
-
-def by_borders(lift: Lift, by_coefficients: np.ndarray) -> np.ndarray:
-    """Gradients (l, p + 1) by the borders, where lift and velocity are continuous: a piece moves with its start."""
-    derivative = np.arange(1, lift.coefficients.shape[1]) * lift.coefficients[:, 1:]
-    starts = -np.sum(by_coefficients[:, :, :-1] * derivative, axis=2)
-    return np.concatenate([starts, np.zeros((len(starts), 1))], axis=1)
-
-
-def by_speed(motion: TracedMotion, slopes: Slopes, start: np.ndarray | None) -> np.ndarray:
-    """Gradients (l) by the cam speed through masses, dampings and the start's velocities."""
-    by_train, train = slopes.by_train, motion.train
-    assert by_train is not None
-    total = 2 * by_train.mass @ train.mass + by_train.mass_damping @ train.mass_damping
-    total = total + by_train.damping @ train.damping
-    if start is not None:
-        n = len(train.mass)
-        total = total - slopes.by_start[:, n:] @ start[n:]
-    return total / motion.cam_speed
-
-
 def weighted(bar: jax.Array, slope: jax.Array) -> jax.Array:
     """Sum of slopes (l, ...) times bar (l), of those whose weight is not zero: the others may be NaN."""
     bar = jnp.reshape(bar, (len(bar), *(1,) * (slope.ndim - 1)))
     return jnp.sum(jnp.where(bar == 0.0, 0.0, bar * slope), 0)
-
-
-@lru_cache(maxsize=24)
-def varied(train: Train, changes: tuple[tuple[str, bytes], ...]) -> Train:
-    """A train with other numbers: the same object for the same numbers, because propagators are kept per train."""
-    return replace(train, **{name: np.frombuffer(data).copy() for name, data in changes}) if changes else train
-
-
-rest = lru_cache(maxsize=24)(rest_state)
 
 
 def host_call(function: Callable, result: Any, *args: Any) -> Any:
@@ -276,15 +205,16 @@ def host_call(function: Callable, result: Any, *args: Any) -> Any:
     return jax.pure_callback(many, shapes, *args, vmap_method="broadcast_all")
 
 
-def _varying(train: Train, lift: Lift, cam_speed, parameters: Mapping[str, Any], revolutions: int, spacing=None):
+def _varying(train: Train, lift: Lift, cam_speed, parameters, revolutions: int, spacing=None, slowest=None):
     """(what is kept, what varies); raises InputError for laws that are not linear or an unknown parameter."""
     train.require_linear("event-exact", 'simulate with method "smooth"')
-    known = (*TRAIN_PARAMETERS, "lift", "borders", "start")
+    known = (*TRAIN_PARAMETERS, *CAM_PARAMETERS, "start")
     unknown = [name for name in parameters if name not in known]
     if unknown:
         raise InputError(f"event-exact: parameter {', '.join(unknown)}: expected one of {', '.join(known)}")
     variables = {name: jnp.asarray(value, float) for name, value in parameters.items()}
-    return Varying(train, lift, revolutions, spacing), variables | {"cam_speed": jnp.asarray(cam_speed, float)}
+    varying = Varying(train, lift, revolutions, spacing, (slowest or 0.0) / SLOWER)
+    return varying, variables | {"cam_speed": jnp.asarray(cam_speed, float)}
 
 
 def _perturbed(variables) -> tuple[dict[str, jax.Array], tuple[str, ...]]:
