@@ -171,9 +171,10 @@ def tradeoff(args: Namespace) -> int:
         raise InputError("tradeoff: --resume needs the folder to go on in: add --out DIR")
     folder = Path(args.out) if args.out else default_run_folder(scene.name)
     check_run_folder(folder, args.resume)
+    cam = _cam_of(args, scene)
     from camopt.study.tradeoff import tradeoff as measure
 
-    found = measure(scene, folder, args.resume, args.size, progress=not args.quiet)
+    found = measure(scene, folder, args.resume, args.size, progress=not args.quiet, cam=cam)
     print(found.words)
     print(f"table: {found.folder / 'tradeoff.csv'}, figures: {found.folder / 'figures'}")
     return 0

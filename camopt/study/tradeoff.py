@@ -15,7 +15,10 @@ from typing import TypeVar
 import numpy as np
 from tqdm import tqdm
 
+from camopt.cam.design_file import design_record
+from camopt.cam.lift import Lift
 from camopt.scene import InputError, MotionRefused, Scene, build_train
+from camopt.scene.units import MM
 from camopt.storage import create_run_folder, default_run_folder, plain, write_csv, write_text
 from camopt.study.smaller import scene_toml
 
@@ -54,12 +57,18 @@ class Tradeoff:
 
 
 def tradeoff(
-    scene: Scene, out: Path | str | None = None, resume: bool = False, size: str = "full", progress: bool = False
+    scene: Scene,
+    out: Path | str | None = None,
+    resume: bool = False,
+    size: str = "full",
+    progress: bool = False,
+    cam: Lift | None = None,
 ) -> Tradeoff:
     """Measures a scene's methods and job, and writes tradeoff.csv, setup.csv, tradeoff.txt and figures into `out`.
 
     `size` "small" takes a few settings only and leaves out JAX and the optimiser. With `resume` an interrupted run in
-    `out` goes on. Raises InputError for a scene that cannot be simulated, or an unusable folder.
+    `out` goes on. The motions are those of `cam`, by default the plain Polydyne. Raises InputError for a scene that
+    cannot be simulated, or for which there is no plain Polydyne, before the folder is made; or for an unusable folder.
     """
     from camopt.cam.families.polydyne import polydyne
     from camopt.study.tradeoff_figures import draw
@@ -71,12 +80,17 @@ def tradeoff(
         raise InputError(f"scene {scene.name}: tradeoff needs valve, seat, [operation] and [design]")
     if size not in SIZES:
         raise InputError(f"tradeoff: size {size!r}: expected one of {', '.join(SIZES)}")
-    folder = create_run_folder(out or default_run_folder(scene.name), resume)
-    _same_scene(folder / "scene.toml", scene_toml(scene))
-    cam = polydyne(scene)
+    cam = polydyne(scene) if cam is None else cam
+    path = Path(out or default_run_folder(scene.name))
     work = method_work(scene, cam, size)
     if build_train(scene).laws is None:
-        work += job_work(scene, cam, size, folder)
+        work += job_work(scene, cam, size, path)
+    record = design_record(cam, scene.design.max_lift_mm * MM)
+    belongs = {"scene.toml": scene_toml(scene), "cam.json": json.dumps(plain(record), indent=2) + "\n"}
+    _check_same(path, belongs)
+    folder = create_run_folder(path, resume)
+    for name, text in belongs.items():
+        write_text(folder / name, text)
     lines = measured(folder / LINES, work, progress)
     rows = rows_of(lines)
     write_csv(folder / "tradeoff.csv", {name: [row[name] for row in rows] for name in COLUMNS})
@@ -128,10 +142,13 @@ def _append(path: Path, line: dict) -> None:
         os.fsync(file.fileno())
 
 
-def _same_scene(path: Path, text: str) -> None:
-    if path.exists() and path.read_text(encoding="utf-8") != text:
-        raise InputError(f"{path}: belongs to another scene: resume with the same one, or choose another --out")
-    write_text(path, text)
+def _check_same(folder: Path, belongs: dict[str, str]) -> None:
+    for name, text in belongs.items():
+        path = folder / name
+        if path.exists() and path.read_text(encoding="utf-8") != text:
+            raise InputError(
+                f"{path}: belongs to another {path.stem}: resume with the same one, or choose another --out"
+            )
 
 
 def rows_of(lines: Sequence[dict]) -> list[dict]:
@@ -165,7 +182,8 @@ def error_of(name: str, found, reference) -> float | None:
     if not np.all(np.isfinite(difference)):
         return None
     if name == "gradient":
-        return float(np.linalg.norm(difference) / np.linalg.norm(reference))
+        size = float(np.linalg.norm(reference))
+        return float(np.linalg.norm(difference)) / size if size > 0 else None
     return float(np.abs(difference).max())
 
 
