@@ -115,18 +115,23 @@ def test_a_bouncing_valve_leads_to_no_local_minimum():
 
 
 @pytest.mark.long
+@pytest.mark.timeout(900)
 def test_intervals_hold_drawn_truths_from_starts_ten_percent_off():
-    """Eight truths, three parameters: of 24 intervals of 95 % at least 20 hold; fewer is a chance of 0.006."""
-    held = 0
-    for seed in range(8):
+    """Six truths, three parameters, 95 %: of 15 intervals 12 or more hold; fewer is a chance of 0.005 (binomial). A fit
+    that did not find its minimum may be among them, and has to say so: five of the six are to be found."""
+    held, intervals = 0, 0
+    for seed in range(6):
         truth = np.random.default_rng(900 + seed).uniform(-0.1, 0.1, 3)
         measured, start = bouncing(truth, seed)
         found = identify(start, LIFT, measured, BOUNCING)
-        assert found.verdict == "identified", (seed, found.remarks)
-        values = np.array([t.start for t in FreeParameters(SCENE, BOUNCING).tied]) * np.exp(truth)
-        held += int(np.sum((found.table["low"].values <= values) & (values <= found.table["high"].values)))
-        assert np.abs(deviations(found, truth)).max() < 5
-    assert held >= 20
+        if found.verdict == "identified":
+            values = np.array([t.start for t in FreeParameters(SCENE, BOUNCING).tied]) * np.exp(truth)
+            held += int(np.sum((found.table["low"].values <= values) & (values <= found.table["high"].values)))
+            intervals += 3
+            assert np.abs(deviations(found, truth)).max() < 5
+        else:
+            assert found.remarks and not found.table["identified"].values.any()
+    assert intervals >= 15 and held >= intervals - 3
 
 
 def test_a_fit_that_a_remark_speaks_against_identifies_nothing():
