@@ -6,6 +6,8 @@ from importlib.metadata import version
 __version__ = version("camopt")
 
 _PUBLIC = {
+    "optimize": "camopt.optimizer.run",
+    "verify": "camopt.verifier.accuracy",
     "load_scene": "camopt.scene",
     "polydyne": "camopt.cam.families.polydyne",
     "multi_pol": "camopt.cam.families.multi_pol",
@@ -17,31 +19,28 @@ _PUBLIC = {
     "cycloidal": "camopt.cam.families.dwell",
     "polynomial_345": "camopt.cam.families.dwell",
     "polynomial_4567": "camopt.cam.families.dwell",
-    "differentiable": "camopt.cam.families.gradients",
+    "differentiable": "camopt.differentiable.families",
     "read_cam": "camopt.cam.read",
-    "read_lift_table": "camopt.cam.tables",
-    "simulate": "camopt.study.motion",
+    "read_lift_table": "camopt.cam.tables.lift_table",
+    "simulate": "camopt.study.simulate.motion",
     "modes": "camopt.study.modes",
-    "reduce": "camopt.study.reduce",
-    "tradeoff": "camopt.study.tradeoff",
-    "area_bound": "camopt.optimize.summary",
-    "compare": "camopt.optimize.comparison",
-    "identify": "camopt.study.identify",
-    "MeasuredLift": "camopt.study.identify",
-    "pareto": "camopt.study.pareto",
-    "joint_spring": "camopt.study.pareto",
+    "reduce": "camopt.study.reduce.reduction",
+    "tradeoff": "camopt.study.tradeoff.tradeoff",
+    "area_bound": "camopt.optimizer.bound.summary",
+    "compare": "camopt.optimizer.baselines.comparison",
+    "identify": "camopt.study.identify.identification",
+    "MeasuredLift": "camopt.study.identify.identification",
+    "pareto": "camopt.study.fronts",
+    "joint_spring": "camopt.study.fronts",
 }
-_CALLABLE_PACKAGES = ("optimize", "verify")
 
 
 def __getattr__(name: str):
     """Public names are imported on first use, so that `import camopt` loads neither JAX nor numba."""
-    if name in _CALLABLE_PACKAGES:
-        return import_module(f"camopt.{name}")
     if name in _PUBLIC:
         return getattr(import_module(_PUBLIC[name]), name)
     raise AttributeError(f"module 'camopt' has no attribute {name!r}")
 
 
 def __dir__():
-    return sorted([*_PUBLIC, *_CALLABLE_PACKAGES, "__version__"])
+    return sorted([*_PUBLIC, "__version__"])

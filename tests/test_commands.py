@@ -8,11 +8,10 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
-import camopt.verify
-from camopt import cli
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.geometry import contact, crossing
 from camopt.cam.read import read_cam
+from camopt.cli import parser as cli
 from camopt.scene import builtin_scenes, load_scene, scene_text
 from camopt.storage import create_run_folder
 
@@ -194,13 +193,13 @@ class TestVerbsThatSearch:
         row = {"speed_rpm": 5000.0, "verdict": verdict, "bounce_mm": None, "jump_mm": 0.0125}
         content = {"verdict": verdict, "broken": ["bounce_mm"], "speeds": [row | {"seating_velocity_m_per_s": 0.25}]}
 
-        def verify_cam(scene, lift, **options):
+        def verify(scene, lift, **options):
             asked.update(options, scene=scene.name, family=lift.family)
             return SimpleNamespace(
                 verdict=verdict, as_dict=lambda: content, accuracy={"statement": "asked and delivered"}
             )
 
-        monkeypatch.setattr(camopt.verify, "verify_cam", verify_cam, raising=False)
+        monkeypatch.setattr("camopt.verifier.accuracy.verify", verify)
         file = tmp_path / "v.json"
         words = [
             "verify",
@@ -243,7 +242,7 @@ class TestVerbsThatSearch:
             verdict = SimpleNamespace(verdict="sensitive" if code else "confirmed", broken=())
             return SimpleNamespace(exit_code=code, folder=folder, record=record, verdict=verdict)
 
-        stand_in(monkeypatch, "camopt.optimize.run", optimize=optimize)
+        stand_in(monkeypatch, "camopt.optimizer.run", optimize=optimize)
         words = ["optimize", "motori-1", "--speeds", "nominal", "--accuracy", "draft", "--gradient", "none"]
         got, out, _ = run(capsys, *words, "--seed", "7", "--out", str(tmp_path / "run"))
         assert got == code
@@ -269,7 +268,9 @@ class TestVerbsThatSearch:
 
         asked = []
         stand_in(
-            monkeypatch, "camopt.optimize.comparison", compare=lambda *given, **named: asked.append((*given, named))
+            monkeypatch,
+            "camopt.optimizer.baselines.comparison",
+            compare=lambda *given, **named: asked.append((*given, named)),
         )
         folder = create_run_folder(tmp_path / "first")
         lift = polydyne(load_scene("kodama"))
@@ -285,7 +286,7 @@ class TestVerbsThatSearch:
 
     def test_bound(self, capsys, tmp_path, monkeypatch):
         content = {"area_ratio_bound": 0.5984, "area_ratio_feasible": float("nan"), "speeds_rpm": [5000]}
-        stand_in(monkeypatch, "camopt.optimize.summary", area_bound=lambda scene: content)
+        stand_in(monkeypatch, "camopt.optimizer.bound.summary", area_bound=lambda scene: content)
         code, out, _ = run(capsys, "bound", "kodama", "--json", str(tmp_path / "b.json"))
         assert code == 0
         assert "area_ratio_bound: 0.5984" in out

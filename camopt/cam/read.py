@@ -117,8 +117,8 @@ def read_cam(
     """The lift law that `spec` names, under a scene with [operation] and [design].
 
     A family name, optionally with parameters (`polydyne:exponents=2/10/18/26/34,speed_rpm=6000`); a run folder or its
-    design.json; or a lift table, for which see `camopt.cam.tables.read_lift_table`. A file whose name is a family's is
-    reached as ./name. Raises InputError for anything else.
+    design.json; or a lift table, for which see `camopt.cam.tables.lift_table.read_lift_table`. A file whose name is a
+    family's is reached as ./name. Raises InputError for anything else.
     """
     path = Path(spec)
     if str(spec).partition(":")[0] in FAMILIES and not isinstance(spec, Path):
@@ -135,7 +135,7 @@ def read_cam(
         )
     if path.suffix == ".json":
         return read_design(path, scene)
-    from camopt.cam.tables import read_lift_table  # brings SciPy's splines, which nothing else here needs
+    from camopt.cam.tables.lift_table import read_lift_table  # brings SciPy's splines, which nothing else here needs
 
     return read_lift_table(path, scene, table_angle, table_lift, table_ratio)
 

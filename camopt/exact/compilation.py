@@ -14,11 +14,13 @@ def forget_stale_programs(sources: Path, kept: Path, constants: Sequence[Path] =
 
     numba compares a program with the file of its own function only, and compiles what it calls from other files into
     it, and the values of the constants that it reads: after a change of one of these it would go on with the old one.
-    So all programs of the folder `sources` stand and fall together, with the files of `constants` from elsewhere.
+    So all programs of the folder `sources`, and of the folders in it, stand and fall together, with the files of
+    `constants` from elsewhere.
     """
     digest = sha256()
-    for path in (*sorted(sources.glob("*.py")), *constants):
-        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    files = {path.relative_to(sources).as_posix(): path for path in sorted(sources.rglob("*.py"))}
+    for name, path in (*files.items(), *((path.name, path) for path in constants)):
+        digest.update(name.encode() + b"\0" + path.read_bytes())
     current, stamp = digest.hexdigest().encode(), kept / STAMP
     if stamp.exists() and stamp.read_bytes() == current:
         return False

@@ -10,9 +10,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.exact.kernel import CHATTER, DONE, NEED_TABLES, revolve
-from camopt.exact.propagators import Propagators, default_step, propagators
-from camopt.exact.trace import empty_trace
+from camopt.exact.kernel.propagators import Propagators, default_step, propagators
+from camopt.exact.kernel.revolution import CHATTER, DONE, NEED_TABLES, revolve
+from camopt.exact.kernel.trace import empty_trace
 from camopt.scene.errors import MotionRefused
 from camopt.scene.response import Response
 from camopt.scene.train import Train

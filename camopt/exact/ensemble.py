@@ -19,9 +19,9 @@ import numpy as np
 
 from camopt.cam.bumps import moved
 from camopt.cam.lift import Lift
-from camopt.exact.gradient import rest_state
-from camopt.exact.many import value_and_gradient_many
-from camopt.exact.motion import TracedMotion
+from camopt.exact.adjoint.gradient import rest_state
+from camopt.exact.adjoint.motion import TracedMotion
+from camopt.exact.batch import value_and_gradient_many
 from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.train import Train
 

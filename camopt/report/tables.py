@@ -2,7 +2,7 @@
 
 from itertools import groupby
 
-from camopt.optimize.comparison import NO_JERK
+from camopt.optimizer.baselines.comparison import NO_JERK
 from camopt.plots.style import DESIGN, cam_line, family_of
 from camopt.report.folder import RunFolder
 from camopt.report.limits import worst_of

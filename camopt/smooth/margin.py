@@ -1,9 +1,9 @@
-"""The contact force margin (see `camopt.exact.margin`) on the smooth path."""
+"""The contact force margin (see `camopt.exact.adjoint.margin`) on the smooth path."""
 
 import jax
 import jax.numpy as jnp
 
-from camopt.scene.held import HOLDING_N, held_closed
+from camopt.scene.tied_contacts import HOLDING_N, held_closed
 from camopt.scene.train import Train
 from camopt.smooth.metrics import event_metrics
 from camopt.smooth.rest import rest_state

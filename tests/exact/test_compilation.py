@@ -63,7 +63,7 @@ def test_every_constant_that_the_programs_read_is_covered():
     """Numbers that `camopt.exact` imports from other folders (their names are capitals) come from the files listed."""
     root = Path(camopt.__file__).parent
     found = set()
-    for path in (root / "exact").glob("*.py"):
+    for path in (root / "exact").rglob("*.py"):
         text = path.read_text(encoding="utf-8")
         for node in ast.walk(ast.parse(text)) if "njit" in text else ():
             if isinstance(node, ast.ImportFrom) and node.module and not node.module.startswith("camopt.exact"):

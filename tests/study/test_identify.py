@@ -7,10 +7,10 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.scene import InputError, load_scene
-from camopt.study.free_parameters import FreeParameters
-from camopt.study.identify import MeasuredLift, identify, measured_noise
-from camopt.study.lift_fit import LiftFit, Series, limited_step
-from camopt.study.motion import simulate
+from camopt.study.identify.free_parameters import FreeParameters
+from camopt.study.identify.identification import MeasuredLift, identify, measured_noise
+from camopt.study.identify.lift_fit import LiftFit, Series, limited_step
+from camopt.study.simulate.motion import simulate
 
 SCENE = load_scene("motori-1")
 LIFT = polydyne(SCENE)
@@ -135,7 +135,7 @@ def test_intervals_hold_drawn_truths_from_starts_ten_percent_off():
 
 
 def test_a_fit_that_a_remark_speaks_against_identifies_nothing():
-    """The valve weighs other than the scene says and its mass is not free: whatever the intervals, they are of no use."""
+    """The valve's mass is not the scene's and not free: whatever the intervals, they are of no use."""
     heavier, _ = off(("valve.mass_kg",), 3)
     found = identify(heavier, LIFT, lifts(0.5), ("seat.damping_N_s_per_m", "train.gap_mm"))
     assert found.remarks and found.verdict == "not identified"

@@ -8,15 +8,15 @@ from itertools import chain, repeat
 import numpy as np
 import pytest
 
-from camopt import cli
 from camopt.cam.design_file import write_design
 from camopt.cam.families.polydyne import polydyne
+from camopt.cli import parser as cli
 from camopt.plots.tradeoff import pareto
 from camopt.scene import InputError, load_scene, scene_text
-from camopt.study import tradeoff as module
-from camopt.study import tradeoff_figures
-from camopt.study.tradeoff import COLUMNS, LINES, REFERENCE, Work, error_of, measured, rows_of, timed, tradeoff
-from camopt.study.tradeoff_words import words_of
+from camopt.study.tradeoff import figures as tradeoff_figures
+from camopt.study.tradeoff import tradeoff as module
+from camopt.study.tradeoff.summary import words_of
+from camopt.study.tradeoff.tradeoff import COLUMNS, LINES, REFERENCE, Work, error_of, measured, rows_of, timed, tradeoff
 from experiments import tradeoff as experiment
 
 

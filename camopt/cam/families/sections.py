@@ -4,7 +4,7 @@ A table states lift, velocity, acceleration and jerk at the start and the end of
 et al. do; as many terms as a section has conditions make it unique (their Eq. (4) where the terms are powers). For
 fixed section angles everything is linear in the levels, the accelerations and jerks at the borders that the table
 leaves to the designer: the pieces, the area, and every limit imposed on control points. The construction runs on
-arrays of NumPy, and of JAX for `camopt.cam.families.gradients`.
+arrays of NumPy, and of JAX for `camopt.differentiable.families`.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -1,0 +1,221 @@
+"""The JAX rule of the exact path: `jax.grad`, `jax.jit` and `jax.vmap` through event-exact motions.
+
+The motion runs outside JAX, in one host call whatever is batched: its motions side by side in threads, derivatives by
+their discrete adjoint. The rule stands here and not in `camopt.exact`, which the verifier's verdict imports and which
+therefore knows no JAX.
+
+A motion that cannot be followed (no rest, endless switching, no bound, numbers that are not finite or a mass or
+stiffness that is not positive) is NaN throughout, its derivatives too.
+"""
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.custom_derivatives import SymbolicZero
+
+from camopt.cam.lift import Lift
+from camopt.differentiable.varying_motion import CAM_PARAMETERS, TRAIN_PARAMETERS, Arrays, Varying
+from camopt.exact.adjoint.metrics import METRICS
+from camopt.exact.adjoint.motion import Samples, Slopes, metric_numbers
+from camopt.scene.errors import InputError
+from camopt.scene.response import Response
+from camopt.scene.train import Train
+
+VELOCITY = "m_per_s"
+"""How the names of metrics end that grow with all velocities."""
+SLOWER = 100.0
+"""How many times slower than expected a traced speed may come out before the motion is given up."""
+WORKERS = os.cpu_count() or 1
+
+
+def exact_metrics(
+    train: Train,
+    lift: Lift,
+    cam_speed,
+    parameters: Mapping[str, Any],
+    metrics: Sequence[str],
+    *,
+    revolutions: int = 1,
+    revolution: int = 0,
+    spacing: float | None = None,
+) -> jax.Array:
+    """Values (l) of metrics in one revolution of an event-exact motion, in the units of their names.
+
+    `parameters` replaces numbers by arrays that JAX may trace: of the train under the names of `ByTrain`, "lift"
+    (p, q) [m/rad^k] and "borders" (p + 1) [rad] of the cam's pieces, "half_duration" [rad], "start" (2n: [m], then
+    [m/s]), the state at -pi, which is rest where it is left out. `cam_speed` [rad/s] may be traced too. Derivatives by
+    the borders take lift and velocity to be continuous across them, and the opening foot not to end a hop. `spacing`
+    [rad] as of `TracedMotion`, for batches of many cams at few speeds.
+
+    The value costs one motion, values with their gradients by the cam one motion and one sweep back per metric.
+    Raises InputError for an unknown metric, an unknown parameter or laws that are not linear.
+    """
+    motion, variables = _varying(train, lift, cam_speed, parameters, revolutions, spacing)
+    metric_numbers(train, metrics)
+    rows = np.zeros(len(metrics))
+    speeds = np.array([name.endswith(VELOCITY) for name in metrics])
+
+    def value(given: Arrays):
+        traced = motion.trace(given, ())
+        return np.full_like(rows, np.nan) if traced is None else traced.values(metrics, revolution)
+
+    def value_and_slopes(given: Arrays, names: tuple[str, ...]):
+        traced = motion.trace(given, names)
+        if traced is None:
+            return np.full_like(rows, np.nan), {n: np.full((len(rows), *given[n].shape), np.nan) for n in names}
+        found, swept = traced.swept(metrics, revolution)
+        by_window = traced.by_half_duration(metrics, revolution) if "half_duration" in names else None
+        slopes = motion.by_names(names, given, traced, swept, found[:, 0] * speeds, by_window)
+        for slope in slopes.values():
+            slope[np.isnan(found[:, 0])] = np.nan
+        return found[:, 0], slopes
+
+    @jax.custom_vjp
+    def values(variables):
+        return host_call(value, rows, variables)
+
+    def forward(variables):
+        given, names = _perturbed(variables)
+        slopes = {name: np.zeros((len(rows), *given[name].shape)) for name in names}
+        return host_call(lambda g: value_and_slopes(g, names), (rows, slopes), given)
+
+    def backward(slopes, bar):
+        zero = isinstance(bar, SymbolicZero)
+        found = {} if zero else {name: weighted(bar, slope) for name, slope in slopes.items()}
+        return ({name: found.get(name) for name in variables},)
+
+    values.defvjp(forward, backward, symbolic_zeros=True)
+    return values(variables)
+
+
+def differentiable_motion(
+    train: Train,
+    lift: Lift,
+    parameters: Mapping[str, Any],
+    cam_speed,
+    revolutions: int,
+    steps: int,
+    slowest: float | None = None,
+) -> tuple[Response, dict[str, jax.Array]]:
+    """Motion from rest on `steps` equal steps per revolution, and the metrics of all revolutions but the last.
+
+    Arguments as of `exact_metrics`; what is differentiated by costs the motion a second time and a sweep per
+    revolution. A motion at less than a hundredth of the `slowest` speed [rad/s] is NaN: it would take hours. The
+    record's arrays are JAX arrays.
+    """
+    motion, variables = _varying(train, lift, cam_speed, parameters, revolutions, slowest=slowest)
+    names = [] if train.seat < 0 or not train.cam_side else list(METRICS)
+    n, e, measured = len(train.mass), len(train.a), revolutions - 1
+    speeds = np.array([name.endswith(VELOCITY) for name in names], dtype=bool)
+    angle = np.linspace(-np.pi, (2 * revolutions - 1) * np.pi, revolutions * steps + 1)
+    samples = Samples(*(np.zeros((len(angle), *shape)) for shape in ((n,), (n,), (), (), (e,))))
+    shape = vars(samples), np.zeros((len(names), measured))
+
+    def record(given: Arrays):
+        traced = motion.trace(given, ())
+        if traced is None:
+            return jax.tree.map(lambda part: np.full_like(part, np.nan), shape)
+        rows = [traced.values(names, r) for r in range(measured)]
+        return vars(traced.at(angle)), np.array(rows).reshape(measured, len(names)).T
+
+    def slopes(given: Arrays, bars, wanted: tuple[str, ...]):
+        traced = motion.trace(given, wanted)
+        if traced is None:
+            return {name: np.full_like(given[name], np.nan) for name in wanted}
+        by_samples, by_metrics = bars
+        total = {name: np.zeros_like(given[name]) for name in wanted}
+
+        def add(part: Slopes, moving: float, by_window: float = 0.0) -> None:
+            moved = motion.by_names(wanted, given, traced, part, np.array([moving]), np.array([by_window]))
+            for name, slope in moved.items():
+                total[name] = total[name] + (slope[0] if np.isfinite(moving) else np.nan)
+
+        if any(np.any(bar) for bar in by_samples.values()):
+            found = vars(traced.at(angle))
+            moving = sum(float(np.sum(by_samples[k] * found[k])) for k in ("v", "lift_rate"))
+            add(traced.pull_back(angle, Samples(**{k: bar[None] for k, bar in by_samples.items()})), moving)
+        for r in range(measured):
+            bar = by_metrics[:, r]
+            if np.any(bar):
+                found, swept = traced.swept(names, r, bar)
+                moving = sum(b * v for b, v in zip(bar[speeds], found[speeds, 0], strict=True) if b)
+                by_window = traced.by_half_duration(names, r) if "half_duration" in wanted else np.zeros(len(names))
+                lost = np.any(np.isnan(found[bar != 0, 0]))
+                add(swept, np.nan if lost else moving, float(bar[bar != 0] @ by_window[bar != 0]))
+        return total
+
+    @jax.custom_vjp
+    def moved(variables):
+        return host_call(record, shape, variables)
+
+    def forward(variables):
+        given, wanted = _perturbed(variables)
+        return host_call(record, shape, given), (given, dict.fromkeys(wanted, 0.0))
+
+    def backward(kept, bars):
+        given, wanted = kept[0], tuple(kept[1])
+        bars = jax.tree.map(lambda bar: jnp.zeros(bar.shape) if isinstance(bar, SymbolicZero) else bar, bars)
+        found = host_call(lambda g, b: slopes(g, b, wanted), {k: given[k] for k in wanted}, given, bars)
+        return ({name: found.get(name) for name in variables},)
+
+    moved.defvjp(forward, backward, symbolic_zeros=True)
+    found, values = moved(variables)
+    response = Response(train, cam_speed, angle, found["lift"], found["x"], found["v"], found["force"])
+    return response, dict(zip(names, values, strict=True))
+
+
+def weighted(bar: jax.Array, slope: jax.Array) -> jax.Array:
+    """Sum of slopes (l, ...) times bar (l), of those whose weight is not zero: the others may be NaN."""
+    bar = jnp.reshape(bar, (len(bar), *(1,) * (slope.ndim - 1)))
+    return jnp.sum(jnp.where(bar == 0.0, 0.0, bar * slope), 0)
+
+
+def host_call(function: Callable, result: Any, *args: Any) -> Any:
+    """`function` of NumPy arrays (a tree like `result`) as one JAX call; under `vmap` it still is one, its rows in
+    threads."""
+    shapes = jax.tree.map(lambda part: jax.ShapeDtypeStruct(np.shape(part), jnp.float64), result)
+    ranks = [np.ndim(leaf) for leaf in jax.tree.leaves(args)]
+
+    def many(*args):
+        leaves, tree = jax.tree.flatten(args)
+        arrays = [np.array(leaf, dtype=float) for leaf in leaves]  # writable: compiled for such
+        batch = arrays[0].shape[: arrays[0].ndim - ranks[0]]
+        rows = [a.reshape(-1, *a.shape[len(batch) :]) for a in arrays]
+
+        def one(i: int):
+            return function(*jax.tree.unflatten(tree, [row[i] for row in rows]))
+
+        count = len(rows[0])
+        if count == 1:
+            found = [one(0)]
+        else:
+            with ThreadPoolExecutor(WORKERS) as pool:
+                found = list(pool.map(one, range(count)))
+        return jax.tree.map(
+            lambda *parts: np.reshape(np.array(parts, dtype=float), (*batch, *np.shape(parts[0]))), *found
+        )
+
+    return jax.pure_callback(many, shapes, *args, vmap_method="broadcast_all")
+
+
+def _varying(train: Train, lift: Lift, cam_speed, parameters, revolutions: int, spacing=None, slowest=None):
+    """(what is kept, what varies); raises InputError for laws that are not linear or an unknown parameter."""
+    train.require_linear("event-exact", 'simulate with method "smooth"')
+    known = (*TRAIN_PARAMETERS, *CAM_PARAMETERS, "start")
+    unknown = [name for name in parameters if name not in known]
+    if unknown:
+        raise InputError(f"event-exact: parameter {', '.join(unknown)}: expected one of {', '.join(known)}")
+    variables = {name: jnp.asarray(value, float) for name, value in parameters.items()}
+    varying = Varying(train, lift, revolutions, spacing, (slowest or 0.0) / SLOWER)
+    return varying, variables | {"cam_speed": jnp.asarray(cam_speed, float)}
+
+
+def _perturbed(variables) -> tuple[dict[str, jax.Array], tuple[str, ...]]:
+    """Values of variables in a forward rule, and the names of those that are differentiated by."""
+    names = tuple(name for name, variable in variables.items() if variable.perturbed)
+    return {name: variable.value for name, variable in variables.items()}, names

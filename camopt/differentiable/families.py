@@ -1,0 +1,250 @@
+"""Every family as a JAX function of its free parameters: lift, area and peak values, to be differentiated at will.
+
+The families build their pieces once, on arrays of NumPy or of JAX (`event_pieces`, `flank`, `closed`, `FreeCam.pieces`,
+`whole_turn`); here they run on JAX's, so derivatives are those of the construction itself, linear solves included, and
+exact to round-off. Parameters are a dictionary of arrays under the names and in the units of the command line:
+
+    cam = differentiable(scene, multi_pol(scene))
+    jax.grad(cam.area)(cam.parameters)["sections_deg"]
+    jax.jacobian(cam.lift, argnums=1)(theta, cam.parameters)
+
+A member found for the largest area is taken at its angles and levels: those are its parameters, and what the search
+would do under other limits is not asked. Peaks: with x* the place of the peak, d/dp max f = df/dp at x* held fixed in
+its piece (Danskin 1966); where two pieces tie, the derivative is that of the one found first.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from math import factorial, perm
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from camopt.cam.families.dwell import TABLES as DWELL
+from camopt.cam.families.free import free_cam
+from camopt.cam.families.new_design import table_2
+from camopt.cam.families.polydyne import event_pieces, piece_shares
+from camopt.cam.families.sections import SectionTable, closed, flank
+from camopt.cam.lift import Lift, whole_turn
+from camopt.cam.ramps import Ramp, symmetric_conditions
+from camopt.cam.read import FAMILIES
+from camopt.scene import InputError, Scene
+from camopt.scene.units import DEG, MM, MM_PER_DEG
+
+Parameters = dict[str, Any]
+"""Name -> array or number, in the units of the name."""
+LEAST_REAL_EXPONENT = 8
+"""A smaller exponent has to be an integer, so it is no parameter to differentiate by."""
+SAMPLES, NEWTON_STEPS = 33, 5
+"""Samples per piece that a peak is searched on, and the steps that place it."""
+
+
+@dataclass(frozen=True)
+class DifferentiableCam:
+    """A cam as a function of its `parameters`, the values it has now.
+
+    `moving_pieces(parameters)` gives borders (p + 1) [rad] and coefficients (p, q) [m/rad^k] from -pi to pi, as `Lift`
+    has them but for empty pieces; `half_duration(parameters)` half the angle between the ramp tops [rad]. All methods
+    are pure functions of JAX arrays: jit, vmap, grad and jacobian apply.
+    """
+
+    family: str
+    parameters: Parameters
+    moving_pieces: Callable[[Parameters], tuple[jax.Array, jax.Array]]
+    half_duration: Callable[[Parameters], Any]
+    ramp_foot: float  # rad
+
+    def pieces(self, parameters: Parameters) -> tuple[jax.Array, jax.Array]:
+        """Borders (p + 1) and coefficients (p, q) of the same numbers, the borders held in derivatives.
+
+        The derivatives of the coefficients are those of the lift at a held angle. That is all that a motion depends
+        on: lift and velocity are continuous across a border that moves.
+        """
+        borders, coefficients = self.moving_pieces(parameters)
+        held = jax.lax.stop_gradient(borders)
+        away = (held - borders)[:-1]
+        orders = range(coefficients.shape[1])
+        return held, jnp.stack([_polynomial(coefficients, away, k) / factorial(k) for k in orders], axis=1)
+
+    def lift(self, theta, parameters: Parameters, order: int = 0) -> jax.Array:
+        """Lift or its derivative by angle [m/rad^order] at `theta` [rad], any shape."""
+        borders, coefficients = self.moving_pieces(parameters)
+        theta = jnp.mod(jnp.asarray(theta) + jnp.pi, 2 * jnp.pi) - jnp.pi
+        piece = jnp.searchsorted(borders, theta, side="right") - 1
+        piece = jnp.clip(piece, 0, len(coefficients) - 1)
+        return _polynomial(coefficients[piece], theta - borders[piece], order)
+
+    def area(self, parameters: Parameters) -> jax.Array:
+        """Integral of the lift over the duration [m rad]."""
+        borders, coefficients = self.moving_pieces(parameters)
+        half = self.half_duration(parameters)
+        powers = np.arange(coefficients.shape[1])
+        widths = jnp.diff(borders)[:, None]
+        parts = jnp.sum(coefficients * widths ** (powers + 1) / (powers + 1), axis=1)
+        middles = 0.5 * (borders[1:] + borders[:-1])
+        return jnp.sum(jnp.where(abs(middles) < half, parts, 0.0))
+
+    def motion_parameters(self, parameters: Parameters) -> Parameters:
+        """What `simulate(parameters=...)` and `exact_metrics` take of this cam: "lift", "borders", "half_duration".
+
+        Raises InputError for a ramp without a foot: the velocity steps at its ends, and what a motion owes to a step
+        that moves is no derivative of the lift.
+        """
+        if not self.ramp_foot > 0.0:
+            raise InputError(
+                f"{self.family}: a ramp without a foot steps in velocity, and the motion's derivative by a step that "
+                f"moves is not that of the lift: give the ramp a foot ([design] ramp_foot_deg)"
+            )
+        borders, coefficients = self.pieces(parameters)
+        return {"lift": coefficients, "borders": borders, "half_duration": self.half_duration(parameters)}
+
+    def peak(self, parameters: Parameters, order: int = 0, lowest: bool = False) -> jax.Array:
+        """Largest, or with `lowest` smallest, lift or derivative by angle [m/rad^order] over the turn.
+
+        One-sided values at the borders of pieces count, so a step shows with both its sides.
+        """
+        borders, coefficients = self.moving_pieces(parameters)
+        widths = jnp.diff(borders)
+        sign = -1.0 if lowest else 1.0
+        shares = _places(*jax.lax.stop_gradient((sign * coefficients, widths)), order)
+        values = _polynomial(coefficients, shares * widths, order)
+        return values[jnp.argmax(sign * values)]
+
+
+def _polynomial(coefficients, x, order: int) -> jax.Array:
+    """The derivative `order` of sum_k c_k x^k, coefficients (..., q) in ascending powers, at x (...)."""
+    k = np.arange(order, coefficients.shape[-1])
+    falling = np.array([float(perm(i, order)) for i in k])
+    return jnp.sum(falling * coefficients[..., order:] * x[..., None] ** (k - order), axis=-1)
+
+
+def _places(coefficients, widths, order: int) -> jax.Array:
+    """Share of its width (p) at which the derivative `order` of each piece (p, q) is largest."""
+    grid = np.linspace(0.0, 1.0, SAMPLES)
+    shares = jnp.asarray(grid)[jnp.argmax(_polynomial(coefficients[:, None, :], grid * widths[:, None], order), axis=1)]
+
+    def newton(_, shares):
+        slope, bend = (widths**k * _polynomial(coefficients, shares * widths, order + k) for k in (1, 2))
+        step = jnp.where(bend < 0, -slope / jnp.where(bend < 0, bend, -1.0), 0.0)
+        moved = jnp.clip(shares + step, 0.0, 1.0)
+        now, then = (_polynomial(coefficients, at * widths, order) for at in (shares, moved))
+        return jnp.where(then > now, moved, shares)  # where slope and bend are both round-off a step leads astray
+
+    return jax.lax.fori_loop(0, NEWTON_STEPS, newton, shares)
+
+
+def differentiable(scene: Scene, cam: Lift) -> DifferentiableCam:
+    """A family's member as a function of its free parameters: its own, then the design conditions it is built for.
+
+    Own parameters. polydyne: `exponents` of at least 8, `speed_rpm`; exponent: `exponents`; multi-pol, new-design,
+    kurz, trapezoid: `sections_deg` but the last, which takes the rest of half the duration, and every level that the
+    conditions at the nose leave free; new-design: `start_ratio` too; free: `z`, the free coefficients [mm/deg^2].
+    Design conditions, for all but the free cam: `duration_deg`, `max_lift_mm`, `ramp_height_mm`,
+    `ramp_velocity_mm_per_deg`. Raises InputError for a cam of no family, such as a lift table.
+    """
+    if cam.family == "free":
+        return _free(scene, cam)
+    design, ramp = symmetric_conditions(scene, cam.family)
+    conditions = {
+        "duration_deg": design.duration_deg,
+        "max_lift_mm": design.max_lift_mm,
+        "ramp_height_mm": cam.parameters.get("ramp_height_mm", design.ramp_height_mm),
+        "ramp_velocity_mm_per_deg": design.ramp_velocity_mm_per_deg,
+    }
+    if cam.family in ("polydyne", "exponent"):
+        own, event = _powers(cam)
+    elif cam.family in FAMILIES:
+        own, event = _sections(cam, _table_of(cam.family))
+    else:
+        families = ", ".join((*FAMILIES, "free"))
+        raise InputError(f"cam {cam.family!r}: only a family has parameters to differentiate by: {families}")
+
+    def pieces(p: Parameters) -> tuple[Any, Any]:
+        p = {name: jnp.asarray(value, dtype=float) for name, value in p.items()}
+        height: Any = p["ramp_height_mm"] * MM  # traced numbers
+        velocity: Any = p["ramp_velocity_mm_per_deg"] * MM_PER_DEG
+        sides = Ramp(height, velocity, ramp.foot)
+        return whole_turn(*event(p, sides), sides, sides)
+
+    parameters = {name: jnp.asarray(value, dtype=float) for name, value in (own | conditions).items()}
+    return DifferentiableCam(cam.family, parameters, pieces, lambda p: p["duration_deg"] * DEG / 2, ramp.foot)
+
+
+Event = Callable[[Parameters, Ramp], tuple[Any, Any]]
+
+
+def _powers(cam: Lift) -> tuple[Parameters, Event]:
+    """Own parameters of polydyne and exponent cams, and their event's pieces."""
+    exponents = np.array(cam.parameters["exponents"])
+    free = exponents >= LEAST_REAL_EXPONENT
+    own = {"exponents": exponents[free]}
+    a, b, speed = 1.0, 0.0, None
+    if cam.family == "polydyne":
+        a, b, speed = cam.parameters["A"], cam.parameters["B_deg2"] * DEG**2, cam.parameters["design_speed_rpm"]
+        own["speed_rpm"] = speed
+    shares = piece_shares(exponents)
+
+    def event(p: Parameters, ramp: Ramp):
+        powers: Any = jnp.asarray(exponents).at[np.flatnonzero(free)].set(p["exponents"])
+        dynamic = b if speed is None else b * (p["speed_rpm"] / speed) ** 2  # B = omega^2 M / k_e
+        joins = [0.0, -ramp.velocity, 0.0, 0.0, 0.0] if speed is None else [0, 0, 0, -ramp.velocity / dynamic, 0]
+        flank_end: Any = jnp.asarray(joins)
+        half, rise = p["duration_deg"] * DEG / 2, p["max_lift_mm"] * MM - ramp.height
+        return event_pieces(powers, half, flank_end, rise, ramp.height, a, dynamic, shares)
+
+    return own, event
+
+
+def _new_design(p: Parameters, cam: Lift) -> SectionTable:
+    return table_2(cam.parameters["section_II"] == "quintic", p["start_ratio"])
+
+
+TableOf = Callable[[Parameters, Lift], SectionTable]
+"""The table of a sectioned family for given parameters."""
+
+
+def _table_of(family: str) -> TableOf:
+    if family == "new-design":
+        return _new_design
+    entry = FAMILIES[family]
+    table = DWELL[family] if family in DWELL else getattr(import_module(entry.module), entry.table)
+    return lambda _, __: table
+
+
+def _sections(cam: Lift, table_of: TableOf) -> tuple[Parameters, Event]:
+    """Own parameters of a sectioned cam, and its event's pieces."""
+    given = cam.parameters
+    table = table_of(given, cam)
+    names = [f"{level}_mm_per_deg{order}" for level, order in zip(table.levels, table.orders(), strict=True)]
+    own = {name: given[name] for name, level in zip(names, table.levels, strict=True) if level not in table.closed_by}
+    if len(table.sections) > 1:
+        own["sections_deg"] = np.array(given["sections_deg"][:-1])
+    if "start_ratio" in given:
+        own["start_ratio"] = given["start_ratio"]
+
+    def event(p: Parameters, ramp: Ramp):
+        now = table_of(p, cam)
+        first = p.get("sections_deg", jnp.zeros(0)) * DEG
+        angles: Any = jnp.append(first, p["duration_deg"] * DEG / 2 - first.sum())
+        one = flank(now, angles)
+        levels = [p.get(name, 0.0) * unit for name, unit in zip(names, now.units(), strict=True)]
+        x: Any = jnp.asarray([ramp.height, ramp.velocity, *levels])
+        return one.event(closed(now, one, x, p["max_lift_mm"] * MM, now.closed_by))
+
+    return own, event
+
+
+def _free(scene: Scene, cam: Lift) -> DifferentiableCam:
+    """The free cam by its free coefficients."""
+    if scene.design is None:
+        raise InputError("free: the scene needs [design]")
+    free = free_cam(scene.design, cam.parameters["knot_deg"])
+    z = free.Z.T @ (np.array(cam.parameters["coefficients_mm_per_deg2"]) - free.x_p)
+
+    def pieces(p: Parameters) -> tuple[Any, Any]:
+        return whole_turn(jnp.asarray(free.breaks), free.pieces(jnp.asarray(p["z"])), free.opening, free.closing)
+
+    return DifferentiableCam("free", {"z": jnp.asarray(z)}, pieces, lambda _: free.breaks[-1], free.opening.foot)

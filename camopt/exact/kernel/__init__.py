@@ -1,0 +1,1 @@
+"""The compiled kernel of event-exact: spans by exact propagators, and every switching located inside them."""

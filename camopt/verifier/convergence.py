@@ -1,0 +1,147 @@
+"""One method at one speed: the step halved until the answer stands, with an error estimate for every figure."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from camopt.cam.lift import Lift
+from camopt.measure.settling import SETTLED_POSITION, Figures, first_revolution, settle
+from camopt.scene.errors import MotionRefused
+from camopt.scene.quantities import QUANTITIES
+from camopt.scene.response import Revolve, end_state
+from camopt.scene.rest import static_matrices
+from camopt.scene.train import Train
+
+Prepare = Callable[[Train, Lift, float, int], Revolve]
+"""A method: train, lift, cam speed [rad/s] and steps per revolution to one revolution of a state."""
+
+COARSEST_PHASE = 0.6
+"""Highest frequency times the first step [rad]: well inside the stability limits of the explicit methods."""
+FEWEST_STEPS = 1440
+MOST_STEPS = 120_000
+"""Steps per revolution beyond which a step is not halved again: memory, and minutes. A train that would begin beyond a
+quarter of it (very stiff, very slow) begins there, and nothing counts as converged before its fastest rate is resolved:
+Houbolt's method, stable at every step, would damp it out and stand at a wrong force."""
+RELATIVE = 0.01
+"""A figure stands when a halved step moves it less than its absolute tolerance plus this share of itself."""
+ABSOLUTE = {
+    "seating_velocity_m_per_s": 0.005,
+    "contact_force_max_N": 5.0,
+    "dynamic_area_mm_deg": 0.1,
+}
+"""Tolerances beside those of the lengths (bounce and jump), which the caller chooses. The figures not listed (angle of
+separation, least force, impact velocity, excess lift) carry no limit and hang on contacts that barely open; they are
+reported with their error and do not decide."""
+
+
+@dataclass(frozen=True)
+class Converged:
+    """A method's answer at one speed: figures of the finest step, how they spread and how far the last halvings moved
+    them. NaN throughout where the method refused every step."""
+
+    steps_per_revolution: int
+    converged: bool
+    worst: dict[str, float]
+    range: dict[str, tuple[float, float]]
+    error: dict[str, float]
+    revolutions: int  # from rest until settled
+    periodic: bool
+    state: np.ndarray | None  # settled state (2n) at -pi
+
+
+def tolerances(tolerance_um: float) -> dict[str, float]:
+    """Absolute tolerance of every deciding figure, in the unit of its name."""
+    return {"bounce_mm": tolerance_um * 1e-3, "jump_mm": tolerance_um * 1e-3, **ABSOLUTE}
+
+
+def first_steps(train: Train, cam_speed: float) -> int:
+    """Steps per revolution to begin with, from the fastest rate of the train with every element acting [rad/s]."""
+    every = np.ones(len(train.a), dtype=bool)
+    stiffness, _ = static_matrices(train, every)
+    damping, _ = static_matrices(replace(train, stiffness=train.damping), every)
+    damping += np.diag(train.mass_damping)
+    n = len(train.mass)
+    system = np.block(
+        [[np.zeros((n, n)), np.eye(n)], [-stiffness / train.mass[:, None], -damping / train.mass[:, None]]]
+    )
+    rate = np.abs(np.linalg.eigvals(system)).max()
+    return max(FEWEST_STEPS, int(np.ceil(2 * np.pi * rate / cam_speed / COARSEST_PHASE)))
+
+
+def converge(
+    prepare: Prepare,
+    train: Train,
+    lift: Lift,
+    cam_speed: float,
+    start: np.ndarray,
+    tolerance_um: float,
+    halvings: int,
+    position: float = SETTLED_POSITION,
+    *,
+    settled: bool = True,
+    steps: int | None = None,
+) -> Converged:
+    """Halve the step until every deciding figure stands twice in a row, at most `halvings` times and,
+    after the second halving, to no more than MOST_STEPS.
+
+    `start` (2n) is the state at rest; a finer step continues from the coarser one's settled state. The error estimate
+    is the larger distance to the two coarser answers: no method has an order across contacts that would allow less. An
+    aperiodic motion stands when it moves by no more than its own range. A halved step takes a step more: were its
+    samples among the coarser one's, a contact that closes just before one of them would be as late at every step. With
+    `settled` off every step measures the first revolution from `start` instead. Where `steps` per revolution to begin
+    with are given, they count as resolving the train; else they follow it. A method may ask for more by an attribute
+    `enough_steps` (train, cam_speed).
+    `position` [m]: as of `settle`.
+    """
+    first = steps or first_steps(train, cam_speed)
+    enough = max(first, getattr(prepare, "enough_steps", lambda *_: 0)(train, cam_speed))
+    finest = steps = min(first, MOST_STEPS // 4)
+    allowed = tolerances(tolerance_um)
+    state, revolutions = start, 0
+    runs: list[Figures] = []
+    stood: list[bool] = []
+    done = None
+    for halving in range(halvings + 1):
+        if halving > 2 and steps << halving > MOST_STEPS:
+            break
+        finest = (steps << halving) + halving
+        try:
+            revolve = prepare(train, lift, cam_speed, finest)
+            done = settle(revolve, state, position=position) if settled else first_revolution(revolve, start)
+        except MotionRefused:
+            runs, stood, state = [], [], start
+            continue
+        revolutions = revolutions or done.revolutions
+        state = end_state(done.response)
+        runs.append(done.metrics(lift))
+        if len(runs) > 1:
+            stood.append(_stands(runs[-2], runs[-1], allowed, done.periodic))
+        if finest >= enough and len(stood) > 1 and all(stood[-2:]):
+            break
+    if done is None or not runs:
+        nothing = dict.fromkeys(QUANTITIES, np.nan)
+        return Converged(finest, False, nothing, dict.fromkeys(QUANTITIES, (np.nan, np.nan)), nothing, 0, False, None)
+    worst = {name: runs[-1].worst(name) for name in QUANTITIES}
+    error = {name: max((apart(r.worst(name), worst[name]) for r in runs[-3:-1]), default=np.inf) for name in QUANTITIES}
+    spread = {name: runs[-1].range(name) for name in QUANTITIES}
+    converged = finest >= enough and len(stood) > 1 and all(stood[-2:])
+    return Converged(finest, converged, worst, spread, error, revolutions, done.periodic, state)
+
+
+def apart(one: float, other: float) -> float:
+    """Distance of two figures; not seating (NaN) in both is the same answer, in one of them another one."""
+    if np.isnan(one) or np.isnan(other):
+        return 0.0 if np.isnan(one) and np.isnan(other) else np.inf
+    return abs(one - other)
+
+
+def _stands(before: Figures, after: Figures, allowed: dict[str, float], periodic: bool) -> bool:
+    """Whether halving the step left every deciding figure where it was; not seating twice is the same answer."""
+    for name, absolute in allowed.items():
+        old, new = before.worst(name), after.worst(name)
+        low, high = after.range(name)
+        width = 0.0 if periodic else high - low
+        if apart(new, old) > absolute + RELATIVE * np.nan_to_num(abs(new)) + np.nan_to_num(width):
+            return False
+    return True

@@ -1,0 +1,290 @@
+"""The verdict on a cam in a scene: do independent methods agree, and does every limit of the scene hold.
+
+The only file of this package that reaches for the event-exact method, and only when it is asked for.
+"""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from importlib import import_module
+
+import numpy as np
+
+from camopt.cam.lift import Lift
+from camopt.measure.limits import broken_by_shape, motion_limits
+from camopt.measure.settling import SETTLED_POSITION, Figures, settle
+from camopt.measure.sweep import STARTS_MM, Band, first_exceeding, sweep
+from camopt.scene.errors import InputError, MotionRefused
+from camopt.scene.quantities import QUANTITIES
+from camopt.scene.response import Revolve
+from camopt.scene.rest import rest_position
+from camopt.scene.schema import Scene
+from camopt.scene.train import Train, build_train
+from camopt.verifier.accuracy_statement import stated
+from camopt.verifier.convergence import RELATIVE, Converged, Prepare, converge, first_steps, tolerances
+from camopt.verifier.methods import INDEPENDENT, rkg
+
+METHODS = ("event", "rkg", "tmm", "houbolt")
+"""Methods for a train whose laws are linear."""
+NONLINEAR_METHODS = ("dop853", "rkg")
+"""Methods for a train with other laws; DOP853 carries linear ones too."""
+SWEEP_REFINEMENT = 4
+"""Runge-Kutta-Gill's steps in a sweep, as a multiple of the first ones: where its bounce is right to some um."""
+ORDER = ("confirmed", "sensitive", "not converged", "rejected")
+"""From best to worst: one speed at which a limit is surely broken rejects the cam, whatever the others say."""
+REPORTED = tuple(name for name in QUANTITIES if name != "excess_lift_mm")
+SPEED_NEIGHBOUR = 1e-3
+LIFT_NEIGHBOUR = 1e-7  # m, at the largest lift
+STATE_NEIGHBOUR = (1e-6, 1e-3)  # m, m/s: as far apart as two states that count as settled
+
+
+@dataclass(frozen=True)
+class SpeedVerdict:
+    """What the methods found at one speed, and what follows. Figures are the first method's."""
+
+    speed_rpm: float
+    verdict: str
+    broken: tuple[str, ...]
+    straddled: tuple[str, ...]  # limits that some of the neighbourhood keeps and some breaks
+    bounce_range_mm: tuple[float, float]  # over measured revolutions and neighbours
+    methods: dict[str, Converged]
+
+    def as_dict(self) -> dict:
+        first = next(iter(self.methods.values()))
+        return {
+            "speed_rpm": self.speed_rpm,
+            "verdict": self.verdict,
+            **_figures(first),
+            "bounce_error_mm": _number(first.error["bounce_mm"]),
+            "bounce_range_mm": [_number(b) for b in self.bounce_range_mm],
+            "methods": {
+                name: {
+                    **_figures(m),
+                    "bounce_error_mm": _number(m.error["bounce_mm"]),
+                    "bounce_range_mm": [_number(b) for b in m.range["bounce_mm"]],
+                    "steps_per_revolution": m.steps_per_revolution,
+                    "converged": m.converged,
+                }
+                for name, m in self.methods.items()
+            },
+        }
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The verdict on a cam in a scene; `as_dict` is the contract's verification.json."""
+
+    verdict: str
+    broken: tuple[str, ...]
+    speeds: tuple[SpeedVerdict, ...]
+    band: Band | None
+    worst_in_band: tuple[SpeedVerdict, ...]  # all methods at the worst speeds of the band
+    first_jump_rpm: float | None
+    first_bounce_rpm: float | None
+    tolerance_um: float
+    asked: str | float | None = None  # the accuracy by name or in micrometres, where there was one
+    scene: Scene | None = None  # what was judged, and which cam: for the figure alone
+    cam: str = "cam"
+
+    @property
+    def accuracy(self) -> dict:
+        """What was asked and what was delivered: verification.json's "accuracy"."""
+        return stated((*self.speeds, *self.worst_in_band), self.tolerance_um, self.asked)
+
+    def plot(self):
+        """Bounce and jump against speed, with the scene's limits, as a matplotlib Figure."""
+        from camopt.verifier.display import figure
+
+        return figure(self)
+
+    def _repr_html_(self) -> str:
+        from camopt.verifier.display import html
+
+        return html(self)
+
+    def as_dict(self) -> dict:
+        """verification.json: NaN becomes null; `band` is null where no band was swept."""
+        band = None
+        if self.band is not None:
+            speed, bounce = self.band.worst("bounce_mm")
+            ends = {"from_rpm": self.band.from_rpm, "to_rpm": self.band.to_rpm, "step_rpm": self.band.step_rpm}
+            band = {**ends, "worst_bounce_mm": _number(bounce), "worst_speed_rpm": speed}
+        return {
+            "verdict": self.verdict,
+            "broken": list(self.broken),
+            "speeds": [s.as_dict() for s in self.speeds],
+            "band": band,
+            "limits": {"first_jump_rpm": self.first_jump_rpm, "first_bounce_rpm": self.first_bounce_rpm},
+            "accuracy": self.accuracy,
+        }
+
+
+def verdict_on(
+    scene: Scene,
+    lift: Lift,
+    speeds_rpm: tuple[float, ...] | None = None,
+    methods: tuple[str, ...] | None = None,
+    band_step_rpm: float | None = 20.0,
+    tolerance_um: float = 2.0,
+    halvings: int = 6,
+    workers: int = 2,
+    settled: float = SETTLED_POSITION,
+) -> Verdict:
+    """Judge a cam at `speeds_rpm` (crankshaft; the scene's by default) and over the scene's band.
+
+    `methods` are "event" or names of INDEPENDENT, by default the first two for the scene's laws; the first one's
+    figures are reported and its neighbourhood is searched; two at least are needed for an agreement, so a single
+    method ends as "not converged". `band_step_rpm` None leaves the band and the starting speeds out; they are swept
+    with event-exact (Runge-Kutta-Gill for nonlinear laws), and unless a listed speed rejects the cam already, all
+    methods look at the worst speed of every limited metric. Bounce and jump "start" where they exceed the scene's
+    limit, or 0.05 mm where it sets none. `tolerance_um` [um]: by how much halving the step may still move bounce and
+    jump. `settled` [m]: largest change of a position over a revolution of a settled motion. Raises InputError for a
+    scene without valve or operation, or an unknown method.
+    """
+    if scene.operation is None or scene.seat is None:
+        raise InputError(f"scene {scene.name!r}: a verdict needs valve, seat and [operation]")
+    train = build_train(scene)
+    methods = methods_for(train)[:2] if methods is None else methods
+    known = ("event", *INDEPENDENT)
+    if not methods or (unknown := [m for m in methods if m not in known]):
+        raise InputError(
+            f"methods {methods}: give names out of {', '.join(known)}" + f"; not {unknown}" * bool(methods)
+        )
+
+    def judge(speeds) -> tuple[SpeedVerdict, ...]:
+        with ThreadPoolExecutor(workers) as pool:
+            jobs = [
+                pool.submit(_judge_speed, scene, lift, float(s), methods, tolerance_um, halvings, settled)
+                for s in speeds
+            ]
+            return tuple(job.result() for job in jobs)
+
+    at_speeds = judge(scene.operation.speeds_rpm if speeds_rpm is None else speeds_rpm)
+    band, worst, first = None, (), {"bounce_mm": None, "jump_mm": None}
+    if band_step_rpm is not None:
+        limited = tuple(dict.fromkeys(["bounce_mm", *(name for name, _ in motion_limits(scene.design).values())]))
+        band = sweep(_sweeping(train), scene, lift, band_step_rpm, limited, workers)
+        if not any(s.verdict == "rejected" for s in at_speeds):  # nothing the band shows can save a rejected cam
+            worst = judge(sorted({band.worst(name)[0] for name in limited}))
+        first = first_exceeding(_sweeping(train), scene, lift, _starts(scene), workers)
+    shape = broken_by_shape(lift, scene.design)
+    every = (*at_speeds, *worst)
+    broken = dict.fromkeys([*shape, *(name for s in every for name in s.broken)])
+    overall = max([*(s.verdict for s in every), "rejected" if shape else "confirmed"], key=ORDER.index)
+    starts = first["jump_mm"], first["bounce_mm"]
+    return Verdict(overall, tuple(broken), at_speeds, band, worst, *starts, tolerance_um, scene=scene, cam=lift.family)
+
+
+def methods_for(train: Train) -> tuple[str, ...]:
+    """Names of all methods that judge a train, the most accurate first."""
+    return METHODS if train.laws is None else NONLINEAR_METHODS
+
+
+def _method(name: str) -> Prepare:
+    """A method's `prepare`; event-exact is imported on demand."""
+    if name == "event":
+        from camopt.exact import engine
+
+        return engine.prepare
+    return import_module(INDEPENDENT[name]).prepare
+
+
+def _sweeping(train: Train) -> Callable[[Train, Lift, float], Revolve]:
+    """The method of sweeps: event-exact at its own step, the same at all speeds, unless laws are nonlinear."""
+    if train.laws is None:
+        from camopt.exact import engine
+
+        return engine.prepare
+    return lambda train, lift, cam_speed: rkg.prepare(
+        train, lift, cam_speed, SWEEP_REFINEMENT * first_steps(train, cam_speed)
+    )
+
+
+def _starts(scene: Scene) -> dict[str, float]:
+    given = {name: value for name, value in motion_limits(scene.design).values()}
+    return {name: given.get(name, STARTS_MM) for name in ("bounce_mm", "jump_mm")}
+
+
+def _judge_speed(scene, lift, speed_rpm, methods, tolerance_um, halvings, settled) -> SpeedVerdict:
+    train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
+    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    answers = {m: converge(_method(m), train, lift, cam_speed, rest, tolerance_um, halvings, settled) for m in methods}
+    first = answers[methods[0]]
+    if first.state is None:
+        return SpeedVerdict(speed_rpm, "not converged", (), (), (np.nan, np.nan), answers)
+    try:
+        near = _neighbours(_method(methods[0]), train, lift, cam_speed, first)
+    except MotionRefused:
+        return SpeedVerdict(speed_rpm, "not converged", (), (), first.range["bounce_mm"], answers)
+    broken, straddled = _against_limits(scene, speed_rpm, first, near)
+    bounces = [first.range["bounce_mm"], *(f.range("bounce_mm") for f in near)]
+    bounce_range = float(np.min(bounces)), float(np.max(bounces))
+    if not agreement(list(answers.values()), tolerance_um):
+        return SpeedVerdict(speed_rpm, "not converged", (), straddled, bounce_range, answers)
+    verdict = "rejected" if broken else "sensitive" if straddled else "confirmed"
+    return SpeedVerdict(speed_rpm, verdict, broken, straddled, bounce_range, answers)
+
+
+def agreement(answers: list[Converged], tolerance_um: float) -> bool:
+    """Whether two methods or more have converged and their deciding figures overlap within range and error estimate.
+
+    Half of what a halved step was allowed to change is the least error of a figure: then two exact answers still agree
+    when they differ by what either may move. Changes across contacts are erratic and can be small by chance.
+    """
+    if len(answers) < 2 or not all(a.converged for a in answers):
+        return False
+    for name, tolerance in tolerances(tolerance_um).items():
+        seated = [not np.isnan(a.worst[name]) for a in answers]
+        if not any(seated):
+            continue
+        if not all(seated):
+            return False
+        errors = [max(a.error[name], 0.5 * (tolerance + RELATIVE * abs(a.worst[name]))) for a in answers]
+        lows = [a.range[name][0] - error for a, error in zip(answers, errors, strict=True)]
+        highs = [a.range[name][1] + error for a, error in zip(answers, errors, strict=True)]
+        if max(lows) > min(highs):
+            return False
+    return True
+
+
+def _neighbours(prepare: Prepare, train: Train, lift: Lift, cam_speed: float, answer: Converged) -> list[Figures]:
+    """Figures at neighbouring speeds (+-0.1 %), lifts (+-0.1 um at the largest lift) and initial states."""
+    assert answer.state is not None, "a refused motion has no neighbours"
+    n = len(train.mass)
+    away = np.repeat(STATE_NEIGHBOUR, n) * np.random.default_rng(0).choice([-1.0, 1.0], 2 * n)
+    cases = []
+    for sign in (-1.0, 1.0):
+        scaled = replace(lift, coefficients=lift.coefficients * (1 + sign * LIFT_NEIGHBOUR / lift.max_lift))
+        cases.append((lift, cam_speed * (1 + sign * SPEED_NEIGHBOUR), answer.state))
+        cases.append((scaled, cam_speed, answer.state))
+        cases.append((lift, cam_speed, answer.state + sign * away))
+    steps = answer.steps_per_revolution // 2  # the error estimate is what the last halving changed
+    return [settle(prepare(train, cam, speed, steps), state).metrics(cam) for cam, speed, state in cases]
+
+
+def _against_limits(
+    scene, speed_rpm, answer: Converged, near: list[Figures]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Limits that the whole neighbourhood breaks, and those that only a part of it breaks."""
+    at = f"at {speed_rpm:g} r/min"
+    seats = [not np.isnan(v) for v in (answer.worst["bounce_mm"], *(f.worst("bounce_mm") for f in near))]
+    if not all(seats):
+        return ((f"never seats {at}",), ()) if not any(seats) else ((), (f"never seats {at}",))
+    broken, straddled = [], []
+    for key, (name, limit) in motion_limits(scene.design).items():
+        values = [answer.worst[name], *(f.worst(name) for f in near)]
+        if min(values) - answer.error[name] > limit:
+            broken.append(f"{key} {at}")
+        elif max(values) + answer.error[name] > limit:
+            straddled.append(f"{key} {at}")
+    return tuple(broken), tuple(straddled)
+
+
+def _figures(answer: Converged) -> dict:
+    figures = {name: _number(answer.worst[name]) for name in REPORTED}
+    return {**figures, "revolutions": answer.revolutions, "periodic": answer.periodic}
+
+
+def _number(value: float) -> float | None:
+    """JSON has no NaN: null."""
+    return float(value) if np.isfinite(value) else None
