@@ -8,12 +8,11 @@ import numpy as np
 import xarray as xr
 
 from camopt.cam.lift import Lift, lift_with
-from camopt.measure.metrics import measure
 from camopt.scene import InputError, Response, Scene, Train, build_train, rest_position
-from camopt.scene.quantities import QUANTITIES
 from camopt.scene.response import end_state, joined
-from camopt.scene.units import DEG, MM
+from camopt.scene.units import DEG
 from camopt.study.modes import highest_rate
+from camopt.study.simulate.dataset import motion_dataset, recorded_metrics
 from camopt.verifier.methods import INDEPENDENT
 
 if TYPE_CHECKING:
@@ -99,15 +98,15 @@ def simulate(
         response, metrics = module.differentiable_motion(
             train, cam, parameters, cam_speed, revolutions, steps, known_speed
         )
-        return _dataset(scene, cam, speed_rpm, method, response, metrics)
+        return motion_dataset(scene, cam, speed_rpm, method, response, metrics)
     if accuracy is not None:
         done = delivered(train, cam, cam_speed, method, revolutions, accuracy)
         shown, metrics = resampled(done.response, steps * revolutions), recorded_metrics(done.response, cam)
-        motion = _dataset(scene, cam, speed_rpm, method, shown, metrics)
+        motion = motion_dataset(scene, cam, speed_rpm, method, shown, metrics)
         return motion.assign_attrs(accuracy_statement=done.sentence(), **done.attributes())
     response = _motion(train, cam, cam_speed, method, revolutions, steps * finer)
     shown = resampled(response, steps * revolutions)
-    return _dataset(scene, cam, speed_rpm, method, shown, recorded_metrics(response, cam))
+    return motion_dataset(scene, cam, speed_rpm, method, shown, recorded_metrics(response, cam))
 
 
 def concrete(number) -> float | None:
@@ -133,16 +132,6 @@ def _check_price(train: Train, speed_rpm, steps: int) -> None:
             f"would have to be kept ({8e-9 * values:.2g} GB), and {8e-9 * MOST_VALUES:.2g} GB are allowed: raise the "
             f"speed, ask for fewer revolutions, or take a smaller model (camopt reduce)"
         )
-
-
-def recorded_metrics(response: Response, cam: Lift) -> dict[str, np.ndarray]:
-    """The declared metrics of all revolutions of a record but the last; NaN where the lift never takes up the lash."""
-    measured = response.revolutions - 1
-    if not response.train.cam_side:
-        return {}
-    if measured == 0 or cam.max_lift <= response.train.lash:
-        return {name: np.full(measured, np.nan) for name in QUANTITIES}
-    return measure(response, cam)
 
 
 def delivered(
@@ -260,32 +249,6 @@ def resampled(response: Response, steps: int) -> Response:
     force = (1 - s) * response.force[left] + s * response.force[left + 1]
     lift = (1 - s[:, 0]) * response.lift[left] + s[:, 0] * response.lift[left + 1]
     return Response(response.train, response.cam_speed, grid, lift, x, v, force)
-
-
-def _dataset(scene: Scene, cam: Lift, speed_rpm, method: str, response: Response, metrics: Mapping) -> xr.Dataset:
-    train, steps = response.train, (len(response.angle) - 1) // response.revolutions
-    sample = np.arange(len(response.angle))
-    revolution = np.minimum(sample // steps, response.revolutions - 1)  # the last sample closes the last revolution
-    angle_deg = -180.0 + (sample - revolution * steps) * (360.0 / steps)
-    variables = {
-        "lift_mm": ("sample", response.lift / MM, {"units": "mm", "long_name": "lift"}),
-        "position_mm": (("sample", "mass"), response.x / MM, {"units": "mm", "long_name": "position"}),
-        "velocity_m_per_s": (("sample", "mass"), response.v, {"units": "m/s", "long_name": "velocity"}),
-        "force_N": (("sample", "element"), response.force, {"units": "N", "long_name": "force"}),
-    }
-    for name, values in metrics.items():
-        known = QUANTITIES.get(name)
-        variables[name] = ("measured", values, {"units": known.unit, "long_name": known.label} if known else {})
-    coords = {
-        "measured": np.arange(1, response.revolutions),
-        "revolution": ("sample", revolution + 1),
-        "cam_angle_deg": ("sample", angle_deg, {"units": "deg", "long_name": "cam angle"}),
-        "time_s": ("sample", response.time, {"units": "s", "long_name": "time"}),
-        "mass": list(train.mass_names),
-        "element": list(train.element_names),
-    }
-    attributes = {"scene": scene.name, "cam": cam.family, "speed_rpm": speed_rpm, "method": method}
-    return xr.Dataset(variables, coords, attributes)
 
 
 def motion_table(motion: xr.Dataset) -> Mapping[str, np.ndarray]:
