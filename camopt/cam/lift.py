@@ -5,10 +5,11 @@ Angle zero is the middle of the duration; lift is total lift above the base circ
 from the coefficients, never from a table.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import comb
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 ROUNDING = 1e-9
 MOST_ROWS = 360_000
 """Rows of a lift table at most: 0.001 deg."""
+JOINING = 1e-6
+"""Step of lift or velocity at a border, relative to the largest there, that counts as rounding."""
 
 
 @dataclass(frozen=True)
@@ -162,6 +165,51 @@ def recentred(lift: Lift, piece: np.ndarray, start: np.ndarray) -> np.ndarray:
         for k in range(q - 2, low - 1, -1):
             c[:, k] += step[:, 0] * c[:, k + 1]
     return c
+
+
+def steps_at_borders(borders, coefficients) -> Any:
+    """Largest steps of lift [m] and velocity [m/rad] where two pieces meet, the turn's end with its begin (2); arrays
+    of NumPy or of JAX."""
+    xp = coefficients.__array_namespace__()
+    widths, order = xp.diff(borders)[:, None], np.arange(coefficients.shape[1])
+    lift = xp.sum(coefficients * widths**order, axis=1)
+    velocity = xp.sum(coefficients[:, 1:] * order[1:] * widths ** order[:-1], axis=1)
+    return xp.stack([abs(end - xp.roll(coefficients[:, k], -1)).max() for k, end in enumerate((lift, velocity))])
+
+
+def join_as_in(cam: Lift, borders, coefficients) -> Any:
+    """Whether pieces (p, q) meet at their borders (p + 1), with their velocity, as well as those of `cam` do.
+
+    The pieces of another cam between the borders of this one do not. Arrays of NumPy or of JAX.
+    """
+    rounding = JOINING * np.abs(cam.coefficients[:, :2]).max(axis=0)
+    allowed = steps_at_borders(cam.borders, cam.coefficients) + rounding
+    return (steps_at_borders(borders, coefficients) <= allowed).all()
+
+
+def lift_with(cam: Lift, numbers: Mapping[str, Any]) -> Lift:
+    """The cam with the "lift" (p, q) [m/rad^k], "borders" (p + 1) [rad] and "half_duration" [rad] of `numbers`, where
+    there are such.
+
+    Raises InputError for borders that do not ascend from -pi to pi, or pieces that do not join there as well as those
+    of the cam: pieces of another cam between the borders of this one.
+    """
+    names = {"lift": "coefficients", "borders": "borders", "half_duration": "half_duration"}
+    changes: dict[str, Any] = {
+        field: np.asarray(numbers[name], float) for name, field in names.items() if name in numbers
+    }
+    if not changes:
+        return cam
+    try:
+        lift = replace(cam, **changes)
+    except ValueError as error:
+        raise InputError(f"lift: {error}") from error
+    if not join_as_in(cam, lift.borders, lift.coefficients):
+        raise InputError(
+            "lift: the pieces do not join at the borders of the cam: where these move, give the borders of the pieces "
+            "too, as motion_parameters of a differentiable cam does"
+        )
+    return lift
 
 
 def with_ramps(borders, coefficients, opening: Ramp, closing: Ramp, family: str, parameters: dict) -> Lift:

@@ -176,9 +176,10 @@ def reduce(args: Namespace) -> int:
 def tradeoff(args: Namespace) -> int:
     scene = _scene_of(args)
     folder = _run_folder(args, scene.name)
+    cam = _cam_of(args, scene)
     from camopt.study.tradeoff.tradeoff import tradeoff as measure
 
-    found = measure(scene, folder, args.resume, args.size, progress=not args.quiet)
+    found = measure(scene, folder, args.resume, args.size, progress=not args.quiet, cam=cam)
     print(found.words)
     print(f"table: {found.folder / 'tradeoff.csv'}, figures: {found.folder / 'figures'}")
     return 0

@@ -15,9 +15,6 @@ motion switches endlessly or has no bound, a number is not finite, or a mass or 
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from copy import deepcopy
-from dataclasses import dataclass, fields, replace
-from functools import lru_cache
 from typing import Any
 
 import jax
@@ -26,19 +23,18 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 
 from camopt.cam.lift import Lift
-from camopt.exact.adjoint.gradient import rest_back, rest_state
+from camopt.differentiable.varying_motion import CAM_PARAMETERS, TRAIN_PARAMETERS, Arrays, Varying
 from camopt.exact.adjoint.metrics import METRICS
-from camopt.exact.adjoint.motion import ByTrain, Samples, Slopes, TracedMotion, metric_numbers
-from camopt.scene.errors import InputError, MotionRefused
+from camopt.exact.adjoint.motion import Samples, Slopes, metric_numbers
+from camopt.scene.errors import InputError
 from camopt.scene.response import Response
 from camopt.scene.train import Train
 
-TRAIN_PARAMETERS = tuple(field.name for field in fields(ByTrain))
-POSITIVE = ("mass", "stiffness", "cam_speed")
 VELOCITY = "m_per_s"
 """Ending of the names of those metrics that grow in proportion to all velocities."""
+SLOWER = 100.0
+"""How many times slower than expected a traced speed may come out before the motion is given up."""
 WORKERS = os.cpu_count() or 1
-Arrays = dict[str, np.ndarray]
 
 
 def exact_metrics(
@@ -54,12 +50,11 @@ def exact_metrics(
 ) -> jax.Array:
     """Values (l) of metrics in one revolution of an event-exact motion, in the units of their names.
 
-    `parameters` replaces numbers by arrays that JAX may trace: parameters of the train under the names of `ByTrain`;
-    "lift" (p, q) [m/rad^k] and "borders" (p + 1) [rad], the coefficients and borders of the cam's pieces; and "start"
-    (2n: [m], then [m/s]), the state at -pi, which is rest where it is left out. `cam_speed` [rad/s] may be traced too.
-    Derivatives by the borders assume that lift and velocity are continuous across them and that the ends of the
-    duration and the opening foot stay where they are. `spacing` [rad] means what it means for `TracedMotion`; it pays
-    for batches of many cams at few speeds.
+    `parameters` replaces numbers by arrays that JAX may trace: of the train under the names of `ByTrain`, "lift"
+    (p, q) [m/rad^k] and "borders" (p + 1) [rad] of the cam's pieces, "half_duration" [rad], "start" (2n: [m], then
+    [m/s]), the state at -pi, which is rest where it is left out. `cam_speed` [rad/s] may be traced too. Derivatives by
+    the borders take lift and velocity to be continuous across them, and the opening foot not to end a hop. `spacing`
+    [rad] as of `TracedMotion`, for batches of many cams at few speeds.
 
     The values cost one motion. Values with their gradients by the cam cost one motion and one sweep back per metric.
     Raises InputError for an unknown metric, an unknown parameter or laws that are not linear.
@@ -78,7 +73,8 @@ def exact_metrics(
         if traced is None:
             return np.full_like(rows, np.nan), {n: np.full((len(rows), *given[n].shape), np.nan) for n in names}
         found, swept = traced.swept(metrics, revolution)
-        slopes = motion.by_names(names, given, traced, swept, found[:, 0] * speeds)
+        by_window = traced.by_half_duration(metrics, revolution) if "half_duration" in names else None
+        slopes = motion.by_names(names, given, traced, swept, found[:, 0] * speeds, by_window)
         for slope in slopes.values():
             slope[np.isnan(found[:, 0])] = np.nan
         return found[:, 0], slopes
@@ -102,14 +98,21 @@ def exact_metrics(
 
 
 def differentiable_motion(
-    train: Train, lift: Lift, parameters: Mapping[str, Any], cam_speed, revolutions: int, steps: int
+    train: Train,
+    lift: Lift,
+    parameters: Mapping[str, Any],
+    cam_speed,
+    revolutions: int,
+    steps: int,
+    slowest: float | None = None,
 ) -> tuple[Response, dict[str, jax.Array]]:
     """Motion from rest on `steps` equal steps per revolution, and the metrics of all revolutions but the last.
 
-    Arguments are those of `exact_metrics`, and the record's arrays are JAX arrays. Differentiating costs the motion a
-    second time and a sweep per revolution.
+    Arguments as of `exact_metrics`; what is differentiated by costs the motion a second time and a sweep per
+    revolution. A motion at less than a hundredth of the `slowest` speed [rad/s] is NaN: it would take hours. The
+    record's arrays are JAX arrays.
     """
-    motion, variables = _varying(train, lift, cam_speed, parameters, revolutions)
+    motion, variables = _varying(train, lift, cam_speed, parameters, revolutions, slowest=slowest)
     names = [] if train.seat < 0 or not train.cam_side else list(METRICS)
     n, e, measured = len(train.mass), len(train.a), revolutions - 1
     speeds = np.array([name.endswith(VELOCITY) for name in names], dtype=bool)
@@ -131,8 +134,9 @@ def differentiable_motion(
         by_samples, by_metrics = bars
         total = {name: np.zeros_like(given[name]) for name in wanted}
 
-        def add(part: Slopes, moving: float) -> None:
-            for name, slope in motion.by_names(wanted, given, traced, part, np.array([moving])).items():
+        def add(part: Slopes, moving: float, by_window: float = 0.0) -> None:
+            moved = motion.by_names(wanted, given, traced, part, np.array([moving]), np.array([by_window]))
+            for name, slope in moved.items():
                 total[name] = total[name] + (slope[0] if np.isfinite(moving) else np.nan)
 
         if any(np.any(bar) for bar in by_samples.values()):
@@ -144,7 +148,9 @@ def differentiable_motion(
             if np.any(bar):
                 found, swept = traced.swept(names, r, bar)
                 moving = sum(b * v for b, v in zip(bar[speeds], found[speeds, 0], strict=True) if b)
-                add(swept, np.nan if np.any(np.isnan(found[bar != 0, 0])) else moving)
+                by_window = traced.by_half_duration(names, r) if "half_duration" in wanted else np.zeros(len(names))
+                lost = np.any(np.isnan(found[bar != 0, 0]))
+                add(swept, np.nan if lost else moving, float(bar[bar != 0] @ by_window[bar != 0]))
         return total
 
     @jax.custom_vjp
@@ -167,89 +173,10 @@ def differentiable_motion(
     return response, dict(zip(names, values, strict=True))
 
 
-@dataclass(frozen=True)
-class Varying:
-    """The part of a motion that stays fixed while JAX varies some of its numbers."""
-
-    train: Train
-    lift: Lift
-    revolutions: int
-    spacing: float | None
-
-    def trace(self, given: Arrays, names: tuple[str, ...]) -> TracedMotion | None:
-        """The traced motion for given numbers, ready to be differentiated by `names`; None if it cannot be followed."""
-        if not all(np.all(np.isfinite(v)) and (k not in POSITIVE or np.all(v > 0)) for k, v in given.items()):
-            return None
-        changes = tuple((name, given[name].tobytes()) for name in TRAIN_PARAMETERS if name in given)
-        cam = {"borders": given.get("borders", self.lift.borders), "coefficients": given.get("lift")}
-        lift = replace(self.lift, **{name: value for name, value in cam.items() if value is not None})
-        train, speed, mechanical = varied(self.train, changes), float(given["cam_speed"]), bool({*names} & MECHANICAL)
-        try:
-            start = given["start"] if "start" in given else rest(train)
-            return TracedMotion(train, lift, speed, start, self.revolutions, mechanical, self.spacing)
-        except (MotionRefused, InputError):  # no bound, endless switching; no rest
-            return None
-
-    def by_names(
-        self, names: tuple[str, ...], given: Arrays, motion: TracedMotion, slopes: Slopes, moving: np.ndarray
-    ) -> Arrays:
-        """Gradients (l, ...) by each of the names; `moving` (l) is what of the numbers grows with all velocities."""
-        by_train, found = deepcopy(slopes.by_train), {}  # the slopes stay as they are: they may be read again
-        if by_train is not None and "start" not in given:
-            by_train.add(rest_back(motion.train, slopes.by_start))
-        for name in names:
-            if name == "lift":
-                found[name] = slopes.by_coefficients
-            elif name == "borders":
-                found[name] = by_borders(motion.lift, slopes.by_coefficients)
-            elif name == "start":
-                found[name] = slopes.by_start
-            elif name == "cam_speed":
-                found[name] = by_speed(motion, slopes, given.get("start")) + moving / motion.cam_speed
-            else:
-                found[name] = getattr(by_train, name)
-        return found
-
-
-MECHANICAL = {*TRAIN_PARAMETERS, "cam_speed"}
-"""Names of the variables whose gradients need the sweep over the train's parameters."""
-
-
-def by_borders(lift: Lift, by_coefficients: np.ndarray) -> np.ndarray:
-    """Gradients (l, p + 1) by the borders of pieces that meet with continuous lift and velocity.
-
-    A piece moves with the border at its start.
-    """
-    derivative = np.arange(1, lift.coefficients.shape[1]) * lift.coefficients[:, 1:]
-    starts = -np.sum(by_coefficients[:, :, :-1] * derivative, axis=2)
-    return np.concatenate([starts, np.zeros((len(starts), 1))], axis=1)
-
-
-def by_speed(motion: TracedMotion, slopes: Slopes, start: np.ndarray | None) -> np.ndarray:
-    """Gradients (l) by the cam speed, from those by masses, dampings and the velocities of the start."""
-    by_train, train = slopes.by_train, motion.train
-    assert by_train is not None
-    total = 2 * by_train.mass @ train.mass + by_train.mass_damping @ train.mass_damping
-    total = total + by_train.damping @ train.damping
-    if start is not None:
-        n = len(train.mass)
-        total = total - slopes.by_start[:, n:] @ start[n:]
-    return total / motion.cam_speed
-
-
 def weighted(bar: jax.Array, slope: jax.Array) -> jax.Array:
     """Sum of the slopes (l, ...) times their weights bar (l), without those of weight zero, which may be NaN."""
     bar = jnp.reshape(bar, (len(bar), *(1,) * (slope.ndim - 1)))
     return jnp.sum(jnp.where(bar == 0.0, 0.0, bar * slope), 0)
-
-
-@lru_cache(maxsize=24)
-def varied(train: Train, changes: tuple[tuple[str, bytes], ...]) -> Train:
-    """A train with some numbers replaced; the same numbers give the same object, as propagators are kept per train."""
-    return replace(train, **{name: np.frombuffer(data).copy() for name, data in changes}) if changes else train
-
-
-rest = lru_cache(maxsize=24)(rest_state)
 
 
 def host_call(function: Callable, result: Any, *args: Any) -> Any:
@@ -282,15 +209,16 @@ def host_call(function: Callable, result: Any, *args: Any) -> Any:
     return jax.pure_callback(many, shapes, *args, vmap_method="broadcast_all")
 
 
-def _varying(train: Train, lift: Lift, cam_speed, parameters: Mapping[str, Any], revolutions: int, spacing=None):
-    """(what stays fixed, what varies); raises InputError for laws that are not linear or an unknown parameter."""
+def _varying(train: Train, lift: Lift, cam_speed, parameters, revolutions: int, spacing=None, slowest=None):
+    """(what is kept, what varies); raises InputError for laws that are not linear or an unknown parameter."""
     train.require_linear("event-exact", 'simulate with method "smooth"')
-    known = (*TRAIN_PARAMETERS, "lift", "borders", "start")
+    known = (*TRAIN_PARAMETERS, *CAM_PARAMETERS, "start")
     unknown = [name for name in parameters if name not in known]
     if unknown:
         raise InputError(f"event-exact: parameter {', '.join(unknown)}: expected one of {', '.join(known)}")
     variables = {name: jnp.asarray(value, float) for name, value in parameters.items()}
-    return Varying(train, lift, revolutions, spacing), variables | {"cam_speed": jnp.asarray(cam_speed, float)}
+    varying = Varying(train, lift, revolutions, spacing, (slowest or 0.0) / SLOWER)
+    return varying, variables | {"cam_speed": jnp.asarray(cam_speed, float)}
 
 
 def _perturbed(variables) -> tuple[dict[str, jax.Array], tuple[str, ...]]:

@@ -18,7 +18,7 @@ the piece found first.
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
-from math import perm
+from math import factorial, perm
 from typing import Any
 
 import jax
@@ -48,19 +48,32 @@ SAMPLES, NEWTON_STEPS = 33, 5
 class DifferentiableCam:
     """A cam as a function of its parameters; `parameters` holds the values that they have now.
 
-    `pieces(parameters)` gives borders (p + 1) [rad] and coefficients (p, q) [m/rad^k] from -pi to pi, as `Lift` has
-    them, except that pieces may be empty. `half_duration(parameters)` is half the angle between the ramp tops [rad].
-    All methods are pure functions of JAX arrays, to which jit, vmap, grad and jacobian apply.
+    `moving_pieces(parameters)` gives borders (p + 1) [rad] and coefficients (p, q) [m/rad^k] from -pi to pi, as `Lift`
+    has them but for empty pieces; `half_duration(parameters)` half the angle between the ramp tops [rad]. All methods
+    are pure functions of JAX arrays: jit, vmap, grad and jacobian apply.
     """
 
     family: str
     parameters: Parameters
-    pieces: Callable[[Parameters], tuple[jax.Array, jax.Array]]
+    moving_pieces: Callable[[Parameters], tuple[jax.Array, jax.Array]]
     half_duration: Callable[[Parameters], Any]
+    ramp_foot: float  # rad
+
+    def pieces(self, parameters: Parameters) -> tuple[jax.Array, jax.Array]:
+        """Borders (p + 1) and coefficients (p, q) of the same numbers, the borders held in derivatives.
+
+        The derivatives of the coefficients are those of the lift at a held angle. That is all that a motion depends
+        on: lift and velocity are continuous across a border that moves.
+        """
+        borders, coefficients = self.moving_pieces(parameters)
+        held = jax.lax.stop_gradient(borders)
+        away = (held - borders)[:-1]
+        orders = range(coefficients.shape[1])
+        return held, jnp.stack([_polynomial(coefficients, away, k) / factorial(k) for k in orders], axis=1)
 
     def lift(self, theta, parameters: Parameters, order: int = 0) -> jax.Array:
         """Lift or its derivative by angle [m/rad^order] at `theta` [rad], any shape."""
-        borders, coefficients = self.pieces(parameters)
+        borders, coefficients = self.moving_pieces(parameters)
         theta = jnp.mod(jnp.asarray(theta) + jnp.pi, 2 * jnp.pi) - jnp.pi
         piece = jnp.searchsorted(borders, theta, side="right") - 1
         piece = jnp.clip(piece, 0, len(coefficients) - 1)
@@ -68,7 +81,7 @@ class DifferentiableCam:
 
     def area(self, parameters: Parameters) -> jax.Array:
         """Integral of the lift over the duration [m rad]."""
-        borders, coefficients = self.pieces(parameters)
+        borders, coefficients = self.moving_pieces(parameters)
         half = self.half_duration(parameters)
         powers = np.arange(coefficients.shape[1])
         widths = jnp.diff(borders)[:, None]
@@ -76,12 +89,26 @@ class DifferentiableCam:
         middles = 0.5 * (borders[1:] + borders[:-1])
         return jnp.sum(jnp.where(abs(middles) < half, parts, 0.0))
 
+    def motion_parameters(self, parameters: Parameters) -> Parameters:
+        """What `simulate(parameters=...)` and `exact_metrics` take of this cam: "lift", "borders", "half_duration".
+
+        Raises InputError for a ramp without a foot: the velocity steps at its ends, and what a motion owes to a step
+        that moves is no derivative of the lift.
+        """
+        if not self.ramp_foot > 0.0:
+            raise InputError(
+                f"{self.family}: a ramp without a foot steps in velocity, and the motion's derivative by a step that "
+                f"moves is not that of the lift: give the ramp a foot ([design] ramp_foot_deg)"
+            )
+        borders, coefficients = self.pieces(parameters)
+        return {"lift": coefficients, "borders": borders, "half_duration": self.half_duration(parameters)}
+
     def peak(self, parameters: Parameters, order: int = 0, lowest: bool = False) -> jax.Array:
         """Largest, or with `lowest` smallest, lift or derivative by angle [m/rad^order] over the turn.
 
         At the borders of pieces the values from both sides count, so that a step shows with both its sides.
         """
-        borders, coefficients = self.pieces(parameters)
+        borders, coefficients = self.moving_pieces(parameters)
         widths = jnp.diff(borders)
         sign = -1.0 if lowest else 1.0
         shares = _places(*jax.lax.stop_gradient((sign * coefficients, widths)), order)
@@ -146,7 +173,7 @@ def differentiable(scene: Scene, cam: Lift) -> DifferentiableCam:
         return whole_turn(*event(p, sides), sides, sides)
 
     parameters = {name: jnp.asarray(value, dtype=float) for name, value in (own | conditions).items()}
-    return DifferentiableCam(cam.family, parameters, pieces, lambda p: p["duration_deg"] * DEG / 2)
+    return DifferentiableCam(cam.family, parameters, pieces, lambda p: p["duration_deg"] * DEG / 2, ramp.foot)
 
 
 Event = Callable[[Parameters, Ramp], tuple[Any, Any]]
@@ -223,4 +250,4 @@ def _free(scene: Scene, cam: Lift) -> DifferentiableCam:
     def pieces(p: Parameters) -> tuple[Any, Any]:
         return whole_turn(jnp.asarray(free.breaks), free.pieces(jnp.asarray(p["z"])), free.opening, free.closing)
 
-    return DifferentiableCam("free", {"z": jnp.asarray(z)}, pieces, lambda _: free.breaks[-1])
+    return DifferentiableCam("free", {"z": jnp.asarray(z)}, pieces, lambda _: free.breaks[-1], free.opening.foot)

@@ -8,11 +8,10 @@ from functools import partial
 
 import equinox as eqx
 import jax
-import jax.core
 import jax.numpy as jnp
 import numpy as np
 
-from camopt.cam.lift import Lift
+from camopt.cam.lift import Lift, join_as_in
 from camopt.scene.response import Response
 from camopt.scene.train import Train
 from camopt.smooth.grid import LARGEST_PHASE, equal_grid
@@ -33,10 +32,13 @@ def system_with(train: Train, parameters: Mapping[str, jax.Array]) -> System:
     return eqx.tree_at(lambda s: [getattr(s, name) for name in names], system, values)
 
 
-def samples_of_pieces(borders: np.ndarray, coefficients: jax.Array, steps: int = LIFT_SAMPLES) -> jax.Array:
-    """The samples of `lift_samples`, for pieces with coefficients (p, q) [m/rad^k] between `borders` (p + 1) [rad]."""
-    theta = equal_grid(steps)
-    piece = np.clip(np.searchsorted(borders, theta, side="right") - 1, 0, len(borders) - 2)
+def samples_of_pieces(borders, coefficients: jax.Array, steps: int = LIFT_SAMPLES) -> jax.Array:
+    """As `lift_samples`, of polynomial pieces with coefficients (p, q) [m/rad^k] between `borders` (p + 1) [rad].
+
+    Derivatives by the borders take lift and velocity to be continuous across them.
+    """
+    theta, borders = jnp.asarray(equal_grid(steps)), jnp.asarray(borders)
+    piece = jnp.clip(jnp.searchsorted(borders, theta, side="right") - 1, 0, len(borders) - 2)
     powers = (theta - borders[piece])[:, None] ** np.arange(coefficients.shape[1])
     order = np.arange(1, coefficients.shape[1])
     own = coefficients[piece]
@@ -44,34 +46,38 @@ def samples_of_pieces(borders: np.ndarray, coefficients: jax.Array, steps: int =
 
 
 def differentiable_motion(
-    train: Train, lift: Lift, parameters: Mapping[str, jax.Array], cam_speed, revolutions: int, steps: int
+    train: Train,
+    lift: Lift,
+    parameters: Mapping[str, jax.Array],
+    cam_speed,
+    revolutions: int,
+    steps: int,
+    slowest: float,
 ) -> tuple[Response, dict[str, jax.Array]]:
     """Motion from rest on `steps` equal steps per revolution, and the metrics of all revolutions but the last.
 
-    `parameters` maps names of `TRAIN_PARAMETERS` to arrays of the train's shapes, and "lift" to the coefficients of
-    the cam's pieces (p, q) [m/rad^k]. A name that is left out keeps the value of the train or the cam, and everything
-    else about these two, such as the borders of the pieces, is fixed. `cam_speed` [rad/s] may be traced. The record's
-    arrays are JAX arrays. A motion that the `allowed_steps` do not resolve is NaN.
+    `parameters` maps names of `TRAIN_PARAMETERS` to arrays of the train's shapes, "lift" to the coefficients of the
+    cam's pieces (p, q) [m/rad^k], "borders" to these pieces' (p + 1) [rad], "half_duration" to a number [rad]; what is
+    left out is the train's and the cam's. `cam_speed` [rad/s] may be traced, and steps are offered for the `slowest`
+    that it may be. The record's arrays are JAX arrays.
+    A motion that the `allowed_steps` do not resolve is NaN, and one under pieces that do not join.
     """
     system = system_with(train, parameters)
     pieces = jnp.asarray(parameters.get("lift", lift.coefficients), system.mass.dtype)
-    samples = samples_of_pieces(lift.borders, pieces)
-    numbers = lift.half_duration, lift.opening_foot
-    y0, most = rest_state(train, system), allowed_steps(train, cam_speed)
+    borders = jnp.asarray(parameters.get("borders", lift.borders), system.mass.dtype)
+    samples = jnp.where(join_as_in(lift, borders, pieces), samples_of_pieces(borders, pieces), jnp.nan)
+    foot = np.argmin(np.abs(lift.borders - lift.opening_foot))
+    numbers = parameters.get("half_duration", lift.half_duration), borders[foot]
+    y0, most = rest_state(train, system), allowed_steps(train, slowest)
     motion, metrics = _motion(system, samples, cam_speed, y0, numbers, revolutions, steps, most)
     return Response(train, cam_speed, regular_angles(revolutions, steps), *motion[1:5]), metrics
 
 
-def allowed_steps(train: Train, cam_speed) -> int:
-    """Number of steps offered per revolution.
-
-    It is `STEPS`, doubled for stiff trains at slow speeds until half of the steps suffice for stability. A traced speed
-    is assumed to be one at which `STEPS` suffice.
-    """
-    if isinstance(cam_speed, jax.core.Tracer):
-        return STEPS
+def allowed_steps(train: Train, slowest: float) -> int:
+    """Steps offered per revolution: `STEPS`, doubled for slow speeds [rad/s] of stiff trains until half of them suffice
+    for stability."""
     with jax.ensure_compile_time_eval():
-        least = 2 * np.pi / float(cam_speed) * float(build_system(train).stiffest()) / LARGEST_PHASE
+        least = 2 * np.pi / slowest * float(build_system(train).stiffest()) / LARGEST_PHASE
     return STEPS * 2 ** max(0, int(np.ceil(np.log2(2 * least / STEPS))))
 
 

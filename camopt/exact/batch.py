@@ -185,7 +185,7 @@ def _run(
 def _gradient(train: Train, motions: Motions, i: int, metrics: tuple[str, ...], mechanical: bool, rest: bool):
     slopes = by_train(motions.by_mass[i], motions.by_element[i]) if mechanical else None
     if slopes is not None and rest:
-        slopes.add(rest_back(train, motions.by_start[i]))
+        slopes = slopes + rest_back(train, motions.by_start[i])
     return Gradient(
         by_coefficients=motions.by_coefficients[i],
         by_start=motions.by_start[i],

@@ -1,21 +1,31 @@
-"""Static equilibrium on the base circle, found by going through the sets of closed contacts.
+"""Static equilibrium on the base circle: the minimum of the elements' energy, by Newton's method.
 
-Under nonlinear laws, the rest of the linear stand-ins is where Newton's method starts.
+Every elastic force rises with its compression and contacts only push, so the energy is convex, and under linear laws
+piecewise quadratic: Newton's method ends after a few changes of the closed contacts, whatever their number (Qi and Sun
+1993, Mathematical Programming 58, for the nonsmooth method; Armijo-like halving for descent).
 """
 
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 
 from camopt.scene.errors import InputError
-from camopt.scene.laws import Laws
 from camopt.scene.train import GROUND, Train
 
 FORCE_SLACK = 1e-9
-"""Relative slack on forces and separations at rest: a contact exactly at its touch may count as closed or as open."""
+"""Relative slack on forces and separations at rest: a contact exactly at its touch counts either way."""
+HELD = 1e-11
+"""Least eigenvalue of the scaled stiffness matrix at which every mass is held."""
+TAKING_PART = 0.1
+"""Component of a floating direction, relative to its largest, from which a mass is named."""
+MOST_CONTACTS = 39
+"""Sets of contact states are numbered by event-exact in 64 bits, three states each."""
 MOST_STEPS = 200
-"""Largest number of Newton steps to rest under nonlinear laws; ten are usual."""
+"""Newton steps to rest; ten are usual."""
+NOT_FOUND = (
+    f"no static equilibrium on the base circle was found in {MOST_STEPS} steps: check preloads, gaps and, under "
+    f"nonlinear laws, stiffness tables"
+)
 GROUNDING = 1e-12
 """Stiffness to ground that a Newton step adds, relative to the largest stiffness of the train."""
 
@@ -46,38 +56,39 @@ def rest_position(train: Train) -> np.ndarray:
 
     Raises InputError where a mass is not held, or where no set of closed contacts is in equilibrium.
     """
-    if train.laws is not None:
-        return _balanced(train, train.laws, rest_position(replace(train, laws=None)))
-    contacts = np.flatnonzero(train.contact)
-    if len(contacts) > 16:
+    contacts = int(np.sum(train.contact))
+    if contacts > MOST_CONTACTS:
         raise InputError(
-            f"the scene has {len(contacts)} contacts and at most 16 are supported: merge stiff parts into one mass"
+            f"the scene has {contacts} contacts and at most {MOST_CONTACTS} are supported: "
+            f"merge stiff parts into one mass"
         )
-    floating: set[int] = set()
-    for states in product([True, False], repeat=len(contacts)):
-        closed = ~train.contact
-        closed[contacts] = states
-        stiffness, load = static_matrices(train, closed)
-        scale = np.sqrt(np.maximum(np.diag(stiffness), np.max(train.stiffness) * 1e-12))
-        scaled = stiffness / np.outer(scale, scale)
-        values, vectors = np.linalg.eigh(scaled)
-        if values[0] < 1e-11:  # a direction that no spring or closed contact resists
-            floating.add(int(np.argmax(np.abs(vectors[:, 0]))))
-            continue
-        x = np.linalg.solve(scaled, load / scale) / scale
-        d = train.compression(x, 0.0)
-        force = train.preload + train.stiffness * d
-        slack = FORCE_SLACK * max(np.max(np.abs(force)), 1.0)
-        if np.all(force[closed & train.contact] > slack) and np.all(force[~closed] <= slack):
-            return x
-    if floating:
-        names = ", ".join(sorted(train.mass_names[i] for i in floating))
-        raise InputError(
-            f"nothing holds the valve train at rest on the base circle (mass: {names}): "
-            f"give that mass a force_N that presses it on, or a spring"
-        )
-    raise InputError(
-        "no static equilibrium on the base circle was found for any set of closed contacts: check preloads and gaps"
+    linear = replace(train, laws=None)
+    x, balanced = _balanced(linear, np.zeros(len(train.mass)))
+    force = train.preload + train.stiffness * train.compression(x, 0.0)
+    closed = ~train.contact | (force > FORCE_SLACK * max(np.max(np.abs(force)), 1.0))
+    stiffness, load = static_matrices(train, closed)
+    scale = np.sqrt(np.maximum(np.diag(stiffness), np.max(train.stiffness) * 1e-12))
+    values, vectors = np.linalg.eigh(stiffness / np.outer(scale, scale))
+    if values[0] < HELD:
+        raise InputError(_not_held(train, vectors[:, 0] / scale))
+    if not balanced:
+        raise InputError(NOT_FOUND)
+    x = np.linalg.solve(stiffness / np.outer(scale, scale), load / scale) / scale
+    if train.laws is None:
+        return x
+    x, balanced = _balanced(train, x)
+    if not balanced:
+        raise InputError(NOT_FOUND)
+    return x
+
+
+def _not_held(train: Train, direction: np.ndarray) -> str:
+    """The sentence about the masses that move along a direction (n) which nothing resists."""
+    share = np.abs(direction) / np.max(np.abs(direction))
+    names = ", ".join(sorted(train.mass_names[i] for i in np.flatnonzero(share > TAKING_PART)))
+    return (
+        f"nothing holds the valve train at rest on the base circle (mass: {names}): "
+        f"give that mass a force_N that presses it on, or a spring"
     )
 
 
@@ -94,32 +105,28 @@ def static_forces(train: Train, lift: np.ndarray) -> np.ndarray:
     return forces
 
 
-def _balanced(train: Train, laws: Laws, x: np.ndarray) -> np.ndarray:
-    """Rest under nonlinear laws, searched from the rest x (n) [m] of their linear stand-ins.
-
-    Every elastic force rises with its compression, so that rest is the minimum of a convex energy. Newton's method
-    finds it, with a step that is halved while it overshoots. A little stiffness to ground lets a step cross contacts
-    that are open.
-    """
+def _balanced(train: Train, x: np.ndarray) -> tuple[np.ndarray, bool]:
+    """(positions (n) [m], whether forces balance there), searched from x (n): Newton's method on the convex energy, its
+    step halved while it overshoots. A little stiffness to ground carries it across contacts that are open."""
     rows = np.stack([_row(train, e) for e in range(len(train.a))])
 
     def unbalanced(x):
         d = train.compression(x, 0.0)
-        p = laws.force(d, train.preload)
+        if train.laws is None:
+            p, tangent = train.preload + train.stiffness * d, train.stiffness
+        else:
+            p, tangent = train.laws.force(d, train.preload), train.laws.tangent(d, train.preload)
         open_ = train.contact & (p <= 0.0)
-        return train.mass_force - rows.T @ np.where(open_, 0.0, p), np.where(open_, 0.0, laws.tangent(d, train.preload))
+        return train.mass_force - rows.T @ np.where(open_, 0.0, p), np.where(open_, 0.0, tangent)
 
     slack = FORCE_SLACK * max(np.abs(train.preload).max(), np.abs(train.mass_force).max(), 1.0)
     for _ in range(MOST_STEPS):
         force, tangent = unbalanced(x)
         if np.abs(force).max() <= slack:
-            return x
+            return x, True
         stiffness = rows.T @ (tangent[:, None] * rows) + np.eye(len(x)) * GROUNDING * train.stiffness.max()
         step = np.linalg.solve(stiffness, force)
         while unbalanced(x + step)[0] @ step < -0.1 * abs(force @ step):
             step = step / 2
         x = x + step
-    raise InputError(
-        f"no static equilibrium on the base circle was found in {MOST_STEPS} steps under the elements' nonlinear laws: "
-        f"check preloads, gaps and stiffness tables"
-    )
+    return x, False

@@ -186,12 +186,13 @@ def _fall_through_zero(m0, m1, second, third):
     return t
 
 
-def separation_angle(angle, margin, keep):
-    """Total angle [rad] at which a contact is apart (margin < 0); inside a step the margin is a straight line."""
+def separation_angle(angle, margin, edges):
+    """Total angle between the edges at which a contact is apart (margin < 0) [rad], crossings linear inside steps."""
     low, high = jnp.minimum(margin[1:], margin[:-1]), jnp.maximum(margin[1:], margin[:-1])
     spread = jnp.where(high > low, high - low, 1.0)
     share = jnp.where(high <= 0, jnp.where(low < 0, 1.0, 0.0), jnp.clip(-low / spread, 0.0, 1.0))
-    return jnp.sum(jnp.where(keep, jnp.diff(angle) * share, 0.0))
+    width = jnp.minimum(angle[1:], edges[1]) - jnp.maximum(angle[:-1], edges[0])
+    return jnp.sum(jnp.maximum(width, 0.0) * share)
 
 
 def _greatest_between(angle, values, slopes, edges, sign=1.0):
@@ -204,8 +205,6 @@ def _greatest_between(angle, values, slopes, edges, sign=1.0):
 def event_metrics(system: System, motion: Motion, cam_speed, half_duration, revolution: int) -> dict[str, jax.Array]:
     """Jump and contact forces at angles within half the duration from the nose, at the worst cam-side contact."""
     centre = 2 * jnp.pi * revolution
-    inside = jnp.abs(motion.angle - centre) <= half_duration
-    both = inside[1:] & inside[:-1]
     edges = (centre - half_duration, centre + half_duration)
     margin, slope = margins(system, motion), margin_slopes(system, motion, cam_speed)
     gap, turn, low, high = [], [], [], []
@@ -213,7 +212,7 @@ def event_metrics(system: System, motion: Motion, cam_speed, half_duration, revo
         pressed = motion.angle, margin[:, e], None if slope is None else slope[:, e]
         force = motion.angle, motion.force[:, e], None if motion.force_dtheta is None else motion.force_dtheta[:, e]
         gap.append(_greatest_between(*pressed, edges, -1.0))
-        turn.append(separation_angle(*pressed[:2], both))
+        turn.append(separation_angle(*pressed[:2], edges))
         low.append(-_greatest_between(*force, edges, -1.0))
         high.append(_greatest_between(*force, edges))
     return {

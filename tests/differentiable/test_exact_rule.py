@@ -14,6 +14,7 @@ from camopt.cam.lift import Lift
 from camopt.differentiable import exact_rule
 from camopt.differentiable.exact_rule import TRAIN_PARAMETERS, exact_metrics
 from camopt.differentiable.families import differentiable
+from camopt.differentiable.varying_motion import Varying
 from camopt.exact.adjoint.gradient import rest_state, value_and_gradient
 from camopt.exact.adjoint.metrics import METRICS
 from camopt.scene import InputError
@@ -179,6 +180,21 @@ def test_weights_of_zero_pass_over_what_is_not_a_number():
     slopes = jnp.array([[jnp.nan, jnp.nan], [1.0, 2.0]])
     np.testing.assert_array_equal(exact_rule.weighted(jnp.array([0.0, 3.0]), slopes), [3.0, 6.0])
     assert np.all(np.isnan(exact_rule.weighted(jnp.array([1.0, 3.0]), slopes)))
+
+
+def test_asking_twice_gives_the_same():
+    """Gradients by names of one motion: the terms of the rest are not left behind in what they are taken from."""
+    varying = Varying(TRAIN, polydyne(), 1, None, 0.0)
+    given = {"cam_speed": np.array(SPEED), "preload": TRAIN.preload}
+    motion = varying.trace(given, ("preload",))
+    assert motion is not None
+    values, slopes = motion.swept(NAMES)
+    assert slopes.by_train is not None
+    before = slopes.by_train.preload.copy()
+    once, twice = (varying.by_names(("preload",), given, motion, slopes, values[:, 0], None) for _ in range(2))
+    np.testing.assert_array_equal(once["preload"], twice["preload"])
+    np.testing.assert_array_equal(slopes.by_train.preload, before)
+    assert np.abs(once["preload"] - before).max() > 1e-3 * np.abs(before).max()  # what the rest owes to it
 
 
 def test_unknown_names_are_refused():

@@ -105,8 +105,8 @@ def by_jax(cam) -> tuple[dict, dict]:
     """Jacobian of every measure by every parameter, and the measures, in one compilation."""
 
     def all_of(p):
-        built, half = cam.pieces(p), cam.half_duration(p)
-        once = replace(cam, pieces=lambda _: built, half_duration=lambda _: half)  # one construction to compile
+        built, half = cam.moving_pieces(p), cam.half_duration(p)
+        once = replace(cam, moving_pieces=lambda _: built, half_duration=lambda _: half)  # one construction to compile
         found = {"lift": once.lift(THETA, p), "area": once.area(p)}
         found |= {f"peak {k} {low}": once.peak(p, k, low) for k, low in PEAKS}
         by_angle = {f"derivative {k}": once.lift(THETA + 2 * np.pi, p, k) for k in range(4)}

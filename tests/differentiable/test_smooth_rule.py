@@ -92,3 +92,26 @@ def test_pieces_of_a_free_cam_are_affine_in_its_coefficients():
 def test_unusable_parameters(options, says):
     with pytest.raises(InputError, match=says):
         camopt.simulate(SCENE, CAM, RPM, **({"method": "smooth"} | options))
+
+
+def test_a_traced_speed_of_a_stiff_train():
+    """At the highest mode of this train a revolution takes 9000 steps, more than are offered to a soft one."""
+    scene = load_scene("motori-1")
+    light = scene.mass[0].model_copy(update={"mass_kg": scene.mass[0].mass_kg / 60})
+    scene = scene.model_copy(update={"mass": (light,)})
+    lift, gap = camopt.polydyne(scene), np.array(build_train(scene).gap)
+
+    def area(speed):
+        motion = camopt.simulate(scene, lift, speed, method="smooth", step_deg=5.0, parameters={"gap": gap})
+        return motion["dynamic_area_mm_deg"].data[0]
+
+    def exact_area(speed):
+        train = build_train(scene)
+        return TracedMotion(train, lift, scene.cam_speed(speed), rest_state(train), 2).values(["dynamic_area_mm_deg"])[
+            0
+        ]
+
+    value, slope = jax.jit(jax.value_and_grad(area))(5000.0)
+    assert float(value) == pytest.approx(exact_area(5000.0), rel=1e-6)
+    difference = (exact_area(5001.0) - exact_area(4999.0)) / 2
+    assert float(slope) == pytest.approx(difference, rel=1e-2)  # what the smooth path's layer leaves

@@ -1,10 +1,13 @@
 """Programs that numba keeps go when any source of theirs changes, and stay otherwise."""
 
+import ast
 import os
 import subprocess
 import sys
 from pathlib import Path
 
+import camopt
+from camopt import exact
 from camopt.exact.compilation import STAMP, forget_stale_programs
 
 CALLEE = "import numba\n@numba.njit(cache=True)\ndef number():\n    return {}\n"
@@ -44,3 +47,27 @@ def test_programs_stay_while_the_sources_do(tmp_path):
     (sources / "kernel.py").write_text("a = 2")
     assert forget_stale_programs(sources, kept)
     assert sorted(path.name for path in kept.iterdir()) == [STAMP, "other.txt"]
+
+
+def test_a_change_of_a_constant_from_elsewhere_is_seen(tmp_path):
+    sources, kept, units = tmp_path / "sources", tmp_path / "kept", tmp_path / "units.py"
+    sources.mkdir()
+    units.write_text("MM = 1e-3")
+    assert forget_stale_programs(sources, kept, [units])
+    assert not forget_stale_programs(sources, kept, [units])
+    units.write_text("MM = 1e-2")
+    assert forget_stale_programs(sources, kept, [units])
+
+
+def test_every_constant_that_the_programs_read_is_covered():
+    """Numbers that `camopt.exact` imports from other folders (their names are capitals) come from the files listed."""
+    root = Path(camopt.__file__).parent
+    found = set()
+    for path in (root / "exact").rglob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        for node in ast.walk(ast.parse(text)) if "njit" in text else ():
+            if isinstance(node, ast.ImportFrom) and node.module and not node.module.startswith("camopt.exact"):
+                constants = [a.name for a in node.names if a.name.isupper()]
+                if constants and node.module.startswith("camopt."):
+                    found.add((root.parent / node.module.replace(".", "/")).with_suffix(".py"))
+    assert found == set(exact.CONSTANTS)

@@ -8,7 +8,7 @@ import pytest
 from camopt.cam.families.polydyne import polydyne
 from camopt.scene import InputError, load_scene
 from camopt.study.identify.free_parameters import FreeParameters
-from camopt.study.identify.identification import MeasuredLift, identify
+from camopt.study.identify.identification import MeasuredLift, identify, measured_noise
 from camopt.study.identify.lift_fit import LiftFit, Series, limited_step
 from camopt.study.simulate.motion import simulate
 
@@ -41,7 +41,7 @@ def off(free, seed):
 
 def as_fit(scene, free, zero_known=True):
     angle = np.linspace(-1.9, 2.7, 200)
-    return LiftFit(FreeParameters(scene, free), LIFT, [Series(235.0, angle, np.zeros(200), 1)] * 2, zero_known)
+    return LiftFit(FreeParameters(scene, free), LIFT, [Series(235.0, angle, np.zeros(200))] * 2, zero_known)
 
 
 @pytest.mark.parametrize("zero_known", [True, False])
@@ -83,6 +83,72 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
     assert covered >= 34
     # nor too wide: the deviations over their standard errors are of size one
     assert 0.6 < np.sqrt(np.mean(np.square(deviations))) < 1.4
+
+
+BOUNCING = ("valve.mass_kg", "train.stiffness_N_per_m", "seat.damping_N_s_per_m")
+
+
+def bouncing(truth, seed):
+    """The first revolution at 6000 r/min with 2 um of noise, where the valve bounces and the squares have many minima;
+    and the scene from which to start: every parameter 8 to 12 % off the truth (p logarithms)."""
+    parameters, random = FreeParameters(SCENE, BOUNCING), np.random.default_rng(50 + seed)
+    motion = simulate(parameters.moved_scene(truth), LIFT, 6000, revolutions=1, step_deg=0.2)
+    motion = motion.sel(sample=(motion.cam_angle_deg > -115) & (motion.cam_angle_deg < 160))
+    valve = motion["position_mm"].sel(mass="valve").values
+    valve = valve + 2e-3 * random.standard_normal(len(valve))
+    away = np.log(1 + random.choice([-1, 1], 3) * random.uniform(0.08, 0.12, 3))
+    return [MeasuredLift(6000, motion.cam_angle_deg.values, valve)], parameters.moved_scene(truth + away)
+
+
+def deviations(found, truth):
+    """Of the estimates from the truth, over their standard errors."""
+    values = np.array([t.start for t in FreeParameters(SCENE, BOUNCING).tied]) * np.exp(truth)
+    return np.log(found.table["estimate"].values / values) / found.table["relative_error"].values
+
+
+def test_a_bouncing_valve_leads_to_no_local_minimum():
+    """From the same start a fit of all samples at once ends at a residual of 60 um, and at values 10 % off."""
+    measured, start = bouncing(np.zeros(3), 0)
+    found = identify(start, LIFT, measured, BOUNCING)
+    assert found.verdict == "identified" and found.noise_um == pytest.approx(2.0, rel=0.1), found.remarks
+    assert np.abs(deviations(found, np.zeros(3))).max() < 4  # of three numbers one in 5000 is farther
+
+
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_intervals_hold_drawn_truths_from_starts_ten_percent_off():
+    """Six truths, three parameters, 95 %: of 15 intervals 12 or more hold; fewer is a chance of 0.005 (binomial). A fit
+    that did not find its minimum may be among them, and has to say so: five of the six are to be found."""
+    held, intervals = 0, 0
+    for seed in range(6):
+        truth = np.random.default_rng(900 + seed).uniform(-0.1, 0.1, 3)
+        measured, start = bouncing(truth, seed)
+        found = identify(start, LIFT, measured, BOUNCING)
+        if found.verdict == "identified":
+            values = np.array([t.start for t in FreeParameters(SCENE, BOUNCING).tied]) * np.exp(truth)
+            held += int(np.sum((found.table["low"].values <= values) & (values <= found.table["high"].values)))
+            intervals += 3
+            assert np.abs(deviations(found, truth)).max() < 5
+        else:
+            assert found.remarks and not found.table["identified"].values.any()
+    assert intervals >= 15 and held >= intervals - 3
+
+
+def test_a_fit_that_a_remark_speaks_against_identifies_nothing():
+    """The valve's mass is not the scene's and not free: whatever the intervals, they are of no use."""
+    heavier, _ = off(("valve.mass_kg",), 3)
+    found = identify(heavier, LIFT, lifts(0.5), ("seat.damping_N_s_per_m", "train.gap_mm"))
+    assert found.remarks and found.verdict == "not identified"
+    assert not found.table["identified"].values.any() and np.isinf(found.table["high"].values).all()
+    assert "not identified" in found._repr_html_()
+
+
+@pytest.mark.parametrize("noise_um", [0.1, 2.0])
+def test_the_samples_show_their_noise(noise_um):
+    angle, valve = clean(6000, 1)
+    noisy = valve + 1e-3 * noise_um * np.random.default_rng(0).standard_normal(len(valve))
+    found = measured_noise([Series(1.0, np.deg2rad(angle), 1e-3 * noisy)])
+    assert found * 1e6 == pytest.approx(noise_um, rel=0.15)  # 1375 samples: a standard deviation of 4 %
 
 
 def test_the_scale_of_all_forces_cannot_be_told_from_positions():

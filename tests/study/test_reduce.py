@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.polydyne import polydyne
-from camopt.cli import parser as cli
+from camopt.cli.parser import parser as cli
 from camopt.exact import engine
 from camopt.measure.settling import settle
 from camopt.scene import InputError, MotionRefused, build_train, load_scene, parse_scene, rest_position, scene_text
@@ -17,6 +17,7 @@ from camopt.study.modes import assembled, modes
 from camopt.study.reduce.idle_contacts import idle_contacts, leave_out
 from camopt.study.reduce.reduced_models import chains, condense, fewer_coils, scene_toml, smaller_models
 from camopt.study.reduce.reduction import reduce, reduction_lines
+from camopt.verifier.convergence import first_steps
 from camopt.verifier.methods import rkg
 
 KODAMA, MOTORI, PUSHROD = (load_scene(name) for name in ("kodama", "motori-1", "pushrod-5mass"))
@@ -228,9 +229,25 @@ class TestReduce:
         assert found.candidates[0].error["lift_mm"] == 0
         assert len(best.smaller.scene.mass) < 5
         assert all(best.error[k] <= 0.05 for k in ("bounce_mm", "jump_mm", "lift_mm"))
-        assert not any(c.within(0.05) and c.ms["event"] < best.ms["event"] for c in found.candidates)
+        assert not any(c.within(0.05) and c.operations < best.operations for c in found.candidates)
         nothing = replace(found, tolerance_mm=1e-9).proposed
         assert nothing is found.candidates[0]
+
+    def test_the_proposal_is_the_same_whatever_the_clock_says(self, found):
+        names = set()
+        for seed in range(5):
+            times = np.random.default_rng(seed).uniform(0.01, 10.0, len(found.candidates))
+            timed = [replace(c, ms=dict.fromkeys(c.ms, t)) for c, t in zip(found.candidates, times, strict=True)]
+            names.add(replace(found, candidates=tuple(timed)).proposed.smaller.scene.name)
+        assert names == {found.proposed.smaller.scene.name}
+
+    def test_the_count_of_operations(self, found):
+        """Five masses: a propagator of 100 entries for every step, and two operations for each element."""
+        train = build_train(PUSHROD)
+        assert found.candidates[0].operations == first_steps(train, PUSHROD.cam_speed(3000.0)) * (
+            100 + 2 * len(train.a)
+        )
+        assert found.as_dict()["models"][0]["operations_per_revolution"] == found.candidates[0].operations
 
     def test_errors_are_differences_of_settled_motions(self, found):
         lift = polydyne(PUSHROD)

@@ -8,9 +8,11 @@ from itertools import chain, repeat
 import numpy as np
 import pytest
 
+from camopt.cam.design_file import write_design
+from camopt.cam.families.polydyne import polydyne
 from camopt.cli import parser as cli
 from camopt.plots.tradeoff import pareto
-from camopt.scene import InputError, load_scene
+from camopt.scene import InputError, load_scene, scene_text
 from camopt.study.tradeoff import figures as tradeoff_figures
 from camopt.study.tradeoff import tradeoff as module
 from camopt.study.tradeoff.summary import words_of
@@ -88,6 +90,46 @@ class TestRun:
         assert "belongs to another run, and nothing in it was changed: its scene differs" in capsys.readouterr().err
         with pytest.raises(InputError, match="size 'huge': expected one of small, full"):
             tradeoff(load_scene("motori-1"), tmp_path / "b", size="huge")
+
+
+class TestCams:
+    @pytest.fixture
+    def unequal(self, tmp_path):
+        """A scene whose ramps differ, for which there is no plain Polydyne."""
+        path = tmp_path / "unequal.toml"
+        path.write_text(scene_text("motori-1").replace("[design]", "[design]\nclosing_ramp_height_mm = 0.3"))
+        return path
+
+    def test_unequal_ramps_are_refused_before_the_folder_is_made(self, unequal, tmp_path, capsys):
+        folder = tmp_path / "run"
+        assert cli.main(["tradeoff", str(unequal), "--size", "small", "--out", str(folder), "--quiet"]) == 2
+        assert "closing ramp differs" in capsys.readouterr().err and not folder.exists()
+        with pytest.raises(InputError, match="closing ramp differs"):
+            tradeoff(load_scene(str(unequal)), folder, size="small")
+        assert not folder.exists()
+
+    def test_a_given_cam_is_the_one_that_is_measured(self, unequal, tmp_path, drawn, monkeypatch, capsys):
+        scene, design, folder = load_scene("motori-1"), tmp_path / "design.json", tmp_path / "run"
+        write_design(design, polydyne(scene), 9.4e-3)
+        seen = []
+        monkeypatch.setattr(module, "measured", lambda path, work, progress: seen.extend(work) or [])
+        words = ["tradeoff", str(unequal), "--cam", str(design), "--size", "small", "--out", str(folder), "--quiet"]
+        assert cli.main(words) == 0
+        assert len(seen) > 10 and (folder / "cam.json").exists()
+        write_design(design, polydyne(scene, (2, 8, 14, 20, 26)), 9.4e-3)
+        assert cli.main([*words, "--resume"]) == 2
+        assert "belongs to another cam" in capsys.readouterr().err
+
+    def test_nothing_wrong_about_anything_is_no_figure(self):
+        """No cam of the list bounces: every dial's errors are zero, and there is nothing to draw over time."""
+        row = {"case": "job: band step", "method": "event-exact sweep", "setting": "200 r/min", "error": 0.0,
+               "error_of": "bounce_mm", "seconds": 1.0, "converged": True, "verdict": ""}  # fmt: skip
+        case = row | {"case": "revolution at 3000 r/min"}
+        assert tradeoff_figures.figures([row, case, row | {"case": "job: masses"}]) == {}
+        assert "0 um off" in words_of("motori-1", [row])
+
+    def test_a_gradient_of_zero_has_no_relative_error(self):
+        assert error_of("gradient", [1.0, 0.0], [0.0, 0.0]) is None
 
 
 class TestLines:

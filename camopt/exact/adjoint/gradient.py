@@ -1,6 +1,7 @@
 """Values and exact gradients of a motion's metrics: by the cam, by the start state and by the train."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -37,7 +38,7 @@ def value_and_gradient(
     motion = TracedMotion(train, lift, cam_speed, at, revolutions, mechanical, spacing)
     gradient = motion.gradient(metrics, revolution, cotangent)
     if start is None and gradient.by_train is not None:
-        gradient.by_train.add(rest_back(train, gradient.by_start))
+        return replace(gradient, by_train=gradient.by_train + rest_back(train, gradient.by_start))
     return gradient
 
 
@@ -55,11 +56,11 @@ def periodic_value_and_gradient(
     gradient = TracedMotion(train, lift, cam_speed, state, 2, mechanical).gradient(metrics)
     adjoint = np.linalg.solve((np.eye(len(state)) - jacobian).T, gradient.by_start.T).T
     through_start = cycle.pull_back(ends=adjoint)
-    gradient.by_coefficients[:] += through_start.by_coefficients
-    if gradient.by_train is not None and through_start.by_train is not None:
-        gradient.by_train.add(through_start.by_train)
-    gradient.by_start[:] = adjoint
-    return gradient, jacobian
+    by_train = gradient.by_train
+    if by_train is not None and through_start.by_train is not None:
+        by_train = by_train + through_start.by_train
+    by_coefficients = gradient.by_coefficients + through_start.by_coefficients
+    return replace(gradient, by_coefficients=by_coefficients, by_start=adjoint, by_train=by_train), jacobian
 
 
 def rest_state(train: Train) -> np.ndarray:

@@ -5,14 +5,17 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
+from scipy.stats import f as fisher
+from scipy.stats import norm
 from scipy.stats import t as student
 
 from camopt.cam.lift import Lift
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.units import DEG, MM
+from camopt.study.identify.fit_starts import fits_from_starts
 from camopt.study.identify.free_parameters import FreeParameters
-from camopt.study.identify.lift_fit import Fitted, LiftFit, Series, descend
+from camopt.study.identify.lift_fit import Fitted, LiftFit, Series
 
 UM = 1e-3 * MM
 WIDEST = np.log(2.0)
@@ -22,6 +25,8 @@ ROUNDING = 1e-7
 """Singular value relative to the largest below which a direction is rounding of the differences, and unknown."""
 SURPRISING = 5.0
 """Standard deviations by which noise and correlation of the residual may miss what they should be."""
+ESTIMATE_SPREAD = 3.1
+"""Standard deviation of the relative square of `measured_noise` times the root of the number of samples."""
 JACOBIANS_AGREE = 1e-2
 """Largest relative distance of the differences' Jacobian to the exact adjoint; more: too sensitive."""
 
@@ -44,7 +49,8 @@ class Identification:
     """What the measurement says of the parameters.
 
     `table` has coordinate `parameter` (p) with `start`, `estimate`, `low`, `high` (in the units of the names; infinite
-    where not identified), `relative_error` (standard error of the logarithm) and `identified`. `correlation` is that of
+    where not identified), `relative_error` (standard error of the logarithm) and `identified`: nothing where a remark
+    speaks against the fit. `correlation` is that of
     the estimates (p, p), NaN where unknown. `directions`: combinations of the parameters, weakest first, with their
     `relative_error`: the noise over the singular value of the Jacobian by the logarithms.
     """
@@ -62,6 +68,13 @@ class Identification:
     remarks: tuple[str, ...]  # why the intervals are not to be believed; none where they are
 
     @property
+    def verdict(self) -> str:
+        """Either "identified", where the fit stands, leaves noise alone and fixes every parameter; "partly identified",
+        where it leaves some open; or "not identified", where none is fixed or a remark speaks against the fit."""
+        known = self.table["identified"].values
+        return "identified" if known.all() else "partly identified" if known.any() else "not identified"
+
+    @property
     def sound(self) -> bool:
         """Whether nothing speaks against the intervals."""
         return not self.remarks
@@ -76,7 +89,7 @@ class Identification:
 
     def _repr_html_(self) -> str:
         remarks = "".join(f"<p>{r}</p>" for r in self.remarks)
-        return self.table.to_dataframe().to_html(float_format="%.5g") + remarks
+        return f"<p>{self.verdict}</p>" + self.table.to_dataframe().to_html(float_format="%.5g") + remarks
 
 
 def identify(
@@ -95,9 +108,11 @@ def identify(
     `free`: such as `valve.mass_kg`, `train.stiffness_N_per_m`, `seat.gap_mm`; `coil_*.damping_N_s_per_m` moves all that
     match by one factor. The motion starts from rest, `settle` whole revolutions before the angle -180 of the data.
     `zero_known=False`: the sensor's zero is unknown, series by series. `noise_um`: the sensor's noise where it is
-    known; the residual is then held against it. The intervals are those of the linear model at the estimate (Seber and
-    Wild, Nonlinear Regression, 1989), in the logarithms, with Student's t and the noise of the residual, taken as
-    white. Positions fix forces only up to a common factor: leave one preload or stiffness at a known value.
+    known, else it is taken from the samples; the residual is held against it. The fit follows the motion from its
+    beginning on, and from two to four starts, of which the best counts (`camopt.study.identify.fit_starts`).
+    The intervals are those of the linear model at the estimate (Seber and Wild, Nonlinear Regression, 1989), in the
+    logarithms, with Student's t and the noise of the residual, taken as white. Positions fix forces only up to a common
+    factor: leave one preload or stiffness at a known value.
 
     Raises InputError for unusable data or names, or laws that are not linear; MotionRefused where the start values
     have no motion.
@@ -110,23 +125,26 @@ def identify(
     count = sum(len(s.angle) for s in series) - (0 if zero_known else len(series))
     if count <= len(free):
         raise InputError(f"identify: {count} samples for {len(free)} parameters: measure more")
-    fitted = descend(fit)
-    estimate = _Estimate(fitted, count, confidence)
-    error = _jacobian_error(fit, fitted)
+    noise = Noise(measured_noise(series), True) if noise_um is None else Noise(noise_um * UM, False)
+    fits = fits_from_starts(fit, noise.largest(count) ** 2 * count)
+    fitted = fits[0]
+    jacobian = fit.jacobian(fitted.logs)
+    estimate = _Estimate(fitted.residual, jacobian, count, confidence)
+    error = _jacobian_error(fit, fitted, jacobian)
     residuals = tuple(part / UM for part in np.split(fitted.residual, fit.borders))
-    noise = estimate.noise / UM
+    remarks = tuple(_remarks(fits, residuals, noise, estimate, error))
     return Identification(
         parameters.moved_scene(fitted.logs),
-        _table(parameters, fitted, estimate),
+        _table(parameters, fitted, estimate, sound=not remarks),
         estimate.correlation(list(free)),
         estimate.directions(list(free)),
         confidence,
-        noise,
+        estimate.noise / UM,
         residuals,
         tuple(measured),
         error,
         fitted.steps,
-        tuple(_remarks(fitted, residuals, noise, noise_um, estimate.freedom, error)),
+        remarks,
     )
 
 
@@ -143,18 +161,47 @@ def _series(scene: Scene, measured: MeasuredLift, settle: int) -> Series:
         raise InputError(f"{where}: every angle and position must be a finite number: leave out what is missing")
     if angle[0] < -180 or np.any(np.diff(angle) <= 0):
         raise InputError(f"{where}: the angles must ascend from -180 deg or later: sort them, and count on past 180")
-    revolutions = settle + max(1, int(np.ceil((angle[-1] + 180.0) / 360.0 - 1e-12)))
-    return Series(scene.cam_speed(measured.speed_rpm), angle * DEG + 2 * np.pi * settle, valve * MM, revolutions)
+    return Series(scene.cam_speed(measured.speed_rpm), angle * DEG + 2 * np.pi * settle, valve * MM)
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviation [m] of the sensor's noise: stated, or shown by the samples themselves."""
+
+    size: float
+    estimated: bool
+
+    def largest(self, freedom: int) -> float:
+        """The largest residual [m] over so many degrees of freedom that this noise may leave."""
+        spread = np.sqrt((2.0 + (ESTIMATE_SPREAD**2 if self.estimated else 0.0)) / freedom)
+        return self.size * float(np.sqrt(1 + SURPRISING * spread))
+
+
+def measured_noise(series: Sequence[Series]) -> float:
+    """Standard deviation [m] of white noise in sampled positions: from third differences, which a smooth motion hardly
+    has (Gasser, Sroka and Jennen-Steinmetz 1986, Biometrika 73), by their median, which impacts do not move. What the
+    samples are too coarse to follow counts as noise, so that this is rather too large; infinite below four samples."""
+    found = [abs(_third_differences(s.angle, s.valve)) for s in series if len(s.angle) >= 4]
+    return float(np.median(np.concatenate(found)) / norm.ppf(0.75)) if found else np.inf
+
+
+def _third_differences(angle: np.ndarray, valve: np.ndarray) -> np.ndarray:
+    """Third divided differences (m - 3), their weights of Euclidean norm one."""
+    at = np.stack([angle[i : len(angle) - 3 + i] for i in range(4)], axis=1)
+    apart = at[:, :, None] - at[:, None, :] + np.eye(4)
+    weights = 1 / np.prod(apart, axis=2)
+    weights /= np.linalg.norm(weights, axis=1, keepdims=True)
+    return np.sum(weights * np.stack([valve[i : len(valve) - 3 + i] for i in range(4)], axis=1), axis=1)
 
 
 class _Estimate:
     """The covariance of the logarithms from the Jacobian at the estimate, direction by direction."""
 
-    def __init__(self, fitted: Fitted, count: int, confidence: float):
-        _, s, self.vectors = np.linalg.svd(fitted.jacobian, full_matrices=False)
-        squares = float(fitted.residual @ fitted.residual)
+    def __init__(self, residual: np.ndarray, jacobian: np.ndarray, count: int, confidence: float):
+        _, s, self.vectors = np.linalg.svd(jacobian, full_matrices=False)
+        squares = float(residual @ residual)
         # directions that the fit left where they were have cost no degree of freedom
-        self.freedom = count - int(np.sum(s > np.sqrt(squares / len(fitted.residual))))
+        self.freedom = count - int(np.sum(s > np.sqrt(squares / len(residual))))
         self.noise = float(np.sqrt(squares / self.freedom))
         unknown = s <= ROUNDING * s[0]
         self.errors = np.divide(self.noise, s, out=np.full(len(s), np.inf), where=~unknown)
@@ -178,9 +225,18 @@ class _Estimate:
         return xr.Dataset(variables, {"direction": order[::-1], "parameter": names})
 
 
-def _table(parameters: FreeParameters, fitted: Fitted, estimate: _Estimate) -> xr.Dataset:
+def _another(other: Fitted, best: Fitted, estimate: _Estimate) -> bool:
+    """Whether another fit is as good by the F test at 99 % and yet has other values."""
+    count = len(best.logs)
+    near = count * fisher.ppf(0.99, count, estimate.freedom) * estimate.noise**2
+    known = estimate.half_width <= WIDEST
+    apart = np.abs(other.logs - best.logs)[known] > SURPRISING * estimate.error[known]
+    return bool(other.squares - best.squares <= near and np.any(apart))
+
+
+def _table(parameters: FreeParameters, fitted: Fitted, estimate: _Estimate, sound: bool) -> xr.Dataset:
     start = np.array([t.start for t in parameters.tied])
-    identified = estimate.half_width <= WIDEST
+    identified = (estimate.half_width <= WIDEST) & sound
     width = np.where(identified, estimate.half_width, np.inf)
     value = start * np.exp(fitted.logs)
     # a negative value keeps its sign, so its ends change places; beyond a factor of two an interval says nothing
@@ -198,24 +254,30 @@ def _table(parameters: FreeParameters, fitted: Fitted, estimate: _Estimate) -> x
     return xr.Dataset({k: ("parameter", v) for k, v in columns.items()}, {"parameter": names})
 
 
-def _jacobian_error(fit: LiftFit, fitted: Fitted) -> float:
+def _jacobian_error(fit: LiftFit, fitted: Fitted, jacobian: np.ndarray) -> float:
     """Relative distance of the differences' Jacobian to the adjoint's, along one random combination of samples."""
     bar = np.random.default_rng(0).standard_normal(len(fitted.residual))
-    exact, found = fit.pulled_back(fitted.motions, bar), fitted.jacobian.T @ bar
-    scale = np.linalg.norm(fitted.jacobian, axis=0).max() * np.linalg.norm(bar)
+    exact, found = fit.pulled_back(fitted.motions, bar), jacobian.T @ bar
+    scale = np.linalg.norm(jacobian, axis=0).max() * np.linalg.norm(bar)
     return float(np.abs(exact - found).max() / scale)
 
 
-def _remarks(fitted: Fitted, residuals, noise: float, stated: float | None, freedom: int, error: float):
-    if not fitted.converged:
-        yield f"the fit did not come to a stand in {fitted.steps} steps: start nearer, or free fewer parameters"
+def _remarks(fits: Sequence[Fitted], residuals, noise: Noise, estimate: _Estimate, error: float):
+    if not fits[0].converged:
+        yield f"the fit did not come to a stand in {fits[0].steps} steps: start nearer, or free fewer parameters"
     if error > JACOBIANS_AGREE:
         yield (
             f"differences and adjoint disagree by {error:.2g}: the motion is too sensitive (bounce, jump, or nearly); "
             "take lower speeds, or leave out the angles after closing"
         )
-    if stated is not None and (noise / stated) ** 2 - 1 > SURPRISING * np.sqrt(2 / freedom):
-        yield f"the residual of {noise:.3g} um does not fall to the noise of {stated:g} um: the model misses something"
+    if estimate.noise > noise.largest(estimate.freedom):
+        whose = "that the samples themselves show" if noise.estimated else "of the sensor"
+        yield (
+            f"the residual of {estimate.noise / UM:.3g} um does not fall to the noise of {noise.size / UM:.3g} um "
+            f"{whose}: the model misses something, or the start is too far off"
+        )
+    if any(_another(f, fits[0], estimate) for f in fits[1:]):
+        yield "another start leads to other values that fit as well: measure at more speeds, or free fewer parameters"
     # von Neumann's ratio of mean square difference to variance is 2 for white noise, with variance 4 / samples
     squares = sum(float(r @ r) for r in residuals)
     pairs = sum(float(r[1:] @ r[:-1]) for r in residuals)

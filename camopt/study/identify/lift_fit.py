@@ -41,7 +41,15 @@ class Series:
     cam_speed: float
     angle: np.ndarray
     valve: np.ndarray
-    revolutions: int  # that reach the last angle
+
+    @property
+    def revolutions(self) -> int:
+        """Whole revolutions that reach the last angle."""
+        return max(1, int(np.ceil((self.angle[-1] + np.pi) / (2 * np.pi) - 1e-12)))
+
+    def until(self, count: int) -> "Series":
+        """The first samples only."""
+        return Series(self.cam_speed, self.angle[:count], self.valve[:count])
 
 
 class LiftFit:
@@ -50,6 +58,11 @@ class LiftFit:
     def __init__(self, parameters: FreeParameters, lift: Lift, series: Sequence[Series], zero_known: bool):
         self.parameters, self.lift, self.series, self.zero_known = parameters, lift, series, zero_known
         self.borders = np.cumsum([len(s.angle) for s in series])[:-1]
+
+    def until(self, share: float) -> "LiftFit":
+        """The fit to the first samples only, that share of every series."""
+        parts = [s.until(max(2, int(np.ceil(share * len(s.angle))))) for s in self.series]
+        return LiftFit(self.parameters, self.lift, parts, self.zero_known)
 
     def motions(self, train: Train) -> list[TracedMotion]:
         start = rest_state(train)
@@ -87,8 +100,8 @@ class LiftFit:
             bars = Samples(x, np.zeros_like(x), np.zeros((1, m)), np.zeros((1, m)), np.zeros((1, m, e)))
             slopes = motion.pull_back(series.angle, bars)
             assert slopes.by_train is not None
-            slopes.by_train.add(rest_back(train, slopes.by_start))
-            total += self.parameters.by_logs(train, slopes.by_train)[0]
+            by_train = slopes.by_train + rest_back(train, slopes.by_start)
+            total += self.parameters.by_logs(train, by_train)[0]
         return total
 
     def jacobian(self, logs: np.ndarray) -> np.ndarray:
@@ -106,33 +119,37 @@ class LiftFit:
 
 @dataclass(frozen=True)
 class Fitted:
-    """Where a fit ended, with its derivatives there."""
+    """Where a fit ended."""
 
     logs: np.ndarray  # (p)
     residual: np.ndarray  # (m) m
-    jacobian: np.ndarray  # (m, p) m
     motions: list[TracedMotion]
     steps: int
     converged: bool
 
+    @property
+    def squares(self) -> float:
+        """Sum of the squared residuals [m^2]."""
+        return float(self.residual @ self.residual)
 
-def descend(fit: LiftFit) -> Fitted:
-    """Damped Gauss-Newton from the start values, in the directions that the present residual lets one tell.
+
+def descend(fit: LiftFit, logs: np.ndarray, most_steps: int = MOST_STEPS, certain: float = 1.0) -> Fitted:
+    """Damped Gauss-Newton from `logs` (p), in the directions that the present residual lets one tell.
 
     A direction whose singular value is below the residual's root mean square could be moved by a factor of e without
-    notice: it stays where it is. Raises MotionRefused or InputError where the start values have no motion.
+    notice: it stays where it is; with `certain` above one, already a direction that is not known that many times
+    better. Raises MotionRefused or InputError where there is no motion at the start.
     """
-    logs = np.zeros(len(fit.parameters.tied))
     motions = fit.motions(fit.parameters.moved(logs))
     residual = fit.residual(motions)
     jacobian = fit.slopes(logs, residual)
     fresh, radius = True, LONGEST_STEP
-    for steps in range(MOST_STEPS):
-        noise = max(float(np.sqrt(np.mean(residual**2))), ROUNDING_M)
+    for steps in range(most_steps):
+        noise = certain * max(float(np.sqrt(np.mean(residual**2))), ROUNDING_M)
         gradient = fit.pulled_back(motions, residual)
         if standing(jacobian, gradient, noise):
             if fresh:
-                return Fitted(logs, residual, fit.jacobian(logs), motions, steps, True)
+                return Fitted(logs, residual, motions, steps, True)
             jacobian, fresh = fit.slopes(logs, residual), True
             continue
         step = limited_step(jacobian, gradient, noise, radius)
@@ -147,7 +164,7 @@ def descend(fit: LiftFit) -> Fitted:
             radius = float(np.linalg.norm(step)) / 4
         elif gained > DISAPPOINTING:
             radius = min(LONGEST_STEP, 2 * radius)
-    return Fitted(logs, residual, fit.jacobian(logs), motions, MOST_STEPS, False)
+    return Fitted(logs, residual, motions, most_steps, False)
 
 
 def told_apart(jacobian: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:

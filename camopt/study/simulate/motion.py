@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from camopt.cam.lift import Lift
+from camopt.cam.lift import Lift, lift_with
 from camopt.scene import InputError, Response, Scene, Train, build_train, rest_position
 from camopt.scene.response import end_state, joined
-from camopt.scene.units import DEG, MM
+from camopt.scene.units import DEG
 from camopt.study.modes import highest_rate
+from camopt.study.simulate.dataset import motion_dataset, recorded_metrics
 from camopt.verifier.methods import INDEPENDENT
 
 if TYPE_CHECKING:
@@ -26,7 +27,8 @@ DIFFERENTIABLE = {"smooth": "camopt.differentiable.smooth_rule", "event": "camop
 """Modules with a `differentiable_motion`, by the method that `simulate(parameters=...)` takes."""
 LARGEST_PHASE = 0.3
 """Step times the train's highest rate [rad]: MOTORI 2004's rule for explicit steps (0.31), and for drawn curves."""
-MOST_STEPS = 20_000_000
+MOST_VALUES = 4e7
+"""Numbers that a record may hold (320 MB, and three times that while it is made): some ten seconds to a minute."""
 FEWEST_STEPS = 720
 """Steps per revolution at least where an accuracy chooses them, however slow the train: the cam has to be followed."""
 TOLERANCE_OF_WIDTH = 5e-3
@@ -53,6 +55,10 @@ def simulate(
     velocity_m_per_s (sample, mass), force_N (sample, element); between a method's samples positions are cubic,
     velocities their derivative, forces linear, and where a force jumps the later value stands.
 
+    Whatever else is asked for, the dataset holds every declared metric (`camopt.scene.quantities`) over `measured`, the
+    revolutions but the last, which only ends the window of the one before; with `parameters` and "event" all but the
+    excess lift, of which there is no exact gradient. A train without a contact between cam and valve has none.
+
     `method`: "event", "smooth" or one of `camopt.verifier.methods.INDEPENDENT`. The dataset shows itself in a notebook,
     and draws itself: `motion.position_mm.sel(mass=scene.valve).plot(x="time_s")`.
 
@@ -63,9 +69,10 @@ def simulate(
 
     Differentiable: `parameters` (see `motion_parameters`) replaces numbers of scene and cam by arrays that JAX may
     trace, and so may `speed_rpm` be, under `jax.grad`, `jax.jit` and `jax.vmap`. The dataset then holds JAX arrays
-    (`.data`), and the declared metrics over `measured`, the revolutions but the last ("event": without the excess
-    lift); a motion that the method cannot follow is NaN throughout. By "event" the gradients are those of the exact
-    motion, and for many motions `camopt.differentiable.exact_rule.exact_metrics` is the cheaper way to metrics alone.
+    (`.data`); a motion that the method cannot follow is NaN throughout. A traced speed is taken to be one of the
+    scene's, or above: "smooth" offers steps for the lowest of these, and a slower motion may be NaN. By "event" the
+    gradients are those of the exact motion, and for many motions metrics alone are cheaper by
+    `camopt.differentiable.exact_rule.exact_metrics`.
 
         def seating_velocity(gap):
             motion = camopt.simulate(scene, cam, 6000, method="smooth", parameters={"gap": gap})
@@ -73,7 +80,8 @@ def simulate(
 
         jax.grad(seating_velocity)(motion_parameters(scene, cam)["gap"])
 
-    Raises InputError for unusable arguments, or a motion that the method refuses.
+    Raises InputError for unusable arguments, a motion that the method refuses, or a speed so low that the record of the
+    train's highest mode would not fit: the sentence says how many numbers it would hold.
     """
     steps = _steps_per_revolution(speed_rpm, method, revolutions, step_deg)
     if scene.operation is None or scene.seat is None:
@@ -81,23 +89,49 @@ def simulate(
     train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
     if parameters is not None:
         _check_parameters(scene, cam, method, parameters)
+    number = concrete(speed_rpm)
+    known_speed = scene.cam_speed(slowest_rpm(scene) if number is None else number)
+    finer = max(1, int(np.ceil(highest_rate(train) * step_deg * DEG / known_speed / LARGEST_PHASE)))
+    _check_price(train, speed_rpm, steps * finer * revolutions)
+    if parameters is not None:
         module = import_module(DIFFERENTIABLE[method])
-        response, metrics = module.differentiable_motion(train, cam, parameters, cam_speed, revolutions, steps)
-        return _dataset(scene, cam, speed_rpm, method, response).assign(
-            {name: ("measured", values) for name, values in metrics.items()}
+        response, metrics = module.differentiable_motion(
+            train, cam, parameters, cam_speed, revolutions, steps, known_speed
         )
+        return motion_dataset(scene, cam, speed_rpm, method, response, metrics)
     if accuracy is not None:
         done = delivered(train, cam, cam_speed, method, revolutions, accuracy)
-        motion = _dataset(scene, cam, speed_rpm, method, resampled(done.response, steps * revolutions))
+        shown, metrics = resampled(done.response, steps * revolutions), recorded_metrics(done.response, cam)
+        motion = motion_dataset(scene, cam, speed_rpm, method, shown, metrics)
         return motion.assign_attrs(accuracy_statement=done.sentence(), **done.attributes())
-    finer = max(1, int(np.ceil(highest_rate(train) * step_deg * DEG / cam_speed / LARGEST_PHASE)))
-    if steps * finer * revolutions > MOST_STEPS:
-        raise InputError(
-            f"simulate at {speed_rpm:g} r/min: the train's highest mode needs {steps * finer * revolutions} steps and "
-            f"at most {MOST_STEPS} are allowed: raise the speed or ask for fewer revolutions"
-        )
     response = _motion(train, cam, cam_speed, method, revolutions, steps * finer)
-    return _dataset(scene, cam, speed_rpm, method, resampled(response, steps * revolutions))
+    shown = resampled(response, steps * revolutions)
+    return motion_dataset(scene, cam, speed_rpm, method, shown, recorded_metrics(response, cam))
+
+
+def concrete(number) -> float | None:
+    """The number itself, None where JAX traces it."""
+    try:
+        return float(number)
+    except TypeError:
+        return None
+
+
+def slowest_rpm(scene: Scene) -> float:
+    """The lowest crankshaft speed that the scene names [r/min]."""
+    assert scene.operation is not None
+    return min(*scene.operation.speeds_rpm, *scene.operation.band_rpm)
+
+
+def _check_price(train: Train, speed_rpm, steps: int) -> None:
+    values = steps * (2 + 2 * len(train.mass) + len(train.a))
+    if values > MOST_VALUES:
+        raise InputError(
+            f"simulate at {speed_rpm} r/min: the train's highest mode of {highest_rate(train) / 2e3 / np.pi:.3g} kHz "
+            f"turns so often in these revolutions that {steps / 1e6:.3g} million steps of {values / steps:.0f} numbers "
+            f"would have to be kept ({8e-9 * values:.2g} GB), and {8e-9 * MOST_VALUES:.2g} GB are allowed: raise the "
+            f"speed, ask for fewer revolutions, or take a smaller model (camopt reduce)"
+        )
 
 
 def delivered(
@@ -131,9 +165,11 @@ def motion_parameters(scene: Scene, cam: Lift) -> dict[str, np.ndarray]:
     """The numbers by which `simulate(parameters=...)` may be differentiated, in SI units and with the scene's values.
 
     By mass (n): mass [kg], mass_damping [N s/m], mass_force [N]; by element (e): stiffness [N/m, of a hertz contact
-    N/m^exponent], damping [N s/m], preload [N], gap [m]; and lift (p, q) [m/rad^k], the coefficients of the cam's
-    pieces. Any part of it may be given to `simulate`. Turns on JAX's 64-bit floats. Of a free cam
-    the pieces are linear in z (`FreeCam.piece_basis`).
+    N/m^exponent], damping [N s/m], preload [N], gap [m]; and of the cam lift (p, q) [m/rad^k], the coefficients of its
+    pieces, borders (p + 1) [rad] of these, and half_duration [rad], within which contacts are judged. Any part of it
+    may be given to `simulate`. Turns on JAX's 64-bit floats. Of a free cam the pieces are linear in z
+    (`FreeCam.piece_basis`). A family's parameters move the borders too: `DifferentiableCam.motion_parameters` gives all
+    three, and lift coefficients alone are refused where they do not join between the borders as they are.
     """
     import_module("camopt.smooth")  # before anything is traced: it turns on JAX's 64-bit floats
     return _numbers(build_train(scene), cam)
@@ -144,7 +180,8 @@ def _numbers(train: Train, cam: Lift) -> dict[str, np.ndarray]:
     numbers = {name: getattr(train, name).copy() for name in names}
     if train.laws is not None:
         numbers["stiffness"] = train.laws.coefficient.copy()
-    return {**numbers, "lift": cam.coefficients.copy()}
+    pieces = {"lift": cam.coefficients.copy(), "borders": cam.borders.copy()}
+    return {**numbers, **pieces, "half_duration": np.asarray(cam.half_duration)}
 
 
 def _check_parameters(scene: Scene, cam: Lift, method: str, parameters: Mapping[str, Any]) -> None:
@@ -162,13 +199,16 @@ def _check_parameters(scene: Scene, cam: Lift, method: str, parameters: Mapping[
                 f"simulate: parameter {name!r} has shape {np.shape(value)}: {known[name].shape} is needed, "
                 f"as motion_parameters(scene, cam) gives it"
             )
+    if not any(isinstance(parameters.get(name), jax.core.Tracer) for name in ("lift", "borders", "half_duration")):
+        lift_with(cam, parameters)
 
 
 def _steps_per_revolution(speed_rpm, method, revolutions, step_deg) -> int:
     """Steps of the result in a revolution; every argument of `simulate` that is a number or a choice is checked."""
     if method not in MODULES:
         raise InputError(f"simulate: method {method!r}: expected one of {', '.join(MODULES)}")
-    if isinstance(speed_rpm, (int, float, np.number)) and not (np.isfinite(speed_rpm) and speed_rpm > 0):
+    number = concrete(speed_rpm)
+    if number is not None and not (np.isfinite(number) and number > 0):
         raise InputError(f"simulate: speed {speed_rpm}: a crankshaft speed above 0 r/min is needed")
     if int(revolutions) != revolutions or not 1 <= revolutions <= 1000:
         raise InputError(f"simulate: revolutions {revolutions}: an integer from 1 to 1000 is needed")
@@ -209,28 +249,6 @@ def resampled(response: Response, steps: int) -> Response:
     force = (1 - s) * response.force[left] + s * response.force[left + 1]
     lift = (1 - s[:, 0]) * response.lift[left] + s[:, 0] * response.lift[left + 1]
     return Response(response.train, response.cam_speed, grid, lift, x, v, force)
-
-
-def _dataset(scene: Scene, cam: Lift, speed_rpm: float, method: str, response: Response) -> xr.Dataset:
-    train, steps = response.train, (len(response.angle) - 1) // response.revolutions
-    sample = np.arange(len(response.angle))
-    revolution = np.minimum(sample // steps, response.revolutions - 1)  # the last sample closes the last revolution
-    angle_deg = -180.0 + (sample - revolution * steps) * (360.0 / steps)
-    variables = {
-        "lift_mm": ("sample", response.lift / MM, {"units": "mm", "long_name": "lift"}),
-        "position_mm": (("sample", "mass"), response.x / MM, {"units": "mm", "long_name": "position"}),
-        "velocity_m_per_s": (("sample", "mass"), response.v, {"units": "m/s", "long_name": "velocity"}),
-        "force_N": (("sample", "element"), response.force, {"units": "N", "long_name": "force"}),
-    }
-    coords = {
-        "revolution": ("sample", revolution + 1),
-        "cam_angle_deg": ("sample", angle_deg, {"units": "deg", "long_name": "cam angle"}),
-        "time_s": ("sample", response.time, {"units": "s", "long_name": "time"}),
-        "mass": list(train.mass_names),
-        "element": list(train.element_names),
-    }
-    attributes = {"scene": scene.name, "cam": cam.family, "speed_rpm": speed_rpm, "method": method}
-    return xr.Dataset(variables, coords, attributes)
 
 
 def motion_table(motion: xr.Dataset) -> Mapping[str, np.ndarray]:

@@ -32,15 +32,17 @@ def figures(rows: Sequence[dict]) -> dict[str, Figure]:
     # a smaller model is timed by the revolution, the other dials by the whole step of the job
     masses = [row for row in usable if row["case"] == "job: masses"]
     job = [row for row in usable if row["case"].startswith("job: ") and row not in masses]
-    found = {}
-    for case in dict.fromkeys(row["case"] for row in methods):
-        clouds = _clouds([row for row in methods if row["case"] == case], "method")
-        found[case.replace("/", "").replace(" ", "-")] = work_precision(clouds, "processor time per revolution [s]")
-    if job:
-        found["job"] = work_precision(_clouds(job, "case"), "processor time of the step of the job [s]", rivals=False)
-    if masses:
-        found["masses"] = work_precision(_clouds(masses, "method"), "processor time per revolution [s]")
-    return found
+    named = {
+        case.replace("/", "").replace(" ", "-"): _clouds([row for row in methods if row["case"] == case], "method")
+        for case in dict.fromkeys(row["case"] for row in methods)
+    }
+    named |= {"job": _clouds(job, "case"), "masses": _clouds(masses, "method")}
+    xlabels = {"job": "processor time of the step of the job [s]"}
+    return {
+        name: work_precision(clouds, xlabels.get(name, "processor time per revolution [s]"), rivals=name != "job")
+        for name, clouds in named.items()
+        if clouds  # none where nothing is wrong about anything: there is no error to draw
+    }
 
 
 def _clouds(rows: Sequence[dict], by: str) -> list[Cloud]:

@@ -46,7 +46,6 @@ def job_work(scene: Scene, cam: Lift, size: str, folder: Path) -> list[Work]:
     work += _masses(scene, cam, size)
     if size == "full":
         designs = folder / "designs"
-        designs.mkdir(exist_ok=True)
         knots = lambda deg: _designed(scene, "nominal", replace(ACCURACIES["draft"], knot_deg=deg), designs)  # noqa: E731
         work += _of(scene, "knots", "search, listed speeds", KNOTS_DEG, FINEST_KNOTS_DEG, "{:g} deg", knots)
         effort = lambda name: _designed(scene, "band", ACCURACIES[name], designs)  # noqa: E731
@@ -135,6 +134,7 @@ def _designed(scene: Scene, speeds: str, effort: Accuracy, folder: Path) -> dict
     seconds = time.process_time() - begin
     assert scene.operation is not None and scene.design is not None
     found, verdict, _ = confirmed_cam(scene, search.confirmed, "nominal", ACCURACIES["draft"])
+    folder.mkdir(exist_ok=True)
     path = folder / f"{speeds}-{effort.knot_deg:g}deg-{effort.judged_speeds}-speeds.json"
     write_json(path, design_record(found.lift, scene.design.max_lift_mm * MM))
     cam = read_design(path, scene)

@@ -113,7 +113,7 @@ def _reference(case: Case) -> list[Work]:
 
 def exact_gradient(case: Case) -> np.ndarray:
     """Seating velocity of the first revolution by every stiffness, times that stiffness [m/s], by the adjoint."""
-    from camopt.exact.adjoint.gradient import TracedMotion
+    from camopt.exact.adjoint.motion import TracedMotion
 
     motion = TracedMotion(case.train, case.cam, case.cam_speed, case.rest, 1, mechanical=True)
     slopes = motion.gradient(("seating_velocity_m_per_s",)).by_train

@@ -14,7 +14,10 @@ from typing import TypeVar
 import numpy as np
 from tqdm import tqdm
 
+from camopt.cam.design_file import design_record
+from camopt.cam.lift import Lift
 from camopt.scene import InputError, MotionRefused, Scene, build_train
+from camopt.scene.units import MM
 from camopt.storage import (
     append_line,
     default_run_folder,
@@ -62,12 +65,18 @@ class Tradeoff:
 
 
 def tradeoff(
-    scene: Scene, out: Path | str | None = None, resume: bool = False, size: str = "full", progress: bool = False
+    scene: Scene,
+    out: Path | str | None = None,
+    resume: bool = False,
+    size: str = "full",
+    progress: bool = False,
+    cam: Lift | None = None,
 ) -> Tradeoff:
     """Measures a scene's methods and job, and writes tradeoff.csv, setup.csv, tradeoff.txt and figures into `out`.
 
     `size` "small" takes a few settings only and leaves out JAX and the optimiser. With `resume` an interrupted run in
-    `out` goes on. Raises InputError for a scene that cannot be simulated, or an unusable folder.
+    `out` goes on. The motions are those of `cam`, by default the plain Polydyne. Raises InputError for a scene that
+    cannot be simulated, or for which there is no plain Polydyne, before the folder is made; or for an unusable folder.
     """
     from camopt.cam.families.polydyne import polydyne
     from camopt.study.tradeoff.figures import draw
@@ -79,13 +88,14 @@ def tradeoff(
         raise InputError(f"scene {scene.name}: tradeoff needs valve, seat, [operation] and [design]")
     if size not in SIZES:
         raise InputError(f"tradeoff: size {size!r}: expected one of {', '.join(SIZES)}")
-    identity = run_identity("tradeoff", scene, size=size)
-    with run_folder(out or default_run_folder(scene.name), identity, resume, [LINES]) as folder:
+    cam = polydyne(scene) if cam is None else cam
+    path = Path(out or default_run_folder(scene.name))
+    work = method_work(scene, cam, size)
+    if build_train(scene).laws is None:
+        work += job_work(scene, cam, size, path)
+    identity = run_identity("tradeoff", scene, size=size, cam=design_record(cam, scene.design.max_lift_mm * MM))
+    with run_folder(path, identity, resume, [LINES]) as folder:
         write_text(folder / "scene.toml", scene_toml(scene))
-        cam = polydyne(scene)
-        work = method_work(scene, cam, size)
-        if build_train(scene).laws is None:
-            work += job_work(scene, cam, size, folder)
         lines = measured(folder / LINES, work, progress)
         rows = rows_of(lines)
         write_csv(folder / "tradeoff.csv", {name: [row[name] for row in rows] for name in COLUMNS})
@@ -150,7 +160,8 @@ def error_of(name: str, found, reference) -> float | None:
     if not np.all(np.isfinite(difference)):
         return None
     if name == "gradient":
-        return float(np.linalg.norm(difference) / np.linalg.norm(reference))
+        size = float(np.linalg.norm(reference))
+        return float(np.linalg.norm(difference)) / size if size > 0 else None
     return float(np.abs(difference).max())
 
 

@@ -1,0 +1,108 @@
+"""An event-exact motion some of whose numbers vary, and its gradients by their names: what JAX's rule calls.
+
+Speed: with r = speed / speed', masses times r^2 and dampings times r move through the same positions and forces by
+angle at speed', at velocities divided by r. So derivatives by the speed are those by masses and dampings.
+"""
+
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+
+import numpy as np
+
+from camopt.cam.lift import Lift, lift_with
+from camopt.exact.adjoint.gradient import rest_back, rest_state
+from camopt.exact.adjoint.motion import ByTrain, Slopes, TracedMotion
+from camopt.scene.errors import InputError, MotionRefused
+from camopt.scene.train import Train
+
+TRAIN_PARAMETERS = tuple(field.name for field in fields(ByTrain))
+CAM_PARAMETERS = ("lift", "borders", "half_duration")
+POSITIVE = ("mass", "stiffness", "cam_speed", "half_duration")
+Arrays = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Varying:
+    """A motion of which JAX varies some numbers: what it keeps."""
+
+    train: Train
+    lift: Lift
+    revolutions: int
+    spacing: float | None
+    least_speed: float  # rad/s
+
+    def trace(self, given: Arrays, names: tuple[str, ...]) -> TracedMotion | None:
+        """The motion under given numbers, to be differentiated by `names`; None where it cannot be followed."""
+        if not all(np.all(np.isfinite(v)) and (k not in POSITIVE or np.all(v > 0)) for k, v in given.items()):
+            return None
+        if given["cam_speed"] < self.least_speed:
+            return None
+        train = varied(self.train, tuple((n, given[n].tobytes()) for n in TRAIN_PARAMETERS if n in given))
+        speed, mechanical = float(given["cam_speed"]), bool({*names} & MECHANICAL)
+        try:
+            lift = lift_with(self.lift, given)
+            start = given["start"] if "start" in given else rest(train)
+            return TracedMotion(train, lift, speed, start, self.revolutions, mechanical, self.spacing)
+        except (MotionRefused, InputError):  # no bound, endless switching; no rest; no cam
+            return None
+
+    def by_names(
+        self,
+        names: tuple[str, ...],
+        given: Arrays,
+        motion: TracedMotion,
+        slopes: Slopes,
+        moving: np.ndarray,
+        by_window: np.ndarray | None,
+    ) -> Arrays:
+        """Gradients (l, ...) by each of the names; `moving` (l) is what of the numbers grows with all velocities,
+        `by_window` (l) their gradients by half the duration."""
+        by_train, found = slopes.by_train, {}
+        if by_train is not None and "start" not in given:
+            by_train = by_train + rest_back(motion.train, slopes.by_start)
+        for name in names:
+            if name == "lift":
+                found[name] = slopes.by_coefficients
+            elif name == "borders":
+                found[name] = by_borders(motion.lift, slopes.by_coefficients)
+            elif name == "half_duration":
+                found[name] = by_window
+            elif name == "start":
+                found[name] = slopes.by_start
+            elif name == "cam_speed":
+                found[name] = by_speed(motion, slopes, given.get("start")) + moving / motion.cam_speed
+            else:
+                found[name] = getattr(by_train, name)
+        return found
+
+
+MECHANICAL = {*TRAIN_PARAMETERS, "cam_speed"}
+"""Variables whose gradients need the sweep over the train's parameters."""
+
+
+def by_borders(lift: Lift, by_coefficients: np.ndarray) -> np.ndarray:
+    """Gradients (l, p + 1) by the borders, where lift and velocity are continuous: a piece moves with its start."""
+    derivative = np.arange(1, lift.coefficients.shape[1]) * lift.coefficients[:, 1:]
+    starts = -np.sum(by_coefficients[:, :, :-1] * derivative, axis=2)
+    return np.concatenate([starts, np.zeros((len(starts), 1))], axis=1)
+
+
+def by_speed(motion: TracedMotion, slopes: Slopes, start: np.ndarray | None) -> np.ndarray:
+    """Gradients (l) by the cam speed through masses, dampings and the start's velocities."""
+    by_train, train = slopes.by_train, motion.train
+    assert by_train is not None
+    total = 2 * by_train.mass @ train.mass + by_train.mass_damping @ train.mass_damping
+    total = total + by_train.damping @ train.damping
+    if start is not None:
+        n = len(train.mass)
+        total = total - slopes.by_start[:, n:] @ start[n:]
+    return total / motion.cam_speed
+
+
+@lru_cache(maxsize=24)
+def varied(train: Train, changes: tuple[tuple[str, bytes], ...]) -> Train:
+    """A train with other numbers: the same object for the same numbers, because propagators are kept per train."""
+    return replace(train, **{name: np.frombuffer(data).copy() for name, data in changes}) if changes else train
+
+
+rest = lru_cache(maxsize=24)(rest_state)

@@ -1,0 +1,49 @@
+"""A motion as a labelled dataset, with its metrics."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+
+from camopt.cam.lift import Lift
+from camopt.measure.metrics import measure
+from camopt.scene import Response, Scene
+from camopt.scene.quantities import QUANTITIES
+from camopt.scene.units import MM
+
+
+def recorded_metrics(response: Response, cam: Lift) -> dict[str, np.ndarray]:
+    """The declared metrics of all revolutions of a record but the last; NaN where the lift never takes up the lash."""
+    measured = response.revolutions - 1
+    if not response.train.cam_side:
+        return {}
+    if measured == 0 or cam.max_lift <= response.train.lash:
+        return {name: np.full(measured, np.nan) for name in QUANTITIES}
+    return measure(response, cam)
+
+
+def motion_dataset(scene: Scene, cam: Lift, speed_rpm, method: str, response: Response, metrics: Mapping) -> xr.Dataset:
+    """A record on a regular grid with metrics of its revolutions but the last, as `simulate` returns it."""
+    train, steps = response.train, (len(response.angle) - 1) // response.revolutions
+    sample = np.arange(len(response.angle))
+    revolution = np.minimum(sample // steps, response.revolutions - 1)  # the last sample closes the last revolution
+    angle_deg = -180.0 + (sample - revolution * steps) * (360.0 / steps)
+    variables = {
+        "lift_mm": ("sample", response.lift / MM, {"units": "mm", "long_name": "lift"}),
+        "position_mm": (("sample", "mass"), response.x / MM, {"units": "mm", "long_name": "position"}),
+        "velocity_m_per_s": (("sample", "mass"), response.v, {"units": "m/s", "long_name": "velocity"}),
+        "force_N": (("sample", "element"), response.force, {"units": "N", "long_name": "force"}),
+    }
+    for name, values in metrics.items():
+        known = QUANTITIES.get(name)
+        variables[name] = ("measured", values, {"units": known.unit, "long_name": known.label} if known else {})
+    coords = {
+        "measured": np.arange(1, response.revolutions),
+        "revolution": ("sample", revolution + 1),
+        "cam_angle_deg": ("sample", angle_deg, {"units": "deg", "long_name": "cam angle"}),
+        "time_s": ("sample", response.time, {"units": "s", "long_name": "time"}),
+        "mass": list(train.mass_names),
+        "element": list(train.element_names),
+    }
+    attributes = {"scene": scene.name, "cam": cam.family, "speed_rpm": speed_rpm, "method": method}
+    return xr.Dataset(variables, coords, attributes)
