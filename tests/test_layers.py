@@ -1,6 +1,7 @@
 """The layers of the design, read from the imports: arrows point one way, and the verifier stands alone."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -80,6 +81,14 @@ def test_verifier_is_independent(path):
         assert not roots & JAX
     if layer(path) == "verifier" and path != ROOT / VERDICT:
         assert not {n for n in names if n.startswith("camopt.exact")}
+
+
+def test_the_table_of_layers_for_contributors_is_this_one():
+    """CONTRIBUTING.md tells every layer of MAY_IMPORT, with what it may import, and no other."""
+    text = (ROOT.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `camopt/(\w+)` \|.*\| ([^|]+) \|$", text, re.MULTILINE)
+    table = {layer: set() if names == "\u2013" else set(names.split(", ")) for layer, names in rows}
+    assert table == MAY_IMPORT
 
 
 def test_the_import_reader_sees_every_kind_of_import(tmp_path, monkeypatch):

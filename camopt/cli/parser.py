@@ -5,56 +5,76 @@
 """
 
 import argparse
+import errno
 import os
 import sys
 import traceback
 from collections.abc import Callable, Sequence
 from importlib import import_module
+from io import TextIOWrapper
 
 from camopt import __version__
-from camopt.cli.values import ACCURACIES, accuracy, count, digits, positive, seed, speeds
+from camopt.cli.next_steps import left_behind, next_step
+from camopt.cli.suggesting_parser import SuggestingParser
+from camopt.cli.values import ACCURACIES, accuracy, count, digits, picture_file, positive, seed, speeds
+from camopt.storage import check_file
 from camopt.verifier.methods import INDEPENDENT
 
 DONE, DEFECT, BAD_INPUT, NOT_CONFIRMED, INTERRUPTED = 0, 1, 2, 3, 130
+REFUSALS = (errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EPERM, errno.EROFS, errno.EMFILE, errno.EIO)
+"""What the system answers where a disk is full or a folder may not be written to: no defect of camopt."""
 METHODS = ("event", *INDEPENDENT)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs one command and returns its exit code; `--help`, `--version` and misspelt options exit on their own."""
+    for stream in (sys.stdout, sys.stderr):  # a file's name may hold what the terminal cannot show
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     args = parser().parse_args(arguments)
     try:
+        for option in ("json", "csv", "contour"):
+            if getattr(args, option, None) is not None:
+                check_file(getattr(args, option))
         commands = import_module("camopt.cli.verbs")
         code = getattr(commands, args.command.replace("-", "_"))(args)
         sys.stdout.flush()
+        if not args.quiet:
+            print(f"next: {next_step(args, code)}", file=sys.stderr)
         return code
     except KeyboardInterrupt:
-        remedy = "; --out with --resume continues" if args.command in ("optimize", "tradeoff", "extremes") else ""
-        print(f"camopt: interrupted{remedy}", file=sys.stderr)
+        remedy = "; --out with --resume continues" if hasattr(args, "resume") else ""
+        print(f"camopt: interrupted{left_behind(args) or remedy}", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # the reader of a pipe has seen enough; the flush at exit must not fail on it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
     except Exception as error:
-        return _failed(error, args.debug)
+        return _failed(error, args)
 
 
-def _failed(error: Exception, debug: bool) -> int:
+def _failed(error: Exception, args: argparse.Namespace) -> int:
     from camopt.scene.errors import InputError
 
-    if debug:
+    if args.debug:
         traceback.print_exc()
+    left = left_behind(args)
     if isinstance(error, InputError):
-        print(f"camopt: {error}", file=sys.stderr)
+        print(f"camopt: {error}{left}", file=sys.stderr)
+        return BAD_INPUT
+    if isinstance(error, OSError) and error.errno in REFUSALS:
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"camopt: {where}the system refuses ({error.strerror}): give it room or rights{left}", file=sys.stderr)
         return BAD_INPUT
     kind = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-    remedy = "" if debug else "; --debug shows where"
-    print(f"camopt: a defect of camopt, not of your input ({kind}){remedy}", file=sys.stderr)
+    remedy = "" if args.debug else "; --debug shows where"
+    print(f"camopt: a defect of camopt, not of your input ({kind}){remedy}{left}", file=sys.stderr)
     return DEFECT
 
 
 def parser() -> argparse.ArgumentParser:
     """The parser of all commands."""
-    top = argparse.ArgumentParser(
+    top = SuggestingParser(
         prog="camopt",
         description="Designs cams for valve trains that neither bounce nor jump; independent methods confirm it.",
         epilog="example: camopt optimize kodama --accuracy draft\n`camopt COMMAND --help` explains a command.",
@@ -74,24 +94,14 @@ def parser() -> argparse.ArgumentParser:
             allow_abbrev=False,
         )
         one.add_argument("--debug", action="store_true", help="show the traceback of an error")
+        one.add_argument("--quiet", action="store_true", help="no progress bar and no hint of what to do next")
         return one
 
-    verbs = (
-        _optimize,
-        _verify,
-        _simulate,
-        _compare,
-        _cam,
-        _modes,
-        _bound,
-        _gradient,
-        _tradeoff,
-        _extremes,
-        _reduce,
-        _scenes,
-    )
-    for add in verbs:
+    designing = (_optimize, _verify, _simulate, _compare, _cam, _modes)
+    studying = (_bound, _gradient, _tradeoff, _extremes, _reduce, _scenes)
+    for add in (*designing, *studying):
         add(command)
+    top.verbs = list(commands.choices)
     return top
 
 
@@ -113,13 +123,12 @@ def _optimize(command: Command) -> None:
     c.add_argument("--out", metavar="DIR", help="run folder, refused if it exists (runs/<scene>-<UTC time>)")
     c.add_argument("--seed", type=seed, default=0, metavar="N", help="seed of the searches (0)")
     c.add_argument("--resume", action="store_true", help="go on in the run folder named by --out")
-    c.add_argument("--quiet", action="store_true", help="no progress bar")
 
 
 def _verify(command: Command) -> None:
     c = command(
         "verify",
-        "check a cam at speeds with methods that share no code with the optimiser",
+        "check a cam at speeds with independent methods, each with equations and contact law of its own",
         "camopt verify kodama --cam polydyne --speeds 5000,6000 --json verification.json",
     )
     _scene(c)
@@ -161,7 +170,10 @@ def _compare(command: Command) -> None:
         "camopt compare kodama --design runs/first --out runs/comparison",
     )
     _scene(c, default="kodama")
-    c.add_argument("--design", action="append", default=[], metavar="RUN", help="run folder or design.json; repeatable")
+    c.add_argument(
+        "--design", action="append", default=[], metavar="RUN", help="run folder, design or table; repeatable"
+    )
+    _table_options(c)
     c.add_argument(
         "--baselines",
         choices=("plain", "best"),
@@ -169,7 +181,6 @@ def _compare(command: Command) -> None:
         help="the literature's cams of largest area, or every family searched within the bounce limit, minutes (plain)",
     )
     c.add_argument("--out", metavar="DIR", help="folder of the comparison (runs/<scene>-<UTC time>)")
-    c.add_argument("--quiet", action="store_true", help="no progress bar")
 
 
 def _cam(command: Command) -> None:
@@ -187,6 +198,7 @@ def _cam(command: Command) -> None:
     )
     c.add_argument("--csv", metavar="FILE", help="write the lift table")
     c.add_argument("--contour", metavar="FILE", help="with [geometry]: write the contour, Cartesian and polar")
+    c.add_argument("--figure", type=picture_file, metavar="FILE", help="draw it with the scene's limits, .png or .svg")
 
 
 def _modes(command: Command) -> None:
@@ -224,7 +236,6 @@ def _tradeoff(command: Command) -> None:
     c.add_argument("--out", metavar="DIR", help="folder, refused if it exists (runs/<scene>-<UTC time>)")
     c.add_argument("--resume", action="store_true", help="go on in the folder named by --out")
     c.add_argument("--size", choices=("small", "full"), default="full", help="how many settings (full, minutes)")
-    c.add_argument("--quiet", action="store_true", help="no progress bar")
 
 
 def _extremes(command: Command) -> None:
@@ -238,7 +249,6 @@ def _extremes(command: Command) -> None:
         "--out", metavar="DIR", help="folder of extremes.csv, refused if it exists (runs/<scene>-<UTC time>)"
     )
     c.add_argument("--resume", action="store_true", help="go on in the folder named by --out")
-    c.add_argument("--quiet", action="store_true", help="no progress bar")
 
 
 def _gradient(command: Command) -> None:
@@ -251,7 +261,6 @@ def _gradient(command: Command) -> None:
     _cam_options(c)
     c.add_argument("--speed", type=positive, required=True, metavar="RPM", help="crankshaft r/min")
     c.add_argument("--json", metavar="FILE", help="write the comparison as JSON")
-    c.add_argument("--quiet", action="store_true", help="no progress bar")
 
 
 def _scenes(command: Command) -> None:
@@ -276,6 +285,10 @@ def _cam_options(c: argparse.ArgumentParser, default: str | None = None) -> None
         help="family (polydyne, or polydyne:exponents=2/10/18/26/34,speed_rpm=6000), lift table, run folder or its "
         "design.json" + (f" ({default})" if default else ""),
     )
+    _table_options(c)
+
+
+def _table_options(c: argparse.ArgumentParser) -> None:
     c.add_argument("--table-angle", choices=("cam", "crank"), help="angle of a lift table from elsewhere")
     c.add_argument("--table-lift", choices=("mm", "m", "inch"), help="unit of the lift in such a table")
     c.add_argument(

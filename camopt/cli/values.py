@@ -3,6 +3,10 @@
 import argparse
 import math
 
+from camopt.scene.schema import LARGEST, SMALLEST
+from camopt.scene.spelling import did_you_mean
+from camopt.scene.text_file import excerpt
+
 ACCURACIES = ("draft", "standard", "fine")
 MOST_SPEEDS = 10_000
 
@@ -15,41 +19,52 @@ def speeds(text: str) -> tuple[float, ...]:
     elif len(parts) == 3:
         first, last, step = (positive(part) for part in parts)
         if last < first:
-            raise argparse.ArgumentTypeError(f"{text!r}: the last speed lies below the first")
-        count = math.floor((last - first) / step + 1e-9) + 1
-        listed = [first + i * step for i in range(min(count, MOST_SPEEDS + 1))]
+            raise argparse.ArgumentTypeError(f"{excerpt(text)}: the last speed lies below the first")
+        steps = min((last - first) / step, MOST_SPEEDS)  # before it becomes an integer, which infinity cannot
+        listed = [first + i * step for i in range(math.floor(steps + 1e-9) + 1)]
     else:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected 5000,6000 or first:last:step, as in 300:8000:100")
+        raise argparse.ArgumentTypeError(f"{excerpt(text)}: expected 5000,6000 or first:last:step, as in 300:8000:100")
     if len(listed) > MOST_SPEEDS:
-        raise argparse.ArgumentTypeError(f"{text!r}: more than {MOST_SPEEDS} speeds")
+        raise argparse.ArgumentTypeError(f"{excerpt(text)}: more than {MOST_SPEEDS} speeds")
     return tuple(listed)
 
 
 def positive(text: str) -> float:
+    """A number of the size that a scene's numbers may have."""
     try:
         value = float(text)
     except ValueError:
         value = math.nan
     if not (math.isfinite(value) and value > 0):
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a number above 0")
+        raise argparse.ArgumentTypeError(f"{excerpt(text)}: expected a number above 0")
+    if not SMALLEST <= value <= LARGEST:
+        raise argparse.ArgumentTypeError(f"{excerpt(text)}: expected a number from {SMALLEST:g} to {LARGEST:g}")
     return value
 
 
 def count(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 1000:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected an integer from 1 to 1000")
-    return int(text)
+    return _integer(text, 1, 1000)
 
 
 def digits(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or int(text) > 12:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected an integer from 0 to 12")
-    return int(text)
+    return _integer(text, 0, 12)
+
+
+def picture_file(text: str) -> str:
+    if not text.lower().endswith((".png", ".svg")):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a file that ends in .png or .svg")
+    return text
 
 
 def seed(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or int(text) >= 2**32:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected an integer from 0 to 2^32 - 1")
+    return _integer(text, 0, 2**32 - 1)
+
+
+def _integer(text: str, low: int, high: int) -> int:
+    usable = text.isascii() and text.isdigit() and len(text) <= 20  # Python converts no more than some thousand digits
+    if not usable or not low <= int(text) <= high:
+        shown = "2^32 - 1" if high == 2**32 - 1 else high
+        raise argparse.ArgumentTypeError(f"{excerpt(text)}: expected an integer from {low} to {shown}")
     return int(text)
 
 
@@ -60,5 +75,6 @@ def accuracy(text: str) -> str | float:
         return positive(text)
     except argparse.ArgumentTypeError:
         raise argparse.ArgumentTypeError(
-            f"{text!r}: expected {', '.join(ACCURACIES)} or a number of micrometres"
+            f"{excerpt(text)}: expected {', '.join(ACCURACIES)} or a number of micrometres"
+            f"{did_you_mean(text, ACCURACIES)}"
         ) from None

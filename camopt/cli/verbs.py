@@ -3,23 +3,25 @@
 Everything beyond the scene is imported inside the verb, so that bad input is answered before JAX or numba load.
 """
 
+import sys
 import tomllib
 from argparse import Namespace
 from pathlib import Path
 
-from camopt.scene import InputError, build_train, builtin_scenes, load_scene, scene_text
+from camopt.scene import InputError, Scene, build_train, builtin_scenes, load_scene, scene_text
+from camopt.scene.notes import speed_notes
+from camopt.scene.spelling import did_you_mean
+from camopt.scene.text_file import excerpt
 from camopt.storage import check_run_folder, default_run_folder, write_csv, write_json
 
 SIMULATED = ("valve", "seat", "operation", "design")
 
 
 def optimize(args: Namespace) -> int:
-    scene = load_scene(args.scene, need=SIMULATED)
-    if args.resume and args.out is None:
-        raise InputError("optimize: --resume needs the run folder to go on in: add --out DIR")
-    folder = Path(args.out) if args.out else default_run_folder(scene.name)
-    check_run_folder(folder, args.resume)
+    scene = _scene_of(args)
+    folder = _run_folder(args, scene.name)
     from camopt.optimizer.run import optimize as run
+    from camopt.report import write_report
 
     result = run(
         scene,
@@ -30,9 +32,8 @@ def optimize(args: Namespace) -> int:
         seed=args.seed,
         resume=args.resume,
         progress=not args.quiet,
+        designed=write_report,
     )
-    from camopt.report import write_report
-
     page = write_report(result.folder)
     _print_outcome(result)
     print(f"run folder: {result.folder}, report: {page}")
@@ -56,7 +57,7 @@ def _print_outcome(result) -> None:
 
 
 def verify(args: Namespace) -> int:
-    scene = load_scene(args.scene, need=SIMULATED)
+    scene = _scene_of(args)
     lift = _cam_of(args, scene)
     from camopt.verifier.accuracy import verify as verdict_of
 
@@ -71,12 +72,13 @@ def verify(args: Namespace) -> int:
         print("  ".join(shown), f" {row['verdict']}")
     broken = f" (broken: {', '.join(map(str, content['broken']))})" if content["broken"] else ""
     print(report.accuracy["statement"])
+    _print_area_words(lift, scene)
     print(f"verdict: {report.verdict}{broken}")
     return 0 if report.verdict == "confirmed" else 3
 
 
 def simulate(args: Namespace) -> int:
-    scene = load_scene(args.scene, need=SIMULATED)
+    scene = _scene_of(args)
     lift = _cam_of(args, scene)
     from camopt.study.simulate.motion import motion_table
     from camopt.study.simulate.motion import simulate as motion_of
@@ -99,34 +101,40 @@ def simulate(args: Namespace) -> int:
 
 
 def compare(args: Namespace) -> int:
-    scene = load_scene(args.scene, need=SIMULATED)
-    folder = Path(args.out) if args.out else default_run_folder(scene.name)
-    check_run_folder(folder)
+    scene = _scene_of(args)
+    folder = _run_folder(args, scene.name)
     from camopt.cam.read import read_cam
+    from camopt.cli.comparison_lines import comparison_lines
 
-    designs = {str(Path(d)): read_cam(Path(d), scene) for d in args.design}
+    designs = {
+        str(Path(d)): read_cam(Path(d), scene, args.table_angle, args.table_lift, args.table_ratio) for d in args.design
+    }
     from camopt.optimizer.baselines.comparison import compare as comparison
 
     comparison(scene, designs, folder, baselines=args.baselines, progress=not args.quiet)
+    print("\n".join(comparison_lines(folder)))
+    for name, lift in designs.items():
+        _print_area_words(lift, scene, f"{name}: ")
     print(f"comparison: {folder}")
     return 0
 
 
 def cam(args: Namespace) -> int:
     asked = tuple(f"--{name}" for name in ("speed", "contour") if getattr(args, name) is not None)
-    scene = load_scene(args.scene, need=SIMULATED if args.speed else ("operation", "design"))
+    scene = _scene_of(args, SIMULATED if args.speed else ("operation", "design"))
     if asked and scene.geometry is None:
         raise InputError(f"scene {scene.name}: {' and '.join(asked)} needs [geometry]: follower and base radius")
     lift = _cam_of(args, scene)
     from camopt.study.cam_sheet import export, sheet
 
-    export(scene, lift, args.csv, args.contour, args.step_deg, args.digits)
+    export(scene, lift, args.csv, args.contour, args.step_deg, args.digits, args.figure)
     print("\n".join(sheet(scene, lift, args.speed)))
+    _print_area_words(lift, scene)
     return 0
 
 
 def modes(args: Namespace) -> int:
-    scene = load_scene(args.scene)
+    scene = _scene_of(args, ())
     from camopt.study.modes import modes as modes_of
 
     found = modes_of(scene, args.state)
@@ -141,7 +149,7 @@ def modes(args: Namespace) -> int:
 
 
 def bound(args: Namespace) -> int:
-    scene = load_scene(args.scene, need=SIMULATED)
+    scene = _scene_of(args)
     from camopt.optimizer.bound.summary import area_bound
 
     content = area_bound(scene)
@@ -153,7 +161,7 @@ def bound(args: Namespace) -> int:
 
 
 def reduce(args: Namespace) -> int:
-    scene = load_scene(args.scene, need=SIMULATED)
+    scene = _scene_of(args)
     lift = _cam_of(args, scene)
     from camopt.study.reduce.reduction import reduce as reduction_of
     from camopt.study.reduce.reduction import reduction_lines
@@ -166,11 +174,8 @@ def reduce(args: Namespace) -> int:
 
 
 def tradeoff(args: Namespace) -> int:
-    scene = load_scene(args.scene, need=SIMULATED)
-    if args.resume and args.out is None:
-        raise InputError("tradeoff: --resume needs the folder to go on in: add --out DIR")
-    folder = Path(args.out) if args.out else default_run_folder(scene.name)
-    check_run_folder(folder, args.resume)
+    scene = _scene_of(args)
+    folder = _run_folder(args, scene.name)
     cam = _cam_of(args, scene)
     from camopt.study.tradeoff.tradeoff import tradeoff as measure
 
@@ -181,12 +186,9 @@ def tradeoff(args: Namespace) -> int:
 
 
 def extremes(args: Namespace) -> int:
-    if args.resume and args.out is None:
-        raise InputError("extremes: --resume needs the folder to go on in: add --out DIR")
     dynamic = (name for name, text in builtin_scenes().items() if "seat" in tomllib.loads(text))
-    scenes = [load_scene(name, need=SIMULATED) for name in ([args.scene] if args.scene else dynamic)]
-    folder = Path(args.out) if args.out else default_run_folder(scenes[0].name if args.scene else "extremes")
-    check_run_folder(folder, args.resume)
+    scenes = [_scene_of(args)] if args.scene else [load_scene(name, need=SIMULATED) for name in dynamic]
+    folder = _run_folder(args, scenes[0].name if args.scene else "extremes")
     from camopt.plots import save
     from camopt.plots.verdicts import verdict_matrix
     from camopt.study.extremes.extremes import counts, defects, extremes
@@ -205,7 +207,7 @@ def extremes(args: Namespace) -> int:
 
 
 def gradient(args: Namespace) -> int:
-    scene = load_scene(args.scene, need=SIMULATED)
+    scene = _scene_of(args)
     lift = _cam_of(args, scene)
     from camopt.study.gradient.report import gradient_report, report_lines
 
@@ -220,12 +222,45 @@ def gradient(args: Namespace) -> int:
 def scenes(args: Namespace) -> int:
     if args.name is not None:
         if args.name not in builtin_scenes():
-            raise InputError(f"scene {args.name!r}: not built in; built in are {', '.join(builtin_scenes())}")
+            meant = did_you_mean(args.name, builtin_scenes()) or f"; built in are {', '.join(builtin_scenes())}"
+            raise InputError(f"scene {excerpt(args.name)}: not built in{meant}")
         print(scene_text(args.name), end="")
         return 0
     for name, text in builtin_scenes().items():
         print(f"{name:<14} {tomllib.loads(text)['title']}")
     return 0
+
+
+def _scene_of(args: Namespace, need: tuple[str, ...] = SIMULATED) -> Scene:
+    """The scene that a command names; what is unusual about it or about the speeds asked is noted."""
+    scene = load_scene(args.scene, need)
+    notes = [f"{args.scene}: {note}" for note in scene.notes]
+    if (speed := getattr(args, "speed", None)) is not None:
+        notes += speed_notes("--speed", [speed])
+    if isinstance(speeds := getattr(args, "speeds", None), tuple):
+        notes += speed_notes("--speeds", speeds)
+    for note in notes:
+        print(f"camopt: note: {note}", file=sys.stderr)
+    return scene
+
+
+def _run_folder(args: Namespace, name: str) -> Path:
+    """The folder that a command is to write, known to be free or to be resumed; `args.folder` from here on."""
+    resume = getattr(args, "resume", False)
+    if resume and args.out is None:
+        raise InputError(f"{args.command}: --resume needs the folder to go on in: add --out DIR")
+    folder = Path(args.out) if args.out else default_run_folder(name)
+    check_run_folder(folder, resume)
+    args.folder = folder
+    return folder
+
+
+def _print_area_words(lift, scene, whose: str = "") -> None:
+    """What must be said of a cam's duration and area ratio, a line each."""
+    from camopt.optimizer.bound.area_words import area_words
+
+    for sentence in area_words(lift, scene.design):
+        print(f"note: {whose}{sentence}")
 
 
 def _cam_of(args: Namespace, scene):

@@ -1,11 +1,11 @@
 """The JAX rule of the exact path: `jax.grad`, `jax.jit` and `jax.vmap` through event-exact motions.
 
-The motion runs outside JAX, in one host call whatever is batched: its motions side by side in threads, derivatives by
-their discrete adjoint. The rule stands here and not in `camopt.exact`, which the verifier's verdict imports and which
-therefore knows no JAX.
+The motion runs outside JAX. A batch takes one host call, in which its motions run side by side in threads; derivatives
+come from their discrete adjoint. The rule stands here and not in `camopt.exact`, because the verifier's verdict imports
+`camopt.exact` and must not load JAX.
 
-A motion that cannot be followed (no rest, endless switching, no bound, numbers that are not finite or a mass or
-stiffness that is not positive) is NaN throughout, its derivatives too.
+A motion that cannot be followed is NaN throughout, and so are its derivatives. That happens where there is no rest, the
+motion switches endlessly or has no bound, a number is not finite, or a mass or stiffness is not positive.
 """
 
 import os
@@ -27,7 +27,7 @@ from camopt.scene.response import Response
 from camopt.scene.train import Train
 
 VELOCITY = "m_per_s"
-"""How the names of metrics end that grow with all velocities."""
+"""Ending of the names of those metrics that grow in proportion to all velocities."""
 SLOWER = 100.0
 """How many times slower than expected a traced speed may come out before the motion is given up."""
 WORKERS = os.cpu_count() or 1
@@ -52,7 +52,7 @@ def exact_metrics(
     the borders take lift and velocity to be continuous across them, and the opening foot not to end a hop. `spacing`
     [rad] as of `TracedMotion`, for batches of many cams at few speeds.
 
-    The value costs one motion, values with their gradients by the cam one motion and one sweep back per metric.
+    The values cost one motion. Values with their gradients by the cam cost one motion and one sweep back per metric.
     Raises InputError for an unknown metric, an unknown parameter or laws that are not linear.
     """
     motion, variables = _varying(train, lift, cam_speed, parameters, revolutions, spacing)
@@ -104,9 +104,9 @@ def differentiable_motion(
 ) -> tuple[Response, dict[str, jax.Array]]:
     """Motion from rest on `steps` equal steps per revolution, and the metrics of all revolutions but the last.
 
-    Arguments as of `exact_metrics`; what is differentiated by costs the motion a second time and a sweep per
-    revolution. A motion at less than a hundredth of the `slowest` speed [rad/s] is NaN: it would take hours. The
-    record's arrays are JAX arrays.
+    Arguments are those of `exact_metrics`, and the record's arrays are JAX arrays. Differentiating costs the motion a
+    second time and a sweep per revolution. A motion at less than a hundredth of the `slowest` speed [rad/s] is NaN,
+    because it would take hours.
     """
     motion, variables = _varying(train, lift, cam_speed, parameters, revolutions, slowest=slowest)
     names = [] if train.seat < 0 or not train.cam_side else list(METRICS)
@@ -170,14 +170,16 @@ def differentiable_motion(
 
 
 def weighted(bar: jax.Array, slope: jax.Array) -> jax.Array:
-    """Sum of slopes (l, ...) times bar (l), of those whose weight is not zero: the others may be NaN."""
+    """Sum of the slopes (l, ...) times their weights bar (l), without those of weight zero, which may be NaN."""
     bar = jnp.reshape(bar, (len(bar), *(1,) * (slope.ndim - 1)))
     return jnp.sum(jnp.where(bar == 0.0, 0.0, bar * slope), 0)
 
 
 def host_call(function: Callable, result: Any, *args: Any) -> Any:
-    """`function` of NumPy arrays (a tree like `result`) as one JAX call; under `vmap` it still is one, its rows in
-    threads."""
+    """Calls a `function` of NumPy arrays, which returns a tree like `result`, from JAX.
+
+    Under `vmap` it is still one call, whose rows run in threads.
+    """
     shapes = jax.tree.map(lambda part: jax.ShapeDtypeStruct(np.shape(part), jnp.float64), result)
     ranks = [np.ndim(leaf) for leaf in jax.tree.leaves(args)]
 
@@ -216,6 +218,6 @@ def _varying(train: Train, lift: Lift, cam_speed, parameters, revolutions: int, 
 
 
 def _perturbed(variables) -> tuple[dict[str, jax.Array], tuple[str, ...]]:
-    """Values of variables in a forward rule, and the names of those that are differentiated by."""
+    """The values of the variables in a forward rule, and the names of those by which JAX differentiates."""
     names = tuple(name for name, variable in variables.items() if variable.perturbed)
     return {name: variable.value for name, variable in variables.items()}, names

@@ -1,16 +1,18 @@
 """Every family as a JAX function of its free parameters: lift, area and peak values, to be differentiated at will.
 
-The families build their pieces once, on arrays of NumPy or of JAX (`event_pieces`, `flank`, `closed`, `FreeCam.pieces`,
-`whole_turn`); here they run on JAX's, so derivatives are those of the construction itself, linear solves included, and
-exact to round-off. Parameters are a dictionary of arrays under the names and in the units of the command line:
+The functions that build a family's pieces (`event_pieces`, `flank`, `closed`, `FreeCam.pieces`, `whole_turn`) take
+arrays of NumPy or of JAX. Here they run on JAX arrays, so that derivatives are those of the construction itself, its
+linear solves included, and exact to round-off. Parameters are a dictionary of arrays, under the names and
+in the units of the command line:
 
     cam = differentiable(scene, multi_pol(scene))
     jax.grad(cam.area)(cam.parameters)["sections_deg"]
     jax.jacobian(cam.lift, argnums=1)(theta, cam.parameters)
 
-A member found for the largest area is taken at its angles and levels: those are its parameters, and what the search
-would do under other limits is not asked. Peaks: with x* the place of the peak, d/dp max f = df/dp at x* held fixed in
-its piece (Danskin 1966); where two pieces tie, the derivative is that of the one found first.
+A member that was found for the largest area is differentiated at its angles and levels, which are its parameters; the
+derivative does not include what the search would find under other limits. The derivative of a peak value is the one at
+the place of the peak, which is held fixed in its piece (Danskin 1966). Where two pieces tie, the derivative is that of
+the piece found first.
 """
 
 from collections.abc import Callable
@@ -35,16 +37,16 @@ from camopt.scene import InputError, Scene
 from camopt.scene.units import DEG, MM, MM_PER_DEG
 
 Parameters = dict[str, Any]
-"""Name -> array or number, in the units of the name."""
+"""Arrays or numbers by name, in the unit that the name states."""
 LEAST_REAL_EXPONENT = 8
-"""A smaller exponent has to be an integer, so it is no parameter to differentiate by."""
+"""An exponent below this has to be an integer, so that nothing can be differentiated by it."""
 SAMPLES, NEWTON_STEPS = 33, 5
-"""Samples per piece that a peak is searched on, and the steps that place it."""
+"""Number of samples per piece on which a peak is sought, and number of Newton steps that then place it."""
 
 
 @dataclass(frozen=True)
 class DifferentiableCam:
-    """A cam as a function of its `parameters`, the values it has now.
+    """A cam as a function of its parameters; `parameters` holds the values that they have now.
 
     `moving_pieces(parameters)` gives borders (p + 1) [rad] and coefficients (p, q) [m/rad^k] from -pi to pi, as `Lift`
     has them but for empty pieces; `half_duration(parameters)` half the angle between the ramp tops [rad]. All methods
@@ -104,7 +106,7 @@ class DifferentiableCam:
     def peak(self, parameters: Parameters, order: int = 0, lowest: bool = False) -> jax.Array:
         """Largest, or with `lowest` smallest, lift or derivative by angle [m/rad^order] over the turn.
 
-        One-sided values at the borders of pieces count, so a step shows with both its sides.
+        At the borders of pieces the values from both sides count, so that a step shows with both its sides.
         """
         borders, coefficients = self.moving_pieces(parameters)
         widths = jnp.diff(borders)
@@ -115,14 +117,14 @@ class DifferentiableCam:
 
 
 def _polynomial(coefficients, x, order: int) -> jax.Array:
-    """The derivative `order` of sum_k c_k x^k, coefficients (..., q) in ascending powers, at x (...)."""
+    """The derivative `order` of sum_k c_k x^k at x (...); the coefficients (..., q) stand in ascending powers."""
     k = np.arange(order, coefficients.shape[-1])
     falling = np.array([float(perm(i, order)) for i in k])
     return jnp.sum(falling * coefficients[..., order:] * x[..., None] ** (k - order), axis=-1)
 
 
 def _places(coefficients, widths, order: int) -> jax.Array:
-    """Share of its width (p) at which the derivative `order` of each piece (p, q) is largest."""
+    """The share (p) of its width at which the derivative `order` of each piece (p, q) is largest."""
     grid = np.linspace(0.0, 1.0, SAMPLES)
     shares = jnp.asarray(grid)[jnp.argmax(_polynomial(coefficients[:, None, :], grid * widths[:, None], order), axis=1)]
 
@@ -137,13 +139,14 @@ def _places(coefficients, widths, order: int) -> jax.Array:
 
 
 def differentiable(scene: Scene, cam: Lift) -> DifferentiableCam:
-    """A family's member as a function of its free parameters: its own, then the design conditions it is built for.
+    """A family's member as a function of its own free parameters and of the design conditions for which it is built.
 
-    Own parameters. polydyne: `exponents` of at least 8, `speed_rpm`; exponent: `exponents`; multi-pol, new-design,
-    kurz, trapezoid: `sections_deg` but the last, which takes the rest of half the duration, and every level that the
-    conditions at the nose leave free; new-design: `start_ratio` too; free: `z`, the free coefficients [mm/deg^2].
-    Design conditions, for all but the free cam: `duration_deg`, `max_lift_mm`, `ramp_height_mm`,
-    `ramp_velocity_mm_per_deg`. Raises InputError for a cam of no family, such as a lift table.
+    The own parameters of polydyne are `exponents` of at least 8 and `speed_rpm`; of exponent, `exponents`; of
+    multi-pol, new-design, kurz and trapezoid, all `sections_deg` except the last, which takes the rest of half the
+    duration, and every level that the conditions at the nose leave free; of new-design, `start_ratio` as well; of the
+    free cam, `z`, its free coefficients [mm/deg^2]. All families but the free cam also have the design conditions
+    `duration_deg`, `max_lift_mm`, `ramp_height_mm` and `ramp_velocity_mm_per_deg`. Raises InputError for a cam that
+    belongs to no family, such as a lift table.
     """
     if cam.family == "free":
         return _free(scene, cam)
@@ -203,7 +206,7 @@ def _new_design(p: Parameters, cam: Lift) -> SectionTable:
 
 
 TableOf = Callable[[Parameters, Lift], SectionTable]
-"""The table of a sectioned family for given parameters."""
+"""A function that gives the table of a sectioned family for given parameters."""
 
 
 def _table_of(family: str) -> TableOf:
@@ -238,7 +241,7 @@ def _sections(cam: Lift, table_of: TableOf) -> tuple[Parameters, Event]:
 
 
 def _free(scene: Scene, cam: Lift) -> DifferentiableCam:
-    """The free cam by its free coefficients."""
+    """The free cam as a function of its free coefficients."""
     if scene.design is None:
         raise InputError("free: the scene needs [design]")
     free = free_cam(scene.design, cam.parameters["knot_deg"])

@@ -1,6 +1,6 @@
 """`camopt.simulate(..., method="smooth", parameters=...)`: one motion as a function of the numbers of train and cam.
 
-`parameters` is a dictionary of arrays, so JAX differentiates, batches and compiles by it as it stands.
+`parameters` is a dictionary of arrays, which JAX can differentiate by, batch and trace without further preparation.
 """
 
 from collections.abc import Mapping
@@ -21,11 +21,11 @@ from camopt.smooth.simulate import EPS, LIFT_SAMPLES, STEPS, TOLERANCE, response
 from camopt.smooth.system import Motion, System, build_system
 
 TRAIN_PARAMETERS = ("mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap")
-"""Fields of `Train` that may be given; the stiffness of a hertz contact is its coefficient [N/m^exponent]."""
+"""Fields of `Train` that may be given. The stiffness of a hertz contact is its coefficient [N/m^exponent]."""
 
 
 def system_with(train: Train, parameters: Mapping[str, jax.Array]) -> System:
-    """The system of a train, with those of its numbers that `parameters` holds in place of the train's."""
+    """The system of a train, in which the numbers that `parameters` holds take the place of the train's own."""
     system = build_system(train)
     names = [name for name in TRAIN_PARAMETERS if name in parameters]
     values = [jnp.asarray(parameters[name], system.mass.dtype) for name in names]
@@ -82,7 +82,7 @@ def allowed_steps(train: Train, slowest: float) -> int:
 
 
 def regular_angles(revolutions: int, steps: int) -> np.ndarray:
-    """Angles (revolutions * steps + 1) of a record from -pi [rad]."""
+    """Equally spaced angles (revolutions * steps + 1) [rad] of a record that begins at -pi."""
     return np.linspace(-np.pi, (2 * revolutions - 1) * np.pi, revolutions * steps + 1)
 
 
@@ -99,7 +99,7 @@ def _motion(system, samples, cam_speed, y0, numbers, revolutions: int, steps: in
 
 
 def regular(motion: Motion, cam_speed, angle: np.ndarray) -> Motion:
-    """The motion at the angles `angle` [rad]: positions cubic between samples, velocities and forces linear."""
+    """The motion at the angles `angle` [rad]; between samples positions are cubics, velocities and forces linear."""
     theta = jnp.asarray(angle)
 
     def linear(values):

@@ -1,4 +1,4 @@
-"""Event-exact motion (numba, no JAX): the reference of the project where all laws are linear."""
+"""Event-exact motion (numba, no JAX): the reference against which the project measures trains with linear laws."""
 
 from pathlib import Path
 

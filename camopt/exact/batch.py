@@ -23,7 +23,8 @@ from camopt.exact.adjoint.motion import (
 )
 from camopt.exact.adjoint.seeds import empty_seeds
 from camopt.exact.adjoint.sweep import sweep
-from camopt.exact.engine import MOST_SWITCHINGS, train_arrays
+from camopt.exact.engine import MOST_SWITCHINGS
+from camopt.exact.kernel.arrays import CamArrays, TrainArrays, train_arrays
 from camopt.exact.kernel.propagators import propagators
 from camopt.exact.kernel.revolution import DONE, NEED_TABLES, TRACE_FULL
 from camopt.exact.kernel.setting import Setting, follow, slot_tables
@@ -39,13 +40,13 @@ class Wanted(NamedTuple):
 
     revolutions: int
     revolution: int
-    metrics: np.ndarray  # (l) numbers
+    metrics: np.ndarray  # (l) the numbers by which `measure` knows the metrics
     weights: np.ndarray  # (l)
     together: bool  # one sweep for the weighted sum instead of one per metric
 
 
 class Motions(NamedTuple):
-    """k motions of one train on the same pieces, and what is found of them; g sweeps each."""
+    """k motions of one train whose cams share their piece borders, with room for what g sweeps find of each motion."""
 
     borders: np.ndarray  # (p + 1) rad
     coefficients: np.ndarray  # (k, p, q)
@@ -62,21 +63,22 @@ class Motions(NamedTuple):
 
 @numba.njit(cache=True, nogil=True)
 def run(s, motions, wanted, most, rows, trace, seeds, begin, end):
-    """Motions `begin` to `end` under the setting s, whose cam is replaced; stops at one that is not done.
+    """Runs the motions `begin` to `end` under the setting s, with each motion's own cam in place of the setting's.
 
-    Returns (that motion or `end`, code, missing key); `rows` as of `follow`.
+    The loop stops at the first motion that `follow` cannot finish. Returns (the number of that motion, or `end`; the
+    code that `follow` gave; the key of the missing table). `rows` is passed on to `follow`.
     """
     start = np.empty(motions.state.shape[1])
     for i in range(begin, end):
         start[:] = motions.state[i]
-        cam = (motions.borders, motions.coefficients[i], motions.cam_speed[i])
-        code, count, _ = follow(s.laws, cam, s.step, s.tables, motions.state[i], wanted.revolutions, most, rows, trace)
+        cam = CamArrays(motions.borders, motions.coefficients[i], motions.cam_speed[i])
+        code, count, _ = follow(s.train, cam, s.step, s.tables, motions.state[i], wanted.revolutions, most, rows, trace)
         if code != DONE:
             motions.state[i] = start
             return i, code, count
         one = Setting(
-            s.laws, cam, s.step, s.tables, s.states, s.motion, s.integral, s.valve, s.seat, s.cam_side, s.half_duration,
-            motions.foot[i],
+            s.train, cam, s.step, s.tables, s.states, s.motion, s.integral, s.valve, s.seat, s.cam_side,
+            s.half_duration, motions.foot[i],
         )  # fmt: skip
         done = first(trace, count)
         for j in range(motions.by_start.shape[1]):
@@ -103,12 +105,13 @@ def value_and_gradient_many(
     mechanical: bool = False,
     spacing: float | None = None,
 ) -> list[Gradient | None]:
-    """`value_and_gradient` of k motions side by side in threads; None for a motion that is refused.
+    """`value_and_gradient` of k motions side by side in threads; a motion that is refused gives None.
 
-    `lifts` (k), `cam_speeds` (k) [rad/s], `starts` (k, 2n) or None for rest; the rest as there. Raises InputError as
-    there.
+    `lifts` (k) and `cam_speeds` (k) [rad/s] describe the motions. `starts` (k, 2n: [m], then [m/s]) are the states in
+    which they begin; without them every motion begins at rest. All other arguments mean what they mean for
+    `value_and_gradient`, and InputError is raised in the same cases.
     """
-    laws = train_arrays(train)
+    arrays = train_arrays(train)
     weights = np.ones(len(metrics)) if cotangent is None else np.asarray(cotangent, dtype=float)
     wanted = Wanted(revolutions, revolution, metric_numbers(train, metrics), weights, cotangent is not None)
     states = np.array([rest_state(train)] * len(lifts) if starts is None else starts, dtype=float)
@@ -121,7 +124,7 @@ def value_and_gradient_many(
     def one_part(step: float, at_once: int, part: list[int]) -> None:
         some, speeds = [lifts[i] for i in part], np.array([cam_speeds[i] for i in part])
         motions = _motions(train, some, speeds, states[part], wanted, mechanical)
-        for i in _run(train, laws, motions, wanted, step, at_once, some[0].half_duration):
+        for i in _run(train, arrays, motions, wanted, step, at_once, some[0].half_duration):
             found[part[i]] = _gradient(train, motions, i, tuple(metrics), mechanical, starts is None)
 
     with ThreadPoolExecutor(workers) as pool:
@@ -154,9 +157,9 @@ def _motions(train: Train, lifts: list[Lift], speeds, states, wanted: Wanted, me
 
 
 def _run(
-    train: Train, laws: tuple, motions: Motions, wanted: Wanted, step: float, at_once: int, half_duration: float
+    train: Train, arrays: TrainArrays, motions: Motions, wanted: Wanted, step: float, at_once: int, half_duration: float
 ) -> list[int]:
-    """Runs all motions; returns those that are not refused."""
+    """Runs all motions and returns the numbers of those that are not refused."""
     tables = propagators(train, step, motions.coefficients.shape[2], at_once)
     sides, k, segments = np.array(train.cam_side, dtype=np.int64), len(motions.cam_speed), 0
     observations, i, done, code = OBSERVATIONS * len(wanted.metrics), 0, [], TRACE_FULL
@@ -167,8 +170,8 @@ def _run(
             seeds = empty_seeds(segments, observations, len(train.mass), len(train.a))
         built = tables.built
         numbers = train.valve, train.seat, sides, half_duration, 0.0
-        cam = motions.borders, motions.coefficients[0], 0.0
-        setting = Setting(laws, cam, step, built, *slot_tables(tables).for_tables(built), *numbers)
+        cam = CamArrays(motions.borders, motions.coefficients[0], 0.0)
+        setting = Setting(arrays, cam, step, built, *slot_tables(tables).for_tables(built), *numbers)
         begin = i
         i, code, key = run(setting, motions, wanted, MOST_SWITCHINGS, NO_ROWS, trace, seeds, begin, k)
         done += range(begin, i)

@@ -5,9 +5,9 @@ With compressions d and elastic forces p = preload + k d the equations of motion
     in = int f lift' dt (cam-driven elements) + int force v dt,
     damped = int c d'^2 dt (acting elements) + int c v^2 dt (masses),
 and `left` is what a contact still holds when its force reaches zero: -int p d' dt while it is compressed without force.
-That is U(opening) where it separates and U(opening) - U(closing) where it closes again, U = p^2 / (2 k), so nothing is
-counted that comes back (design.md section 2). The contact law is written here once more, and from the motion alone: the
-balance closes only if the method that made the record integrated these equations.
+With U = p^2 / (2 k) that is U(opening) where it separates and U(opening) - U(closing) where it closes again, so that
+nothing is counted that comes back (docs/model.md). The contact law is written here once more and is evaluated on the
+motion alone: the balance closes only if the method that made the record integrated these equations.
 """
 
 from dataclasses import dataclass
@@ -56,17 +56,18 @@ class Energy:
 
     @property
     def residual_relative(self) -> float:
-        """Residual by the largest stored energy of the record."""
+        """Residual divided by the largest stored energy of the record."""
         return self.residual / float(self.stored.max())
 
 
 def energy(response: Response, lift: Lift) -> Energy:
     """The energy balance of a record of any length by any method that opens contacts where their force reaches zero.
 
-    Between samples the motion is taken as the quintic through positions, velocities and accelerations, the latter from
-    the recorded forces on the interval's own side of a force jump; the lift is exact. Where contacts switch at samples
-    (event-exact) only this interpolation errs, below 1e-9 of the stored energy at 7200 samples in a revolution of the
-    built-in scenes; where they do not, the residual is the method's own error. Raises InputError for nonlinear laws.
+    Between samples the motion is taken as the quintic through positions, velocities and accelerations. Accelerations
+    follow from the recorded forces on the interval's own side of a force jump; the lift is exact. Where contacts switch
+    at samples, as in event-exact motion, only this interpolation errs: by less than 1e-9 of the stored energy at 7200
+    samples in a revolution of the built-in scenes. Where contacts switch between samples, the residual is the method's
+    own error. Raises InputError for nonlinear laws.
     """
     response.train.require_linear("the energy balance", "judge such a train by the agreement of its methods")
     t, time = response.train, response.time

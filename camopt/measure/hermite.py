@@ -5,13 +5,13 @@ from functools import cached_property
 import numpy as np
 
 BISECTIONS = 52
-"""Halvings of a step in locating a root: down to the rounding of the angle."""
+"""Number of times that a step is halved to locate a root, which reaches the rounding of the angle."""
 
 
 class Hermite:
     """Cubic Hermite interpolant of values `y` with slopes `slope` (per rad) at ascending angles (k) [rad].
 
-    Of two samples at one angle one is dropped: position and velocity are continuous where a force jumps.
+    Of two samples at one angle one is dropped, because position and velocity are continuous where a force jumps.
     """
 
     def __init__(self, angle: np.ndarray, y: np.ndarray, slope: np.ndarray):
@@ -87,7 +87,7 @@ class Hermite:
 
     @cached_property
     def _roots(self) -> tuple[np.ndarray, np.ndarray]:
-        """Angles at which the sign changes, and whether it falls; between knots the cubic is monotone."""
+        """Angles at which the sign changes, and whether the value falls there; between knots the cubic is monotone."""
         angle, value = self._knots
         above = value > 0
         change = np.flatnonzero(above[1:] != above[:-1])

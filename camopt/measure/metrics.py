@@ -1,4 +1,4 @@
-"""The metrics of a recorded motion (design.md section 4): one value per revolution, from piecewise cubics in NumPy.
+"""The metrics of a recorded motion (docs/model.md): one value per revolution, from piecewise cubics in NumPy.
 
 The seat force becomes positive where the signed distance s falls through zero: a closing contact is compressed and
 pushes from there on. So the touch is the root of s, not the first sample that shows a force.
@@ -82,7 +82,7 @@ class _Curves:
         return dict(zip(names, (bounce, seating, float(np.max(impacts))), strict=True))
 
     def _excess(self, start: float, end: float) -> float:
-        """Largest s - max(0, lift - lash) [m]: apart where the lift is above the lash and where it is below."""
+        """Largest s - max(0, lift - lash) [m], taken separately where the lift is above and below the lash."""
         lifted = self.above_lash.positive_spans(start, end)
         seated = np.concatenate([[start], lifted.ravel(), [end]]).reshape(-1, 2)
         best = [self.excess.maximum(*span) for span in lifted]
@@ -100,7 +100,7 @@ def _gap(response: Response, e: int, lift_slope: np.ndarray) -> tuple[np.ndarray
 
 
 def _force_extremes(angle: np.ndarray, force: np.ndarray, low: float, high: float) -> tuple[float, float]:
-    """Smallest and largest force over [low, high], the extreme sample raised to the vertex of its parabola.
+    """Smallest and largest force over [low, high]; an extreme sample gives way to the vertex of its parabola.
 
     A parabola is drawn only through forces above zero: a contact's force jumps from zero where it closes.
     """

@@ -10,7 +10,7 @@ from camopt.scene.errors import MotionRefused
 from camopt.scene.response import Response, Revolve, end_state, joined
 
 SETTLED_POSITION = 1e-6
-"""Largest change of a position over a revolution of a settled motion [m] (design.md section 4)."""
+"""Largest change of a position over a revolution of a settled motion [m] (docs/model.md)."""
 SETTLED_VELOCITY = 1e-3
 """Largest change of a velocity over a revolution of a settled motion [m/s]."""
 LESS_IS_WORSE = {"contact_force_min_N", "dynamic_area_mm_deg"}

@@ -11,15 +11,15 @@ from camopt.verifier.accuracy import EFFORTS, Effort
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Effort of one accuracy."""
+    """The effort that one accuracy stands for."""
 
-    knot_deg: float  # of the free cam
-    program_speeds: int  # of the no-jump program over a band
-    judged_speeds: int  # of the search's judge over a band
-    judge_stride: int  # one in so many is judged first
+    knot_deg: float  # knot interval of the free cam
+    program_speeds: int  # speeds of the no-jump program over a band
+    judged_speeds: int  # speeds of the search's judge over a band
+    judge_stride: int  # one speed in so many is judged first
     gradient_steps: int
-    margin_draws: int  # cams judged whose margins are drawn apart
-    verdict: Effort  # of the final verdict
+    margin_draws: int  # number of judged cams whose margins are drawn apart
+    verdict: Effort  # effort of the final verdict
 
 
 ACCURACIES = {
@@ -29,7 +29,7 @@ ACCURACIES = {
 }
 
 BEYOND = 1e-3
-"""Relative width by which the judged band exceeds the scene's: the verdict's neighbouring speeds."""
+"""The judged band exceeds the scene's by this share of a speed, to include the verdict's neighbouring speeds."""
 
 
 def accuracy_named(name: str) -> Accuracy:

@@ -27,7 +27,7 @@ NOT_FOUND = (
     f"nonlinear laws, stiffness tables"
 )
 GROUNDING = 1e-12
-"""Stiffness to ground that a Newton step adds, relative to the largest of the train."""
+"""Stiffness to ground that a Newton step adds, relative to the largest stiffness of the train."""
 
 
 def static_matrices(train: Train, closed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -42,7 +42,7 @@ def static_matrices(train: Train, closed: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def _row(train: Train, e: int) -> np.ndarray:
-    """Compression of element e by position, shape (n)."""
+    """Derivative of the compression of element e by the positions, shape (n)."""
     row = np.zeros(len(train.mass))
     if train.a[e] != GROUND:
         row[train.a[e]] += 1.0

@@ -15,10 +15,10 @@ HOLDING_N = 1e5
 def held_closed(train: Train) -> Train:
     """The train whose contacts between cam and valve also pull, by up to `HOLDING_N`.
 
-    Each such contact has that preload more, and the masses at its ends carry it as a constant force: the motion is the
-    same as long as it pushes, and goes on linearly where it would part. Its force is reported with the preload. Every
-    path simulates and differentiates it as it does any train. Raises InputError where such a contact's law is not
-    linear, or where there is none.
+    Each such contact gets that much more preload, and the masses at its ends carry it as a constant force. So the
+    motion is the same as long as the contact pushes, and it goes on linearly where the contact would part. The force
+    that is reported includes the additional preload. Every path simulates and differentiates the new train as it does
+    any other. Raises InputError where such a contact's law is not linear, or where there is no such contact.
     """
     if not train.cam_side:
         raise InputError("a contact force margin needs a contact between cam and valve: name the scene's valve")

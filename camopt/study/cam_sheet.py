@@ -1,5 +1,6 @@
 """A cam as `camopt cam` shows it: against the scene's limits and its follower, with its Hertz stress; its exports."""
 
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +12,18 @@ from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import write_lift_table
 from camopt.scene import InputError, MotionRefused, Scene, build_train
 from camopt.scene.rest import static_forces
-from camopt.scene.schema import Geometry
+from camopt.scene.schema import Design, Geometry
 from camopt.scene.units import DEG, MM
+from camopt.storage import write_bytes
 
 CONTOUR_DIGITS = 6
 REVOLUTIONS = 6
 """From rest to the revolution that is read: five to six are usually taken as settled (Wagstaff 1967, as MOTORI 2004
 quotes)."""
 STATIC_STEP_DEG = 0.5
+SAME_DURATION_DEG = 1e-3
+SAME_LIFT = 1e-6
+"""Differences in duration, and in lift over the maximum, that rounding of a table leaves."""
 LABELS = {
     "smallest_convex_radius_mm": "smallest convex radius",
     "smallest_concave_radius_mm": "smallest concave radius",
@@ -29,8 +34,19 @@ LABELS = {
 }
 
 
-def export(scene: Scene, lift: Lift, table: str | None, contour: str | None, step_deg: float, digits: int | None):
-    """Writes the lift table (every digit where `digits` is None) and the contour, where files are named."""
+def export(
+    scene: Scene,
+    lift: Lift,
+    table: str | None,
+    contour: str | None,
+    step_deg: float,
+    digits: int | None,
+    figure: str | None = None,
+) -> None:
+    """Writes the lift table (every digit where `digits` is None), the contour, and the figure, where files are named.
+
+    The figure, PNG or SVG by its suffix, shows lift, velocity, acceleration and jerk with the scene's limits.
+    """
     geometry = scene.geometry
     if table and digits is None:
         write_lift_table(table, lift, step_deg)
@@ -39,6 +55,10 @@ def export(scene: Scene, lift: Lift, table: str | None, contour: str | None, ste
     if contour:
         assert geometry is not None, "the verb asks for it"
         write_contour(Path(contour), lift, geometry, step_deg, CONTOUR_DIGITS if digits is None else digits)
+    if figure:
+        from camopt.plots.style import picture
+
+        write_bytes(figure, picture(lift.plot(scene.design), Path(figure).suffix[1:].lower()))
 
 
 def sheet(scene: Scene, lift: Lift, speed_rpm: float | None = None) -> list[str]:
@@ -57,9 +77,10 @@ def sheet(scene: Scene, lift: Lift, speed_rpm: float | None = None) -> list[str]
 def _limits(scene: Scene, lift: Lift) -> list[str]:
     design = scene.design
     assert design is not None, "the verb asks for it"
-    ratio = lift.area_ratio(design.max_lift_mm * MM)
+    ratio = lift.area_ratio_in(design)
     lines = [
         f"{lift.family}: " + ", ".join(f"{k} = {v}" for k, v in lift.parameters.items()),
+        f"duration       {2 * lift.half_duration / DEG:.4f} deg (scene: {design.duration_deg:g})",
         f"maximum lift   {lift.max_lift / MM:.6f} mm (limit {design.max_lift_mm:g})",
         f"area           {lift.area / MM / DEG:.4f} mm deg, area ratio {ratio:.6f}",
     ]
@@ -71,7 +92,36 @@ def _limits(scene: Scene, lift: Lift) -> list[str]:
         least, most = (value * DEG**order / MM for value in lift.extremes(order))
         limit = f"limits {'none' if low is None else f'{low:g}'} to {'none' if high is None else f'{high:g}'}"
         lines.append(f"{name:<14} {least:.6f} to {most:.6f} mm/deg^{order} ({limit})")
-    return lines
+    return lines + remarks(lift, design)
+
+
+def remarks(lift: Lift, design: Design) -> list[str]:
+    """Sentences on what a reader of the figures would not expect: another duration, more lift, lift that was added."""
+    said = []
+    longer = 2 * lift.half_duration / DEG - design.duration_deg
+    if abs(longer) > SAME_DURATION_DEG:
+        said.append(
+            f"The cam is {abs(longer):.4g} deg {'longer' if longer > 0 else 'shorter'} between its ramp tops than the "
+            f"scene's duration_deg of {design.duration_deg:g}: its area ratio does not compare with the scene's cams."
+        )
+    if lift.max_lift > design.max_lift_mm * MM * (1 + SAME_LIFT):
+        said.append(
+            f"Its lift exceeds the scene's max_lift_mm of {design.max_lift_mm:g}, by which the area ratio is divided: "
+            f"the ratio may pass one."
+        )
+    added = lift.parameters.get("added_lift_mm")
+    if added is not None:
+        said.append(
+            f"The table ends above the base circle: the scene's ramp was added on {lift.parameters['cut_ramps']} "
+            f"flank(s), {lift.parameters['added_deg']:g} deg and up to {added:g} mm of lift that were not measured."
+        )
+    if "acceleration_error_percent" in lift.parameters:
+        said.append(
+            f"With 95 % confidence the acceleration is within {lift.parameters['acceleration_error_percent']:g} % of "
+            f"its largest value (root mean square over the event), its extremes within "
+            f"{lift.parameters['peak_error_percent']:g} %."
+        )
+    return said
 
 
 def _contact(lift: Lift, found: Contact) -> list[str]:
@@ -116,17 +166,18 @@ def _stress(scene: Scene, lift: Lift, geometry: Geometry, speed_rpm: float) -> l
 def dynamic_stress(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[HertzStress, str]:
     """The stress over one cam revolution under way, and the method: event-exact, or rkg where that refuses.
 
-    Raises InputError as `hertz_stress` and `camopt.study.simulate.motion.simulate` do.
+    Event-exact is not asked where the train's laws are beyond it. Raises InputError as `hertz_stress` and
+    `camopt.study.simulate.motion.simulate` do.
     """
     from camopt.study.simulate.motion import simulate
 
     assert scene.geometry is not None, "the caller asks for it"
     train = build_train(scene)
-    linear, method = train.laws is None, "event-exact"
-    try:
-        motion = simulate(scene, lift, speed_rpm, "event" if linear else "rkg", REVOLUTIONS)
-        method = "event-exact" if linear else "rkg"
-    except MotionRefused:
+    motion, method = None, "event-exact"
+    if train.laws is None:
+        with suppress(MotionRefused):
+            motion = simulate(scene, lift, speed_rpm, "event", REVOLUTIONS)
+    if motion is None:
         motion, method = simulate(scene, lift, speed_rpm, "rkg", REVOLUTIONS), "rkg"
     last = motion.isel(sample=motion["revolution"].values == REVOLUTIONS)
     force = last["force_N"].values[:, int(np.argmax(train.cam_driven))]

@@ -36,8 +36,11 @@ from camopt.verifier.verdict import METHODS, Verdict, methods_for, verdict_on
 
 @dataclass(frozen=True)
 class Effort:
-    """Methods that must agree, step of the band, what halving a method's step may still move, and how far a settled
-    motion may still be from itself a revolution later."""
+    """The effort of a verdict: the methods that must agree, and the step with which the band is swept.
+
+    `tolerance_um` is how far halving a method's step may still move bounce and jump; `settled_um` is how far the state
+    of a settled motion may still move over a revolution.
+    """
 
     methods: tuple[str, ...]
     band_step_rpm: float
@@ -55,8 +58,9 @@ EFFORTS = {
 def effort_of(accuracy: str | float) -> Effort:
     """The effort of a named accuracy, or of a tolerance in micrometres; raises InputError for an unknown one.
 
-    For a number the stored curves choose the band's step and the settling: the coarsest that kept the largest bounce
-    within it, and the settled bounce within half of it, in nine draws out of ten; never coarser than "draft".
+    For a number, the stored curves choose the band's step and the settling. They are the coarsest with which, in nine
+    draws out of ten, the largest bounce was right within that number and the settled bounce within half of it; neither
+    is coarser than that of "draft".
     """
     if isinstance(accuracy, str):
         if accuracy not in EFFORTS:
@@ -77,12 +81,12 @@ def verify(
     methods: str = "all",
     accuracy: str | float = "standard",
 ) -> Verdict:
-    """Judge a cam at `speeds_rpm` (k) [r/min of the crankshaft; the scene's by default] and over the scene's band.
+    """Judges a cam at `speeds_rpm` (k) [r/min of the crankshaft; the scene's by default] and over the scene's band.
 
-    `methods` "all" (those that carry the scene's laws; for "draft" the first two) or one of "event", "rkg", "tmm",
-    "houbolt", "dop853": one method alone gives figures but no agreement, and so never confirms. `accuracy`: a name of
-    EFFORTS or micrometres; the verdict says what was asked and what error is estimated for what was delivered. Raises
-    InputError for what cannot be judged.
+    `methods` is "all", which means those that can simulate the scene's laws (for "draft" the first two of them), or one
+    of "event", "rkg", "tmm", "houbolt" and "dop853". One method alone gives figures but no agreement, and so never
+    confirms. `accuracy` is a name of EFFORTS or a number of micrometres; the verdict says what was asked and what error
+    is estimated for what was delivered. Raises InputError for what cannot be judged.
     """
     effort = effort_of(accuracy)
     every = methods_for(build_train(scene))[: 2 if accuracy == "draft" else None]

@@ -1,7 +1,7 @@
 """Stored work-precision curves: which setting of a dial gave which error on scenes drawn at random.
 
-`accuracy_curves.json` is written by `python -m experiments.accuracy_curves`, which measures it again. A curve is
-where a run begins; what a run has delivered is estimated on the run itself.
+`accuracy_curves.json` is written by `python -m experiments.accuracy_curves`, which measures the curves again. A curve
+only chooses the setting with which a run begins; the error that a run has delivered is estimated on the run itself.
 """
 
 import json
@@ -17,7 +17,7 @@ KEYS = ("setting", "median_um", "p90_um")
 
 @dataclass(frozen=True)
 class Curve:
-    """Error [um] against the setting of a dial (k), settings ascending: median and 90th percentile of the draws."""
+    """Errors [um] at k ascending settings of a dial: the median and the 90th percentile of the draws."""
 
     unit: str  # of the setting
     setting: np.ndarray
@@ -25,9 +25,9 @@ class Curve:
     p90_um: np.ndarray
 
     def coarsest(self, asked_um: float, typical: bool = False) -> float:
-        """The coarsest setting with an error of at most `asked_um` in nine draws out of ten (`typical`: in half).
+        """The coarsest setting with an error of at most `asked_um` in nine draws out of ten, or in half with `typical`.
 
-        Between settings on the logarithms; never outside the measured settings.
+        Between the measured settings it is interpolated on the logarithms; it never lies outside them.
         """
         # an erratic curve is read as the largest error at this setting or a finer one
         error = np.maximum.accumulate(self.median_um if typical else self.p90_um)

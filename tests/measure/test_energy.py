@@ -15,7 +15,7 @@ from camopt.verifier.methods import rkg, tmm
 from tests.verifier.trains import ball_on_seat, no_lift, smooth_lift, two_springs
 
 CLOSED = 1e-8
-"""Residual by the largest stored energy that counts as closed: what is asked of the verifier (design.md section 2)."""
+"""Residual by the largest stored energy that counts as closed: docs/model.md defines what counts as dissipated."""
 
 
 @cache

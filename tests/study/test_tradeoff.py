@@ -87,7 +87,7 @@ class TestRun:
         assert cli.main(["tradeoff", "motori-1", "--resume"]) == 2
         assert cli.main(["tradeoff", "ohv-3dof", "--out", str(tmp_path / "a")]) == 2
         assert cli.main(["tradeoff", "motori-2", "--size", "small", "--out", str(small), "--resume"]) == 2
-        assert "belongs to another scene" in capsys.readouterr().err
+        assert "belongs to another run, and nothing in it was changed: its scene differs" in capsys.readouterr().err
         with pytest.raises(InputError, match="size 'huge': expected one of small, full"):
             tradeoff(load_scene("motori-1"), tmp_path / "b", size="huge")
 
@@ -115,10 +115,10 @@ class TestCams:
         monkeypatch.setattr(module, "measured", lambda path, work, progress: seen.extend(work) or [])
         words = ["tradeoff", str(unequal), "--cam", str(design), "--size", "small", "--out", str(folder), "--quiet"]
         assert cli.main(words) == 0
-        assert len(seen) > 10 and (folder / "cam.json").exists()
+        assert len(seen) > 10
         write_design(design, polydyne(scene, (2, 8, 14, 20, 26)), 9.4e-3)
         assert cli.main([*words, "--resume"]) == 2
-        assert "belongs to another cam" in capsys.readouterr().err
+        assert "belongs to another run" in capsys.readouterr().err
 
     def test_nothing_wrong_about_anything_is_no_figure(self):
         """No cam of the list bounces: every dial's errors are zero, and there is nothing to draw over time."""

@@ -1,6 +1,6 @@
 """Where a measured table's event lies: its rows between the feet, the base circle beside them, ramps that were cut."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,26 +14,30 @@ CLOSING_SHARE = 0.01
 FOOT_REACH_DEG = 15.0
 """How far outside the last row above BASE_MM the foot is looked for: a ramp's foot of 10 deg is within the noise."""
 SHORTEST_BASE_DEG = 10.0
-CUT_MM = 0.15
-"""A flank whose last step, down to the base circle, is this much more than twice the one before has no ramp: where a
-ramp meets the base circle its steps shrink or stay. Four standard deviations of that difference at a noise of 10 um."""
-RAMP_LENGTH = 3.0
-"""A cut ramp is continued over 3 h/v (lift and velocity at the cut): there the cubic h (1 - u/L)^3 with that lift and
-velocity comes to rest with no step in acceleration."""
+CUT = 15.0
+"""A flank whose last step, down to the base circle, is this many times the noise more than twice the one before has no
+ramp: where a ramp meets the base circle its steps shrink or stay. Four standard deviations of that difference."""
+LEAST_CUT_MM = 2e-3
+"""The same where there is no noise: two units of a table with three decimals."""
+MEDIAN_TO_DEVIATION = 1.4826
 
 
 @dataclass(frozen=True)
 class Event:
     """Rows (indices into the table, angles ascending) that make the law, and the angles it may stand between [deg].
 
-    `start` and `end` are None for a turn without base circle. `cut` says how many flanks end without a ramp.
+    `start` and `end` are None for a turn without base circle. `cut` says which flank, opening and closing, ends without
+    a ramp; `camopt.cam.tables.lift_table.completion` adds the rows that continue it. `noise` [mm] is a first estimate.
     """
 
-    rows: np.ndarray
-    degrees: np.ndarray
+    rows: np.ndarray = field(repr=False)
+    degrees: np.ndarray = field(repr=False)
     start: float | None
     end: float | None
-    cut: int = 0
+    cut: tuple[bool, bool] = (False, False)
+    noise: float = 0.0
+    added_degrees: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
+    added_lift: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
 
 
 def find_event(where: str, degrees: np.ndarray, lift: np.ndarray) -> Event:
@@ -54,20 +58,36 @@ def find_event(where: str, degrees: np.ndarray, lift: np.ndarray) -> Event:
     widest = int(np.argmax(gaps))
     if gaps[widest] < SHORTEST_BASE_DEG or np.count_nonzero(~high) == 0:
         return Event(order, angle, None, None)
-    # unrolled to two turns, the event is one ascending stretch of rows between two stretches of base circle
+    # unrolled to three turns, the event is one ascending stretch of rows between two stretches of base circle
     after = above[(widest + 1) % len(above)]
     n = len(order)
-    index = np.arange(after - n, after + n)
+    index = np.arange(after - n, after + 2 * n)
     wide, height = angle[np.mod(index, n)] + TURN * np.floor_divide(index, n), turned[np.mod(index, n)]
     opening = n
     closing = opening + int(np.mod(above[widest] - after, n))
-    start, cut_before = _foot(wide, height, opening, -1)
-    end, cut_after = _foot(wide, height, closing, 1)
+    noise = _noise(angle, turned, high)
+    largest_drop = max(CUT * noise, LEAST_CUT_MM)
+    start, cut_before = _foot(wide, height, opening, -1, largest_drop)
+    end, cut_after = _foot(wide, height, closing, 1, largest_drop)
     kept = np.arange(len(index))
-    kept = kept[(wide > start) & (wide < end)]
-    kept = kept[(kept >= opening) | (not cut_before)]
-    kept = kept[(kept <= closing) | (not cut_after)]
-    return Event(order[np.mod(index[kept], n)], wide[kept], start, end, int(cut_before) + int(cut_after))
+    kept = kept[
+        ((kept >= opening) if cut_before else (wide > start)) & ((kept <= closing) if cut_after else (wide < end))
+    ]
+    return Event(order[np.mod(index[kept], n)], wide[kept], start, end, (cut_before, cut_after), noise)
+
+
+def _noise(angle: np.ndarray, lift: np.ndarray, high: np.ndarray) -> float:
+    """Noise [mm] of the rows above the base circle, by what a cubic through the four around each says of it."""
+    once = np.append(True, np.diff(angle) > 0)  # a turn's first and last row are one
+    angle, lift, high = angle[once], lift[once], high[once]
+    near = np.array([-2, -1, 1, 2])
+    at = np.flatnonzero(high[:-4] & high[1:-3] & high[2:-2] & high[3:-1] & high[4:]) + 2
+    if len(at) == 0:
+        return 0.0
+    x = angle[at[:, None] + near] - angle[at][:, None]
+    shares = np.stack([np.prod([x[:, j] / (x[:, j] - x[:, i]) for j in range(4) if j != i], axis=0) for i in range(4)])
+    off = lift[at] - np.sum(shares.T * lift[at[:, None] + near], axis=1)
+    return MEDIAN_TO_DEVIATION * float(np.median(np.abs(off) / np.sqrt(1 + np.sum(shares**2, axis=0))))
 
 
 def _check_ends(where: str, degrees: np.ndarray, lift: np.ndarray) -> None:
@@ -85,12 +105,13 @@ def _check_ends(where: str, degrees: np.ndarray, lift: np.ndarray) -> None:
         )
 
 
-def _foot(angle: np.ndarray, lift: np.ndarray, last: int, outward: int) -> tuple[float, bool]:
-    """Outermost angle of the foot beside the row `last` of a flank, and whether the ramp there was cut."""
+def _foot(angle: np.ndarray, lift: np.ndarray, last: int, outward: int, largest_drop: float) -> tuple[float, bool]:
+    """Outermost angle of the foot beside the row `last` of a flank, and whether its ramp was cut: then that row's."""
     step = abs(angle[last] - angle[last - outward])
     rise, drop = lift[last - outward] - lift[last], lift[last] - lift[last + outward]
-    if rise > 0 and drop > 2 * rise + CUT_MM:
-        return float(angle[last] + outward * RAMP_LENGTH * lift[last] / (rise / step)), True
+    on_base_circle = abs(lift[last + outward]) < BASE_MM
+    if rise > 0 and drop > 2 * rise + largest_drop and on_base_circle:
+        return float(angle[last]), True
     at = last
     while True:
         following = at + outward

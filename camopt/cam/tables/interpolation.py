@@ -1,9 +1,13 @@
-"""A lift table as polynomial pieces: a quintic spline through every sample, exactly zero on the base circle."""
+"""A lift table as polynomial pieces: quintic between every two samples, exactly zero on the base circle.
+
+Where the table gives velocity and acceleration beside the lift, as camopt's own do, each piece meets them at both its
+ends. Otherwise the pieces are a spline, four times continuously differentiable.
+"""
 
 from math import factorial
 
 import numpy as np
-from scipy.interpolate import BSpline, PPoly, make_interp_spline
+from scipy.interpolate import BPoly, BSpline, PPoly, make_interp_spline
 
 from camopt.scene import InputError
 from camopt.scene.units import MM
@@ -13,10 +17,15 @@ ZERO = 1e-12 * MM
 """Lift that counts as base circle [m]."""
 END_LIFT = 1e-3 * MM
 """Lift at the ends of a table of one event that counts as base circle [m]."""
+ROUNDING = 1e-12
+"""Angle [rad] that the roots of a ramp may be off by rounding alone."""
 AT_REST = [(1, 0.0), (2, 0.0)]
+DISAGREEMENT = 0.5
+"""Largest step in lift from one row to the next that its velocities do not explain, over the step squared times the
+largest acceleration: half the largest acceleration all the way is 0.5, against the mean of both velocities 0.25."""
 
 
-def table_pieces(where: str, angle: np.ndarray, lift: np.ndarray) -> PPoly:
+def spline_pieces(where: str, angle: np.ndarray, lift: np.ndarray) -> PPoly:
     """Pieces over one turn through the samples at ascending `angle` [rad] with `lift` [m].
 
     Between runs on the base circle the spline is clamped: velocity and acceleration vanish with the lift, and the base
@@ -56,6 +65,32 @@ def table_pieces(where: str, angle: np.ndarray, lift: np.ndarray) -> PPoly:
     return PPoly(np.hstack([pieces.c, np.zeros((6, 1))]), np.append(pieces.x, end))
 
 
+def own_pieces(
+    where: str, angle: np.ndarray, lift: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, lines: list[int]
+) -> PPoly:
+    """Pieces over one turn from camopt's own columns: angle [rad], lift [m], its derivatives [m/rad, m/rad^2], all (r).
+
+    Raises InputError for a turn that does not close, and for columns that contradict each other.
+    """
+    if abs(lift[-1] - lift[0]) > END_LIFT:
+        raise InputError(
+            f"{where}: the lift is {lift[0] / MM:g} mm at the first row and {lift[-1] / MM:g} mm one turn later: "
+            f"the two must be equal"
+        )
+    step = np.diff(angle)
+    unexplained = np.abs(np.diff(lift) - 0.5 * step * (velocity[1:] + velocity[:-1]))
+    wrong = np.flatnonzero(unexplained > DISAGREEMENT * step**2 * np.abs(acceleration).max() + END_LIFT * 1e-3)
+    if len(wrong):
+        raise InputError(
+            f"{where}: line {lines[int(wrong[0]) + 1]}: lift_mm does not follow from velocity_mm_per_deg: where the "
+            f"lift was changed, take away the columns of its derivatives"
+        )
+    pieces = PPoly.from_bernstein_basis(BPoly.from_derivatives(angle, np.column_stack([lift, velocity, acceleration])))
+    zero = ~np.any(pieces.c, axis=0)
+    kept = ~(zero & np.append(False, zero[:-1]))  # the base circle is one piece
+    return PPoly(pieces.c[:, kept], np.append(pieces.x[:-1][kept], pieces.x[-1]))
+
+
 def _from_base_circle(angle: np.ndarray, lift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The turn's samples, started anew at the last sample of the longest run on the base circle, and closed there."""
     lift = np.where(np.abs(lift) <= ZERO, 0.0, lift)
@@ -80,7 +115,8 @@ def _pieces_between(spline: BSpline, start: float, end: float) -> PPoly:
 def event_borders(where: str, pieces: PPoly, opening: float, closing: float) -> tuple[float, float]:
     """Angles [rad] at which the lift first rises through `opening` [m] and last falls through `closing` [m].
 
-    The turn is taken from its lowest lift, so that its first crossing rises and its last one falls.
+    The turn is taken from its lowest lift, so that its first crossing rises and its last one falls. A crossing within
+    rounding of a row is that row.
     """
     low = pieces.x[np.argmin(pieces(pieces.x[:-1]))]
     crossings = []
@@ -90,7 +126,10 @@ def event_borders(where: str, pieces: PPoly, opening: float, closing: float) -> 
         if len(roots) == 0:
             raise InputError(f"{where}: the lift never passes the scene's ramp height of {height / MM:g} mm")
         crossings.append(np.mod(roots - low, TURN) + low)
-    return float(np.min(crossings[0])), float(np.max(crossings[1]))
+    found = np.array([np.min(crossings[0]), np.max(crossings[1])])
+    nearest = pieces.x[np.argmin(np.abs(pieces.x[:, None] - found), axis=0)]
+    start, end = np.where(np.abs(nearest - found) < ROUNDING, nearest, found)
+    return float(start), float(end)
 
 
 def centred(pieces: PPoly, middle: float) -> tuple[np.ndarray, np.ndarray]:

@@ -7,8 +7,9 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from camopt.cam.lift import Lift, lift_table
-from camopt.cam.tables.interpolation import centred, event_borders, table_pieces
-from camopt.cam.tables.smoothing import smoothed
+from camopt.cam.ramps import Ramp, scene_ramps
+from camopt.cam.tables.interpolation import centred, event_borders, own_pieces, spline_pieces
+from camopt.cam.tables.smoothing import check_between_rows, smoothed
 from camopt.cam.tables.text import TableText, parsed
 from camopt.scene import InputError, Scene
 from camopt.scene.units import DEG, MM
@@ -16,6 +17,8 @@ from camopt.storage import write_csv
 
 FEWEST_ROWS = 20
 MOST_ROWS = 20_000
+DERIVATIVES = {"velocity_mm_per_deg": 1, "acceleration_mm_per_deg2": 2}
+"""Columns of camopt's own tables that are read beside the lift, and their order."""
 LIFT_UNITS_MM = {"mm": 1.0, "m": 1e3, "inch": 25.4}
 ANGLE_KINDS = ("cam", "crank")
 PLAUSIBLE = 10.0
@@ -26,8 +29,6 @@ PLAUSIBLE_DURATION = 1.8
 
 def write_lift_table(path: str | Path, lift: Lift, step_deg: float = 0.1) -> None:
     """Writes `lift.csv`: angle, lift, velocity, acceleration and jerk with every digit, -180 to 180 deg."""
-    if not (step_deg > 0 and abs(round(360 / step_deg) * step_deg - 360) < 1e-9 * 360 / step_deg):
-        raise InputError(f"lift table: step {step_deg} deg: a step that divides 360 deg is needed")
     write_csv(path, lift_table(lift, step_deg))
 
 
@@ -40,12 +41,13 @@ def read_lift_table(
 ) -> Lift:
     """The lift law of a table: camopt's own unsmoothed, any other smoothed within its noise.
 
-    A table with the columns cam_angle_deg and lift_mm (camopt's own) needs no more; its duration is the scene's, and a
-    quintic spline passes through every row. Any other needs `table_angle` (cam, crank) and `table_lift` (mm, m, inch),
-    here or as keys in its # header; `table_ratio` (1) turns tappet lift into the valve lift that the scene counts. Its
-    first two columns are angle [deg] and lift, it covers a turn or one event that begins and ends on the base circle,
-    and its duration is what lies between the scene's ramp heights, whose middle becomes angle zero. What was done to
-    it (noise, outliers, largest shift of a row) is in the lift's `parameters`; see `camopt.cam.tables.smoothing`.
+    A table with the columns cam_angle_deg and lift_mm (camopt's own) needs no more: the law passes through every row,
+    and meets velocity and acceleration where they stand beside the lift. Any other needs `table_angle` (cam, crank) and
+    `table_lift` (mm, m, inch), here or as keys in its # header; `table_ratio` (1) turns tappet lift into the valve lift
+    that the scene counts. Its first two columns are angle [deg] and lift, it covers a turn or one event that begins and
+    ends on the base circle, and the middle of its duration becomes angle zero. What was done to it (noise, outliers,
+    largest shift of a row, lift added where a ramp is missing, error of the acceleration) is in the lift's
+    `parameters`; see `camopt.cam.tables.smoothing`. The duration of every table lies between the scene's ramp heights.
     Raises InputError with file and line for anything else.
     """
     assert scene.design is not None and scene.operation is not None, "load_scene(..., need=...) guarantees both"
@@ -59,17 +61,15 @@ def read_lift_table(
     _check(where, table, degrees, height, scene.design.max_lift_mm)
     report = {"file": Path(path).name, "rows": len(degrees)}
     if table.own:
-        pieces = table_pieces(where, degrees * DEG, height * MM)
-        middle, half = 0.0, scene.design.duration_deg * DEG / 2
+        pieces = _own_pieces(where, table, degrees, height)
     else:
-        pieces, done = _measured(where, table, degrees, height)
+        pieces, done = _measured(where, table, degrees, height, scene_ramps(scene.design))
         report |= {"angle": given["angle"], "lift": given["lift"], "ratio": float(given["ratio"] or 1), **done}
-        opening, closing = (h * MM for h, _, _ in scene.design.ramps())
-        start, end = event_borders(where, pieces, opening, closing)
-        middle, half = 0.5 * (start + end), 0.5 * (end - start)
-        _check_duration(where, 2 * half / DEG, scene.design.duration_deg)
-    borders, coefficients = centred(pieces, middle)
-    return Lift(borders, coefficients, half, "table", report)
+    opening, closing = (h * MM for h, _, _ in scene.design.ramps())
+    start, end = event_borders(where, pieces, opening, closing)
+    _check_duration(where, (end - start) / DEG, scene.design.duration_deg)
+    borders, coefficients = centred(pieces, 0.0 if table.own else 0.5 * (start + end))
+    return Lift(borders, coefficients, 0.5 * (end - start), "table", report)
 
 
 def _own(where: str, table: TableText, given: dict) -> tuple[np.ndarray, np.ndarray]:
@@ -82,6 +82,16 @@ def _own(where: str, table: TableText, given: dict) -> tuple[np.ndarray, np.ndar
             f"{where}: cam_angle_deg runs from {degrees[0]:g} to {degrees[-1]:g} and must run from -180 to 180"
         )
     return degrees, height
+
+
+def _own_pieces(where: str, table: TableText, degrees: np.ndarray, height: np.ndarray) -> PPoly:
+    """Pieces [rad, m] over one turn of a table that camopt wrote, with or without the derivatives beside the lift."""
+    if not set(DERIVATIVES) <= set(table.names):
+        return spline_pieces(where, degrees * DEG, height * MM)
+    velocity, acceleration = (
+        table.rows[:, table.names.index(name)] * MM / DEG**order for name, order in DERIVATIVES.items()
+    )
+    return own_pieces(where, degrees * DEG, height * MM, velocity, acceleration, table.lines)
 
 
 def _foreign(where: str, table: TableText, given: dict, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
@@ -106,11 +116,18 @@ def _foreign(where: str, table: TableText, given: dict, scene: Scene) -> tuple[n
     return table.rows[:, 0] * per_unit, table.rows[:, 1] * LIFT_UNITS_MM[given["lift"]] * ratio
 
 
-def _measured(where: str, table: TableText, degrees: np.ndarray, height: np.ndarray) -> tuple[PPoly, dict]:
+def _measured(
+    where: str, table: TableText, degrees: np.ndarray, height: np.ndarray, ramps: tuple[Ramp, Ramp]
+) -> tuple[PPoly, dict]:
     """Pieces [rad, m] over one turn of a table from elsewhere, and what was done to it."""
-    found = smoothed(where, degrees, height, table.lines)
+    found = smoothed(where, degrees, height, table.lines, ramps)
     if found.pieces is None:
-        return table_pieces(where, degrees * DEG, height * MM), found.report
+        pieces = spline_pieces(where, degrees * DEG, height * MM)
+        first = pieces.x[0]
+        check_between_rows(
+            where, lambda at: pieces(np.mod(at * DEG - first, 2 * np.pi) + first) / MM, degrees, height, table.lines
+        )
+        return pieces, found.report
     powers = np.arange(len(found.pieces.c))[::-1, None]
     return PPoly(found.pieces.c * MM / DEG**powers, found.pieces.x * DEG), found.report
 

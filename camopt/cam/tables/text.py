@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from camopt.scene import InputError
+from camopt.scene.text_file import read_text
 
 MAX_FILE_BYTES = 20_000_000
 _HEADER_KEY = re.compile(r"\btable[-_](angle|lift|ratio)\s*[=:]\s*([\w.+-]+)")
@@ -29,12 +30,7 @@ class TableText:
 
 def parsed(path: Path) -> TableText:
     """Numbers of a text file with any common delimiter, at most one line of column names, and # comments."""
-    try:
-        if path.stat().st_size > MAX_FILE_BYTES:
-            raise InputError(f"{path}: larger than {MAX_FILE_BYTES} bytes, which no lift table needs")
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as UTF-8 text ({error})") from error
+    text = read_text(path, MAX_FILE_BYTES, "lift table", encoding="utf-8-sig")
     names: list[str] = []
     keys: dict[str, str] = {}
     rows: list[list[float]] = []

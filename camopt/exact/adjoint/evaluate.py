@@ -1,4 +1,7 @@
-"""Values of a traced motion with their cotangents: metrics and samples; and how near it is to grazing."""
+"""Metrics and samples of a traced motion with their cotangents, and how near the motion is to grazing.
+
+A motion grazes where a contact only just touches, or only just fails to: there its gradient is one-sided.
+"""
 
 import numba
 import numpy as np
@@ -12,7 +15,10 @@ from camopt.exact.kernel.revolution import element_forces
 
 @numba.njit(cache=True, nogil=True)
 def evaluate(s, trace, seeds, metrics, weights, turn, values):
-    """Fills values (l, 2: value, runner-up) of metrics in a revolution; `seeds` then holds their weighted sum's."""
+    """Fills values (l, 2: value, runner-up) of the metrics of a revolution.
+
+    `seeds` then holds the cotangents of the sum of the values, each times its weight.
+    """
     clear(seeds, len(trace.length))
     for i in range(len(metrics)):
         seeds.weight[0] = weights[i]
@@ -22,36 +28,39 @@ def evaluate(s, trace, seeds, metrics, weights, turn, values):
 
 @numba.njit(cache=True, nogil=True)
 def closings_margin(s, trace):
-    """(slowest closing of a damped contact [m/s], smallest separation at which one turned back [m]); inf for none."""
+    """(slowest closing of a damped contact [m/s], smallest separation at which one turned back [m]).
+
+    Each is infinite where nothing of the kind happens.
+    """
     approach, gap = np.inf, np.inf
-    contact, stiffness, damping = s.laws[5], s.laws[7], s.laws[8]
+    train = s.train
     for k in range(len(trace.length)):
         if trace.watch[k] >= 0:
             e = s.tables.element[trace.slot[k], trace.watch[k]]
-            if damping[e] > 0.0 and s.states[trace.slot[k], e] == SEPARATED:
+            if train.damping[e] > 0.0 and s.states[trace.slot[k], e] == SEPARATED:
                 approach = min(approach, compression(s, e, trace.y[k + 1])[1])
-    for e in range(len(contact)):
-        if contact[e] and damping[e] > 0.0:
-            gap = min(gap, nearest_miss(s, trace, e) / stiffness[e])
+    for e in range(len(train.contact)):
+        if train.contact[e] and train.damping[e] > 0.0:
+            gap = min(gap, nearest_miss(s, trace, e) / train.stiffness[e])
     return approach, gap
 
 
 @numba.njit(cache=True, nogil=True)
 def sample(s, trace, segments, lengths, rows):
-    """Fills rows (m, 2n + 2 + e) with x, v, lift, lift velocity and the elements' forces at instants."""
-    n = len(s.laws[0])
+    """Fills rows (m, 2n + 2 + e) with x, v, lift, lift velocity and the elements' forces at m instants, all in SI."""
+    n = len(s.train.mass)
     for i in range(len(segments)):
         y, slot = state_at(s, trace, segments[i], lengths[i]), trace.slot[segments[i]]
         rows[i, : 2 * n + 1] = y[: 2 * n + 1]
         rows[i, 2 * n + 1] = y[2 * n + 1] / s.step
         x, v = y[:n], y[n : 2 * n]
-        element_forces(s.laws, s.states[slot], y[2 * n], rows[i, 2 * n + 1], x, v, rows[i, 2 * n + 2 :])
+        element_forces(s.train, s.states[slot], y[2 * n], rows[i, 2 * n + 1], x, v, rows[i, 2 * n + 2 :])
 
 
 @numba.njit(cache=True, nogil=True)
 def collect(s, trace, seeds, segments, lengths, bar):
-    """Fills `seeds` with the cotangents bar (m, 2n + 2 + e) of what `sample` gives."""
-    n2 = 2 * len(s.laws[0])
+    """Fills `seeds` with the cotangents bar (m, 2n + 2 + e) of the rows that `sample` fills."""
+    n2 = 2 * len(s.train.mass)
     clear(seeds, len(trace.length))
     for i in range(len(bar)):
         k = segments[i]

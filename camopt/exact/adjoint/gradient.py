@@ -26,10 +26,10 @@ def value_and_gradient(
 ) -> Gradient:
     """Values of metrics (l) in one revolution of an event-exact motion and their gradients.
 
-    The motion runs `revolutions` from the state `start` (2n: [m], then [m/s]) at -pi, which is held; without one it
-    runs from rest, and gradients by the train then include what the rest position owes to it. With a `cotangent` (l)
-    of the values one combined gradient is taken, in one sweep. `mechanical`: gradients by the train too. `spacing` as
-    of `TracedMotion`.
+    The motion runs `revolutions` from the state `start` (2n: [m], then [m/s]) at -pi, which is held fixed. Without a
+    start it runs from rest, and gradients by the train then include how the rest position depends on the train. With
+    a `cotangent` (l) of the values only their weighted sum is differentiated, in one sweep. With `mechanical` there
+    are gradients by the train's parameters too. `spacing` [rad] has the meaning that it has for `TracedMotion`.
 
     Raises MotionRefused for endless switching or a motion without bound, InputError for an unknown metric or for laws
     that are not linear.
@@ -69,9 +69,10 @@ def rest_state(train: Train) -> np.ndarray:
 
 
 def rest_back(train: Train, by_start: np.ndarray) -> ByTrain:
-    """Gradients by the train of numbers whose gradients by the start state are by_start (l, 2n), started from rest.
+    """Gradients by the train, through the rest position, of l numbers of a motion that starts from rest.
 
-    Rest is K x = load over the closed contacts; its contacts are held, which they are but where one only just touches.
+    `by_start` (l, 2n) are their gradients by the start state. Rest solves K x = load over the closed contacts. The set
+    of closed contacts is taken as fixed, which is right unless one of them only just touches.
     """
     n = len(train.mass)
     x = rest_position(train)

@@ -1,4 +1,4 @@
-"""Integrals over a segment of the seat's distance and of its square, exact on power series, and their cotangents."""
+"""Integrals of the seat's distance and of its square over a segment, exact by power series, with their cotangents."""
 
 import numba
 import numpy as np
@@ -10,7 +10,7 @@ from camopt.exact.kernel.propagators import TERMS
 
 @numba.njit(cache=True, nogil=True)
 def distance_integral(s, trace, k, w, there):
-    """Integral of the seat's distance over segment k [m steps]; the seat is apart."""
+    """Integral of the seat's distance over segment k [m steps], in which the seat must be apart."""
     slot, length, y = trace.slot[k], trace.length[k], trace.y[k]
     step = min(int(length), s.integral.shape[1] - 1)
     row = s.integral[slot, step]
@@ -23,13 +23,13 @@ def distance_integral(s, trace, k, w, there):
         for j in range(TERMS + 1):
             power *= length - step
             rest += w[j] * power / (j + 1)
-        total += rest / s.laws[7][s.seat]
+        total += rest / s.train.stiffness[s.seat]
     return total
 
 
 @numba.njit(cache=True, nogil=True)
 def square_integral(s, trace, k, w, there):
-    """Integral of the squared seat's distance over segment k [m^2 steps]; the seat is apart."""
+    """Integral of the squared seat's distance over segment k [m^2 steps], in which the seat must be apart."""
     total, watch = 0.0, watch_of(s, trace.slot[k], s.seat)
     p = np.zeros(TERMS + 1)
     for i in range(int(np.ceil(trace.length[k]))):
@@ -38,12 +38,12 @@ def square_integral(s, trace, k, w, there):
         _add_square(w, 1.0, min(1.0, trace.length[k] - i), p)
         for j in range(TERMS + 1):
             total += w[j] * p[j]
-    return total / s.laws[7][s.seat] ** 2
+    return total / s.train.stiffness[s.seat] ** 2
 
 
 @numba.njit(cache=True, nogil=True)
 def _add_square(w, weight, width, p):
-    """Adds to p, for every power, weight times the integral over [0, width] of the series w times that power."""
+    """Adds to p, for every power of t, weight times the integral of the series w times that power over [0, width]."""
     powers = np.empty(2 * TERMS + 2)
     powers[0] = 1.0
     for j in range(2 * TERMS + 1):
@@ -57,7 +57,7 @@ def _add_square(w, weight, width, p):
 
 @numba.njit(cache=True, nogil=True)
 def seed_integral(s, trace, seeds, k, weight):
-    """weight times the integral of the seat's distance over segment k [m steps]."""
+    """Adds the cotangents of weight times the integral of the seat's distance over segment k [m steps]."""
     weight *= seeds.weight[0]
     seeds.integral[k] += weight
     _by_touch(s, seeds, weight * trace.length[k])
@@ -65,7 +65,7 @@ def seed_integral(s, trace, seeds, k, weight):
 
 @numba.njit(cache=True, nogil=True)
 def seed_square(s, trace, seeds, k, weight, w, there):
-    """weight times the integral of the squared seat's distance over segment k [m^2 steps]."""
+    """Adds the cotangents of weight times the integral of the squared seat's distance over segment k [m^2 steps]."""
     weight *= seeds.weight[0]
     seeds.square[k] += weight
     _by_touch(s, seeds, 2.0 * weight * distance_integral(s, trace, k, w, there))
@@ -73,8 +73,8 @@ def seed_square(s, trace, seeds, k, weight, w, there):
 
 @numba.njit(cache=True, nogil=True)
 def _by_touch(s, seeds, weight):
-    """The seat's distance is -(d + preload / stiffness): what it owes to the seat's own parameters, d held."""
-    e, stiffness, preload = s.seat, s.laws[7][s.seat], s.laws[9][s.seat]
+    """Adds the cotangents of the seat's distance, -(d + preload / stiffness), by its own parameters, d held."""
+    e, stiffness, preload = s.seat, s.train.stiffness[s.seat], s.train.preload[s.seat]
     seeds.element[0, e] += weight * preload / stiffness**2
     seeds.element[2, e] -= weight / stiffness
     seeds.element[3, e] += weight
@@ -84,9 +84,9 @@ def _by_touch(s, seeds, weight):
 def integrals_back(s, slot, y, length, linear, square, out):
     """Adds to out (2n + q) the cotangent of y (2n + q) by the integrals over the next `length` steps.
 
-    `linear` and `square` weigh the seat's distance and its square.
+    `linear` and `square` are the weights of the integrals of the seat's distance and of its square.
     """
-    watch, columns, stiffness = watch_of(s, slot, s.seat), len(y), s.laws[7][s.seat]
+    watch, columns, stiffness = watch_of(s, slot, s.seat), len(y), s.train.stiffness[s.seat]
     steps, series = s.tables.steps[slot], s.tables.series[slot, watch]
     p, w, row, there = np.empty(TERMS + 1), np.empty(TERMS + 1), np.empty(columns), np.empty(columns)
     first = 0

@@ -1,9 +1,10 @@
 """The contact force margin: what the least contact force would be if the contacts could also pull, with its gradient.
 
-The least contact force stops at zero where a contact parts, and its gradient with it; beyond, the motion soon forgets
-its cam. Held closed, the contacts pull instead: one linear motion but for the seat, whose least force is the margin.
-While nothing parts the margin is the least contact force but for what happens inside the lash, which held contacts
-cross without touching (on `kodama` a few newtons); negative, it says how much force is missing.
+The least contact force cannot fall below zero: where a contact parts, the force is zero and so is its gradient, and the
+motion beyond soon forgets its cam. If the contacts between cam and valve are held closed, they pull instead of parting.
+The motion is then linear except for the seat, and the least force of the held contacts is the margin. While no contact
+parts, the margin equals the least contact force, except for what happens inside the lash, which held contacts cross
+without touching (a few newtons on `kodama`). A negative margin says how much force is missing.
 """
 
 from dataclasses import replace
@@ -21,17 +22,19 @@ from camopt.scene.train import Train
 NAME = "contact_force_margin_N"
 MOST_REVOLUTIONS = 200
 REPEATS = 1e-11, 1e-8
-"""Change of positions [m] and velocities [m/s] over a revolution below which the held motion repeats itself."""
+"""The held motion counts as periodic when, over a revolution, positions change by less than the first number [m] and
+velocities by less than the second [m/s]."""
 
 
 def contact_force_margin(
     train: Train, lift: Lift, cam_speed: float, *, settled: bool = False, mechanical: bool = False
 ) -> Gradient:
-    """Least force [N] of the contacts between cam and valve, held closed, within half the duration of the nose.
+    """Least force [N] of the contacts between cam and valve, held closed, within half the duration from the nose.
 
-    In the first revolution from rest, or with `settled` in the periodic motion, whose own change with cam and train is
-    then in the gradient. A `Gradient` of one number; `mechanical` as there. Raises InputError for laws that are not
-    linear, MotionRefused where the held motion does not settle or pulls with more than `HOLDING_N`.
+    The force is that of the first revolution from rest. With `settled` it is that of the periodic motion, and the
+    gradient includes how that motion changes with cam and train. The result is a `Gradient` of one number; with
+    `mechanical` it has gradients by the train's parameters too. Raises InputError for laws that are not linear, and
+    MotionRefused where the held motion does not settle or pulls with more than `HOLDING_N`.
     """
     held, names = held_closed(train), ["contact_force_min_N"]
     if settled:
@@ -45,7 +48,7 @@ def contact_force_margin(
 
 
 def _periodic_state(held: Train, lift: Lift, cam_speed: float) -> np.ndarray:
-    """State (2n) at -pi that repeats; raises MotionRefused where the motion has not settled."""
+    """The state (2n) at -pi that repeats after a revolution; raises MotionRefused where the motion does not settle."""
     revolve, state, allowed = prepare(held, lift, cam_speed), rest_state(held), np.repeat(REPEATS, len(held.mass))
     for _ in range(MOST_REVOLUTIONS):
         last, state = state, revolve.advance(state)

@@ -1,8 +1,7 @@
-"""The metrics of a traced motion (design.md section 4), each with its cotangents: exact instants, no samples.
+"""The metrics of a traced motion (docs/model.md), each with its cotangents, taken at exact instants and not at samples.
 
-Names and definitions are those of `camopt.scene.quantities` and `camopt.smooth.metrics`; a window that runs past the
-end of the trace ends with it. Where the valve opens but never touches again, the metrics of the closing are NaN and
-have no cotangents.
+Names and definitions are those of `camopt.scene.quantities`. A window that runs past the end of the trace ends with
+it. Where the valve opens but never touches its seat again, the metrics of the closing are NaN and have no cotangents.
 """
 
 import numba
@@ -26,7 +25,7 @@ METRICS = (
     "dynamic_area_mm_deg",
     "closed_integral_m2_rad",
 )
-"""In the order of the numbers that `measure` takes."""
+"""Names of the metrics, in the order of the numbers that `measure` takes."""
 NONE = -np.inf
 
 
@@ -59,12 +58,12 @@ def closes(s, trace, k, e):
 
 @numba.njit(cache=True, nogil=True)
 def touch(s, trace, turn):
-    """(segment that the touch of a revolution ends, whether the valve opened); segment -1 for no touch."""
-    top, peak, e, states = 0.0, -1, s.seat, s.states
-    mass, _, _, a, b, _, _, stiffness, _, preload, gap = s.laws
+    """(the segment that ends with the touch of a revolution, -1 for no touch; whether the valve opened)."""
+    top, peak, e, states, train = 0.0, -1, s.seat, s.states, s.train
     for k in range(len(trace.length)):
         if abs(trace.angle[k] - 2 * np.pi * turn) <= np.pi and states[trace.slot[k], e] == SEPARATED:
-            height = -closeness(a[e], b[e], gap[e], len(mass), trace.y[k])[0] - preload[e] / stiffness[e]
+            pressed = closeness(train.a[e], train.b[e], train.gap[e], len(train.mass), trace.y[k])[0]
+            height = -pressed - train.preload[e] / train.stiffness[e]
             if height >= top:
                 top, peak = height, k
     if peak < 0:
@@ -77,10 +76,10 @@ def touch(s, trace, turn):
 
 @numba.njit(cache=True, nogil=True)
 def nominal_closing(s, trace, turn):
-    """(segment, length [steps]) at which the cam lift of a revolution has last fallen to the lash; -1 for never."""
-    lash, n2, w = 0.0, 2 * len(s.laws[0]), np.zeros(TERMS + 1)
+    """(segment, length [steps]) where the lift of a revolution falls to the lash for the last time; -1 for never."""
+    lash, n2, w = 0.0, 2 * len(s.train.mass), np.zeros(TERMS + 1)
     for e in s.cam_side:
-        lash += s.laws[10][e]
+        lash += s.train.gap[e]
     for k in range(len(trace.length) - 1, -1, -1):
         if abs(0.5 * (trace.angle[k] + trace.angle[k + 1]) - 2 * np.pi * turn) > np.pi:
             continue
@@ -99,15 +98,19 @@ def nominal_closing(s, trace, turn):
 
 @numba.njit(cache=True, nogil=True)
 def closed_window(s, trace, turn):
-    """(segment of the touch, opened, start angle, end angle, segment and length of the nominal closing or -1)."""
+    """The window in which bounce and impacts are sought, in a revolution.
+
+    Returns (segment of the touch, whether the valve opened, start [rad], end [rad], segment of the nominal closing if
+    the window starts there and -1 otherwise, its length [steps]).
+    """
     k, opened = touch(s, trace, turn)
     end = 2 * np.pi * (turn + 1) + s.opening_foot
     if k < 0:
         return k, opened, 0.0, end, -1, 0.0
     start = trace.angle[k + 1]
     nominal, length = nominal_closing(s, trace, turn)
-    if nominal >= 0 and trace.angle[nominal] + length * s.cam[2] * s.step < start:
-        return k, opened, trace.angle[nominal] + length * s.cam[2] * s.step, end, nominal, length
+    if nominal >= 0 and trace.angle[nominal] + length * s.cam.speed * s.step < start:
+        return k, opened, trace.angle[nominal] + length * s.cam.speed * s.step, end, nominal, length
     return k, opened, start, end, -1, 0.0
 
 
@@ -117,10 +120,10 @@ def bounce(s, trace, seeds, turn):
     if touched < 0:
         return (np.nan if opened else 0.0), NONE
     value, k, length, slope, second = largest(s, trace, s.seat, SEPARATED, 1.0, start, end)
-    at_start = k >= 0 and abs(trace.angle[k] + length * s.cam[2] * s.step - start) < 1e-12
+    at_start = k >= 0 and abs(trace.angle[k] + length * s.cam.speed * s.step - start) < 1e-12
     if k < 0 or value <= 0.0 or (at_start and nominal < 0):  # at the touch the distance is zero but for rounding
         return 0.0, NONE
-    unit = 1.0 / (s.laws[7][s.seat] * MM)  # the watch of an open contact is stiffness times separation
+    unit = 1.0 / (s.train.stiffness[s.seat] * MM)  # the watch of an open contact is stiffness times separation
     seed_separation(s, seeds, k, length, s.seat, 1.0 / MM)
     if at_start:
         seed_nominal(s, trace, seeds, k, length, slope * unit / s.step)
@@ -131,8 +134,11 @@ def bounce(s, trace, seeds, turn):
 
 @numba.njit(cache=True, nogil=True)
 def seed_nominal(s, trace, seeds, k, length, slope):
-    """What a value at the nominal closing owes to its time, `slope` per second: lift(time) = lash, the sum of gaps."""
-    n2 = 2 * len(s.laws[0])
+    """Adds the cotangents of a value at the nominal closing through the time of that closing.
+
+    The value changes by `slope` per second; the time solves lift(time) = lash, the sum of the gaps.
+    """
+    n2 = 2 * len(s.train.mass)
     rate = state_at(s, trace, k, length)[n2 + 1] / s.step
     slope *= seeds.weight[0]
     observe(seeds, k, length)[n2] -= slope / rate
@@ -142,7 +148,7 @@ def seed_nominal(s, trace, seeds, k, length, slope):
 
 @numba.njit(cache=True, nogil=True)
 def event(s, turn):
-    """Angles between which contacts are judged [rad]."""
+    """Angles [rad] between which the contacts between cam and valve are judged: half the duration about the nose."""
     return 2 * np.pi * turn - s.half_duration, 2 * np.pi * turn + s.half_duration
 
 
@@ -152,7 +158,7 @@ def jump_height(s, trace, seeds, turn):
     low, high = event(s, turn)
     for e in s.cam_side:
         value, k, length, steep, runner = largest(s, trace, e, SEPARATED, 1.0, low, high)
-        unit = 1.0 / (s.laws[7][e] * MM)
+        unit = 1.0 / (s.train.stiffness[e] * MM)
         second = max(second, runner * unit, min(best, value * unit) if k >= 0 and contact >= 0 else NONE)
         if k >= 0 and value * unit > best:
             best, where, at, slope, contact = value * unit, k, length, steep * unit, e
@@ -164,7 +170,7 @@ def jump_height(s, trace, seeds, turn):
 
 @numba.njit(cache=True, nogil=True)
 def contact_force(s, trace, seeds, turn, sign):
-    """The largest (sign 1) or smallest (sign -1) contact force; a contact that does not push has force zero."""
+    """The largest (sign 1) or smallest (sign -1) contact force [N]; a contact that does not push has the force zero."""
     best, where, at, slope, contact, second = NONE, -1, 0.0, 0.0, -1, NONE
     low, high = event(s, turn)
     for e in s.cam_side:
@@ -198,16 +204,16 @@ def jump_angle(s, trace, seeds, turn):
         if contact < 0 or s.states[trace.slot[k], contact] != SEPARATED:
             continue
         if low < trace.angle[k] < high and k > 0 and trace.watch[k - 1] >= 0:
-            seeds.time[k - 1] -= seeds.weight[0] * s.cam[2] / DEG
+            seeds.time[k - 1] -= seeds.weight[0] * s.cam.speed / DEG
         if low < trace.angle[k + 1] < high and trace.watch[k] >= 0:
-            seeds.time[k] += seeds.weight[0] * s.cam[2] / DEG
+            seeds.time[k] += seeds.weight[0] * s.cam.speed / DEG
     return best / DEG, second / DEG
 
 
 @numba.njit(cache=True, nogil=True)
 def seed_speed(s, trace, seeds, k):
-    """The speed at which the valve falls onto its seat at the end of segment k, with its cotangents [m/s]."""
-    n, y = len(s.laws[0]), trace.y[k + 1]
+    """The speed [m/s] at which the valve falls onto its seat at the end of segment k, with its cotangents."""
+    n, y = len(s.train.mass), trace.y[k + 1]
     observe(seeds, k, trace.length[k])[n + s.valve] -= seeds.weight[0]
     seeds.time[k] -= seeds.weight[0] * accelerations(s, trace.slot[k], y)[s.valve]
     return -y[n + s.valve]
@@ -226,7 +232,7 @@ def impact_velocity(s, trace, seeds, turn):
     touched, opened, start, end, _, _ = closed_window(s, trace, turn)
     if touched < 0:
         return (np.nan if opened else 0.0), NONE
-    best, where, second, n = 0.0, -1, NONE, len(s.laws[0])
+    best, where, second, n = 0.0, -1, NONE, len(s.train.mass)
     for k in range(len(trace.length)):
         if start <= trace.angle[k + 1] <= end and closes(s, trace, k, s.seat):
             speed = -trace.y[k + 1, n + s.valve]
@@ -238,8 +244,8 @@ def impact_velocity(s, trace, seeds, turn):
 
 @numba.njit(cache=True, nogil=True)
 def dynamic_area(s, trace, seeds, turn):
-    """Integral of the seat's distance while it is apart."""
-    total, unit = 0.0, s.cam[2] * s.step / (MM * DEG)
+    """Integral of the valve's distance from its seat touch over the time at which it is open [mm deg]."""
+    total, unit = 0.0, s.cam.speed * s.step / (MM * DEG)
     w, there = np.zeros(TERMS + 1), np.zeros(trace.y.shape[1])
     for k in range(len(trace.length)):
         inside = abs(0.5 * (trace.angle[k] + trace.angle[k + 1]) - 2 * np.pi * turn) <= np.pi
@@ -251,11 +257,14 @@ def dynamic_area(s, trace, seeds, turn):
 
 @numba.njit(cache=True, nogil=True)
 def closed_integral(s, trace, seeds, turn):
-    """Integral of the squared seat's distance by angle from the touch to the next opening foot (a lift border)."""
+    """Integral by angle of the squared distance from the seat, from the touch to the next opening foot.
+
+    The opening foot is a border of the lift's pieces, so that no segment crosses it.
+    """
     touched, opened = touch(s, trace, turn)
     if touched < 0:
         return (np.nan if opened else 0.0), NONE
-    total, per_step, foot = 0.0, s.cam[2] * s.step, 2 * np.pi * (turn + 1) + s.opening_foot
+    total, per_step, foot = 0.0, s.cam.speed * s.step, 2 * np.pi * (turn + 1) + s.opening_foot
     w, there = np.zeros(TERMS + 1), np.zeros(trace.y.shape[1])
     for k in range(touched + 1, len(trace.length)):
         inside = 0.5 * (trace.angle[k] + trace.angle[k + 1]) <= foot

@@ -1,4 +1,4 @@
-"""A traced motion: event-exact revolutions kept so that any number of them can be differentiated."""
+"""A traced motion: event-exact revolutions that are kept, so that numbers taken from them can be differentiated."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -10,7 +10,8 @@ from camopt.exact.adjoint.evaluate import closings_margin, collect, evaluate, sa
 from camopt.exact.adjoint.metrics import METRICS
 from camopt.exact.adjoint.seeds import empty_seeds
 from camopt.exact.adjoint.sweep import sweep
-from camopt.exact.engine import AT_ONCE, MOST_SWITCHINGS, free_step, refusal, step_on_borders, train_arrays
+from camopt.exact.engine import AT_ONCE, MOST_SWITCHINGS, free_step, refusal, step_on_borders
+from camopt.exact.kernel.arrays import CamArrays, TrainArrays, cam_arrays, train_arrays
 from camopt.exact.kernel.propagators import Propagators, propagators
 from camopt.exact.kernel.revolution import DONE, NEED_TABLES, TRACE_FULL
 from camopt.exact.kernel.setting import Setting, follow, slot_tables
@@ -19,7 +20,7 @@ from camopt.scene.errors import InputError
 from camopt.scene.train import Train
 
 FIRST_SEGMENTS = 1024
-"""Segments per revolution for which there is room at first; it grows fourfold where a motion needs more."""
+"""Number of segments per revolution for which there is room at first; where a motion needs more it grows fourfold."""
 OBSERVATIONS = 4
 """Instants that one metric looks at, at most."""
 WINDOW_STEP = 1e-6
@@ -29,7 +30,7 @@ NO_ROWS = np.empty((0, 0))
 
 @dataclass(frozen=True)
 class ByTrain:
-    """Gradients of l numbers by a train's parameters in SI, by the names of `Train`."""
+    """Gradients of l numbers by a train's parameters in SI, under the names that the parameters have in `Train`."""
 
     mass: np.ndarray  # (l, n)
     mass_damping: np.ndarray  # (l, n)
@@ -45,10 +46,12 @@ class ByTrain:
 
 @dataclass(frozen=True)
 class Grazing:
-    """How far the motion is from one in which a damped contact closes once more or once less; inf where none comes
-    near. There a gradient is one-sided."""
+    """How far the motion is from one in which a damped contact closes once more or once less.
 
-    approach_m_per_s: float  # slowest closing
+    At such a motion a gradient is one-sided. Both distances are infinite where no damped contact comes near.
+    """
+
+    approach_m_per_s: float  # speed of the slowest closing
     gap_m: float  # smallest separation at which an open contact turned back
 
 
@@ -65,8 +68,10 @@ class Slopes:
 class Gradient(Slopes):
     """Values (l) of metrics in the units of their names, and their gradients by SI quantities.
 
-    `runner_up` (l) is the next highest (for a smallest force: lowest) crest within a thousandth of an extreme, or the
-    next contact's or closing's extreme; -inf (inf) where there is none. At a tie the gradient is one of two.
+    Many metrics are extremes, and `runner_up` (l) says how near the next candidate is: the next highest crest within a
+    thousandth of the extreme (for a smallest force the next lowest), or the extreme at the next contact or closing.
+    Where there is none it is -inf (for a smallest force inf). Where value and runner-up are equal, the gradient is that
+    of one of the two.
     """
 
     metrics: tuple[str, ...]
@@ -88,7 +93,7 @@ class Samples:
 
 
 class TracedMotion:
-    """Event-exact revolutions from a state at -pi, kept so that numbers of them can be differentiated."""
+    """Event-exact revolutions from a state at -pi, kept so that numbers taken from them can be differentiated."""
 
     def __init__(
         self,
@@ -100,23 +105,29 @@ class TracedMotion:
         mechanical: bool = False,
         spacing: float | None = None,
     ):
-        """`start` (2n: [m], then [m/s]); `mechanical`: gradients by the train too. `spacing` [rad] between the borders
-        of most pieces of the lift: where many cams share it and a few speeds, their motions then take less time, for
-        tables of their own at each speed. Raises MotionRefused for endless switching or a motion without bound,
-        InputError for laws that are not linear."""
+        """Runs the motion from `start` (2n: [m], then [m/s]) at -pi; `cam_speed` is in rad/s.
+
+        With `mechanical` there are gradients by the train's parameters too. `spacing` [rad] is the distance between the
+        borders of most pieces of the lift: where it is given, each speed gets tables of its own whose spans end on the
+        borders, which pays for many cams with the same borders at a few speeds. Raises MotionRefused for endless
+        switching or a motion without bound, and InputError for laws that are not linear.
+        """
         self.train, self.lift, self.cam_speed, self.mechanical = train, lift, cam_speed, mechanical
-        laws, cam = train_arrays(train), (lift.borders, lift.coefficients, cam_speed)
+        arrays, cam = train_arrays(train), cam_arrays(lift, cam_speed)
         step, at_once = steps_of(train, cam_speed, spacing)
         tables = propagators(train, step, lift.coefficients.shape[1], at_once)
         self.end = np.array(start, dtype=float)
-        self.trace = _followed(laws, cam, step, tables, self.end, revolutions)
+        self.trace = _followed(arrays, cam, step, tables, self.end, revolutions)
         sides = np.array(train.cam_side, dtype=np.int64)
         numbers = train.valve, train.seat, sides, lift.half_duration, lift.opening_foot
-        self.setting = Setting(laws, cam, step, tables.built, *slot_tables(tables).for_tables(tables.built), *numbers)
+        self.setting = Setting(arrays, cam, step, tables.built, *slot_tables(tables).for_tables(tables.built), *numbers)
 
     def gradient(self, metrics: Sequence[str], revolution: int = 0, cotangent: np.ndarray | None = None) -> Gradient:
-        """Values and gradients of metrics in a revolution, one sweep each; one sweep in all where a `cotangent` (l) of
-        the values is given: the gradients' first axis is then 1. Raises InputError for an unknown metric."""
+        """Values (l) and gradients of metrics in a revolution, with one sweep for each metric.
+
+        Where a `cotangent` (l) of the values is given, one sweep gives the gradient of their weighted sum, and the
+        first axis of the gradients has length 1. Raises InputError for an unknown metric.
+        """
         values, slopes = self.swept(metrics, revolution, cotangent)
         return Gradient(
             **vars(slopes),
@@ -130,7 +141,7 @@ class TracedMotion:
     def swept(
         self, metrics: Sequence[str], revolution: int = 0, cotangent: np.ndarray | None = None
     ) -> tuple[np.ndarray, Slopes]:
-        """(values and runners-up (l, 2), gradients) as of `gradient`, without the distance to grazing."""
+        """(values and runners-up (l, 2), gradients) as `gradient` gives them, without the distance to grazing."""
         numbers, values = metric_numbers(self.train, metrics), np.empty((len(metrics), 2))
         weights = np.ones(len(metrics)) if cotangent is None else np.asarray(cotangent, dtype=float)
         together = [slice(i, i + 1) for i in range(len(metrics))] if cotangent is None else [slice(None)]
@@ -161,7 +172,7 @@ class TracedMotion:
         return (pair[0, :, 0] - pair[1, :, 0]) / (2 * WINDOW_STEP)
 
     def at(self, angles: np.ndarray) -> Samples:
-        """The motion at angles (m) [rad], -pi where the trace starts; where a force jumps, before the jump."""
+        """The motion at m angles [rad], the trace starting at -pi; where a force jumps, its value before the jump."""
         n = len(self.train.mass)
         rows = np.empty((len(angles), 2 * n + 2 + len(self.train.a)))
         sample(self.setting, self.trace, *self._instants(angles), rows)
@@ -170,8 +181,11 @@ class TracedMotion:
     def pull_back(
         self, angles: np.ndarray | None = None, bars: Samples | None = None, ends: np.ndarray | None = None
     ) -> Slopes:
-        """Gradients of l numbers from their cotangents: `bars` (each array with a first axis l) by what `at` gives at
-        the angles (m), `ends` (l, 2n) by the end state. Angles are held. One sweep per number."""
+        """Gradients of l numbers from their cotangents, with one sweep for each number.
+
+        `bars` are the cotangents of what `at` gives at the m angles [rad], each array with a first axis l; `ends`
+        (l, 2n) are those of the end state. The angles are held fixed.
+        """
         n, e = len(self.train.mass), len(self.train.a)
         at = np.zeros(0) if angles is None or bars is None else np.asarray(angles)
         count = len(ends) if ends is not None else len(bars.lift) if bars is not None else 0
@@ -193,7 +207,7 @@ class TracedMotion:
         return Grazing(float(approach), float(gap))
 
     def _instants(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(segment, length) of angles; raises InputError for one outside the trace."""
+        """(segment, length [steps]) of each angle; raises InputError for an angle outside the trace."""
         edges = self.trace.angle
         if len(angles) and not (edges[0] - 1e-9 <= np.min(angles) and np.max(angles) <= edges[-1] + 1e-9):
             raise InputError(f"angles must lie between {edges[0]:g} and {edges[-1]:g} rad, where the motion is known")
@@ -205,7 +219,7 @@ class TracedMotion:
         return empty_seeds(len(self.trace.length), observations, len(self.train.mass), len(self.train.a))
 
     def _room(self, sweeps: int) -> tuple[np.ndarray, ...]:
-        """by_start, by_coefficients, by_mass and by_element for a number of sweeps, zero."""
+        """Zero arrays by_start, by_coefficients, by_mass and by_element for a number of sweeps."""
         n, e = len(self.train.mass), len(self.train.a)
         shapes = (2 * n,), self.lift.coefficients.shape, (3 * self.mechanical, n), (4, e)
         return tuple(np.zeros((sweeps, *shape)) for shape in shapes)
@@ -215,7 +229,7 @@ class TracedMotion:
 
 
 def by_train(by_mass: np.ndarray, by_element: np.ndarray) -> ByTrain:
-    """What `sweep` found for l numbers, (l, 3, n) and (l, 4, e), by its names."""
+    """The gradients that `sweep` found for l numbers, (l, 3, n) and (l, 4, e), under the names of the parameters."""
     return ByTrain(*by_mass.transpose(1, 0, 2), *by_element.transpose(1, 0, 2))
 
 
@@ -225,14 +239,17 @@ def room_for(tables: Propagators, segments: int) -> Trace:
 
 
 def steps_of(train: Train, cam_speed: float, spacing: float | None) -> tuple[float, int]:
-    """(step [s], steps per span): with `spacing` [rad], so that borders of the lift so far apart end spans."""
+    """(step [s], steps per span); with a `spacing` [rad], such that borders of the lift so far apart end spans."""
     if spacing is not None:
         return step_on_borders(train, cam_speed, spacing)
     return free_step(train, cam_speed), AT_ONCE
 
 
 def metric_numbers(train: Train, metrics: Sequence[str]) -> np.ndarray:
-    """Numbers of metrics by their names; raises InputError for an unknown one or a train without valve and seat."""
+    """The numbers by which `measure` knows the metrics of these names.
+
+    Raises InputError for an unknown metric or a train without valve and seat.
+    """
     unknown = [name for name in metrics if name not in METRICS]
     if unknown:
         raise InputError(f"no exact gradient of {', '.join(unknown)}: choose from {', '.join(METRICS)}")
@@ -241,14 +258,16 @@ def metric_numbers(train: Train, metrics: Sequence[str]) -> np.ndarray:
     return np.array([METRICS.index(name) for name in metrics], dtype=np.int64)
 
 
-def _followed(laws, cam, step: float, tables: Propagators, state: np.ndarray, revolutions: int) -> Trace:
+def _followed(
+    arrays: TrainArrays, cam: CamArrays, step: float, tables: Propagators, state: np.ndarray, revolutions: int
+) -> Trace:
     """The trace of whole revolutions from `state` (2n), which is changed in place to the end."""
     start, segments = state.copy(), FIRST_SEGMENTS * revolutions
     trace = room_for(tables, segments)
     while True:
         state[:] = start
         code, count, switchings = follow(
-            laws, cam, step, tables.built, state, revolutions, MOST_SWITCHINGS, NO_ROWS, trace
+            arrays, cam, step, tables.built, state, revolutions, MOST_SWITCHINGS, NO_ROWS, trace
         )
         if code == DONE:
             return first(trace, count)
@@ -258,4 +277,4 @@ def _followed(laws, cam, step: float, tables: Propagators, state: np.ndarray, re
             segments *= 4
             trace = room_for(tables, segments)
         else:
-            raise refusal(code, cam[2], switchings)
+            raise refusal(code, cam.speed, switchings)

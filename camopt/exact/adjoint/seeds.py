@@ -1,4 +1,7 @@
-"""Cotangents of a number by a traced motion: at instants, at switching times, at parameters, collected one by one."""
+"""Derivatives (cotangents) of one number by a traced motion: by states at instants, by switching times, by parameters.
+
+The metrics collect them here one by one; the sweep of `camopt.exact.adjoint.sweep` then carries them to the start.
+"""
 
 from typing import NamedTuple
 
@@ -9,10 +12,13 @@ from camopt.exact.kernel.instants import compression, state_at
 
 
 class Seeds(NamedTuple):
-    """Cotangents of one number; observations of a segment are chained from `head` through `following`."""
+    """Cotangents of one number. An observation is an instant at which the number depends on the state.
 
-    used: np.ndarray  # (1) observations
-    weight: np.ndarray  # (1) of what is added
+    The observations of a segment form a chain that begins at `head` and goes on through `following`.
+    """
+
+    used: np.ndarray  # (1) number of observations
+    weight: np.ndarray  # (1) factor of everything that is added
     head: np.ndarray  # (k) first observation of each segment, -1 for none
     following: np.ndarray  # (m) next observation of the same segment, -1 for none
     length: np.ndarray  # (m) steps from the segment's start
@@ -24,7 +30,7 @@ class Seeds(NamedTuple):
 
 
 def empty_seeds(segments: int, observations: int, masses: int, elements: int) -> Seeds:
-    """Room for the cotangents of a trace."""
+    """Seeds with room for the cotangents of a trace."""
     return Seeds(
         np.zeros(1, dtype=np.int64),
         np.ones(1),
@@ -41,7 +47,7 @@ def empty_seeds(segments: int, observations: int, masses: int, elements: int) ->
 
 @numba.njit(cache=True, nogil=True)
 def clear(seeds, segments):
-    """No cotangents, for a trace of so many segments."""
+    """Removes all cotangents, for a trace with this number of segments."""
     seeds.used[0] = 0
     for k in range(segments):
         seeds.head[k], seeds.time[k], seeds.integral[k], seeds.square[k] = -1, 0.0, 0.0, 0.0
@@ -50,7 +56,7 @@ def clear(seeds, segments):
 
 @numba.njit(cache=True, nogil=True)
 def observe(seeds, k, length):
-    """A new observation, its cotangents zero: row of `bar`."""
+    """Adds an observation of segment k, `length` steps from its start; returns its row of `bar`, which is zero."""
     i = seeds.used[0]
     seeds.used[0] = i + 1
     seeds.following[i], seeds.head[k] = seeds.head[k], i
@@ -61,45 +67,48 @@ def observe(seeds, k, length):
 
 @numba.njit(cache=True, nogil=True)
 def seed_force(s, trace, seeds, k, length, e, weight):
-    """weight * (preload + stiffness d + damping d') of element e at an instant."""
-    _, _, _, a, b, _, cam_driven, stiffness, damping, _, _ = s.laws
-    n = len(s.laws[0])
+    """Adds the cotangents of weight * (preload + stiffness d + damping d') of element e at an instant."""
+    train = s.train
+    n = len(s.train.mass)
     weight *= seeds.weight[0]
     d, rate = compression(s, e, state_at(s, trace, k, length))
     bar = observe(seeds, k, length)
-    for mass, sign in ((a[e], weight), (b[e], -weight)):
+    for mass, sign in ((train.a[e], weight), (train.b[e], -weight)):
         if mass >= 0:
-            bar[mass] += sign * stiffness[e]
-            bar[n + mass] += sign * damping[e]
-    if cam_driven[e]:
-        bar[2 * n] += weight * stiffness[e]
-        bar[2 * n + 1] += weight * damping[e]
+            bar[mass] += sign * train.stiffness[e]
+            bar[n + mass] += sign * train.damping[e]
+    if train.cam_driven[e]:
+        bar[2 * n] += weight * train.stiffness[e]
+        bar[2 * n + 1] += weight * train.damping[e]
     seeds.element[0, e] += weight * d
     seeds.element[1, e] += weight * rate
     seeds.element[2, e] += weight
-    seeds.element[3, e] -= weight * stiffness[e]
+    seeds.element[3, e] -= weight * train.stiffness[e]
 
 
 @numba.njit(cache=True, nogil=True)
 def seed_separation(s, seeds, k, length, e, weight):
-    """weight * separation of contact e at an instant; separation = -(d + preload / stiffness)."""
-    _, _, _, a, b, _, cam_driven, stiffness, _, preload, _ = s.laws
+    """Adds the cotangents of weight * separation of contact e at an instant; separation = -(d + preload/stiffness)."""
+    train = s.train
     weight *= seeds.weight[0]
     bar = observe(seeds, k, length)
-    if a[e] >= 0:
-        bar[a[e]] -= weight
-    if b[e] >= 0:
-        bar[b[e]] += weight
-    if cam_driven[e]:
-        bar[2 * len(s.laws[0])] -= weight
-    seeds.element[0, e] += weight * preload[e] / stiffness[e] ** 2
-    seeds.element[2, e] -= weight / stiffness[e]
+    if train.a[e] >= 0:
+        bar[train.a[e]] -= weight
+    if train.b[e] >= 0:
+        bar[train.b[e]] += weight
+    if train.cam_driven[e]:
+        bar[2 * len(s.train.mass)] -= weight
+    seeds.element[0, e] += weight * train.preload[e] / train.stiffness[e] ** 2
+    seeds.element[2, e] -= weight / train.stiffness[e]
     seeds.element[3, e] += weight
 
 
 @numba.njit(cache=True, nogil=True)
 def seed_end(s, trace, seeds, k, length, slope):
-    """What an extreme at the end of a segment owes to the time of the switching there: `slope` per step."""
+    """Adds the cotangent of an extreme at the end of a segment by the time of the switching there.
+
+    The watched quantity changes by `slope` per step. Inside a segment an extreme does not depend on its time.
+    """
     if length == 0.0 and k > 0 and trace.watch[k - 1] >= 0:
         seeds.time[k - 1] += seeds.weight[0] * slope / s.step
     elif length == trace.length[k] and trace.watch[k] >= 0:

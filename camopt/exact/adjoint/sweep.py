@@ -1,11 +1,12 @@
 """The discrete adjoint of event-exact: one sweep back over a trace, with the saltation where a damped contact closes.
 
-At a fixed time, a change of the state passes a segment by the exact propagator, so a cotangent goes back by its
-transpose. At a switching the vector field jumps only where a contact closes (its force sets in at damping * d'); a
-change of the switching time, -dm / d' with m the compression beyond the touch, then changes the state by the jump of
-the field (saltation; Aizerman and Gantmakher 1958, Hiskens and Pai 2000). The jump is
-proportional to d', so their quotient, the damping over the masses, is regular however slow the contact closes. At
-every other switching the field is continuous and the saltation matrix is the identity.
+Within a segment, the exact propagator carries a change of the state forward, so its transpose carries a cotangent back.
+At a switching the accelerations jump only where a contact closes, because its force sets in at damping * d'. With m the
+compression beyond the touch, a change dm of it moves the switching time by -dm / d', and the state behind the switching
+then changes by that time multiplied by the jump of the accelerations (saltation; Aizerman and Gantmakher 1958, Hiskens
+and Pai 2000). The jump is proportional to d', so that the quotient, the damping over the masses, is regular however
+slowly the contact closes. At every other switching the accelerations are continuous and the saltation matrix is the
+identity.
 """
 
 import numba
@@ -17,7 +18,7 @@ from camopt.exact.kernel.instants import compression, state_at
 from camopt.exact.kernel.propagators import ACTING, SEPARATED
 
 MOST_POINTS = 14
-"""Gauss points in one segment at most."""
+"""Largest number of Gauss points in one segment."""
 POINTS, SHARES = np.zeros((2, MOST_POINTS + 1, MOST_POINTS))
 for _n in range(1, MOST_POINTS + 1):
     _x, _w = np.polynomial.legendre.leggauss(_n)
@@ -26,7 +27,10 @@ for _n in range(1, MOST_POINTS + 1):
 
 @numba.njit(cache=True, nogil=True)
 def lift_back(bar, offset, scale, by_piece):
-    """Adds to by_piece (q) what a cotangent `bar` (q, destroyed) of `lift_series` is by the piece's coefficients."""
+    """Adds to by_piece (q) the cotangent by a piece's coefficients that follows from `bar`.
+
+    `bar` (q) is the cotangent of what `lift_series` gives; it is destroyed.
+    """
     q, power = len(bar), 1.0
     for k in range(q):
         bar[k] *= power
@@ -41,7 +45,10 @@ def lift_back(bar, offset, scale, by_piece):
 
 @numba.njit(cache=True, nogil=True)
 def lift_point_back(lift_bar, rate_bar, offset, cam_speed, by_piece):
-    """The same for a cotangent of the lift [m] and its velocity [m/s] at one angle `offset` from the piece's start."""
+    """Adds to by_piece (q) the cotangent that follows from those of the lift [m] and its velocity [m/s] at one angle.
+
+    The angle is `offset` [rad] from the piece's start.
+    """
     power, before = 1.0, 0.0
     for k in range(len(by_piece)):
         by_piece[k] += lift_bar * power + rate_bar * cam_speed * k * before
@@ -51,74 +58,74 @@ def lift_point_back(lift_bar, rate_bar, offset, cam_speed, by_piece):
 @numba.njit(cache=True, nogil=True)
 def switch_back(s, trace, seeds, k, bar, by_coefficients, by_element):
     """Carries `bar` (2n) from after the switching that ends segment k to before it."""
-    mass, _, _, a, b, _, cam_driven, stiffness, damping, preload, _ = s.laws
-    slot, n = trace.slot[k], len(mass)
+    train = s.train
+    slot, n = trace.slot[k], len(train.mass)
     e = s.tables.element[slot, trace.watch[k]]
     rate = compression(s, e, trace.y[k + 1])[1]
     pull = 0.0
     if s.states[slot, e] == SEPARATED and rate > 0.0:
-        pull += damping[e] * ((bar[n + a[e]] / mass[a[e]]) if a[e] >= 0 else 0.0)
-        pull -= damping[e] * ((bar[n + b[e]] / mass[b[e]]) if b[e] >= 0 else 0.0)
+        pull += train.damping[e] * ((bar[n + train.a[e]] / train.mass[train.a[e]]) if train.a[e] >= 0 else 0.0)
+        pull -= train.damping[e] * ((bar[n + train.b[e]] / train.mass[train.b[e]]) if train.b[e] >= 0 else 0.0)
     if seeds.time[k] != 0.0 and rate != 0.0:
         pull += seeds.time[k] / rate
     if pull == 0.0:
         return
-    if a[e] >= 0:
-        bar[a[e]] -= pull
-    if b[e] >= 0:
-        bar[b[e]] += pull
-    if cam_driven[e]:
-        end = trace.offset[k] + trace.length[k] * s.step * s.cam[2]
-        lift_point_back(-pull, 0.0, end, s.cam[2], by_coefficients[trace.piece[k]])
-    by_element[0, e] += pull * preload[e] / stiffness[e] ** 2
-    by_element[2, e] -= pull / stiffness[e]
+    if train.a[e] >= 0:
+        bar[train.a[e]] -= pull
+    if train.b[e] >= 0:
+        bar[train.b[e]] += pull
+    if train.cam_driven[e]:
+        end = trace.offset[k] + trace.length[k] * s.step * s.cam.speed
+        lift_point_back(-pull, 0.0, end, s.cam.speed, by_coefficients[trace.piece[k]])
+    by_element[0, e] += pull * train.preload[e] / train.stiffness[e] ** 2
+    by_element[2, e] -= pull / train.stiffness[e]
     by_element[3, e] += pull
 
 
 @numba.njit(cache=True, nogil=True)
-def forces_back(laws, state, h, y, bar, share, by_mass, by_element):
-    """Adds share times the cotangent `bar` (2n + q) times the change of every acceleration by the parameters."""
-    mass, mass_damping, mass_force, a, b, _, cam_driven, stiffness, damping, preload, gap = laws
-    n = len(mass)
+def forces_back(train, state, h, y, bar, share, by_mass, by_element):
+    """Adds share times the cotangent `bar` (2n + q) times the derivatives of all accelerations by the parameters."""
+    n = len(train.mass)
     for m in range(n):  # -bar_v / mass * acceleration, the acceleration force by force
-        push = share * bar[n + m] / mass[m]
-        by_mass[0, m] -= push * (mass_force[m] - mass_damping[m] * y[n + m]) / mass[m]
+        push = share * bar[n + m] / train.mass[m]
+        by_mass[0, m] -= push * (train.mass_force[m] - train.mass_damping[m] * y[n + m]) / train.mass[m]
         by_mass[1, m] -= push * y[n + m]
         by_mass[2, m] += push
-    for e in range(len(a)):
+    for e in range(len(train.a)):
         if state[e] != ACTING:
             continue
-        d, rate, p, q = -gap[e], 0.0, a[e], b[e]
+        d, rate, p, q = -train.gap[e], 0.0, train.a[e], train.b[e]
         if p >= 0:
             d, rate = d + y[p], rate + y[n + p]
         if q >= 0:
             d, rate = d - y[q], rate - y[n + q]
-        if cam_driven[e]:
+        if train.cam_driven[e]:
             d, rate = d + y[2 * n], rate + y[2 * n + 1] / h
-        force, push = preload[e] + stiffness[e] * d + damping[e] * rate, 0.0
+        force, push = train.preload[e] + train.stiffness[e] * d + train.damping[e] * rate, 0.0
         if p >= 0:
-            pushed = share * bar[n + p] / mass[p]
+            pushed = share * bar[n + p] / train.mass[p]
             push -= pushed
-            by_mass[0, p] += pushed * force / mass[p]
+            by_mass[0, p] += pushed * force / train.mass[p]
         if q >= 0:
-            pushed = share * bar[n + q] / mass[q]
+            pushed = share * bar[n + q] / train.mass[q]
             push += pushed
-            by_mass[0, q] -= pushed * force / mass[q]
+            by_mass[0, q] -= pushed * force / train.mass[q]
         by_element[0, e] += push * d
         by_element[1, e] += push * rate
         by_element[2, e] += push
-        by_element[3, e] -= push * stiffness[e]
+        by_element[3, e] -= push * train.stiffness[e]
 
 
 @numba.njit(cache=True, nogil=True)
 def parameters_back(s, trace, k, length, bar, linear, square, by_mass, by_element, work):
-    """Adds the integral of cotangent times change of the forces, over the segment's start to `length`.
+    """Adds what the parameters contribute between the start of segment k and the instant `length` steps later.
 
-    `bar` (2n) is the cotangent there, `linear` and `square` those of the seat's integrals on the way.
+    That is the integral of the cotangent times the derivatives of the accelerations. `bar` (2n) is the cotangent at
+    `length`; `linear` and `square` are those of the integrals of the seat's distance and its square on the way.
     """
     # the product of state and cotangent turns by 3 rad per step at most: so many points leave 1e-7 of the highest mode
     slot, h, count = trace.slot[k], s.step, min(int(np.ceil(1.25 * length)) + 4, MOST_POINTS)
-    motion, laws, state = s.motion[slot], s.laws, s.states[slot]
+    motion, state = s.motion[slot], s.states[slot]
     there = np.empty(trace.y.shape[1])
     for i in range(count):
         at, share = POINTS[count, i] * length, SHARES[count, i] * length * h
@@ -126,7 +133,7 @@ def parameters_back(s, trace, k, length, bar, linear, square, by_mass, by_elemen
         carry_back(s.tables, slot, motion, h, length - at, bar, there, work)
         if linear != 0.0 or square != 0.0:
             integrals_back(s, slot, y, length - at, linear, square, there)
-        forces_back(laws, state, h, y, there, share, by_mass, by_element)
+        forces_back(s.train, state, h, y, there, share, by_mass, by_element)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -136,11 +143,11 @@ def sweep(s, trace, seeds, bar, by_coefficients, by_mass, by_element):
     Adds to by_coefficients (p, q); to by_mass (3, n: mass, damping, force) and by_element (4, e: stiffness, damping,
     preload, gap) where by_mass has rows.
     """
-    n2, mechanical, per_step = len(bar), len(by_mass) > 0, s.cam[2] * s.step
+    n2, mechanical, per_step = len(bar), len(by_mass) > 0, s.cam.speed * s.step
     width = trace.y.shape[1]
     start, out = np.empty(width), np.empty(width)
     work = np.empty(width), np.empty(width), np.empty(s.motion.shape[2])
-    motion, h, cam_speed = s.motion, s.step, s.cam[2]
+    motion, h, cam_speed = s.motion, s.step, s.cam.speed
     for k in range(len(trace.length) - 1, -1, -1):
         if trace.watch[k] >= 0:
             switch_back(s, trace, seeds, k, bar, by_coefficients, by_element)

@@ -1,1 +1,1 @@
-"""The compiled kernel of event-exact: spans by exact propagators, and every switching located inside them."""
+"""The compiled kernel of event-exact: it crosses spans by exact propagators and locates every switching inside them."""

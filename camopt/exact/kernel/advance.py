@@ -1,7 +1,7 @@
-"""A state advanced by any length within a span, and a cotangent carried back by the transpose of that.
+"""Advances a state by any length within a span, and carries a cotangent back over it by the transposed operation.
 
-A length is whole steps, then fine nodes, then a small rest: two ready propagators and a short power series of the
-equations of motion, so that any instant costs little more than a node.
+A length is divided into whole steps, a fine node and a small rest. The first two have ready propagators; the rest takes
+a short power series of the equations of motion, so that any instant costs little more than a node.
 """
 
 import numba
@@ -9,12 +9,12 @@ import numba
 from camopt.exact.kernel.propagators import FINE
 
 ORDER = 6
-"""Highest power of the series behind a fine node: its remainder is below 1e-15 of the highest mode's motion."""
+"""Highest power of the series that follows a fine node: its remainder is below 1e-15 of the highest mode's motion."""
 
 
 @numba.njit(cache=True, nogil=True, fastmath={"contract"})
 def apply(matrix, y, columns, used, out):
-    """out (used) = the first rows of a transposed matrix applied to the first `columns` of y, plus its constant."""
+    """Writes to out (used) the first rows of a transposed matrix times the first `columns` of y, plus its constant."""
     constant = matrix[len(y)]
     for i in range(used):
         out[i] = constant[i]
@@ -32,16 +32,16 @@ def apply(matrix, y, columns, used, out):
 
 @numba.njit(cache=True, nogil=True)
 def split(length, most):
-    """(whole steps, fine node, rest [steps]) of a length of at most `most` steps; the rest is 1 / (2 FINE) at most."""
+    """(whole steps, fine node, rest) of a length [steps] of at most `most`; the rest is at most 1 / (2 FINE) steps."""
     nearest = min(max(int(length * FINE + 0.5), 0), most * FINE)
     return nearest // FINE, nearest % FINE, length - nearest / FINE
 
 
 @numba.njit(cache=True, nogil=True, fastmath={"contract"})
 def short_series(motion, h, used, tau, y, term, acceleration):
-    """Adds to x and v in y (2n + q) their change over tau steps, a small part of one, by power series.
+    """Adds to x and v in y (2n + q) their change over tau, a small part of a step, by power series.
 
-    `used` of the lift's coefficients in y are not zero.
+    Only the first `used` of the lift's coefficients in y differ from zero.
     """
     n, power = len(acceleration), 1.0
     n2 = 2 * n
@@ -87,7 +87,7 @@ def advance(tables, slot, h, columns, length, y, work):
 
 @numba.njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
 def apply_transposed(matrix, g, used, rows, out):
-    """out (rows) = the first `used` columns of a transposed propagator applied to g: the propagator's transpose."""
+    """Writes to out (rows) the first `used` columns of a transposed propagator times g: the transpose of `apply`."""
     for j in range(rows):
         total = 0.0
         for i in range(used):
@@ -97,9 +97,10 @@ def apply_transposed(matrix, g, used, rows, out):
 
 @numba.njit(cache=True, nogil=True, fastmath={"contract"})
 def short_series_back(motion, h, tau, g, term, push):
-    """g (2n + q) = exp(tau S)' g, S the system of x, v and the lift's coefficients by the step; |tau| small.
+    """Replaces g (2n + q) by exp(tau S)' g, where S is the system of x, v and the lift's coefficients per step.
 
-    `motion` (n, 2n + 2) holds the accelerations by x, v, lift and lift velocity.
+    |tau| must be small. `motion` (n, 2n + 2) holds the derivatives of the accelerations by x, v, lift and lift
+    velocity.
     """
     n, m = motion.shape
     q = len(g) - 2 * n
@@ -131,7 +132,10 @@ def short_series_back(motion, h, tau, g, term, push):
 
 @numba.njit(cache=True, nogil=True)
 def carry_back(tables, slot, motion, h, length, bar, out, work):
-    """out (2n + q) = cotangent at a start, by x, v and the lift's coefficients there, of `bar` (2n) `length` later."""
+    """Writes to out (2n + q) the cotangent at a start that belongs to the cotangent `bar` (2n), `length` steps later.
+
+    `out` is by x, v and the lift's coefficients at the start.
+    """
     g, term, push = work
     n2, c = len(bar), len(g)
     whole, node, rest = split(length, tables.steps.shape[1] - 1)

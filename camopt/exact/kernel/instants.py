@@ -1,4 +1,4 @@
-"""Instants inside a trace: the motion there, and where a watched quantity is largest, located on its power series."""
+"""The motion at instants inside a trace, and the place where a watched quantity is largest, from its power series."""
 
 import numba
 import numpy as np
@@ -8,27 +8,27 @@ from camopt.exact.kernel.propagators import ACTING, SEPARATED, TERMS
 from camopt.exact.kernel.revolution import lift_series
 
 LOOKS = 8
-"""Intervals per step in which a crest is sought: the highest mode turns by less than 0.2 rad in one."""
+"""A crest is sought in this many intervals of a step: the highest mode turns by less than 0.2 rad in one."""
 TIE = 1e-3
-"""Relative difference within which the next highest crest is looked for."""
+"""The runner-up of a crest is looked for within this relative difference of it."""
 
 
 @numba.njit(cache=True, nogil=True)
 def state_at(s, trace, k, length):
     """x, v and the lift's coefficients (2n + q) at `length` steps from the start of segment k."""
-    n = len(s.laws[0])
+    n = len(s.train.mass)
     y = trace.y[k].copy()
     if length != 0.0:
         work = np.empty(len(y)), np.empty(2 * n + 2), np.empty(n)
-        scale, piece = s.cam[2] * s.step, trace.piece[k]
+        scale, piece = s.cam.speed * s.step, trace.piece[k]
         advance(s.tables, trace.slot[k], s.step, len(y), length, y, work)
-        lift_series(s.cam[1][piece], trace.offset[k] + length * scale, scale, y[2 * n :])
+        lift_series(s.cam.pieces[piece], trace.offset[k] + length * scale, scale, y[2 * n :])
     return y
 
 
 @numba.njit(cache=True, nogil=True)
 def closeness(a, b, gap, n, y):
-    """(d, d') of an element between the masses a and b that the cam does not drive."""
+    """(d, d') [m], [m/s] of an element between the masses a and b that the cam does not drive."""
     d, rate = -gap, 0.0
     if a >= 0:
         d += y[a]
@@ -42,10 +42,10 @@ def closeness(a, b, gap, n, y):
 @numba.njit(cache=True, nogil=True)
 def compression(s, e, y):
     """(d, d') of element e: compression [m] and its rate [m/s]."""
-    mass, _, _, a, b, _, cam_driven, _, _, _, gap = s.laws
-    n = len(mass)
-    d, rate = closeness(a[e], b[e], gap[e], n, y)
-    if cam_driven[e]:
+    train = s.train
+    n = len(train.mass)
+    d, rate = closeness(train.a[e], train.b[e], train.gap[e], n, y)
+    if train.cam_driven[e]:
         d += y[2 * n]
         rate += y[2 * n + 1] / s.step
     return d, rate
@@ -54,24 +54,24 @@ def compression(s, e, y):
 @numba.njit(cache=True, nogil=True)
 def accelerations(s, slot, y):
     """Acceleration of every mass (n) [m/s^2] in a contact state."""
-    mass, mass_damping, mass_force, a, b, _, _, stiffness, damping, preload, _ = s.laws
-    n = len(mass)
-    force = mass_force - mass_damping * y[n : 2 * n]
-    for e in range(len(a)):
+    train = s.train
+    n = len(train.mass)
+    force = train.mass_force - train.mass_damping * y[n : 2 * n]
+    for e in range(len(train.a)):
         if s.states[slot, e] != ACTING:
             continue
         d, rate = compression(s, e, y)
-        f = preload[e] + stiffness[e] * d + damping[e] * rate
-        if a[e] >= 0:
-            force[a[e]] -= f
-        if b[e] >= 0:
-            force[b[e]] += f
-    return force / mass
+        f = train.preload[e] + train.stiffness[e] * d + train.damping[e] * rate
+        if train.a[e] >= 0:
+            force[train.a[e]] -= f
+        if train.b[e] >= 0:
+            force[train.b[e]] += f
+    return force / train.mass
 
 
 @numba.njit(cache=True, nogil=True)
 def watch_of(s, slot, e):
-    """The first watch of element e in a contact state, -1 for none."""
+    """The first watch of element e in a contact state; -1 where it has none."""
     for w in range(s.tables.count[slot]):
         if s.tables.element[slot, w] == e:
             return w
@@ -80,7 +80,7 @@ def watch_of(s, slot, e):
 
 @numba.njit(cache=True, nogil=True)
 def series_at(s, trace, k, step, watch, w, there):
-    """w (TERMS + 1) = power series of a watch about the start of a step of segment k."""
+    """Writes to w (TERMS + 1) the power series of a watch about the start of a step of segment k."""
     slot = trace.slot[k]
     y, c = trace.y[k], trace.y.shape[1]
     apply(s.tables.steps[slot, step], y, c, c, there)
@@ -100,7 +100,7 @@ def evaluate(w, t):
 
 @numba.njit(cache=True, nogil=True)
 def crest(w, sign, low, high):
-    """(t, value, slope) of the largest sign * w in [low, high], and whether it is a crest inside."""
+    """(t, value, slope) of the largest sign * w in [low, high], and whether it is a crest inside the interval."""
     best, at, steep, inside = -np.inf, low, 0.0, False
     rise, t = 0.0, low
     for i in range(LOOKS + 1):
@@ -120,7 +120,7 @@ def crest(w, sign, low, high):
 
 @numba.njit(cache=True, nogil=True)
 def _summit(w, sign, low, high):
-    """Root of the slope in a bracket in which it falls through zero: Newton kept inside."""
+    """Root of the slope in a bracket in which it falls through zero, by Newton's method kept inside the bracket."""
     t = 0.5 * (low + high)
     for _ in range(60):
         _, slope, curve = evaluate(w, t)
@@ -140,7 +140,7 @@ def _summit(w, sign, low, high):
 
 @numba.njit(cache=True, nogil=True)
 def _highest_look(s, trace, e, status, sign, low, high):
-    """Largest sign * watch at the steps' ends inside [low, high] [rad]; -inf where there is none."""
+    """Largest sign * watch over the ends of the steps inside [low, high] [rad]; -inf where no step ends there."""
     best = -np.inf
     for k in range(len(trace.length)):
         slot = trace.slot[k]
@@ -154,13 +154,13 @@ def _highest_look(s, trace, e, status, sign, low, high):
 
 @numba.njit(cache=True, nogil=True)
 def largest(s, trace, e, status, sign, low, high):
-    """Largest sign * watch of element e while its contact has a status, at angles in [low, high] [rad].
+    """Largest sign * watch of element e at angles in [low, high] [rad] at which its contact has the state `status`.
 
-    Returns (value, segment, length [steps], slope [1/step], runner-up); segment -1 where there is none. The runner-up
-    is the highest crest apart from it that lies within `TIE`, -inf where there is none.
+    Returns (value, segment, length [steps], slope [1/step], runner-up); the segment is -1 where there is no such angle.
+    The runner-up is the next highest crest, if it lies within `TIE` of the highest, and -inf otherwise.
     """
     value, second, where, length, steep = -np.inf, -np.inf, -1, 0.0, 0.0
-    per_step = s.cam[2] * s.step
+    per_step = s.cam.speed * s.step
     w, there = np.zeros(TERMS + 1), np.zeros(trace.y.shape[1])
     enough = _highest_look(s, trace, e, status, sign, low, high)
     enough -= TIE * abs(enough)
@@ -189,7 +189,7 @@ def largest(s, trace, e, status, sign, low, high):
 
 @numba.njit(cache=True, nogil=True)
 def _bound(looks, k, at, count, sign):
-    """A level that sign * watch does not pass within a step, from values and slopes at its ends."""
+    """A level that sign * watch does not exceed within a step, from its values and slopes at the step's ends."""
     f0, g0 = sign * looks[k, at], sign * looks[k, at + count]
     f1, g1 = sign * looks[k, at + 2 * count], sign * looks[k, at + 3 * count]
     return max(max(f0, f1), max(f0 + g0, f1 - g1))
@@ -197,7 +197,7 @@ def _bound(looks, k, at, count, sign):
 
 @numba.njit(cache=True, nogil=True)
 def nearest_miss(s, trace, e):
-    """Smallest watch of contact e [N] at a return while it is apart: how close it came to closing; inf for none."""
+    """How close contact e came to closing: its smallest watch [N] where it turned back while apart; inf for never."""
     least, looks, states = np.inf, trace.looks, s.states
     w, there = np.zeros(TERMS + 1), np.zeros(trace.y.shape[1])
     for k in range(len(trace.length)):

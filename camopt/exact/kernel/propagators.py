@@ -14,27 +14,30 @@ import numpy as np
 from camopt.scene.train import GROUND, Train
 
 LARGEST_PHASE = 1.5
-"""Default step times highest frequency [rad]: switching is sought well within a quarter period of any mode."""
+"""Product of default step and highest frequency [rad]: switchings are sought well within a quarter period of any mode.
+"""
 FINE = 32
-"""Ready propagators inside a step: any instant is at most 1/64 step from one, 0.024 rad of the highest mode."""
+"""Number of ready propagators inside a step: any instant is at most 1/64 of a step from one, which is 0.024 rad of the
+highest mode."""
 TERMS = 22
 """Highest power in the series of a watched quantity: over one step the remainder is below 1e-16 of the motion."""
 FIRST_STATES = 8
-"""Contact states for which there is room at first; it doubles."""
+"""Number of contact states for which there is room at first; the room doubles when it is used up."""
 SEPARATED, COMPRESSED, ACTING = 0, 1, 2
-"""States of a contact: apart; pressed in but without force, its damper having cancelled it; pushing."""
+"""States of a contact: it is apart; it is pressed in, but its damper has cancelled the force; it pushes."""
 
 
 class Tables(NamedTuple):
-    """Everything the kernel reads, s contact states deep; matrices transposed, rows (c): x, v, u (q), constant.
+    """Everything that the kernel reads for each of s contact states.
 
-    A watch is a quantity of a contact that stays positive until it switches: w of them at most, `count` in use.
+    The matrices are transposed: their c rows belong to x, v, u (q) and the constant. A watch is a quantity of a contact
+    that stays positive until the contact switches; there are at most w of them, of which `count` are in use.
     """
 
     keys: np.ndarray  # (s) contact states in base 3
-    count: np.ndarray  # (s)
-    element: np.ndarray  # (s, w) whose state changes when the watch turns negative
-    new: np.ndarray  # (s, w) to what
+    count: np.ndarray  # (s) watches in use
+    element: np.ndarray  # (s, w) the element whose state changes when the watch turns negative
+    new: np.ndarray  # (s, w) the state that it changes to
     span: np.ndarray  # (s, c, c - 1 + 2 w (m + 1)): x, v, u after m steps; then values and slopes at every step
     steps: np.ndarray  # (s, m + 1, c, c - 1): x, v, u after every step
     fine: np.ndarray  # (s, FINE, c, c - 1): x, v, u after every FINE-th of a step
@@ -43,7 +46,7 @@ class Tables(NamedTuple):
 
 
 def linear_system(train: Train, acting: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A (2n, 2n), and the columns of lift, lift velocity and constant (2n) in y' = A y + ... with elements `acting`."""
+    """A (2n, 2n), and the columns (2n) of lift, lift velocity and constant, of y' = A y + ... for elements `acting`."""
     n = len(train.mass)
     a = np.zeros((2 * n, 2 * n))
     by_lift, by_velocity, constant = np.zeros(2 * n), np.zeros(2 * n), np.zeros(2 * n)
@@ -73,7 +76,7 @@ def highest_frequency(train: Train) -> float:
 
 
 class Propagators:
-    """The tables of one train, step [s], lift width q (coefficients of a piece) and steps m taken at once."""
+    """The tables of one train for one step [s], lift width q (coefficients per piece) and number m of steps at once."""
 
     def __init__(self, train: Train, step: float, width: int, at_once: int):
         self.train, self.step, self.width, self.at_once = train, step, width, at_once
@@ -96,7 +99,7 @@ class Propagators:
     def build(self, key: int) -> None:
         """Adds the tables of a state of the contacts: digit i of `key` in base 3 is the state of contact i.
 
-        What `built` already shows is never changed: another thread may be reading it.
+        Tables that stand in `built` are never changed, because another thread may be reading them.
         """
         with self._lock:
             slot = len(self.built.keys)
@@ -148,7 +151,7 @@ class Propagators:
         return system
 
     def _watch(self, e: int, law: int, status: int) -> np.ndarray:
-        """Row (c) of a contact's elastic force (law 0) or whole force (law 1), so signed that it is positive."""
+        """Row (c) of a contact's elastic force (law 0) or whole force (law 1), with the sign that makes it positive."""
         t, n, q = self.train, len(self.train.mass), self.width
         row = np.zeros(2 * n + q + 1)
         for mass, sign in ((t.a[e], 1.0), (t.b[e], -1.0)):
@@ -170,8 +173,11 @@ class Propagators:
 
 
 def _exponential(matrix: np.ndarray) -> np.ndarray:
-    """exp(matrix) by its plain series, for a spectral radius below 0.1: elements of very different size (a position by
-    a velocity, a coefficient of the lift by another) each keep their relative accuracy, which squaring would lose."""
+    """exp(matrix) by its plain power series, for a spectral radius below 0.1.
+
+    The elements have very different sizes (a position by a velocity, a coefficient of the lift by another). The series
+    keeps the relative accuracy of each; scaling and squaring would lose it.
+    """
     total = term = np.eye(len(matrix))
     for k in range(1, 17):
         term = term @ matrix / k
@@ -180,7 +186,7 @@ def _exponential(matrix: np.ndarray) -> np.ndarray:
 
 
 def _powers(leap: np.ndarray, most: int) -> np.ndarray:
-    """leap^i, i = 0 to most, by doubling: rounding grows with the logarithm only."""
+    """leap^i for i = 0 to most, by doubling, so that rounding grows with the logarithm of `most` only."""
     powers = np.eye(len(leap))[None]
     while len(powers) <= most:
         powers = np.concatenate([powers, leap @ powers])
@@ -189,7 +195,7 @@ def _powers(leap: np.ndarray, most: int) -> np.ndarray:
 
 
 def _laws(status: int) -> tuple[int, ...]:
-    """What is watched: elastic force 0, whole force 1."""
+    """What is watched in a state of a contact: 0 stands for the elastic force, 1 for the whole force."""
     return {SEPARATED: (0,), COMPRESSED: (0, 1), ACTING: (1,)}[int(status)]
 
 

@@ -35,41 +35,39 @@ def lift_series(piece, offset, scale, u):
 
 
 @numba.njit(cache=True, nogil=True)
-def element_forces(laws, status, lift, lift_rate, x, v, force):
-    """Forces (e) as the elements exert them; where a contact lets go it is zero but for rounding."""
-    a, b, contact, cam_driven, stiffness, damping, preload, gap = laws[3:]
-    for e in range(len(a)):
-        d, rate = -gap[e], 0.0
-        if a[e] >= 0:
-            d += x[a[e]]
-            rate += v[a[e]]
-        if b[e] >= 0:
-            d -= x[b[e]]
-            rate -= v[b[e]]
-        if cam_driven[e]:
+def element_forces(train, status, lift, lift_rate, x, v, force):
+    """Writes to force (e) the forces [N] that the elements exert; where a contact lets go, rounding may be left."""
+    for e in range(len(train.a)):
+        d, rate = -train.gap[e], 0.0
+        if train.a[e] >= 0:
+            d += x[train.a[e]]
+            rate += v[train.a[e]]
+        if train.b[e] >= 0:
+            d -= x[train.b[e]]
+            rate -= v[train.b[e]]
+        if train.cam_driven[e]:
             d += lift
             rate += lift_rate
-        force[e] = preload[e] + stiffness[e] * d + damping[e] * rate
-        if contact[e] and (status[e] != ACTING or force[e] < 0.0):
+        force[e] = train.preload[e] + train.stiffness[e] * d + train.damping[e] * rate
+        if train.contact[e] and (status[e] != ACTING or force[e] < 0.0):
             force[e] = 0.0
 
 
 @numba.njit(cache=True, nogil=True)
-def classify(laws, lift, lift_rate, x, v, status):
-    """Contact states of an arbitrary state: pushing where both the elastic and the whole force are positive."""
-    a, b, contact, cam_driven, stiffness, _, preload, gap = laws[3:]
-    whole = np.zeros(len(a))
+def classify(train, lift, lift_rate, x, v, status):
+    """Writes the contact states of an arbitrary state: a contact pushes if its elastic and whole force are positive."""
+    whole = np.zeros(len(train.a))
     status[:] = ACTING
-    element_forces(laws, status, lift, lift_rate, x, v, whole)
-    for e in range(len(a)):
-        if not contact[e]:
+    element_forces(train, status, lift, lift_rate, x, v, whole)
+    for e in range(len(train.a)):
+        if not train.contact[e]:
             continue
-        d = -gap[e] + cam_driven[e] * lift
-        if a[e] >= 0:
-            d += x[a[e]]
-        if b[e] >= 0:
-            d -= x[b[e]]
-        if preload[e] + stiffness[e] * d <= 0.0:
+        d = -train.gap[e] + train.cam_driven[e] * lift
+        if train.a[e] >= 0:
+            d += x[train.a[e]]
+        if train.b[e] >= 0:
+            d -= x[train.b[e]]
+        if train.preload[e] + train.stiffness[e] * d <= 0.0:
             status[e] = SEPARATED
         elif whole[e] <= 0.0:
             status[e] = COMPRESSED
@@ -90,92 +88,107 @@ def find(keys, status, contact):
 
 
 @numba.njit(cache=True, nogil=True)
-def record(rows, count, t, laws, status, y, h):
+def record(rows, count, t, train, status, y, h):
     """Appends one sample: time, lift, x, v, force."""
-    n = len(laws[0])
+    n = len(train.mass)
     row = rows[count]
     row[0], row[1] = t, y[2 * n]
     for i in range(2 * n):
         row[2 + i] = y[i]
-    element_forces(laws, status, y[2 * n], y[2 * n + 1] / h, y[:n], y[n : 2 * n], row[2 + 2 * n :])
+    element_forces(train, status, y[2 * n], y[2 * n + 1] / h, y[:n], y[n : 2 * n], row[2 + 2 * n :])
     return count + 1
 
 
 @numba.njit(cache=True, nogil=True)
-def revolve(laws, cam, h, tables, state, rows, trace, most):
-    """One revolution from `state` (2n, changed in place); returns (code, samples or missing key, switchings).
+def next_stop(cam, piece, t, target, step):
+    """(border, target, end) of the span that begins at t [s]: where the lift's piece ends, where the span was to end
+    (moved onto a border within its rounding), and the earlier of the two."""
+    last = piece + 2 >= len(cam.borders)
+    border = 2.0 * np.pi / cam.speed if last else (cam.borders[piece + 1] - cam.borders[0]) / cam.speed
+    if abs(target - border) < 1e-11 * step:
+        target = border
+    return border, target, max(t, min(target, border))
 
-    With `rows` it is sampled at every span, switching and border; without (no rows), only the end is found. With room
-    in `trace` every segment is written there and counted instead. `most` switchings are allowed. `cam` holds borders,
-    coefficients and speed.
+
+@numba.njit(cache=True, nogil=True)
+def cross(tables, slot, h, columns, y, out, remaining, scratch, work):
+    """Advances y by the span whose table gave `out`, or by `remaining` steps of it, or to the first switching.
+
+    Returns (steps taken, watch that switched or -1, whether the whole span was taken without a look inside).
     """
-    borders, pieces, cam_speed = cam
-    n2, q, contact = len(state), pieces.shape[1], laws[5]
-    n, period, sampled, scale = n2 // 2, 2.0 * np.pi / cam_speed, len(rows) > 0, cam_speed * h
-    traced = len(trace.length) > 0
-    steps = tables.steps.shape[1] - 1
-    span = steps * h
-    status = np.zeros(len(contact), dtype=np.int64)
+    steps, watches = tables.steps.shape[1] - 1, tables.count[slot]
+    if abs(remaining - steps) < 2e-11 and first_suspect(out, len(y), watches, steps) == steps:
+        for i in range(columns):
+            y[i] = out[i]
+        return float(steps), -1, True
+    length, watch = next_switch(tables, slot, y, columns, out, remaining, TICK / h, scratch)
+    advance(tables, slot, h, columns, length, y, work)
+    return length, watch, False
+
+
+@numba.njit(cache=True, nogil=True)
+def begin(train, cam, h, state, y, status):
+    """Fills y (2n + q) and the contacts' status from a state (2n) at -pi; returns the columns of y in use."""
+    n2 = len(state)
+    n = n2 // 2
+    y[:n2] = state
+    columns = n2 + lift_series(cam.pieces[0], 0.0, cam.speed * h, y[n2:])
+    classify(train, y[n2], y[n2 + 1] / h, y[:n], y[n:n2], status)
+    return columns
+
+
+@numba.njit(cache=True, nogil=True)
+def revolve(train, cam, h, tables, state, rows, trace, most):
+    """Runs one revolution from `state` (2n), which it changes in place.
+
+    Returns (code, number of samples or missing key, number of switchings). Where `rows` has room, the motion is sampled
+    at every span, switching and border; otherwise only the end is found. Where `trace` has room, every segment is
+    written there and segments are counted in place of samples. At most `most` switchings are allowed.
+    """
+    n2, q, period, scale = len(state), cam.pieces.shape[1], 2.0 * np.pi / cam.speed, cam.speed * h
+    sampled, traced, span = len(rows) > 0, len(trace.length) > 0, (tables.steps.shape[1] - 1) * h
+    status = np.zeros(len(train.contact), dtype=np.int64)
     y, there, out = np.zeros(n2 + q), np.zeros(n2 + q), np.zeros(tables.span.shape[2])
     scratch = there, np.zeros(TERMS + 1), np.zeros(SAMPLES + 1), np.zeros(SAMPLES + 1)
-    work = there, np.zeros(n2 + 2), np.zeros(n)
-    y[:n2] = state
+    work = there, np.zeros(n2 + 2), np.zeros(n2 // 2)
     t, piece, step, count, switchings = 0.0, 0, 0, 0, 0
-    columns = n2 + lift_series(pieces[0], 0.0, scale, y[n2:])
-    classify(laws, y[n2], y[n2 + 1] / h, y[:n], y[n:n2], status)
-    slot, key = find(tables.keys, status, contact)
+    columns = begin(train, cam, h, state, y, status)
+    slot, key = find(tables.keys, status, train.contact)
     if sampled:
-        count = record(rows, count, t, laws, status, y, h)
+        count = record(rows, count, t, train, status, y, h)
     while t < period:
         if slot < 0:
             return NEED_TABLES, key, switchings
-        border = (borders[piece + 1] - borders[0]) / cam_speed if piece + 2 < len(borders) else period
-        target = min((step + 1) * span, period) if sampled else t + span
-        if abs(target - border) < 1e-11 * h:
-            target = border
-        end = max(t, min(target, border))
-        which, watches = -1, tables.count[slot]
-        apply(tables.span[slot], y, columns, n2 + q + 2 * watches * (steps + 1), out)
+        border, target, end = next_stop(cam, piece, t, min((step + 1) * span, period) if sampled else t + span, h)
+        apply(tables.span[slot], y, columns, n2 + q + 2 * tables.count[slot] * (tables.steps.shape[1]), out)
         if traced:
             if count >= len(trace.length):
                 return TRACE_FULL, count, switchings
-            angle, offset = t * cam_speed + borders[0], t * cam_speed + borders[0] - borders[piece]
+            angle, offset = t * cam.speed + cam.borders[0], t * cam.speed + cam.borders[0] - cam.borders[piece]
             begin_segment(trace, count, angle, offset, slot, piece, y, out[n2 + q :])
-        length = float(steps)
-        whole = abs(end - t - span) < 2e-11 * h
-        if whole and first_suspect(out, n2 + q, watches, steps) == steps:
-            for i in range(columns):
-                y[i] = out[i]
-            t = end
-        else:
-            whole = False
-            length, which = next_switch(tables, slot, y, columns, out, (end - t) / h, TICK / h, scratch)
-            advance(tables, slot, h, columns, length, y, work)
-            t = t + length * h if which >= 0 else end
-        if which < 0 and end == border and piece + 2 < len(borders):
+        length, watch, whole = cross(tables, slot, h, columns, y, out, (end - t) / h, scratch, work)
+        t = t + length * h if watch >= 0 else end
+        if watch < 0 and end == border and piece + 2 < len(cam.borders):
             piece += 1
-            columns = n2 + lift_series(pieces[piece], 0.0, scale, y[n2:])
+            columns = n2 + lift_series(cam.pieces[piece], 0.0, scale, y[n2:])
         elif not whole:
-            lift_series(pieces[piece], t * cam_speed + borders[0] - borders[piece], scale, y[n2:])
+            lift_series(cam.pieces[piece], t * cam.speed + cam.borders[0] - cam.borders[piece], scale, y[n2:])
         if traced:
-            end_segment(trace, count, length, which, t * cam_speed + borders[0], y)
+            end_segment(trace, count, length, watch, t * cam.speed + cam.borders[0], y)
             count += 1
         if sampled:
             if count + 2 >= len(rows):
                 return CHATTER, count, switchings
-            count = record(rows, count, t, laws, status, y, h)
-        if which >= 0:
-            status[tables.element[slot, which]] = tables.new[slot, which]
-            slot, key = find(tables.keys, status, contact)
+            count = record(rows, count, t, train, status, y, h)
+        if watch >= 0:
+            status[tables.element[slot, watch]] = tables.new[slot, watch]
+            slot, key = find(tables.keys, status, train.contact)
             switchings += 1
             if switchings > most:
                 return CHATTER, count, switchings
             if sampled:
-                count = record(rows, count, t, laws, status, y, h)
+                count = record(rows, count, t, train, status, y, h)
         elif end == target:
             step += 1
     state[:] = y[:n2]
-    for i in range(n2):
-        if not np.isfinite(state[i]):
-            return NOT_FINITE, count, switchings
-    return DONE, count, switchings
+    return (DONE if np.all(np.isfinite(state)) else NOT_FINITE), count, switchings

@@ -1,4 +1,4 @@
-"""What a traced motion runs under, as the compiled code reads it, and the run itself."""
+"""The train, cam and tables of a traced motion as the compiled code reads them, and the run itself."""
 
 from functools import lru_cache
 from threading import Lock
@@ -7,16 +7,17 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
+from camopt.exact.kernel.arrays import CamArrays, TrainArrays
 from camopt.exact.kernel.propagators import ACTING, SEPARATED, TERMS, Propagators, Tables
 from camopt.exact.kernel.revolution import DONE, revolve
 from camopt.exact.kernel.trace import later
 
 
 class Setting(NamedTuple):
-    """A train with n masses and e elements, s contact states deep, a cam of p pieces and its speed."""
+    """A train with n masses, e elements and tables for s contact states; a cam of p pieces and its speed."""
 
-    laws: tuple  # as `engine.train_arrays`
-    cam: tuple  # borders (p + 1) rad, coefficients (p, q), cam speed rad/s
+    train: TrainArrays
+    cam: CamArrays
     step: float  # s
     tables: Tables
     states: np.ndarray  # (s, e): of every contact
@@ -30,7 +31,7 @@ class Setting(NamedTuple):
 
 
 class SlotTables:
-    """Per contact state what the adjoint needs beside the propagators, added as those are."""
+    """What the adjoint needs for each contact state beside the propagators; it grows as they do."""
 
     def __init__(self, tables: Propagators):
         self._tables, self._lock = tables, Lock()
@@ -64,7 +65,8 @@ class SlotTables:
         return status, built.motion[slot, :-1].T.copy(), self._integral(built, slot, status)
 
     def _integral(self, built: Tables, slot: int, status: np.ndarray) -> np.ndarray:
-        """From the seat's power series while it is apart, step by step; else zero."""
+        """The rows of `Setting.integral` for one contact state: from the seat's power series while the seat is apart,
+        step by step, and zero otherwise."""
         train, c, steps = self._tables.train, built.steps.shape[2], self._tables.at_once
         rows = np.zeros((steps + 1, c))
         if train.seat < 0 or status[train.seat] != SEPARATED:
@@ -84,15 +86,16 @@ def slot_tables(tables: Propagators) -> SlotTables:
 
 
 @numba.njit(cache=True, nogil=True)
-def follow(laws, cam, step, tables, state, revolutions, most, rows, trace):
-    """Whole revolutions from `state` (2n, changed in place) into the trace.
+def follow(train, cam, step, tables, state, revolutions, most, rows, trace):
+    """Writes whole revolutions from `state` (2n), which is changed in place, into the trace.
 
-    Returns (code, segments or missing key, switchings). `rows` is what `revolve` samples into: none here.
+    Returns (code, number of segments or missing key, number of switchings). `rows` is where `revolve` would write
+    samples; here it has no room for any.
     """
     used, total = 0, 0
     for turn in range(revolutions):
         rest = later(trace, used)
-        code, count, switchings = revolve(laws, cam, step, tables, state, rows, rest, most)
+        code, count, switchings = revolve(train, cam, step, tables, state, rows, rest, most)
         total += switchings
         if code != DONE:
             return code, count, total

@@ -1,4 +1,4 @@
-"""The switching instants: where a watched quantity first turns negative, on its power series over one step."""
+"""Switching instants: the first time within a step at which the power series of a watched quantity turns negative."""
 
 import numba
 
@@ -6,17 +6,19 @@ from camopt.exact.kernel.advance import apply
 from camopt.exact.kernel.propagators import TERMS
 
 TICK = 1e-13
-"""Smallest time [s] between two switchings that is resolved: far below any step, above the rounding of the series."""
+"""Smallest time [s] between two switchings that is resolved. It is far below any step and above the series' rounding.
+"""
 SAMPLES = 15
-"""Samples of the series per step: the highest mode turns by less than 0.1 rad between two, so that one extremum at
-most lies there."""
+"""Number of samples of the series per step: the highest mode turns by less than 0.1 rad between two samples, so that at
+most one extremum lies there."""
 
 
 @numba.njit(cache=True, nogil=True)
 def suspect(out, at, w, count):
-    """Whether a watch may turn negative within a step, from values and slopes at both its ends: yes too often.
+    """Whether a watch may turn negative within a step, judged from values and slopes at the step's two ends.
 
-    `at` is where the values at the step's start stand in `out`; slopes follow, then those at its end.
+    The answer is sometimes a needless yes, never a wrong no. `at` is where the values at the step's start stand in
+    `out`; the slopes there follow, then values and slopes at its end.
     """
     before, after = out[at + w], out[at + 2 * count + w]
     return before < 0.0 or after < 0.0 or before + out[at + count + w] < 0.0 or after - out[at + 3 * count + w] < 0.0
@@ -24,7 +26,7 @@ def suspect(out, at, w, count):
 
 @numba.njit(cache=True, nogil=True)
 def first_suspect(out, at, count, steps):
-    """First of the steps in which any watch is suspect; `steps` if none is."""
+    """The first of the steps in which any watch is suspect; `steps` if there is none."""
     for i in range(steps):
         begin = at + 2 * count * i
         for w in range(count):
@@ -35,7 +37,10 @@ def first_suspect(out, at, count, steps):
 
 @numba.njit(cache=True, nogil=True)
 def next_switch(tables, slot, y, columns, out, length, tick, scratch):
-    """First switching in (0, length] steps: (instant, watch), or (length, -1). `out` holds the watches of the span."""
+    """The first switching in (0, length] steps, as (instant [steps], watch), or (length, -1) where there is none.
+
+    `out` holds the watches of the span, `tick` [steps] is the smallest time that is resolved.
+    """
     count, begin, series = tables.count[slot], tables.steps[slot], tables.series[slot]
     there, w, value, slope = scratch
     c = len(y)
@@ -71,7 +76,8 @@ def _value_and_slope(w, t):
 
 @numba.njit(cache=True, nogil=True, fastmath={"contract"})
 def _sample(w, value, slope):
-    """Values and slopes at i / SAMPLES, i = 0 to SAMPLES; all samples at once, so that the processor does several."""
+    """Writes values and slopes at i / SAMPLES, i = 0 to SAMPLES, in one loop, so that the processor does several at
+    once."""
     for i in range(SAMPLES + 1):
         value[i], slope[i] = w[TERMS], 0.0
     for k in range(TERMS - 1, -1, -1):
@@ -83,10 +89,11 @@ def _sample(w, value, slope):
 
 @numba.njit(cache=True, nogil=True)
 def first_negative(w, start, end, value, slope):
-    """First t in [start, end] at which the series w turns negative, or -1. 0 <= start << 1, end <= 1.
+    """The first t in [start, end] at which the series w turns negative, or -1; 0 <= start << 1 and end <= 1.
 
-    A dip and return between two samples is found. What is negative without having been positive and still sinks
-    switches where that is seen: at the start, if it has just switched the other way.
+    A dip between two samples is found even where the series returns before the second one. A series that is negative
+    without having been positive, and still sinks, switches where that is first seen: at the start, if the contact has
+    just switched the other way.
     """
     _sample(w, value, slope)
     if start > 0.0:
@@ -111,7 +118,7 @@ def first_negative(w, start, end, value, slope):
 
 @numba.njit(cache=True, nogil=True)
 def _dip(w, start, high):
-    """Where w turns negative on its way to the lowest point in (start, high), or -1 if that is not negative."""
+    """The t at which w turns negative before its lowest point in (start, high); -1 if that point is not negative."""
     low, above = start, _value_and_slope(w, start)[0]
     for _ in range(60):
         middle = 0.5 * (low + high)
@@ -129,7 +136,10 @@ def _dip(w, start, high):
 
 @numba.njit(cache=True, nogil=True)
 def _root(w, low, high, above, below):
-    """Where w turns negative: w(low) = above >= 0 > below = w(high); Newton kept inside a shrinking bracket."""
+    """The t at which w turns negative, by Newton's method kept inside a bracket that shrinks.
+
+    The bracket is [low, high], with w(low) = above >= 0 > below = w(high).
+    """
     t = low + (high - low) * above / (above - below)
     for _ in range(60):
         value, slope = _value_and_slope(w, t)

@@ -16,15 +16,15 @@ class Trace(NamedTuple):
     angle: np.ndarray  # (k + 1) rad from -pi, at the segments' starts and the last one's end
     offset: np.ndarray  # (k) rad from the start of the piece
     length: np.ndarray  # (k) in steps
-    slot: np.ndarray  # (k) of the tables
-    piece: np.ndarray  # (k) of the lift
-    watch: np.ndarray  # (k) that ended the segment by turning negative; -1 for none
+    slot: np.ndarray  # (k) slot of the tables, which stands for the contact states
+    piece: np.ndarray  # (k) piece of the lift
+    watch: np.ndarray  # (k) the watch that ended the segment by turning negative; -1 for none
     y: np.ndarray  # (k + 1, 2n + q): x, v and the lift's coefficients by the step
     looks: np.ndarray  # (k, 2 w (m + 1))
 
 
 def empty_trace(segments: int, width: int, looks: int) -> Trace:
-    """Room for a number of segments with states of `width` = 2n + q; none for a motion that is not traced."""
+    """A trace with room for `segments`, with states of `width` = 2n + q; a motion that is not traced gets none."""
     return Trace(
         np.empty(segments + 1),
         np.empty(segments),
@@ -39,7 +39,7 @@ def empty_trace(segments: int, width: int, looks: int) -> Trace:
 
 @numba.njit(cache=True, nogil=True)
 def begin_segment(trace, k, angle, offset, slot, piece, y, looks):
-    """Writes row k of a trace but for its end."""
+    """Writes row k of a trace, except for the end of its segment."""
     trace.angle[k], trace.offset[k] = angle, offset
     trace.slot[k], trace.piece[k] = slot, piece
     row, seen = trace.y[k], trace.looks[k]
@@ -51,7 +51,7 @@ def begin_segment(trace, k, angle, offset, slot, piece, y, looks):
 
 @numba.njit(cache=True, nogil=True)
 def end_segment(trace, k, length, watch, angle, y):
-    """Writes the end of row k: how long it was, what ended it, and the state there."""
+    """Writes the end of row k: how long the segment was, what ended it, and the state at its end."""
     trace.length[k], trace.watch[k], trace.angle[k + 1] = length, watch, angle
     row = trace.y[k + 1]
     for i in range(len(y)):

@@ -1,19 +1,21 @@
 """A certified upper bound on the area of every cam under a design's limits, spline or not, symmetric or not.
 
-Weak duality against the continuous problem. With theta from -h to h and the jerk j as control,
+The bound comes from weak duality against the continuous problem. Let the angle run from -h to h, and let the jerk j be
+the control, so that
 
-    lift(t) = start(t) + integral over s < t of (t - s)^2 / 2 j(s) ds,      start(t) = height + velocity (t + h),
 
-add to the area every limit times a multiplier >= 0 (a measure over the angle) and every condition at the closing ramp
-top times a multiplier of any sign. For a cam within the limits the sum is at least its area; and it is affine in j,
+    lift(t) = start(t) + integral over s < t of (t - s)^2 / 2 j(s) ds,      start(t) = height + velocity (t + h).
 
-    area <= constant + integral p(s) j(s) ds <= constant + J integral |p(s)| ds,
+Add to the area every limit times a multiplier >= 0 (a measure over the angle), and every condition at the closing ramp
+top times a multiplier of any sign. For a cam within the limits the sum is at least its area, and it is affine in j:
 
-with p a piecewise cubic that follows from the multipliers. Whatever the multipliers are, the right side bounds the
-area of every cam whose acceleration is Lipschitz; good ones come from a fine linear program, and an error in them
-costs tightness only, never truth. Without a jerk limit the acceleration is the control, p is a piecewise quadratic
-and the second step is the largest p(s) a(s) within the acceleration limits: the bound is then bang-bang-dwell.
-(Luenberger, Optimization by Vector Space Methods, 1969, ch. 8, for weak duality in function spaces.)
+    area <= constant + integral p(s) j(s) ds <= constant + J integral |p(s)| ds.
+
+Here J is the jerk limit, and p is a piecewise cubic that follows from the multipliers. Whatever these are, the right
+side bounds the area of every cam whose acceleration is Lipschitz. Good multipliers come from a fine linear
+program; an error in them makes the bound less tight, never wrong. Without a jerk limit the acceleration a is the
+control, p is a piecewise quadratic, and the second step takes the largest p(s) a(s) within the acceleration limits.
+Luenberger (Optimization by Vector Space Methods, 1969, ch. 8) has weak duality in function spaces.
 """
 
 from dataclasses import dataclass
@@ -31,12 +33,15 @@ from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
 INTERVALS = 1440
 """Least number of intervals of the program that supplies the multipliers."""
 ROUNDING = 1e-12
-"""Added to every bound, relative: well above the round-off in evaluating it."""
+"""What is added to every bound, relative to it: well above the round-off in evaluating it."""
 
 
 @dataclass(frozen=True)
 class Further:
-    """Further conditions times their multipliers: constant + integral kernel(s) control(s) ds [m rad], >= 0 if met."""
+    """Further conditions times their multipliers: constant + integral kernel(s) control(s) ds [m rad].
+
+    The sum is >= 0 if the conditions are met.
+    """
 
     constant: float
     kernel: PPoly
@@ -46,10 +51,11 @@ class Further:
 class Certificate:
     """Multipliers of the design's limits at the angles `grid` (k) [rad], and the bound that follows from them alone.
 
-    `lift_cap` (k) are point masses at the grid. `acceleration_max`, `acceleration_min`, `nose` (k) are masses that are
-    spread evenly over half an interval to either side of their angle (within the duration and the nose), which makes
-    p continuous. `closing` (3): conditions on lift, velocity and acceleration at the closing ramp top. Without a limit
-    its multipliers are zero. All multiply SI quantities of an area in m rad.
+    `lift_cap` (k) are point masses at the grid. `acceleration_max`, `acceleration_min` and `nose` (k) are masses that
+    are spread evenly over half an interval to either side of their angle (within the duration and the nose), which
+    makes p continuous. `closing` (3) belongs to the conditions on lift, velocity and acceleration at the closing ramp
+    top. The multipliers of a limit that the design does not set are zero. All multiply SI quantities and give an area
+    in m rad.
     """
 
     design: Design
@@ -66,7 +72,7 @@ class Certificate:
         return self.evaluate()
 
     def evaluate(self, further: Further | None = None) -> float:
-        """The bound from the stored multipliers alone, and those of `further` conditions where given.
+        """The bound from the stored multipliers alone, with those of `further` conditions where they are given.
 
         Raises ValueError where a multiplier that must be >= 0 is negative.
         """
@@ -95,7 +101,7 @@ def _check_signs(c: Certificate) -> None:
 
 
 def _constant(c: Certificate, by_jerk: bool) -> float:
-    """The terms of the bound that no control enters [m rad]."""
+    """The terms of the bound that do not depend on the control [m rad]."""
     opening, closing = scene_ramps(c.design)
     half = c.grid[-1]
     start = opening.height + opening.velocity * (c.grid + half)
@@ -109,7 +115,7 @@ def _constant(c: Certificate, by_jerk: bool) -> float:
 
 
 def _switching_function(c: Certificate, by_jerk: bool) -> PPoly:
-    """p(s): what a unit of control at s adds to the area plus multiplier terms, a piecewise polynomial."""
+    """p(s), a piecewise polynomial: what a unit of control at s adds to the area and the multiplier terms."""
     half = c.grid[-1]
     power = 3 if by_jerk else 2  # integrations from the control to the lift
     middles = 0.5 * (c.grid[1:] + c.grid[:-1])
@@ -140,9 +146,9 @@ def _add_power(taylor: np.ndarray, left: np.ndarray, end: float, power: int, wei
 
 
 def _add_masses(taylor, left, grid, masses, ahead, power) -> None:
-    """Subtracts sum over grid angles t >= right edge of mass (t - s)^power / power! on every piece.
+    """Subtracts on every piece the sum of mass * (t - s)^power / power! over the grid angles t from its right edge on.
 
-    The sums run from the right over (t - s) themselves, which are all positive: no cancellation.
+    The sums run from the right over (t - s) themselves, which are all positive, so that nothing cancels.
     """
     for k in range(power + 1):
         total = np.zeros(len(left))
@@ -154,7 +160,10 @@ def _add_masses(taylor, left, grid, masses, ahead, power) -> None:
 
 
 def _spread(masses, grid, edges, low, high) -> np.ndarray:
-    """Density per piece of masses spread evenly over the half intervals beside their angle, within [low, high]."""
+    """Density on every piece of masses that are spread evenly over the half intervals beside their angle.
+
+    The masses stay within [low, high].
+    """
     middles = 0.5 * (grid[1:] + grid[:-1])
     starts = np.clip(np.concatenate([grid[:1], middles]), low, high)
     ends = np.clip(np.concatenate([middles, grid[-1:]]), low, high)

@@ -25,9 +25,10 @@ def equal_grid(design: Design, intervals: int) -> np.ndarray:
 
 
 class Discretised:
-    """The continuous problem with a control constant per interval, in units of half the duration and the maximum lift.
+    """The continuous problem with a control that is constant on every interval.
 
-    Columns: lift, velocity, (acceleration) at every grid angle, then the control on every interval.
+    Its units are half the duration and the maximum lift. Its columns are lift, velocity and, under a jerk limit,
+    acceleration at every grid angle, then the control on every interval.
     """
 
     def __init__(self, design: Design, grid: np.ndarray):
@@ -43,11 +44,11 @@ class Discretised:
         self.on_nose = np.abs(grid) <= (design.nose_deg or -1.0) * DEG + 1e-12
 
     def column(self, state: int, node):
-        """Column of a state (0 lift, 1 velocity, ...; `order` the control) at nodes, or intervals for the control."""
+        """Columns of a state at nodes (0 is the lift, 1 the velocity, ...) or, for `order`, of the control."""
         return state * self.nodes + node
 
     def motion(self) -> coo_array:
-        """Rows that are zero where every state follows from the one before by its Taylor series."""
+        """Rows that are zero where the states at every grid angle follow from those before by their Taylor series."""
         n, interval = self.nodes - 1, np.arange(self.nodes - 1)
         rows, columns, values = [], [], []
         for state in range(self.order):
@@ -82,9 +83,9 @@ class Discretised:
         return box
 
     def multipliers(self, control_worth: np.ndarray | None = None):
-        """Lift cap, acceleration maximum and minimum, nose (k each) and closing conditions (3), in SI.
+        """Multipliers in SI: of lift cap, acceleration maximum and minimum and nose (k each), and of the closing (3).
 
-        `control_worth` (k - 1): what a unit of control held over each interval is worth beside the area [m rad].
+        `control_worth` (k - 1) [m rad] is what a unit of control over each interval is worth besides the area.
         Raises InputError where the limits have no common cam.
         """
         n = self.nodes

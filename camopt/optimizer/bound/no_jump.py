@@ -1,9 +1,10 @@
 """An upper bound on the area of every cam that keeps the force margins, under the linear model, margins and angles.
 
-Weak duality again: to the area and the multiplier terms of `bound` add every force row times a multiplier >= 0. Each
-force is a linear functional of the jerk (or acceleration); its kernel comes from the adjoint of the periodic motion,
-which all rows of a speed share: one backward sweep per speed. The kernel is exact at the edges of the sweep and a
-cubic Hermite interpolant between them, whose error is of fourth order in a step that is short against every period.
+The bound comes from weak duality again. To the area and the multiplier terms of `camopt.optimizer.bound.certificate`,
+every force row is added times a multiplier >= 0. Each force is a linear functional of the jerk (or acceleration), whose
+kernel comes from the adjoint of the periodic motion. All rows of a speed share that adjoint, so that a speed takes one
+backward sweep. The kernel is exact at the edges of the sweep; between them it is a cubic Hermite interpolant, whose
+error is of fourth order in a step that is short compared with every period.
 """
 
 from dataclasses import dataclass, replace
@@ -53,8 +54,9 @@ class NoJumpCertificate:
 def no_jump_bound(program: NoJumpProgram, margins: Margins, knot_deg: float = KNOT_DEG) -> NoJumpCertificate | None:
     """The certificate of a program's speeds, angles and window; None where the design limits no control.
 
-    Force multipliers: the duals of the program on a free cam with knots every `knot_deg`; those of the limits then
-    come from the discretised continuous problem. Raises NoCamHoldsContact where that cam keeps no such margins.
+    The multipliers of the forces are the duals of the program on a free cam with knots every `knot_deg`; those of the
+    limits then come from the discretised continuous problem. Raises NoCamHoldsContact where that cam keeps no such
+    margins.
     """
     design = program.design
     if not control_is_limited(design):
@@ -74,7 +76,7 @@ def no_jump_bound(program: NoJumpProgram, margins: Margins, knot_deg: float = KN
 
 
 def force_terms(program: NoJumpProgram, margins: np.ndarray, multipliers: np.ndarray) -> Further:
-    """Sum of multiplier times (force - margin) over the force rows, as a functional of the control."""
+    """The sum of multiplier times (force - margin) over all force rows, as a functional of the control."""
     line = replace(program.cam, x_p=np.zeros_like(program.cam.x_p), Z=np.zeros((len(program.cam.x_p), 0)))
     constant, kernel = 0.0, None
     for i, block in enumerate(program.blocks):
@@ -119,7 +121,7 @@ def _kernel(program: NoJumpProgram, line: FreeCam, block: SpeedRows, signed: np.
 
 
 def _readings(program: NoJumpProgram, block: SpeedRows, signed: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """At every edge: what the sum of `signed` times the forces reads of state, lift, velocity and acceleration."""
+    """The factors, at every edge, of state, lift, velocity and acceleration in the sum of `signed` times the forces."""
     train, n2 = program.train, 2 * len(program.train.mass)
     d, omega = incidence(train), velocity_scale(train)
     readings = np.zeros((len(edges), n2 + 3))

@@ -17,6 +17,8 @@ FEASIBILITY = 1e-10
 """Largest violation of a scaled row: the least tolerance that HiGHS takes."""
 SMALLEST = 1e-12
 """Entries of scaled rows that are left out: the least size that HiGHS takes."""
+NOTHING = 1e-100
+"""Entries that count as zero: what is left of a force long after the cam has passed, at low speeds and high damping."""
 OPTIONS = {
     "output_flag": False,
     "presolve": "off",  # it would throw the basis away
@@ -49,9 +51,9 @@ class Rows:
 
     @cached_property
     def norm(self) -> np.ndarray:
-        """Largest entry of each row at the typical sizes (r); a row of zeros has norm 1."""
+        """Largest entry of each row at the typical sizes (r); a row of nothing above NOTHING has norm 1."""
         largest = np.abs(self.matrix * self.column).max(axis=1)
-        return np.where(largest > 0, largest, 1.0)
+        return np.where(largest > NOTHING, largest, 1.0)
 
     @cached_property
     def scaled(self) -> np.ndarray:

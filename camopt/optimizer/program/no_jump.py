@@ -27,10 +27,15 @@ from camopt.optimizer.program.periodic import (
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Design
 from camopt.scene.train import Train
-from camopt.scene.units import DEG
+from camopt.scene.units import DEG, RPM
 
 OPENING, CLOSING, SEAT, PEAK = range(4)
 """Kinds of force rows: cam side before and after the middle, seat, and the cam side's largest force."""
+
+
+DAMPED = 1 - 1e-9
+"""Largest factor by which a revolution may multiply a disturbance: without damping it is 1 to round-off, on either
+side. At this one a disturbance would take a million revolutions and more to lose a thousandth."""
 
 
 class NoCamHoldsContact(InputError):
@@ -87,9 +92,11 @@ class SpeedRows:
 def speed_rows(train: Train, design: Design, samples: CamSamples, cam_speed: float, angles: Angles, window: Window):
     """The force rows of one speed [rad/s]; raises InputError where the linear motion is unstable."""
     response = periodic_response(train, samples, cam_speed, angles)
-    if response.spectral_radius >= 1.0:
+    if response.spectral_radius > DAMPED:
         raise InputError(
-            f"the linear motion at {cam_speed:g} rad/s is not damped (factor {response.spectral_radius:.4g})"
+            f"the motion with closed contacts does not die away at {cam_speed / RPM:g} r/min of the camshaft: a "
+            f"revolution multiplies a disturbance by {response.spectral_radius:.4g}; give elements or masses more "
+            f"damping_N_s_per_m, or leave speeds near this one out of speeds_rpm and band_rpm"
         )
     theta, half = samples.edges, design.duration_deg / 2 * DEG
     begins, ends = max(angles.seat_opens, window.after_top - half), angles.seat_closes - window.before_seat

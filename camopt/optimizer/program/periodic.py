@@ -1,9 +1,10 @@
 """Periodic motion of a train whose contacts switch at given cam angles: linear in the cam, one solve per speed.
 
-Seated, shared (seat and cam side both loaded), lifted: within each phase the same contacts stay closed and may even
-pull, so the motion is linear with constant matrices and its steady periodic answer is affine in the cam's free
-coefficients. Each step is exact: the lift is a polynomial on it, so the lift's derivatives are carried as further
-states and one matrix exponential moves both (Van Loan, IEEE Trans. Automatic Control 23, 1978).
+There are three phases: seated, shared (seat and cam side both loaded) and lifted. Within a phase the same contacts stay
+closed and may even pull. The motion is therefore linear with constant matrices, and its steady periodic response is
+affine in the cam's free coefficients. Each step is exact: the lift is a polynomial on it, so that the lift's
+derivatives are carried as further states and one matrix exponential moves both (Van Loan, IEEE Trans. Automatic
+Control 23, 1978).
 """
 
 from dataclasses import dataclass
@@ -22,7 +23,7 @@ from camopt.scene.units import DEG, MM
 
 SEATED, SHARED, LIFTED = range(3)
 LIFT_DERIVATIVES = 7
-"""The lift and its derivatives that a step carries: the ramps' feet are polynomials of degree six."""
+"""Number of derivatives that a step carries, the lift included: the ramps' feet are polynomials of degree six."""
 SAMPLE = 0.25 * DEG
 """Longest step between samples of the motion."""
 
@@ -51,8 +52,8 @@ class Angles:
 def phase_contacts(train: Train) -> np.ndarray:
     """Elements that act in each phase, shape (3, e) bool: seated, shared, lifted.
 
-    Seated is the set closed at rest; raises InputError where more than one contact between cam and valve is open there,
-    or where laws are not linear.
+    In the seated phase the set closed at rest acts. Raises InputError where more than one contact between cam and valve
+    is open at rest, or where laws are not linear.
     """
     train.require_linear("the no-jump program", "optimise a scene with linear laws and verify its cam on this one")
     x = rest_position(train)
@@ -122,8 +123,8 @@ def incidence(train: Train) -> np.ndarray:
 class CamSamples:
     """What every speed needs of the cam: step edges (k + 1) [rad] from -pi to pi, lift derivatives at step middles.
 
-    `middle` (k, 8, 1 + m): lift and six derivatives by angle and the constant one, for the cam at z = 0 (column 0)
-    and for every free coefficient. `edge` (k + 1, 2, 1 + m): lift and velocity at the edges.
+    `middle` (k, 8, 1 + m) holds the lift, six derivatives by angle and the constant one, for the cam at z = 0 (column
+    0) and for every free coefficient. `edge` (k + 1, 2, 1 + m) holds lift and velocity at the edges.
     """
 
     edges: np.ndarray
@@ -158,9 +159,10 @@ def _affine(cam: FreeCam, theta: np.ndarray, order: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class PeriodicResponse:
-    """Steady motion at one speed: state (x, v) = state[..., 0] + state[..., 1:] @ z at the edges of the samples.
+    """Steady motion at one speed: the state (x, v) at the samples' edges is state[..., 0] + state[..., 1:] @ z.
 
-    `state` (k + 1, 2 n, 1 + m) [m, m/s]; `map` (2 n, 2 n) moves a disturbance over one revolution.
+    `state` has the shape (k + 1, 2n, 1 + m) and the units m and m/s; `map` (2n, 2n) carries a disturbance over one
+    revolution.
     """
 
     train: Train
@@ -208,7 +210,8 @@ def periodic_response(train: Train, samples: CamSamples, cam_speed: float, angle
 
 
 def velocity_scale(train: Train) -> float:
-    """A frequency [rad/s] that makes scaled velocities as large as positions: exponentials lose nothing to scaling."""
+    """A frequency [rad/s] by which velocities are divided to be as large as positions, so that exponentials keep their
+    accuracy."""
     d = incidence(train)
     return float(np.sqrt(np.max(np.einsum("e,en,en->n", train.stiffness, d, d) / train.mass)))
 
@@ -244,7 +247,7 @@ class ExactSteps:
     kind: np.ndarray  # (k) int
 
     def from_middle(self, n2: int) -> np.ndarray:
-        """What the lift derivatives at a step's middle add to the state (n2) at its end, per kind."""
+        """What the lift derivatives at a step's middle add to the state (n2) at its end, for every kind of step."""
         back = expm(-0.5 * self.generator[:, n2:, n2:] * self.width[:, None, None])
         return self.whole[:, :n2, n2:] @ back
 

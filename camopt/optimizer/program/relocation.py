@@ -1,4 +1,4 @@
-"""Switching angles as the non-smooth motion has them, to build the no-jump program again on the cam that it found."""
+"""The switching angles of the non-smooth motion, with which the no-jump program is built again on the cam it found."""
 
 import numpy as np
 
@@ -21,9 +21,9 @@ class NoLoadTransfer(ValueError):
 def located_angles(response: Response) -> Angles:
     """The switching angles [rad] of one revolution of a motion, from -pi to pi.
 
-    The seat opens for the last time before the middle and closes for the first time after the greatest valve lift; the
-    lash closes for the last time before the one and opens for the first time after the other. Crossings between
-    samples are interpolated linearly. Raises NoLoadTransfer where one of the four is missing.
+    The seat opens for the last time before the middle, and it closes for the first time after the greatest valve lift.
+    The lash closes for the last time before the seat opens, and it opens for the first time after the seat closes.
+    Crossings between samples are interpolated linearly. Raises NoLoadTransfer where one of the four is missing.
     """
     train, theta = response.train, response.angle
     margin = train.compression(response.x, response.lift) - train.touch_compression

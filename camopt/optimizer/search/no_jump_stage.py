@@ -15,23 +15,24 @@ from camopt.scene.errors import InputError
 from camopt.scene.units import DEG, MM
 
 FIRST_MARGINS_N = (0.0, 20.0, 60.0, 150.0)
-"""Common margins tried in turn until one is confirmed; anchors of the reference train: 0 N usually is."""
+"""Common margins that are tried in turn until one is confirmed; on the reference train 0 N usually is."""
 FIRST_STEP_N = 20.0
 """First step down from a confirmed common margin of zero; the step is kept until a cam fails, then halved."""
 RELOCATIONS = 2
 BISECTIONS = 5
 FIRST_SPREAD_N, GROWTH, SHRINKAGE = 15.0, 1.3, 0.95
-"""Of the margins drawn apart: standard deviation at first, and its factors after a better cam and a refused one. A
-better one in six keeps it, as Rechenberg's (1973) one-fifth rule does."""
+"""The margins drawn apart have this standard deviation at first. It is multiplied by the second number after a better
+cam and by the third after a refused one; one better cam in six keeps it, much as in Rechenberg's (1973) one-fifth
+rule."""
 LEARNING = 0.2
-"""Weight of a step that led to a better cam in the shape of the further steps."""
+"""Weight that a step which led to a better cam gets in the shape of the further steps."""
 DRAWS_PER_CAM = 4
-"""Draws at most per cam judged: half of them have no more area than the best cam and end there."""
+"""Largest number of draws per judged cam: half of the draws have no more area than the best cam and end there."""
 
 
 @dataclass
 class Search:
-    """The state of a search: best confirmed cam, its journal, and a report of every step to `show`."""
+    """The state of a search: the best confirmed cam and the journal. Every step is reported to `show`."""
 
     judge: Judge | RobustJudge
     journal: Journal
@@ -46,9 +47,9 @@ class Search:
         return self.confirmed[-1] if self.confirmed else None
 
     def consider(self, stage: str, found: NoJumpOptimum, briefly: bool = False) -> Judged:
-        """Judge a cam, keep it if it is confirmed and larger than the best, and report the step.
+        """Judges a cam, keeps it if it is confirmed and larger than the best, and reports the step.
 
-        `briefly`: only whether it is confirmed counts, so that a refused one need not be judged at every speed.
+        With `briefly` only the answer counts, so that a cam that is refused need not be judged at every speed.
         """
         self.steps += 1
         judged = self.journal.recall(self.steps, found.z)
@@ -78,11 +79,11 @@ class Search:
 
 
 def no_jump_stage(search: Search, program: NoJumpProgram) -> NoJumpProgram:
-    """Fill `search.best` with the largest confirmed cam of one common margin; returns the program it came from.
+    """Finds the largest confirmed cam of one common margin, for `search.best`; returns the program it came from.
 
-    Switching angles are located again on the cam found (they need not settle: the best confirmed cam counts), the
-    worst judged speed is inserted while the cam fails there, and the common margin is bisected to the least confirmed.
-    Raises InputError where no margin is confirmed.
+    Switching angles are located again on the cam found; they need not settle, because the best confirmed cam counts.
+    The worst judged speed is inserted while the cam fails there, and the common margin is bisected to the smallest one
+    that is confirmed. Raises InputError where no margin is confirmed.
     """
     program, low, high = _first_confirmed(search, program)
     for _ in range(RELOCATIONS):
@@ -107,11 +108,11 @@ def no_jump_stage(search: Search, program: NoJumpProgram) -> NoJumpProgram:
 
 
 def margins_apart(search: Search, program: NoJumpProgram, cams: int, seed: int) -> None:
-    """Improve `search.best` by margins [N] of opening flank, closing flank and seat drawn apart about its own.
+    """Improves `search.best` by drawing the margins [N] of opening flank, closing flank and seat apart about its own.
 
-    An evolution strategy with one parent and one child, its steps shaped by those that led on (Igel, Suttorp, Hansen
-    2006, without their path): where a cam is confirmed hangs on contacts that barely part, and is too rough for slopes.
-    At most `cams` are judged; a draw without more area than the best confirmed cam is not.
+    This is an evolution strategy with one parent and one child, whose steps are shaped by those that led on (Igel,
+    Suttorp, Hansen 2006, without their path). Whether a cam is confirmed depends on contacts that barely part, which is
+    too rough for slopes. At most `cams` are judged; a draw with no more area than the best confirmed cam is not judged.
     """
     assert search.best is not None, "a common margin comes first"
     generator, spread, shape = np.random.default_rng(seed), FIRST_SPREAD_N, np.eye(3)

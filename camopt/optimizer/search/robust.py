@@ -13,21 +13,21 @@ from camopt.scene.schema import Element, Scene
 from camopt.scene.units import DEG
 
 SHARE = 0.1
-"""By how much the spring's rate, its preload and the contacts' stiffness are off, one at a time."""
+"""Share by which the spring's rate, its preload and the contacts' stiffness are off, one at a time."""
 LASH_MM = 0.05
-"""By how much the lash is off; less where it would vanish."""
+"""Length by which the lash is off; it is less where the lash would vanish."""
 HARMONICS = np.arange(2, 41)
 """Harmonics of a revolution that a grinding error contains: the first is eccentricity, higher ones are roughness."""
 PEAK = 5e-6  # m
 ERROR_KNOT = 0.5 * DEG
-"""Knots of a grinding error: its shortest wave has 18 of them."""
+"""Knot interval of a grinding error [rad]: its shortest wave has 18 of them."""
 STRIDE = 4
 """A perturbed train is judged at one in so many of the search's speeds."""
 
 
 @dataclass(frozen=True)
 class Perturbation:
-    """Another scene (by default the same) and what is added to every lift (nothing, or the error of a seed)."""
+    """The scene under a perturbation, and the seed of the grinding error added to every lift, if there is one."""
 
     scene: Scene
     grinding_seed: int | None = None
@@ -40,7 +40,8 @@ class Perturbation:
 def perturbations(scene: Scene, share: float = SHARE, lash_mm: float = LASH_MM, seeds: int = 20) -> dict:
     """Everything that may be off, one at a time, by name: `Perturbation`s of spring, contacts, lash and grinding.
 
-    `share` [] of spring rate, preload and contact stiffness, both ways; `lash_mm` both ways; `seeds` grinding errors.
+    Spring rate, preload and contact stiffness are off by the `share` [], the lash by `lash_mm`, each to both sides;
+    there are `seeds` grinding errors.
     """
     found = {}
     for sign, word in ((-1, "less"), (1, "more")):
@@ -52,7 +53,7 @@ def perturbations(scene: Scene, share: float = SHARE, lash_mm: float = LASH_MM, 
 
 
 def valve_spring(scene: Scene) -> list[str]:
-    """Names of the elements that make up the valve spring: all that are preloaded, but the seat."""
+    """Names of the elements that make up the valve spring: all preloaded elements except the seat."""
     names = [e.name for e in scene.element if e.preload_N > 0 and e.name != scene.seat]
     if not names:
         raise InputError(f"{scene.name}: no element but the seat has preload_N > 0, so no valve spring is known")
@@ -60,7 +61,7 @@ def valve_spring(scene: Scene) -> list[str]:
 
 
 def with_spring(scene: Scene, rate: float = 1.0, preload: float = 1.0) -> Scene:
-    """The scene with its valve spring's rate and its preload times a factor each.
+    """The scene with its valve spring's rate and preload multiplied by a factor each.
 
     The seat carries the spring's preload in the installed position, so it changes with it.
     """
@@ -74,7 +75,7 @@ def with_spring(scene: Scene, rate: float = 1.0, preload: float = 1.0) -> Scene:
 
 
 def with_contacts(scene: Scene, factor: float) -> Scene:
-    """The scene with the stiffness of every contact times a factor, a spring that is a contact excepted."""
+    """The scene with the stiffness of every contact multiplied by a factor, except of a spring that is a contact."""
     spring = valve_spring(scene)
     return _scaled(
         scene, lambda e: {"stiffness_N_per_m": factor} if e.kind == "contact" and e.name not in spring else {}
@@ -82,7 +83,7 @@ def with_contacts(scene: Scene, factor: float) -> Scene:
 
 
 def with_lash(scene: Scene, change_mm: float) -> Scene:
-    """The scene with `change_mm` more at its largest gap, or with none left."""
+    """The scene with `change_mm` added to its largest gap, which is at least zero then."""
     widest = max(scene.element, key=lambda e: e.gap_mm)
     wider = widest.model_copy(update={"gap_mm": max(0.0, widest.gap_mm + change_mm)})
     return scene.model_copy(update={"element": tuple(wider if e is widest else e for e in scene.element)})
@@ -98,7 +99,7 @@ def _scaled(scene: Scene, factors) -> Scene:
 
 
 def grinding_error(lift: Lift, seed: int, peak: float = PEAK) -> Lift:
-    """A seeded error of the ground contour [m]: `HARMONICS` of equal expected size, its largest value `peak` [m].
+    """A seeded error of the ground contour [m] with `HARMONICS` of equal expected size and largest value `peak` [m].
 
     It fades out over the ramps, so that the base circle stays the base circle.
     """
@@ -128,7 +129,7 @@ def ground(lift: Lift, seed: int, peak: float = PEAK) -> Lift:
 
 @dataclass
 class RobustJudge:
-    """Judges a cam in its scene, then under each perturbation until one fails; answers with the worst of them."""
+    """Judges a cam in its scene, then under each perturbation until one fails; the answer is the worst of them."""
 
     first: Judge
     perturbations: Mapping[str, Perturbation]
@@ -146,7 +147,7 @@ class RobustJudge:
 
     @property
     def calls(self) -> int:
-        """Cams judged."""
+        """Number of cams that were judged."""
         return self.first.calls
 
     def __call__(self, lift: Lift, briefly: bool = False) -> Judged:
@@ -160,5 +161,5 @@ class RobustJudge:
         return worst
 
     def remember(self, judged: Judged) -> None:
-        """Start the next settling from these states."""
+        """Lets the next settling start from these states."""
         self.first.remember(judged)

@@ -1,4 +1,4 @@
-"""The search for a cam, without a run folder around it: no-jump program, then the gradient stage where asked."""
+"""The search for a cam, without a run folder around it: the no-jump program and, if asked for, the gradient stage."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -17,13 +17,13 @@ from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 
 KNOT_SPREAD = 0.1
-"""By how much, relative, a seed may change the knots' interval."""
+"""Share of itself by which a seed may change the knot interval."""
 BETWEEN_SHARE = 0.9
 """Part of every limit on the motion that a cam may use between the speeds at which it was searched."""
 
 
 def knot_interval_deg(effort: Accuracy, seed: int) -> float:
-    """Knot interval of the free cam [deg]: the accuracy's own for seed 0, else drawn about it."""
+    """Knot interval of the free cam [deg]: that of the accuracy for seed 0, and one drawn about it for other seeds."""
     if seed == 0:
         return effort.knot_deg
     return effort.knot_deg * (1 + KNOT_SPREAD * float(np.random.default_rng(seed).uniform(-1, 1)))
@@ -41,12 +41,12 @@ def find_cam(
     perturbations: Mapping[str, Perturbation] | None = None,
     seed: int = 0,
 ) -> tuple[Search, NoJumpOptimum]:
-    """The cam of largest area that the event-exact judge confirms; with it the best that the linear program alone gave.
+    """The search with the largest cam that the event-exact judge confirms, and the linear program's own best cam.
 
-    `speeds` "band" or "nominal"; `gradient` "none", or "smooth" or "exact" for a gradient stage on that path; `times`
-    takes what each stage took [s]. With `perturbations` (by name) the limits on the motion must hold under each of them
-    too. `seed` draws the margins and, where it is not zero, the knots' interval, which is what a search starts from
-    beside its limits. Raises InputError where no cam is confirmed.
+    `speeds` is "band" or "nominal"; `gradient` is "none", or "smooth" or "exact" for a gradient stage on that path. The
+    seconds that each stage took are written to `times`. With `perturbations` (by name) the limits on the motion must
+    hold under each of them too. `seed` draws the margins and, where it is not zero, the knot interval, which besides
+    the limits is all that a search starts from. Raises InputError where no cam is confirmed.
     """
     started, design, operation = time.perf_counter(), scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
@@ -80,8 +80,10 @@ def find_cam(
 
 
 def hold_between(search: Search, between: Judge | None) -> None:
-    """Drops confirmed cams, the largest first, that do not hold between the judged speeds of a band: of many drawn,
-    some hold at just these. The last one stays."""
+    """Drops confirmed cams, the largest first, that do not hold between the judged speeds of a band.
+
+    Among many drawn cams some hold at just the judged speeds. The last cam stays in any case.
+    """
     dropped = False
     while between and len(search.confirmed) > 1 and _used(between, search) > BETWEEN_SHARE:
         search.confirmed.pop()
@@ -91,5 +93,5 @@ def hold_between(search: Search, between: Judge | None) -> None:
 
 
 def _used(judge: Judge, search: Search) -> float:
-    """Largest share of a limit that the largest confirmed cam uses at the judge's speeds."""
+    """The largest share of a limit that the largest confirmed cam uses at the judge's speeds."""
     return float(judge(search.confirmed[-1].lift).share.max(initial=0.0))

@@ -1,7 +1,7 @@
-"""Slopes of the limited metrics by the free cam's coefficients, from the settled states: on either differentiable path.
+"""Slopes of the limited metrics by the free cam's coefficients, from the settled states, on either differentiable path.
 
-What a change of the cam does to the state before the revolutions traced is left out: on `kodama` it has fallen to a
-fifth or less after two (spectral radius 0.32 to 0.44).
+A change of the cam also changes the settled state in which the traced revolutions begin. That effect is left out: on
+`kodama` it has fallen to a fifth or less after two revolutions (spectral radius 0.32 to 0.44).
 """
 
 from functools import partial
@@ -21,7 +21,7 @@ from camopt.smooth.simulate import EPS, LIFT_SAMPLES, response_arrays, touch_lay
 from camopt.smooth.system import build_system
 
 REVOLUTIONS = 2
-"""Revolutions from the settled state; the last one is measured."""
+"""Number of revolutions that run from the settled state; the last one is measured."""
 
 
 class SmoothSensitivity:
@@ -58,7 +58,7 @@ class SmoothSensitivity:
 
 
 class ExactSensitivity:
-    """Values and gradients of metrics by z through the exact motion and its contacts: the event-exact adjoint."""
+    """Values and gradients of metrics by z through the exact motion and its contacts, by the event-exact adjoint."""
 
     def __init__(self, scene: Scene, cam: FreeCam, names: tuple[str, ...], width: int):
         self.scene, self.cam, self.names, self.width = scene, cam, names, width
@@ -80,4 +80,4 @@ class ExactSensitivity:
 
 Sensitivity = SmoothSensitivity | ExactSensitivity
 SENSITIVITIES = {"smooth": SmoothSensitivity, "exact": ExactSensitivity}
-"""By the name of `--gradient`."""
+"""The paths by the names that `--gradient` takes."""

@@ -10,7 +10,8 @@ from camopt.scene import Scene, build_train
 
 Change = Callable[[Scene], Scene]
 HEAVY = 30.0
-"""Times every damping constant: the seats of the built-in scenes are then over-damped."""
+"""Factor of every damping constant in the case of heavy damping: the seats of the built-in scenes are over-damped then.
+"""
 AS_IT_IS = "as it is"
 COMBINED = "kodama"
 """The scene on which every two changes of different kinds are combined."""
@@ -26,7 +27,7 @@ class Case:
 
 
 def contacts(stiffness_N_per_m: float) -> Change:
-    """Every contact of a linear law, the preloaded ones that stand for springs apart, at one stiffness."""
+    """Gives one stiffness to every contact with a linear law, except preloaded contacts that stand for springs."""
 
     def changed(scene: Scene) -> Scene:
         stiff = max(e.stiffness_N_per_m or 0.0 for e in scene.element)
@@ -42,7 +43,7 @@ def contacts(stiffness_N_per_m: float) -> Change:
 
 
 def damping(factor: float) -> Change:
-    """Every damping constant, of elements and to ground, multiplied."""
+    """Multiplies every damping constant, of elements and to ground."""
 
     def times(part):
         return part.model_copy(update={"damping_N_s_per_m": factor * part.damping_N_s_per_m})
@@ -53,7 +54,7 @@ def damping(factor: float) -> Change:
 
 
 def clearance(gap_mm: float) -> Change:
-    """All the clearance between cam and valve in one contact: where the scene has it, or at the cam."""
+    """Puts all the clearance between cam and valve into one contact: where the scene has it, or else at the cam."""
 
     def changed(scene: Scene) -> Scene:
         train = build_train(scene)
@@ -68,7 +69,7 @@ def clearance(gap_mm: float) -> Change:
 
 
 def fast_mode(frequency_Hz: float) -> Change:
-    """The mass with the highest frequency on its own elements, as light as that frequency asks."""
+    """Makes the mass with the highest frequency on its own elements as light as the given frequency requires."""
 
     def changed(scene: Scene) -> Scene:
         i, stiffness = _stiffest(scene)
@@ -78,7 +79,7 @@ def fast_mode(frequency_Hz: float) -> Change:
 
 
 def mass_ratio(ratio: float) -> Change:
-    """The same mass, lighter than the heaviest by a ratio; a scene of one mass stays as it is."""
+    """Makes the same mass lighter than the heaviest one by a ratio; a scene of one mass stays as it is."""
 
     def changed(scene: Scene) -> Scene:
         if len(scene.mass) == 1:
@@ -110,11 +111,11 @@ CHANGES: dict[str, dict[str, Change | float]] = {
     "clearance": {"no clearance": clearance(0.0), "clearance 1 mm": clearance(1.0)},
     "mass": {"72 kHz mode": fast_mode(72e3), "mass ratio 1e4": mass_ratio(1e4)},
 }
-"""By kind: changes of the scene, or a crankshaft speed [r/min]; two of a kind are not combined."""
+"""Changes of the scene, or crankshaft speeds [r/min], by their kind; two of a kind are not combined."""
 
 
 def cases(scene: Scene) -> Iterator[Case]:
-    """The scene as it is at its highest listed speed, every single change, and on COMBINED every two."""
+    """The scene as it is at its highest listed speed, then with every single change, and on COMBINED with every two."""
     assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
     top = max(scene.operation.speeds_rpm)
     yield Case(AS_IT_IS, scene, top)

@@ -1,8 +1,9 @@
-"""Is an answer right, told to be uncertain, or wrong without a warning? Judged against event-exact at several steps.
+"""Is an answer right, said to be uncertain, or wrong without a warning? It is judged against event-exact motion.
 
-An answer is what `camopt.verifier.convergence` makes of a method, here for the first revolution from rest: every figure
-that limits read, an error estimate from halved steps, and whether it converged. The truth is event-exact's finest step;
-how far a start moved by 1e-9 m moves it says what no method can be asked for.
+An answer is what `camopt.verifier.convergence` gives for a method, here for the first revolution from rest: every
+figure that has a limit, an error estimate from halved steps, and whether it converged. The truth is event-exact with
+its finest step. The motion is computed once more from a start that is 1e-9 m away: where a figure changes much by that,
+the motion itself multiplies the smallest errors, and no method can be asked for the figure.
 """
 
 from dataclasses import dataclass
@@ -24,15 +25,15 @@ from camopt.verifier.convergence import (
 )
 
 TOLERANCE_UM = 2.0
-"""What `standard` asks of bounce and jump; the other figures have `camopt.verifier.convergence.ABSOLUTE`."""
+"""Tolerance of bounce and jump [um], as at `standard`; `camopt.verifier.convergence.ABSOLUTE` has the others."""
 DISTURBANCE = 1e-9
-"""Change of the start [m] that tells an error of the method from one that the motion makes of anything."""
+"""Change of the start [m] that shows whether an error is the method's or the motion makes it of any disturbance."""
 DISTURBED = 2
 SENSITIVE = 0.1
-"""Share of the allowance that the disturbance may use up: beyond it 1e-8 m at the start are more than allowed, and
-methods that locate no switching, off by some 1e-8 m at each, can only wander."""
+"""Share of the tolerance that the disturbance may use up. Beyond it, 1e-8 m at the start would cost more than the
+tolerance, and methods that locate no switching are wrong by some 1e-8 m at each."""
 SAMPLES = 3600, MOST_STEPS // 4
-"""Fewest and most samples per revolution that the reference begins with: they resolve the peaks of its forces."""
+"""Smallest and largest number of samples per revolution with which the reference begins, to resolve its force peaks."""
 WITHIN, RANGE, NOT_CONVERGED, REFUSED, WRONG = VERDICTS = (
     "within tolerance",
     "range",
@@ -40,13 +41,14 @@ WITHIN, RANGE, NOT_CONVERGED, REFUSED, WRONG = VERDICTS = (
     "refused",
     "wrong",
 )
-"""In tolerance; beyond it in figures that the motion itself makes of a hair; beyond it, and the method says so; no
-answer, with a reason; beyond it although the method calls itself converged: a defect."""
+"""The verdicts, from best to worst. The answer is within tolerance; it is beyond in figures whose error the motion
+itself makes of the smallest disturbance; it is beyond, and the method says so; there is a reason but no answer; it is
+beyond although the method calls itself converged, which is a defect."""
 
 
 @dataclass(frozen=True)
 class Truth:
-    """Deciding figures by name, what they are allowed to be off, and what a disturbed start makes of them."""
+    """Deciding figures by name, the error that each of them may have, and how far a disturbed start moves them."""
 
     figures: dict[str, float]
     allowed: dict[str, float]
@@ -68,7 +70,7 @@ def at_rest(train: Train) -> np.ndarray:
 def first_answer(
     prepare: Prepare, train: Train, lift: Lift, cam_speed: float, halvings: int = 4, steps: int | None = None
 ) -> Converged:
-    """A method's figures of the first revolution from rest; `cam_speed` [rad/s], `steps` as of `converge`."""
+    """A method's figures of the first revolution from rest; `cam_speed` is in rad/s, `steps` as for `converge`."""
     start = at_rest(train)
     return converge(prepare, train, lift, cam_speed, start, TOLERANCE_UM, halvings, settled=False, steps=steps)
 
@@ -92,19 +94,19 @@ def truth(prepare: Prepare, train: Train, lift: Lift, cam_speed: float) -> Truth
 
 
 def samples(first: int) -> int:
-    """Samples per revolution that a locating method begins with, from the first steps of the others."""
+    """Samples per revolution with which a locating method begins, given the number of first steps of the others."""
     return int(np.clip(first, *SAMPLES))
 
 
 def doubtful_figure(true: Truth) -> tuple[str, float]:
-    """The figure whose steps are furthest apart, as a share of what is allowed and of what 1e-9 m makes of it."""
+    """The figure whose last steps differ most, and that difference as a share of its tolerance and its disturbance."""
     shares = {name: true.answer.error[name] / (true.allowed[name] + true.spread[name]) for name in true.figures}
     name = max(shares, key=lambda q: shares[q])
     return name, shares[name]
 
 
 def judge(answer: Converged, true: Truth) -> tuple[str, str, float]:
-    """Verdict, the figure that is off by most of what it is allowed, and by how much, in the unit of its name."""
+    """(verdict, the figure that uses most of its tolerance, its error in the unit of its name)."""
     if answer.state is None:
         return REFUSED, "", np.nan
     off = {name: apart(answer.worst[name], true.figures[name]) for name in true.figures}

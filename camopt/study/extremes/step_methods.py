@@ -1,7 +1,7 @@
-"""The methods that the extremes are put to, by name, each as `prepare(train, lift, cam_speed, steps)`.
+"""The methods that are tried on the extremes, by name, each as `prepare(train, lift, cam_speed, steps)`.
 
-JAX is imported by the smooth ones only, when they are asked for. Their dial is not a step but the width of the
-contact's layer and the error permitted; both are halved where the others halve their step.
+Only the smooth methods import JAX, and only when they are asked for. They are not refined by their step but by the
+width of the contact's layer and the error permitted; both are halved where the other methods halve their step.
 """
 
 from functools import partial
@@ -22,18 +22,18 @@ STEP_METHODS: dict[str, Prepare] = {
     "houbolt": houbolt.prepare,
     "houbolt-explicit": partial(houbolt.prepare, explicit=True),
 }
-"""Methods of fixed steps that locate no switching."""
+"""Methods with fixed steps, which locate no switching."""
 LOCATING: dict[str, Prepare] = {"event": exact.prepare, "dop853": dop853.prepare}
 """Methods that locate every switching."""
 DIAL = 1024
-"""Where the smooth methods' dial begins, in place of steps: at four times it they are at their defaults."""
+"""Setting with which the smooth methods begin, in place of steps; at four times this they have their defaults."""
 SINGLE_EPS, SINGLE_TOLERANCE = 1e-6, 1e-7
-"""Width of the layer and error permitted [m] at four times DIAL in single precision: it rounds lifts to 1e-9 m, and
-the edge of a narrower layer would be shorter than that."""
+"""Width of the layer and error permitted [m] at four times DIAL in single precision, which rounds lifts to 1e-9 m: the
+edge of a narrower layer would be shorter than that."""
 
 
 def smooth(train: Train, lift: Lift, cam_speed: float, dial: int, narrower: float = 1.0) -> Revolve:
-    """The smooth path in double precision; `narrower` divides its width and error permitted."""
+    """The smooth path in double precision; its width and the error permitted are divided by `narrower`."""
     from camopt.smooth.simulate import EPS, TOLERANCE, prepare
 
     wide = 4 * DIAL / dial / narrower

@@ -1,4 +1,4 @@
-"""What `camopt gradient` compares: metrics and their gradients by bumps on a cam, per path, from one start state.
+"""What `camopt gradient` compares: the metrics and their gradients by bumps on a cam, on each path, from one start.
 
 Every path starts from the same state and follows two revolutions; the metrics are those of the first, whose windows run
 into the second.
@@ -37,14 +37,14 @@ SETTLED = 1e-6, 1e-3
 """Change of positions [m] and velocities [m/s] over a revolution within which a motion counts as settled."""
 MOST_SETTLING = 40
 SAMPLES = 2880
-"""Samples per revolution of DOP853: its error permitted is then 1e-8 of the motion."""
+"""Samples per revolution of DOP853, whose permitted error is then 1e-8 of the motion."""
 FIRST_STEPS = 8192
-"""Steps per revolution first offered to the smooth path."""
+"""Number of steps per revolution that the smooth path is offered at first."""
 FOLLOWING = 4
-"""Revolutions further on with which the gradient of a motion that does not repeat itself is compared."""
+"""The gradient of a motion that does not repeat itself is compared with those of this many further revolutions."""
 T = TypeVar("T")
 REPEATS = 3
-"""Runs of which the fastest is timed."""
+"""Number of runs, the fastest of which gives the time."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +64,10 @@ class Problem:
 
 
 def problem(scene: Scene, lift: Lift, speed_rpm: float, bumps: int) -> Problem:
-    """The start is the state after at most `MOST_SETTLING` revolutions from rest, once it repeats or not.
+    """The problem of a cam with a number of bumps at one crankshaft speed [r/min].
 
-    Raises MotionRefused, InputError as the methods.
+    Its start is the state that repeats itself, or else the state after `MOST_SETTLING` revolutions from rest. Raises
+    MotionRefused and InputError where the methods do.
     """
     train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
     whole, directions = with_bumps(lift, bumps)
@@ -85,7 +86,7 @@ def problem(scene: Scene, lift: Lift, speed_rpm: float, bumps: int) -> Problem:
 
 
 def true_values(p: Problem, heights: np.ndarray) -> np.ndarray:
-    """METRICS (l) with the bumps at heights (m) [m]: event-exact, or DOP853 where a law is not linear."""
+    """METRICS (l) with the bumps at heights (m) [m], by event-exact, or by DOP853 where a law is not linear."""
     lift = moved(p.lift, p.directions, heights)
     if p.linear:
         return TracedMotion(p.train, lift, p.cam_speed, p.start, REVOLUTIONS).values(METRICS)
@@ -105,7 +106,7 @@ class Found:
 
 
 def exact_gradients(p: Problem) -> tuple[Found, Gradient]:
-    """On the exact path, by its adjoint; and all metrics together, for their grazing and cycle."""
+    """The answer of the exact path, by its adjoint, and the gradient of all metrics together with their grazing."""
     together = value_and_gradient(p.train, p.lift, p.cam_speed, METRICS, p.start, revolutions=REVOLUTIONS)
     ratio = []
     for name in METRICS:
@@ -119,7 +120,10 @@ def exact_gradients(p: Problem) -> tuple[Found, Gradient]:
 
 
 def smooth_gradients(p: Problem) -> Callable[[float], Found]:
-    """On the smooth path, as a function of eps [m]: two programs for all eps and metrics. NaN where it fails."""
+    """The answer of the smooth path as a function of eps [m]; it is NaN where the path fails.
+
+    Two compiled programs serve all eps and metrics.
+    """
     system, base = build_system(p.train), jnp.asarray(lift_samples(p.lift))
     units = np.eye(len(p.directions))
     parts = (
@@ -156,7 +160,7 @@ def smooth_gradients(p: Problem) -> Callable[[float], Found]:
 
 
 def repeated_cosines(p: Problem, gradients: np.ndarray) -> np.ndarray:
-    """Least cosines (l) of the exact gradients (l, m) with those of the revolutions that follow; NaN for a zero one."""
+    """Least cosines (l) of the exact gradients (l, m) with those of the next revolutions; NaN for zero gradients."""
     start, least = p.start, np.full(len(METRICS), np.inf)
     for _ in range(FOLLOWING):
         start = prepare_event(p.train, p.lift, p.cam_speed).advance(start)
@@ -167,7 +171,8 @@ def repeated_cosines(p: Problem, gradients: np.ndarray) -> np.ndarray:
 
 
 def spectral_radius(p: Problem) -> float:
-    """Of the cycle map's Jacobian at the start: how a change of the state lives on to the next revolution."""
+    """Spectral radius of the cycle map's Jacobian at the start: how much of a change of the state is left a revolution
+    later."""
     cycle = TracedMotion(p.train, p.lift, p.cam_speed, p.start)
     return float(np.abs(np.linalg.eigvals(cycle.pull_back(ends=np.eye(len(p.start))).by_start)).max())
 

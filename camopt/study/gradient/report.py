@@ -3,8 +3,9 @@
 The question is asked metric by metric, by experiment: gradients by the heights of 20 bumps on the cam (quintic
 B-splines between the ramp tops, the ramps stay; 4 bumps where a law is not linear) are compared with central
 differences of the truth at several heights. The truth is the event-exact motion, or DOP853 with located switchings
-where a law is not linear; there the exact path has no gradient. All start from one state, that after up to 40
-revolutions from rest, and are of the revolution that follows; what the cam does to the start is left out.
+where a law is not linear; there the exact path has no gradient. All motions start from one state, which is reached
+after up to 40 revolutions from rest, and the metrics are those of the next revolution. How the cam changes that state
+is left out.
 
 How to read it. Per metric and path:
 
@@ -58,7 +59,7 @@ from camopt.study.gradient.paths import (
 from camopt.study.gradient.verdict import LEAST_COSINE, MOST_ERROR, MetricReport, judge
 
 BUMPS = {True: 20, False: 4}
-"""Bumps of a train with linear laws, and of others, whose truth takes a second per motion."""
+"""Number of bumps for trains with linear laws (True) and for others (False), whose truth takes a second per motion."""
 HEIGHTS = {True: tuple((10.0 ** np.arange(-5.0, -9.6, -0.5)).tolist()), False: (1e-5, 1e-6, 1e-7)}
 """Heights of a bump [m] for central differences."""
 WIDTHS = 1e-5, 1e-6, 1e-7, EPS
@@ -68,7 +69,7 @@ NO_EXACT = "the exact path needs linear laws: truth is DOP853 with located switc
 
 @dataclass(frozen=True)
 class GradientReport:
-    """May the gradient be trusted: one report per metric, and where the motion stands."""
+    """Whether the gradient may be trusted: one report per metric, and what is known about the motion."""
 
     speed_rpm: float
     bumps: int
@@ -79,7 +80,7 @@ class GradientReport:
     metrics: dict[str, MetricReport] = field(default_factory=dict)
 
     def as_dict(self) -> dict:
-        """Content of `gradient --json` (design.md section 7)."""
+        """Content of `gradient --json` (docs/run-folder.md)."""
         return {
             "speed_rpm": self.speed_rpm,
             "bumps": self.bumps,
@@ -103,8 +104,8 @@ def gradient_report(
 ) -> GradientReport:
     """Judges the gradients of a cam in a scene at a crankshaft speed [r/min] (see the module).
 
-    `widths` [m] are those of the smooth path, the default `EPS` among them or added. Raises MotionRefused, InputError
-    as the methods.
+    `widths` [m] are those of the smooth path; the default `EPS` is added where it is not among them. Raises
+    MotionRefused and InputError where the methods do.
     """
     linear = all(e.law == "linear" for e in scene.element)
     widths = (*widths, *(() if EPS in widths else (EPS,)))
@@ -149,8 +150,10 @@ def central_differences(p: Problem, height: float) -> np.ndarray:
 
 
 def _repeated(p: Problem, exact: Found | None) -> list[float | None]:
-    """Per metric the least cosine with the revolutions that follow: None where the motion repeats itself, NaN where
-    no exact gradient can tell."""
+    """The least cosine of each metric's gradient with those of the following revolutions.
+
+    It is None where the motion repeats itself, and NaN where there is no exact gradient to tell.
+    """
     if p.settled:
         return [None] * len(METRICS)
     return [float("nan")] * len(METRICS) if exact is None else list(repeated_cosines(p, exact.gradients))

@@ -1,4 +1,4 @@
-"""The verdict on a gradient: against central differences at several heights; see `camopt.study.gradient.report`."""
+"""The verdict on a gradient, from central differences at several heights (see `camopt.study.gradient.report`)."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -11,12 +11,12 @@ from camopt.study.gradient.paths import Found
 
 MOST_ERROR, LEAST_COSINE, MOST_DISAGREEMENT = 1e-2, 0.9, 0.1
 STILL = 1e-9
-"""Change of a metric, in its unit, by the largest height, below which it does not move."""
+"""A metric that the largest height changes by less than this, in its unit, does not move."""
 
 
 @dataclass(frozen=True)
 class Judged:
-    """A gradient of one metric against the differences."""
+    """How a gradient of one metric compares with the differences."""
 
     relative_error: float
     cosine: float
@@ -96,7 +96,10 @@ def verdict(relative_error: float, cosine: float, repeated: float | None = None)
 
 
 def relative_errors(gradient: np.ndarray, differences: np.ndarray) -> np.ndarray:
-    """Of a gradient (m) against the differences at every height (h, m); inf where these are zero and it is not."""
+    """Relative errors (h) of a gradient (m) against the differences (h, m) at every height.
+
+    They are infinite where the differences are zero and the gradient is not.
+    """
     off, size = np.linalg.norm(gradient - differences, axis=1), np.linalg.norm(differences, axis=1)
     return np.where(size > 0.0, off / np.where(size > 0.0, size, 1.0), np.where(off > 0.0, np.inf, 0.0))
 

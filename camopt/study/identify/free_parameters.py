@@ -1,6 +1,7 @@
-"""Parameters of a train that a fit may move: by the scene's own names, each in the logarithm of a factor on its start.
+"""Parameters of a train that a fit may move, under the scene's own names.
 
-The logarithm keeps masses, stiffnesses and dampings positive and makes a unit of every parameter mean the same.
+Each is expressed by the logarithm of a factor on its start value. The logarithm keeps masses, stiffnesses and dampings
+positive, and gives a change by one unit the same meaning for every parameter.
 """
 
 from collections.abc import Sequence
@@ -21,7 +22,7 @@ ELEMENT_KEYS = {
     "preload_N": "preload",
     "gap_mm": "gap",
 }
-"""Keys of a scene's tables that may be free, and the name in `Train` of what they give."""
+"""Keys of a scene's tables that may be free, with the names in `Train` of the numbers that they give."""
 
 
 @dataclass(frozen=True)
@@ -39,10 +40,11 @@ class FreeParameters:
     """The free parameters (p) of a scene; a point of the fit is `logs` (p), the logarithms of their factors."""
 
     def __init__(self, scene: Scene, free: Sequence[str]):
-        """`free` (p): `<name>.<key>`, such as `valve.mass_kg`; `*` ties all that match and are not
-        zero (`coil_*.damping_N_s_per_m`).
+        """Finds the parameters named in `free` (p), each as `<name>.<key>`, such as `valve.mass_kg`.
 
-        Raises InputError for a name that matches nothing, zeros only, masses and elements both, or a second time.
+        A `*` in a name ties all that match and are not zero to one factor (`coil_*.damping_N_s_per_m`). Raises
+        InputError for a name that matches nothing, matches zeros only, matches both masses and elements, or matches
+        what another name has matched.
         """
         self.scene, self.train = scene, build_train(scene)
         self.tied = tuple(_tied(scene, name) for name in free)

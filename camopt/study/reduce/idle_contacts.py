@@ -1,6 +1,7 @@
-"""Contacts left out of a model because they never switch, watched in every revolution: a run where one would refuses.
+"""Contacts that are left out of a model because they never switch.
 
-Only contacts other than the seat and those between cam and valve may be left out: the metrics read those.
+They are watched in every revolution, and a run in which one of them would switch is refused. The seat and the contacts
+between cam and valve are never left out, because the metrics read them.
 """
 
 from collections.abc import Callable, Iterable
@@ -28,8 +29,11 @@ class LeftOut:
     watched: Train | None  # the masses of `scene`, and nothing but these contacts; None: nothing is left out
 
     def prepare(self, method: Callable[..., Revolve], *arguments) -> Revolve:
-        """A method's revolution of this scene; `arguments` as of the method's `prepare`. It has no unsampled `advance`,
-        so that every revolution is watched; it raises MotionRefused where a contact left out would have switched."""
+        """A method's revolution of this scene, with the `arguments` of the method's own `prepare`.
+
+        It has no unsampled `advance`, so that every revolution is watched. It raises MotionRefused where a contact that
+        is left out would have switched.
+        """
         revolve = method(*arguments)
         if self.watched is None:
             return revolve
@@ -43,7 +47,7 @@ class LeftOut:
 
     @cached_property
     def _watches(self) -> list[tuple[int, float, bool]]:
-        """Element of `watched`, distance of its ends [m] at its touch (none is cam-driven), and whether it is open."""
+        """(element of `watched`, distance of its ends [m] at its touch, whether it is open); the cam drives none."""
         t = self.watched
         if t is None:
             return []
@@ -109,7 +113,7 @@ def leave_out(scene: Scene, never_closed: frozenset[str], never_open: frozenset[
 
 @njit(cache=True, nogil=True)
 def _highest(angle, x, v, a, b, cam_speed):
-    """What the compression of [a, b] stays below at and between samples: the control points of its cubics [m]."""
+    """A bound [m] on the compression of [a, b] at and between samples, from the control points of its cubics."""
     top, last = -np.inf, len(angle) - 1
     for i in range(last + 1):
         d, rate = 0.0, 0.0
@@ -135,7 +139,7 @@ def _first_above(response: Response, height: np.ndarray, t: Train, e: int) -> in
 
 
 def _between(q: np.ndarray, t: Train, e: int) -> np.ndarray:
-    """Positions or velocities (k, n) of one end of element e against the other's, shape (k)."""
+    """Position or velocity of one end of element e relative to its other end (k), from those of the masses (k, n)."""
     if t.b[e] == GROUND:
         return q[:, t.a[e]]
     return -q[:, t.b[e]] if t.a[e] == GROUND else q[:, t.a[e]] - q[:, t.b[e]]

@@ -1,10 +1,11 @@
 """Smaller models of a scene: the spring's coils by their lowest surge modes, stiffly held masses condensed statically.
 
-Spring: Craig and Bampton (1968, AIAA Journal 6) with the valve's end and the ground as interface. Every surge mode kept
-becomes one mass that hangs on the valve's end, l^2 at l^2 omega^2 with the participation l; what the modes left out
-carry moves with that end. So the rate, the mass felt at the valve's end and the surge frequencies kept are exact, and
-keeping all modes changes nothing but coordinates. Condensation: Guyan (1965, AIAA Journal 3): a mass between two
-elements follows them statically, and they become one in series.
+The spring is reduced after Craig and Bampton (1968, AIAA Journal 6), with the valve's end and the ground as interface.
+Every surge mode that is kept becomes one mass that hangs on the valve's end: a mode of participation l and frequency
+omega becomes the mass l^2 on the stiffness l^2 omega^2. The mass of the other modes moves with that end. So the rate,
+the mass felt at the valve's end and the surge frequencies kept are exact, and keeping all modes changes nothing but
+coordinates. Masses are condensed after Guyan (1965, AIAA Journal 3): a mass between two elements follows them
+statically, and the two become one in series.
 """
 
 from dataclasses import dataclass
@@ -18,12 +19,12 @@ from camopt.scene.schema import Element, Mass
 from camopt.scene.units import MM
 
 MOST_SURGE_MASSES = 5
-"""Surge masses of the largest reduced spring; a spring of more coils is also kept as it is."""
+"""Number of surge masses of the largest reduced spring; a spring with more coils is also kept as it is."""
 
 
 @dataclass(frozen=True)
 class Chain:
-    """A divided spring: masses (N) that only bilateral springs hold, in a row from `head` to the ground."""
+    """A divided spring: a row of N masses, held by bilateral springs only, from `head` to the ground."""
 
     head: str
     masses: tuple[Mass, ...]
@@ -150,7 +151,7 @@ def _modal(chain: Chain, number: int, surge: int) -> tuple[list[Mass], float, li
 
 
 def condense(scene: Scene, name: str) -> Scene:
-    """The scene without a mass that two linear elements hold: they act in series, their damping by their shares.
+    """The scene without a mass that two linear elements hold; these act in series, with damping by their shares.
 
     Its mass, damping and force go to the masses at its springs by stiffness; between two contacts, to the mass that
     pushes it open, or past a cam-driven contact to the mass it pushes. A share of the ground is dropped. The valve's

@@ -1,5 +1,7 @@
-"""What a user would take instead: the non-smooth equations as a compiled right-hand side, and a compiled adaptive
-Dormand-Prince 5(4) on it; no event is located, the step control meets the switchings on its own.
+"""What a user would take instead of camopt's methods: a compiled adaptive Dormand-Prince 5(4).
+
+It integrates the non-smooth equations, as a compiled right-hand side. No event is located; the step control has to cope
+with the switchings.
 
 J. R. Dormand, P. J. Prince, A family of embedded Runge-Kutta formulae, J. Comp. Appl. Math. 6 (1980); error norm, step
 control and dense output after Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, sections II.4, II.6.
@@ -32,7 +34,7 @@ assert abs(DENSE.sum()) < 1e-12
 
 
 def problem(train: Train, lift: Lift, cam_speed: float) -> tuple:
-    """The arrays of the right-hand side: masses, ends, laws, and the cam [rad/s]."""
+    """The arrays that the right-hand side reads: masses, ends, laws, and the cam with its speed [rad/s]."""
     masses = train.mass, train.mass_damping, train.mass_force
     ends = train.a, train.b, train.contact, train.cam_driven
     laws = train.stiffness, train.damping, train.preload, train.gap
@@ -41,7 +43,7 @@ def problem(train: Train, lift: Lift, cam_speed: float) -> tuple:
 
 @njit(cache=True, nogil=True)
 def right_hand_side(t, y, dy, masses, ends, laws, cam):
-    """dy/dt into dy (2n) at t [s] from -pi, with f = max(0, p + c d') where p > 0, else 0, in a contact."""
+    """Writes dy/dt to dy (2n) at the time t [s] after -pi; a contact has f = max(0, p + c d') where p > 0, else 0."""
     mass, mass_damping, mass_force = masses
     a, b, contact, cam_driven = ends
     stiffness, damping, preload, gap = laws
@@ -88,7 +90,7 @@ def _lift(t, cam):
 
 @njit(cache=True, nogil=True)
 def dormand_prince(start, times, rtol, atol, masses, ends, laws, cam):
-    """States (len(times), 2n) at ascending times [s] from `start` (2n) at times[0], and the steps tried."""
+    """(states (len(times), 2n) at ascending times [s], number of steps tried), from `start` (2n) at times[0]."""
     m, t, end = len(start), times[0], times[-1]
     y, new, k = start.copy(), np.empty(m), np.empty((7, m))
     out = np.empty((len(times), m))

@@ -26,7 +26,7 @@ PRECISIONS = {"float64": jnp.float64, "float32": jnp.float32}
 
 
 def smooth_work(case: Case) -> list[Work]:
-    """One motion: refined grid by eps, equal steps by step, eps and precision, diffrax by tolerance, gradients."""
+    """Measures one motion: refined grids by eps, equal steps by step, eps, precision; diffrax; gradients."""
     work = []
 
     def refined(eps: float, method: str, tolerance: float) -> dict:
@@ -52,7 +52,7 @@ def smooth_work(case: Case) -> list[Work]:
 
 
 def equal_steps(case: Case, precision: str, steps: int, cam_speeds: np.ndarray):
-    """A function of (states (2, n, b), eps) to one revolution of b motions, compiled; and the states at rest."""
+    """A compiled function from (states (2, n, b), eps) to one revolution of b motions, and the states at rest."""
     dtype = PRECISIONS[precision]
     system, width = build_system(case.train, dtype), len(cam_speeds)
     stages = jnp.broadcast_to(jnp.asarray(stage_lifts(case.cam, steps), dtype)[..., None], (2, steps, 6, width))
@@ -78,7 +78,7 @@ def _equal(case: Case, precision: str, steps: int, eps: float) -> dict:
 
 
 def _gradient(case: Case, eps: float) -> dict:
-    """Reverse mode of the seating velocity by every stiffness, times that stiffness; the start state is held."""
+    """The gradient of the seating velocity by every stiffness, times the latter: reverse mode from a fixed start."""
     system, samples = build_system(case.train), jnp.asarray(lift_samples(case.cam))
     rest, half, foot = jnp.asarray(rest_state(case.train)), case.cam.half_duration, case.cam.opening_foot
 
@@ -101,7 +101,7 @@ def _gradient(case: Case, eps: float) -> dict:
 
 
 def batch_work(name: str, case: Case, cam_speeds: np.ndarray) -> list[Work]:
-    """Many speeds in one compiled call, the batch last."""
+    """Measures many speeds in one compiled call, with the axis of the batch last."""
 
     def run(precision: str, steps: int, eps: float) -> dict:
         batch, rest = equal_steps(case, precision, steps, cam_speeds)

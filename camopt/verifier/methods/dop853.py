@@ -8,8 +8,8 @@ and starts the next one. With u the compression beyond the touch and f = p + c u
     pressed -> pushing   where f rises through zero
     pressed -> apart     where u falls through zero
 
-Every elastic law of a scene is carried. The steps per revolution decide how often the motion is recorded and looked at
-for switchings, and the error permitted, which is relative and the cube of the step [rad].
+The method takes every elastic law of a scene. The steps per revolution decide how often the motion is recorded and how
+often it is searched for switchings. They also decide the relative error permitted, which is the cube of the step [rad].
 """
 
 from bisect import bisect_right
@@ -29,13 +29,13 @@ APART, PRESSED, PUSHING = range(3)
 U, F = range(2)
 LEAST_ERROR = 1e-12
 FLOORS = 1e-3, 1.0
-"""Length [m] and velocity [m/s] of which the permitted error is a share where the motion itself is smaller."""
+"""Length [m] and velocity [m/s] to which the permitted error relates where the motion itself is smaller."""
 MOST_SWITCHINGS = 20_000
-"""Contact switchings in one revolution beyond which the motion is refused as chatter."""
+"""A motion with more contact switchings than this in one revolution is refused as chatter."""
 ROOT = 1e-18
-"""To what the time of a switching is located [s], besides the rounding of the time itself."""
+"""Accuracy with which the time of a switching is located [s], besides the rounding of the time itself."""
 FAR = 10.0
-"""Compression [m] beyond the ends of a stiffness table up to which its last stiffness is continued."""
+"""The last stiffness of a table is continued up to this compression [m] beyond the table's ends."""
 
 
 def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int) -> Revolve:
@@ -70,7 +70,10 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
 
 
 class Switching(NamedTuple):
-    """A contact enters `phase` where sign * surface (U: compression beyond the touch, F: p + c d') rises through 0."""
+    """A contact enters `phase` where sign * surface rises through zero.
+
+    The surface U is the compression beyond the touch, F is p + c d'.
+    """
 
     element: int
     surface: int
@@ -117,7 +120,7 @@ class _Motion:
         return {int(e): APART if u[e] <= 0 else PUSHING if f[e] > 0 else PRESSED for e in self.contacts}
 
     def switchings(self, phases: dict[int, int]) -> list[Switching]:
-        """What each contact may do next."""
+        """The switchings that each contact may make next."""
         found = []
         for e, phase in phases.items():
             if phase == APART:
@@ -131,8 +134,9 @@ class _Motion:
         return found
 
     def until_switching(self, t: float, y: np.ndarray, phases: dict[int, int], grid: np.ndarray, error: float):
-        """Times (k), states (k, 2n) and forces (k, e) from t to the first switching or the end of `grid`, and the phase
-        that begins there.
+        """Integrates from t to the first switching or to the end of `grid`.
+
+        Returns times (k), states (k, 2n), forces (k, e) and the phase that begins at the end.
         """
         n, acts = len(self.mass), np.array([phases.get(e, PUSHING) == PUSHING for e in range(len(self.rows))])
         watched = self.switchings(phases)
@@ -166,11 +170,11 @@ class _Motion:
         return self.elements(state, self.lift(theta), self.lift(theta, 1) * self.cam_speed)
 
     def _first(self, dense, look: np.ndarray, watched: list[Switching], begins: bool):
-        """Time of the first switching within a step that is looked at at the times `look`, and the phase it begins
-        (contact -> phase); the step's end and None where there is none.
+        """The time of the first switching within a step, and the phase that it begins (contact -> phase).
 
-        Where a phase begins, round-off may already have put a surface beyond its zero: if it moves on from there, the
-        switching is at the beginning.
+        The step is examined at the times `look`. Where it has no switching, its end and None are returned. Where a
+        phase begins, round-off may already have put a surface beyond its zero; if it moves on from there, the switching
+        is at the beginning.
         """
         found = self._elements_at(look, dense(look))
         time, after = look[-1], None
@@ -214,8 +218,11 @@ class _Elastic:
             self.touch[e] = work.roots(extrapolate=False)
 
     def force(self, d: np.ndarray) -> np.ndarray:
-        """Elastic force [N] at compressions d (e, m) [m]; of a hertz contact odd about its touch, so that it is smooth
-        enough to locate a root across it."""
+        """Elastic force [N] at compressions d (e, m) [m].
+
+        That of a hertz contact is continued as an odd function about its touch, so that it is smooth enough to locate a
+        root across it.
+        """
         force = self.preload + self.stiffness * d
         u = d[self.hertz] - self.touch[self.hertz]
         force[self.hertz] = self.coefficient * np.sign(u) * np.abs(u) ** self.exponent if len(self.hertz) else u

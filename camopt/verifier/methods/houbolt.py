@@ -16,6 +16,8 @@ of its text. Order 2, and not the form that "always converges": omega h must sta
 sqrt((20/3 zeta)^2 + 4) - 20/3 zeta (a root of the difference equation reaches -1), that is 2 without damping.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -70,7 +72,7 @@ def prepare(
         _start(first, x, v, force, cam, h)
         step, mask = 2, _bits(first.closed(force[1]))
         while step <= steps:
-            step, mask = _march(step, mask, x, v, force, cam, h, *later.kernel_arrays())
+            step, mask = _march(step, mask, _Motion(x, v, force), cam, h, later.arrays())
             if step <= steps:
                 later.build(mask)
         return Response(train, cam_speed, angle, cam[:, 0], x[1:], v, force)
@@ -105,16 +107,46 @@ prepare.enough_steps = enough_steps  # pyright: ignore[reportFunctionMemberAcces
 def _explicit(train: Train, angle, cam, cam_speed: float, h: float) -> Revolve:
     """MOTORI's form on the samples `angle` (k), with the lift and its velocity at them in `cam` (k, 2)."""
     n, samples = len(train.mass), len(angle)
-    masses = train.mass, train.mass_damping, train.mass_force
-    laws = train.contact, train.cam_driven, train.stiffness, train.damping, train.preload, train.gap
+    masses, elements = (train.mass, train.mass_damping, train.mass_force), _elements(train)
 
     def revolve(state: np.ndarray) -> Response:
         x, v, force = np.zeros((samples + 2, n)), np.zeros((samples, n)), np.zeros((samples, len(train.a)))
         x[2], v[0] = state[:n], state[n:]  # x[0] and x[1] are the fictitious points before the start
-        _march_explicit(x, v, force, cam, h, _rows(train), masses, laws)
+        _march_explicit(_Motion(x, v, force), cam, h, masses, elements)
         return Response(train, cam_speed, angle, cam[:, 0], x[2:], v, force)
 
     return revolve
+
+
+class _Elements(NamedTuple):
+    """The elements of a train as the compiled code reads them."""
+
+    rows: np.ndarray  # (e, n) compression of each element by position
+    contact: np.ndarray  # (e)
+    cam_driven: np.ndarray  # (e)
+    stiffness: np.ndarray  # (e)
+    damping: np.ndarray  # (e)
+    preload: np.ndarray  # (e)
+    gap: np.ndarray  # (e)
+
+
+class _Sets(NamedTuple):
+    """Masses, elements, and the matrices of every closed set that has occurred, by `slot` of its bit mask."""
+
+    mass: np.ndarray  # (n)
+    elements: _Elements
+    slot: np.ndarray  # (2^contacts), -1 where nothing is built
+    inverse: np.ndarray  # (s, n, n)
+    damping: np.ndarray  # (s, n, n)
+    load: np.ndarray  # (s, n, 3) by 1, lift and lift velocity
+
+
+class _Motion(NamedTuple):
+    """The revolution that is being written, a row a sample; x has one or two fictitious rows before the start."""
+
+    x: np.ndarray
+    v: np.ndarray
+    force: np.ndarray
 
 
 def _rows(train: Train) -> np.ndarray:
@@ -123,13 +155,18 @@ def _rows(train: Train) -> np.ndarray:
     return padded[train.a] - padded[train.b]
 
 
+def _elements(train: Train) -> _Elements:
+    numbers = train.contact, train.cam_driven, train.stiffness, train.damping, train.preload, train.gap
+    return _Elements(_rows(train), *numbers)
+
+
 class _ClosedSets:
     """Inverse effective stiffness and loads by closed set, for x'' = m x + ..., x' = c x + ... at the new point."""
 
     def __init__(self, train: Train, m: float, c: float):
         self.train, self.m, self.c = train, m, c
         n, contacts = len(train.mass), int(train.contact.sum())
-        self.rows = _rows(train)
+        self.elements = _elements(train)
         self.slot = np.full(2**contacts, -1)
         self.inverse, self.damping, self.load = np.zeros((0, n, n)), np.zeros((0, n, n)), np.zeros((0, n, 3))
 
@@ -141,15 +178,15 @@ class _ClosedSets:
         """Slot of a closed set, built if it is new."""
         if self.slot[mask] >= 0:
             return int(self.slot[mask])
-        t = self.train
+        t, rows = self.train, self.elements.rows
         acting = ~t.contact
         acting[np.flatnonzero(t.contact)] = (mask >> np.arange(int(t.contact.sum()))) & 1 == 1
         k, c = t.stiffness * acting, t.damping * acting
-        damping = np.diag(t.mass_damping) + np.einsum("e,ei,ej->ij", c, self.rows, self.rows)
-        stiffness = np.einsum("e,ei,ej->ij", k, self.rows, self.rows)
+        damping = np.diag(t.mass_damping) + np.einsum("e,ei,ej->ij", c, rows, rows)
+        stiffness = np.einsum("e,ei,ej->ij", k, rows, rows)
         effective = self.m * np.diag(t.mass) + self.c * damping + stiffness
         parts = (t.preload * acting - k * t.gap, k * t.cam_driven, c * t.cam_driven)
-        load = np.stack([-p @ self.rows for p in parts], axis=1)
+        load = np.stack([-p @ rows for p in parts], axis=1)
         load[:, 0] += t.mass_force
         self.inverse = np.concatenate([self.inverse, np.linalg.inv(effective)[None]])
         self.damping = np.concatenate([self.damping, damping[None]])
@@ -157,10 +194,8 @@ class _ClosedSets:
         self.slot[mask] = len(self.inverse) - 1
         return int(self.slot[mask])
 
-    def kernel_arrays(self) -> tuple:
-        t = self.train
-        laws = (t.contact, t.cam_driven, t.stiffness, t.damping, t.preload, t.gap)
-        return self.rows, t.mass, laws, self.slot, self.inverse, self.damping, self.load
+    def arrays(self) -> _Sets:
+        return _Sets(self.train.mass, self.elements, self.slot, self.inverse, self.damping, self.load)
 
 
 def _bits(closed: np.ndarray) -> int:
@@ -169,10 +204,9 @@ def _bits(closed: np.ndarray) -> int:
 
 def _start(sets: _ClosedSets, x, v, force, cam, h: float) -> None:
     """First step by linear acceleration; fills x[0] (fictitious), x[2], v[1] and the forces of both points."""
-    t = sets.train
-    laws = (t.contact, t.cam_driven, t.stiffness, t.damping, t.preload, t.gap)
-    mask = _forces(x[1], v[0], cam[0], sets.rows, laws, force[0])
-    a0 = (t.mass_force - t.mass_damping * v[0] - force[0] @ sets.rows) / t.mass
+    t, elements = sets.train, sets.elements
+    mask = _forces(x[1], v[0], cam[0], elements, force[0])
+    a0 = (t.mass_force - t.mass_damping * v[0] - force[0] @ elements.rows) / t.mass
     past_acceleration = 6 / h**2 * x[1] + 6 / h * v[0] + 2 * a0
     past_velocity = 3 / h * x[1] + 2 * v[0] + h / 2 * a0
     for _ in range(MOST_SETS):
@@ -180,7 +214,7 @@ def _start(sets: _ClosedSets, x, v, force, cam, h: float) -> None:
         right = sets.load[s] @ np.array([1.0, *cam[1]]) + t.mass * past_acceleration + sets.damping[s] @ past_velocity
         x[2] = sets.inverse[s] @ right
         v[1] = 3 / h * x[2] - past_velocity
-        found = _forces(x[2], v[1], cam[1], sets.rows, laws, force[1])
+        found = _forces(x[2], v[1], cam[1], elements, force[1])
         if found == mask:
             break
         mask = found
@@ -188,21 +222,20 @@ def _start(sets: _ClosedSets, x, v, force, cam, h: float) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _forces(x, v, cam, rows, laws, force):
+def _forces(x, v, cam, elements, force):
     """Element forces into `force` (e) by the contact law; returns the bit mask of the contacts that push."""
-    contact, cam_driven, stiffness, damping, preload, gap = laws
     mask, bit = 0, 1
-    for e in range(len(contact)):
-        compression, rate = -gap[e], 0.0
+    for e in range(len(elements.contact)):
+        compression, rate = -elements.gap[e], 0.0
         for i in range(len(x)):
-            compression += rows[e, i] * x[i]
-            rate += rows[e, i] * v[i]
-        if cam_driven[e]:
+            compression += elements.rows[e, i] * x[i]
+            rate += elements.rows[e, i] * v[i]
+        if elements.cam_driven[e]:
             compression += cam[0]
             rate += cam[1]
-        spring = preload[e] + stiffness[e] * compression
-        force[e] = spring + damping[e] * rate
-        if contact[e]:
+        spring = elements.preload[e] + elements.stiffness[e] * compression
+        force[e] = spring + elements.damping[e] * rate
+        if elements.contact[e]:
             if spring > 0.0 and force[e] > 0.0:
                 mask += bit
             else:
@@ -212,21 +245,22 @@ def _forces(x, v, cam, rows, laws, force):
 
 
 @njit(cache=True, nogil=True)
-def _march(start, mask, x, v, force, cam, h, rows, mass, laws, slot, inverse, damping, load):
+def _march(start, mask, motion, cam, h, sets):
     """Steps from `start` on, x being one row ahead of v; returns the step reached and the set in use or missing."""
-    n = len(mass)
+    n, x, v = len(sets.mass), motion.x, motion.v
+    inverse, damping, load = sets.inverse, sets.damping, sets.load
     past_velocity, right = np.empty(n), np.empty(n)
     for step in range(start, len(v)):
         x1, x2, x3 = x[step], x[step - 1], x[step - 2]
         for i in range(n):
             past_velocity[i] = (18.0 * x1[i] - 9.0 * x2[i] + 2.0 * x3[i]) / (6.0 * h)
         for _ in range(MOST_SETS):
-            s = slot[mask]
+            s = sets.slot[mask]
             if s < 0:
                 return step, mask
             for i in range(n):
                 right[i] = load[s, i, 0] + load[s, i, 1] * cam[step, 0] + load[s, i, 2] * cam[step, 1]
-                right[i] += mass[i] * (5.0 * x1[i] - 4.0 * x2[i] + x3[i]) / h**2
+                right[i] += sets.mass[i] * (5.0 * x1[i] - 4.0 * x2[i] + x3[i]) / h**2
                 for j in range(n):
                     right[i] += damping[s, i, j] * past_velocity[j]
             for i in range(n):
@@ -234,7 +268,7 @@ def _march(start, mask, x, v, force, cam, h, rows, mass, laws, slot, inverse, da
                 for j in range(n):
                     x[step + 1, i] += inverse[s, i, j] * right[j]
                 v[step, i] = 11.0 / (6.0 * h) * x[step + 1, i] - past_velocity[i]
-            found = _forces(x[step + 1], v[step], cam[step], rows, laws, force[step])
+            found = _forces(x[step + 1], v[step], cam[step], sets.elements, motion.force[step])
             if found == mask:
                 break
             mask = found
@@ -242,15 +276,16 @@ def _march(start, mask, x, v, force, cam, h, rows, mass, laws, slot, inverse, da
 
 
 @njit(cache=True, nogil=True)
-def _march_explicit(x, v, force, cam, h, rows, masses, laws):
+def _march_explicit(motion, cam, h, masses, elements):
     """All steps from x[2], v[0] on, x being two rows ahead of v; forces at every point."""
     mass, mass_damping, mass_force = masses
+    x, v, force = motion.x, motion.v, motion.force
     for step in range(len(v)):
-        _forces(x[step + 2], v[step], cam[step], rows, laws, force[step])
+        _forces(x[step + 2], v[step], cam[step], elements, force[step])
         for i in range(len(mass)):
             acceleration = mass_force[i] - mass_damping[i] * v[step, i]
-            for e in range(len(rows)):
-                acceleration -= rows[e, i] * force[step, e]
+            for e in range(len(elements.rows)):
+                acceleration -= elements.rows[e, i] * force[step, e]
             acceleration /= mass[i]
             x0 = x[step + 2, i]
             if step == 0:

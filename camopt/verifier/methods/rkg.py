@@ -9,6 +9,8 @@ The criterion "displacement" is Kodama's printed one, for reproduction only: a c
 compressed (their x_3 > x_2), and until then its damper may pull, f = p + c d' of either sign.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -41,16 +43,38 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
     rise, rate = lift(halves), lift(halves, 1) * cam_speed
     masses = train.mass, train.mass_damping, train.mass_force
     ends = train.a, train.b, train.contact, train.cam_driven
-    laws = (*_elastic_arrays(train), train.damping, train.preload, train.gap, MAY_PULL[criterion])
+    parts = _Parts(
+        *masses, *ends, *_elastic_arrays(train), train.damping, train.preload, train.gap, MAY_PULL[criterion]
+    )
 
     def revolve(state: np.ndarray) -> Response:
         states = np.empty((steps + 1, len(state)))
         force = np.empty((steps + 1, len(train.a)))
-        _march(np.asarray(state, dtype=float), rise, rate, h, masses, ends, laws, states, force)
+        _march(np.asarray(state, dtype=float), rise, rate, h, parts, states, force)
         n = len(train.mass)
         return Response(train, cam_speed, halves[::2], rise[::2], states[:, :n], states[:, n:], force)
 
     return revolve
+
+
+class _Parts(NamedTuple):
+    """A train as the compiled code reads it."""
+
+    mass: np.ndarray  # (n)
+    mass_damping: np.ndarray  # (n)
+    mass_force: np.ndarray  # (n)
+    a: np.ndarray  # (e)
+    b: np.ndarray  # (e)
+    contact: np.ndarray  # (e)
+    cam_driven: np.ndarray  # (e)
+    kind: np.ndarray  # (e) of the elastic law, with its coefficient, exponent and stiffness table (e, q, 2)
+    coefficient: np.ndarray  # (e)
+    exponent: np.ndarray  # (e)
+    table: np.ndarray
+    damping: np.ndarray  # (e)
+    preload: np.ndarray  # (e)
+    gap: np.ndarray  # (e)
+    may_pull: bool  # a compressed contact's damper may exceed its spring
 
 
 def _elastic_arrays(train: Train) -> tuple[np.ndarray, ...]:
@@ -89,29 +113,26 @@ def _work(table, d):
 
 
 @njit(cache=True, nogil=True)
-def _slope(y, rise, rate, masses, ends, laws, dy, force):
+def _slope(y, rise, rate, p, dy, force):
     """dy/dt into `dy` (2n) and the element forces into `force` (e)."""
-    mass, mass_damping, mass_force = masses
-    a, b, contact, cam_driven = ends
-    kind, coefficient, exponent, table, damping, preload, gap, may_pull = laws
-    n = len(mass)
+    a, b, n = p.a, p.b, len(p.mass)
     for i in range(n):
         dy[i] = y[n + i]
-        dy[n + i] = mass_force[i] - mass_damping[i] * y[n + i]
+        dy[n + i] = p.mass_force[i] - p.mass_damping[i] * y[n + i]
     for e in range(len(a)):
-        d, d_rate = -gap[e], 0.0
+        d, d_rate = -p.gap[e], 0.0
         if a[e] >= 0:
             d += y[a[e]]
             d_rate += y[n + a[e]]
         if b[e] >= 0:
             d -= y[b[e]]
             d_rate -= y[n + b[e]]
-        if cam_driven[e]:
+        if p.cam_driven[e]:
             d += rise
             d_rate += rate
-        elastic = _elastic(kind[e], coefficient[e], exponent[e], table[e], preload[e], d)
-        f = elastic + damping[e] * d_rate
-        if contact[e] and (elastic <= 0.0 or (f < 0.0 and not may_pull)):
+        elastic = _elastic(p.kind[e], p.coefficient[e], p.exponent[e], p.table[e], p.preload[e], d)
+        f = elastic + p.damping[e] * d_rate
+        if p.contact[e] and (elastic <= 0.0 or (f < 0.0 and not p.may_pull)):
             f = 0.0
         force[e] = f
         if a[e] >= 0:
@@ -119,11 +140,11 @@ def _slope(y, rise, rate, masses, ends, laws, dy, force):
         if b[e] >= 0:
             dy[n + b[e]] += f
     for i in range(n):
-        dy[n + i] /= mass[i]
+        dy[n + i] /= p.mass[i]
 
 
 @njit(cache=True, nogil=True)
-def _march(start, rise, rate, h, masses, ends, laws, states, force):
+def _march(start, rise, rate, h, parts, states, force):
     """All steps of one revolution. Gill's q carries three times the round-off of each step's sum into the next."""
     y = start.copy()
     q = np.zeros_like(y)
@@ -135,11 +156,11 @@ def _march(start, rise, rate, h, masses, ends, laws, states, force):
         for stage in range(4):
             at = 2 * step + STAGE[stage]
             kept = force[step] if stage == 0 else unused
-            _slope(y, rise[at], rate[at], masses, ends, laws, dy, kept)
+            _slope(y, rise[at], rate[at], parts, dy, kept)
             for i in range(len(y)):
                 k = h * dy[i]
                 moved = y[i] + WEIGHT[stage] * (k - CARRIED[stage] * q[i])
                 q[i] += 3.0 * (moved - y[i]) - RENEWED[stage] * k
                 y[i] = moved
     states[last] = y
-    _slope(y, rise[2 * last], rate[2 * last], masses, ends, laws, dy, force[last])
+    _slope(y, rise[2 * last], rate[2 * last], parts, dy, force[last])

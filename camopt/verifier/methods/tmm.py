@@ -10,6 +10,7 @@ where its force reaches zero.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -53,12 +54,27 @@ def prepare(
         force = np.empty((steps + 1, len(train.a)))
         step = 0
         while step <= steps:
-            step, missing = _march(step, states, force, cam, MAY_PULL[criterion], *transitions.kernel_arrays())
+            step, missing = _march(step, states, force, cam, MAY_PULL[criterion], transitions.arrays())
             if missing >= 0:
                 transitions.build(missing)
         return Response(train, cam_speed, angle, cam[:, 0], states[:, :n], states[:, n:], force)
 
     return revolve
+
+
+class _Matrices(NamedTuple):
+    """The elements, and the matrices of every closed set that has occurred, by `slot` of its bit mask."""
+
+    rows: np.ndarray  # (e, n) compression of each element by position
+    contact: np.ndarray  # (e)
+    cam_driven: np.ndarray  # (e) 1.0 or 0.0
+    stiffness: np.ndarray  # (e)
+    damping: np.ndarray  # (e)
+    preload: np.ndarray  # (e)
+    gap: np.ndarray  # (e)
+    slot: np.ndarray  # (2^contacts), -1 where nothing is built
+    by_state: np.ndarray  # (s, 2n, 2n)
+    by_cam: np.ndarray  # (s, 2n, 5)
 
 
 class _Transitions:
@@ -72,10 +88,10 @@ class _Transitions:
         self.by_state = np.zeros((0, 2 * n, 2 * n))
         self.by_cam = np.zeros((0, 2 * n, 5))
 
-    def kernel_arrays(self) -> tuple:
+    def arrays(self) -> _Matrices:
         t = self.train
-        laws = (t.contact, t.cam_driven.astype(float), t.stiffness, t.damping, t.preload, t.gap)
-        return self.rows, laws, self.slot, self.by_state, self.by_cam
+        elements = t.contact, t.cam_driven.astype(float), t.stiffness, t.damping, t.preload, t.gap
+        return _Matrices(self.rows, *elements, self.slot, self.by_state, self.by_cam)
 
     def build(self, mask: int) -> None:
         """Matrices of one closed set: state (2n, 2n), and cam (2n, 5) on 1, lift and its three time derivatives."""
@@ -136,19 +152,18 @@ def _exact(inverse_mass, damping, stiffness, h: float) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
-def _closed_set(y, cam, may_pull, rows, laws, force):
+def _closed_set(y, cam, may_pull, m, force):
     """Bit mask of the closed contacts in a state, compressed and pushing or `may_pull`; forces go into `force` (e)."""
-    contact, cam_driven, stiffness, damping, preload, gap = laws
     n = len(y) // 2
     mask, bit = 0, 1
-    for e in range(len(contact)):
-        d, d_rate = cam_driven[e] * cam[0] - gap[e], cam_driven[e] * cam[1]
+    for e in range(len(m.contact)):
+        d, d_rate = m.cam_driven[e] * cam[0] - m.gap[e], m.cam_driven[e] * cam[1]
         for i in range(n):
-            d += rows[e, i] * y[i]
-            d_rate += rows[e, i] * y[n + i]
-        p = preload[e] + stiffness[e] * d
-        f = p + damping[e] * d_rate
-        if contact[e]:
+            d += m.rows[e, i] * y[i]
+            d_rate += m.rows[e, i] * y[n + i]
+        p = m.preload[e] + m.stiffness[e] * d
+        f = p + m.damping[e] * d_rate
+        if m.contact[e]:
             if p > 0.0 and (f > 0.0 or may_pull):
                 mask |= bit
             else:
@@ -159,17 +174,17 @@ def _closed_set(y, cam, may_pull, rows, laws, force):
 
 
 @njit(cache=True, nogil=True)
-def _march(start, states, force, cam, may_pull, rows, laws, slot, by_state, by_cam):
+def _march(start, states, force, cam, may_pull, m):
     """Steps from sample `start` on; returns the sample reached and the set whose matrices are missing, or -1."""
     last = len(states) - 1
     for step in range(start, last + 1):
         y = states[step]
-        mask = _closed_set(y, cam[step], may_pull, rows, laws, force[step])
+        mask = _closed_set(y, cam[step], may_pull, m, force[step])
         if step == last:
             break
-        if slot[mask] < 0:
+        if m.slot[mask] < 0:
             return step, mask
-        state_matrix, cam_matrix = by_state[slot[mask]], by_cam[slot[mask]]
+        state_matrix, cam_matrix = m.by_state[m.slot[mask]], m.by_cam[m.slot[mask]]
         for i in range(len(y)):
             total = cam_matrix[i, 0]
             for j in range(4):
