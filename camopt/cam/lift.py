@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
     from camopt.scene.schema import Design
 
+JOINING = 1e-6
+"""Step of lift or velocity at a border, relative to the largest there, that counts as rounding."""
 ROUNDING = 1e-9
 MOST_ROWS = 360_000
 """Rows of a lift table at most: 0.001 deg."""
-JOINING = 1e-6
-"""Step of lift or velocity at a border, relative to the largest there, that counts as rounding."""
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,6 @@ The motion runs outside JAX. A batch takes one host call, in which its motions r
 come from their discrete adjoint. The rule stands here and not in `camopt.exact`, because the verifier's verdict imports
 `camopt.exact` and must not load JAX.
 
-Derivatives by the speed need no sweep of their own. Let r = speed / speed'. A train whose masses are multiplied by r^2
-and whose dampings are multiplied by r passes, at speed', through the same positions and forces at the same angles, with
-all velocities divided by r. So the derivative by the speed follows from those by masses and dampings.
-
 A motion that cannot be followed is NaN throughout, and so are its derivatives. That happens where there is no rest, the
 motion switches endlessly or has no bound, a number is not finite, or a mass or stiffness is not positive.
 """
@@ -108,9 +104,9 @@ def differentiable_motion(
 ) -> tuple[Response, dict[str, jax.Array]]:
     """Motion from rest on `steps` equal steps per revolution, and the metrics of all revolutions but the last.
 
-    Arguments as of `exact_metrics`; what is differentiated by costs the motion a second time and a sweep per
-    revolution. A motion at less than a hundredth of the `slowest` speed [rad/s] is NaN: it would take hours. The
-    record's arrays are JAX arrays.
+    Arguments are those of `exact_metrics`, and the record's arrays are JAX arrays. Differentiating costs the motion a
+    second time and a sweep per revolution. A motion at less than a hundredth of the `slowest` speed [rad/s] is NaN,
+    because it would take hours.
     """
     motion, variables = _varying(train, lift, cam_speed, parameters, revolutions, slowest=slowest)
     names = [] if train.seat < 0 or not train.cam_side else list(METRICS)

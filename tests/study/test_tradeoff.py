@@ -115,10 +115,10 @@ class TestCams:
         monkeypatch.setattr(module, "measured", lambda path, work, progress: seen.extend(work) or [])
         words = ["tradeoff", str(unequal), "--cam", str(design), "--size", "small", "--out", str(folder), "--quiet"]
         assert cli.main(words) == 0
-        assert len(seen) > 10 and (folder / "cam.json").exists()
+        assert len(seen) > 10
         write_design(design, polydyne(scene, (2, 8, 14, 20, 26)), 9.4e-3)
         assert cli.main([*words, "--resume"]) == 2
-        assert "belongs to another cam" in capsys.readouterr().err
+        assert "belongs to another run" in capsys.readouterr().err
 
     def test_nothing_wrong_about_anything_is_no_figure(self):
         """No cam of the list bounces: every dial's errors are zero, and there is nothing to draw over time."""

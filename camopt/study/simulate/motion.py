@@ -50,10 +50,10 @@ def simulate(
     """Motion of the valve train from rest at -180 degrees, `revolutions` of the cam at a crankshaft speed [r/min].
 
     `step_deg` [cam degrees] must divide 360; it is the step of the result. The method's own step is that over the
-    smallest integer for which step * highest rate of the train <= 0.3. Returned is a dataset over `sample` with
-    coordinates revolution (from 1), cam_angle_deg (-180 to 180), time_s, and variables lift_mm, position_mm and
-    velocity_m_per_s (sample, mass), force_N (sample, element); between a method's samples positions are cubic,
-    velocities their derivative, forces linear, and where a force jumps the later value stands.
+    smallest integer for which step * highest rate of the train <= 0.3; "smooth" refines its grid itself. Returned is a
+    dataset over `sample` with coordinates revolution (from 1), cam_angle_deg (-180 to 180), time_s, and variables
+    lift_mm, position_mm and velocity_m_per_s (sample, mass), force_N (sample, element); between a method's samples
+    positions are cubic, velocities their derivative, forces linear, and where a force jumps the later value stands.
 
     Whatever else is asked for, the dataset holds every declared metric (`camopt.scene.quantities`) over `measured`, the
     revolutions but the last, which only ends the window of the one before; with `parameters` and "event" all but the
@@ -221,7 +221,7 @@ def _steps_per_revolution(speed_rpm, method, revolutions, step_deg) -> int:
 def _motion(train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int, steps: int) -> Response:
     module = import_module(MODULES[method])
     if method == "smooth":
-        return module.simulate_smooth(train, cam, cam_speed, revolutions, steps_per_revolution=steps)
+        return module.simulate_smooth(train, cam, cam_speed, revolutions)  # equal steps would miss its layers
     revolve = module.prepare(train, cam, cam_speed, steps)
     position = rest_position(train)
     state, parts = np.concatenate([position, np.zeros_like(position)]), []

@@ -93,7 +93,8 @@ def tradeoff(
     work = method_work(scene, cam, size)
     if build_train(scene).laws is None:
         work += job_work(scene, cam, size, path)
-    identity = run_identity("tradeoff", scene, size=size, cam=design_record(cam, scene.design.max_lift_mm * MM))
+    record = design_record(cam, scene.design.max_lift_mm * MM)
+    identity = run_identity("tradeoff", scene, size=size, cam=record)
     with run_folder(path, identity, resume, [LINES]) as folder:
         write_text(folder / "scene.toml", scene_toml(scene))
         lines = measured(folder / LINES, work, progress)
