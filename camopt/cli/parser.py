@@ -13,7 +13,7 @@ from importlib import import_module
 
 from camopt import __version__
 from camopt.cli.values import ACCURACIES, accuracy, count, digits, picture_file, positive, seed, speeds
-from camopt.verifier import INDEPENDENT
+from camopt.verifier.methods import INDEPENDENT
 
 DONE, DEFECT, BAD_INPUT, NOT_CONFIRMED, INTERRUPTED = 0, 1, 2, 3, 130
 METHODS = ("event", *INDEPENDENT)

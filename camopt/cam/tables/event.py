@@ -27,7 +27,7 @@ class Event:
     """Rows (indices into the table, angles ascending) that make the law, and the angles it may stand between [deg].
 
     `start` and `end` are None for a turn without base circle. `cut` says which flank, opening and closing, ends without
-    a ramp; `camopt.cam.tables.lift_table.completion` adds the rows that continue it. `noise` [mm] is a first estimate.
+    a ramp; `camopt.cam.tables.completion` adds the rows that continue it. `noise` [mm] is a first estimate.
     """
 
     rows: np.ndarray = field(repr=False)
