@@ -12,6 +12,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.geometry import contact, crossing
 from camopt.cam.read import read_cam
 from camopt.cli import parser as cli
+from camopt.report import write_report
 from camopt.scene import MotionRefused, builtin_scenes, load_scene, scene_text
 from camopt.storage import create_run_folder, write_csv
 
@@ -138,14 +139,18 @@ class TestCam:
     def test_names_that_no_system_has(self, capsys, name):
         code, out, err = run(capsys, "cam", "kodama", "--cam", name)
         assert (code, out) == (2, "")
-        assert "neither a family" in err and len(err) < 400 and err.count("\n") == 1
+        assert "the system does not take this path" in err and len(err) < 400 and err.count("\n") == 1
 
     def test_compare_reads_a_raw_table(self, capsys, tmp_path, monkeypatch):
         file, options = self.raw_table(tmp_path)
         seen = {}
-        monkeypatch.setattr(
-            "camopt.optimizer.baselines.comparison.compare", lambda scene, designs, *_, **__: seen.update(designs)
-        )
+
+        def compare(scene, designs, out, **_):
+            seen.update(designs)
+            names = ("cam", "area_ratio", "bounce_mm", "bounce_high_mm", "jump_mm", "verdict", "broken")
+            write_csv(create_run_folder(out) / "comparison.csv", {name: ["1"] for name in names})
+
+        monkeypatch.setattr("camopt.optimizer.baselines.comparison.compare", compare)
         folder = str(tmp_path / "comparison")
         assert run(capsys, "compare", "kodama", "--design", file, "--out", folder)[0] == 2
         assert run(capsys, "compare", "kodama", "--design", file, *options, "--out", folder)[0] == 0
@@ -333,6 +338,7 @@ class TestVerbsThatSearch:
             "seed": 7,
             "resume": False,
             "progress": True,
+            "designed": write_report,
         }
         start_to_end, areas, verdict, folder = out.splitlines()[1:]
         assert start_to_end.split() == ["area", "ratio", "–", "0.55", "->", "0.56"]
