@@ -28,20 +28,38 @@ AtSpeed = Callable[[Train, Lift, float], Revolve]
 
 @dataclass(frozen=True)
 class Band:
-    """A swept band: speeds (m) r/min ascending, metrics by name (m); NaN bounce: never seats or refused."""
+    """A swept band: speeds (m) r/min ascending, metrics by name (m), and the method of each speed's figures (m).
+
+    A bounce of NaN means that the valve never seats, or that the motion is refused.
+    """
 
     from_rpm: float
     to_rpm: float
     step_rpm: float
     speeds_rpm: np.ndarray
     figures: dict[str, np.ndarray]
+    methods: tuple[str, ...]
+
+    def worst_index(self, name: str) -> int:
+        """Index of the worst speed for a metric; NaN is worse than any value."""
+        sign = -1.0 if name in LESS_IS_WORSE else 1.0
+        return int(np.argmax(np.nan_to_num(sign * self.figures[name], nan=np.inf)))
 
     def worst(self, name: str) -> tuple[float, float]:
-        """(speed [r/min], value) of the worst speed for a metric; NaN is worse than any value."""
-        values = self.figures[name]
-        sign = -1.0 if name in LESS_IS_WORSE else 1.0
-        i = int(np.argmax(np.where(np.isnan(values), np.inf, sign * values)))
-        return float(self.speeds_rpm[i]), float(values[i])
+        """(speed [r/min], value) of the worst speed for a metric."""
+        i = self.worst_index(name)
+        return float(self.speeds_rpm[i]), float(self.figures[name][i])
+
+    def with_judged(self, method: str, judged: dict[float, dict[str, float]]) -> "Band":
+        """The band with the figures of `judged` (speed [r/min] -> metric -> value), which are `method`'s, put in place
+        of the sweep's or between them; speeds outside the band are left out."""
+        found = {float(s): (m, {}) for s, m in zip(self.speeds_rpm, self.methods, strict=True)}
+        for i, (_, row) in enumerate(found.values()):
+            row.update({name: float(values[i]) for name, values in self.figures.items()})
+        found |= {s: (method, row) for s, row in judged.items() if self.from_rpm <= s <= self.to_rpm}
+        speeds = sorted(found)
+        figures = {name: np.array([found[s][1][name] for s in speeds]) for name in self.figures}
+        return replace(self, speeds_rpm=np.array(speeds), figures=figures, methods=tuple(found[s][0] for s in speeds))
 
 
 def at_speeds(
@@ -79,11 +97,12 @@ def sweep(
     step_rpm: float,
     refine: tuple[str, ...] = ("bounce_mm",),
     workers: int = 2,
+    method: str = "event",
 ) -> Band:
     """The scene's band in steps of `step_rpm`, then around the worst speed of each metric in `refine` to 1 r/min.
 
     The refinement quarters the step about the worst speed found so far. Where the motion bounces, bounce against speed
-    is rough: what is refined is the largest found, not proved to be the largest.
+    is rough: what is refined is the largest found, not proved to be the largest. `method` is the name of `prepare`.
     """
     assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
     low, high = scene.operation.band_rpm
@@ -92,13 +111,13 @@ def sweep(
     while step > 1.0:
         step = max(1.0, round(step / 4))
         wanted: set[float] = set()
-        band = _band(low, high, step_rpm, found)
+        band = _band(low, high, step_rpm, found, method)
         for name in refine:
             near = round(band.worst(name)[0]) + step * np.arange(-3, 4)
             wanted |= {float(s) for s in np.clip(near, low, high)}
         new = sorted(wanted - found.keys())
         found.update(_with_speeds(prepare, scene, lift, new, workers))
-    return _band(low, high, step_rpm, found)
+    return _band(low, high, step_rpm, found, method)
 
 
 def first_exceeding(
@@ -143,7 +162,7 @@ def _with_speeds(prepare, scene, lift, speeds, workers):
     return zip((float(s) for s in speeds), at_speeds(prepare, scene, lift, speeds, workers), strict=True)
 
 
-def _band(low: float, high: float, step_rpm: float, found: dict[float, dict[str, float]]) -> Band:
+def _band(low: float, high: float, step_rpm: float, found: dict[float, dict[str, float]], method: str) -> Band:
     speeds = sorted(found)
     figures = {name: np.array([found[s][name] for s in speeds]) for name in QUANTITIES}
-    return Band(low, high, step_rpm, np.array(speeds), figures)
+    return Band(low, high, step_rpm, np.array(speeds), figures, (method,) * len(speeds))

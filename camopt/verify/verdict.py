@@ -12,7 +12,6 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.scene.errors import InputError, MotionRefused
-from camopt.scene.quantities import QUANTITIES
 from camopt.scene.response import Revolve
 from camopt.scene.rest import rest_position
 from camopt.scene.schema import Scene
@@ -20,6 +19,7 @@ from camopt.scene.train import Train, build_train
 from camopt.verify import INDEPENDENT, rkg
 from camopt.verify.converge import RELATIVE, Converged, Prepare, converge, first_steps, tolerances
 from camopt.verify.limits import broken_by_shape, motion_limits
+from camopt.verify.record import speed_record, verification
 from camopt.verify.settle import SETTLED_POSITION, Figures, settle
 from camopt.verify.stated import stated
 from camopt.verify.sweep import STARTS_MM, Band, first_exceeding, sweep
@@ -32,7 +32,6 @@ SWEEP_REFINEMENT = 4
 """Runge-Kutta-Gill's steps in a sweep, as a multiple of the first ones: where its bounce is right to some um."""
 ORDER = ("confirmed", "sensitive", "not converged", "rejected")
 """From best to worst: one speed at which a limit is surely broken rejects the cam, whatever the others say."""
-REPORTED = tuple(name for name in QUANTITIES if name != "excess_lift_mm")
 SPEED_NEIGHBOUR = 1e-3
 LIFT_NEIGHBOUR = 1e-7  # m, at the largest lift
 STATE_NEIGHBOUR = (1e-6, 1e-3)  # m, m/s: as far apart as two states that count as settled
@@ -50,24 +49,8 @@ class SpeedVerdict:
     methods: dict[str, Converged]
 
     def as_dict(self) -> dict:
-        first = next(iter(self.methods.values()))
-        return {
-            "speed_rpm": self.speed_rpm,
-            "verdict": self.verdict,
-            **_figures(first),
-            "bounce_error_mm": _number(first.error["bounce_mm"]),
-            "bounce_range_mm": [_number(b) for b in self.bounce_range_mm],
-            "methods": {
-                name: {
-                    **_figures(m),
-                    "bounce_error_mm": _number(m.error["bounce_mm"]),
-                    "bounce_range_mm": [_number(b) for b in m.range["bounce_mm"]],
-                    "steps_per_revolution": m.steps_per_revolution,
-                    "converged": m.converged,
-                }
-                for name, m in self.methods.items()
-            },
-        }
+        """One record of `speeds` in verification.json."""
+        return speed_record(self)
 
 
 @dataclass(frozen=True)
@@ -77,7 +60,7 @@ class Verdict:
     verdict: str
     broken: tuple[str, ...]
     speeds: tuple[SpeedVerdict, ...]
-    band: Band | None
+    band: Band | None  # the sweep, with the first method's figures at the judged speeds
     worst_in_band: tuple[SpeedVerdict, ...]  # all methods at the worst speeds of the band
     first_jump_rpm: float | None
     first_bounce_rpm: float | None
@@ -104,19 +87,7 @@ class Verdict:
 
     def as_dict(self) -> dict:
         """verification.json: NaN becomes null; `band` is null where no band was swept."""
-        band = None
-        if self.band is not None:
-            speed, bounce = self.band.worst("bounce_mm")
-            ends = {"from_rpm": self.band.from_rpm, "to_rpm": self.band.to_rpm, "step_rpm": self.band.step_rpm}
-            band = {**ends, "worst_bounce_mm": _number(bounce), "worst_speed_rpm": speed}
-        return {
-            "verdict": self.verdict,
-            "broken": list(self.broken),
-            "speeds": [s.as_dict() for s in self.speeds],
-            "band": band,
-            "limits": {"first_jump_rpm": self.first_jump_rpm, "first_bounce_rpm": self.first_bounce_rpm},
-            "accuracy": self.accuracy,
-        }
+        return verification(self)
 
 
 def verify(
@@ -135,8 +106,8 @@ def verify(
     `methods` are "event" or names of INDEPENDENT, by default the first two for the scene's laws; the first one's
     figures are reported and its neighbourhood is searched; two at least are needed for an agreement, so a single
     method ends as "not converged". `band_step_rpm` None leaves the band and the starting speeds out; they are swept
-    with event-exact (Runge-Kutta-Gill for nonlinear laws), and unless a listed speed rejects the cam already, all
-    methods look at the worst speed of every limited metric. Bounce and jump "start" where they exceed the scene's
+    with event-exact (Runge-Kutta-Gill for nonlinear laws), and all methods look at the worst speed of every limited
+    metric. Bounce and jump "start" where they exceed the scene's
     limit, or 0.05 mm where it sets none. `tolerance_um` [um]: by how much halving the step may still move bounce and
     jump. `settled` [m]: largest change of a position over a revolution of a settled motion. Raises InputError for a
     scene without valve or operation, or an unknown method.
@@ -163,9 +134,11 @@ def verify(
     band, worst, first = None, (), {"bounce_mm": None, "jump_mm": None}
     if band_step_rpm is not None:
         limited = tuple(dict.fromkeys(["bounce_mm", *(name for name, _ in motion_limits(scene.design).values())]))
-        band = sweep(_sweeping(train), scene, lift, band_step_rpm, limited, workers)
-        if not any(s.verdict == "rejected" for s in at_speeds):  # nothing the band shows can save a rejected cam
-            worst = judge(sorted({band.worst(name)[0] for name in limited}))
+        method = "event" if train.laws is None else "rkg"
+        band = sweep(_sweeping(train), scene, lift, band_step_rpm, limited, workers, method)
+        worst = judge(sorted({band.worst(name)[0] for name in limited}))
+        judged = {s.speed_rpm: s.methods[methods[0]].worst for s in (*at_speeds, *worst)}
+        band = band.with_judged(methods[0], judged)
         first = first_exceeding(_sweeping(train), scene, lift, _starts(scene), workers)
     shape = broken_by_shape(lift, scene.design)
     every = (*at_speeds, *worst)
@@ -278,13 +251,3 @@ def _against_limits(
         elif max(values) + answer.error[name] > limit:
             straddled.append(f"{key} {at}")
     return tuple(broken), tuple(straddled)
-
-
-def _figures(answer: Converged) -> dict:
-    figures = {name: _number(answer.worst[name]) for name in REPORTED}
-    return {**figures, "revolutions": answer.revolutions, "periodic": answer.periodic}
-
-
-def _number(value: float) -> float | None:
-    """JSON has no NaN: null."""
-    return float(value) if np.isfinite(value) else None

@@ -74,7 +74,8 @@ def test_confirmed_and_the_contract():
     result = verify(scene(), lift(), **AT_5000)
     data = json.loads(json.dumps(result.as_dict(), allow_nan=False))
     assert data["verdict"] == "confirmed" and data["broken"] == []
-    assert set(data) == {"verdict", "broken", "speeds", "band", "limits", "accuracy"}
+    assert set(data) == {"verdict", "broken", "speeds", "worst_in_band", "band", "limits", "accuracy"}
+    assert data["worst_in_band"] == []
     assert data["band"] is None and data["limits"] == {"first_jump_rpm": None, "first_bounce_rpm": None}
     (speed,) = data["speeds"]
     figures = {
@@ -82,7 +83,7 @@ def test_confirmed_and_the_contract():
         *("contact_force_max_N", "seating_velocity_m_per_s", "impact_velocity_m_per_s", "dynamic_area_mm_deg"),
         *("revolutions", "periodic"),
     }
-    assert set(speed) == figures | {"speed_rpm", "verdict", "methods"}
+    assert set(speed) == figures | {"speed_rpm", "verdict", "method", "methods"}
     assert list(speed["methods"]) == ["event", "rkg"]
     for method in speed["methods"].values():
         assert set(method) == figures | {"steps_per_revolution", "converged"}
@@ -126,3 +127,44 @@ def test_one_method_is_no_agreement_and_an_unknown_one_is_refused():
     assert verify(scene(), lift(), methods=("rkg",), **AT_5000).verdict == "not converged"
     with pytest.raises(InputError, match="magic"):
         verify(scene(), lift(), methods=("rkg", "magic"), **AT_5000)
+
+
+def motori(**limits):
+    """motori-1 without limits on the shape; jumps and bounces with a polydyne from 6000 r/min on."""
+    base = load_scene("motori-1")
+    return base.model_copy(update={"design": base.design.model_copy(update={**dict.fromkeys(SHAPE), **limits})})
+
+
+@pytest.mark.parametrize("bounce_max_mm", [1.0, 1e-4])
+def test_the_record_of_a_band_holds_what_any_report_states_about_it(bounce_max_mm):
+    train = motori(bounce_max_mm=bounce_max_mm, jump_max_mm=None, seating_velocity_max_m_per_s=None)
+    result = verify(train, polydyne(train), (5000.0, 6500.0, 7500.0), band_step_rpm=200.0, halvings=2)
+    data = json.loads(json.dumps(result.as_dict(), allow_nan=False))
+    assert data["verdict"] == ("rejected" if bounce_max_mm < 1 else result.verdict)
+    band, listed, worst = data["band"], data["speeds"], data["worst_in_band"]
+    assert worst and set(worst[0]) == set(listed[0])  # also where a listed speed rejects already
+    assert all(len(record["methods"]) == 2 and record["method"] == "event" for record in (*worst, *listed))
+    curves = band["curves"]
+    assert all(len(values) == len(curves["speed_rpm"]) for values in curves.values())
+    inside = [r for r in (*listed, *worst) if 5000 <= r["speed_rpm"] <= 7000]
+    for name in ("bounce_mm", "jump_mm", "jump_deg", "contact_force_min_N", "contact_force_max_N",
+                 "seating_velocity_m_per_s", "impact_velocity_m_per_s", "dynamic_area_mm_deg"):  # fmt: skip
+        extreme = min if name in ("contact_force_min_N", "dynamic_area_mm_deg") else max
+        found = band["worst"][name]
+        assert found["value"] == extreme(curves[name]) and found["method"] == "event"
+        assert curves[name][curves["speed_rpm"].index(found["speed_rpm"])] == found["value"]
+        assert found["value"] == extreme(found["value"], *(r[name] for r in inside))
+        for record in inside:
+            assert curves[name][curves["speed_rpm"].index(record["speed_rpm"])] == record[name]
+    assert (band["worst_bounce_mm"], band["worst_speed_rpm"]) == (
+        band["worst"]["bounce_mm"]["value"], band["worst"]["bounce_mm"]["speed_rpm"]
+    )  # fmt: skip
+    assert band["worst_speed_rpm"] in [r["speed_rpm"] for r in worst]
+    assert max(curves["speed_rpm"]) == 7000.0  # a speed asked for outside the band says nothing about the band
+
+
+def test_what_another_method_found_in_the_band_is_said_so():
+    train = motori(jump_max_mm=None, seating_velocity_max_m_per_s=None)
+    result = verify(train, polydyne(train), (6500.0,), ("rkg", "event"), band_step_rpm=500.0, halvings=2)
+    methods = dict(zip(result.band.speeds_rpm, result.band.methods, strict=True))
+    assert methods[6500.0] == "rkg" and methods[5000.0] == "event"
