@@ -1,7 +1,7 @@
 """One method at one speed: the step halved until the answer stands, with an error estimate for every figure."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,8 +9,8 @@ from camopt.cam.lift import Lift
 from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import QUANTITIES
 from camopt.scene.response import Revolve, end_state
-from camopt.scene.rest import static_matrices
 from camopt.scene.train import Train
+from camopt.scene.vibration import highest_rate
 from camopt.verify.settle import SETTLED_POSITION, Figures, first_revolution, settle
 
 Prepare = Callable[[Train, Lift, float, int], Revolve]
@@ -57,16 +57,7 @@ def tolerances(tolerance_um: float) -> dict[str, float]:
 
 def first_steps(train: Train, cam_speed: float) -> int:
     """Steps per revolution to begin with, from the fastest rate of the train with every element acting [rad/s]."""
-    every = np.ones(len(train.a), dtype=bool)
-    stiffness, _ = static_matrices(train, every)
-    damping, _ = static_matrices(replace(train, stiffness=train.damping), every)
-    damping += np.diag(train.mass_damping)
-    n = len(train.mass)
-    system = np.block(
-        [[np.zeros((n, n)), np.eye(n)], [-stiffness / train.mass[:, None], -damping / train.mass[:, None]]]
-    )
-    rate = np.abs(np.linalg.eigvals(system)).max()
-    return max(FEWEST_STEPS, int(np.ceil(2 * np.pi * rate / cam_speed / COARSEST_PHASE)))
+    return max(FEWEST_STEPS, int(np.ceil(2 * np.pi * highest_rate(train) / cam_speed / COARSEST_PHASE)))
 
 
 def converge(
