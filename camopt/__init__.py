@@ -1,11 +1,88 @@
-"""camopt: differentiable cam design for valve trains, re-checked by an independent non-smooth verifier."""
+"""camopt: differentiable cam design for valve trains, re-checked by an independent non-smooth verifier.
+
+    import camopt
+
+    scene = camopt.load_scene("kodama")             # a built-in name or a TOML file; scene.notes says what is unusual
+    cam = camopt.polydyne(scene)
+    print(camopt.verify(scene, cam).verdict)
+    run = camopt.optimize(scene, accuracy="draft", out="runs/first")
+
+Every name below belongs to `camopt` and is imported when it is first used; `help(camopt.simulate)` explains one.
+
+- To begin with: `load_scene`, and `read_cam` for a cam as the command line names it: a family, a lift table, a run.
+- Cams of the literature: `polydyne`, `multi_pol`, `new_design`, `exponent`, `kurz`, `trapezoid`, `cycloidal`,
+  `polynomial_345`, `polynomial_4567`; from free coefficients `free_cam`; from a measured table `read_lift_table`.
+- To judge a cam: `simulate` its motion, `verify` it by independent methods, `compare` it with others.
+- To design one: `area_bound` says how much area any cam can have, `optimize` designs the largest within the limits.
+- About the train: `modes` are its natural frequencies, `reduce` finds a smaller model, `identify` fits it to a
+  `MeasuredLift`, `tradeoff` measures what accuracy costs.
+- Beyond one design: `pareto` fronts, `joint_spring` for cam and spring together, `differentiable` cams for JAX.
+
+Bad input raises `camopt.scene.InputError`, whose text says what, where, what was expected, and the remedy. On the
+command line the same verbs are `camopt --help`.
+"""
 
 from importlib import import_module
 from importlib.metadata import version
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr__`
+    from camopt.cam.families.dwell import cycloidal, polynomial_345, polynomial_4567
+    from camopt.cam.families.exponent import exponent
+    from camopt.cam.families.free import free_cam
+    from camopt.cam.families.kurz import kurz
+    from camopt.cam.families.multi_pol import multi_pol
+    from camopt.cam.families.new_design import new_design
+    from camopt.cam.families.polydyne import polydyne
+    from camopt.cam.families.trapezoid import trapezoid
+    from camopt.cam.read import read_cam
+    from camopt.cam.tables.lift_table import read_lift_table
+    from camopt.differentiable.families import differentiable
+    from camopt.optimizer.baselines.comparison import compare
+    from camopt.optimizer.bound.summary import area_bound
+    from camopt.optimizer.run import optimize
+    from camopt.scene import load_scene
+    from camopt.study.fronts import joint_spring, pareto
+    from camopt.study.identify.identification import MeasuredLift, identify
+    from camopt.study.modes import modes
+    from camopt.study.reduce.reduction import reduce
+    from camopt.study.simulate.motion import simulate
+    from camopt.study.tradeoff.tradeoff import tradeoff
+    from camopt.verifier.accuracy import verify
 
 __version__ = version("camopt")
 
+__all__ = [
+    "MeasuredLift",
+    "area_bound",
+    "compare",
+    "cycloidal",
+    "differentiable",
+    "exponent",
+    "free_cam",
+    "identify",
+    "joint_spring",
+    "kurz",
+    "load_scene",
+    "modes",
+    "multi_pol",
+    "new_design",
+    "optimize",
+    "pareto",
+    "polydyne",
+    "polynomial_345",
+    "polynomial_4567",
+    "read_cam",
+    "read_lift_table",
+    "reduce",
+    "simulate",
+    "tradeoff",
+    "trapezoid",
+    "verify",
+]
 _PUBLIC = {
+    "optimize": "camopt.optimizer.run",
+    "verify": "camopt.verifier.accuracy",
     "load_scene": "camopt.scene",
     "polydyne": "camopt.cam.families.polydyne",
     "multi_pol": "camopt.cam.families.multi_pol",
@@ -17,31 +94,28 @@ _PUBLIC = {
     "cycloidal": "camopt.cam.families.dwell",
     "polynomial_345": "camopt.cam.families.dwell",
     "polynomial_4567": "camopt.cam.families.dwell",
-    "differentiable": "camopt.cam.families.gradients",
+    "differentiable": "camopt.differentiable.families",
     "read_cam": "camopt.cam.read",
-    "read_lift_table": "camopt.cam.tables",
-    "simulate": "camopt.study.motion",
+    "read_lift_table": "camopt.cam.tables.lift_table",
+    "simulate": "camopt.study.simulate.motion",
     "modes": "camopt.study.modes",
-    "reduce": "camopt.study.reduce",
-    "tradeoff": "camopt.study.tradeoff",
-    "area_bound": "camopt.optimize.summary",
-    "compare": "camopt.optimize.comparison",
-    "identify": "camopt.study.identify",
-    "MeasuredLift": "camopt.study.identify",
-    "pareto": "camopt.study.pareto",
-    "joint_spring": "camopt.study.pareto",
+    "reduce": "camopt.study.reduce.reduction",
+    "tradeoff": "camopt.study.tradeoff.tradeoff",
+    "area_bound": "camopt.optimizer.bound.summary",
+    "compare": "camopt.optimizer.baselines.comparison",
+    "identify": "camopt.study.identify.identification",
+    "MeasuredLift": "camopt.study.identify.identification",
+    "pareto": "camopt.study.fronts",
+    "joint_spring": "camopt.study.fronts",
 }
-_CALLABLE_PACKAGES = ("optimize", "verify")
 
 
 def __getattr__(name: str):
     """Public names are imported on first use, so that `import camopt` loads neither JAX nor numba."""
-    if name in _CALLABLE_PACKAGES:
-        return import_module(f"camopt.{name}")
     if name in _PUBLIC:
         return getattr(import_module(_PUBLIC[name]), name)
     raise AttributeError(f"module 'camopt' has no attribute {name!r}")
 
 
 def __dir__():
-    return sorted([*_PUBLIC, *_CALLABLE_PACKAGES, "__version__"])
+    return [*__all__, "__version__"]

@@ -2,7 +2,7 @@
 
 import sys
 
-from camopt.cli import main
+from camopt.cli.parser import main
 
 if __name__ == "__main__":
     sys.exit(main())

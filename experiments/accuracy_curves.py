@@ -12,19 +12,19 @@ from pathlib import Path
 
 import numpy as np
 
-import camopt.verify
+import camopt.verifier
 from camopt.exact import engine
+from camopt.measure.settling import settle
+from camopt.measure.sweep import at_speeds
 from camopt.scene import MotionRefused, build_train
 from camopt.scene.units import MM, UM
 from camopt.storage import write_json
-from camopt.study.delivered import apart_um, valve_position
-from camopt.study.motion import dialled
-from camopt.study.reduce import at_rest
-from camopt.verify.curves import FILE
-from camopt.verify.settle import settle
-from camopt.verify.sweep import at_speeds
-from experiments.drawn_cases import DrawnCase, drawn_cases
-from experiments.record import RESULTS, run_script, write_result
+from camopt.study.reduce.reduction import at_rest
+from camopt.study.simulate.accuracy_control import apart_um, valve_position
+from camopt.study.simulate.motion import dialled
+from camopt.verifier.stored_curves import FILE
+from experiments.support.drawn_cases import DrawnCase, drawn_cases
+from experiments.support.record import RESULTS, run_script, write_result
 
 SEED = {"small": 24, "full": 7}
 REVOLUTIONS = 2
@@ -115,7 +115,7 @@ def main(size: str, folder=RESULTS) -> dict:
         print(f"{name:<10}", *(f"{setting:g} {one['unit']}: {error:.2g} um;" for setting, error in pairs))
     write_result("accuracy_curves", size, content, {}, folder)
     if size == "full" and folder == RESULTS:
-        package = Path(camopt.verify.__file__).parent / FILE
+        package = Path(camopt.verifier.__file__).parent / FILE
         write_json(package, content | {"written_by": "python -m experiments.accuracy_curves"})
     return content
 

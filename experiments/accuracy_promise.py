@@ -14,17 +14,17 @@ from collections import Counter
 import numpy as np
 
 from camopt.exact import engine
+from camopt.measure.settling import settle
 from camopt.scene import build_train
 from camopt.scene.units import MM, UM
-from camopt.study.delivered import apart_um, valve_position
-from camopt.study.motion import delivered, dialled
-from camopt.study.reduce import at_rest
-from camopt.verify.effort import effort_of
-from camopt.verify.settle import settle
-from camopt.verify.stated import bounce_error_um
-from camopt.verify.verdict import verify
-from experiments.drawn_cases import DrawnCase, drawn_cases
-from experiments.record import RESULTS, run_script, write_result
+from camopt.study.reduce.reduction import at_rest
+from camopt.study.simulate.accuracy_control import apart_um, valve_position
+from camopt.study.simulate.motion import delivered, dialled
+from camopt.verifier.accuracy import effort_of
+from camopt.verifier.accuracy_statement import bounce_error_um
+from camopt.verifier.verdict import verdict_on
+from experiments.support.drawn_cases import DrawnCase, drawn_cases
+from experiments.support.record import RESULTS, run_script, write_result
 
 SEED = {"small": 25, "full": 20}
 DRAWS = {"small": 3, "full": 200}
@@ -62,7 +62,7 @@ def bounce_row(case: DrawnCase, asked_um: float) -> dict:
     """`verify` by event-exact; a motion that does not repeat is known to its range."""
     effort, train = effort_of(asked_um), build_train(case.scene)
     begin = time.perf_counter()
-    verdict = verify(
+    verdict = verdict_on(
         case.scene, case.lift, (case.speed_rpm,), ("event",), None, effort.tolerance_um, settled=effort.settled_um * UM
     )
     seconds = time.perf_counter() - begin

@@ -14,12 +14,12 @@ and states too. Jump and seating velocity are reported, not limited.
 from pathlib import Path
 
 from camopt.cam.read import FAMILIES
-from camopt.optimize.accuracy import ACCURACIES, design_speeds
-from camopt.optimize.baselines import POPULATION, Baseline, largest_area_member
+from camopt.optimizer.accuracy import ACCURACIES, design_speeds
+from camopt.optimizer.baselines.largest_member import POPULATION, Baseline, largest_area_member
 from camopt.scene import Scene, load_scene
 from camopt.scene.units import DEG, MM
-from camopt.verify.verdict import verify
-from experiments.record import RESULTS, run_script, write_result
+from camopt.verifier.verdict import verdict_on
+from experiments.support.record import RESULTS, run_script, write_result
 
 EVALUATIONS = {"small": 2 * POPULATION, "full": 48 * POPULATION}
 BOUNCE_MAX_MM = 0.05
@@ -73,7 +73,7 @@ def confirmed(scene: Scene, found: Baseline, size: str) -> dict:
     """Bounce of a holding member by both methods, over neighbouring motions too."""
     if not found.holds or not HALVINGS[size]:
         return {"bounce_verified_mm": None, "methods_agree": None}
-    speeds = verify(scene, found.lift, None, ("event", "rkg"), None, 5.0, HALVINGS[size]).speeds
+    speeds = verdict_on(scene, found.lift, None, ("event", "rkg"), None, 5.0, HALVINGS[size]).speeds
     return {
         "bounce_verified_mm": max(s.bounce_range_mm[1] for s in speeds),
         "methods_agree": all(s.verdict != "not converged" for s in speeds),

@@ -14,11 +14,11 @@ from scipy.optimize import differential_evolution
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import prepare
+from camopt.measure.limits import broken_by_shape
+from camopt.measure.sweep import at_speeds
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import DEG, MM
-from camopt.verify.limits import broken_by_shape
-from camopt.verify.sweep import at_speeds
-from experiments.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, run_script, write_result
 
 SIZES = {"small": (1, 4), "full": (16, 12)}  # generations, population per parameter
 BOUNDS = [(2, 8), (6, 40), (10, 60), (14, 80), (5000.0, 7500.0)]

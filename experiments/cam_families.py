@@ -23,17 +23,17 @@ from camopt.cam.families.sections import flank
 from camopt.cam.lift import Lift, lift_table
 from camopt.cam.ramps import scene_ramps
 from camopt.cam.read import FAMILIES, read_cam
+from camopt.measure.limits import broken_by_shape
 from camopt.plots.cams import profiles
 from camopt.plots.style import save
 from camopt.scene import Scene, load_scene
 from camopt.scene.schema import Design
 from camopt.scene.units import DEG, MM
 from camopt.storage import write_json
-from camopt.verify.limits import broken_by_shape
-from camopt.verify.verdict import verify
-from experiments.cam_families_table import bounces, markdown, orders_of_continuity
-from experiments.provenance import provenance
-from experiments.record import RESULTS, run_script
+from camopt.verifier.verdict import verdict_on
+from experiments.support.cam_families_table import bounces, markdown, orders_of_continuity
+from experiments.support.provenance import provenance
+from experiments.support.record import RESULTS, run_script
 
 CAMS = (*FAMILIES, "new-design:start_ratio=0", "new-design:quintic=yes")
 SMALL = ("polydyne", "exponent", "trapezoid")
@@ -97,7 +97,9 @@ def motion(lift: Lift, scene: Scene, where: str, size: str) -> dict:
     """Bounce at the listed speeds by two methods, where it is asked for: under the conditions of Table 4."""
     if where != "Table 4":
         return {}
-    return {"bounce": bounces(verify(scene, lift, SPEEDS[size], ("event", "rkg"), None, TOLERANCE_UM, HALVINGS[size]))}
+    return {
+        "bounce": bounces(verdict_on(scene, lift, SPEEDS[size], ("event", "rkg"), None, TOLERANCE_UM, HALVINGS[size]))
+    }
 
 
 def conditions(scene: Scene) -> Design:

@@ -13,14 +13,14 @@ from unittest import mock
 
 import numpy as np
 
-from camopt.optimize.accuracy import ACCURACIES, Accuracy
-from camopt.optimize.judge import Judge, Judged
-from camopt.optimize.run import confirmed_cam
-from camopt.optimize.search import find_cam
+from camopt.optimizer.accuracy import ACCURACIES, Accuracy
+from camopt.optimizer.run import confirmed_cam
+from camopt.optimizer.search.judge import Judge, Judged
+from camopt.optimizer.search.search import find_cam
 from camopt.scene import Scene, load_scene
 from camopt.scene.units import DEG, UM
-from camopt.verify.effort import EFFORTS
-from experiments.record import RESULTS, run_script, write_result
+from camopt.verifier.accuracy import EFFORTS
+from experiments.support.record import RESULTS, run_script, write_result
 
 SCENE = {"small": "motori-1", "full": "kodama"}
 EFFORT = {"small": Accuracy(6.0, 2, 9, 4, 0, 0, EFFORTS["draft"]), "full": ACCURACIES["standard"]}
@@ -52,10 +52,10 @@ def measured(scene: Scene, effort: Accuracy, gradient: str) -> tuple[dict, np.nd
     judged: list[int] = []
     begin = time.process_time()
     judge = JudgeAtEverySpeed if effort.judge_stride == 1 else Judge
-    with mock.patch("camopt.optimize.search.Judge", judge):
+    with mock.patch("camopt.optimizer.search.search.Judge", judge):
         search, _ = find_cam(scene, "band", effort, gradient, show=lambda line: judged.append(line["confirmed"]))
     seconds = time.process_time() - begin
-    found, verdict = confirmed_cam(scene, search.confirmed, "nominal", effort)
+    found, verdict, _ = confirmed_cam(scene, search.confirmed, "nominal", effort)
     row = {
         "processor_s": seconds,
         "cams_judged": len(judged),

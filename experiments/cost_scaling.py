@@ -18,13 +18,13 @@ from camopt.scene import Scene, build_train, load_scene, parse_scene
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples, response_arrays
 from camopt.smooth.system import build_system
-from camopt.study.left_out import LeftOut, leave_out
-from camopt.study.reduce import at_rest, milliseconds, path_times, smooth_times
-from camopt.study.smaller import scene_toml, smaller_models
-from camopt.verify import rkg, tmm
-from camopt.verify.converge import first_steps
-from experiments.cost_figures import figures, print_table
-from experiments.record import RESULTS, run_script, write_result
+from camopt.study.reduce.idle_contacts import LeftOut, leave_out
+from camopt.study.reduce.reduced_models import scene_toml, smaller_models
+from camopt.study.reduce.reduction import at_rest, milliseconds, path_times, smooth_times
+from camopt.verifier.convergence import first_steps
+from camopt.verifier.methods import rkg, tmm
+from experiments.support.cost_figures import figures, print_table
+from experiments.support.record import RESULTS, run_script, write_result
 
 SPEED_RPM = 6000.0
 CHAIN = ((10, 5), (9, 5), (8, 5), (7, 5), (6, 5), (5, 4), (4, 3), (3, 2), (2, 1), (1, 0))

@@ -14,12 +14,12 @@ from tqdm import tqdm
 
 from camopt.cam.bumps import moved, with_bumps
 from camopt.cam.families.polydyne import polydyne
+from camopt.exact.adjoint.gradient import rest_state, value_and_gradient
+from camopt.exact.adjoint.motion import TracedMotion
 from camopt.exact.ensemble import cosine, ensemble_gradient, evolution_strategy_gradient
-from camopt.exact.gradient import rest_state, value_and_gradient
-from camopt.exact.motion import TracedMotion
 from camopt.plots.style import CAMS, INK, legend_above, new_figure, styled
 from camopt.scene import build_train, load_scene
-from experiments.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, run_script, write_result
 
 RPM = 7000.0
 METRICS = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s", "contact_force_max_N")

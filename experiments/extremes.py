@@ -12,10 +12,10 @@ from pathlib import Path
 
 from camopt.plots.verdicts import verdict_matrix
 from camopt.scene import load_scene
-from camopt.study import extremes as study
-from camopt.study.extreme_cases import AS_IT_IS
-from camopt.study.judged import REFUSED
-from experiments.record import RESULTS, run_script, write_result
+from camopt.study.extremes import extremes as study
+from camopt.study.extremes.cases import AS_IT_IS
+from camopt.study.extremes.classification import REFUSED
+from experiments.support.record import RESULTS, run_script, write_result
 
 SCENES = {"small": ("motori-2",), "full": ("kodama", "kodama-hertz", "motori-1", "motori-2", "pushrod-5mass")}
 RUN = Path("runs") / "extremes"

@@ -1,7 +1,7 @@
 """How accurate is every method on the fixed problems, and with which power of the step does its error fall?
 
-The table of `camopt.study.problems`, which the tests hold every method to: the motion of one mass over one revolution
-against a formula, or event-exact at finer samples. Steps grow tenfold up to the number of the table.
+The table of `experiments.support.problems`, which the tests hold every method to: the motion of one mass over one
+revolution against a formula, or event-exact at finer samples. Steps grow tenfold up to the number of the table.
 """
 
 import time
@@ -9,9 +9,9 @@ import time
 import numpy as np
 
 from camopt.scene.units import UM
-from camopt.study.problems import PROBLEMS, Problem, position
-from camopt.study.step_methods import LOCATING, STEP_METHODS
-from experiments.record import RESULTS, run_script, write_result
+from camopt.study.extremes.step_methods import LOCATING, STEP_METHODS
+from experiments.support.problems import PROBLEMS, Problem, position
+from experiments.support.record import RESULTS, run_script, write_result
 
 ANGLE = np.linspace(-np.pi, np.pi, 361)
 DIVISORS = {"small": (5, 1), "full": (10, 5, 2, 1)}

@@ -11,11 +11,11 @@ with the cam, confirmed by a search with the spring found.
 from dataclasses import replace
 from pathlib import Path
 
-from camopt.optimize.accuracy import ACCURACIES
-from camopt.optimize.search import find_cam
+from camopt.optimizer.accuracy import ACCURACIES
+from camopt.optimizer.search.search import find_cam
 from camopt.scene import load_scene
-from camopt.study.pareto import VALUES, joint_spring, pareto
-from experiments.record import RESULTS, run_script, write_result
+from camopt.study.fronts import VALUES, joint_spring, pareto
+from experiments.support.record import RESULTS, run_script, write_result
 
 RELEASED = {
     "bounce_max_mm": ("jump_max_mm", "seating_velocity_max_m_per_s"),

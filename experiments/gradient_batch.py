@@ -21,10 +21,11 @@ from threadpoolctl import threadpool_limits
 
 from camopt.cam.design_file import read_design
 from camopt.cam.lift import Lift, recentred
+from camopt.differentiable.exact_rule import exact_metrics
+from camopt.exact.adjoint.motion import TracedMotion
+from camopt.exact.batch import value_and_gradient_many
 from camopt.exact.engine import prepare as prepare_exact
-from camopt.exact.many import value_and_gradient_many
-from camopt.exact.motion import TracedMotion
-from camopt.optimize.exact_rule import exact_metrics
+from camopt.measure.hermite import Hermite
 from camopt.scene import load_scene
 from camopt.scene.units import DEG
 from camopt.smooth.adaptive import adaptive_states
@@ -33,9 +34,8 @@ from camopt.smooth.grid import equal_grid
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.simulate import EPS, lift_samples, prepare, response_arrays, touch_layer
 from camopt.smooth.system import build_system
-from camopt.verify.hermite import Hermite
-from experiments.gradient_bumps import METRIC, Problem, against, exact_differences, problem
-from experiments.record import RESULTS, run_script, write_result
+from experiments.support.gradient_bumps import METRIC, Problem, against, exact_differences, problem
+from experiments.support.record import RESULTS, run_script, write_result
 
 SIZES = {"small": (2, 3, (5000.0, 6000.0)), "full": (64, 20, (5000.0, 6000.0, 6500.0, 7000.0))}
 """Cams, bumps, speeds."""

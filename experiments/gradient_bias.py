@@ -16,8 +16,8 @@ from camopt.scene import load_scene
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.simulate import TOLERANCE, lift_samples, response_arrays, touch_layer
 from camopt.smooth.system import build_system
-from experiments.gradient_bumps import METRIC, Problem, against, exact_differences, exact_value, problem
-from experiments.record import RESULTS, run_script, write_result
+from experiments.support.gradient_bumps import METRIC, Problem, against, exact_differences, exact_value, problem
+from experiments.support.record import RESULTS, run_script, write_result
 
 SPEEDS = {"small": (5000.0, 7000.0), "full": (5000.0, 6000.0, 6500.0, 7000.0)}
 BUMPS = {"small": 3, "full": 10}

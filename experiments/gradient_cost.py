@@ -9,10 +9,10 @@ import time
 import numpy as np
 
 from camopt.cam.families.free import FreeCam, free_cam
-from camopt.exact.gradient import rest_state
-from camopt.exact.motion import TracedMotion
+from camopt.exact.adjoint.gradient import rest_state
+from camopt.exact.adjoint.motion import TracedMotion
 from camopt.scene import build_train, load_scene
-from experiments.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, run_script, write_result
 
 SIZES = {"small": (20, (6000.0,)), "full": (400, (5000.0, 6000.0, 6500.0, 7000.0))}
 """Repeats, speeds."""

@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from camopt.optimize.accuracy import ACCURACIES
-from camopt.optimize.search import find_cam
+from camopt.optimizer.accuracy import ACCURACIES
+from camopt.optimizer.search.search import find_cam
 from camopt.scene import load_scene
-from experiments.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, run_script, write_result
 
 PATHS = ("none", "smooth", "exact")
 SEEDS = {"small": 1, "full": 10}

@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from camopt.cam.families.polydyne import polydyne
 from camopt.plots.style import INK, LIMIT, new_figure, styled
 from camopt.scene import load_scene
-from camopt.study.free_parameters import FreeParameters
-from camopt.study.identify import MeasuredLift, identify
-from camopt.study.motion import simulate
-from experiments.record import RESULTS, run_script, write_result
+from camopt.study.identify.free_parameters import FreeParameters
+from camopt.study.identify.identification import MeasuredLift, identify
+from camopt.study.simulate.motion import simulate
+from experiments.support.record import RESULTS, run_script, write_result
 
 NOISE_UM = 2.0
 OFF = 0.2

@@ -16,11 +16,11 @@ from matplotlib.figure import Figure
 from scipy.interpolate import make_interp_spline
 
 from camopt.cam.read import read_cam
-from camopt.cam.table_smoothing import smoothed
+from camopt.cam.tables.smoothing import smoothed
 from camopt.plots.style import CAMS, INK, LIMIT, RC, new_figure
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import DEG, MM
-from experiments.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, run_script, write_result
 
 MEASURED = Path(__file__).resolve().parents[2] / "shared" / "data" / "lift"
 TABLES = ("motorbike-exhaust-ramps", "motorbike-intake-coarse")

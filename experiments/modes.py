@@ -15,7 +15,7 @@ from camopt.scene import Scene, build_train, builtin_scenes, load_scene
 from camopt.scene.units import MM
 from camopt.scene.vibration import assembled
 from camopt.study.modes import modes
-from experiments.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, run_script, write_result
 
 PAPER_HZ = (2832.25, 15642.9, 72247.8)
 PAPER_SHAPES = ((0.6894, 0.6557, 0.3078), (-0.0217, 0.0745, 0.9970), (0.0104, -0.9997, 0.0232))

@@ -10,13 +10,13 @@ import numpy as np
 from camopt.cam.families.kurz import kurz
 from camopt.cam.lift import Lift
 from camopt.exact import prepare
+from camopt.measure.settling import Settled, settle
+from camopt.measure.sweep import at_speeds
 from camopt.scene import MotionRefused, Scene, build_train, load_scene, rest_position
 from camopt.scene.response import Response
 from camopt.scene.units import RPM
-from camopt.verify.settle import Settled, settle
-from camopt.verify.sweep import at_speeds
-from experiments.motori_figures import group_figure, span_figure, stiffness_figure
-from experiments.record import RESULTS, run_script, write_result
+from experiments.support.motori_figures import group_figure, span_figure, stiffness_figure
+from experiments.support.record import RESULTS, run_script, write_result
 
 ENGINES = ("motori-1", "motori-2")
 SECTIONS_DEG, DECELERATION = (24.3, 24.7, 23.0), -0.008

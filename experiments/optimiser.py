@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 
 from camopt.exact import prepare
-from camopt.optimize.accuracy import ACCURACIES, Accuracy
-from camopt.optimize.bound import area_ratio_bound, control_is_limited
-from camopt.optimize.search import find_cam
+from camopt.measure.sweep import at_speeds
+from camopt.optimizer.accuracy import ACCURACIES, Accuracy
+from camopt.optimizer.bound.certificate import area_ratio_bound, control_is_limited
+from camopt.optimizer.search.search import find_cam
 from camopt.scene import InputError, load_scene
 from camopt.scene.schema import Scene
-from camopt.verify.sweep import at_speeds
-from experiments.record import RESULTS, run_script, write_result
-from experiments.scenes import heavier_spring
+from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.scenes import heavier_spring
 
 GRID_RPM = 20.0
 WIDER_RPM = (4850.0, 7210.0)

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from camopt.optimize.accuracy import ACCURACIES
-from camopt.optimize.judge import Judge
-from camopt.optimize.robust import perturbations
-from camopt.optimize.search import find_cam
+from camopt.optimizer.accuracy import ACCURACIES
+from camopt.optimizer.search.judge import Judge
+from camopt.optimizer.search.robust import perturbations
+from camopt.optimizer.search.search import find_cam
 from camopt.scene import InputError, load_scene
-from experiments.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, run_script, write_result
 
 GROUPS = ("spring rate", "preload", "contact stiffness", "lash", "grinding")
 SPEEDS = {"small": 3, "full": 41}

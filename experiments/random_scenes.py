@@ -15,7 +15,7 @@ from camopt.cam.families.multi_pol import multi_pol
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import prepare as event_exact
 from camopt.scene import MotionRefused, build_train, load_scene
-from camopt.study.judged import (
+from camopt.study.extremes.classification import (
     NOT_CONVERGED,
     RANGE,
     REFUSED,
@@ -26,11 +26,11 @@ from camopt.study.judged import (
     judge,
     truth,
 )
-from camopt.study.step_methods import STEP_METHODS
-from camopt.verify import dop853
-from camopt.verify.converge import first_steps
-from experiments.drawn_scenes import drawn
-from experiments.record import RESULTS, run_script, write_result
+from camopt.study.extremes.step_methods import STEP_METHODS
+from camopt.verifier.convergence import first_steps
+from camopt.verifier.methods import dop853
+from experiments.support.drawn_scenes import drawn
+from experiments.support.record import RESULTS, run_script, write_result
 
 SCENES = {"small": 5, "full": 2000}
 DECIDED = {"small": 1, "full": 100}

@@ -23,16 +23,16 @@ from scipy.optimize import differential_evolution, linprog, minimize
 from threadpoolctl import threadpool_limits
 
 from camopt.cam.families.free import free_cam
-from camopt.optimize.accuracy import ACCURACIES, Accuracy, design_speeds
-from camopt.optimize.judge import SHARE, Judge
-from camopt.optimize.kinematic import area_ratio_row, kinematic_optimum
-from camopt.optimize.linear_program import ADDED_PER_ROUND, FEASIBILITY
-from camopt.optimize.no_jump import Margins, NoCamHoldsContact, no_jump_program
-from camopt.optimize.search import find_cam
+from camopt.optimizer.accuracy import ACCURACIES, Accuracy, design_speeds
+from camopt.optimizer.program.kinematic import area_ratio_row, kinematic_optimum
+from camopt.optimizer.program.linear_program import ADDED_PER_ROUND, FEASIBILITY
+from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, no_jump_program
+from camopt.optimizer.search.judge import SHARE, Judge
+from camopt.optimizer.search.search import find_cam
 from camopt.scene import build_train, load_scene
 from camopt.scene.schema import Scene
-from experiments.record import RESULTS, run_script, write_result
-from experiments.scenes import heavier_spring
+from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.scenes import heavier_spring
 
 CALLS = {"small": 2, "full": 60}
 COEFFICIENT_CALLS = {"small": 4, "full": 600}

@@ -18,13 +18,13 @@ from camopt.cam.families.new_design import new_design
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.exact import prepare as event
+from camopt.measure.metrics import measure
 from camopt.scene import MotionRefused, Scene, Train, build_train, load_scene, rest_position
 from camopt.scene.response import Response, Revolve, end_state, joined
 from camopt.scene.units import DEG, MM
-from camopt.verify import rkg, tmm
-from camopt.verify.metrics import measure
-from experiments.record import RESULTS, run_script, write_result
-from experiments.table5_figures import methods_figure, motion_figure, steps_figure
+from camopt.verifier.methods import rkg, tmm
+from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.table5_figures import methods_figure, motion_figure, steps_figure
 
 PAPER = {
     ("polydyne", 5000): (0.00, 0.00), ("polydyne", 6000): (0.22, 0.20),

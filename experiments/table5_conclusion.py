@@ -15,7 +15,7 @@ from camopt.cam.lift import Lift
 from camopt.exact import prepare
 from camopt.plots.panels import Panel, panels
 from camopt.scene import Scene, Train, build_train, load_scene
-from experiments.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, run_script, write_result
 from experiments.table5 import bounces, cams, in_threads, summary
 
 WIDER = "0.265 mm ramp, polydyne"

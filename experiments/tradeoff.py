@@ -13,10 +13,10 @@ import numpy as np
 
 from camopt.scene import load_scene
 from camopt.scene.units import MM, UM
-from camopt.study.tradeoff import LINES, tradeoff
-from camopt.study.tradeoff_figures import figures
-from camopt.study.tradeoff_words import words_of
-from experiments.record import RESULTS, run_script, write_result
+from camopt.study.tradeoff.figures import figures
+from camopt.study.tradeoff.summary import words_of
+from camopt.study.tradeoff.tradeoff import LINES, tradeoff
+from experiments.support.record import RESULTS, run_script, write_result
 
 SCENE = {"small": "motori-1", "full": "kodama"}
 

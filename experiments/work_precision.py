@@ -18,10 +18,10 @@ from camopt.exact import prepare
 from camopt.scene import build_train, load_scene, rest_position
 from camopt.scene.response import end_state
 from camopt.scene.units import MM
-from camopt.study.dormand_prince import dormand_prince, problem, right_hand_side
-from camopt.verify import houbolt, rkg, tmm
-from experiments.record import RESULTS, run_script, write_result
-from experiments.work_precision_parts import band_seconds, figure, parts, print_table, ratios
+from camopt.study.tradeoff.dormand_prince import dormand_prince, problem, right_hand_side
+from camopt.verifier.methods import houbolt, rkg, tmm
+from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.work_precision_parts import band_seconds, figure, parts, print_table, ratios
 
 try:
     from sksundae.cvode import CVODE

@@ -11,8 +11,8 @@ import numpy as np
 import pandas
 
 import camopt
-from camopt.optimize.judge import Judge
-from camopt.optimize.robust import perturbations
+from camopt.optimizer.search.judge import Judge
+from camopt.optimizer.search.robust import perturbations
 
 SIZE = os.environ.get("CAMOPT_NOTEBOOK_SIZE", "full")
 SMALL = SIZE == "small"
@@ -53,7 +53,8 @@ for name, off in perturbations(scene, seeds=1 if SMALL else 5).items():
 pandas.DataFrame(rows)
 
 # %% [markdown]
-# To design against all of it, `camopt.optimize.search.find_cam(..., perturbations=perturbations(scene))` asks that the
+# To design against all of it, `camopt.optimizer.search.search.find_cam(..., perturbations=perturbations(scene))` asks
+# that the
 # limits hold under each. Band sweeps with all methods come with every verdict: `verify` looks for the worst speeds of
 # the band and lets every method judge there.
 

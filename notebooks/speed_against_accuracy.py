@@ -12,7 +12,7 @@ import numpy as np
 import pandas
 
 import camopt
-from camopt.verify.effort import EFFORTS
+from camopt.verifier.accuracy import EFFORTS
 
 SIZE = os.environ.get("CAMOPT_NOTEBOOK_SIZE", "full")
 SMALL = SIZE == "small"

@@ -14,9 +14,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import camopt
-from camopt.exact.gradient import value_and_gradient
+from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.scene import build_train
-from camopt.study.motion import motion_parameters
+from camopt.study.simulate.motion import motion_parameters
 
 SIZE = os.environ.get("CAMOPT_NOTEBOOK_SIZE", "full")
 SMALL = SIZE == "small"

@@ -7,8 +7,9 @@ import sys
 import pytest
 
 import camopt
-import camopt.verify
-from camopt import cli, commands
+import camopt.verifier
+from camopt.cli import parser as cli
+from camopt.cli import verbs as commands
 from camopt.scene import scene_text
 
 VERBS = tuple("optimize verify simulate compare cam modes bound gradient tradeoff extremes reduce scenes".split())
@@ -54,7 +55,7 @@ class TestHelp:
 
 FRESH = """
 import sys
-from camopt.cli import main
+from camopt.cli.parser import main
 try:
     code = main(sys.argv[2:])
 except SystemExit as stop:

@@ -8,7 +8,7 @@ from functools import cache
 
 import pytest
 
-from camopt import cli
+from camopt.cli import parser as cli
 
 ANSWERS = {
     "help": (0, ["--help"]),

@@ -8,13 +8,12 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
-import camopt.verify
-from camopt import cli
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.geometry import contact, crossing
 from camopt.cam.read import read_cam
-from camopt.scene import builtin_scenes, load_scene, scene_text
-from camopt.storage import create_run_folder
+from camopt.cli.parser import parser as cli
+from camopt.scene import MotionRefused, builtin_scenes, load_scene, scene_text
+from camopt.storage import create_run_folder, write_csv
 
 
 def run(capsys, *arguments: str) -> tuple[int, str, str]:
@@ -35,7 +34,7 @@ class TestScenes:
         assert "Finger-follower valve train, ten masses" in out
 
     def test_print_one_to_edit(self, capsys):
-        assert run(capsys, "scenes", "kodama") == (0, scene_text("kodama"), "")
+        assert run(capsys, "scenes", "kodama", "--quiet") == (0, scene_text("kodama"), "")
 
     def test_unknown(self, capsys):
         code, out, err = run(capsys, "scenes", "kodamo")
@@ -88,6 +87,70 @@ class TestCam:
         assert code == 0
         assert "maximum lift   9.400000 mm" in out
 
+    def raw_table(self, tmp_path):
+        """A table in crank angles of another cam than the scene's: longer, higher."""
+        file = tmp_path / "raw.dat"
+        degrees = np.arange(-180.0, 180.1)
+        lift = 1.4 * polydyne(load_scene("kodama"))(np.radians(degrees / 1.2)) * 1e3
+        np.savetxt(file, np.column_stack([2 * degrees, lift * (np.abs(degrees) < 122)]), fmt="%.6f")
+        return str(file), ("--table-angle", "crank", "--table-lift", "mm")
+
+    def test_another_duration_and_lift_are_said(self, capsys, tmp_path):
+        file, options = self.raw_table(tmp_path)
+        code, out, _ = run(capsys, "cam", "kodama", "--cam", file, *options)
+        own = float(out.split("duration")[1].split()[0])
+        assert code == 0
+        assert own > 172
+        assert (
+            f"The cam is {own - 144:.4g} deg longer between its ramp tops than the scene's duration_deg of 144" in out
+        )
+        assert "Its lift exceeds the scene's max_lift_mm of 9.4" in out
+        quiet = run(capsys, "cam", "kodama", "--cam", "polydyne")[1]
+        assert "longer" not in quiet and "exceeds" not in quiet and "confidence" not in quiet
+
+    def test_errors_and_added_lift_are_said(self, capsys, tmp_path):
+        file = tmp_path / "cut.dat"
+        degrees = np.arange(-180.0, 180.1)
+        lift = polydyne(load_scene("kodama"))(np.radians(degrees)) * 1e3 * (np.abs(degrees) < 75)
+        np.savetxt(file, np.column_stack([degrees, lift]))
+        code, out, _ = run(capsys, "cam", "kodama", "--cam", str(file), "--table-angle", "cam", "--table-lift", "mm")
+        assert code == 0
+        assert "With 95 % confidence the acceleration is within" in out
+        assert "up to 0.243 mm of lift that were not measured" in out
+
+    @pytest.mark.parametrize(("suffix", "starts"), [("png", b"\x89PNG"), ("svg", b"<?xml")])
+    def test_figure(self, capsys, tmp_path, suffix, starts):
+        file = tmp_path / f"cam.{suffix}"
+        assert run(capsys, "cam", "kodama", "--cam", "polydyne", "--figure", str(file))[0] == 0
+        content = file.read_bytes()
+        assert content.startswith(starts)
+        if suffix == "svg":  # a curve in each of four axes, and the scene's limits by their numbers
+            text = content.decode()
+            assert text.count('id="axes_') == 4
+            assert all(f"<!-- {limit}" in text for limit in ("9.4 mm", "0.015", "0.003"))
+
+    def test_figure_of_an_unknown_kind(self, capsys, tmp_path):
+        code, _, err = run(capsys, "cam", "kodama", "--cam", "polydyne", "--figure", str(tmp_path / "cam.bmp"))
+        assert (code, "ends in .png or .svg" in err) == (2, True)
+        assert list(tmp_path.iterdir()) == []
+
+    @pytest.mark.parametrize("name", ["x" * 5000, "a/" * 3000, "a\0b", "\udcff.dat"])
+    def test_names_that_no_system_has(self, capsys, name):
+        code, out, err = run(capsys, "cam", "kodama", "--cam", name)
+        assert (code, out) == (2, "")
+        assert "neither a family" in err and len(err) < 400 and err.count("\n") == 1
+
+    def test_compare_reads_a_raw_table(self, capsys, tmp_path, monkeypatch):
+        file, options = self.raw_table(tmp_path)
+        seen = {}
+        monkeypatch.setattr(
+            "camopt.optimizer.baselines.comparison.compare", lambda scene, designs, *_, **__: seen.update(designs)
+        )
+        folder = str(tmp_path / "comparison")
+        assert run(capsys, "compare", "kodama", "--design", file, "--out", folder)[0] == 2
+        assert run(capsys, "compare", "kodama", "--design", file, *options, "--out", folder)[0] == 0
+        assert seen[file].max_lift == pytest.approx(1.4 * 9.4e-3, rel=1e-4)
+
 
 GEOMETRY = """
 [geometry]
@@ -135,6 +198,20 @@ class TestCamWithFollower:
         where = self.scene(tmp_path, GEOMETRY, "kodama-hertz")
         code, out, _ = run(capsys, "cam", where, *self.CAM, "--speed", "6000")
         assert (code, "6000 r/min (rkg)" in out) == (0, True)
+
+    def test_a_refused_motion_is_not_tried_again_the_same_way(self, capsys, tmp_path, monkeypatch):
+        asked = []
+
+        def refuses(scene, cam, speed_rpm, method, revolutions):
+            asked.append(method)
+            raise MotionRefused(f"{method} refuses")
+
+        monkeypatch.setattr("camopt.study.simulate.motion.simulate", refuses)
+        for name, methods in (("kodama", ["event", "rkg"]), ("kodama-hertz", ["rkg"])):
+            asked.clear()
+            where = self.scene(tmp_path, GEOMETRY, name)
+            run(capsys, "cam", where, *self.CAM, "--speed", "6000")
+            assert asked == methods
 
     def test_faults_are_sentences(self, capsys, tmp_path):
         where = self.scene(tmp_path, '[geometry]\nfollower = "flat"\nbase_radius_mm = 5\nface_width_mm = 12\n')
@@ -197,11 +274,11 @@ class TestVerbsThatSearch:
             def __str__(self):
                 return "the verdict in words"
 
-        def verify_cam(scene, lift, **options):
+        def verify(scene, lift, **options):
             asked.update(options, scene=scene.name, family=lift.family)
             return Shown(verdict=verdict, as_dict=lambda: content)
 
-        monkeypatch.setattr(camopt.verify, "verify_cam", verify_cam, raising=False)
+        monkeypatch.setattr("camopt.verifier.accuracy.verify", verify)
         file = tmp_path / "v.json"
         words = [
             "verify",
@@ -242,7 +319,7 @@ class TestVerbsThatSearch:
             verdict = SimpleNamespace(verdict="sensitive" if code else "confirmed", broken=())
             return SimpleNamespace(exit_code=code, folder=folder, record=record, verdict=verdict)
 
-        stand_in(monkeypatch, "camopt.optimize.run", optimize=optimize)
+        stand_in(monkeypatch, "camopt.optimizer.run", optimize=optimize)
         words = ["optimize", "motori-1", "--speeds", "nominal", "--accuracy", "draft", "--gradient", "none"]
         got, out, _ = run(capsys, *words, "--seed", "7", "--out", str(tmp_path / "run"))
         assert got == code
@@ -267,24 +344,30 @@ class TestVerbsThatSearch:
         from camopt.cam.design_file import write_design
 
         asked = []
-        stand_in(
-            monkeypatch, "camopt.optimize.comparison", compare=lambda *given, **named: asked.append((*given, named))
-        )
+        row = {"cam": "design", "area_ratio": 0.58, "bounce_mm": 0.02, "bounce_high_mm": 0.03, "jump_mm": 0.01}
+        row |= {"verdict": "confirmed", "broken": ""}
+
+        def compare(*given, **named):
+            asked.append((*given, named))
+            write_csv(create_run_folder(given[2]) / "comparison.csv", {key: [value] for key, value in row.items()})
+
+        stand_in(monkeypatch, "camopt.optimizer.baselines.comparison", compare=compare)
         folder = create_run_folder(tmp_path / "first")
         lift = polydyne(load_scene("kodama"))
         write_design(folder / "design.json", lift, 9.4e-3)
-        code, _, _ = run(capsys, "compare", "kodama", "--design", str(folder), "--out", str(tmp_path / "second"))
+        code, printed, _ = run(capsys, "compare", "kodama", "--design", str(folder), "--out", str(tmp_path / "second"))
         ((scene, designs, out, named),) = asked
         assert named == {"baselines": "plain", "progress": True}
         assert (code, scene.name, out) == (0, "kodama", tmp_path / "second")
         assert list(designs) == [str(folder)]
         assert designs[str(folder)].area == pytest.approx(lift.area)
+        assert printed.splitlines()[1].split() == ["design", "0.5800", "0.0300", "0.0100", "confirmed", "nothing"]
         code, _, err = run(capsys, "compare", "kodama", "--design", "polydyne")
         assert (code, "neither" in err) == (2, True)
 
     def test_bound(self, capsys, tmp_path, monkeypatch):
         content = {"area_ratio_bound": 0.5984, "area_ratio_feasible": float("nan"), "speeds_rpm": [5000]}
-        stand_in(monkeypatch, "camopt.optimize.summary", area_bound=lambda scene: content)
+        stand_in(monkeypatch, "camopt.optimizer.bound.summary", area_bound=lambda scene: content)
         code, out, _ = run(capsys, "bound", "kodama", "--json", str(tmp_path / "b.json"))
         assert code == 0
         assert "area_ratio_bound: 0.5984" in out

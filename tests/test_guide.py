@@ -12,16 +12,17 @@ import pytest
 
 import camopt
 import camopt.cam.families
-import camopt.verify
-from camopt import cli
-from camopt.cam.families.gradients import differentiable
+import camopt.verifier.methods
 from camopt.cam.read import FAMILIES, Family, numbers
+from camopt.cli import parser as cli
+from camopt.differentiable.families import differentiable
 from camopt.exact import prepare
-from camopt.optimize.family_spaces import family_space
+from camopt.optimizer.baselines.family_spaces import family_space
 from camopt.scene import build_train, load_scene, rest_position
 from camopt.scene.units import DEG, MM, MM_PER_DEG
-from camopt.study import motion
-from camopt.verify.verdict import verify
+from camopt.study.simulate import motion
+from camopt.verifier.methods import INDEPENDENT
+from camopt.verifier.verdict import verdict_on
 
 SCENE = load_scene("motori-1")
 
@@ -83,7 +84,7 @@ class TestAddingAFamily:
 
     def test_it_is_verified_differentiable_and_searched(self, family):
         lift = camopt.read_cam("two-parabolas:sections_deg=22/50", SCENE)
-        verdict = verify(SCENE, lift, (4000.0,), ("event", "rkg"), band_step_rpm=None)
+        verdict = verdict_on(SCENE, lift, (4000.0,), ("event", "rkg"), band_step_rpm=None)
         assert verdict.speeds[0].methods["rkg"].converged
         cam = differentiable(SCENE, lift)
         quick = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True}
@@ -100,11 +101,11 @@ class TestAddingAMethod:
 
     @pytest.fixture
     def method(self, written, monkeypatch):
-        code, line = blocks(camopt.verify)
-        made = written(code, "camopt.verify.semi_implicit_euler")
-        monkeypatch.setitem(camopt.verify.INDEPENDENT, *next(iter(eval(f"{{{line}}}").items())))
-        monkeypatch.setattr(cli, "METHODS", ("event", *camopt.verify.INDEPENDENT))  # as when they are imported after it
-        monkeypatch.setattr(motion, "MODULES", motion.MODULES | camopt.verify.INDEPENDENT)
+        code, line = blocks(camopt.verifier.methods)
+        made = written(code, "camopt.verifier.methods.semi_implicit_euler")
+        monkeypatch.setitem(INDEPENDENT, *next(iter(eval(f"{{{line}}}").items())))
+        monkeypatch.setattr(cli, "METHODS", ("event", *INDEPENDENT))  # as when they are imported after it
+        monkeypatch.setattr(motion, "MODULES", motion.MODULES | INDEPENDENT)
         return made
 
     def test_it_is_of_first_order(self, method):
@@ -125,7 +126,7 @@ class TestAddingAMethod:
         words = ["motori-1", "--cam", "polydyne"]
         assert cli.main(["simulate", *words, "--speed", "4000", "--method", self.NAME, "--step-deg", "1"]) == 0
         assert "revolution 2" in capsys.readouterr().out
-        verdict = verify(SCENE, camopt.polydyne(SCENE), (4000.0,), ("event", self.NAME), band_step_rpm=None)
+        verdict = verdict_on(SCENE, camopt.polydyne(SCENE), (4000.0,), ("event", self.NAME), band_step_rpm=None)
         answers = verdict.speeds[0].methods
         error = answers[self.NAME].error["bounce_mm"] + 2e-3
         assert abs(answers[self.NAME].worst["bounce_mm"] - answers["event"].worst["bounce_mm"]) <= error

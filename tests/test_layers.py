@@ -1,6 +1,7 @@
 """The layers of the design, read from the imports: arrows point one way, and the verifier stands alone."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -16,17 +17,19 @@ MAY_IMPORT = {
     "scene": set(),
     "plots": {"scene"},
     "cam": SUPPORT,
+    "measure": {"cam"} | SUPPORT,
     "smooth": {"cam", "scene"},
     "exact": {"cam"} | SUPPORT,
-    "verify": {"cam"} | SUPPORT,
-    "optimize": {"cam", "smooth", "exact", "verify"} | SUPPORT,
-    "study": {"cam", "smooth", "exact", "verify", "optimize"} | SUPPORT,
-    "report": {"cam", "smooth", "exact", "verify", "optimize", "study"} | SUPPORT,
+    "verifier": {"cam", "measure"} | SUPPORT,
+    "differentiable": {"cam", "smooth", "exact", "scene"},
+    "optimizer": {"cam", "measure", "smooth", "exact", "verifier", "differentiable"} | SUPPORT,
+    "study": {"cam", "measure", "smooth", "exact", "verifier", "differentiable", "optimizer"} | SUPPORT,
+    "report": {"cam", "measure", "smooth", "exact", "verifier", "optimizer", "study"} | SUPPORT,
 }
-TOP = {"__init__", "__main__", "cli", "commands", "arguments"}
-WITHOUT_JAX = ("scene", "exact", "verify", "plots", "storage")
+TOP = {"__init__", "__main__", "cli"}
+WITHOUT_JAX = ("scene", "cam", "measure", "exact", "verifier", "plots", "storage")
 JAX = {"jax", "jaxlib", "diffrax", "equinox", "optax", "jaxtyping"}
-VERDICT = "verify/verdict.py"
+VERDICT = "verifier/verdict.py"
 """The one file of the verifier that may compare with `exact`."""
 
 
@@ -76,8 +79,16 @@ def test_verifier_is_independent(path):
     roots = {n.split(".")[0] for n in names}
     if layer(path) in WITHOUT_JAX:
         assert not roots & JAX
-    if layer(path) == "verify" and path != ROOT / VERDICT:
+    if layer(path) == "verifier" and path != ROOT / VERDICT:
         assert not {n for n in names if n.startswith("camopt.exact")}
+
+
+def test_the_table_of_layers_for_contributors_is_this_one():
+    """CONTRIBUTING.md tells every layer of MAY_IMPORT, with what it may import, and no other."""
+    text = (ROOT.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `camopt/(\w+)` \|.*\| ([^|]+) \|$", text, re.MULTILINE)
+    table = {layer: set() if names == "\u2013" else set(names.split(", ")) for layer, names in rows}
+    assert table == MAY_IMPORT
 
 
 def test_the_import_reader_sees_every_kind_of_import(tmp_path, monkeypatch):
@@ -85,13 +96,15 @@ def test_the_import_reader_sees_every_kind_of_import(tmp_path, monkeypatch):
     (tmp_path / "scene").mkdir()
     file = tmp_path / "scene" / "a.py"
     file.write_text(
-        "import camopt.exact.engine\nfrom camopt import smooth\nfrom ..verify import rkg\n"
+        "import camopt.exact.engine\nfrom camopt import smooth\nfrom ..verifier.methods import rkg\n"
         "def f():\n    from camopt.cam.lift import Lift\n    import_module('camopt.report.page')\n"
     )
-    assert layers_imported(file) == {"exact", "smooth", "verify", "cam", "report"}
+    assert layers_imported(file) == {"exact", "smooth", "verifier", "cam", "report"}
 
 
-@pytest.mark.parametrize("module", ["camopt", "camopt.verify", "camopt.scene", "camopt.cam.read", "camopt.exact"])
+@pytest.mark.parametrize(
+    "module", ["camopt", "camopt.verifier.verdict", "camopt.scene", "camopt.cam.read", "camopt.exact", "camopt.cli"]
+)
 def test_import_leaves_no_jax(module):
     code = f"import sys, {module}; sys.exit('jax' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from camopt.optimize import comparison
+from camopt.optimizer.baselines import comparison
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.py"))
 EXPECTED = {

@@ -1,7 +1,11 @@
-"""The names that design.md section 7 promises: each exists, says shapes, units and errors, and is in the guide."""
+"""The names that README and notebooks promise: each exists, says shapes, units and errors, and is in the guide."""
 
+import ast
 import inspect
+import pydoc
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -80,3 +84,34 @@ def test_every_public_name_has_a_docstring_that_begins_with_a_sentence():
 
 def test_the_reader_of_docstrings_finds_what_is_missing():
     assert not UNIT.search("The cam of a scene.") and UNIT.search("angle [rad]") and UNIT.search("`ramp_height_mm`")
+
+
+def test_help_names_every_function_with_its_parameters():
+    text = pydoc.render_doc(camopt, renderer=pydoc.plaintext)
+    listed = text.split("FUNCTIONS", 1)[1]
+    for name in camopt.__all__:
+        assert f"`{name}`" in camopt.__doc__ or f"`{name}," in camopt.__doc__, f"{name}: not in the docstring"
+        if inspect.isfunction(getattr(camopt, name)):
+            assert re.search(rf"^    {name}\(\w", listed, re.M), f"{name}: no signature"
+
+
+def test_names_for_editors_are_those_that_are_imported_lazily():
+    """The names under TYPE_CHECKING, in `__all__` and in the table of homes are the same, from the same modules."""
+    tree = ast.parse(Path(camopt.__file__).read_text(encoding="utf-8"))
+    (block,) = (node for node in tree.body if isinstance(node, ast.If))
+    seen = {alias.name: node.module for node in block.body for alias in node.names}
+    assert seen == camopt._PUBLIC
+    assert sorted(camopt.__all__) == sorted(seen)
+    assert {*camopt.__all__, "__version__"} == set(dir(camopt))
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'simulat'"):
+        camopt.simulat  # noqa: B018
+
+
+def test_import_loads_nothing_heavy():
+    heavy = {"jax", "numba", "numpy", "scipy", "matplotlib", "xarray", "pandas", "pydantic"}
+    code = f"import sys, camopt; dir(camopt); print(*({heavy} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout.strip()) == (0, "")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from camopt.cli import main, parser
+from camopt.cli.parser import main, parser
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README, re.DOTALL)

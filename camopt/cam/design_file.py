@@ -7,6 +7,7 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.scene import InputError, Scene
+from camopt.scene.text_file import read_text
 from camopt.scene.units import DEG, MM
 from camopt.storage import write_json
 
@@ -53,7 +54,7 @@ def read_design(path: str | Path, scene: Scene) -> Lift:
         coefficients = _rows(pieces["coefficients_mm"])
         duration = float(data["duration_deg"]) if "duration_deg" in data else _scene_duration_deg(scene)
         family, parameters = str(data.get("family", "lift")), dict(data.get("parameters") or {})
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         what = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         raise InputError(f"{path}: not a design.json of camopt: {what}") from None
     if start.ndim != 1 or not len(start) == len(end) == len(coefficients) > 0:
@@ -67,8 +68,9 @@ def read_design(path: str | Path, scene: Scene) -> Lift:
     if not 0 < duration < 360:
         raise InputError(f"{path}: duration_deg {duration:g} must lie between 0 and 360")
     powers = np.arange(coefficients.shape[1])
-    ends = np.sum(coefficients * np.diff(borders)[:, None] ** powers, axis=1)
-    step = np.abs(np.roll(ends, 1) - coefficients[:, 0])
+    with np.errstate(over="ignore", invalid="ignore"):
+        ends = np.sum(coefficients * np.diff(borders)[:, None] ** powers, axis=1)
+        step = np.nan_to_num(np.abs(np.roll(ends, 1) - coefficients[:, 0]), nan=np.inf)
     if step.max() > STEP_SLACK_MM:
         where = start[int(np.argmax(step))]
         raise InputError(
@@ -84,14 +86,13 @@ def _scene_duration_deg(scene: Scene) -> float:
 
 
 def _json_object(path: Path) -> dict:
+    text = read_text(path, MAX_FILE_BYTES, "design")
     try:
-        if path.stat().st_size > MAX_FILE_BYTES:
-            raise InputError(f"{path}: larger than {MAX_FILE_BYTES} bytes, which no design needs")
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as UTF-8 text ({error})") from error
+        data = json.loads(text)
     except (json.JSONDecodeError, RecursionError) as error:
         raise InputError(f"{path}: not valid JSON: {error}") from error
+    except ValueError:  # Python turns no more than some thousand digits into an integer
+        raise InputError(f"{path}: an integer of thousands of digits, which no design has") from None
     if not isinstance(data, dict):
         raise InputError(f"{path}: not a design.json of camopt: an object with `pieces` is expected")
     return data

@@ -12,24 +12,15 @@ from pathlib import Path
 import numpy as np
 
 from camopt.cam.geometry import contact
-from camopt.cam.lift import Lift
+from camopt.cam.lift import Lift, angles_deg
 from camopt.scene import InputError
 from camopt.scene.schema import Geometry
 from camopt.scene.units import DEG, MM
 from camopt.storage import write_csv
 
-MOST_ROWS = 360_000
 MOST_DIGITS = 12
 AT_ONCE = 100
 """Angles whose contact with all points is worked out together."""
-
-
-def angles_deg(step_deg: float) -> np.ndarray:
-    """Cam angles from -180 to 180 deg; InputError for a step that does not divide the turn."""
-    count = round(360 / step_deg) if step_deg > 0 else 0
-    if not 1 <= count <= MOST_ROWS or abs(count * step_deg - 360) > 1e-9 * count:
-        raise InputError(f"export: step {step_deg} deg: a step that divides 360 deg, 0.001 or more, is needed")
-    return np.linspace(-180.0, 180.0, count + 1)
 
 
 def write_rounded_table(path: str | Path, lift: Lift, step_deg: float, digits: int, rocker_ratio: float = 1.0) -> None:
@@ -78,7 +69,7 @@ def rounded(values: np.ndarray, digits: int) -> list[str]:
 
 
 def _angle_cells(degrees: np.ndarray) -> list[str]:
-    """Angles to 1e-9 deg, without the tail that binary fractions leave."""
+    """Angles to 1e-9 deg, whole ones without a point."""
     return [f"{angle:.12g}" for angle in degrees]
 
 

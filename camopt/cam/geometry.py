@@ -9,7 +9,7 @@ lift (Norton, Cam Design and Manufacturing Handbook, 2009, ch. 7):
 Radii are positive where the cam is convex and negative where it is concave.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -34,11 +34,11 @@ class Contact:
     cam's axis in the cam, the nose towards +x, for a cam that turns against the angle (mirror it for the other sense).
     """
 
-    theta: np.ndarray
-    radius_of_curvature: np.ndarray
-    eccentricity: np.ndarray
-    pressure_angle: np.ndarray
-    contour: np.ndarray
+    theta: np.ndarray = field(repr=False)
+    radius_of_curvature: np.ndarray = field(repr=False)
+    eccentricity: np.ndarray = field(repr=False)
+    pressure_angle: np.ndarray = field(repr=False)
+    contour: np.ndarray = field(repr=False)
     geometry: Geometry
 
     @property

@@ -32,6 +32,10 @@ class HertzStress:
     force: np.ndarray
     stress: np.ndarray
 
+    def __repr__(self) -> str:
+        stress, angle = self.largest
+        return f"HertzStress(largest {stress / 1e6:.5g} MPa at {angle / DEG:.5g} deg, {len(self.theta)} angles)"
+
     @property
     def largest(self) -> tuple[float, float]:
         """Largest stress [Pa] and the cam angle [rad], from -pi to pi, where it acts."""

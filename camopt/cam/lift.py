@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from camopt.cam.ramps import Ramp
+from camopt.scene.errors import InputError
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
 
 if TYPE_CHECKING:
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
     from camopt.scene.schema import Design
+
+ROUNDING = 1e-9
+MOST_ROWS = 360_000
+"""Rows of a lift table at most: 0.001 deg."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +89,11 @@ class Lift:
         """Area over (a scene's maximum lift [m] times the duration)."""
         return self.area / (max_lift * 2 * self.half_duration)
 
+    def area_ratio_in(self, design: "Design") -> float:
+        """Area within a design's duration over (its maximum lift times its duration), whatever the cam's own is."""
+        half = design.duration_deg * DEG / 2
+        return float(self._derivatives[0].integrate(-half, half)) / (design.max_lift_mm * MM * 2 * half)
+
     @cached_property
     def opening_foot(self) -> float:
         """Angle at which the lift leaves zero [rad]; pi, the end of the revolution, where it never does."""
@@ -106,6 +116,13 @@ class Lift:
         from camopt.plots import profiles
 
         return profiles([(self.family, lift_table(self, 0.1))], design)
+
+    def __repr__(self) -> str:
+        return (
+            f"Lift({self.family}: duration {2 * self.half_duration / DEG:.6g} deg, "
+            f"maximum lift {self.max_lift / MM:.6g} mm, area {self.area / (MM * DEG):.6g} mm deg, "
+            f"{len(self.coefficients)} pieces)"
+        )
 
     def _repr_html_(self) -> str:
         from pandas import DataFrame
@@ -148,7 +165,23 @@ def recentred(lift: Lift, piece: np.ndarray, start: np.ndarray) -> np.ndarray:
 
 
 def with_ramps(borders, coefficients, opening: Ramp, closing: Ramp, family: str, parameters: dict) -> Lift:
-    """The event's pieces, borders (p + 1) from -half to +half duration [rad], between ramps and base circle."""
+    """The event's pieces, borders (p + 1) from -half to +half duration [rad], between ramps and base circle.
+
+    Raises InputError for a ramp that is lower than its foot rises, and for ramps longer than the base circle.
+    """
+    for name, ramp in (("opening", opening), ("closing", closing)):
+        foot_rise = 0.5 * ramp.velocity * ramp.foot
+        if ramp.height < foot_rise * (1 - ROUNDING):
+            raise InputError(
+                f"{family}: the {name} ramp's height is {ramp.height / MM:.4g} mm and must not be less than the "
+                f"{foot_rise / MM:.4g} mm that its foot rises by (velocity times half the foot)"
+            )
+    turn = opening.length + closing.length + float(borders[-1] - borders[0])
+    if max(opening.length - borders[0], closing.length + borders[-1]) >= np.pi:
+        raise InputError(
+            f"{family}: duration and ramps together take {turn / DEG:.4g} cam degrees and reach past half a turn: "
+            f"give lower or faster ramps, or a shorter duration"
+        )
     edges, pieces = whole_turn(np.asarray(borders), np.asarray(coefficients), opening, closing)
     keep = np.diff(edges) > 0  # a ramp without foot leaves an empty piece
     return Lift(edges[np.append(keep, True)], pieces[keep], float(borders[-1]), family, parameters)
@@ -179,8 +212,20 @@ def mirrored_pieces(coefficients, widths) -> np.ndarray:
 
 def lift_table(lift: Lift, step_deg: float) -> dict[str, np.ndarray]:
     """Columns of `lift.csv`: angle from -180 to 180 deg and the lift's first three derivatives in mm and deg."""
-    count = round(360.0 / step_deg)
-    degrees = np.linspace(-180.0, 180.0, count + 1)
+    degrees = angles_deg(step_deg)
     names = ("lift_mm", "velocity_mm_per_deg", "acceleration_mm_per_deg2", "jerk_mm_per_deg3")
     columns = {n: lift(degrees * DEG, k) / MM * DEG**k for k, n in enumerate(names)}
     return {"cam_angle_deg": degrees, **columns}
+
+
+def angles_deg(step_deg: float) -> np.ndarray:
+    """Cam angles from -180 to 180 deg, those of a few decimals without the tail that binary steps leave.
+
+    Raises InputError for a step that does not divide the turn.
+    """
+    count = round(360 / step_deg) if 180 / MOST_ROWS < step_deg <= 360 else 0
+    if not 1 <= count <= MOST_ROWS or abs(count * step_deg - 360) > 1e-9 * count:
+        raise InputError(f"lift table: step {step_deg} deg: a step that divides 360 deg, 0.001 or more, is needed")
+    degrees = np.linspace(-180.0, 180.0, count + 1)
+    short = np.round(degrees, 9)
+    return np.where(np.abs(short - degrees) < 1e-12, short, degrees)  # a few units in the last place at 180

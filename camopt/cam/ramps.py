@@ -20,6 +20,12 @@ class Ramp:
     velocity: float
     foot: float
 
+    def __repr__(self) -> str:
+        return (
+            f"Ramp(height {self.height / MM:.6g} mm, velocity {self.velocity / MM_PER_DEG:.6g} mm/deg, "
+            f"foot {self.foot / DEG:.6g} deg)"
+        )
+
     @property
     def length(self) -> float:
         """Angle from the foot's outer end to the ramp top [rad]; the foot rises velocity * foot / 2."""

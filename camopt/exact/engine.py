@@ -1,7 +1,8 @@
 """Event-exact motion of a train with linear laws: every switching located to round-off, no stability limit.
 
-The papers' transition matrix method with the exact exponential, the lift as exact polynomial pieces, and each contact's
-switching found inside the step on the power series of the watched force.
+This is the papers' transition matrix method with three changes: the matrix exponential is exact, the lift enters as its
+exact polynomial pieces, and each switching of a contact is located inside the step, on the power series of the force
+that is watched.
 """
 
 from collections.abc import Sequence
@@ -10,42 +11,36 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.exact.kernel import CHATTER, DONE, NEED_TABLES, revolve
-from camopt.exact.propagators import Propagators, default_step, propagators
-from camopt.exact.trace import empty_trace
+from camopt.exact.kernel.arrays import cam_arrays, train_arrays
+from camopt.exact.kernel.propagators import Propagators, default_step, propagators
+from camopt.exact.kernel.revolution import CHATTER, DONE, NEED_TABLES, revolve
+from camopt.exact.kernel.trace import empty_trace
 from camopt.scene.errors import MotionRefused
 from camopt.scene.response import Response
 from camopt.scene.train import Train
 
 MOST_SWITCHINGS = 20_000
-"""Contact switchings in one revolution beyond which the motion is refused as chatter."""
+"""A motion with more contact switchings than this in one revolution is refused as chatter."""
 AT_ONCE = 8
-"""Steps that one span takes where no samples are wanted."""
+"""Number of steps that one span takes where no samples are wanted."""
 LONGEST_SPAN = 12
-"""Steps of a span at most, where spans are to end on the borders of the lift's pieces."""
+"""Largest number of steps in a span, where spans are to end on the borders of the lift's pieces."""
 MOST_AT_ONCE = 8
-"""Steps between two samples at most."""
+"""Largest number of steps between two samples."""
 FEWEST_STEPS = 360
-"""Steps per revolution at least, however slow the train."""
+"""A revolution is divided into at least this many steps, however slow the train's modes are."""
 NO_TRACE = empty_trace(0, 0, 0)
 
 
-def train_arrays(train: Train) -> tuple:
-    """The train as the plain arrays that the compiled kernel reads; raises InputError for laws that are not linear."""
-    train.require_linear("event-exact", 'simulate with method "dop853", "rkg" or "smooth"')
-    names = ("mass", "mass_damping", "mass_force", "a", "b", "contact", "cam_driven")
-    return tuple(getattr(train, k) for k in (*names, "stiffness", "damping", "preload", "gap"))
-
-
 class EventExact:
-    """Event-exact motion at one speed: called, one sampled revolution; `advance`, only the state at its end."""
+    """Event-exact motion at one speed: a call gives one sampled revolution, `advance` only the state at its end."""
 
     def __init__(self, train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int | None = None):
-        self._laws = train_arrays(train)
+        self._arrays = train_arrays(train)
         self.train, self.lift, self.cam_speed = train, lift, cam_speed
         self.period = 2 * np.pi / cam_speed
         self.step, self._per_sample = _step(train, self.period, steps_per_revolution)
-        self._cam = lift.borders, lift.coefficients, cam_speed
+        self._cam = cam_arrays(lift, cam_speed)
         self._rows: np.ndarray | None = None
 
     def __call__(self, state: np.ndarray) -> Response:
@@ -63,7 +58,7 @@ class EventExact:
         return Response(self.train, self.cam_speed, angle, done[:, 1], x, v, force)
 
     def advance(self, state: np.ndarray, revolutions: int = 1) -> np.ndarray:
-        """State (2n) after whole revolutions from a state at -pi (2n), several times faster than sampled.
+        """State (2n) after whole revolutions from a state at -pi (2n); several times faster than a sampled motion.
 
         Raises MotionRefused for endless switching or a motion without bound.
         """
@@ -77,12 +72,12 @@ class EventExact:
         return propagators(self.train, self.step, self.lift.coefficients.shape[1], at_once)
 
     def _revolve(self, state: np.ndarray, rows: np.ndarray, tables: Propagators) -> tuple[int, int]:
-        """One revolution, `state` changed in place: (samples, switchings)."""
+        """Runs one revolution, which changes `state` in place; returns (number of samples, number of switchings)."""
         code, start = NEED_TABLES, state.copy()
         while code == NEED_TABLES:
             state[:] = start
             code, count, switchings = revolve(
-                self._laws, self._cam, self.step, tables.built, state, rows, NO_TRACE, MOST_SWITCHINGS
+                self._arrays, self._cam, self.step, tables.built, state, rows, NO_TRACE, MOST_SWITCHINGS
             )
             if code == NEED_TABLES:
                 tables.build(count)
@@ -104,9 +99,10 @@ def refusal(code: int, cam_speed: float, switchings: int) -> MotionRefused:
 def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int | None = None) -> EventExact:
     """One event-exact revolution as a function of its start state (2n), with `advance` for the end state alone.
 
-    `cam_speed` [rad/s]. `steps_per_revolution` says how often the motion is sampled and is no dial of accuracy: within,
-    switchings are sought in steps that follow the highest mode. By default these are the samples too; they are the
-    same at all speeds, so that one set of tables serves them.
+    `cam_speed` is in rad/s. `steps_per_revolution` says how often the motion is sampled and does not change its
+    accuracy: between two samples, switchings are sought in steps that are short enough for the highest mode. By default
+    these steps are the samples too. The default step [s] is the same at all speeds, so that one set of tables serves
+    them all.
     """
     return EventExact(train, lift, cam_speed, steps_per_revolution)
 
@@ -119,7 +115,7 @@ def advance_many(
     revolutions: int,
     workers: int = 2,
 ) -> np.ndarray:
-    """End states (k, 2n) after `revolutions` of k motions, side by side in threads.
+    """End states (k, 2n) of k motions after `revolutions` each, computed side by side in threads.
 
     `lifts` is one lift or k, `cam_speeds` (k) [rad/s], `states` (2n) or (k, 2n). A refused motion ends in a row of NaN.
     """
@@ -138,8 +134,10 @@ def advance_many(
 
 
 def free_step(train: Train, cam_speed: float) -> float:
-    """Step [s] where nothing is asked: the default, halved until a revolution has enough of them, so that most speeds
-    share it and its tables."""
+    """Step [s] where the caller asks for none: the default step, halved until a revolution has enough of them.
+
+    Most speeds then share one step, and with it one set of tables.
+    """
     step = default_step(train)
     return step / 2.0 ** max(0, int(np.ceil(np.log2(step * FEWEST_STEPS * cam_speed / (2 * np.pi)))))
 
@@ -152,7 +150,7 @@ def step_on_borders(train: Train, cam_speed: float, spacing: float) -> tuple[flo
 
 
 def _step(train: Train, period: float, steps_per_revolution: int | None) -> tuple[float, int]:
-    """(step [s], steps per sample): the default or finer, and a whole number of them between samples where asked."""
+    """(step [s], steps per sample): the default step or a finer one, a whole number of which fits between samples."""
     default = free_step(train, 2 * np.pi / period)
     if steps_per_revolution is None:
         return default, 1

@@ -1,6 +1,7 @@
-"""Gradients of a mean over many slightly different cams: where single motions are rough or their gradients fall apart.
+"""Gradients of a mean over many slightly different cams, for motions whose single gradients are rough or disagree.
 
-Of the mean of a metric over cams with bumps of random height, J_sigma(z) = E J(z + sigma xi), xi normal, two estimates:
+The mean of a metric over cams with bumps of random height is J_sigma(z) = E J(z + sigma xi), with xi normal. Two
+estimates of its gradient stand here:
 
     pathwise               E dJ/dz(z + sigma xi)                              exact gradients, averaged
     evolution strategy     E [J(z + sigma xi) - J(z - sigma xi)] xi / (2 sigma)    values only (Nesterov, Spokoiny 2017)
@@ -19,9 +20,9 @@ import numpy as np
 
 from camopt.cam.bumps import moved
 from camopt.cam.lift import Lift
-from camopt.exact.gradient import rest_state
-from camopt.exact.many import value_and_gradient_many
-from camopt.exact.motion import TracedMotion
+from camopt.exact.adjoint.gradient import rest_state
+from camopt.exact.adjoint.motion import TracedMotion
+from camopt.exact.batch import value_and_gradient_many
 from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.train import Train
 
@@ -33,12 +34,12 @@ class EnsembleGradient:
     """Means of l metrics over an ensemble of cams and their gradients by m heights of bumps [unit per m]."""
 
     metrics: tuple[str, ...]
-    values: np.ndarray  # (l) mean
+    values: np.ndarray  # (l) means
     gradient: np.ndarray  # (l, m)
     standard_error: np.ndarray  # (l, m) of the gradient, from the scatter of the pairs
-    split_half_cosine: np.ndarray  # (l) between the gradients of the ensemble's halves: far from 1 is noise
-    members: int  # that count
-    refused: int  # left out with their partner: refused motions, or metrics without a value
+    split_half_cosine: np.ndarray  # (l) between the gradients of the ensemble's two halves; far from 1 means noise
+    members: int  # members of the ensemble that count
+    refused: int  # members left out, each with its partner: their motion was refused or a metric had no value
 
 
 def ensemble_gradient(
@@ -93,7 +94,10 @@ def evolution_strategy_gradient(
     revolution: int = 0,
     workers: int = 2,
 ) -> EnsembleGradient:
-    """As `ensemble_gradient`, the gradient from values alone: noisier, but right however the motion behaves."""
+    """Like `ensemble_gradient`, but from values alone: noisier, and right however the motion behaves.
+
+    Arguments, result and errors are those of `ensemble_gradient`.
+    """
     pairs = _pairs(len(directions), sigma_m, members, seed)
     lifts = [moved(lift, directions, sign * heights) for heights in pairs for sign in (1.0, -1.0)]
     at = rest_state(train) if start is None else start
@@ -107,7 +111,7 @@ def evolution_strategy_gradient(
 
 
 def _pairs(directions: int, sigma_m: float, members: int, seed: int) -> np.ndarray:
-    """Heights (members / 2, m) [m] of the first of every pair."""
+    """Heights (members / 2, m) [m] of the bumps of the first member of every pair."""
     if members % 2 or members < 2 * FEWEST_PAIRS:
         raise InputError(f"members = {members}: an ensemble needs an even number of at least {2 * FEWEST_PAIRS}")
     if not sigma_m > 0.0:
@@ -129,7 +133,7 @@ def _side_by_side(values_of: Callable[[Lift], np.ndarray], lifts: list[Lift], co
 
 
 def _summary(metrics: Sequence[str], values: np.ndarray, slopes: np.ndarray) -> EnsembleGradient:
-    """From values (pairs, 2, l) and the pairs' gradients (pairs, l, m)."""
+    """The ensemble's means and errors from its values (pairs, 2, l) and the gradients of its pairs (pairs, l, m)."""
     usable = np.all(np.isfinite(values), axis=(1, 2)) & np.all(np.isfinite(slopes), axis=(1, 2))
     count = int(np.sum(usable))
     if count < FEWEST_PAIRS:

@@ -1,4 +1,4 @@
-"""Natural frequencies met by the harmonics of the cam: a Campbell diagram."""
+"""A Campbell diagram: at which speeds the harmonics of the cam meet the natural frequencies."""
 
 from collections.abc import Sequence
 
@@ -17,8 +17,10 @@ def campbell(
     cam_per_crank: float,
     title: str = "",
 ) -> Figure:
-    """Frequencies (m) as level lines, the cam's harmonics `orders` as rays over the crankshaft speed, dots where they
-    meet inside the band, which is shaded."""
+    """Draws the frequencies (m) as level lines and the cam's harmonics `orders` as rays over the crankshaft speed.
+
+    Dots mark where they meet inside the band, which is shaded.
+    """
     figure = new_figure(7.6, 4.6)
     axes = figure.subplots()
     low, high = band_rpm
@@ -43,7 +45,7 @@ def campbell(
 
 
 def _name_ray(axes: Axes, order: int, end: float, height: float, top: float) -> None:
-    """The order of a ray from the origin to (end, height), where it leaves the axes: right, or at the top."""
+    """Writes the order of a ray from the origin to (end, height) where it leaves the axes: right, or at the top."""
     right = height < top
     at = (end, height) if right else (end * top / height, top)
     shift, horizontal, vertical = ((2, 0), "left", "center") if right else ((0, 3), "center", "bottom")

@@ -17,15 +17,16 @@ CURVES = (
     ("jerk_mm_per_deg3", "jerk\n[mm/deg³]"),
 )
 JERK_SPAN = 2.5
-"""The jerk axis ends at this many times the limit: a family without limit has steps that would flatten all others."""
+"""The jerk axis ends at this many times the limit, because the steps of a family without a jerk limit would flatten all
+other curves."""
 
 
 @styled
 def profiles(cams: Sequence[tuple[str, Table]], design: Design | None = None) -> Figure:
     """Lift, velocity, acceleration and jerk against cam angle.
 
-    `cams` holds a name and the columns of `camopt.cam.lift.lift_table` per cam; `design` gives the limits that are
-    drawn, the duration (thin lines) and the nose (shaded: no positive acceleration there); without one none is.
+    `cams` holds for each cam its name and the columns of `camopt.cam.lift.lift_table`. Where a `design` is given, its
+    limits are drawn, its duration as thin lines, and its nose, where no acceleration may be positive, as a shade.
     """
     figure = new_figure(7.6, 8.6)
     rows = figure.subplots(4, 1, sharex=True, height_ratios=(1.5, 1, 1.15, 1.15))
@@ -42,7 +43,7 @@ def profiles(cams: Sequence[tuple[str, Table]], design: Design | None = None) ->
 
 
 def _conditions(rows: Sequence[Axes], cams: Sequence[tuple[str, Table]], design: Design) -> None:
-    """The design's duration and limits, and axes that end where its event does."""
+    """Draws the design's duration and limits, and lets the axes end where its event does."""
     for axes in rows:
         for angle in (-design.duration_deg / 2, design.duration_deg / 2):
             axes.axvline(angle, color="#999999", linewidth=0.7, zorder=1)
@@ -50,6 +51,8 @@ def _conditions(rows: Sequence[Axes], cams: Sequence[tuple[str, Table]], design:
     if design.jerk_max_mm_per_deg3 is not None:
         _shorten(rows[3], cams, JERK_SPAN * design.jerk_max_mm_per_deg3)
     end = design.duration_deg / 2 + max(h / v for h, v, _ in design.ramps()) + design.ramp_foot_deg / 2 + 2
+    lifted = [float(np.abs(table["cam_angle_deg"][table["lift_mm"] > 0]).max(initial=0.0)) for _, table in cams]
+    end = max(end, *lifted)  # a cam longer than the design shows whole
     rows[3].set_xlim(-end, end)
     rows[3].set_xlabel(f"cam angle [deg];  thin lines: duration {design.duration_deg:g} deg")
 
@@ -81,7 +84,7 @@ def _limits(rows: Sequence[Axes], design: Design) -> None:
 
 
 def _shorten(axes: Axes, cams: Sequence[tuple[str, Table]], span: float) -> None:
-    """End the jerk axis at +-span and say which cams go beyond."""
+    """Ends the jerk axis at +-span and says which cams go beyond."""
     beyond = [(name, float(np.max(np.abs(table["jerk_mm_per_deg3"])))) for name, table in cams]
     beyond = [(name, largest) for name, largest in beyond if largest > span]
     if beyond:

@@ -1,4 +1,4 @@
-"""Area against a limit."""
+"""A front: the area that each value of a limit allows."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,7 +10,7 @@ UNITS = {"mm": "mm", "mm_per_deg2": "mm/deg²", "mm_per_deg3": "mm/deg³", "m_pe
 
 @styled
 def front(against: str, limit: np.ndarray, area_ratio: np.ndarray, title: str = "") -> Figure:
-    """Area ratio [] over the values of a design limit (k); a value without a cam is a cross on the axis."""
+    """Draws the area ratio (k) over the k values of a design limit; a value without a cam is a cross on the axis."""
     figure = new_figure(5.2, 3.4)
     axes = figure.subplots()
     found = np.isfinite(area_ratio)

@@ -1,4 +1,4 @@
-"""Parameters identified from a measured lift: factors with their intervals, and the residual."""
+"""Parameters identified from a measured lift, drawn as factors with their intervals, and the residual."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,10 @@ from camopt.plots.style import INK, LIMIT, OTHERS, new_figure, styled
 
 @styled
 def identification(table: xr.Dataset, speeds_rpm: Sequence[float], angles_deg, residuals_um, noise_um: float) -> Figure:
-    """Estimates over start values with their intervals (open where not identified); residual (m) per series."""
+    """Draws the estimates over their start values with intervals, and the residual (m) of each series.
+
+    A parameter that was not identified is a cross at its start value, without an interval.
+    """
     figure = new_figure(9.6, 1.6 + 0.32 * max(table.sizes["parameter"], 6))
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.4))
     rows = np.arange(table.sizes["parameter"])

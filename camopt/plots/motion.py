@@ -13,7 +13,7 @@ from camopt.scene.schema import Design
 from camopt.scene.units import DEG, MM
 
 MOVING_MM = 0.002
-"""A valve this near its seat touch counts as at rest when the zoom of the closing looks for its end."""
+"""A valve that is this near to its seat touch [mm] counts as at rest; the zoom of the closing ends there."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ def last_revolution(cam: str, speed_rpm: float, response: Response) -> Motion:
 
 @styled
 def valve_motion(motions: Sequence[Motion], design: Design) -> Figure:
-    """Valve lift, a zoom of its closing, and each contact force, a column per speed, cams over each other."""
+    """Draws the valve lift, a zoom of its closing and each contact force: a column per speed, cams over each other."""
     speeds = sorted({m.speed_rpm for m in motions})
     contacts = list(motions[0].contact_force_N)
     figure = new_figure(max(6.4, 1.2 + 2.9 * len(speeds)), 4.3 + 1.7 * len(contacts))
@@ -79,7 +79,7 @@ def valve_motion(motions: Sequence[Motion], design: Design) -> Figure:
 
 
 def _event(axes: Axes, design: Design) -> None:
-    """The angles of the event and its ramps; thin lines at the ends of the duration, where jump is judged."""
+    """Lets the axis show the event with its ramps; thin lines mark the ends of the duration, where jump is judged."""
     half = design.duration_deg / 2
     end = half + max(h / v for h, v, _ in design.ramps()) + design.ramp_foot_deg
     axes.set_xlim(-end, end)
@@ -88,7 +88,7 @@ def _event(axes: Axes, design: Design) -> None:
 
 
 def _closing(motions: Sequence[Motion], design: Design) -> tuple[float, float, float]:
-    """First and last angle [deg] and height [mm] of the zoom: from the duration's end, or an earlier touch, to rest."""
+    """(first angle [deg], last angle [deg], height [mm]) of the zoom, from the duration's end or a touch before."""
     start = design.duration_deg / 2
     end, top = start + 15.0, 3 * (design.bounce_max_mm or 0.02)
     for m in motions:

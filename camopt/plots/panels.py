@@ -1,4 +1,4 @@
-"""A grid of curves over one abscissa, every label with its own colour in all panels."""
+"""A grid of panels with curves over one abscissa; a label has the same colour in all panels."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from camopt.plots.style import CAMS, cam_line, family_of, legend_above, new_figu
 
 @dataclass(frozen=True)
 class Panel:
-    """Curves of one panel: (label, abscissa (k), ordinate (k)) each."""
+    """The curves of one panel, each with its label, abscissa (k) and ordinate (k)."""
 
     ylabel: str
     curves: Sequence[tuple[str, np.ndarray, np.ndarray]]
@@ -28,8 +28,10 @@ def panels(
     row_height: float = 1.6,
     sharey: bool = False,
 ) -> Figure:
-    """Rows of panels over a shared abscissa with one legend. Cam families keep their own colour; other labels get one
-    in the order in which they first appear."""
+    """Draws rows of panels over a shared abscissa, with one legend.
+
+    Cam families keep their own colour; other labels get one in the order in which they first appear.
+    """
     labels = list(dict.fromkeys(label for row in rows for panel in row for label, _, _ in panel.curves))
     line = _lines(labels)
     figure = new_figure(width, 0.9 + row_height * len(rows))
@@ -55,7 +57,7 @@ def panels(
 
 
 def _lines(labels: Sequence[str]) -> dict[str, dict]:
-    """Line properties by label: cams as everywhere, the others in the colours that no cam here has taken."""
+    """Line properties by label: cams look as in all figures, other labels take the colours that no cam here has."""
     own = {family_of(label) for label in labels}
     free = [colour for family, (colour, _) in CAMS.items() if family not in own]
     lines, taken = {}, 0

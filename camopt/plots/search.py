@@ -1,4 +1,4 @@
-"""The course of an optimisation: area ratio and worst bounce against its steps."""
+"""The course of an optimisation: area ratio and worst bounce over its steps."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ NAME_WIDTH = 0.0105
 
 @dataclass(frozen=True)
 class History:
-    """n steps of an optimisation in their order."""
+    """The n steps of an optimisation, in their order."""
 
     stage: Sequence[str]  # (n)
     area_ratio: np.ndarray  # (n)
@@ -32,7 +32,7 @@ def convergence(
     no_jump: float | None = None,
     bounce_max_mm: float | None = None,
 ) -> Figure:
-    """Area ratio and worst bounce of every step, filled where confirmed, with the certified bound as a line.
+    """Draws area ratio and worst bounce of every step, filled where confirmed, with the certified bound as a line.
 
     `bound` is the area ratio that no cam of the kinematic problem exceeds, `no_jump` what the no-jump linear program
     reached under its linear model.
@@ -74,8 +74,11 @@ def convergence(
 
 
 def _places(words: Sequence[str], begins: Sequence[int], steps: int) -> list[tuple[int, bool]]:
-    """(row, on the left of its begin) of each stage's name: the lowest row in which the name before it has ended, on
-    the left where it would run out of the figure on the right."""
+    """(row, whether it stands on the left of its beginning) of each stage's name.
+
+    A name stands in the lowest row in which the name before it has ended, and on the left where it would otherwise run
+    out of the figure on the right.
+    """
     ends: list[float] = []
     places = []
     for word, begin in zip(words, begins, strict=True):
@@ -89,7 +92,7 @@ def _places(words: Sequence[str], begins: Sequence[int], steps: int) -> list[tup
 
 
 def _stages(area: Axes, bounce: Axes, stage: Sequence[str]) -> None:
-    """Name each run of steps of one stage above the figure, with a line where it begins."""
+    """Writes the name of each stage above its run of steps, with a line where it begins."""
     begins = [i for i in range(len(stage)) if i == 0 or stage[i] != stage[i - 1]]
     for (row, on_left), i in zip(_places([stage[i] for i in begins], begins, len(stage)), begins, strict=True):
         for axes in (area, bounce):

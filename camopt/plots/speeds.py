@@ -22,7 +22,7 @@ from camopt.scene.quantities import QUANTITIES
 from camopt.scene.schema import Design
 
 FINEST_MM = 0.01
-"""Below this the axis is linear, above it logarithmic: zero is a value of bounce and jump that must be seen."""
+"""The axis is linear below this value and logarithmic above it, because a bounce or jump of zero must be seen."""
 NUMBER_WIDTH = 0.08
 """Width of a speed's number as a share of the axes."""
 
@@ -46,7 +46,7 @@ def bounce_against_speed(
     band_rpm: tuple[float, float],
     speeds_rpm: Sequence[float] = (),
 ) -> Figure:
-    """Bounce and jump against speed with their limits; the band is shaded, `speeds_rpm` of the verdict are marked."""
+    """Draws bounce and jump against speed with their limits; the band is shaded, the `speeds_rpm` judged are marked."""
     figure = new_figure(7.6, 5.8)
     rows = figure.subplots(2, 1, sharex=True)
     for axes, key in zip(rows, ("bounce_mm", "jump_mm"), strict=True):
@@ -78,9 +78,9 @@ def bounce_against_speed(
 
 
 def first_passed(speed_rpm: np.ndarray, values: np.ndarray, limit: float) -> float | None:
-    """Speed [r/min] at which the drawn curve first rises above the limit, None where it never does.
+    """Speed [r/min] at which the drawn curve first rises above the limit, or None where it never does.
 
-    A speed without a value (the valve never seats) counts as passed.
+    A speed without a value, at which the valve never seats, counts as above the limit.
     """
     above = ~(np.asarray(values, dtype=float) <= limit)
     if not above.any():
@@ -92,9 +92,9 @@ def first_passed(speed_rpm: np.ndarray, values: np.ndarray, limit: float) -> flo
 
 
 def _mark_starts(axes: Axes, sweeps: Sequence[Sweep], key: str, limit: float | None) -> None:
-    """The speeds from which cams float or bounce: a diamond on the limit, its speed to 10 r/min beside it.
+    """Marks the speeds from which cams float or bounce by a diamond on the limit, with the speed to 10 r/min beside it.
 
-    It stands on the left, or on the right where there is a diamond near on the left.
+    The number stands on the left of its diamond, or on the right where another diamond is near on the left.
     """
     if limit is None:
         return

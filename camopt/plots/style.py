@@ -1,4 +1,4 @@
-"""One look for all figures: a colour and dashes per cam that it keeps everywhere, limits, deterministic files."""
+"""One look for all figures: a cam keeps its colour and dashes, limits look alike, and files are deterministic."""
 
 import io
 import os
@@ -32,11 +32,11 @@ CAMS = {
     "3-4-5": ("#767676", (0, (9, 1.5, 3, 1.5))),
     "4-5-6-7": ("#4D4D4D", (0, (1, 2.4))),
 }
-"""Colour and dashes of each cam family: Okabe and Ito's (2008) colours, safe for the colour-blind, without the yellow
-that vanishes on white and with the purple darkened; greys for the textbook cams that serve as test subjects. The dashes
-tell the cams apart without any colour."""
+"""Colour and dashes of each cam family. The colours are those of Okabe and Ito (2008), which the colour-blind can tell
+apart, without the yellow, which vanishes on white, and with a darker purple. The textbook cams that serve as test
+subjects are grey. The dashes tell the cams apart without any colour."""
 OTHERS = ("#555555", "#9A6A00", "#3B6F6F", "#7A3B69")
-"""Colours of cams outside the families (lift tables); the name picks one, so that a table keeps its own too."""
+"""Colours of cams outside the families, such as lift tables. A cam's name picks one, which a table thus keeps."""
 OWN_NAMES = {"free", "free-cam", "camopt", "optimized", "optimised"}
 
 RC: dict[Any, Any] = {
@@ -70,18 +70,18 @@ RC: dict[Any, Any] = {
     "ytick.labelsize": BASE - 1,
 }
 styled = matplotlib.rc_context(RC)
-"""Decorator of every function that makes a figure: the settings hold inside it and nowhere else."""
+"""Decorator for every function that makes a figure: the settings hold inside the function and nowhere else."""
 
 
 def family_of(cam: str) -> str:
-    """Family of a cam's name: what stands before parameters (`polydyne:...`), limits or remarks; "" where unknown."""
+    """The family in a cam's name, which stands before parameters (`polydyne:...`), limits or remarks; "" for none."""
     word = cam.replace(",", " ").replace("(", " ").replace(":", " ").split(" ")[0].strip().lower()
     word = DESIGN if word in OWN_NAMES else word
     return word if word in CAMS else ""
 
 
 def cam_line(cam: str) -> dict:
-    """Line properties of a cam: the same colour and dashes in every figure, the optimised design always the same."""
+    """Line properties of a cam, which are the same in every figure; every optimised design looks alike."""
     family = family_of(cam)
     if family:
         colour, dashes = CAMS[family]
@@ -93,7 +93,7 @@ def cam_line(cam: str) -> dict:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure of a size in inches that lays itself out; it belongs to no window and no global state."""
+    """An empty figure of a size in inches, which lays itself out and belongs to no window and no global state."""
     return ShownFigure(figsize=(width, height), layout="constrained")
 
 
@@ -108,7 +108,10 @@ class ShownFigure(Figure):
 
 
 def draw_limit(axes: Axes, value: float | None, text: str, va: str = "center") -> None:
-    """A limit as a dashed line, its words to the right of the axes where they hide no data; nothing without a limit."""
+    """Draws a limit as a dashed line, with its words to the right of the axes, where they hide no data.
+
+    Where the limit is None nothing is drawn.
+    """
     if value is None:
         return
     axes.axhline(value, color=LIMIT, linestyle=(0, (5, 3)), linewidth=0.9, zorder=2.2)
@@ -127,12 +130,12 @@ def draw_limit(axes: Axes, value: float | None, text: str, va: str = "center") -
 
 
 def quoted(relation: str, value: float | None, unit: str) -> str:
-    """Words of a limit, as `at most 0.05 mm` on two lines, with the minus sign that the axes have."""
+    """The words of a limit, such as `at most 0.05 mm`, on two lines and with the minus sign that the axes have."""
     return "" if value is None else f"{relation}\n{value:g} {unit}".replace("-", "\u2212").strip()
 
 
 def zero_and_decades(axes: Axes, limit: float | None, finest: float) -> None:
-    """Scale a bounce or jump axis: linear from zero to `finest`, logarithmic above; the limit is always inside."""
+    """Scales a bounce or jump axis: linear from zero to `finest`, logarithmic above; the limit is always inside."""
     shown = [line.get_ydata() for line in axes.lines if line.get_transform() == axes.transData]
     largest = max([np.nanmax(np.append(np.asarray(y, dtype=float), 0.0)) for y in shown], default=0.0)
     axes.set_yscale("symlog", linthresh=finest, linscale=0.5, subs=[2, 5])
@@ -141,29 +144,33 @@ def zero_and_decades(axes: Axes, limit: float | None, finest: float) -> None:
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int = 5) -> None:
-    """One legend over the whole figure from the labelled lines of one of its axes."""
+    """Draws one legend for the whole figure, from the labelled lines of one of its axes."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
         figure.legend(handles, labels, loc="outside upper left", ncols=min(columns, len(handles)), handlelength=3.2)
 
 
 def save(figure: Figure, folder: Path | str, name: str) -> tuple[Path, Path]:
-    """Write `<name>.png` and `<name>.svg` into `folder`; the same figure gives the same bytes. Returns both paths."""
+    """Writes `<name>.png` and `<name>.svg` into `folder` ; returns both paths. The same figure gives the same bytes."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     paths = folder / f"{name}.png", folder / f"{name}.svg"
-    metadata = {"png": {"Software": None}, "svg": {"Date": None, "Creator": "camopt"}}
     for path in paths:
-        kind = path.suffix[1:]
-        buffer = io.BytesIO()
-        with matplotlib.rc_context(RC):
-            figure.savefig(buffer, format=kind, dpi=160, metadata=metadata[kind])
-        write_atomically(path, buffer.getvalue())
+        write_atomically(path, picture(figure, path.suffix[1:]))
     return paths
 
 
+def picture(figure: Figure, kind: str) -> bytes:
+    """A figure as a PNG or SVG file's bytes, the same ones for the same figure."""
+    metadata = {"png": {"Software": None}, "svg": {"Date": None, "Creator": "camopt"}}
+    buffer = io.BytesIO()
+    with matplotlib.rc_context(RC):
+        figure.savefig(buffer, format=kind, dpi=160, metadata=metadata[kind])
+    return buffer.getvalue()
+
+
 def write_atomically(path: Path, data: bytes) -> None:
-    """Write a whole file or nothing: readers see the old or the new content, also after a kill or a full disk."""
+    """Writes a whole file or nothing: readers see the old or the new content, even after a kill or on a full disk."""
     handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     try:
         with os.fdopen(handle, "wb") as file:

@@ -1,4 +1,4 @@
-"""Error against time on logarithmic axes, with the Pareto front."""
+"""Error against time on logarithmic axes, with the Pareto front of what nothing else beats."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,16 +11,19 @@ from camopt.plots.style import INK, new_figure, styled
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#B0518E", "#E69F00", "#56B4E9", "#7A5C2E", "#555555")
 MARKERS = "osD^vP"
-"""Beside eight colours: series that share a colour differ in their marker."""
+"""Markers of the series. There are eight colours; series that share one differ in their marker."""
 PANEL = 3.5
 """Width of a panel [in]."""
 NARROW = 100.0
-"""Span of an axis below which labels stand at 2 and 5 too."""
+"""An axis whose ends have a smaller ratio than this has labels at 2 and 5 too."""
 
 
 @dataclass(frozen=True)
 class Cloud:
-    """One quantity: by series, times (k) [s] and errors (k) in the unit of `label`; errors of 0 stand at the floor."""
+    """Times (k) [s] and errors (k), in the unit of `label`, of every series for one quantity.
+
+    An error of 0 is drawn at the floor.
+    """
 
     label: str
     series: Mapping[str, tuple[Sequence[float], Sequence[float]]]
@@ -28,8 +31,11 @@ class Cloud:
 
 @styled
 def work_precision(clouds: Sequence[Cloud], xlabel: str, rivals: bool = True) -> Figure:
-    """Panels of error over time, one per quantity. A series' line runs through what none of its own settings beats; a
-    grey one steps along what nothing beats, where the series are `rivals`: ways to the same thing."""
+    """Draws a panel of error over time for each quantity.
+
+    The line of a series runs through those of its settings that none of its other settings beats. Where the series are
+    `rivals`, which means ways to the same result, a grey line steps along what nothing at all beats.
+    """
     names = list(dict.fromkeys(name for cloud in clouds for name in cloud.series))
     look = {n: (COLOURS[i % len(COLOURS)], MARKERS[i // len(COLOURS) % len(MARKERS)]) for i, n in enumerate(names)}
     columns = min(3 if len(clouds) > 4 else 2, len(clouds))
@@ -69,7 +75,7 @@ def work_precision(clouds: Sequence[Cloud], xlabel: str, rivals: bool = True) ->
 
 
 def pareto(seconds: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """Indices of the points that none is faster than at no greater error, from the fastest to the most accurate."""
+    """Indices of the points that no faster point equals in accuracy, from the fastest to the most accurate."""
     best: list[int] = []
     for i in np.lexsort((errors, seconds)):
         if not best or errors[i] < errors[best[-1]]:

@@ -1,4 +1,4 @@
-"""A matrix of verdicts: a case per line, a method per column, a colour and a letter per verdict."""
+"""A matrix of verdicts with a case per line and a method per column; each verdict has its colour and its letter."""
 
 from collections.abc import Mapping, Sequence
 
@@ -14,12 +14,15 @@ VERDICTS = {
     "refused": ("#bbbbbb", "–"),
     "wrong": ("#8a1c1c", "x"),
 }
-"""Colour and sign of each verdict; the sign tells them apart without any colour."""
+"""Colour and sign of each verdict; the sign tells the verdicts apart without any colour."""
 
 
 @styled
 def verdict_matrix(rows: Sequence[Mapping], scene: str) -> Figure:
-    """`rows` have `case` ("scene: case"), `method` and `verdict`; what was not run stays white."""
+    """Draws the verdicts of `rows`, which have `case` ("scene: case"), `method` and `verdict`.
+
+    The field of a case that a method did not run stays white.
+    """
     cases = list(dict.fromkeys(r["case"].split(": ", 1)[-1] for r in rows))
     methods = list(dict.fromkeys(r["method"] for r in rows))
     figure = new_figure(3.4 + 0.42 * len(methods), 1.9 + 0.2 * len(cases))

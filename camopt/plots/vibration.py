@@ -9,15 +9,15 @@ from camopt.plots.style import BASE, DESIGN, cam_line, new_figure, styled
 
 COLUMNS = (5, 4, 3)
 MOST = 15
-"""Modes drawn at most: the lowest ones."""
+"""Largest number of modes that are drawn; they are the lowest ones."""
 
 
 @styled
 def modes(frequency_Hz: np.ndarray, shape: np.ndarray, mass_names: Sequence[str], state: str = "") -> Figure:
-    """Shape of each mode over the masses in the scene's order, its frequency in the title.
+    """Draws the shape of each mode over the masses in the scene's order, with its frequency in the title.
 
-    `frequency_Hz` (m) ascending, `shape` (m, n) a row per mode, of unit norm and arbitrary sign: drawn with the
-    largest displacement positive. `state` ("lifted", "seated") goes into the title.
+    `frequency_Hz` (m) ascends; `shape` (m, n) has a row per mode, of unit norm. The sign of a shape is arbitrary, and
+    it is drawn with its largest displacement positive. `state` ("lifted", "seated") goes into the title.
     """
     frequency_Hz, shape = np.asarray(frequency_Hz, dtype=float), np.asarray(shape, dtype=float)
     if shape.shape != (len(frequency_Hz), len(mass_names)):

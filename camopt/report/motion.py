@@ -11,6 +11,7 @@ from camopt.cam.geometry import contact
 from camopt.cam.lift import Lift
 from camopt.cam.read import read_cam
 from camopt.exact.engine import prepare
+from camopt.measure.settling import settle
 from camopt.plots.style import DESIGN, cam_line, family_of
 from camopt.report.drawing import Strokes, drawing
 from camopt.report.folder import RunFolder
@@ -18,8 +19,7 @@ from camopt.report.wording import as_number, is_number, shown
 from camopt.scene import InputError, Scene, Train, build_train, load_scene, rest_position
 from camopt.scene.errors import MotionRefused
 from camopt.scene.units import DEG, MM
-from camopt.study.motion import resampled
-from camopt.verify.settle import settle
+from camopt.study.simulate.motion import resampled
 
 STEPS_DEG = (0.5, 1.0, 2.0, 5.0)
 MOST_NUMBERS = 400_000

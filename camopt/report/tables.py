@@ -2,7 +2,7 @@
 
 from itertools import groupby
 
-from camopt.optimize.comparison import NO_JERK
+from camopt.optimizer.baselines.comparison import NO_JERK
 from camopt.plots.style import DESIGN, cam_line, family_of
 from camopt.report.folder import RunFolder
 from camopt.report.limits import worst_of
@@ -93,7 +93,9 @@ def comparison_groups(run: RunFolder) -> list[dict]:
         lost = [r for r in rows if as_number(r.get("bounce_mm", "")) is None]
         high = [as_number(r.get("bounce_high_mm", "") or r.get("bounce_mm", "")) for r in rows]
         verdicts = {r.get("verdict", "") for r in rows}
-        verdict = next((v for v in ("rejected", "not converged", "sensitive", "confirmed") if v in verdicts), "")
+        verdict = next(
+            (v for v in ("failed", "rejected", "not converged", "sensitive", "confirmed") if v in verdicts), ""
+        )
         words = ",".join(r.get("broken", "") for r in rows).replace(";", ",").split(",")
         broken = dict.fromkeys(broken_words(word.strip()) for word in words if word.strip())
         groups.append(

@@ -1,13 +1,13 @@
-"""Elastic laws beyond the linear one, as data, with the scene's own evaluation of them (rest, touch, stand-ins).
+"""Elastic laws beyond the linear one, as data, with what the scene itself evaluates: rest, touch and stand-ins.
 
-With d the compression, p the elastic force and P the preload, which is the force at d = 0 under every law:
+Let d be the compression, p the elastic force and P the preload, which is the force at d = 0 under every law. Then
 
     linear       p = P + k d
     hertz        p = k (d - d_touch)^exponent above the touch, 0 below it; d_touch = -(P / k)^(1 / exponent)
     progressive  p = P + integral of K from 0 to d; K piecewise linear in d, constant beyond its first and last row
 
-so that a contact touches where p falls to zero, whatever its law; a hertz contact without preload touches at d = 0 and
-has p = k d^exponent. Hertz 1882: contact of two curved bodies in a point, exponent 3/2.
+so that a contact touches where p falls to zero, whatever its law. A hertz contact without preload touches at d = 0 and
+has p = k d^exponent; for two curved bodies that touch in a point the exponent is 3/2 (Hertz 1882).
 """
 
 from dataclasses import dataclass
@@ -59,7 +59,8 @@ class Laws:
     def stand_in(self) -> np.ndarray:
         """Constant stiffness [N/m] of each element for modes and step sizes, shape (e).
 
-        Of a hertz contact the tangent at STAND_IN_FORCE, of a progressive element the stiffness at compression zero.
+        For a hertz contact it is the tangent at STAND_IN_FORCE, for a progressive element the stiffness at compression
+        zero.
         """
         slope = (
             self.exponent * self.coefficient ** (1.0 / self.exponent) * STAND_IN_FORCE ** (1.0 - 1.0 / self.exponent)
@@ -74,7 +75,7 @@ def _integral(table: np.ndarray, d: float) -> float:
 
 
 def _from_first(table: np.ndarray, d: float) -> float:
-    """Integral of a table's stiffness from its first row to d: trapezia, exact for straight lines between rows."""
+    """Integral of a table's stiffness from its first row to d, by trapezia, which is exact for straight lines."""
     (c, k), first = table.T, table[0, 0]
     inside = c[(c > min(first, d)) & (c < max(first, d))]
     knots = np.concatenate([[min(first, d)], inside, [max(first, d)]])
@@ -82,7 +83,7 @@ def _from_first(table: np.ndarray, d: float) -> float:
 
 
 def _compression(table: np.ndarray, force: float) -> float:
-    """Compression at which the integral from 0 equals `force` [m]: the root of a parabola between two rows."""
+    """Compression [m] at which the integral from 0 equals `force`; between two rows it is the root of a parabola."""
     c, k = table.T
     at_rows = np.array([_integral(table, row) for row in c])
     i = int(np.searchsorted(at_rows, force, "right")) - 1

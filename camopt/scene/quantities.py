@@ -1,6 +1,6 @@
 """The metrics of a motion, each declared once: name, unit, sentence, window. Tables, axes and tests read this list.
 
-The formulas are written once per side (`camopt.verify.metrics` in NumPy, `camopt.smooth.metrics` in JAX) and a test
+The formulas are written once per side (`camopt.measure.metrics` in NumPy, `camopt.smooth.metrics` in JAX) and a test
 feeds both sides the same response.
 """
 

@@ -22,7 +22,7 @@ class Response:
     lift: np.ndarray  # (k) m, of the cam
     x: np.ndarray  # (k, n) m
     v: np.ndarray  # (k, n) m/s
-    force: np.ndarray  # (k, e) N, as the elements exert it: never below zero in a contact
+    force: np.ndarray  # (k, e) N, the force that each element exerts: never below zero in a contact
 
     @property
     def time(self) -> np.ndarray:
@@ -51,10 +51,10 @@ class Response:
 
 
 Revolve = Callable[[np.ndarray], Response]
-"""One revolution from -pi to pi, from a state (2 n: positions [m], then velocities [m/s]).
+"""A function that takes a state (2n: positions [m], then velocities [m/s]) at -pi and returns a revolution from there.
 
-Every method offers `prepare(train, lift, cam_speed, ...) -> Revolve`: whatever is the same in every revolution is
-worked out once, and settling, metrics and error estimates are written once for all methods.
+Every method offers `prepare(train, lift, cam_speed, ...) -> Revolve`, which works out once whatever is the same in
+every revolution. Settling, metrics and error estimates are therefore written once for all methods.
 """
 
 

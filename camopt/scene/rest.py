@@ -1,4 +1,7 @@
-"""Static equilibrium on the base circle, found over the sets of closed contacts; beyond linear laws, from there on."""
+"""Static equilibrium on the base circle, found by going through the sets of closed contacts.
+
+Under nonlinear laws, the rest of the linear stand-ins is where Newton's method starts.
+"""
 
 from dataclasses import replace
 from itertools import product
@@ -10,11 +13,11 @@ from camopt.scene.laws import Laws
 from camopt.scene.train import GROUND, Train
 
 FORCE_SLACK = 1e-9
-"""Relative slack on forces and separations at rest: a contact exactly at its touch counts either way."""
+"""Relative slack on forces and separations at rest: a contact exactly at its touch may count as closed or as open."""
 MOST_STEPS = 200
-"""Newton steps to rest under nonlinear laws; ten are usual."""
+"""Largest number of Newton steps to rest under nonlinear laws; ten are usual."""
 GROUNDING = 1e-12
-"""Stiffness to ground that a Newton step adds, relative to the largest of the train."""
+"""Stiffness to ground that a Newton step adds, relative to the largest stiffness of the train."""
 
 
 def static_matrices(train: Train, closed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -29,7 +32,7 @@ def static_matrices(train: Train, closed: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def _row(train: Train, e: int) -> np.ndarray:
-    """Compression of element e by position, shape (n)."""
+    """Derivative of the compression of element e by the positions, shape (n)."""
     row = np.zeros(len(train.mass))
     if train.a[e] != GROUND:
         row[train.a[e]] += 1.0
@@ -94,8 +97,9 @@ def static_forces(train: Train, lift: np.ndarray) -> np.ndarray:
 def _balanced(train: Train, laws: Laws, x: np.ndarray) -> np.ndarray:
     """Rest under nonlinear laws, searched from the rest x (n) [m] of their linear stand-ins.
 
-    Every elastic force rises with its compression, so rest is the minimum of a convex energy: Newton's method, its step
-    halved while it overshoots. A little stiffness to ground carries it across contacts that are open.
+    Every elastic force rises with its compression, so that rest is the minimum of a convex energy. Newton's method
+    finds it, with a step that is halved while it overshoots. A little stiffness to ground lets a step cross contacts
+    that are open.
     """
     rows = np.stack([_row(train, e) for e in range(len(train.a))])
 

@@ -3,9 +3,23 @@
 from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
-Positive = Annotated[float, Field(gt=0)]
+SMALLEST, LARGEST = 1e-12, 1e15
+"""Size of a number of a scene in its key's unit, where it may not be zero: what lies beyond is a slip, and double
+precision does not hold it beside the others."""
+
+MOST_ROWS = {"mass": 200, "element": 400}
+
+
+def _not_too_small(value: float) -> float:
+    if abs(value) < SMALLEST:
+        raise ValueError(f"is smaller than any quantity of a scene ({SMALLEST:g}): check the unit in the key")
+    return value
+
+
+Usable = AfterValidator(_not_too_small)
+Positive = Annotated[float, Field(gt=0), Usable]
 NonNegative = Annotated[float, Field(ge=0)]
 PoissonRatio = Annotated[float, Field(ge=0, le=0.5)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,63}$")]
@@ -15,6 +29,18 @@ class Table(BaseModel):
     """Base of all tables of a scene file: no unknown keys, no coercion, no NaN, no change after loading."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    @field_validator("*")
+    @classmethod
+    def _not_too_large(cls, value):
+        parts = list(value) if isinstance(value, tuple) else [value]
+        while parts:
+            part = parts.pop()
+            if isinstance(part, tuple):
+                parts += part
+            elif isinstance(part, float) and abs(part) > LARGEST:
+                raise ValueError(f"is larger than any quantity of a scene ({LARGEST:g}): check the unit in the key")
+        return value
 
 
 class Mass(Table):
@@ -31,10 +57,11 @@ class Mass(Table):
 class Element(Table):
     """A spring (bilateral) or contact (pushes, never pulls) between two masses or a mass and ground.
 
-    `law` says how the elastic force grows with the compression (see `camopt.scene.laws`). "linear": with
-    `stiffness_N_per_m`. "hertz", contacts only: with `stiffness_N_per_m`, then in N/m^exponent, to the power
-    `exponent` (1.5 where left out). "progressive": the stiffness itself follows `stiffness_table`, rows of
-    [compression_mm, stiffness_N_per_m] by ascending compression. `preload_N` is the elastic force at compression zero.
+    `law` says how the elastic force grows with the compression (see `camopt.scene.laws`). Under "linear" it grows by
+    `stiffness_N_per_m`. Under "hertz", which only contacts may have, it grows with the power `exponent` (1.5 where left
+    out) of the compression, and `stiffness_N_per_m` is its factor [N/m^exponent]. Under "progressive" the stiffness
+    itself follows `stiffness_table`, rows of [compression_mm, stiffness_N_per_m] in ascending order. `preload_N` is the
+    elastic force at compression zero.
     """
 
     name: Name
@@ -98,25 +125,31 @@ class Element(Table):
 
 
 class Operation(Table):
-    """Speeds, crankshaft r/min; cam speed = `cam_per_crank` times that."""
+    """Speeds of the crankshaft [r/min]; the cam turns at `cam_per_crank` times these speeds."""
 
     speeds_rpm: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=1000)]
     band_rpm: tuple[Positive, Positive]
     cam_per_crank: Positive = 0.5
 
-    @model_validator(mode="after")
-    def _ascending(self):
-        if self.band_rpm[0] >= self.band_rpm[1]:
-            raise ValueError("band_rpm must be [lower, upper] with lower < upper")
-        if list(self.speeds_rpm) != sorted(set(self.speeds_rpm)):
-            raise ValueError("speeds_rpm must be ascending without repeats")
-        return self
+    @field_validator("speeds_rpm")
+    @classmethod
+    def _ascending(cls, speeds):
+        if list(speeds) != sorted(set(speeds)):
+            raise ValueError("must be ascending without repeats")
+        return speeds
+
+    @field_validator("band_rpm")
+    @classmethod
+    def _lower_first(cls, band):
+        if band[0] >= band[1]:
+            raise ValueError("must be [lower, upper] with lower < upper")
+        return band
 
 
 class Design(Table):
     """Design conditions and limits of the cam; a limit that is left out does not limit."""
 
-    duration_deg: Annotated[float, Field(gt=0, lt=300)]
+    duration_deg: Annotated[float, Field(gt=0, lt=300), Usable]
     max_lift_mm: Positive
     reach_max_lift: bool = False
     ramp_height_mm: Positive
@@ -125,7 +158,7 @@ class Design(Table):
     closing_ramp_height_mm: Positive | None = None
     closing_ramp_velocity_mm_per_deg: Positive | None = None
     acceleration_max_mm_per_deg2: Positive | None = None
-    acceleration_min_mm_per_deg2: Annotated[float, Field(lt=0)] | None = None
+    acceleration_min_mm_per_deg2: Annotated[float, Field(lt=0), Usable] | None = None
     jerk_max_mm_per_deg3: Positive | None = None
     nose_deg: NonNegative | None = None
     bounce_max_mm: NonNegative | None = None
@@ -135,11 +168,17 @@ class Design(Table):
     contact_force_min_N: Positive | None = None
     contact_force_max_N: Positive | None = None
 
+    @field_validator("nose_deg")
+    @classmethod
+    def _within_the_duration(cls, nose, info: ValidationInfo):
+        duration = info.data.get("duration_deg")
+        if nose is not None and duration is not None and nose >= duration / 2:
+            raise ValueError("must be below half of duration_deg")
+        return nose
+
     @model_validator(mode="after")
     def _consistent(self):
         faults = []
-        if self.nose_deg is not None and self.nose_deg >= self.duration_deg / 2:
-            faults.append("nose_deg must be below half of duration_deg")
         least, most = self.contact_force_min_N, self.contact_force_max_N
         if least is not None and most is not None and least >= most:
             faults.append("contact_force_min_N must be below contact_force_max_N")
@@ -176,7 +215,7 @@ class Geometry(Table):
     follower: Literal["flat", "roller"]
     base_radius_mm: Positive
     face_width_mm: Positive | None = None
-    roller_radius_mm: Positive | None = None
+    roller_radius_mm: Positive | None = Field(default=None, validate_default=True)
     rocker_ratio: Positive = 1.0
     contact_width_mm: Positive | None = None
     cam_modulus_GPa: Positive = 210.0
@@ -186,15 +225,17 @@ class Geometry(Table):
     assumed: tuple[str, ...] = ()
     source: str = ""
 
-    @model_validator(mode="after")
-    def _roller(self):
-        if (self.follower == "roller") != (self.roller_radius_mm is not None):
-            raise ValueError('roller_radius_mm belongs to follower = "roller", and only to it')
-        return self
+    @field_validator("roller_radius_mm")
+    @classmethod
+    def _of_a_roller(cls, radius, info: ValidationInfo):
+        follower = info.data.get("follower")
+        if follower is not None and (follower == "roller") != (radius is not None):
+            raise ValueError("missing; a roller has one" if radius is None else "belongs to rollers only: leave it out")
+        return radius
 
 
 class Scene(Table):
-    """A valve train with its operation and design conditions, as one scene file says it."""
+    """A valve train with its operation and design conditions, as a scene file states them."""
 
     format: Literal[1]
     name: Name
@@ -205,8 +246,8 @@ class Scene(Table):
     operation: Operation | None = None
     design: Design | None = None
     geometry: Geometry | None = None
-    mass: Annotated[tuple[Mass, ...], Field(min_length=1, max_length=200)]
-    element: Annotated[tuple[Element, ...], Field(min_length=1, max_length=400)]
+    mass: Annotated[tuple[Mass, ...], Field(min_length=1, max_length=MOST_ROWS["mass"])]
+    element: Annotated[tuple[Element, ...], Field(min_length=1, max_length=MOST_ROWS["element"])]
 
     def cam_speed(self, speed_rpm: float) -> float:
         """Cam speed [rad/s] at a crankshaft speed [r/min]."""
@@ -214,3 +255,10 @@ class Scene(Table):
 
         assert self.operation is not None, "load_scene(..., need='operation') guarantees it"
         return speed_rpm * self.operation.cam_per_crank * RPM
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on what is unusual: numbers outside `camopt.scene.usual.USUAL`, a lash above the ramps."""
+        from camopt.scene.notes import scene_notes
+
+        return scene_notes(self)

@@ -1,4 +1,4 @@
-"""The valve train as SI arrays: data only. Each path assembles its own equations and writes its own contact law."""
+"""The valve train as SI arrays, which are data only: each path has its own equations and its own contact law."""
 
 from dataclasses import dataclass
 
@@ -99,7 +99,7 @@ def build_train(scene: Scene) -> Train:
 
 
 def _laws(elements: tuple[Element, ...]) -> Laws:
-    """The elements' laws in SI; tables are filled up to one length with their last stiffness, metre by metre."""
+    """The elements' laws in SI. Rows that repeat the last stiffness, a metre apart, bring tables to one length."""
     kind = np.array([KINDS[e.law] for e in elements])
     rows = max(len(e.stiffness_table or ()) for e in elements) or 1
     table = np.zeros((len(elements), rows, 2))
@@ -117,10 +117,10 @@ def _laws(elements: tuple[Element, ...]) -> Laws:
 
 
 def _contacts_between_cam_and_valve(a, b, contact, cam_driven, valve) -> tuple[int, ...]:
-    """Contacts on the way from the cam-driven element to the valve, the ground not being a way."""
+    """Contacts on the way from the cam-driven element to the valve; no way leads over the ground."""
     if valve < 0:
         return ()
-    for first in np.flatnonzero(cam_driven):
+    for first in np.flatnonzero(cam_driven & (b != GROUND)):
         ways: list[tuple[int, tuple[int, ...]]] = [(int(b[first]), (int(first),))]
         seen = {GROUND}
         while ways:
@@ -129,7 +129,7 @@ def _contacts_between_cam_and_valve(a, b, contact, cam_driven, valve) -> tuple[i
                 return tuple(e for e in path if contact[e])
             seen.add(mass)
             for e in range(len(a)):
-                if e in path or mass not in (a[e], b[e]):
+                if e in path or mass not in ((a[e],) if contact[e] else (a[e], b[e])):
                     continue
                 other = int(b[e] if a[e] == mass else a[e])
                 if other not in seen:

@@ -1,4 +1,4 @@
-"""An adaptive integrator of diffrax on the same smoothed motion: the check of the scan, and a choice of solvers."""
+"""Adaptive integrators of diffrax for the same smoothed motion: they check the scan and give a choice of solvers."""
 
 from functools import partial
 
@@ -15,11 +15,12 @@ SOLVERS = {
     name.lower(): getattr(diffrax, name)
     for name in ("Tsit5", "Dopri5", "Dopri8", "Bosh3", "Heun", "Kvaerno3", "Kvaerno5", "KenCarp4", "KenCarp5")
 }
-"""Diffrax's solvers for ordinary differential equations with an error estimate, by name in lower case."""
+"""Diffrax's solvers for ordinary differential equations with an error estimate, by their names in lower case."""
 
 
 ADJOINTS = {"reverse": diffrax.RecursiveCheckpointAdjoint, "forward": diffrax.ForwardMode}
-"""Modes of differentiation, chosen before: diffrax's checkpointed loop knows no forward mode, its other no reverse."""
+"""Modes of differentiation. One has to be chosen in advance, because diffrax's checkpointed loop knows no forward mode
+and its other loop knows no reverse mode."""
 
 
 @partial(jax.jit, static_argnames=("solver", "ramp", "adjoint"))

@@ -1,7 +1,7 @@
 """Many motions side by side on equal steps: one scan for all, the batch last in every array.
 
-The refined grid (`camopt.smooth.grid`) gives the derivatives of the layer as narrow as wanted, at several times the
-cost; equal steps run over the layers and want a wide one (`BATCH_EPS`).
+The refined grid (`camopt.smooth.grid`) resolves a contact's layer however narrow it is, at several times the cost.
+Equal steps run over the layers without regard to their edges and therefore need a wide layer (`BATCH_EPS`).
 """
 
 import jax
@@ -23,7 +23,7 @@ BATCH_EPS = 1e-6
 def stage_lifts(lift: Lift, steps: int) -> np.ndarray:
     """Lift [m] and its angle derivative [m/rad] at the stages of `steps` equal steps from -pi: (2, steps, 6).
 
-    Linear in the lift: for lifts L0 + sum_j z_j B_j they are those of L0 plus z against those of the B_j.
+    They are linear in the lift: those of L0 + sum_j z_j B_j are those of L0 plus the sum of z_j times those of B_j.
     """
     theta = np.asarray(stage_angles(jnp.asarray(equal_grid(steps))))
     return np.stack([lift(theta), lift(theta, 1)])
@@ -32,8 +32,8 @@ def stage_lifts(lift: Lift, steps: int) -> np.ndarray:
 def batch_motion(system: System, stages, cam_speed, y0, eps=BATCH_EPS, ramp: str = "compact") -> Motion:
     """One revolution from the states y0 (2, n) or (2, n, b) of b motions: a `Motion` with the batch first, (b, k, ...).
 
-    `stages` (2, steps, 6, b) as of `stage_lifts`, `cam_speed` (b) [rad/s]. Differentiable in every array, in the
-    precision of `stages`; one program per topology and shapes.
+    `stages` (2, steps, 6, b) holds what `stage_lifts` gives for every cam; `cam_speed` (b) is in rad/s. The motion is
+    differentiable in every array and has the precision of `stages`. One program is compiled per topology and shapes.
     """
     steps, width = stages.shape[1], stages.shape[3]
     angle = jnp.asarray(equal_grid(steps), stages.dtype)
@@ -51,7 +51,10 @@ def batch_motion(system: System, stages, cam_speed, y0, eps=BATCH_EPS, ramp: str
 def batch_metrics(
     system: System, stages, cam_speed, y0, half_duration, opening_foot, eps=BATCH_EPS, ramp: str = "compact"
 ) -> dict[str, jax.Array]:
-    """The metrics of `revolution_metrics`, (b) each, of `batch_motion`; their windows end with its one revolution."""
+    """The metrics of `revolution_metrics`, (b) each, for the motions of `batch_motion`.
+
+    A bounce window ends with the one revolution that is simulated. Arguments are those of `batch_motion`.
+    """
     motion = batch_motion(system, stages, cam_speed, y0, eps, ramp)
     layer = touch_layer(eps, ramp)
 

@@ -10,8 +10,8 @@ def cache_compilations(folder: Path | None = None) -> Path | None:
     """Keep compiled programs in `folder`, by default ~/.cache/camopt/jax-<version>; returns the folder in use.
 
     A folder that JAX was already given (JAX_COMPILATION_CACHE_DIR) is left as it is. Cached programs are executed, so
-    the folder is created for this user alone, and one that others may write to, or that cannot be made, is not used
-    (returns None: programs are then compiled anew in each run).
+    the folder is created for this user alone. A folder that others may write to, or that cannot be made, is not used:
+    the function then returns None, and programs are compiled anew in each run.
     """
     given = jax.config.values["jax_compilation_cache_dir"]
     if given is not None and folder is None:

@@ -4,9 +4,9 @@ With u the compression beyond the touch (d + preload / k), the force of a contac
 
     f = clip_0( p(eps S(u / eps)) + c u' S'(u / eps) ),    p(u) = k u where the elastic law is linear.
 
-S is either the compact ramp, equal to max(0, r) outside |r| < 1/2 and twice continuously differentiable, or the
-softplus. Outside its layer the compact ramp *is* the law of the non-smooth model (no bias of the resting force), which
-softplus, pushing with k eps ln 2 at the touch itself, is not.
+S is either the compact ramp or the softplus. The compact ramp equals max(0, r) outside |r| < 1/2 and is twice
+continuously differentiable. Outside its layer it *is* the law of the non-smooth model, so that the resting force has no
+bias; softplus has one, since it pushes with k eps ln 2 at the touch itself.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,7 @@ import jax.numpy as jnp
 
 
 class Ramp(NamedTuple):
-    """A smooth stand-in for max(0, r), its derivative, and its layer |r| < half_width with the steps it asks for."""
+    """A smooth stand-in for max(0, r), its derivative, its layer |r| < half_width, and the steps the layer needs."""
 
     value: Callable[[jax.Array], jax.Array]
     slope: Callable[[jax.Array], jax.Array]
@@ -39,11 +39,11 @@ RAMPS = {
     "compact": Ramp(_compact_value, _compact_slope, 0.5, 4),
     "softplus": Ramp(jax.nn.softplus, jax.nn.sigmoid, 20.0, 80),
 }
-"""Ramps by name; softplus has no edge, at 20 it is e^-20 of its width from its asymptotes."""
+"""Ramps by name. Softplus has no edge; at |r| = 20 it is e^-20 of its width away from its asymptotes."""
 
 
 def raw_force(u, u_dot, stiffness, damping, eps, ramp: str = "compact") -> jax.Array:
-    """p(eps S(u / eps)) + c u' S'(u / eps) [N], before it is clipped at zero; arguments as `contact_force`."""
+    """p(eps S(u / eps)) + c u' S'(u / eps) [N], before it is clipped at zero; arguments as for `contact_force`."""
     smooth = RAMPS[ramp]
     pressed = smooth.value(u / eps)
     elastic = stiffness(eps * pressed) if callable(stiffness) else stiffness * eps * pressed

@@ -16,29 +16,31 @@ from camopt.smooth.scan import ERROR, NODES, STAGES, WEIGHTS, combine, lift_at, 
 from camopt.smooth.system import System
 
 CLIP_STEP = 1e-4
-"""Longest step over a clip, as a phase [rad] of the stiffest motion."""
+"""Longest step over an angle at which a force is clipped, as a phase [rad] of the stiffest motion."""
 EDGE = 1e-3
-"""Longest step over the edge of a layer, in units of eps; between its edges the law is a polynomial."""
+"""Longest step over the edge of a layer, in units of eps. Between the edges the law is a polynomial."""
 BETWEEN = np.arange(1, 8) / 8
-"""Shares of a step at which its motion is looked at beside its stages: a contact may open and close between these."""
+"""Shares of a step at which its motion is examined besides at its stages, because a contact may open and close between
+two stages."""
 PLACES = np.concatenate([[0.0], NODES[1:], BETWEEN, [1.0]])
-"""Shares of a step of its start, its later stages, the looks between and its end."""
+"""Shares of a step at which its start, its later stages, the examined places between and its end lie."""
 STRAY = 0.9
-"""Share of a step before the first place behind an edge or a clip to which a step shrinks that ends before it."""
+"""A step that ends before an edge or a clip but crosses it midway shrinks to this share of the first place beyond."""
 LEAST_STEPS = 720
-"""Steps per revolution at least: no event of a cam is shorter."""
+"""A revolution has at least this many steps: no event of a cam is shorter than one of them."""
 LARGEST_PHASE = 0.8
-"""Longest step, as a phase [rad] of the stiffest motion. The tolerance bounds the error of the motion, not that of its
-derivative, which every closing fills with the fastest modes: at 1.2 gradients are off by up to three times as much, and
-beyond the limit of stability (1.9 for the modes of `kodama`, which exceed that frequency by a fifth) they grow."""
+"""Longest step, as a phase [rad] of the stiffest motion. The tolerance bounds the error of the motion, but not that of
+its derivative, in which every closing excites the fastest modes. With 1.2 the error of gradients is up to three times
+as large, and beyond the limit of stability (1.9 for the modes of `kodama`, whose frequency is a fifth higher) gradients
+grow without bound."""
 ATTEMPTS = 1.5
-"""Attempted steps per step kept; about 1.3 on bouncing motions of `kodama`."""
+"""Attempted steps that are allowed per step kept; bouncing motions of `kodama` take about 1.3."""
 CHUNK = 128
-"""Attempts between two looks at whether the revolution is done."""
+"""Number of attempts after which it is checked whether the revolution is done."""
 
 
 class Progress(NamedTuple):
-    """Where the search for the grid stands: angle [rad], next width [rad], state, its slope."""
+    """Where the search for the grid stands: the angle [rad], the next width [rad], the state and its derivative."""
 
     angle: jax.Array
     width: jax.Array
@@ -52,11 +54,11 @@ def equal_grid(steps: int) -> np.ndarray:
 
 
 def refined_grid(system: System, samples, cam_speed, y0, eps, tolerance, steps: int, ramp: str = "compact"):
-    """Angles (steps + 1) from -pi [rad] and states (steps + 1, 2, n) there; one revolution from y0 (2, n).
+    """A grid for one revolution from y0 (2, n): angles (steps + 1) from -pi [rad], and states (steps + 1, 2, n) there.
 
-    `tolerance` [m] is the error permitted per step in the positions, and times the stiffest frequency in the
-    velocities. Where fewer `steps` are needed the last sample is repeated; where they do not suffice its angle falls
-    short of pi. No derivative passes through.
+    `tolerance` [m] is the error permitted per step in the positions; times the stiffest frequency it is the error
+    permitted in the velocities. Where fewer than `steps` are needed the last sample is repeated; where they do not
+    suffice the last angle falls short of pi. No derivative passes through the grid.
     """
     system, samples, cam_speed, y0, eps = jax.lax.stop_gradient((system, samples, cam_speed, y0, eps))
     frequency = system.stiffest()
@@ -96,7 +98,7 @@ def refined_grid(system: System, samples, cam_speed, y0, eps, tolerance, steps: 
 
 
 def _until_arrival(attempt, begin: Progress, end, chunks: int):
-    """Angles, states and marks of the attempts, chunk by chunk until the end is reached or no chunk is left."""
+    """Angles, states and marks (kept or not) of all attempts, chunk by chunk, until the end or the last chunk."""
 
     def more(search):
         at, i, _ = search
@@ -114,7 +116,7 @@ def _until_arrival(attempt, begin: Progress, end, chunks: int):
 
 
 def _between(y0, slope0, y1, slope1, h):
-    """States (7, 2, n) at the shares `BETWEEN` of a step of h [s]: the cubic through its ends and their slopes."""
+    """States (7, 2, n) at the shares `BETWEEN` of a step of h [s], by the cubic through its ends and their slopes."""
     rise = y1 - y0
 
     def at(t):
@@ -135,13 +137,13 @@ def _surfaces(system: System, y, samples, cam_speed, angle, eps, ramp: str):
 
 
 def contact_limit(u, g, h, eps, clip_step, ramp: str) -> jax.Array:
-    """Factor by which a step of `h` [s] must shrink; 1 or above: none.
+    """Factor by which a step of `h` [s] must shrink; a step with a factor of 1 or above stays as it is.
 
-    `u` [m] and `g` [N], compression and raw force (k, contacts), at the `PLACES` of the step. The edges of a layer and
-    the clip are crossed in short steps that start just before them. No stage of a long step may lie behind: its
-    derivative belongs to the other side, however little its force differs; the last stages are less accurate than the
-    end, so that even a step that ends just before may be refused. Inside a layer a step may change the compression by
-    the ramp's share.
+    `u` [m] and `g` [N] are the compression and the raw force (k, contacts) at the `PLACES` of the step. The edges of a
+    layer and the clip are crossed in short steps that start just before them. No stage of a long step may lie behind
+    one, because its derivative belongs to the other side, however little its force differs. The last stages are less
+    accurate than the end, so that even a step that ends just before an edge may be refused. Inside a layer a step may
+    change the compression by the share of the layer that the ramp states.
     """
     if u.size == 0:
         return jnp.ones_like(h)
@@ -155,7 +157,7 @@ def contact_limit(u, g, h, eps, clip_step, ramp: str) -> jax.Array:
 
 
 def _crossing(values, matters, longest):
-    """Factor for a step in which values (k, contacts) change sign and by more than `longest`: to just before zero."""
+    """Factor that ends a step just before zero, where values (k, contacts) change sign by more than `longest` in it."""
     behind, moved = values[:1] * values < 0, jnp.abs(values - values[:1])
     refused = matters & jnp.any(behind, axis=0) & (jnp.max(moved, axis=0) > longest)
     first = jnp.min(jnp.where(behind, PLACES.astype(values.dtype)[:, None], 1.0), axis=0)

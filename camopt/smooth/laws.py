@@ -1,4 +1,7 @@
-"""Elastic laws beyond the linear one in JAX, by the compression u beyond the touch: differentiable in every number."""
+"""Elastic laws beyond the linear one in JAX, as functions of the compression u beyond the touch.
+
+They are differentiable in every number of a law.
+"""
 
 import equinox as eqx
 import jax
@@ -9,7 +12,7 @@ from camopt.scene.laws import HERTZ, PROGRESSIVE, STAND_IN_FORCE, Laws
 
 
 class ElasticLaws(eqx.Module):
-    """The laws of the elements (e) of a train; stiffness (e) is N/m, of a hertz contact N/m^exponent."""
+    """The laws of the elements (e) of a train. A stiffness is in N/m, that of a hertz contact in N/m^exponent."""
 
     table: jax.Array  # (e, q, 2): compression [m] and stiffness [N/m]; read where progressive
     kind: tuple[int, ...] = eqx.field(static=True)
@@ -18,8 +21,8 @@ class ElasticLaws(eqx.Module):
     def touch(self, stiffness: jax.Array, preload: jax.Array) -> jax.Array:
         """Compression at which each elastic force falls to zero [m], shape (e).
 
-        That of a hertz contact without preload is zero with a derivative of zero: the true one, by a preload that
-        grows from nothing, is infinite.
+        A hertz contact without preload touches at zero, and the derivative by its preload is given as zero; the true
+        derivative, by a preload that grows from nothing, is infinite.
         """
         touch = -preload / stiffness
         h, q = self._hertz(preload.dtype)
@@ -43,7 +46,7 @@ class ElasticLaws(eqx.Module):
         return force
 
     def stand_in(self, stiffness: jax.Array) -> jax.Array:
-        """Constant stiffness [N/m] in place of each law, as `camopt.scene.laws.Laws.stand_in`."""
+        """Constant stiffness [N/m] that stands for each law; see `camopt.scene.laws.Laws.stand_in`."""
         h, q = self._hertz(stiffness.dtype)
         return stiffness.at[h].set(q * stiffness[h] ** (1.0 / q) * STAND_IN_FORCE ** (1.0 - 1.0 / q))
 
@@ -64,7 +67,7 @@ def elastic_laws(laws: Laws, dtype) -> ElasticLaws:
 
 
 def _pieces(table: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
-    """Rows' compression and stiffness, slope of the stiffness behind each row, integral up to each row; all (q)."""
+    """(compression and stiffness of the rows, its slope behind each row, its integral up to each row), each (q)."""
     c, k = table[:, 0], table[:, 1]
     slope = jnp.append(jnp.diff(k) / jnp.diff(c), 0.0)
     at_rows = jnp.concatenate([jnp.zeros_like(c[:1]), jnp.cumsum(0.5 * (k[1:] + k[:-1]) * jnp.diff(c))])

@@ -1,9 +1,9 @@
-"""The contact force margin (see `camopt.exact.margin`) on the smooth path."""
+"""The contact force margin (see `camopt.exact.adjoint.margin`) on the smooth path."""
 
 import jax
 import jax.numpy as jnp
 
-from camopt.scene.held import HOLDING_N, held_closed
+from camopt.scene.tied_contacts import HOLDING_N, held_closed
 from camopt.scene.train import Train
 from camopt.smooth.metrics import event_metrics
 from camopt.smooth.rest import rest_state
@@ -16,8 +16,9 @@ def contact_force_margin(
 ) -> jax.Array:
     """Least force [N] of the contacts between cam and valve, held closed, in the first revolution from rest.
 
-    Arguments as of `response_arrays`; differentiable in `samples` and `cam_speed`. NaN where `steps` do not suffice or
-    the contacts pull with more than `HOLDING_N`. Raises InputError as `held_closed`.
+    Arguments have the meaning that they have for `response_arrays`; the result is differentiable in `samples` and
+    `cam_speed`. It is NaN where `steps` do not suffice or where the contacts pull with more than `HOLDING_N`. Raises
+    InputError where `held_closed` does.
     """
     held = held_closed(train)
     system = build_system(held)

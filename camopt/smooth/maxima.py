@@ -1,12 +1,13 @@
 """Greatest and least values with a derivative everywhere, and what their smoothness costs.
 
-`soft_worst(q, width) = width log sum_i exp(q_i / width)` of n values lies above the greatest, by the stated bias
+For n values, `soft_worst(q, width) = width log sum_i exp(q_i / width)` lies above the greatest of them by a bias of
 
-    0 <= soft_worst - max <= width log n,      the upper end where all are equal (a tie), 0 as width -> 0,
+    0 <= soft_worst - max <= width log n.
 
-and its derivative is the mean of the derivatives with weights exp((q_i - soft_worst) / width): ties share it equally.
-The hard maxima of `camopt.smooth.metrics` take one side knowingly: at a tie of samples the first one's derivative, at a
-tie of contacts or of a value with its floor (jump and bounce with zero) half of each.
+The bias is largest where all values are equal (a tie) and goes to 0 with the width. The derivative is the mean of the
+values' derivatives with the weights exp((q_i - soft_worst) / width), so that ties share it equally.
+The hard maxima of `camopt.smooth.metrics` choose a side instead: at a tie of samples they have the derivative of the
+first one; at a tie of contacts, or of a value with its floor (jump and bounce with zero), half of each.
 """
 
 import jax
@@ -14,7 +15,7 @@ import jax.numpy as jnp
 
 
 def soft_worst(values, width, axis=None) -> jax.Array:
-    """Smooth stand-in for the greatest of `values` over `axis`; `width` > 0 has their unit. Bias: see above."""
+    """Smooth stand-in for the greatest of `values` over `axis`, with the bias above; `width` > 0 has their unit."""
     return width * jax.nn.logsumexp(jnp.asarray(values) / width, axis=axis)
 
 
@@ -35,5 +36,5 @@ def soft_least(angle, values, keep, width):
 
 
 def soft_greatest(angle, values, keep, width):
-    """Smooth stand-in for the greatest of `values`: below it by at most what `soft_least` lies above the least."""
+    """Smooth stand-in for the greatest of `values`; it lies below by at most as much as `soft_least` lies above."""
     return -soft_least(angle, -values, keep, width)

@@ -30,7 +30,7 @@ def margins(system: System, motion: Motion) -> jax.Array:
 
 
 def margin_slopes(system: System, motion: Motion, cam_speed) -> jax.Array | None:
-    """Derivatives of the margins by angle [m/rad]; None where the lift's is not known."""
+    """Derivatives of the margins by angle [m/rad]; None where the derivative of the lift is not known."""
     if motion.lift_dtheta is None:
         return None
     y = jnp.stack([motion.x, motion.v], axis=1)
@@ -97,7 +97,7 @@ def in_revolution(angle, revolution: int):
 
 
 def nominal_closing(system: System, motion: Motion, revolution: int):
-    """Angle at which the cam lift has fallen to the lash [rad]: cubic inside a step, or linear without its slope."""
+    """Angle [rad] at which the cam lift has fallen to the lash: a cubic inside a step, or linear without its slope."""
     lash = sum(system.gap[e] for e in system.topology.cam_side)
     above = in_revolution(motion.angle, revolution) & (motion.lift > lash)
     i = jnp.clip(len(motion.angle) - 1 - jnp.argmax(above[::-1]), 0, len(motion.angle) - 2)
@@ -108,12 +108,12 @@ def nominal_closing(system: System, motion: Motion, revolution: int):
 
 
 def _cubic(start, rise, m0, m1):
-    """Coefficients of the cubic on [0, 1] from `start` by `rise`, with the slopes m0 and m1 at its ends."""
+    """Coefficients of the cubic on [0, 1] that begins at `start`, rises by `rise` and has the end slopes m0 and m1."""
     return start, m0, 3 * rise - 2 * m0 - m1, m0 + m1 - 2 * rise
 
 
 def at_angle(angle, values, theta, slope=None):
-    """`values` (k) at the angle theta: linear inside a step, or the cubic with the `slope` (k) by angle."""
+    """`values` (k) at the angle theta: linear inside a step or, with their `slope` (k) by angle, the cubic."""
     i = jnp.clip(jnp.searchsorted(angle, jax.lax.stop_gradient(theta), side="right") - 1, 0, len(angle) - 2)
     width = angle[i + 1] - angle[i]
     t = jnp.where(width > 0, (theta - angle[i]) / jnp.where(width > 0, width, 1.0), 0.0)
@@ -125,7 +125,7 @@ def at_angle(angle, values, theta, slope=None):
 
 
 def step_integral(angle, s, s_dtheta, keep):
-    """Integrals over each step kept of max(0, s) and max(0, s)^2 (Simpson, the middle by the cubic), summed."""
+    """Integrals of max(0, s) and max(0, s)^2 over the steps kept, by Simpson's rule with the cubic in the middle."""
     width = jnp.diff(angle)
     middle = 0.5 * (s[1:] + s[:-1]) - width * jnp.diff(s_dtheta) / 8
 
@@ -158,10 +158,10 @@ def least(angle, values, edges):
 
 
 def greatest(at, s, v, edges):
-    """Greatest s (k) at samples between the edges, raised to the crest of the cubic beside it; v: derivative by `at`.
+    """Greatest s (k) at samples between the edges, raised to the crest of the cubic beside it; v (k): slope by `at`.
 
-    The place of the crest is held. That of a force may lie in the layer of its contact, where a damped contact closes:
-    its derivative then knows how the closing shifts, which that of the sample behind the layer does not.
+    The place of the crest is held fixed. The crest of a force may lie in the layer of its contact, where a damped
+    contact closes: its derivative then includes how the closing shifts, that at the sample behind would not.
     """
     keep = (at >= edges[0]) & (at <= edges[1])
     i = jnp.argmax(jnp.where(keep, s, -jnp.inf))
@@ -187,7 +187,7 @@ def _fall_through_zero(m0, m1, second, third):
 
 
 def separation_angle(angle, margin, keep):
-    """Total angle at which a contact is apart (margin < 0) [rad], crossings linear inside steps."""
+    """Total angle [rad] at which a contact is apart (margin < 0); inside a step the margin is a straight line."""
     low, high = jnp.minimum(margin[1:], margin[:-1]), jnp.maximum(margin[1:], margin[:-1])
     spread = jnp.where(high > low, high - low, 1.0)
     share = jnp.where(high <= 0, jnp.where(low < 0, 1.0, 0.0), jnp.clip(-low / spread, 0.0, 1.0))
@@ -195,14 +195,14 @@ def separation_angle(angle, margin, keep):
 
 
 def _greatest_between(angle, values, slopes, edges, sign=1.0):
-    """Greatest of sign * values (k) between two angles and there: of cubics, or without their `slopes` of parabolas."""
+    """Greatest of sign * values (k) from one angle to another, by cubics or, without their `slopes`, by parabolas."""
     values, slopes = sign * values, None if slopes is None else sign * slopes
     crest = -least(angle, -values, edges) if slopes is None else greatest(angle, values, slopes, edges)
     return jnp.max(jnp.stack([crest, *(at_angle(angle, values, edge, slopes) for edge in edges)]))
 
 
 def event_metrics(system: System, motion: Motion, cam_speed, half_duration, revolution: int) -> dict[str, jax.Array]:
-    """Jump and contact force over angles within half the duration of the nose, the worst of the cam-side contacts."""
+    """Jump and contact forces at angles within half the duration from the nose, at the worst cam-side contact."""
     centre = 2 * jnp.pi * revolution
     inside = jnp.abs(motion.angle - centre) <= half_duration
     both = inside[1:] & inside[:-1]
@@ -229,8 +229,8 @@ def closed_metrics(
 ) -> dict[str, jax.Array]:
     """Bounce, seating and impact velocity, and the integral of max(0, s)^2 from the touch to the next opening foot.
 
-    The window ends with the record where the record ends first. Without a touch the values are NaN, and 0 where
-    the valve never opened; gradients are then zero.
+    The window ends with the record where the record ends first. Without a touch the values are NaN, or 0 where
+    the valve never opened; in both cases gradients are zero.
     """
     touch = closing(system, motion, cam_speed, revolution, layer)
     nominal = nominal_closing(system, motion, revolution)
@@ -260,9 +260,9 @@ def closed_metrics(
 def revolution_metrics(
     system: System, motion: Motion, cam_speed, half_duration, opening_foot, revolution: int = 0, layer: float = 0.0
 ) -> dict[str, jax.Array]:
-    """Every declared metric of revolution r of a record, by its name in `QUANTITIES`, in that unit.
+    """Every declared metric of one revolution of a record, by its name in `QUANTITIES` and in the unit of that name.
 
-    `half_duration` and `opening_foot` [rad] are the cam's; `layer` as in `closing`.
+    `half_duration` and `opening_foot` [rad] belong to the cam; `layer` [m] means what it means for `closing`.
     """
     s, v = seat_distance(system, motion)
     now = in_revolution(motion.angle, revolution)
@@ -282,9 +282,9 @@ def soft_metrics(
 ) -> dict[str, jax.Array]:
     """Jump [mm] and contact forces [N] by smooth maxima over angles and contacts, under the names of the hard ones.
 
-    `width_mm` and `width_N` are the widths of `camopt.smooth.maxima`. The values' bias is at most the width times
-    log(window / stay) + 1 + log(contacts) there; they have a derivative where the hard ones have none or zero: the jump
-    is that of the largest signed gap, negative while the contacts are closed, and the least force may lie below zero.
+    `width_mm` and `width_N` are the widths of `camopt.smooth.maxima`. The bias of a value is at most its width times
+    log(window / stay) + 1 + log(contacts), as there. The values have a derivative where the hard ones have none or
+    zero: the jump is the largest signed gap, negative while the contacts are closed; the least force may be negative.
     """
     inside = jnp.abs(motion.angle - 2 * jnp.pi * revolution) <= half_duration
     margin, pick = margins(system, motion), list(system.topology.cam_side)

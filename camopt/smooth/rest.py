@@ -1,8 +1,8 @@
-"""Rest on the base circle in JAX: from a system's numbers alone, so that it may be traced, batched, differentiated.
+"""Rest on the base circle in JAX, from a system's numbers alone, so that it can be traced, batched and differentiated.
 
-The NumPy side (`camopt.scene.rest`) goes through the sets of closed contacts and names what is wrong with a scene; here
-rest is the minimum of the elastic energy, which is convex, by Newton's method with a halved step, as there for
-nonlinear laws.
+The NumPy side (`camopt.scene.rest`) goes through the sets of closed contacts and names what is wrong with a scene. Here
+rest is found as the minimum of the elastic energy, which is convex, by Newton's method with a step that is halved while
+it overshoots; the NumPy side does the same for nonlinear laws.
 """
 
 from typing import NamedTuple
@@ -16,12 +16,14 @@ from camopt.scene.train import Train
 from camopt.smooth.system import System
 
 MOST_STEPS = 200
-"""Newton steps; ten are usual."""
+"""Largest number of Newton steps; ten are usual."""
 MOST_HALVINGS = 40
 SLACK = 1e-9
-"""Unbalanced force at rest, relative to the largest given force; in float32, a hundred units of rounding."""
+"""Unbalanced force that counts as rest, relative to the largest given force; in float32 it is a hundred units of
+rounding."""
 GROUNDING = 1e-12
-"""Stiffness to ground that a Newton step adds, relative to the train's largest: it carries across open contacts."""
+"""Stiffness to ground that a Newton step adds, relative to the train's largest stiffness: with it, a step can cross
+contacts that are open."""
 
 
 class Search(NamedTuple):
@@ -53,8 +55,8 @@ def newton_step(stiffness: jax.Array, force: jax.Array, ground) -> jax.Array:
 def rest_positions(system: System) -> jax.Array:
     """Positions at rest on the base circle [m], shape (n), differentiable by the implicit function theorem.
 
-    NaN where no rest is found: a mass that nothing holds. A contact whose force at rest is exactly zero counts as open,
-    so the derivative there is the one towards open.
+    They are NaN where no rest is found, because nothing holds a mass. A contact whose force at rest is exactly zero
+    counts as open, so that the derivative there is the one towards open.
     """
     frozen = jax.lax.stop_gradient(system)
     ground = GROUNDING * jnp.max(frozen.stiffness)
@@ -84,9 +86,9 @@ def rest_positions(system: System) -> jax.Array:
 
 
 def rest_state(train: Train, system: System | None = None) -> jax.Array:
-    """State (2, n) at rest on the base circle: of the train, or of a `system` that has taken its place.
+    """State (2, n) at rest on the base circle, of the train or of a `system` that takes its place.
 
-    The train's own rest raises InputError where there is none (`camopt.scene.rest`); a system's is NaN.
+    Where there is no rest, a train raises InputError (see `camopt.scene.rest`) and a system gives NaN.
     """
     x = jnp.asarray(rest_position(train)) if system is None else rest_positions(system)
     return jnp.stack([x, jnp.zeros_like(x)])

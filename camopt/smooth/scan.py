@@ -24,13 +24,15 @@ STAGES = (
 )
 WEIGHTS = (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84)
 ERROR = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40)
-"""Weights of the order-five result less those of the embedded order-four one; the last belongs to the next k1."""
+"""Weights of the result of order five minus those of the embedded result of order four; the last weight belongs to the
+first slope of the next step."""
 
 
 def lift_at(samples: jax.Array, theta: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Lift [m] and its angle derivative [m/rad] at `theta` [rad], cubic between samples.
 
-    `samples` (m + 1, 2) hold lift and its angle derivative at m + 1 equal steps from -pi to pi. Linear in `samples`.
+    `samples` (m + 1, 2) hold lift and its angle derivative at m + 1 equally spaced angles from -pi to pi. The result is
+    linear in `samples`.
     """
     count = samples.shape[0] - 1
     width = 2 * jnp.pi / count
@@ -64,7 +66,10 @@ def combine(y, h, weights, slopes):
 
 
 def stage_slopes(system: System, y, k1, h, lift, lift_dt, eps, ramp: str) -> list[jax.Array]:
-    """The six slopes of a step of `h` [s] from state y (2, n) with first slope k1; lift, lift_dt (6) at `NODES`."""
+    """The six slopes of a step of `h` [s] from the state y (2, n), whose first slope is k1.
+
+    `lift` [m] and `lift_dt` [m/s] (6) are those at the step's `NODES`.
+    """
     slopes = [k1]
     for i in range(1, 6):
         slopes.append(system.rate(combine(y, h, STAGES[i], slopes), lift[i], lift_dt[i], eps, ramp))
@@ -72,11 +77,11 @@ def stage_slopes(system: System, y, k1, h, lift, lift_dt, eps, ramp: str) -> lis
 
 
 def integrate(system: System, samples, cam_speed, y0, angle, eps, ramp: str = "compact", known=None) -> jax.Array:
-    """States (k, 2, n) at the angles `angle` (k) [rad], ascending, repeats allowed, from state y0 (2, n).
+    """States (k, 2, n) at the ascending angles `angle` (k) [rad], which may repeat, from the state y0 (2, n).
 
-    `samples` as in `lift_at`; `cam_speed` [rad/s]. With `known` (k, 2, n), the states found with the grid, each step
-    starts from these, and the scan only carries the derivatives: rounding that grows from contact to contact cannot
-    move the motion off its grid.
+    `samples` is what `lift_at` reads, `cam_speed` is in rad/s. Where `known` (k, 2, n) gives the states that were found
+    with the grid, each step starts from these and the scan only carries the derivatives. Rounding that grows from
+    contact to contact then cannot move the motion off its grid.
     """
     lift, lift_dtheta = lift_at(samples, stage_angles(angle))
     return integrate_stages(system, jnp.diff(angle) / cam_speed, lift, lift_dtheta * cam_speed, y0, eps, ramp, known)
@@ -88,9 +93,10 @@ def stage_angles(angle: jax.Array) -> jax.Array:
 
 
 def integrate_stages(system: System, h, lift, lift_dt, y0, eps, ramp: str = "compact", known=None) -> jax.Array:
-    """As `integrate`, from steps h (k - 1) [s] and lift and lift rate (k - 1, 6) [m], [m/s] at the stages.
+    """The states of `integrate`, from steps h (k - 1) [s] and lift [m] and lift rate [m/s] (k - 1, 6) at the stages.
 
-    A batch comes last: h (k - 1, 1, 1, b), lift and lift_dt (k - 1, 6, b), y0 (2, n, b) give states (k, 2, n, b).
+    The axis of a batch comes last: h (k - 1, 1, 1, b), lift and lift_dt (k - 1, 6, b) and y0 (2, n, b) give states
+    (k, 2, n, b).
     """
 
     @partial(jax.checkpoint, prevent_cse=False)  # keeping the stages for the way back costs more than their repetition

@@ -18,22 +18,23 @@ from camopt.smooth.scan import forces_at, integrate, lift_at
 from camopt.smooth.system import Motion, System, build_system
 
 EPS = 2e-9
-"""Default width of the contact's layer [m]. At 1e-7 its width alone puts gradients of bouncing motions of `kodama` off
-by up to 5 percent, and at 1e-8 those of a hop of 6e-8 m by 2 percent; as the grid resolves the layer, a narrow one
+"""Default width of the contact's layer [m]. A width of 1e-7 makes gradients of bouncing motions of `kodama` wrong by up
+to 5 percent, and one of 1e-8 those of a hop of 6e-8 m by 2 percent. The grid resolves the layer, so that a narrow one
 costs no more than a wide one."""
 TOLERANCE = 3e-12
-"""Default error permitted per step [m]: gradients at 6000 r/min are then within one percent; at 1e-9, within ten."""
+"""Default error permitted per step [m]. Gradients at 6000 r/min are then right within one percent; with 1e-9 they are
+right within ten percent."""
 STEPS = 5120
-"""Steps first offered per revolution; `kodama` needs 3000 to 4500 at 5000 to 6500 r/min."""
+"""Number of steps offered per revolution at first; `kodama` needs 3000 to 4500 at 5000 to 6500 r/min."""
 MOST_STEPS = 2**17
-"""Steps per revolution beyond which a motion is refused."""
+"""A motion that needs more steps per revolution than this is refused."""
 LIFT_SAMPLES = 2880
 
 
 def lift_samples(lift: Lift, steps: int = LIFT_SAMPLES) -> np.ndarray:
     """Lift [m] and its angle derivative [m/rad] at `steps` + 1 equal angles from -pi to pi.
 
-    Linear in the lift: for a lift L0 + sum_j z_j B_j the samples are those of L0 plus z against those of the B_j.
+    They are linear in the lift: those of L0 + sum_j z_j B_j are those of L0 plus the sum of z_j times those of B_j.
     """
     theta = equal_grid(steps)
     return np.stack([lift(theta), lift(theta, 1)], axis=-1)
@@ -52,11 +53,12 @@ def response_arrays(
     refine: bool = True,
     ramp: str = "compact",
 ) -> Motion:
-    """Motion over `revolutions` from the state y0 at -pi: `steps` + 1 samples each, differentiable in every array.
+    """Motion over `revolutions` from the state y0 (2, n) at -pi, with `steps` + 1 samples per revolution.
 
-    `samples` as of `lift_samples`, `cam_speed` [rad/s], `eps` and `tolerance` [m] (see `refined_grid`; with `refine`
-    off the steps are equal). Batches of speeds, cams or systems: `jax.vmap`. One program per topology, shapes and
-    keywords. Where `steps` do not suffice every sample is NaN.
+    The motion is differentiable in every array. `samples` is what `lift_samples` gives, `cam_speed` is in rad/s, `eps`
+    and `tolerance` are in m (see `refined_grid`; without `refine` the steps are equal). `jax.vmap` makes batches of
+    speeds, cams or systems. One program is compiled per topology, shapes and keywords. Where `steps` do not suffice
+    every sample is NaN.
     """
 
     def revolve(y, _):
@@ -97,10 +99,11 @@ def prepare(
     method: str = "scan",
     ramp: str = "compact",
 ) -> Revolve:
-    """One smoothed revolution as a function of its start state (2 n).
+    """One smoothed revolution as a function of its start state (2n: [m], then [m/s]); `cam_speed` is in rad/s.
 
-    `method` "scan" refines its grid, or takes `steps_per_revolution` equal steps; any other is the name of a diffrax
-    solver in lower case ("tsit5", "dopri8", "kvaerno5", ...). Raises MotionRefused where no grid resolves the motion.
+    The `method` "scan" refines its grid, or takes `steps_per_revolution` equal steps where they are given. Any other
+    method is the name of a diffrax solver in lower case ("tsit5", "dopri8", "kvaerno5", ...). `eps` and `tolerance` [m]
+    are those of `response_arrays`. Raises MotionRefused where no grid resolves the motion.
     """
     if not eps > 0.0:
         raise InputError(
@@ -130,7 +133,7 @@ def prepare(
 
 
 def _scanned(system, samples, cam_speed, y0, eps, tolerance, steps, ramp) -> Motion:
-    """One revolution by the scan, with more steps until they suffice where their number was not given."""
+    """One revolution by the scan; where the number of steps was not given, it is raised until it suffices."""
     arguments = system, samples, cam_speed, y0, eps, tolerance
     if steps is not None:
         return compiled_response(*arguments, steps=steps, refine=False, ramp=ramp)
@@ -154,7 +157,7 @@ def simulate_smooth(
     method: str = "scan",
     ramp: str = "compact",
 ) -> Response:
-    """Motion from rest on the base circle over `revolutions`; arguments and errors as of `prepare`."""
+    """Motion from rest on the base circle over `revolutions`; arguments and errors are those of `prepare`."""
     revolve = prepare(
         train, lift, cam_speed, steps_per_revolution, eps=eps, tolerance=tolerance, method=method, ramp=ramp
     )

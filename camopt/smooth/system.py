@@ -13,7 +13,8 @@ from camopt.smooth.laws import ElasticLaws, elastic_laws
 
 
 class Topology(NamedTuple):
-    """What stands where: hashable, so that one program is compiled per topology and not per value."""
+    """Which masses and elements are connected how. It is hashable, so that one program is compiled per topology and not
+    per value."""
 
     a: tuple[int, ...]
     b: tuple[int, ...]
@@ -52,8 +53,8 @@ class Motion(NamedTuple):
 class System(eqx.Module):
     """A valve train as a pytree: every array may be differentiated with respect to.
 
-    States y are (2, n), or (2, n, b) for b motions side by side: the batch comes last, where it pays. Lift and its rate
-    are then scalars or (b), and what is said to be (e) below is (e, b).
+    States y have the shape (2, n), or (2, n, b) for b motions side by side. The axis of the batch comes last, where it
+    costs least. Lift and its rate are then scalars or (b), and every shape (e) given below becomes (e, b).
     """
 
     mass: jax.Array  # (n) kg
@@ -67,7 +68,7 @@ class System(eqx.Module):
     laws: ElasticLaws | None = None  # None: every law is linear
 
     def compression(self, y: jax.Array, lift, lift_dt) -> tuple[jax.Array, jax.Array]:
-        """Compression of every element beyond its zero of elastic force [m] and its rate [m/s], each (e)."""
+        """Compression of every element beyond the zero of its elastic force [m] and its rate [m/s], each (e)."""
         rows = self._incidence(y.dtype)
         d, d_dt = (jnp.matmul(rows, q, precision="highest") for q in (y[0], y[1]))
         drive = column(np.array(self.topology.cam_driven, dtype=y.dtype), d)
@@ -75,7 +76,7 @@ class System(eqx.Module):
         return d + drive * lift - column(self.gap + self.touch(), d), d_dt + drive * lift_dt
 
     def force(self, y: jax.Array, lift, lift_dt, eps, ramp: str = "compact") -> jax.Array:
-        """Force of every element [N]: pushes a towards -x and b towards +x."""
+        """Force of every element [N], shape (e); it pushes a towards -x and b towards +x."""
         u, u_dt = self.compression(y, lift, lift_dt)
         pushing = self.raw_force(u, u_dt, eps, ramp)
         bilateral = self.elastic(u) + column(self.damping, u) * u_dt
@@ -117,7 +118,7 @@ class System(eqx.Module):
 
 
 def column(values, like: jax.Array):
-    """`values` (e) with as many axes behind as `like` has beyond one, for its batch."""
+    """`values` (e) with an axis appended for each axis that `like` has beyond its first, so that batches broadcast."""
     return values.reshape(values.shape + (1,) * (like.ndim - 1))
 
 

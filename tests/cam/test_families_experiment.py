@@ -11,7 +11,7 @@ from camopt.cam.families.new_design import new_design
 from camopt.cam.lift import Lift
 from camopt.scene import load_scene
 from experiments import cam_families
-from experiments.cam_families_table import markdown, orders_of_continuity
+from experiments.support.cam_families_table import markdown, orders_of_continuity
 
 README = Path(__file__).parents[2] / "README.md"
 STORED = json.loads((cam_families.RESULTS / "cam_families.json").read_text())["cams"]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.free import free_cam
-from camopt.optimize.kinematic import first_working, spline_rows
-from camopt.optimize.linear_program import maximise
+from camopt.optimizer.program.kinematic import first_working, spline_rows
+from camopt.optimizer.program.linear_program import maximise
 from camopt.scene import load_scene
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3
 

@@ -55,6 +55,38 @@ class TestFamilies:
         assert "\n" not in str(error.value)
 
 
+# a parameter at each end, and the word of the sentence that refuses it
+ENDS = [
+    *((f"polydyne:speed_rpm={v}", "speed_rpm|design speed|its lift would go") for v in ("5e-324", "1e308", "-1", "0")),
+    *((f"polydyne:speed_rpm={v}", "design speed|its lift would go") for v in ("0.003", "1e-6", "10", "100")),
+    *(
+        (f"polydyne:ramp_height_mm={v}", "ramp_height_mm|ramp's height|duration and ramps together")
+        for v in ("10", "0.003", "0", "-1", "1e-300")
+    ),
+    ("multi-pol:a12_mm_per_deg2=1e308,sections_deg=7.5/11.5/7.5/22.7/22.8", "a12_mm_per_deg2"),
+    ("multi-pol:sections_deg=1e308/1/1/1/1", "sections_deg"),
+    ("new-design:sections_deg=1e-300/24/24/24", "sections_deg"),
+    ("kurz:sections_deg=24/25/23,a23_mm_per_deg2=100", "its lift would go"),
+    ("kurz:sections_deg=24/25/23,a23_mm_per_deg2=-1", "its lift would go from .* to 205"),
+    ("trapezoid:sections_deg=1e-300/24/24/24", "sections_deg"),
+    ("polydyne:" + "x" * 9000, "parameter 'xx"),
+]
+
+
+@pytest.mark.parametrize(("spec", "says"), ENDS, ids=[spec[:40] for spec, _ in ENDS])
+def test_parameters_at_their_ends_are_sentences(spec, says):
+    with pytest.raises(InputError, match=says) as error:
+        read_cam(spec, KODAMA)
+    assert "\n" not in str(error.value) and len(str(error.value)) < 400
+
+
+@pytest.mark.parametrize("height", [0.0551, 0.25, 0.9])
+def test_ramp_heights_within_the_ends(height):
+    lift = read_cam(f"polydyne:ramp_height_mm={height}", KODAMA)
+    assert lift(-lift.half_duration) == pytest.approx(height * MM, rel=1e-9)
+    assert lift.max_lift == pytest.approx(9.4 * MM, rel=1e-6)
+
+
 class TestDesignFile:
     def test_round_trip_is_exact(self, tmp_path):
         file = tmp_path / "design.json"

@@ -10,8 +10,8 @@ from camopt.cam.design_file import read_design
 from camopt.cam.families.free import free_cam
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift, recentred
-from camopt.exact.gradient import rest_state
-from camopt.exact.motion import ByTrain, Slopes, TracedMotion
+from camopt.exact.adjoint.gradient import rest_state
+from camopt.exact.adjoint.motion import ByTrain, Slopes, TracedMotion
 from camopt.scene import build_train, load_scene
 
 DESIGN = Path(__file__).parents[1] / "data" / "kodama-design.json"

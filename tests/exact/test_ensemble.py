@@ -5,8 +5,8 @@ import pytest
 
 from camopt.cam.bumps import moved, with_bumps
 from camopt.cam.families.polydyne import polydyne
+from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.ensemble import cosine, ensemble_gradient, evolution_strategy_gradient
-from camopt.exact.gradient import value_and_gradient
 from camopt.scene import InputError
 from tests.exact.gradient_problems import kodama
 

@@ -9,7 +9,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.exact import prepare
 from camopt.exact.engine import advance_many, default_step
-from camopt.exact.propagators import highest_frequency
+from camopt.exact.kernel.propagators import highest_frequency
 from camopt.scene import MotionRefused, build_train, load_scene, parse_scene, rest_position
 from camopt.scene.response import end_state
 from camopt.scene.units import MM

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from camopt.exact import prepare
-from camopt.exact.gradient import rest_state, value_and_gradient
-from camopt.exact.many import value_and_gradient_many
-from camopt.exact.metrics import METRICS
-from camopt.exact.motion import Samples, TracedMotion
+from camopt.exact.adjoint.gradient import rest_state, value_and_gradient
+from camopt.exact.adjoint.metrics import METRICS
+from camopt.exact.adjoint.motion import Samples, TracedMotion
+from camopt.exact.batch import value_and_gradient_many
+from camopt.measure.metrics import measure
 from camopt.scene import InputError
 from camopt.scene.response import end_state, joined
 from camopt.scene.units import DEG
-from camopt.verify import measure
 from tests.exact.gradient_problems import by_train, cam_with_bumps, differences, from_rest, kodama, least_error, moved
 
 CASES = [("polydyne", 6500), ("design", 6000)]

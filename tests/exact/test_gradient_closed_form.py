@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from camopt.cam.lift import Lift
-from camopt.exact.gradient import (
+from camopt.exact.adjoint.gradient import (
     periodic_value_and_gradient,
     rest_back,
     rest_state,
     value_and_gradient,
 )
-from camopt.exact.motion import TracedMotion
+from camopt.exact.adjoint.motion import TracedMotion
 from camopt.scene import build_train, parse_scene
 from camopt.scene.rest import rest_position
 from tests.exact.gradient_problems import by_train, cam_with_bumps, kodama

@@ -7,10 +7,11 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
-from camopt.exact import adjoint, motion
-from camopt.exact.gradient import rest_state, value_and_gradient
-from camopt.exact.metrics import METRICS
-from camopt.exact.motion import Gradient, TracedMotion
+from camopt.exact.adjoint import motion
+from camopt.exact.adjoint import sweep as adjoint
+from camopt.exact.adjoint.gradient import rest_state, value_and_gradient
+from camopt.exact.adjoint.metrics import METRICS
+from camopt.exact.adjoint.motion import Gradient, TracedMotion
 from camopt.scene import InputError, MotionRefused, build_train, load_scene, rest_position
 from tests.exact.gradient_problems import by_train, cam_with_bumps, from_rest, kodama, moved
 

@@ -7,8 +7,8 @@ import pytest
 
 from camopt.cam.bumps import moved, with_bumps
 from camopt.cam.families.polydyne import polydyne
-from camopt.exact.gradient import value_and_gradient
-from camopt.exact.margin import contact_force_margin
+from camopt.exact.adjoint.gradient import value_and_gradient
+from camopt.exact.adjoint.margin import contact_force_margin
 from camopt.scene import InputError, build_train, load_scene
 from camopt.smooth.margin import contact_force_margin as smooth_margin
 from camopt.smooth.simulate import lift_samples

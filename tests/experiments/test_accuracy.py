@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from camopt.verify.curves import stored_curves
+from camopt.verifier.stored_curves import stored_curves
 from experiments import accuracy_curves, accuracy_promise
 from experiments.accuracy_promise import counts, row
-from experiments.record import RESULTS
+from experiments.support.record import RESULTS
 
 
 def test_curves(tmp_path, monkeypatch):

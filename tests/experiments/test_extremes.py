@@ -2,7 +2,7 @@
 
 import json
 
-from camopt.study.judged import VERDICTS, WITHIN, WRONG
+from camopt.study.extremes.classification import VERDICTS, WITHIN, WRONG
 from experiments.extremes import RESULTS, SCENES, main
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from camopt.optimize.accuracy import ACCURACIES
+from camopt.optimizer.accuracy import ACCURACIES
 from experiments import fronts, gradient_value, optimiser, price_list
 
 

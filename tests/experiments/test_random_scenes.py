@@ -5,10 +5,10 @@ import json
 import numpy as np
 
 from camopt.scene import build_train
-from camopt.study.step_methods import STEP_METHODS
-from camopt.verify.converge import first_steps
+from camopt.study.extremes.step_methods import STEP_METHODS
+from camopt.verifier.convergence import first_steps
 from experiments import random_scenes
-from experiments.drawn_scenes import LARGEST, SPEED_RPM, chain, drawn
+from experiments.support.drawn_scenes import LARGEST, SPEED_RPM, chain, drawn
 
 
 def test_draws_load_reach_far_and_repeat():

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from camopt.study.dormand_prince import DENSE, ERROR, A, dormand_prince, right_hand_side
+from camopt.study.tradeoff.dormand_prince import DENSE, ERROR, A, dormand_prince, right_hand_side
+from experiments.support.work_precision_parts import ratios
 from experiments.work_precision import Case, main
-from experiments.work_precision_parts import ratios
 
 
 def test_small_size_writes_every_method_and_the_ratios(tmp_path):

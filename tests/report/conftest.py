@@ -1,4 +1,4 @@
-"""A small run folder with the contract's keys (design.md section 7), made by hand: no program of ours computed it."""
+"""A small run folder with the keys of docs/run-folder.md, made by hand: no program of ours computed it."""
 
 import csv
 import json

@@ -9,11 +9,11 @@ import pytest
 from camopt.cam.design_file import write_design
 from camopt.cam.read import read_cam
 from camopt.exact.engine import prepare
+from camopt.measure.settling import settle
 from camopt.plots.style import cam_line
 from camopt.report import write_report
 from camopt.scene import build_train, load_scene, rest_position
 from camopt.scene.units import DEG, MM
-from camopt.verify.settle import settle
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")

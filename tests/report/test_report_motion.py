@@ -7,12 +7,12 @@ import pytest
 from camopt.cam.design_file import write_design
 from camopt.cam.read import read_cam
 from camopt.exact.engine import prepare
+from camopt.measure.settling import settle
 from camopt.report.folder import read_run_folder
 from camopt.report.motion import MOST_NUMBERS, Cams, animation, cams_of, motion
 from camopt.report.page import embedded
 from camopt.scene import build_train, load_scene, rest_position
 from camopt.scene.units import DEG, MM
-from camopt.verify.settle import settle
 
 SCENE = load_scene("motori-1")
 SPEED = SCENE.cam_speed(5000)

@@ -14,16 +14,16 @@ from scipy.interpolate import BSpline, PPoly
 
 from camopt.cam.bumps import moved, with_bumps
 from camopt.cam.lift import Lift
+from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.engine import prepare as prepare_exact
-from camopt.exact.gradient import value_and_gradient
+from camopt.measure.hermite import Hermite
+from camopt.measure.metrics import measure
 from camopt.scene.response import end_state, joined
 from camopt.scene.units import DEG
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import EPS, STEPS, lift_samples, response_arrays, touch_layer
 from camopt.smooth.system import build_system
-from camopt.verify.hermite import Hermite
-from camopt.verify.metrics import measure
 from tests.smooth.trains import delivered, kodama
 
 METRICS = ("seating_velocity_m_per_s", "contact_force_min_N", "closed_integral_m2_rad", "contact_force_max_N")

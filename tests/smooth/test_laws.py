@@ -16,7 +16,7 @@ from camopt.smooth.laws import elastic_laws
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples, prepare, response_arrays
 from camopt.smooth.system import build_system
-from camopt.verify import dop853, rkg
+from camopt.verifier.methods import dop853, rkg
 from tests.smooth.trains import ball
 
 ROWS = np.array([[-1e-4, 1e6], [2e-5, 2e6], [1e-4, 2e7]])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from camopt.exact.engine import prepare as prepare_exact
+from camopt.measure.metrics import measure
 from camopt.scene import QUANTITIES
 from camopt.scene.response import end_state, joined
 from camopt.scene.units import MM
@@ -16,7 +17,6 @@ from camopt.smooth.maxima import soft_least, soft_worst, soft_worst_bias
 from camopt.smooth.metrics import closing, greatest, least, revolution_metrics, soft_metrics
 from camopt.smooth.rest import rest_state
 from camopt.smooth.system import Motion, build_system
-from camopt.verify.metrics import measure
 from tests.smooth.trains import kodama
 
 measured = partial(jax.jit, static_argnames=("revolution",))(revolution_metrics)

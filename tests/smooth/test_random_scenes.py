@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.kurz import kurz
-from camopt.exact.gradient import value_and_gradient
+from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.scene import build_train, load_scene
 from camopt.scene.units import RPM
 from camopt.smooth.metrics import revolution_metrics

@@ -6,16 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from camopt import cli
-from camopt.exact.propagators import highest_frequency
+from camopt.cli import parser as cli
+from camopt.exact.kernel.propagators import highest_frequency
 from camopt.scene import QUANTITIES, build_train, load_scene
-from camopt.study import extremes as module
-from camopt.study.extreme_cases import CHANGES, cases, clearance, contacts, damping, fast_mode, mass_ratio
-from camopt.study.extremes import COLUMNS, defects, extremes
-from camopt.study.judged import NOT_CONVERGED, RANGE, REFUSED, WITHIN, WRONG, Truth, judge
-from camopt.study.step_methods import STEP_METHODS
-from camopt.verify import rkg
-from camopt.verify.converge import Converged, tolerances
+from camopt.study.extremes import extremes as module
+from camopt.study.extremes.cases import CHANGES, cases, clearance, contacts, damping, fast_mode, mass_ratio
+from camopt.study.extremes.classification import NOT_CONVERGED, RANGE, REFUSED, WITHIN, WRONG, Truth, judge
+from camopt.study.extremes.extremes import COLUMNS, defects, extremes
+from camopt.study.extremes.step_methods import STEP_METHODS
+from camopt.verifier.convergence import Converged, tolerances
+from camopt.verifier.methods import rkg
 
 NAMES = tuple(tolerances(2.0))
 MOTOR = load_scene("motori-1")

@@ -7,10 +7,10 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.scene import InputError, load_scene
-from camopt.study.free_parameters import FreeParameters
-from camopt.study.identify import MeasuredLift, identify
-from camopt.study.lift_fit import LiftFit, Series, limited_step
-from camopt.study.motion import simulate
+from camopt.study.identify.free_parameters import FreeParameters
+from camopt.study.identify.identification import MeasuredLift, identify
+from camopt.study.identify.lift_fit import LiftFit, Series, limited_step
+from camopt.study.simulate.motion import simulate
 
 SCENE = load_scene("motori-1")
 LIFT = polydyne(SCENE)

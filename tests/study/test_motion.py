@@ -7,8 +7,8 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.scene import InputError, Response, build_train, load_scene, rest_position
-from camopt.study import motion
-from camopt.study.motion import motion_table, resampled, simulate
+from camopt.study.simulate import motion
+from camopt.study.simulate.motion import motion_table, resampled, simulate
 
 KODAMA = load_scene("kodama")
 POLYDYNE = polydyne(KODAMA)

@@ -8,17 +8,17 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from camopt import cli
 from camopt.cam.families.polydyne import polydyne
+from camopt.cli.parser import parser as cli
 from camopt.exact import engine
+from camopt.measure.settling import settle
 from camopt.scene import InputError, MotionRefused, build_train, load_scene, parse_scene, rest_position, scene_text
 from camopt.scene.vibration import assembled
-from camopt.study.left_out import idle_contacts, leave_out
 from camopt.study.modes import modes
-from camopt.study.reduce import reduce, reduction_lines
-from camopt.study.smaller import chains, condense, fewer_coils, scene_toml, smaller_models
-from camopt.verify import rkg
-from camopt.verify.settle import settle
+from camopt.study.reduce.idle_contacts import idle_contacts, leave_out
+from camopt.study.reduce.reduced_models import chains, condense, fewer_coils, scene_toml, smaller_models
+from camopt.study.reduce.reduction import reduce, reduction_lines
+from camopt.verifier.methods import rkg
 
 KODAMA, MOTORI, PUSHROD = (load_scene(name) for name in ("kodama", "motori-1", "pushrod-5mass"))
 
@@ -260,7 +260,7 @@ class TestReduce:
             reduce(load_scene("ohv-3dof"))
 
     def test_command(self, capsys, tmp_path, monkeypatch):
-        module = import_module("camopt.study.reduce")
+        module = import_module("camopt.study.reduce.reduction")
         monkeypatch.setattr(module, "reduce", partial(reduce, smooth=False))
         file = tmp_path / "reduction.json"
         words = ["reduce", "pushrod-5mass", "--speeds", "3000", "--tolerance-mm", "0.05", "--json", str(file)]

@@ -8,13 +8,13 @@ from itertools import chain, repeat
 import numpy as np
 import pytest
 
-from camopt import cli
+from camopt.cli import parser as cli
 from camopt.plots.tradeoff import pareto
 from camopt.scene import InputError, load_scene
-from camopt.study import tradeoff as module
-from camopt.study import tradeoff_figures
-from camopt.study.tradeoff import COLUMNS, LINES, REFERENCE, Work, error_of, measured, rows_of, timed, tradeoff
-from camopt.study.tradeoff_words import words_of
+from camopt.study.tradeoff import figures as tradeoff_figures
+from camopt.study.tradeoff import tradeoff as module
+from camopt.study.tradeoff.summary import words_of
+from camopt.study.tradeoff.tradeoff import COLUMNS, LINES, REFERENCE, Work, error_of, measured, rows_of, timed, tradeoff
 from experiments import tradeoff as experiment
 
 
@@ -85,7 +85,7 @@ class TestRun:
         assert cli.main(["tradeoff", "motori-1", "--resume"]) == 2
         assert cli.main(["tradeoff", "ohv-3dof", "--out", str(tmp_path / "a")]) == 2
         assert cli.main(["tradeoff", "motori-2", "--size", "small", "--out", str(small), "--resume"]) == 2
-        assert "belongs to another scene" in capsys.readouterr().err
+        assert "belongs to another run, and nothing in it was changed: its scene differs" in capsys.readouterr().err
         with pytest.raises(InputError, match="size 'huge': expected one of small, full"):
             tradeoff(load_scene("motori-1"), tmp_path / "b", size="huge")
 

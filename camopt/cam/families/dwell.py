@@ -1,4 +1,6 @@
-"""Rise functions between two dwells as both flanks of a cam: cycloidal, 3-4-5 and 4-5-6-7 polynomial. Test subjects.
+"""Rise functions between two dwells, used as both flanks of a cam: cycloidal, 3-4-5 and 4-5-6-7 polynomial.
+
+These cams are test subjects.
 
 Norton, Cam Design and Manufacturing Handbook, 2009, ch. 3: the 3-4-5 polynomial has zero acceleration at both ends of
 the rise, the 4-5-6-7 zero jerk too, the cycloid a sine of acceleration. Made for dwells, they come to rest at the nose
@@ -45,7 +47,7 @@ def polynomial_345(scene: Scene) -> Lift:
 
 
 def polynomial_4567(scene: Scene) -> Lift:
-    """The 4-5-6-7 polynomial cam of a scene's duration, maximum lift and ramps; InputError as the others."""
+    """The 4-5-6-7 polynomial cam of a scene's duration, maximum lift and ramps; InputError where its ramps differ."""
     return _designed(scene, "4-5-6-7")
 
 

@@ -6,7 +6,7 @@ design is imposed on Bernstein control points: a polynomial lies between its sma
 the interval (Farin, Curves and Surfaces for CAGD, 2002, ch. 5), so such a row holds at every angle and is linear in z.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import comb, factorial
 
@@ -54,11 +54,11 @@ class FreeCam:
     `breaks` (k + 1) [rad] are the knots, equally spaced over the duration; Z (n, m) has orthonormal columns.
     """
 
-    breaks: np.ndarray
+    breaks: np.ndarray = field(repr=False)
     opening: Ramp
     closing: Ramp
-    x_p: np.ndarray
-    Z: np.ndarray
+    x_p: np.ndarray = field(repr=False)
+    Z: np.ndarray = field(repr=False)
 
     @property
     def knot_deg(self) -> float:
@@ -174,13 +174,13 @@ class FreeCam:
 
 
 class _Rows:
-    """Collects the rows of `Limits`, one limit at a time."""
+    """The rows of `Limits`, collected one limit at a time."""
 
     def __init__(self):
         self.parts: list[tuple] = []
 
     def add(self, cam: FreeCam, name: str, unit: float, design: Design, order: int, edges, signs) -> None:
-        """Adds sign * lift^(order) <= sign * limit on control points; the jerk limit binds both signs."""
+        """Adds the rows sign * lift^(order) <= sign * limit on control points; a jerk limit binds both signs."""
         matrix, offset = cam.control_points(order, np.asarray(edges))
         limit = getattr(design, name) * unit
         nose = name == "nose_deg"
@@ -206,11 +206,10 @@ class _Rows:
 
 
 def free_cam(design: Design, knot_deg: float = 3.0) -> FreeCam:
-    """The free cam of a design: the knot interval is the longest that divides the duration and is <= `knot_deg`.
+    """The free cam of a design, whose knot interval is the longest one up to `knot_deg` that divides the duration.
 
-    Conditions: lift, velocity and zero acceleration at both ramp tops; what is left are the free coefficients z (n)
-    [mm/deg^2]. Raises ValueError for a knot interval that
-    leaves no free coefficient.
+    The spline meets lift, velocity and zero acceleration at both ramp tops; the directions that these conditions leave
+    are the free coefficients z (m) [mm/deg^2]. Raises ValueError for a knot interval that leaves no free coefficient.
     """
     half = design.duration_deg / 2 * DEG
     count = int(np.ceil(design.duration_deg / knot_deg - 1e-9))
@@ -236,7 +235,7 @@ def free_cam(design: Design, knot_deg: float = 3.0) -> FreeCam:
 
 
 def _basis_lift(breaks: np.ndarray) -> PPoly:
-    """Twice integrated cubic B-splines from zero at the first knot, values (n), per coefficient in mm/deg^2."""
+    """Lift (n) [m] per spline coefficient [mm/deg^2]: cubic B-splines, integrated twice from zero at the first knot."""
     knots = np.concatenate([np.full(DEGREE, breaks[0]), breaks, np.full(DEGREE, breaks[-1])])
     spline = BSpline(knots, np.eye(len(breaks) - 1 + DEGREE) * MM_PER_DEG2, DEGREE)
     taylor = [spline(breaks[:-1], nu=k) / factorial(k) for k in range(DEGREE, -1, -1)]
@@ -244,6 +243,6 @@ def _basis_lift(breaks: np.ndarray) -> PPoly:
 
 
 def _merged(edges: np.ndarray) -> np.ndarray:
-    """Sorted edges without those that differ by round-off only."""
+    """The edges in ascending order, without those that differ from another by round-off only."""
     edges = np.sort(edges)
     return edges[np.append(True, np.diff(edges) > 1e-12)]

@@ -55,8 +55,9 @@ TABLE = SectionTable(
     closed_by=("v12",),
 )
 STARTS = ((0.338, 0.343, 0.319),)
-"""Section angles over half the duration of the largest area under the paper's Table 4, as the search of
-experiments/cam_families.py finds them without any start; a jerk limit of 0.003 mm/deg^3 does not bind there."""
+"""Section angles, in shares of half the duration, of the member with the largest area under the paper's Table 4. The
+search of experiments/cam_families.py finds them without any start; a jerk limit of 0.003 mm/deg^3 does not bind there.
+"""
 
 
 def kurz(
@@ -65,7 +66,7 @@ def kurz(
     a23: float | None = None,
     jerk: bool = True,
 ) -> Lift:
-    """The Kurz-type cam of a scene's duration, maximum lift and ramps; a reconstruction, see the module.
+    """The Kurz-type cam of a scene's duration, maximum lift and ramps; it is a reconstruction (see the module).
 
     `sections_deg`: the three section angles from the ramp to the nose; `a23` [mm/deg^2]: acceleration where sections 2
     and 3 meet, which with the maximum lift determines the flank's largest velocity. What is left out is chosen for the

@@ -25,14 +25,14 @@ from camopt.scene.schema import Design
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
 
 SHORTEST = 2.0 * DEG
-"""Shortest section of a searched member: without a jerk limit some sections shrink as far as they are let."""
+"""Shortest section of a searched member [rad]: without a jerk limit some sections shrink as far as they may."""
 FINE, COARSE = 60, 20
-"""Parts of a flank with control points of their own: they exceed the acceleration by about 1e-3 or 1e-2 of it, so that
-a coarse program is the safe side of a fine one, in half the time."""
+"""Number of parts of a flank that have control points of their own. The control points exceed the acceleration by about
+1e-3 (fine) or 1e-2 (coarse) of it, so that a coarse program errs on the safe side of a fine one, in half the time."""
 HAIR = 1e-9
 """Relative tightening of every limit, so that round-off in the solver cannot break it."""
 STRETCH_PRICE = 50.0
-"""Area ratio that stretching all limits by their own size costs."""
+"""Price, in area ratio, of stretching all limits by their own size."""
 TOLERANCES = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-9}
 MARGIN = 1e-7
 """Relative margin to every limit in the polish, so that the linear program of the levels still has a point there."""
@@ -70,7 +70,7 @@ def control_points(one: Flank, order: int, parts: int, start: float = 0.0) -> np
 
 
 def limit_rows(one: Flank, design: Design, jerk: bool, parts: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rows (r, n) and bounds (r) with rows @ x <= bound: the design's limits, each relative to its own size."""
+    """Rows (r, n) and bounds (r) of the design's limits, rows @ x <= bound, each relative to the limit's own size."""
     half = one.borders[-1]
     groups = []
     acceleration = control_points(one, 2, parts)
@@ -92,7 +92,9 @@ def limit_rows(one: Flank, design: Design, jerk: bool, parts: int) -> tuple[np.n
 
 @dataclass(frozen=True)
 class Program:
-    """Levels of one flank: largest area @ z + constant with rows @ z <= bound, ends @ z = wanted, levels = column * z.
+    """The linear program for the levels of one flank: the largest area @ z + constant with rows @ z <= bound.
+
+    The conditions at the nose are ends @ z = wanted, and the levels are column * z.
 
     Lengths are relative to the maximum lift and angles to half the duration; area + constant is the area ratio.
     """
@@ -126,7 +128,7 @@ def program(table: SectionTable, one: Flank, design: Design, ramp: Ramp, jerk: b
 
 
 def solved(one: Program, family: str, kept: Sequence[float | None]) -> tuple[np.ndarray, float]:
-    """Best z (m), those in `kept` that are numbers as they are, and the stretch of the limits: 0 if they can be met."""
+    """(best z (m), stretch of the limits, which is 0 if they can be met); numbers in `kept` are values that z keeps."""
     result = linprog(
         np.append(-one.area, STRETCH_PRICE),
         A_ub=np.column_stack([one.rows, -np.ones(len(one.rows))]),
@@ -144,7 +146,7 @@ def solved(one: Program, family: str, kept: Sequence[float | None]) -> tuple[np.
 def best_levels(
     table: SectionTable, one: Flank, design: Design, ramp: Ramp, jerk: bool, given: Mapping[str, float]
 ) -> tuple[np.ndarray, float]:
-    """x (n) of `Flank` with the largest area, the levels in `given` [m/rad^order] kept, and the stretch of the limits.
+    """(x (n) of `Flank` with the largest area, stretch of the limits); levels in `given` [m/rad^order] are kept.
 
     The levels that the nose determines are solved for once more, to round-off.
     """
@@ -167,8 +169,8 @@ def best_angles(
 ) -> np.ndarray:
     """Section angles [rad] of the largest area, none below `SHORTEST`; the same call gives the same angles.
 
-    `starts`: section angles, in shares of half the duration, that join the first population. Raises InputError where
-    no member of the family was found that meets the limits.
+    `starts` holds section angles, in shares of half the duration, that join the first population. Raises InputError
+    where no member of the family was found that meets the limits.
     """
     half, count = design.duration_deg * DEG / 2, len(table.sections)
     if half <= count * SHORTEST:
@@ -199,7 +201,7 @@ def best_angles(
 
 
 def _polished(flank_program: Callable[[np.ndarray, int], Program], shares: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Shares (count - 1) of a local optimum near shares and levels z; where none is found, the shares as they are."""
+    """Shares (count - 1) of a local optimum near the given shares and levels z; the given ones where none is found."""
     count, rows = len(shares), 2 * len(flank_program(shares, FINE).bound)
 
     @lru_cache(maxsize=2)  # SLSQP asks for the objective and both sets of conditions one after the other
@@ -224,7 +226,7 @@ def _polished(flank_program: Callable[[np.ndarray, int], Program], shares: np.nd
 
 
 def section_angles(shares: np.ndarray, half: float) -> np.ndarray:
-    """Section angles [rad]: each share (count - 1) cuts its part off what the sections before it have left."""
+    """Section angles [rad] of shares (count - 1), each of which cuts its part off what earlier sections have left."""
     rest = half - (len(shares) + 1) * SHORTEST
     angles = []
     for share in shares:
@@ -234,7 +236,7 @@ def section_angles(shares: np.ndarray, half: float) -> np.ndarray:
 
 
 def angle_shares(angles: np.ndarray, half: float) -> np.ndarray:
-    """Inverse of `_angles`, clipped to what it can reach."""
+    """Shares (count - 1) from which `section_angles` gives these angles [rad], clipped to what it can reach."""
     rest, shares = half - len(angles) * SHORTEST, []
     for angle in angles[:-1]:
         shares.append(float(np.clip((angle - SHORTEST) / rest, 0.0, 1.0)) if rest > 0 else 0.0)

@@ -1,4 +1,4 @@
-"""A member of a sectioned family from what its caller fixes: section angles and levels, or nothing but the limits."""
+"""A member of a sectioned family. The caller fixes its section angles and levels, or leaves them to the limits."""
 
 from collections.abc import Mapping, Sequence
 
@@ -13,7 +13,7 @@ from camopt.scene.schema import Design
 from camopt.scene.units import DEG, MM
 
 STRETCH_ROUND_OFF = 1e-8
-"""Stretch of the limits that counts as none."""
+"""A stretch of the limits up to this size counts as none."""
 
 
 def member(
@@ -25,11 +25,12 @@ def member(
     jerk: bool,
     **parameters,
 ) -> Lift:
-    """The cam of a table for a scene's duration, maximum lift and ramps; levels in mm/deg^order.
+    """The cam of a table for a scene's duration, maximum lift and ramps; levels are in mm/deg^order.
 
-    All levels but those that the nose determines: that member, whatever the limits. Fewer: the rest give the largest
-    area under the limits, the jerk limit only with `jerk`. No sections: their angles too. Raises InputError for
-    unusable angles or levels, and where no member meets the limits.
+    Where `levels` gives all levels but those that the nose determines, the cam is that member, whatever the limits.
+    Where it gives fewer, the others are chosen for the largest area under the limits; the jerk limit holds only with
+    `jerk`. Where `sections_deg` is None, the section angles are chosen too. Raises InputError for unusable angles or
+    levels, and where no member meets the limits.
     """
     design, ramp = symmetric_conditions(scene, table.family)
     given = {n: float(v) for n, v in levels.items() if v is not None}
@@ -58,7 +59,7 @@ def member(
 
 
 def cam_of(table: SectionTable, one: Flank, angles: np.ndarray, x: np.ndarray, ramp: Ramp, **parameters) -> Lift:
-    """The cam of levels x (n) on a flank of section angles [rad], with both among its parameters."""
+    """The cam with the levels x (n) on a flank with these section angles [rad]; both stand among its parameters."""
     names = [f"{n}_mm_per_deg{k}" for n, k in zip(table.levels, table.orders(), strict=True)]
     levels = dict(zip(names, (x[2:] / table.units()).tolist(), strict=True))
     parameters = {"sections_deg": (angles / DEG).tolist(), **levels, **parameters}
@@ -68,7 +69,7 @@ def cam_of(table: SectionTable, one: Flank, angles: np.ndarray, x: np.ndarray, r
 def _largest(
     table: SectionTable, one: Flank, design: Design, ramp: Ramp, jerk: bool, given: Mapping[str, float]
 ) -> np.ndarray:
-    """x (n) of largest area; InputError where the limits cannot be met."""
+    """The x (n) with the largest area; raises InputError where the limits cannot be met."""
     x, stretch = best_levels(table, one, design, ramp, jerk, given)
     if stretch > STRETCH_ROUND_OFF:
         raise InputError(

@@ -1,8 +1,8 @@
 """Multi-Pol as Kodama et al. tabulate it (Table 1): five polynomial sections from the ramp to the nose.
 
-As tabulated, acceleration and jerk are continuous at every border inside; only the jerk steps, where the ramp meets
-section 1. The text says otherwise of section 2; the table is followed. It states no lift at the nose: the maximum lift
-is added as the condition that determines one level.
+As tabulated, acceleration and jerk are continuous at every border inside the flank; only where the ramp meets section 1
+does the jerk step. The paper's text says otherwise of section 2; the table is followed. The table states no lift at the
+nose, so that the maximum lift is added as the condition that determines one level.
 """
 
 from collections.abc import Sequence
@@ -28,9 +28,9 @@ STARTS = (
     (0.028, 0.218, 0.028, 0.339, 0.387),
     (0.139, 0.095, 0.095, 0.381, 0.290),
 )
-"""Section angles over half the duration of the largest area under the paper's Table 4, without and with a jerk limit
-of 0.003 mm/deg^3; the search of experiments/cam_families.py finds no more than 2e-4 of area ratio above them without
-any start."""
+"""Section angles, in shares of half the duration, of the members with the largest area under the paper's Table 4,
+without and with a jerk limit of 0.003 mm/deg^3. Without any start, the search of experiments/cam_families.py finds at
+most 2e-4 more area ratio."""
 
 
 def multi_pol(

@@ -26,20 +26,20 @@ TABLE_2 = SectionTable(
     closed_by=("a34",),
 )
 LITERAL_RATIO = 0.95
-"""Upper end of Table 2's 50 to 95 %: the one of the largest area."""
+"""Upper end of the range of 50 to 95 % in Table 2; it gives the largest area."""
 STARTS = (
     (0.114, 0.193, 0.264, 0.429),
     (0.028, 0.323, 0.352, 0.297),
     (0.139, 0.274, 0.345, 0.242),
     (0.243, 0.028, 0.338, 0.391),
 )
-"""Section angles over half the duration of the largest area under the paper's Table 4: for a ratio of 0.95, of 0, of 0
-with a jerk limit of 0.003 mm/deg^3, and for a quintic section II with 0.95. The search of experiments/cam_families.py
-finds no more than 2e-4 of area ratio above them without any start."""
+"""Section angles, in shares of half the duration, of the members with the largest area under the paper's Table 4. They
+belong to a ratio of 0.95, to 0, to 0 with a jerk limit of 0.003 mm/deg^3, and to a quintic section II with 0.95.
+Without any start, the search of experiments/cam_families.py finds at most 2e-4 more area ratio."""
 
 
 def table_2(quintic: bool, start_ratio: float) -> SectionTable:
-    """Table 2 in one of its readings: section II of fifth degree, or of fourth with its end jerk a result."""
+    """Table 2 in one of its readings: section II has degree five, or degree four with its end jerk as a result."""
     multiples = {"a12*": (start_ratio, "a12")}
     if quintic:
         return replace(TABLE_2, multiples=multiples)

@@ -1,10 +1,10 @@
 """Cams in sections: boundary conditions in a table, one short function per section of the opening flank.
 
 A table states lift, velocity, acceleration and jerk at the start and the end of every section, as the tables of Kodama
-et al. do; as many terms as a section has conditions make it unique (their Eq. (4) where the terms are powers). For
-fixed section angles everything is linear in the levels, the accelerations and jerks at the borders that the table
-leaves to the designer: the pieces, the area, and every limit imposed on control points. The construction runs on
-arrays of NumPy, and of JAX for `camopt.cam.families.gradients`.
+et al. do. A section has as many terms as conditions, which makes it unique (their Eq. (4), where the terms are powers).
+The levels are the accelerations and jerks at the borders that the table leaves to the designer. For fixed section
+angles everything is linear in them: the pieces, the area, and every limit imposed on control points. The construction
+runs on arrays of NumPy, and on those of JAX for `camopt.differentiable.families`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -23,9 +23,9 @@ U = None
 """A boundary condition that is not given, in the tables' own notation."""
 QUANTITIES = ("lift", "velocity", "acceleration", "jerk")
 RAMP = {"y_r": 0, "v_r": 1}
-"""Columns of the ramp's height and velocity; the levels follow."""
+"""Columns of the ramp's height and velocity; the columns of the levels follow."""
 OSCULATING_PARTS = 4
-"""Pieces per section whose terms are not powers: they meet a half wave to 1e-13 of its amplitude."""
+"""Number of pieces of a section whose terms are not powers: they meet a half wave to 1e-13 of its amplitude."""
 
 Cell = str | float | None
 Terms = Callable[[int, np.ndarray, int], np.ndarray]
@@ -39,9 +39,10 @@ def powers(count: int, u: np.ndarray, order: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Section:
-    """Boundary conditions (start, end) of one section: a symbol, 0, or U; `terms` gives its functions of 0 <= u <= 1.
+    """Boundary conditions (start, end) of one section, each of them a symbol, 0, or U.
 
-    A symbol is the ramp's (y_r, v_r), a level of the table, or else the value at the end of the section before.
+    A symbol is the ramp's (y_r, v_r), a level of the table, or else the value at the end of the section before. `terms`
+    gives the section's functions of 0 <= u <= 1.
     """
 
     lift: tuple[Cell, Cell]
@@ -58,10 +59,11 @@ class Section:
 
 @dataclass(frozen=True)
 class SectionTable:
-    """A family's sections, its free levels, and those that the conditions at the nose determine.
+    """A family's sections, its free levels, and the levels that the conditions at the nose determine.
 
-    The first letter of a level is its order (v, a, j). One level in `closed_by` meets end lift = maximum lift, a second
-    one end velocity = 0 where no section states it. `multiples` names fixed multiples of a level.
+    The first letter of a level is its order (v, a, j). One level in `closed_by` meets the condition that the lift ends
+    at the maximum lift; a second one meets the end velocity 0 where no section states it. `multiples` names fixed
+    multiples of a level.
     """
 
     family: str
@@ -83,13 +85,13 @@ class SectionTable:
         return np.array(["yvaj".index(level[0]) for level in self.levels])
 
     def units(self) -> np.ndarray:
-        """mm/deg^order of every level, in SI (m)."""
+        """The unit mm/deg^order of every level, in SI (m)."""
         return MM / DEG ** self.orders()
 
 
 @dataclass(frozen=True)
 class Flank:
-    """The opening flank for fixed angles: local coefficients are pieces (p, q, n) @ x [m/rad^k].
+    """The opening flank for fixed angles; its local coefficients [m/rad^k] are pieces (p, q, n) @ x.
 
     `borders` (p + 1) [rad] run from 0 at the ramp top to half the duration at the nose; x = (ramp height [m], ramp
     velocity [m/rad], levels [m/rad^order]).
@@ -163,7 +165,10 @@ def _unit(terms: Terms, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def closed(table: SectionTable, one: Flank, x: np.ndarray, max_lift: float, by: Sequence[str]) -> np.ndarray:
-    """x (n) with the levels `by` solved for end lift = maximum lift [m] and, with two of them, end velocity = 0."""
+    """x (n) with the levels `by` changed so that the lift ends at the maximum lift [m].
+
+    With two levels in `by`, the velocity at the end is 0 too.
+    """
     columns = [2 + table.levels.index(level) for level in by]
     xp = one.borders.__array_namespace__()
     rows = xp.stack([one.end(k) for k in range(len(columns))])

@@ -1,8 +1,8 @@
-"""Jerk-limited trapezoid: acceleration in straight lines, up to a level, held, down to another, held to the nose.
+"""Jerk-limited trapezoid: the acceleration rises to a level, is held, falls to another level and is held to the nose.
 
-The flank that the jerk limit shapes: acceleration rises and falls at constant jerk and rests at two levels, which the
+The jerk limit shapes this flank: the acceleration rises and falls at constant jerk and rests at two levels, which the
 maximum lift and the rest at the nose determine (Norton, Cam Design and Manufacturing Handbook, 2009, on trapezoidal
-acceleration). Jerk steps at every border.
+acceleration). The jerk steps at every border.
 """
 
 from collections.abc import Sequence
@@ -27,15 +27,16 @@ STARTS = (
     (0.028, 0.198, 0.028, 0.746),
     (0.069, 0.150, 0.092, 0.689),
 )
-"""Section angles over half the duration of the largest area under the paper's Table 4, without and with a jerk limit
-of 0.003 mm/deg^3, as the search of experiments/cam_families.py finds them without any start."""
+"""Section angles, in shares of half the duration, of the members with the largest area under the paper's Table 4,
+without and with a jerk limit of 0.003 mm/deg^3. The search of experiments/cam_families.py finds them without any start.
+"""
 
 
 def trapezoid(scene: Scene, sections_deg: Sequence[float] | None = None, jerk: bool = True) -> Lift:
     """The trapezoidal cam of a scene's duration, maximum lift and ramps.
 
-    `sections_deg`: the four section angles from the ramp to the nose, which determine both levels; by default those of
-    the largest area under the scene's limits, without the jerk limit where `jerk` is false. Raises InputError for
+    `sections_deg` holds the four section angles from the ramp to the nose, which determine both levels. By default they
+    give the largest area under the scene's limits, without the jerk limit where `jerk` is false. Raises InputError for
     unusable angles, a scene whose two ramps differ, or limits that no member meets.
     """
     return member(scene, TABLE, STARTS, sections_deg, {}, jerk)

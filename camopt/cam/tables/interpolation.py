@@ -1,0 +1,147 @@
+"""A lift table as polynomial pieces: quintic between every two samples, exactly zero on the base circle.
+
+Where the table gives velocity and acceleration beside the lift, as camopt's own do, each piece meets them at both its
+ends. Otherwise the pieces are a spline, four times continuously differentiable.
+"""
+
+from math import factorial
+
+import numpy as np
+from scipy.interpolate import BPoly, BSpline, PPoly, make_interp_spline
+
+from camopt.scene import InputError
+from camopt.scene.units import MM
+
+TURN = 2 * np.pi
+ZERO = 1e-12 * MM
+"""Lift that counts as base circle [m]."""
+END_LIFT = 1e-3 * MM
+"""Lift at the ends of a table of one event that counts as base circle [m]."""
+ROUNDING = 1e-12
+"""Angle [rad] that the roots of a ramp may be off by rounding alone."""
+AT_REST = [(1, 0.0), (2, 0.0)]
+DISAGREEMENT = 0.5
+"""Largest step in lift from one row to the next that its velocities do not explain, over the step squared times the
+largest acceleration: half the largest acceleration all the way is 0.5, against the mean of both velocities 0.25."""
+
+
+def spline_pieces(where: str, angle: np.ndarray, lift: np.ndarray) -> PPoly:
+    """Pieces over one turn through the samples at ascending `angle` [rad] with `lift` [m].
+
+    Between runs on the base circle the spline is clamped: velocity and acceleration vanish with the lift, and the base
+    circle itself is exactly zero. A full turn without base circle is interpolated periodically.
+    Raises InputError for a table that neither closes on itself nor begins and ends on the base circle.
+    """
+    largest_step = float(np.diff(angle).max())
+    span = angle[-1] - angle[0]
+    if span >= TURN - 1e-9:
+        if abs(lift[-1] - lift[0]) > END_LIFT:
+            raise InputError(
+                f"{where}: the lift is {lift[0] / MM:g} mm at the first row and {lift[-1] / MM:g} mm one turn later: "
+                f"the two must be equal"
+            )
+        angle, lift = angle[:-1], lift[:-1]
+    elif span < TURN - 1.5 * largest_step:  # one event, the rest of the turn is base circle
+        if max(abs(lift[0]), abs(lift[-1])) > END_LIFT:
+            raise InputError(
+                f"{where}: the table covers {np.degrees(span):g} cam degrees and must begin and end on the base "
+                f"circle, but its ends are {lift[0] / MM:g} and {lift[-1] / MM:g} mm: give one whole turn"
+            )
+        lift = np.concatenate([[0.0], lift[1:-1], [0.0]])
+        angle, lift = np.append(angle, 0.5 * (angle[-1] + angle[0] + TURN)), np.append(lift, 0.0)
+    angle, lift = _from_base_circle(angle, lift)
+    if lift[0] != 0.0:
+        spline = make_interp_spline(np.append(angle, angle[0] + TURN), np.append(lift, lift[0]), 5, bc_type="periodic")
+        return _pieces_between(spline, angle[0], angle[0] + TURN)
+    if np.count_nonzero(lift) < 6:
+        raise InputError(f"{where}: fewer than six rows lie above the base circle: the steps are too coarse")
+    event = slice(0, np.flatnonzero(lift)[-1] + 2)
+    angle, lift = angle[event], lift[event]
+    spline = make_interp_spline(angle, lift, 5, bc_type=(AT_REST, AT_REST))
+    pieces = _pieces_between(spline, angle[0], angle[-1])
+    end = angle[0] + TURN
+    if pieces.x[-1] >= end - 1e-12:  # the base circle is a single sample
+        return pieces
+    return PPoly(np.hstack([pieces.c, np.zeros((6, 1))]), np.append(pieces.x, end))
+
+
+def own_pieces(
+    where: str, angle: np.ndarray, lift: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, lines: list[int]
+) -> PPoly:
+    """Pieces over one turn from camopt's own columns: angle [rad], lift [m], its derivatives [m/rad, m/rad^2], all (r).
+
+    Raises InputError for a turn that does not close, and for columns that contradict each other.
+    """
+    if abs(lift[-1] - lift[0]) > END_LIFT:
+        raise InputError(
+            f"{where}: the lift is {lift[0] / MM:g} mm at the first row and {lift[-1] / MM:g} mm one turn later: "
+            f"the two must be equal"
+        )
+    step = np.diff(angle)
+    unexplained = np.abs(np.diff(lift) - 0.5 * step * (velocity[1:] + velocity[:-1]))
+    wrong = np.flatnonzero(unexplained > DISAGREEMENT * step**2 * np.abs(acceleration).max() + END_LIFT * 1e-3)
+    if len(wrong):
+        raise InputError(
+            f"{where}: line {lines[int(wrong[0]) + 1]}: lift_mm does not follow from velocity_mm_per_deg: where the "
+            f"lift was changed, take away the columns of its derivatives"
+        )
+    pieces = PPoly.from_bernstein_basis(BPoly.from_derivatives(angle, np.column_stack([lift, velocity, acceleration])))
+    zero = ~np.any(pieces.c, axis=0)
+    kept = ~(zero & np.append(False, zero[:-1]))  # the base circle is one piece
+    return PPoly(pieces.c[:, kept], np.append(pieces.x[:-1][kept], pieces.x[-1]))
+
+
+def _from_base_circle(angle: np.ndarray, lift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The turn's samples, started anew at the last sample of the longest run on the base circle, and closed there."""
+    lift = np.where(np.abs(lift) <= ZERO, 0.0, lift)
+    above = np.flatnonzero(lift)
+    if len(above) == len(lift) or len(above) == 0:
+        return angle, lift
+    following = np.append(above[1:], above[0] + len(lift))
+    longest = np.argmax(following - above)  # samples on the base circle between `above` and `following`
+    start = (following[longest] - 1) % len(lift)
+    turned = np.concatenate([angle[start:], angle[:start] + TURN, [angle[start] + TURN]])
+    return turned, np.concatenate([lift[start:], lift[:start], [lift[start]]])
+
+
+def _pieces_between(spline: BSpline, start: float, end: float) -> PPoly:
+    """A spline's pieces from `start` to `end`, without the empty or outer ones at its end knots."""
+    pieces = PPoly.from_spline(spline)
+    middles = 0.5 * (pieces.x[1:] + pieces.x[:-1])
+    kept = (np.diff(pieces.x) > 0) & (middles > start) & (middles < end)
+    return PPoly(pieces.c[:, kept], np.append(pieces.x[:-1][kept], end))
+
+
+def event_borders(where: str, pieces: PPoly, opening: float, closing: float) -> tuple[float, float]:
+    """Angles [rad] at which the lift first rises through `opening` [m] and last falls through `closing` [m].
+
+    The turn is taken from its lowest lift, so that its first crossing rises and its last one falls. A crossing within
+    rounding of a row is that row.
+    """
+    low = pieces.x[np.argmin(pieces(pieces.x[:-1]))]
+    crossings = []
+    for height in (opening, closing):
+        roots = pieces.solve(height, discontinuity=False, extrapolate=False)
+        roots = roots[np.isfinite(roots)]
+        if len(roots) == 0:
+            raise InputError(f"{where}: the lift never passes the scene's ramp height of {height / MM:g} mm")
+        crossings.append(np.mod(roots - low, TURN) + low)
+    found = np.array([np.min(crossings[0]), np.max(crossings[1])])
+    nearest = pieces.x[np.argmin(np.abs(pieces.x[:, None] - found), axis=0)]
+    start, end = np.where(np.abs(nearest - found) < ROUNDING, nearest, found)
+    return float(start), float(end)
+
+
+def centred(pieces: PPoly, middle: float) -> tuple[np.ndarray, np.ndarray]:
+    """Borders (p + 1) from -pi to pi and coefficients (p, 6) of the periodic pieces, `middle` [rad] becoming zero."""
+    first_start = pieces.x[0] - middle
+    turn = np.floor((-np.pi - first_start) / TURN) * TURN  # from here two turns cover -pi to pi
+    starts = np.concatenate([pieces.x[:-1], pieces.x[:-1] + TURN]) - middle + turn
+    rows = np.tile(pieces.c[::-1].T, (2, 1))
+    inside = (starts > -np.pi + 1e-12) & (starts < np.pi - 1e-12)
+    first = np.flatnonzero(starts <= -np.pi + 1e-12)[-1]
+    local = -np.pi - starts[first]
+    piece = np.polynomial.Polynomial(rows[first])
+    moved = [piece.deriv(k)(local) / factorial(k) if k else piece(local) for k in range(rows.shape[1])]
+    borders = np.concatenate([[-np.pi], starts[inside], [np.pi]])
+    return borders, np.vstack([moved, rows[inside]])

@@ -1,0 +1,161 @@
+"""Lift tables: camopt's own `lift.csv`, read back unsmoothed, and tables from elsewhere with their units named."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import PPoly
+
+from camopt.cam.lift import Lift, lift_table
+from camopt.cam.ramps import Ramp, scene_ramps
+from camopt.cam.tables.interpolation import centred, event_borders, own_pieces, spline_pieces
+from camopt.cam.tables.smoothing import check_between_rows, smoothed
+from camopt.cam.tables.text import TableText, parsed
+from camopt.scene import InputError, Scene
+from camopt.scene.units import DEG, MM
+from camopt.storage import write_csv
+
+FEWEST_ROWS = 20
+MOST_ROWS = 20_000
+DERIVATIVES = {"velocity_mm_per_deg": 1, "acceleration_mm_per_deg2": 2}
+"""Columns of camopt's own tables that are read beside the lift, and their order."""
+LIFT_UNITS_MM = {"mm": 1.0, "m": 1e3, "inch": 25.4}
+ANGLE_KINDS = ("cam", "crank")
+PLAUSIBLE = 10.0
+"""Largest ratio, either way, of a table's lift to the scene's maximum lift: beyond it the unit is taken to be wrong."""
+PLAUSIBLE_DURATION = 1.8
+"""The same for its duration: an angle taken for the other kind changes it by a factor of two."""
+
+
+def write_lift_table(path: str | Path, lift: Lift, step_deg: float = 0.1) -> None:
+    """Writes `lift.csv`: angle, lift, velocity, acceleration and jerk with every digit, -180 to 180 deg."""
+    write_csv(path, lift_table(lift, step_deg))
+
+
+def read_lift_table(
+    path: str | Path,
+    scene: Scene,
+    table_angle: str | None = None,
+    table_lift: str | None = None,
+    table_ratio: float | None = None,
+) -> Lift:
+    """The lift law of a table: camopt's own unsmoothed, any other smoothed within its noise.
+
+    A table with the columns cam_angle_deg and lift_mm (camopt's own) needs no more: the law passes through every row,
+    and meets velocity and acceleration where they stand beside the lift. Any other needs `table_angle` (cam, crank) and
+    `table_lift` (mm, m, inch), here or as keys in its # header; `table_ratio` (1) turns tappet lift into the valve lift
+    that the scene counts. Its first two columns are angle [deg] and lift, it covers a turn or one event that begins and
+    ends on the base circle, and the middle of its duration becomes angle zero. What was done to it (noise, outliers,
+    largest shift of a row, lift added where a ramp is missing, error of the acceleration) is in the lift's
+    `parameters`; see `camopt.cam.tables.smoothing`. The duration of every table lies between the scene's ramp heights.
+    Raises InputError with file and line for anything else.
+    """
+    assert scene.design is not None and scene.operation is not None, "load_scene(..., need=...) guarantees both"
+    where, table = str(path), parsed(Path(path))
+    given = {"angle": table_angle, "lift": table_lift, "ratio": None if table_ratio is None else str(table_ratio)}
+    given = {key: value or table.keys.get(key) for key, value in given.items()}
+    if table.own:
+        degrees, height = _own(where, table, given)
+    else:
+        degrees, height = _foreign(where, table, given, scene)
+    _check(where, table, degrees, height, scene.design.max_lift_mm)
+    report = {"file": Path(path).name, "rows": len(degrees)}
+    if table.own:
+        pieces = _own_pieces(where, table, degrees, height)
+    else:
+        pieces, done = _measured(where, table, degrees, height, scene_ramps(scene.design))
+        report |= {"angle": given["angle"], "lift": given["lift"], "ratio": float(given["ratio"] or 1), **done}
+    opening, closing = (h * MM for h, _, _ in scene.design.ramps())
+    start, end = event_borders(where, pieces, opening, closing)
+    _check_duration(where, (end - start) / DEG, scene.design.duration_deg)
+    borders, coefficients = centred(pieces, 0.0 if table.own else 0.5 * (start + end))
+    return Lift(borders, coefficients, 0.5 * (end - start), "table", report)
+
+
+def _own(where: str, table: TableText, given: dict) -> tuple[np.ndarray, np.ndarray]:
+    """Cam angle [deg] and lift [mm] of a table that camopt wrote."""
+    if given["angle"] not in (None, "cam") or given["lift"] not in (None, "mm") or given["ratio"] is not None:
+        raise InputError(f"{where}: its columns are named cam_angle_deg and lift_mm, against the units given for it")
+    degrees, height = (table.rows[:, table.names.index(n)] for n in ("cam_angle_deg", "lift_mm"))
+    if abs(degrees[0] + 180) > 1e-9 or abs(degrees[-1] - 180) > 1e-9:
+        raise InputError(
+            f"{where}: cam_angle_deg runs from {degrees[0]:g} to {degrees[-1]:g} and must run from -180 to 180"
+        )
+    return degrees, height
+
+
+def _own_pieces(where: str, table: TableText, degrees: np.ndarray, height: np.ndarray) -> PPoly:
+    """Pieces [rad, m] over one turn of a table that camopt wrote, with or without the derivatives beside the lift."""
+    if not set(DERIVATIVES) <= set(table.names):
+        return spline_pieces(where, degrees * DEG, height * MM)
+    velocity, acceleration = (
+        table.rows[:, table.names.index(name)] * MM / DEG**order for name, order in DERIVATIVES.items()
+    )
+    return own_pieces(where, degrees * DEG, height * MM, velocity, acceleration, table.lines)
+
+
+def _foreign(where: str, table: TableText, given: dict, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Cam angle [deg] and lift [mm] of a table from elsewhere."""
+    if given["angle"] not in ANGLE_KINDS or given["lift"] not in LIFT_UNITS_MM:
+        raise InputError(
+            f"{where}: not a table that camopt wrote, so its units must be named: "
+            f"--table-angle {'|'.join(ANGLE_KINDS)} --table-lift {'|'.join(LIFT_UNITS_MM)}"
+        )
+    try:
+        ratio = float(given["ratio"] or 1)
+    except ValueError:
+        ratio = math.nan
+    if not (math.isfinite(ratio) and ratio > 0):
+        raise InputError(
+            f"{where}: the ratio is {given['ratio']!r}; valve lift over the table's lift must be a number above 0"
+        )
+    if len(table.rows) > MOST_ROWS:
+        raise InputError(f"{where}: {len(table.rows)} rows, more than {MOST_ROWS}: give every n-th row")
+    assert scene.operation is not None
+    per_unit = scene.operation.cam_per_crank if given["angle"] == "crank" else 1.0
+    return table.rows[:, 0] * per_unit, table.rows[:, 1] * LIFT_UNITS_MM[given["lift"]] * ratio
+
+
+def _measured(
+    where: str, table: TableText, degrees: np.ndarray, height: np.ndarray, ramps: tuple[Ramp, Ramp]
+) -> tuple[PPoly, dict]:
+    """Pieces [rad, m] over one turn of a table from elsewhere, and what was done to it."""
+    found = smoothed(where, degrees, height, table.lines, ramps)
+    if found.pieces is None:
+        pieces = spline_pieces(where, degrees * DEG, height * MM)
+        first = pieces.x[0]
+        check_between_rows(
+            where, lambda at: pieces(np.mod(at * DEG - first, 2 * np.pi) + first) / MM, degrees, height, table.lines
+        )
+        return pieces, found.report
+    powers = np.arange(len(found.pieces.c))[::-1, None]
+    return PPoly(found.pieces.c * MM / DEG**powers, found.pieces.x * DEG), found.report
+
+
+def _check_duration(where: str, found_deg: float, scene_deg: float) -> None:
+    if not 1 / PLAUSIBLE_DURATION <= found_deg / scene_deg <= PLAUSIBLE_DURATION:
+        raise InputError(
+            f"{where}: {found_deg:.0f} cam degrees lie between the ramp heights against the scene's duration_deg of "
+            f"{scene_deg:g}: check --table-angle (crank angles are halved)"
+        )
+
+
+def _check(where: str, table: TableText, degrees: np.ndarray, height: np.ndarray, max_lift_mm: float) -> None:
+    if len(degrees) < FEWEST_ROWS:
+        raise InputError(f"{where}: {len(degrees)} rows, and at least {FEWEST_ROWS} are needed for a lift")
+    bad = np.flatnonzero(np.diff(degrees) <= 0)
+    if len(bad):
+        i = int(bad[0])
+        kind = "is repeated" if degrees[i + 1] == degrees[i] else "decreases"
+        raise InputError(f"{where}: line {table.lines[i + 1]}: the angle {kind}; angles must ascend from row to row")
+    if degrees[-1] - degrees[0] > 360 + 1e-9:
+        raise InputError(
+            f"{where}: the table covers {degrees[-1] - degrees[0]:g} cam degrees, more than one turn: "
+            f"check --table-angle (crank angles are halved) or cut it to one turn"
+        )
+    ratio = height.max() / max_lift_mm
+    if not 1 / PLAUSIBLE <= ratio <= PLAUSIBLE:
+        raise InputError(
+            f"{where}: the largest lift is {height.max():g} mm against the scene's max_lift_mm of {max_lift_mm:g}: "
+            f"check --table-lift"
+        )

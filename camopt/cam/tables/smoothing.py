@@ -1,0 +1,187 @@
+"""A measured lift table made into a law: outliers rejected, smoothed within its own noise, or refused."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.interpolate import PPoly
+
+from camopt.cam.ramps import Ramp
+from camopt.cam.tables.event import BASE_MM, TURN, Event, find_event
+from camopt.cam.tables.lift_table.completion import completed
+from camopt.cam.tables.smoothing_spline import Fit, acceleration_error, fitted, fitted_non_negative
+from camopt.scene import InputError
+
+OUTLIER = 5.0
+"""Studentised residual of an outlier: by chance one row in 1.7 million."""
+OUTLIER_SHARE = 2.5e-4
+"""Least distance of an outlier from what the others say, over the maximum lift. A corner of the jerk, which the spline
+rounds, stays below it: 7e-5 for an exact polydyne in steps of 2 deg, 1.1e-4 where ramp and flank of a motorbike's
+exhaust cam meet."""
+NEIGHBOURS = 3
+"""Rows on either side of an outlier that are judged anew without it: it has pulled the spline towards itself."""
+MOST_OUTLIERS = 0.05
+NOISE_FREE_MM = 1e-6
+"""Noise below which a table is taken as computed, not measured: interpolating it moves the acceleration less than
+smoothing does. Tables of an exact polydyne stay below it at 0.5 deg and finer."""
+ERROR_SHARE = 0.1
+"""Largest standard error of the acceleration (root mean square over the event) over its peak: beyond it, dynamics
+from the table would be dynamics of its noise."""
+ERROR_FACTOR = 1.7
+PEAK_FACTOR = 2.8
+"""The acceleration's error (root mean square over the event) and that of its largest and smallest value, over their
+standard errors, that 95 % of the tables of experiments/measured_tables.py stay below in every family of cams, its jerk
+limited or not. More than one, as a cam is no random function: its jerk or its acceleration steps at few angles."""
+INVENTED_SHARE = 0.01
+"""Largest distance of the law from a straight line between two rows, over the maximum lift: more is not in the table.
+At a step of 4 deg a cam of 0.015 mm/deg^2 has a third of that."""
+KNOTS_DEG = (0.5, 1.0)
+"""Finest and coarsest knots; between them, half a row step."""
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """What became of a table: `pieces` [deg, mm] over one turn, None where it has no noise; `outliers` (rows)."""
+
+    pieces: PPoly | None = field(repr=False)
+    outliers: list[int]
+    report: dict
+
+
+def smoothed(where: str, degrees: np.ndarray, lift: np.ndarray, lines: list[int], ramps: tuple[Ramp, Ramp]) -> Smoothed:
+    """The smooth law of a table: ascending cam `degrees` (at most one turn) and `lift` [mm], both (r).
+
+    A flank that ends above the base circle is continued by the scene's opening or closing ramp. Raises InputError for
+    too many outliers, negative lift, rows that fix no usable acceleration, or gaps in which the law would be invented.
+    """
+    event = completed(where, find_event(where, degrees, lift), lift, lines, ramps)
+    _off_base_circle(where, event, lift, event.noise, lines)  # before such rows spoil the fit
+    kept, outliers = _without_outliers(where, event, lift)
+    angles, height, count, free, given = _arguments(kept, lift)
+    fit = (fitted if kept.start is None else fitted_non_negative)(angles, height, count, free, given)
+    if fit.coefficients.max() <= 0:
+        raise InputError(f"{where}: no lift above the base circle is left: lift is counted from there, positive up")
+    outliers = sorted(outliers + _off_base_circle(where, event, lift, fit.noise, lines))
+    report = {"noise_um": round(1e3 * fit.noise, 4), "outliers": len(outliers)}
+    if outliers:
+        report["outlier_lines"] = [lines[row] for row in outliers]
+    if len(event.added_lift):
+        report |= _added(event, lift)
+    elif fit.noise < NOISE_FREE_MM and not outliers:
+        return Smoothed(None, outliers, report | {"largest_shift_um": 0.0})
+    error = acceleration_error(fit, angles, height, count, given)
+    if error.likeliest > ERROR_SHARE * error.largest:
+        raise InputError(
+            f"{where}: no usable acceleration: with {len(kept.rows)} rows in the event and a noise of "
+            f"{1e3 * fit.noise:.3g} um its standard error is {100 * error.likeliest / error.largest:.0f} % of the "
+            f"peak, over {100 * ERROR_SHARE:g} %: measure in finer steps or with less noise"
+        )
+    pieces = fit.pieces()
+    used = _used(degrees, event, outliers)
+    known = np.append(degrees[used], event.added_degrees), np.append(lift[used], event.added_lift)
+    check_between_rows(where, pieces, *known, [*(lines[i] for i in used), *[0] * len(event.added_lift)])
+    shifts = pieces(np.mod(degrees[used], TURN)) - lift[used]
+    most = int(np.argmax(np.abs(shifts)))
+    report |= {
+        "largest_shift_um": round(1e3 * abs(float(shifts[most])), 4),
+        "largest_shift_line": lines[used[most]],
+        "acceleration_error_percent": round(100 * ERROR_FACTOR * error.rms / error.largest, 2),
+        "peak_error_percent": round(100 * PEAK_FACTOR * error.at_peak / error.largest, 2),
+    }
+    return Smoothed(pieces, outliers, report)
+
+
+def check_between_rows(where: str, law: Callable, degrees: np.ndarray, lift: np.ndarray, lines: list[int]) -> None:
+    """Raises InputError where `law` (angle [deg] to lift [mm]) says between two rows what neither of them does."""
+    order = np.argsort(np.mod(degrees, TURN), kind="stable")
+    angle, height = np.mod(degrees, TURN)[order], lift[order]
+    angle, height = np.append(angle, angle[0] + TURN), np.append(height, height[0])
+    invented = np.abs(law(np.mod(0.5 * (angle[1:] + angle[:-1]), TURN)) - 0.5 * (height[1:] + height[:-1]))
+    worst = int(np.argmax(invented))
+    if invented[worst] > INVENTED_SHARE * lift.max():
+        rows = sorted(lines[int(i)] for i in (order[worst], order[(worst + 1) % len(order)]))
+        raise InputError(
+            f"{where}: lines {rows[0]} and {rows[1]}: between them lie {angle[worst + 1] - angle[worst]:g} cam degrees "
+            f"without a row, in which the lift would have to be invented ({invented[worst]:.3g} mm): give finer rows"
+        )
+
+
+def _added(event: Event, lift: np.ndarray) -> dict:
+    """What a cut table was given beyond its rows: flanks, the lift from which on, and over which angle."""
+    assert event.start is not None and event.end is not None, "a cut event lies between two feet"
+    beyond = event.end - event.start - (event.degrees[-1] - event.degrees[0])
+    return {
+        "cut_ramps": sum(event.cut),
+        "added_lift_mm": round(float(max(lift[event.rows[-side]] for side in (0, 1) if event.cut[side])), 4),
+        "added_deg": round(float(beyond), 3),
+    }
+
+
+def _used(degrees: np.ndarray, event: Event, outliers: list[int]) -> np.ndarray:
+    """Rows that the law shall meet: neither outliers nor the base circle that the ramp of a cut flank replaces."""
+    used = np.setdiff1d(np.arange(len(degrees)), outliers)
+    if not len(event.added_lift):
+        return used
+    assert event.start is not None and event.end is not None, "a cut event lies between two feet"
+    outside = np.mod(degrees[used] - event.start, TURN) >= event.end - event.start
+    return used[outside | np.isin(used, event.rows)]
+
+
+def _off_base_circle(where: str, event: Event, lift: np.ndarray, noise: float, lines: list[int]) -> list[int]:
+    """Rows outside the event that are not on the base circle; for a turn without one, no row may be below zero."""
+    limit = max(BASE_MM, OUTLIER * noise)
+    if event.start is None:
+        off, most = np.flatnonzero(lift < -limit), 0.0
+    else:
+        outside = np.setdiff1d(np.arange(len(lift)), event.rows)
+        off, most = outside[np.abs(lift[outside]) > limit], MOST_OUTLIERS * len(outside)
+    if len(off) > most:
+        raise InputError(
+            f"{where}: line {lines[off[0]]}: a lift of {lift[off[0]]:g} mm on the base circle ({len(off)} such rows): "
+            f"lift is counted from the base circle, positive up"
+        )
+    return [int(row) for row in off]
+
+
+def _arguments(event: Event, lift: np.ndarray) -> tuple[np.ndarray, np.ndarray, int, np.ndarray, int]:
+    """What `fitted` takes: angles and lifts of the rows, the added ones last, knots of a turn, free coefficients, and
+    how many rows were added."""
+    angles = np.append(event.degrees, event.added_degrees)
+    return angles, np.append(lift[event.rows], event.added_lift), *_knots(event), len(event.added_lift)
+
+
+def _knots(event: Event) -> tuple[int, np.ndarray]:
+    """Number of knots of a turn, and the coefficients whose functions stand inside the event, a knot more each side."""
+    step = float(np.median(np.diff(event.degrees)))
+    count = round(TURN / float(np.clip(step / 2, *KNOTS_DEG)))
+    if event.start is None or event.end is None:
+        return count, np.arange(count)
+    h = TURN / count
+    free = np.arange(int(np.ceil(event.start / h)) + 4, int(np.floor(event.end / h)) + 1)
+    return count, np.mod(free[: count - 6], count)
+
+
+def _without_outliers(where: str, event: Event, lift: np.ndarray) -> tuple[Event, list[int]]:
+    """The event's rows that a spline through the others explains, and the rows rejected.
+
+    The worst row of each neighbourhood is set aside and the noise estimated anew, until no row stands out.
+    """
+    count, free = _knots(event)
+    kept = event
+    outliers: list[int] = []
+    while True:
+        angles, height, _, _, given = _arguments(kept, lift)
+        fit: Fit = fitted(angles, height, count, free, given)
+        size = np.abs(fit.studentised())
+        deleted = np.abs(fit.residuals) / np.maximum(1 - fit.leverage, 1e-12)
+        near = np.max([np.roll(size, k) for k in range(-NEIGHBOURS, NEIGHBOURS + 1)], axis=0)
+        worst = (size > OUTLIER) & (size == near) & (deleted > OUTLIER_SHARE * lift[event.rows].max())
+        if not worst.any():
+            return kept, sorted(outliers)
+        outliers += [int(row) for row in kept.rows[worst]]
+        if len(outliers) > MOST_OUTLIERS * len(event.rows):
+            raise InputError(
+                f"{where}: more than {100 * MOST_OUTLIERS:g} % of its {len(event.rows)} rows in the event stand out "
+                f"from their neighbours by {OUTLIER:g} standard deviations: check the columns and the measurement"
+            )
+        kept = replace(kept, rows=kept.rows[~worst], degrees=kept.degrees[~worst])

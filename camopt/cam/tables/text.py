@@ -1,0 +1,74 @@
+"""The text of a lift table: any common delimiter, at most one line of column names, and keys in a # header."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from camopt.scene import InputError
+from camopt.scene.text_file import read_text
+
+MAX_FILE_BYTES = 20_000_000
+_HEADER_KEY = re.compile(r"\btable[-_](angle|lift|ratio)\s*[=:]\s*([\w.+-]+)")
+
+
+@dataclass(frozen=True)
+class TableText:
+    """The numbers of a table file, its column names, and the keys in its # header."""
+
+    names: list[str]
+    keys: dict[str, str]
+    rows: np.ndarray  # (r, c)
+    lines: list[int]  # line number of each row
+
+    @property
+    def own(self) -> bool:
+        """Whether the columns are named as camopt names them, units included."""
+        return {"cam_angle_deg", "lift_mm"} <= set(self.names)
+
+
+def parsed(path: Path) -> TableText:
+    """Numbers of a text file with any common delimiter, at most one line of column names, and # comments."""
+    text = read_text(path, MAX_FILE_BYTES, "lift table", encoding="utf-8-sig")
+    names: list[str] = []
+    keys: dict[str, str] = {}
+    rows: list[list[float]] = []
+    lines: list[int] = []
+    for number, line in enumerate(text.splitlines(), 1):
+        line = line.strip()
+        if line.startswith("#"):
+            keys |= dict(_HEADER_KEY.findall(line))
+            continue
+        if not line:
+            continue
+        cells = _cells(line)
+        values = [_number(cell) for cell in cells]
+        if not rows and not names and None in values:
+            names = cells
+            continue
+        finite = [v for v in values if v is not None and np.isfinite(v)]
+        if len(finite) != len(cells):
+            raise InputError(f"{path}: line {number}: expected finite numbers, found {line[:60]!r}")
+        if len(finite) < 2 or (rows and len(finite) != len(rows[0])) or (names and len(finite) != len(names)):
+            raise InputError(f"{path}: line {number}: {len(finite)} columns; each row needs angle and lift, all alike")
+        rows.append(finite)
+        lines.append(number)
+    if not rows:
+        raise InputError(f"{path}: holds no numbers; a lift table has an angle and a lift in each row")
+    return TableText(names, keys, np.array(rows), lines)
+
+
+def _cells(line: str) -> list[str]:
+    """A line split at its delimiter; beside semicolons or tabs a comma is a decimal sign."""
+    for delimiter in (";", "\t"):
+        if delimiter in line:
+            return [cell.strip().replace(",", ".") for cell in line.split(delimiter)]
+    return [cell.strip() for cell in line.split(",")] if "," in line else line.split()
+
+
+def _number(cell: str) -> float | None:
+    try:
+        return float(cell)
+    except ValueError:
+        return None

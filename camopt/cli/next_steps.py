@@ -1,0 +1,126 @@
+"""What a command says last, on standard error: what to do next, and after a failure what is left where."""
+
+import shlex
+from argparse import Namespace
+from pathlib import Path
+
+
+def next_step(args: Namespace, code: int) -> str:
+    """One sentence with a command that can be pasted; `code` is the exit code of what was run."""
+    return _AFTER[args.command](args, code)
+
+
+def left_behind(args: Namespace) -> str:
+    """What a command that did not end leaves in its folder and how to go on, to end a sentence with.
+
+    A folder that is still empty is taken away, so that the same command may be given again.
+    """
+    folder: Path | None = getattr(args, "folder", None)
+    if folder is None or not folder.is_dir():
+        return ""
+    names = sorted(path.name for path in folder.iterdir())
+    if getattr(args, "resume", False):
+        return f"; {folder} is kept, with {', '.join(names) or 'nothing in it'}"
+    if not names:
+        folder.rmdir()
+        return ""
+    left = f"; {folder} is left, with {', '.join(names)}"
+    if not hasattr(args, "resume"):
+        return f"{left}: delete it or name another --out"
+    again = _camopt(args.command, *([args.scene] if args.scene else []), "--out", folder, "--resume")
+    return f"{left}: {again} with the same options goes on there, or delete it"
+
+
+def _camopt(*words: object) -> str:
+    return f"`{shlex.join(['camopt', *map(str, words)])}`"
+
+
+def _cam_of(args: Namespace) -> list[object]:
+    """Scene and cam as they were given, with what says how a table is read."""
+    named = {"--table-angle": args.table_angle, "--table-lift": args.table_lift, "--table-ratio": args.table_ratio}
+    given = [word for option, value in named.items() if value is not None for word in (option, value)]
+    return [args.scene, "--cam", args.cam, *given]
+
+
+def _after_optimize(args: Namespace, code: int) -> str:
+    if code:
+        return f"{_camopt('verify', args.scene, '--cam', args.folder)} shows at which speeds it breaks which limit"
+    return f"{_camopt('cam', args.scene, '--cam', args.folder, '--csv', 'lift.csv')} writes the cam's lift table"
+
+
+def _after_verify(args: Namespace, code: int) -> str:
+    if code:
+        return f"{_camopt('optimize', args.scene)} designs a cam that holds the limits"
+    return f"{_camopt('cam', *_cam_of(args), '--csv', 'lift.csv')} writes the cam's lift table"
+
+
+def _after_simulate(args: Namespace, code: int) -> str:
+    if args.csv is None:
+        return f"{_camopt('simulate', *_cam_of(args), '--speed', f'{args.speed:g}', '--csv', 'motion.csv')} writes it"
+    return f"{_camopt('verify', *_cam_of(args), '--speeds', f'{args.speed:g}')} holds it against the limits"
+
+
+def _after_compare(args: Namespace, code: int) -> str:
+    cams = args.folder / "cams"
+    first = min(cams.glob("*.json"), default=None) if cams.is_dir() else None
+    if first is None:
+        return f"{_camopt('optimize', args.scene)} designs a cam to compare"
+    return f"{_camopt('cam', args.scene, '--cam', first)} shows one of the cams; {args.folder / 'figures'} shows all"
+
+
+def _after_cam(args: Namespace, code: int) -> str:
+    if args.csv is None:
+        return f"{_camopt('cam', *_cam_of(args), '--csv', 'lift.csv')} writes the lift table"
+    return f"{_camopt('verify', *_cam_of(args))} says whether the valve train follows it"
+
+
+def _after_modes(args: Namespace, code: int) -> str:
+    return f"{_camopt('bound', args.scene)} says how much area a cam can have, where the scene has its limits"
+
+
+def _after_bound(args: Namespace, code: int) -> str:
+    return f"{_camopt('optimize', args.scene, '--accuracy', 'draft')} designs a cam towards this bound"
+
+
+def _after_gradient(args: Namespace, code: int) -> str:
+    return f"{_camopt('optimize', args.scene)} designs a cam with such gradients"
+
+
+def _after_tradeoff(args: Namespace, code: int) -> str:
+    return f"{_camopt('optimize', args.scene, '--accuracy', 'draft')} runs the job at the accuracy you choose"
+
+
+def _after_extremes(args: Namespace, code: int) -> str:
+    if code:
+        return f"a wrong row without a warning is a defect of camopt: report it with {args.folder / 'extremes.csv'}"
+    return f"{_camopt('tradeoff', args.scene or 'kodama')} measures what accuracy costs"
+
+
+def _after_reduce(args: Namespace, code: int) -> str:
+    if args.json is None:
+        return f"{_camopt('reduce', args.scene, '--cam', args.cam, '--json', 'reduced.json')} keeps the proposed scene"
+    return f"the proposed scene is in {args.json} as proposed_toml: save it as a TOML file and verify a cam there too"
+
+
+def _after_scenes(args: Namespace, code: int) -> str:
+    if args.name is None:
+        return "`camopt scenes kodama > mine.toml` writes one to edit"
+    return (
+        f"write it to a file, as in `camopt scenes {args.name} > mine.toml`, edit it, and try `camopt modes mine.toml`"
+    )
+
+
+_AFTER = {
+    "optimize": _after_optimize,
+    "verify": _after_verify,
+    "simulate": _after_simulate,
+    "compare": _after_compare,
+    "cam": _after_cam,
+    "modes": _after_modes,
+    "bound": _after_bound,
+    "gradient": _after_gradient,
+    "tradeoff": _after_tradeoff,
+    "extremes": _after_extremes,
+    "reduce": _after_reduce,
+    "scenes": _after_scenes,
+}

@@ -1,0 +1,80 @@
+"""Values on the command line: text to number, or a sentence of what was expected."""
+
+import argparse
+import math
+
+from camopt.scene.schema import LARGEST, SMALLEST
+from camopt.scene.spelling import did_you_mean
+from camopt.scene.text_file import excerpt
+
+ACCURACIES = ("draft", "standard", "fine")
+MOST_SPEEDS = 10_000
+
+
+def speeds(text: str) -> tuple[float, ...]:
+    """Crankshaft speeds [r/min], ascending, from `5000,6000` or `first:last:step` (last included where it is met)."""
+    parts = text.split(":")
+    if len(parts) == 1:
+        listed = sorted({positive(part) for part in text.split(",")})
+    elif len(parts) == 3:
+        first, last, step = (positive(part) for part in parts)
+        if last < first:
+            raise argparse.ArgumentTypeError(f"{excerpt(text)}: the last speed lies below the first")
+        steps = min((last - first) / step, MOST_SPEEDS)  # before it becomes an integer, which infinity cannot
+        listed = [first + i * step for i in range(math.floor(steps + 1e-9) + 1)]
+    else:
+        raise argparse.ArgumentTypeError(f"{excerpt(text)}: expected 5000,6000 or first:last:step, as in 300:8000:100")
+    if len(listed) > MOST_SPEEDS:
+        raise argparse.ArgumentTypeError(f"{excerpt(text)}: more than {MOST_SPEEDS} speeds")
+    return tuple(listed)
+
+
+def positive(text: str) -> float:
+    """A number of the size that a scene's numbers may have."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value > 0):
+        raise argparse.ArgumentTypeError(f"{excerpt(text)}: expected a number above 0")
+    if not SMALLEST <= value <= LARGEST:
+        raise argparse.ArgumentTypeError(f"{excerpt(text)}: expected a number from {SMALLEST:g} to {LARGEST:g}")
+    return value
+
+
+def count(text: str) -> int:
+    return _integer(text, 1, 1000)
+
+
+def digits(text: str) -> int:
+    return _integer(text, 0, 12)
+
+
+def picture_file(text: str) -> str:
+    if not text.lower().endswith((".png", ".svg")):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a file that ends in .png or .svg")
+    return text
+
+
+def seed(text: str) -> int:
+    return _integer(text, 0, 2**32 - 1)
+
+
+def _integer(text: str, low: int, high: int) -> int:
+    usable = text.isascii() and text.isdigit() and len(text) <= 20  # Python converts no more than some thousand digits
+    if not usable or not low <= int(text) <= high:
+        shown = "2^32 - 1" if high == 2**32 - 1 else high
+        raise argparse.ArgumentTypeError(f"{excerpt(text)}: expected an integer from {low} to {shown}")
+    return int(text)
+
+
+def accuracy(text: str) -> str | float:
+    if text in ACCURACIES:
+        return text
+    try:
+        return positive(text)
+    except argparse.ArgumentTypeError:
+        raise argparse.ArgumentTypeError(
+            f"{excerpt(text)}: expected {', '.join(ACCURACIES)} or a number of micrometres"
+            f"{did_you_mean(text, ACCURACIES)}"
+        ) from None

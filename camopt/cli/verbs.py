@@ -1,0 +1,260 @@
+"""The verbs of the command line: each loads what it needs, calls one public function and prints the outcome.
+
+Everything beyond the scene is imported inside the verb, so that bad input is answered before JAX or numba load.
+"""
+
+import sys
+import tomllib
+from argparse import Namespace
+from pathlib import Path
+
+from camopt.scene import InputError, Scene, build_train, builtin_scenes, load_scene, scene_text
+from camopt.scene.notes import speed_notes
+from camopt.scene.spelling import did_you_mean
+from camopt.scene.text_file import excerpt
+from camopt.storage import check_run_folder, default_run_folder, write_csv, write_json
+
+SIMULATED = ("valve", "seat", "operation", "design")
+
+
+def optimize(args: Namespace) -> int:
+    scene = _scene_of(args)
+    folder = _run_folder(args, scene.name)
+    from camopt.optimizer.run import optimize as run
+    from camopt.report import write_report
+
+    result = run(
+        scene,
+        speeds=args.speeds,
+        accuracy=args.accuracy,
+        gradient=args.gradient,
+        out=folder,
+        seed=args.seed,
+        resume=args.resume,
+        progress=not args.quiet,
+        designed=write_report,
+    )
+    page = write_report(result.folder)
+    _print_outcome(result)
+    print(f"run folder: {result.folder}, report: {page}")
+    return result.exit_code
+
+
+def _print_outcome(result) -> None:
+    """Start -> End in physical units, the area ratios, the verdict."""
+    from camopt.report.folder import read_run_folder
+    from camopt.report.tables import start_and_end
+
+    print(f"{'':<28} {'unit':<10} {'start':>12}    {'end':>12}")
+    for row in start_and_end(read_run_folder(result.folder)):
+        print(f"{row['label']:<28} {row['unit']:<10} {row['start']:>12} -> {row['end']:>12}")
+    record = result.record
+    print(f"area ratio {record['area_ratio']:.5f}, certified bound {record['area_ratio_bound']:.5f}", end="")
+    print(f" (gap {record['area_gap_percent']:.2f} %), no-jump program {record['area_ratio_no_jump']:.5f}", end="")
+    print(f", gained by the gradient stage {record['gradient_gain']:.5f}")
+    broken = f" (broken: {', '.join(result.verdict.broken)})" if result.verdict.broken else ""
+    print(f"verdict: {result.verdict.verdict}{broken}")
+
+
+def verify(args: Namespace) -> int:
+    scene = _scene_of(args)
+    lift = _cam_of(args, scene)
+    from camopt.verifier.accuracy import verify as verdict_of
+
+    report = verdict_of(scene, lift, speeds_rpm=args.speeds, methods=args.method, accuracy=args.accuracy)
+    if args.json:
+        write_json(args.json, report.as_dict())
+    _print_area_words(lift, scene)
+    print(report)
+    return 0 if report.verdict == "confirmed" else 3
+
+
+def simulate(args: Namespace) -> int:
+    scene = _scene_of(args)
+    lift = _cam_of(args, scene)
+    from camopt.study.simulate.motion import motion_table
+    from camopt.study.simulate.motion import simulate as motion_of
+    from camopt.verifier.verdict import methods_for
+
+    method = args.method or ("event" if args.accuracy is None else methods_for(build_train(scene))[0])
+    motion = motion_of(scene, lift, args.speed, method, args.revolutions, args.step_deg, accuracy=args.accuracy)
+    if args.csv:
+        write_csv(args.csv, motion_table(motion))
+    print(f"{scene.name}, {lift.family}, {args.speed:g} r/min, {method}, from rest")
+    if args.accuracy is not None:
+        print(motion.attrs["accuracy_statement"])
+    for revolution, part in motion.groupby("revolution"):
+        valve = part["position_mm"].sel(mass=scene.valve)
+        print(f"revolution {revolution}: largest valve position {float(valve.max()):.4f} mm")
+        for element in (e.name for e in scene.element if e.kind == "contact"):
+            force = part["force_N"].sel(element=element)
+            print(f"  {element:<20} force {float(force.min()):10.1f} to {float(force.max()):10.1f} N")
+    return 0
+
+
+def compare(args: Namespace) -> int:
+    scene = _scene_of(args)
+    folder = _run_folder(args, scene.name)
+    from camopt.cam.read import read_cam
+    from camopt.cli.comparison_lines import comparison_lines
+
+    designs = {
+        str(Path(d)): read_cam(Path(d), scene, args.table_angle, args.table_lift, args.table_ratio) for d in args.design
+    }
+    from camopt.optimizer.baselines.comparison import compare as comparison
+
+    comparison(scene, designs, folder, baselines=args.baselines, progress=not args.quiet)
+    print("\n".join(comparison_lines(folder)))
+    for name, lift in designs.items():
+        _print_area_words(lift, scene, f"{name}: ")
+    print(f"comparison: {folder}")
+    return 0
+
+
+def cam(args: Namespace) -> int:
+    asked = tuple(f"--{name}" for name in ("speed", "contour") if getattr(args, name) is not None)
+    scene = _scene_of(args, SIMULATED if args.speed else ("operation", "design"))
+    if asked and scene.geometry is None:
+        raise InputError(f"scene {scene.name}: {' and '.join(asked)} needs [geometry]: follower and base radius")
+    lift = _cam_of(args, scene)
+    from camopt.study.cam_sheet import export, sheet
+
+    export(scene, lift, args.csv, args.contour, args.step_deg, args.digits, args.figure)
+    print("\n".join(sheet(scene, lift, args.speed)))
+    _print_area_words(lift, scene)
+    return 0
+
+
+def modes(args: Namespace) -> int:
+    scene = _scene_of(args, ())
+    from camopt.study.modes import modes as modes_of
+
+    found = modes_of(scene, args.state)
+    if args.json:
+        write_json(args.json, found.as_dict())
+    print(f"{scene.name}, {args.state}; closed contacts: {', '.join(found.closed) or 'none'}")
+    print(f"{'Hz':>12}  {'rad/s':>12}  {'damping':>8}  " + "  ".join(f"{n:>10}" for n in found.mass_names))
+    for row in zip(found.frequency_Hz, found.angular, found.damping_ratio, found.shape, strict=True):
+        shape = "  ".join(f"{value:10.4f}" for value in row[3])
+        print(f"{row[0]:12.6g}  {row[1]:12.6g}  {100 * row[2]:6.2f} %  {shape}")
+    return 0
+
+
+def bound(args: Namespace) -> int:
+    scene = _scene_of(args)
+    from camopt.optimizer.bound.summary import area_bound
+
+    content = area_bound(scene)
+    if args.json:
+        write_json(args.json, content)
+    for name, value in content.items():
+        print(f"{name}: {value}")
+    return 0
+
+
+def reduce(args: Namespace) -> int:
+    scene = _scene_of(args)
+    lift = _cam_of(args, scene)
+    from camopt.study.reduce.reduction import reduce as reduction_of
+    from camopt.study.reduce.reduction import reduction_lines
+
+    found = reduction_of(scene, lift, args.speeds, args.tolerance_mm)
+    if args.json:
+        write_json(args.json, found.as_dict())
+    print("\n".join(reduction_lines(found)))
+    return 0
+
+
+def tradeoff(args: Namespace) -> int:
+    scene = _scene_of(args)
+    folder = _run_folder(args, scene.name)
+    from camopt.study.tradeoff.tradeoff import tradeoff as measure
+
+    found = measure(scene, folder, args.resume, args.size, progress=not args.quiet)
+    print(found.words)
+    print(f"table: {found.folder / 'tradeoff.csv'}, figures: {found.folder / 'figures'}")
+    return 0
+
+
+def extremes(args: Namespace) -> int:
+    dynamic = (name for name, text in builtin_scenes().items() if "seat" in tomllib.loads(text))
+    scenes = [_scene_of(args)] if args.scene else [load_scene(name, need=SIMULATED) for name in dynamic]
+    folder = _run_folder(args, scenes[0].name if args.scene else "extremes")
+    from camopt.plots import save
+    from camopt.plots.verdicts import verdict_matrix
+    from camopt.study.extremes.extremes import counts, defects, extremes
+
+    rows = extremes(scenes, folder, args.resume, progress=not args.quiet)
+    for scene in scenes:
+        mine = [r for r in rows if r["case"].startswith(f"{scene.name}: ")]
+        save(verdict_matrix(mine, scene.name), folder / "figures", f"extremes-{scene.name}")
+    for method, by_verdict in counts(rows).items():
+        print(f"{method:<44}" + ", ".join(f"{n} {v}" for v, n in by_verdict.items()))
+    wrong = defects(rows)
+    for row in wrong:
+        print(f"wrong: {row['case']}, {row['method']}: {row['error_of']} off by {float(row['error']):.3g}")
+    print(f"{len(rows)} rows, {len(wrong)} wrong without a warning: {folder}")
+    return 3 if wrong else 0
+
+
+def gradient(args: Namespace) -> int:
+    scene = _scene_of(args)
+    lift = _cam_of(args, scene)
+    from camopt.study.gradient.report import gradient_report, report_lines
+
+    report = gradient_report(scene, lift, args.speed, progress=not args.quiet)
+    if args.json:
+        write_json(args.json, report.as_dict())
+    print(f"{scene.name}, {lift.family}, {args.speed:g} r/min")
+    print("\n".join(report_lines(report)))
+    return 0
+
+
+def scenes(args: Namespace) -> int:
+    if args.name is not None:
+        if args.name not in builtin_scenes():
+            meant = did_you_mean(args.name, builtin_scenes()) or f"; built in are {', '.join(builtin_scenes())}"
+            raise InputError(f"scene {excerpt(args.name)}: not built in{meant}")
+        print(scene_text(args.name), end="")
+        return 0
+    for name, text in builtin_scenes().items():
+        print(f"{name:<14} {tomllib.loads(text)['title']}")
+    return 0
+
+
+def _scene_of(args: Namespace, need: tuple[str, ...] = SIMULATED) -> Scene:
+    """The scene that a command names; what is unusual about it or about the speeds asked is noted."""
+    scene = load_scene(args.scene, need)
+    notes = [f"{args.scene}: {note}" for note in scene.notes]
+    if (speed := getattr(args, "speed", None)) is not None:
+        notes += speed_notes("--speed", [speed])
+    if isinstance(speeds := getattr(args, "speeds", None), tuple):
+        notes += speed_notes("--speeds", speeds)
+    for note in notes:
+        print(f"camopt: note: {note}", file=sys.stderr)
+    return scene
+
+
+def _run_folder(args: Namespace, name: str) -> Path:
+    """The folder that a command is to write, known to be free or to be resumed; `args.folder` from here on."""
+    resume = getattr(args, "resume", False)
+    if resume and args.out is None:
+        raise InputError(f"{args.command}: --resume needs the folder to go on in: add --out DIR")
+    folder = Path(args.out) if args.out else default_run_folder(name)
+    check_run_folder(folder, resume)
+    args.folder = folder
+    return folder
+
+
+def _print_area_words(lift, scene, whose: str = "") -> None:
+    """What must be said of a cam's duration and area ratio, a line each."""
+    from camopt.optimizer.bound.area_words import area_words
+
+    for sentence in area_words(lift, scene.design):
+        print(f"note: {whose}{sentence}")
+
+
+def _cam_of(args: Namespace, scene):
+    from camopt.cam.read import read_cam
+
+    return read_cam(args.cam, scene, args.table_angle, args.table_lift, args.table_ratio)

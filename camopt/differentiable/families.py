@@ -1,0 +1,226 @@
+"""Every family as a JAX function of its free parameters: lift, area and peak values, to be differentiated at will.
+
+The functions that build a family's pieces (`event_pieces`, `flank`, `closed`, `FreeCam.pieces`, `whole_turn`) take
+arrays of NumPy or of JAX. Here they run on JAX arrays, so that derivatives are those of the construction itself, its
+linear solves included, and exact to round-off. Parameters are a dictionary of arrays, under the names and
+in the units of the command line:
+
+    cam = differentiable(scene, multi_pol(scene))
+    jax.grad(cam.area)(cam.parameters)["sections_deg"]
+    jax.jacobian(cam.lift, argnums=1)(theta, cam.parameters)
+
+A member that was found for the largest area is differentiated at its angles and levels, which are its parameters; the
+derivative does not include what the search would find under other limits. The derivative of a peak value is the one at
+the place of the peak, which is held fixed in its piece (Danskin 1966). Where two pieces tie, the derivative is that of
+the piece found first.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from math import perm
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from camopt.cam.families.dwell import TABLES as DWELL
+from camopt.cam.families.free import free_cam
+from camopt.cam.families.new_design import table_2
+from camopt.cam.families.polydyne import event_pieces, piece_shares
+from camopt.cam.families.sections import SectionTable, closed, flank
+from camopt.cam.lift import Lift, whole_turn
+from camopt.cam.ramps import Ramp, symmetric_conditions
+from camopt.cam.read import FAMILIES
+from camopt.scene import InputError, Scene
+from camopt.scene.units import DEG, MM, MM_PER_DEG
+
+Parameters = dict[str, Any]
+"""Arrays or numbers by name, in the unit that the name states."""
+LEAST_REAL_EXPONENT = 8
+"""An exponent below this has to be an integer, so that nothing can be differentiated by it."""
+SAMPLES, NEWTON_STEPS = 33, 5
+"""Number of samples per piece on which a peak is sought, and number of Newton steps that then place it."""
+
+
+@dataclass(frozen=True)
+class DifferentiableCam:
+    """A cam as a function of its parameters; `parameters` holds the values that they have now.
+
+    `pieces(parameters)` gives borders (p + 1) [rad] and coefficients (p, q) [m/rad^k] from -pi to pi, as `Lift` has
+    them, except that pieces may be empty. `half_duration(parameters)` is half the angle between the ramp tops [rad].
+    All methods are pure functions of JAX arrays, to which jit, vmap, grad and jacobian apply.
+    """
+
+    family: str
+    parameters: Parameters
+    pieces: Callable[[Parameters], tuple[jax.Array, jax.Array]]
+    half_duration: Callable[[Parameters], Any]
+
+    def lift(self, theta, parameters: Parameters, order: int = 0) -> jax.Array:
+        """Lift or its derivative by angle [m/rad^order] at `theta` [rad], any shape."""
+        borders, coefficients = self.pieces(parameters)
+        theta = jnp.mod(jnp.asarray(theta) + jnp.pi, 2 * jnp.pi) - jnp.pi
+        piece = jnp.searchsorted(borders, theta, side="right") - 1
+        piece = jnp.clip(piece, 0, len(coefficients) - 1)
+        return _polynomial(coefficients[piece], theta - borders[piece], order)
+
+    def area(self, parameters: Parameters) -> jax.Array:
+        """Integral of the lift over the duration [m rad]."""
+        borders, coefficients = self.pieces(parameters)
+        half = self.half_duration(parameters)
+        powers = np.arange(coefficients.shape[1])
+        widths = jnp.diff(borders)[:, None]
+        parts = jnp.sum(coefficients * widths ** (powers + 1) / (powers + 1), axis=1)
+        middles = 0.5 * (borders[1:] + borders[:-1])
+        return jnp.sum(jnp.where(abs(middles) < half, parts, 0.0))
+
+    def peak(self, parameters: Parameters, order: int = 0, lowest: bool = False) -> jax.Array:
+        """Largest, or with `lowest` smallest, lift or derivative by angle [m/rad^order] over the turn.
+
+        At the borders of pieces the values from both sides count, so that a step shows with both its sides.
+        """
+        borders, coefficients = self.pieces(parameters)
+        widths = jnp.diff(borders)
+        sign = -1.0 if lowest else 1.0
+        shares = _places(*jax.lax.stop_gradient((sign * coefficients, widths)), order)
+        values = _polynomial(coefficients, shares * widths, order)
+        return values[jnp.argmax(sign * values)]
+
+
+def _polynomial(coefficients, x, order: int) -> jax.Array:
+    """The derivative `order` of sum_k c_k x^k at x (...); the coefficients (..., q) stand in ascending powers."""
+    k = np.arange(order, coefficients.shape[-1])
+    falling = np.array([float(perm(i, order)) for i in k])
+    return jnp.sum(falling * coefficients[..., order:] * x[..., None] ** (k - order), axis=-1)
+
+
+def _places(coefficients, widths, order: int) -> jax.Array:
+    """The share (p) of its width at which the derivative `order` of each piece (p, q) is largest."""
+    grid = np.linspace(0.0, 1.0, SAMPLES)
+    shares = jnp.asarray(grid)[jnp.argmax(_polynomial(coefficients[:, None, :], grid * widths[:, None], order), axis=1)]
+
+    def newton(_, shares):
+        slope, bend = (widths**k * _polynomial(coefficients, shares * widths, order + k) for k in (1, 2))
+        step = jnp.where(bend < 0, -slope / jnp.where(bend < 0, bend, -1.0), 0.0)
+        moved = jnp.clip(shares + step, 0.0, 1.0)
+        now, then = (_polynomial(coefficients, at * widths, order) for at in (shares, moved))
+        return jnp.where(then > now, moved, shares)  # where slope and bend are both round-off a step leads astray
+
+    return jax.lax.fori_loop(0, NEWTON_STEPS, newton, shares)
+
+
+def differentiable(scene: Scene, cam: Lift) -> DifferentiableCam:
+    """A family's member as a function of its own free parameters and of the design conditions for which it is built.
+
+    The own parameters of polydyne are `exponents` of at least 8 and `speed_rpm`; of exponent, `exponents`; of
+    multi-pol, new-design, kurz and trapezoid, all `sections_deg` except the last, which takes the rest of half the
+    duration, and every level that the conditions at the nose leave free; of new-design, `start_ratio` as well; of the
+    free cam, `z`, its free coefficients [mm/deg^2]. All families but the free cam also have the design conditions
+    `duration_deg`, `max_lift_mm`, `ramp_height_mm` and `ramp_velocity_mm_per_deg`. Raises InputError for a cam that
+    belongs to no family, such as a lift table.
+    """
+    if cam.family == "free":
+        return _free(scene, cam)
+    design, ramp = symmetric_conditions(scene, cam.family)
+    conditions = {
+        "duration_deg": design.duration_deg,
+        "max_lift_mm": design.max_lift_mm,
+        "ramp_height_mm": cam.parameters.get("ramp_height_mm", design.ramp_height_mm),
+        "ramp_velocity_mm_per_deg": design.ramp_velocity_mm_per_deg,
+    }
+    if cam.family in ("polydyne", "exponent"):
+        own, event = _powers(cam)
+    elif cam.family in FAMILIES:
+        own, event = _sections(cam, _table_of(cam.family))
+    else:
+        families = ", ".join((*FAMILIES, "free"))
+        raise InputError(f"cam {cam.family!r}: only a family has parameters to differentiate by: {families}")
+
+    def pieces(p: Parameters) -> tuple[Any, Any]:
+        p = {name: jnp.asarray(value, dtype=float) for name, value in p.items()}
+        height: Any = p["ramp_height_mm"] * MM  # traced numbers
+        velocity: Any = p["ramp_velocity_mm_per_deg"] * MM_PER_DEG
+        sides = Ramp(height, velocity, ramp.foot)
+        return whole_turn(*event(p, sides), sides, sides)
+
+    parameters = {name: jnp.asarray(value, dtype=float) for name, value in (own | conditions).items()}
+    return DifferentiableCam(cam.family, parameters, pieces, lambda p: p["duration_deg"] * DEG / 2)
+
+
+Event = Callable[[Parameters, Ramp], tuple[Any, Any]]
+
+
+def _powers(cam: Lift) -> tuple[Parameters, Event]:
+    """Own parameters of polydyne and exponent cams, and their event's pieces."""
+    exponents = np.array(cam.parameters["exponents"])
+    free = exponents >= LEAST_REAL_EXPONENT
+    own = {"exponents": exponents[free]}
+    a, b, speed = 1.0, 0.0, None
+    if cam.family == "polydyne":
+        a, b, speed = cam.parameters["A"], cam.parameters["B_deg2"] * DEG**2, cam.parameters["design_speed_rpm"]
+        own["speed_rpm"] = speed
+    shares = piece_shares(exponents)
+
+    def event(p: Parameters, ramp: Ramp):
+        powers: Any = jnp.asarray(exponents).at[np.flatnonzero(free)].set(p["exponents"])
+        dynamic = b if speed is None else b * (p["speed_rpm"] / speed) ** 2  # B = omega^2 M / k_e
+        joins = [0.0, -ramp.velocity, 0.0, 0.0, 0.0] if speed is None else [0, 0, 0, -ramp.velocity / dynamic, 0]
+        flank_end: Any = jnp.asarray(joins)
+        half, rise = p["duration_deg"] * DEG / 2, p["max_lift_mm"] * MM - ramp.height
+        return event_pieces(powers, half, flank_end, rise, ramp.height, a, dynamic, shares)
+
+    return own, event
+
+
+def _new_design(p: Parameters, cam: Lift) -> SectionTable:
+    return table_2(cam.parameters["section_II"] == "quintic", p["start_ratio"])
+
+
+TableOf = Callable[[Parameters, Lift], SectionTable]
+"""A function that gives the table of a sectioned family for given parameters."""
+
+
+def _table_of(family: str) -> TableOf:
+    if family == "new-design":
+        return _new_design
+    entry = FAMILIES[family]
+    table = DWELL[family] if family in DWELL else getattr(import_module(entry.module), entry.table)
+    return lambda _, __: table
+
+
+def _sections(cam: Lift, table_of: TableOf) -> tuple[Parameters, Event]:
+    """Own parameters of a sectioned cam, and its event's pieces."""
+    given = cam.parameters
+    table = table_of(given, cam)
+    names = [f"{level}_mm_per_deg{order}" for level, order in zip(table.levels, table.orders(), strict=True)]
+    own = {name: given[name] for name, level in zip(names, table.levels, strict=True) if level not in table.closed_by}
+    if len(table.sections) > 1:
+        own["sections_deg"] = np.array(given["sections_deg"][:-1])
+    if "start_ratio" in given:
+        own["start_ratio"] = given["start_ratio"]
+
+    def event(p: Parameters, ramp: Ramp):
+        now = table_of(p, cam)
+        first = p.get("sections_deg", jnp.zeros(0)) * DEG
+        angles: Any = jnp.append(first, p["duration_deg"] * DEG / 2 - first.sum())
+        one = flank(now, angles)
+        levels = [p.get(name, 0.0) * unit for name, unit in zip(names, now.units(), strict=True)]
+        x: Any = jnp.asarray([ramp.height, ramp.velocity, *levels])
+        return one.event(closed(now, one, x, p["max_lift_mm"] * MM, now.closed_by))
+
+    return own, event
+
+
+def _free(scene: Scene, cam: Lift) -> DifferentiableCam:
+    """The free cam as a function of its free coefficients."""
+    if scene.design is None:
+        raise InputError("free: the scene needs [design]")
+    free = free_cam(scene.design, cam.parameters["knot_deg"])
+    z = free.Z.T @ (np.array(cam.parameters["coefficients_mm_per_deg2"]) - free.x_p)
+
+    def pieces(p: Parameters) -> tuple[Any, Any]:
+        return whole_turn(jnp.asarray(free.breaks), free.pieces(jnp.asarray(p["z"])), free.opening, free.closing)
+
+    return DifferentiableCam("free", {"z": jnp.asarray(z)}, pieces, lambda _: free.breaks[-1])

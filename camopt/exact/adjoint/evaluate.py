@@ -1,0 +1,70 @@
+"""Metrics and samples of a traced motion with their cotangents, and how near the motion is to grazing.
+
+A motion grazes where a contact only just touches, or only just fails to: there its gradient is one-sided.
+"""
+
+import numba
+import numpy as np
+
+from camopt.exact.adjoint.metrics import measure
+from camopt.exact.adjoint.seeds import clear, observe, seed_force
+from camopt.exact.kernel.instants import compression, nearest_miss, state_at
+from camopt.exact.kernel.propagators import ACTING, SEPARATED
+from camopt.exact.kernel.revolution import element_forces
+
+
+@numba.njit(cache=True, nogil=True)
+def evaluate(s, trace, seeds, metrics, weights, turn, values):
+    """Fills values (l, 2: value, runner-up) of the metrics of a revolution.
+
+    `seeds` then holds the cotangents of the sum of the values, each times its weight.
+    """
+    clear(seeds, len(trace.length))
+    for i in range(len(metrics)):
+        seeds.weight[0] = weights[i]
+        values[i] = measure(metrics[i], s, trace, seeds, turn)
+    seeds.weight[0] = 1.0
+
+
+@numba.njit(cache=True, nogil=True)
+def closings_margin(s, trace):
+    """(slowest closing of a damped contact [m/s], smallest separation at which one turned back [m]).
+
+    Each is infinite where nothing of the kind happens.
+    """
+    approach, gap = np.inf, np.inf
+    train = s.train
+    for k in range(len(trace.length)):
+        if trace.watch[k] >= 0:
+            e = s.tables.element[trace.slot[k], trace.watch[k]]
+            if train.damping[e] > 0.0 and s.states[trace.slot[k], e] == SEPARATED:
+                approach = min(approach, compression(s, e, trace.y[k + 1])[1])
+    for e in range(len(train.contact)):
+        if train.contact[e] and train.damping[e] > 0.0:
+            gap = min(gap, nearest_miss(s, trace, e) / train.stiffness[e])
+    return approach, gap
+
+
+@numba.njit(cache=True, nogil=True)
+def sample(s, trace, segments, lengths, rows):
+    """Fills rows (m, 2n + 2 + e) with x, v, lift, lift velocity and the elements' forces at m instants, all in SI."""
+    n = len(s.train.mass)
+    for i in range(len(segments)):
+        y, slot = state_at(s, trace, segments[i], lengths[i]), trace.slot[segments[i]]
+        rows[i, : 2 * n + 1] = y[: 2 * n + 1]
+        rows[i, 2 * n + 1] = y[2 * n + 1] / s.step
+        x, v = y[:n], y[n : 2 * n]
+        element_forces(s.train, s.states[slot], y[2 * n], rows[i, 2 * n + 1], x, v, rows[i, 2 * n + 2 :])
+
+
+@numba.njit(cache=True, nogil=True)
+def collect(s, trace, seeds, segments, lengths, bar):
+    """Fills `seeds` with the cotangents bar (m, 2n + 2 + e) of the rows that `sample` fills."""
+    n2 = 2 * len(s.train.mass)
+    clear(seeds, len(trace.length))
+    for i in range(len(bar)):
+        k = segments[i]
+        observe(seeds, k, lengths[i])[:] = bar[i, : n2 + 2]
+        for e in range(bar.shape[1] - n2 - 2):
+            if bar[i, n2 + 2 + e] != 0.0 and s.states[trace.slot[k], e] == ACTING:
+                seed_force(s, trace, seeds, k, lengths[i], e, bar[i, n2 + 2 + e])

@@ -1,0 +1,114 @@
+"""Integrals of the seat's distance and of its square over a segment, exact by power series, with their cotangents."""
+
+import numba
+import numpy as np
+
+from camopt.exact.kernel.advance import apply
+from camopt.exact.kernel.instants import series_at, watch_of
+from camopt.exact.kernel.propagators import TERMS
+
+
+@numba.njit(cache=True, nogil=True)
+def distance_integral(s, trace, k, w, there):
+    """Integral of the seat's distance over segment k [m steps], in which the seat must be apart."""
+    slot, length, y = trace.slot[k], trace.length[k], trace.y[k]
+    step = min(int(length), s.integral.shape[1] - 1)
+    row = s.integral[slot, step]
+    total = row[len(y)]
+    for j in range(len(y)):
+        total += row[j] * y[j]
+    if length > step:
+        series_at(s, trace, k, step, watch_of(s, slot, s.seat), w, there)
+        power, rest = 1.0, 0.0
+        for j in range(TERMS + 1):
+            power *= length - step
+            rest += w[j] * power / (j + 1)
+        total += rest / s.train.stiffness[s.seat]
+    return total
+
+
+@numba.njit(cache=True, nogil=True)
+def square_integral(s, trace, k, w, there):
+    """Integral of the squared seat's distance over segment k [m^2 steps], in which the seat must be apart."""
+    total, watch = 0.0, watch_of(s, trace.slot[k], s.seat)
+    p = np.zeros(TERMS + 1)
+    for i in range(int(np.ceil(trace.length[k]))):
+        series_at(s, trace, k, i, watch, w, there)
+        p[:] = 0.0
+        _add_square(w, 1.0, min(1.0, trace.length[k] - i), p)
+        for j in range(TERMS + 1):
+            total += w[j] * p[j]
+    return total / s.train.stiffness[s.seat] ** 2
+
+
+@numba.njit(cache=True, nogil=True)
+def _add_square(w, weight, width, p):
+    """Adds to p, for every power of t, weight times the integral of the series w times that power over [0, width]."""
+    powers = np.empty(2 * TERMS + 2)
+    powers[0] = 1.0
+    for j in range(2 * TERMS + 1):
+        powers[j + 1] = powers[j] * width
+    for k in range(TERMS + 1):
+        total = 0.0
+        for j in range(TERMS + 1):
+            total += w[j] * powers[j + k + 1] / (j + k + 1)
+        p[k] += weight * total
+
+
+@numba.njit(cache=True, nogil=True)
+def seed_integral(s, trace, seeds, k, weight):
+    """Adds the cotangents of weight times the integral of the seat's distance over segment k [m steps]."""
+    weight *= seeds.weight[0]
+    seeds.integral[k] += weight
+    _by_touch(s, seeds, weight * trace.length[k])
+
+
+@numba.njit(cache=True, nogil=True)
+def seed_square(s, trace, seeds, k, weight, w, there):
+    """Adds the cotangents of weight times the integral of the squared seat's distance over segment k [m^2 steps]."""
+    weight *= seeds.weight[0]
+    seeds.square[k] += weight
+    _by_touch(s, seeds, 2.0 * weight * distance_integral(s, trace, k, w, there))
+
+
+@numba.njit(cache=True, nogil=True)
+def _by_touch(s, seeds, weight):
+    """Adds the cotangents of the seat's distance, -(d + preload / stiffness), by its own parameters, d held."""
+    e, stiffness, preload = s.seat, s.train.stiffness[s.seat], s.train.preload[s.seat]
+    seeds.element[0, e] += weight * preload / stiffness**2
+    seeds.element[2, e] -= weight / stiffness
+    seeds.element[3, e] += weight
+
+
+@numba.njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+def integrals_back(s, slot, y, length, linear, square, out):
+    """Adds to out (2n + q) the cotangent of y (2n + q) by the integrals over the next `length` steps.
+
+    `linear` and `square` are the weights of the integrals of the seat's distance and of its square.
+    """
+    watch, columns, stiffness = watch_of(s, slot, s.seat), len(y), s.train.stiffness[s.seat]
+    steps, series = s.tables.steps[slot], s.tables.series[slot, watch]
+    p, w, row, there = np.empty(TERMS + 1), np.empty(TERMS + 1), np.empty(columns), np.empty(columns)
+    first = 0
+    if square == 0.0:
+        first = min(int(length), s.integral.shape[1] - 1)
+        for j in range(columns):
+            out[j] += linear * s.integral[slot, first, j]
+    for i in range(first, int(np.ceil(length))):
+        width, power = min(1.0, length - i), 1.0
+        for k in range(TERMS + 1):
+            power *= width
+            p[k] = linear / stiffness * power / (k + 1)
+        if square != 0.0:
+            apply(steps[i], y, columns, columns, there)
+            apply(series, there, columns, TERMS + 1, w)
+            _add_square(w, 2.0 * square / stiffness**2, width, p)
+        for j in range(columns):
+            row[j] = 0.0
+            for k in range(TERMS + 1):
+                row[j] += series[j, k] * p[k]
+        for j in range(columns):
+            total = 0.0
+            for k in range(columns):
+                total += steps[i, j, k] * row[k]
+            out[j] += total

@@ -1,0 +1,274 @@
+"""The metrics of a traced motion (docs/model.md), each with its cotangents, taken at exact instants and not at samples.
+
+Names and definitions are those of `camopt.scene.quantities`. A window that runs past the end of the trace ends with
+it. Where the valve opens but never touches its seat again, the metrics of the closing are NaN and have no cotangents.
+"""
+
+import numba
+import numpy as np
+
+from camopt.exact.adjoint.integrals import distance_integral, seed_integral, seed_square, square_integral
+from camopt.exact.adjoint.seeds import observe, seed_end, seed_force, seed_separation
+from camopt.exact.kernel.instants import accelerations, closeness, largest, state_at
+from camopt.exact.kernel.propagators import ACTING, SEPARATED, TERMS
+from camopt.exact.kernel.switching import _value_and_slope
+from camopt.scene.units import DEG, MM
+
+METRICS = (
+    "bounce_mm",
+    "jump_mm",
+    "jump_deg",
+    "contact_force_min_N",
+    "contact_force_max_N",
+    "seating_velocity_m_per_s",
+    "impact_velocity_m_per_s",
+    "dynamic_area_mm_deg",
+    "closed_integral_m2_rad",
+)
+"""Names of the metrics, in the order of the numbers that `measure` takes."""
+NONE = -np.inf
+
+
+@numba.njit(cache=True, nogil=True)
+def measure(metric, s, trace, seeds, turn):
+    """(value, runner-up) of metric number `metric` in revolution `turn`; its cotangents are added to `seeds`."""
+    if metric == 0:
+        return bounce(s, trace, seeds, turn)
+    if metric == 1:
+        return jump_height(s, trace, seeds, turn)
+    if metric == 2:
+        return jump_angle(s, trace, seeds, turn)
+    if metric == 3 or metric == 4:
+        return contact_force(s, trace, seeds, turn, -1.0 if metric == 3 else 1.0)
+    if metric == 5:
+        return seating_velocity(s, trace, seeds, turn)
+    if metric == 6:
+        return impact_velocity(s, trace, seeds, turn)
+    if metric == 7:
+        return dynamic_area(s, trace, seeds, turn)
+    return closed_integral(s, trace, seeds, turn)
+
+
+@numba.njit(cache=True, nogil=True)
+def closes(s, trace, k, e):
+    """Whether segment k ends where contact e closes."""
+    slot, watch = trace.slot[k], trace.watch[k]
+    return watch >= 0 and s.tables.element[slot, watch] == e and s.states[slot, e] == SEPARATED
+
+
+@numba.njit(cache=True, nogil=True)
+def touch(s, trace, turn):
+    """(the segment that ends with the touch of a revolution, -1 for no touch; whether the valve opened)."""
+    top, peak, e, states, train = 0.0, -1, s.seat, s.states, s.train
+    for k in range(len(trace.length)):
+        if abs(trace.angle[k] - 2 * np.pi * turn) <= np.pi and states[trace.slot[k], e] == SEPARATED:
+            pressed = closeness(train.a[e], train.b[e], train.gap[e], len(train.mass), trace.y[k])[0]
+            height = -pressed - train.preload[e] / train.stiffness[e]
+            if height >= top:
+                top, peak = height, k
+    if peak < 0:
+        return -1, False
+    for k in range(peak, len(trace.length)):
+        if closes(s, trace, k, s.seat):
+            return k, True
+    return -1, True
+
+
+@numba.njit(cache=True, nogil=True)
+def nominal_closing(s, trace, turn):
+    """(segment, length [steps]) where the lift of a revolution falls to the lash for the last time; -1 for never."""
+    lash, n2, w = 0.0, 2 * len(s.train.mass), np.zeros(TERMS + 1)
+    for e in s.cam_side:
+        lash += s.train.gap[e]
+    for k in range(len(trace.length) - 1, -1, -1):
+        if abs(0.5 * (trace.angle[k] + trace.angle[k + 1]) - 2 * np.pi * turn) > np.pi:
+            continue
+        if trace.y[k, n2] > lash >= trace.y[k + 1, n2]:
+            w[: trace.y.shape[1] - n2] = trace.y[k, n2:]
+            low, high = 0.0, trace.length[k]
+            for _ in range(60):
+                middle = 0.5 * (low + high)
+                if _value_and_slope(w, middle)[0] > lash:
+                    low = middle
+                else:
+                    high = middle
+            return k, 0.5 * (low + high)
+    return -1, 0.0
+
+
+@numba.njit(cache=True, nogil=True)
+def closed_window(s, trace, turn):
+    """The window in which bounce and impacts are sought, in a revolution.
+
+    Returns (segment of the touch, whether the valve opened, start [rad], end [rad], segment of the nominal closing if
+    the window starts there and -1 otherwise, its length [steps]).
+    """
+    k, opened = touch(s, trace, turn)
+    end = 2 * np.pi * (turn + 1) + s.opening_foot
+    if k < 0:
+        return k, opened, 0.0, end, -1, 0.0
+    start = trace.angle[k + 1]
+    nominal, length = nominal_closing(s, trace, turn)
+    if nominal >= 0 and trace.angle[nominal] + length * s.cam.speed * s.step < start:
+        return k, opened, trace.angle[nominal] + length * s.cam.speed * s.step, end, nominal, length
+    return k, opened, start, end, -1, 0.0
+
+
+@numba.njit(cache=True, nogil=True)
+def bounce(s, trace, seeds, turn):
+    touched, opened, start, end, nominal, _ = closed_window(s, trace, turn)
+    if touched < 0:
+        return (np.nan if opened else 0.0), NONE
+    value, k, length, slope, second = largest(s, trace, s.seat, SEPARATED, 1.0, start, end)
+    at_start = k >= 0 and abs(trace.angle[k] + length * s.cam.speed * s.step - start) < 1e-12
+    if k < 0 or value <= 0.0 or (at_start and nominal < 0):  # at the touch the distance is zero but for rounding
+        return 0.0, NONE
+    unit = 1.0 / (s.train.stiffness[s.seat] * MM)  # the watch of an open contact is stiffness times separation
+    seed_separation(s, seeds, k, length, s.seat, 1.0 / MM)
+    if at_start:
+        seed_nominal(s, trace, seeds, k, length, slope * unit / s.step)
+    else:
+        seed_end(s, trace, seeds, k, length, slope * unit)
+    return value * unit, second * unit
+
+
+@numba.njit(cache=True, nogil=True)
+def seed_nominal(s, trace, seeds, k, length, slope):
+    """Adds the cotangents of a value at the nominal closing through the time of that closing.
+
+    The value changes by `slope` per second; the time solves lift(time) = lash, the sum of the gaps.
+    """
+    n2 = 2 * len(s.train.mass)
+    rate = state_at(s, trace, k, length)[n2 + 1] / s.step
+    slope *= seeds.weight[0]
+    observe(seeds, k, length)[n2] -= slope / rate
+    for e in s.cam_side:
+        seeds.element[3, e] += slope / rate
+
+
+@numba.njit(cache=True, nogil=True)
+def event(s, turn):
+    """Angles [rad] between which the contacts between cam and valve are judged: half the duration about the nose."""
+    return 2 * np.pi * turn - s.half_duration, 2 * np.pi * turn + s.half_duration
+
+
+@numba.njit(cache=True, nogil=True)
+def jump_height(s, trace, seeds, turn):
+    best, where, at, slope, contact, second = 0.0, -1, 0.0, 0.0, -1, NONE
+    low, high = event(s, turn)
+    for e in s.cam_side:
+        value, k, length, steep, runner = largest(s, trace, e, SEPARATED, 1.0, low, high)
+        unit = 1.0 / (s.train.stiffness[e] * MM)
+        second = max(second, runner * unit, min(best, value * unit) if k >= 0 and contact >= 0 else NONE)
+        if k >= 0 and value * unit > best:
+            best, where, at, slope, contact = value * unit, k, length, steep * unit, e
+    if where >= 0:
+        seed_separation(s, seeds, where, at, contact, 1.0 / MM)
+        seed_end(s, trace, seeds, where, at, slope)
+    return best, second
+
+
+@numba.njit(cache=True, nogil=True)
+def contact_force(s, trace, seeds, turn, sign):
+    """The largest (sign 1) or smallest (sign -1) contact force [N]; a contact that does not push has the force zero."""
+    best, where, at, slope, contact, second = NONE, -1, 0.0, 0.0, -1, NONE
+    low, high = event(s, turn)
+    for e in s.cam_side:
+        for k in range(len(trace.length)):
+            inside = trace.angle[k] < high and trace.angle[k + 1] > low
+            if sign < 0.0 and inside and s.states[trace.slot[k], e] != ACTING:
+                return 0.0, NONE
+        value, k, length, steep, runner = largest(s, trace, e, ACTING, sign, low, high)
+        second = max(second, runner, min(best, value))
+        if value > best:
+            best, where, at, slope, contact = value, k, length, steep, e
+    if where < 0:
+        return 0.0, NONE
+    seed_force(s, trace, seeds, where, at, contact, 1.0)
+    seed_end(s, trace, seeds, where, at, sign * slope)
+    return sign * best, sign * second
+
+
+@numba.njit(cache=True, nogil=True)
+def jump_angle(s, trace, seeds, turn):
+    low, high = event(s, turn)
+    best, second, contact = 0.0, NONE, -1
+    for e in s.cam_side:
+        total = 0.0
+        for k in range(len(trace.length)):
+            if s.states[trace.slot[k], e] == SEPARATED:
+                total += max(0.0, min(high, trace.angle[k + 1]) - max(low, trace.angle[k]))
+        if total > best:
+            best, second, contact = total, best, e
+    for k in range(len(trace.length)):
+        if contact < 0 or s.states[trace.slot[k], contact] != SEPARATED:
+            continue
+        if low < trace.angle[k] < high and k > 0 and trace.watch[k - 1] >= 0:
+            seeds.time[k - 1] -= seeds.weight[0] * s.cam.speed / DEG
+        if low < trace.angle[k + 1] < high and trace.watch[k] >= 0:
+            seeds.time[k] += seeds.weight[0] * s.cam.speed / DEG
+    return best / DEG, second / DEG
+
+
+@numba.njit(cache=True, nogil=True)
+def seed_speed(s, trace, seeds, k):
+    """The speed [m/s] at which the valve falls onto its seat at the end of segment k, with its cotangents."""
+    n, y = len(s.train.mass), trace.y[k + 1]
+    observe(seeds, k, trace.length[k])[n + s.valve] -= seeds.weight[0]
+    seeds.time[k] -= seeds.weight[0] * accelerations(s, trace.slot[k], y)[s.valve]
+    return -y[n + s.valve]
+
+
+@numba.njit(cache=True, nogil=True)
+def seating_velocity(s, trace, seeds, turn):
+    k, opened = touch(s, trace, turn)
+    if k < 0:
+        return (np.nan if opened else 0.0), NONE
+    return seed_speed(s, trace, seeds, k), NONE
+
+
+@numba.njit(cache=True, nogil=True)
+def impact_velocity(s, trace, seeds, turn):
+    touched, opened, start, end, _, _ = closed_window(s, trace, turn)
+    if touched < 0:
+        return (np.nan if opened else 0.0), NONE
+    best, where, second, n = 0.0, -1, NONE, len(s.train.mass)
+    for k in range(len(trace.length)):
+        if start <= trace.angle[k + 1] <= end and closes(s, trace, k, s.seat):
+            speed = -trace.y[k + 1, n + s.valve]
+            second = max(second, min(best, speed)) if where >= 0 else NONE
+            if speed > best:
+                best, where = speed, k
+    return (seed_speed(s, trace, seeds, where) if where >= 0 else 0.0), second
+
+
+@numba.njit(cache=True, nogil=True)
+def dynamic_area(s, trace, seeds, turn):
+    """Integral of the valve's distance from its seat touch over the time at which it is open [mm deg]."""
+    total, unit = 0.0, s.cam.speed * s.step / (MM * DEG)
+    w, there = np.zeros(TERMS + 1), np.zeros(trace.y.shape[1])
+    for k in range(len(trace.length)):
+        inside = abs(0.5 * (trace.angle[k] + trace.angle[k + 1]) - 2 * np.pi * turn) <= np.pi
+        if inside and s.states[trace.slot[k], s.seat] == SEPARATED:
+            total += distance_integral(s, trace, k, w, there)
+            seed_integral(s, trace, seeds, k, unit)
+    return total * unit, NONE
+
+
+@numba.njit(cache=True, nogil=True)
+def closed_integral(s, trace, seeds, turn):
+    """Integral by angle of the squared distance from the seat, from the touch to the next opening foot.
+
+    The opening foot is a border of the lift's pieces, so that no segment crosses it.
+    """
+    touched, opened = touch(s, trace, turn)
+    if touched < 0:
+        return (np.nan if opened else 0.0), NONE
+    total, per_step, foot = 0.0, s.cam.speed * s.step, 2 * np.pi * (turn + 1) + s.opening_foot
+    w, there = np.zeros(TERMS + 1), np.zeros(trace.y.shape[1])
+    for k in range(touched + 1, len(trace.length)):
+        inside = 0.5 * (trace.angle[k] + trace.angle[k + 1]) <= foot
+        if inside and s.states[trace.slot[k], s.seat] == SEPARATED:
+            total += square_integral(s, trace, k, w, there)
+            seed_square(s, trace, seeds, k, per_step, w, there)
+    return total * per_step, NONE

@@ -1,0 +1,267 @@
+"""A traced motion: event-exact revolutions that are kept, so that numbers taken from them can be differentiated."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from camopt.cam.lift import Lift
+from camopt.exact.adjoint.evaluate import closings_margin, collect, evaluate, sample
+from camopt.exact.adjoint.metrics import METRICS
+from camopt.exact.adjoint.seeds import empty_seeds
+from camopt.exact.adjoint.sweep import sweep
+from camopt.exact.engine import AT_ONCE, MOST_SWITCHINGS, free_step, refusal, step_on_borders
+from camopt.exact.kernel.arrays import CamArrays, TrainArrays, cam_arrays, train_arrays
+from camopt.exact.kernel.propagators import Propagators, propagators
+from camopt.exact.kernel.revolution import DONE, NEED_TABLES, TRACE_FULL
+from camopt.exact.kernel.setting import Setting, follow, slot_tables
+from camopt.exact.kernel.trace import Trace, empty_trace, first
+from camopt.scene.errors import InputError
+from camopt.scene.train import Train
+
+FIRST_SEGMENTS = 1024
+"""Number of segments per revolution for which there is room at first; where a motion needs more it grows fourfold."""
+OBSERVATIONS = 4
+"""Largest number of instants that one metric looks at."""
+NO_ROWS = np.empty((0, 0))
+
+
+@dataclass(frozen=True)
+class ByTrain:
+    """Gradients of l numbers by a train's parameters in SI, under the names that the parameters have in `Train`."""
+
+    mass: np.ndarray  # (l, n)
+    mass_damping: np.ndarray  # (l, n)
+    mass_force: np.ndarray  # (l, n)
+    stiffness: np.ndarray  # (l, e)
+    damping: np.ndarray  # (l, e)
+    preload: np.ndarray  # (l, e)
+    gap: np.ndarray  # (l, e)
+
+    def add(self, other: "ByTrain") -> None:
+        """Adds another gradient in place."""
+        for field in fields(self):
+            getattr(self, field.name)[:] += getattr(other, field.name)
+
+
+@dataclass(frozen=True)
+class Grazing:
+    """How far the motion is from one in which a damped contact closes once more or once less.
+
+    At such a motion a gradient is one-sided. Both distances are infinite where no damped contact comes near.
+    """
+
+    approach_m_per_s: float  # speed of the slowest closing
+    gap_m: float  # smallest separation at which an open contact turned back
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """Gradients of l numbers; `by_train` is None where it was not asked for."""
+
+    by_coefficients: np.ndarray  # (l, p, q): by lift.coefficients [m/rad^k]
+    by_start: np.ndarray  # (l, 2n): by the state at -pi
+    by_train: ByTrain | None
+
+
+@dataclass(frozen=True)
+class Gradient(Slopes):
+    """Values (l) of metrics in the units of their names, and their gradients by SI quantities.
+
+    Many metrics are extremes, and `runner_up` (l) says how near the next candidate is: the next highest crest within a
+    thousandth of the extreme (for a smallest force the next lowest), or the extreme at the next contact or closing.
+    Where there is none it is -inf (for a smallest force inf). Where value and runner-up are equal, the gradient is that
+    of one of the two.
+    """
+
+    metrics: tuple[str, ...]
+    values: np.ndarray  # (l)
+    runner_up: np.ndarray  # (l)
+    end: np.ndarray  # (2n) state at the end
+    grazing: Grazing
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A motion at m angles."""
+
+    x: np.ndarray  # (m, n) m
+    v: np.ndarray  # (m, n) m/s
+    lift: np.ndarray  # (m) m
+    lift_rate: np.ndarray  # (m) m/s
+    force: np.ndarray  # (m, e) N
+
+
+class TracedMotion:
+    """Event-exact revolutions from a state at -pi, kept so that numbers taken from them can be differentiated."""
+
+    def __init__(
+        self,
+        train: Train,
+        lift: Lift,
+        cam_speed: float,
+        start: np.ndarray,
+        revolutions: int = 1,
+        mechanical: bool = False,
+        spacing: float | None = None,
+    ):
+        """Runs the motion from `start` (2n: [m], then [m/s]) at -pi; `cam_speed` is in rad/s.
+
+        With `mechanical` there are gradients by the train's parameters too. `spacing` [rad] is the distance between the
+        borders of most pieces of the lift: where it is given, each speed gets tables of its own whose spans end on the
+        borders, which pays for many cams with the same borders at a few speeds. Raises MotionRefused for endless
+        switching or a motion without bound, and InputError for laws that are not linear.
+        """
+        self.train, self.lift, self.cam_speed, self.mechanical = train, lift, cam_speed, mechanical
+        arrays, cam = train_arrays(train), cam_arrays(lift, cam_speed)
+        step, at_once = steps_of(train, cam_speed, spacing)
+        tables = propagators(train, step, lift.coefficients.shape[1], at_once)
+        self.end = np.array(start, dtype=float)
+        self.trace = _followed(arrays, cam, step, tables, self.end, revolutions)
+        sides = np.array(train.cam_side, dtype=np.int64)
+        numbers = train.valve, train.seat, sides, lift.half_duration, lift.opening_foot
+        self.setting = Setting(arrays, cam, step, tables.built, *slot_tables(tables).for_tables(tables.built), *numbers)
+
+    def gradient(self, metrics: Sequence[str], revolution: int = 0, cotangent: np.ndarray | None = None) -> Gradient:
+        """Values (l) and gradients of metrics in a revolution, with one sweep for each metric.
+
+        Where a `cotangent` (l) of the values is given, one sweep gives the gradient of their weighted sum, and the
+        first axis of the gradients has length 1. Raises InputError for an unknown metric.
+        """
+        values, slopes = self.swept(metrics, revolution, cotangent)
+        return Gradient(
+            **vars(slopes),
+            metrics=tuple(metrics),
+            values=values[:, 0],
+            runner_up=values[:, 1],
+            end=self.end,
+            grazing=self.grazing(),
+        )
+
+    def swept(
+        self, metrics: Sequence[str], revolution: int = 0, cotangent: np.ndarray | None = None
+    ) -> tuple[np.ndarray, Slopes]:
+        """(values and runners-up (l, 2), gradients) as `gradient` gives them, without the distance to grazing."""
+        numbers, values = metric_numbers(self.train, metrics), np.empty((len(metrics), 2))
+        weights = np.ones(len(metrics)) if cotangent is None else np.asarray(cotangent, dtype=float)
+        together = [slice(i, i + 1) for i in range(len(metrics))] if cotangent is None else [slice(None)]
+        room, seeds = self._room(len(together)), self._seeds(OBSERVATIONS * len(metrics))
+        for j, rows in enumerate(together):
+            evaluate(self.setting, self.trace, seeds, numbers[rows], weights[rows], revolution, values[rows])
+            sweep(self.setting, self.trace, seeds, *(part[j] for part in room))
+        return values, self._slopes(*room)
+
+    def values(self, metrics: Sequence[str], revolution: int = 0) -> np.ndarray:
+        """Values (l) of metrics in a revolution. Raises InputError for an unknown metric."""
+        numbers, values = metric_numbers(self.train, metrics), np.empty((len(metrics), 2))
+        seeds = self._seeds(OBSERVATIONS * len(metrics))
+        evaluate(self.setting, self.trace, seeds, numbers, np.ones(len(metrics)), revolution, values)
+        return values[:, 0]
+
+    def at(self, angles: np.ndarray) -> Samples:
+        """The motion at m angles [rad], the trace starting at -pi; where a force jumps, its value before the jump."""
+        n = len(self.train.mass)
+        rows = np.empty((len(angles), 2 * n + 2 + len(self.train.a)))
+        sample(self.setting, self.trace, *self._instants(angles), rows)
+        return Samples(rows[:, :n], rows[:, n : 2 * n], rows[:, 2 * n], rows[:, 2 * n + 1], rows[:, 2 * n + 2 :])
+
+    def pull_back(
+        self, angles: np.ndarray | None = None, bars: Samples | None = None, ends: np.ndarray | None = None
+    ) -> Slopes:
+        """Gradients of l numbers from their cotangents, with one sweep for each number.
+
+        `bars` are the cotangents of what `at` gives at the m angles [rad], each array with a first axis l; `ends`
+        (l, 2n) are those of the end state. The angles are held fixed.
+        """
+        n, e = len(self.train.mass), len(self.train.a)
+        at = np.zeros(0) if angles is None or bars is None else np.asarray(angles)
+        count = len(ends) if ends is not None else len(bars.lift) if bars is not None else 0
+        packed = np.zeros((count, len(at), 2 * n + 2 + e))
+        if bars is not None:
+            parts = [np.reshape(part, (count, len(at), -1)) for part in vars(bars).values()]
+            packed[:] = np.concatenate(parts, axis=2)
+        room, seeds, instants = self._room(count), self._seeds(len(at) * (1 + e)), self._instants(at)
+        if ends is not None:
+            room[0][:] = ends
+        for j in range(count):
+            collect(self.setting, self.trace, seeds, *instants, packed[j])
+            sweep(self.setting, self.trace, seeds, *(part[j] for part in room))
+        return self._slopes(*room)
+
+    def grazing(self) -> Grazing:
+        """Distance of the motion from one with another sequence of closings of damped contacts."""
+        approach, gap = closings_margin(self.setting, self.trace)
+        return Grazing(float(approach), float(gap))
+
+    def _instants(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(segment, length [steps]) of each angle; raises InputError for an angle outside the trace."""
+        edges = self.trace.angle
+        if len(angles) and not (edges[0] - 1e-9 <= np.min(angles) and np.max(angles) <= edges[-1] + 1e-9):
+            raise InputError(f"angles must lie between {edges[0]:g} and {edges[-1]:g} rad, where the motion is known")
+        k = np.clip(np.searchsorted(edges, angles, "left") - 1, 0, len(self.trace.length) - 1)
+        length = (angles - edges[k]) / (self.cam_speed * self.setting.step)
+        return k, np.clip(length, 0.0, self.trace.length[k])
+
+    def _seeds(self, observations: int):
+        return empty_seeds(len(self.trace.length), observations, len(self.train.mass), len(self.train.a))
+
+    def _room(self, sweeps: int) -> tuple[np.ndarray, ...]:
+        """Zero arrays by_start, by_coefficients, by_mass and by_element for a number of sweeps."""
+        n, e = len(self.train.mass), len(self.train.a)
+        shapes = (2 * n,), self.lift.coefficients.shape, (3 * self.mechanical, n), (4, e)
+        return tuple(np.zeros((sweeps, *shape)) for shape in shapes)
+
+    def _slopes(self, by_start, by_coefficients, by_mass, by_element) -> Slopes:
+        return Slopes(by_coefficients, by_start, by_train(by_mass, by_element) if self.mechanical else None)
+
+
+def by_train(by_mass: np.ndarray, by_element: np.ndarray) -> ByTrain:
+    """The gradients that `sweep` found for l numbers, (l, 3, n) and (l, 4, e), under the names of the parameters."""
+    return ByTrain(*by_mass.transpose(1, 0, 2), *by_element.transpose(1, 0, 2))
+
+
+def room_for(tables: Propagators, segments: int) -> Trace:
+    """An empty trace of motions that use these tables."""
+    return empty_trace(segments, tables.built.steps.shape[3], 4 * len(tables.contacts) * (tables.at_once + 1))
+
+
+def steps_of(train: Train, cam_speed: float, spacing: float | None) -> tuple[float, int]:
+    """(step [s], steps per span); with a `spacing` [rad], such that borders of the lift so far apart end spans."""
+    if spacing is not None:
+        return step_on_borders(train, cam_speed, spacing)
+    return free_step(train, cam_speed), AT_ONCE
+
+
+def metric_numbers(train: Train, metrics: Sequence[str]) -> np.ndarray:
+    """The numbers by which `measure` knows the metrics of these names.
+
+    Raises InputError for an unknown metric or a train without valve and seat.
+    """
+    unknown = [name for name in metrics if name not in METRICS]
+    if unknown:
+        raise InputError(f"no exact gradient of {', '.join(unknown)}: choose from {', '.join(METRICS)}")
+    if train.seat < 0 or not train.cam_side:
+        raise InputError("metrics need a valve on a seat and a contact between cam and valve: name them in the scene")
+    return np.array([METRICS.index(name) for name in metrics], dtype=np.int64)
+
+
+def _followed(
+    arrays: TrainArrays, cam: CamArrays, step: float, tables: Propagators, state: np.ndarray, revolutions: int
+) -> Trace:
+    """The trace of whole revolutions from `state` (2n), which is changed in place to the end."""
+    start, segments = state.copy(), FIRST_SEGMENTS * revolutions
+    trace = room_for(tables, segments)
+    while True:
+        state[:] = start
+        code, count, switchings = follow(
+            arrays, cam, step, tables.built, state, revolutions, MOST_SWITCHINGS, NO_ROWS, trace
+        )
+        if code == DONE:
+            return first(trace, count)
+        if code == NEED_TABLES:
+            tables.build(count)
+        elif code == TRACE_FULL:
+            segments *= 4
+            trace = room_for(tables, segments)
+        else:
+            raise refusal(code, cam.speed, switchings)

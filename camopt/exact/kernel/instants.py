@@ -1,0 +1,215 @@
+"""The motion at instants inside a trace, and the place where a watched quantity is largest, from its power series."""
+
+import numba
+import numpy as np
+
+from camopt.exact.kernel.advance import advance, apply
+from camopt.exact.kernel.propagators import ACTING, SEPARATED, TERMS
+from camopt.exact.kernel.revolution import lift_series
+
+LOOKS = 8
+"""A crest is sought in this many intervals of a step: the highest mode turns by less than 0.2 rad in one."""
+TIE = 1e-3
+"""The runner-up of a crest is looked for within this relative difference of it."""
+
+
+@numba.njit(cache=True, nogil=True)
+def state_at(s, trace, k, length):
+    """x, v and the lift's coefficients (2n + q) at `length` steps from the start of segment k."""
+    n = len(s.train.mass)
+    y = trace.y[k].copy()
+    if length != 0.0:
+        work = np.empty(len(y)), np.empty(2 * n + 2), np.empty(n)
+        scale, piece = s.cam.speed * s.step, trace.piece[k]
+        advance(s.tables, trace.slot[k], s.step, len(y), length, y, work)
+        lift_series(s.cam.pieces[piece], trace.offset[k] + length * scale, scale, y[2 * n :])
+    return y
+
+
+@numba.njit(cache=True, nogil=True)
+def closeness(a, b, gap, n, y):
+    """(d, d') [m], [m/s] of an element between the masses a and b that the cam does not drive."""
+    d, rate = -gap, 0.0
+    if a >= 0:
+        d += y[a]
+        rate += y[n + a]
+    if b >= 0:
+        d -= y[b]
+        rate -= y[n + b]
+    return d, rate
+
+
+@numba.njit(cache=True, nogil=True)
+def compression(s, e, y):
+    """(d, d') of element e: compression [m] and its rate [m/s]."""
+    train = s.train
+    n = len(train.mass)
+    d, rate = closeness(train.a[e], train.b[e], train.gap[e], n, y)
+    if train.cam_driven[e]:
+        d += y[2 * n]
+        rate += y[2 * n + 1] / s.step
+    return d, rate
+
+
+@numba.njit(cache=True, nogil=True)
+def accelerations(s, slot, y):
+    """Acceleration of every mass (n) [m/s^2] in a contact state."""
+    train = s.train
+    n = len(train.mass)
+    force = train.mass_force - train.mass_damping * y[n : 2 * n]
+    for e in range(len(train.a)):
+        if s.states[slot, e] != ACTING:
+            continue
+        d, rate = compression(s, e, y)
+        f = train.preload[e] + train.stiffness[e] * d + train.damping[e] * rate
+        if train.a[e] >= 0:
+            force[train.a[e]] -= f
+        if train.b[e] >= 0:
+            force[train.b[e]] += f
+    return force / train.mass
+
+
+@numba.njit(cache=True, nogil=True)
+def watch_of(s, slot, e):
+    """The first watch of element e in a contact state; -1 where it has none."""
+    for w in range(s.tables.count[slot]):
+        if s.tables.element[slot, w] == e:
+            return w
+    return -1
+
+
+@numba.njit(cache=True, nogil=True)
+def series_at(s, trace, k, step, watch, w, there):
+    """Writes to w (TERMS + 1) the power series of a watch about the start of a step of segment k."""
+    slot = trace.slot[k]
+    y, c = trace.y[k], trace.y.shape[1]
+    apply(s.tables.steps[slot, step], y, c, c, there)
+    apply(s.tables.series[slot, watch], there, c, TERMS + 1, w)
+
+
+@numba.njit(cache=True, nogil=True)
+def evaluate(w, t):
+    """(value, slope, curvature) of a power series."""
+    value, slope, curve = 0.0, 0.0, 0.0
+    for k in range(TERMS, -1, -1):
+        curve = curve * t + 2.0 * slope
+        slope = slope * t + value
+        value = value * t + w[k]
+    return value, slope, curve
+
+
+@numba.njit(cache=True, nogil=True)
+def crest(w, sign, low, high):
+    """(t, value, slope) of the largest sign * w in [low, high], and whether it is a crest inside the interval."""
+    best, at, steep, inside = -np.inf, low, 0.0, False
+    rise, t = 0.0, low
+    for i in range(LOOKS + 1):
+        right = low + (high - low) * i / LOOKS
+        value, slope, _ = evaluate(w, right)
+        value, slope = sign * value, sign * slope
+        if value > best:
+            best, at, steep, inside = value, right, slope, False
+        if i > 0 and rise > 0.0 > slope:
+            top = _summit(w, sign, t, right)
+            height = sign * evaluate(w, top)[0]
+            if height >= best:
+                best, at, steep, inside = height, top, 0.0, True
+        rise, t = slope, right
+    return at, best, steep, inside
+
+
+@numba.njit(cache=True, nogil=True)
+def _summit(w, sign, low, high):
+    """Root of the slope in a bracket in which it falls through zero, by Newton's method kept inside the bracket."""
+    t = 0.5 * (low + high)
+    for _ in range(60):
+        _, slope, curve = evaluate(w, t)
+        slope, curve = sign * slope, sign * curve
+        if slope > 0.0:
+            low = t
+        else:
+            high = t
+        new = t - slope / curve if curve != 0.0 else low
+        if not low <= new <= high:
+            new = 0.5 * (low + high)
+        if abs(new - t) < 1e-15 or high - low < 1e-15:
+            return new
+        t = new
+    return t
+
+
+@numba.njit(cache=True, nogil=True)
+def _highest_look(s, trace, e, status, sign, low, high):
+    """Largest sign * watch over the ends of the steps inside [low, high] [rad]; -inf where no step ends there."""
+    best = -np.inf
+    for k in range(len(trace.length)):
+        slot = trace.slot[k]
+        if trace.angle[k] < low or trace.angle[k + 1] > high or s.states[slot, e] != status:
+            continue
+        watch, count = watch_of(s, slot, e), s.tables.count[slot]
+        for i in range(int(trace.length[k]) + 1):
+            best = max(best, sign * trace.looks[k, 2 * count * i + watch])
+    return best
+
+
+@numba.njit(cache=True, nogil=True)
+def largest(s, trace, e, status, sign, low, high):
+    """Largest sign * watch of element e at angles in [low, high] [rad] at which its contact has the state `status`.
+
+    Returns (value, segment, length [steps], slope [1/step], runner-up); the segment is -1 where there is no such angle.
+    The runner-up is the next highest crest, if it lies within `TIE` of the highest, and -inf otherwise.
+    """
+    value, second, where, length, steep = -np.inf, -np.inf, -1, 0.0, 0.0
+    per_step = s.cam.speed * s.step
+    w, there = np.zeros(TERMS + 1), np.zeros(trace.y.shape[1])
+    enough = _highest_look(s, trace, e, status, sign, low, high)
+    enough -= TIE * abs(enough)
+    for k in range(len(trace.length)):
+        slot = trace.slot[k]
+        if trace.angle[k] > high or trace.angle[k + 1] < low or s.states[slot, e] != status:
+            continue
+        watch, count = watch_of(s, slot, e), s.tables.count[slot]
+        begin = max(0.0, (low - trace.angle[k]) / per_step)
+        end = min(trace.length[k], (high - trace.angle[k]) / per_step)
+        for i in range(int(begin), int(np.ceil(end))):
+            if _bound(trace.looks, k, 2 * count * i + watch, count, sign) < enough:
+                continue
+            series_at(s, trace, k, i, watch, w, there)
+            t, top, slope, inside = crest(w, sign, max(begin - i, 0.0), min(end - i, 1.0))
+            if top > value:
+                if where >= 0 and steep == 0.0 and (where != k or i + t - length > 1.0):
+                    second = max(second, value)
+                value, where, length, steep = top, k, i + t, slope
+            elif inside:
+                second = max(second, top)
+    if where >= 0 and abs(length - trace.length[where]) < 1e-12:
+        length = trace.length[where]
+    return value, where, length, steep, second
+
+
+@numba.njit(cache=True, nogil=True)
+def _bound(looks, k, at, count, sign):
+    """A level that sign * watch does not exceed within a step, from its values and slopes at the step's ends."""
+    f0, g0 = sign * looks[k, at], sign * looks[k, at + count]
+    f1, g1 = sign * looks[k, at + 2 * count], sign * looks[k, at + 3 * count]
+    return max(max(f0, f1), max(f0 + g0, f1 - g1))
+
+
+@numba.njit(cache=True, nogil=True)
+def nearest_miss(s, trace, e):
+    """How close contact e came to closing: its smallest watch [N] where it turned back while apart; inf for never."""
+    least, looks, states = np.inf, trace.looks, s.states
+    w, there = np.zeros(TERMS + 1), np.zeros(trace.y.shape[1])
+    for k in range(len(trace.length)):
+        slot = trace.slot[k]
+        if states[slot, e] != SEPARATED:
+            continue
+        watch, count = watch_of(s, slot, e), s.tables.count[slot]
+        for i in range(int(np.ceil(trace.length[k]))):
+            at = 2 * count * i + watch
+            if looks[k, at + count] < 0.0 < looks[k, at + 3 * count] and -_bound(looks, k, at, count, -1.0) < least:
+                series_at(s, trace, k, i, watch, w, there)
+                _, top, _, inside = crest(w, -1.0, 0.0, min(trace.length[k] - i, 1.0))
+                if inside:
+                    least = min(least, -top)
+    return least

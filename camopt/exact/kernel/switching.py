@@ -1,0 +1,158 @@
+"""Switching instants: the first time within a step at which the power series of a watched quantity turns negative."""
+
+import numba
+
+from camopt.exact.kernel.advance import apply
+from camopt.exact.kernel.propagators import TERMS
+
+TICK = 1e-13
+"""Smallest time [s] between two switchings that is resolved. It is far below any step and above the series' rounding.
+"""
+SAMPLES = 15
+"""Number of samples of the series per step: the highest mode turns by less than 0.1 rad between two samples, so that at
+most one extremum lies there."""
+
+
+@numba.njit(cache=True, nogil=True)
+def suspect(out, at, w, count):
+    """Whether a watch may turn negative within a step, judged from values and slopes at the step's two ends.
+
+    The answer is sometimes a needless yes, never a wrong no. `at` is where the values at the step's start stand in
+    `out`; the slopes there follow, then values and slopes at its end.
+    """
+    before, after = out[at + w], out[at + 2 * count + w]
+    return before < 0.0 or after < 0.0 or before + out[at + count + w] < 0.0 or after - out[at + 3 * count + w] < 0.0
+
+
+@numba.njit(cache=True, nogil=True)
+def first_suspect(out, at, count, steps):
+    """The first of the steps in which any watch is suspect; `steps` if there is none."""
+    for i in range(steps):
+        begin = at + 2 * count * i
+        for w in range(count):
+            if suspect(out, begin, w, count):
+                return i
+    return steps
+
+
+@numba.njit(cache=True, nogil=True)
+def next_switch(tables, slot, y, columns, out, length, tick, scratch):
+    """The first switching in (0, length] steps, as (instant [steps], watch), or (length, -1) where there is none.
+
+    `out` holds the watches of the span, `tick` [steps] is the smallest time that is resolved.
+    """
+    count, begin, series = tables.count[slot], tables.steps[slot], tables.series[slot]
+    there, w, value, slope = scratch
+    c = len(y)
+    steps = len(begin) - 1
+    for i in range(first_suspect(out, c, count, steps), steps):
+        if i >= length:
+            break
+        best, which = min(1.0, length - i), -1
+        reached = False
+        for watch in range(count):
+            if not suspect(out, c + 2 * count * i, watch, count):
+                continue
+            if not reached:
+                apply(begin[i], y, columns, c, there)
+                reached = True
+            apply(series[watch], there, columns, TERMS + 1, w)
+            s = first_negative(w, tick if i == 0 else 0.0, best, value, slope)
+            if s >= 0.0:
+                best, which = s, watch
+        if which >= 0:
+            return i + best, which
+    return length, -1
+
+
+@numba.njit(cache=True, nogil=True, fastmath={"contract"})
+def _value_and_slope(w, t):
+    value, slope = 0.0, 0.0
+    for k in range(TERMS, -1, -1):
+        slope = slope * t + value
+        value = value * t + w[k]
+    return value, slope
+
+
+@numba.njit(cache=True, nogil=True, fastmath={"contract"})
+def _sample(w, value, slope):
+    """Writes values and slopes at i / SAMPLES, i = 0 to SAMPLES, in one loop, so that the processor does several at
+    once."""
+    for i in range(SAMPLES + 1):
+        value[i], slope[i] = w[TERMS], 0.0
+    for k in range(TERMS - 1, -1, -1):
+        for i in range(SAMPLES + 1):
+            t = i * (1.0 / SAMPLES)
+            slope[i] = slope[i] * t + value[i]
+            value[i] = value[i] * t + w[k]
+
+
+@numba.njit(cache=True, nogil=True)
+def first_negative(w, start, end, value, slope):
+    """The first t in [start, end] at which the series w turns negative, or -1; 0 <= start << 1 and end <= 1.
+
+    A dip between two samples is found even where the series returns before the second one. A series that is negative
+    without having been positive, and still sinks, switches where that is first seen: at the start, if the contact has
+    just switched the other way.
+    """
+    _sample(w, value, slope)
+    if start > 0.0:
+        value[0], slope[0] = _value_and_slope(w, start)
+    width = 1.0 / SAMPLES
+    for i in range(SAMPLES):
+        low = max(start, i * width)
+        if low > end:
+            return -1.0
+        if value[i] < 0.0 and slope[i] < 0.0:
+            return low
+        root = -1.0
+        if value[i + 1] < 0.0 <= value[i]:
+            root = _root(w, low, (i + 1) * width, value[i], value[i + 1])
+        elif slope[i] < 0.0 < slope[i + 1] and value[i] >= 0.0:
+            if value[i] + width * slope[i] < 0.0 or value[i + 1] - width * slope[i + 1] < 0.0:
+                root = _dip(w, low, (i + 1) * width)
+        if root >= 0.0:
+            return root if root <= end else -1.0
+    return -1.0
+
+
+@numba.njit(cache=True, nogil=True)
+def _dip(w, start, high):
+    """The t at which w turns negative before its lowest point in (start, high); -1 if that point is not negative."""
+    low, above = start, _value_and_slope(w, start)[0]
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        value, slope = _value_and_slope(w, middle)
+        if value < 0.0:
+            return _root(w, start, middle, above, value)
+        if slope < 0.0:
+            low = middle
+        else:
+            high = middle
+        if value - abs(slope) * (high - low) > 0.0:  # no lower than that between
+            return -1.0
+    return -1.0
+
+
+@numba.njit(cache=True, nogil=True)
+def _root(w, low, high, above, below):
+    """The t at which w turns negative, by Newton's method kept inside a bracket that shrinks.
+
+    The bracket is [low, high], with w(low) = above >= 0 > below = w(high).
+    """
+    t = low + (high - low) * above / (above - below)
+    for _ in range(60):
+        value, slope = _value_and_slope(w, t)
+        if value >= 0.0:
+            low = t
+        else:
+            high = t
+        new = t - value / slope if slope != 0.0 else low
+        if abs(new - t) <= 1e-15 and low <= new <= high:
+            return new
+        if not low < new < high:
+            new = 0.5 * (low + high)
+        if high - low <= 1e-15:
+            return new
+        t = new
+    return t

@@ -1,0 +1,88 @@
+"""What a revolution leaves behind so that it can be differentiated: one row per segment of exact propagation."""
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+
+class Trace(NamedTuple):
+    """Segments of one or more revolutions: within each, the contact states and the lift's polynomial are the same.
+
+    A segment ends at a switching (`watch` >= 0), at a border of the lift's pieces, or after the steps of one span.
+    `looks` are the values and slopes of the watched quantities at every step, as the span's table gives them.
+    """
+
+    angle: np.ndarray  # (k + 1) rad from -pi, at the segments' starts and the last one's end
+    offset: np.ndarray  # (k) rad from the start of the piece
+    length: np.ndarray  # (k) in steps
+    slot: np.ndarray  # (k) slot of the tables, which stands for the contact states
+    piece: np.ndarray  # (k) piece of the lift
+    watch: np.ndarray  # (k) the watch that ended the segment by turning negative; -1 for none
+    y: np.ndarray  # (k + 1, 2n + q): x, v and the lift's coefficients by the step
+    looks: np.ndarray  # (k, 2 w (m + 1))
+
+
+def empty_trace(segments: int, width: int, looks: int) -> Trace:
+    """A trace with room for `segments`, with states of `width` = 2n + q; a motion that is not traced gets none."""
+    return Trace(
+        np.empty(segments + 1),
+        np.empty(segments),
+        np.empty(segments),
+        np.empty(segments, dtype=np.int64),
+        np.empty(segments, dtype=np.int64),
+        np.empty(segments, dtype=np.int64),
+        np.empty((segments + 1, width)),
+        np.empty((segments, looks)),
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def begin_segment(trace, k, angle, offset, slot, piece, y, looks):
+    """Writes row k of a trace, except for the end of its segment."""
+    trace.angle[k], trace.offset[k] = angle, offset
+    trace.slot[k], trace.piece[k] = slot, piece
+    row, seen = trace.y[k], trace.looks[k]
+    for i in range(len(y)):
+        row[i] = y[i]
+    for i in range(min(len(looks), len(seen))):
+        seen[i] = looks[i]
+
+
+@numba.njit(cache=True, nogil=True)
+def end_segment(trace, k, length, watch, angle, y):
+    """Writes the end of row k: how long the segment was, what ended it, and the state at its end."""
+    trace.length[k], trace.watch[k], trace.angle[k + 1] = length, watch, angle
+    row = trace.y[k + 1]
+    for i in range(len(y)):
+        row[i] = y[i]
+
+
+@numba.njit(cache=True, nogil=True)
+def later(trace, k):
+    """The trace without its first k rows (views)."""
+    return Trace(
+        trace.angle[k:],
+        trace.offset[k:],
+        trace.length[k:],
+        trace.slot[k:],
+        trace.piece[k:],
+        trace.watch[k:],
+        trace.y[k:],
+        trace.looks[k:],
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def first(trace, k):
+    """The first k rows of a trace (views)."""
+    return Trace(
+        trace.angle[: k + 1],
+        trace.offset[:k],
+        trace.length[:k],
+        trace.slot[:k],
+        trace.piece[:k],
+        trace.watch[:k],
+        trace.y[: k + 1],
+        trace.looks[:k],
+    )

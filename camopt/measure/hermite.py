@@ -1,0 +1,101 @@
+"""A sampled motion as a piecewise cubic: values and slopes are both known, so extremes and roots need no fine step."""
+
+from functools import cached_property
+
+import numpy as np
+
+BISECTIONS = 52
+"""Number of times that a step is halved to locate a root, which reaches the rounding of the angle."""
+
+
+class Hermite:
+    """Cubic Hermite interpolant of values `y` with slopes `slope` (per rad) at ascending angles (k) [rad].
+
+    Of two samples at one angle one is dropped, because position and velocity are continuous where a force jumps.
+    """
+
+    def __init__(self, angle: np.ndarray, y: np.ndarray, slope: np.ndarray):
+        keep = np.append(np.diff(angle) > 0, True)
+        self.angle, y, slope = angle[keep], y[keep], slope[keep]
+        self.step = np.diff(self.angle)
+        rise, m0, m1 = np.diff(y), slope[:-1] * self.step, slope[1:] * self.step
+        self.c = np.stack([y[:-1], m0, 3 * rise - 2 * m0 - m1, m0 + m1 - 2 * rise])  # in powers of u = 0 to 1
+        self.y = y
+        self._knots = self._with_stationary_points()
+
+    def __call__(self, angle) -> np.ndarray:
+        """Value at angles [rad]."""
+        i, u = self._locate(angle)
+        return self._value(i, u)
+
+    def slope(self, angle) -> np.ndarray:
+        """Derivative by angle at angles [rad]."""
+        i, u = self._locate(angle)
+        c = self.c[:, i]
+        return (c[1] + u * (2 * c[2] + 3 * u * c[3])) / self.step[i]
+
+    def maximum(self, low: float, high: float) -> float:
+        """Largest value over [low, high]."""
+        angle, value = self._knots
+        inside = value[np.searchsorted(angle, low, "right") : np.searchsorted(angle, high, "left")]
+        return float(max(self(low), self(high), np.max(inside, initial=-np.inf)))
+
+    def falls_through_zero(self, low: float, high: float) -> np.ndarray:
+        """Angles in [low, high] at which the value falls from above zero to zero or below."""
+        roots, falling = self._roots
+        return roots[falling & (roots >= low) & (roots <= high)]
+
+    def positive_spans(self, low: float, high: float) -> np.ndarray:
+        """Angle spans (m, 2) within [low, high] in which the value is positive."""
+        roots, _ = self._roots
+        inside = roots[(roots > low) & (roots < high)]
+        borders = np.concatenate([[low], inside, [high]])
+        spans = np.stack([borders[:-1], borders[1:]], axis=1)
+        return spans[self(spans.mean(axis=1)) > 0]
+
+    def integral(self, low, high) -> np.ndarray:
+        """Integral from `low` to `high` [rad], any shape."""
+        total = np.concatenate([[0.0], np.cumsum(self._partial(np.arange(len(self.step)), 1.0))])
+        (i, u), (j, w) = self._locate(low), self._locate(high)
+        return total[j] + self._partial(j, w) - total[i] - self._partial(i, u)
+
+    def _locate(self, angle):
+        i = np.clip(np.searchsorted(self.angle, angle, "right") - 1, 0, len(self.step) - 1)
+        return i, (angle - self.angle[i]) / self.step[i]
+
+    def _value(self, i, u):
+        c = self.c[:, i]
+        return c[0] + u * (c[1] + u * (c[2] + u * c[3]))
+
+    def _partial(self, i, u):
+        c = self.c[:, i]
+        return self.step[i] * u * (c[0] + u * (c[1] / 2 + u * (c[2] / 3 + u * c[3] / 4)))
+
+    def _with_stationary_points(self):
+        """Angles and values of the samples and of all stationary points between them, ascending."""
+        _, b, c, d = self.c
+        discriminant = np.sqrt(np.maximum(c * c - 3 * b * d, 0.0))
+        q = -(c + np.where(c >= 0, discriminant, -discriminant))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            u = np.stack([q / (3 * d), b / q])
+        i = np.broadcast_to(np.arange(len(self.step)), u.shape)
+        inside = (u > 0) & (u < 1) & (c * c > 3 * b * d)
+        angle = np.concatenate([self.angle, self.angle[i[inside]] + u[inside] * self.step[i[inside]]])
+        value = np.concatenate([self.y, self._value(i[inside], u[inside])])
+        order = np.argsort(angle, kind="stable")
+        return angle[order], value[order]
+
+    @cached_property
+    def _roots(self) -> tuple[np.ndarray, np.ndarray]:
+        """Angles at which the sign changes, and whether the value falls there; between knots the cubic is monotone."""
+        angle, value = self._knots
+        above = value > 0
+        change = np.flatnonzero(above[1:] != above[:-1])
+        i, _ = self._locate(0.5 * (angle[change] + angle[change + 1]))
+        low, high = (np.clip((angle[k] - self.angle[i]) / self.step[i], 0.0, 1.0) for k in (change, change + 1))
+        falling, c = above[change], self.c[:, i]
+        for _ in range(BISECTIONS):
+            u = 0.5 * (low + high)
+            before = (c[0] + u * (c[1] + u * (c[2] + u * c[3])) > 0) == falling
+            low, high = np.where(before, u, low), np.where(before, high, u)
+        return self.angle[i] + high * self.step[i], falling

@@ -1,0 +1,126 @@
+"""The metrics of a recorded motion (docs/model.md): one value per revolution, from piecewise cubics in NumPy.
+
+The seat force becomes positive where the signed distance s falls through zero: a closing contact is compressed and
+pushes from there on. So the touch is the root of s, not the first sample that shows a force.
+"""
+
+import numpy as np
+
+from camopt.cam.lift import Lift
+from camopt.measure.hermite import Hermite
+from camopt.scene.quantities import QUANTITIES
+from camopt.scene.response import Response
+from camopt.scene.train import GROUND
+from camopt.scene.units import DEG, MM
+
+TURN = 2 * np.pi
+
+
+def measure(response: Response, lift: Lift) -> dict[str, np.ndarray]:
+    """Every metric of `camopt.scene.quantities.QUANTITIES` for a record of R + 1 revolutions: arrays of shape (R).
+
+    A revolution's closed window runs into the next revolution, up to the foot of its event; the last revolution of the
+    record only provides that window. Bounce, seating and impact velocity are NaN where the valve left its seat and has
+    not touched it again by then ("never seats"), and zero where it never left the seat. Excess lift is negative where
+    the valve stays below its kinematic lift, max(0, cam lift - lash), throughout. Raises ValueError for a record
+    shorter than two revolutions.
+    """
+    if response.revolutions < 2:
+        raise ValueError("metrics need a record of two revolutions or more: a bounce window runs into the next one")
+    motion = _Curves(response, lift)
+    rows = [motion.revolution(TURN * r) for r in range(response.revolutions - 1)]
+    return {name: np.array([row[name] for row in rows]) for name in QUANTITIES}
+
+
+class _Curves:
+    """The record as piecewise cubics by cam angle: distance from the seat touch, contact gaps, lift above the lash."""
+
+    def __init__(self, response: Response, lift: Lift):
+        train, angle, speed = response.train, response.angle, response.cam_speed
+        self.angle, self.speed, self.lift = angle, speed, lift
+        self.nominal_closing = lift.closing_angle(train.lash)
+        self.forces = response.force[:, list(train.cam_side)]
+        rate = lift(angle, 1)
+        s, s_rate = response.seat_separation(), response.v[:, train.valve] / speed
+        self.seat = Hermite(angle, s, s_rate)
+        self.above_lash = Hermite(angle, response.lift - train.lash, rate)
+        self.excess = Hermite(angle, s - response.lift + train.lash, s_rate - rate)
+        self.gaps = [Hermite(angle, *_gap(response, e, rate)) for e in train.cam_side]
+
+    def revolution(self, nose: float) -> dict[str, float]:
+        """Metrics of the revolution whose nose is at the angle `nose` [rad], in the units of their names."""
+        start, end, half = nose - np.pi, nose + np.pi, self.lift.half_duration
+        event = nose - half, nose + half
+        open_spans = [gap.positive_spans(*event) for gap in self.gaps]
+        forces = [_force_extremes(self.angle, f, *event) for f in self.forces.T]
+        spans = self.seat.positive_spans(start, end)
+        return {
+            **self._closed(nose),
+            "jump_mm": max(0.0, *(gap.maximum(*event) for gap in self.gaps)) / MM,
+            "jump_deg": max(float(np.sum(s[:, 1] - s[:, 0])) for s in open_spans) / DEG,
+            "contact_force_min_N": min(low for low, _ in forces),
+            "contact_force_max_N": max(high for _, high in forces),
+            "dynamic_area_mm_deg": float(np.sum(self.seat.integral(spans[:, 0], spans[:, 1]))) / (MM * DEG),
+            "excess_lift_mm": self._excess(start, end) / MM,
+        }
+
+    def _closed(self, nose: float) -> dict[str, float]:
+        """Bounce, seating and impact velocity."""
+        names = "bounce_mm", "seating_velocity_m_per_s", "impact_velocity_m_per_s"
+        inside = np.flatnonzero((self.seat.angle >= nose - np.pi) & (self.seat.angle <= nose + np.pi))
+        peak = inside[np.argmax(self.seat.y[inside])]
+        foot = nose + TURN + self.lift.opening_foot
+        if self.seat.y[peak] <= 0:
+            return dict.fromkeys(names, 0.0)
+        touches = self.seat.falls_through_zero(float(self.seat.angle[peak]), foot)
+        if len(touches) == 0:
+            return dict.fromkeys(names, np.nan)
+        start = min(touches[0], nose + self.nominal_closing)
+        impacts = np.abs(self.seat.slope(self.seat.falls_through_zero(start, foot))) * self.speed
+        bounce = max((self.seat.maximum(*hop) for hop in self.seat.positive_spans(start, foot)), default=0.0) / MM
+        seating = abs(float(self.seat.slope(touches[0]))) * self.speed
+        return dict(zip(names, (bounce, seating, float(np.max(impacts))), strict=True))
+
+    def _excess(self, start: float, end: float) -> float:
+        """Largest s - max(0, lift - lash) [m], taken separately where the lift is above and below the lash."""
+        lifted = self.above_lash.positive_spans(start, end)
+        seated = np.concatenate([[start], lifted.ravel(), [end]]).reshape(-1, 2)
+        best = [self.excess.maximum(*span) for span in lifted]
+        return max(best + [self.seat.maximum(*span) for span in seated])
+
+
+def _gap(response: Response, e: int, lift_slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Signed gap of contact e [m], positive when apart, and its derivative by angle [m/rad]."""
+    t = response.train
+    ends = [(response.x[:, i], response.v[:, i] / response.cam_speed) if i != GROUND else (0.0, 0.0) for i in
+            (t.a[e], t.b[e])]  # fmt: skip
+    (xa, va), (xb, vb) = ends
+    gap = xb - xa - t.cam_driven[e] * response.lift + t.gap[e] + t.touch_compression[e]
+    return gap, vb - va - t.cam_driven[e] * lift_slope
+
+
+def _force_extremes(angle: np.ndarray, force: np.ndarray, low: float, high: float) -> tuple[float, float]:
+    """Smallest and largest force over [low, high]; an extreme sample gives way to the vertex of its parabola.
+
+    A parabola is drawn only through forces above zero: a contact's force jumps from zero where it closes.
+    """
+    first, last = np.searchsorted(angle, low, "left"), np.searchsorted(angle, high, "right")
+    inside = force[first:last]
+    ends = np.interp([low, high], angle, force)
+    return (
+        float(min(*ends, _vertex(angle, force, int(first + np.argmin(inside)), low, high))),
+        float(max(*ends, _vertex(angle, force, int(first + np.argmax(inside)), low, high))),
+    )
+
+
+def _vertex(angle: np.ndarray, force: np.ndarray, k: int, low: float, high: float) -> float:
+    """Extreme of the parabola through samples k - 1, k, k + 1, or sample k where none lies between them."""
+    if not (0 < k < len(angle) - 1 and np.all(np.diff(angle[k - 1 : k + 2]) > 0) and np.all(force[k - 1 : k + 2] > 0)):
+        return force[k]
+    before, after = np.diff(force[k - 1 : k + 2]) / np.diff(angle[k - 1 : k + 2])
+    if before * after >= 0:
+        return force[k]
+    curvature = (after - before) / (angle[k + 1] - angle[k - 1])
+    slope = before + curvature * (angle[k] - angle[k - 1])
+    shift = -slope / (2 * curvature)
+    return force[k] - slope**2 / (4 * curvature) if low <= angle[k] + shift <= high else force[k]

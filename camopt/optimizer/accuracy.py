@@ -1,0 +1,53 @@
+"""What `--accuracy` means in the optimiser and in the verdict it asks for: one table."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from camopt.scene.errors import InputError
+from camopt.scene.schema import Operation
+from camopt.verifier.accuracy import EFFORTS, Effort
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """The effort that one accuracy stands for."""
+
+    knot_deg: float  # knot interval of the free cam
+    program_speeds: int  # speeds of the no-jump program over a band
+    judged_speeds: int  # speeds of the search's judge over a band
+    judge_stride: int  # one speed in so many is judged first
+    gradient_steps: int
+    margin_draws: int  # number of judged cams whose margins are drawn apart
+    verdict: Effort  # effort of the final verdict
+
+
+ACCURACIES = {
+    "draft": Accuracy(3.0, 5, 47, 4, 6, 0, EFFORTS["draft"]),
+    "standard": Accuracy(2.0, 9, 187, 4, 16, 96, EFFORTS["standard"]),
+    "fine": Accuracy(1.5, 17, 373, 8, 30, 160, EFFORTS["fine"]),
+}
+
+BEYOND = 1e-3
+"""The judged band exceeds the scene's by this share of a speed, to include the verdict's neighbouring speeds."""
+
+
+def accuracy_named(name: str) -> Accuracy:
+    """The settings of an accuracy; raises InputError for an unknown one."""
+    if name not in ACCURACIES:
+        raise InputError(f"accuracy {name!r}: expected one of {', '.join(ACCURACIES)}")
+    return ACCURACIES[name]
+
+
+def design_speeds(operation: Operation, speeds: str, accuracy: Accuracy) -> tuple[np.ndarray, np.ndarray]:
+    """Speeds [r/min] of the program and of the judge for `speeds` = "nominal" or "band".
+
+    The judged grid of a band starts just outside it and shares no speed with grids of whole tens inside.
+    """
+    if speeds == "nominal":
+        listed = np.array(operation.speeds_rpm)
+        near = np.concatenate([listed * (1 - BEYOND), listed, listed * (1 + BEYOND)])
+        return listed, np.sort(near)
+    low, high = operation.band_rpm
+    program = np.linspace(low, high, accuracy.program_speeds)
+    return program, np.linspace(low * (1 - BEYOND), high * (1 + BEYOND), accuracy.judged_speeds)

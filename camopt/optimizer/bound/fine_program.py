@@ -1,0 +1,120 @@
+"""The fine linear program that supplies the multipliers of a certificate: the continuous problem on equal intervals."""
+
+from itertools import pairwise
+from math import factorial
+
+import numpy as np
+from scipy.optimize import linprog
+from scipy.sparse import coo_array
+
+from camopt.cam.families.free import free_cam
+from camopt.cam.ramps import scene_ramps
+from camopt.optimizer.program.kinematic import conflict
+from camopt.scene.errors import InputError
+from camopt.scene.schema import Design
+from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
+
+
+def equal_grid(design: Design, intervals: int) -> np.ndarray:
+    """About equal intervals over the duration, with the borders of the nose among them."""
+    half, nose = design.duration_deg / 2, design.nose_deg or 0.0
+    step = 2 * half / intervals
+    marks = [-half, -nose, nose, half] if nose else [-half, 0.0, half]
+    parts = [np.linspace(a, b, int(np.ceil((b - a) / step - 1e-9)) + 1) for a, b in pairwise(marks)]
+    return np.unique(np.concatenate(parts)) * DEG
+
+
+class Discretised:
+    """The continuous problem with a control that is constant on every interval.
+
+    Its units are half the duration and the maximum lift. Its columns are lift, velocity and, under a jerk limit,
+    acceleration at every grid angle, then the control on every interval.
+    """
+
+    def __init__(self, design: Design, grid: np.ndarray):
+        self.design, self.grid, self.half = design, grid, grid[-1]
+        self.jerk = design.jerk_max_mm_per_deg3
+        self.order = 2 if self.jerk is None else 3  # integrations from the control to the lift
+        self.unit = design.max_lift_mm * MM / self.half ** np.arange(4)  # of lift, velocity, acceleration, jerk
+        self.nodes = len(grid)
+        width = np.diff(grid) / self.half
+        self.steps = [width**k / factorial(k) for k in range(self.order + 2)]
+        acceleration = [design.acceleration_min_mm_per_deg2, design.acceleration_max_mm_per_deg2]
+        self.acceleration = [None if a is None else a * MM_PER_DEG2 / self.unit[2] for a in acceleration]
+        self.on_nose = np.abs(grid) <= (design.nose_deg or -1.0) * DEG + 1e-12
+
+    def column(self, state: int, node):
+        """Columns of a state at nodes (0 is the lift, 1 the velocity, ...) or, for `order`, of the control."""
+        return state * self.nodes + node
+
+    def motion(self) -> coo_array:
+        """Rows that are zero where the states at every grid angle follow from those before by their Taylor series."""
+        n, interval = self.nodes - 1, np.arange(self.nodes - 1)
+        rows, columns, values = [], [], []
+        for state in range(self.order):
+            row = state * n + interval
+            rows.append(row)
+            columns.append(self.column(state, interval + 1))
+            values.append(-np.ones(n))
+            for higher in range(state, self.order + 1):
+                rows.append(row)
+                columns.append(self.column(higher, interval))
+                values.append(self.steps[higher - state])
+        shape = (self.order * n, self.order * self.nodes + n)
+        return coo_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=shape)
+
+    def bounds(self) -> np.ndarray:
+        """Lower and upper bound of every column."""
+        n, last = self.nodes, self.nodes - 1
+        box = np.full((self.order * n + last, 2), [-np.inf, np.inf])
+        box[self.column(0, np.arange(n)), 1] = 1.0
+        low, high = (np.inf if a is None else abs(a) for a in self.acceleration)
+        points = self.on_nose if self.order == 3 else self.on_nose[1:] & self.on_nose[:-1]
+        limited = self.column(2, np.arange(len(points)))
+        box[limited, 0], box[limited, 1] = -low, np.where(points, 0.0, high)
+        if self.jerk is not None:
+            jerk = self.jerk * MM_PER_DEG3 / self.unit[3]
+            box[self.column(3, np.arange(last))] = [-jerk, jerk]
+        opening, closing = scene_ramps(self.design)
+        ends = [(opening.height, closing.height), (opening.velocity, -closing.velocity), (0.0, 0.0)]
+        for state in range(self.order):
+            for node, value in zip((0, last), ends[state], strict=True):
+                box[self.column(state, node)] = value / self.unit[state]
+        return box
+
+    def multipliers(self, control_worth: np.ndarray | None = None):
+        """Multipliers in SI: of lift cap, acceleration maximum and minimum and nose (k each), and of the closing (3).
+
+        `control_worth` (k - 1) [m rad] is what a unit of control over each interval is worth besides the area.
+        Raises InputError where the limits have no common cam.
+        """
+        n = self.nodes
+        motion = self.motion()
+        columns = self.order * n + n - 1
+        cost = np.zeros(columns)
+        for state in range(self.order + 1):
+            cost[self.column(state, np.arange(n - 1))] = -self.steps[state + 1]
+        if control_worth is not None:
+            full = self.unit[0] * self.half
+            cost[self.column(self.order, np.arange(n - 1))] -= control_worth * self.unit[self.order] / full
+        answer = linprog(
+            cost, A_eq=motion, b_eq=np.zeros(self.order * (n - 1)), bounds=self.bounds(), method="highs-ipm"
+        )
+        if answer.status == 2:
+            raise InputError(conflict(self.design, free_cam(self.design)))
+        if answer.status != 0:
+            raise ArithmeticError(f"the program for the bound was not solved: {answer.message}")
+        upper, lower = -answer["upper"]["marginals"], answer["lower"]["marginals"]
+        nodes = np.arange(n)
+        inner = (nodes > 0) & (nodes < n - 1)  # both ends are fixed by the ramps
+        lift_cap = np.where(inner, np.maximum(upper[nodes], 0.0), 0.0) * self.half
+        closing = np.zeros(3)
+        for state in range(self.order):
+            last = self.column(state, n - 1)
+            closing[state] = (lower[last] - upper[last]) * self.half ** (state + 1)
+        if self.order == 2:
+            return lift_cap, np.zeros(n), np.zeros(n), np.zeros(n), closing
+        acceleration = self.column(2, nodes)
+        push = np.where(inner, np.maximum(upper[acceleration], 0.0), 0.0) * self.half**3
+        pull = np.where(inner, np.maximum(lower[acceleration], 0.0), 0.0) * self.half**3
+        return lift_cap, np.where(self.on_nose, 0.0, push), pull, np.where(self.on_nose, push, 0.0), closing

@@ -1,0 +1,49 @@
+"""What a scene allows, before any search: the certified bound, the kinematic optimum, the no-jump optimum."""
+
+from camopt.cam.families.free import free_cam
+from camopt.optimizer.bound.certificate import area_ratio_bound
+from camopt.optimizer.bound.no_jump import no_jump_bound
+from camopt.optimizer.program.kinematic import kinematic_optimum, limit_worth
+from camopt.optimizer.program.no_jump import Margins, no_jump_program
+from camopt.scene.errors import InputError
+from camopt.scene.schema import Scene
+from camopt.scene.train import build_train
+
+KNOT_DEG = 2.0
+MARGIN_N = 20.0
+
+
+def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float = MARGIN_N) -> dict:
+    """Area ratios that a scene allows, as `bound --json` prints them.
+
+    `area_ratio_bound`: no cam under the design's limits has more, spline or not; `area_ratio_feasible`: a free cam
+    that reaches this; `area_ratio_no_jump`: the largest of a free cam whose contacts keep `margin_N` at the listed
+    speeds under the linear model, null where none does; `area_ratio_no_jump_bound`: what no cam, spline or not, exceeds
+    under that linear model, its margins and its switching angles (the first bound where that is smaller, as both hold);
+    `no_jump_says`: why there is none of these two, null where they are there; `speeds_rpm` (k); `worth_percent`: what
+    1 % more of each limit buys. Raises InputError for contradictory limits.
+    """
+    design, operation = scene.design, scene.operation
+    assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
+    cam = free_cam(design, knot_deg)
+    feasible = kinematic_optimum(design, cam)
+    speeds = [scene.cam_speed(s) for s in operation.speeds_rpm]
+    bound = float(area_ratio_bound(design).bound)
+    no_jump = no_jump_bounded = says = None
+    try:
+        program = no_jump_program(build_train(scene), design, cam, speeds)
+        no_jump = program.solve(margins := Margins(*[margin_N] * 3)).area_ratio
+        certificate = no_jump_bound(program, margins)
+        no_jump_bounded = certificate and min(bound, float(certificate.bound))
+    except InputError as error:  # what the train forbids leaves the bounds on the shape as they are
+        says = str(error)
+    return {
+        "area_ratio_bound": bound,
+        "area_ratio_feasible": feasible.area_ratio,
+        "area_ratio_no_jump": no_jump,
+        "area_ratio_no_jump_bound": no_jump_bounded,
+        "no_jump_says": says,
+        "speeds_rpm": list(operation.speeds_rpm),
+        "margins_N": margin_N,
+        "worth_percent": limit_worth(feasible),
+    }

@@ -1,0 +1,164 @@
+"""The kinematic problem on the free cam: largest area under the limits, what each limit is worth, conflicts."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from camopt.cam.families.free import FreeCam, Limits
+from camopt.cam.lift import Lift
+from camopt.optimizer.program.linear_program import Infeasible, Optimum, Rows, least_relaxation, maximise
+from camopt.scene.errors import InputError
+from camopt.scene.schema import Design
+from camopt.scene.units import DEG, MM, MM_PER_DEG2
+
+REACH = 1e-5
+"""Relative slack in reaching the maximum lift (0.1 um of 9.4 mm): the cap's control points lie that far above it."""
+TYPICAL = 0.01
+"""Typical free coefficient [mm/deg^2], for the solver's scaling: the size of the acceleration limits."""
+PEAK_STEP = 1.5 * DEG
+"""Step of the peak angles that are tried when the design wants its maximum lift reached."""
+
+
+@dataclass(frozen=True)
+class KinematicOptimum:
+    """The free cam of largest area: its coefficients z (m), area ratio, the program's solution and its limits."""
+
+    cam: FreeCam
+    design: Design
+    z: np.ndarray
+    area_ratio: float
+    optimum: Optimum
+    limits: Limits
+
+    @property
+    def lift(self) -> Lift:
+        """The cam's lift law."""
+        return self.cam.lift(self.z)
+
+
+def kinematic_optimum(design: Design, cam: FreeCam) -> KinematicOptimum:
+    """The largest area that the design's limits allow on the free cam `cam`.
+
+    Raises InputError where the limits contradict each other, naming what would have to change and by how much.
+    """
+    limits = cam.limits(design)
+    row, constant = area_ratio_row(design, cam)
+    try:
+        optimum = reach(cam, design, row, spline_rows(limits.matrix), limits.bound, first_working(limits))
+    except Infeasible:
+        raise InputError(conflict(design, cam)) from None
+    return KinematicOptimum(cam, design, optimum.z, optimum.value + constant, optimum, limits)
+
+
+def area_ratio_row(design: Design, cam: FreeCam) -> tuple[np.ndarray, float]:
+    """Row (m) and constant with area ratio = row @ z + constant."""
+    row, constant = cam.area()
+    full = design.max_lift_mm * MM * design.duration_deg * DEG
+    return row / full, constant / full
+
+
+def spline_rows(matrix: np.ndarray) -> Rows:
+    """Rows (r, m) on free coefficients, with their typical size."""
+    return Rows(matrix, np.full(matrix.shape[1], TYPICAL))
+
+
+def first_working(limits: Limits) -> np.ndarray:
+    """Row indices to begin with: every limit but the lift cap, of which every tenth row is enough to begin with."""
+    cap = limits.rows("max_lift_mm")
+    return np.union1d(np.setdiff1d(np.arange(len(limits.bound)), cap), cap[::10])
+
+
+def reach(cam: FreeCam, design: Design, objective, rows: Rows, bound, working) -> Optimum:
+    """`maximise`, over peak angles too where the design wants its maximum lift reached; raises Infeasible.
+
+    For each peak angle within 6 degrees of the middle the row lift(peak) >= maximum lift is added (rows appended at
+    the end of the duals; none where the cap alone leads there); the best answer is returned.
+    """
+    capped = maximise(objective, rows, bound, working)
+    lowest = design.max_lift_mm * MM * (1 - REACH)
+    if not design.reach_max_lift or cam.lift(capped.z).max_lift >= lowest:
+        return capped
+    best, working = None, capped.working
+    peaks = np.arange(-4, 5) * PEAK_STEP
+    lift, offset = cam.basis(peaks)
+    for at, constant in zip(lift, offset + lift @ cam.x_p, strict=True):
+        reaching = spline_rows(np.vstack([rows.matrix, -(at @ cam.Z)]))
+        levels = np.append(bound, constant - lowest)
+        try:
+            found = maximise(objective, reaching, levels, np.append(working, len(bound)))
+        except Infeasible:
+            continue
+        if best is None or found.value > best.value:
+            best = found
+            working = found.working[found.working < len(bound)]
+    if best is None:
+        raise Infeasible("the maximum lift cannot be reached within 6 degrees of the middle")
+    return best
+
+
+def limit_worth(found: KinematicOptimum) -> dict[str, float]:
+    """Per cent more area that one per cent more of each limit buys, from the duals, keyed by the limit's name.
+
+    First-order and at this spline; the nose, which is an angle, is left out.
+    """
+    limits, duals = found.limits, found.optimum.duals
+    worth = {}
+    for g, name in enumerate(limits.names):
+        rows = limits.rows(name)
+        if name != "nose_deg":
+            gain = float(duals[rows] @ limits.slope[rows] * limits.size[g])
+            if name == "max_lift_mm":  # area itself, not the ratio to a maximum lift that grows with it
+                gain -= float(duals[len(limits.bound) :].sum()) * limits.size[g]
+            worth[name] = float(gain / found.area_ratio)
+    return worth
+
+
+def conflict(design: Design, cam: FreeCam) -> str:
+    """One sentence on limits without a common cam: for each limit, the value from which it alone would resolve it."""
+    limits = cam.limits(design)
+    asked = f"duration_deg = {design.duration_deg:g} with max_lift_mm = {design.max_lift_mm:g}"
+    asked += " to be reached" if design.reach_max_lift else ""
+    remedies = []
+    matrix, bound = reached_in_the_middle(cam, design, limits.matrix, limits.bound)
+    spline = spline_rows(matrix)
+    working = np.union1d(first_working(limits), np.arange(len(limits.bound), len(bound)))
+    for g, name in enumerate(limits.names):
+        give = np.zeros(len(bound))
+        lowered = name == "max_lift_mm" and design.reach_max_lift  # a lift that must be reached resolves by falling
+        rows = np.array([len(bound) - 1]) if lowered else limits.rows(name)
+        give[rows] = limits.unit[g] if name != "nose_deg" else 1.0
+        size = abs(getattr(design, name)) if name != "nose_deg" else TYPICAL * MM_PER_DEG2
+        relaxed = least_relaxation(spline, bound, give, size, working)
+        if relaxed is None:
+            continue
+        if name == "nose_deg":
+            remedies.append(f"nose_deg would have to be smaller than {design.nose_deg:g} or be left out")
+            continue
+        value = getattr(design, name)
+        needed = value + (-relaxed if lowered else np.sign(value) * relaxed)
+        verb = "fall" if needed < value else "rise"
+        remedies.append(f"{name} would have to {verb} from {value:g} to {_rounded(needed, up=needed > value)}")
+    if not remedies:
+        return (
+            f"the limits of the design contradict each other: {asked} and the ramps cannot be joined, and no single "
+            f"limit can be relaxed to resolve it; relax several of {', '.join(limits.names)} or lengthen duration_deg"
+        )
+    return (
+        f"the limits of the design contradict each other for {asked} and knots every {cam.knot_deg:g} deg: "
+        + ", or ".join(remedies)
+    )
+
+
+def reached_in_the_middle(cam: FreeCam, design: Design, matrix, bound) -> tuple[np.ndarray, np.ndarray]:
+    """The rows, and where the design wants its maximum lift reached, a last one: that it is reached in the middle."""
+    if not design.reach_max_lift:
+        return matrix, bound
+    row, offset = cam.basis(np.zeros(1))
+    level = offset + row @ cam.x_p - design.max_lift_mm * MM * (1 - REACH)
+    return np.vstack([matrix, -row @ cam.Z]), np.append(bound, level)
+
+
+def _rounded(value: float, up: bool) -> str:
+    """Three significant figures, rounded to the side on which the printed value is enough."""
+    digits = 2 - int(np.floor(np.log10(abs(value))))
+    return f"{(np.ceil if up else np.floor)(value * 10.0**digits) / 10.0**digits:g}"

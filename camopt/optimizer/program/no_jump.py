@@ -1,0 +1,284 @@
+"""Largest area whose contacts stay closed at every speed: a linear program, under the linear model of `periodic`.
+
+While the contacts stay closed, each contact force is affine in the cam's free coefficients. Rows: force at least a
+margin, in contacts between cam and valve while the valve is lifted, and in the seat while the valve is seated. A
+negative margin allows the linear model some tension, which the real contact answers with a small separation.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from camopt.cam.families.free import FreeCam, Limits
+from camopt.cam.lift import Lift
+from camopt.optimizer.program.kinematic import area_ratio_row, first_working, reach, reached_in_the_middle, spline_rows
+from camopt.optimizer.program.linear_program import Infeasible, Optimum, Rows, least_relaxation
+from camopt.optimizer.program.periodic import (
+    LIFTED,
+    SEATED,
+    Angles,
+    CamSamples,
+    periodic_response,
+    sample_cam,
+    static_angles,
+)
+from camopt.scene.errors import InputError
+from camopt.scene.schema import Design
+from camopt.scene.train import Train
+from camopt.scene.units import DEG, RPM
+
+OPENING, CLOSING, SEAT, PEAK = range(4)
+"""Kinds of force rows: cam side before and after the middle, seat, and the cam side's largest force."""
+
+
+DAMPED = 1 - 1e-9
+"""Largest factor by which a revolution may multiply a disturbance: without damping it is 1 to round-off, on either
+side. At this one a disturbance would take a million revolutions and more to lose a thousandth."""
+
+
+class NoCamHoldsContact(InputError):
+    """No free cam keeps the margins; `shortfall_N` is by how much all of them together would have to fall."""
+
+    def __init__(self, sentence: str, shortfall_N: float):
+        super().__init__(sentence)
+        self.shortfall_N = shortfall_N
+
+
+@dataclass(frozen=True)
+class Window:
+    """Where the force rows hold [rad]. The impacts that close lash and seat ring for a while: no cam can help it.
+
+    Cam side: from `after_top` behind the opening ramp top to `before_seat` ahead of the seat's closing. Seat: from
+    `after_seat` behind the seat's closing to `before_lash` ahead of the lash's closing in the next revolution.
+    """
+
+    after_top: float = 2 * DEG
+    before_seat: float = 4 * DEG
+    after_seat: float = 12 * DEG
+    before_lash: float = 6 * DEG
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Least contact forces [N] on the opening and the closing flank and at the seat, a number or one per speed."""
+
+    opening: float | np.ndarray = 20.0
+    closing: float | np.ndarray = 20.0
+    seat: float | np.ndarray = 20.0
+
+    def table(self, speeds: int) -> np.ndarray:
+        """Margins by kind and speed, shape (3, speeds)."""
+        return np.stack(
+            [np.broadcast_to(np.asarray(v, float), speeds) for v in (self.opening, self.closing, self.seat)]
+        )
+
+
+@dataclass(frozen=True)
+class SpeedRows:
+    """Forces at one speed: force = offset + matrix @ z [N] of `element` at `angle` [rad], row by row; kind as above."""
+
+    train: Train
+    cam_speed: float
+    angles: Angles
+    matrix: np.ndarray  # (r, m)
+    offset: np.ndarray  # (r)
+    kind: np.ndarray  # (r) int
+    element: np.ndarray  # (r) int
+    angle: np.ndarray  # (r)
+
+
+def speed_rows(train: Train, design: Design, samples: CamSamples, cam_speed: float, angles: Angles, window: Window):
+    """The force rows of one speed [rad/s]; raises InputError where the linear motion is unstable."""
+    response = periodic_response(train, samples, cam_speed, angles)
+    if response.spectral_radius > DAMPED:
+        raise InputError(
+            f"the motion with closed contacts does not die away at {cam_speed / RPM:g} r/min of the camshaft: a "
+            f"revolution multiplies a disturbance by {response.spectral_radius:.4g}; give elements or masses more "
+            f"damping_N_s_per_m, or leave speeds near this one out of speeds_rpm and band_rpm"
+        )
+    theta, half = samples.edges, design.duration_deg / 2 * DEG
+    begins, ends = max(angles.seat_opens, window.after_top - half), angles.seat_closes - window.before_seat
+    lifted = np.flatnonzero((theta >= begins - 1e-9) & (theta <= ends))
+    closed = (theta >= angles.seat_closes + window.after_seat) | (theta <= angles.lash_closes - window.before_lash)
+    seated = np.flatnonzero(closed & (angles.phase(theta) == SEATED))
+    lifted = lifted[angles.phase(theta[lifted]) == LIFTED]
+    parts = []
+    for e in train.cam_side:
+        force = response.force(e, lifted)
+        parts.append((force, np.where(theta[lifted] < 0, OPENING, CLOSING), e, theta[lifted]))
+        if design.contact_force_max_N is not None:
+            parts.append((force, np.full(len(lifted), PEAK), e, theta[lifted]))
+    parts.append((response.force(train.seat, seated), np.full(len(seated), SEAT), train.seat, theta[seated]))
+    force = np.concatenate([p[0] for p in parts])
+    kind, angle = (np.concatenate([p[i] for p in parts]) for i in (1, 3))
+    element = np.concatenate([np.full(len(p[1]), p[2]) for p in parts])
+    return SpeedRows(train, cam_speed, angles, np.ascontiguousarray(force[:, 1:]), force[:, 0], kind, element, angle)
+
+
+@dataclass(frozen=True)
+class NoJumpOptimum:
+    """A cam of largest area under margins: free coefficients z (m), area ratio, the program's solution."""
+
+    program: "NoJumpProgram"
+    margins: np.ndarray  # (3, speeds) N
+    z: np.ndarray
+    area_ratio: float
+    optimum: Optimum
+
+    @property
+    def lift(self) -> Lift:
+        """The cam's lift law."""
+        return self.program.cam.lift(self.z)
+
+    @property
+    def margin_prices(self) -> np.ndarray:
+        """d area ratio / d margin [1/N] by kind and speed, shape (3, speeds): zero or negative."""
+        p, first = self.program, len(self.program.limits.bound)
+        prices = np.zeros(self.margins.shape)
+        rows = np.flatnonzero(p.kind != PEAK)
+        np.add.at(prices, (p.kind[rows], p.speed[rows]), -self.optimum.duals[first + rows])
+        return prices
+
+    def jacobian(self) -> np.ndarray:
+        """dz / d margins (m, 3, speeds) [1/N] while the active rows stay the same: the exact slope of the program.
+
+        At a corner with more active rows than coefficients, or fewer, it is the least-squares answer.
+        """
+        p, first = self.program, len(self.program.limits.bound)
+        active = self.optimum.active
+        scaled = p.rows.scaled[active[active < len(p.rows.norm)]]
+        active = active[: len(scaled)]
+        moved = np.zeros((len(active), *self.margins.shape))
+        force = np.flatnonzero(active >= first)
+        row = active[force] - first
+        pushes = p.kind[row] != PEAK
+        moved[force[pushes], p.kind[row[pushes]], p.speed[row[pushes]]] = -1.0 / p.rows.norm[active[force[pushes]]]
+        answer = np.linalg.lstsq(scaled, moved.reshape(len(active), -1), rcond=None)[0]
+        return (answer * p.rows.column[:, None]).reshape(-1, *self.margins.shape)
+
+
+@dataclass(frozen=True)
+class NoJumpProgram:
+    """The no-jump linear program of a train, a design and a free cam, at the speeds of `blocks`."""
+
+    train: Train
+    design: Design
+    cam: FreeCam
+    window: Window
+    blocks: tuple[SpeedRows, ...]
+
+    @property
+    def speeds(self) -> np.ndarray:
+        """Cam speeds [rad/s]."""
+        return np.array([b.cam_speed for b in self.blocks])
+
+    @cached_property
+    def limits(self) -> Limits:
+        """The kinematic rows, which come first in the program."""
+        return self.cam.limits(self.design)
+
+    @cached_property
+    def kind(self) -> np.ndarray:
+        """Kind of every force row (r)."""
+        return np.concatenate([b.kind for b in self.blocks])
+
+    @cached_property
+    def speed(self) -> np.ndarray:
+        """Index of the speed of every force row (r)."""
+        return np.repeat(np.arange(len(self.blocks)), [len(b.kind) for b in self.blocks])
+
+    @cached_property
+    def rows(self) -> Rows:
+        """Kinematic rows, then force rows: matrix @ z <= bound."""
+        force = np.concatenate([b.matrix for b in self.blocks])
+        force *= np.where(self.kind == PEAK, 1.0, -1.0)[:, None]
+        return spline_rows(np.concatenate([self.limits.matrix, force]))
+
+    def bound(self, margins: np.ndarray) -> np.ndarray:
+        """Right side of the program for margins (3, speeds) [N]."""
+        offset = np.concatenate([b.offset for b in self.blocks])
+        least = margins[np.minimum(self.kind, SEAT), self.speed]
+        peak = self.design.contact_force_max_N or np.inf
+        force = np.where(self.kind == PEAK, peak - offset, offset - least)
+        return np.concatenate([self.limits.bound, force])
+
+    def forces(self, z: np.ndarray) -> np.ndarray:
+        """Contact force of every force row [N] under the linear model, shape (r)."""
+        return np.concatenate([b.offset + b.matrix @ z for b in self.blocks])
+
+    def solve(self, margins: Margins | None = None) -> NoJumpOptimum:
+        """The cam of largest area with these margins (by default 20 N each); quick after the first ones.
+
+        Raises NoCamHoldsContact where no cam keeps the margins.
+        """
+        table = (margins or Margins()).table(len(self.blocks))
+        bound = self.bound(table)
+        row, constant = area_ratio_row(self.design, self.cam)
+        begin = self.first_working()
+        try:
+            optimum = reach(self.cam, self.design, row, self.rows, bound, begin)
+        except Infeasible:
+            raise self._shortfall(bound, begin) from None
+        return NoJumpOptimum(self, table, optimum.z, optimum.value + constant, optimum)
+
+    def first_working(self) -> np.ndarray:
+        """Row indices to begin with where nothing is known: the limits and every fortieth force row."""
+        first = len(self.limits.bound)
+        return np.union1d(first_working(self.limits), np.arange(first, first + len(self.kind), 40))
+
+    def _shortfall(self, bound: np.ndarray, working: np.ndarray) -> NoCamHoldsContact:
+        matrix, bound = reached_in_the_middle(self.cam, self.design, self.rows.matrix, bound)
+        give = np.zeros(len(bound))
+        give[len(self.limits.bound) :][: len(self.kind)] = self.kind != PEAK
+        begin = np.union1d(working, np.arange(len(self.rows.norm), len(bound)))
+        needed = least_relaxation(spline_rows(matrix), bound, give, 100.0, begin)
+        if needed is None:
+            return NoCamHoldsContact(
+                "no free cam keeps the limits of the design and its largest contact force, whatever the margins", np.inf
+            )
+        reaching = " and reaches max_lift_mm in the middle" if self.design.reach_max_lift else ""
+        return NoCamHoldsContact(
+            f"no free cam with knots every {self.cam.knot_deg:g} deg holds contact with these margins{reaching} at all "
+            f"of the {len(self.blocks)} speeds: every margin would have to fall by {needed:.3g} N",
+            needed,
+        )
+
+    def extended(self, speeds: Sequence[float] | np.ndarray, train: Train | None = None) -> "NoJumpProgram":
+        """This program with further cam speeds [rad/s] at the angles of static load transfer.
+
+        With `train`, a perturbed one (its spring, its lash), the same cam must hold contact in that one too.
+        """
+        more = _blocks(train or self.train, self.design, self.cam, speeds, None, self.window)
+        return replace(self, blocks=self.blocks + more)
+
+    def relocated(self, angles: Sequence[Angles]) -> "NoJumpProgram":
+        """The same program at other switching angles, one per block."""
+        pairs = zip(self.blocks, angles, strict=True)
+        blocks = [_blocks(b.train, self.design, self.cam, [b.cam_speed], [a], self.window)[0] for b, a in pairs]
+        return replace(self, blocks=tuple(blocks))
+
+
+def no_jump_program(
+    train: Train,
+    design: Design,
+    cam: FreeCam,
+    speeds: Sequence[float] | np.ndarray,
+    angles: Sequence[Angles] | None = None,
+    window: Window | None = None,
+) -> NoJumpProgram:
+    """The program at cam speeds [rad/s], with one set of switching angles per speed (default: static load transfer)."""
+    window = window or Window()
+    return NoJumpProgram(train, design, cam, window, _blocks(train, design, cam, speeds, angles, window))
+
+
+def _blocks(train, design, cam, speeds, angles, window) -> tuple[SpeedRows, ...]:
+    if angles is None:
+        angles = [static_angles(train, cam)] * len(speeds)
+    sampled: dict[Angles, CamSamples] = {}
+    for a in angles:
+        if a not in sampled:
+            sampled[a] = sample_cam(cam, a)
+    pairs = zip(speeds, angles, strict=True)
+    return tuple(speed_rows(train, design, sampled[a], float(w), a, window) for w, a in pairs)

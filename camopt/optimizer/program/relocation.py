@@ -1,0 +1,75 @@
+"""The switching angles of the non-smooth motion, with which the no-jump program is built again on the cam it found."""
+
+import numpy as np
+
+from camopt.cam.lift import Lift
+from camopt.exact.engine import prepare
+from camopt.optimizer.program.no_jump import NoJumpProgram
+from camopt.optimizer.program.periodic import Angles
+from camopt.scene.response import Response, end_state
+from camopt.scene.rest import rest_position
+from camopt.scene.train import Train
+
+REVOLUTIONS = 8
+"""Revolutions from rest before the angles are read: surge decays by half or more in each."""
+
+
+class NoLoadTransfer(ValueError):
+    """A motion without the sequence lash closes, seat opens, seat closes, lash opens."""
+
+
+def located_angles(response: Response) -> Angles:
+    """The switching angles [rad] of one revolution of a motion, from -pi to pi.
+
+    The seat opens for the last time before the middle, and it closes for the first time after the greatest valve lift.
+    The lash closes for the last time before the seat opens, and it opens for the first time after the seat closes.
+    Crossings between samples are interpolated linearly. Raises NoLoadTransfer where one of the four is missing.
+    """
+    train, theta = response.train, response.angle
+    margin = train.compression(response.x, response.lift) - train.touch_compression
+    seat = margin[:, train.seat]
+    top = theta[np.argmax(-seat)]
+    seat_opens = _crossing(theta, -seat, -np.pi, 0.0, last=True, what="the seat opens")
+    seat_closes = _crossing(theta, seat, top, np.pi, last=False, what="the seat closes")
+    lash = [e for e in train.cam_side if margin[0, e] < 0]
+    if not lash:
+        return Angles(seat_opens, seat_opens, seat_closes, seat_closes)
+    gap = margin[:, lash].min(axis=1)
+    lash_closes = _crossing(theta, gap, -np.pi, seat_opens, last=True, what="the lash closes")
+    lash_opens = _crossing(theta, -gap, seat_closes, np.pi, last=False, what="the lash opens")
+    return Angles(lash_closes, seat_opens, seat_closes, lash_opens)
+
+
+def _crossing(theta, value, low, high, last: bool, what: str) -> float:
+    """Angle in [low, high] at which `value` goes from negative to zero or more."""
+    found = np.flatnonzero((value[:-1] < 0) & (value[1:] >= 0) & (theta[1:] >= low) & (theta[:-1] <= high))
+    if len(found) == 0:
+        raise NoLoadTransfer(f"the motion has no angle at which {what}")
+    i = found[-1 if last else 0]
+    part = value[i] / (value[i] - value[i + 1])
+    return float(np.clip(theta[i] + part * (theta[i + 1] - theta[i]), low, high))
+
+
+def settled_revolution(train: Train, lift: Lift, cam_speed: float, revolutions: int = REVOLUTIONS) -> Response:
+    """The last of `revolutions` event-exact revolutions from rest at `cam_speed` [rad/s]."""
+    revolve = prepare(train, lift, cam_speed)
+    x = rest_position(train)
+    state = np.concatenate([x, np.zeros_like(x)])
+    for _ in range(revolutions):
+        response = revolve(state)
+        state = end_state(response)
+    return response
+
+
+def relocate(program: NoJumpProgram, lift: Lift, revolutions: int = REVOLUTIONS) -> NoJumpProgram:
+    """The program at the switching angles that event-exact finds on `lift` at each speed.
+
+    A speed at which the motion has no clear load transfer keeps the angles it had.
+    """
+    angles = []
+    for block in program.blocks:
+        try:
+            angles.append(located_angles(settled_revolution(block.train, lift, block.cam_speed, revolutions)))
+        except NoLoadTransfer:
+            angles.append(block.angles)
+    return program.relocated(angles)

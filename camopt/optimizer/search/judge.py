@@ -1,0 +1,117 @@
+"""The search's judge: event-exact settled motion at many speeds, each limited metric as a share of its limit."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from camopt.cam.lift import Lift
+from camopt.exact.engine import prepare
+from camopt.measure.limits import MotionLimit, motion_limits
+from camopt.measure.settling import settle
+from camopt.scene.errors import MotionRefused
+from camopt.scene.quantities import LESS_IS_WORSE
+from camopt.scene.response import end_state
+from camopt.scene.rest import rest_position
+from camopt.scene.schema import Scene
+from camopt.scene.train import build_train
+
+SHARE = 0.8
+"""Part of every limit on the motion that a search may use: the rest is for speeds and neighbours it did not see."""
+CRITICAL = 2
+"""Speeds judged before all others where only the answer counts: one per thread."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What the judge found: figures by metric (s), shares of the limits (l, s), settled states at -180 deg (s, 2n)."""
+
+    speeds_rpm: np.ndarray
+    figures: dict[str, np.ndarray]
+    limited: tuple[str, ...]  # metric names, one per row of `share`
+    limit: np.ndarray  # (l) their limits, in the metrics' units
+    share: np.ndarray  # how much of the limit is used; infinite where the valve never seats or the motion is refused
+    states: np.ndarray
+
+    @property
+    def holds(self) -> bool:
+        """Whether every limit is used by at most SHARE at every speed."""
+        return bool(self.share.size == 0 or self.share.max() <= SHARE)
+
+    @property
+    def worst_speed_rpm(self) -> float:
+        """Speed at which a limit is used most."""
+        return float(self.speeds_rpm[int(np.argmax(self.share.max(axis=0)))]) if self.share.size else np.nan
+
+    def worst(self, name: str) -> float:
+        """Worst value of a metric over the speeds."""
+        return float((np.min if name in LESS_IS_WORSE else np.max)(self.figures[name]))
+
+    @property
+    def share_slopes(self) -> np.ndarray:
+        """Derivative of every row of `share` by its metric (l), in one over the metrics' units."""
+        return np.array([MotionLimit(*row).share_slope for row in zip(self.limited, self.limit, strict=True)])
+
+
+class Judge:
+    """Judges cams of one scene at fixed speeds [crankshaft r/min]; remembers settled states to settle sooner.
+
+    Every `stride`-th speed is judged first, and the others only for a cam that holds there. A call with `briefly` asks
+    only whether the cam holds: the speeds at which cams used their limits most so far come before all others.
+    """
+
+    def __init__(self, scene: Scene, speeds_rpm, stride: int = 1, workers: int = 2):
+        self.scene, self.speeds_rpm, self.stride = scene, np.asarray(speeds_rpm, dtype=float), stride
+        train = build_train(scene)
+        self._trains = [replace(train) for _ in range(workers)]  # each thread keeps its own propagators
+        self._start = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+        self._states = np.tile(self._start, (len(self.speeds_rpm), 1))
+        self._used = np.zeros(len(self.speeds_rpm))  # largest share of a limit when last judged there
+        self.calls = 0
+
+    def __call__(self, lift: Lift, briefly: bool = False) -> Judged:
+        self.calls += 1
+        every = np.arange(len(self.speeds_rpm))
+        critical = [np.sort(np.argsort(-self._used)[:CRITICAL])] if briefly else []
+        found: dict[int, tuple[dict[str, float], np.ndarray]] = {}
+        for group in (*critical, every[:: self.stride], every):
+            found |= self._found(lift, np.setdiff1d(group, [*found]))
+            judged = self._judged(found)
+            if not judged.holds:
+                break
+        self.remember(judged)
+        return judged
+
+    def remember(self, judged: Judged) -> None:
+        """Start the next settling from these states: a resumed search settles as the unbroken one did."""
+        at = np.searchsorted(self.speeds_rpm, judged.speeds_rpm)
+        self._states[at] = np.where(np.isfinite(judged.states), judged.states, self._start)
+        self._used[at] = judged.share.max(axis=0, initial=0.0)
+
+    def _judged(self, found: dict[int, tuple[dict[str, float], np.ndarray]]) -> Judged:
+        at = sorted(found)
+        limits = motion_limits(self.scene.design).values()
+        names, values = tuple(m.metric for m in limits), np.array([m.value for m in limits])
+        figures = {name: np.array([found[i][0][name] for i in at]) for name in found[at[0]][0]}
+        share = np.array([m.share(figures[m.metric]) for m in limits]).reshape(len(names), -1)
+        return Judged(self.speeds_rpm[at], figures, names, values, share, np.array([found[i][1] for i in at]))
+
+    def _found(self, lift: Lift, at: np.ndarray) -> dict[int, tuple[dict[str, float], np.ndarray]]:
+        """Figures and settled state at the speeds of the indices `at`, dealt to threads."""
+        workers = len(self._trains)
+
+        def deal(hand: int):
+            return {int(i): self._at(self._trains[hand], lift, i) for i in at[hand::workers]}
+
+        with ThreadPoolExecutor(workers) as pool:
+            hands = list(pool.map(deal, range(workers)))
+        return {i: row for hand in hands for i, row in hand.items()}
+
+    def _at(self, train, lift: Lift, i: int) -> tuple[dict[str, float], np.ndarray]:
+        names = dict.fromkeys(("bounce_mm", *(n for n, _ in motion_limits(self.scene.design).values())))
+        try:
+            settled = settle(prepare(train, lift, self.scene.cam_speed(self.speeds_rpm[i])), self._states[i])
+        except MotionRefused:
+            return dict.fromkeys(names, np.nan), np.full_like(self._start, np.nan)
+        figures = settled.metrics(lift)
+        return {n: figures.worst(n) for n in names}, end_state(settled.response)

@@ -1,0 +1,97 @@
+"""The search for a cam, without a run folder around it: the no-jump program and, if asked for, the gradient stage."""
+
+import time
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from camopt.cam.families.free import free_cam
+from camopt.optimizer.accuracy import Accuracy, design_speeds
+from camopt.optimizer.program.no_jump import NoJumpOptimum, no_jump_program
+from camopt.optimizer.search.journal import Journal
+from camopt.optimizer.search.judge import Judge
+from camopt.optimizer.search.no_jump_stage import Search, margins_apart, no_jump_stage
+from camopt.optimizer.search.robust import Perturbation, RobustJudge
+from camopt.scene.schema import Scene
+from camopt.scene.train import build_train
+
+KNOT_SPREAD = 0.1
+"""Share of itself by which a seed may change the knot interval."""
+BETWEEN_SHARE = 0.9
+"""Part of every limit on the motion that a cam may use between the speeds at which it was searched."""
+
+
+def knot_interval_deg(effort: Accuracy, seed: int) -> float:
+    """Knot interval of the free cam [deg]: that of the accuracy for seed 0, and one drawn about it for other seeds."""
+    if seed == 0:
+        return effort.knot_deg
+    return effort.knot_deg * (1 + KNOT_SPREAD * float(np.random.default_rng(seed).uniform(-1, 1)))
+
+
+@threadpool_limits.wrap(limits=1, user_api="blas")  # the matrices are small, and the judge has threads of its own
+def find_cam(
+    scene: Scene,
+    speeds: str,
+    effort: Accuracy,
+    gradient: str = "none",
+    journal: Journal | None = None,
+    show: Callable[[dict], None] = lambda line: None,
+    times: dict | None = None,
+    perturbations: Mapping[str, Perturbation] | None = None,
+    seed: int = 0,
+) -> tuple[Search, NoJumpOptimum]:
+    """The search with the largest cam that the event-exact judge confirms, and the linear program's own best cam.
+
+    `speeds` is "band" or "nominal"; `gradient` is "none", or "smooth" or "exact" for a gradient stage on that path. The
+    seconds that each stage took are written to `times`. With `perturbations` (by name) the limits on the motion must
+    hold under each of them too. `seed` draws the margins and, where it is not zero, the knot interval, which besides
+    the limits is all that a search starts from. Raises InputError where no cam is confirmed.
+    """
+    started, design, operation = time.perf_counter(), scene.design, scene.operation
+    assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
+    times = {} if times is None else times
+    cam = free_cam(design, knot_interval_deg(effort, seed))
+    program_speeds, judged_speeds = design_speeds(operation, speeds, effort)
+    cam_speeds = [scene.cam_speed(s) for s in program_speeds]
+    program = no_jump_program(build_train(scene), design, cam, cam_speeds)
+    judge = Judge(scene, judged_speeds, effort.judge_stride if speeds == "band" else 1)
+    if perturbations:
+        judge = RobustJudge(judge, perturbations)
+        for perturbed in perturbations.values():
+            if perturbed.scene is not scene:
+                program = program.extended(cam_speeds, build_train(perturbed.scene))
+    search = Search(judge, journal or Journal(None), show)
+    program = no_jump_stage(search, program)
+    margins_apart(search, program, effort.margin_draws, seed)
+    between = Judge(scene, 0.5 * (judged_speeds[1:] + judged_speeds[:-1])) if speeds == "band" else None
+    hold_between(search, between)
+    no_jump = search.best
+    assert no_jump is not None, "the stage raises where nothing is confirmed"
+    times["no_jump"] = time.perf_counter() - started
+    if gradient != "none":
+        from camopt.optimizer.search.gradient_stage import gradient_stage  # loads JAX
+
+        started = time.perf_counter()
+        gradient_stage(search, program, effort.gradient_steps, gradient)
+        hold_between(search, between)
+        times["gradient"] = time.perf_counter() - started
+    return search, no_jump
+
+
+def hold_between(search: Search, between: Judge | None) -> None:
+    """Drops confirmed cams, the largest first, that do not hold between the judged speeds of a band.
+
+    Among many drawn cams some hold at just the judged speeds. The last cam stays in any case.
+    """
+    dropped = False
+    while between and len(search.confirmed) > 1 and _used(between, search) > BETWEEN_SHARE:
+        search.confirmed.pop()
+        dropped = True
+    if dropped:
+        search.best_judged = search.judge(search.confirmed[-1].lift)
+
+
+def _used(judge: Judge, search: Search) -> float:
+    """The largest share of a limit that the largest confirmed cam uses at the judge's speeds."""
+    return float(judge(search.confirmed[-1].lift).share.max(initial=0.0))

@@ -1,0 +1,244 @@
+"""Every fault of a scene file at once: of the schema, of the names, and of the train at rest, each with its key.
+
+No kind of fault hides another: names are read from the file's own tables, whether or not the schema likes them, and the
+train is built as soon as its masses and elements have no fault, whatever the other tables say.
+"""
+
+import re
+from collections import Counter
+from typing import Any, get_args
+
+import numpy as np
+from pydantic import ValidationError
+
+from camopt.scene.errors import InputError
+from camopt.scene.rest import rest_position
+from camopt.scene.schema import MOST_ROWS, Scene, Table
+from camopt.scene.spelling import did_you_mean
+from camopt.scene.text_file import excerpt
+from camopt.scene.train import build_train
+
+MOST_LISTED = 100
+"""Faults that are listed; how many more there are is said."""
+
+PLAIN = {
+    "string_pattern_mismatch": "must match the pattern of a name: a letter, then letters, digits, - or _, at most 64",
+    "model_type": "must be a table",
+    "tuple_type": "must be an array",
+}
+"""What the schema's own words would not tell an engineer, by pydantic's type of error."""
+
+
+def checked(data: dict, need: tuple[str, ...]) -> tuple[Scene | None, list[str]]:
+    """The scene of a file's tables, or None, and a sentence per fault; `need` as in `load_scene`."""
+    crowded = {kind: len(_rows(data, kind)) for kind, most in MOST_ROWS.items() if len(_rows(data, kind)) > most}
+    if crowded:  # reading them all would take long, and their faults would fill a book
+        return None, [f"{kind}: {n} rows, and a scene has at most {MOST_ROWS[kind]}" for kind, n in crowded.items()]
+    scene, errors = _validated(data)
+    faulty = {error["loc"][0] for error in errors if error["loc"]}
+    names = _name_faults(data)
+    faults = [f"{_key(e['loc'])}: {_sentence(e)}" for e in errors] + names
+    faults += [f"{part}: missing; this command needs it" for part in need if data.get(part) is None]
+    if not names and not faulty & {"mass", "element", "valve", "seat"} and "seat" in data:
+        faults += _dynamics_faults(_train_tables(data))
+    if len(faults) > MOST_LISTED:
+        faults = [*faults[:MOST_LISTED], f"and {len(faults) - MOST_LISTED} faults more"]
+    return scene, faults
+
+
+def _validated(data: dict) -> tuple[Scene | None, list[dict[str, Any]]]:
+    """The scene and the schema's errors; those that the checks of a whole table find beside the faults of its keys too.
+
+    Such a check is not reached as long as a key is at fault, so the tables are read again without these keys.
+    """
+    scene, errors = _attempt(data)
+    if not errors:
+        return scene, []
+    found = {error["loc"] for error in errors}
+    _, further = _attempt(_without(data, found))
+    left_out = {_place(loc) for loc in found}
+    return None, errors + [e for e in further if e["loc"] not in found and e["loc"] not in left_out]
+
+
+def _attempt(data: dict) -> tuple[Scene | None, list[Any]]:
+    try:
+        return Scene.model_validate(data), []
+    except ValidationError as error:
+        errors = error.errors(include_url=False)
+    inner = {e["loc"][0] for e in errors if len(e["loc"]) > 1}
+    # a row with faults does not count as a row, which pydantic then reports as a second fault
+    return None, [e for e in errors if not (e["type"] == "too_short" and len(e["loc"]) == 1 and e["loc"][0] in inner)]
+
+
+def _place(loc: tuple) -> tuple:
+    """Where the key of a fault stands: (key), (table, key) or (table, row, key)."""
+    return loc[: 3 if len(loc) > 1 and isinstance(loc[1], int) else 2]
+
+
+def _without(data: dict, places: set[tuple]) -> dict:
+    """The tables without the keys at these places; rows stay rows."""
+    left = {
+        key: tuple(dict(row) if isinstance(row, dict) else row for row in value)
+        if isinstance(value, tuple)
+        else dict(value)
+        if isinstance(value, dict)
+        else value
+        for key, value in data.items()
+    }
+    for place in map(_place, places):
+        table: Any = left
+        for part in place[:-1]:
+            table = table[part]
+        if isinstance(table, dict) and not isinstance(table.get(place[-1]), dict):
+            table.pop(place[-1], None)
+    return left
+
+
+def _key(loc: tuple) -> str:
+    parts = (str(part + 1) if isinstance(part, int) else part for part in loc)
+    return ".".join(part if len(part) <= 80 else excerpt(part) for part in parts) or "file"
+
+
+def _sentence(error: dict[str, Any]) -> str:
+    """A fault of the schema in plain words."""
+    kind, given = error["type"], error["input"]
+    if kind == "extra_forbidden":
+        return _unknown_key(error["loc"])
+    if kind == "missing":
+        return "missing"
+    whole = isinstance(given, int) and not isinstance(given, bool)
+    if whole and kind == "float_type":
+        return "must be a number of usual size: this integer is larger than any quantity of a scene"
+    text = PLAIN.get(kind) or error["msg"].removeprefix("Value error, ").replace(" after validation", "")
+    text = text.replace("Input should be", "must be").replace("Tuple should have", "must have")
+    if isinstance(given, str):
+        text += f" (given: {excerpt(given)})"
+    elif isinstance(given, int | float):
+        text += f" (given: {given!r})"
+    if kind == "literal_error" and isinstance(given, str):
+        text += did_you_mean(given, re.findall(r"'([^']*)'", str(error["ctx"]["expected"])))
+    return text
+
+
+def tables() -> dict[str, type[Table]]:
+    """The tables of a scene by key: [design] as "design", the rows [[mass]] as "mass"."""
+
+    def inside(annotation: Any) -> list[type[Table]]:
+        if isinstance(annotation, type):
+            return [annotation] if issubclass(annotation, Table) else []
+        return [table for part in get_args(annotation) for table in inside(part)]
+
+    found = {key: inside(field.annotation) for key, field in Scene.model_fields.items()}
+    return {key: tables[0] for key, tables in found.items() if tables}
+
+
+def _unknown_key(loc: tuple) -> str:
+    """An unknown key, with the known one that was probably meant, or the table to which it belongs."""
+    key, by_name = loc[-1], tables()
+    own = by_name[loc[0]].model_fields if len(loc) > 1 else Scene.model_fields
+    homes = [name for name, table in by_name.items() if key in table.model_fields]
+    if homes:
+        headings = [f"[[{name}]]" if name in MOST_ROWS else f"[{name}]" for name in homes]
+        return f"unknown key; it belongs in {' or '.join(headings)}"
+    return "unknown key" + (did_you_mean(key, own) or "; check the spelling against `camopt scenes kodama`")
+
+
+def _rows(data: dict, table: str) -> list[dict]:
+    """The rows of a table, an empty one for whatever is no table, so that the rows keep their numbers."""
+    rows = data.get(table)
+    return [row if isinstance(row, dict) else {} for row in rows] if isinstance(rows, tuple) else []
+
+
+def _texts(row: dict, key: str) -> tuple[str, ...]:
+    """The texts in an array of a row, none where it is no array."""
+    value = row.get(key)
+    return tuple(text for text in value if isinstance(text, str)) if isinstance(value, tuple) else ()
+
+
+def _name_faults(data: dict) -> list[str]:
+    """Names used twice, names that nothing has, and masses that no element holds."""
+    faults, names, every = [], {}, {}
+    for kind in MOST_ROWS:
+        given = [row.get("name") for row in _rows(data, kind)]
+        names[kind] = [name for name in given if isinstance(name, str)]
+        every[kind] = len(names[kind]) == len(given) > 0  # else a name that is faulty itself may be the one meant
+        for name, count in sorted(Counter(names[kind]).items()):
+            if count > 1:
+                faults.append(f"{kind}: the name {excerpt(name)} is used more than once")
+    if "ground" in names["mass"]:
+        faults.append("mass: 'ground' is the name of the ground and cannot be a mass")
+    ends = _ends_faults(data, names["mass"]) if every["mass"] else []
+    faults += ends or (_unheld(data, names["mass"]) if every["mass"] else [])
+    for kind in ("mass", "element", "geometry"):
+        rows = [(f"{kind}.{i}", row) for i, row in enumerate(_rows(data, kind), 1)]
+        single = data.get(kind)
+        for place, row in [(kind, single)] if isinstance(single, dict) else rows:
+            known = tables()[kind].model_fields
+            for key in (key for key in _texts(row, "assumed") if key not in known):
+                faults.append(f"{place}.assumed: {excerpt(key)} is no key of this table{did_you_mean(key, known)}")
+    for key, kind in (("valve", "mass"), ("seat", "element")):
+        named = data.get(key)
+        if isinstance(named, str) and every[kind] and named not in names[kind]:
+            faults.append(f"{key}: no {kind} is named {excerpt(named)}{did_you_mean(named, names[kind])}")
+    if ("valve" in data) != ("seat" in data):
+        faults.append("valve and seat: give both or neither")
+    return faults
+
+
+def _ends_faults(data: dict, masses: list[str]) -> list[str]:
+    known = {*masses, "ground"}
+    faults = []
+    for i, row in enumerate(_rows(data, "element"), 1):
+        ends = _texts(row, "between")
+        for end in dict.fromkeys(end for end in ends if end not in known):
+            faults.append(f"element.{i}.between: no mass is named {excerpt(end)}{did_you_mean(end, known)}")
+        if len(ends) == 2 and ends[0] == ends[1]:
+            faults.append(f"element.{i}.between: both ends are {excerpt(ends[0])}")
+    return faults
+
+
+def _unheld(data: dict, masses: list[str]) -> list[str]:
+    """Masses of a train with a seat that no chain of elements joins to the ground."""
+    pairs = [_texts(row, "between") for row in _rows(data, "element")]
+    if "seat" not in data or any(len(pair) != 2 for pair in pairs):
+        return []
+    held, more = set(), {"ground"}
+    while more:
+        held |= more
+        more = {end for pair in pairs if held & set(pair) for end in pair} - held
+    return [
+        f"mass.{i}: no element joins {name!r} to the ground, not even by way of other masses: it would fly away"
+        for i, name in enumerate(masses, 1)
+        if name not in held
+    ]
+
+
+def _train_tables(data: dict) -> Scene:
+    """The scene of the train alone; its tables are known to be without fault."""
+    rows = {kind: tuple(tables()[kind].model_validate(row) for row in data[kind]) for kind in MOST_ROWS}
+    return Scene.model_construct(valve=data["valve"], seat=data["seat"], mass=rows["mass"], element=rows["element"])
+
+
+def _dynamics_faults(scene: Scene) -> list[str]:
+    """Faults of a train that is to be simulated: seat, cam drive, direction, rest."""
+    train = build_train(scene)
+    seat = scene.element[train.seat]
+    faults = []
+    if seat.kind != "contact" or tuple(seat.between) != ("ground", scene.valve):
+        faults.append(
+            f'seat: element {seat.name!r} must be a contact between ["ground", {scene.valve!r}], '
+            f"in this order, so that it pushes the valve open"
+        )
+    if np.count_nonzero(train.cam_driven) != 1:
+        faults.append("element: exactly one element must have cam_driven = true")
+    elif not train.cam_side or not train.cam_driven[train.cam_side[0]]:
+        faults.append(
+            "element: the cam-driven element must be a contact with a way to the valve, and every contact on it must "
+            "push that way: between = [the cam's side, the valve's side], in this order"
+        )
+    if not faults:
+        try:
+            rest_position(train)
+        except InputError as error:
+            faults.append(str(error))
+    return faults

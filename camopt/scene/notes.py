@@ -1,0 +1,85 @@
+"""Notes on a scene that runs but is unusual: what, where, the usual range, and the unit that was probably meant."""
+
+from collections.abc import Iterable
+
+from camopt.scene.schema import Element, Scene, Table
+from camopt.scene.train import build_train
+from camopt.scene.units import MM, UM
+from camopt.scene.usual import HERTZ_AT_UM, STIFF, USUAL, Usual
+
+MEANT = "if it is meant, nothing needs doing"
+
+
+def scene_notes(scene: Scene) -> tuple[str, ...]:
+    """A sentence per key with an unusual number, in the order of `USUAL`, and one on a lash above the ramps."""
+    notes = []
+    for path, usual in USUAL.items():
+        table, key = path.split(".")
+        notes += _note_of(path, usual, list(_given(scene, table, key)))
+    notes += _note_of("element.stiffness_N_per_m", STIFF, list(_stiff(scene)))
+    return tuple(notes + _lash_note(scene))
+
+
+def speed_notes(option: str, speeds_rpm: Iterable[float]) -> list[str]:
+    """The same on crankshaft speeds [r/min] from elsewhere; `option` says from where."""
+    return _note_of(option, USUAL["operation.speeds_rpm"], [("", speed) for speed in speeds_rpm])
+
+
+def _given(scene: Scene, table: str, key: str) -> Iterable[tuple[str, float]]:
+    """Names of the rows and their numbers under a key; nothing where a table or key is left out."""
+    content = getattr(scene, table)
+    rows: tuple[Table, ...] = content if isinstance(content, tuple) else () if content is None else (content,)
+    for row in rows:
+        if isinstance(row, Element) and key == "stiffness_N_per_m":
+            values = [stiffness for _, stiffness in row.stiffness_table or ()]
+            if row.law == "linear" and not _is_stiff(scene, row):
+                values = [row.stiffness_N_per_m]
+        else:
+            value = getattr(row, key)
+            values = value if isinstance(value, tuple) else [value]
+        for value in values:
+            if value is not None:
+                yield getattr(row, "name", ""), value
+
+
+def _is_stiff(scene: Scene, element: Element) -> bool:
+    return element.kind == "contact" and (element.cam_driven or element.name == scene.seat)
+
+
+def _stiff(scene: Scene) -> Iterable[tuple[str, float]]:
+    """Stiffness [N/m] of the contacts that must be stiff; of a law "hertz" the tangent at a usual compression."""
+    for element in scene.element:
+        stiffness, power = element.stiffness_N_per_m, element.exponent or 1.5
+        if element.law == "hertz" and stiffness is not None:
+            yield element.name, power * stiffness * (HERTZ_AT_UM * UM) ** (power - 1)
+        elif element.law == "linear" and stiffness is not None and _is_stiff(scene, element):
+            yield element.name, stiffness
+
+
+def _note_of(where: str, usual: Usual, given: list[tuple[str, float]]) -> list[str]:
+    """The note on the number that is farthest off among those given under one key, if any is."""
+    far = [(max(usual.low / abs(v), abs(v) / usual.high), name, v) for name, v in given if v != 0]
+    far = [one for one in far if one[0] > 1]
+    if not far:
+        return []
+    _, name, value = max(far)
+    of = f" of {name!r}" if name else ""
+    more = f", and {len(far) - 1} more," if len(far) > 1 else ""
+    usual_range = f"the usual {usual.low:g} to {usual.high:g} ({usual.reason})"
+    slips = {unit: abs(value) * factor for unit, factor in usual.slips.items()}
+    likely = [f"{unit}, which would be {there:g}" for unit, there in slips.items() if usual.low <= there <= usual.high]
+    cause = f"; it looks like a number in {likely[0]} here" if likely else ""
+    return [f"{where}: {value:g}{of}{more} is outside {usual_range}{cause}; {MEANT}"]
+
+
+def _lash_note(scene: Scene) -> list[str]:
+    if scene.design is None or scene.valve is None:
+        return []
+    lash = build_train(scene).lash / MM
+    short = [f"{side} ramp's {height:g} mm" for height, _, side in scene.design.ramps() if lash >= height]
+    if not short:
+        return []
+    return [
+        f"element.gap_mm: the lash of {lash:g} mm between cam and valve is not below the {' and the '.join(short)}: "
+        f"the cam meets the train on its flank, faster than the ramp would; lower the gaps or raise the ramp; {MEANT}"
+    ]

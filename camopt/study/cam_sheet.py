@@ -1,0 +1,196 @@
+"""A cam as `camopt cam` shows it: against the scene's limits and its follower, with its Hertz stress; its exports."""
+
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+from camopt.cam.exports import write_contour, write_rounded_table
+from camopt.cam.geometry import DURATION_LIFTS_MM, Contact, contact, crossing
+from camopt.cam.hertz import HertzStress, contact_width, hertz_stress
+from camopt.cam.lift import Lift
+from camopt.cam.tables.lift_table import write_lift_table
+from camopt.scene import InputError, MotionRefused, Scene, build_train
+from camopt.scene.rest import static_forces
+from camopt.scene.schema import Design, Geometry
+from camopt.scene.units import DEG, MM
+from camopt.storage import write_bytes
+
+CONTOUR_DIGITS = 6
+REVOLUTIONS = 6
+"""From rest to the revolution that is read: five to six are usually taken as settled (Wagstaff 1967, as MOTORI 2004
+quotes)."""
+STATIC_STEP_DEG = 0.5
+SAME_DURATION_DEG = 1e-3
+SAME_LIFT = 1e-6
+"""Differences in duration, and in lift over the maximum, that rounding of a table leaves."""
+LABELS = {
+    "smallest_convex_radius_mm": "smallest convex radius",
+    "smallest_concave_radius_mm": "smallest concave radius",
+    "eccentricity_max_mm": "eccentricity, largest",
+    "eccentricity_min_mm": "eccentricity, smallest",
+    "face_width_needed_mm": "face width needed",
+    "pressure_angle_max_deg": "largest pressure angle",
+}
+
+
+def export(
+    scene: Scene,
+    lift: Lift,
+    table: str | None,
+    contour: str | None,
+    step_deg: float,
+    digits: int | None,
+    figure: str | None = None,
+) -> None:
+    """Writes the lift table (every digit where `digits` is None), the contour, and the figure, where files are named.
+
+    The figure, PNG or SVG by its suffix, shows lift, velocity, acceleration and jerk with the scene's limits.
+    """
+    geometry = scene.geometry
+    if table and digits is None:
+        write_lift_table(table, lift, step_deg)
+    elif table and digits is not None:
+        write_rounded_table(table, lift, step_deg, digits, geometry.rocker_ratio if geometry else 1.0)
+    if contour:
+        assert geometry is not None, "the verb asks for it"
+        write_contour(Path(contour), lift, geometry, step_deg, CONTOUR_DIGITS if digits is None else digits)
+    if figure:
+        from camopt.plots.style import picture
+
+        write_bytes(figure, picture(lift.plot(scene.design), Path(figure).suffix[1:].lower()))
+
+
+def sheet(scene: Scene, lift: Lift, speed_rpm: float | None = None) -> list[str]:
+    """Lines of text: limits, durations, and with [geometry] the contact and, at a speed, the Hertz stress."""
+    lines = _limits(scene, lift)
+    if scene.geometry is not None:
+        found = contact(lift, scene.geometry)
+        lines += _contact(lift, found)
+        if speed_rpm is not None and found.contour_fault is not None:
+            lines.append("Hertz stress: none without a contour that gives the follower this lift")
+        elif speed_rpm is not None:
+            lines += _stress(scene, lift, scene.geometry, speed_rpm)
+    return lines
+
+
+def _limits(scene: Scene, lift: Lift) -> list[str]:
+    design = scene.design
+    assert design is not None, "the verb asks for it"
+    ratio = lift.area_ratio_in(design)
+    lines = [
+        f"{lift.family}: " + ", ".join(f"{k} = {v}" for k, v in lift.parameters.items()),
+        f"duration       {2 * lift.half_duration / DEG:.4f} deg (scene: {design.duration_deg:g})",
+        f"maximum lift   {lift.max_lift / MM:.6f} mm (limit {design.max_lift_mm:g})",
+        f"area           {lift.area / MM / DEG:.4f} mm deg, area ratio {ratio:.6f}",
+    ]
+    limits = (
+        ("acceleration", 2, design.acceleration_min_mm_per_deg2, design.acceleration_max_mm_per_deg2),
+        ("jerk", 3, design.jerk_max_mm_per_deg3 and -design.jerk_max_mm_per_deg3, design.jerk_max_mm_per_deg3),
+    )
+    for name, order, low, high in limits:
+        least, most = (value * DEG**order / MM for value in lift.extremes(order))
+        limit = f"limits {'none' if low is None else f'{low:g}'} to {'none' if high is None else f'{high:g}'}"
+        lines.append(f"{name:<14} {least:.6f} to {most:.6f} mm/deg^{order} ({limit})")
+    return lines + remarks(lift, design)
+
+
+def remarks(lift: Lift, design: Design) -> list[str]:
+    """Sentences on what a reader of the figures would not expect: another duration, more lift, lift that was added."""
+    said = []
+    longer = 2 * lift.half_duration / DEG - design.duration_deg
+    if abs(longer) > SAME_DURATION_DEG:
+        said.append(
+            f"The cam is {abs(longer):.4g} deg {'longer' if longer > 0 else 'shorter'} between its ramp tops than the "
+            f"scene's duration_deg of {design.duration_deg:g}: its area ratio does not compare with the scene's cams."
+        )
+    if lift.max_lift > design.max_lift_mm * MM * (1 + SAME_LIFT):
+        said.append(
+            f"Its lift exceeds the scene's max_lift_mm of {design.max_lift_mm:g}, by which the area ratio is divided: "
+            f"the ratio may pass one."
+        )
+    added = lift.parameters.get("added_lift_mm")
+    if added is not None:
+        said.append(
+            f"The table ends above the base circle: the scene's ramp was added on {lift.parameters['cut_ramps']} "
+            f"flank(s), {lift.parameters['added_deg']:g} deg and up to {added:g} mm of lift that were not measured."
+        )
+    if "acceleration_error_percent" in lift.parameters:
+        said.append(
+            f"With 95 % confidence the acceleration is within {lift.parameters['acceleration_error_percent']:g} % of "
+            f"its largest value (root mean square over the event), its extremes within "
+            f"{lift.parameters['peak_error_percent']:g} %."
+        )
+    return said
+
+
+def _contact(lift: Lift, found: Contact) -> list[str]:
+    """The contact's figures and faults, and the durations at the usual lifts."""
+    geometry = found.geometry
+    roller = "" if geometry.roller_radius_mm is None else f" of radius {geometry.roller_radius_mm:g} mm"
+    lines = [f"{geometry.follower} follower{roller} on a base circle of radius {geometry.base_radius_mm:g} mm"]
+    if geometry.assumed:
+        lines.append(f"  assumed: {', '.join(geometry.assumed)}")
+    for key, value in found.figures().items():
+        unit = key.rpartition("_")[2]
+        if value is not None:
+            lines.append(f"  {LABELS[key]:<24} {value:10.4f} {unit}")
+        elif key == "smallest_concave_radius_mm":
+            lines.append(f"  {LABELS[key]:<24} {'none':>10}")
+    for name, height in DURATION_LIFTS_MM.items():
+        label = f"open above {name.replace('_', ' ')}"
+        if height * MM >= lift.max_lift:
+            lines.append(f"  {label:<24} {'never':>10}")
+            continue
+        opening, closing = (angle / DEG for angle in crossing(lift, height * MM))
+        lines.append(f"  {label:<24} {opening:10.4f} to {closing:.4f} deg, {closing - opening:.4f} deg long")
+    return lines + [f"  fault: {sentence}" for sentence in found.faults()]
+
+
+def _stress(scene: Scene, lift: Lift, geometry: Geometry, speed_rpm: float) -> list[str]:
+    """The largest Hertz stress under way and standing still."""
+    width = contact_width(geometry) / MM
+    source = "contact_width_mm" if geometry.contact_width_mm else "face_width_mm"
+    moving, method = dynamic_stress(scene, lift, speed_rpm)
+    standing = static_stress(scene, lift)
+    lines = [f"Hertz stress over a line of {width:g} mm ({source})"]
+    for name, stress in ((f"at {speed_rpm:g} r/min ({method})", moving), ("standing still", standing)):
+        f = stress.figures()
+        lines.append(
+            f"  {name:<24} {f['hertz_stress_MPa']:10.1f} MPa at {f['cam_angle_deg']:.1f} deg, "
+            f"normal force {f['normal_force_N']:.1f} N"
+        )
+    return lines
+
+
+def dynamic_stress(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[HertzStress, str]:
+    """The stress over one cam revolution under way, and the method: event-exact, or rkg where that refuses.
+
+    Event-exact is not asked where the train's laws are beyond it. Raises InputError as `hertz_stress` and
+    `camopt.study.simulate.motion.simulate` do.
+    """
+    from camopt.study.simulate.motion import simulate
+
+    assert scene.geometry is not None, "the caller asks for it"
+    train = build_train(scene)
+    motion, method = None, "event-exact"
+    if train.laws is None:
+        with suppress(MotionRefused):
+            motion = simulate(scene, lift, speed_rpm, "event", REVOLUTIONS)
+    if motion is None:
+        motion, method = simulate(scene, lift, speed_rpm, "rkg", REVOLUTIONS), "rkg"
+    last = motion.isel(sample=motion["revolution"].values == REVOLUTIONS)
+    force = last["force_N"].values[:, int(np.argmax(train.cam_driven))]
+    return hertz_stress(lift, scene.geometry, last["cam_angle_deg"].values * DEG, force), method
+
+
+def static_stress(scene: Scene, lift: Lift) -> HertzStress:
+    """The stress where the cam stands still, every `STATIC_STEP_DEG`; InputError as `hertz_stress`."""
+    assert scene.geometry is not None, "the caller asks for it"
+    train = build_train(scene)
+    if not np.any(train.cam_driven):
+        raise InputError(f"scene {scene.name}: no element is cam driven, so the cam carries no force")
+    theta = np.arange(-180.0, 180.0, STATIC_STEP_DEG) * DEG
+    lifts, where = np.unique(lift(theta), return_inverse=True)  # the base circle is one lift
+    force = static_forces(train, lifts)[where, int(np.argmax(train.cam_driven))]
+    return hertz_stress(lift, scene.geometry, theta, force)

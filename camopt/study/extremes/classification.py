@@ -1,0 +1,124 @@
+"""Is an answer right, said to be uncertain, or wrong without a warning? It is judged against event-exact motion.
+
+An answer is what `camopt.verifier.convergence` gives for a method, here for the first revolution from rest: every
+figure that has a limit, an error estimate from halved steps, and whether it converged. The truth is event-exact with
+its finest step. The motion is computed once more from a start that is 1e-9 m away: where a figure changes much by that,
+the motion itself multiplies the smallest errors, and no method can be asked for the figure.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from camopt.cam.lift import Lift
+from camopt.measure.settling import first_revolution
+from camopt.scene import Train, rest_position
+from camopt.verifier.convergence import (
+    MOST_STEPS,
+    RELATIVE,
+    Converged,
+    Prepare,
+    apart,
+    converge,
+    first_steps,
+    tolerances,
+)
+
+TOLERANCE_UM = 2.0
+"""Tolerance of bounce and jump [um], as at `standard`; `camopt.verifier.convergence.ABSOLUTE` has the others."""
+DISTURBANCE = 1e-9
+"""Change of the start [m] that shows whether an error is the method's or the motion makes it of any disturbance."""
+DISTURBED = 2
+SENSITIVE = 0.1
+"""Share of the tolerance that the disturbance may use up. Beyond it, 1e-8 m at the start would cost more than the
+tolerance, and methods that locate no switching are wrong by some 1e-8 m at each."""
+SAMPLES = 3600, MOST_STEPS // 4
+"""Smallest and largest number of samples per revolution with which the reference begins, to resolve its force peaks."""
+WITHIN, RANGE, NOT_CONVERGED, REFUSED, WRONG = VERDICTS = (
+    "within tolerance",
+    "range",
+    "not converged",
+    "refused",
+    "wrong",
+)
+"""The verdicts, from best to worst. The answer is within tolerance; it is beyond in figures whose error the motion
+itself makes of the smallest disturbance; it is beyond, and the method says so; there is a reason but no answer; it is
+beyond although the method calls itself converged, which is a defect."""
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Deciding figures by name, the error that each of them may have, and how far a disturbed start moves them."""
+
+    figures: dict[str, float]
+    allowed: dict[str, float]
+    spread: dict[str, float]
+    answer: Converged
+    train: Train
+
+    def sensitive(self, name: str) -> bool:
+        """Whether no method can be asked for the figure: the motion multiplies any disturbance."""
+        return self.spread[name] > SENSITIVE * self.allowed[name]
+
+
+def at_rest(train: Train) -> np.ndarray:
+    """State (2n) at rest on the base circle."""
+    position = rest_position(train)
+    return np.concatenate([position, np.zeros_like(position)])
+
+
+def first_answer(
+    prepare: Prepare, train: Train, lift: Lift, cam_speed: float, halvings: int = 4, steps: int | None = None
+) -> Converged:
+    """A method's figures of the first revolution from rest; `cam_speed` is in rad/s, `steps` as for `converge`."""
+    start = at_rest(train)
+    return converge(prepare, train, lift, cam_speed, start, TOLERANCE_UM, halvings, settled=False, steps=steps)
+
+
+def truth(prepare: Prepare, train: Train, lift: Lift, cam_speed: float) -> Truth:
+    """The reference by a method that locates switchings. Raises MotionRefused where it refuses the motion."""
+    count = samples(first_steps(train, cam_speed))
+    answer = first_answer(prepare, train, lift, cam_speed, 2, count)
+    revolve = prepare(train, lift, cam_speed, count)
+    start, n = at_rest(train), len(train.mass)
+    rng = np.random.default_rng(0)
+    figures = {name: answer.worst[name] for name in tolerances(TOLERANCE_UM)}
+    still = first_revolution(revolve, start).metrics(lift)
+    spread = dict.fromkeys(figures, 0.0)
+    for _ in range(DISTURBED):
+        away = np.append(DISTURBANCE * rng.choice([-1.0, 1.0], n), np.zeros(n))
+        moved = first_revolution(revolve, start + away).metrics(lift)
+        spread = {name: max(spread[name], apart(moved.worst(name), still.worst(name))) for name in figures}
+    allowed = {name: t + RELATIVE * abs(np.nan_to_num(figures[name])) for name, t in tolerances(TOLERANCE_UM).items()}
+    return Truth(figures, allowed, spread, answer, train)
+
+
+def samples(first: int) -> int:
+    """Samples per revolution with which a locating method begins, given the number of first steps of the others."""
+    return int(np.clip(first, *SAMPLES))
+
+
+def doubtful_figure(true: Truth) -> tuple[str, float]:
+    """The figure whose last steps differ most, and that difference as a share of its tolerance and its disturbance."""
+    shares = {name: true.answer.error[name] / (true.allowed[name] + true.spread[name]) for name in true.figures}
+    name = max(shares, key=lambda q: shares[q])
+    return name, shares[name]
+
+
+def judge(answer: Converged, true: Truth) -> tuple[str, str, float]:
+    """(verdict, the figure that uses most of its tolerance, its error in the unit of its name)."""
+    if answer.state is None:
+        return REFUSED, "", np.nan
+    off = {name: apart(answer.worst[name], true.figures[name]) for name in true.figures}
+    excess = {name: off[name] / true.allowed[name] for name in off}
+    name = max(excess, key=lambda q: excess[q])
+    if excess[name] <= 1.0:
+        return WITHIN, name, off[name]
+    astray = [q for q in off if excess[q] > 1.0 and not true.sensitive(q)]
+    if not astray:
+        return RANGE, name, off[name]
+    told = {q: off[q] / (true.allowed[q] + answer.error[q]) for q in astray}
+    if not answer.converged or max(told.values()) <= 1.0:
+        return NOT_CONVERGED, name, off[name]
+    worst = max(told, key=lambda q: told[q])
+    return WRONG, worst, off[worst]

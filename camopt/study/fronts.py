@@ -1,0 +1,167 @@
+"""What a limit costs: the largest confirmed area over a range of one limit; cam and valve spring designed together."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from scipy.optimize import minimize
+from tqdm import tqdm
+
+from camopt.cam.families.free import free_cam
+from camopt.optimizer.accuracy import accuracy_named, design_speeds
+from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, no_jump_program
+from camopt.optimizer.search.robust import with_spring
+from camopt.optimizer.search.search import find_cam
+from camopt.scene.errors import InputError
+from camopt.scene.schema import Scene
+from camopt.scene.train import build_train
+from camopt.storage import write_json
+
+VALUES = {
+    "bounce_max_mm": (0.005, 0.02, 0.05, 0.1, 0.2),
+    "jump_max_mm": (0.0, 0.02, 0.05, 0.1, 0.2),
+    "jerk_max_mm_per_deg3": (0.0015, 0.002, 0.003, 0.005, 0.01),
+}
+"""Values tried where none are given."""
+SHORTFALL = 1e-3
+"""Area ratio that stands for one newton that a margin is short of, where no cam keeps it."""
+
+
+@dataclass(frozen=True)
+class Front:
+    """Area against a limit: `table` with coordinate `limit` (k) and area_ratio, the worst metrics; NaN: no cam."""
+
+    scene: str
+    against: str
+    table: xr.Dataset
+
+    def plot(self):
+        """The front as a matplotlib Figure."""
+        from camopt.plots.front import front
+
+        return front(self.against, self.table["limit"].values, self.table["area_ratio"].values, self.scene)
+
+    def _repr_html_(self) -> str:
+        return self.table.to_dataframe().to_html(float_format="%.5g")
+
+
+def pareto(
+    scene: Scene,
+    against: str = "bounce_max_mm",
+    values: Sequence[float] | None = None,
+    *,
+    release: Sequence[str] = (),
+    speeds: str = "band",
+    accuracy: str = "draft",
+    gradient: str = "none",
+    out: Path | str | None = None,
+    progress: bool = False,
+) -> Front:
+    """Largest area ratio that the event-exact judge confirms, for each value of the design's limit `against`.
+
+    `values` (k) in the limit's own units (default: `VALUES`), tried from tight to loose: a cam found within a tighter
+    limit counts within a looser one too. `release` names limits to leave out, since a tight jump limit hides what
+    bounce costs. With `out` each point is stored as it is found, and a second call goes on from there.
+    Raises InputError for an unknown limit or accuracy. A value without a confirmed cam is NaN.
+    """
+    if scene.design is None or against not in type(scene.design).model_fields or (against not in VALUES and not values):
+        raise InputError(f"pareto: {against!r}: expected a limit of [design] such as {', '.join(VALUES)}, with values")
+    asked = {"against": against, "release": sorted(release), "speeds": speeds, "accuracy": accuracy} | {
+        "gradient": gradient,
+        "scene": scene.model_dump(mode="json", exclude_none=True, exclude_defaults=True),
+    }
+    stored = _stored(out, asked)
+    rows, effort, best = [], accuracy_named(accuracy), {"area_ratio": None}
+    carried = "_max" in against or "_min" in against
+    for value in tqdm(sorted(values or VALUES[against], key=abs), disable=None if progress else True, desc=against):
+        key = repr(float(value))
+        if key not in stored:
+            stored[key] = _point(_changed(scene, {against: value} | dict.fromkeys(release)), speeds, effort, gradient)
+            if out is not None:
+                write_json(out, {"asked": asked, "points": stored})
+        if not carried or (stored[key]["area_ratio"] or 0.0) > (best["area_ratio"] or 0.0):
+            best = stored[key]
+        rows.append({"limit": float(value)} | best)
+    names = dict.fromkeys(name for row in rows for name in row if name != "limit")
+    columns = {n: ("limit", [np.nan if r.get(n) is None else r[n] for r in rows]) for n in names}
+    return Front(scene.name, against, xr.Dataset(columns, {"limit": [r["limit"] for r in rows]}))
+
+
+def _stored(out: Path | str | None, asked: dict) -> dict:
+    if out is None or not Path(out).exists():
+        return {}
+    content = json.loads(Path(out).read_text(encoding="utf-8"))
+    if content.get("asked") != json.loads(json.dumps(asked)):
+        raise InputError(f"{out}: holds another front: name another file, or ask as it was asked")
+    return content["points"]
+
+
+def _changed(scene: Scene, limits: dict) -> Scene:
+    assert scene.design is not None
+    return scene.model_copy(update={"design": scene.design.model_copy(update=limits)})
+
+
+def _point(scene: Scene, speeds: str, effort, gradient: str) -> dict:
+    try:
+        search, no_jump = find_cam(scene, speeds, effort, gradient)
+    except InputError:
+        return {"area_ratio": None}
+    best, judged = search.best, search.best_judged
+    assert best is not None and judged is not None
+    worst = {f"worst_{name}": judged.worst(name) for name in judged.figures}
+    return {"area_ratio": best.area_ratio, "area_ratio_no_jump": no_jump.area_ratio, **worst}
+
+
+@dataclass(frozen=True)
+class SpringDesign:
+    """Spring and cam found together: factors on rate and preload, the program's area ratios there and as given."""
+
+    rate: float
+    preload: float
+    area_ratio: float
+    area_ratio_as_given: float
+    scene: Scene
+    evaluations: int
+
+
+def joint_spring(
+    scene: Scene,
+    rate: tuple[float, float] = (0.9, 1.1),
+    preload: tuple[float, float] = (0.9, 1.1),
+    *,
+    speeds: str = "band",
+    accuracy: str = "draft",
+    margin_N: float = 0.0,
+    evaluations: int = 30,
+) -> SpringDesign:
+    """The factors on the valve spring's rate and preload, within these ranges, that give the program its largest area.
+
+    Outer search by COBYQA (Ragonneau and Zhang 2023, in SciPy) over both factors, inside the linear program with
+    one margin; the scene found is for `find_cam` or `optimize`, which confirm its cam. Where no cam keeps the margin,
+    the shortfall guides the search.
+    """
+    effort, design = accuracy_named(accuracy), scene.design
+    assert design is not None and scene.operation is not None, "load_scene(..., need=...) guarantees both"
+    cam, (listed, _) = free_cam(design, effort.knot_deg), design_speeds(scene.operation, speeds, effort)
+    cam_speeds = [scene.cam_speed(s) for s in listed]
+
+    def area(factors) -> float:
+        changed = with_spring(scene, *factors)
+        try:
+            program = no_jump_program(build_train(changed), design, cam, cam_speeds)
+            return program.solve(Margins(margin_N, margin_N, margin_N)).area_ratio
+        except NoCamHoldsContact as short:
+            return -SHORTFALL * short.shortfall_N
+
+    given, bounds = area((1.0, 1.0)), np.array([rate, preload])
+    found = minimize(
+        lambda x: -area(x), np.clip(1.0, *bounds.T), method="COBYQA", bounds=bounds,
+        options={"maxfev": evaluations, "initial_tr_radius": 0.25 * float(np.ptp(bounds, axis=1).max())},
+    )  # fmt: skip
+    factor = [float(f) for f in np.clip(found.x, *bounds.T)]
+    return SpringDesign(
+        factor[0], factor[1], -float(found.fun), given, with_spring(scene, *factor), int(found.nfev) + 1
+    )

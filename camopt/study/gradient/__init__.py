@@ -1,0 +1,1 @@
+"""`camopt gradient`: may the gradient be trusted here."""

@@ -1,0 +1,188 @@
+"""What `camopt gradient` compares: the metrics and their gradients by bumps on a cam, on each path, from one start.
+
+Every path starts from the same state and follows two revolutions; the metrics are those of the first, whose windows run
+into the second.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from camopt.cam.bumps import moved, with_bumps
+from camopt.cam.lift import Lift
+from camopt.exact.adjoint import metrics as exact_metrics
+from camopt.exact.adjoint.gradient import rest_state, value_and_gradient
+from camopt.exact.adjoint.motion import Gradient, TracedMotion
+from camopt.exact.engine import prepare as prepare_event
+from camopt.exact.ensemble import cosine
+from camopt.measure.metrics import measure
+from camopt.scene.quantities import QUANTITIES
+from camopt.scene.response import end_state, joined
+from camopt.scene.schema import Scene
+from camopt.scene.train import Train, build_train
+from camopt.smooth.metrics import revolution_metrics
+from camopt.smooth.simulate import MOST_STEPS, TOLERANCE, lift_samples, response_arrays, touch_layer
+from camopt.smooth.system import build_system
+from camopt.verifier.methods.dop853 import prepare as prepare_dop853
+
+METRICS = tuple(name for name in exact_metrics.METRICS if name in QUANTITIES)
+"""The declared metrics of which both paths have gradients."""
+REVOLUTIONS = 2
+SETTLED = 1e-6, 1e-3
+"""Change of positions [m] and velocities [m/s] over a revolution within which a motion counts as settled."""
+MOST_SETTLING = 40
+SAMPLES = 2880
+"""Samples per revolution of DOP853, whose permitted error is then 1e-8 of the motion."""
+FIRST_STEPS = 8192
+"""Number of steps per revolution that the smooth path is offered at first."""
+FOLLOWING = 4
+"""The gradient of a motion that does not repeat itself is compared with those of this many further revolutions."""
+T = TypeVar("T")
+REPEATS = 3
+"""Number of runs, the fastest of which gives the time."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A cam with m bumps in a train at one speed, and the state from which every motion starts."""
+
+    train: Train
+    lift: Lift
+    directions: np.ndarray  # (m, p, q)
+    cam_speed: float  # rad/s
+    start: np.ndarray  # (2n) at -pi, held
+    settled: bool
+
+    @property
+    def linear(self) -> bool:
+        return self.train.laws is None
+
+
+def problem(scene: Scene, lift: Lift, speed_rpm: float, bumps: int) -> Problem:
+    """The problem of a cam with a number of bumps at one crankshaft speed [r/min].
+
+    Its start is the state that repeats itself, or else the state after `MOST_SETTLING` revolutions from rest. Raises
+    MotionRefused and InputError where the methods do.
+    """
+    train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
+    whole, directions = with_bumps(lift, bumps)
+    if train.laws is None:
+        advance: Callable[[np.ndarray], np.ndarray] = prepare_event(train, whole, cam_speed).advance
+    else:
+        revolve = prepare_dop853(train, whole, cam_speed, SAMPLES // 4)
+        advance = lambda state: end_state(revolve(state))  # noqa: E731
+    state, allowed, settled = rest_state(train), np.repeat(SETTLED, len(train.mass)), False
+    for _ in range(MOST_SETTLING):
+        last, state = state, advance(state)
+        settled = bool(np.all(np.abs(state - last) < allowed))
+        if settled:
+            break
+    return Problem(train, whole, directions, cam_speed, state, settled)
+
+
+def true_values(p: Problem, heights: np.ndarray) -> np.ndarray:
+    """METRICS (l) with the bumps at heights (m) [m], by event-exact, or by DOP853 where a law is not linear."""
+    lift = moved(p.lift, p.directions, heights)
+    if p.linear:
+        return TracedMotion(p.train, lift, p.cam_speed, p.start, REVOLUTIONS).values(METRICS)
+    revolve = prepare_dop853(p.train, lift, p.cam_speed, SAMPLES)
+    first = revolve(p.start)
+    found = measure(joined([first, revolve(end_state(first))]), lift)
+    return np.array([found[name][0] for name in METRICS])
+
+
+@dataclass(frozen=True)
+class Found:
+    """Values (l) and gradients (l, m) of METRICS [unit, unit per m], and their cost ratios (l)."""
+
+    values: np.ndarray
+    gradients: np.ndarray
+    cost_ratio: np.ndarray  # seconds of value and gradient over seconds of the value
+
+
+def exact_gradients(p: Problem) -> tuple[Found, Gradient]:
+    """The answer of the exact path, by its adjoint, and the gradient of all metrics together with their grazing."""
+    together = value_and_gradient(p.train, p.lift, p.cam_speed, METRICS, p.start, revolutions=REVOLUTIONS)
+    ratio = []
+    for name in METRICS:
+        value, _ = fastest(lambda n=name: TracedMotion(p.train, p.lift, p.cam_speed, p.start, REVOLUTIONS).values([n]))
+        both, _ = fastest(
+            lambda n=name: value_and_gradient(p.train, p.lift, p.cam_speed, [n], p.start, revolutions=REVOLUTIONS)
+        )
+        ratio.append(both / value)
+    gradients = np.einsum("lpq,mpq->lm", together.by_coefficients, p.directions)
+    return Found(together.values, gradients, np.array(ratio)), together
+
+
+def smooth_gradients(p: Problem) -> Callable[[float], Found]:
+    """The answer of the smooth path as a function of eps [m]; it is NaN where the path fails.
+
+    Two compiled programs serve all eps and metrics.
+    """
+    system, base = build_system(p.train), jnp.asarray(lift_samples(p.lift))
+    units = np.eye(len(p.directions))
+    parts = (
+        np.stack([lift_samples(moved(p.lift, p.directions, e)) for e in units], axis=-1) - np.asarray(base)[..., None]
+    )
+    shape, y0 = (p.lift.half_duration, p.lift.opening_foot), jnp.asarray(p.start).reshape(2, -1)
+
+    def metrics(heights, eps, steps: int):
+        samples = base + jnp.asarray(parts) @ heights
+        motion = response_arrays(system, samples, p.cam_speed, y0, eps, TOLERANCE, revolutions=REVOLUTIONS, steps=steps)
+        found = revolution_metrics(system, motion, p.cam_speed, *shape, layer=touch_layer(eps))
+        return jnp.stack([found[name] for name in METRICS])
+
+    values_of = jax.jit(metrics, static_argnames="steps")
+    both_of = jax.jit(
+        jax.value_and_grad(lambda heights, eps, i, steps: metrics(heights, eps, steps)[i]), static_argnames="steps"
+    )
+    flat, steps = jnp.zeros(len(units)), FIRST_STEPS
+
+    def run(eps: float) -> Found:
+        nonlocal steps
+        while not jnp.isfinite(values_of(flat, eps, steps=steps)[-1]) and steps < MOST_STEPS:  # the dynamic area
+            steps *= 4
+        jax.block_until_ready(both_of(flat, eps, 0, steps=steps))  # compiles
+        value_s, values = fastest(lambda: values_of(flat, eps, steps=steps).block_until_ready())
+        slopes, ratio = [], []
+        for i in range(len(METRICS)):
+            both_s, (_, slope) = fastest(lambda i=i: jax.block_until_ready(both_of(flat, eps, i, steps=steps)), 1)
+            slopes.append(np.asarray(slope))
+            ratio.append(both_s / value_s)
+        return Found(np.asarray(values), np.array(slopes), np.array(ratio))
+
+    return run
+
+
+def repeated_cosines(p: Problem, gradients: np.ndarray) -> np.ndarray:
+    """Least cosines (l) of the exact gradients (l, m) with those of the next revolutions; NaN for zero gradients."""
+    start, least = p.start, np.full(len(METRICS), np.inf)
+    for _ in range(FOLLOWING):
+        start = prepare_event(p.train, p.lift, p.cam_speed).advance(start)
+        later = value_and_gradient(p.train, p.lift, p.cam_speed, METRICS, start, revolutions=REVOLUTIONS)
+        slopes = np.einsum("lpq,mpq->lm", later.by_coefficients, p.directions)
+        least = np.minimum(least, [cosine(a, b) for a, b in zip(gradients, slopes, strict=True)])
+    return least
+
+
+def spectral_radius(p: Problem) -> float:
+    """Spectral radius of the cycle map's Jacobian at the start: how much of a change of the state is left a revolution
+    later."""
+    cycle = TracedMotion(p.train, p.lift, p.cam_speed, p.start)
+    return float(np.abs(np.linalg.eigvals(cycle.pull_back(ends=np.eye(len(p.start))).by_start)).max())
+
+
+def fastest(run: Callable[[], T], repeats: int = REPEATS) -> tuple[float, T]:
+    """(seconds of the fastest of some runs, result of the last)."""
+    seconds = []
+    while True:
+        begin = time.perf_counter()
+        result = run()
+        seconds.append(time.perf_counter() - begin)
+        if len(seconds) == repeats:
+            return min(seconds), result

@@ -1,0 +1,1 @@
+"""`camopt.identify`: parameters of a train from its measured valve lift."""

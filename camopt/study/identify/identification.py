@@ -1,0 +1,228 @@
+"""Masses, stiffnesses, dampings, preloads and gaps of a valve train from its measured valve lift, with intervals."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from scipy.stats import t as student
+
+from camopt.cam.lift import Lift
+from camopt.scene.errors import InputError
+from camopt.scene.schema import Scene
+from camopt.scene.units import DEG, MM
+from camopt.study.identify.free_parameters import FreeParameters
+from camopt.study.identify.lift_fit import Fitted, LiftFit, Series, descend
+
+UM = 1e-3 * MM
+WIDEST = np.log(2.0)
+"""Half-width of an interval in the logarithm, beyond which a parameter counts as not identified: the analysis is linear
+and is not to be believed over more than a factor of two."""
+ROUNDING = 1e-7
+"""Singular value relative to the largest below which a direction is rounding of the differences, and unknown."""
+SURPRISING = 5.0
+"""Standard deviations by which noise and correlation of the residual may miss what they should be."""
+JACOBIANS_AGREE = 1e-2
+"""Largest relative distance of the differences' Jacobian to the exact adjoint; more: too sensitive."""
+
+
+@dataclass(frozen=True)
+class MeasuredLift:
+    """A measured valve lift at one speed: position of the valve (m) at ascending cam angles (m).
+
+    The position is zero in the installed position (the scene's own), unless `identify` is told otherwise. Angles count
+    from -180, where the first revolution begins, and run on past 180 into the revolutions after it.
+    """
+
+    speed_rpm: float  # crankshaft
+    cam_angle_deg: np.ndarray
+    valve_mm: np.ndarray
+
+
+@dataclass(frozen=True)
+class Identification:
+    """What the measurement says of the parameters.
+
+    `table` has coordinate `parameter` (p) with `start`, `estimate`, `low`, `high` (in the units of the names; infinite
+    where not identified), `relative_error` (standard error of the logarithm) and `identified`. `correlation` is that of
+    the estimates (p, p), NaN where unknown. `directions`: combinations of the parameters, weakest first, with their
+    `relative_error`: the noise over the singular value of the Jacobian by the logarithms.
+    """
+
+    scene: Scene  # with the estimates
+    table: xr.Dataset
+    correlation: xr.DataArray
+    directions: xr.Dataset
+    confidence: float
+    noise_um: float  # root mean square of the residual over its degrees of freedom
+    residual_um: tuple[np.ndarray, ...]  # computed less measured, by series
+    measured: tuple[MeasuredLift, ...]
+    jacobian_error: float  # relative distance of the differences' Jacobian to the exact adjoint
+    steps: int
+    remarks: tuple[str, ...]  # why the intervals are not to be believed; none where they are
+
+    @property
+    def sound(self) -> bool:
+        """Whether nothing speaks against the intervals."""
+        return not self.remarks
+
+    def plot(self):
+        """Estimates with their intervals, and the residual, as a matplotlib Figure."""
+        from camopt.plots.identification import identification
+
+        speeds = [m.speed_rpm for m in self.measured]
+        angles = [m.cam_angle_deg for m in self.measured]
+        return identification(self.table, speeds, angles, self.residual_um, self.noise_um)
+
+    def _repr_html_(self) -> str:
+        remarks = "".join(f"<p>{r}</p>" for r in self.remarks)
+        return self.table.to_dataframe().to_html(float_format="%.5g") + remarks
+
+
+def identify(
+    scene: Scene,
+    cam: Lift,
+    measured: Sequence[MeasuredLift],
+    free: Sequence[str],
+    *,
+    settle: int = 0,
+    zero_known: bool = True,
+    noise_um: float | None = None,
+    confidence: float = 0.95,
+) -> Identification:
+    """Least-squares estimates of the parameters `free` (p) from measured valve lifts, from the scene's values on.
+
+    `free`: such as `valve.mass_kg`, `train.stiffness_N_per_m`, `seat.gap_mm`; `coil_*.damping_N_s_per_m` moves all that
+    match by one factor. The motion starts from rest, `settle` whole revolutions before the angle -180 of the data.
+    `zero_known=False`: the sensor's zero is unknown, series by series. `noise_um`: the sensor's noise where it is
+    known; the residual is then held against it. The intervals are those of the linear model at the estimate (Seber and
+    Wild, Nonlinear Regression, 1989), in the logarithms, with Student's t and the noise of the residual, taken as
+    white. Positions fix forces only up to a common factor: leave one preload or stiffness at a known value.
+
+    Raises InputError for unusable data or names, or laws that are not linear; MotionRefused where the start values
+    have no motion.
+    """
+    if not 0 < confidence < 1 or settle < 0 or int(settle) != settle:
+        raise InputError(f"identify: confidence {confidence}, settle {settle}: between 0 and 1, and an integer from 0")
+    parameters = FreeParameters(scene, free)
+    series = [_series(scene, m, int(settle)) for m in measured]
+    fit = LiftFit(parameters, cam, series, zero_known)
+    count = sum(len(s.angle) for s in series) - (0 if zero_known else len(series))
+    if count <= len(free):
+        raise InputError(f"identify: {count} samples for {len(free)} parameters: measure more")
+    fitted = descend(fit)
+    estimate = _Estimate(fitted, count, confidence)
+    error = _jacobian_error(fit, fitted)
+    residuals = tuple(part / UM for part in np.split(fitted.residual, fit.borders))
+    noise = estimate.noise / UM
+    return Identification(
+        parameters.moved_scene(fitted.logs),
+        _table(parameters, fitted, estimate),
+        estimate.correlation(list(free)),
+        estimate.directions(list(free)),
+        confidence,
+        noise,
+        residuals,
+        tuple(measured),
+        error,
+        fitted.steps,
+        tuple(_remarks(fitted, residuals, noise, noise_um, estimate.freedom, error)),
+    )
+
+
+def _series(scene: Scene, measured: MeasuredLift, settle: int) -> Series:
+    angle, valve = np.asarray(measured.cam_angle_deg, float), np.asarray(measured.valve_mm, float)
+    where = f"identify: measured lift at {measured.speed_rpm:g} r/min"
+    if scene.operation is None or scene.valve is None:
+        raise InputError(f"scene {scene.name}: identify needs valve, seat and [operation]")
+    if not (np.isfinite(measured.speed_rpm) and measured.speed_rpm > 0):
+        raise InputError(f"{where}: a crankshaft speed above 0 r/min is needed")
+    if angle.ndim != 1 or angle.shape != valve.shape or len(angle) < 2:
+        raise InputError(f"{where}: as many valve positions as angles are needed, at least two")
+    if not (np.all(np.isfinite(angle)) and np.all(np.isfinite(valve))):
+        raise InputError(f"{where}: every angle and position must be a finite number: leave out what is missing")
+    if angle[0] < -180 or np.any(np.diff(angle) <= 0):
+        raise InputError(f"{where}: the angles must ascend from -180 deg or later: sort them, and count on past 180")
+    revolutions = settle + max(1, int(np.ceil((angle[-1] + 180.0) / 360.0 - 1e-12)))
+    return Series(scene.cam_speed(measured.speed_rpm), angle * DEG + 2 * np.pi * settle, valve * MM, revolutions)
+
+
+class _Estimate:
+    """The covariance of the logarithms from the Jacobian at the estimate, direction by direction."""
+
+    def __init__(self, fitted: Fitted, count: int, confidence: float):
+        _, s, self.vectors = np.linalg.svd(fitted.jacobian, full_matrices=False)
+        squares = float(fitted.residual @ fitted.residual)
+        # directions that the fit left where they were have cost no degree of freedom
+        self.freedom = count - int(np.sum(s > np.sqrt(squares / len(fitted.residual))))
+        self.noise = float(np.sqrt(squares / self.freedom))
+        unknown = s <= ROUNDING * s[0]
+        self.errors = np.divide(self.noise, s, out=np.full(len(s), np.inf), where=~unknown)
+        self.touched = np.any(np.abs(self.vectors[unknown]) > np.sqrt(ROUNDING), axis=0)
+        self.covariance = (self.vectors[~unknown].T * self.errors[~unknown] ** 2) @ self.vectors[~unknown]
+        self.error = np.where(self.touched, np.inf, np.sqrt(np.diag(self.covariance)))
+        self.half_width = student.ppf(0.5 + confidence / 2, self.freedom) * self.error
+
+    def correlation(self, names: list[str]) -> xr.DataArray:
+        scale = np.where(self.touched, np.nan, np.sqrt(np.diag(self.covariance)))
+        return xr.DataArray(
+            self.covariance / np.outer(scale, scale), {"parameter": names, "other": names}, ("parameter", "other")
+        )
+
+    def directions(self, names: list[str]) -> xr.Dataset:
+        order = np.arange(len(self.errors))[::-1]
+        variables = {
+            "relative_error": ("direction", self.errors[order]),
+            "vector": (("direction", "parameter"), self.vectors[order]),
+        }
+        return xr.Dataset(variables, {"direction": order[::-1], "parameter": names})
+
+
+def _table(parameters: FreeParameters, fitted: Fitted, estimate: _Estimate) -> xr.Dataset:
+    start = np.array([t.start for t in parameters.tied])
+    identified = estimate.half_width <= WIDEST
+    width = np.where(identified, estimate.half_width, np.inf)
+    value = start * np.exp(fitted.logs)
+    # a negative value keeps its sign, so its ends change places; beyond a factor of two an interval says nothing
+    ends = np.sort(np.stack([value * np.exp(-width), value * np.exp(width)]), axis=0)
+    ends = np.where(identified, ends, np.array([[-np.inf], [np.inf]]))
+    columns = {
+        "start": start,
+        "estimate": value,
+        "low": ends[0],
+        "high": ends[1],
+        "relative_error": estimate.error,
+        "identified": identified,
+    }
+    names = [t.name for t in parameters.tied]
+    return xr.Dataset({k: ("parameter", v) for k, v in columns.items()}, {"parameter": names})
+
+
+def _jacobian_error(fit: LiftFit, fitted: Fitted) -> float:
+    """Relative distance of the differences' Jacobian to the adjoint's, along one random combination of samples."""
+    bar = np.random.default_rng(0).standard_normal(len(fitted.residual))
+    exact, found = fit.pulled_back(fitted.motions, bar), fitted.jacobian.T @ bar
+    scale = np.linalg.norm(fitted.jacobian, axis=0).max() * np.linalg.norm(bar)
+    return float(np.abs(exact - found).max() / scale)
+
+
+def _remarks(fitted: Fitted, residuals, noise: float, stated: float | None, freedom: int, error: float):
+    if not fitted.converged:
+        yield f"the fit did not come to a stand in {fitted.steps} steps: start nearer, or free fewer parameters"
+    if error > JACOBIANS_AGREE:
+        yield (
+            f"differences and adjoint disagree by {error:.2g}: the motion is too sensitive (bounce, jump, or nearly); "
+            "take lower speeds, or leave out the angles after closing"
+        )
+    if stated is not None and (noise / stated) ** 2 - 1 > SURPRISING * np.sqrt(2 / freedom):
+        yield f"the residual of {noise:.3g} um does not fall to the noise of {stated:g} um: the model misses something"
+    # von Neumann's ratio of mean square difference to variance is 2 for white noise, with variance 4 / samples
+    squares = sum(float(r @ r) for r in residuals)
+    pairs = sum(float(r[1:] @ r[:-1]) for r in residuals)
+    samples = sum(len(r) for r in residuals)
+    correlated = pairs / squares * np.sqrt(samples) if squares > 0 else 0.0
+    if correlated > SURPRISING:
+        yield (
+            f"neighbouring residuals correlate ({pairs / squares:.2f}, {correlated:.0f} standard deviations): "
+            "the intervals, which take the noise as white, are too narrow"
+        )

@@ -1,0 +1,178 @@
+"""Least squares of a measured valve lift: residuals of event-exact motions, their exact gradient, damped Gauss-Newton.
+
+The gradient of the squares is the exact adjoint's, one sweep per series whatever the number of parameters. The Jacobian
+that turns it into a step is one of forward differences, kept while the steps do what it promises; that of the
+covariance is one of central differences at the end, and is compared with the adjoint there.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from camopt.cam.lift import Lift
+from camopt.exact.adjoint.gradient import rest_back, rest_state
+from camopt.exact.adjoint.motion import Samples, TracedMotion
+from camopt.scene.errors import InputError, MotionRefused
+from camopt.scene.train import Train
+from camopt.study.identify.free_parameters import FreeParameters
+
+DIFFERENCE = 1e-4
+"""Step of the Jacobian's central differences in a logarithm: truncation and rounding stay below 1e-6 of a column."""
+LONGEST_STEP = 0.5
+"""Longest step in the logarithms of the factors."""
+STANDING = 1e-4
+"""Decrease of the squares, in variances of the noise, below which the fit stands: a hundredth of a standard error."""
+DISAPPOINTING, SHORTENED, ACCEPTED = 0.8, 0.25, 0.1
+"""Shares of the promised decrease below which the Jacobian is renewed, the next step shortened, this one taken back."""
+ROUNDING_M = 1e-12
+"""Residual that counts as none."""
+MOST_STEPS = 60
+FARTHEST = np.log(10.0)
+"""Farthest from the start values in the logarithms: beyond a factor of ten a train may take millions of steps."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """A measured series in SI: valve position (m) [m] at angles (m) [rad] from -pi, where the motion is at rest."""
+
+    cam_speed: float
+    angle: np.ndarray
+    valve: np.ndarray
+    revolutions: int  # that reach the last angle
+
+
+class LiftFit:
+    """Residuals (m) [m] of all series together at a point `logs` (p), and their derivatives."""
+
+    def __init__(self, parameters: FreeParameters, lift: Lift, series: Sequence[Series], zero_known: bool):
+        self.parameters, self.lift, self.series, self.zero_known = parameters, lift, series, zero_known
+        self.borders = np.cumsum([len(s.angle) for s in series])[:-1]
+
+    def motions(self, train: Train) -> list[TracedMotion]:
+        start = rest_state(train)
+        return [TracedMotion(train, self.lift, s.cam_speed, start, s.revolutions, mechanical=True) for s in self.series]
+
+    def residual(self, motions: Sequence[TracedMotion]) -> np.ndarray:
+        """Computed less measured valve position (m) [m]; where the zero is not known, less each series' mean."""
+        valve = self.parameters.train.valve
+        return self._centred([m.at(s.angle).x[:, valve] - s.valve for m, s in zip(motions, self.series, strict=True)])
+
+    def tried(self, logs: np.ndarray) -> tuple[list[TracedMotion], np.ndarray]:
+        """Motions and residual at a point that may have none, or lie too far off: then the residual is infinite."""
+        if np.abs(logs).max() > FARTHEST:
+            return [], np.full(1, np.inf)
+        try:
+            motions = self.motions(self.parameters.moved(logs))
+        except (MotionRefused, InputError):
+            return [], np.full(1, np.inf)
+        return motions, self.residual(motions)
+
+    def _centred(self, parts) -> np.ndarray:
+        return np.concatenate([p if self.zero_known else p - p.mean(axis=0) for p in parts])
+
+    def pulled_back(self, motions: Sequence[TracedMotion], bar: np.ndarray) -> np.ndarray:
+        """bar (m) times the residuals' Jacobian, shape (p), by the exact adjoint."""
+        train, total = motions[0].train, np.zeros(len(self.parameters.tied))
+        n, e = len(train.mass), len(train.a)
+        parts = np.split(bar, self.borders)
+        for motion, series, part in zip(
+            motions, self.series, np.split(self._centred(parts), self.borders), strict=True
+        ):
+            m = len(part)
+            x = np.zeros((1, m, n))
+            x[0, :, train.valve] = part
+            bars = Samples(x, np.zeros_like(x), np.zeros((1, m)), np.zeros((1, m)), np.zeros((1, m, e)))
+            slopes = motion.pull_back(series.angle, bars)
+            assert slopes.by_train is not None
+            slopes.by_train.add(rest_back(train, slopes.by_start))
+            total += self.parameters.by_logs(train, slopes.by_train)[0]
+        return total
+
+    def jacobian(self, logs: np.ndarray) -> np.ndarray:
+        """The residuals' Jacobian (m, p) [m] by the logs, by central differences."""
+        steps = DIFFERENCE * np.eye(len(logs))
+        return np.stack([(self._at(logs + h) - self._at(logs - h)) / (2 * DIFFERENCE) for h in steps], axis=1)
+
+    def slopes(self, logs: np.ndarray, residual: np.ndarray) -> np.ndarray:
+        """The same by forward differences from the residual there, at half the cost: good enough for a step."""
+        return np.stack([(self._at(logs + h) - residual) / DIFFERENCE for h in DIFFERENCE * np.eye(len(logs))], axis=1)
+
+    def _at(self, logs: np.ndarray) -> np.ndarray:
+        return self.residual(self.motions(self.parameters.moved(logs)))
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Where a fit ended, with its derivatives there."""
+
+    logs: np.ndarray  # (p)
+    residual: np.ndarray  # (m) m
+    jacobian: np.ndarray  # (m, p) m
+    motions: list[TracedMotion]
+    steps: int
+    converged: bool
+
+
+def descend(fit: LiftFit) -> Fitted:
+    """Damped Gauss-Newton from the start values, in the directions that the present residual lets one tell.
+
+    A direction whose singular value is below the residual's root mean square could be moved by a factor of e without
+    notice: it stays where it is. Raises MotionRefused or InputError where the start values have no motion.
+    """
+    logs = np.zeros(len(fit.parameters.tied))
+    motions = fit.motions(fit.parameters.moved(logs))
+    residual = fit.residual(motions)
+    jacobian = fit.slopes(logs, residual)
+    fresh, radius = True, LONGEST_STEP
+    for steps in range(MOST_STEPS):
+        noise = max(float(np.sqrt(np.mean(residual**2))), ROUNDING_M)
+        gradient = fit.pulled_back(motions, residual)
+        if standing(jacobian, gradient, noise):
+            if fresh:
+                return Fitted(logs, residual, fit.jacobian(logs), motions, steps, True)
+            jacobian, fresh = fit.slopes(logs, residual), True
+            continue
+        step = limited_step(jacobian, gradient, noise, radius)
+        promised = -2 * gradient @ step - float(np.sum((jacobian @ step) ** 2))
+        trial, found = fit.tried(logs + step)
+        gained = (residual @ residual - found @ found) / promised
+        if gained > ACCEPTED:
+            logs, residual, motions, fresh = logs + step, found, trial, False
+        if gained < DISAPPOINTING and not fresh:
+            jacobian, fresh = fit.slopes(logs, residual), True
+        if gained < SHORTENED:
+            radius = float(np.linalg.norm(step)) / 4
+        elif gained > DISAPPOINTING:
+            radius = min(LONGEST_STEP, 2 * radius)
+    return Fitted(logs, residual, fit.jacobian(logs), motions, MOST_STEPS, False)
+
+
+def told_apart(jacobian: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:
+    """Singular values (k) [m] above the noise [m], and their directions (k, p)."""
+    _, s, directions = np.linalg.svd(jacobian, full_matrices=False)
+    return s[s > noise], directions[s > noise]
+
+
+def standing(jacobian: np.ndarray, gradient: np.ndarray, noise: float) -> bool:
+    """Whether Gauss-Newton's whole step would gain next to nothing."""
+    s, directions = told_apart(jacobian, noise)
+    return float(np.sum((directions @ gradient / s) ** 2)) <= STANDING * noise**2
+
+
+def limited_step(jacobian: np.ndarray, gradient: np.ndarray, noise: float, radius: float) -> np.ndarray:
+    """The step (p), at most `radius` long, with the least squares by Jacobian and exact gradient (p) (Levenberg and
+    Marquardt's, its damping that of the length; More 1978)."""
+    s, directions = told_apart(jacobian, noise)
+    along = directions @ gradient
+
+    def step(damping: float) -> np.ndarray:
+        return -along / (s**2 + damping)
+
+    if np.linalg.norm(step(0.0)) <= radius:
+        return step(0.0) @ directions
+    longest = np.linalg.norm(along) / radius  # with this damping every step is short enough
+    damping: Any = brentq(lambda d: float(np.linalg.norm(step(d))) - radius, 0.0, longest)
+    return step(float(damping)) @ directions

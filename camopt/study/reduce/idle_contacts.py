@@ -1,0 +1,157 @@
+"""Contacts that are left out of a model because they never switch.
+
+They are watched in every revolution, and a run in which one of them would switch is refused. The seat and the contacts
+between cam and valve are never left out, because the metrics read them.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numba import njit
+
+from camopt.measure.hermite import Hermite
+from camopt.scene import MotionRefused, Response, Scene, Train, build_train
+from camopt.scene.response import Revolve
+from camopt.scene.train import GROUND
+from camopt.scene.units import DEG
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A scene without its idle contacts, and the watch on them."""
+
+    scene: Scene  # those that never closed are gone, those that never opened are bilateral springs
+    open: tuple[str, ...]  # names of contacts that stayed open
+    closed: tuple[str, ...]  # names of contacts that stayed closed
+    watched: Train | None  # the masses of `scene`, and nothing but these contacts; None: nothing is left out
+
+    def prepare(self, method: Callable[..., Revolve], *arguments) -> Revolve:
+        """A method's revolution of this scene, with the `arguments` of the method's own `prepare`.
+
+        It has no unsampled `advance`, so that every revolution is watched. It raises MotionRefused where a contact that
+        is left out would have switched.
+        """
+        revolve = method(*arguments)
+        if self.watched is None:
+            return revolve
+
+        def watched(state: np.ndarray) -> Response:
+            response = revolve(state)
+            self.check(response)
+            return response
+
+        return watched
+
+    @cached_property
+    def _watches(self) -> list[tuple[int, float, bool]]:
+        """(element of `watched`, distance of its ends [m] at its touch, whether it is open); the cam drives none."""
+        t = self.watched
+        if t is None:
+            return []
+        touch = t.gap + t.touch_compression
+        return [(e, float(touch[e]), name in self.open) for e, name in enumerate(t.element_names)]
+
+    def check(self, response: Response) -> None:
+        """Raises MotionRefused, naming contact, angle and speed, where a contact left out would have switched."""
+        t = self.watched
+        if t is None:
+            return
+        for e, touch, is_open in self._watches:
+            ends = t.a[e], t.b[e]
+            if is_open and _highest(response.angle, response.x, response.v, *ends, response.cam_speed) <= touch:
+                continue
+            beyond = _between(response.x, t, e) - touch
+            if is_open:
+                k = _first_above(response, beyond, t, e)
+            else:
+                k = _first(_elastic(t, e, beyond) + t.damping[e] * _between(response.v, t, e) <= 0.0)
+            if k is not None:
+                angle = (response.angle[k] / DEG + 180.0) % 360.0 - 180.0
+                raise MotionRefused(
+                    f"model {self.scene.name}: contact {t.element_names[e]!r} is left out as never "
+                    f"{'closing' if is_open else 'opening'}, and would at {angle:.1f} deg and "
+                    f"{response.cam_speed * 30 / np.pi:g} cam r/min: simulate the scene that has it"
+                )
+
+
+def idle_contacts(responses: Iterable[Response]) -> tuple[frozenset[str], frozenset[str]]:
+    """Names of the contacts that carry no force in any of the records, and of those that always carry some."""
+    force = None
+    for response in responses:
+        t = response.train
+        least, most = response.force.min(axis=0), response.force.max(axis=0)
+        force = (least, most) if force is None else (np.minimum(force[0], least), np.maximum(force[1], most))
+    if force is None:
+        return frozenset(), frozenset()
+    other = [e for e in np.flatnonzero(t.contact) if e != t.seat and e not in t.cam_side]
+    never = frozenset(t.element_names[e] for e in other if force[1][e] <= 0.0)
+    always = frozenset(t.element_names[e] for e in other if force[0][e] > 0.0)
+    return never, always
+
+
+def leave_out(scene: Scene, never_closed: frozenset[str], never_open: frozenset[str]) -> LeftOut:
+    """The scene without the contacts `never_closed`, with those `never_open` as springs, and the watch on both.
+
+    A contact with law "hertz" stays: a spring cannot have it.
+    """
+    never_open = frozenset(e.name for e in scene.element if e.name in never_open and e.law != "hertz")
+    if not never_closed | never_open:
+        return LeftOut(scene, (), (), None)
+    elements = tuple(
+        e.model_copy(update={"kind": "spring"}) if e.name in never_open else e
+        for e in scene.element
+        if e.name not in never_closed
+    )
+    idle = tuple(e for e in scene.element if e.name in never_closed | never_open)
+    watched = build_train(scene.model_copy(update={"element": idle, "valve": None, "seat": None}))
+    names = sorted(never_closed), sorted(never_open)
+    return LeftOut(scene.model_copy(update={"element": elements}), tuple(names[0]), tuple(names[1]), watched)
+
+
+@njit(cache=True, nogil=True)
+def _highest(angle, x, v, a, b, cam_speed):
+    """A bound [m] on the compression of [a, b] at and between samples, from the control points of its cubics."""
+    top, last = -np.inf, len(angle) - 1
+    for i in range(last + 1):
+        d, rate = 0.0, 0.0
+        if a >= 0:
+            d += x[i, a]
+            rate += v[i, a]
+        if b >= 0:
+            d -= x[i, b]
+            rate -= v[i, b]
+        top = max(top, d)
+        if i < last:
+            top = max(top, d + rate * (angle[i + 1] - angle[i]) / (3.0 * cam_speed))
+        if i > 0:
+            top = max(top, d - rate * (angle[i] - angle[i - 1]) / (3.0 * cam_speed))
+    return top
+
+
+def _first_above(response: Response, height: np.ndarray, t: Train, e: int) -> int | None:
+    """First sample after which the cubic through heights [m] and rates [m/s] exceeds zero, or None."""
+    curve = Hermite(response.angle, height, _between(response.v, t, e) / response.cam_speed)
+    k = _first(np.array([curve.maximum(a, b) > 0.0 for a, b in pairwise(curve.angle)]))
+    return None if k is None else int(np.searchsorted(response.angle, curve.angle[k]))
+
+
+def _between(q: np.ndarray, t: Train, e: int) -> np.ndarray:
+    """Position or velocity of one end of element e relative to its other end (k), from those of the masses (k, n)."""
+    if t.b[e] == GROUND:
+        return q[:, t.a[e]]
+    return -q[:, t.b[e]] if t.a[e] == GROUND else q[:, t.a[e]] - q[:, t.b[e]]
+
+
+def _elastic(t: Train, e: int, beyond: np.ndarray) -> np.ndarray:
+    """Elastic force [N] of element e compressed by `beyond` (k) [m] more than at its touch."""
+    if t.laws is None:
+        return t.stiffness[e] * beyond
+    every = np.repeat((beyond + t.touch_compression[e])[:, None], len(t.a), axis=1)
+    return t.laws.force(every, t.preload)[:, e]
+
+
+def _first(true: np.ndarray) -> int | None:
+    return int(np.argmax(true)) if true.any() else None

@@ -1,0 +1,278 @@
+"""No more model than a scene needs: every smaller model's error and saving, and the cheapest within a tolerance."""
+
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from html import escape
+
+import numpy as np
+
+from camopt.cam.lift import Lift
+from camopt.exact import engine
+from camopt.measure.hermite import Hermite
+from camopt.measure.settling import Figures, settle
+from camopt.scene import InputError, MotionRefused, Response, Scene, Train, build_train, rest_position
+from camopt.scene.response import Revolve
+from camopt.scene.units import DEG, MM
+from camopt.study.reduce.idle_contacts import LeftOut, idle_contacts, leave_out
+from camopt.study.reduce.reduced_models import Smaller, scene_toml, smaller_models
+from camopt.verifier.convergence import first_steps
+from camopt.verifier.methods import rkg, tmm
+from camopt.verifier.verdict import SWEEP_REFINEMENT
+
+COMPARED = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s", "contact_force_max_N")
+"""Metrics whose error is told, beside that of the lift."""
+WITHIN = ("bounce_mm", "jump_mm", "lift_mm")
+"""Errors that the tolerance is about."""
+GRID = np.arange(-180.0, 180.0, 0.1) * DEG
+REPEATS = 5
+BATCH = 16
+"""Motions side by side where a batch is timed."""
+PATHS = ("event", "rkg", "tmm", "smooth", "batch")
+
+
+@dataclass(frozen=True)
+class Observed:
+    """The settled motion at one speed: figures of the measured revolutions, valve lift off the seat on `GRID` [m]."""
+
+    figures: Figures
+    lift: np.ndarray
+    periodic: bool
+    response: Response
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A smaller model against the full one: the largest error over the speeds, and the time of a revolution."""
+
+    smaller: Smaller
+    model: LeftOut
+    error: dict[str, float]  # COMPARED and lift_mm; NaN where one of the two never seats
+    refusal: str  # why the model was refused, "" where it was not
+    ms: dict[str, float]  # processor time of a revolution at the top speed, by path
+
+    def within(self, tolerance_mm: float) -> bool:
+        """Whether the errors of bounce, jump and lift are known and at most the tolerance at every speed."""
+        return not self.refusal and all(self.error[name] <= tolerance_mm for name in WITHIN)
+
+    def as_dict(self) -> dict:
+        return {
+            "name": self.smaller.scene.name,
+            "masses": len(self.smaller.scene.mass),
+            "surge_masses": self.smaller.surge_masses,
+            "condensed": list(self.smaller.condensed),
+            "left_out": {"never_close": list(self.model.open), "never_open": list(self.model.closed)},
+            "error": self.error,
+            "refusal": self.refusal,
+            "ms_per_revolution": self.ms,
+        }
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """What `reduce` found; the first candidate is the full model itself, with idle contacts left out."""
+
+    scene: Scene
+    cam: str
+    speeds_rpm: tuple[float, ...]
+    aperiodic_rpm: dict[float, tuple[float, float]]  # speeds where the full model does not settle: its range of bounce
+    tolerance_mm: float
+    full_ms: dict[str, float]
+    candidates: tuple[Candidate, ...]
+
+    @property
+    def proposed(self) -> Candidate:
+        """The cheapest candidate within the tolerance, by the time of event-exact (Runge-Kutta-Gill where it does not
+        apply)."""
+        path = "event" if "event" in self.full_ms else "rkg"
+        allowed = [c for c in self.candidates if c.within(self.tolerance_mm)]
+        return min(allowed, key=lambda c: c.ms[path], default=self.candidates[0])
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(chr(10).join(reduction_lines(self)))}</pre>"
+
+    def as_dict(self) -> dict:
+        """The content of `reduce --json`; the proposed scene as TOML keeps every contact, so that none is unwatched."""
+        return {
+            "scene": self.scene.name,
+            "cam": self.cam,
+            "speeds_rpm": list(self.speeds_rpm),
+            "aperiodic": [
+                {"speed_rpm": s, "bounce_low_mm": low, "bounce_high_mm": high}
+                for s, (low, high) in self.aperiodic_rpm.items()
+            ],
+            "tolerance_mm": self.tolerance_mm,
+            "full_ms_per_revolution": self.full_ms,
+            "proposed": self.proposed.smaller.scene.name,
+            "proposed_toml": scene_toml(self.proposed.smaller.scene),
+            "models": [c.as_dict() for c in self.candidates],
+        }
+
+
+def reduce(
+    scene: Scene,
+    cam: Lift | None = None,
+    speeds_rpm: Sequence[float] | None = None,
+    tolerance_mm: float = 0.01,
+    smooth: bool = True,
+    workers: int = 2,
+) -> Reduction:
+    """Smaller models of a scene, from all its masses down to one, against the full model with a cam.
+
+    `cam` is by default the plain Polydyne, `speeds_rpm` (k) [crankshaft r/min] the scene's. A model is within the
+    tolerance [mm] where bounce, jump and the valve's lift at every angle of the settled motion differ by no more at any
+    speed.
+    Errors are told for event-exact motion, or Runge-Kutta-Gill under nonlinear laws; times for event-exact,
+    Runge-Kutta-Gill and the transition matrix method (at the step that each model's own highest frequency asks for),
+    and with `smooth` also, for the full and the proposed model, for the smooth scan and a batch of it (JAX compiles
+    each). Contacts that never switch in the full model, other than the seat and those between cam and valve, are left
+    out and watched. Raises InputError for a scene without valve or operation, or unusable numbers.
+    """
+    if scene.operation is None or scene.seat is None:
+        raise InputError(f"scene {scene.name}: reduce needs valve, seat and [operation]")
+    if not (np.isfinite(tolerance_mm) and tolerance_mm > 0):
+        raise InputError(f"reduce: tolerance {tolerance_mm} mm: a number above 0 is needed")
+    speeds = tuple(map(float, scene.operation.speeds_rpm if speeds_rpm is None else speeds_rpm))
+    if not speeds or not all(np.isfinite(s) and s > 0 for s in speeds):
+        raise InputError(f"reduce: speeds {list(speeds)}: crankshaft speeds above 0 r/min are needed")
+    if cam is None:
+        from camopt.cam.families.polydyne import polydyne
+
+        cam = polydyne(scene)
+    full = LeftOut(scene, (), (), None)
+    truth = _observe(full, cam, speeds, workers)
+    idle = idle_contacts(t.response for t in truth)
+    watched = {end for e in scene.element if e.name in idle[0] | idle[1] for end in e.between} - {"ground"}
+    rows = [_candidate(m, idle, cam, speeds, truth, workers) for m in smaller_models(scene, frozenset(watched))]
+    ranges = {s: t.figures.range("bounce_mm") for s, t in zip(speeds, truth, strict=True) if not t.periodic}
+    found = Reduction(scene, cam.family, speeds, ranges, tolerance_mm, path_times(full, cam, max(speeds)), tuple(rows))
+    if not smooth:
+        return found
+    best = found.proposed
+    timed = replace(best, ms=best.ms | smooth_times(best.smaller.scene, cam, max(speeds)))
+    rows[rows.index(best)] = timed
+    full_ms = found.full_ms | smooth_times(scene, cam, max(speeds))
+    return replace(found, full_ms=full_ms, candidates=tuple(rows))
+
+
+def reduction_lines(found: Reduction) -> list[str]:
+    """The table of `camopt reduce`, what it says about aperiodic speeds, and the proposal in a sentence."""
+    paths = [path for path in PATHS[:3] if path in found.full_ms]
+    speeds = ", ".join(f"{s:g}" for s in found.speeds_rpm)
+    lines = [
+        f"{found.scene.name}, {found.cam}, {speeds} r/min: largest error against the full model; ms per revolution"
+    ]
+    heads = ("bounce mm", "jump mm", "lift mm", "seating m/s", "peak N", *(f"{p} ms" for p in paths))
+    lines.append(f"{'model':<24}" + "".join(f"{h:>12}" for h in heads))
+    for c in found.candidates:
+        if c.refusal:
+            lines.append(f"{c.smaller.scene.name:<24}  refused: {c.refusal}")
+            continue
+        error = [c.error[k] for k in ("bounce_mm", "jump_mm", "lift_mm", *COMPARED[2:])]
+        mark = " <" if c is found.proposed else ""
+        lines.append(
+            f"{c.smaller.scene.name:<24}" + "".join(f"{v:12.4g}" for v in (*error, *(c.ms[p] for p in paths))) + mark
+        )
+    for speed, (low, high) in found.aperiodic_rpm.items():
+        lines.append(
+            f"at {speed:g} r/min the full model itself does not repeat (bounce {low:.4f} to {high:.4f} mm): its errors "
+            f"there are those of one motion of many; --speeds can leave it out"
+        )
+    best = found.proposed
+    if not best.within(found.tolerance_mm) or not best.ms:
+        return [*lines, f"no model is within {found.tolerance_mm:g} mm: the full one is needed"]
+    saved = ", ".join(f"{p} {found.full_ms[p] / best.ms[p]:.2f}" for p in PATHS if p in best.ms)
+    lines.append(f"proposed: {best.smaller.scene.name} ({best.smaller.done}), within {found.tolerance_mm:g} mm")
+    lines.append(f"times as fast as the full model: {saved}")
+    left = [*(f"{n} (never closes)" for n in best.model.open), *(f"{n} (never opens)" for n in best.model.closed)]
+    return [*lines, f"left out and watched: {', '.join(left)}"] if left else lines
+
+
+def _candidate(smaller: Smaller, idle, cam: Lift, speeds, truth: list[Observed], workers: int) -> Candidate:
+    model = leave_out(smaller.scene, *idle)
+    try:
+        seen = _observe(model, cam, speeds, workers)
+        ms = path_times(model, cam, max(speeds))
+    except MotionRefused as refusal:
+        return Candidate(smaller, model, dict.fromkeys((*COMPARED, "lift_mm"), np.nan), str(refusal), {})
+    error = {name: float(np.max(np.abs([s.figures.worst(name) - t.figures.worst(name)
+             for s, t in zip(seen, truth, strict=True)]))) for name in COMPARED}  # fmt: skip
+    error["lift_mm"] = max(float(np.abs(s.lift - t.lift).max()) for s, t in zip(seen, truth, strict=True)) / MM
+    return Candidate(smaller, model, error, "", ms)
+
+
+def _observe(model: LeftOut, cam: Lift, speeds: Sequence[float], workers: int) -> list[Observed]:
+    """The settled motion of a model at each speed [r/min], in threads with a train each."""
+
+    def at(speed: float) -> Observed:
+        train, cam_speed = build_train(model.scene), model.scene.cam_speed(speed)
+        revolve = model.prepare(*_truth(train, cam, cam_speed))
+        settled = settle(revolve, at_rest(train))
+        response = settled.response
+        curve = Hermite(response.angle, response.seat_separation(), response.v[:, train.valve] / cam_speed)
+        return Observed(settled.metrics(cam), np.maximum(0.0, curve(GRID)), settled.periodic, response)
+
+    with ThreadPoolExecutor(workers) as pool:
+        return list(pool.map(at, speeds))
+
+
+def _truth(train: Train, cam: Lift, cam_speed: float) -> tuple:
+    """Event-exact, or Runge-Kutta-Gill at the step of the verifier's sweeps where laws are nonlinear."""
+    if train.laws is None:
+        return engine.prepare, train, cam, cam_speed
+    return rkg.prepare, train, cam, cam_speed, SWEEP_REFINEMENT * first_steps(train, cam_speed)
+
+
+def at_rest(train: Train) -> np.ndarray:
+    """State (2n) at rest on the base circle."""
+    return np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+
+
+def path_times(model: LeftOut, cam: Lift, speed_rpm: float) -> dict[str, float]:
+    """Processor time [ms] of the first sampled revolution from rest, by each path that carries the scene's laws."""
+    train, cam_speed = build_train(model.scene), model.scene.cam_speed(speed_rpm)
+    steps, rest = first_steps(train, cam_speed), at_rest(train)
+    paths: dict[str, Revolve] = {"rkg": model.prepare(rkg.prepare, train, cam, cam_speed, steps)}
+    if train.laws is None:
+        paths["event"] = model.prepare(engine.prepare, train, cam, cam_speed)
+        paths["tmm"] = model.prepare(tmm.prepare, train, cam, cam_speed, steps)
+    return {name: milliseconds(lambda r=paths[name]: r(rest)) for name in PATHS if name in paths}
+
+
+def smooth_times(scene: Scene, cam: Lift, speed_rpm: float) -> dict[str, float]:
+    """As `path_times`, of the smooth scan at the same step, alone and in a batch of speeds just below (per motion).
+
+    By the clock on the wall: JAX computes in threads of its own, whose processor time is not always seen.
+    """
+    import jax
+    import jax.numpy as jnp
+
+    from camopt.smooth.rest import rest_state
+    from camopt.smooth.simulate import lift_samples, response_arrays
+    from camopt.smooth.system import build_system
+
+    train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
+    steps, samples = first_steps(train, cam_speed), jnp.asarray(lift_samples(cam))
+    system, rest = build_system(train), jnp.asarray(rest_state(train))
+
+    def end(speed):
+        return response_arrays(system, samples, speed, rest, steps=steps, refine=False).x[-1]
+
+    alone, batch = jax.jit(end), jax.jit(jax.vmap(end))
+    speeds = jnp.linspace(0.95 * cam_speed, cam_speed, BATCH)
+    return {
+        "smooth": milliseconds(lambda: jax.block_until_ready(alone(cam_speed)), 4 * REPEATS, time.perf_counter),
+        "batch": milliseconds(lambda: jax.block_until_ready(batch(speeds)), REPEATS, time.perf_counter) / BATCH,
+    }
+
+
+def milliseconds(run: Callable, repeats: int = REPEATS, clock: Callable[[], float] = time.process_time) -> float:
+    """Least time of a call [ms] by a clock, after one call that compiles and builds tables."""
+    run()
+    seconds = []
+    for _ in range(repeats):
+        begin = clock()
+        run()
+        seconds.append(clock() - begin)
+    return 1e3 * min(seconds)

@@ -1,0 +1,1 @@
+"""`camopt.simulate`: one motion from rest by any method, at a step or at an accuracy."""

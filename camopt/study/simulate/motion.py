@@ -1,0 +1,246 @@
+"""One motion from rest, by any of the methods, on a regular grid of cam angles."""
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from camopt.cam.lift import Lift
+from camopt.scene import InputError, Response, Scene, Train, build_train, rest_position
+from camopt.scene.response import end_state, joined
+from camopt.scene.units import DEG, MM
+from camopt.scene.vibration import highest_rate
+from camopt.verifier.methods import INDEPENDENT
+
+if TYPE_CHECKING:
+    from camopt.study.simulate.accuracy_control import Delivered, Run
+
+MODULES = {
+    "event": "camopt.exact.engine",
+    **INDEPENDENT,
+    "smooth": "camopt.smooth.simulate",
+}
+DIFFERENTIABLE = {"smooth": "camopt.differentiable.smooth_rule", "event": "camopt.differentiable.exact_rule"}
+"""Modules with a `differentiable_motion`, by the method that `simulate(parameters=...)` takes."""
+LARGEST_PHASE = 0.3
+"""Step times the train's highest rate [rad]: MOTORI 2004's rule for explicit steps (0.31), and for drawn curves."""
+MOST_STEPS = 20_000_000
+FEWEST_STEPS = 720
+"""Steps per revolution at least where an accuracy chooses them, however slow the train: the cam has to be followed."""
+TOLERANCE_OF_WIDTH = 5e-3
+"""The smooth path's error per step over the width of its layer: that of its defaults."""
+LEAST_WIDTH = 2.5e-10
+"""Finest layer [m] that an accuracy may choose."""
+
+
+def simulate(
+    scene: Scene,
+    cam: Lift,
+    speed_rpm: float,
+    method: str = "event",
+    revolutions: int = 2,
+    step_deg: float = 0.1,
+    parameters: Mapping[str, Any] | None = None,
+    accuracy: str | float | None = None,
+) -> xr.Dataset:
+    """Motion of the valve train from rest at -180 degrees, `revolutions` of the cam at a crankshaft speed [r/min].
+
+    `step_deg` [cam degrees] must divide 360; it is the step of the result. The method's own step is that over the
+    smallest integer for which step * highest rate of the train <= 0.3. Returned is a dataset over `sample` with
+    coordinates revolution (from 1), cam_angle_deg (-180 to 180), time_s, and variables lift_mm, position_mm and
+    velocity_m_per_s (sample, mass), force_N (sample, element); between a method's samples positions are cubic,
+    velocities their derivative, forces linear, and where a force jumps the later value stands.
+
+    `method`: "event", "smooth" or one of `camopt.verifier.methods.INDEPENDENT`. The dataset shows itself in a notebook,
+    and draws itself: `motion.position_mm.sel(mass=scene.valve).plot(x="time_s")`.
+
+    With an `accuracy`, a name or micrometres of the valve's position, the method's step (of "smooth": the width of the
+    layer and the grid) is chosen from stored curves and halved until the motion stands
+    (`camopt.study.simulate.accuracy_control`); the dataset's attributes say what was asked, what error is estimated for
+    what was delivered, and whether that is enough.
+
+    Differentiable: `parameters` (see `motion_parameters`) replaces numbers of scene and cam by arrays that JAX may
+    trace, and so may `speed_rpm` be, under `jax.grad`, `jax.jit` and `jax.vmap`. The dataset then holds JAX arrays
+    (`.data`), and the declared metrics over `measured`, the revolutions but the last ("event": without the excess
+    lift); a motion that the method cannot follow is NaN throughout. By "event" the gradients are those of the exact
+    motion, and for many motions `camopt.differentiable.exact_rule.exact_metrics` is the cheaper way to metrics alone.
+
+        def seating_velocity(gap):
+            motion = camopt.simulate(scene, cam, 6000, method="smooth", parameters={"gap": gap})
+            return motion["seating_velocity_m_per_s"].data[0]
+
+        jax.grad(seating_velocity)(motion_parameters(scene, cam)["gap"])
+
+    Raises InputError for unusable arguments, or a motion that the method refuses.
+    """
+    steps = _steps_per_revolution(speed_rpm, method, revolutions, step_deg)
+    if scene.operation is None or scene.seat is None:
+        raise InputError(f"scene {scene.name}: simulate needs valve, seat and [operation]")
+    train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
+    if parameters is not None:
+        _check_parameters(scene, cam, method, parameters)
+        module = import_module(DIFFERENTIABLE[method])
+        response, metrics = module.differentiable_motion(train, cam, parameters, cam_speed, revolutions, steps)
+        return _dataset(scene, cam, speed_rpm, method, response).assign(
+            {name: ("measured", values) for name, values in metrics.items()}
+        )
+    if accuracy is not None:
+        done = delivered(train, cam, cam_speed, method, revolutions, accuracy)
+        motion = _dataset(scene, cam, speed_rpm, method, resampled(done.response, steps * revolutions))
+        return motion.assign_attrs(accuracy_statement=done.sentence(), **done.attributes())
+    finer = max(1, int(np.ceil(highest_rate(train) * step_deg * DEG / cam_speed / LARGEST_PHASE)))
+    if steps * finer * revolutions > MOST_STEPS:
+        raise InputError(
+            f"simulate at {speed_rpm:g} r/min: the train's highest mode needs {steps * finer * revolutions} steps and "
+            f"at most {MOST_STEPS} are allowed: raise the speed or ask for fewer revolutions"
+        )
+    response = _motion(train, cam, cam_speed, method, revolutions, steps * finer)
+    return _dataset(scene, cam, speed_rpm, method, resampled(response, steps * revolutions))
+
+
+def delivered(
+    train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int, accuracy: str | float
+) -> "Delivered":
+    """The motion from rest at an accuracy; see `camopt.study.simulate.accuracy_control`."""
+    from camopt.study.simulate.accuracy_control import MOST_VALUES, deliver
+
+    run = dialled(train, cam, cam_speed, method, revolutions)
+    if method == "smooth":
+        return deliver(run, method, accuracy, revolutions, LEAST_WIDTH)
+    most = MOST_VALUES / revolutions / (2 + 2 * len(train.mass) + len(train.a))
+    return deliver(run, method, accuracy, revolutions, 2 * np.pi * highest_rate(train) / cam_speed / most)
+
+
+def dialled(train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int) -> "Run":
+    """The motion from rest as a function of the method's dial: step times highest rate [rad], or layer width [m]."""
+    rate = highest_rate(train)
+
+    def run(setting: float) -> Response:
+        if method == "smooth":
+            smooth, tolerance = import_module(MODULES[method]), setting * TOLERANCE_OF_WIDTH
+            return smooth.simulate_smooth(train, cam, cam_speed, revolutions, eps=setting, tolerance=tolerance)
+        steps = max(FEWEST_STEPS, int(np.ceil(2 * np.pi * rate / cam_speed / setting)))
+        return _motion(train, cam, cam_speed, method, revolutions, steps)
+
+    return run
+
+
+def motion_parameters(scene: Scene, cam: Lift) -> dict[str, np.ndarray]:
+    """The numbers by which `simulate(parameters=...)` may be differentiated, in SI units and with the scene's values.
+
+    By mass (n): mass [kg], mass_damping [N s/m], mass_force [N]; by element (e): stiffness [N/m, of a hertz contact
+    N/m^exponent], damping [N s/m], preload [N], gap [m]; and lift (p, q) [m/rad^k], the coefficients of the cam's
+    pieces. Any part of it may be given to `simulate`. Turns on JAX's 64-bit floats. Of a free cam
+    the pieces are linear in z (`FreeCam.piece_basis`).
+    """
+    import_module("camopt.smooth")  # before anything is traced: it turns on JAX's 64-bit floats
+    return _numbers(build_train(scene), cam)
+
+
+def _numbers(train: Train, cam: Lift) -> dict[str, np.ndarray]:
+    names = ("mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap")
+    numbers = {name: getattr(train, name).copy() for name in names}
+    if train.laws is not None:
+        numbers["stiffness"] = train.laws.coefficient.copy()
+    return {**numbers, "lift": cam.coefficients.copy()}
+
+
+def _check_parameters(scene: Scene, cam: Lift, method: str, parameters: Mapping[str, Any]) -> None:
+    if method not in DIFFERENTIABLE:
+        raise InputError(f"simulate: method {method!r} with parameters: needs one of {', '.join(DIFFERENTIABLE)}")
+    jax, known = import_module("jax"), _numbers(build_train(scene), cam)
+    traced = any(isinstance(value, jax.core.Tracer) for value in parameters.values())
+    if traced and not jax.config.jax_enable_x64:
+        raise InputError("simulate: traced in 32-bit floats: call motion_parameters or import camopt.smooth before")
+    for name, value in parameters.items():
+        if name not in known:
+            raise InputError(f"simulate: parameter {name!r}: expected one of {', '.join(known)}")
+        if np.shape(value) != known[name].shape:
+            raise InputError(
+                f"simulate: parameter {name!r} has shape {np.shape(value)}: {known[name].shape} is needed, "
+                f"as motion_parameters(scene, cam) gives it"
+            )
+
+
+def _steps_per_revolution(speed_rpm, method, revolutions, step_deg) -> int:
+    """Steps of the result in a revolution; every argument of `simulate` that is a number or a choice is checked."""
+    if method not in MODULES:
+        raise InputError(f"simulate: method {method!r}: expected one of {', '.join(MODULES)}")
+    if isinstance(speed_rpm, (int, float, np.number)) and not (np.isfinite(speed_rpm) and speed_rpm > 0):
+        raise InputError(f"simulate: speed {speed_rpm}: a crankshaft speed above 0 r/min is needed")
+    if int(revolutions) != revolutions or not 1 <= revolutions <= 1000:
+        raise InputError(f"simulate: revolutions {revolutions}: an integer from 1 to 1000 is needed")
+    steps = round(360.0 / step_deg) if step_deg > 0 else 0
+    if not (1 <= steps <= 360_000) or abs(steps * step_deg - 360.0) > 1e-9 * steps:
+        raise InputError(f"simulate: step {step_deg} deg: a step that divides 360 deg, 0.001 or more, is needed")
+    return steps
+
+
+def _motion(train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int, steps: int) -> Response:
+    module = import_module(MODULES[method])
+    if method == "smooth":
+        return module.simulate_smooth(train, cam, cam_speed, revolutions, steps_per_revolution=steps)
+    revolve = module.prepare(train, cam, cam_speed, steps)
+    position = rest_position(train)
+    state, parts = np.concatenate([position, np.zeros_like(position)]), []
+    for _ in range(revolutions):
+        parts.append(revolve(state))
+        state = end_state(parts[-1])
+    return joined(parts)
+
+
+def resampled(response: Response, steps: int) -> Response:
+    """A record on `steps` + 1 equally spaced angles over its whole range."""
+    grid = np.linspace(response.angle[0], response.angle[-1], steps + 1)
+    # a sample that misses its grid angle by round-off is that grid angle's sample, not the end of the interval before
+    left = np.searchsorted(response.angle, grid + 1e-12 * np.abs(grid[-1]), side="right") - 1
+    left = np.minimum(left, len(response.angle) - 2)
+    width = np.diff(response.angle)[left]
+    s = np.divide(grid - response.angle[left], width, out=np.ones_like(grid), where=width > 0).clip(0.0, 1.0)[:, None]
+    dt = (width / response.cam_speed)[:, None]
+    x0, x1, v0, v1 = response.x[left], response.x[left + 1], response.v[left], response.v[left + 1]
+    rise, u0, u1 = x1 - x0, dt * v0, dt * v1  # cubic Hermite: x0 + s u0 + s^2 a + s^3 b
+    a, b = 3 * rise - 2 * u0 - u1, u0 + u1 - 2 * rise
+    x = x0 + s * (u0 + s * (a + s * b))
+    slope = u0 + s * (2 * a + s * 3 * b)
+    v = np.divide(slope, dt, out=v1.copy(), where=dt > 0)
+    force = (1 - s) * response.force[left] + s * response.force[left + 1]
+    lift = (1 - s[:, 0]) * response.lift[left] + s[:, 0] * response.lift[left + 1]
+    return Response(response.train, response.cam_speed, grid, lift, x, v, force)
+
+
+def _dataset(scene: Scene, cam: Lift, speed_rpm: float, method: str, response: Response) -> xr.Dataset:
+    train, steps = response.train, (len(response.angle) - 1) // response.revolutions
+    sample = np.arange(len(response.angle))
+    revolution = np.minimum(sample // steps, response.revolutions - 1)  # the last sample closes the last revolution
+    angle_deg = -180.0 + (sample - revolution * steps) * (360.0 / steps)
+    variables = {
+        "lift_mm": ("sample", response.lift / MM, {"units": "mm", "long_name": "lift"}),
+        "position_mm": (("sample", "mass"), response.x / MM, {"units": "mm", "long_name": "position"}),
+        "velocity_m_per_s": (("sample", "mass"), response.v, {"units": "m/s", "long_name": "velocity"}),
+        "force_N": (("sample", "element"), response.force, {"units": "N", "long_name": "force"}),
+    }
+    coords = {
+        "revolution": ("sample", revolution + 1),
+        "cam_angle_deg": ("sample", angle_deg, {"units": "deg", "long_name": "cam angle"}),
+        "time_s": ("sample", response.time, {"units": "s", "long_name": "time"}),
+        "mass": list(train.mass_names),
+        "element": list(train.element_names),
+    }
+    attributes = {"scene": scene.name, "cam": cam.family, "speed_rpm": speed_rpm, "method": method}
+    return xr.Dataset(variables, coords, attributes)
+
+
+def motion_table(motion: xr.Dataset) -> Mapping[str, np.ndarray]:
+    """Columns of `simulate --csv`: revolution, cam_angle_deg, time_s, then every mass and every element."""
+    columns = {name: motion[name].values for name in ("revolution", "cam_angle_deg", "time_s")}
+    for variable, dimension, unit in (
+        ("position_mm", "mass", "mm"),
+        ("velocity_m_per_s", "mass", "m_per_s"),
+        ("force_N", "element", "N"),
+    ):
+        for i, name in enumerate(motion[dimension].values):
+            columns[f"{name}_{unit}"] = motion[variable].values[:, i]
+    return columns

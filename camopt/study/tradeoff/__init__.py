@@ -1,0 +1,1 @@
+"""`camopt tradeoff`: what accuracy costs, of every method and of every dial of the job."""

@@ -1,0 +1,147 @@
+"""What each dial of the job costs and what it gets wrong against its finest setting (for `camopt tradeoff`).
+
+Errors of bounce are those of event-exact's largest bounce; seconds are processor time of the whole step of the job.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from camopt.cam.design_file import design_record, read_design
+from camopt.cam.lift import Lift
+from camopt.exact import engine
+from camopt.measure.settling import settle
+from camopt.measure.sweep import at_speeds
+from camopt.optimizer.accuracy import ACCURACIES, Accuracy
+from camopt.scene import Scene, build_train
+from camopt.scene.units import DEG, MM, UM
+from camopt.storage import write_json
+from camopt.study.reduce.reduction import at_rest, reduce
+from camopt.study.tradeoff.tradeoff import REFERENCE, Work
+from camopt.verifier.neighbourhood import LIFT_NEIGHBOUR, SPEED_NEIGHBOUR, STATE_NEIGHBOUR
+
+SETTLING_UM = {"small": (1.0,), "full": (100.0, 10.0, 1.0, 0.1)}
+SETTLED_UM = 1e-3
+BAND_STEPS = {"small": (200,), "full": (200, 100, 50, 20, 10)}
+FINEST_STEP = {"small": 100, "full": 5}
+SAMPLES = {"small": (2,), "full": (2, 6, 20)}
+MOST_SAMPLES = {"small": 4, "full": 100}
+KNOTS_DEG = (4.0, 3.0, 2.0)
+FINEST_KNOTS_DEG = 1.5
+JUDGED_STEP_RPM = 10
+
+
+def job_work(scene: Scene, cam: Lift, size: str, folder: Path) -> list[Work]:
+    """The measurements of all dials; a design that one of them finds is kept in `folder`."""
+    work = _of(scene, "settling tolerance", "event-exact, listed speeds", SETTLING_UM[size], SETTLED_UM, "{:g} um",
+               lambda um: _settled(scene, cam, um))  # fmt: skip
+    work += _of(scene, "band step", "event-exact sweep", BAND_STEPS[size], FINEST_STEP[size], "{:g} r/min",
+                lambda step: _band(scene, cam, step))  # fmt: skip
+    work += _of(scene, "perturbation samples", "event-exact, highest speed", SAMPLES[size], MOST_SAMPLES[size],
+                "{:g} samples", lambda count: _perturbed(scene, cam, count))  # fmt: skip
+    work += _masses(scene, cam, size)
+    if size == "full":
+        designs = folder / "designs"
+        designs.mkdir(exist_ok=True)
+        knots = lambda deg: _designed(scene, "nominal", replace(ACCURACIES["draft"], knot_deg=deg), designs)  # noqa: E731
+        work += _of(scene, "knots", "search, listed speeds", KNOTS_DEG, FINEST_KNOTS_DEG, "{:g} deg", knots)
+        effort = lambda name: _designed(scene, "band", ACCURACIES[name], designs)  # noqa: E731
+        work += _of(scene, "search effort", "search, band", ("draft", "standard"), "fine", "{}", effort)
+    return work
+
+
+def _of(scene, dial: str, method: str, settings, finest, shown: str, run: Callable) -> list[Work]:
+    """Settings of a dial, and its finest as the reference: once as that, once as a row with its time."""
+    named = [Work(f"job: {dial}", method, shown.format(s), partial(run, s)) for s in settings]
+    return [*named, Work(f"job: {dial}", REFERENCE, shown.format(finest), partial(run, finest))]
+
+
+def _settled(scene: Scene, cam: Lift, um: float) -> dict:
+    """Bounce at each listed speed after settling to `um`."""
+    train, begin = build_train(scene), time.process_time()
+    assert scene.operation is not None
+    bounces = []
+    for speed in scene.operation.speeds_rpm:
+        revolve = engine.prepare(train, cam, scene.cam_speed(speed))
+        settled = settle(revolve, at_rest(train), most=80, position=um * UM)
+        bounces.append(settled.metrics(cam).worst("bounce_mm"))
+    return {"seconds": time.process_time() - begin, "figures": {"bounce_mm": np.array(bounces)}}
+
+
+def _band(scene: Scene, cam: Lift, step: float) -> dict:
+    """Largest bounce of the band in steps of `step` r/min."""
+    begin = time.process_time()
+    worst = _largest_bounce(scene, cam, step)
+    return {"seconds": time.process_time() - begin, "figures": {"bounce_mm": worst}}
+
+
+def _largest_bounce(scene: Scene, cam: Lift, step: float) -> float:
+    assert scene.operation is not None
+    low, high = scene.operation.band_rpm
+    speeds = np.unique(np.append(np.arange(low, high, step), high))
+    return max(row["bounce_mm"] for row in at_speeds(engine.prepare, scene, cam, speeds))
+
+
+def _perturbed(scene: Scene, cam: Lift, count: int) -> dict:
+    """Largest bounce over `count` neighbouring speeds, lifts and states, those of the verdict, drawn uniformly."""
+    rng, train, begin = np.random.default_rng(0), build_train(scene), time.process_time()
+    assert scene.operation is not None
+    cam_speed, rest = scene.cam_speed(max(scene.operation.speeds_rpm)), at_rest(train)
+    away = np.repeat(STATE_NEIGHBOUR, len(train.mass))
+    bounces = []
+    for _ in range(count):
+        speed, height = 1 + SPEED_NEIGHBOUR * rng.uniform(-1, 1), 1 + LIFT_NEIGHBOUR / cam.max_lift * rng.uniform(-1, 1)
+        near = replace(cam, coefficients=cam.coefficients * height)
+        start = rest + away * rng.uniform(-1, 1, len(away))
+        bounces.append(settle(engine.prepare(train, near, cam_speed * speed), start).metrics(near).worst("bounce_mm"))
+    return {"seconds": time.process_time() - begin, "figures": {"bounce_mm": max(bounces)}}
+
+
+def _masses(scene: Scene, cam: Lift, size: str) -> list[Work]:
+    """Smaller models against the full one, from `reduce`; seconds: of a revolution, event-exact."""
+    assert scene.operation is not None
+    speeds = (min(scene.operation.speeds_rpm),) if size == "small" else None
+    found: dict[str, dict] = {}
+
+    def candidates() -> dict[str, dict]:
+        if not found:
+            for c in reduce(scene, cam, speeds, smooth=False).candidates:
+                errors = {k: v for k, v in c.error.items() if k in ("bounce_mm", "jump_mm", "lift_mm")}
+                seconds = c.ms["event"] / 1e3 if c.ms else None
+                found[c.smaller.scene.name] = {"seconds": seconds, "errors": errors, "failure": c.refusal}
+        return found
+
+    from camopt.study.reduce.reduced_models import smaller_models
+
+    models = [m.scene for m in smaller_models(scene)]
+    return [
+        Work("job: masses", "reduced model, event-exact", f"{len(m.mass)} masses ({m.name})",
+             lambda n=m.name: candidates().get(n) or {"failure": "not among the reduced models"})
+        for m in models
+    ]  # fmt: skip
+
+
+def _designed(scene: Scene, speeds: str, effort: Accuracy, folder: Path) -> dict:
+    """Area of the cam that a search finds and a verdict confirms, its bounce on a grid finer than the search's."""
+    from camopt.optimizer.run import confirmed_cam
+    from camopt.optimizer.search.search import find_cam
+
+    begin = time.process_time()
+    search, _ = find_cam(scene, speeds, effort)
+    seconds = time.process_time() - begin
+    assert scene.operation is not None and scene.design is not None
+    found, verdict, _ = confirmed_cam(scene, search.confirmed, "nominal", ACCURACIES["draft"])
+    path = folder / f"{speeds}-{effort.knot_deg:g}deg-{effort.judged_speeds}-speeds.json"
+    write_json(path, design_record(found.lift, scene.design.max_lift_mm * MM))
+    cam = read_design(path, scene)
+    listed = scene.operation.speeds_rpm
+    if speeds == "nominal":
+        bounce = max(row["bounce_mm"] for row in at_speeds(engine.prepare, scene, cam, listed))
+    else:
+        bounce = _largest_bounce(scene, cam, JUDGED_STEP_RPM)
+    figures = {"area_mm_deg": cam.area / MM / DEG, "bounce_mm": bounce}
+    return {"seconds": seconds, "figures": figures, "verdict": verdict.verdict}

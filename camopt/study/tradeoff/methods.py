@@ -1,0 +1,236 @@
+"""Work-precision of every method on one revolution, alone and side by side, with its peers (for `camopt tradeoff`).
+
+Error is that of the first revolution from rest of the plain Polydyne at the lowest and the highest listed speed; time
+is processor time per revolution. Compilation and tables are in `setup_seconds`.
+"""
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from camopt.cam.lift import Lift
+from camopt.measure.hermite import Hermite
+from camopt.measure.metrics import measure
+from camopt.scene import Response, Scene, Train, build_train
+from camopt.scene.response import end_state, joined
+from camopt.scene.units import MM
+from camopt.scene.vibration import highest_rate
+from camopt.study.reduce.reduction import at_rest
+from camopt.study.tradeoff.dormand_prince import dormand_prince, problem, right_hand_side
+from camopt.study.tradeoff.tradeoff import REFERENCE, Work, timed
+from camopt.verifier.methods import dop853, houbolt, rkg, tmm
+
+try:
+    from sksundae.cvode import CVODE  # pyright: ignore[reportMissingImports]  # an extra, "peers"
+except ImportError:
+    CVODE = None
+
+FIGURES = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s")
+ANGLES = 720
+"""Angles of the revolution at which lifts are compared."""
+PEER_ANGLES = 3600
+"""Angles per revolution at which a peer reports its state; what its seating velocity is off by is mostly theirs."""
+PHASES = {"small": (0.3,), "full": (0.6, 0.3, 0.1, 0.03)}
+"""Step times highest rate [rad] of the fixed-step methods."""
+EVENT_STEPS = {"small": (720,), "full": (360, 1440, 5760)}
+REFERENCE_STEPS = 20_000
+TOLERANCES = {
+    "Dormand-Prince, compiled": (1e-4, 1e-6, 1e-8, 1e-10),
+    "SciPy LSODA": (1e-4, 1e-6, 1e-9),
+    "SciPy DOP853": (1e-4, 1e-6, 1e-9),
+    "SciPy Radau": (1e-3, 1e-5),
+    "CVODE Adams": (1e-4, 1e-6, 1e-9),
+}
+SIDE_BY_SIDE = 16
+
+
+class Case:
+    """A speed: train, cam and rest state, and how figures are taken."""
+
+    def __init__(self, scene: Scene, cam: Lift, speed_rpm: float):
+        self.scene, self.cam, self.speed_rpm = scene, cam, speed_rpm
+        self.train, self.cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
+        self.rest = at_rest(self.train)
+        self.name = f"revolution at {speed_rpm:g} r/min"
+
+    def two(self, revolve) -> Response:
+        """Two revolutions from rest: the bounce of the first ends in the second."""
+        first = revolve(self.rest)
+        return joined([first, revolve(end_state(first))])
+
+    def figures(self, motion: Response) -> dict:
+        """Bounce, jump, seating velocity, and the valve's lift over the first revolution."""
+        metrics = measure(motion, self.cam)
+        return {**{name: metrics[name][0] for name in FIGURES}, "lift_mm": valve_lift(motion)}
+
+    def measured(self, run: Callable[[], Response]) -> dict:
+        times, motion = timed(run, 2)
+        assert isinstance(motion, Response)
+        return {**times, "figures": self.figures(motion)}
+
+
+def valve_lift(motion: Response) -> np.ndarray:
+    """Valve position at ANGLES + 1 angles of the first revolution [mm]."""
+    grid, valve = np.linspace(-np.pi, np.pi, ANGLES + 1), motion.train.valve
+    return Hermite(motion.angle, motion.x[:, valve], motion.v[:, valve] / motion.cam_speed)(grid) / MM
+
+
+def method_work(scene: Scene, cam: Lift, size: str) -> list[Work]:
+    """The measurements of all methods."""
+    assert scene.operation is not None
+    speeds = scene.operation.speeds_rpm
+    cases = [Case(scene, cam, s) for s in sorted({min(speeds), max(speeds)})]
+    work: list[Work] = []
+    for case in cases[-1:] if size == "small" else cases:
+        work += [*_reference(case), *_fixed_steps(case, size), *_peers(case, size)]
+        if size == "full":
+            from camopt.study.tradeoff.smooth_path import smooth_work
+
+            work += smooth_work(case)
+    return work + _side_by_side(cases[-1], size)
+
+
+def _event(case: Case, steps: int | None):
+    from camopt.exact import engine
+
+    return engine.prepare(case.train, case.cam, case.cam_speed, steps)
+
+
+def _reference(case: Case) -> list[Work]:
+    """Event-exact at fine samples with its adjoint's gradient; located DOP853 where laws are not linear."""
+    linear = case.train.laws is None
+    method = "event-exact" if linear else "DOP853, located"
+
+    def reference() -> dict:
+        prepare = _event if linear else lambda c, steps: dop853.prepare(c.train, c.cam, c.cam_speed, steps)
+        figures = case.figures(case.two(prepare(case, REFERENCE_STEPS)))
+        return {"figures": {**figures, **({"gradient": exact_gradient(case)} if linear else {})}}
+
+    return [Work(case.name, REFERENCE, f"{method}, {REFERENCE_STEPS} samples", reference)]
+
+
+def exact_gradient(case: Case) -> np.ndarray:
+    """Seating velocity of the first revolution by every stiffness, times that stiffness [m/s], by the adjoint."""
+    from camopt.exact.adjoint.gradient import TracedMotion
+
+    motion = TracedMotion(case.train, case.cam, case.cam_speed, case.rest, 1, mechanical=True)
+    slopes = motion.gradient(("seating_velocity_m_per_s",)).by_train
+    assert slopes is not None, "asked for by mechanical"
+    return slopes.stiffness[0] * case.train.stiffness
+
+
+def _fixed_steps(case: Case, size: str) -> list[Work]:
+    """Event-exact, Runge-Kutta-Gill, both transition matrix methods, Houbolt, located DOP853."""
+    arguments, work = (case.train, case.cam, case.cam_speed), []
+    linear = case.train.laws is None
+
+    def add(method: str, setting: str, prepare: Callable):
+        def run() -> dict:
+            revolve = prepare()
+            return case.measured(lambda: case.two(revolve))
+
+        work.append(Work(case.name, method, setting, run))
+
+    for steps in EVENT_STEPS[size] if linear else ():
+        add("event-exact", f"{steps} samples", partial(_event, case, steps))
+    if linear and size == "full":
+        work.append(Work(case.name, "event-exact, adjoint", "default step", lambda: _timed_gradient(case)))
+    methods = {"Runge-Kutta-Gill": rkg.prepare}
+    if linear:
+        methods |= {
+            "transition matrix": tmm.prepare,
+            "transition matrix, exponential": partial(tmm.prepare, exponential=True),
+            "Houbolt": houbolt.prepare,
+        }
+    for phase in PHASES[size]:
+        steps = max(720, int(np.ceil(2 * np.pi * highest_rate(case.train) / case.cam_speed / phase)))
+        for name, prepare in methods.items():
+            add(name, f"{steps} steps", partial(prepare, *arguments, steps))
+    if size == "full":
+        for steps in (1440, 5760):
+            add("DOP853, located", f"{steps} samples", partial(dop853.prepare, *arguments, steps))
+    return work
+
+
+def _timed_gradient(case: Case) -> dict:
+    times, gradient = timed(lambda: exact_gradient(case))
+    return {**times, "figures": {"gradient": gradient}}
+
+
+def _peers(case: Case, size: str) -> list[Work]:
+    """What a user would take instead, on one compiled right-hand side."""
+    if case.train.laws is not None:
+        return []
+    return [
+        Work(case.name, name, f"rtol {rtol:g}", lambda n=name, r=rtol: case.measured(lambda: peer(case, n, r)))
+        for name, tolerances in TOLERANCES.items()
+        for rtol in (tolerances if size == "full" else tolerances[:1])
+        if (CVODE is not None or name != "CVODE Adams") and (size == "full" or name != "SciPy Radau")
+    ]
+
+
+def peer(case: Case, name: str, rtol: float) -> Response:
+    """Two revolutions by a general solver. Raises RuntimeError where it gives up."""
+    arrays, derivative = problem(case.train, case.cam, case.cam_speed), np.empty(len(case.rest))
+    times = np.linspace(0.0, 4 * np.pi / case.cam_speed, 2 * PEER_ANGLES + 1)
+    longest = times[-1] / 400  # from rest the step grows without bound and leaps over the whole event
+
+    def slope(t, y):
+        right_hand_side(t, y, derivative, *arrays)
+        return derivative.copy()
+
+    def in_place(t, y, out):
+        right_hand_side(t, np.asarray(y), derivative, *arrays)
+        out[:] = derivative
+
+    if name.startswith("Dormand"):
+        states, _ = dormand_prince(case.rest, times, rtol, rtol * 1e-3, *arrays)
+    elif name.startswith("CVODE"):
+        assert CVODE is not None
+        solver = CVODE(in_place, method="Adams", rtol=rtol, atol=rtol * 1e-3, max_num_steps=10**7, max_step=longest)
+        states = solver.solve(times, case.rest).y
+    else:
+        method, atol = name.removeprefix("SciPy "), rtol * 1e-3
+        done = solve_ivp(slope, (0.0, times[-1]), case.rest, method, times, rtol=rtol, atol=atol, max_step=longest)
+        if not done.success:
+            raise RuntimeError(done.message)
+        states = done.y.T
+    return _response(case.train, case.cam, case.cam_speed, times, states)
+
+
+def _response(train: Train, cam: Lift, cam_speed: float, times: np.ndarray, states: np.ndarray) -> Response:
+    """A record without forces, which none of FIGURES reads."""
+    angle, n = times * cam_speed - np.pi, len(train.mass)
+    cam_lift = cam((angle + np.pi) % (2 * np.pi) - np.pi)
+    return Response(
+        train, cam_speed, angle, cam_lift, states[:, :n], states[:, n:], np.zeros((len(times), len(train.a)))
+    )
+
+
+def _side_by_side(case: Case, size: str) -> list[Work]:
+    """Many speeds just below the highest: lifts of all, time per revolution of one."""
+    name, linear = f"{SIDE_BY_SIDE} speeds side by side up to {case.speed_rpm:g} r/min", case.train.laws is None
+    cam_speeds = np.linspace(0.95, 1.0, SIDE_BY_SIDE) * case.cam_speed
+
+    def loop(prepare: Callable, steps: int) -> dict:
+        revolves = [prepare(case.train, case.cam, s, steps) for s in cam_speeds]
+        times, lifts = timed(lambda: np.array([valve_lift(r(case.rest)) for r in revolves]), SIDE_BY_SIDE)
+        return {**times, "figures": {"lift_mm": lifts}}
+
+    def exact(steps: int) -> dict:
+        from camopt.exact import engine
+
+        return loop(engine.prepare, steps)
+
+    fixed = {s: partial(loop, rkg.prepare, s) for s in (2880, 11_520)}
+    truth = partial(exact, REFERENCE_STEPS) if linear else partial(loop, dop853.prepare, 5760)
+    work = [Work(name, REFERENCE, "fine samples", truth)]
+    work += [Work(name, "event-exact", f"{s} samples", partial(exact, s)) for s in ((1440,) if linear else ())]
+    work += [Work(name, "Runge-Kutta-Gill", f"{steps} steps", run) for steps, run in fixed.items()]
+    if size == "full":
+        from camopt.study.tradeoff.smooth_path import batch_work
+
+        work += batch_work(name, case, cam_speeds)
+    return work

@@ -1,0 +1,121 @@
+"""Work-precision of the smooth path: refined grid, equal steps in two precisions, diffrax, gradients, batches (JAX)."""
+
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from camopt.scene import MotionRefused, Response
+from camopt.smooth.batch import batch_motion, stage_lifts
+from camopt.smooth.metrics import revolution_metrics
+from camopt.smooth.rest import rest_state
+from camopt.smooth.simulate import lift_samples, prepare, response_arrays, touch_layer
+from camopt.smooth.system import build_system
+from camopt.study.tradeoff.methods import Case, valve_lift
+from camopt.study.tradeoff.tradeoff import Work, timed
+
+REFINED_EPS = (1e-6, 1e-7, 1e-8, 2e-9)
+EQUAL_EPS = (1e-5, 1e-6, 1e-7)
+EQUAL_STEPS = (1440, 5760)
+TOLERANCE_OF_EPS = 5e-3
+GRADIENT_EPS = (1e-6, 1e-7, 2e-9)
+GRADIENT_STEPS = 8192
+PRECISIONS = {"float64": jnp.float64, "float32": jnp.float32}
+
+
+def smooth_work(case: Case) -> list[Work]:
+    """Measures one motion: refined grids by eps, equal steps by step, eps, precision; diffrax; gradients."""
+    work = []
+
+    def refined(eps: float, method: str, tolerance: float) -> dict:
+        revolve = prepare(case.train, case.cam, case.cam_speed, eps=eps, tolerance=tolerance, method=method)
+        return case.measured(lambda: case.two(revolve))
+
+    for eps in REFINED_EPS:
+        run = partial(refined, eps, "scan", eps * TOLERANCE_OF_EPS)
+        work.append(Work(case.name, "smooth, refined grid", f"eps {eps:g} m", run))
+    for tolerance in (1e-8, 1e-10):
+        setting = f"eps 1e-07 m, tolerance {tolerance:g} m"
+        work.append(Work(case.name, "smooth, diffrax tsit5", setting, partial(refined, 1e-7, "tsit5", tolerance)))
+    for name in PRECISIONS:
+        for steps in EQUAL_STEPS:
+            for eps in EQUAL_EPS:
+                run = partial(_equal, case, name, steps, eps)
+                work.append(Work(case.name, f"smooth, equal steps, {name}", f"{steps} steps, eps {eps:g} m", run))
+    if case.train.laws is None:  # the reference of gradients is the exact adjoint
+        for eps in GRADIENT_EPS:
+            run = partial(_gradient, case, eps)
+            work.append(Work(case.name, "smooth, refined grid, reverse mode", f"eps {eps:g} m", run))
+    return work
+
+
+def equal_steps(case: Case, precision: str, steps: int, cam_speeds: np.ndarray):
+    """A compiled function from (states (2, n, b), eps) to one revolution of b motions, and the states at rest."""
+    dtype = PRECISIONS[precision]
+    system, width = build_system(case.train, dtype), len(cam_speeds)
+    stages = jnp.broadcast_to(jnp.asarray(stage_lifts(case.cam, steps), dtype)[..., None], (2, steps, 6, width))
+    speeds = jnp.asarray(cam_speeds, dtype)
+    rest = jnp.broadcast_to(jnp.asarray(rest_state(case.train), dtype)[..., None], (2, len(case.train.mass), width))
+    run = jax.jit(lambda y, eps: batch_motion(system, stages, speeds, y, eps))
+    return (lambda y, eps: jax.block_until_ready(run(y, jnp.asarray(eps, dtype)))), rest
+
+
+def _equal(case: Case, precision: str, steps: int, eps: float) -> dict:
+    run, rest = equal_steps(case, precision, steps, np.array([case.cam_speed]))
+
+    def revolve(state: np.ndarray) -> Response:
+        y = jnp.asarray(state.reshape(2, -1, 1), rest.dtype)
+        motion = run(y, eps)
+        # the record's own angles and velocities are doubles: only the integration is judged
+        lift, x, v, force = (np.asarray(q[0], dtype=float) for q in motion[1:5])
+        if not np.all(np.isfinite(x)):
+            raise MotionRefused("the motion has no bound: the step is past the method's stability limit")
+        return Response(case.train, case.cam_speed, np.linspace(-np.pi, np.pi, steps + 1), lift, x, v, force)
+
+    return case.measured(lambda: case.two(revolve))
+
+
+def _gradient(case: Case, eps: float) -> dict:
+    """The gradient of the seating velocity by every stiffness, times the latter: reverse mode from a fixed start."""
+    system, samples = build_system(case.train), jnp.asarray(lift_samples(case.cam))
+    rest, half, foot = jnp.asarray(rest_state(case.train)), case.cam.half_duration, case.cam.opening_foot
+
+    @jax.jit
+    def gradient(factors):
+        def value(factors):
+            changed = eqx.tree_at(lambda s: s.stiffness, system, system.stiffness * factors)
+            tolerance = eps * TOLERANCE_OF_EPS
+            motion = response_arrays(
+                changed, samples, case.cam_speed, rest, eps, tolerance, revolutions=2, steps=GRADIENT_STEPS
+            )
+            metrics = revolution_metrics(changed, motion, case.cam_speed, half, foot, layer=touch_layer(eps))
+            return metrics["seating_velocity_m_per_s"]
+
+        return jax.grad(value)(factors)
+
+    factors = jnp.ones_like(system.stiffness)
+    times, found = timed(lambda: jax.block_until_ready(gradient(factors)), 2)
+    return {**times, "figures": {"gradient": np.asarray(found)}}
+
+
+def batch_work(name: str, case: Case, cam_speeds: np.ndarray) -> list[Work]:
+    """Measures many speeds in one compiled call, with the axis of the batch last."""
+
+    def run(precision: str, steps: int, eps: float) -> dict:
+        batch, rest = equal_steps(case, precision, steps, cam_speeds)
+        times, motion = timed(lambda: batch(rest, eps), len(cam_speeds))
+        lift, x, v, force = (np.asarray(q, dtype=float) for q in motion[1:5])
+        angle = np.linspace(-np.pi, np.pi, steps + 1)
+        records = [
+            Response(case.train, s, angle, *parts) for s, *parts in zip(cam_speeds, lift, x, v, force, strict=True)
+        ]
+        return {**times, "figures": {"lift_mm": np.array([valve_lift(r) for r in records])}}
+
+    return [
+        Work(name, f"smooth batch, {p}", f"{steps} steps, eps {eps:g} m", partial(run, p, steps, eps))
+        for p in PRECISIONS
+        for steps in EQUAL_STEPS
+        for eps in (1e-6, 1e-7)
+    ]

@@ -1,0 +1,55 @@
+"""What a verdict was asked for and what it delivered: the accuracy of bounce, in numbers and in words."""
+
+from collections.abc import Iterable
+from typing import Protocol
+
+import numpy as np
+
+from camopt.scene.units import MM, UM
+from camopt.verifier.convergence import FINEST, Converged
+
+
+class AtSpeed(Protocol):
+    """A speed of a verdict."""
+
+    @property
+    def speed_rpm(self) -> float: ...
+    @property
+    def bounce_range_mm(self) -> tuple[float, float]: ...
+    @property
+    def methods(self) -> dict[str, Converged]: ...
+
+
+def bounce_error_um(speed: AtSpeed) -> float:
+    """Estimated error of bounce [um]: what halved steps moved it by, and the range of an aperiodic motion; infinite
+    where there is no figure."""
+    first = next(iter(speed.methods.values()))
+    low, high = first.range["bounce_mm"]
+    error = first.error["bounce_mm"] + (0.0 if first.periodic else high - low)
+    return float(error * MM / UM) if np.isfinite(error) else np.inf
+
+
+def stated(speeds: Iterable[AtSpeed], asked_um: float, asked: str | float | None) -> dict:
+    """What verification.json says under "accuracy"; `asked` is the accuracy by name, where it has one."""
+    every = {s.speed_rpm: s for s in speeds}
+    errors = {rpm: bounce_error_um(s) for rpm, s in every.items()}
+    delivered = max(errors.values(), default=np.inf)
+    words = f"accuracy asked: {asked_um:g} um" + (f" ({asked})" if isinstance(asked, str) else "")
+    if delivered <= asked_um:
+        finest = delivered <= FINEST["bounce_mm"] * MM / UM * (1 + 1e-9)
+        words += f"; estimated error of bounce: {'at most ' if finest else ''}{delivered:.2g} um"
+    else:
+        ranges = [f"{_range(s.bounce_range_mm)} at {rpm:g} r/min" for rpm, s in every.items() if errors[rpm] > asked_um]
+        words += f"; not reached: bounce is known to a range only, {', '.join(ranges)}"
+    return {
+        "asked": asked_um if asked is None else asked,
+        "asked_um": asked_um,
+        "delivered_um": delivered if np.isfinite(delivered) else None,
+        "reached": bool(delivered <= asked_um),
+        "statement": words,
+    }
+
+
+def _range(values: tuple[float, float]) -> str:
+    low, high = values
+    return f"{low:.4f} to {high:.4f} mm" if np.isfinite(low + high) else "none (the valve does not seat)"

@@ -1,0 +1,162 @@
+"""Draws the figure of docs/model.md: `python -m docs.figures` writes docs/model-metrics.png.
+
+Everything in it is computed: the cam is the scene's Polydyne, the motion is the settled event-exact one, and the angles
+and values that the figure names are those that the metrics use.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+
+import camopt
+from camopt.cam.lift import Lift
+from camopt.exact.engine import prepare
+from camopt.measure.hermite import Hermite
+from camopt.measure.metrics import measure
+from camopt.measure.settling import settle
+from camopt.plots.style import BASE, LIMIT, new_figure, styled
+from camopt.scene.response import Response
+from camopt.scene.rest import rest_position
+from camopt.scene.train import build_train
+from camopt.scene.units import DEG, MM
+from camopt.storage import write_bytes
+
+SCENE, SPEED_RPM = "motori-1", 6000
+"""At this speed the scene's Polydyne jumps and bounces by amounts that can be seen."""
+PICTURE = Path(__file__).with_name("model-metrics.png")
+CAM, VALVE = "#9A6A00", "#0072B2"
+EVENT, WINDOW = "#e8eef4", "#f6ecd9"
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A cam's settled motion and what the figure names in it: angles in deg, lengths in mm."""
+
+    lift: Lift
+    response: Response
+    lash_mm: float
+    touch_deg: float
+    nominal_deg: float
+    figures: dict[str, float]  # metrics of the first measured revolution
+
+
+def motion() -> Drawn:
+    """The settled motion of the figure."""
+    scene = camopt.load_scene(SCENE)
+    train, lift = build_train(scene), camopt.polydyne(scene)
+    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    response = settle(prepare(train, lift, scene.cam_speed(SPEED_RPM)), rest).response
+    distance = Hermite(response.angle, response.seat_separation(), response.v[:, train.valve] / response.cam_speed)
+    touch = distance.falls_through_zero(0.0, 2 * np.pi + lift.opening_foot)[0]
+    figures = {name: float(values[0]) for name, values in measure(response, lift).items()}
+    return Drawn(lift, response, train.lash / MM, touch / DEG, lift.closing_angle(train.lash) / DEG, figures)
+
+
+@styled
+def model_metrics(drawn: Drawn):
+    """The cam's lift, the valve's motion above it, the separation in between and a zoom of the closing."""
+    figure = new_figure(8.4, 6.4)
+    top, below = figure.subfigures(2, 1, height_ratios=(1.25, 1))
+    whole = top.subplots()
+    jump, closing = below.subplots(1, 2, width_ratios=(1, 1.25))
+    _whole(whole, drawn)
+    _jump(jump, drawn)
+    _closing(closing, drawn)
+    return figure
+
+
+def _curves(drawn: Drawn) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Angle [deg], cam lift [mm] and distance of the valve from its seat touch [mm] of the record."""
+    response = drawn.response
+    return response.angle / DEG, response.lift / MM, response.seat_separation() / MM
+
+
+def _name(axes: Axes, words: str, at: tuple[float, float], text: tuple[float, float], **look) -> None:
+    """Writes words and an arrow from them to a point of the data."""
+    arrow = {"arrowstyle": "-|>", "linewidth": 0.7, "color": "#333333", "shrinkB": 1}
+    axes.annotate(words, at, text, fontsize=BASE - 1, arrowprops=arrow, va="center", **{"ha": "center"} | look)
+
+
+def _span(axes: Axes, low: float, high: float, height: float, words: str, above: float) -> None:
+    """Draws a double arrow from one angle to another, with words above it."""
+    axes.annotate("", (low, height), (high, height), arrowprops={"arrowstyle": "<|-|>", "linewidth": 0.8})
+    axes.text(0.5 * (low + high), height + above, words, ha="center", va="bottom", fontsize=BASE - 1)
+
+
+def _whole(axes: Axes, drawn: Drawn) -> None:
+    angle, cam, valve = _curves(drawn)
+    half, foot = drawn.lift.half_duration / DEG, drawn.lift.opening_foot / DEG
+    ramp = float(drawn.lift(-drawn.lift.half_duration)) / MM
+    axes.axvspan(-half, half, color=EVENT, zorder=0)
+    axes.plot(angle, cam, color=CAM, linestyle=(0, (5, 2)), label="lift of the cam above the base circle")
+    axes.plot(angle, valve, color=VALVE, label="distance s of the valve from where its seat touches")
+    axes.plot([-half, half], [ramp, ramp], "o", color=CAM, markersize=4)
+    axes.plot([foot, -foot], [0, 0], "s", color=CAM, markersize=4)
+    axes.axhline(drawn.lift.max_lift / MM, color="#888888", linewidth=0.7)
+    axes.text(-128, 9.55, f"maximum lift {drawn.lift.max_lift / MM:g} mm, ramps included", fontsize=BASE - 1)
+    _span(axes, -half, half, 1.1, f"duration D = {2 * half:g} deg, from ramp top to ramp top", 0.15)
+    axes.text(0, 2.5, "jump and contact forces are judged inside", ha="center", fontsize=BASE - 1)
+    _name(axes, f"ramp top: the lift is\nthe ramp height, {ramp:g} mm", (-half, ramp), (-93, 3.6))
+    _name(axes, "opening foot:\nthe lift\nleaves zero", (foot, 0), (-112, 1.6))
+    _name(axes, "closing foot", (-foot, 0), (114, 1.6))
+    _name(axes, "ramp top", (half, ramp), (93, 3.0))
+    axes.set(xlim=(-130, 130), ylim=(-0.3, 11.9), xlabel="cam angle [deg]", ylabel="mm")
+    axes.set_title(f"{SCENE}, its Polydyne, {SPEED_RPM} r/min, settled event-exact motion")
+    axes.legend(loc="upper right", fontsize=BASE - 1)
+
+
+def _jump(axes: Axes, drawn: Drawn) -> None:
+    response, half = drawn.response, drawn.lift.half_duration / DEG
+    angle = response.angle / DEG
+    gap = response.separation(response.train.cam_side[0]) / MM
+    inside = np.abs(angle) <= half
+    most = int(np.argmax(np.where(inside, gap, 0.0)))
+    axes.axvspan(-half, half, color=EVENT, zorder=0)
+    axes.fill_between(angle, gap, color=LIMIT, alpha=0.25, linewidth=0)
+    axes.plot(angle, gap, color=LIMIT)
+    words = f"jump {drawn.figures['jump_mm']:.2f} mm,\nover {drawn.figures['jump_deg']:.0f} deg in all"
+    _name(axes, words, (angle[most], gap[most]), (-30, 1.3 * gap[most]))
+    _name(axes, f"the lash\n({drawn.lash_mm:g} mm)", (-108, drawn.lash_mm), (-106, 0.94 * gap[most]))
+    axes.set(xlim=(-130, 130), ylim=(0, 1.45 * gap[most]), xlabel="cam angle [deg]", ylabel="mm")
+    axes.set_title("Separation of the contact at the cam")
+
+
+def _closing(axes: Axes, drawn: Drawn) -> None:
+    angle, cam, valve = _curves(drawn)
+    start, bounce = min(drawn.touch_deg, drawn.nominal_deg), drawn.figures["bounce_mm"]
+    low, high = start - 12, start + 26
+    window = (angle >= start) & (angle <= 180)
+    hop = np.flatnonzero(window)[np.argmax(valve[window])]
+    axes.axvspan(start, high, color=WINDOW, zorder=0)
+    axes.plot(angle, cam, color=CAM, linestyle=(0, (5, 2)))
+    axes.plot(angle, valve, color=VALVE)
+    axes.axhline(drawn.lash_mm, color="#888888", linewidth=0.7)
+    axes.plot([drawn.nominal_deg], [drawn.lash_mm], "o", color=CAM, markersize=4)
+    axes.plot([drawn.touch_deg], [0], "o", color=VALVE, markersize=4)
+    axes.text(low + 0.3, drawn.lash_mm + 0.01, f"lash {drawn.lash_mm:g} mm", fontsize=BASE - 1)
+    speed = drawn.figures["seating_velocity_m_per_s"]
+    _name(axes, f"touch, at the seating\nvelocity {speed:.2f} m/s", (drawn.touch_deg, 0), (start - 6.2, -0.085))
+    nominal = "nominal closing: the lift\nhas fallen to the lash"
+    _name(axes, nominal, (drawn.nominal_deg, drawn.lash_mm), (start + 14, 0.34))
+    words = f"bounce {bounce:.2f} mm: the\nlargest s in the window"
+    axes.plot([angle[hop]], [valve[hop]], "D", color=LIMIT, markersize=4)
+    _name(axes, words, (angle[hop], valve[hop]), (start + 18, 0.19))
+    axes.text(start + 0.5, 0.43, "the bounce window begins here and ends\nat the next opening foot", fontsize=BASE - 1)
+    axes.set(xlim=(low, high), ylim=(-0.14, 0.52), xlabel="cam angle [deg]", ylabel="mm")
+    axes.set_title("Closing")
+
+
+def main() -> None:
+    """Writes the picture."""
+    import io
+
+    content = io.BytesIO()
+    model_metrics(motion()).savefig(content, format="png", dpi=130)
+    write_bytes(PICTURE, content.getvalue())
+    print(PICTURE)
+
+
+if __name__ == "__main__":
+    main()

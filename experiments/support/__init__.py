@@ -1,0 +1,1 @@
+"""What the experiments share: records with their provenance, drawn scenes, fixed problems, and figures."""

@@ -1,0 +1,86 @@
+"""What the two gradient experiments share: a cam, bumps on it, and the truth of its seating velocity."""
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from scipy.interpolate import BSpline, PPoly
+
+from camopt.cam.lift import Lift
+from camopt.exact.engine import prepare
+from camopt.measure.metrics import measure
+from camopt.scene import Scene, Train, build_train, rest_position
+from camopt.scene.response import end_state, joined
+from camopt.scene.units import DEG
+
+METRIC = "seating_velocity_m_per_s"
+STEPS_OF_DIFFERENCES = (1e-7, 1e-8, 1e-9)
+"""Heights of a bump [m] for the central differences, of which the one that agrees best is taken."""
+SETTLING = 8
+"""Event-exact revolutions from rest before the one that is differentiated."""
+
+
+@cache
+def bump(i: int, count: int, interval_deg: float = 4.0, last_deg: float = 60.0) -> Lift:
+    """The i-th of `count` quintic B-splines on the lift [m, height 1], six intervals wide, their middles from -last_deg
+    to last_deg."""
+    knots = (np.linspace(-last_deg, last_deg, count)[i] + interval_deg * np.arange(-3.0, 4.0)) * DEG
+    pieces = PPoly.from_spline(BSpline.basis_element(knots).tck)
+    inside = [k for k in range(len(pieces.x) - 1) if pieces.x[k] < pieces.x[k + 1] and knots[0] <= pieces.x[k] < knots[-1]]  # fmt: skip  # noqa: E501
+    rows = np.vstack([np.zeros(6), pieces.c[::-1, inside].T, np.zeros(6)])
+    return Lift(np.concatenate([[-np.pi], knots, [np.pi]]), rows, 1.0)
+
+
+def scaled(lift: Lift, height: float) -> Lift:
+    return replace(lift, coefficients=height * lift.coefficients)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Gradients of the seating velocity by the heights z (m) of bumps on a cam, from a settled state per speed."""
+
+    scene: Scene
+    train: Train
+    lift: Lift
+    speeds_rpm: tuple[float, ...]
+    states: np.ndarray  # (s, 2n)
+    bumps: tuple[Lift, ...]
+
+    @property
+    def cam_speeds(self) -> np.ndarray:
+        return np.array([self.scene.cam_speed(rpm) for rpm in self.speeds_rpm])
+
+
+def problem(scene: Scene, lift: Lift, speeds_rpm: tuple[float, ...], bumps: int, **grid: float) -> Problem:
+    """From settled states; `grid` as of `bump`."""
+    train = build_train(scene)
+    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    states = np.array([prepare(train, lift, scene.cam_speed(rpm)).advance(rest, SETTLING) for rpm in speeds_rpm])
+    return Problem(scene, train, lift, speeds_rpm, states, tuple(bump(i, bumps, **grid) for i in range(bumps)))
+
+
+def exact_value(p: Problem, lift: Lift, speed: int) -> float:
+    """The metric of one event-exact revolution, on the verifier's side."""
+    revolve = prepare(p.train, lift, p.cam_speeds[speed], 2880)
+    first = revolve(p.states[speed])
+    return float(measure(joined([first, revolve(end_state(first))]), lift)[METRIC][0])
+
+
+def exact_differences(p: Problem, speed: int) -> np.ndarray:
+    """Central differences of event-exact by each bump (steps, m), for every step of `STEPS_OF_DIFFERENCES`."""
+
+    def slope(b: Lift, h: float) -> float:
+        up, down = (exact_value(p, p.lift.shifted(scaled(b, sign * h)), speed) for sign in (1.0, -1.0))
+        return (up - down) / (2 * h)
+
+    return np.array([[slope(b, h) for b in p.bumps] for h in STEPS_OF_DIFFERENCES])
+
+
+def against(found: np.ndarray, differences: np.ndarray) -> dict[str, float]:
+    """Relative error and cosine of a gradient (m) against the differences (steps, m) that agree best with it."""
+    error = np.linalg.norm(found - differences, axis=1) / np.linalg.norm(differences, axis=1)
+    if not np.any(np.isfinite(error)):
+        return {"relative_error": float("nan"), "cosine": float("nan")}
+    best = differences[int(np.nanargmin(error))]
+    cosine = found @ best / (np.linalg.norm(found) * np.linalg.norm(best)) if np.any(found) else 0.0
+    return {"relative_error": float(np.nanmin(error)), "cosine": float(cosine)}

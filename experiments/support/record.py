@@ -1,0 +1,35 @@
+"""What every experiment leaves: a small JSON with its provenance, and figures as PNG."""
+
+import argparse
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+import matplotlib
+from matplotlib.figure import Figure
+
+from camopt.plots.style import RC
+from camopt.storage import write_bytes, write_json
+from experiments.support.provenance import provenance
+
+RESULTS = Path(__file__).parents[1] / "results"
+DPI = 110
+"""Enough for reading on a screen; the figures live in the repository and shall stay small."""
+
+
+def write_result(name: str, size: str, content: dict, figures: dict[str, Figure], folder: Path = RESULTS) -> None:
+    """Writes `<name>.json` (the content under its provenance) and `<name>-<key>.png` for each figure."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_json(folder / f"{name}.json", {"provenance": provenance(name, size), **content})
+    for key, figure in figures.items():
+        buffer = io.BytesIO()
+        with matplotlib.rc_context(RC):
+            figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+        write_bytes(folder / f"{name}-{key}.png", buffer.getvalue())
+
+
+def run_script(main: Callable[[str], object], description: str | None) -> None:
+    """`python -m experiments.<name> [small|full]`."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("size", nargs="?", choices=("small", "full"), default="full")
+    main(parser.parse_args().size)

@@ -1,0 +1,185 @@
+"""Lift tables: camopt's own come back unsmoothed, tables from elsewhere only with their units named."""
+
+import numpy as np
+import pytest
+
+from camopt.cam.families.polydyne import polydyne
+from camopt.cam.lift import Lift
+from camopt.cam.read import read_cam
+from camopt.cam.tables.lift_table import read_lift_table, write_lift_table
+from camopt.scene import InputError, load_scene
+from camopt.scene.units import DEG, MM
+
+KODAMA = load_scene("kodama")
+POLYDYNE = polydyne(KODAMA)
+THETA = np.linspace(-np.pi, np.pi, 7207)
+# A quintic spline at 0.1 deg, whose only blemish is the jerk's step at the ramp tops (measured 7e-9 mm)
+OWN_TABLE = 2e-8 * MM
+
+
+def difference(one: Lift, other: Lift, order: int = 0) -> float:
+    return float(np.abs(one(THETA, order) - other(THETA, order)).max())
+
+
+class TestOwnTable:
+    def test_round_trip(self, tmp_path):
+        file = tmp_path / "lift.csv"
+        write_lift_table(file, POLYDYNE)
+        header, first = file.read_text().splitlines()[:2]
+        assert header == "cam_angle_deg,lift_mm,velocity_mm_per_deg,acceleration_mm_per_deg2,jerk_mm_per_deg3"
+        assert first == "-180.0,0.0,0.0,0.0,0.0"
+        back = read_cam(str(file), KODAMA)
+        assert difference(back, POLYDYNE) < OWN_TABLE
+        assert difference(back, POLYDYNE, 1) < 1e-6 * MM / DEG
+        assert back.half_duration == POLYDYNE.half_duration
+        assert back.area == pytest.approx(POLYDYNE.area, rel=1e-11)
+
+    def test_passes_through_every_sample(self, tmp_path):
+        file = tmp_path / "lift.csv"
+        write_lift_table(file, POLYDYNE, step_deg=1.0)
+        grid = np.arange(-180, 181) * DEG
+        np.testing.assert_allclose(read_cam(str(file), KODAMA)(grid), POLYDYNE(grid), atol=1e-12 * MM)
+
+    def test_base_circle_is_exactly_zero_and_joined_smoothly(self, tmp_path):
+        file = tmp_path / "lift.csv"
+        write_lift_table(file, POLYDYNE)
+        lift = read_cam(str(file), KODAMA)
+        assert lift.opening_foot == pytest.approx(POLYDYNE.opening_foot, abs=0.1 * DEG)
+        assert lift.opening_foot <= POLYDYNE.opening_foot
+        outside = np.concatenate([np.linspace(-np.pi, lift.opening_foot, 50), np.linspace(102 * DEG, np.pi, 50)])
+        assert np.all(lift(outside) == 0)
+        assert np.abs(lift(lift.opening_foot + 1e-9, 2)) < 1e-6 * np.abs(lift.extremes(2)).max()
+
+    def test_shifted_angles_are_refused(self, tmp_path):
+        file = tmp_path / "lift.csv"
+        write_lift_table(file, POLYDYNE)
+        file.write_text("\n".join(file.read_text().splitlines()[:-5]))
+        with pytest.raises(InputError, match="must run from -180 to 180"):
+            read_cam(str(file), KODAMA)
+
+    def test_units_against_its_own_names_are_refused(self, tmp_path):
+        file = tmp_path / "lift.csv"
+        write_lift_table(file, POLYDYNE)
+        with pytest.raises(InputError, match="against the units"):
+            read_cam(str(file), KODAMA, table_angle="crank", table_lift="mm")
+        assert difference(read_cam(str(file), KODAMA, "cam", "mm"), POLYDYNE) < OWN_TABLE
+
+    @pytest.mark.parametrize("step", [0.7, -1.0, float("nan")])
+    def test_steps_that_do_not_divide_the_turn(self, tmp_path, step):
+        with pytest.raises(InputError, match="divides 360"):
+            write_lift_table(tmp_path / "lift.csv", POLYDYNE, step)
+
+
+def foreign(folder, degrees, lift, delimiter=",", header="", name="cam.dat"):
+    file = folder / name
+    rows = [f"{a:.10f}{delimiter}{h:.15e}" for a, h in zip(degrees, lift, strict=True)]
+    file.write_text("\n".join([*filter(None, [header]), *rows]) + "\n")
+    return file
+
+
+class TestForeignTable:
+    @pytest.mark.parametrize("nose_deg", [-33.3, 0.0, 100.25, 180.0, 300.0])
+    @pytest.mark.parametrize(("kind", "per_cam"), [("cam", 1), ("crank", 2)])
+    def test_nose_goes_to_zero_wherever_the_table_has_it(self, tmp_path, nose_deg, kind, per_cam):
+        degrees = np.arange(0, 360.1, 0.25)
+        file = foreign(tmp_path, per_cam * degrees, POLYDYNE((degrees - nose_deg) * DEG) / MM)
+        lift = read_lift_table(file, KODAMA, kind, "mm")
+        # the step is 2.5 times that of camopt's own tables; the error at the jerk's step grows with its cube
+        assert difference(lift, POLYDYNE) < 20 * OWN_TABLE
+        # that error in lift, at the ramp's slope of 0.011 mm/deg
+        assert lift.half_duration / DEG == pytest.approx(72, abs=20 * OWN_TABLE / MM / 0.011)
+
+    @pytest.mark.parametrize(("unit", "metres"), [("mm", 1e-3), ("m", 1.0), ("inch", 0.0254)])
+    def test_units_of_lift(self, tmp_path, unit, metres):
+        degrees = np.arange(-180, 180.1, 0.5)
+        file = foreign(tmp_path, degrees, POLYDYNE(degrees * DEG) / metres)
+        assert read_lift_table(file, KODAMA, "cam", unit).max_lift == pytest.approx(9.4 * MM, abs=1e-6 * MM)
+
+    @pytest.mark.parametrize("delimiter", [",", ", ", ";", "\t", "  ", " ; "])
+    @pytest.mark.parametrize("header", ["", "angle{}lift", "# from a machine"])
+    def test_delimiters_and_headers(self, tmp_path, delimiter, header):
+        degrees = np.arange(-180, 180.1, 0.5)
+        file = foreign(tmp_path, degrees, POLYDYNE(degrees * DEG) / MM, delimiter, header.format(delimiter))
+        assert difference(read_lift_table(file, KODAMA, "cam", "mm"), POLYDYNE) < 1e-5 * MM
+
+    @pytest.mark.parametrize("delimiter", [";", "\t"])
+    def test_decimal_commas(self, tmp_path, delimiter):
+        degrees = np.arange(-180, 180.1, 0.5)
+        file = foreign(tmp_path, degrees, POLYDYNE(degrees * DEG) / MM, delimiter)
+        file.write_text(file.read_text().replace(".", ","))
+        assert difference(read_lift_table(file, KODAMA, "cam", "mm"), POLYDYNE) < 1e-5 * MM
+
+    def test_event_alone_is_completed_by_the_base_circle(self, tmp_path):
+        degrees = np.arange(-102, 102.1, 0.25)
+        file = foreign(tmp_path, degrees + 500, POLYDYNE(degrees * DEG) / MM)
+        lift = read_lift_table(file, KODAMA, "cam", "mm")
+        assert difference(lift, POLYDYNE) < 20 * OWN_TABLE
+        assert lift(2.5) == lift(-2.5) == 0
+
+    def test_turn_without_base_circle_is_interpolated_periodically(self, tmp_path):
+        degrees = np.arange(0, 360, 2.0)
+        file = foreign(tmp_path, degrees, 4 * (1 - np.cos((degrees - 77) * DEG)) + 0.1)
+        scene = KODAMA.model_copy(update={"design": KODAMA.design.model_copy(update={"duration_deg": 300})})
+        lift = read_lift_table(file, scene, "cam", "mm")
+        # interpolation of a sine by a quintic spline: a few times (2 deg)^6 / 720 of 4 mm
+        np.testing.assert_allclose(lift(THETA) / MM, 4 * (1 + np.cos(THETA)) + 0.1, atol=1e-9)
+        half = np.pi - np.arccos(1 - (0.265 - 0.1) / 4)
+        assert lift.half_duration == pytest.approx(half, abs=1e-8)
+
+    def test_keys_in_the_header_stand_for_the_options(self, tmp_path):
+        degrees = np.arange(-180, 180.1, 0.5)
+        header = "# table-angle = cam\n# table_lift: inch"
+        file = foreign(tmp_path, degrees, POLYDYNE(degrees * DEG) / 0.0254, header=header)
+        assert read_cam(str(file), KODAMA).max_lift == pytest.approx(9.4 * MM, abs=1e-6 * MM)
+
+    @pytest.mark.parametrize("options", [{}, {"table_angle": "cam"}, {"table_lift": "mm"}])
+    def test_unnamed_units_are_refused(self, tmp_path, options):
+        degrees = np.arange(-180, 180.1, 0.5)
+        file = foreign(tmp_path, degrees, POLYDYNE(degrees * DEG) / MM)
+        with pytest.raises(InputError, match=r"--table-angle cam\|crank --table-lift mm\|m\|inch") as error:
+            read_cam(str(file), KODAMA, **options)
+        assert "\n" not in str(error.value)
+
+    @pytest.mark.parametrize(
+        ("change", "says"),
+        [
+            (lambda rows: rows[::40], "19 rows, and at least 20"),
+            (lambda rows: [*rows[:30], rows[29], *rows[30:]], "line 31: the angle is repeated"),
+            (lambda rows: [*rows[:30], rows[31], rows[30], *rows[32:]], "line 32: the angle decreases"),
+            (lambda rows: [*rows[:30], "7,high", *rows[31:]], "line 31: expected finite numbers, found '7,high'"),
+            (lambda rows: [*rows[:30], "7,nan", *rows[31:]], "line 31: expected finite numbers"),
+            (lambda rows: [*rows[:30], "7", *rows[31:]], "line 31: 1 columns"),
+            (lambda rows: ["a,b", "c,d", *rows], "line 2: expected finite numbers"),
+            (lambda rows: [], "holds no numbers"),
+            (lambda rows: rows[200:], "begin and end on the base circle"),
+            (lambda rows: [*rows[:-1], "180,5"], "the two must be equal"),
+            (lambda rows: [*rows, "300,0"], "more than one turn"),
+            (lambda rows: [r.split(",")[0] + ",0" for r in rows], "check --table-lift"),
+            (lambda rows: [r + "e3" if "e" not in r else r.replace("e", "e+1") for r in rows], "check --table-lift"),
+            (lambda rows: [r if i in (360, 361) else r.split(",")[0] + ",0" for i, r in enumerate(rows)], "too coarse"),
+        ],
+    )
+    def test_faults(self, tmp_path, change, says):
+        degrees = np.arange(-180, 180.1, 0.5)
+        rows = [f"{a},{h:.9f}" for a, h in zip(degrees, POLYDYNE(degrees * DEG) / MM, strict=True)]
+        file = tmp_path / "cam.csv"
+        file.write_text("\n".join(change(rows)))
+        with pytest.raises(InputError, match=says) as error:
+            read_cam(str(file), KODAMA, "cam", "mm")
+        assert "\n" not in str(error.value)
+
+    def test_lift_below_the_ramp_height_has_no_duration(self, tmp_path):
+        design = KODAMA.design.model_copy(update={"ramp_height_mm": 9.39})
+        scene = KODAMA.model_copy(update={"design": design})
+        degrees = np.arange(-180, 180.1, 0.5)
+        file = foreign(tmp_path, degrees, 0.99 * POLYDYNE(degrees * DEG) / MM)
+        with pytest.raises(InputError, match="never passes"):
+            read_lift_table(file, scene, "cam", "mm")
+
+    def test_binary_and_missing_files(self, tmp_path):
+        file = tmp_path / "cam.dat"
+        file.write_bytes(b"\xff\xfe\x00\x01")
+        with pytest.raises(InputError, match="UTF-8"):
+            read_cam(str(file), KODAMA, "cam", "mm")
+        with pytest.raises(InputError, match="neither a family"):
+            read_cam(str(tmp_path / "none.csv"), KODAMA)

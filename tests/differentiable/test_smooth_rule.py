@@ -1,0 +1,94 @@
+"""`jax.grad` through `camopt.simulate(method="smooth", parameters=...)` against central differences of event-exact."""
+
+from dataclasses import replace
+from functools import cache
+
+import jax
+import numpy as np
+import pytest
+
+import camopt
+from camopt.cam.families.free import free_cam
+from camopt.exact.adjoint.gradient import rest_state
+from camopt.exact.adjoint.motion import TracedMotion
+from camopt.scene import InputError, build_train, load_scene
+from camopt.study.simulate.motion import motion_parameters
+
+SCENE = load_scene("kodama")
+CAM = camopt.polydyne(SCENE)
+RPM = 5000.0
+METRICS = ("seating_velocity_m_per_s", "contact_force_max_N")
+
+
+def measured(parameters, speed_rpm=RPM):
+    motion = camopt.simulate(SCENE, CAM, speed_rpm, method="smooth", step_deg=5.0, parameters=parameters)
+    values = jax.numpy.stack([motion[name].data[0] for name in METRICS])
+    return values, (values, motion["position_mm"].data)
+
+
+@cache
+def slopes():
+    """Metrics, motion and gradients by every parameter: one compilation."""
+    gradient, (values, positions) = jax.jit(jax.jacrev(measured, has_aux=True))(PARAMETERS)
+    return values, positions, gradient
+
+
+PARAMETERS = motion_parameters(SCENE, CAM)
+
+
+def exact(name: str, values: np.ndarray) -> np.ndarray:
+    """The metrics by event-exact with one parameter replaced."""
+    train, lift = build_train(SCENE), CAM
+    if name == "lift":
+        lift = replace(CAM, coefficients=values)
+    else:
+        train = replace(train, **{name: values})
+    return TracedMotion(train, lift, SCENE.cam_speed(RPM), rest_state(train), 2).values(METRICS)
+
+
+def test_values_are_those_of_event_exact():
+    values, positions, _ = slopes()
+    truth = camopt.simulate(SCENE, CAM, RPM, step_deg=5.0)
+    np.testing.assert_allclose(positions, truth["position_mm"], atol=1e-5)  # layers of 2e-9 m
+    np.testing.assert_allclose(values, exact("gap", PARAMETERS["gap"]), rtol=1e-3)
+
+
+@pytest.mark.parametrize("name", ["mass", "stiffness", "damping", "preload", "gap", "lift"])
+def test_gradients_are_those_of_event_exact(name):
+    """Along a random change of all numbers of a kind, in proportion to each; a lift is scaled."""
+    value, gradient = PARAMETERS[name], slopes()[2][name]
+    share = np.random.default_rng(7).uniform(-1.0, 1.0, value.shape)
+    share = 1.0 if name == "lift" else share
+    differences = []
+    for step in (1e-5, 1e-6):
+        pair = [exact(name, value * (1 + sign * step * share)) for sign in (1.0, -1.0)]
+        differences.append((pair[0] - pair[1]) / (2 * step))
+    found = np.tensordot(gradient, value * share, value.ndim)
+    error = np.min(np.abs(found - np.array(differences)), axis=0) / np.abs(differences[0])
+    assert np.all(error < 1e-2), (found, differences)
+
+
+def test_pieces_of_a_free_cam_are_affine_in_its_coefficients():
+    from camopt.differentiable.smooth_rule import samples_of_pieces
+    from camopt.smooth.simulate import lift_samples
+
+    cam = free_cam(SCENE.design, 12.0)
+    z = np.random.default_rng(1).normal(size=cam.Z.shape[1]) * 1e-3
+    matrix, offset = cam.piece_basis()
+    lift = cam.lift(z)
+    np.testing.assert_allclose(matrix @ z + offset, lift.coefficients, rtol=1e-9, atol=1e-15)
+    found = samples_of_pieces(lift.borders, jax.numpy.asarray(lift.coefficients))
+    np.testing.assert_allclose(found, lift_samples(lift), atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"parameters": {"lash": 0.0}}, "'lash': expected one of mass"),
+        ({"parameters": {"gap": np.zeros(3)}}, r"\(3,\): \(12,\) is needed"),
+        ({"parameters": {}, "method": "rkg"}, "'rkg' with parameters"),
+    ],
+)
+def test_unusable_parameters(options, says):
+    with pytest.raises(InputError, match=says):
+        camopt.simulate(SCENE, CAM, RPM, **({"method": "smooth"} | options))

@@ -1,0 +1,99 @@
+"""The energy balance closes on event-exact records, and only with the right signs, dampers and contact law."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from camopt.cam.families.polydyne import polydyne
+from camopt.exact import prepare
+from camopt.measure.energy import energy
+from camopt.scene import build_train, load_scene, rest_position
+from camopt.scene.response import end_state, joined
+from camopt.verifier.methods import rkg, tmm
+from tests.verifier.trains import ball_on_seat, no_lift, smooth_lift, two_springs
+
+CLOSED = 1e-8
+"""Residual by the largest stored energy that counts as closed: docs/model.md defines what counts as dissipated."""
+
+
+@cache
+def second_revolution(name, rpm):
+    scene = load_scene(name)
+    lift, train = polydyne(scene), build_train(scene)
+    revolve = prepare(train, lift, scene.cam_speed(rpm), 7200)
+    first = revolve(np.concatenate([rest_position(train), np.zeros(len(train.mass))]))
+    return revolve(end_state(first)), lift
+
+
+CASES = [("kodama", 5000), ("kodama", 7000), ("motori-1", 5000), ("motori-1", 7000)]
+
+
+@pytest.mark.parametrize(("name", "rpm"), CASES)
+def test_balance_closes_on_event_exact_records(name, rpm):
+    found = energy(*second_revolution(name, rpm))
+    assert abs(found.residual_relative) < CLOSED
+    peak = found.stored.max()
+    assert found.put_in > 1e-3 * peak and found.dissipated > 1e-3 * peak
+    assert np.all(found.damped >= 0) and np.all(found.damped_to_ground >= 0) and np.all(found.left >= 0)
+    assert found.left.sum() > 1e3 * CLOSED * peak  # so the balance would not close without it
+
+
+@pytest.mark.parametrize(("name", "rpm"), CASES)
+def test_a_damper_that_works_with_the_wrong_sign_opens_the_balance(name, rpm):
+    found = energy(*second_revolution(name, rpm))
+    for e in np.flatnonzero(found.damped > 1e-6 * found.stored.max()):
+        flipped = found.damped.copy()
+        flipped[e] = -flipped[e]
+        assert abs(replace(found, damped=flipped).residual_relative) > 10 * CLOSED
+    assert abs(replace(found, by_cam=-found.by_cam).residual_relative) > 1e5 * CLOSED
+
+
+@pytest.mark.parametrize("part", ["stiffness", "damping", "mass", "preload"])
+def test_a_record_of_another_train_does_not_balance(part):
+    response, lift = second_revolution("kodama", 7000)
+    other = replace(response.train, **{part: getattr(response.train, part) * 1.001})
+    assert abs(energy(replace(response, train=other), lift).residual_relative) > 100 * CLOSED
+
+
+def test_undamped_drop_keeps_its_energy():
+    fall, weight, stiffness = 0.2, 10.0, 4e4
+    response = prepare(ball_on_seat(stiffness, 0.0), no_lift(), 2 * np.pi / 2.0, 4000)(np.array([fall, 0.0]))
+    assert np.count_nonzero(np.diff(response.force[:, 0] > 0)) > 6  # it bounced
+    found = energy(response, no_lift())
+    total = found.stored + weight * response.x[:, 0]  # potential of the weight: what its work has not put in yet
+    assert np.abs(total - weight * fall).max() < 1e-12 * weight * fall
+    assert found.dissipated == found.left.sum() == 0.0
+    assert found.by_forces.sum() == pytest.approx(weight * (fall - response.x[-1, 0]), rel=1e-9)
+
+
+def test_what_an_opening_contact_still_holds_is_left_behind():
+    stiffness, damping = 4e4, 120.0
+    response = prepare(ball_on_seat(stiffness, damping), no_lift(), 2 * np.pi / 0.6, 8000)(np.array([0.2, 0.0]))
+    jump = np.flatnonzero(np.diff(response.angle) == 0)
+    openings = [i for i in jump if response.x[i, 0] < 0 and response.force[i - 1, 0] > response.force[i + 1, 0]]
+    held = sum(0.5 * stiffness * response.x[i, 0] ** 2 for i in openings)
+    found = energy(response, no_lift())
+    assert held > 1e-4 * found.stored.max()
+    assert found.left.sum() == pytest.approx(held, rel=1e-6)
+    assert abs(found.residual_relative) < CLOSED
+
+
+def test_records_add_up():
+    scene = load_scene("motori-1")
+    lift, train = polydyne(scene), build_train(scene)
+    revolve = prepare(train, lift, scene.cam_speed(6000), 3600)
+    one = revolve(np.concatenate([rest_position(train), np.zeros(1)]))
+    two = revolve(end_state(one))
+    parts, whole = (energy(one, lift), energy(two, lift)), energy(joined([one, two]), lift)
+    assert whole.put_in == pytest.approx(sum(p.put_in for p in parts), rel=1e-12)
+    assert whole.dissipated == pytest.approx(sum(p.dissipated for p in parts), rel=1e-12)
+
+
+@pytest.mark.parametrize(("method", "order"), [(rkg, 4), (tmm, 3)])
+def test_without_located_contacts_the_residual_is_the_error_of_the_method(method, order):
+    start, lift = np.array([0.02, -0.03, 0.4, -0.2]), smooth_lift(0.5)
+    runs = [method.prepare(two_springs(), lift, 1.5, steps)(start) for steps in (1600, 6400)]
+    coarse, fine = (abs(energy(run, lift).residual) for run in runs)
+    assert np.log(coarse / fine) / np.log(4) == pytest.approx(order, abs=0.25)

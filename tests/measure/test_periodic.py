@@ -1,0 +1,131 @@
+"""Periodic states of maps whose fixed point and eigenvalues are known, and of a train that settles slowly."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from camopt.cam.families.polydyne import polydyne
+from camopt.exact import prepare
+from camopt.measure import periodic
+from camopt.measure.periodic import periodic_state
+from camopt.scene import MotionRefused, build_train, load_scene, rest_position
+from camopt.scene.response import end_state
+from tests.measure.test_settling import revolve_to
+
+FIXED = np.array([2e-3, -0.7])
+UNIT = np.array(periodic.UNIT)
+START = np.array([5e-3, 0.3])
+
+
+def turning(radius, cubic=0.0):
+    """A map about FIXED whose linear part turns by 40 degrees and scales by `radius` (in UNIT)."""
+    cos, sin = radius * np.cos(0.7), radius * np.sin(0.7)
+
+    def after(state):
+        y = (state - FIXED) / UNIT
+        return FIXED + UNIT * (np.array([[cos, -sin], [sin, cos]]) @ y + cubic * y**3)
+
+    return after
+
+
+def test_a_slow_stable_motion_is_found_in_a_few_revolutions():
+    found = periodic_state(revolve_to(turning(0.98)), START)
+    assert found.periodic and found.revolutions_to_state < 10  # plain: 0.98^k falls from 1e3 to 1e-4 in 800
+    assert np.abs((found.state - FIXED) / UNIT).max() < 1e-2
+    assert found.radius == pytest.approx(0.98, abs=1e-6)
+    assert found.revolutions == found.revolutions_to_state + 2  # the two columns of the Jacobian
+    assert np.array_equal(found.low, found.state) and np.array_equal(found.high, found.state)
+
+
+@pytest.mark.parametrize("radius", [1.0, 1.2])
+def test_an_unstable_fixed_point_is_no_motion(radius):
+    found = periodic_state(revolve_to(turning(radius)), FIXED + 3 * UNIT)
+    assert not found.periodic
+    assert found.residual < 1e-4 and found.radius == pytest.approx(radius, abs=1e-5)
+
+
+def test_an_aperiodic_motion_is_reported_with_its_range():
+    chaotic = revolve_to(lambda y: np.array([1e-3 * (1 - 2 * (y[0] / 1e-3) ** 2), 0.0]))  # Chebyshev: fills +-1 mm
+    found = periodic_state(chaotic, np.array([0.3e-3, 0.0]))
+    assert not found.periodic
+    assert -1e-3 <= found.low[0] < found.high[0] <= 1e-3
+    assert found.high[0] - found.low[0] > 0.5e-3
+    assert found.low[0] <= found.state[0] <= found.high[0]
+
+
+def test_newton_converges_quadratically_and_takes_a_given_jacobian(monkeypatch):
+    monkeypatch.setattr(periodic, "MOST_ACCELERATED", 0)
+    after, near = turning(0.9, cubic=1e-3), FIXED + 4 * UNIT
+    by_difference = periodic_state(revolve_to(after), near)
+    assert by_difference.periodic and by_difference.radius == pytest.approx(0.9, abs=1e-3)
+    seen = []
+
+    def jacobian(state):
+        seen.append(state)
+        y = (state - FIXED) / UNIT
+        turn = 0.9 * np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
+        return (turn + np.diag(3e-3 * y**2)) * UNIT[:, None] / UNIT[None, :]
+
+    given = periodic_state(revolve_to(after), near, jacobian)
+    assert given.periodic and len(seen) > 1
+    assert given.revolutions == 2 + 1 + len(seen) - 1  # plain, their image, one per step; the last is for the radius
+    assert np.abs((given.state - FIXED) / UNIT).max() < 1e-4
+
+
+def test_a_mixed_state_that_the_train_refuses_is_replaced_by_a_plain_revolution():
+    refused = []
+
+    def after(state):
+        y = state / UNIT
+        if y[0] < -1:
+            refused.append(y)
+            raise MotionRefused("out of bounds")
+        return UNIT * y * (1 - 0.5 / (1 + np.abs(y) / 10))  # steps shrink towards 0: a secant goes past it
+
+    found = periodic_state(revolve_to(after), UNIT * [40.0, 0.0])
+    assert refused and found.periodic
+    assert np.abs(found.state / UNIT).max() < 1e-3 and found.radius == pytest.approx(0.5, abs=1e-2)
+
+
+def test_a_motion_that_is_refused_at_once_stays_refused():
+    with pytest.raises(MotionRefused, match="stability"):
+        periodic_state(revolve_to(lambda y: np.inf * y), START)
+
+
+@cache
+def surging():
+    """Kodama's train with a quarter of its coils' damping: surge takes fifty revolutions to die out."""
+    scene = load_scene("kodama")
+    train = build_train(scene)
+    coils = train.stiffness < 1e6
+    train = replace(train, damping=np.where(coils, 0.25 * train.damping, train.damping))
+    return train, polydyne(scene), scene.cam_speed(5000)
+
+
+def test_agrees_with_plain_settling():
+    train, lift, cam_speed = surging()
+    revolve = prepare(train, lift, cam_speed)
+    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    found = periodic_state(revolve, rest)
+    state, changes = rest, []
+    for _ in range(80):
+        after = end_state(revolve(state))
+        changes.append(np.linalg.norm((after - state) / np.repeat(UNIT, len(train.mass))))
+        state = after
+    n = len(train.mass)
+    assert found.periodic
+    assert np.abs(found.state - state)[:n].max() < 1e-9
+    assert found.revolutions < np.argmax(np.array(changes) < 1e-4)  # with the Jacobian, sooner than plain settling
+    decay = (changes[55] / changes[20]) ** (1 / 35)
+    assert found.radius == pytest.approx(decay, abs=0.02)
+
+
+def test_a_bouncing_train_is_aperiodic():
+    scene = load_scene("kodama")
+    train = build_train(scene)
+    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    found = periodic_state(prepare(train, polydyne(scene), scene.cam_speed(7000)), rest)
+    assert not found.periodic and found.residual > 1
+    assert (found.high - found.low)[: len(train.mass)].max() > 1e-5

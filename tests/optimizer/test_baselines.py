@@ -1,0 +1,159 @@
+"""The search for the largest-area member of a family: limits kept, least bounce said, same call same cam, resumed."""
+
+import json
+
+import numpy as np
+import pytest
+
+from camopt.cam.families.new_design import new_design
+from camopt.cam.families.polydyne import polydyne
+from camopt.cam.read import FAMILIES
+from camopt.exact import prepare
+from camopt.measure.limits import broken_by_shape
+from camopt.measure.sweep import at_speeds
+from camopt.optimizer.baselines import largest_member as baselines
+from camopt.optimizer.baselines.family_spaces import family_space
+from camopt.optimizer.baselines.largest_member import Motion, excess, largest_area_member
+from camopt.scene import InputError, load_scene
+from camopt.scene.units import MM, MM_PER_DEG2
+
+KODAMA = load_scene("kodama")
+FREED = KODAMA.design.model_copy(update={"jerk_max_mm_per_deg3": None})
+SLOW = (5000.0, 6000.0)
+
+
+def ratio(lift) -> float:
+    return lift.area_ratio(9.4 * MM)
+
+
+class TestSpaces:
+    @pytest.mark.parametrize("family", FAMILIES)
+    @pytest.mark.parametrize("jerk", [True, False])
+    def test_every_family_has_members_between_its_bounds(self, family, jerk):
+        space = family_space(KODAMA, family, jerk)
+        low, high = np.array(space.bounds).reshape(-1, 2).T
+        assert np.all(low < high)
+        lift = space.member(0.6 * low + 0.4 * high)
+        assert 0.3 < ratio(lift) < 0.65082
+        for x in space.known:
+            assert np.all((low <= x) & (x <= high))
+
+    @pytest.mark.parametrize(("family", "reached"), [("multi-pol", 0.602), ("new-design", 0.5505)])
+    def test_known_members_hold_and_are_the_plain_ones(self, family, reached):
+        """`reached` by a long search without any start, see tests/cam/test_families.py."""
+        space = family_space(KODAMA, family, True)
+        best = max(ratio(lift) for x in space.known if excess(lift := space.member(np.array(x)), KODAMA.design) == 0)
+        assert best == pytest.approx(reached, abs=2e-3)
+
+    def test_using_less_of_a_limit_keeps_it(self):
+        space = family_space(KODAMA, "multi-pol", False)
+        x = np.array(space.known[0])
+        x[-2:] = 0.95, 0.9
+        low, high = (value / MM_PER_DEG2 for value in space.member(x).extremes(2))
+        assert high == pytest.approx(0.95 * 0.015, rel=1e-6)
+        assert low == pytest.approx(-0.9 * 0.008, rel=5e-3)  # control points lie beyond the extremes
+
+    @pytest.mark.parametrize(
+        ("family", "says"),
+        [
+            ("polydyne:exponents=2/10/18/26/34", "chooses exponents"),
+            ("multi-pol:a12_mm_per_deg2=0.01", "chooses a12"),
+            ("sinusoid", "not a family"),
+            ("new-design:ratio=0", "expected"),
+        ],
+    )
+    def test_faults(self, family, says):
+        with pytest.raises(InputError, match=says) as error:
+            family_space(KODAMA, family, True)
+        assert "\n" not in str(error.value)
+
+
+def test_excess_is_relative_to_the_limit():
+    lift = polydyne(KODAMA)
+    highest = lift.extremes(2)[1] / MM_PER_DEG2
+    assert excess(lift, FREED) == pytest.approx(highest / 0.015 - 1, rel=1e-9)
+    assert excess(lift, FREED.model_copy(update={"acceleration_max_mm_per_deg2": 0.016})) == 0
+    assert (
+        excess(new_design(KODAMA, (15.8, 9.9, 11.0, 35.3), 0.0125, j34=0.00044), KODAMA.design) == 1.0
+    )  # a step in acceleration
+
+
+class TestSearch:
+    def test_bounce_limit_is_held_and_costs_area(self):
+        found = largest_area_member(KODAMA, "trapezoid", False, 0.03, 96, speeds_rpm=SLOW)
+        assert found.holds
+        assert broken_by_shape(found.lift, FREED) == []
+        rows = at_speeds(prepare, KODAMA, found.lift, SLOW)
+        assert max(row["bounce_mm"] for row in rows) == pytest.approx(found.figures["bounce_mm"], abs=1e-9)
+        assert max(row["jump_mm"] for row in rows) == pytest.approx(found.figures["jump_mm"], abs=1e-9)
+        assert found.figures["bounce_mm"] <= 0.03
+        free = largest_area_member(KODAMA, "trapezoid", False, None, 96, speeds_rpm=SLOW)
+        assert free.holds
+        assert free.area_ratio > found.area_ratio > 0.5
+        assert free.figures["bounce_mm"] > 0.03
+
+    def test_exponents_are_searched_too(self):
+        found = largest_area_member(KODAMA, "exponent", False, None, 64, speeds_rpm=(5000.0,))
+        assert found.holds  # the plain one does not: its acceleration is 0.0166 mm/deg2
+        assert found.area_ratio > 0.54
+
+    def test_least_bounce_is_returned_and_said(self):
+        found = largest_area_member(KODAMA, "trapezoid", True, 1e-3, 64, speeds_rpm=(7000.0,))
+        assert not found.holds
+        assert f"{found.figures['bounce_mm']:.4g} mm is the least reached" in found.says
+        start = family_space(KODAMA, "trapezoid", True)
+        plain = Motion(KODAMA, (7000.0,)).worst(start.member(np.array(start.known[1])))
+        assert found.figures["bounce_mm"] < 0.9 * plain["bounce_mm"]
+
+    def test_limits_that_no_member_meets_are_said(self):
+        design = KODAMA.design.model_copy(update={"acceleration_max_mm_per_deg2": 0.004})
+        found = largest_area_member(KODAMA.model_copy(update={"design": design}), "trapezoid", True, None, 64)
+        assert not found.holds
+        assert found.says.startswith("no trapezoid cam found within the limits on the shape")
+
+    def test_shape_alone_is_the_plain_largest_area(self):
+        found = largest_area_member(KODAMA, "multi-pol", False, None, 64, speeds_rpm=(5000.0,))
+        assert found.area_ratio == pytest.approx(0.635, abs=1e-3)
+        assert found.figures["bounce_mm"] >= 0
+
+    def test_interrupted_search_goes_on_to_the_same_cam(self, tmp_path, monkeypatch):
+        asked = {"family": "trapezoid", "jerk": False, "bounce_max_mm": 0.03, "evaluations": 64}
+        asked["speeds_rpm"] = (6000.0,)
+        whole = largest_area_member(KODAMA, **asked)
+        worst, calls = Motion.worst, []
+
+        def interrupted(self, *args):
+            calls.append(args)
+            if len(calls) == 4:
+                raise KeyboardInterrupt
+            return worst(self, *args)
+
+        monkeypatch.setattr(Motion, "worst", interrupted)
+        journal = tmp_path / "search.jsonl"
+        with pytest.raises(KeyboardInterrupt):
+            largest_area_member(KODAMA, **asked, journal=journal)
+        journal.write_text(journal.read_text() + '{"at": [2.0, 1')  # cut off in the middle of a line
+        monkeypatch.setattr(Motion, "worst", worst)
+        resumed = largest_area_member(KODAMA, **asked, journal=journal)
+        assert np.array_equal(resumed.lift.coefficients, whole.lift.coefficients)
+        assert resumed.judged < whole.judged
+        lines = [json.loads(line) for line in journal.read_text().splitlines()]
+        assert len({tuple(line["at"]) for line in lines[1:]}) == len(lines) - 1  # nothing is judged twice
+        with pytest.raises(InputError, match="another search"):
+            largest_area_member(KODAMA, **asked | {"seed": 1}, journal=journal)
+
+    @pytest.mark.parametrize(
+        ("keywords", "says"), [({"evaluations": 10}, "at least"), ({"bounce_max_mm": 0.0}, "above 0")]
+    )
+    def test_faults(self, keywords, says):
+        with pytest.raises(InputError, match=says):
+            largest_area_member(KODAMA, "trapezoid", **keywords)
+
+
+def test_a_family_without_free_parameters_is_one_cam(monkeypatch):
+    one = baselines.family_space(KODAMA, "polydyne", False)
+    fixed = type(one)([], lambda _: polydyne(KODAMA))
+    monkeypatch.setattr(baselines, "family_space", lambda *_: fixed)
+    found = largest_area_member(KODAMA, "cycloidal", False, 0.05, speeds_rpm=(5000.0,))
+    assert (found.evaluations, found.holds) == (1, False)
+    assert "breaks acceleration_max_mm_per_deg2" in found.says

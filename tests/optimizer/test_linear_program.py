@@ -1,0 +1,111 @@
+"""Warm-started programs give the answers of SciPy's `linprog`, which starts cold on all rows at once."""
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from camopt.cam.families.free import free_cam
+from camopt.optimizer.program import linear_program
+from camopt.optimizer.program.kinematic import area_ratio_row
+from camopt.optimizer.program.linear_program import GaveUp, Infeasible, Rows, WarmModel, least_violation, maximise
+from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, no_jump_program
+from camopt.scene import build_train, load_scene
+
+FEW = np.arange(3)
+
+
+def cold(objective, rows: Rows, bound):
+    tight = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-9}
+    cost = objective * rows.column
+    return linprog(-cost, A_ub=rows.scaled, b_ub=bound / rows.norm, bounds=(None, None), method="highs", options=tight)
+
+
+def random_program(seed: int, rows: int = 900, columns: int = 7):
+    """Directions all round, so that it is bounded on the whole, and right sides about a point that is not zero."""
+    random = np.random.default_rng(seed)
+    matrix = random.normal(size=(rows, columns)) * random.uniform(0.1, 10.0, (rows, 1))
+    inside = random.normal(size=columns)
+    bound = matrix @ inside + np.linalg.norm(matrix, axis=1) * random.uniform(0.5, 2.0, rows)
+    return random.normal(size=columns), Rows(matrix, random.uniform(0.5, 2.0, columns)), bound, random
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_answers_of_a_row_of_programs_are_the_cold_ones(seed, monkeypatch):
+    monkeypatch.setattr(linear_program, "ADDED_PER_ROUND", 20)  # several rounds
+    objective, rows, bound, random = random_program(seed)
+    for _ in range(6):
+        found, expected = maximise(objective, rows, bound, FEW), cold(objective, rows, bound)
+        assert found.value == pytest.approx(-expected.fun, abs=1e-9)
+        np.testing.assert_allclose(found.z, expected.x * rows.column, atol=1e-9)
+        np.testing.assert_allclose(found.duals * rows.norm, -expected.ineqlin.marginals, atol=1e-8)
+        np.testing.assert_allclose(found.duals @ rows.matrix, objective, atol=1e-8)
+        assert len(rows.model.held) <= 8 * len(found.z) + 20
+        bound = bound + 0.2 * np.linalg.norm(rows.matrix, axis=1) * random.uniform(-1, 1, len(bound))
+        objective = objective + 0.1 * random.normal(size=len(objective))
+
+
+def test_infeasible_right_sides_leave_the_rows_usable():
+    objective, rows, bound, _ = random_program(7)
+    first = maximise(objective, rows, bound, FEW)
+    apart = bound - 3.0 * np.linalg.norm(rows.matrix, axis=1)
+    assert cold(objective, rows, apart).status == 2
+    with pytest.raises(Infeasible):
+        maximise(objective, rows, apart, FEW)
+    assert maximise(objective, rows, bound, FEW).value == pytest.approx(first.value, abs=1e-9)
+    with pytest.raises(Infeasible):
+        maximise(objective, Rows(rows.matrix, rows.column), apart, FEW)  # and from the start
+
+
+def test_unbounded_on_the_working_set_is_no_answer_unbounded_on_all_rows_an_error():
+    objective, rows, bound, _ = random_program(8)
+    assert maximise(objective, rows, bound, np.zeros(0, int)).value == pytest.approx(-cold(objective, rows, bound).fun)
+    open_side = rows.matrix @ objective < 0
+    cone = Rows(rows.matrix[open_side], rows.column)
+    assert cold(objective, cone, bound[open_side]).status == 3
+    with pytest.raises(ArithmeticError, match="unbounded"):
+        maximise(objective, cone, bound[open_side], FEW)
+
+
+def test_a_solver_that_gives_up_is_asked_by_how_much_the_rows_are_broken(monkeypatch):
+    matrix = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+    assert least_violation(matrix, np.array([1.0, -1.5, 1.0, 1.0])) == pytest.approx(0.25, abs=1e-12)
+    assert least_violation(matrix, np.ones(4)) == 0.0
+    solve = WarmModel.solve
+
+    def gives_up(self):
+        if self.matrix.shape[1] == 2:
+            raise GaveUp("no answer")
+        return solve(self)
+
+    monkeypatch.setattr(WarmModel, "solve", gives_up)
+    with pytest.raises(Infeasible):
+        maximise(np.ones(2), Rows(matrix, np.ones(2)), np.array([1.0, -1.5, 1.0, 1.0]), FEW)
+    with pytest.raises(ArithmeticError, match="no answer"):
+        maximise(np.ones(2), Rows(matrix, np.ones(2)), np.ones(4), FEW)
+
+
+def test_entries_too_small_for_the_solver_are_left_out():
+    matrix = np.array([[1.0, 1e-14], [-1.0, 1e-11], [0.0, 1.0], [1e-15, -1.0]])
+    found = maximise(np.array([1.0, 2.0]), Rows(matrix, np.ones(2)), np.array([1.0, 1.0, 3.0, 1.0]), FEW)
+    np.testing.assert_allclose(found.z, [1.0, 3.0], atol=1e-9)
+
+
+def test_kodama_solved_again_with_other_margins_gives_the_cold_answer():
+    scene = load_scene("kodama")
+    cam, speeds = free_cam(scene.design, 6.0), [scene.cam_speed(s) for s in (5000.0, 7000.0)]
+    program = no_jump_program(build_train(scene), scene.design, cam, speeds)
+    row, constant = area_ratio_row(scene.design, cam)
+    for margins in (Margins(0.0, 0.0, 0.0), Margins(-15.0, 4.0, 30.0), Margins(5.0, -8.0, 0.0)):
+        found = program.solve(margins)
+        expected = cold(row, program.rows, program.bound(margins.table(2)))
+        assert found.area_ratio == pytest.approx(constant - expected.fun, abs=1e-9)
+        np.testing.assert_allclose(found.z, expected.x * program.rows.column, atol=1e-8)
+    impossible = Margins(900.0, 900.0, 900.0)
+    assert cold(row, program.rows, program.bound(impossible.table(2))).status == 2
+    with pytest.raises(NoCamHoldsContact):
+        program.solve(impossible)
+    again = program.solve(Margins(5.0, -8.0, 0.0))
+    assert again.area_ratio == pytest.approx(found.area_ratio, abs=1e-12)
+    before = program.rows.model.pivots
+    program.solve(Margins(6.0, -8.0, 1.0))
+    assert 0 < program.rows.model.pivots - before < 40  # goes on from its basis; the first program takes 138

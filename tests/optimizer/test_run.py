@@ -1,0 +1,302 @@
+"""The main job end to end, on the one-mass scene: run folder, resume, and what the delivered kodama design keeps."""
+
+import csv
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from camopt.cam.design_file import read_design
+from camopt.cam.families.free import free_cam
+from camopt.cam.ramps import scene_ramps
+from camopt.exact import prepare
+from camopt.measure.sweep import at_speeds
+from camopt.optimizer import run as module
+from camopt.optimizer.accuracy import ACCURACIES, design_speeds
+from camopt.optimizer.baselines import comparison
+from camopt.optimizer.program.kinematic import kinematic_optimum
+from camopt.optimizer.run import optimize
+from camopt.optimizer.search.journal import Journal
+from camopt.optimizer.search.judge import Judge
+from camopt.optimizer.search.no_jump_stage import Search
+from camopt.report import write_report
+from camopt.scene import InputError, build_train, load_scene
+from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3
+from camopt.verifier.methods import rkg
+from tests.test_docs import undocumented
+
+DELIVERED = Path(__file__).parents[1] / "data" / "kodama-design.json"  # camopt optimize kodama
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_baselines():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(comparison, "SECTIONED", ())
+        yield
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    """A run without gradients, compared with Polydyne alone: the others are tested in test_comparison.py."""
+    folder = tmp_path_factory.mktemp("runs") / "plain"
+    return optimize(load_scene("motori-1"), "nominal", "draft", "none", folder)
+
+
+def test_run_folder_holds_the_contract(plain):
+    folder = plain.folder
+    write_report(folder)
+    names = "scene.toml design.json lift.csv verification.json comparison.csv provenance.json history.jsonl report.html"
+    assert all((folder / name).stat().st_size > 0 for name in names.split())
+    assert {p.suffix for p in (folder / "figures").iterdir()} == {".png", ".svg"}
+    record = json.loads((folder / "design.json").read_text())
+    assert {"family", "parameters", "pieces", "area_mm_deg", "area_ratio", "area_ratio_bound"} <= record.keys()
+    assert {"area_gap_percent", "area_ratio_no_jump", "gradient_gain"} <= record.keys()
+    assert record["area_ratio"] <= record["area_ratio_bound"]
+    gap = 100 * (1 - record["area_ratio"] / record["area_ratio_bound"])
+    assert record["area_gap_percent"] == pytest.approx(gap)
+    scene = load_scene(folder / "scene.toml")
+    assert scene == load_scene("motori-1")
+    again = read_design(folder / "design.json", scene)
+    assert again.area_ratio(9.4 * MM) == pytest.approx(record["area_ratio"], rel=1e-12)
+
+
+def test_the_page_of_the_run_folder_names_every_file_and_key(plain):
+    write_report(plain.folder)
+    assert undocumented(plain.folder) == set()
+
+
+def test_verdict_is_confirmed_and_compared(plain):
+    assert plain.exit_code == 0 and plain.verdict.verdict == "confirmed"
+    found = json.loads((plain.folder / "verification.json").read_text())
+    for speed in found["speeds"]:
+        assert speed["bounce_mm"] <= 0.05 and speed["jump_mm"] <= 0.05
+        assert all(method["converged"] for method in speed["methods"].values())
+    with open(plain.folder / "comparison.csv", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert {row["cam"] for row in rows} == {"design", "polydyne"}
+    assert len(rows) == len(load_scene("motori-1").operation.speeds_rpm) + 1
+    assert (rows[-1]["cam"], rows[-1]["verdict"]) == ("polydyne", "failed")
+    assert "breaks acceleration_max_mm_per_deg2 by up to 123%" in rows[-1]["broken"]  # too stiff a train for the family
+
+
+def test_interrupted_run_resumes_to_the_same_design(plain, tmp_path, monkeypatch):
+    folder = tmp_path / "run"
+    steps = []
+
+    def interrupted(self, lift, briefly=False):
+        steps.append(lift)
+        if len(steps) == 4:
+            raise KeyboardInterrupt
+        return judge(self, lift, briefly)
+
+    judge = Judge.__call__
+    monkeypatch.setattr(Judge, "__call__", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        optimize(load_scene("motori-1"), "nominal", "draft", "none", folder)
+    assert len(list((folder / "judged").iterdir())) == 3
+    assert not (folder / "design.json").exists()
+    monkeypatch.setattr(Judge, "__call__", judge)
+    resumed = optimize(load_scene("motori-1"), "nominal", "draft", "none", folder, resume=True)
+    assert resumed.record["pieces"]["coefficients_mm"] == pytest.approx(
+        plain.record["pieces"]["coefficients_mm"], abs=0
+    )
+    history = (folder / "history.jsonl").read_text(), (plain.folder / "history.jsonl").read_text()
+    assert history[0] == history[1]
+
+
+OTHERS = {
+    "scene": {"scene": load_scene("motori-2")},
+    "speeds": {"speeds": "band"},
+    "accuracy": {"accuracy": "standard"},
+    "gradient": {"gradient": "exact"},
+    "seed": {"seed": 3},
+}
+
+
+@pytest.mark.parametrize("other", OTHERS.values(), ids=OTHERS)
+def test_a_finished_folder_resumed_with_other_settings_keeps_every_byte(plain, tmp_path, other):
+    """The refusal came after history.jsonl was emptied and scene.toml overwritten."""
+    folder = tmp_path / "run"
+    shutil.copytree(plain.folder, folder)
+    before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+    asked = {"scene": load_scene("motori-1"), "speeds": "nominal", "accuracy": "draft", "gradient": "none"} | other
+    with pytest.raises(InputError, match=rf"another run.*{next(iter(other))}.*--resume with what it was begun with"):
+        optimize(out=folder, resume=True, **asked)
+    assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
+
+
+def test_a_folder_that_nothing_began_is_not_resumed(plain, tmp_path):
+    shutil.copytree(plain.folder, tmp_path / "run")
+    (tmp_path / "run" / "run.json").unlink()
+    with pytest.raises(InputError, match="nothing says what to go on with"):
+        optimize(load_scene("motori-1"), "nominal", "draft", "none", tmp_path / "run", resume=True)
+
+
+def test_a_resumed_search_that_stops_again_keeps_its_history(plain, tmp_path, monkeypatch):
+    folder = tmp_path / "run"
+    shutil.copytree(plain.folder, folder)
+    before = (folder / "history.jsonl").read_bytes()
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Journal, "recall", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        optimize(load_scene("motori-1"), "nominal", "draft", "none", folder, resume=True)
+    assert (folder / "history.jsonl").read_bytes() == before
+
+
+def test_a_search_without_a_cam_leaves_no_folder_behind(tmp_path, monkeypatch):
+    def none(*_, **__):
+        raise InputError("no cam of the no-jump program holds")
+
+    monkeypatch.setattr(module, "find_cam", none)
+    with pytest.raises(InputError, match="no cam of the no-jump program"):
+        optimize(load_scene("motori-1"), "nominal", "draft", "none", tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(("word", "value"), [("speeds", "all"), ("gradient", "steep"), ("accuracy", "best")])
+def test_unknown_words_leave_no_folder(tmp_path, word, value):
+    with pytest.raises(InputError, match=f"{word} '{value}': expected one of"):
+        optimize(load_scene("motori-1"), out=tmp_path / "run", **{word: value})
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.fixture
+def designed(plain, monkeypatch):
+    """The search's and the verdict's answers without their cost: (run folder) -> a job that only compares anew."""
+    search = Search(Judge(load_scene("motori-1"), [5000.0]), Journal(None))
+    design = load_scene("motori-1").design
+    optimum = kinematic_optimum(design, free_cam(design, 3.0))
+    found = SimpleNamespace(lift=plain.lift, area_ratio=plain.record["area_ratio"], z=optimum.z)
+    search.confirmed = [found]
+    monkeypatch.setattr(module, "find_cam", lambda *a, **k: (search, found))
+    monkeypatch.setattr(module, "verdict_on", lambda *a, **k: plain.verdict)
+    return search
+
+
+FILES = {"scene.toml", "design.json", "lift.csv", "verification.json", "provenance.json", "report.html", "run.json"}
+
+
+def test_the_design_and_its_report_are_written_before_the_comparison(designed, tmp_path, monkeypatch):
+    def broken(*_):
+        assert {p.name for p in (tmp_path / "run").iterdir()} >= FILES
+        raise ZeroDivisionError("a defect")
+
+    monkeypatch.setattr(comparison, "compare_in", broken)
+    with pytest.raises(ZeroDivisionError):
+        optimize(load_scene("motori-1"), "nominal", "draft", "none", tmp_path / "run", designed=write_report)
+    assert {p.name for p in (tmp_path / "run").iterdir()} >= FILES
+
+
+@pytest.mark.parametrize("where", ["polydyne", "verdict_on"])
+def test_a_family_that_fails_becomes_a_row_and_costs_nothing(designed, tmp_path, monkeypatch, where):
+    """A singular matrix in a pushrod's Polydyne ended the job with exit code 1 after the design was found."""
+
+    def singular(*_):
+        raise np.linalg.LinAlgError("Singular matrix")
+
+    monkeypatch.setattr(comparison, where, singular)
+    monkeypatch.setattr(comparison, "MOST_EXCESS", 10.0)
+    result = optimize(load_scene("motori-1"), "nominal", "draft", "none", tmp_path / "run")
+    assert result.exit_code == 0
+    with open(tmp_path / "run" / "comparison.csv", encoding="utf-8") as file:
+        *designs, row = csv.DictReader(file)
+    assert {r["cam"] for r in designs} == {"design"}
+    assert (row["cam"], row["verdict"]) == ("polydyne", "failed")
+    assert row["broken"] == "a defect of camopt (LinAlgError: Singular matrix)"
+    assert "failed" in write_report(tmp_path / "run").read_text(encoding="utf-8")
+
+
+def test_a_verdict_that_falls_back_is_said(designed, plain, tmp_path, monkeypatch):
+    """The area of the refused cam stood as that of the program beside a smaller delivered one, without a word."""
+    first = designed.confirmed[0]
+    larger = SimpleNamespace(lift=plain.lift, area_ratio=first.area_ratio + 0.01, z=first.z)
+    designed.confirmed = [first, larger]
+    verdicts = iter([replace(plain.verdict, verdict="rejected"), plain.verdict])
+    monkeypatch.setattr(module, "verdict_on", lambda *a, **k: next(verdicts))
+    monkeypatch.setattr(module, "find_cam", lambda *a, **k: (designed, larger))
+    record = optimize(load_scene("motori-1"), "nominal", "draft", "none", tmp_path / "run").record
+    assert record["verdict_fell_back"] == {"candidates_judged": 2, "largest_refused_area_ratio": larger.area_ratio}
+    assert record["area_ratio_no_jump"] == larger.area_ratio
+    assert record["gradient_gain"] == pytest.approx(-0.01)  # what the refusal cost is not hidden by a zero
+
+
+def test_a_verdict_that_confirms_the_first_cam_says_so(plain):
+    assert plain.record["verdict_fell_back"] == {"candidates_judged": 1, "largest_refused_area_ratio": None}
+
+
+def test_contradictory_limits_leave_no_folder(tmp_path):
+    scene = load_scene("motori-1")
+    design = scene.design.model_copy(update={"jerk_max_mm_per_deg3": 5e-4, "reach_max_lift": True})
+    with pytest.raises(InputError, match=r"jerk_max_mm_per_deg3 would have to rise from 0\.0005 to"):
+        optimize(scene.model_copy(update={"design": design}), out=tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_unconfirmed_design_ends_with_code_3_and_its_folder(plain, tmp_path, monkeypatch):
+    rejected = replace(plain.verdict, verdict="rejected", broken=("bounce_max_mm at 7000 r/min",))
+    monkeypatch.setattr(module, "verdict_on", lambda *a, **k: rejected)
+    result = optimize(load_scene("motori-1"), "nominal", "draft", "none", tmp_path / "run")
+    assert result.exit_code == 3
+    assert json.loads((tmp_path / "run" / "verification.json").read_text())["verdict"] == "rejected"
+
+
+def test_delivered_design_keeps_its_limits_at_every_thousandth_of_a_degree():
+    scene = load_scene("kodama")
+    lift, d = read_design(DELIVERED, scene), scene.design
+    theta = np.arange(-180_000, 180_000) / 1000 * DEG
+    assert lift(theta).max() <= d.max_lift_mm * MM * (1 + 1e-9)
+    acceleration, jerk = lift(theta, 2), lift(theta, 3)
+    assert acceleration.max() <= d.acceleration_max_mm_per_deg2 * MM_PER_DEG2 * (1 + 1e-9)
+    assert acceleration.min() >= d.acceleration_min_mm_per_deg2 * MM_PER_DEG2 * (1 + 1e-9)
+    assert np.abs(jerk).max() <= d.jerk_max_mm_per_deg3 * MM_PER_DEG3 * (1 + 1e-9)
+    assert acceleration[np.abs(theta) < d.nose_deg * DEG].max() <= 0.0
+
+
+def test_delivered_design_meets_its_ramps():
+    scene = load_scene("kodama")
+    lift = read_design(DELIVERED, scene)
+    opening, closing = scene_ramps(scene.design)
+    for top, ramp, sign in ((-lift.half_duration, opening, 1), (lift.half_duration, closing, -1)):
+        for side in (-1, 1):  # from the ramp and from the event
+            i = int(np.argmin(np.abs(lift.borders - top))) - (side < 0)
+            u = top - lift.borders[i]
+            value, slope, curve = (
+                sum(
+                    np.prod(np.arange(k, k - order, -1)) * c * u ** (k - order)
+                    for k, c in enumerate(lift.coefficients[i])
+                    if k >= order
+                )
+                for order in range(3)
+            )
+            assert value == pytest.approx(ramp.height, abs=1e-12 * MM)
+            assert slope == pytest.approx(sign * ramp.velocity, abs=1e-12 * MM_PER_DEG)
+            assert curve == pytest.approx(0.0, abs=1e-12 * MM_PER_DEG2)
+
+
+def test_delivered_design_holds_over_the_band_by_two_methods():
+    scene = load_scene("kodama")
+    lift, d = read_design(DELIVERED, scene), scene.design
+    band = np.arange(5000.0, 7001.0, 20.0)
+    assert not np.isin(design_speeds(scene.operation, "band", ACCURACIES["standard"])[1], band).any()
+    rows = at_speeds(prepare, scene, lift, band)
+    other = at_speeds(lambda *a: rkg.prepare(*a, 14400), scene, lift, scene.operation.speeds_rpm)
+    for row in (*rows, *other):
+        assert row["bounce_mm"] <= d.bounce_max_mm
+        assert row["jump_mm"] <= d.jump_max_mm
+        assert row["seating_velocity_m_per_s"] <= d.seating_velocity_max_m_per_s
+    assert lift.area_ratio(d.max_lift_mm * MM) >= 0.555
+    assert build_train(scene).lash == pytest.approx(0.169 * MM)
+
+
+@pytest.mark.long
+def test_gradient_stage_gains_area(plain, tmp_path):
+    result = optimize(load_scene("motori-1"), "nominal", "draft", "smooth", tmp_path / "run")
+    assert result.record["gradient_gain"] > 0
+    assert result.record["area_ratio"] > plain.record["area_ratio"]

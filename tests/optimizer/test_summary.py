@@ -1,0 +1,73 @@
+"""`camopt bound`: bounds that hold together, and what a train forbids said beside what the shape's limits allow."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from camopt.cli.parser import main
+from camopt.optimizer.accuracy import ACCURACIES
+from camopt.optimizer.bound import summary
+from camopt.optimizer.bound.summary import area_bound
+from camopt.optimizer.search.search import find_cam
+from camopt.scene import InputError, load_scene, scene_text
+
+MOTOR = load_scene("motori-1")
+KNOT_DEG = 4.0
+
+
+def designed(**update):
+    """The one-mass scene under other design conditions."""
+    return MOTOR.model_copy(update={"design": MOTOR.design.model_copy(update=update)})
+
+
+def undamped():
+    """The one-mass scene without any damping."""
+    elements = tuple(e.model_copy(update={"damping_N_s_per_m": 0.0}) for e in MOTOR.element)
+    return MOTOR.model_copy(update={"element": elements})
+
+
+def test_no_bound_on_part_of_the_cams_exceeds_that_on_all(monkeypatch):
+    """Its multipliers are another program's, so the bound of the no-jump cams came out above the kinematic one."""
+    monkeypatch.setattr(summary, "no_jump_bound", lambda *_: SimpleNamespace(bound=0.9))
+    found = area_bound(MOTOR, KNOT_DEG)
+    assert found["area_ratio_no_jump_bound"] == found["area_ratio_bound"] < 0.7
+    monkeypatch.undo()
+    fast = area_bound(MOTOR, KNOT_DEG)
+    assert fast["area_ratio_no_jump"] < fast["area_ratio_no_jump_bound"] < fast["area_ratio_bound"]
+
+
+@pytest.mark.parametrize("speed_rpm", [100.0, 500.0])
+def test_a_slow_train_is_bounded_by_its_shape_alone(speed_rpm):
+    """Forces of 1e-300 N, long after the cam has passed, were scaled to one and overflowed."""
+    slow = MOTOR.model_copy(update={"operation": MOTOR.operation.model_copy(update={"speeds_rpm": (speed_rpm,)})})
+    found = area_bound(slow, KNOT_DEG)
+    assert found["no_jump_says"] is None
+    assert found["area_ratio_no_jump"] == pytest.approx(found["area_ratio_feasible"], rel=1e-6)
+
+
+def test_an_undamped_train_has_its_kinematic_bound_and_a_sentence():
+    found = area_bound(undamped(), KNOT_DEG)
+    assert found["area_ratio_bound"] == area_bound(MOTOR, KNOT_DEG)["area_ratio_bound"]
+    assert found["area_ratio_no_jump"] is found["area_ratio_no_jump_bound"] is None
+    says = found["no_jump_says"]
+    assert "does not die away at 2500 r/min of the camshaft" in says and "rad/s" not in says
+    assert "give elements or masses more damping_N_s_per_m" in says
+
+
+def test_the_search_refuses_an_undamped_train_in_the_same_words():
+    with pytest.raises(InputError, match=r"does not die away at 2500 r/min .* more damping_N_s_per_m"):
+        find_cam(undamped(), "band", ACCURACIES["draft"])
+
+
+def test_a_ramp_that_is_too_low_leaves_the_kinematic_bound():
+    found = area_bound(designed(ramp_height_mm=0.06), KNOT_DEG)
+    assert 0.5 < found["area_ratio_feasible"] <= found["area_ratio_bound"] < 0.7
+    assert found["area_ratio_no_jump"] is None
+    assert "the opening ramp of 0.06 mm is too low" in found["no_jump_says"]
+
+
+def test_the_command_prints_the_sentence(capsys, tmp_path):
+    text = "\n".join(line for line in scene_text("motori-1").splitlines() if not line.startswith("damping"))
+    (tmp_path / "undamped.toml").write_text(text, encoding="utf-8")
+    assert main(["bound", str(tmp_path / "undamped.toml")]) == 0
+    assert "no_jump_says: the motion with closed contacts does not die away" in capsys.readouterr().out

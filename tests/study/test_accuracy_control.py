@@ -1,0 +1,163 @@
+"""`simulate --accuracy`: what was asked and what was delivered; chaos is answered by a range."""
+
+from dataclasses import replace
+from itertools import count
+
+import numpy as np
+import pytest
+
+from camopt.cam.families.polydyne import polydyne
+from camopt.exact import engine
+from camopt.scene import InputError, MotionRefused, build_train, load_scene, rest_position
+from camopt.study.simulate import accuracy_control as module
+from camopt.study.simulate.accuracy_control import ANGLES, Delivered, apart_um, deliver, valve_position
+from camopt.study.simulate.motion import simulate
+from camopt.verifier.stored_curves import Curve, stored_curves
+
+MOTOR, KODAMA = load_scene("motori-1"), load_scene("kodama")
+
+
+def valve_mm(motion, scene) -> np.ndarray:
+    return motion.position_mm.sel(mass=scene.valve).values
+
+
+def simulate_response():
+    train = build_train(MOTOR)
+    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    return engine.prepare(train, polydyne(MOTOR), MOTOR.cam_speed(3000), 720)(rest)
+
+
+def shifted(response, by: float):
+    return replace(response, x=response.x + by)
+
+
+class TestSimulate:
+    CAM = polydyne(MOTOR)
+
+    @pytest.mark.parametrize(("method", "asked"), [("event", 0.01), ("rkg", 10.0), ("rkg", 1.0), ("tmm", 5.0)])
+    def test_the_error_is_what_was_asked_for(self, method, asked):
+        truth = simulate(MOTOR, self.CAM, 3000, "event", 2, 0.1)
+        motion = simulate(MOTOR, self.CAM, 3000, method, 2, 0.1, accuracy=asked)
+        true_um = 1e3 * np.abs(valve_mm(motion, MOTOR) - valve_mm(truth, MOTOR)).max()
+        assert true_um <= motion.attrs["accuracy_estimated_um"] <= asked == motion.attrs["accuracy_asked_um"]
+        assert motion.attrs["accuracy_reached"] == 1
+        assert motion.attrs["accuracy_statement"].startswith(f"accuracy asked: {asked:g} um; estimated error")
+
+    def test_a_name_is_taken_as_its_tolerance(self):
+        motion = simulate(MOTOR, self.CAM, 3000, accuracy="draft")
+        assert (motion.attrs["accuracy_asked"], motion.attrs["accuracy_asked_um"]) == ("draft", 5.0)
+        assert "5 um (draft)" in motion.attrs["accuracy_statement"]
+
+    def test_without_it_nothing_is_claimed(self):
+        assert not [a for a in simulate(MOTOR, self.CAM, 3000).attrs if a.startswith("accuracy")]
+
+    @pytest.mark.parametrize("accuracy", ["rough", 0.0, -1.0, float("nan"), float("inf")])
+    def test_refusals(self, accuracy):
+        with pytest.raises(InputError, match="accuracy"):
+            simulate(MOTOR, self.CAM, 3000, accuracy=accuracy)
+
+
+def test_chaos_is_answered_by_a_range(monkeypatch):
+    """Beyond the jump round-off itself grows past what is asked: the revolution it happens in is told."""
+    monkeypatch.setattr(module, "MOST_VALUES", 1e6)  # finer would take seconds and change nothing
+    motion = simulate(KODAMA, polydyne(KODAMA), 7000, "event", 4, 0.5, accuracy=0.1)
+    by_revolution = motion.attrs["accuracy_estimated_by_revolution_um"]
+    assert motion.attrs["accuracy_reached"] == 0
+    assert by_revolution[0] < 0.1 < 1.0 < by_revolution[3]
+    assert "not reached: this motion is known to a range only" in motion.attrs["accuracy_statement"]
+    assert f"+-{by_revolution[3]:.2g} um in revolution 4" in motion.attrs["accuracy_statement"]
+
+
+class TestDial:
+    """`deliver` on a made-up method whose valve stands off by the setting."""
+
+    @staticmethod
+    def run(offset, refuse=lambda setting: False):
+        calls = []
+        exact = simulate_response()
+
+        def motion(setting: float):
+            calls.append(setting)
+            if refuse(setting):
+                raise MotionRefused("too coarse")
+            return shifted(exact, offset(setting))
+
+        return motion, calls
+
+    def test_halved_until_three_coarser_answers_stand(self):
+        """Off by 10 um times the setting over the stored one: answers differ by 7 times the last error, and half as
+        much again is said."""
+        start = stored_curves()["rkg"].coarsest(1.0, typical=True)
+        run, calls = self.run(lambda s: 10e-6 * s / start)
+        found = deliver(run, "rkg", 1.0, 1, start / 1e6)
+        assert found.reached and calls == pytest.approx([start / 2**i for i in range(-1, 8)])
+        assert found.estimate_um[0] == pytest.approx(1.5 * 7 * 10 / 2**7, rel=1e-6)
+        assert found.setting == calls[-1]
+
+    def test_the_finest_setting_ends_it_unreached(self):
+        further = count()
+        run, calls = self.run(lambda s: 1e-3 * next(further))
+        found = deliver(run, "rkg", 1.0, 1, stored_curves()["rkg"].coarsest(1.0, typical=True) / 8)
+        assert len(calls) == 5 and not found.reached
+        assert found.estimate_um[0] == pytest.approx(1.5 * 3000.0)
+
+    def test_refused_settings_are_passed_over_and_all_refused_is_a_refusal(self):
+        start = stored_curves()["rkg"].coarsest(1.0, typical=True)
+        run, calls = self.run(lambda s: 0.0, refuse=lambda s: s > 0.3 * start)
+        assert deliver(run, "rkg", 1.0, 1, start / 1e6).reached
+        assert len(calls) == 7
+        run, _ = self.run(lambda s: 0.0, refuse=lambda s: True)
+        with pytest.raises(MotionRefused, match="too coarse"):
+            deliver(run, "rkg", 1.0, 1, start / 8)
+
+    def test_promises_of_an_erratic_method_are_kept(self, monkeypatch):
+        """Off by a share of the setting that is as good as drawn anew at every setting, as a method that steps across
+        contacts is: one promise in 240 is broken, where two coarser answers alone broke one in ten."""
+        monkeypatch.setattr(module, "valve_position", lambda answer, revolutions: np.full(ANGLES + 1, answer))
+        rng, broken, draws = np.random.default_rng(1), 0, 2000
+        for _ in range(draws):
+            asked = 10 ** rng.uniform(-1, 1)
+            start, size = stored_curves()["tmm"].coarsest(asked, typical=True), 10 ** rng.uniform(-6, -4)
+            found = deliver(lambda s, z=size, t=start: z * rng.uniform() * s / t, "tmm", asked, 1, start / 1e9)
+            assert found.reached
+            broken += 1e6 * found.response > asked
+        assert broken / draws < 0.011  # one in 240, and four standard deviations of 2000 draws
+
+
+def test_apart_is_the_largest_difference_of_each_revolution():
+    answer = np.zeros(2 * ANGLES + 1)
+    other = answer.copy()
+    other[5], other[ANGLES + 7] = 3e-6, -8e-6
+    np.testing.assert_allclose(apart_um(answer, [other, answer], 2), [3.0, 8.0])
+
+
+def test_position_is_that_of_the_valve():
+    x = valve_position(simulate_response(), 1)
+    assert len(x) == ANGLES + 1 and 8e-3 < x.max() < 9.5e-3
+
+
+def test_words():
+    found = Delivered(simulate_response(), 0.5, 0.5, np.array([0.25, 4.0]), 0.1)
+    assert found.sentence() == (
+        "accuracy asked: 0.5 um; not reached: this motion is known to a range only, "
+        "+-0.25 um in revolution 1, +-4 um in revolution 2"
+    )
+
+
+class TestCurves:
+    CURVE = Curve("rad", np.array([0.01, 0.1, 1.0]), np.array([1.0, 10.0, 100.0]), np.array([3.0, 2.0, 300.0]))
+
+    def test_between_settings_on_the_logarithms_and_never_outside(self):
+        assert self.CURVE.coarsest(np.sqrt(1000.0), typical=True) == pytest.approx(np.sqrt(0.1))
+        assert self.CURVE.coarsest(1e-9, typical=True) == pytest.approx(0.01)
+        assert self.CURVE.coarsest(1e9, typical=True) == pytest.approx(1.0)
+
+    def test_an_erratic_curve_is_read_as_its_largest_error(self):
+        assert self.CURVE.coarsest(2.5) == pytest.approx(0.01)  # 2 um at 0.1 is luck: 0.01 gave 3
+        assert self.CURVE.coarsest(3.1) == pytest.approx(0.1, rel=0.05)
+
+    def test_the_stored_ones_rise(self):
+        for name, curve in stored_curves().items():
+            assert np.all(np.diff(curve.setting) > 0), name
+            assert np.all(curve.median_um <= curve.p90_um), name
+            assert curve.p90_um[-1] > curve.p90_um[0] >= 0, name

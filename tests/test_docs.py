@@ -1,0 +1,93 @@
+"""The pages in `docs`: every key that a run folder has stands in its page, and every link leads somewhere."""
+
+import csv
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+import camopt
+from camopt.scene.quantities import QUANTITIES
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted((ROOT / "docs").glob("*.md"))
+OPEN = {"parameters", "limit_worth", "versions", "scene"}
+"""Keys whose content has names of its own: parameters of a family, limits, packages, scenes."""
+NAMED = {"event", "rkg", "tmm", "houbolt", "dop853"}
+WORDS = re.compile(r"`([^`\s]+)`")
+
+
+def documented() -> set[str]:
+    """Every word that the page of the run folder sets as code."""
+    return set(WORDS.findall((ROOT / "docs" / "run-folder.md").read_text(encoding="utf-8")))
+
+
+def keys(data) -> set[str]:
+    """All keys of a record at any depth, but for those whose names are content."""
+    if isinstance(data, list):
+        return set().union(*map(keys, data))
+    if not isinstance(data, dict):
+        return set()
+    inside = [keys(value) for key, value in data.items() if key not in OPEN]
+    return set(data).union(*inside) - NAMED
+
+
+def undocumented(folder: Path) -> set[str]:
+    """Files, columns and keys of a run folder that its page does not name."""
+    found = {f"{p.name}/" if p.is_dir() else p.name for p in folder.iterdir()}
+    for path in folder.rglob("*.json"):
+        found |= keys(json.loads(path.read_text(encoding="utf-8")))
+    for line in (folder / "history.jsonl").read_text(encoding="utf-8").splitlines():
+        found |= keys(json.loads(line))
+    for path in folder.glob("*.csv"):
+        with open(path, newline="", encoding="utf-8") as file:
+            found |= set(next(csv.reader(file)))
+    return found - documented()
+
+
+def test_the_page_names_every_key_of_the_stored_design():
+    record = json.loads((ROOT / "tests" / "data" / "kodama-design.json").read_text(encoding="utf-8"))
+    assert {"pieces", "gradient_gain"} <= keys(record) <= documented()
+
+
+def test_the_page_names_every_key_of_a_verdict():
+    """By one method on a band of 10 r/min, below any bounce: the keys are the same, and the sweep is short."""
+    scene = camopt.load_scene("motori-1")
+    assert scene.operation is not None
+    short = scene.operation.model_copy(update={"speeds_rpm": (1500.0,), "band_rpm": (1500.0, 1510.0)})
+    cam = camopt.polydyne(scene)
+    found = camopt.verify(scene.model_copy(update={"operation": short}), cam, None, "event", "draft").as_dict()
+    assert found["band"] is not None
+    assert {"worst_bounce_mm", "first_jump_rpm", "statement", "converged"} <= keys(found) <= documented()
+
+
+def test_a_key_that_the_page_lacks_is_found(tmp_path):
+    (tmp_path / "history.jsonl").write_text('{"stage": "margin", "new_key": 1}\n', encoding="utf-8")
+    (tmp_path / "comparison.csv").write_text("cam,new_column\n", encoding="utf-8")
+    (tmp_path / "design.json").write_text('{"pieces": {"start_rad": []}, "parameters": {"a23": 1}}', encoding="utf-8")
+    (tmp_path / "notes.txt").touch()
+    assert undocumented(tmp_path) == {"new_key", "new_column", "start_rad", "notes.txt"}
+
+
+def test_the_model_defines_every_metric():
+    text = (ROOT / "docs" / "model.md").read_text(encoding="utf-8")
+    table = text.partition("## The metrics")[2]
+    rows = dict(re.findall(r"^\| `(\w+)` \| ([^|]+?) \|", table, re.MULTILINE))
+    assert rows == {q.name: q.unit for q in QUANTITIES.values()}
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *PAGES], ids=lambda p: p.name)
+def test_links_lead_to_files(page):
+    links = [link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8"))]
+    assert links
+    assert not [link for link in links if link and "://" not in link and not (page.parent / link).exists()]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_files_and_modules_that_a_page_names_exist(page):
+    words = WORDS.findall(page.read_text(encoding="utf-8"))
+    paths = [w for w in words if w.startswith(("camopt/", "tests/")) and not (ROOT / w).exists()]
+    modules = [w for w in words if re.fullmatch(r"camopt(\.\w+)+", w)]
+    lost = [m for m in modules if not any((ROOT / f"{m.replace('.', '/')}{end}").exists() for end in (".py", "/"))]
+    assert not paths and not lost

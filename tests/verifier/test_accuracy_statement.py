@@ -1,0 +1,100 @@
+"""`verify --accuracy`: settings from the stored curves, and what was asked beside what was delivered."""
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from camopt.cam.families.polydyne import polydyne
+from camopt.exact import prepare as event_exact
+from camopt.scene import InputError, build_train, load_scene, rest_position
+from camopt.scene.units import UM
+from camopt.verifier import accuracy as module
+from camopt.verifier.accuracy import EFFORTS, effort_of, verify
+from camopt.verifier.accuracy_statement import bounce_error_um, stated
+from camopt.verifier.convergence import converge
+from camopt.verifier.methods import rkg
+from camopt.verifier.stored_curves import stored_curves
+
+
+def at(speed: float, error_mm: float, low: float = 0.1, high: float = 0.1, periodic: bool = True):
+    """A speed of a verdict with one method."""
+    answer = SimpleNamespace(range={"bounce_mm": (low, high)}, error={"bounce_mm": error_mm}, periodic=periodic)
+    return SimpleNamespace(speed_rpm=speed, bounce_range_mm=(low, high), methods={"event": answer})
+
+
+class TestEstimate:
+    def test_it_is_what_halved_steps_moved_and_the_range_of_a_motion_that_does_not_repeat(self):
+        assert bounce_error_um(at(5000, 2e-3)) == pytest.approx(2.0)
+        assert bounce_error_um(at(5000, 2e-3, 0.1, 0.3)) == pytest.approx(2.0)  # a period of several revolutions
+        assert bounce_error_um(at(5000, 2e-3, 0.1, 0.3, periodic=False)) == pytest.approx(202.0)
+        assert bounce_error_um(at(5000, np.nan)) == np.inf
+        assert bounce_error_um(at(5000, 0.0, np.nan, np.nan, periodic=False)) == np.inf
+
+
+class TestWords:
+    def test_reached(self):
+        found = stated([at(5000, 2e-4), at(6000, 5e-4)], 1.0, "fine")
+        assert found["statement"] == "accuracy asked: 1 um (fine); estimated error of bounce: 0.5 um"
+        assert (found["asked"], found["asked_um"], found["reached"]) == ("fine", 1.0, True)
+        assert found["delivered_um"] == pytest.approx(0.5)
+
+    def test_not_reached_is_a_range_at_the_speeds_concerned(self):
+        found = stated([at(5000, 2e-4), at(7000, 0.0, 0.12, 0.34, periodic=False)], 1.0, None)
+        assert found["statement"] == (
+            "accuracy asked: 1 um; not reached: bounce is known to a range only, 0.1200 to 0.3400 mm at 7000 r/min"
+        )
+        assert (found["asked"], found["reached"]) == (1.0, False)
+        assert found["delivered_um"] == pytest.approx(220.0)
+
+    def test_a_valve_that_does_not_seat_has_no_figure(self):
+        found = stated([at(7000, np.nan, np.nan, np.nan)], 1.0, None)
+        assert found["delivered_um"] is None and not found["reached"]
+        assert "none (the valve does not seat) at 7000 r/min" in found["statement"]
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a verdict was asked for."""
+
+    arguments: tuple
+    settled: float
+    asked: object = None
+
+
+class TestEffort:
+    def test_a_number_picks_from_the_stored_curves(self):
+        fine, coarse = effort_of(2.0), effort_of(50.0)
+        assert (fine.tolerance_um, coarse.tolerance_um) == (2.0, 50.0)
+        assert fine.band_step_rpm == round(stored_curves()["band_step"].coarsest(2.0)) < coarse.band_step_rpm
+        assert fine.settled_um <= coarse.settled_um <= EFFORTS["draft"].settled_um
+        assert effort_of(1e6).band_step_rpm == EFFORTS["draft"].band_step_rpm
+        assert effort_of(0.01).settled_um == pytest.approx(0.01)
+
+    @pytest.mark.parametrize("accuracy", ["rough", 0.0, -1.0, np.nan, np.inf])
+    def test_refusals(self, accuracy):
+        with pytest.raises(InputError, match=r"accuracy .*(micrometres|draft)"):
+            effort_of(accuracy)
+
+    def test_verify_is_asked_for_it(self, monkeypatch):
+        monkeypatch.setattr(module, "verdict_on", lambda *arguments, settled: Result(arguments, settled))
+        scene = load_scene("motori-1")
+        found = verify(scene, polydyne(scene), (5000.0,), "event", 50.0)
+        effort = effort_of(50.0)
+        assert found.arguments[2:] == ((5000.0,), ("event",), effort.band_step_rpm, 50.0)
+        assert (found.settled, found.asked) == (pytest.approx(effort.settled_um * UM), 50.0)
+
+
+def test_the_bounce_delivered_is_within_what_was_asked():
+    scene = load_scene("motori-1")
+    train, cam = build_train(scene), polydyne(scene)
+    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+
+    def answer(prepare, asked_um: float, halvings: int):
+        return converge(prepare, train, cam, scene.cam_speed(6500), rest, asked_um, halvings, certain=True)
+
+    found, true = answer(rkg.prepare, 20.0, 6), answer(event_exact, 0.01, 3)
+    delivered_um = bounce_error_um(SimpleNamespace(methods={"rkg": found}))
+    assert true.worst["bounce_mm"] > 0.01
+    assert 1e3 * abs(found.worst["bounce_mm"] - true.worst["bounce_mm"]) <= delivered_um <= 20.0

@@ -1,0 +1,63 @@
+"""The verifier's independence, read from its imports and from a fresh process."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import camopt.verifier
+from camopt.verifier.methods import INDEPENDENT
+
+FOLDER = Path(camopt.verifier.__file__).parent
+METHODS = FOLDER / "methods"
+
+
+def imported(path: Path) -> set[str]:
+    """Every module that a file imports, at any depth, in full."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "relative imports hide their layer"
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return names
+
+
+@pytest.mark.parametrize("path", sorted(FOLDER.rglob("*.py")), ids=lambda p: str(p.relative_to(FOLDER)))
+def test_imports_point_down(path):
+    allowed = ("camopt.scene", "camopt.cam", "camopt.measure", "camopt.verifier")
+    allowed += {"verdict": ("camopt.exact",), "display": ("camopt.plots",)}.get(path.stem, ())
+    for name in imported(path):
+        assert name.split(".")[0] not in ("jax", "jaxlib", "diffrax", "equinox", "optax")
+        assert not name.startswith("camopt") or name.startswith(allowed), f"{path.name} imports {name}"
+
+
+def test_every_method_has_a_file_and_every_file_a_method():
+    files = {f"camopt.verifier.methods.{p.stem}" for p in METHODS.glob("*.py")} - {"camopt.verifier.methods.__init__"}
+    assert files == set(INDEPENDENT.values())
+
+
+@pytest.mark.parametrize("method", INDEPENDENT)
+def test_methods_share_only_train_lift_and_response(method):
+    ours = {name for name in imported(METHODS / f"{method}.py") if name.startswith("camopt")}
+    shared = {"camopt.cam.lift.Lift", "camopt.scene.response.Response", "camopt.scene.response.Revolve"}
+    data = {"camopt.scene.train.Train", "camopt.scene.train.GROUND"}
+    refusals = {"camopt.scene.errors.InputError", "camopt.scene.errors.MotionRefused"}
+    assert ours <= shared | data | refusals
+
+
+def test_the_reader_of_imports_sees_them():
+    assert "camopt.exact.engine" in imported(FOLDER / "verdict.py")
+
+
+def test_a_fresh_import_leaves_no_jax_and_no_exact_path():
+    code = (
+        "import sys, camopt.verifier.accuracy, camopt.verifier.verdict\n"
+        "from camopt.verifier.methods import dop853, houbolt, rkg, tmm\n"
+        "print([m for m in sys.modules if m.split('.')[0] in ('jax', 'jaxlib') or m.startswith('camopt.exact')])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
