@@ -163,7 +163,9 @@ class Design(Table):
     nose_deg: NonNegative | None = None
     bounce_max_mm: NonNegative | None = None
     jump_max_mm: NonNegative | None = None
+    jump_max_deg: NonNegative | None = None
     seating_velocity_max_m_per_s: Positive | None = None
+    contact_force_min_N: Positive | None = None
     contact_force_max_N: Positive | None = None
 
     @field_validator("nose_deg")
@@ -177,6 +179,9 @@ class Design(Table):
     @model_validator(mode="after")
     def _consistent(self):
         faults = []
+        least, most = self.contact_force_min_N, self.contact_force_max_N
+        if least is not None and most is not None and least >= most:
+            faults.append("contact_force_min_N must be below contact_force_max_N")
         for height, velocity, side in self.ramps():
             if height >= self.max_lift_mm:
                 faults.append(f"the {side} ramp height must be below max_lift_mm")

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from camopt.scene.units import MM, UM
-from camopt.verifier.convergence import Converged
+from camopt.verifier.convergence import FINEST, Converged
 
 
 class AtSpeed(Protocol):
@@ -36,7 +36,8 @@ def stated(speeds: Iterable[AtSpeed], asked_um: float, asked: str | float | None
     delivered = max(errors.values(), default=np.inf)
     words = f"accuracy asked: {asked_um:g} um" + (f" ({asked})" if isinstance(asked, str) else "")
     if delivered <= asked_um:
-        words += f"; estimated error of bounce: {delivered:.2g} um"
+        finest = delivered <= FINEST["bounce_mm"] * MM / UM * (1 + 1e-9)
+        words += f"; estimated error of bounce: {'at most ' if finest else ''}{delivered:.2g} um"
     else:
         ranges = [f"{_range(s.bounce_range_mm)} at {rpm:g} r/min" for rpm, s in every.items() if errors[rpm] > asked_um]
         words += f"; not reached: bounce is known to a range only, {', '.join(ranges)}"

@@ -3,7 +3,7 @@
 The only file of this package that reaches for the event-exact method, and only when it is asked for.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -11,34 +11,35 @@ from importlib import import_module
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.measure.limits import broken_by_shape, motion_limits
-from camopt.measure.settling import SETTLED_POSITION, Figures, settle
-from camopt.measure.sweep import STARTS_MM, Band, first_exceeding, sweep
+from camopt.measure.limits import broken_by_shape, limited_metrics, motion_limits
+from camopt.measure.resonance import resonances
+from camopt.measure.settling import SETTLED_POSITION
+from camopt.measure.sweep import STARTS_MM, Band, Swept, first_exceeding, sweep
 from camopt.scene.errors import InputError, MotionRefused
-from camopt.scene.quantities import QUANTITIES
 from camopt.scene.response import Revolve
 from camopt.scene.rest import rest_position
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
 from camopt.verifier.accuracy_statement import stated
-from camopt.verifier.convergence import RELATIVE, Converged, Prepare, converge, first_steps, tolerances
+from camopt.verifier.convergence import MARGIN, RELATIVE, Converged, Prepare, converge, first_steps, tolerances
 from camopt.verifier.methods import INDEPENDENT, rkg
+from camopt.verifier.neighbourhood import against_limits, neighbours
+from camopt.verifier.record import speed_record, verification
 
 METHODS = ("event", "rkg", "tmm", "houbolt")
 """Methods for a train whose laws are linear."""
 NONLINEAR_METHODS = ("dop853", "rkg")
 """Methods for a train with other laws; DOP853 carries linear ones too."""
+ROUNDS = 2
+"""How often the worst speeds of a band are judged: where a motion is erratic the judged figure is not the sweep's, and
+another speed is the worst then."""
 SWEEP_REFINEMENT = 4
 """Runge-Kutta-Gill's steps in a sweep, as a multiple of the first ones: where its bounce is right to some um."""
 ORDER = ("confirmed", "sensitive", "not converged", "rejected")
 """From best to worst: one speed at which a limit is surely broken rejects the cam, whatever the others say."""
-REPORTED = tuple(name for name in QUANTITIES if name != "excess_lift_mm")
-SPEED_NEIGHBOUR = 1e-3
-LIFT_NEIGHBOUR = 1e-7  # m, at the largest lift
-STATE_NEIGHBOUR = (1e-6, 1e-3)  # m, m/s: as far apart as two states that count as settled
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SpeedVerdict:
     """What the methods found at one speed, and what follows. Figures are the first method's."""
 
@@ -46,38 +47,30 @@ class SpeedVerdict:
     verdict: str
     broken: tuple[str, ...]
     straddled: tuple[str, ...]  # limits that some of the neighbourhood keeps and some breaks
-    bounce_range_mm: tuple[float, float]  # over measured revolutions and neighbours
+    ranges: dict[str, tuple[float, float]]  # of every metric, over measured revolutions and neighbours
     methods: dict[str, Converged]
 
+    @property
+    def bounce_range_mm(self) -> tuple[float, float]:
+        """Smallest and largest bounce over measured revolutions and neighbours."""
+        return self.ranges["bounce_mm"]
+
+    def __repr__(self) -> str:
+        return f"SpeedVerdict({self.speed_rpm:g} r/min: {self.verdict}, by {', '.join(self.methods)})"
+
     def as_dict(self) -> dict:
-        first = next(iter(self.methods.values()))
-        return {
-            "speed_rpm": self.speed_rpm,
-            "verdict": self.verdict,
-            **_figures(first),
-            "bounce_error_mm": _number(first.error["bounce_mm"]),
-            "bounce_range_mm": [_number(b) for b in self.bounce_range_mm],
-            "methods": {
-                name: {
-                    **_figures(m),
-                    "bounce_error_mm": _number(m.error["bounce_mm"]),
-                    "bounce_range_mm": [_number(b) for b in m.range["bounce_mm"]],
-                    "steps_per_revolution": m.steps_per_revolution,
-                    "converged": m.converged,
-                }
-                for name, m in self.methods.items()
-            },
-        }
+        """One record of `speeds` in verification.json."""
+        return speed_record(self)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Verdict:
     """The verdict on a cam in a scene; `as_dict` is the contract's verification.json."""
 
     verdict: str
     broken: tuple[str, ...]
     speeds: tuple[SpeedVerdict, ...]
-    band: Band | None
+    band: Band | None  # the sweep, with the first method's figures at the judged speeds
     worst_in_band: tuple[SpeedVerdict, ...]  # all methods at the worst speeds of the band
     first_jump_rpm: float | None
     first_bounce_rpm: float | None
@@ -97,6 +90,15 @@ class Verdict:
 
         return figure(self)
 
+    def __repr__(self) -> str:
+        speeds = ", ".join(f"{s.speed_rpm:g}" for s in self.speeds[:6]) + ", ..." * (len(self.speeds) > 6)
+        return f"Verdict({self.verdict}, at {speeds} r/min{', and the band' * (self.band is not None)})"
+
+    def __str__(self) -> str:
+        from camopt.verifier.display import text
+
+        return text(self)
+
     def _repr_html_(self) -> str:
         from camopt.verifier.display import html
 
@@ -104,19 +106,7 @@ class Verdict:
 
     def as_dict(self) -> dict:
         """verification.json: NaN becomes null; `band` is null where no band was swept."""
-        band = None
-        if self.band is not None:
-            speed, bounce = self.band.worst("bounce_mm")
-            ends = {"from_rpm": self.band.from_rpm, "to_rpm": self.band.to_rpm, "step_rpm": self.band.step_rpm}
-            band = {**ends, "worst_bounce_mm": _number(bounce), "worst_speed_rpm": speed}
-        return {
-            "verdict": self.verdict,
-            "broken": list(self.broken),
-            "speeds": [s.as_dict() for s in self.speeds],
-            "band": band,
-            "limits": {"first_jump_rpm": self.first_jump_rpm, "first_bounce_rpm": self.first_bounce_rpm},
-            "accuracy": self.accuracy,
-        }
+        return verification(self)
 
 
 def verdict_on(
@@ -135,8 +125,9 @@ def verdict_on(
     `methods` are "event" or names of INDEPENDENT, by default the first two for the scene's laws; the first one's
     figures are reported and its neighbourhood is searched; two at least are needed for an agreement, so a single
     method ends as "not converged". `band_step_rpm` None leaves the band and the starting speeds out; they are swept
-    with event-exact (Runge-Kutta-Gill for nonlinear laws), and unless a listed speed rejects the cam already, all
-    methods look at the worst speed of every limited metric. Bounce and jump "start" where they exceed the scene's
+    with event-exact (Runge-Kutta-Gill for nonlinear laws), also where a lightly damped mode resonates between its
+    steps, and all methods look at the worst speed of every limited metric and at the starting speeds inside the band.
+    Bounce and jump "start" where they exceed the scene's
     limit, or 0.05 mm where it sets none. `tolerance_um` [um]: by how much halving the step may still move bounce and
     jump. `settled` [m]: largest change of a position over a revolution of a settled motion. Raises InputError for a
     scene without valve or operation, or an unknown method.
@@ -162,17 +153,41 @@ def verdict_on(
     at_speeds = judge(scene.operation.speeds_rpm if speeds_rpm is None else speeds_rpm)
     band, worst, first = None, (), {"bounce_mm": None, "jump_mm": None}
     if band_step_rpm is not None:
-        limited = tuple(dict.fromkeys(["bounce_mm", *(name for name, _ in motion_limits(scene.design).values())]))
-        band = sweep(_sweeping(train), scene, lift, band_step_rpm, limited, workers)
-        if not any(s.verdict == "rejected" for s in at_speeds):  # nothing the band shows can save a rejected cam
-            worst = judge(sorted({band.worst(name)[0] for name in limited}))
-        first = first_exceeding(_sweeping(train), scene, lift, _starts(scene), workers)
+        band, first, suspects = _swept_band(scene, lift, train, band_step_rpm, workers)
+        swept = band
+        for _ in range(ROUNDS):
+            worst += judge(s for s in suspects if s not in [w.speed_rpm for w in worst])
+            judged = {s.speed_rpm: s.methods[methods[0]].worst for s in (*at_speeds, *worst)}
+            band = swept.with_judged(methods[0], judged)
+            suspects = [band.worst(name)[0] for name in limited_metrics(scene.design)]
+        worst = tuple(sorted(worst, key=lambda s: s.speed_rpm))
     shape = broken_by_shape(lift, scene.design)
     every = (*at_speeds, *worst)
     broken = dict.fromkeys([*shape, *(name for s in every for name in s.broken)])
     overall = max([*(s.verdict for s in every), "rejected" if shape else "confirmed"], key=ORDER.index)
     starts = first["jump_mm"], first["bounce_mm"]
     return Verdict(overall, tuple(broken), at_speeds, band, worst, *starts, tolerance_um, scene=scene, cam=lift.family)
+
+
+def _swept_band(
+    scene: Scene, lift: Lift, train: Train, step_rpm: float, workers: int
+) -> tuple[Band, dict[str, float | None], list[float]]:
+    """The swept band, where bounce and jump start, and the speeds [r/min] that all methods must look at.
+
+    These are the worst speed of every limited metric and a start that lies inside the band although the metric is
+    limited: what a search of its own has found may not be left out.
+    """
+    swept = Swept(_sweeping(train), scene, lift, workers, "event" if train.laws is None else "rkg")
+    limited = limited_metrics(scene.design)
+    found, left_out = resonances(scene, lift, step_rpm)
+    sweep(swept, step_rpm, limited, found)
+    first = first_exceeding(swept, _starts(scene))
+    band = replace(swept.band(step_rpm), resonances=tuple(found), resonances_left_out=left_out)
+    suspects = {band.worst(name)[0] for name in limited}
+    for metric, speed in first.items():
+        if metric in limited and speed is not None and band.from_rpm <= speed <= band.to_rpm:
+            suspects.add(speed)
+    return band, first, sorted(suspects)
 
 
 def methods_for(train: Train) -> tuple[str, ...]:
@@ -201,31 +216,48 @@ def _sweeping(train: Train) -> Callable[[Train, Lift, float], Revolve]:
 
 
 def _starts(scene: Scene) -> dict[str, float]:
-    given = {name: value for name, value in motion_limits(scene.design).values()}
+    given = {limit.metric: limit.value for limit in motion_limits(scene.design).values()}
     return {name: given.get(name, STARTS_MM) for name in ("bounce_mm", "jump_mm")}
 
 
 def _judge_speed(scene, lift, speed_rpm, methods, tolerance_um, halvings, settled) -> SpeedVerdict:
     train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
     rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
-    answers = {m: converge(_method(m), train, lift, cam_speed, rest, tolerance_um, halvings, settled) for m in methods}
+    limited = limited_metrics(scene.design)
+    answers = {
+        m: converge(
+            _method(m),
+            train,
+            lift,
+            cam_speed,
+            rest,
+            tolerance_um,
+            halvings,
+            settled,
+            limited=limited,
+            certain=m == methods[0],
+        )
+        for m in methods
+    }
     first = answers[methods[0]]
     if first.state is None:
-        return SpeedVerdict(speed_rpm, "not converged", (), (), (np.nan, np.nan), answers)
+        return SpeedVerdict(speed_rpm, "not converged", (), (), first.range, answers)
     try:
-        near = _neighbours(_method(methods[0]), train, lift, cam_speed, first)
+        near = neighbours(_method(methods[0]), train, lift, cam_speed, first)
     except MotionRefused:
-        return SpeedVerdict(speed_rpm, "not converged", (), (), first.range["bounce_mm"], answers)
-    broken, straddled = _against_limits(scene, speed_rpm, first, near)
-    bounces = [first.range["bounce_mm"], *(f.range("bounce_mm") for f in near)]
-    bounce_range = float(np.min(bounces)), float(np.max(bounces))
-    if not agreement(list(answers.values()), tolerance_um):
-        return SpeedVerdict(speed_rpm, "not converged", (), straddled, bounce_range, answers)
+        return SpeedVerdict(speed_rpm, "not converged", (), (), first.range, answers)
+    broken, straddled = against_limits(scene, speed_rpm, first, near)
+    ranges = {}
+    for name, own in first.range.items():
+        every = np.array([own, *(f.range(name) for f in near)])
+        ranges[name] = float(every.min()), float(every.max())
+    if not agreement(list(answers.values()), tolerance_um, limited):
+        return SpeedVerdict(speed_rpm, "not converged", (), straddled, ranges, answers)
     verdict = "rejected" if broken else "sensitive" if straddled else "confirmed"
-    return SpeedVerdict(speed_rpm, verdict, broken, straddled, bounce_range, answers)
+    return SpeedVerdict(speed_rpm, verdict, broken, straddled, ranges, answers)
 
 
-def agreement(answers: list[Converged], tolerance_um: float) -> bool:
+def agreement(answers: list[Converged], tolerance_um: float, limited: Collection[str] = ()) -> bool:
     """Whether two methods or more have converged and their deciding figures overlap within range and error estimate.
 
     Half of what a halved step was allowed to change is the least error of a figure: then two exact answers still agree
@@ -233,58 +265,16 @@ def agreement(answers: list[Converged], tolerance_um: float) -> bool:
     """
     if len(answers) < 2 or not all(a.converged for a in answers):
         return False
-    for name, tolerance in tolerances(tolerance_um).items():
+    for name, tolerance in tolerances(tolerance_um, limited).items():
         seated = [not np.isnan(a.worst[name]) for a in answers]
         if not any(seated):
             continue
         if not all(seated):
             return False
-        errors = [max(a.error[name], 0.5 * (tolerance + RELATIVE * abs(a.worst[name]))) for a in answers]
+        least = [0.5 * (tolerance + RELATIVE * abs(a.worst[name])) for a in answers]
+        errors = [max(a.error[name] / MARGIN, e) for a, e in zip(answers, least, strict=True)]  # what halving moved
         lows = [a.range[name][0] - error for a, error in zip(answers, errors, strict=True)]
         highs = [a.range[name][1] + error for a, error in zip(answers, errors, strict=True)]
         if max(lows) > min(highs):
             return False
     return True
-
-
-def _neighbours(prepare: Prepare, train: Train, lift: Lift, cam_speed: float, answer: Converged) -> list[Figures]:
-    """Figures at neighbouring speeds (+-0.1 %), lifts (+-0.1 um at the largest lift) and initial states."""
-    assert answer.state is not None, "a refused motion has no neighbours"
-    n = len(train.mass)
-    away = np.repeat(STATE_NEIGHBOUR, n) * np.random.default_rng(0).choice([-1.0, 1.0], 2 * n)
-    cases = []
-    for sign in (-1.0, 1.0):
-        scaled = replace(lift, coefficients=lift.coefficients * (1 + sign * LIFT_NEIGHBOUR / lift.max_lift))
-        cases.append((lift, cam_speed * (1 + sign * SPEED_NEIGHBOUR), answer.state))
-        cases.append((scaled, cam_speed, answer.state))
-        cases.append((lift, cam_speed, answer.state + sign * away))
-    steps = answer.steps_per_revolution // 2  # the error estimate is what the last halving changed
-    return [settle(prepare(train, cam, speed, steps), state).metrics(cam) for cam, speed, state in cases]
-
-
-def _against_limits(
-    scene, speed_rpm, answer: Converged, near: list[Figures]
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Limits that the whole neighbourhood breaks, and those that only a part of it breaks."""
-    at = f"at {speed_rpm:g} r/min"
-    seats = [not np.isnan(v) for v in (answer.worst["bounce_mm"], *(f.worst("bounce_mm") for f in near))]
-    if not all(seats):
-        return ((f"never seats {at}",), ()) if not any(seats) else ((), (f"never seats {at}",))
-    broken, straddled = [], []
-    for key, (name, limit) in motion_limits(scene.design).items():
-        values = [answer.worst[name], *(f.worst(name) for f in near)]
-        if min(values) - answer.error[name] > limit:
-            broken.append(f"{key} {at}")
-        elif max(values) + answer.error[name] > limit:
-            straddled.append(f"{key} {at}")
-    return tuple(broken), tuple(straddled)
-
-
-def _figures(answer: Converged) -> dict:
-    figures = {name: _number(answer.worst[name]) for name in REPORTED}
-    return {**figures, "revolutions": answer.revolutions, "periodic": answer.periodic}
-
-
-def _number(value: float) -> float | None:
-    """JSON has no NaN: null."""
-    return float(value) if np.isfinite(value) else None

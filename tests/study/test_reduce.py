@@ -13,7 +13,8 @@ from camopt.cli.parser import parser as cli
 from camopt.exact import engine
 from camopt.measure.settling import settle
 from camopt.scene import InputError, MotionRefused, build_train, load_scene, parse_scene, rest_position, scene_text
-from camopt.study.modes import assembled, modes
+from camopt.scene.vibration import assembled
+from camopt.study.modes import modes
 from camopt.study.reduce.idle_contacts import idle_contacts, leave_out
 from camopt.study.reduce.reduced_models import chains, condense, fewer_coils, scene_toml, smaller_models
 from camopt.study.reduce.reduction import reduce, reduction_lines

@@ -13,7 +13,7 @@ import numpy as np
 from camopt.optimizer.program.kinematic import area_ratio_row, reach, spline_rows
 from camopt.optimizer.program.linear_program import Infeasible
 from camopt.optimizer.program.no_jump import PEAK, SEAT, NoJumpOptimum, NoJumpProgram
-from camopt.optimizer.search.judge import LEAST_LIMIT, SHARE, Judged
+from camopt.optimizer.search.judge import SHARE, Judged
 from camopt.optimizer.search.margins import margin_stage
 from camopt.optimizer.search.no_jump_stage import Search
 from camopt.optimizer.search.sensitivity import SENSITIVITIES, Sensitivity
@@ -94,7 +94,7 @@ def linearised(z: np.ndarray, judged: Judged, sensitivity: Sensitivity) -> Linea
     usable = np.all(np.isfinite(judged.states), axis=1)
     order = np.argsort(-np.where(usable, judged.share.max(axis=0), -1.0))[:WIDTH]
     _, slopes = sensitivity(z, judged, order)
-    slopes = slopes / np.maximum(judged.limit, LEAST_LIMIT)[:, None]  # (r, l, m)
+    slopes = slopes * judged.share_slopes[:, None]  # (r, l, m)
     known = np.all(np.isfinite(slopes), axis=2) & np.any(slopes != 0, axis=2)
     at, metric = np.nonzero(known)
     share = judged.share[metric, order[at]]

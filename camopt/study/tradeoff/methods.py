@@ -16,7 +16,7 @@ from camopt.measure.metrics import measure
 from camopt.scene import Response, Scene, Train, build_train
 from camopt.scene.response import end_state, joined
 from camopt.scene.units import MM
-from camopt.study.modes import highest_rate
+from camopt.scene.vibration import highest_rate
 from camopt.study.reduce.reduction import at_rest
 from camopt.study.tradeoff.dormand_prince import dormand_prince, problem, right_hand_side
 from camopt.study.tradeoff.tradeoff import REFERENCE, Work, timed
