@@ -1,4 +1,8 @@
-"""Designs beside the cams of the literature: `comparison.csv` and the figures of a run folder."""
+"""Designs beside the cams of the literature: `comparison.csv`, their verdicts, and the figures of a run folder.
+
+Every row is written from a verdict as verification.json has it: the design's from that file, a baseline's from
+`verdicts/<name>.json`. The table and the figures can therefore be made again from the folder alone.
+"""
 
 import json
 from collections.abc import Callable, Mapping
@@ -6,42 +10,27 @@ from pathlib import Path
 
 import numpy as np
 
-from camopt.cam.design_file import write_design
+from camopt.cam.design_file import read_design, write_design
 from camopt.cam.families.polydyne import polydyne
-from camopt.cam.lift import Lift, lift_table
+from camopt.cam.lift import Lift
 from camopt.cam.read import FAMILIES, read_cam
-from camopt.exact.engine import prepare
 from camopt.optimize.accuracy import Accuracy, accuracy_named
-from camopt.plots import (
-    History,
-    Motion,
-    Sweep,
-    bounce_against_speed,
-    convergence,
-    last_revolution,
-    profiles,
-    save,
-    valve_motion,
-)
-from camopt.scene.errors import InputError, MotionRefused
-from camopt.scene.rest import rest_position
+from camopt.optimize.figures import draw
+from camopt.plots.style import DESIGN, family_of
+from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 from camopt.scene.units import DEG, MM
-from camopt.storage import create_run_folder, write_csv
+from camopt.storage import create_run_folder, write_csv, write_json
 from camopt.verify.effort import EFFORTS
-from camopt.verify.limits import broken_by_shape
-from camopt.verify.settle import settle
-from camopt.verify.sweep import at_speeds
 from camopt.verify.verdict import Verdict, verify
 
-FIGURE_SPEEDS = 61
-BEYOND_BAND = 0.1
-"""How far, relative to its width, the figure shows speeds outside the band."""
-TABLE_STEP_DEG = 0.1
 SECTIONED = ("multi-pol", "new-design")
 NO_JERK = " (no jerk limit)"
 """Ending of the name of a baseline that was designed without the scene's jerk limit."""
+FAILED = "failed"
+"""Verdict of a baseline that the scene has no member of, or that cannot be judged; its sentence stands as `broken`."""
+JERK = "jerk_max_mm_per_deg3"
 HALVINGS = 3
 """Of the step of each method for a baseline: enough where it bounces little, and where it bounces much only the range
 matters."""
@@ -58,11 +47,11 @@ def compare(
 ) -> Path:
     """Compare designs with the scene's baselines in the new folder `out`; returns it.
 
-    `designs`: name -> lift law, each judged at the scene's listed speeds (k) [r/min]. `baselines` "plain": the
-    literature's cams as their authors would draw them, for the largest area; "best": every family searched for the
-    largest area within the scene's bounce limit at its listed speeds, which takes minutes and with `progress` draws a
-    bar. Either under all limits of the scene and without its jerk limit. Writes comparison.csv and figures. Raises
-    InputError for an unusable folder or scene, and for other words.
+    `designs`: name -> lift law, each judged at the scene's listed speeds (k) [r/min] and over its band. `baselines`
+    "plain": the literature's cams as their authors would draw them, for the largest area; "best": every family searched
+    for the largest area within the scene's bounce limit at its listed speeds, which takes minutes and with `progress`
+    draws a bar. Either under all limits of the scene and without its jerk limit. Writes comparison.csv and figures.
+    Raises InputError for an unusable folder or scene, and for other words.
     """
     build_train(scene).require_linear("the comparison", "verify each cam on this scene with `camopt verify`")
     if baselines not in BASELINES:
@@ -106,11 +95,20 @@ def _jerk_limited(scene: Scene) -> bool:
 
 
 def _member(design: Callable[[], Lift]) -> Lift | str:
-    """A family's member, or why the scene has none: the comparison says so and goes on with the others."""
+    """A family's member, or why the scene has none: the comparison says so and goes on with the others.
+
+    Whatever a family fails of, it must not cost the design that it is compared with: any exception is such a reason.
+    """
     try:
         return design()
     except InputError as error:
         return str(error)
+    except Exception as error:
+        return _defect(error)
+
+
+def _defect(error: Exception) -> str:
+    return f"it failed on this train, which is a defect of camopt ({type(error).__name__}: {error})"
 
 
 def compare_in(
@@ -121,120 +119,130 @@ def compare_in(
     effort: Accuracy,
     baselines: Mapping[str, Lift | str] | None = None,
 ) -> None:
-    """comparison.csv and figures into a folder; cams with a verdict at the listed speeds are not verified again.
+    """comparison.csv and figures into a folder; cams with a verdict are not verified again.
 
     `baselines` as `plain_baselines`, which is the default, gives them; one that has no member gets a row that says why.
-    The others are kept in the folder's `cams`, for the report and for `--cam`.
+    They are judged at the listed speeds and, unless a given verdict is without one, over the band in the same steps as
+    the design. Cams and verdicts are kept in the folder's `cams` and `verdicts`, for the report and for `--cam`.
     """
     baselines = plain_baselines(scene) if baselines is None else baselines
-    cams = designs | {name: lift for name, lift in baselines.items() if not isinstance(lift, str)}
+    band_step = None if any(v.band is None for v in verdicts.values()) else effort.verdict.band_step_rpm
+    cams = dict(designs)
+    found = {name: verdicts[name].as_dict() if name in verdicts else _judged(scene, lift, effort, band_step)
+             for name, lift in designs.items()}  # fmt: skip
+    for name, lift in sorted(baselines.items()):
+        found[name] = _judged_baseline(scene, lift, effort, band_step)
+        if not isinstance(lift, str) and found[name]["verdict"] != FAILED:
+            cams[name] = lift
+    _keep(folder, scene, {name: lift for name, lift in cams.items() if name not in designs},
+          {name: one for name, one in found.items() if name not in designs})  # fmt: skip
+    _write(folder, scene, cams, found)
+
+
+def compare_again(folder: Path, scene: Scene) -> None:
+    """comparison.csv and figures of a run folder again, from the design, cams and verdicts that lie in it.
+
+    A folder without verdicts of baselines (an older run's) keeps its comparison. Raises InputError for files that
+    cannot be understood.
+    """
+    if not (folder / "verdicts").is_dir():
+        return
+    cams = {DESIGN: read_design(folder / "design.json", scene)}
+    found = {DESIGN: _read_verdict(folder / "verification.json")}
+    for path in sorted((folder / "verdicts").glob("*.json"), key=lambda p: p.stem):
+        found[path.stem] = _read_verdict(path)
+        if (stored := folder / "cams" / path.name).is_file():
+            cams[path.stem] = read_design(stored, scene)
+    _write(folder, scene, cams, found)
+
+
+def _judged(scene: Scene, lift: Lift, effort: Accuracy, band_step_rpm: float | None) -> dict:
+    methods, tolerance_um = EFFORTS["draft"].methods, effort.verdict.tolerance_um
+    return verify(scene, lift, None, methods, band_step_rpm, tolerance_um, HALVINGS).as_dict()
+
+
+def _judged_baseline(scene: Scene, lift: Lift | str, effort: Accuracy, band_step_rpm: float | None) -> dict:
+    """A baseline's verdict; one that has no member, or that cannot be judged, is "failed" with its sentence."""
+    failure = lift
+    if not isinstance(lift, str):
+        try:
+            return _judged(scene, lift, effort, band_step_rpm)
+        except Exception as error:  # as in `_member`: it must not cost the design
+            failure = str(error) if isinstance(error, InputError) else _defect(error)
+    return {"verdict": FAILED, "broken": [failure], "speeds": [], "worst_in_band": [], "band": None}
+
+
+def _keep(folder: Path, scene: Scene, cams: dict[str, Lift], found: dict[str, dict]) -> None:
     assert scene.design is not None, "load_scene(..., need='design') guarantees it"
-    for name in cams.keys() - designs.keys():
-        (folder / "cams").mkdir(exist_ok=True)
-        write_design(folder / "cams" / f"{name}.json", cams[name], scene.design.max_lift_mm * MM)
-    rows: list[dict] = []
+    for part, contents in (("cams", cams), ("verdicts", found)):
+        if contents:
+            (folder / part).mkdir(exist_ok=True)
     for name, lift in cams.items():
-        verdict = verdicts.get(name) or verify(
-            scene, lift, None, EFFORTS["draft"].methods, None, effort.verdict.tolerance_um, HALVINGS
-        )
-        rows += comparison_rows(scene, name, lift, verdict)
-    rows += [_without_member(name, why, rows[0]) for name, why in baselines.items() if isinstance(why, str)]
-    write_csv(folder / "comparison.csv", {key: [row[key] for row in rows] for key in rows[0]})
-    draw(folder, scene, {name: lift for name, lift in cams.items() if not name.endswith(NO_JERK)})
+        write_design(folder / "cams" / f"{name}.json", lift, scene.design.max_lift_mm * MM)
+    for name, one in found.items():
+        write_json(folder / "verdicts" / f"{name}.json", one)
 
 
-def _without_member(name: str, why: str, like: dict) -> dict:
+def _read_verdict(path: Path) -> dict:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(content["verdict"], str) or not isinstance(content["speeds"], list):
+            raise ValueError("expected a verdict and its speeds")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path}: cannot be read as a verdict: {error}; verify the cam again") from error
+    return content
+
+
+def _write(folder: Path, scene: Scene, cams: dict[str, Lift], found: dict[str, dict]) -> None:
+    rows = [row for name, lift in cams.items() for row in comparison_rows(scene, name, lift, found[name])]
+    like = rows[0] if rows else dict.fromkeys(("cam", "limits", "verdict", "broken"))
+    rows += [_failed_row(name, one, like) for name, one in found.items() if name not in cams]
+    write_csv(folder / "comparison.csv", {key: [row[key] for row in rows] for key in rows[0]} if rows else {"cam": []})
+    shown = {name: lift for name, lift in cams.items() if not name.endswith(NO_JERK)}
+    draw(folder, scene, shown, {name: found[name] for name in shown})
+
+
+def _failed_row(name: str, found: dict, like: dict) -> dict:
     limits = "no-jerk" if name.endswith(NO_JERK) else "all"
-    named = {"cam": name, "limits": limits, "verdict": "rejected", "broken": why}
+    named = {"cam": name, "limits": limits, "verdict": FAILED, "broken": "; ".join(found["broken"])}
     return dict.fromkeys(like) | named
 
 
-def comparison_rows(scene: Scene, name: str, lift: Lift, verdict: Verdict) -> list[dict]:
-    """One row per speed of a cam: its shape, its motion, its verdict."""
+def comparison_rows(scene: Scene, name: str, lift: Lift, found: dict) -> list[dict]:
+    """One row per judged speed of a cam, from `found`, its verdict as verification.json has it.
+
+    The speeds are the listed ones and the band's worst ones, ascending. A cam of the literature that breaks the jerk
+    limit stands in the table without it, where that limit rejects nothing; a design never does.
+    """
     design = scene.design
     assert design is not None, "load_scene(..., need='design') guarantees it"
     half = lift.half_duration
     low, high = (a / MM * DEG**2 for a in lift.extremes(2, -half, half))
     jerk = float(np.abs(lift.extremes(3, -half, half)).max()) / MM * DEG**3
-    shape = broken_by_shape(lift, design)
-    limits = "no-jerk" if "jerk_max_mm_per_deg3" in shape else "all"
-    shape = [name for name in shape if name != "jerk_max_mm_per_deg3"]  # no limit in the table it is in
+    shape = [word for word in found["broken"] if " at " not in word]
+    limits = "no-jerk" if JERK in shape and family_of(name) != DESIGN else "all"
+    shape = [word for word in shape if word != JERK or limits == "all"]
+    records = {s["speed_rpm"]: s for s in [*(found.get("worst_in_band") or []), *found["speeds"]]}
     rows = []
-    for found in verdict.speeds:
-        figures = found.as_dict()
+    for speed in sorted(records):
+        s = records[speed]
+        here = [word for word in found["broken"] if word.endswith(f" at {speed:g} r/min")]
+        low_mm, high_mm = s["bounce_range_mm"]
         rows.append(
             {
                 "cam": name,
                 "limits": limits,
-                "speed_rpm": found.speed_rpm,
+                "speed_rpm": speed,
                 "area_ratio": lift.area_ratio(design.max_lift_mm * MM),
                 "acceleration_max_mm_per_deg2": high,
                 "acceleration_min_mm_per_deg2": low,
                 "jerk_max_mm_per_deg3": jerk,
-                "bounce_mm": figures["bounce_mm"],
-                "bounce_low_mm": figures["bounce_range_mm"][0],
-                "bounce_high_mm": figures["bounce_range_mm"][1],
-                **{key: figures[key] for key in MOTION_COLUMNS},
-                "verdict": found.verdict if not shape else "rejected",
-                "broken": "; ".join([*shape, *found.broken]),
+                "bounce_mm": s["bounce_mm"],
+                "bounce_low_mm": low_mm,
+                "bounce_high_mm": high_mm,
+                **{key: s[key] for key in MOTION_COLUMNS},
+                "verdict": "rejected" if shape else s["verdict"],
+                "broken": "; ".join([*shape, *here]),
             }
         )
     return rows
-
-
-def draw(folder: Path, scene: Scene, cams: dict[str, Lift]) -> None:
-    """The figures of a run folder, into its folder `figures`."""
-    design, operation = scene.design, scene.operation
-    assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
-    figures = folder / "figures"
-    figures.mkdir(exist_ok=True)
-    tables = [(name, lift_table(lift, TABLE_STEP_DEG)) for name, lift in cams.items()]
-    save(profiles(tables, design), figures, "profiles")
-    motions = [m for name, lift in cams.items() for m in settled_motions(scene, name, lift)]
-    if motions:
-        save(valve_motion(motions, design), figures, "valve_motion")
-    low, high = operation.band_rpm
-    more = BEYOND_BAND * (high - low)
-    speeds = np.linspace(low - more, high + more, FIGURE_SPEEDS)
-    sweeps = [swept(scene, name, lift, speeds) for name, lift in cams.items()]
-    save(
-        bounce_against_speed(sweeps, design, operation.band_rpm, operation.speeds_rpm), figures, "bounce_against_speed"
-    )
-    if (folder / "history.jsonl").exists() and (folder / "design.json").exists():
-        record = json.loads((folder / "design.json").read_text(encoding="utf-8"))
-        history = read_history(folder)
-        bound, no_jump = record["area_ratio_bound"], record["area_ratio_no_jump"]
-        save(convergence(history, bound, no_jump, design.bounce_max_mm), figures, "convergence")
-
-
-def settled_motions(scene: Scene, name: str, lift: Lift) -> list[Motion]:
-    """A settled revolution at each listed speed; a speed at which the motion is refused is left out."""
-    train = build_train(scene)
-    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
-    motions = []
-    for speed in scene.operation.speeds_rpm if scene.operation else ():
-        try:
-            response = settle(prepare(train, lift, scene.cam_speed(speed)), rest).response
-        except MotionRefused:
-            continue
-        motions.append(last_revolution(name, speed, response))
-    return motions
-
-
-def swept(scene: Scene, name: str, lift: Lift, speeds_rpm: np.ndarray) -> Sweep:
-    """Bounce and jump against speed, by event-exact."""
-    rows = at_speeds(prepare, scene, lift, speeds_rpm)
-    bounce, jump = (np.array([row[key] for row in rows]) for key in ("bounce_mm", "jump_mm"))
-    return Sweep(name, speeds_rpm, bounce, jump)
-
-
-def read_history(folder: Path) -> History:
-    """The steps of `history.jsonl`."""
-    lines = [json.loads(line) for line in (folder / "history.jsonl").read_text(encoding="utf-8").splitlines()]
-    bounce = [np.nan if line["worst_bounce_mm"] is None else line["worst_bounce_mm"] for line in lines]
-    return History(
-        [line["stage"] for line in lines],
-        np.array([line["area_ratio"] for line in lines]),
-        np.array(bounce),
-        np.array([line["confirmed"] for line in lines]),
-    )

@@ -10,16 +10,15 @@ from camopt.cam.design_file import read_design
 from camopt.cam.geometry import contact
 from camopt.cam.lift import Lift
 from camopt.cam.read import read_cam
-from camopt.exact.engine import prepare
+from camopt.optimize.figures import settled_motion
 from camopt.plots.style import DESIGN, cam_line, family_of
 from camopt.report.drawing import Strokes, drawing
 from camopt.report.folder import RunFolder
 from camopt.report.wording import as_number, is_number, shown
-from camopt.scene import InputError, Scene, Train, build_train, load_scene, rest_position
+from camopt.scene import InputError, Scene, Train, build_train, load_scene
 from camopt.scene.errors import MotionRefused
 from camopt.scene.units import DEG, MM
 from camopt.study.motion import resampled
-from camopt.verify.settle import settle
 
 STEPS_DEG = (0.5, 1.0, 2.0, 5.0)
 MOST_NUMBERS = 400_000
@@ -142,8 +141,7 @@ def _moved(
 def motion(train: Train, lift: Lift, cam_speed: float, step_deg: float, contacts: list[int]) -> dict:
     """One settled revolution by event-exact on a grid of `step_deg`, `cam_speed` [rad/s]; see `animation`."""
     steps = round(360 / step_deg)
-    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
-    settled = settle(prepare(train, lift, cam_speed, steps), rest)
+    settled = settled_motion(train, lift, cam_speed, steps)
     record = resampled(settled.response, steps * settled.response.revolutions)
     last = slice(-steps - 1, None)
     return {

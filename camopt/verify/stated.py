@@ -8,7 +8,6 @@ import numpy as np
 from camopt.scene.units import MM, UM
 from camopt.verify.converge import Converged
 
-
 LEAST_STATED_UM = 1e-3
 """Smaller estimates are stated as below this: a nanometre is less than any claim about a valve train can mean."""
 

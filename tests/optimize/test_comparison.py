@@ -46,7 +46,7 @@ def test_the_jerk_limit_does_not_reject_in_the_table_without_it():
     lift = polydyne(scene)
     assert broken_by_shape(lift, design) == ["jerk_max_mm_per_deg3"]
     verdict = verify(scene, lift, (5000.0,), ("event",), None, 5.0, 0)
-    (row,) = comparison_rows(scene, "polydyne", lift, verdict)
+    (row,) = comparison_rows(scene, "polydyne", lift, verdict.as_dict())
     assert (row["limits"], row["verdict"]) == ("no-jerk", verdict.speeds[0].verdict)
     assert "jerk" not in row["broken"]
 

@@ -13,6 +13,7 @@ from camopt.report.page import embedded
 from camopt.scene import build_train, load_scene, rest_position
 from camopt.scene.units import DEG, MM
 from camopt.verify.settle import settle
+from camopt.verify.verdict import verify
 
 SCENE = load_scene("motori-1")
 SPEED = SCENE.cam_speed(5000)
@@ -43,6 +44,15 @@ def test_motion_is_the_settled_one_of_event_exact(polydyne):
     assert max(found["force_N"][0][inside]) == pytest.approx(worst.worst("contact_force_max_N"), rel=0.02)
     jump = max(found["separation_um"][0][inside]) / 1000
     assert jump == pytest.approx(worst.worst("jump_mm"), abs=2e-3)
+
+
+def test_a_motion_that_the_verdict_calls_settled_has_settled_here():
+    lively = [e.model_copy(update={"damping_N_s_per_m": 0.1 * e.damping_N_s_per_m}) for e in SCENE.element]
+    scene = SCENE.model_copy(update={"element": lively})
+    lift = read_cam("polydyne:exponents=2/10/18/26/34,speed_rpm=4000", SCENE)
+    (judged,) = verify(scene, lift, (3000.0,), ("event",), None, 5.0, 2).as_dict()["speeds"]
+    assert judged["periodic"] and judged["revolutions"] >= 40  # of the first step alone
+    assert motion(build_train(scene), lift, scene.cam_speed(3000), 1.0, [0])["periodic"]
 
 
 def folder_of(tmp_path, write, contents, lift, scene_name="motori-1"):
