@@ -63,6 +63,7 @@ def verify(args: Namespace) -> int:
         print("  ".join(shown), f" {row['verdict']}")
     broken = f" (broken: {', '.join(map(str, content['broken']))})" if content["broken"] else ""
     print(report.accuracy["statement"])
+    _print_area_words(lift, scene)
     print(f"verdict: {report.verdict}{broken}")
     return 0 if report.verdict == "confirmed" else 3
 
@@ -100,6 +101,8 @@ def compare(args: Namespace) -> int:
     from camopt.optimize.comparison import compare as comparison
 
     comparison(scene, designs, folder, baselines=args.baselines, progress=not args.quiet)
+    for name, lift in designs.items():
+        _print_area_words(lift, scene, f"{name}: ")
     print(f"comparison: {folder}")
     return 0
 
@@ -114,6 +117,7 @@ def cam(args: Namespace) -> int:
 
     export(scene, lift, args.csv, args.contour, args.step_deg, args.digits)
     print("\n".join(sheet(scene, lift, args.speed)))
+    _print_area_words(lift, scene)
     return 0
 
 
@@ -217,6 +221,14 @@ def scenes(args: Namespace) -> int:
     for name, text in builtin_scenes().items():
         print(f"{name:<14} {tomllib.loads(text)['title']}")
     return 0
+
+
+def _print_area_words(lift, scene, whose: str = "") -> None:
+    """What must be said of a cam's duration and area ratio, a line each."""
+    from camopt.optimize.area_words import area_words
+
+    for sentence in area_words(lift, scene.design):
+        print(f"note: {whose}{sentence}")
 
 
 def _cam_of(args: Namespace, scene):

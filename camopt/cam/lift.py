@@ -84,6 +84,11 @@ class Lift:
         """Area over (a scene's maximum lift [m] times the duration)."""
         return self.area / (max_lift * 2 * self.half_duration)
 
+    def area_ratio_in(self, design: "Design") -> float:
+        """Area within a design's duration over (its maximum lift times its duration), whatever the cam's own is."""
+        half = design.duration_deg * DEG / 2
+        return float(self._derivatives[0].integrate(-half, half)) / (design.max_lift_mm * MM * 2 * half)
+
     @cached_property
     def opening_foot(self) -> float:
         """Angle at which the lift leaves zero [rad]; pi, the end of the revolution, where it never does."""

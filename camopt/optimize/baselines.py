@@ -100,7 +100,7 @@ def largest_area_member(
     figures = motion.worst(lift)
     over = excess(lift, design)
     holds = over == 0 and (bounce_max_mm is None or figures["bounce_mm"] <= bounce_max_mm)
-    area = lift.area_ratio(design.max_lift_mm * MM)
+    area = lift.area_ratio_in(design)
     says = _words(family, over, broken_by_shape(lift, design), figures["bounce_mm"], bounce_max_mm)
     seconds = time.perf_counter() - begun
     return Baseline(family, lift, holds, says, area, figures, count, motion.judged, seconds)
@@ -191,7 +191,7 @@ class _Search:
         """How bad a member is."""
         try:
             lift = self.space.member(x)
-        except (InputError, np.linalg.LinAlgError):
+        except InputError:
             return 3.0
         over = excess(lift, self.design)
         if over > 0:
@@ -200,7 +200,7 @@ class _Search:
             bounce = self.motion.worst(lift, HOPELESS * self.limit)["bounce_mm"]
             if bounce > self.limit:
                 return 1.0 + (1.0 if np.isinf(bounce) else bounce / (1.0 + bounce))
-        return 1.0 - lift.area_ratio(self.design.max_lift_mm * MM)
+        return 1.0 - lift.area_ratio_in(self.design)
 
 
 def _first_population(space: Space, seed: int) -> np.ndarray:

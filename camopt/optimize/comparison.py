@@ -216,9 +216,8 @@ def comparison_rows(scene: Scene, name: str, lift: Lift, found: dict) -> list[di
     """
     design = scene.design
     assert design is not None, "load_scene(..., need='design') guarantees it"
-    half = lift.half_duration
-    low, high = (a / MM * DEG**2 for a in lift.extremes(2, -half, half))
-    jerk = float(np.abs(lift.extremes(3, -half, half)).max()) / MM * DEG**3
+    low, high = (a / MM * DEG**2 for a in lift.extremes(2))
+    jerk = float(np.abs(lift.extremes(3)).max()) / MM * DEG**3
     shape = [word for word in found["broken"] if " at " not in word]
     limits = "no-jerk" if JERK in shape and family_of(name) != DESIGN else "all"
     shape = [word for word in shape if word != JERK or limits == "all"]
@@ -233,7 +232,7 @@ def comparison_rows(scene: Scene, name: str, lift: Lift, found: dict) -> list[di
                 "cam": name,
                 "limits": limits,
                 "speed_rpm": speed,
-                "area_ratio": lift.area_ratio(design.max_lift_mm * MM),
+                "area_ratio": lift.area_ratio_in(design),
                 "acceleration_max_mm_per_deg2": high,
                 "acceleration_min_mm_per_deg2": low,
                 "jerk_max_mm_per_deg3": jerk,

@@ -14,6 +14,7 @@ stiffness that is not positive) is NaN throughout, its derivatives too.
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from copy import deepcopy
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Any
@@ -193,7 +194,7 @@ class Varying:
         self, names: tuple[str, ...], given: Arrays, motion: TracedMotion, slopes: Slopes, moving: np.ndarray
     ) -> Arrays:
         """Gradients (l, ...) by each of the names; `moving` (l) is what of the numbers grows with all velocities."""
-        by_train, found = slopes.by_train, {}
+        by_train, found = deepcopy(slopes.by_train), {}  # the slopes stay as they are: they may be read again
         if by_train is not None and "start" not in given:
             by_train.add(rest_back(motion.train, slopes.by_start))
         for name in names:

@@ -43,7 +43,7 @@ class Space:
 
     `known` vectors join the first population of a search.
     `largest` designs the largest area within the limits on the shape alone, from (number of members, seed), where the
-    family has a method of its own for that. `member` raises InputError or NumPy's LinAlgError where there is none.
+    family has a method of its own for that. `member` raises InputError where there is none.
     """
 
     bounds: list[tuple[float, float]]

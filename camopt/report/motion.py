@@ -79,7 +79,7 @@ def _rebuilt(name: str, area: float | None, folder: Path, scene: Scene) -> Lift:
     else:
         raise InputError(f"the run folder does not hold its lift, cams/{name}.json")
     assert scene.design is not None, "load_scene(..., need='design') guarantees it"
-    found = lift.area_ratio(scene.design.max_lift_mm * MM)
+    found = lift.area_ratio_in(scene.design)
     if not is_number(area) or abs(found - area) > SAME_AREA:
         raise InputError(f"its area ratio comes out as {shown(found, 6)}, the run recorded {shown(area, 6)}")
     return lift

@@ -57,7 +57,7 @@ def sheet(scene: Scene, lift: Lift, speed_rpm: float | None = None) -> list[str]
 def _limits(scene: Scene, lift: Lift) -> list[str]:
     design = scene.design
     assert design is not None, "the verb asks for it"
-    ratio = lift.area_ratio(design.max_lift_mm * MM)
+    ratio = lift.area_ratio_in(design)
     lines = [
         f"{lift.family}: " + ", ".join(f"{k} = {v}" for k, v in lift.parameters.items()),
         f"maximum lift   {lift.max_lift / MM:.6f} mm (limit {design.max_lift_mm:g})",

@@ -5,13 +5,18 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.scene.quantities import QUANTITIES
 from camopt.scene.schema import Design
-from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
+from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3
 
 ROUNDING = 1e-9
 """Relative slack of a limit on the shape: the rounding of a cam designed to touch its limit."""
 STEP_ROUNDING = 1e-6
 """Jump at a border, relative to the largest value, that counts as rounding: solving for the coefficients of high powers
 loses a few digits more than evaluating them, and a designed step is orders larger."""
+RAMP_LIFT = 1e-6
+"""Lift above the ramp's height that counts as none [m], one micrometre: a tenth of a degree of an ordinary ramp, and
+about what a lift table is measured to."""
+RAMP_VELOCITY = 0.01
+"""Relative excess over the ramp's velocity that counts as none: a micrometre over the ten degrees of a ramp."""
 
 MOTION_LIMITS = {q.limit: q.name for q in QUANTITIES.values() if q.limit is not None}
 """Design key of each limit on the motion -> the metric it limits."""
@@ -26,21 +31,24 @@ def motion_limits(design: Design | None) -> dict[str, tuple[str, float]]:
 
 
 def broken_by_shape(lift: Lift, design: Design | None) -> list[str]:
-    """Design keys of the limits that the cam's shape breaks, from the exact extremes of its pieces.
+    """Names of the limits that the cam's shape breaks, from the exact extremes of its pieces.
 
-    Limits hold at every angle. A step in velocity breaks the acceleration limits and a step in acceleration the jerk
-    limit, from ramp top to ramp top; outside, the ramps are a design condition of their own.
+    They are design keys, and "continuous_lift" and "continuous_velocity", which no scene has to ask for. Limits hold at
+    every angle. A step in velocity breaks the acceleration limits too, and a step in acceleration the jerk limit, at
+    any angle but the outer end of a ramp that the scene gives no foot. See `_outside` for duration and ramps.
     """
     if design is None:
         return []
     top = design.max_lift_mm * MM
-    broken = []
+    broken = _outside(lift, design)
     if lift.max_lift > top * (1 + ROUNDING):
         broken.append("max_lift_mm")
     if design.reach_max_lift and lift.max_lift < top * (1 - ROUNDING):
         broken.append("reach_max_lift")
     lowest, highest = lift.extremes(2)
-    kink = _has_step(lift, 1)
+    torn, kink, bend = (_has_step(lift, design, order) for order in range(3))
+    kink = kink or torn
+    broken += ["continuous_lift"] * torn + ["continuous_velocity"] * kink
     upper, lower, jerk = (
         design.acceleration_max_mm_per_deg2,
         design.acceleration_min_mm_per_deg2,
@@ -52,7 +60,7 @@ def broken_by_shape(lift: Lift, design: Design | None) -> list[str]:
         broken.append("acceleration_min_mm_per_deg2")
     if jerk is not None:
         steepest = np.abs(lift.extremes(3)).max()
-        if kink or _has_step(lift, 2) or steepest > jerk * MM_PER_DEG3 * (1 + ROUNDING):
+        if kink or bend or steepest > jerk * MM_PER_DEG3 * (1 + ROUNDING):
             broken.append("jerk_max_mm_per_deg3")
     if design.nose_deg:
         nose = design.nose_deg * DEG
@@ -61,18 +69,69 @@ def broken_by_shape(lift: Lift, design: Design | None) -> list[str]:
     return broken
 
 
-def _has_step(lift: Lift, order: int) -> bool:
-    """Whether the derivative `order` jumps at a border of the event, both ramp tops included."""
-    largest = np.abs(lift.extremes(order)).max()
-    half = lift.half_duration * (1 + 1e-12)
-    falling = np.array([np.prod(np.arange(k, k - order, -1)) for k in range(lift.coefficients.shape[1])])
-    for i in range(1, len(lift.borders) - 1):
-        if abs(lift.borders[i]) > half:
-            continue
-        powers = np.arange(len(falling)) - order
-        width = lift.borders[i] - lift.borders[i - 1]
-        before = np.sum((falling * lift.coefficients[i - 1])[order:] * width ** powers[order:])
-        after = falling[order] * lift.coefficients[i, order]
-        if abs(after - before) > STEP_ROUNDING * largest:
-            return True
-    return False
+def duration_words(lift: Lift, design: Design) -> str:
+    """A sentence on a cam whose duration differs from the scene's, with the lift that decides; "" where none does.
+
+    A shorter cam is legal, and its area ratio is judged with the scene's duration; a longer one breaks "duration_deg".
+    """
+    asked, own = design.duration_deg, 2 * lift.half_duration / DEG
+    half = min(asked, own) / 2 * DEG
+    sides = zip((-1, 1), design.ramps(), strict=True)
+    found = [(sign * half / DEG, _above(lift, sign, half) / MM, height) for sign, (height, _, _) in sides]
+    angle, above, height = max(found, key=lambda row: row[1] - row[2])
+    if above > height + RAMP_LIFT / MM:
+        return (
+            f"the cam is longer than the {asked:g} deg of the scene: the lift beyond {angle:g} deg reaches "
+            f"{above:.4g} mm, and {height:g} mm is the ramp's height, which it may exceed by {RAMP_LIFT / MM:g} mm"
+        )
+    if own > asked * (1 + ROUNDING):
+        return f"the cam's stated duration of {own:.6g} deg is longer than the {asked:g} deg of the scene"
+    if own < asked * (1 - ROUNDING):
+        return (
+            f"the cam's duration of {own:.6g} deg is shorter than the {asked:g} deg of the scene, with which its area "
+            f"ratio is judged"
+        )
+    return ""
+
+
+def _outside(lift: Lift, design: Design) -> list[str]:
+    """What the cam breaks outside the shorter one of its own duration and the scene's, where the ramps lie.
+
+    "duration_deg": the lift exceeds the ramp's height there by more than RAMP_LIFT, or the cam itself says that it is
+    longer. "ramp_velocity_mm_per_deg", or the closing side's: the velocity exceeds the ramp's outside the scene's
+    duration by more than RAMP_VELOCITY. Lower, shorter and slower ramps are legal: the motion answers for them.
+    """
+    broken, asked = [], design.duration_deg / 2 * DEG
+    inner = min(asked, lift.half_duration)
+    longer = lift.half_duration > asked * (1 + ROUNDING)
+    for sign, (height, velocity, side) in zip((-1, 1), design.ramps(), strict=True):
+        longer |= _above(lift, sign, inner) > height * MM + RAMP_LIFT
+        rate = np.abs(lift.extremes(1, *sorted((sign * asked, sign * np.pi)))).max()
+        key = "closing_" * (side == "closing" and design.closing_ramp_velocity_mm_per_deg is not None)
+        if rate > velocity * MM_PER_DEG * (1 + RAMP_VELOCITY):
+            broken.append(f"{key}ramp_velocity_mm_per_deg")
+    return list(dict.fromkeys(["duration_deg"] * longer + broken))
+
+
+def _above(lift: Lift, sign: int, half: float) -> float:
+    """Largest lift [m] from sign * half [rad] outwards."""
+    return lift.extremes(0, *sorted((sign * half, sign * np.pi)))[1]
+
+
+def _has_step(lift: Lift, design: Design, order: int) -> bool:
+    """Whether the derivative `order` jumps at any border, that of the revolution included.
+
+    Where the scene's ramps have no foot, the velocity may jump by the ramp's as the lift leaves and meets zero.
+    """
+    widths = np.diff(lift.borders)
+    powers = np.arange(lift.coefficients.shape[1])
+    falling = np.array([np.prod(np.arange(k, k - order, -1)) for k in powers]) * (powers >= order)
+    before = np.sum(falling * lift.coefficients * widths[:, None] ** np.maximum(powers - order, 0), axis=1)
+    after = falling[order] * lift.coefficients[:, order] if order < len(powers) else np.zeros(len(widths))
+    steps = np.abs(after - np.roll(before, 1))  # at the start of every piece
+    allowed = np.full(len(steps), STEP_ROUNDING * np.abs(lift.extremes(order)).max())
+    if order == 1 and design.ramp_foot_deg == 0:
+        flat = np.all(lift.coefficients == 0, axis=1)
+        fastest = max(velocity for _, velocity, _ in design.ramps()) * MM_PER_DEG
+        allowed += np.where(flat != np.roll(flat, 1), fastest * (1 + RAMP_VELOCITY), 0.0)
+    return bool(np.any(steps > allowed))

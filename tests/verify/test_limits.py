@@ -1,5 +1,8 @@
 """Limits on the cam's shape: each judged on its own, on both sides of the extreme."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +10,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.scene import load_scene
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
-from camopt.verify.limits import MOTION_LIMITS, broken_by_shape, motion_limits
+from camopt.verify.limits import MOTION_LIMITS, broken_by_shape, duration_words, motion_limits
 
 SCENE = load_scene("kodama")
 LIFT = polydyne(SCENE)
@@ -71,14 +74,90 @@ def test_a_step_in_acceleration_breaks_the_jerk_limit_alone():
     lift = raised(-60.0, 0.0, 1e-3 * MM_PER_DEG2)
     assert broken_by_shape(LIFT, design(**GENEROUS)) == []
     assert broken_by_shape(lift, design(**GENEROUS)) == ["jerk_max_mm_per_deg3"]
-    on_the_ramp = raised(-80.0, 0.0, 1e-3 * MM_PER_DEG2)
-    assert broken_by_shape(on_the_ramp, design(**GENEROUS)) == ["jerk_max_mm_per_deg3"]  # its end lies at -72 deg
-    outside = raised(-90.0, 0.0, 1e-3 * MM_PER_DEG2)
-    assert broken_by_shape(outside, design(**GENEROUS)) == []
+    on_the_ramp = raised(-90.0, 0.0, -1e-5 * MM_PER_DEG2)  # the ramp lies at -101 to -72 deg
+    assert broken_by_shape(on_the_ramp, design(**GENEROUS)) == ["jerk_max_mm_per_deg3"]
+    without = design(**{**GENEROUS, "jerk_max_mm_per_deg3": None})
+    assert broken_by_shape(lift, without) == broken_by_shape(on_the_ramp, without) == []
 
 
-def test_a_step_in_velocity_breaks_acceleration_and_jerk():
-    assert set(broken_by_shape(raised(-60.0, 1e-3 * MM / DEG, 0.0), design(**GENEROUS))) == set(GENEROUS)
+@pytest.mark.parametrize("angle_deg", [-60.0, -90.0, 85.0, 150.0])
+def test_a_step_in_velocity_breaks_acceleration_and_jerk_wherever_it_is(angle_deg):
+    """On the ramps it was confirmed, an infinite acceleration."""
+    lift = raised(angle_deg, -1e-4 * MM / DEG, 0.0)
+    assert {"continuous_velocity", *GENEROUS} <= set(broken_by_shape(lift, design(**GENEROUS)))
+    assert "continuous_velocity" in broken_by_shape(lift, design())  # no limit on acceleration is needed for that
+
+
+def test_a_step_in_lift_is_no_cam():
+    borders = np.array([-np.pi, 0.1, np.pi])
+    step = Lift(borders, np.array([[0.0], [-1e-3 * MM]]), LIFT.half_duration)
+    assert {"continuous_lift", "continuous_velocity"} <= set(broken_by_shape(LIFT.shifted(step), design()))
+
+
+def test_a_ramp_without_foot_may_step_by_its_velocity_where_the_scene_says_so():
+    footless = SCENE.model_copy(update={"design": design(ramp_foot_deg=0.0)})
+    lift = polydyne(footless)
+    assert broken_by_shape(lift, design(ramp_foot_deg=0.0, **GENEROUS)) == []
+    assert "continuous_velocity" in broken_by_shape(lift, design(**GENEROUS))
+    slower = design(ramp_foot_deg=0.0, ramp_velocity_mm_per_deg=0.0105)
+    assert broken_by_shape(lift, slower) == ["ramp_velocity_mm_per_deg", "continuous_velocity"]
+
+
+def of_duration(degrees):
+    return polydyne(SCENE.model_copy(update={"design": design(duration_deg=degrees)}))
+
+
+@pytest.mark.parametrize("degrees", [200.0, 145.0])
+def test_a_cam_longer_than_the_scene_asks_is_refused(degrees):
+    """A cam of 200 deg was confirmed in a scene of 144 deg, with more area than the certified bound."""
+    longer = of_duration(degrees)
+    broken = broken_by_shape(longer, design())
+    assert "duration_deg" in broken
+    for claim in (degrees, 144.0, 60.0):  # whatever the file says of its own duration
+        claimed = replace(longer, half_duration=claim * DEG / 2)
+        assert "duration_deg" in broken_by_shape(claimed, design())
+    words = duration_words(longer, design())
+    at_the_top = f"{longer(-72 * DEG) / MM:.4g} mm, and 0.265 mm is the ramp's height"
+    assert re.search(rf"the lift beyond -?72 deg reaches {re.escape(at_the_top)}", words)
+    assert "may exceed by 0.001 mm" in words
+
+
+def test_the_tolerance_of_the_duration_is_a_micrometre_of_lift():
+    """0.1 deg of the ramp of 0.011 mm/deg is 1.1 um, 0.08 deg is 0.9 um, at each side."""
+    for degrees, broken in ((144.2, ["duration_deg"]), (144.16, [])):
+        claimed = replace(of_duration(degrees), half_duration=72 * DEG)
+        assert [n for n in broken_by_shape(claimed, design()) if n == "duration_deg"] == broken
+
+
+def test_a_shorter_cam_is_legal_and_said():
+    shorter = of_duration(118.0)
+    assert broken_by_shape(shorter, design()) == []
+    words = duration_words(shorter, design())
+    assert words.startswith("the cam's duration of 118 deg is shorter than the 144 deg of the scene")
+    theta = np.linspace(-72, 72, 20001) * DEG
+    assert shorter.area_ratio_in(design()) == pytest.approx(np.mean(shorter(theta)) / (20 * MM), rel=1e-4)
+    assert shorter.area_ratio_in(design()) < shorter.area_ratio(20 * MM)
+    assert LIFT.area_ratio_in(design()) == pytest.approx(LIFT.area_ratio(20 * MM), rel=1e-12)
+    assert duration_words(LIFT, design()) == ""
+
+
+def test_a_claim_of_a_shorter_duration_does_not_hide_a_cam():
+    """The jump is judged inside the cam's own duration: a design file that claims 60 deg hid most of it."""
+    claimed = replace(LIFT, half_duration=30 * DEG)
+    assert broken_by_shape(claimed, design()) == ["duration_deg"]
+    assert "30 deg reaches" in duration_words(claimed, design())
+
+
+def test_ramps_may_be_slower_and_lower_but_not_faster_or_higher():
+    assert broken_by_shape(polydyne(SCENE, ramp_height_mm=0.25), design()) == []
+    for factor, broken in ((1.02, ["ramp_velocity_mm_per_deg"]), (1.005, []), (0.9, [])):
+        other = SCENE.model_copy(update={"design": design(ramp_velocity_mm_per_deg=0.011 * factor)})
+        assert broken_by_shape(polydyne(other), design()) == broken
+    fast = polydyne(SCENE.model_copy(update={"design": design(ramp_velocity_mm_per_deg=0.012)}))
+    closing = design(ramp_velocity_mm_per_deg=0.012, closing_ramp_velocity_mm_per_deg=0.011)
+    assert broken_by_shape(fast, closing) == ["closing_ramp_velocity_mm_per_deg"]
+    high = polydyne(SCENE.model_copy(update={"design": design(ramp_height_mm=0.3)}))
+    assert broken_by_shape(high, design()) == ["duration_deg"]
 
 
 def test_limits_on_the_motion_are_those_the_scene_sets():

@@ -6,10 +6,10 @@ meets the ramp: its height, its velocity, and no acceleration, jerk or snap ther
 
 import numpy as np
 
-from camopt.cam.families.polydyne import checked_exponents, event_pieces
+from camopt.cam.families.polydyne import checked_exponents, event_pieces, no_member
 from camopt.cam.lift import Lift, with_ramps
 from camopt.cam.ramps import symmetric_conditions
-from camopt.scene import Scene
+from camopt.scene import InputError, Scene
 from camopt.scene.units import DEG, MM
 
 
@@ -17,11 +17,18 @@ def exponent(scene: Scene, exponents: tuple[float, ...] = (2, 10, 18, 26, 34)) -
     """The exponent polynomial of a scene's duration, maximum lift and ramps, y_r + y_m (1 + sum_i C_i x^p_i).
 
     `exponents`: five distinct numbers from 2 up, integers or at least 8. Raises InputError for unusable exponents or a
-    scene whose two ramps differ.
+    scene whose two ramps differ, and for exponents so close that rounding or the conditions leave no cam.
     """
     powers = checked_exponents(exponents, "exponent")
     design, ramp = symmetric_conditions(scene, "exponent")
     half, rise = design.duration_deg * DEG / 2, design.max_lift_mm * MM - ramp.height
     flank_end = np.array([0.0, -ramp.velocity, 0.0, 0.0, 0.0])
-    borders, pieces = event_pieces(powers, half, flank_end, rise, ramp.height, 1.0, 0.0)
-    return with_ramps(borders, pieces, ramp, ramp, "exponent", {"exponents": [float(p) for p in powers]})
+    named = f"exponent: exponents {'/'.join(f'{p:g}' for p in powers)} give no cam"
+    try:
+        borders, pieces = event_pieces(powers, half, flank_end, rise, ramp.height, 1.0, 0.0)
+        lift = with_ramps(borders, pieces, ramp, ramp, "exponent", {"exponents": [float(p) for p in powers]})
+    except (np.linalg.LinAlgError, ValueError):
+        raise InputError(f"{named}: its six conditions have no common solution; give exponents further apart") from None
+    if why := no_member(lift, design.max_lift_mm * MM, ramp):
+        raise InputError(f"{named}: {why}; give exponents further apart")
+    return lift

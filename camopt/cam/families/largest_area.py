@@ -234,7 +234,7 @@ def section_angles(shares: np.ndarray, half: float) -> np.ndarray:
 
 
 def angle_shares(angles: np.ndarray, half: float) -> np.ndarray:
-    """Inverse of `_angles`, clipped to what it can reach."""
+    """Shares (count - 1) from which `section_angles` gives these angles [rad], clipped to what it can reach."""
     rest, shares = half - len(angles) * SHORTEST, []
     for angle in angles[:-1]:
         shares.append(float(np.clip((angle - SHORTEST) / rest, 0.0, 1.0)) if rest > 0 else 0.0)

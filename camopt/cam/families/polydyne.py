@@ -11,39 +11,61 @@ import numpy as np
 
 from camopt.cam.lift import Lift, with_ramps
 from camopt.cam.osculating import MATCHED, osculating_pieces
-from camopt.cam.ramps import symmetric_conditions
+from camopt.cam.ramps import Ramp, symmetric_conditions
 from camopt.scene import InputError, Scene, Train, build_train
 from camopt.scene.rest import static_matrices
-from camopt.scene.units import DEG, MM
+from camopt.scene.train import GROUND
+from camopt.scene.units import DEG, MM, MM_PER_DEG
+
+LEAST_SHARE = 1e-9
+"""Part of the valve's stiffness that is the cam's, below which rounding alone may have made it."""
+ROUNDING = 1e-9
+"""Relative excess over the maximum lift, and relative fall on the opening flank, that rounding explains."""
+MISSED = 1e-6
+"""Relative error of a condition that rounding may leave: solved conditions are met to 1e-9."""
 
 
 def equivalent_train(train: Train) -> tuple[float, float, float]:
     """Stiffness cam to valve k_e [N/m], spring rate at the valve k_sp [N/m] and moving mass M [kg] (Eq. (2)).
 
-    Static condensation to the valve with the contacts between cam and valve closed and the seat open; M weighs each
-    mass with the square of its share in a slow lift of the valve (Rayleigh).
+    Static condensation to the valve, whatever kinds of elements stand between cam and valve: their contacts are closed
+    and the seat is open. k_sp is what the valve still feels when those contacts part; masses that nothing joins to the
+    valve then do not count. M weighs each mass with the square of its share in a slow lift
+    of the valve (Rayleigh). Raises InputError where a slow cam does not move the valve.
     """
-    closed = ~train.contact | (train.preload > 0)  # a spring may be declared as a preloaded contact
+    way = np.isin(np.arange(len(train.a)), train.cam_side)
+    closed = ~train.contact | (train.preload > 0) | way  # a spring may be declared as a preloaded contact
     closed[train.seat] = False
-    closed[list(train.cam_side)] = False
-    parted, _ = static_matrices(train, closed)
-    parted += np.diag(np.where(np.diag(parted) == 0, 1.0, 0.0))  # masses the valve spring does not reach stay put
-    closed[list(train.cam_side)] = True
+    pull = np.zeros(len(train.mass) + 1)  # the last entry takes what pulls at the ground
+    for e in np.flatnonzero(train.cam_driven & closed):
+        pull[[train.a[e], train.b[e]]] += train.stiffness[e] * np.array([-1.0, 1.0])
+    total, lifted = _condensed(train, closed, pull[:-1])
+    spring, _ = _condensed(train, closed & ~way, pull[:-1])
+    if total - spring <= LEAST_SHARE * total or lifted[train.valve] <= LEAST_SHARE:
+        raise InputError(
+            f"polydyne: the train has no equivalent of one mass, because a slow cam does not lift "
+            f"{train.mass_names[train.valve]!r} against its spring: check what the cam drives, and hold what carries "
+            f"the cam by a spring or a preloaded contact"
+        )
+    return total - spring, spring, float(train.mass @ (lifted / lifted[train.valve]) ** 2)
+
+
+def _condensed(train: Train, closed: np.ndarray, pull: np.ndarray) -> tuple[float, np.ndarray]:
+    """Stiffness [N/m] seen at the valve when all masses that `closed` elements join to it follow freely, and where
+    they come to rest (n) [m] under forces `pull` (n) [N]; zeros where no element joins them to the ground."""
     stiffness, _ = static_matrices(train, closed)
-    total, spring = _condensed(stiffness, train.valve), _condensed(parted, train.valve)
-    driven = train.cam_side[0]
-    pull = np.zeros(len(train.mass))
-    for mass, sign in ((train.a[driven], -1.0), (train.b[driven], 1.0)):
-        if mass >= 0:
-            pull[mass] = sign * train.stiffness[driven]
-    share = np.linalg.solve(stiffness, pull)
-    return total - spring, spring, float(train.mass @ (share / share[train.valve]) ** 2)
-
-
-def _condensed(stiffness: np.ndarray, kept: int) -> float:
-    """Stiffness seen at one mass when all others follow freely."""
-    unit = np.eye(len(stiffness))[kept]
-    return 1.0 / float(np.linalg.solve(stiffness, unit)[kept])
+    joined = np.isin(np.arange(len(train.mass)), train.valve)
+    for _ in train.mass:
+        joined |= np.any(stiffness[joined] != 0, axis=0)
+    at_ground = closed & (train.a == GROUND) & joined[train.b] | closed & (train.b == GROUND) & joined[train.a]
+    rest = np.zeros(len(train.mass))
+    if not np.any(at_ground):
+        return 0.0, rest
+    unit = np.eye(len(train.mass))[train.valve]
+    given, rest[joined] = np.linalg.solve(
+        stiffness[np.ix_(joined, joined)], np.column_stack([unit[joined], pull[joined]])
+    ).T
+    return 1.0 / float(given @ unit[joined]), rest
 
 
 def polydyne(
@@ -58,7 +80,8 @@ def polydyne(
     `exponents`: five distinct numbers from 2 up, integers or at least 8; `design_speed_rpm`: crankshaft speed at which
     the valve follows y exactly, the highest listed by default; `dynamic`: A [] and B [rad^2] in place of the train's.
     `ramp_height_mm` replaces the scene's on both sides (the paper's Table 4 uses 0.250). The cam is symmetric.
-    Raises InputError for unusable exponents or a scene whose two ramps differ.
+    Raises InputError for unusable exponents, a scene whose two ramps differ, a train without an equivalent of one mass,
+    and a dynamic correction that leaves the family: a cam that exceeds the maximum lift or falls while it should rise.
     """
     powers = checked_exponents(exponents, "polydyne")
     design, operation = scene.design, scene.operation
@@ -74,10 +97,45 @@ def polydyne(
         dynamic = 1 + k_sp / k_e, scene.cam_speed(speed) ** 2 * mass / k_e
     half, rise = design.duration_deg * DEG / 2, design.max_lift_mm * MM - ramp.height
     flank_end = np.array([0.0, 0.0, 0.0, -ramp.velocity / dynamic[1], 0.0])  # Eq. (3)
-    borders, pieces = event_pieces(powers, half, flank_end, rise, ramp.height, *dynamic)
     parameters = {"exponents": [float(p) for p in powers], "design_speed_rpm": speed}
     parameters |= {"A": dynamic[0], "B_deg2": dynamic[1] / DEG**2, "ramp_height_mm": ramp.height / MM}
-    return with_ramps(borders, pieces, ramp, ramp, "polydyne", parameters)
+    try:
+        borders, pieces = event_pieces(powers, half, flank_end, rise, ramp.height, *dynamic)
+        lift = with_ramps(borders, pieces, ramp, ramp, "polydyne", parameters)
+    except (np.linalg.LinAlgError, ValueError):
+        raise InputError(_left("its six conditions have no common solution", parameters, half)) from None
+    if why := no_member(lift, design.max_lift_mm * MM, ramp):
+        raise InputError(_left(why, parameters, half))
+    return lift
+
+
+def no_member(lift: Lift, top: float, ramp: Ramp) -> str:
+    """Why a solution of the six conditions is no cam under the maximum lift `top` [m], as a clause; "" where it is."""
+    half, largest = lift.half_duration, lift.max_lift
+    slowest, fastest = lift.extremes(1, -half, 0.0)
+    missed = abs(lift(-half) - ramp.height) / top, abs(lift(-half, 1) / ramp.velocity - 1), abs(lift(0.0) / top - 1)
+    if max(missed) > MISSED:
+        return "rounding leaves its six conditions unmet"
+    if largest > top * (1 + ROUNDING):
+        return f"the cam would rise to {largest / MM:.4g} mm where max_lift_mm is {top / MM:g}"
+    if slowest < -ROUNDING * fastest:
+        return f"the opening flank would fall, by up to {-slowest / MM_PER_DEG:.3g} mm/deg"
+    return ""
+
+
+def _left(why: str, parameters: dict, half: float) -> str:
+    """The sentence of a dynamic correction that leaves the family, with its remedy."""
+    exponents, speed = parameters["exponents"], parameters["design_speed_rpm"]
+    follows = abs(parameters["B_deg2"] / parameters["A"]) ** 0.5
+    shows = half / DEG / max(exponents)
+    stiff = follows < shows
+    train = "follows its cam within" if stiff else "lags behind its cam by"
+    speeds = "a higher speed_rpm, higher exponents" if stiff else "a lower speed_rpm, lower exponents"
+    return (
+        f"polydyne: the dynamic correction leaves the family at exponents {'/'.join(f'{p:g}' for p in exponents)} and "
+        f"speed_rpm {speed:g}: {why}; the train {train} {follows:.2g} deg, and the highest exponent shapes the ramp's "
+        f"end within {shows:.2g} deg; try {speeds}, or the family exponent, which leaves the correction out"
+    )
 
 
 def checked_exponents(exponents: tuple[float, ...], family: str) -> np.ndarray:
