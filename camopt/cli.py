@@ -88,6 +88,7 @@ def parser() -> argparse.ArgumentParser:
         _tradeoff,
         _extremes,
         _reduce,
+        _report,
         _scenes,
     )
     for add in verbs:
@@ -215,6 +216,21 @@ def _reduce(command: Command) -> None:
         "--tolerance-mm", type=positive, default=0.01, metavar="MM", help="error of bounce, jump and lift (0.01)"
     )
     c.add_argument("--json", metavar="FILE", help="write every model's errors and times, and the proposed scene")
+
+
+def _report(command: Command) -> None:
+    c = command(
+        "report",
+        "write comparison, figures and page of a run folder again, or check every number that it states",
+        "camopt report runs/first --check",
+    )
+    c.add_argument("run", metavar="RUN", help="run folder of `camopt optimize`")
+    c.add_argument(
+        "--check",
+        action="store_true",
+        help="write nothing: list every stated number with its source, judge the cam anew and say what comes out "
+        "otherwise (exit code 3)",
+    )
 
 
 def _tradeoff(command: Command) -> None:

@@ -47,6 +47,22 @@ def _print_outcome(folder: Path) -> None:
     print("\n".join(outcome_lines(read_run_folder(folder))))
 
 
+def report(args: Namespace) -> int:
+    folder = Path(args.run)
+    from camopt.report.folder import read_run_folder
+    from camopt.report.regenerated import differences, regenerate, stated_lines
+
+    if args.check:
+        print("\n".join(stated_lines(read_run_folder(folder))))
+        found = differences(folder)
+        print("\n".join(found or ["every number comes out as it is stated"]))
+        return 3 if found else 0
+    page = regenerate(folder)
+    _print_outcome(folder)
+    print(f"run folder: {folder}, report: {page}")
+    return 0
+
+
 def verify(args: Namespace) -> int:
     scene = load_scene(args.scene, need=SIMULATED)
     lift = _cam_of(args, scene)
@@ -57,7 +73,7 @@ def verify(args: Namespace) -> int:
     if args.json:
         write_json(args.json, content)
     print(f"{'r/min':>8}  {'bounce mm':>10}  {'jump mm':>8}  {'seating m/s':>11}  verdict")
-    for row in content["speeds"]:
+    for row in (*content["speeds"], *content.get("worst_in_band", [])):
         numbers = (row["speed_rpm"], row["bounce_mm"], row["jump_mm"], row["seating_velocity_m_per_s"])
         shown = (_shown(v, w) for v, w in zip(numbers, (8, 10, 8, 11), strict=True))
         print("  ".join(shown), f" {row['verdict']}")

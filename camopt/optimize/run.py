@@ -114,15 +114,21 @@ def optimize(
     return Run(folder, chosen.lift, verdict, record, 0 if verdict.verdict == "confirmed" else 3)
 
 
+def full_verdict(scene: Scene, lift: Lift, speeds: str, effort: Accuracy) -> Verdict:
+    """The verdict on a run's design: at the listed speeds and, with `speeds` "band", over the band."""
+    asked = effort.verdict
+    return verify(
+        scene, lift, None, asked.methods, asked.band_step_rpm if speeds == "band" else None, asked.tolerance_um
+    )
+
+
 def confirmed_cam(
     scene: Scene, candidates: list[NoJumpOptimum], speeds: str, effort: Accuracy
 ) -> tuple[NoJumpOptimum, Verdict]:
     """The largest candidate that the full verdict confirms; the first one's verdict where none is."""
-    asked = effort.verdict
-    band_step = asked.band_step_rpm if speeds == "band" else None
     first = None
     for found in candidates[::-1][:CANDIDATES]:
-        verdict = verify(scene, found.lift, None, asked.methods, band_step, asked.tolerance_um)
+        verdict = full_verdict(scene, found.lift, speeds, effort)
         first = first or (found, verdict)
         if verdict.verdict == "confirmed":
             return found, verdict

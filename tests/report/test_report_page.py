@@ -6,7 +6,7 @@ import pytest
 from camopt.report import write_report
 from camopt.scene.errors import InputError
 
-VOID = {"meta", "link", "br", "img", "hr"}
+VOID = {"meta", "link", "br", "img", "hr", "input"}
 
 
 class Page(HTMLParser):
