@@ -20,6 +20,7 @@ def optimize(args: Namespace) -> int:
     folder = Path(args.out) if args.out else default_run_folder(scene.name)
     check_run_folder(folder, args.resume)
     from camopt.optimize.run import optimize as run
+    from camopt.report import write_report
 
     result = run(
         scene,
@@ -30,9 +31,8 @@ def optimize(args: Namespace) -> int:
         seed=args.seed,
         resume=args.resume,
         progress=not args.quiet,
+        designed=write_report,
     )
-    from camopt.report import write_report
-
     page = write_report(result.folder)
     _print_outcome(result.folder)
     print(f"run folder: {result.folder}, report: {page}")

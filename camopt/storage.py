@@ -6,12 +6,16 @@ import json
 import math
 import os
 import secrets
-from collections.abc import Mapping
+import shutil
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from camopt.scene.errors import InputError
+from camopt.scene.schema import Scene
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -82,28 +86,146 @@ def write_csv(path: str | Path, columns: Mapping[str, Any]) -> None:
     write_text(path, text.getvalue())
 
 
+def append_line(path: str | Path, line: str) -> None:
+    """Adds one line to a log, on the disk before this returns."""
+    with open(path, "a", encoding="utf-8", newline="") as file:
+        file.write(line + "\n")
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def whole_lines(path: str | Path) -> list[str]:
+    """The lines of a log, none where there is no file; a last one that an interruption cut off goes from the file."""
+    path = Path(path)
+    if not path.exists():
+        return []
+    text = path.read_text(encoding="utf-8")
+    whole = text[: text.rfind("\n") + 1]
+    if whole != text:
+        write_text(path, whole)
+    return whole.split("\n")[:-1]
+
+
 def default_run_folder(scene_name: str) -> Path:
     """runs/<scene>-<UTC time> below the current folder."""
     return Path("runs") / f"{scene_name}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
 
 
+RUN_FILE = "run.json"
+"""What a run is, in its folder from the first byte on: command, version, settings, scene, and how it stands."""
+
+
+def run_identity(command: str, scenes: Scene | Sequence[Scene], **settings: Any) -> dict:
+    """What makes two runs the same, for `run_folder`: the command, camopt's version, its settings and its scenes."""
+    several = [scenes] if isinstance(scenes, Scene) else scenes
+    dumped = {scene.name: scene.model_dump(mode="json") for scene in several}
+    return {"command": command, "version": version("camopt"), "settings": settings, "scene": dumped}
+
+
 def check_run_folder(folder: str | Path, resume: bool = False) -> None:
-    """Raises InputError where `folder` exists and is not to be resumed, or cannot be a folder."""
+    """Raises InputError where `folder` exists and is not to be resumed, or cannot be a folder; it says what it is."""
     folder = Path(folder)
-    if folder.is_dir() and not resume:
-        raise InputError(f"{folder}: this run folder exists already: give another --out, or --resume to go on in it")
     if os.path.lexists(folder) and not folder.is_dir():
         raise InputError(f"{folder}: is not a folder: give another --out")
+    if not folder.is_dir() or resume:
+        return
+    started = _read_run(folder)
+    if started is None:
+        raise InputError(
+            f"{folder}: this folder exists already, and no run of camopt began it: give another --out, or remove it"
+        )
+    command, state = started.get("command", "run"), started.get("state")
+    if state == "finished":
+        raise InputError(f"{folder}: holds a finished {command} run: give another --out, or remove the folder")
+    if state == "failed":
+        raise InputError(
+            f"{folder}: holds a failed {command} run ({started.get('sentence')}): remove the folder or give another "
+            f"--out, or --resume to try again what failed"
+        )
+    raise InputError(
+        f"{folder}: holds an interrupted {command} run: --resume goes on in it with the same scene and settings; or "
+        f"give another --out"
+    )
 
 
-def create_run_folder(folder: str | Path, resume: bool = False) -> Path:
-    """The folder, made with its parents where it is missing, and known to be writable.
+@contextmanager
+def run_folder(
+    folder: str | Path, identity: Mapping[str, Any], resume: bool = False, worth: Iterable[str] = ()
+) -> Iterator[Path]:
+    """The folder of one run, from its first byte to its end.
 
-    With `resume` an existing folder is used as it is. Raises InputError otherwise, and where nothing can be written
-    there; folders made on the way to a failure are taken away again.
+    `identity` is `run_identity`'s. It is stored before anything else, and with `resume` compared before anything is
+    written. Left without an error the run counts as
+    finished, by an interruption as interrupted. One that fails is noted with its sentence; where it made the folder and
+    left none of the files `worth` keeping, the folder goes with it. Raises InputError as `check_run_folder`, where the
+    folder belongs to another run, and where nothing can be written.
     """
     folder = Path(folder)
     check_run_folder(folder, resume)
+    if made := not folder.is_dir():
+        create_run_folder(folder)
+    else:
+        _same_run(folder, plain(identity))
+    record = plain(identity) | {"started_utc": f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"}
+    write_json(folder / RUN_FILE, record | {"state": "running"})
+    try:
+        yield folder
+    except Exception as error:
+        if made and not any((folder / name).exists() for name in worth):
+            shutil.rmtree(folder)
+        else:
+            write_json(folder / RUN_FILE, record | {"state": "failed", "sentence": str(error) or type(error).__name__})
+        raise
+    write_json(folder / RUN_FILE, record | {"state": "finished"})
+
+
+def _same_run(folder: Path, identity: dict) -> None:
+    """Raises InputError where the folder is not one of this very run, naming what differs."""
+    if not any(folder.iterdir()):
+        return
+    started = _read_run(folder)
+    if started is None:
+        raise InputError(f"{folder}: there is no {RUN_FILE}, so nothing says what to go on with: give another --out")
+    for key, asked in identity.items():
+        known = started.get(key)
+        if known == asked:
+            continue
+        raise InputError(
+            f"{folder}: belongs to another run, and nothing in it was changed: its {key} differs"
+            f"{_difference(known, asked)}; --resume with what it was begun with, or give another --out"
+        )
+
+
+def _difference(known: Any, asked: Any) -> str:
+    """What differs, in brackets: names of a run's settings or scenes with their values where these are short."""
+    if not isinstance(known, dict) or not isinstance(asked, dict):
+        return f" ({known} there, {asked} now)"
+    parts = []
+    for name in {**known, **asked}:
+        there, now = known.get(name), asked.get(name)
+        if there != now:
+            long = isinstance(there, dict) or isinstance(now, dict)
+            parts.append(str(name) if long else f"{name}: {there} there, {now} now")
+    return f" ({'; '.join(parts)})"
+
+
+def _read_run(folder: Path) -> dict | None:
+    """What a folder says of the run that began it; None where it says nothing that can be read."""
+    try:
+        found = json.loads((folder / RUN_FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return None
+    return found if isinstance(found, dict) else None
+
+
+def create_run_folder(folder: str | Path) -> Path:
+    """The new folder, made with its parents, and known to be writable.
+
+    Raises InputError as `check_run_folder`, and where nothing can be written there; folders made on the way to a
+    failure are taken away again.
+    """
+    folder = Path(folder)
+    check_run_folder(folder)
     missing = [p for p in (folder, *folder.parents) if not p.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)

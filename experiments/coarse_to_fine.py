@@ -55,7 +55,7 @@ def measured(scene: Scene, effort: Accuracy, gradient: str) -> tuple[dict, np.nd
     with mock.patch("camopt.optimize.search.Judge", judge):
         search, _ = find_cam(scene, "band", effort, gradient, show=lambda line: judged.append(line["confirmed"]))
     seconds = time.process_time() - begin
-    found, verdict = confirmed_cam(scene, search.confirmed, "nominal", effort)
+    found, verdict, _ = confirmed_cam(scene, search.confirmed, "nominal", effort)
     row = {
         "processor_s": seconds,
         "cams_judged": len(judged),

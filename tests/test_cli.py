@@ -11,7 +11,7 @@ import camopt.verify
 from camopt import cli, commands
 from camopt.scene import scene_text
 
-VERBS = tuple("optimize verify simulate compare cam modes bound gradient tradeoff extremes reduce report scenes".split())
+VERBS = "optimize verify simulate compare cam modes bound gradient tradeoff extremes reduce report scenes".split()
 
 
 def run(capsys, *arguments: str) -> tuple[int, str, str]:

@@ -8,8 +8,23 @@ import numpy as np
 import pytest
 
 from camopt import storage
-from camopt.scene import InputError
-from camopt.storage import check_run_folder, create_run_folder, default_run_folder, write_csv, write_json, write_text
+from camopt.scene import InputError, load_scene
+from camopt.storage import (
+    RUN_FILE,
+    append_line,
+    check_run_folder,
+    create_run_folder,
+    default_run_folder,
+    run_folder,
+    run_identity,
+    whole_lines,
+    write_csv,
+    write_json,
+    write_text,
+)
+
+MOTOR = load_scene("motori-1")
+IDENTITY = run_identity("optimize", MOTOR, speeds="band", seed=0)
 
 
 def test_text_replaces_the_old_file_and_leaves_nothing_else(tmp_path):
@@ -101,23 +116,110 @@ def test_csv_refuses_columns_of_different_length(tmp_path):
     assert os.listdir(tmp_path) == []
 
 
+def contents(folder):
+    """Every file below a folder with its bytes."""
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def begun(folder, error=None, worth=("design.json",), resume=False, identity=IDENTITY, results=("design.json",)):
+    """A run that leaves `results` behind and ends with `error`."""
+    with run_folder(folder, identity, resume, worth) as inside:
+        for name in results:
+            (inside / name).write_text(f"of {name}")
+        if error is not None:
+            raise error
+    return folder
+
+
 def test_run_folder_is_made_once(tmp_path):
     folder = create_run_folder(tmp_path / "runs" / "first")
     assert os.listdir(folder) == []
     (folder / "design.json").write_text("{}")
-    with pytest.raises(InputError, match=r"exists already.*--resume"):
+    with pytest.raises(InputError, match=r"exists already, and no run of camopt began it: give another --out"):
         create_run_folder(folder)
     with pytest.raises(InputError, match="exists already"):
         check_run_folder(folder)
-    assert create_run_folder(folder, resume=True) == folder
+    check_run_folder(folder, resume=True)
     assert os.listdir(folder) == ["design.json"]
+
+
+def test_a_finished_run_is_resumed_only_as_itself_and_no_byte_changes(tmp_path):
+    folder = begun(tmp_path / "run")
+    before = contents(folder)
+    others = {
+        "there, 0.0 now)": {"version": "0.0"},
+        "its settings differs (seed: 0 there, 1 now)": {"settings": {"speeds": "band", "seed": 1}},
+        "its command differs (optimize there, tradeoff now)": {"command": "tradeoff"},
+        "its scene differs (motori-1; kodama)": {"scene": run_identity("optimize", load_scene("kodama"))["scene"]},
+    }
+    softer = MOTOR.model_copy(update={"operation": MOTOR.operation.model_copy(update={"band_rpm": (5000.0, 6900.0)})})
+    others["its scene differs (motori-1)"] = {"scene": run_identity("optimize", softer)["scene"]}
+    for words, changed in others.items():
+        with pytest.raises(InputError) as error, run_folder(folder, {**IDENTITY, **changed}, resume=True):
+            (folder / "design.json").write_text("overwritten")
+        assert "belongs to another run, and nothing in it was changed" in str(error.value)
+        assert words in str(error.value)
+        assert contents(folder) == before
+    with pytest.raises(InputError, match=r"holds a finished optimize run: give another --out, or remove the folder"):
+        begun(folder)
+    assert contents(folder) == before
+    begun(folder, resume=True)
+    assert json.loads((folder / RUN_FILE).read_text())["state"] == "finished"
+
+
+def test_what_began_no_run_cannot_be_resumed(tmp_path):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "history.jsonl").write_text("mine")
+    with pytest.raises(InputError, match=r"there is no run\.json, so nothing says what to go on with"):
+        begun(tmp_path / "run", resume=True)
+    assert contents(tmp_path / "run") == {"history.jsonl": b"mine"}
+
+
+def test_a_run_that_fails_before_anything_worth_keeping_takes_its_folder_along(tmp_path):
+    with pytest.raises(InputError, match="no confirmed cam"):
+        begun(tmp_path / "run", InputError("no confirmed cam"), results=("history.jsonl",))
+    assert not (tmp_path / "run").exists()
+    begun(tmp_path / "run", results=())  # the retry is not blocked
+
+
+def test_a_failed_run_worth_keeping_says_what_it_is(tmp_path):
+    with pytest.raises(ZeroDivisionError):
+        begun(tmp_path / "run", ZeroDivisionError("division by zero"))
+    with pytest.raises(
+        InputError, match=r"holds a failed optimize run \(division by zero\): remove the folder or give"
+    ):
+        begun(tmp_path / "run")
+    assert (tmp_path / "run" / "design.json").exists()
+    with pytest.raises(InputError, match="again"):  # a resumed run keeps a folder that it did not make
+        begun(tmp_path / "run", InputError("again"), worth=(), resume=True)
+    assert (tmp_path / "run" / "design.json").exists()
+
+
+def test_an_interrupted_run_says_so_and_goes_on(tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        begun(tmp_path / "run", KeyboardInterrupt())
+    with pytest.raises(InputError, match=r"holds an interrupted optimize run: --resume goes on in it"):
+        check_run_folder(tmp_path / "run")
+    assert begun(tmp_path / "run", resume=True) == tmp_path / "run"
+
+
+def test_a_log_is_cut_to_whole_lines_and_goes_on(tmp_path):
+    log = tmp_path / "log"
+    assert whole_lines(log) == [] and not log.exists()
+    append_line(log, "first")
+    log.write_text(log.read_text() + "cut o")
+    assert whole_lines(log) == ["first"]
+    append_line(log, "second")
+    assert log.read_text() == "first\nsecond\n"
 
 
 def test_run_folder_where_a_file_is(tmp_path):
     (tmp_path / "file").write_text("kept")
+    with pytest.raises(InputError, match="not a folder"):
+        create_run_folder(tmp_path / "file")
     for resume in (False, True):
         with pytest.raises(InputError, match="not a folder"):
-            create_run_folder(tmp_path / "file", resume)
+            begun(tmp_path / "file", resume=resume)
     with pytest.raises(InputError, match="cannot be written to"):
         create_run_folder(tmp_path / "file" / "below")
     assert (tmp_path / "file").read_text() == "kept"

@@ -1,4 +1,4 @@
-"""What must be said of a cam's area before it is compared with another's: no ratio beyond what is possible in silence."""
+"""What must be said of a cam's area before it is compared with another's: nothing impossible passes in silence."""
 
 from camopt.cam.lift import Lift
 from camopt.optimize.bound import area_ratio_bound

@@ -7,9 +7,7 @@ that one worse than any that holds; within each kind excess, bounce and area dec
 settled from rest at every speed, and the metrics of the verifier.
 """
 
-import hashlib
 import json
-import os
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,6 +26,7 @@ from camopt.scene.rest import rest_position
 from camopt.scene.schema import Design, Scene
 from camopt.scene.train import build_train
 from camopt.scene.units import MM, MM_PER_DEG2, MM_PER_DEG3
+from camopt.storage import append_line, run_identity, whole_lines, write_text
 from camopt.verify.limits import broken_by_shape
 from camopt.verify.settle import settle
 
@@ -92,8 +91,16 @@ def largest_area_member(
     if bounce_max_mm is None and space.largest is not None:
         lift, count = space.largest(evaluations, seed), evaluations
     else:
-        named = {"family": family, "jerk": jerk, "bounce_max_mm": bounce_max_mm, "evaluations": evaluations}
-        identity = named | {"seed": seed, "speeds_rpm": list(motion.speeds_rpm), "scene": _digest(scene)}
+        identity = run_identity(
+            "baseline",
+            scene,
+            family=family,
+            jerk=jerk,
+            bounce_max_mm=bounce_max_mm,
+            evaluations=evaluations,
+            seed=seed,
+            speeds_rpm=list(motion.speeds_rpm),
+        )
         search = _Search(space, design, motion, bounce_max_mm, Notes(journal, identity))
         with tqdm(total=evaluations, disable=None if progress else True, unit="cam", desc=family) as bar:
             lift, count = search.best(evaluations, seed, bar), search.evaluations
@@ -222,15 +229,15 @@ class Notes:
         self._scores: dict[tuple, float] = {}
         if self._path is None:
             return
-        if self._path.exists():
-            first, *lines = self._path.read_text(encoding="utf-8").split("\n")
-            if first != json.dumps(identity):
-                raise InputError(f"{self._path}: belongs to another search: give another journal, or the same search")
-            whole = lines[:-1]  # what stands after the last newline was cut off by an interruption
-            self._scores = {tuple(entry["at"]): entry["score"] for entry in map(json.loads, whole)}
-            self._path.write_text("\n".join([first, *whole, ""]), encoding="utf-8")
-        else:
-            self._path.write_text(json.dumps(identity) + "\n", encoding="utf-8")
+        lines = whole_lines(self._path)
+        if lines and lines[0] != json.dumps(identity):
+            raise InputError(
+                f"{self._path}: belongs to another search, of another version or scene or with other settings: give "
+                f"another journal, or the same search"
+            )
+        if not lines:
+            write_text(self._path, json.dumps(identity) + "\n")
+        self._scores = {tuple(entry["at"]): entry["score"] for entry in map(json.loads, lines[1:])}
 
     def recall(self, x: np.ndarray) -> float | None:
         """The score of a member that was judged before the interruption."""
@@ -239,15 +246,8 @@ class Notes:
     def keep(self, x: np.ndarray, score: float) -> float:
         """Notes a score and returns it."""
         if self._path is not None:
-            with open(self._path, "a", encoding="utf-8") as file:
-                file.write(json.dumps({"at": x.tolist(), "score": score}) + "\n")
-                file.flush()
-                os.fsync(file.fileno())
+            append_line(self._path, json.dumps({"at": x.tolist(), "score": score}))
         return score
-
-
-def _digest(scene: Scene) -> str:
-    return hashlib.sha256(json.dumps(scene.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
 
 
 def _words(family: str, over: float, broken: list[str], bounce: float, limit: float | None) -> str:

@@ -2,15 +2,15 @@
 
 import io
 import json
-import os
 from pathlib import Path
 
 import numpy as np
 
 from camopt.optimize.judge import Judged
 from camopt.scene.errors import InputError
-from camopt.storage import plain, write_bytes
+from camopt.storage import append_line, plain, whole_lines, write_bytes
 
+HISTORY = "history.jsonl"
 ARRAYS = ("speeds_rpm", "limit", "share", "states")
 
 
@@ -21,7 +21,7 @@ class Journal:
         self.folder = folder
         if folder is not None:
             (folder / "judged").mkdir(exist_ok=True)
-            (folder / "history.jsonl").write_text("", encoding="utf-8")  # a resumed search notes its steps again
+        self._noted = 0 if folder is None else len(whole_lines(folder / HISTORY))
 
     def recall(self, step: int, z: np.ndarray) -> Judged | None:
         """What was judged at this step of an interrupted run, None if nothing was.
@@ -55,13 +55,9 @@ class Journal:
         write_bytes(path, content.getvalue())
 
     def note(self, line: dict) -> None:
-        """Appends one line to the history."""
-        if self.folder is None:
-            return
-        with open(self.folder / "history.jsonl", "a", encoding="utf-8") as file:
-            file.write(json.dumps(plain(line), allow_nan=False) + "\n")
-            file.flush()
-            os.fsync(file.fileno())
+        """Appends one line to the history, but for a step that an interrupted run noted already."""
+        if self.folder is not None and line["iteration"] > self._noted:
+            append_line(self.folder / HISTORY, json.dumps(plain(line), allow_nan=False))
 
     def _path(self, step: int) -> Path | None:
         return None if self.folder is None else self.folder / "judged" / f"{step:04d}.npz"

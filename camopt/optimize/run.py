@@ -2,6 +2,7 @@
 
 import platform
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -19,13 +20,16 @@ from camopt.optimize.journal import Journal
 from camopt.optimize.kinematic import kinematic_optimum, limit_worth
 from camopt.optimize.no_jump import NoJumpOptimum
 from camopt.optimize.search import find_cam
+from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 from camopt.scene.units import MM
-from camopt.storage import create_run_folder, default_run_folder, write_json, write_text
+from camopt.storage import default_run_folder, run_folder, run_identity, write_json, write_text
 from camopt.verify.verdict import Verdict, verify
 
 PACKAGES = ("camopt", "jax", "diffrax", "optax", "numpy", "scipy", "highspy", "numba", "matplotlib")
+SPEEDS = ("band", "nominal")
+GRADIENTS = ("smooth", "exact", "none")
 SHOWN = ("area_ratio", "area_ratio_bound", "area_gap_percent", "area_ratio_no_jump", "gradient_gain")
 """Figures of the record that a notebook shows above the verdict."""
 CANDIDATES = 4
@@ -65,6 +69,7 @@ def optimize(
     seed: int = 0,
     resume: bool = False,
     progress: bool = False,
+    designed: Callable[[Path], object] = lambda folder: None,
 ) -> Run:
     """Design the cam of largest area that a scene's limits allow, and have it verified and compared.
 
@@ -72,68 +77,88 @@ def optimize(
     `camopt.optimize.accuracy`; `gradient` "smooth", "exact" or "none". The run folder of design.md section 7 goes
     to `out` (default runs/<scene>-<UTC time>), but for report.html, which `camopt.report` makes from it. With `resume`
     an interrupted run in `out` goes on and ends in the same design. `seed`, where it is not zero, draws the knots to
-    start from. Raises InputError for contradictory limits, an unusable folder, or a scene without a confirmed cam.
+    start from. `designed` is called with the folder once the design, its verdict and its provenance are written, before
+    the comparison, which can cost none of them. Raises InputError for unknown words, contradictory limits, an unusable
+    folder or one of another run, and a scene without a confirmed cam.
     """
     begun = time.perf_counter()
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
     effort = accuracy_named(accuracy)
+    for name, value, known in (("speeds", speeds, SPEEDS), ("gradient", gradient, GRADIENTS)):
+        if value not in known:
+            raise InputError(f"{name} {value!r}: expected one of {', '.join(known)}")
     build_train(scene).require_linear(
         "the optimiser", "optimise a scene with linear laws and verify its cam on this one"
     )
     kinematic = kinematic_optimum(design, free_cam(design, effort.knot_deg))  # contradictory limits end here
     certificate = area_ratio_bound(design)
-    folder = create_run_folder(out or default_run_folder(scene.name), resume)
-    write_text(folder / "scene.toml", tomli_w.dumps(scene.model_dump(exclude_none=True, exclude_defaults=True)))
     settings = {"speeds": speeds, "accuracy": accuracy, "gradient": gradient, "seed": seed}
-    with _Progress(progress, effort, gradient) as shown:
-        times = {"bound": time.perf_counter() - begun}
-        search, no_jump = find_cam(scene, speeds, effort, gradient, Journal(folder), shown.step, times, seed=seed)
-        shown.stage("verdict")
-        started = time.perf_counter()
-        chosen, verdict = confirmed_cam(scene, search.confirmed, speeds, effort)
-        times["verdict"] = time.perf_counter() - started
-    record = design_record(
-        chosen.lift,
-        design.max_lift_mm * MM,
-        area_ratio_bound=certificate.bound,
-        area_gap_percent=100 * (certificate.bound - chosen.area_ratio) / certificate.bound,
-        area_ratio_no_jump=no_jump.area_ratio,
-        gradient_gain=max(0.0, chosen.area_ratio - no_jump.area_ratio),
-        limit_worth=limit_worth(kinematic),
-    )
-    write_json(folder / "design.json", record)
-    write_lift_table(folder / "lift.csv", chosen.lift)
-    write_json(folder / "verification.json", verdict.as_dict())
-    from camopt.optimize.comparison import compare_in  # draws figures: loaded only once there is a design
+    identity = run_identity("optimize", scene, **settings)
+    with run_folder(out or default_run_folder(scene.name), identity, resume, ["design.json"]) as folder:
+        write_text(folder / "scene.toml", tomli_w.dumps(scene.model_dump(exclude_none=True, exclude_defaults=True)))
+        with _Progress(progress, effort, gradient) as shown:
+            times = {"bound": time.perf_counter() - begun}
+            search, no_jump = find_cam(scene, speeds, effort, gradient, Journal(folder), shown.step, times, seed=seed)
+            shown.stage("verdict")
+            started = time.perf_counter()
+            chosen, verdict, refused = confirmed_cam(scene, search.confirmed, speeds, effort)
+            times["verdict"] = time.perf_counter() - started
+        record = design_record(
+            chosen.lift,
+            design.max_lift_mm * MM,
+            area_ratio_bound=certificate.bound,
+            area_gap_percent=100 * (certificate.bound - chosen.area_ratio) / certificate.bound,
+            area_ratio_no_jump=no_jump.area_ratio,
+            gradient_gain=chosen.area_ratio - no_jump.area_ratio,
+            verdict_fell_back=fallen_back(chosen, refused),
+            limit_worth=limit_worth(kinematic),
+        )
+        write_json(folder / "design.json", record)
+        write_lift_table(folder / "lift.csv", chosen.lift)
+        write_json(folder / "verification.json", verdict.as_dict())
+        times["total"] = time.perf_counter() - begun
+        write_json(folder / "provenance.json", _provenance(settings, times, search.judge.calls))
+        designed(folder)
+        from camopt.optimize.comparison import compare_in  # draws figures: loaded only once there is a design
 
-    started = time.perf_counter()
-    compare_in(folder, scene, {"design": chosen.lift}, {"design": verdict}, effort)
-    times |= {"comparison": time.perf_counter() - started, "total": time.perf_counter() - begun}
-    write_json(folder / "provenance.json", _provenance(settings, times, search.judge.calls))
+        started = time.perf_counter()
+        compare_in(folder, scene, {"design": chosen.lift}, {"design": verdict}, effort)
+        times |= {"comparison": time.perf_counter() - started, "total": time.perf_counter() - begun}
+        write_json(folder / "provenance.json", _provenance(settings, times, search.judge.calls))
     return Run(folder, chosen.lift, verdict, record, 0 if verdict.verdict == "confirmed" else 3)
 
 
 def full_verdict(scene: Scene, lift: Lift, speeds: str, effort: Accuracy) -> Verdict:
     """The verdict on a run's design: at the listed speeds and, with `speeds` "band", over the band."""
     asked = effort.verdict
-    return verify(
-        scene, lift, None, asked.methods, asked.band_step_rpm if speeds == "band" else None, asked.tolerance_um
-    )
+    band_step = asked.band_step_rpm if speeds == "band" else None
+    return verify(scene, lift, None, asked.methods, band_step, asked.tolerance_um)
 
 
 def confirmed_cam(
     scene: Scene, candidates: list[NoJumpOptimum], speeds: str, effort: Accuracy
-) -> tuple[NoJumpOptimum, Verdict]:
-    """The largest candidate that the full verdict confirms; the first one's verdict where none is."""
-    first = None
+) -> tuple[NoJumpOptimum, Verdict, list[NoJumpOptimum]]:
+    """The largest candidate that the full verdict confirms, and those that it refused before.
+
+    Where none is confirmed, the largest one with its own verdict and all that were judged.
+    """
+    first, refused = None, []
     for found in candidates[::-1][:CANDIDATES]:
         verdict = full_verdict(scene, found.lift, speeds, effort)
         first = first or (found, verdict)
         if verdict.verdict == "confirmed":
-            return found, verdict
+            return found, verdict, refused
+        refused.append(found)
     assert first is not None, "a search that ends has a confirmed cam"
-    return first
+    return *first, refused
+
+
+def fallen_back(chosen: NoJumpOptimum, refused: list[NoJumpOptimum]) -> dict:
+    """Whether the verdict had to go back to a smaller cam: cams it judged, and the largest area ratio it refused."""
+    judged = len(refused) + (not any(found is chosen for found in refused))
+    largest = max((found.area_ratio for found in refused), default=None)
+    return {"candidates_judged": judged, "largest_refused_area_ratio": largest}
 
 
 def _provenance(settings: dict, times: dict, judged: int) -> dict:

@@ -2,7 +2,7 @@
 
 from itertools import groupby
 
-from camopt.optimize.comparison import NO_JERK
+from camopt.optimize.comparison_table import FAILED, NO_JERK
 from camopt.plots.style import DESIGN, cam_line, family_of
 from camopt.report.folder import RunFolder
 from camopt.report.outcome import broken_limits
@@ -21,7 +21,7 @@ METHOD_ROWS = (
     "impact_velocity_m_per_s", "dynamic_area_mm_deg", "steps_per_revolution", "converged",
 )  # fmt: skip
 DESIGN_CELLS = {"bounce": "bounce_mm", "jump": "jump_mm", "seating": "seating_velocity_m_per_s"}
-WORST_FIRST = ("failed", *reversed(ORDER))
+WORST_FIRST = (FAILED, *reversed(ORDER))
 LIMITS = {"all": "under all limits of the scene", "no-jerk": "without the jerk limit"}
 
 
@@ -112,7 +112,7 @@ def comparison_groups(run: RunFolder) -> list[dict]:
 def _words_of(row: dict[str, str]) -> list[str]:
     """What a row of the comparison names as broken; where a family has no member, the sentence that says why."""
     text = row.get("broken", "")
-    return [text] if row.get("verdict") == "failed" else [w.strip() for w in text.split(";") if w.strip()]
+    return [text] if row.get("verdict") == FAILED else [w.strip() for w in text.split(";") if w.strip()]
 
 
 def _as_verified(run: RunFolder) -> dict:

@@ -6,7 +6,6 @@ where laws are not linear), each method halves its step until its figures stand,
 
 import csv
 import io
-import os
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
@@ -17,7 +16,7 @@ from tqdm import tqdm
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.scene import InputError, Scene, build_train
-from camopt.storage import create_run_folder, write_text
+from camopt.storage import append_line, run_folder, run_identity, whole_lines, write_text
 from camopt.study.extreme_cases import AS_IT_IS, Case, cases
 from camopt.study.judged import (
     NOT_CONVERGED,
@@ -60,16 +59,16 @@ def extremes(
     With `named` only the cases of these names are run; with `resume` rows that are there already are not run again.
     Raises InputError for a folder that exists without `resume` or cannot be written.
     """
-    file = create_run_folder(folder, resume) / FILE
-    rows = _read(file)
-    have = {(r["case"], r["method"]) for r in rows}
     work = [(scene, case) for scene in scenes for case in cases(scene) if named is None or case.name in named]
-    with tqdm(work, disable=not progress, unit="case") as bar:
-        for scene, case in bar:
-            bar.set_postfix_str(f"{scene.name}: {case.name}")
-            for row in _rows(scene, case, have):
-                _append(file, row)
-                rows.append(row)
+    with run_folder(folder, run_identity("extremes", scenes), resume, [FILE]) as begun:
+        rows = _read(begun / FILE)
+        have = {(r["case"], r["method"]) for r in rows}
+        with tqdm(work, disable=not progress, unit="case") as bar:
+            for scene, case in bar:
+                bar.set_postfix_str(f"{scene.name}: {case.name}")
+                for row in _rows(scene, case, have):
+                    _append(begun / FILE, row)
+                    rows.append(row)
     return rows
 
 
@@ -158,22 +157,17 @@ def counts(rows: list[dict]) -> dict[str, dict[str, int]]:
 
 
 def _read(file: Path) -> list[dict]:
-    """Rows of a table left by an interrupted run; a last line without its end was being written and is cut off."""
-    if not file.exists():
+    """Rows of a table left by an interrupted run, which is begun where there is none."""
+    lines = whole_lines(file)
+    if not lines:
         write_text(file, ",".join(COLUMNS) + "\n")
-    text = file.read_text(encoding="utf-8")
-    whole = text[: text.rfind("\n") + 1]
-    rows = list(csv.DictReader(io.StringIO(whole)))
-    if not whole or tuple(next(csv.reader(io.StringIO(whole)))) != COLUMNS:
+    elif tuple(next(csv.reader(lines[:1]))) != COLUMNS:
         raise InputError(f"{file}: is not a table of `camopt extremes`: give another --out")
-    if whole != text:
-        write_text(file, whole)
-    return rows
+    return list(csv.DictReader(lines))
 
 
 def _append(file: Path, row: dict) -> None:
     """One line more, on the disk before the next case begins."""
-    with open(file, "a", encoding="utf-8", newline="") as table:
-        csv.DictWriter(table, COLUMNS, lineterminator="\n").writerow(row)
-        table.flush()
-        os.fsync(table.fileno())
+    line = io.StringIO()
+    csv.DictWriter(line, COLUMNS, lineterminator="").writerow(row)
+    append_line(file, line.getvalue())

@@ -5,7 +5,6 @@ stood; `tradeoff.csv`, `setup.csv`, the figures and the words are made from thes
 """
 
 import json
-import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,7 +15,16 @@ import numpy as np
 from tqdm import tqdm
 
 from camopt.scene import InputError, MotionRefused, Scene, build_train
-from camopt.storage import create_run_folder, default_run_folder, plain, write_csv, write_text
+from camopt.storage import (
+    append_line,
+    default_run_folder,
+    plain,
+    run_folder,
+    run_identity,
+    whole_lines,
+    write_csv,
+    write_text,
+)
 from camopt.study.smaller import scene_toml
 
 COLUMNS = ("case", "method", "setting", "error", "error_of", "seconds", "converged", "verdict")
@@ -71,33 +79,34 @@ def tradeoff(
         raise InputError(f"scene {scene.name}: tradeoff needs valve, seat, [operation] and [design]")
     if size not in SIZES:
         raise InputError(f"tradeoff: size {size!r}: expected one of {', '.join(SIZES)}")
-    folder = create_run_folder(out or default_run_folder(scene.name), resume)
-    _same_scene(folder / "scene.toml", scene_toml(scene))
-    cam = polydyne(scene)
-    work = method_work(scene, cam, size)
-    if build_train(scene).laws is None:
-        work += job_work(scene, cam, size, folder)
-    lines = measured(folder / LINES, work, progress)
-    rows = rows_of(lines)
-    write_csv(folder / "tradeoff.csv", {name: [row[name] for row in rows] for name in COLUMNS})
-    setup = [line for line in lines if line.get("setup_seconds") is not None]
-    names = ("case", "method", "setting", "setup_seconds")
-    write_csv(folder / "setup.csv", {name: [line[name] for line in setup] for name in names})
-    words = words_of(scene.name, rows)
-    write_text(folder / "tradeoff.txt", words + "\n")
-    draw(folder / "figures", rows)
-    return Tradeoff(folder, rows, words)
+    identity = run_identity("tradeoff", scene, size=size)
+    with run_folder(out or default_run_folder(scene.name), identity, resume, [LINES]) as folder:
+        write_text(folder / "scene.toml", scene_toml(scene))
+        cam = polydyne(scene)
+        work = method_work(scene, cam, size)
+        if build_train(scene).laws is None:
+            work += job_work(scene, cam, size, folder)
+        lines = measured(folder / LINES, work, progress)
+        rows = rows_of(lines)
+        write_csv(folder / "tradeoff.csv", {name: [row[name] for row in rows] for name in COLUMNS})
+        setup = [line for line in lines if line.get("setup_seconds") is not None]
+        names = ("case", "method", "setting", "setup_seconds")
+        write_csv(folder / "setup.csv", {name: [line[name] for line in setup] for name in names})
+        words = words_of(scene.name, rows)
+        write_text(folder / "tradeoff.txt", words + "\n")
+        draw(folder / "figures", rows)
+        return Tradeoff(folder, rows, words)
 
 
 def measured(path: Path, work: Sequence[Work], progress: bool = False) -> list[dict]:
     """The lines of all measurements, in the order of `work`; those already in the file are not measured again."""
-    known = {(line["case"], line["method"], line["setting"]): line for line in _read(path)}
+    known = {(line["case"], line["method"], line["setting"]): line for line in map(json.loads, whole_lines(path))}
     with tqdm(work, disable=not progress, unit="measurement", dynamic_ncols=True) as bar:
         for one in bar:
             bar.set_description(f"{one.case}: {one.method}")
             if one.key not in known:
                 known[one.key] = _measure(one)
-                _append(path, known[one.key])
+                append_line(path, json.dumps(known[one.key], allow_nan=False))
     return [known[one.key] for one in work]
 
 
@@ -108,30 +117,6 @@ def _measure(one: Work) -> dict:
         return plain({**line, "failure": "", **one.run()})
     except (InputError, MotionRefused, ArithmeticError, RuntimeError) as failure:
         return {**line, "failure": str(failure)}
-
-
-def _read(path: Path) -> list[dict]:
-    """Whole lines; a last one that an interruption cut off is dropped from the file too."""
-    if not path.exists():
-        return []
-    text = path.read_text(encoding="utf-8")
-    whole = text[: text.rfind("\n") + 1]
-    if whole != text:
-        write_text(path, whole)
-    return [json.loads(line) for line in whole.splitlines()]
-
-
-def _append(path: Path, line: dict) -> None:
-    with open(path, "a", encoding="utf-8") as file:
-        file.write(json.dumps(line, allow_nan=False) + "\n")
-        file.flush()
-        os.fsync(file.fileno())
-
-
-def _same_scene(path: Path, text: str) -> None:
-    if path.exists() and path.read_text(encoding="utf-8") != text:
-        raise InputError(f"{path}: belongs to another scene: resume with the same one, or choose another --out")
-    write_text(path, text)
 
 
 def rows_of(lines: Sequence[dict]) -> list[dict]:

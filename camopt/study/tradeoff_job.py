@@ -134,7 +134,7 @@ def _designed(scene: Scene, speeds: str, effort: Accuracy, folder: Path) -> dict
     search, _ = find_cam(scene, speeds, effort)
     seconds = time.process_time() - begin
     assert scene.operation is not None and scene.design is not None
-    found, verdict = confirmed_cam(scene, search.confirmed, "nominal", ACCURACIES["draft"])
+    found, verdict, _ = confirmed_cam(scene, search.confirmed, "nominal", ACCURACIES["draft"])
     path = folder / f"{speeds}-{effort.knot_deg:g}deg-{effort.judged_speeds}-speeds.json"
     write_json(path, design_record(found.lift, scene.design.max_lift_mm * MM))
     cam = read_design(path, scene)

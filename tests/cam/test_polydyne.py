@@ -98,8 +98,8 @@ def chain(*elements):
 
 SPRING, SEAT = ("spring", ("m0", "ground"), 4e4, 300.0), ("contact", ("ground", "m0"), 1e8, 300.0)
 SPRING_RODS = {
-    "a rod of spring between two contacts": [("contact", ("ground", "m2"), 3e7, 0.0), ("spring", ("m2", "m1"), 2e7, 0.0),
-                                             ("contact", ("m1", "m0"), 6e7, 0.0)],
+    "a rod between two contacts": [("contact", ("ground", "m2"), 3e7, 0.0), ("spring", ("m2", "m1"), 2e7, 0.0),
+                                   ("contact", ("m1", "m0"), 6e7, 0.0)],
     "springs behind one contact": [("contact", ("ground", "m2"), 3e7, 0.0), ("spring", ("m2", "m1"), 2e7, 0.0),
                                    ("spring", ("m1", "m0"), 6e7, 0.0)],
     "a rod of spring at the valve": [("contact", ("ground", "m2"), 3e7, 0.0), ("contact", ("m2", "m1"), 2e7, 0.0),

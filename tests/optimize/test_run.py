@@ -3,18 +3,24 @@
 import csv
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from camopt.cam.design_file import read_design
+from camopt.cam.families.free import free_cam
 from camopt.cam.ramps import scene_ramps
 from camopt.exact import prepare
 from camopt.optimize import comparison
 from camopt.optimize import run as module
 from camopt.optimize.accuracy import ACCURACIES, design_speeds
+from camopt.optimize.journal import Journal
 from camopt.optimize.judge import Judge
+from camopt.optimize.kinematic import kinematic_optimum
+from camopt.optimize.no_jump_stage import Search
 from camopt.optimize.run import optimize
 from camopt.report import write_report
 from camopt.scene import InputError, build_train, load_scene
@@ -66,7 +72,9 @@ def test_verdict_is_confirmed_and_compared(plain):
     with open(plain.folder / "comparison.csv", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert {row["cam"] for row in rows} == {"design", "polydyne"}
-    assert len(rows) == 2 * len(load_scene("motori-1").operation.speeds_rpm)
+    assert len(rows) == len(load_scene("motori-1").operation.speeds_rpm) + 1
+    assert (rows[-1]["cam"], rows[-1]["verdict"]) == ("polydyne", "failed")
+    assert "breaks acceleration_max_mm_per_deg2 by up to 123%" in rows[-1]["broken"]  # too stiff a train for the family
 
 
 def test_interrupted_run_resumes_to_the_same_design(plain, tmp_path, monkeypatch):
@@ -94,10 +102,127 @@ def test_interrupted_run_resumes_to_the_same_design(plain, tmp_path, monkeypatch
     assert history[0] == history[1]
 
 
-def test_folder_of_another_search_is_refused(plain, tmp_path):
+OTHERS = {
+    "scene": {"scene": load_scene("motori-2")},
+    "speeds": {"speeds": "band"},
+    "accuracy": {"accuracy": "standard"},
+    "gradient": {"gradient": "exact"},
+    "seed": {"seed": 3},
+}
+
+
+@pytest.mark.parametrize("other", OTHERS.values(), ids=OTHERS)
+def test_a_finished_folder_resumed_with_other_settings_keeps_every_byte(plain, tmp_path, other):
+    """The refusal came after history.jsonl was emptied and scene.toml overwritten."""
+    folder = tmp_path / "run"
+    shutil.copytree(plain.folder, folder)
+    before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+    asked = {"scene": load_scene("motori-1"), "speeds": "nominal", "accuracy": "draft", "gradient": "none"} | other
+    with pytest.raises(InputError, match=rf"another run.*{next(iter(other))}.*--resume with what it was begun with"):
+        optimize(out=folder, resume=True, **asked)
+    assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
+
+
+def test_a_folder_that_nothing_began_is_not_resumed(plain, tmp_path):
     shutil.copytree(plain.folder, tmp_path / "run")
-    with pytest.raises(InputError, match="another search"):
-        optimize(load_scene("motori-2"), "nominal", "draft", "none", tmp_path / "run", resume=True)
+    (tmp_path / "run" / "run.json").unlink()
+    with pytest.raises(InputError, match="nothing says what to go on with"):
+        optimize(load_scene("motori-1"), "nominal", "draft", "none", tmp_path / "run", resume=True)
+
+
+def test_a_resumed_search_that_stops_again_keeps_its_history(plain, tmp_path, monkeypatch):
+    folder = tmp_path / "run"
+    shutil.copytree(plain.folder, folder)
+    before = (folder / "history.jsonl").read_bytes()
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Journal, "recall", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        optimize(load_scene("motori-1"), "nominal", "draft", "none", folder, resume=True)
+    assert (folder / "history.jsonl").read_bytes() == before
+
+
+def test_a_search_without_a_cam_leaves_no_folder_behind(tmp_path, monkeypatch):
+    def none(*_, **__):
+        raise InputError("no cam of the no-jump program holds")
+
+    monkeypatch.setattr(module, "find_cam", none)
+    with pytest.raises(InputError, match="no cam of the no-jump program"):
+        optimize(load_scene("motori-1"), "nominal", "draft", "none", tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(("word", "value"), [("speeds", "all"), ("gradient", "steep"), ("accuracy", "best")])
+def test_unknown_words_leave_no_folder(tmp_path, word, value):
+    with pytest.raises(InputError, match=f"{word} '{value}': expected one of"):
+        optimize(load_scene("motori-1"), out=tmp_path / "run", **{word: value})
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.fixture
+def designed(plain, monkeypatch):
+    """The search's and the verdict's answers without their cost: (run folder) -> a job that only compares anew."""
+    search = Search(Judge(load_scene("motori-1"), [5000.0]), Journal(None))
+    design = load_scene("motori-1").design
+    optimum = kinematic_optimum(design, free_cam(design, 3.0))
+    found = SimpleNamespace(lift=plain.lift, area_ratio=plain.record["area_ratio"], z=optimum.z)
+    search.confirmed = [found]
+    monkeypatch.setattr(module, "find_cam", lambda *a, **k: (search, found))
+    monkeypatch.setattr(module, "verify", lambda *a, **k: plain.verdict)
+    return search
+
+
+FILES = {"scene.toml", "design.json", "lift.csv", "verification.json", "provenance.json", "report.html", "run.json"}
+
+
+def test_the_design_and_its_report_are_written_before_the_comparison(designed, tmp_path, monkeypatch):
+    def broken(*_):
+        assert {p.name for p in (tmp_path / "run").iterdir()} >= FILES
+        raise ZeroDivisionError("a defect")
+
+    monkeypatch.setattr(comparison, "compare_in", broken)
+    with pytest.raises(ZeroDivisionError):
+        optimize(load_scene("motori-1"), "nominal", "draft", "none", tmp_path / "run", designed=write_report)
+    assert {p.name for p in (tmp_path / "run").iterdir()} >= FILES
+
+
+@pytest.mark.parametrize("where", ["polydyne", "verify"])
+def test_a_family_that_fails_becomes_a_row_and_costs_nothing(designed, tmp_path, monkeypatch, where):
+    """A singular matrix in a pushrod's Polydyne ended the job with exit code 1 after the design was found."""
+
+    def singular(*_):
+        raise np.linalg.LinAlgError("Singular matrix")
+
+    monkeypatch.setattr(comparison, where, singular)
+    monkeypatch.setattr(comparison, "MOST_EXCESS", 10.0)
+    result = optimize(load_scene("motori-1"), "nominal", "draft", "none", tmp_path / "run")
+    assert result.exit_code == 0
+    with open(tmp_path / "run" / "comparison.csv", encoding="utf-8") as file:
+        *designs, row = csv.DictReader(file)
+    assert {r["cam"] for r in designs} == {"design"}
+    assert (row["cam"], row["verdict"]) == ("polydyne", "failed")
+    assert row["broken"] == "a defect of camopt (LinAlgError: Singular matrix)"
+    assert "failed" in write_report(tmp_path / "run").read_text(encoding="utf-8")
+
+
+def test_a_verdict_that_falls_back_is_said(designed, plain, tmp_path, monkeypatch):
+    """The area of the refused cam stood as that of the program beside a smaller delivered one, without a word."""
+    first = designed.confirmed[0]
+    larger = SimpleNamespace(lift=plain.lift, area_ratio=first.area_ratio + 0.01, z=first.z)
+    designed.confirmed = [first, larger]
+    verdicts = iter([replace(plain.verdict, verdict="rejected"), plain.verdict])
+    monkeypatch.setattr(module, "verify", lambda *a, **k: next(verdicts))
+    monkeypatch.setattr(module, "find_cam", lambda *a, **k: (designed, larger))
+    record = optimize(load_scene("motori-1"), "nominal", "draft", "none", tmp_path / "run").record
+    assert record["verdict_fell_back"] == {"candidates_judged": 2, "largest_refused_area_ratio": larger.area_ratio}
+    assert record["area_ratio_no_jump"] == larger.area_ratio
+    assert record["gradient_gain"] == pytest.approx(-0.01)  # what the refusal cost is not hidden by a zero
+
+
+def test_a_verdict_that_confirms_the_first_cam_says_so(plain):
+    assert plain.record["verdict_fell_back"] == {"candidates_judged": 1, "largest_refused_area_ratio": None}
 
 
 def test_contradictory_limits_leave_no_folder(tmp_path):
@@ -109,8 +234,6 @@ def test_contradictory_limits_leave_no_folder(tmp_path):
 
 
 def test_unconfirmed_design_ends_with_code_3_and_its_folder(plain, tmp_path, monkeypatch):
-    from dataclasses import replace
-
     rejected = replace(plain.verdict, verdict="rejected", broken=("bounce_max_mm at 7000 r/min",))
     monkeypatch.setattr(module, "verify", lambda *a, **k: rejected)
     result = optimize(load_scene("motori-1"), "nominal", "draft", "none", tmp_path / "run")

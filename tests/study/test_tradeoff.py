@@ -85,7 +85,7 @@ class TestRun:
         assert cli.main(["tradeoff", "motori-1", "--resume"]) == 2
         assert cli.main(["tradeoff", "ohv-3dof", "--out", str(tmp_path / "a")]) == 2
         assert cli.main(["tradeoff", "motori-2", "--size", "small", "--out", str(small), "--resume"]) == 2
-        assert "belongs to another scene" in capsys.readouterr().err
+        assert "belongs to another run, and nothing in it was changed: its scene differs" in capsys.readouterr().err
         with pytest.raises(InputError, match="size 'huge': expected one of small, full"):
             tradeoff(load_scene("motori-1"), tmp_path / "b", size="huge")
 
