@@ -225,12 +225,8 @@ def _report(command: Command) -> None:
         "camopt report runs/first --check",
     )
     c.add_argument("run", metavar="RUN", help="run folder of `camopt optimize`")
-    c.add_argument(
-        "--check",
-        action="store_true",
-        help="write nothing: list every stated number with its source, judge the cam anew and say what comes out "
-        "otherwise (exit code 3)",
-    )
+    words = "write nothing: list stated numbers with their source, judge the cam anew, say what differs (exit code 3)"
+    c.add_argument("--check", action="store_true", help=words)
 
 
 def _tradeoff(command: Command) -> None:

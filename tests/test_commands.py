@@ -13,6 +13,7 @@ from camopt import cli
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.geometry import contact, crossing
 from camopt.cam.read import read_cam
+from camopt.report import write_report
 from camopt.scene import builtin_scenes, load_scene, scene_text
 from camopt.storage import create_run_folder
 
@@ -240,8 +241,9 @@ class TestVerbsThatSearch:
             record = {"area_ratio": 0.56, "area_ratio_bound": 0.6, "area_gap_percent": 6.67}
             record |= {"area_ratio_no_jump": 0.555, "gradient_gain": 0.005}
             (folder / "design.json").write_text(json.dumps(record))
-            verdict = SimpleNamespace(verdict="sensitive" if code else "confirmed", broken=())
-            return SimpleNamespace(exit_code=code, folder=folder, record=record, verdict=verdict)
+            word = {"verdict": "sensitive" if code else "confirmed", "broken": []}
+            (folder / "verification.json").write_text(json.dumps(word))
+            return SimpleNamespace(exit_code=code, folder=folder)
 
         stand_in(monkeypatch, "camopt.optimize.run", optimize=optimize)
         words = ["optimize", "motori-1", "--speeds", "nominal", "--accuracy", "draft", "--gradient", "none"]
@@ -256,6 +258,7 @@ class TestVerbsThatSearch:
             "seed": 7,
             "resume": False,
             "progress": True,
+            "designed": write_report,
         }
         start_to_end, areas, gain, verdict, folder = out.splitlines()[1:]
         assert gain == "The gradient stage gained 0.005 of area ratio."

@@ -1,6 +1,7 @@
 """The figures of a run folder, from its cams and their verdicts as verification.json has them."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,9 @@ from camopt.scene.errors import MotionRefused
 from camopt.scene.rest import rest_position
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
-from camopt.verify.settle import Settled, settle
+from camopt.verify.converge import converge
+from camopt.verify.effort import EFFORTS
+from camopt.verify.settle import Settled, first_revolution, settle
 from camopt.verify.sweep import SEARCH_STEP_RPM, START_RPM, at_speeds, sweep
 
 FIGURE_SPEEDS = 60
@@ -34,8 +37,8 @@ FURTHEST_BEYOND = 0.5
 """How far at most, so that the speeds at which the design's jump and bounce begin are seen."""
 TABLE_STEP_DEG = 0.1
 DRAWN = ("bounce_mm", "jump_mm")
-MOST_REVOLUTIONS = 280
-"""Revolutions from rest within which a motion may settle: as many as a verdict runs, 40 at each of its seven steps."""
+HALVINGS = 6
+"""Of event-exact's step on the way to the settled motion, as many as a verdict allows by default."""
 UNLAWFUL = " (breaks limits on the cam)"
 """Ending of a name in the figures: what carries it is no cam that these limits allow."""
 
@@ -84,13 +87,20 @@ def settled_motions(scene: Scene, name: str, lift: Lift) -> list[Motion]:
 
 
 def settled_motion(train: Train, lift: Lift, cam_speed: float, samples: int | None = None) -> Settled:
-    """The motion by event-exact once it has settled by the verdict's criterion, within as many revolutions.
+    """Revolutions by event-exact where the verdict's motion at `cam_speed` [rad/s] has settled, or has not.
 
-    `cam_speed` [rad/s]; `samples` per revolution, event-exact's own where None. Raises MotionRefused.
+    It is the verdict's own search for the settled motion, so that `periodic` is what verification.json says. `samples`
+    per revolution, event-exact's own where None. Raises MotionRefused.
     """
     rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
     revolve = prepare(train, lift, cam_speed) if samples is None else prepare(train, lift, cam_speed, samples)
-    return settle(revolve, rest, most=MOST_REVOLUTIONS)
+    at_once = settle(revolve, rest)
+    if at_once.periodic:  # a verdict's further steps begin there and stay there
+        return at_once
+    answer = converge(prepare, train, lift, cam_speed, rest, EFFORTS["standard"].tolerance_um, HALVINGS)
+    if answer.state is None:
+        raise MotionRefused("event-exact refuses the motion at every step")
+    return replace(first_revolution(revolve, answer.state), periodic=answer.periodic)
 
 
 def _top(scene: Scene, found: dict) -> float:
