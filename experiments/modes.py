@@ -13,7 +13,8 @@ from camopt.plots import modes as draw_modes
 from camopt.plots.campbell import campbell
 from camopt.scene import Scene, build_train, builtin_scenes, load_scene
 from camopt.scene.units import MM
-from camopt.study.modes import assembled, modes
+from camopt.scene.vibration import assembled
+from camopt.study.modes import modes
 from experiments.record import RESULTS, run_script, write_result
 
 PAPER_HZ = (2832.25, 15642.9, 72247.8)

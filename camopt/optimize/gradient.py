@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camopt.optimize.judge import LEAST_LIMIT, SHARE, Judged
+from camopt.optimize.judge import SHARE, Judged
 from camopt.optimize.kinematic import area_ratio_row, reach, spline_rows
 from camopt.optimize.linear_program import Infeasible
 from camopt.optimize.margins import margin_stage
@@ -94,7 +94,7 @@ def linearised(z: np.ndarray, judged: Judged, sensitivity: Sensitivity) -> Linea
     usable = np.all(np.isfinite(judged.states), axis=1)
     order = np.argsort(-np.where(usable, judged.share.max(axis=0), -1.0))[:WIDTH]
     _, slopes = sensitivity(z, judged, order)
-    slopes = slopes / np.maximum(judged.limit, LEAST_LIMIT)[:, None]  # (r, l, m)
+    slopes = slopes * judged.share_slopes[:, None]  # (r, l, m)
     known = np.all(np.isfinite(slopes), axis=2) & np.any(slopes != 0, axis=2)
     at, metric = np.nonzero(known)
     share = judged.share[metric, order[at]]

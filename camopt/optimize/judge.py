@@ -8,19 +8,18 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.exact.engine import prepare
 from camopt.scene.errors import MotionRefused
+from camopt.scene.quantities import LESS_IS_WORSE
 from camopt.scene.response import end_state
 from camopt.scene.rest import rest_position
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
-from camopt.verify.limits import motion_limits
+from camopt.verify.limits import MotionLimit, motion_limits
 from camopt.verify.settle import settle
 
 SHARE = 0.8
 """Part of every limit on the motion that a search may use: the rest is for speeds and neighbours it did not see."""
 CRITICAL = 2
 """Speeds judged before all others where only the answer counts: one per thread."""
-LEAST_LIMIT = 1e-6
-"""Stands in for a limit of zero in its share: a nanometre, in metrics counted in mm."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +30,7 @@ class Judged:
     figures: dict[str, np.ndarray]
     limited: tuple[str, ...]  # metric names, one per row of `share`
     limit: np.ndarray  # (l) their limits, in the metrics' units
-    share: np.ndarray  # value over limit; infinite where the valve never seats or the motion is refused
+    share: np.ndarray  # how much of the limit is used; infinite where the valve never seats or the motion is refused
     states: np.ndarray
 
     @property
@@ -45,8 +44,13 @@ class Judged:
         return float(self.speeds_rpm[int(np.argmax(self.share.max(axis=0)))]) if self.share.size else np.nan
 
     def worst(self, name: str) -> float:
-        """Largest value of a metric over the speeds."""
-        return float(np.max(self.figures[name]))
+        """Worst value of a metric over the speeds."""
+        return float((np.min if name in LESS_IS_WORSE else np.max)(self.figures[name]))
+
+    @property
+    def share_slopes(self) -> np.ndarray:
+        """Derivative of every row of `share` by its metric (l), in one over the metrics' units."""
+        return np.array([MotionLimit(*row).share_slope for row in zip(self.limited, self.limit, strict=True)])
 
 
 class Judge:
@@ -87,11 +91,10 @@ class Judge:
     def _judged(self, found: dict[int, tuple[dict[str, float], np.ndarray]]) -> Judged:
         at = sorted(found)
         limits = motion_limits(self.scene.design).values()
-        names, limit = tuple(n for n, _ in limits), np.array([v for _, v in limits])
+        names, values = tuple(m.metric for m in limits), np.array([m.value for m in limits])
         figures = {name: np.array([found[i][0][name] for i in at]) for name in found[at[0]][0]}
-        share = np.array([figures[n] / max(v, LEAST_LIMIT) for n, v in zip(names, limit, strict=True)])
-        share = np.nan_to_num(share.reshape(len(names), -1), nan=np.inf)
-        return Judged(self.speeds_rpm[at], figures, names, limit, share, np.array([found[i][1] for i in at]))
+        share = np.array([m.share(figures[m.metric]) for m in limits]).reshape(len(names), -1)
+        return Judged(self.speeds_rpm[at], figures, names, values, share, np.array([found[i][1] for i in at]))
 
     def _found(self, lift: Lift, at: np.ndarray) -> dict[int, tuple[dict[str, float], np.ndarray]]:
         """Figures and settled state at the speeds of the indices `at`, dealt to threads."""
@@ -109,6 +112,6 @@ class Judge:
         try:
             settled = settle(prepare(train, lift, self.scene.cam_speed(self.speeds_rpm[i])), self._states[i])
         except MotionRefused:
-            return dict.fromkeys(names, np.inf), np.full_like(self._start, np.nan)
+            return dict.fromkeys(names, np.nan), np.full_like(self._start, np.nan)
         figures = settled.metrics(lift)
         return {n: figures.worst(n) for n in names}, end_state(settled.response)

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 
-from camopt.optimize.judge import LEAST_LIMIT, SHARE
+from camopt.optimize.judge import SHARE
 from camopt.optimize.no_jump import Margins, NoCamHoldsContact, NoJumpOptimum, NoJumpProgram
 from camopt.optimize.no_jump_stage import Search
 from camopt.optimize.sensitivity import Sensitivity
@@ -58,6 +58,6 @@ def loss_slope(best: NoJumpOptimum, search: Search, sensitivity: Sensitivity) ->
         return -best.margin_prices
     _, gradients = sensitivity(best.z, judged, rows)  # (r, l, m)
     room = np.maximum(SHARE - judged.share[:, rows].T, 0.01)
-    weight = np.where(judged.share[:, rows].T > USED, BARRIER / room, 0.0) / np.maximum(judged.limit, LEAST_LIMIT)
+    weight = np.where(judged.share[:, rows].T > USED, BARRIER / room, 0.0) * judged.share_slopes
     by_z = np.einsum("rl,rlm->m", weight, np.nan_to_num(gradients))
     return np.einsum("m,mks->ks", by_z, best.jacobian()) - best.margin_prices

@@ -17,6 +17,7 @@ class Quantity:
     sentence: str
     window: str
     limit: str | None = None
+    less_is_worse: bool = False  # then a limit is the least value allowed
 
 
 CLOSED = "from the earlier of touch and nominal closing to the next opening foot"
@@ -37,13 +38,22 @@ QUANTITIES = {
         Quantity(
             "jump_mm", "jump", "mm", "largest separation of a contact between cam and valve", EVENT, "jump_max_mm"
         ),
-        Quantity("jump_deg", "jump angle", "deg", "largest total angle of separation of such a contact", EVENT),
+        Quantity(
+            "jump_deg",
+            "jump angle",
+            "deg",
+            "largest total angle of separation of such a contact",
+            EVENT,
+            "jump_max_deg",
+        ),
         Quantity(
             "contact_force_min_N",
             "least contact force",
             "N",
             "smallest force of a contact between cam and valve",
             EVENT,
+            "contact_force_min_N",
+            less_is_worse=True,
         ),
         Quantity(
             "contact_force_max_N",
@@ -70,7 +80,10 @@ QUANTITIES = {
             "mm deg",
             "integral of the valve's distance from its seat touch",
             REVOLUTION,
+            less_is_worse=True,
         ),
         Quantity("excess_lift_mm", "excess lift", "mm", "largest valve lift above the kinematic lift", REVOLUTION),
     )
 }
+LESS_IS_WORSE = frozenset(q.name for q in QUANTITIES.values() if q.less_is_worse)
+"""Metrics whose worst value is the smallest one."""

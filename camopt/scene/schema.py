@@ -130,7 +130,9 @@ class Design(Table):
     nose_deg: NonNegative | None = None
     bounce_max_mm: NonNegative | None = None
     jump_max_mm: NonNegative | None = None
+    jump_max_deg: NonNegative | None = None
     seating_velocity_max_m_per_s: Positive | None = None
+    contact_force_min_N: Positive | None = None
     contact_force_max_N: Positive | None = None
 
     @model_validator(mode="after")
@@ -138,6 +140,9 @@ class Design(Table):
         faults = []
         if self.nose_deg is not None and self.nose_deg >= self.duration_deg / 2:
             faults.append("nose_deg must be below half of duration_deg")
+        least, most = self.contact_force_min_N, self.contact_force_max_N
+        if least is not None and most is not None and least >= most:
+            faults.append("contact_force_min_N must be below contact_force_max_N")
         for height, velocity, side in self.ramps():
             if height >= self.max_lift_mm:
                 faults.append(f"the {side} ramp height must be below max_lift_mm")

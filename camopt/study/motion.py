@@ -11,7 +11,7 @@ from camopt.cam.lift import Lift
 from camopt.scene import InputError, Response, Scene, Train, build_train, rest_position
 from camopt.scene.response import end_state, joined
 from camopt.scene.units import DEG, MM
-from camopt.study.modes import highest_rate
+from camopt.scene.vibration import highest_rate
 from camopt.verify import INDEPENDENT
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from camopt.cam.lift import Lift
 from camopt.scene import Response, Scene, Train, build_train
 from camopt.scene.response import end_state, joined
 from camopt.scene.units import MM
+from camopt.scene.vibration import highest_rate
 from camopt.study.dormand_prince import dormand_prince, problem, right_hand_side
-from camopt.study.modes import highest_rate
 from camopt.study.reduce import at_rest
 from camopt.study.tradeoff import REFERENCE, Work, timed
 from camopt.verify import dop853, houbolt, rkg, tmm

@@ -1,7 +1,7 @@
 """One method at one speed: the step halved until the answer stands, with an error estimate for every figure."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,9 +9,16 @@ from camopt.cam.lift import Lift
 from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import QUANTITIES
 from camopt.scene.response import Revolve, end_state
-from camopt.scene.rest import static_matrices
 from camopt.scene.train import Train
-from camopt.verify.settle import SETTLED_POSITION, Figures, first_revolution, settle
+from camopt.scene.vibration import highest_rate
+from camopt.verify.settle import (
+    PLAIN_REVOLUTIONS,
+    SETTLED_POSITION,
+    Figures,
+    decay_per_revolution,
+    first_revolution,
+    settle,
+)
 
 Prepare = Callable[[Train, Lift, float, int], Revolve]
 """A method: train, lift, cam speed [rad/s] and steps per revolution to one revolution of a state."""
@@ -30,9 +37,10 @@ ABSOLUTE = {
     "contact_force_max_N": 5.0,
     "dynamic_area_mm_deg": 0.1,
 }
-"""Tolerances beside those of the lengths (bounce and jump), which the caller chooses. The figures not listed (angle of
-separation, least force, impact velocity, excess lift) carry no limit and hang on contacts that barely open; they are
-reported with their error and do not decide."""
+"""Tolerances beside those of the lengths (bounce and jump), which the caller chooses. The figures not listed hang on
+contacts that barely open; they are reported with their error."""
+WHERE_LIMITED = {"jump_deg": 0.5, "contact_force_min_N": 5.0}
+"""Tolerances of the figures that decide only where the scene limits them. Impact velocity and excess lift never are."""
 
 
 @dataclass(frozen=True)
@@ -50,23 +58,15 @@ class Converged:
     state: np.ndarray | None  # settled state (2n) at -pi
 
 
-def tolerances(tolerance_um: float) -> dict[str, float]:
-    """Absolute tolerance of every deciding figure, in the unit of its name."""
-    return {"bounce_mm": tolerance_um * 1e-3, "jump_mm": tolerance_um * 1e-3, **ABSOLUTE}
+def tolerances(tolerance_um: float, limited: Collection[str] = ()) -> dict[str, float]:
+    """Absolute tolerance of every deciding figure, in the unit of its name; `limited`: metrics with a limit."""
+    also = {name: value for name, value in WHERE_LIMITED.items() if name in limited}
+    return {"bounce_mm": tolerance_um * 1e-3, "jump_mm": tolerance_um * 1e-3, **ABSOLUTE, **also}
 
 
 def first_steps(train: Train, cam_speed: float) -> int:
     """Steps per revolution to begin with, from the fastest rate of the train with every element acting [rad/s]."""
-    every = np.ones(len(train.a), dtype=bool)
-    stiffness, _ = static_matrices(train, every)
-    damping, _ = static_matrices(replace(train, stiffness=train.damping), every)
-    damping += np.diag(train.mass_damping)
-    n = len(train.mass)
-    system = np.block(
-        [[np.zeros((n, n)), np.eye(n)], [-stiffness / train.mass[:, None], -damping / train.mass[:, None]]]
-    )
-    rate = np.abs(np.linalg.eigvals(system)).max()
-    return max(FEWEST_STEPS, int(np.ceil(2 * np.pi * rate / cam_speed / COARSEST_PHASE)))
+    return max(FEWEST_STEPS, int(np.ceil(2 * np.pi * highest_rate(train) / cam_speed / COARSEST_PHASE)))
 
 
 def converge(
@@ -81,6 +81,7 @@ def converge(
     *,
     settled: bool = True,
     steps: int | None = None,
+    limited: Collection[str] = (),
 ) -> Converged:
     """Halve the step until every deciding figure stands twice in a row, at most `halvings` times and,
     after the second halving, to no more than MOST_STEPS.
@@ -91,14 +92,14 @@ def converge(
     samples among the coarser one's, a contact that closes just before one of them would be as late at every step. With
     `settled` off every step measures the first revolution from `start` instead. Where `steps` per revolution to begin
     with are given, they count as resolving the train; else they follow it. A method may ask for more by an attribute
-    `enough_steps` (train, cam_speed).
-    `position` [m]: as of `settle`.
+    `enough_steps` (train, cam_speed). `position` [m]: as of `settle`; `limited`: as of `tolerances`. Nothing converges
+    before the train's slowest mode had time to die out.
     """
     first = steps or first_steps(train, cam_speed)
     enough = max(first, getattr(prepare, "enough_steps", lambda *_: 0)(train, cam_speed))
     finest = steps = min(first, MOST_STEPS // 4)
-    allowed = tolerances(tolerance_um)
-    state, revolutions = start, 0
+    allowed, decay = tolerances(tolerance_um, limited), decay_per_revolution(train, cam_speed)
+    state, revolutions, most, faded = start, 0, None, False
     runs: list[Figures] = []
     stood: list[bool] = []
     done = None
@@ -108,11 +109,15 @@ def converge(
         finest = (steps << halving) + halving
         try:
             revolve = prepare(train, lift, cam_speed, finest)
-            done = settle(revolve, state, position=position) if settled else first_revolution(revolve, start)
+            if settled:
+                done = settle(revolve, state, most, position=position, decay=decay)
+            else:
+                done = first_revolution(revolve, start)
         except MotionRefused:
-            runs, stood, state = [], [], start
+            runs, stood, state, most, faded = [], [], start, None, False
             continue
-        revolutions = revolutions or done.revolutions
+        revolutions, faded = revolutions or done.revolutions, faded or done.faded
+        most = None if done.periodic else PLAIN_REVOLUTIONS  # a motion that wandered after all had faded still does
         state = end_state(done.response)
         runs.append(done.metrics(lift))
         if len(runs) > 1:
@@ -125,7 +130,7 @@ def converge(
     worst = {name: runs[-1].worst(name) for name in QUANTITIES}
     error = {name: max((apart(r.worst(name), worst[name]) for r in runs[-3:-1]), default=np.inf) for name in QUANTITIES}
     spread = {name: runs[-1].range(name) for name in QUANTITIES}
-    converged = finest >= enough and len(stood) > 1 and all(stood[-2:])
+    converged = faded and finest >= enough and len(stood) > 1 and all(stood[-2:])
     return Converged(finest, converged, worst, spread, error, revolutions, done.periodic, state)
 
 

@@ -1,5 +1,7 @@
 """The limits of a scene's design: those on the cam's shape, judged exactly, and those on the motion."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from camopt.cam.lift import Lift
@@ -22,12 +24,50 @@ MOTION_LIMITS = {q.limit: q.name for q in QUANTITIES.values() if q.limit is not 
 """Design key of each limit on the motion -> the metric it limits."""
 
 
-def motion_limits(design: Design | None) -> dict[str, tuple[str, float]]:
-    """Limits on the motion that a scene sets: design key -> (metric, largest value allowed)."""
+LEAST_LIMIT = 1e-6
+"""Stands in for a limit of zero in its share: a nanometre, in metrics counted in mm."""
+
+
+class MotionLimit(NamedTuple):
+    """The largest value that a metric may have, or the smallest one where less is worse, in the metric's unit."""
+
+    metric: str
+    value: float
+
+    @property
+    def least(self) -> bool:
+        """Whether the metric must not fall below the limit."""
+        return QUANTITIES[self.metric].less_is_worse
+
+    def keeps(self, found: float, error: float = 0.0) -> bool:
+        """Whether a value keeps the limit even if it is wrong by `error` to the bad side; NaN keeps none."""
+        return bool(found - error >= self.value if self.least else found + error <= self.value)
+
+    def breaks(self, found: float, error: float = 0.0) -> bool:
+        """Whether a value breaks the limit even if it is wrong by `error` to the good side."""
+        return not self.keeps(found, -error)
+
+    def share(self, found: np.ndarray) -> np.ndarray:
+        """How much of the limit values use, in their shape: one at the limit, more beyond it, infinite for NaN.
+
+        Value over limit; where less is worse the same distance on the other side, 2 - value over limit, and not below
+        zero: in both cases a fifth of the limit is left at 0.8.
+        """
+        used = found / max(self.value, LEAST_LIMIT)
+        return np.nan_to_num(np.maximum(2.0 - used, 0.0) if self.least else used, nan=np.inf)
+
+    @property
+    def share_slope(self) -> float:
+        """Derivative of the share by the value, in one over the metric's unit."""
+        return (-1.0 if self.least else 1.0) / max(self.value, LEAST_LIMIT)
+
+
+def motion_limits(design: Design | None) -> dict[str, MotionLimit]:
+    """Limits on the motion that a scene sets, by design key."""
     if design is None:
         return {}
     given = {key: getattr(design, key) for key in MOTION_LIMITS}
-    return {key: (MOTION_LIMITS[key], value) for key, value in given.items() if value is not None}
+    return {key: MotionLimit(MOTION_LIMITS[key], value) for key, value in given.items() if value is not None}
 
 
 def broken_by_shape(lift: Lift, design: Design | None) -> list[str]:

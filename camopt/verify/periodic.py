@@ -7,9 +7,9 @@ least-squares form of Walker and Ni, SIAM J. Numerical Analysis 49 (2011)) follo
 polishes. A fixed point is a motion only if disturbances die out: it counts where the spectral radius of G's Jacobian
 there is below one.
 
-This is a function beside `settle`, not within it. To settling's 1 um plain revolutions are as quick on a damped train,
-the radius alone costs 2n revolutions, and where contacts bounce the kinks of G stop both accelerations. It
-pays where surge is slow to die out, and where the state must stand to nanometres.
+`settle` comes here only where surge is slow to die out. To its 1 um plain revolutions are as quick on a damped train,
+the radius alone costs 2n revolutions, and where contacts bounce the kinks of G stop both accelerations. It also
+pays where the state must stand to nanometres.
 """
 
 from collections.abc import Callable
@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from camopt.scene.errors import MotionRefused
-from camopt.scene.response import Revolve, end_state
+from camopt.scene.response import Revolve, next_state
 
 UNIT = (1e-6, 1e-3)
 """Position [m] and velocity [m/s] that weigh the same in a state: as far apart as two states that count as settled."""
@@ -62,7 +62,7 @@ class _Cycle:
 
     def __call__(self, y: np.ndarray) -> np.ndarray:
         self.count += 1
-        after = end_state(self.revolve(y * self.scale)) / self.scale
+        after = next_state(self.revolve, y * self.scale) / self.scale
         if not np.all(np.isfinite(after)):
             raise MotionRefused("the motion has no bound: the step is past the method's stability limit")
         return after

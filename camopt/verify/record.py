@@ -62,6 +62,16 @@ def band_record(band: Band) -> dict:
         "worst_bounce_mm": worst["bounce_mm"]["value"],
         "worst_speed_rpm": worst["bounce_mm"]["speed_rpm"],
         "worst": worst,
+        "resonances": [
+            {
+                "speed_rpm": r.speed_rpm,
+                "half_width_rpm": r.half_width_rpm,
+                "harmonic": r.harmonic,
+                "frequency_Hz": r.frequency_Hz,
+            }
+            for r in band.resonances
+        ],
+        "resonances_left_out": band.resonances_left_out,
         "curves": {
             "speed_rpm": band.speeds_rpm.tolist(),
             **{name: [_number(v) for v in band.figures[name]] for name in REPORTED},

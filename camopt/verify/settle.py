@@ -1,19 +1,29 @@
 """Settling to the periodic motion, and the revolutions that are measured."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.scene.errors import MotionRefused
-from camopt.scene.response import Response, Revolve, end_state, joined
+from camopt.scene.quantities import LESS_IS_WORSE
+from camopt.scene.response import Response, Revolve, end_state, joined, next_state
+from camopt.scene.rest import rest_position
+from camopt.scene.train import Train
+from camopt.scene.vibration import slowest_decay
 from camopt.verify.metrics import measure
+from camopt.verify.periodic import periodic_state
 
 SETTLED_POSITION = 1e-6
-"""Largest change of a position over a revolution of a settled motion [m] (design.md section 4)."""
+"""Largest change that a position of a settled motion still has before it [m] (design.md section 4)."""
 SETTLED_VELOCITY = 1e-3
-"""Largest change of a velocity over a revolution of a settled motion [m/s]."""
-LESS_IS_WORSE = {"contact_force_min_N", "dynamic_area_mm_deg"}
+"""Largest change that a velocity of a settled motion still has before it [m/s]."""
+PLAIN_REVOLUTIONS = 40
+"""Revolutions after which a motion of a well damped train that still changes counts as aperiodic."""
+FADED, MOST_REVOLUTIONS = 15.0, 1500
+"""A lightly damped train may run until its slowest mode has faded by FADED e-folds (from three millimetres to a
+nanometre), at most MOST_REVOLUTIONS."""
 
 
 @dataclass(frozen=True)
@@ -23,6 +33,7 @@ class Settled:
     response: Response  # measured + 1 revolutions
     revolutions: int  # run before the measured ones
     periodic: bool
+    faded: bool = True  # whether the train's slowest mode had the revolutions that it needs to die out
 
     def metrics(self, lift: Lift) -> "Figures":
         """The metrics of the measured revolutions."""
@@ -48,29 +59,84 @@ class Figures:
 def settle(
     revolve: Revolve,
     state: np.ndarray,
-    most: int = 40,
+    most: int | None = None,
     measured: int = 4,
     aperiodic: int = 8,
     position: float = SETTLED_POSITION,
+    decay: float = np.inf,
 ) -> Settled:
-    """Run revolutions from `state` (2n) until the state one revolution apart stands, then the measured ones.
+    """Run revolutions from `state` (2n) until the motion stands, then the measured ones.
 
-    It stands where no position moves by more than `position` [m] and no velocity by SETTLED_VELOCITY in proportion. At
-    most `most` revolutions; a motion that has not settled by then is reported as aperiodic and measured over
-    `aperiodic` revolutions. Raises MotionRefused where the motion has no bound (a step past the stability limit).
+    It stands where the way that is left is at most `position` [m] in every position and SETTLED_VELOCITY in proportion
+    in every velocity. A change d over a revolution that shrinks by the factor r from each to the next leaves
+    d r / (1 - r); r = exp(-decay), `decay` being what `decay_per_revolution` says of the train, and no way left is
+    taken to be shorter than the last change. At most `most` revolutions, by default PLAIN_REVOLUTIONS; where the
+    slowest mode needs more it gets them, after a search for the periodic motion that they lead to. A motion that has
+    not settled by then is reported as aperiodic and measured over `aperiodic` revolutions. Raises MotionRefused where
+    the motion has no bound (a step past the stability limit).
     """
-    n, velocity = len(state) // 2, SETTLED_VELOCITY * position / SETTLED_POSITION
-    periodic, revolutions = False, 0
-    while not periodic and revolutions < most:
-        after = _next_state(revolve, state)
-        change = np.abs(after - state)
-        periodic = bool(change[:n].max() < position and change[n:].max() < velocity)
-        state, revolutions = after, revolutions + 1
+    needed = int(np.ceil(FADED / max(decay, 1e-9)))
+    slow = needed > PLAIN_REVOLUTIONS
+    stands = _Stands(position, max(1.0, 1.0 / np.expm1(max(decay, 1e-9))))
+    state, revolutions, periodic = _run(revolve, state, PLAIN_REVOLUTIONS if most is None else most, stands)
+    if slow and most is None and not periodic:
+        state, hastened = _hastened(revolve, state)
+        state, more, periodic = _run(revolve, state, min(needed, MOST_REVOLUTIONS) - PLAIN_REVOLUTIONS, stands)
+        revolutions += hastened + more
+    faded = periodic or not slow or (most is None and needed <= MOST_REVOLUTIONS)
     responses = []
     for _ in range((measured if periodic else aperiodic) + 1):
         responses.append(_finite(revolve(state)))
         state = end_state(responses[-1])
-    return Settled(joined(responses), revolutions, periodic)
+    return Settled(joined(responses), revolutions, periodic, faded)
+
+
+@dataclass(frozen=True)
+class _Stands:
+    """Whether the way that is left, `left` times the last change over a revolution, is within `position` [m]."""
+
+    position: float
+    left: float
+
+    def __call__(self, change: np.ndarray) -> bool:
+        n, velocity = len(change) // 2, SETTLED_VELOCITY * self.position / SETTLED_POSITION
+        way = self.left * np.abs(change)
+        return bool(way[:n].max() < self.position and way[n:].max() < velocity)
+
+
+def _run(revolve: Revolve, state: np.ndarray, most: int, stands: _Stands) -> tuple[np.ndarray, int, bool]:
+    """Plain revolutions until the state stands, at most `most`: the state, how many, and whether it stands."""
+    for revolution in range(1, most + 1):
+        before, state = state, _bounded(next_state(revolve, state))
+        if stands(state - before):
+            return state, revolution, True
+    return state, most, False
+
+
+def _hastened(revolve: Revolve, state: np.ndarray) -> tuple[np.ndarray, int]:
+    """A state nearer to the periodic motion of a lightly damped train, and the revolutions it took to find.
+
+    Only stable motions are gone to; from wherever this leads, plain revolutions say whether the motion stands.
+    """
+    try:
+        found = periodic_state(revolve, state)
+    except MotionRefused:
+        return state, 0
+    return found.state, found.revolutions
+
+
+def settled_from_rest(prepare: Callable[..., Revolve], train: Train, lift: Lift, cam_speed: float, *steps) -> Settled:
+    """The motion of a method from rest on the base circle: what verdicts, sweeps and pictures call settled.
+
+    `prepare` is the method's, `cam_speed` [rad/s], `steps` its steps per revolution where it needs them.
+    """
+    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    return settle(prepare(train, lift, cam_speed, *steps), rest, decay=decay_per_revolution(train, cam_speed))
+
+
+def decay_per_revolution(train: Train, cam_speed: float) -> float:
+    """By what power of e the train's slowest mode dies out over a revolution of the cam at `cam_speed` [rad/s]."""
+    return slowest_decay(train) * 2 * np.pi / cam_speed
 
 
 def first_revolution(revolve: Revolve, state: np.ndarray) -> Settled:
@@ -82,15 +148,15 @@ def first_revolution(revolve: Revolve, state: np.ndarray) -> Settled:
     return Settled(joined([first, _finite(revolve(end_state(first)))]), 0, True)
 
 
-def _next_state(revolve: Revolve, state: np.ndarray) -> np.ndarray:
-    """The state a revolution later; a method that offers `advance` gets there without samples, which is faster."""
-    advance = getattr(revolve, "advance", None)
-    return end_state(_finite(revolve(state))) if advance is None else advance(state, 1)
+def _bounded(state: np.ndarray) -> np.ndarray:
+    """The state, unless it has left all bounds: a kilometre of valve lift is no motion of a valve train."""
+    if not np.all(np.isfinite(state)) or np.abs(state[: len(state) // 2]).max() > 1e3:
+        raise MotionRefused("the motion has no bound: the step is past the method's stability limit; take more steps")
+    return state
 
 
 def _finite(response: Response) -> Response:
-    """The response, unless it has left all bounds: a kilometre of valve lift is no motion of a valve train."""
-    end = end_state(response)
-    if not np.all(np.isfinite(end)) or np.abs(response.x).max() > 1e3:
-        raise MotionRefused("the motion has no bound: the step is past the method's stability limit; take more steps")
+    """The response, unless it has left all bounds on the way or at its end."""
+    _bounded(end_state(response))
+    _bounded(np.abs(response.x).max(axis=0).repeat(2))
     return response

@@ -3,24 +3,29 @@
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.scene.errors import MotionRefused
-from camopt.scene.quantities import QUANTITIES
+from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES
 from camopt.scene.response import Revolve
-from camopt.scene.rest import rest_position
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
-from camopt.verify.settle import LESS_IS_WORSE, settle
+from camopt.verify.resonance import Resonance
+from camopt.verify.settle import settled_from_rest
 
 STARTS_MM = 0.05
 """Bounce or jump that counts as started where the scene sets no limit."""
 SEARCH_STEP_RPM = 40.0
 START_RPM = 10.0
 """To what the starting speeds are located."""
+CHUNK = 16
+"""Speeds looked at together while the starting speeds are searched."""
+FINEST_RPM = 1.0
+"""To what the speeds of maxima are located."""
+PEAKS = 3
+"""Local maxima of each limited metric that are refined, the worst first."""
 
 AtSpeed = Callable[[Train, Lift, float], Revolve]
 """The sweeping method: train, lift, cam speed [rad/s]."""
@@ -39,6 +44,8 @@ class Band:
     speeds_rpm: np.ndarray
     figures: dict[str, np.ndarray]
     methods: tuple[str, ...]
+    resonances: tuple[Resonance, ...] = ()  # narrower than the step, looked at
+    resonances_left_out: int = 0
 
     def worst_index(self, name: str) -> int:
         """Index of the worst speed for a metric; NaN is worse than any value."""
@@ -49,6 +56,15 @@ class Band:
         """(speed [r/min], value) of the worst speed for a metric."""
         i = self.worst_index(name)
         return float(self.speeds_rpm[i]), float(self.figures[name][i])
+
+    def peaks(self, name: str) -> list[float]:
+        """Speeds [r/min] of the local maxima of a metric (minima where less is worse), the worst first; a plateau has
+        none but at its first speed."""
+        sign = -1.0 if name in LESS_IS_WORSE else 1.0
+        badness = np.nan_to_num(sign * self.figures[name], nan=np.inf)
+        before, after = np.append(-np.inf, badness[:-1]), np.append(badness[1:], -np.inf)
+        at = np.flatnonzero((badness > before) & (badness >= after))
+        return self.speeds_rpm[at[np.argsort(-badness[at], kind="stable")]].tolist()
 
     def with_judged(self, method: str, judged: dict[float, dict[str, float]]) -> "Band":
         """The band with the figures of `judged` (speed [r/min] -> metric -> value), which are `method`'s, put in place
@@ -71,98 +87,100 @@ def at_speeds(
     """
     speeds = list(speeds_rpm)
     train = build_train(scene)
-    start = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
 
     def deal(worker: int) -> list[dict[str, float]]:
         own = replace(train)
-        return [_figures(prepare, own, lift, scene.cam_speed(s), start) for s in speeds[worker::workers]]
+        return [_figures(prepare, own, lift, scene.cam_speed(s)) for s in speeds[worker::workers]]
 
     with ThreadPoolExecutor(workers) as pool:
         hands = list(pool.map(deal, range(workers)))
     return [hands[i % workers][i // workers] for i in range(len(speeds))]
 
 
-def _figures(prepare: AtSpeed, train: Train, lift: Lift, cam_speed: float, start: np.ndarray) -> dict[str, float]:
+def _figures(prepare: AtSpeed, train: Train, lift: Lift, cam_speed: float) -> dict[str, float]:
     try:
-        figures = settle(prepare(train, lift, cam_speed), start).metrics(lift)
+        figures = settled_from_rest(prepare, train, lift, cam_speed).metrics(lift)
     except MotionRefused:
         return dict.fromkeys(QUANTITIES, np.nan)  # ranks as the worst, so that the verdict looks at it
     return {name: figures.worst(name) for name in QUANTITIES}
 
 
+class Swept:
+    """The speeds of one cam looked at so far by one method; no speed is worked out twice.
+
+    The same speeds serve the band, its refinement and the search for the starts of jump and bounce, so that none of
+    them knows of a peak that another one leaves out.
+    """
+
+    def __init__(self, prepare: AtSpeed, scene: Scene, lift: Lift, workers: int = 2, method: str = "event"):
+        assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
+        self.ends, self.method = scene.operation.band_rpm, method
+        self.found: dict[float, dict[str, float]] = {}
+        self._look = lambda speeds: at_speeds(prepare, scene, lift, speeds, workers)
+
+    def __call__(self, speeds_rpm: Iterable[float]) -> list[dict[str, float]]:
+        """Figures at these speeds [r/min]."""
+        wanted = [float(s) for s in speeds_rpm]
+        new = sorted({*wanted} - self.found.keys())
+        if new:
+            self.found.update(zip(new, self._look(new), strict=True))
+        return [self.found[s] for s in wanted]
+
+    def band(self, step_rpm: float) -> Band:
+        """What was found inside the band."""
+        low, high = self.ends
+        speeds = [s for s in sorted(self.found) if low <= s <= high]
+        figures = {name: np.array([self.found[s][name] for s in speeds]) for name in QUANTITIES}
+        return Band(low, high, step_rpm, np.array(speeds), figures, (self.method,) * len(speeds))
+
+
 def sweep(
-    prepare: AtSpeed,
-    scene: Scene,
-    lift: Lift,
+    swept: Swept,
     step_rpm: float,
     refine: tuple[str, ...] = ("bounce_mm",),
-    workers: int = 2,
-    method: str = "event",
+    lightly_damped: Iterable[Resonance] = (),
 ) -> Band:
-    """The scene's band in steps of `step_rpm`, then around the worst speed of each metric in `refine` to 1 r/min.
+    """The band in steps of `step_rpm` and at its resonances, then around the peaks of `refine` to FINEST_RPM.
 
-    The refinement quarters the step about the worst speed found so far. Where the motion bounces, bounce against speed
-    is rough: what is refined is the largest found, not proved to be the largest. `method` is the name of `prepare`.
+    The refinement quarters the step about the PEAKS worst local maxima of each metric found so far. Where the motion
+    bounces, bounce against speed is rough: what is refined is the largest found, not proved to be the largest.
     """
-    assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
-    low, high = scene.operation.band_rpm
-    found = dict(_with_speeds(prepare, scene, lift, [*np.arange(low, high, step_rpm), high], workers))
+    low, high = swept.ends
+    swept([*np.arange(low, high, step_rpm), high])
+    swept({float(np.clip(s, low, high)) for r in lightly_damped for s in r.speeds_rpm()})
     step = step_rpm
-    while step > 1.0:
-        step = max(1.0, round(step / 4))
-        wanted: set[float] = set()
-        band = _band(low, high, step_rpm, found, method)
-        for name in refine:
-            near = round(band.worst(name)[0]) + step * np.arange(-3, 4)
-            wanted |= {float(s) for s in np.clip(near, low, high)}
-        new = sorted(wanted - found.keys())
-        found.update(_with_speeds(prepare, scene, lift, new, workers))
-    return _band(low, high, step_rpm, found, method)
+    while step > FINEST_RPM:
+        step = max(FINEST_RPM, round(step / 4))
+        band = swept.band(step_rpm)
+        peaks = {s for name in refine for s in band.peaks(name)[:PEAKS]}
+        swept({float(s) for peak in peaks for s in np.clip(round(peak) + step * np.arange(-3, 4), low, high)})
+    return swept.band(step_rpm)
 
 
-def first_exceeding(
-    prepare: AtSpeed, scene: Scene, lift: Lift, limits: dict[str, float], workers: int = 2
-) -> dict[str, float | None]:
+def first_exceeding(swept: Swept, limits: dict[str, float]) -> dict[str, float | None]:
     """Lowest speed [r/min], to 10 r/min, at which each metric exceeds its limit; None if not below 1.5 x band's top.
 
-    Looked for upward from half the band's bottom in steps of 40 r/min, then bisected; a valve that does not seat
-    counts as exceeding. A metric that exceeds already at the lowest speed gets that speed.
+    Looked for upward from half the band's bottom in steps of 40 r/min and at every speed looked at before, then
+    bisected; a valve that does not seat counts as exceeding. A metric that exceeds already at the lowest speed gets
+    that speed.
     """
-    assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
-    low, high = scene.operation.band_rpm
-    grid = np.append(np.arange(0.5 * low, 1.5 * high, SEARCH_STEP_RPM), 1.5 * high)
+    low, high = swept.ends
+    grid = sorted({*np.arange(0.5 * low, 1.5 * high, SEARCH_STEP_RPM).tolist(), 1.5 * high, *swept.found})
     first: dict[str, float | None] = dict.fromkeys(limits)
-    chunk = 8 * workers
-    for begin in range(0, len(grid), chunk):
+    for begin in range(0, len(grid), CHUNK):
         missing = [name for name in limits if first[name] is None]
         if not missing:
             break
-        rows = at_speeds(prepare, scene, lift, grid[begin : begin + chunk], workers)
+        rows = swept(grid[begin : begin + CHUNK])
         for name in missing:
-            over = [i for i, row in enumerate(rows) if not row[name] <= limits[name]]
+            over = [begin + i for i, row in enumerate(rows) if not row[name] <= limits[name]]
             if over:
-                i = begin + over[0]
-                exceeds = partial(_exceeds, prepare, scene, lift, name, limits[name])
-                first[name] = _bisect(exceeds, grid[i - 1], grid[i]) if i else float(grid[0])
+                first[name] = _bisect(swept, name, limits[name], grid[max(0, over[0] - 1)], grid[over[0]])
     return first
 
 
-def _exceeds(prepare: AtSpeed, scene: Scene, lift: Lift, name: str, limit: float, speed_rpm: float) -> bool:
-    return not at_speeds(prepare, scene, lift, [speed_rpm], 1)[0][name] <= limit
-
-
-def _bisect(exceeds: Callable[[float], bool], below: float, above: float) -> float:
+def _bisect(swept: Swept, name: str, limit: float, below: float, above: float) -> float:
     while above - below > START_RPM:
         middle = 0.5 * (below + above)
-        below, above = (below, middle) if exceeds(middle) else (middle, above)
+        below, above = (below, middle) if not swept([middle])[0][name] <= limit else (middle, above)
     return float(above)
-
-
-def _with_speeds(prepare, scene, lift, speeds, workers):
-    return zip((float(s) for s in speeds), at_speeds(prepare, scene, lift, speeds, workers), strict=True)
-
-
-def _band(low: float, high: float, step_rpm: float, found: dict[float, dict[str, float]], method: str) -> Band:
-    speeds = sorted(found)
-    figures = {name: np.array([found[s][name] for s in speeds]) for name in QUANTITIES}
-    return Band(low, high, step_rpm, np.array(speeds), figures, (method,) * len(speeds))

@@ -3,7 +3,7 @@
 The only file of this package that reaches for the event-exact method, and only when it is asked for.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -20,9 +20,10 @@ from camopt.verify import INDEPENDENT, rkg
 from camopt.verify.converge import RELATIVE, Converged, Prepare, converge, first_steps, tolerances
 from camopt.verify.limits import broken_by_shape, motion_limits
 from camopt.verify.record import speed_record, verification
-from camopt.verify.settle import SETTLED_POSITION, Figures, settle
+from camopt.verify.resonance import resonances
+from camopt.verify.settle import PLAIN_REVOLUTIONS, SETTLED_POSITION, Figures, decay_per_revolution, settle
 from camopt.verify.stated import stated
-from camopt.verify.sweep import STARTS_MM, Band, first_exceeding, sweep
+from camopt.verify.sweep import STARTS_MM, Band, Swept, first_exceeding, sweep
 
 METHODS = ("event", "rkg", "tmm", "houbolt")
 """Methods for a train whose laws are linear."""
@@ -106,8 +107,9 @@ def verify(
     `methods` are "event" or names of INDEPENDENT, by default the first two for the scene's laws; the first one's
     figures are reported and its neighbourhood is searched; two at least are needed for an agreement, so a single
     method ends as "not converged". `band_step_rpm` None leaves the band and the starting speeds out; they are swept
-    with event-exact (Runge-Kutta-Gill for nonlinear laws), and all methods look at the worst speed of every limited
-    metric. Bounce and jump "start" where they exceed the scene's
+    with event-exact (Runge-Kutta-Gill for nonlinear laws), also where a lightly damped mode resonates between its
+    steps, and all methods look at the worst speed of every limited metric and at the starting speeds inside the band.
+    Bounce and jump "start" where they exceed the scene's
     limit, or 0.05 mm where it sets none. `tolerance_um` [um]: by how much halving the step may still move bounce and
     jump. `settled` [m]: largest change of a position over a revolution of a settled motion. Raises InputError for a
     scene without valve or operation, or an unknown method.
@@ -133,19 +135,37 @@ def verify(
     at_speeds = judge(scene.operation.speeds_rpm if speeds_rpm is None else speeds_rpm)
     band, worst, first = None, (), {"bounce_mm": None, "jump_mm": None}
     if band_step_rpm is not None:
-        limited = tuple(dict.fromkeys(["bounce_mm", *(name for name, _ in motion_limits(scene.design).values())]))
-        method = "event" if train.laws is None else "rkg"
-        band = sweep(_sweeping(train), scene, lift, band_step_rpm, limited, workers, method)
-        worst = judge(sorted({band.worst(name)[0] for name in limited}))
+        band, first, suspects = _swept_band(scene, lift, train, band_step_rpm, workers)
+        worst = judge(suspects)
         judged = {s.speed_rpm: s.methods[methods[0]].worst for s in (*at_speeds, *worst)}
         band = band.with_judged(methods[0], judged)
-        first = first_exceeding(_sweeping(train), scene, lift, _starts(scene), workers)
     shape = broken_by_shape(lift, scene.design)
     every = (*at_speeds, *worst)
     broken = dict.fromkeys([*shape, *(name for s in every for name in s.broken)])
     overall = max([*(s.verdict for s in every), "rejected" if shape else "confirmed"], key=ORDER.index)
     starts = first["jump_mm"], first["bounce_mm"]
     return Verdict(overall, tuple(broken), at_speeds, band, worst, *starts, tolerance_um, scene=scene, cam=lift.family)
+
+
+def _swept_band(
+    scene: Scene, lift: Lift, train: Train, step_rpm: float, workers: int
+) -> tuple[Band, dict[str, float | None], list[float]]:
+    """The swept band, where bounce and jump start, and the speeds [r/min] that all methods must look at.
+
+    These are the worst speed of every limited metric and a start that lies inside the band although the metric is
+    limited: what a search of its own has found may not be left out.
+    """
+    swept = Swept(_sweeping(train), scene, lift, workers, "event" if train.laws is None else "rkg")
+    limited = tuple(dict.fromkeys(["bounce_mm", *(limit.metric for limit in motion_limits(scene.design).values())]))
+    found, left_out = resonances(scene, lift, step_rpm)
+    sweep(swept, step_rpm, limited, found)
+    first = first_exceeding(swept, _starts(scene))
+    band = replace(swept.band(step_rpm), resonances=tuple(found), resonances_left_out=left_out)
+    suspects = {band.worst(name)[0] for name in limited}
+    for metric, speed in first.items():
+        if metric in limited and speed is not None and band.from_rpm <= speed <= band.to_rpm:
+            suspects.add(speed)
+    return band, first, sorted(suspects)
 
 
 def methods_for(train: Train) -> tuple[str, ...]:
@@ -174,14 +194,18 @@ def _sweeping(train: Train) -> Callable[[Train, Lift, float], Revolve]:
 
 
 def _starts(scene: Scene) -> dict[str, float]:
-    given = {name: value for name, value in motion_limits(scene.design).values()}
+    given = {limit.metric: limit.value for limit in motion_limits(scene.design).values()}
     return {name: given.get(name, STARTS_MM) for name in ("bounce_mm", "jump_mm")}
 
 
 def _judge_speed(scene, lift, speed_rpm, methods, tolerance_um, halvings, settled) -> SpeedVerdict:
     train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
     rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
-    answers = {m: converge(_method(m), train, lift, cam_speed, rest, tolerance_um, halvings, settled) for m in methods}
+    limited = [limit.metric for limit in motion_limits(scene.design).values()]
+    answers = {
+        m: converge(_method(m), train, lift, cam_speed, rest, tolerance_um, halvings, settled, limited=limited)
+        for m in methods
+    }
     first = answers[methods[0]]
     if first.state is None:
         return SpeedVerdict(speed_rpm, "not converged", (), (), (np.nan, np.nan), answers)
@@ -192,13 +216,13 @@ def _judge_speed(scene, lift, speed_rpm, methods, tolerance_um, halvings, settle
     broken, straddled = _against_limits(scene, speed_rpm, first, near)
     bounces = [first.range["bounce_mm"], *(f.range("bounce_mm") for f in near)]
     bounce_range = float(np.min(bounces)), float(np.max(bounces))
-    if not agreement(list(answers.values()), tolerance_um):
+    if not agreement(list(answers.values()), tolerance_um, limited):
         return SpeedVerdict(speed_rpm, "not converged", (), straddled, bounce_range, answers)
     verdict = "rejected" if broken else "sensitive" if straddled else "confirmed"
     return SpeedVerdict(speed_rpm, verdict, broken, straddled, bounce_range, answers)
 
 
-def agreement(answers: list[Converged], tolerance_um: float) -> bool:
+def agreement(answers: list[Converged], tolerance_um: float, limited: Collection[str] = ()) -> bool:
     """Whether two methods or more have converged and their deciding figures overlap within range and error estimate.
 
     Half of what a halved step was allowed to change is the least error of a figure: then two exact answers still agree
@@ -206,7 +230,7 @@ def agreement(answers: list[Converged], tolerance_um: float) -> bool:
     """
     if len(answers) < 2 or not all(a.converged for a in answers):
         return False
-    for name, tolerance in tolerances(tolerance_um).items():
+    for name, tolerance in tolerances(tolerance_um, limited).items():
         seated = [not np.isnan(a.worst[name]) for a in answers]
         if not any(seated):
             continue
@@ -232,7 +256,11 @@ def _neighbours(prepare: Prepare, train: Train, lift: Lift, cam_speed: float, an
         cases.append((scaled, cam_speed, answer.state))
         cases.append((lift, cam_speed, answer.state + sign * away))
     steps = answer.steps_per_revolution // 2  # the error estimate is what the last halving changed
-    return [settle(prepare(train, cam, speed, steps), state).metrics(cam) for cam, speed, state in cases]
+    most = None if answer.periodic else PLAIN_REVOLUTIONS  # a motion that wanders after all had faded still does
+    return [
+        settle(prepare(train, cam, speed, steps), state, most, decay=decay_per_revolution(train, speed)).metrics(cam)
+        for cam, speed, state in cases
+    ]
 
 
 def _against_limits(
@@ -244,10 +272,10 @@ def _against_limits(
     if not all(seats):
         return ((f"never seats {at}",), ()) if not any(seats) else ((), (f"never seats {at}",))
     broken, straddled = [], []
-    for key, (name, limit) in motion_limits(scene.design).items():
-        values = [answer.worst[name], *(f.worst(name) for f in near)]
-        if min(values) - answer.error[name] > limit:
+    for key, limit in motion_limits(scene.design).items():
+        values, error = [answer.worst[limit.metric], *(f.worst(limit.metric) for f in near)], answer.error[limit.metric]
+        if all(limit.breaks(value, error) for value in values):
             broken.append(f"{key} {at}")
-        elif max(values) + answer.error[name] > limit:
+        elif not all(limit.keeps(value, error) for value in values):
             straddled.append(f"{key} {at}")
     return tuple(broken), tuple(straddled)

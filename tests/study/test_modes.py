@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from camopt.scene import InputError, build_train, load_scene
-from camopt.study.modes import acting_elements, assembled, highest_rate, modes
+from camopt.scene.vibration import acting_elements, assembled, highest_rate
+from camopt.study.modes import modes
 
 OHV = modes(load_scene("ohv-3dof"))
 KODAMA = load_scene("kodama")

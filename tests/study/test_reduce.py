@@ -12,8 +12,9 @@ from camopt import cli
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import engine
 from camopt.scene import InputError, MotionRefused, build_train, load_scene, parse_scene, rest_position, scene_text
+from camopt.scene.vibration import assembled
 from camopt.study.left_out import idle_contacts, leave_out
-from camopt.study.modes import assembled, modes
+from camopt.study.modes import modes
 from camopt.study.reduce import reduce, reduction_lines
 from camopt.study.smaller import chains, condense, fewer_coils, scene_toml, smaller_models
 from camopt.verify import rkg

@@ -26,12 +26,14 @@ def answers(monkeypatch):
     """Runs converge on figures(steps) -> values by revolution; steps are counted in units of the first."""
 
     def run(figures, periodic=True, halvings=4):
-        def settled(steps, state, **_):
+        def settled(steps, state, *_, **__):
             values = figures(steps // FEWEST_STEPS)
             if values is None:
                 raise MotionRefused("too coarse")
             by_name = Figures({name: np.asarray(values, dtype=float) for name in QUANTITIES})
-            return SimpleNamespace(response=state + 1, revolutions=7, periodic=periodic, metrics=lambda lift: by_name)
+            return SimpleNamespace(
+                response=state + 1, revolutions=7, periodic=periodic, faded=True, metrics=lambda lift: by_name
+            )
 
         monkeypatch.setattr(module, "settle", settled)
         monkeypatch.setattr(module, "end_state", lambda response: response)

@@ -1,0 +1,91 @@
+"""Small vibrations of a valve train with a fixed set of closed contacts: damping and stiffness matrices, eigenvalues.
+
+Laws that are not linear count with their stand-ins, `train.stiffness`.
+"""
+
+from typing import Literal
+
+import numpy as np
+from scipy.linalg import eigh
+
+from camopt.scene.rest import rest_position
+from camopt.scene.train import Train
+
+State = Literal["lifted", "seated"]
+OVERDAMPED = 1e-9
+"""Imaginary part of an eigenvalue, relative to its magnitude, below which it belongs to no oscillation."""
+
+
+def acting_elements(train: Train, state: State) -> np.ndarray:
+    """Which elements act (e): all springs, and the contacts closed in the state.
+
+    The contacts between cam and valve are closed in both states; the seat only when seated. Any other contact (a valve
+    spring or a coil clash declared as contact) is closed where it carries force at rest on the base circle, in both
+    states: a preloaded spring is, a coil clash with an open gap is not. A train without valve has all contacts closed.
+    """
+    acting = np.ones(len(train.a), dtype=bool)
+    if train.seat < 0:
+        return acting
+    acting = ~train.contact | (train.compression(rest_position(train), 0.0) > train.touch_compression)
+    acting[list(train.cam_side)] = True
+    acting[train.seat] = state == "seated"
+    return acting
+
+
+def assembled(train: Train, acting: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Damping (n, n) [N s/m] and stiffness matrix (n, n) [N/m] with the elements `acting` (e)."""
+    n = len(train.mass)
+    incidence = np.zeros((len(train.a), n + 1))  # the last column is the ground
+    rows = np.arange(len(train.a))
+    incidence[rows, train.a] += 1.0
+    incidence[rows, train.b] -= 1.0
+    moving = incidence[acting, :n]
+    damping = np.diag(train.mass_damping) + moving.T * train.damping[acting] @ moving
+    return damping, moving.T * train.stiffness[acting] @ moving
+
+
+def oscillations(train: Train, acting: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Angular frequencies [rad/s] ascending (m), damping ratios (m) and real shapes (m, n) of the oscillating modes.
+
+    With damping: |lambda|, -Re(lambda) / |lambda|, and the shape in the phase in which it is largest; overdamped pairs
+    are left out. Shapes have no norm.
+    """
+    damping, stiffness = assembled(train, acting)
+    if np.any(damping):
+        return _damped(train.mass, damping, stiffness)
+    squares, vectors = eigh(stiffness, np.diag(train.mass))
+    angular = np.sqrt(np.maximum(squares, 0.0))  # a free train's rigid mode may come out as -1e-9
+    return angular, np.zeros(len(angular)), vectors.T
+
+
+def highest_rate(train: Train) -> float:
+    """Largest eigenvalue magnitude of the motion with every element acting [rad/s]; explicit steps follow it."""
+    damping, stiffness = assembled(train, np.ones(len(train.a), dtype=bool))
+    return float(np.abs(np.linalg.eigvals(_state_matrix(train.mass, damping, stiffness))).max())
+
+
+def slowest_decay(train: Train) -> float:
+    """Smallest rate at which a disturbance dies out, with the valve lifted or seated [1/s]; zero where one stays."""
+    rates = []
+    for state in ("lifted", "seated"):
+        damping, stiffness = assembled(train, acting_elements(train, state))
+        rates.append(-np.real(np.linalg.eigvals(_state_matrix(train.mass, damping, stiffness))).max())
+    return max(0.0, float(min(rates)))
+
+
+def _state_matrix(mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
+    """A (2n, 2n) of y' = A y for y = (x, v)."""
+    n = len(mass)
+    return np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness / mass[:, None], -damping / mass[:, None]]])
+
+
+def _damped(mass, damping, stiffness) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Angular frequency [rad/s], damping ratio and real shape of the oscillating modes."""
+    values, vectors = np.linalg.eig(_state_matrix(mass, damping, stiffness))
+    kept = np.flatnonzero(np.imag(values) > OVERDAMPED * np.abs(values))
+    kept = kept[np.argsort(np.abs(values[kept]))]
+    shape = vectors[: len(mass), kept].T
+    phase = np.angle(np.sum(shape**2, axis=1)) / 2  # the phase in which the real part is largest
+    shape = np.real(shape * np.exp(-1j * phase)[:, None])
+    angular = np.abs(values[kept])
+    return angular, -np.real(values[kept]) / angular, shape

@@ -1,0 +1,94 @@
+"""Lightly damped trains: resonances between the speeds of a grid, and motions that take hundreds of revolutions."""
+
+import numpy as np
+import pytest
+
+from camopt.cam.families.polydyne import polydyne
+from camopt.exact import engine
+from camopt.scene import build_train, load_scene, rest_position
+from camopt.verify import verdict
+from camopt.verify.resonance import resonances
+from camopt.verify.settle import decay_per_revolution, settle, settled_from_rest
+from camopt.verify.sweep import at_speeds
+from camopt.verify.verdict import verify
+from tests.verify.coil_scene import FREQUENCY_HZ, coil_scene
+
+BOUNCE_ALONE = {"jump_max_mm": None, "seating_velocity_max_m_per_s": None}
+
+
+def test_a_lightly_damped_coil_resonates_at_harmonics_of_the_cam():
+    scene = coil_scene((5000.0, 7000.0))
+    found, left_out = resonances(scene, polydyne(scene), 20.0)
+    assert [r.harmonic for r in found] == [8, 7] and left_out == 0
+    for r in found:
+        # two crankshaft revolutions to one of the cam; 0.1 %: the valve's ends of the spring give a little
+        assert r.speed_rpm == pytest.approx(120 * FREQUENCY_HZ / r.harmonic, rel=1e-3)
+        assert r.half_width_rpm == pytest.approx(5e-4 * r.speed_rpm, rel=0.01)
+        assert np.diff(r.speeds_rpm()).max() <= r.half_width_rpm
+    damped = coil_scene((5000.0, 7000.0), damping_ratio=0.02)  # half widths of 100 r/min, which steps of 20 resolve
+    assert resonances(damped, polydyne(damped), 20.0) == ([], 0)
+    assert resonances(load_scene("kodama"), polydyne(load_scene("kodama")), 20.0) == ([], 0)
+
+
+def test_the_response_is_largest_where_the_resonance_is_said_to_be():
+    scene = coil_scene(preload_N=20_000.0)  # no contact parts: the train is linear but for the seat
+    lift = polydyne(scene)
+    (one,), _ = resonances(scene, lift, 20.0)
+    speeds = one.speed_rpm + one.half_width_rpm * np.array([-3.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 3.0])
+    lowest = [row["contact_force_min_N"] for row in at_speeds(engine.prepare, scene, lift, speeds)]
+    assert abs(int(np.argmin(lowest)) - 4) <= 1
+    gone = max(lowest[0], lowest[-1]) - np.array(lowest)  # how much the resonance takes off the least force
+    assert gone[4] > 2 * max(gone[0], gone[-1])
+
+
+def test_a_cam_that_bounces_between_the_speeds_of_the_grid_is_not_confirmed():
+    """A window of 14 r/min between 6145 and 6165 r/min in which the valve bounces by more than is allowed."""
+    scene = coil_scene(**BOUNCE_ALONE)
+    lift = polydyne(scene)
+    plain = at_speeds(engine.prepare, scene, lift, np.arange(6065.0, 6246.0, 20.0))
+    assert max(row["bounce_mm"] for row in plain) < 0.05  # steps of 20 r/min alone see nothing
+    result = verify(scene, lift, (6065.0,), ("event", "rkg"), band_step_rpm=20.0, halvings=4)
+    assert result.verdict != "confirmed"
+    assert result.band.worst("bounce_mm")[1] > 0.1
+    assert result.first_bounce_rpm < 6165  # below the band, at the harmonic 8, the cam bounces too
+    data = result.as_dict()["band"]
+    assert data["resonances"][0]["harmonic"] == 7 and data["resonances_left_out"] == 0
+    assert data["worst"]["bounce_mm"]["value"] == max(data["curves"]["bounce_mm"])
+    inside = [s for s in result.worst_in_band if 6149 <= s.speed_rpm <= 6163]
+    assert inside and all(s.verdict != "confirmed" for s in inside)
+
+
+def test_what_the_search_for_the_first_bounce_finds_inside_the_band_is_judged(monkeypatch):
+    scene = coil_scene(**BOUNCE_ALONE)
+    monkeypatch.setattr(verdict, "resonances", lambda *_: ([], 0))
+    monkeypatch.setattr(verdict, "sweep", lambda swept, *_: swept([6065.0, 6245.0]))  # a band that sees nothing
+    monkeypatch.setattr(verdict, "first_exceeding", lambda *_: {"bounce_mm": 6155.0, "jump_mm": 6160.0})
+    result = verify(scene, polydyne(scene), (6065.0,), ("event", "rkg"), band_step_rpm=20.0, halvings=3)
+    assert 6155.0 in [s.speed_rpm for s in result.worst_in_band]
+    assert 6160.0 not in [s.speed_rpm for s in result.worst_in_band]  # the scene does not limit jump
+    assert result.verdict != "confirmed"
+
+
+def test_a_lightly_damped_motion_is_run_until_it_stands():
+    """Forty revolutions from rest leave half a millimetre of surge; the settled motion is what 2000 plain ones give."""
+    scene = coil_scene()
+    train, lift, cam_speed = build_train(scene), polydyne(scene), scene.cam_speed(6100.0)
+    rest = np.concatenate([rest_position(train), np.zeros(2)])
+    revolve = engine.prepare(train, lift, cam_speed)
+    truth = settle(revolve, rest, most=2000, position=1e-9)
+    found = settled_from_rest(engine.prepare, train, lift, cam_speed)
+    assert found.periodic and found.faded and found.revolutions < 200
+    assert np.abs(found.response.x[0] - truth.response.x[0]).max() < 1e-6
+    early = settle(revolve, rest, most=40, decay=decay_per_revolution(train, cam_speed))
+    assert not early.periodic and not early.faded
+    assert np.abs(early.response.x[0] - truth.response.x[0]).max() > 1e-5
+
+
+def test_a_motion_that_had_no_time_to_settle_is_not_converged():
+    """An undamped coil: the transient of the start never dies out, so no figure is the settled motion's."""
+    scene = coil_scene(**BOUNCE_ALONE)
+    none = {"damping_N_s_per_m": 0.0}
+    undamped = tuple(e.model_copy(update=none if "spring" in e.name else {}) for e in scene.element)
+    scene = scene.model_copy(update={"element": undamped})
+    result = verify(scene, polydyne(scene), (6065.0,), band_step_rpm=None, halvings=2)
+    assert result.verdict == "not converged"
