@@ -65,17 +65,24 @@ def kept(folder: Path, scene: Scene) -> tuple[dict[str, Lift], dict[str, dict]]:
     """
     cams = {DESIGN: read_design(folder / "design.json", scene)}
     found = {DESIGN: _read_verdict(folder / "verification.json")}
-    for path in sorted((folder / "verdicts").glob("*.json"), key=lambda p: p.stem):
-        found[path.stem] = _read_verdict(path)
-        if found[path.stem]["verdict"] != FAILED:
-            cams[path.stem] = read_design(folder / "cams" / path.name, scene)
+    for name, one in verdicts_in(folder).items():
+        found[name] = one
+        if one["verdict"] != FAILED:
+            cams[name] = read_design(folder / "cams" / f"{name}.json", scene)
     return cams, found
+
+
+def verdicts_in(folder: Path) -> dict[str, dict]:
+    """The stored verdicts of baselines by name; raises InputError for one that cannot be understood."""
+    paths = sorted((folder / "verdicts").glob("*.json"), key=lambda p: p.stem)
+    return {path.stem: _read_verdict(path) for path in paths}
 
 
 def _read_verdict(path: Path) -> dict:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(content["verdict"], str) or not isinstance(content["speeds"], list):
+        speeds = content["speeds"]
+        if not isinstance(content["verdict"], str) or not all(isinstance(s, dict) for s in speeds):
             raise ValueError("expected a verdict and its speeds")
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path}: cannot be read as a verdict: {error}; verify the cam again") from error

@@ -21,13 +21,14 @@ from camopt.plots import (
 )
 from camopt.plots.style import DESIGN, family_of
 from camopt.scene.errors import MotionRefused
+from camopt.scene.response import end_state
 from camopt.scene.rest import rest_position
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
 from camopt.verify.converge import converge
 from camopt.verify.effort import EFFORTS
-from camopt.verify.settle import Settled, first_revolution, settle
-from camopt.verify.sweep import SEARCH_STEP_RPM, START_RPM, at_speeds, sweep
+from camopt.verify.settle import Settled, first_revolution, settled_from_rest
+from camopt.verify.sweep import SEARCH_STEP_RPM, START_RPM, Swept, at_speeds, sweep
 
 FIGURE_SPEEDS = 60
 """Steps of the figure's own sweep of a band that the verdict was not asked about."""
@@ -52,7 +53,7 @@ def draw(folder: Path, scene: Scene, cams: dict[str, Lift], found: dict[str, dic
     named = {name: name if _lawful(found[name]) else name + UNLAWFUL for name in cams}
     tables = [(named[name], lift_table(lift, TABLE_STEP_DEG)) for name, lift in cams.items()]
     save(profiles(tables, design), figures, "profiles")
-    motions = [m for name, lift in cams.items() for m in settled_motions(scene, named[name], lift)]
+    motions = [m for name, lift in cams.items() for m in settled_motions(scene, named[name], lift, found[name])]
     if motions:
         save(valve_motion(motions, design), figures, "valve_motion")
     top = _top(scene, found.get(DESIGN, {}))
@@ -73,34 +74,41 @@ def _lawful(found: dict) -> bool:
     return all(" at " in word for word in found.get("broken", []))
 
 
-def settled_motions(scene: Scene, name: str, lift: Lift) -> list[Motion]:
+def settled_motions(scene: Scene, name: str, lift: Lift, found: dict) -> list[Motion]:
     """A settled revolution at each listed speed; a speed at which the motion is refused is left out."""
-    train = build_train(scene)
+    train, stated = build_train(scene), stated_periodic(found)
     motions = []
     for speed in scene.operation.speeds_rpm if scene.operation else ():
         try:
-            response = settled_motion(train, lift, scene.cam_speed(speed)).response
+            response = settled_motion(train, lift, scene.cam_speed(speed), stated.get(speed)).response
         except MotionRefused:
             continue
         motions.append(last_revolution(name, speed, response))
     return motions
 
 
-def settled_motion(train: Train, lift: Lift, cam_speed: float, samples: int | None = None) -> Settled:
-    """Revolutions by event-exact where the verdict's motion at `cam_speed` [rad/s] has settled, or has not.
+def stated_periodic(found: dict) -> dict[float, bool]:
+    """By speed [r/min], whether the motion has settled, as a verdict states it."""
+    return {s["speed_rpm"]: bool(s["periodic"]) for s in found.get("speeds") or [] if {"speed_rpm", "periodic"} <= {*s}}
 
-    It is the verdict's own search for the settled motion, so that `periodic` is what verification.json says. `samples`
-    per revolution, event-exact's own where None. Raises MotionRefused.
+
+def settled_motion(
+    train: Train, lift: Lift, cam_speed: float, stated: bool | None = None, samples: int | None = None
+) -> Settled:
+    """Two revolutions by event-exact where the motion at `cam_speed` [rad/s] has settled, or has not.
+
+    `stated` is whether the verdict found it periodic, None where none was asked; it then is not for this picture to say
+    otherwise. A verdict that halves its step may settle after more revolutions than one step runs: its search is
+    followed then. `samples` per revolution, event-exact's own where None. Raises MotionRefused.
     """
-    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
-    revolve = prepare(train, lift, cam_speed) if samples is None else prepare(train, lift, cam_speed, samples)
-    at_once = settle(revolve, rest)
-    if at_once.periodic:  # a verdict's further steps begin there and stay there
-        return at_once
-    answer = converge(prepare, train, lift, cam_speed, rest, EFFORTS["standard"].tolerance_um, HALVINGS)
-    if answer.state is None:
-        raise MotionRefused("event-exact refuses the motion at every step")
-    return replace(first_revolution(revolve, answer.state), periodic=answer.periodic)
+    steps = () if samples is None else (samples,)
+    once = settled_from_rest(prepare, train, lift, cam_speed, *steps)
+    state, periodic = end_state(once.response), once.periodic if stated is None else stated
+    if periodic and not once.periodic:
+        rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+        answer = converge(prepare, train, lift, cam_speed, rest, EFFORTS["standard"].tolerance_um, HALVINGS)
+        state = state if answer.state is None else answer.state
+    return replace(first_revolution(prepare(train, lift, cam_speed, *steps), state), periodic=periodic)
 
 
 def _top(scene: Scene, found: dict) -> float:
@@ -144,7 +152,7 @@ def curve(scene: Scene, name: str, lift: Lift, found: dict, top_rpm: float) -> S
     else:
         assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
         step = np.ptp(scene.operation.band_rpm) / FIGURE_SPEEDS
-        swept = sweep(prepare, scene, lift, float(step), DRAWN)
+        swept = sweep(Swept(prepare, scene, lift), float(step), DRAWN)
         speeds, inside, worst, starts = swept.speeds_rpm, swept.figures, {}, None
     beside = np.setdiff1d(_beside_the_band(scene, found, top_rpm), speeds)
     rows = at_speeds(prepare, scene, lift, beside)

@@ -6,8 +6,7 @@ from camopt.plots.style import DESIGN, family_of
 from camopt.report.folder import RunFolder
 from camopt.report.wording import as_number, is_number, label_and_unit, shown
 from camopt.report.worst import JUDGED, worst_of
-from camopt.scene.quantities import QUANTITIES
-from camopt.verify.settle import LESS_IS_WORSE
+from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES
 from camopt.verify.verdict import ORDER
 
 ROUND_OFF = 1e-6

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from camopt.report.folder import RunFolder
 from camopt.report.wording import is_number, shown
-from camopt.verify.settle import LESS_IS_WORSE
+from camopt.scene.quantities import LESS_IS_WORSE
 
 JUDGED = ("speeds", "worst_in_band")
 """Lists of verification.json that hold a verdict per speed: at the listed speeds, and at the band's worst ones."""

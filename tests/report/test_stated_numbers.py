@@ -154,6 +154,19 @@ def test_floating_stands_in_the_banner_and_in_the_table(write, contents):
     assert printed_table(folder)["least contact force"][:4] == ["N", "–", "->", "0"]
 
 
+def test_limits_on_floating_are_shown_where_they_are_set(write, contents):
+    folder = write(contents)
+    text = (folder / "scene.toml").read_text(encoding="utf-8")
+    further = "jump_max_deg = 5\ncontact_force_min_N = 10\nbounce_max_mm"
+    (folder / "scene.toml").write_text(text.replace("bounce_max_mm", further, 1), encoding="utf-8")
+    limits = page_of(folder).table("limit")
+    angle, force = limits["jump angle"], limits["least contact force"]
+    assert (angle["state"], angle["reached"], angle["demanded"]) == ("✓ held", "4.5", "at most 5")
+    assert (force["state"], force["reached"], force["demanded"]) == ("✗ broken", "5", "at least 10")
+    assert printed_table(folder)["least contact force"][4:7] == ["at", "least", "10"]
+    assert printed_table(folder)["worst jump angle"][4:7] == ["at", "most", "5"]
+
+
 def test_a_contact_that_stays_closed_is_said_to(write, contents):
     found = contents["verification"]
     for record in (*found["speeds"], *found["worst_in_band"]):
