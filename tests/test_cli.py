@@ -12,7 +12,7 @@ from camopt.cli import parser as cli
 from camopt.cli import verbs as commands
 from camopt.scene import scene_text
 
-VERBS = tuple("optimize verify simulate compare cam modes bound gradient tradeoff extremes reduce scenes".split())
+VERBS = "optimize verify simulate compare cam modes bound gradient tradeoff extremes reduce report scenes".split()
 
 
 def run(capsys, *arguments: str) -> tuple[int, str, str]:

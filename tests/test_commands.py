@@ -321,8 +321,9 @@ class TestVerbsThatSearch:
             record = {"area_ratio": 0.56, "area_ratio_bound": 0.6, "area_gap_percent": 6.67}
             record |= {"area_ratio_no_jump": 0.555, "gradient_gain": 0.005}
             (folder / "design.json").write_text(json.dumps(record))
-            verdict = SimpleNamespace(verdict="sensitive" if code else "confirmed", broken=())
-            return SimpleNamespace(exit_code=code, folder=folder, record=record, verdict=verdict)
+            word = {"verdict": "sensitive" if code else "confirmed", "broken": []}
+            (folder / "verification.json").write_text(json.dumps(word))
+            return SimpleNamespace(exit_code=code, folder=folder)
 
         stand_in(monkeypatch, "camopt.optimizer.run", optimize=optimize)
         words = ["optimize", "motori-1", "--speeds", "nominal", "--accuracy", "draft", "--gradient", "none"]
@@ -339,7 +340,8 @@ class TestVerbsThatSearch:
             "progress": True,
             "designed": write_report,
         }
-        start_to_end, areas, verdict, folder = out.splitlines()[1:]
+        start_to_end, areas, gain, verdict, folder = out.splitlines()[1:]
+        assert gain == "The gradient stage gained 0.005 of area ratio."
         assert start_to_end.split() == ["area", "ratio", "–", "0.55", "->", "0.56"]
         assert "0.56000, certified bound 0.60000 (gap 6.67 %), no-jump program 0.55500" in areas
         assert verdict == f"verdict: {'sensitive' if code else 'confirmed'}"

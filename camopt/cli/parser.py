@@ -98,7 +98,7 @@ def parser() -> argparse.ArgumentParser:
         return one
 
     designing = (_optimize, _verify, _simulate, _compare, _cam, _modes)
-    studying = (_bound, _gradient, _tradeoff, _extremes, _reduce, _scenes)
+    studying = (_bound, _gradient, _tradeoff, _extremes, _reduce, _report, _scenes)
     for add in (*designing, *studying):
         add(command)
     top.verbs = list(commands.choices)
@@ -227,6 +227,17 @@ def _reduce(command: Command) -> None:
         "--tolerance-mm", type=positive, default=0.01, metavar="MM", help="error of bounce, jump and lift (0.01)"
     )
     c.add_argument("--json", metavar="FILE", help="write every model's errors and times, and the proposed scene")
+
+
+def _report(command: Command) -> None:
+    c = command(
+        "report",
+        "write comparison, figures and page of a run folder again, or check every number that it states",
+        "camopt report runs/first --check",
+    )
+    c.add_argument("run", metavar="RUN", help="run folder of `camopt optimize`")
+    words = "write nothing: list stated numbers with their source, judge the cam anew, say what differs (exit code 3)"
+    c.add_argument("--check", action="store_true", help=words)
 
 
 def _tradeoff(command: Command) -> None:

@@ -35,25 +35,33 @@ def optimize(args: Namespace) -> int:
         designed=write_report,
     )
     page = write_report(result.folder)
-    _print_outcome(result)
+    _print_outcome(result.folder)
     print(f"run folder: {result.folder}, report: {page}")
     return result.exit_code
 
 
-def _print_outcome(result) -> None:
-    """Start -> End in physical units, the area ratios, the verdict."""
+def _print_outcome(folder: Path) -> None:
+    """What a run came to, from the files in its folder alone."""
     from camopt.report.folder import read_run_folder
-    from camopt.report.tables import start_and_end
+    from camopt.report.outcome import outcome_lines
 
-    print(f"{'':<28} {'unit':<10} {'start':>12}    {'end':>12}")
-    for row in start_and_end(read_run_folder(result.folder)):
-        print(f"{row['label']:<28} {row['unit']:<10} {row['start']:>12} -> {row['end']:>12}")
-    record = result.record
-    print(f"area ratio {record['area_ratio']:.5f}, certified bound {record['area_ratio_bound']:.5f}", end="")
-    print(f" (gap {record['area_gap_percent']:.2f} %), no-jump program {record['area_ratio_no_jump']:.5f}", end="")
-    print(f", gained by the gradient stage {record['gradient_gain']:.5f}")
-    broken = f" (broken: {', '.join(result.verdict.broken)})" if result.verdict.broken else ""
-    print(f"verdict: {result.verdict.verdict}{broken}")
+    print("\n".join(outcome_lines(read_run_folder(folder))))
+
+
+def report(args: Namespace) -> int:
+    folder = Path(args.run)
+    from camopt.report.folder import read_run_folder
+    from camopt.report.regenerated import differences, regenerate, stated_lines
+
+    if args.check:
+        print("\n".join(stated_lines(read_run_folder(folder))))
+        found = differences(folder)
+        print("\n".join(found or ["every number comes out as it is stated"]))
+        return 3 if found else 0
+    page = regenerate(folder)
+    _print_outcome(folder)
+    print(f"run folder: {folder}, report: {page}")
+    return 0
 
 
 def verify(args: Namespace) -> int:

@@ -25,7 +25,7 @@ from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 from camopt.scene.units import MM
 from camopt.storage import default_run_folder, run_folder, run_identity, write_json, write_text
-from camopt.verifier.verdict import Verdict, verdict_on
+from camopt.verifier.verdict import Verdict
 
 PACKAGES = ("camopt", "jax", "diffrax", "optax", "numpy", "scipy", "highspy", "numba", "matplotlib")
 SPEEDS = ("band", "nominal")
@@ -134,6 +134,13 @@ def optimize(
     return Run(folder, chosen.lift, verdict, record, 0 if verdict.verdict == "confirmed" else 3)
 
 
+def full_verdict(scene: Scene, lift: Lift, speeds: str, effort: Accuracy) -> Verdict:
+    """The verdict on a run's design: at the listed speeds and, with `speeds` "band", over the band."""
+    asked = effort.verdict
+    band_step = asked.band_step_rpm if speeds == "band" else None
+    return verdict_on(scene, lift, None, asked.methods, band_step, asked.tolerance_um)
+
+
 def confirmed_cam(
     scene: Scene, candidates: list[NoJumpOptimum], speeds: str, effort: Accuracy
 ) -> tuple[NoJumpOptimum, Verdict, list[NoJumpOptimum]]:
@@ -141,11 +148,9 @@ def confirmed_cam(
 
     Where none is confirmed, the largest one with its own verdict and all that were judged.
     """
-    asked = effort.verdict
-    band_step = asked.band_step_rpm if speeds == "band" else None
     first, refused = None, []
     for found in candidates[::-1][:CANDIDATES]:
-        verdict = verdict_on(scene, found.lift, None, asked.methods, band_step, asked.tolerance_um)
+        verdict = full_verdict(scene, found.lift, speeds, effort)
         first = first or (found, verdict)
         if verdict.verdict == "confirmed":
             return found, verdict, refused

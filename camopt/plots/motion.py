@@ -7,13 +7,28 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from camopt.plots.style import cam_line, draw_limit, legend_above, new_figure, quoted, styled
+from camopt.plots.style import (
+    BASE,
+    DESIGN,
+    cam_line,
+    draw_limit,
+    family_of,
+    legend_above,
+    new_figure,
+    quoted,
+    styled,
+)
 from camopt.scene.response import Response
 from camopt.scene.schema import Design
 from camopt.scene.units import DEG, MM
 
 MOVING_MM = 0.002
 """A valve that is this near to its seat touch [mm] counts as at rest; the zoom of the closing ends there."""
+
+ROOM = 1.3
+"""Upper end of a force axis, as a multiple of the design's largest force."""
+NEAR = 2.0
+"""A limit on the force beyond this multiple of the design's largest is not drawn: it would flatten what is."""
 
 
 @dataclass(frozen=True)
@@ -64,11 +79,17 @@ def valve_motion(motions: Sequence[Motion], design: Design) -> Figure:
         for axes in forces:
             _event(axes, design)
             axes.axhline(0, color="#777777", linewidth=0.7, zorder=1)
+        _shorten(zoom, {m.cam: m.valve_mm[_inside(m, start, end)] for m in here}, top, "mm")
+        for axes, contact in zip(forces, contacts, strict=True):
+            high = _force_top(motions, contact, design)
+            axes.set_ylim(-0.04 * high, high)
+            _shorten(axes, {m.cam: m.contact_force_N[contact] for m in here}, high, "N")
         bounce, force = design.bounce_max_mm, design.contact_force_max_N
         last = column == len(speeds) - 1
         draw_limit(zoom, bounce, quoted("bounce\nat most", bounce, "mm") if last else "")
         for axes in forces:
-            draw_limit(axes, force, quoted("at most", force, "N") if last else "")
+            if force is not None and force < axes.get_ylim()[1]:
+                draw_limit(axes, force, quoted("at most", force, "N") if last else "")
         forces[-1].set_xlabel("cam angle [deg]")
     rows[0, 0].set_ylabel("valve lift [mm]")
     rows[1, 0].set_ylabel("valve above\nseat touch [mm]")
@@ -87,11 +108,42 @@ def _event(axes: Axes, design: Design) -> None:
         axes.axvline(angle, color="#999999", linewidth=0.7, zorder=1)
 
 
+def _leading(motions: Sequence[Motion]) -> Sequence[Motion]:
+    """The motions that the axes are made for: the design's, or all of them where there is none.
+
+    What a cam that bounces does would flatten them.
+    """
+    return [m for m in motions if family_of(m.cam) == DESIGN] or motions
+
+
+def _force_top(motions: Sequence[Motion], contact: str, design: Design) -> float:
+    """Upper end [N] of a contact's force axis: the limit is inside where it is near."""
+    largest = max(float(np.max(m.contact_force_N[contact])) for m in _leading(motions))
+    limit = design.contact_force_max_N or 0.0
+    return ROOM * max(largest, limit if limit < NEAR * largest else 0.0, 1.0)
+
+
+def _inside(motion: Motion, start: float, end: float) -> np.ndarray:
+    """Samples of the closing's zoom after the revolution's greatest lift has passed and the valve has touched."""
+    after = motion.cam_angle_deg > motion.cam_angle_deg[np.argmax(motion.valve_mm)]
+    touched = np.cumsum(after & (motion.valve_mm <= 0)) > 0
+    return touched & (motion.cam_angle_deg >= start) & (motion.cam_angle_deg <= end)
+
+
+def _shorten(axes: Axes, values: Mapping[str, np.ndarray], top: float, unit: str) -> None:
+    """Say which cams go beyond the axis, and how far."""
+    beyond = {cam: float(np.max(v, initial=0.0)) for cam, v in values.items()}
+    words = [f"{cam} {largest:.3g}" for cam, largest in beyond.items() if largest > top]
+    if words:
+        lines = "\n".join(", ".join(words[i : i + 2]) for i in range(0, len(words), 2))
+        axes.set_title(f"beyond this axis [{unit}]: {lines}", fontsize=BASE - 2, fontweight="normal")
+
+
 def _closing(motions: Sequence[Motion], design: Design) -> tuple[float, float, float]:
     """(first angle [deg], last angle [deg], height [mm]) of the zoom, from the duration's end or a touch before."""
     start = design.duration_deg / 2
     end, top = start + 15.0, 3 * (design.bounce_max_mm or 0.02)
-    for m in motions:
+    for m in _leading(motions):
         after = m.cam_angle_deg > m.cam_angle_deg[np.argmax(m.valve_mm)]
         moving = m.cam_angle_deg[after & (m.valve_mm > MOVING_MM)]
         end = max(end, min(180.0, moving[-1] + 4.0)) if len(moving) else end

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from camopt.plots.speeds import FINEST_MM
-from camopt.plots.style import BASE, DESIGN, cam_line, draw_limit, new_figure, quoted, styled, zero_and_decades
+from camopt.plots.style import BASE, DESIGN, INK, cam_line, draw_limit, new_figure, quoted, styled, zero_and_decades
 
 NAME_WIDTH = 0.0105
 """Width of a letter of a stage's name as a share of the axes."""
@@ -22,7 +22,8 @@ class History:
     stage: Sequence[str]  # (n)
     area_ratio: np.ndarray  # (n)
     worst_bounce_mm: np.ndarray  # (n) non-smooth, over the speeds asked; NaN where it was not measured
-    confirmed: np.ndarray  # (n) bool: the non-smooth metrics hold every limit, so the step may be returned
+    confirmed: np.ndarray  # (n) bool: the non-smooth metrics hold every limit at the speeds of the search
+    best_area_ratio: np.ndarray | None = None  # (n) of the cams kept so far; it falls where one is dropped again
 
 
 @styled
@@ -31,11 +32,12 @@ def convergence(
     bound: float | None = None,
     no_jump: float | None = None,
     bounce_max_mm: float | None = None,
+    delivered: tuple[float, str] | None = None,
 ) -> Figure:
-    """Draws area ratio and worst bounce of every step, filled where confirmed, with the certified bound as a line.
+    """Area ratio and worst bounce of every step, filled where it holds the limits, with the certified bound as a line.
 
     `bound` is the area ratio that no cam of the kinematic problem exceeds, `no_jump` what the no-jump linear program
-    reached under its linear model.
+    reached under its linear model, `delivered` the area ratio of the cam that the verdict chose, and its verdict.
     """
     figure = new_figure(7.6, 5.6)
     area, bounce = figure.subplots(2, 1, sharex=True, height_ratios=(1.4, 1))
@@ -45,20 +47,18 @@ def convergence(
     for axes, values in ((area, history.area_ratio), (bounce, history.worst_bounce_mm)):
         values = np.asarray(values, dtype=float)
         axes.plot(step, values, color="#bbbbbb", linewidth=0.8, zorder=2)
-        axes.plot(step[confirmed], values[confirmed], "o", color=colour, markersize=4, label="confirmed", zorder=3)
-        axes.plot(
-            step[~confirmed],
-            values[~confirmed],
-            "o",
-            color=colour,
-            markerfacecolor="white",
-            markersize=4,
-            label="a limit broken or not measured",
-            zorder=3,
-        )
-    if confirmed.any():
+        dots: dict = {"linestyle": "none", "marker": "o", "color": colour, "markersize": 4, "zorder": 3}
+        axes.plot(step[confirmed], values[confirmed], label="holds at the searched speeds", **dots)
+        dots["markerfacecolor"] = "white"
+        axes.plot(step[~confirmed], values[~confirmed], label="a limit broken or not measured", **dots)
+    best = history.best_area_ratio
+    if best is None:
         best = np.fmax.accumulate(np.where(confirmed, history.area_ratio, np.nan))
-        area.step(step, best, where="post", color=colour, linewidth=2, label="best confirmed", zorder=2.5)
+    if np.isfinite(best).any():
+        area.step(step, best, where="post", color=colour, linewidth=2, label="best of the search", zorder=2.5)
+    if delivered is not None:
+        value, verdict = delivered
+        area.plot(len(step), value, "D", color=INK, markersize=6, label=f"delivered, {verdict}: {value:.4f}", zorder=4)
     draw_limit(area, bound, f"certified\nbound\n{bound:.4f}" if bound is not None else "", va="bottom")
     draw_limit(area, no_jump, f"no-jump\nprogram\n{no_jump:.4f}" if no_jump is not None else "", va="top")
     area.set_ylabel("area ratio [-]")

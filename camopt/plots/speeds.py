@@ -1,7 +1,7 @@
 """Bounce and jump of cams over a band of speeds."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -37,6 +37,8 @@ class Sweep:
     jump_mm: np.ndarray  # (k)
     bounce_low_mm: np.ndarray | None = None  # (k) range over neighbouring states, speeds and lifts
     bounce_high_mm: np.ndarray | None = None  # (k)
+    starts_rpm: Mapping[str, float | None] | None = None  # by metric, where a verdict says that it passes its limit
+    worst: Mapping[str, tuple[float, float | None]] = field(default_factory=dict)  # by metric: speed, value [mm]
 
 
 @styled
@@ -55,6 +57,8 @@ def bounce_against_speed(
         for s in sweeps:
             _draw(axes, s, key)
         _mark_starts(axes, sweeps, key, limit)
+        for s in sweeps:
+            _mark_worst(axes, s, key)
         axes.set_ylabel(f"{quantity.label} [{quantity.unit}]")
         draw_limit(axes, limit, quoted("at most", limit, "mm"))
         zero_and_decades(axes, limit, FINEST_MM)
@@ -70,7 +74,7 @@ def bounce_against_speed(
             zorder=5,
         )
     rows[0].set_title(f"shaded: band {band_rpm[0]:g} to {band_rpm[1]:g} r/min;  ▲ speeds of the verdict;  "
-                      "◆ where a cam first passes the limit",
+                      "◆ where a cam first passes the limit;  ○ worst of the band",
                       fontsize=BASE - 1, fontweight="normal")  # fmt: skip
     rows[1].set_xlabel("crankshaft speed [r/min]")
     legend_above(figure, rows[0])
@@ -92,28 +96,53 @@ def first_passed(speed_rpm: np.ndarray, values: np.ndarray, limit: float) -> flo
 
 
 def _mark_starts(axes: Axes, sweeps: Sequence[Sweep], key: str, limit: float | None) -> None:
-    """Marks the speeds from which cams float or bounce by a diamond on the limit, with the speed to 10 r/min beside it.
+    """The speeds from which cams float or bounce: a diamond on the limit, or on the curve where there is no limit.
 
-    The number stands on the left of its diamond, or on the right where another diamond is near on the left.
+    Beside it stands the verdict's speed, or, where none was given, the drawn curve's, marked as about, to 10 r/min. It
+    stands on the left, or on the right where there is a diamond near on the left.
     """
-    if limit is None:
-        return
-    found = [(first_passed(s.speed_rpm, getattr(s, key), limit), s.cam) for s in sweeps]
+    found = [(*_start(s, key, limit), s) for s in sweeps]
     before = -np.inf
-    for at, cam in sorted((at, cam) for at, cam in found if at is not None):
-        colour, left = cam_line(cam)["color"], at - before > NUMBER_WIDTH * np.ptp(sweeps[0].speed_rpm)
+    for at, words, s in sorted(((at, w, s) for at, w, s in found if at is not None), key=lambda one: one[0]):
+        colour, left = cam_line(s.cam)["color"], at - before > NUMBER_WIDTH * np.ptp(sweeps[0].speed_rpm)
         before = at
-        axes.plot(at, limit, "D", color=colour, markersize=6, markeredgecolor="white", zorder=6)
-        axes.annotate(
-            f"≈{round(at, -1):.0f}",
-            (at, limit),
-            xytext=(-5 if left else 5, 5),
-            textcoords="offset points",
-            ha="right" if left else "left",
-            color=colour,
-            fontsize=BASE - 1,
-            bbox={"facecolor": "white", "alpha": 0.7, "linewidth": 0, "pad": 0.5},
-        )
+        height = float(np.interp(at, s.speed_rpm, getattr(s, key))) if limit is None else limit
+        axes.plot(at, height, "D", color=colour, markersize=6, markeredgecolor="white", zorder=6)
+        _number(axes, words, (at, height), (-5 if left else 5, 5), colour)
+
+
+def _start(sweep: Sweep, key: str, limit: float | None) -> tuple[float | None, str]:
+    """Speed [r/min] of a cam's diamond and its words; None where there is none inside the axes."""
+    if sweep.starts_rpm is None:
+        at = None if limit is None else first_passed(sweep.speed_rpm, getattr(sweep, key), limit)
+        return at, "" if at is None else f"≈{round(at, -1):.0f}"
+    at = sweep.starts_rpm.get(key)
+    inside = at is not None and sweep.speed_rpm[0] <= at <= sweep.speed_rpm[-1]
+    return (at, f"{at:.4g}") if inside else (None, "")
+
+
+def _mark_worst(axes: Axes, sweep: Sweep, key: str) -> None:
+    """A circle around the worst of the band with its value, as the verdict states them."""
+    speed, value = sweep.worst.get(key, (0.0, None))
+    if value is None:
+        return
+    colour = cam_line(sweep.cam)["color"]
+    axes.plot(speed, value, "o", color=colour, markerfacecolor="none", markersize=8, zorder=6)
+    _number(axes, f"{value:.4g}", (speed, value), (-7, 6), colour)
+
+
+def _number(axes: Axes, words: str, at: tuple[float, float], offset: tuple[float, float], colour: str) -> None:
+    """Words beside a mark, readable over the curves."""
+    axes.annotate(
+        words,
+        at,
+        xytext=offset,
+        textcoords="offset points",
+        ha="right" if offset[0] < 0 else "left",
+        color=colour,
+        fontsize=BASE - 1,
+        bbox={"facecolor": "white", "alpha": 0.7, "linewidth": 0, "pad": 0.5},
+    )
 
 
 def _draw(axes: Axes, sweep: Sweep, key: str) -> None:

@@ -82,16 +82,22 @@ def _verification(text: str) -> dict:
     data = _object(text)
     if not isinstance(data.get("verdict", ""), str):
         raise ValueError("verdict: expected a word")
-    speeds = data.get("speeds", [])
-    if not isinstance(speeds, list) or not all(isinstance(s, dict) for s in speeds):
-        raise ValueError("speeds: expected a list of objects")
-    for speed in speeds:
-        methods = speed.get("methods") or {}
-        if not isinstance(methods, dict) or not all(isinstance(m, dict) for m in methods.values()):
-            raise ValueError("speeds.methods: expected an object of objects")
+    if not isinstance(data.get("broken") or [], list):
+        raise ValueError("broken: expected a list of words")
+    for key in ("speeds", "worst_in_band"):
+        speeds = data.get(key) or []
+        if not isinstance(speeds, list) or not all(isinstance(s, dict) for s in speeds):
+            raise ValueError(f"{key}: expected a list of objects")
+        for speed in speeds:
+            methods = speed.get("methods") or {}
+            if not isinstance(methods, dict) or not all(isinstance(m, dict) for m in methods.values()):
+                raise ValueError(f"{key}.methods: expected an object of objects")
     for key in ("band", "limits"):
         if not isinstance(data.get(key) or {}, dict):
             raise ValueError(f"{key}: expected an object")
+    worst = (data.get("band") or {}).get("worst") or {}
+    if not isinstance(worst, dict) or not all(isinstance(w, dict) for w in worst.values()):
+        raise ValueError("band.worst: expected an object of objects")
     return data
 
 

@@ -1,7 +1,7 @@
 """The simulated motion behind the report's animation: settled revolutions of the run's cams, as plain numbers."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +10,13 @@ from camopt.cam.design_file import read_design
 from camopt.cam.geometry import contact
 from camopt.cam.lift import Lift
 from camopt.cam.read import read_cam
-from camopt.exact.engine import prepare
-from camopt.measure.settling import settle
+from camopt.optimizer.baselines.comparison_table import verdicts_in
+from camopt.optimizer.baselines.figures import settled_motion, stated_periodic
 from camopt.plots.style import DESIGN, cam_line, family_of
 from camopt.report.drawing import Strokes, drawing
 from camopt.report.folder import RunFolder
 from camopt.report.wording import as_number, is_number, shown
-from camopt.scene import InputError, Scene, Train, build_train, load_scene, rest_position
+from camopt.scene import InputError, Scene, Train, build_train, load_scene
 from camopt.scene.errors import MotionRefused
 from camopt.scene.units import DEG, MM
 from camopt.study.simulate.motion import resampled
@@ -42,6 +42,7 @@ class Cams:
     scene: Scene | None
     lifts: dict[str, Lift]
     left_out: list[str]
+    stated: dict[str, dict[float, bool]] = field(default_factory=dict)  # cam, speed [r/min] -> periodic in its verdict
 
 
 def cams_of(folder: Path, run: RunFolder) -> Cams:
@@ -67,7 +68,8 @@ def cams_of(folder: Path, run: RunFolder) -> Cams:
             left_out.append(f"{name} is not simulated here: {error}")
             if name == DESIGN:
                 break  # other cams alone would pass for the run's motion
-    return Cams(scene, lifts, left_out)
+    found = {DESIGN: run.verification} | verdicts_in(folder)
+    return Cams(scene, lifts, left_out, {name: stated_periodic(one) for name, one in found.items()})
 
 
 def _rebuilt(name: str, area: float | None, folder: Path, scene: Scene) -> Lift:
@@ -80,7 +82,7 @@ def _rebuilt(name: str, area: float | None, folder: Path, scene: Scene) -> Lift:
     else:
         raise InputError(f"the run folder does not hold its lift, cams/{name}.json")
     assert scene.design is not None, "load_scene(..., need='design') guarantees it"
-    found = lift.area_ratio(scene.design.max_lift_mm * MM)
+    found = lift.area_ratio_in(scene.design)
     if not is_number(area) or abs(found - area) > SAME_AREA:
         raise InputError(f"its area ratio comes out as {shown(found, 6)}, the run recorded {shown(area, 6)}")
     return lift
@@ -98,7 +100,7 @@ def animation(cams: Cams) -> tuple[dict | None, list[str]]:
         return None, left_out
     train = build_train(scene)
     contacts = np.flatnonzero(train.contact).tolist()
-    entries, step = _moved(cams.lifts, scene, train, contacts, left_out)
+    entries, step = _moved(cams, scene, train, contacts, left_out)
     if not entries:
         return None, left_out
     x = np.concatenate([np.array(m["position_um"]).T for c in entries for m in c["motions"]]) * UM / MM
@@ -120,18 +122,19 @@ def animation(cams: Cams) -> tuple[dict | None, list[str]]:
 
 
 def _moved(
-    lifts: dict[str, Lift], scene: Scene, train: Train, contacts: list[int], left_out: list[str]
+    cams: Cams, scene: Scene, train: Train, contacts: list[int], left_out: list[str]
 ) -> tuple[list[dict], float]:
     """The cams with their motions and the step [deg] between samples; what is refused goes into `left_out`."""
     speeds = scene.operation.speeds_rpm if scene.operation else ()
-    per_sample = (len(train.mass) + 2 * len(contacts)) * len(lifts) * len(speeds)
+    per_sample = (len(train.mass) + 2 * len(contacts)) * len(cams.lifts) * len(speeds)
     step = next((s for s in STEPS_DEG if per_sample * 360 / s <= MOST_NUMBERS), STEPS_DEG[-1])
     entries = []
-    for name, lift in lifts.items():
-        motions = []
+    for name, lift in cams.lifts.items():
+        motions, stated = [], cams.stated.get(name, {})
         for speed in speeds:
             try:
-                motions.append({"speed_rpm": speed, **motion(train, lift, scene.cam_speed(speed), step, contacts)})
+                found = motion(train, lift, scene.cam_speed(speed), step, contacts, stated.get(speed))
+                motions.append({"speed_rpm": speed, **found})
             except (MotionRefused, InputError) as error:
                 left_out.append(f"{name} at {shown(speed)} r/min is not shown: {error}")
         if motions:
@@ -139,11 +142,12 @@ def _moved(
     return entries, step
 
 
-def motion(train: Train, lift: Lift, cam_speed: float, step_deg: float, contacts: list[int]) -> dict:
-    """One settled revolution by event-exact on a grid of `step_deg`, `cam_speed` [rad/s]; see `animation`."""
+def motion(
+    train: Train, lift: Lift, cam_speed: float, step_deg: float, contacts: list[int], stated: bool | None = None
+) -> dict:
+    """One revolution on a grid of `step_deg`, settled where the verdict `stated` so; see `animation`."""
     steps = round(360 / step_deg)
-    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
-    settled = settle(prepare(train, lift, cam_speed, steps), rest)
+    settled = settled_motion(train, lift, cam_speed, stated, steps)
     record = resampled(settled.response, steps * settled.response.revolutions)
     last = slice(-steps - 1, None)
     return {

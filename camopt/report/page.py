@@ -13,6 +13,7 @@ from camopt.report.figures import CAPTIONS, inline_svg, ordered
 from camopt.report.folder import RunFolder, read_run_folder
 from camopt.report.limits import disagreements, limit_rows
 from camopt.report.motion import Cams, animation, cams_of
+from camopt.report.outcome import broken_limits, contact_sentence, gain_sentences, outcome_rows
 from camopt.report.tables import (
     LIMITS,
     SPEED_COLUMNS,
@@ -23,11 +24,13 @@ from camopt.report.tables import (
     method_tables,
     provenance_rows,
     speed_rows,
-    start_and_end,
+    worst_rows,
     worth_rows,
 )
-from camopt.report.wording import NO_VERDICT, VERDICTS, broken_words, in_words, is_number, shown
+from camopt.report.wording import NO_VERDICT, VERDICTS, in_words, is_number, shown
+from camopt.report.worst import judged_speeds, worst_of
 from camopt.storage import write_text
+from camopt.verifier.accuracy_statement import stated_error_um
 
 HERE = Path(__file__).parent
 SECTIONS = (
@@ -77,11 +80,12 @@ def render(run: RunFolder, cams: Cams) -> str:
             title=str(run.scene.get("title") or run.scene.get("name") or run.name),
             verdict={"word": verdict or "not verified", "kind": kind, "mark": mark, "meaning": meaning},
             sections=SECTIONS,
-            broken=_words(run.verification.get("broken")),
+            broken=broken_limits(run),
             disagreements=disagreements(run, limits),
             headline=headline(run),
             limits=limits,
-            start_end=start_and_end(run),
+            outcome=outcome_rows(run),
+            worst=worst_rows(run),
             areas=area_rows(run),
             groups=comparison_groups(run),
             limit_names=LIMITS,
@@ -132,7 +136,7 @@ def embedded(data: dict) -> str:
 
 
 def headline(run: RunFolder) -> list[str]:
-    """Sentences on area, bounce over the band and the speeds at which jump and bounce begin."""
+    """Sentences on area, bounce over the band, contact, and the speeds at which jump and bounce begin."""
     d, v = run.design, run.verification
     sentences = []
     if is_number(d.get("area_ratio")):
@@ -143,21 +147,20 @@ def headline(run: RunFolder) -> list[str]:
             else ""
         )
         sentences.append(f"Area ratio {shown(d['area_ratio'])}{below}.")
-    if is_number(d.get("gradient_gain")):
-        sentences.append(f"The gradient stage gained {shown(d['gradient_gain'], 3)} of area ratio.")
-    band = v.get("band") or {}
-    speeds = [s.get("speed_rpm") for s in v.get("speeds", [])]
-    if band:
+    sentences += gain_sentences(run)
+    band, bounce = v.get("band") or {}, worst_of(run, "bounce_mm")
+    speeds = [s.get("speed_rpm") for s in v.get("speeds") or []]
+    if band and bounce:
+        most = f"{shown(bounce.value)} mm, {bounce.where}" if bounce.value is not None else f"none {bounce.where}"
         sentences.append(
             f"Largest bounce over {shown(band.get('from_rpm'))} to {shown(band.get('to_rpm'))} r/min in steps of "
-            f"{shown(band.get('step_rpm'))} r/min: {shown(band.get('worst_bounce_mm'))} mm, at "
-            f"{shown(band.get('worst_speed_rpm'))} r/min."
+            f"{shown(band.get('step_rpm'))} r/min: {most}."
         )
     elif speeds:
         sentences.append(
             f"Verified at {in_words(speeds)} r/min and at no speed between: the band was not asked for (--speeds band)."
         )
-    return sentences + floats(run)
+    return sentences + contact_sentence(run) + floats(run)
 
 
 def floats(run: RunFolder) -> list[str]:
@@ -182,18 +185,20 @@ def accuracy(run: RunFolder) -> list[str]:
     sentences = [
         f"Asked for: {shown(asked)}{unit}." if asked is not None else "The accuracy asked for is not recorded."
     ]
-    speeds = run.verification.get("speeds", [])
+    stated, speeds = run.verification.get("accuracy") or {}, judged_speeds(run.verification)
     errors = [(s["bounce_error_mm"], s.get("speed_rpm")) for s in speeds if is_number(s.get("bounce_error_mm"))]
-    if errors:
+    if stated.get("reached") is False:
+        sentences.append(f"Delivered: {str(stated.get('statement')).partition('; ')[2]}.")
+    elif errors:
         worst, at = max(errors, key=lambda e: e[0])
-        sentences.append(
-            f"Delivered: bounce to ±{shown(1000 * worst, 3)} µm or better, the largest estimate at {shown(at)} r/min."
-        )
+        delivered = stated_error_um(1000 * worst)
+        words = f"better than ±{delivered[1:]} µm" if delivered.startswith("<") else f"±{delivered} µm or better"
+        sentences.append(f"Delivered: bounce to {words}, the largest estimate at {shown(at)} r/min.")
     else:
         sentences.append("No error estimate was delivered.")
-    without = [shown(s.get("speed_rpm")) for s in speeds if not is_number(s.get("bounce_error_mm"))]
+    without = [s.get("speed_rpm") for s in speeds if not is_number(s.get("bounce_error_mm"))]
     if errors and without:
-        sentences.append(f"No error estimate at {', '.join(without)} r/min.")
+        sentences.append(f"There is no error estimate at {in_words(without)} r/min.")
     return sentences
 
 
@@ -208,7 +213,3 @@ def figures(run: RunFolder) -> list[dict]:
             drawing, fault = "", f"figures/{name}.svg cannot be shown: {error}."
         shown_figures.append({"name": name, "title": title, "caption": caption, "drawing": drawing, "fault": fault})
     return shown_figures
-
-
-def _words(value) -> list[str]:
-    return [broken_words(str(v)) for v in value] if isinstance(value, list) else []

@@ -2,11 +2,15 @@
 
 from itertools import groupby
 
-from camopt.optimizer.baselines.comparison import NO_JERK
+from camopt.optimizer.baselines.comparison_table import FAILED, NO_JERK
 from camopt.plots.style import DESIGN, cam_line, family_of
 from camopt.report.folder import RunFolder
-from camopt.report.limits import worst_of
+from camopt.report.outcome import broken_limits
 from camopt.report.wording import METHODS, VERDICTS, as_number, broken_words, cell, is_number, label_and_unit, shown
+from camopt.report.worst import judged_speeds, worst_of
+from camopt.scene.quantities import QUANTITIES
+from camopt.verifier.accuracy_statement import stated_error_um
+from camopt.verifier.verdict import ORDER
 
 SPEED_COLUMNS = (
     "jump_mm", "jump_deg", "contact_force_min_N", "contact_force_max_N", "seating_velocity_m_per_s",
@@ -16,6 +20,8 @@ METHOD_ROWS = (
     "bounce_mm", "jump_mm", "contact_force_min_N", "contact_force_max_N", "seating_velocity_m_per_s",
     "impact_velocity_m_per_s", "dynamic_area_mm_deg", "steps_per_revolution", "converged",
 )  # fmt: skip
+DESIGN_CELLS = {"bounce": "bounce_mm", "jump": "jump_mm", "seating": "seating_velocity_m_per_s"}
+WORST_FIRST = (FAILED, *reversed(ORDER))
 LIMITS = {"all": "under all limits of the scene", "no-jerk": "without the jerk limit"}
 
 
@@ -23,24 +29,6 @@ def heading(key: str) -> str:
     """A column's heading: label and unit."""
     label, unit = label_and_unit(key)
     return f"{label} [{unit}]" if unit else label
-
-
-def start_and_end(run: RunFolder) -> list[dict]:
-    """Figures of the first step of the history beside those of the design as it was verified."""
-    first = next((step for step in run.history if is_number(step.get("area_ratio"))), None)
-    if first is None:
-        return []
-    end = dict(run.design)
-    for name in ("bounce_mm", "jump_mm", "seating_velocity_m_per_s", "contact_force_max_N"):
-        found = worst_of(run, name)
-        if found:
-            end[name] = end[f"worst_{name}"] = found[0]
-    rows = []
-    for key, value in first.items():
-        if is_number(value) and key not in ("iteration", "step") and is_number(end.get(key)):
-            label, unit = label_and_unit(key)
-            rows.append({"label": label, "unit": unit or "–", "start": shown(value, 5), "end": shown(end[key], 5)})
-    return rows
 
 
 def area_rows(run: RunFolder) -> list[dict]:
@@ -56,8 +44,12 @@ def area_rows(run: RunFolder) -> list[dict]:
     ]
     for c in comparison_groups(run):
         if family_of(c["cam"]) != DESIGN:
-            within = c["limits"] == "all"
-            label = c["cam"] if within else f"{c['cam'].removesuffix(NO_JERK)} (without the jerk limit)"
+            label = c["cam"]
+            if c["limits"] != "all":
+                label = f"{label.removesuffix(NO_JERK)} (without the jerk limit)"
+            elif not c["legal"]:
+                label = f"{label} (breaks limits on the cam)"
+            within = c["limits"] == "all" and c["legal"]
             entries.append((label, c["area"], c["verdict"], cam_line(c["cam"])["color"], within))
     known = [e for e in entries if is_number(e[1])]
     largest = max((e[1] for e in known), default=1.0)
@@ -85,7 +77,10 @@ def worth_rows(run: RunFolder) -> list[dict]:
 
 
 def comparison_groups(run: RunFolder) -> list[dict]:
-    """One entry per cam and set of limits: its worst figures over the speeds, and its verdict over all of them."""
+    """One entry per cam and set of limits: its worst figures over the speeds, and its verdict over all of them.
+
+    What is said of the design is what verification.json says; `legal` is whether a cam keeps the limits on its shape.
+    """
     groups = []
     ordered = sorted(run.comparison, key=lambda r: (r.get("limits", ""), r["cam"]))
     for (limits, cam), rows in groupby(ordered, key=lambda r: (r.get("limits", ""), r["cam"])):
@@ -93,49 +88,72 @@ def comparison_groups(run: RunFolder) -> list[dict]:
         lost = [r for r in rows if as_number(r.get("bounce_mm", "")) is None]
         high = [as_number(r.get("bounce_high_mm", "") or r.get("bounce_mm", "")) for r in rows]
         verdicts = {r.get("verdict", "") for r in rows}
-        verdict = next(
-            (v for v in ("failed", "rejected", "not converged", "sensitive", "confirmed") if v in verdicts), ""
-        )
-        words = ",".join(r.get("broken", "") for r in rows).replace(";", ",").split(",")
-        broken = dict.fromkeys(broken_words(word.strip()) for word in words if word.strip())
-        groups.append(
-            {
-                "cam": cam,
-                "limits": limits,
-                "area": as_number(rows[0].get("area_ratio", "")),
-                "shown_area": cell(rows[0].get("area_ratio", "")),
-                "speeds": len(rows),
-                "bounce": f"no figure at {len(lost)} of {len(rows)} speeds" if lost else _largest(high),
-                "jump": _largest([as_number(r.get("jump_mm", "")) for r in rows]),
-                "seating": _largest([as_number(r.get("seating_velocity_m_per_s", "")) for r in rows]),
-                "jerk": _largest([as_number(r.get("jerk_max_mm_per_deg3", "")) for r in rows]),
-                "verdict": verdict,
-                "kind": VERDICTS[verdict][0] if verdict in VERDICTS else "",
-                "broken": ", ".join(broken) or "–",
-                "colour": cam_line(cam)["color"],
-            }
-        )
+        broken = list(dict.fromkeys(word for r in rows for word in _words_of(r)))
+        group = {
+            "cam": cam,
+            "limits": limits,
+            "area": as_number(rows[0].get("area_ratio", "")),
+            "shown_area": cell(rows[0].get("area_ratio", "")),
+            "bounce": f"no figure at {len(lost)} of {len(rows)} speeds" if lost else _largest(high),
+            "jump": _largest([as_number(r.get("jump_mm", "")) for r in rows]),
+            "seating": _largest([as_number(r.get("seating_velocity_m_per_s", "")) for r in rows]),
+            "jerk": _largest([as_number(r.get("jerk_max_mm_per_deg3", "")) for r in rows]),
+            "verdict": next((v for v in WORST_FIRST if v in verdicts), ""),
+            "broken": "; ".join(broken_words(word) for word in broken) or "–",
+            "legal": all(" at " in word or word in QUANTITIES for word in broken),
+            "colour": cam_line(cam)["color"],
+        }
+        if cam == DESIGN and run.verification.get("verdict"):
+            group |= _as_verified(run)
+        groups.append(group | {"kind": VERDICTS[group["verdict"]][0] if group["verdict"] in VERDICTS else ""})
     return groups
+
+
+def _words_of(row: dict[str, str]) -> list[str]:
+    """What a row of the comparison names as broken; where a family has no member, the sentence that says why."""
+    text = row.get("broken", "")
+    return [text] if row.get("verdict") == FAILED else [w.strip() for w in text.split(";") if w.strip()]
+
+
+def _as_verified(run: RunFolder) -> dict:
+    """The entries of the design's group, from verification.json."""
+    found = {key: worst_of(run, name) for key, name in DESIGN_CELLS.items()}
+    cells = {key: "none" if w.value is None else shown(w.value) for key, w in found.items() if w is not None}
+    return cells | {"verdict": run.verification["verdict"], "broken": "; ".join(broken_limits(run)) or "–"}
 
 
 def _largest(values: list[float | None]) -> str:
     return shown(max((v for v in values if v is not None), default=None))
 
 
-def speed_rows(run: RunFolder) -> list[dict]:
-    """Per speed: verdict, bounce with its error and range, and the other metrics."""
+def worst_rows(run: RunFolder) -> list[dict]:
+    """Per metric: its worst value over the band, the speed and the method, as verification.json states them."""
+    worst = (run.verification.get("band") or {}).get("worst") or {}
     rows = []
-    for speed in run.verification.get("speeds", []):
+    for name in (n for n in QUANTITIES if n in worst):
+        label, unit = label_and_unit(name)
+        speed, method = shown(worst[name].get("speed_rpm")), worst[name].get("method")
+        value = worst[name].get("value")
+        rows.append({"label": label, "unit": unit, "value": shown(value) if is_number(value) else "none",
+                     "speed": speed, "method": METHODS.get(str(method), shown(method))})  # fmt: skip
+    return rows
+
+
+def speed_rows(run: RunFolder) -> list[dict]:
+    """Per speed that all methods looked at: verdict, bounce with its error and range, and the other metrics."""
+    rows, listed = [], {s.get("speed_rpm") for s in run.verification.get("speeds") or []}
+    for speed in judged_speeds(run.verification):
         verdict = str(speed.get("verdict", ""))
         bounce = shown(speed["bounce_mm"]) if is_number(speed.get("bounce_mm")) else "never seats"
         error = speed.get("bounce_error_mm")
         rows.append(
             {
                 "speed": shown(speed.get("speed_rpm")),
+                "why": "listed" if speed.get("speed_rpm") in listed else "worst of the band",
                 "verdict": verdict or "–",
                 "kind": VERDICTS[verdict][0] if verdict in VERDICTS else "",
                 "bounce": bounce,
-                "error": f"±{shown(1000 * error, 2)}" if is_number(error) else "–",
+                "error": f"±{stated_error_um(1000 * error)}".replace("±<", "<") if is_number(error) else "–",
                 "range": shown(speed.get("bounce_range_mm"), 3),
                 "cells": [shown(speed.get(key)) for key in SPEED_COLUMNS],
             }
@@ -146,7 +164,7 @@ def speed_rows(run: RunFolder) -> list[dict]:
 def method_tables(run: RunFolder) -> list[dict]:
     """Per speed: a row per figure with the methods side by side, and the largest difference between them."""
     tables = []
-    for speed in run.verification.get("speeds", []):
+    for speed in judged_speeds(run.verification):
         methods = speed.get("methods") or {}
         names = [m for m in METHODS if m in methods] + sorted(m for m in methods if m not in METHODS)
         rows = []

@@ -39,6 +39,7 @@ VERDICTS = {
                   "straddles a limit."),
     "not converged": ("doubt", "?", "The methods do not agree within their error estimates: no figure below is "
                       "settled."),
+    "failed": ("bad", "✗", "This family has no cam for this train under these limits."),
 }  # fmt: skip
 """Verdict: its class in the page, its mark, its meaning."""
 NO_VERDICT = ("doubt", "?", "This cam has not been verified: nothing below is more than the optimiser's own opinion.")

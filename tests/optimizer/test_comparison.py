@@ -1,13 +1,23 @@
 """The comparison's two tables: baselines under all limits and without the jerk limit, and families without a member."""
 
 import csv
+import json
 
+import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from camopt.cam.families.polydyne import polydyne
+from camopt.cam.read import read_cam
+from camopt.exact import prepare
 from camopt.measure.limits import broken_by_shape
-from camopt.optimizer.baselines import comparison
+from camopt.measure.sweep import at_speeds
+from camopt.optimizer.accuracy import ACCURACIES
+from camopt.optimizer.baselines import comparison, figures
 from camopt.optimizer.baselines.comparison import NO_JERK, best_baselines, compare, comparison_rows, plain_baselines
+from camopt.plots import Sweep
+from camopt.plots.speeds import first_passed
+from camopt.plots.style import cam_line
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import MM
 from camopt.verifier.verdict import verdict_on
@@ -46,7 +56,7 @@ def test_the_jerk_limit_does_not_reject_in_the_table_without_it():
     lift = polydyne(scene)
     assert broken_by_shape(lift, design) == ["jerk_max_mm_per_deg3"]
     verdict = verdict_on(scene, lift, (5000.0,), ("event",), None, 5.0, 0)
-    (row,) = comparison_rows(scene, "polydyne", lift, verdict)
+    (row,) = comparison_rows(scene, "polydyne", lift, verdict.as_dict())
     assert (row["limits"], row["verdict"]) == ("no-jerk", verdict.speeds[0].verdict)
     assert "jerk" not in row["broken"]
 
@@ -63,6 +73,91 @@ def test_a_family_without_member_is_said(tmp_path, monkeypatch):
     assert [r["cam"] for r in rows] == ["design"] * len(MOTORI.operation.speeds_rpm) + ["polydyne"]
     assert rows[-1]["broken"] == "no member, because"
     assert rows[-1]["area_ratio"] == rows[-1]["speed_rpm"] == ""
+
+
+@pytest.fixture(scope="module")
+def narrow():
+    """motori-1 without limits on the cam, in a band in which the exponent polynomial begins to jump and to bounce."""
+    keys = ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3", "nose_deg")
+    operation = MOTORI.operation.model_copy(update={"speeds_rpm": (6600.0,), "band_rpm": (6600.0, 6900.0)})
+    design = MOTORI.design.model_copy(update=dict.fromkeys(keys))
+    return MOTORI.model_copy(update={"operation": operation, "design": design})
+
+
+@pytest.fixture(scope="module")
+def compared(narrow, tmp_path_factory):
+    """A folder with a design and two families under the same judge, of which one fails while it is judged."""
+    folder, lift, real = tmp_path_factory.mktemp("compared"), read_cam("exponent", narrow), comparison.verify
+    singular = read_cam("exponent:exponents=2/8/14/20/26", narrow)
+
+    def judge(scene, cam, *given):
+        if cam is singular:
+            raise np.linalg.LinAlgError("Singular matrix")
+        return real(scene, cam, *given)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(comparison, "verify", judge)
+        baselines = {"exponent": lift, "kurz": singular, "polydyne": "no member, because of that"}
+        comparison.compare_in(folder, narrow, {"mine": lift}, {}, ACCURACIES["draft"], baselines)
+    return folder
+
+
+def test_families_are_judged_over_the_band_as_the_design_is(compared):
+    with open(compared / "comparison.csv", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    mine, family = ([r | {"cam": ""} for r in rows if r["cam"] == cam] for cam in ("mine", "exponent"))
+    assert mine == family and len(mine) > 1  # the same cam: listed speed and the band's worst speeds
+    found = json.loads((compared / "verdicts" / "exponent.json").read_text())
+    worst = found["band"]["worst"]["jump_mm"]
+    assert max(float(r["jump_mm"]) for r in family) == worst["value"] > 0.05
+    assert {r["verdict"] for r in family} >= {found["verdict"]} == {"rejected"}
+
+
+def test_a_family_that_fails_in_any_way_costs_its_row_alone(compared):
+    with open(compared / "comparison.csv", encoding="utf-8") as file:
+        rows = {r["cam"]: r for r in csv.DictReader(file)}
+    assert rows["kurz"]["verdict"] == rows["polydyne"]["verdict"] == "failed"
+    assert rows["polydyne"]["broken"] == "no member, because of that"
+    assert rows["kurz"]["broken"] == "a defect of camopt (LinAlgError: Singular matrix)"
+    assert {p.stem for p in (compared / "cams").iterdir()} == {"exponent"}
+
+
+def test_the_figure_draws_what_the_verdict_names(compared, narrow):
+    found = json.loads((compared / "verdicts" / "exponent.json").read_text())
+    drawn = figures.curve(narrow, "design", read_cam("exponent", narrow), found, figures._top(narrow, found))
+    for key, start in (("jump_mm", "first_jump_rpm"), ("bounce_mm", "first_bounce_rpm")):
+        values, at = getattr(drawn, key), found["limits"][start]
+        worst = found["band"]["worst"][key]
+        assert drawn.worst[key] == (worst["speed_rpm"], worst["value"])
+        assert values[drawn.speed_rpm == worst["speed_rpm"]] == worst["value"]
+        inside = (drawn.speed_rpm >= 6600) & (drawn.speed_rpm <= 6900)
+        assert values[inside].max() == worst["value"]
+        assert at is not None and drawn.starts_rpm[key] == at
+        # the drawn curve passes the limit where the text says, to the 10 r/min to which that is located
+        assert at - 10 <= first_passed(drawn.speed_rpm, values, 0.05) <= at
+
+
+def test_without_a_band_the_figure_refines_its_own_curve(narrow):
+    lift = read_cam("exponent", narrow)
+    drawn = figures.curve(narrow, "design", lift, {"band": None}, 6930.0)
+    assert drawn.starts_rpm is None and not drawn.worst
+    inside = np.where(drawn.speed_rpm <= 6900.0, drawn.jump_mm, 0.0)
+    largest = drawn.speed_rpm[np.argmax(inside)]
+    near = at_speeds(prepare, narrow, lift, np.clip(largest + np.array([-2.0, 2.0]), 6600.0, 6900.0))
+    assert max(row["jump_mm"] for row in near) < 1.02 * inside.max()  # no higher peak beside the drawn one
+
+
+def test_a_cam_that_breaks_limits_on_the_cam_says_so_in_the_figures(tmp_path, monkeypatch):
+    named = []
+    monkeypatch.setattr(figures, "profiles", lambda tables, design: named.extend(n for n, _ in tables) or Figure())
+    monkeypatch.setattr(figures, "settled_motions", lambda *a: [])
+    found = {"broken": ["acceleration_max_mm_per_deg2", "jump_max_mm at 7000 r/min"], "band": None}
+    legal = {"broken": ["jump_max_mm at 7000 r/min"], "band": None}
+    lift = read_cam("exponent", MOTORI)
+    monkeypatch.setattr(figures, "curve", lambda scene, name, *a: Sweep(name, *3 * [np.array([5000.0, 7000.0])]))
+    figures.draw(tmp_path, MOTORI, {"design": lift, "polydyne": lift}, {"design": legal, "polydyne": found})
+    assert named == ["design", "polydyne (breaks limits on the cam)"]
+    assert cam_line(named[1]) == cam_line("polydyne")
 
 
 def test_faults(tmp_path):

@@ -112,6 +112,51 @@ def test_zoom_shows_the_whole_bounce_and_the_limit():
     assert quiet.get_ylim()[1] == pytest.approx(0.15)  # three times the limit, which must be seen
 
 
+def test_spikes_of_another_cam_do_not_flatten_the_design():
+    wild = motion("polydyne", 7000, 1.9, 140)
+    wild.contact_force_N["cam_follower"][1800] = 4e4
+    figure = valve_motion([motion("design", 7000, 0.02, 110), wild], DESIGN)
+    zoom, force = figure.axes[1], figure.axes[2]
+    assert zoom.get_ylim()[1] < 0.2 and force.get_ylim()[1] < 1.5 * 7500  # the design's largest force is 7500 N
+    assert zoom.get_title("left") == "beyond this axis [mm]: polydyne 1.9"
+    assert force.get_title("left") == "beyond this axis [N]: polydyne 4e+04"
+    assert "design" not in force.get_title("left")
+
+
+def test_a_force_limit_far_above_the_forces_is_not_drawn():
+    far = DESIGN.model_copy(update={"contact_force_max_N": 30_000.0})
+    near = DESIGN.model_copy(update={"contact_force_max_N": 9_000.0})
+    one = [motion("design", 7000, 0.02, 110)]
+    assert 30_000.0 not in levels(valve_motion(one, far).axes[2])
+    axes = valve_motion(one, near).axes[2]
+    assert 9_000.0 in levels(axes) and axes.get_ylim()[1] > 9_000.0
+
+
+def test_marks_of_the_verdict_stand_where_the_verdict_says():
+    speed = np.arange(5000.0, 7300.0, 100.0)
+    jump = np.where(speed == 6900, 0.13, 0.01)
+    starts, worst = {"bounce_mm": None, "jump_mm": 6870.0}, {"jump_mm": (6900.0, 0.13), "bounce_mm": (5000.0, 0.0)}
+    sweep = Sweep("design", speed, 0 * speed, jump, starts_rpm=starts, worst=worst)
+    top, bottom = bounce_against_speed([sweep], DESIGN, (5000, 7000)).axes
+    marks = {
+        line.get_marker(): (line.get_xdata()[0], line.get_ydata()[0])
+        for line in bottom.lines
+        if line.get_marker() in ("D", "o")
+    }
+    assert marks == {"D": (6870.0, 0.05), "o": (6900.0, 0.13)}
+    assert {text.get_text() for text in bottom.texts} >= {"6870", "0.13"}
+    assert not [line for line in top.lines if line.get_marker() == "D"]
+
+
+def test_convergence_shows_the_search_s_own_best_and_what_was_delivered():
+    best = np.array([0.55, 0.60, 0.57])
+    history = History(["margins"] * 3, np.array([0.55, 0.60, 0.57]), np.full(3, 0.01), np.full(3, True), best)
+    axes = convergence(history, 0.62, 0.55, 0.05, (0.57, "confirmed")).axes[0]
+    lines = {line.get_label(): line for line in axes.lines}
+    np.testing.assert_array_equal(lines["best of the search"].get_ydata(), best)  # it may fall
+    assert list(lines["delivered, confirmed: 0.5700"].get_ydata()) == [0.57]
+
+
 def test_last_revolution_of_a_response():
     train = build_train(SCENE)
     angle = np.linspace(-np.pi, 3 * np.pi, 721)
@@ -162,7 +207,7 @@ def test_convergence_accumulates_only_confirmed_steps():
     stage = ["program", "program", "margins", "margins", "margins"]
     history = History(stage, area, np.array([np.nan, 0.3, 0.04, 0.03, 0.05]), confirmed)
     top, bottom = convergence(history, 0.62, 0.57, 0.05).axes
-    best = next(line for line in top.lines if line.get_label() == "best confirmed")
+    best = next(line for line in top.lines if line.get_label() == "best of the search")
     np.testing.assert_array_equal(best.get_ydata(), [0.50, 0.50, 0.52, 0.52, 0.55])
     assert levels(top) == {0.62, 0.57} and levels(bottom) == {0.05}
     words = [text.get_text() for text in top.texts]
@@ -173,7 +218,7 @@ def test_convergence_accumulates_only_confirmed_steps():
 
 def test_convergence_of_an_unconfirmed_search_has_no_best():
     history = History(["program"], np.array([0.5]), np.array([np.nan]), np.array([False]))
-    assert not [line for line in convergence(history).axes[0].lines if line.get_label() == "best confirmed"]
+    assert not [line for line in convergence(history).axes[0].lines if line.get_label() == "best of the search"]
 
 
 def test_modes_show_every_shape_with_its_frequency():

@@ -8,11 +8,13 @@ from camopt.cam.design_file import write_design
 from camopt.cam.read import read_cam
 from camopt.exact.engine import prepare
 from camopt.measure.settling import settle
+from camopt.optimizer.baselines.figures import stated_periodic
 from camopt.report.folder import read_run_folder
 from camopt.report.motion import MOST_NUMBERS, Cams, animation, cams_of, motion
 from camopt.report.page import embedded
 from camopt.scene import build_train, load_scene, rest_position
 from camopt.scene.units import DEG, MM
+from camopt.verifier.verdict import verdict_on
 
 SCENE = load_scene("motori-1")
 SPEED = SCENE.cam_speed(5000)
@@ -43,6 +45,22 @@ def test_motion_is_the_settled_one_of_event_exact(polydyne):
     assert max(found["force_N"][0][inside]) == pytest.approx(worst.worst("contact_force_max_N"), rel=0.02)
     jump = max(found["separation_um"][0][inside]) / 1000
     assert jump == pytest.approx(worst.worst("jump_mm"), abs=2e-3)
+
+
+def test_a_motion_has_settled_here_where_the_verdict_says_so():
+    """A lightly damped train settles in the verdict's later steps, after more revolutions than the first step runs."""
+    lively = [e.model_copy(update={"damping_N_s_per_m": 0.02 * e.damping_N_s_per_m}) for e in SCENE.element]
+    scene = SCENE.model_copy(update={"element": lively})
+    lift = read_cam("exponent", SCENE)
+    (judged,) = verdict_on(scene, lift, (3000.0,), ("event",), None, 2.0).as_dict()["speeds"]
+    assert judged["periodic"] and judged["revolutions"] >= 40  # of the first step alone
+    train, speed = build_train(scene), scene.cam_speed(3000)
+    (stated,) = stated_periodic({"speeds": [judged]}).values()
+    drawn = motion(train, lift, speed, 1.0, [0], stated)
+    assert drawn["periodic"]
+    first, last = (np.array([one[i] for one in drawn["position_um"]]) for i in (0, -1))
+    np.testing.assert_allclose(first, last, atol=2)  # positions are rounded to a micrometre
+    assert not motion(train, lift, speed, 1.0, [0], False)["periodic"]  # the verdict has the word
 
 
 def folder_of(tmp_path, write, contents, lift, scene_name="motori-1"):

@@ -6,7 +6,7 @@ import pytest
 from camopt.report import write_report
 from camopt.scene.errors import InputError
 
-VOID = {"meta", "link", "br", "img", "hr"}
+VOID = {"meta", "link", "br", "img", "hr", "input"}
 
 
 class Page(HTMLParser):
@@ -144,8 +144,10 @@ def test_a_speed_that_is_not_confirmed_contradicts_the_verdict(write, contents):
 
 def test_start_and_end_are_physical(write, contents):
     rows = page_of(write(contents)).table("figure")
-    assert rows["area ratio"] == {"figure": "area ratio", "unit": "–", "start": "0.5274 →", "end": "0.5618"}
-    assert rows["worst bounce"] == {"figure": "worst bounce", "unit": "mm", "start": "0.221 →", "end": "0.0413"}
+    assert rows["area ratio"] == {"figure": "area ratio", "unit": "–", "start": "0.5274 →", "end": "0.5618",
+                                  "limit": "–", "where": "–"}  # fmt: skip
+    assert rows["worst bounce"] == {"figure": "worst bounce", "unit": "mm", "start": "0.221 →", "end": "0.0413",
+                                    "limit": "at most 0.05", "where": "at 6980 r/min"}  # fmt: skip
 
 
 def test_areas_stand_against_the_certified_bound(write, contents):

@@ -1,48 +1,34 @@
-"""Designs beside the cams of the literature: `comparison.csv` and the figures of a run folder."""
+"""Designs beside the cams of the literature: baselines, their verdicts, `comparison.csv` and the figures."""
 
-import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-import numpy as np
-
-from camopt.cam.design_file import write_design
 from camopt.cam.families.polydyne import polydyne
-from camopt.cam.lift import Lift, lift_table
+from camopt.cam.lift import Lift
 from camopt.cam.read import FAMILIES, read_cam
-from camopt.exact.engine import prepare
 from camopt.measure.limits import broken_by_shape
-from camopt.measure.settling import settle
-from camopt.measure.sweep import at_speeds
 from camopt.optimizer.accuracy import Accuracy, accuracy_named
-from camopt.optimizer.baselines.largest_member import excess
-from camopt.plots import (
-    History,
-    Motion,
-    Sweep,
-    bounce_against_speed,
-    convergence,
-    last_revolution,
-    profiles,
-    save,
-    valve_motion,
+from camopt.optimizer.baselines.comparison_table import (
+    FAILED,
+    NO_JERK,
+    comparison_rows,
+    failed,
+    keep,
+    kept,
+    write_table,
 )
-from camopt.scene.errors import InputError, MotionRefused
-from camopt.scene.rest import rest_position
+from camopt.optimizer.baselines.figures import draw
+from camopt.optimizer.baselines.largest_member import excess
+from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
-from camopt.scene.units import DEG, MM
-from camopt.storage import run_folder, run_identity, write_csv
+from camopt.storage import run_folder, run_identity
 from camopt.verifier.accuracy import EFFORTS
 from camopt.verifier.verdict import Verdict, verdict_on
 
-FIGURE_SPEEDS = 61
-BEYOND_BAND = 0.1
-"""How far, relative to its width, the figure shows speeds outside the band."""
-TABLE_STEP_DEG = 0.1
+__all__ = ["BASELINES", "NO_JERK", "best_baselines", "compare", "compare_again", "compare_in", "comparison_rows",
+           "plain_baselines"]  # fmt: skip
 SECTIONED = ("multi-pol", "new-design")
-NO_JERK = " (no jerk limit)"
-"""Ending of the name of a baseline that was designed without the scene's jerk limit."""
 HALVINGS = 3
 """Of the step of each method for a baseline: enough where it bounces little, and where it bounces much only the range
 matters."""
@@ -50,24 +36,6 @@ MOST_EXCESS = 0.1
 """Relative excess over a limit on the shape, the jerk's apart, up to which a member is shown beside the designs. The
 paper's own Polydyne exceeds its acceleration limit by some per cent; on a stiff train the default exceeds it 2.2 times.
 """
-MOTION_COLUMNS = ("jump_mm", "contact_force_min_N", "seating_velocity_m_per_s", "impact_velocity_m_per_s")
-
-
-COLUMNS = (
-    "cam",
-    "limits",
-    "speed_rpm",
-    "area_ratio",
-    "acceleration_max_mm_per_deg2",
-    "acceleration_min_mm_per_deg2",
-    "jerk_max_mm_per_deg3",
-    "bounce_mm",
-    "bounce_low_mm",
-    "bounce_high_mm",
-    *MOTION_COLUMNS,
-    "verdict",
-    "broken",
-)
 
 
 def compare(
@@ -80,11 +48,11 @@ def compare(
 ) -> Path:
     """Compare designs with the scene's baselines in the new folder `out`; returns it.
 
-    `designs`: name -> lift law, each judged at the scene's listed speeds (k) [r/min]. `baselines` "plain": the
-    literature's cams as their authors would draw them, for the largest area; "best": every family searched for the
-    largest area within the scene's bounce limit at its listed speeds, which takes minutes and with `progress` draws a
-    bar. Either under all limits of the scene and without its jerk limit. Writes comparison.csv and figures. Raises
-    InputError for an unusable folder or scene, and for other words.
+    `designs`: name -> lift law, each judged at the scene's listed speeds (k) [r/min] and over its band. `baselines`
+    "plain": the literature's cams as their authors would draw them, for the largest area; "best": every family searched
+    for the largest area within the scene's bounce limit at its listed speeds, which takes minutes and with `progress`
+    draws a bar. Either under all limits of the scene and without its jerk limit. Writes comparison.csv and figures.
+    Raises InputError for an unusable folder or scene, and for other words.
     """
     build_train(scene).require_linear("the comparison", "verify each cam on this scene with `camopt verify`")
     if baselines not in BASELINES:
@@ -161,129 +129,53 @@ def compare_in(
     effort: Accuracy,
     baselines: Mapping[str, Lift | str] | None = None,
 ) -> None:
-    """comparison.csv and figures into a folder; cams with a verdict at the listed speeds are not verified again.
+    """comparison.csv and figures into a folder; cams with a verdict are not verified again.
 
-    `baselines` as `plain_baselines`, which is the default, gives them; one that has no member, or fails, gets a row
-    "failed" that says why.
-    The others are kept in the folder's `cams`, for the report and for `--cam`.
+    `baselines` as `plain_baselines`, which is the default, gives them; one that has no member gets a row that says why.
+    They are judged at the listed speeds and, unless a given verdict is without one, over the band in the same steps as
+    the design. Cams and verdicts are kept in the folder's `cams` and `verdicts`, for the report and for `--cam`.
     """
     baselines = plain_baselines(scene) if baselines is None else baselines
-    cams = designs | {name: lift for name, lift in baselines.items() if not isinstance(lift, str)}
-    failed = {name: why for name, why in baselines.items() if isinstance(why, str)}
-    assert scene.design is not None, "load_scene(..., need='design') guarantees it"
-    rows: list[dict] = []
-    for name, lift in tuple(cams.items()):
-        try:
-            verdict = verdicts.get(name) or verdict_on(
-                scene, lift, None, EFFORTS["draft"].methods, None, effort.verdict.tolerance_um, HALVINGS
-            )
-        except Exception as error:
-            if name in designs:
-                raise
-            failed[name] = _sentence(error)
-            del cams[name]
-            continue
-        rows += comparison_rows(scene, name, lift, verdict)
-    for name in cams.keys() - designs.keys():
-        (folder / "cams").mkdir(exist_ok=True)
-        write_design(folder / "cams" / f"{name}.json", cams[name], scene.design.max_lift_mm * MM)
-    rows += [failed_row(name, why) for name, why in failed.items()]
-    write_csv(folder / "comparison.csv", {key: [row[key] for row in rows] for key in COLUMNS})
-    draw(folder, scene, {name: lift for name, lift in cams.items() if not name.endswith(NO_JERK)})
+    band_step = None if any(v.band is None for v in verdicts.values()) else effort.verdict.band_step_rpm
+    cams = dict(designs)
+    found = {name: verdicts[name].as_dict() if name in verdicts else _judged(scene, lift, effort, band_step)
+             for name, lift in designs.items()}  # fmt: skip
+    for name, lift in sorted(baselines.items()):
+        found[name] = _judged_baseline(scene, lift, effort, band_step)
+        if not isinstance(lift, str) and found[name]["verdict"] != FAILED:
+            cams[name] = lift
+    others = {name: one for name, one in found.items() if name not in designs}
+    keep(folder, scene, {name: cams[name] for name in others if name in cams}, others)
+    _write(folder, scene, cams, found)
 
 
-def failed_row(name: str, why: str) -> dict:
-    """The row of a family without a cam to compare with, and its sentence."""
-    limits = "no-jerk" if name.endswith(NO_JERK) else "all"
-    return dict.fromkeys(COLUMNS) | {"cam": name, "limits": limits, "verdict": "failed", "broken": why}
+def compare_again(folder: Path, scene: Scene) -> None:
+    """comparison.csv and figures of a run folder again, from the design, cams and verdicts that lie in it.
+
+    A folder without verdicts of baselines (an older run's) keeps its comparison. Raises InputError for files that
+    cannot be understood.
+    """
+    if not (folder / "verdicts").is_dir():
+        return
+    _write(folder, scene, *kept(folder, scene))
 
 
-def comparison_rows(scene: Scene, name: str, lift: Lift, verdict: Verdict) -> list[dict]:
-    """One row per speed of a cam: its shape, its motion, its verdict."""
-    design = scene.design
-    assert design is not None, "load_scene(..., need='design') guarantees it"
-    half = lift.half_duration
-    low, high = (a / MM * DEG**2 for a in lift.extremes(2, -half, half))
-    jerk = float(np.abs(lift.extremes(3, -half, half)).max()) / MM * DEG**3
-    shape = broken_by_shape(lift, design)
-    limits = "no-jerk" if "jerk_max_mm_per_deg3" in shape else "all"
-    shape = [name for name in shape if name != "jerk_max_mm_per_deg3"]  # no limit in the table it is in
-    rows = []
-    for found in verdict.speeds:
-        figures = found.as_dict()
-        rows.append(
-            {
-                "cam": name,
-                "limits": limits,
-                "speed_rpm": found.speed_rpm,
-                "area_ratio": lift.area_ratio_in(design),
-                "acceleration_max_mm_per_deg2": high,
-                "acceleration_min_mm_per_deg2": low,
-                "jerk_max_mm_per_deg3": jerk,
-                "bounce_mm": figures["bounce_mm"],
-                "bounce_low_mm": figures["bounce_range_mm"][0],
-                "bounce_high_mm": figures["bounce_range_mm"][1],
-                **{key: figures[key] for key in MOTION_COLUMNS},
-                "verdict": found.verdict if not shape else "rejected",
-                "broken": "; ".join([*shape, *found.broken]),
-            }
-        )
-    return rows
+def _write(folder: Path, scene: Scene, cams: Mapping[str, Lift], found: Mapping[str, dict]) -> None:
+    write_table(folder, scene, cams, found)
+    shown = {name: lift for name, lift in cams.items() if not name.endswith(NO_JERK)}
+    draw(folder, scene, shown, {name: found[name] for name in shown})
 
 
-def draw(folder: Path, scene: Scene, cams: dict[str, Lift]) -> None:
-    """The figures of a run folder, into its folder `figures`."""
-    design, operation = scene.design, scene.operation
-    assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
-    figures = folder / "figures"
-    figures.mkdir(exist_ok=True)
-    tables = [(name, lift_table(lift, TABLE_STEP_DEG)) for name, lift in cams.items()]
-    save(profiles(tables, design), figures, "profiles")
-    motions = [m for name, lift in cams.items() for m in settled_motions(scene, name, lift)]
-    if motions:
-        save(valve_motion(motions, design), figures, "valve_motion")
-    low, high = operation.band_rpm
-    more = BEYOND_BAND * (high - low)
-    speeds = np.linspace(low - more, high + more, FIGURE_SPEEDS)
-    sweeps = [swept(scene, name, lift, speeds) for name, lift in cams.items()]
-    save(
-        bounce_against_speed(sweeps, design, operation.band_rpm, operation.speeds_rpm), figures, "bounce_against_speed"
-    )
-    if (folder / "history.jsonl").exists() and (folder / "design.json").exists():
-        record = json.loads((folder / "design.json").read_text(encoding="utf-8"))
-        history = read_history(folder)
-        bound, no_jump = record["area_ratio_bound"], record["area_ratio_no_jump"]
-        save(convergence(history, bound, no_jump, design.bounce_max_mm), figures, "convergence")
+def _judged(scene: Scene, lift: Lift, effort: Accuracy, band_step_rpm: float | None) -> dict:
+    methods, tolerance_um = EFFORTS["draft"].methods, effort.verdict.tolerance_um
+    return verdict_on(scene, lift, None, methods, band_step_rpm, tolerance_um, HALVINGS).as_dict()
 
 
-def settled_motions(scene: Scene, name: str, lift: Lift) -> list[Motion]:
-    """A settled revolution at each listed speed; a speed at which the motion is refused is left out."""
-    train = build_train(scene)
-    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
-    motions = []
-    for speed in scene.operation.speeds_rpm if scene.operation else ():
-        try:
-            response = settle(prepare(train, lift, scene.cam_speed(speed)), rest).response
-        except MotionRefused:
-            continue
-        motions.append(last_revolution(name, speed, response))
-    return motions
-
-
-def swept(scene: Scene, name: str, lift: Lift, speeds_rpm: np.ndarray) -> Sweep:
-    """Bounce and jump against speed, by event-exact."""
-    rows = at_speeds(prepare, scene, lift, speeds_rpm)
-    bounce, jump = (np.array([row[key] for row in rows]) for key in ("bounce_mm", "jump_mm"))
-    return Sweep(name, speeds_rpm, bounce, jump)
-
-
-def read_history(folder: Path) -> History:
-    """The steps of `history.jsonl`."""
-    lines = [json.loads(line) for line in (folder / "history.jsonl").read_text(encoding="utf-8").splitlines()]
-    bounce = [np.nan if line["worst_bounce_mm"] is None else line["worst_bounce_mm"] for line in lines]
-    return History(
-        [line["stage"] for line in lines],
-        np.array([line["area_ratio"] for line in lines]),
-        np.array(bounce),
-        np.array([line["confirmed"] for line in lines]),
-    )
+def _judged_baseline(scene: Scene, lift: Lift | str, effort: Accuracy, band_step_rpm: float | None) -> dict:
+    """A baseline's verdict; one that has no member, or that cannot be judged, is "failed" with its sentence."""
+    if isinstance(lift, str):
+        return failed(lift)
+    try:
+        return _judged(scene, lift, effort, band_step_rpm)
+    except Exception as error:  # as in `_member`: it must not cost the design
+        return failed(_sentence(error))

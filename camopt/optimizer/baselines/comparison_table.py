@@ -1,0 +1,141 @@
+"""The comparison's table and the verdicts behind it: what stands in `comparison.csv`, `cams` and `verdicts`.
+
+Every row is written from a verdict as verification.json has it: the design's from that file, a baseline's from
+`verdicts/<name>.json`. The table can therefore be made again from the folder alone.
+"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from camopt.cam.design_file import read_design, write_design
+from camopt.cam.lift import Lift
+from camopt.plots.style import DESIGN, family_of
+from camopt.scene.errors import InputError
+from camopt.scene.schema import Scene
+from camopt.scene.units import DEG, MM
+from camopt.storage import write_csv, write_json
+
+NO_JERK = " (no jerk limit)"
+"""Ending of the name of a baseline that was designed without the scene's jerk limit."""
+FAILED = "failed"
+"""Verdict of a baseline that the scene has no member of, or that cannot be judged; its sentence stands as `broken`."""
+JERK = "jerk_max_mm_per_deg3"
+MOTION_COLUMNS = ("jump_mm", "contact_force_min_N", "seating_velocity_m_per_s", "impact_velocity_m_per_s")
+COLUMNS = (
+    "cam",
+    "limits",
+    "speed_rpm",
+    "area_ratio",
+    "acceleration_max_mm_per_deg2",
+    "acceleration_min_mm_per_deg2",
+    "jerk_max_mm_per_deg3",
+    "bounce_mm",
+    "bounce_low_mm",
+    "bounce_high_mm",
+    *MOTION_COLUMNS,
+    "verdict",
+    "broken",
+)
+
+
+def failed(why: str) -> dict:
+    """The verdict of a baseline that there is no cam of, with its sentence."""
+    return {"verdict": FAILED, "broken": [why], "speeds": [], "worst_in_band": [], "band": None}
+
+
+def keep(folder: Path, scene: Scene, cams: Mapping[str, Lift], found: Mapping[str, dict]) -> None:
+    """Store baselines and their verdicts by name in the folder's `cams` and `verdicts`."""
+    assert scene.design is not None, "load_scene(..., need='design') guarantees it"
+    for part, contents in (("cams", cams), ("verdicts", found)):
+        if contents:
+            (folder / part).mkdir(exist_ok=True)
+    for name, lift in cams.items():
+        write_design(folder / "cams" / f"{name}.json", lift, scene.design.max_lift_mm * MM)
+    for name, one in found.items():
+        write_json(folder / "verdicts" / f"{name}.json", one)
+
+
+def kept(folder: Path, scene: Scene) -> tuple[dict[str, Lift], dict[str, dict]]:
+    """The design and the stored baselines of a run folder, and the verdict of each.
+
+    Raises InputError for a file that cannot be understood.
+    """
+    cams = {DESIGN: read_design(folder / "design.json", scene)}
+    found = {DESIGN: _read_verdict(folder / "verification.json")}
+    for name, one in verdicts_in(folder).items():
+        found[name] = one
+        if one["verdict"] != FAILED:
+            cams[name] = read_design(folder / "cams" / f"{name}.json", scene)
+    return cams, found
+
+
+def verdicts_in(folder: Path) -> dict[str, dict]:
+    """The stored verdicts of baselines by name; raises InputError for one that cannot be understood."""
+    paths = sorted((folder / "verdicts").glob("*.json"), key=lambda p: p.stem)
+    return {path.stem: _read_verdict(path) for path in paths}
+
+
+def _read_verdict(path: Path) -> dict:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        speeds = content["speeds"]
+        if not isinstance(content["verdict"], str) or not all(isinstance(s, dict) for s in speeds):
+            raise ValueError("expected a verdict and its speeds")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path}: cannot be read as a verdict: {error}; verify the cam again") from error
+    return content
+
+
+def write_table(folder: Path, scene: Scene, cams: Mapping[str, Lift], found: Mapping[str, dict]) -> None:
+    """comparison.csv: the rows of every cam, then one for every verdict without a cam."""
+    rows = [row for name, lift in cams.items() for row in comparison_rows(scene, name, lift, found[name])]
+    rows += [_failed_row(name, one) for name, one in found.items() if name not in cams]
+    write_csv(folder / "comparison.csv", {key: [row[key] for row in rows] for key in COLUMNS})
+
+
+def _failed_row(name: str, found: dict) -> dict:
+    limits = "no-jerk" if name.endswith(NO_JERK) else "all"
+    named = {"cam": name, "limits": limits, "verdict": FAILED, "broken": "; ".join(found["broken"])}
+    return dict.fromkeys(COLUMNS) | named
+
+
+def comparison_rows(scene: Scene, name: str, lift: Lift, found: dict) -> list[dict]:
+    """One row per judged speed of a cam, from `found`, its verdict as verification.json has it.
+
+    The speeds are the listed ones and the band's worst ones, ascending. A cam of the literature that breaks the jerk
+    limit stands in the table without it, where that limit rejects nothing; a design never does.
+    """
+    design = scene.design
+    assert design is not None, "load_scene(..., need='design') guarantees it"
+    low, high = (a / MM * DEG**2 for a in lift.extremes(2))
+    jerk = float(np.abs(lift.extremes(3)).max()) / MM * DEG**3
+    shape = [word for word in found["broken"] if " at " not in word]
+    limits = "no-jerk" if JERK in shape and family_of(name) != DESIGN else "all"
+    shape = [word for word in shape if word != JERK or limits == "all"]
+    records = {s["speed_rpm"]: s for s in [*(found.get("worst_in_band") or []), *found["speeds"]]}
+    rows = []
+    for speed in sorted(records):
+        s = records[speed]
+        here = [word for word in found["broken"] if word.endswith(f" at {speed:g} r/min")]
+        low_mm, high_mm = s["bounce_range_mm"]
+        rows.append(
+            {
+                "cam": name,
+                "limits": limits,
+                "speed_rpm": speed,
+                "area_ratio": lift.area_ratio_in(design),
+                "acceleration_max_mm_per_deg2": high,
+                "acceleration_min_mm_per_deg2": low,
+                "jerk_max_mm_per_deg3": jerk,
+                "bounce_mm": s["bounce_mm"],
+                "bounce_low_mm": low_mm,
+                "bounce_high_mm": high_mm,
+                **{key: s[key] for key in MOTION_COLUMNS},
+                "verdict": "rejected" if shape else s["verdict"],
+                "broken": "; ".join([*shape, *here]),
+            }
+        )
+    return rows

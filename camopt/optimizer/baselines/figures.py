@@ -1,0 +1,179 @@
+"""The figures of a run folder, from its cams and their verdicts as verification.json has them."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from camopt.cam.lift import Lift, lift_table
+from camopt.exact.engine import prepare
+from camopt.measure.settling import Settled, first_revolution, settled_from_rest
+from camopt.measure.sweep import SEARCH_STEP_RPM, START_RPM, Swept, at_speeds, sweep
+from camopt.plots import (
+    History,
+    Motion,
+    Sweep,
+    bounce_against_speed,
+    convergence,
+    last_revolution,
+    profiles,
+    save,
+    valve_motion,
+)
+from camopt.plots.style import DESIGN, family_of
+from camopt.scene.errors import MotionRefused
+from camopt.scene.response import end_state
+from camopt.scene.rest import rest_position
+from camopt.scene.schema import Scene
+from camopt.scene.train import Train, build_train
+from camopt.verifier.accuracy import EFFORTS
+from camopt.verifier.convergence import converge
+
+FIGURE_SPEEDS = 60
+"""Steps of the figure's own sweep of a band that the verdict was not asked about."""
+BEYOND_BAND = 0.1
+"""How far, relative to its width, the figure shows speeds outside the band at least."""
+FURTHEST_BEYOND = 0.5
+"""How far at most, so that the speeds at which the design's jump and bounce begin are seen."""
+TABLE_STEP_DEG = 0.1
+DRAWN = ("bounce_mm", "jump_mm")
+HALVINGS = 6
+"""Of event-exact's step on the way to the settled motion, as many as a verdict allows by default."""
+UNLAWFUL = " (breaks limits on the cam)"
+"""Ending of a name in the figures: what carries it is no cam that these limits allow."""
+
+
+def draw(folder: Path, scene: Scene, cams: dict[str, Lift], found: dict[str, dict]) -> None:
+    """The figures of a run folder, into its folder `figures`; `found` holds the verdict of each cam."""
+    design, operation = scene.design, scene.operation
+    assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
+    figures = folder / "figures"
+    figures.mkdir(exist_ok=True)
+    named = {name: name if _lawful(found[name]) else name + UNLAWFUL for name in cams}
+    tables = [(named[name], lift_table(lift, TABLE_STEP_DEG)) for name, lift in cams.items()]
+    save(profiles(tables, design), figures, "profiles")
+    motions = [m for name, lift in cams.items() for m in settled_motions(scene, named[name], lift, found[name])]
+    if motions:
+        save(valve_motion(motions, design), figures, "valve_motion")
+    top = _top(scene, found.get(DESIGN, {}))
+    curves = [curve(scene, named[name], lift, found[name], top) for name, lift in cams.items()]
+    save(
+        bounce_against_speed(curves, design, operation.band_rpm, operation.speeds_rpm), figures, "bounce_against_speed"
+    )
+    if (folder / "history.jsonl").exists() and (folder / "design.json").exists():
+        record = json.loads((folder / "design.json").read_text(encoding="utf-8"))
+        bound, no_jump = record["area_ratio_bound"], record["area_ratio_no_jump"]
+        delivered = (record["area_ratio"], found[DESIGN]["verdict"]) if DESIGN in found else None
+        drawn = convergence(read_history(folder), bound, no_jump, design.bounce_max_mm, delivered)
+        save(drawn, figures, "convergence")
+
+
+def _lawful(found: dict) -> bool:
+    """Whether a verdict names no limit on the cam's shape as broken: what is broken at a speed is the motion's."""
+    return all(" at " in word for word in found.get("broken", []))
+
+
+def settled_motions(scene: Scene, name: str, lift: Lift, found: dict) -> list[Motion]:
+    """A settled revolution at each listed speed; a speed at which the motion is refused is left out."""
+    train, stated = build_train(scene), stated_periodic(found)
+    motions = []
+    for speed in scene.operation.speeds_rpm if scene.operation else ():
+        try:
+            response = settled_motion(train, lift, scene.cam_speed(speed), stated.get(speed)).response
+        except MotionRefused:
+            continue
+        motions.append(last_revolution(name, speed, response))
+    return motions
+
+
+def stated_periodic(found: dict) -> dict[float, bool]:
+    """By speed [r/min], whether the motion has settled, as a verdict states it."""
+    return {s["speed_rpm"]: bool(s["periodic"]) for s in found.get("speeds") or [] if {"speed_rpm", "periodic"} <= {*s}}
+
+
+def settled_motion(
+    train: Train, lift: Lift, cam_speed: float, stated: bool | None = None, samples: int | None = None
+) -> Settled:
+    """Two revolutions by event-exact where the motion at `cam_speed` [rad/s] has settled, or has not.
+
+    `stated` is whether the verdict found it periodic, None where none was asked; it then is not for this picture to say
+    otherwise. A verdict that halves its step may settle after more revolutions than one step runs: its search is
+    followed then. `samples` per revolution, event-exact's own where None. Raises MotionRefused.
+    """
+    steps = () if samples is None else (samples,)
+    once = settled_from_rest(prepare, train, lift, cam_speed, *steps)
+    state, periodic = end_state(once.response), once.periodic if stated is None else stated
+    if periodic and not once.periodic:
+        rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+        answer = converge(prepare, train, lift, cam_speed, rest, EFFORTS["standard"].tolerance_um, HALVINGS)
+        state = state if answer.state is None else answer.state
+    return replace(first_revolution(prepare(train, lift, cam_speed, *steps), state), periodic=periodic)
+
+
+def _top(scene: Scene, found: dict) -> float:
+    """Highest speed that is drawn [r/min]: somewhat above the band and, where near, above what begins there."""
+    assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
+    low, high = scene.operation.band_rpm
+    more, most = (share * (high - low) for share in (BEYOND_BAND, FURTHEST_BEYOND))
+    return max([high + more, *(s + more for s in _starts(found).values() if s is not None and s + more <= high + most)])
+
+
+def _beside_the_band(scene: Scene, found: dict, top_rpm: float) -> np.ndarray:
+    """Speeds [r/min] that are drawn beside those of the verdict's curve: outside the band, and where something begins.
+
+    They are speeds of the verdict's own search for these beginnings, so that the curve cannot name another one.
+    """
+    assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
+    low, high = scene.operation.band_rpm
+    bottom = low - BEYOND_BAND * (high - low)
+    grid = np.array([bottom, *np.arange(0.5 * low, 1.5 * high, SEARCH_STEP_RPM), top_rpm])
+    begins = np.array([s for s in _starts(found).values() if s is not None])
+    speeds = np.concatenate([grid[(grid < low) | (grid > high)], begins - START_RPM, begins])
+    return np.unique(speeds[(speeds >= bottom) & (speeds <= top_rpm)])
+
+
+def _starts(found: dict) -> dict[str, float | None]:
+    limits = found.get("limits") or {}
+    return {"bounce_mm": limits.get("first_bounce_rpm"), "jump_mm": limits.get("first_jump_rpm")}
+
+
+def curve(scene: Scene, name: str, lift: Lift, found: dict, top_rpm: float) -> Sweep:
+    """Bounce and jump against speed: over the band the verdict's own curve, outside it, up to `top_rpm`, event-exact.
+
+    Without a band in the verdict, event-exact sweeps it here, refined around the largest bounce and jump.
+    """
+    band = found.get("band")
+    if band:
+        speeds = np.array(band["curves"]["speed_rpm"], dtype=float)
+        inside = {key: np.array(band["curves"][key], dtype=float) for key in DRAWN}
+        worst = {key: (band["worst"][key]["speed_rpm"], band["worst"][key]["value"]) for key in DRAWN}
+        starts = _starts(found)
+    else:
+        assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
+        step = np.ptp(scene.operation.band_rpm) / FIGURE_SPEEDS
+        swept = sweep(Swept(prepare, scene, lift), float(step), DRAWN)
+        speeds, inside, worst, starts = swept.speeds_rpm, swept.figures, {}, None
+    beside = np.setdiff1d(_beside_the_band(scene, found, top_rpm), speeds)
+    rows = at_speeds(prepare, scene, lift, beside)
+    values = {key: np.concatenate([inside[key], [row[key] for row in rows]]) for key in DRAWN}
+    every = np.concatenate([speeds, beside])
+    order = np.argsort(every)
+    marked = worst if family_of(name) == DESIGN else {}
+    return Sweep(name, every[order], *(values[key][order] for key in DRAWN), starts_rpm=starts, worst=marked)
+
+
+def read_history(folder: Path) -> History:
+    """The steps of `history.jsonl`."""
+    lines = [json.loads(line) for line in (folder / "history.jsonl").read_text(encoding="utf-8").splitlines()]
+
+    def values(key: str) -> np.ndarray:
+        return np.array([np.nan if line.get(key) is None else line[key] for line in lines], dtype=float)
+
+    return History(
+        [line["stage"] for line in lines],
+        values("area_ratio"),
+        values("worst_bounce_mm"),
+        np.array([line["confirmed"] for line in lines], dtype=bool),
+        values("best_area_ratio"),
+    )

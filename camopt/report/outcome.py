@@ -1,0 +1,115 @@
+"""What a run came to, in a table and a few sentences: the same for the page's head and for the command line's end."""
+
+from camopt.report.folder import RunFolder
+from camopt.report.limits import demanded
+from camopt.report.wording import in_words, is_number, label_and_unit, shown
+from camopt.report.worst import worst_of
+from camopt.scene.quantities import QUANTITIES
+
+AREAS = ("area_ratio", "area_mm_deg")
+MOTION = ("bounce_mm", "jump_mm", "jump_deg", "contact_force_min_N", "contact_force_max_N", "seating_velocity_m_per_s")
+"""Metrics of the table, each at its worst."""
+BACK = ("candidates_judged", "largest_refused_area_ratio")
+"""Keys of `verdict_fell_back` in design.json."""
+LEAST_GAIN = 5e-6
+"""A smaller difference of area ratios is none: it would not show in their printed digits."""
+
+
+def outcome_rows(run: RunFolder) -> list[dict]:
+    """A row per figure: unit, value at the first step of the search, at the end, limit, speed, and where it stands.
+
+    The end's motion is the worst that verification.json states; the start is "–" where the history does not hold it.
+    """
+    first = next((step for step in run.history if is_number(step.get("area_ratio"))), {})
+    design = run.scene.get("design")
+    design = design if isinstance(design, dict) else {}
+    rows = []
+    for key in AREAS:
+        if is_number(run.design.get(key)):
+            rows.append(_row(key, first.get(key), run.design[key], "", "", f"design.json {key}"))
+    for name in MOTION:
+        found = worst_of(run, name)
+        if found is None:
+            continue
+        key = name if name == "contact_force_min_N" else f"worst_{name}"  # the least force is a worst one by its name
+        where = found.where if found.value is not None else f"no figure {found.where}"
+        limit, source = demanded(design, name), f"verification.json {found.source}"
+        rows.append(_row(key, first.get(f"worst_{name}"), found.value, limit, where, source))
+    return rows
+
+
+def _row(key: str, start, end, limit: str, where: str, source: str) -> dict:
+    label, unit = label_and_unit(key)
+    numbers = {"start": shown(start if is_number(start) else None, 5), "end": shown(end, 5)}
+    return {"label": label, "unit": unit or "–", **numbers, "limit": limit, "where": where, "source": source}
+
+
+def outcome_lines(run: RunFolder) -> list[str]:
+    """The end of `camopt optimize`: start -> end in physical units with limits, the area ratios, the verdict."""
+    lines = [f"{'':<28} {'unit':<7} {'start':>12}    {'end':>12}  {'limit':<15}  where"]
+    for row in outcome_rows(run):
+        numbers = f"{row['label']:<28} {row['unit']:<7} {row['start']:>12} -> {row['end']:>12}"
+        lines.append(f"{numbers}  {row['limit']:<15}  {row['where']}".rstrip())
+    d = run.design
+    words = [f"{word} {d[key]:.5f}" for key, word in (("area_ratio", "area ratio"),) if is_number(d.get(key))]
+    if is_number(d.get("area_ratio_bound")):
+        gap = f" (gap {d['area_gap_percent']:.2f} %)" if is_number(d.get("area_gap_percent")) else ""
+        words.append(f"certified bound {d['area_ratio_bound']:.5f}{gap}")
+    if is_number(d.get("area_ratio_no_jump")):
+        words.append(f"no-jump program {d['area_ratio_no_jump']:.5f}")
+    lines += [", ".join(words)] * bool(words) + gain_sentences(run)
+    verdict, broken = run.verification.get("verdict", "not verified"), broken_limits(run)
+    return [*lines, f"verdict: {verdict}" + (f" (broken: {'; '.join(broken)})" if broken else "")]
+
+
+def gain_sentences(run: RunFolder) -> list[str]:
+    """What the delivered cam has more than the no-jump program's, and whether the verdict refused larger cams."""
+    d, sentences = run.design, []
+    gain, asked = d.get("gradient_gain"), run.provenance.get("settings")
+    if is_number(gain) and not (isinstance(asked, dict) and asked.get("gradient") == "none"):
+        if abs(gain) < LEAST_GAIN:
+            sentences.append("The gradient stage gained no area over the no-jump program's cam.")
+        elif gain > 0:
+            sentences.append(f"The gradient stage gained {shown(gain, 3)} of area ratio.")
+        else:
+            sentences.append(f"The delivered cam has {shown(-gain, 3)} less area ratio than the no-jump program's cam.")
+    back = d.get("verdict_fell_back")
+    judged, refused = (back.get(k) for k in BACK) if isinstance(back, dict) else (None, None)
+    if is_number(refused) and is_number(judged):
+        confirmed = run.verification.get("verdict") == "confirmed"
+        outcome = "the last of them is delivered" if confirmed else "it confirmed none of them"
+        sentences.append(
+            f"The verdict judged {shown(judged)} cams of the search, the largest first, and {outcome}; the largest "
+            f"that it refused has an area ratio of {shown(refused, 5)}."
+        )
+    return sentences
+
+
+def contact_sentence(run: RunFolder) -> list[str]:
+    """Whether and how far the contacts between cam and valve open; empty where nothing was verified."""
+    jump, angle, force = (worst_of(run, name) for name in ("jump_mm", "jump_deg", "contact_force_min_N"))
+    if jump is None or angle is None or force is None or angle.value is None or force.value is None:
+        return []
+    if not angle.value and force.value > 0:
+        return [f"No contact between cam and valve opens: its least force is {shown(force.value)} N, {force.where}."]
+    design = run.scene.get("design")
+    duration = design.get("duration_deg") if isinstance(design, dict) else None
+    of = f" of the event's {shown(duration)}" if is_number(duration) else ""
+    return [
+        f"A contact between cam and valve opens: jump {shown(jump.value)} mm, {jump.where}; open over "
+        f"{shown(angle.value)}{of} deg, {angle.where}; least contact force {shown(force.value)} N, {force.where}."
+    ]
+
+
+def broken_limits(run: RunFolder) -> list[str]:
+    """What the verdict names as broken, each limit once with all its speeds: `bounce max at 6000 and 7000 r/min`."""
+    places: dict[str, list[str]] = {}
+    for entry in run.verification.get("broken") or []:
+        key, _, where = str(entry).partition(" at ")
+        places.setdefault(key, []).append(where.removesuffix(" r/min"))
+    lines = []
+    for key, speeds in places.items():
+        known = list(dict.fromkeys(s for s in speeds if s))
+        label = next((q.label for q in QUANTITIES.values() if q.limit == key), label_and_unit(key)[0])
+        lines.append(f"{label} at {in_words(known)} r/min" if known else label)
+    return lines

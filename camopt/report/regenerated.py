@@ -1,0 +1,149 @@
+"""A run's stated numbers made again: from the files in its folder, or from the cam itself to check those files.
+
+What can be made again is the verdict of the design and all that is written from it. The search is not run again, so
+`area_ratio_no_jump` and `gradient_gain` stand as recorded, and baselines keep the verdicts in `verdicts/`.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+from camopt.cam.design_file import read_design
+from camopt.optimizer.accuracy import accuracy_named
+from camopt.optimizer.baselines.comparison import compare_again
+from camopt.optimizer.bound.certificate import area_ratio_bound
+from camopt.optimizer.run import full_verdict
+from camopt.report.folder import RunFolder, read_run_folder
+from camopt.report.limits import limit_rows
+from camopt.report.motion import cams_of
+from camopt.report.outcome import outcome_lines, outcome_rows
+from camopt.report.page import render, write_report
+from camopt.scene import InputError, Scene, load_scene
+from camopt.scene.units import DEG, MM
+from camopt.storage import plain
+
+SAME = 1e-6
+"""Relative difference of two numbers that counts as none: no table of a run prints more digits."""
+NOTHING = 1e-9
+"""Absolute difference that counts as none, in every unit of a run folder."""
+MOST_SENTENCES = 20
+
+
+def regenerate(folder: Path) -> Path:
+    """Write comparison.csv, figures and report.html of a run folder again, from the cams and verdicts in it.
+
+    Returns the page's path. Raises InputError where a file is missing or cannot be understood.
+    """
+    compare_again(folder, _scene_of(folder))
+    return write_report(folder)
+
+
+def stated_lines(run: RunFolder) -> list[str]:
+    """Every number of the limits and of the last table with the file and key that it is read from."""
+    lines = [
+        f"limit {row['label']}: {row['reached']} {row['unit']}, {row['where']}  [{row['source']}]"
+        for row in limit_rows(run)
+    ]
+    return lines + [
+        f"end {row['label']}: {row['end']} {row['unit']}{', ' * bool(row['where'])}{row['where']}  [{row['source']}]"
+        for row in outcome_rows(run)
+    ]
+
+
+def differences(folder: Path) -> list[str]:
+    """Sentences on every number of verification.json, design.json, the last table and report.html that comes out
+    otherwise when the run's cam is judged anew as the run did; empty where all stand.
+
+    Raises InputError where the folder does not say how it was judged, or a file cannot be understood.
+    """
+    run, scene = read_run_folder(folder), _scene_of(folder)
+    fresh = _judged_anew(run, folder, scene)
+    sentences = _apart("verification.json", run.verification, fresh.verification)
+    sentences += _apart("design.json", run.design, fresh.design)
+    before, after = outcome_lines(run), outcome_lines(fresh)
+    sentences += [
+        f"the last table says {old!r}, not {new!r}" for old, new in zip(before, after, strict=True) if old != new
+    ]
+    page = folder / "report.html"
+    if not page.is_file():
+        return [*sentences, "report.html is not in the run folder"]
+    words, made = _words(page.read_text(encoding="utf-8")), _words(render(fresh, cams_of(folder, fresh)))
+    missing = [line for line in made if line not in words]
+    sentences += [f"report.html does not say: {line}" for line in missing]
+    sentences += [f"report.html says without a source: {line}" for line in words if line not in made]
+    more = len(sentences) - MOST_SENTENCES
+    return sentences[:MOST_SENTENCES] + ([f"and {more} more"] if more > 0 else [])
+
+
+def _scene_of(folder: Path) -> Scene:
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such run folder")
+    return load_scene(folder / "scene.toml", need=("valve", "seat", "operation", "design"))
+
+
+def _judged_anew(run: RunFolder, folder: Path, scene: Scene) -> RunFolder:
+    settings = run.provenance.get("settings")
+    if not isinstance(settings, dict) or not {"accuracy", "speeds"} <= settings.keys():
+        raise InputError(f"{folder}: provenance.json does not say with which speeds and accuracy the run was judged")
+    lift, design = read_design(folder / "design.json", scene), scene.design
+    assert design is not None, "load_scene(..., need='design') guarantees it"
+    verdict = full_verdict(scene, lift, settings["speeds"], accuracy_named(settings["accuracy"]))
+    ratio, bound = lift.area_ratio_in(design), area_ratio_bound(design).bound
+    areas = {"area_ratio": ratio, "area_mm_deg": lift.area / MM / DEG, "area_ratio_bound": bound,
+             "area_gap_percent": 100 * (bound - ratio) / bound}  # fmt: skip
+    return replace(run, verification=plain(verdict.as_dict()), design=run.design | areas)
+
+
+def _apart(file: str, stated: Any, found: Any) -> list[str]:
+    """Sentences on the leaves of two JSON values that differ."""
+    old, new = dict(_leaves(stated)), dict(_leaves(found))
+    keys = [key for key in {**old, **new} if not _same(old.get(key), new.get(key))]
+    return [f"{file} {key} says {old.get(key)}, it comes out as {new.get(key)}" for key in keys]
+
+
+def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    if isinstance(value, dict):
+        for key, one in value.items():
+            yield from _leaves(one, f"{path}.{key}" if path else str(key))
+    elif isinstance(value, list):
+        yield f"{path} (length)", len(value)
+        for i, one in enumerate(value):
+            yield from _leaves(one, f"{path}[{i}]")
+    else:
+        yield path, value
+
+
+def _same(one: Any, other: Any) -> bool:
+    if isinstance(one, int | float) and isinstance(other, int | float):
+        return math.isclose(one, other, rel_tol=SAME, abs_tol=NOTHING)
+    return one == other
+
+
+class _Words(HTMLParser):
+    """The lines of text of a page, without its style and its animation's data and script."""
+
+    def __init__(self):
+        super().__init__()
+        self.lines: list[str] = []
+        self._inside = ""
+
+    def handle_starttag(self, tag: str, attrs: list) -> None:
+        self._inside = tag if tag in ("style", "script") else self._inside
+        if tag in ("tr", "p", "li", "h1", "h2", "h3", "figcaption", "strong"):
+            self.lines.append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        self._inside = "" if tag == self._inside else self._inside
+
+    def handle_data(self, data: str) -> None:
+        if not self._inside and data.strip():
+            self.lines[-1:] = [f"{self.lines[-1]} {' '.join(data.split())}".strip() if self.lines else data.strip()]
+
+
+def _words(page: str) -> list[str]:
+    parser = _Words()
+    parser.feed(page)
+    return [line for line in parser.lines if line]

@@ -1,0 +1,119 @@
+"""One command makes every stated number of a run again: a confirmed and a rejected cam, judged for real."""
+
+import csv
+import json
+import re
+
+import pytest
+import tomli_w
+
+from camopt.cam.design_file import write_design
+from camopt.cam.read import read_cam
+from camopt.cli.parser import main
+from camopt.optimizer.accuracy import ACCURACIES
+from camopt.optimizer.baselines.comparison import compare_in
+from camopt.optimizer.bound.certificate import area_ratio_bound
+from camopt.optimizer.run import full_verdict
+from camopt.report import write_report
+from camopt.scene import load_scene
+from camopt.scene.units import MM
+from camopt.storage import write_json
+from tests.report.test_report_page import page_of
+from tests.report.test_stated_numbers import states_what_verification_says
+
+FREE = dict.fromkeys(
+    ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3", "nose_deg")
+)
+BANDS = {"confirmed": (5950.0, 6050.0), "rejected": (6600.0, 6800.0)}
+"""Bands [r/min] in which the exponent polynomial of motori-1 holds its limits, and jumps above its listed speed."""
+
+
+@pytest.fixture(scope="module", params=BANDS)
+def run(request, tmp_path_factory):
+    """The folder of a run whose search is left out: its cam is the exponent polynomial."""
+    folder, band = tmp_path_factory.mktemp("runs") / request.param, BANDS[request.param]
+    scene = load_scene("motori-1")
+    operation = scene.operation.model_copy(update={"speeds_rpm": (band[0],), "band_rpm": band})
+    scene = scene.model_copy(update={"operation": operation, "design": scene.design.model_copy(update=FREE)})
+    folder.mkdir()
+    (folder / "scene.toml").write_text(tomli_w.dumps(scene.model_dump(exclude_none=True, exclude_defaults=True)))
+    lift, bound = read_cam("exponent", scene), area_ratio_bound(scene.design).bound
+    ratio = lift.area_ratio(scene.design.max_lift_mm * MM)
+    areas = {"area_ratio_bound": bound, "area_gap_percent": 100 * (bound - ratio) / bound, "area_ratio_no_jump": ratio}
+    write_design(folder / "design.json", lift, scene.design.max_lift_mm * MM, gradient_gain=0.0, **areas)
+    step = {"stage": "no-jump program", "area_ratio": ratio, "worst_bounce_mm": 0.3, "confirmed": True}
+    (folder / "history.jsonl").write_text(json.dumps(step) + "\n")
+    write_json(folder / "provenance.json", {"settings": {"speeds": "band", "accuracy": "draft", "gradient": "none"}})
+    effort = ACCURACIES["draft"]
+    verdict = full_verdict(scene, lift, "band", effort)
+    assert verdict.verdict == request.param
+    write_json(folder / "verification.json", verdict.as_dict())
+    compare_in(folder, scene, {"design": lift}, {"design": verdict}, effort, {"kurz": "no member, because of that"})
+    write_report(folder)
+    return folder
+
+
+def test_every_place_states_what_the_verdict_says(run, capsys):
+    states_what_verification_says(run)
+    found = json.loads((run / "verification.json").read_text())
+    if found["verdict"] == "rejected":  # between its listed speeds
+        assert found["speeds"][0]["verdict"] == "confirmed" and found["broken"]
+        assert page_of(run).table("limit")["jump"]["state"] == "✗ broken"
+    with open(run / "comparison.csv", encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if row["cam"] == "design"]
+    judged = {s["speed_rpm"]: s for s in found["worst_in_band"] + found["speeds"]}
+    assert [float(row["speed_rpm"]) for row in rows] == sorted(judged)
+    for row in rows:
+        speed = judged[float(row["speed_rpm"])]
+        assert float(row["jump_mm"]) == speed["jump_mm"] and row["verdict"] == speed["verdict"]
+
+
+def test_a_family_that_failed_is_shown_with_its_sentence(run):
+    page = page_of(run)
+    row = next(row for table in page.tables for row in table if row[0] == "kurz" and "failed" in row)
+    assert row[-1] == "no member, because of that"
+    assert "kurz" not in page.table("cam")  # no bar beside the legal cams
+
+
+def test_the_command_makes_the_same_folder_again(run, capsys):
+    """The cam read from its file differs from the one that was written by round-off: only outlines may show that."""
+    names = ["comparison.csv", "figures/bounce_against_speed.svg", "figures/valve_motion.svg"]
+    before = {name: (run / name).read_bytes() for name in names[:2]}
+    words = [t for table in page_of(run).tables for t in table]
+    for name in names:
+        (run / name).write_text("spoilt")
+    assert main(["report", str(run)]) == 0
+    assert {name: (run / name).read_bytes() for name in names[:2]} == before
+    assert (run / names[2]).read_bytes().startswith(b"<?xml")
+    assert [t for table in page_of(run).tables for t in table] == words
+    verdict = json.loads((run / "verification.json").read_text())["verdict"]
+    assert f"verdict: {verdict}" in capsys.readouterr().out
+
+
+def test_the_check_judges_anew_and_finds_what_was_changed(run, capsys):
+    assert main(["report", str(run), "--check"]) == 0
+    words = capsys.readouterr().out
+    assert "every number comes out as it is stated" in words
+    assert re.search(r"limit jump: [\d.e−]+ mm, at \d+ r/min  \[verification.json ", words)
+    kept = {name: (run / name).read_text(encoding="utf-8") for name in ("verification.json", "report.html")}
+    found = json.loads(kept["verification.json"])
+    found["band"]["worst"]["jump_mm"]["value"] = 0.0123
+    row = re.search(r"<td>worst seating velocity</td>.*?→</td><td>([\d.]+)</td>", kept["report.html"])
+    assert row is not None
+    spoilt = kept["report.html"].replace(row.group(0), row.group(0).replace(row.group(1), "0.98765"))
+    try:
+        write_json(run / "verification.json", found)
+        (run / "report.html").write_text(spoilt, encoding="utf-8")
+        assert main(["report", str(run), "--check"]) == 3
+        words = capsys.readouterr().out
+        assert "verification.json band.worst.jump_mm.value says 0.0123, it comes out as " in words
+        assert "report.html says without a source: worst seating velocity" in words and "0.98765" in words
+        assert (run / "report.html").read_text(encoding="utf-8") == spoilt  # a check writes nothing
+    finally:
+        for name, text in kept.items():
+            (run / name).write_text(text, encoding="utf-8")
+
+
+def test_no_run_folder_is_bad_input(tmp_path, capsys):
+    assert main(["report", str(tmp_path / "nowhere")]) == 2
+    assert "no such run folder" in capsys.readouterr().err
