@@ -69,18 +69,10 @@ def verify(args: Namespace) -> int:
     from camopt.verify import verify_cam
 
     report = verify_cam(scene, lift, speeds_rpm=args.speeds, methods=args.method, accuracy=args.accuracy)
-    content = report.as_dict()
     if args.json:
-        write_json(args.json, content)
-    print(f"{'r/min':>8}  {'bounce mm':>10}  {'jump mm':>8}  {'seating m/s':>11}  verdict")
-    for row in (*content["speeds"], *content.get("worst_in_band", [])):
-        numbers = (row["speed_rpm"], row["bounce_mm"], row["jump_mm"], row["seating_velocity_m_per_s"])
-        shown = (_shown(v, w) for v, w in zip(numbers, (8, 10, 8, 11), strict=True))
-        print("  ".join(shown), f" {row['verdict']}")
-    broken = f" (broken: {', '.join(map(str, content['broken']))})" if content["broken"] else ""
-    print(report.accuracy["statement"])
+        write_json(args.json, report.as_dict())
     _print_area_words(lift, scene)
-    print(f"verdict: {report.verdict}{broken}")
+    print(report)
     return 0 if report.verdict == "confirmed" else 3
 
 
@@ -251,7 +243,3 @@ def _cam_of(args: Namespace, scene):
     from camopt.cam.read import read_cam
 
     return read_cam(args.cam, scene, args.table_angle, args.table_lift, args.table_ratio)
-
-
-def _shown(value: float | None, width: int) -> str:
-    return f"{'none' if value is None else f'{value:.5g}':>{width}}"

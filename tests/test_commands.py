@@ -192,14 +192,15 @@ class TestVerbsThatSearch:
     )
     def test_verify(self, capsys, tmp_path, monkeypatch, verdict, code):
         asked = {}
-        row = {"speed_rpm": 5000.0, "verdict": verdict, "bounce_mm": None, "jump_mm": 0.0125}
-        content = {"verdict": verdict, "broken": ["bounce_mm"], "speeds": [row | {"seating_velocity_m_per_s": 0.25}]}
+        content = {"verdict": verdict, "broken": ["bounce_mm"]}
+
+        class Shown(SimpleNamespace):
+            def __str__(self):
+                return "the verdict in words"
 
         def verify_cam(scene, lift, **options):
             asked.update(options, scene=scene.name, family=lift.family)
-            return SimpleNamespace(
-                verdict=verdict, as_dict=lambda: content, accuracy={"statement": "asked and delivered"}
-            )
+            return Shown(verdict=verdict, as_dict=lambda: content)
 
         monkeypatch.setattr(camopt.verify, "verify_cam", verify_cam, raising=False)
         file = tmp_path / "v.json"
@@ -225,9 +226,7 @@ class TestVerbsThatSearch:
             "accuracy": "standard",
         }
         assert json.loads(file.read_text()) == content
-        assert out.splitlines()[1].split()[:4] == ["5000", "none", "0.0125", "0.25"]
-        assert "\nasked and delivered\n" in out
-        assert out.splitlines()[-1] == f"verdict: {verdict} (broken: bounce_mm)"
+        assert out == "the verdict in words\n"  # what it says: tests of `Verdict`
 
     @pytest.mark.parametrize("code", [0, 3])
     def test_optimize(self, capsys, tmp_path, monkeypatch, code):

@@ -106,9 +106,9 @@ def limit_worth(found: KinematicOptimum) -> dict[str, float]:
     for g, name in enumerate(limits.names):
         rows = limits.rows(name)
         if name != "nose_deg":
-            gain = float(duals[rows] @ limits.slope[rows] * limits.scale[g])
+            gain = float(duals[rows] @ limits.slope[rows] * limits.size[g])
             if name == "max_lift_mm":  # area itself, not the ratio to a maximum lift that grows with it
-                gain -= float(duals[len(limits.bound) :].sum()) * limits.scale[g]
+                gain -= float(duals[len(limits.bound) :].sum()) * limits.size[g]
             worth[name] = float(gain / found.area_ratio)
     return worth
 

@@ -36,7 +36,7 @@ CANDIDATES = 4
 """Confirmed cams of the search, largest first, that the full verdict may be asked about."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Run:
     """The outcome of an optimisation: where it lies, the cam, its verdict, and the figures of `design.json`."""
 
@@ -45,6 +45,9 @@ class Run:
     verdict: Verdict
     record: dict
     exit_code: int  # 0 confirmed, 3 not
+
+    def __repr__(self) -> str:
+        return f"Run({self.verdict.verdict}, area ratio {self.record['area_ratio']:.5f}, {self.folder})"
 
     def plot(self):
         """Bounce and jump against speed as a matplotlib Figure."""

@@ -20,9 +20,9 @@ from camopt.scene.units import DEG, MM, UM
 from camopt.storage import write_json
 from camopt.study.reduce import at_rest, reduce
 from camopt.study.tradeoff import REFERENCE, Work
+from camopt.verify.neighbourhood import LIFT_NEIGHBOUR, SPEED_NEIGHBOUR, STATE_NEIGHBOUR
 from camopt.verify.settle import settle
 from camopt.verify.sweep import at_speeds
-from camopt.verify.verdict import LIFT_NEIGHBOUR, SPEED_NEIGHBOUR, STATE_NEIGHBOUR
 
 SETTLING_UM = {"small": (1.0,), "full": (100.0, 10.0, 1.0, 0.1)}
 SETTLED_UM = 1e-3

@@ -70,6 +70,11 @@ def motion_limits(design: Design | None) -> dict[str, MotionLimit]:
     return {key: MotionLimit(MOTION_LIMITS[key], value) for key, value in given.items() if value is not None}
 
 
+def limited_metrics(design: Design | None) -> tuple[str, ...]:
+    """Bounce, which always counts, and the metrics that a scene limits."""
+    return tuple(dict.fromkeys(["bounce_mm", *(limit.metric for limit in motion_limits(design).values())]))
+
+
 def broken_by_shape(lift: Lift, design: Design | None) -> list[str]:
     """Names of the limits that the cam's shape breaks, from the exact extremes of its pieces.
 

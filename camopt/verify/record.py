@@ -40,6 +40,7 @@ def speed_record(speed: "SpeedVerdict") -> dict:
         "method": name,
         **_figures(first),
         "bounce_range_mm": [_number(b) for b in speed.bounce_range_mm],
+        "ranges": _ranges(speed.ranges),
         "methods": {name: _method(answer) for name, answer in speed.methods.items()},
     }
 
@@ -83,6 +84,7 @@ def _method(answer: Converged) -> dict:
     return {
         **_figures(answer),
         "bounce_range_mm": [_number(b) for b in answer.range["bounce_mm"]],
+        "ranges": _ranges(answer.range),
         "steps_per_revolution": answer.steps_per_revolution,
         "converged": answer.converged,
     }
@@ -90,8 +92,18 @@ def _method(answer: Converged) -> dict:
 
 def _figures(answer: Converged) -> dict:
     figures = {name: _number(answer.worst[name]) for name in REPORTED}
-    error = _number(answer.error["bounce_mm"])
-    return {**figures, "bounce_error_mm": error, "revolutions": answer.revolutions, "periodic": answer.periodic}
+    errors = {name: _number(answer.error[name]) for name in REPORTED}
+    return {
+        **figures,
+        "bounce_error_mm": errors["bounce_mm"],
+        "errors": errors,
+        "revolutions": answer.revolutions,
+        "periodic": answer.periodic,
+    }
+
+
+def _ranges(ranges: dict[str, tuple[float, float]]) -> dict[str, list[float | None]]:
+    return {name: [_number(value) for value in ranges[name]] for name in REPORTED}
 
 
 def _number(value: float) -> float | None:

@@ -26,7 +26,7 @@ FADED, MOST_REVOLUTIONS = 15.0, 1500
 nanometre), at most MOST_REVOLUTIONS."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Settled:
     """The measured revolutions of a motion, and one more for the last bounce window."""
 
@@ -34,6 +34,9 @@ class Settled:
     revolutions: int  # run before the measured ones
     periodic: bool
     faded: bool = True  # whether the train's slowest mode had the revolutions that it needs to die out
+
+    def __repr__(self) -> str:
+        return f"Settled({'periodic' if self.periodic else 'aperiodic'} after {self.revolutions} revolutions)"
 
     def metrics(self, lift: Lift) -> "Figures":
         """The metrics of the measured revolutions."""

@@ -15,10 +15,51 @@ COLUMNS = {
     "bounce_mm": "bounce [mm]",
     "bounce_error_mm": "error of bounce [mm]",
     "jump_mm": "jump [mm]",
+    "jump_deg": "jump angle [deg]",
     "seating_velocity_m_per_s": "seating velocity [m/s]",
+    "contact_force_min_N": "least contact force [N]",
     "contact_force_max_N": "peak contact force [N]",
     "verdict": "verdict",
 }
+
+
+TEXT = {
+    "speed_rpm": ("r/min", 8),
+    "bounce_mm": ("bounce mm", 10),
+    "jump_mm": ("jump mm", 8),
+    "jump_deg": ("jump deg", 8),
+    "contact_force_min_N": ("least N", 8),
+    "contact_force_max_N": ("peak N", 8),
+    "seating_velocity_m_per_s": ("seating m/s", 11),
+}
+MOST_LINES = 20
+"""Speeds that a printed verdict lists; verification.json has them all."""
+
+
+def text(verdict: "Verdict") -> str:
+    """The verdict for a terminal, a screen at most: a line for each speed, the worst of the band, and the outcome."""
+    lines = ["  ".join(f"{label:>{width}}" for label, width in TEXT.values()) + "  verdict"]
+    rows = [s.as_dict() for s in verdict.speeds]
+    lines += [_line(row, row["verdict"]) for row in rows[:MOST_LINES]]
+    if len(rows) > MOST_LINES:
+        lines.append(f"and {len(rows) - MOST_LINES} more speeds")
+    if verdict.band is not None:
+        band = verdict.as_dict()["band"]
+        lines.append(f"worst over {band['from_rpm']:g} to {band['to_rpm']:g} r/min, each at a speed of its own")
+        lines.append(_line({name: band["worst"][name]["value"] for name in TEXT if name != "speed_rpm"}))
+        lines.append(_line({name: band["worst"][name]["speed_rpm"] for name in TEXT if name != "speed_rpm"}, "r/min"))
+    broken = f" (broken: {', '.join(verdict.broken)})" if verdict.broken else ""
+    return "\n".join([*lines, verdict.accuracy["statement"], f"verdict: {verdict.verdict}{broken}"])
+
+
+def _line(row: dict, last: str = "") -> str:
+    """One row of `text`; a figure that is null is none, one that the row does not know is left empty."""
+    cells = []
+    for name, (_, width) in TEXT.items():
+        value = row.get(name, "")
+        shown = "none" if value is None else value if isinstance(value, str) else f"{value:.5g}"
+        cells.append(f"{shown:>{width}}")
+    return ("  ".join(cells) + f"  {last}").rstrip()
 
 
 def html(verdict: "Verdict") -> str:

@@ -6,10 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from camopt.scene.units import MM, UM
-from camopt.verify.converge import Converged
-
-LEAST_STATED_UM = 1e-3
-"""Smaller estimates are stated as below this: a nanometre is less than any claim about a valve train can mean."""
+from camopt.verify.converge import FINEST, Converged
 
 
 class AtSpeed(Protocol):
@@ -32,11 +29,6 @@ def bounce_error_um(speed: AtSpeed) -> float:
     return float(error * MM / UM) if np.isfinite(error) else np.inf
 
 
-def stated_error_um(error_um: float) -> str:
-    """An estimated error [um] in two digits, `<0.001` where it is less than any claim can mean."""
-    return f"<{LEAST_STATED_UM:g}" if error_um < LEAST_STATED_UM else f"{error_um:.2g}"
-
-
 def stated(speeds: Iterable[AtSpeed], asked_um: float, asked: str | float | None) -> dict:
     """What verification.json says under "accuracy"; `asked` is the accuracy by name, where it has one."""
     every = {s.speed_rpm: s for s in speeds}
@@ -44,7 +36,8 @@ def stated(speeds: Iterable[AtSpeed], asked_um: float, asked: str | float | None
     delivered = max(errors.values(), default=np.inf)
     words = f"accuracy asked: {asked_um:g} um" + (f" ({asked})" if isinstance(asked, str) else "")
     if delivered <= asked_um:
-        words += f"; estimated error of bounce: {stated_error_um(delivered)} um"
+        finest = delivered <= FINEST["bounce_mm"] * MM / UM * (1 + 1e-9)
+        words += f"; estimated error of bounce: {'at most ' if finest else ''}{delivered:.2g} um"
     else:
         ranges = [f"{_range(s.bounce_range_mm)} at {rpm:g} r/min" for rpm, s in every.items() if errors[rpm] > asked_um]
         words += f"; not reached: bounce is known to a range only, {', '.join(ranges)}"

@@ -31,7 +31,7 @@ AtSpeed = Callable[[Train, Lift, float], Revolve]
 """The sweeping method: train, lift, cam speed [rad/s]."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Band:
     """A swept band: speeds (m) r/min ascending, metrics by name (m), and the method of each speed's figures (m).
 
@@ -46,6 +46,9 @@ class Band:
     methods: tuple[str, ...]
     resonances: tuple[Resonance, ...] = ()  # narrower than the step, looked at
     resonances_left_out: int = 0
+
+    def __repr__(self) -> str:
+        return f"Band({self.from_rpm:g} to {self.to_rpm:g} r/min, {len(self.speeds_rpm)} speeds)"
 
     def worst_index(self, name: str) -> int:
         """Index of the worst speed for a metric; NaN is worse than any value."""

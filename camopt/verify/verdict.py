@@ -17,11 +17,12 @@ from camopt.scene.rest import rest_position
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
 from camopt.verify import INDEPENDENT, rkg
-from camopt.verify.converge import RELATIVE, Converged, Prepare, converge, first_steps, tolerances
-from camopt.verify.limits import broken_by_shape, motion_limits
+from camopt.verify.converge import MARGIN, RELATIVE, Converged, Prepare, converge, first_steps, tolerances
+from camopt.verify.limits import broken_by_shape, limited_metrics, motion_limits
+from camopt.verify.neighbourhood import against_limits, neighbours
 from camopt.verify.record import speed_record, verification
 from camopt.verify.resonance import resonances
-from camopt.verify.settle import PLAIN_REVOLUTIONS, SETTLED_POSITION, Figures, decay_per_revolution, settle
+from camopt.verify.settle import SETTLED_POSITION
 from camopt.verify.stated import stated
 from camopt.verify.sweep import STARTS_MM, Band, Swept, first_exceeding, sweep
 
@@ -29,16 +30,16 @@ METHODS = ("event", "rkg", "tmm", "houbolt")
 """Methods for a train whose laws are linear."""
 NONLINEAR_METHODS = ("dop853", "rkg")
 """Methods for a train with other laws; DOP853 carries linear ones too."""
+ROUNDS = 2
+"""How often the worst speeds of a band are judged: where a motion is erratic the judged figure is not the sweep's, and
+another speed is the worst then."""
 SWEEP_REFINEMENT = 4
 """Runge-Kutta-Gill's steps in a sweep, as a multiple of the first ones: where its bounce is right to some um."""
 ORDER = ("confirmed", "sensitive", "not converged", "rejected")
 """From best to worst: one speed at which a limit is surely broken rejects the cam, whatever the others say."""
-SPEED_NEIGHBOUR = 1e-3
-LIFT_NEIGHBOUR = 1e-7  # m, at the largest lift
-STATE_NEIGHBOUR = (1e-6, 1e-3)  # m, m/s: as far apart as two states that count as settled
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SpeedVerdict:
     """What the methods found at one speed, and what follows. Figures are the first method's."""
 
@@ -46,15 +47,23 @@ class SpeedVerdict:
     verdict: str
     broken: tuple[str, ...]
     straddled: tuple[str, ...]  # limits that some of the neighbourhood keeps and some breaks
-    bounce_range_mm: tuple[float, float]  # over measured revolutions and neighbours
+    ranges: dict[str, tuple[float, float]]  # of every metric, over measured revolutions and neighbours
     methods: dict[str, Converged]
+
+    @property
+    def bounce_range_mm(self) -> tuple[float, float]:
+        """Smallest and largest bounce over measured revolutions and neighbours."""
+        return self.ranges["bounce_mm"]
+
+    def __repr__(self) -> str:
+        return f"SpeedVerdict({self.speed_rpm:g} r/min: {self.verdict}, by {', '.join(self.methods)})"
 
     def as_dict(self) -> dict:
         """One record of `speeds` in verification.json."""
         return speed_record(self)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Verdict:
     """The verdict on a cam in a scene; `as_dict` is the contract's verification.json."""
 
@@ -80,6 +89,15 @@ class Verdict:
         from camopt.verify.shown import figure
 
         return figure(self)
+
+    def __repr__(self) -> str:
+        speeds = ", ".join(f"{s.speed_rpm:g}" for s in self.speeds[:6]) + ", ..." * (len(self.speeds) > 6)
+        return f"Verdict({self.verdict}, at {speeds} r/min{', and the band' * (self.band is not None)})"
+
+    def __str__(self) -> str:
+        from camopt.verify.shown import text
+
+        return text(self)
 
     def _repr_html_(self) -> str:
         from camopt.verify.shown import html
@@ -136,9 +154,13 @@ def verify(
     band, worst, first = None, (), {"bounce_mm": None, "jump_mm": None}
     if band_step_rpm is not None:
         band, first, suspects = _swept_band(scene, lift, train, band_step_rpm, workers)
-        worst = judge(suspects)
-        judged = {s.speed_rpm: s.methods[methods[0]].worst for s in (*at_speeds, *worst)}
-        band = band.with_judged(methods[0], judged)
+        swept = band
+        for _ in range(ROUNDS):
+            worst += judge(s for s in suspects if s not in [w.speed_rpm for w in worst])
+            judged = {s.speed_rpm: s.methods[methods[0]].worst for s in (*at_speeds, *worst)}
+            band = swept.with_judged(methods[0], judged)
+            suspects = [band.worst(name)[0] for name in limited_metrics(scene.design)]
+        worst = tuple(sorted(worst, key=lambda s: s.speed_rpm))
     shape = broken_by_shape(lift, scene.design)
     every = (*at_speeds, *worst)
     broken = dict.fromkeys([*shape, *(name for s in every for name in s.broken)])
@@ -156,7 +178,7 @@ def _swept_band(
     limited: what a search of its own has found may not be left out.
     """
     swept = Swept(_sweeping(train), scene, lift, workers, "event" if train.laws is None else "rkg")
-    limited = tuple(dict.fromkeys(["bounce_mm", *(limit.metric for limit in motion_limits(scene.design).values())]))
+    limited = limited_metrics(scene.design)
     found, left_out = resonances(scene, lift, step_rpm)
     sweep(swept, step_rpm, limited, found)
     first = first_exceeding(swept, _starts(scene))
@@ -201,25 +223,38 @@ def _starts(scene: Scene) -> dict[str, float]:
 def _judge_speed(scene, lift, speed_rpm, methods, tolerance_um, halvings, settled) -> SpeedVerdict:
     train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
     rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
-    limited = [limit.metric for limit in motion_limits(scene.design).values()]
+    limited = limited_metrics(scene.design)
     answers = {
-        m: converge(_method(m), train, lift, cam_speed, rest, tolerance_um, halvings, settled, limited=limited)
+        m: converge(
+            _method(m),
+            train,
+            lift,
+            cam_speed,
+            rest,
+            tolerance_um,
+            halvings,
+            settled,
+            limited=limited,
+            certain=m == methods[0],
+        )
         for m in methods
     }
     first = answers[methods[0]]
     if first.state is None:
-        return SpeedVerdict(speed_rpm, "not converged", (), (), (np.nan, np.nan), answers)
+        return SpeedVerdict(speed_rpm, "not converged", (), (), first.range, answers)
     try:
-        near = _neighbours(_method(methods[0]), train, lift, cam_speed, first)
+        near = neighbours(_method(methods[0]), train, lift, cam_speed, first)
     except MotionRefused:
-        return SpeedVerdict(speed_rpm, "not converged", (), (), first.range["bounce_mm"], answers)
-    broken, straddled = _against_limits(scene, speed_rpm, first, near)
-    bounces = [first.range["bounce_mm"], *(f.range("bounce_mm") for f in near)]
-    bounce_range = float(np.min(bounces)), float(np.max(bounces))
+        return SpeedVerdict(speed_rpm, "not converged", (), (), first.range, answers)
+    broken, straddled = against_limits(scene, speed_rpm, first, near)
+    ranges = {}
+    for name, own in first.range.items():
+        every = np.array([own, *(f.range(name) for f in near)])
+        ranges[name] = float(every.min()), float(every.max())
     if not agreement(list(answers.values()), tolerance_um, limited):
-        return SpeedVerdict(speed_rpm, "not converged", (), straddled, bounce_range, answers)
+        return SpeedVerdict(speed_rpm, "not converged", (), straddled, ranges, answers)
     verdict = "rejected" if broken else "sensitive" if straddled else "confirmed"
-    return SpeedVerdict(speed_rpm, verdict, broken, straddled, bounce_range, answers)
+    return SpeedVerdict(speed_rpm, verdict, broken, straddled, ranges, answers)
 
 
 def agreement(answers: list[Converged], tolerance_um: float, limited: Collection[str] = ()) -> bool:
@@ -236,46 +271,10 @@ def agreement(answers: list[Converged], tolerance_um: float, limited: Collection
             continue
         if not all(seated):
             return False
-        errors = [max(a.error[name], 0.5 * (tolerance + RELATIVE * abs(a.worst[name]))) for a in answers]
+        least = [0.5 * (tolerance + RELATIVE * abs(a.worst[name])) for a in answers]
+        errors = [max(a.error[name] / MARGIN, e) for a, e in zip(answers, least, strict=True)]  # what halving moved
         lows = [a.range[name][0] - error for a, error in zip(answers, errors, strict=True)]
         highs = [a.range[name][1] + error for a, error in zip(answers, errors, strict=True)]
         if max(lows) > min(highs):
             return False
     return True
-
-
-def _neighbours(prepare: Prepare, train: Train, lift: Lift, cam_speed: float, answer: Converged) -> list[Figures]:
-    """Figures at neighbouring speeds (+-0.1 %), lifts (+-0.1 um at the largest lift) and initial states."""
-    assert answer.state is not None, "a refused motion has no neighbours"
-    n = len(train.mass)
-    away = np.repeat(STATE_NEIGHBOUR, n) * np.random.default_rng(0).choice([-1.0, 1.0], 2 * n)
-    cases = []
-    for sign in (-1.0, 1.0):
-        scaled = replace(lift, coefficients=lift.coefficients * (1 + sign * LIFT_NEIGHBOUR / lift.max_lift))
-        cases.append((lift, cam_speed * (1 + sign * SPEED_NEIGHBOUR), answer.state))
-        cases.append((scaled, cam_speed, answer.state))
-        cases.append((lift, cam_speed, answer.state + sign * away))
-    steps = answer.steps_per_revolution // 2  # the error estimate is what the last halving changed
-    most = None if answer.periodic else PLAIN_REVOLUTIONS  # a motion that wanders after all had faded still does
-    return [
-        settle(prepare(train, cam, speed, steps), state, most, decay=decay_per_revolution(train, speed)).metrics(cam)
-        for cam, speed, state in cases
-    ]
-
-
-def _against_limits(
-    scene, speed_rpm, answer: Converged, near: list[Figures]
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Limits that the whole neighbourhood breaks, and those that only a part of it breaks."""
-    at = f"at {speed_rpm:g} r/min"
-    seats = [not np.isnan(v) for v in (answer.worst["bounce_mm"], *(f.worst("bounce_mm") for f in near))]
-    if not all(seats):
-        return ((f"never seats {at}",), ()) if not any(seats) else ((), (f"never seats {at}",))
-    broken, straddled = [], []
-    for key, limit in motion_limits(scene.design).items():
-        values, error = [answer.worst[limit.metric], *(f.worst(limit.metric) for f in near)], answer.error[limit.metric]
-        if all(limit.breaks(value, error) for value in values):
-            broken.append(f"{key} {at}")
-        elif not all(limit.keeps(value, error) for value in values):
-            straddled.append(f"{key} {at}")
-    return tuple(broken), tuple(straddled)

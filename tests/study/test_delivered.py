@@ -84,30 +84,44 @@ class TestDial:
 
         return motion, calls
 
-    def test_halved_until_two_coarser_answers_stand(self):
-        """Off by 10 um times the setting over its start: answers differ by 3 times the last error."""
+    def test_halved_until_three_coarser_answers_stand(self):
+        """Off by 10 um times the setting over the stored one: answers differ by 7 times the last error, and half as
+        much again is said."""
         start = stored_curves()["rkg"].coarsest(1.0, typical=True)
         run, calls = self.run(lambda s: 10e-6 * s / start)
         found = deliver(run, "rkg", 1.0, 1, start / 1e6)
-        assert found.reached and calls == pytest.approx([start / 2**i for i in range(6)])
-        assert found.estimate_um[0] == pytest.approx(3 * 10 / 2**5, rel=1e-6)
+        assert found.reached and calls == pytest.approx([start / 2**i for i in range(-1, 8)])
+        assert found.estimate_um[0] == pytest.approx(1.5 * 7 * 10 / 2**7, rel=1e-6)
         assert found.setting == calls[-1]
 
     def test_the_finest_setting_ends_it_unreached(self):
         further = count()
         run, calls = self.run(lambda s: 1e-3 * next(further))
         found = deliver(run, "rkg", 1.0, 1, stored_curves()["rkg"].coarsest(1.0, typical=True) / 8)
-        assert len(calls) == 4 and not found.reached
-        assert found.estimate_um[0] == pytest.approx(2000.0)
+        assert len(calls) == 5 and not found.reached
+        assert found.estimate_um[0] == pytest.approx(1.5 * 3000.0)
 
     def test_refused_settings_are_passed_over_and_all_refused_is_a_refusal(self):
         start = stored_curves()["rkg"].coarsest(1.0, typical=True)
         run, calls = self.run(lambda s: 0.0, refuse=lambda s: s > 0.3 * start)
         assert deliver(run, "rkg", 1.0, 1, start / 1e6).reached
-        assert len(calls) == 5
+        assert len(calls) == 7
         run, _ = self.run(lambda s: 0.0, refuse=lambda s: True)
         with pytest.raises(MotionRefused, match="too coarse"):
             deliver(run, "rkg", 1.0, 1, start / 8)
+
+    def test_promises_of_an_erratic_method_are_kept(self, monkeypatch):
+        """Off by a share of the setting that is as good as drawn anew at every setting, as a method that steps across
+        contacts is: one promise in 240 is broken, where two coarser answers alone broke one in ten."""
+        monkeypatch.setattr(module, "valve_position", lambda answer, revolutions: np.full(ANGLES + 1, answer))
+        rng, broken, draws = np.random.default_rng(1), 0, 2000
+        for _ in range(draws):
+            asked = 10 ** rng.uniform(-1, 1)
+            start, size = stored_curves()["tmm"].coarsest(asked, typical=True), 10 ** rng.uniform(-6, -4)
+            found = deliver(lambda s, z=size, t=start: z * rng.uniform() * s / t, "tmm", asked, 1, start / 1e9)
+            assert found.reached
+            broken += 1e6 * found.response > asked
+        assert broken / draws < 0.011  # one in 240, and four standard deviations of 2000 draws
 
 
 def test_apart_is_the_largest_difference_of_each_revolution():

@@ -10,7 +10,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.scene import load_scene
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
-from camopt.verify.limits import MOTION_LIMITS, broken_by_shape, duration_words, motion_limits
+from camopt.verify.limits import MOTION_LIMITS, MotionLimit, broken_by_shape, duration_words, motion_limits
 
 SCENE = load_scene("kodama")
 LIFT = polydyne(SCENE)
@@ -167,4 +167,22 @@ def test_limits_on_the_motion_are_those_the_scene_sets():
         "jump_max_mm": ("jump_mm", 0.05),
         "seating_velocity_max_m_per_s": ("seating_velocity_m_per_s", 0.8),
     }
-    assert set(MOTION_LIMITS) - set(motion_limits(SCENE.design)) == {"contact_force_max_N"}
+    assert set(MOTION_LIMITS) - set(motion_limits(SCENE.design)) == {
+        "contact_force_max_N",
+        "contact_force_min_N",
+        "jump_max_deg",
+    }
+
+
+def test_a_limit_knows_its_direction():
+    most, least = MotionLimit("jump_mm", 0.05), MotionLimit("contact_force_min_N", 40.0)
+    assert (most.least, least.least) == (False, True)
+    assert most.keeps(0.05) and not most.keeps(0.05, 1e-3) and most.breaks(0.06) and not most.breaks(0.06, 0.02)
+    assert least.keeps(40.0) and not least.keeps(40.0, 1.0) and least.breaks(30.0) and not least.breaks(30.0, 12.0)
+    assert not most.keeps(np.nan) and most.breaks(np.nan) and least.breaks(np.nan)
+    for limit, good, bad in ((most, 0.0, 1.0), (least, 100.0, 0.0)):
+        shares = limit.share(np.array([good, limit.value, bad, np.nan]))
+        assert shares[0] == 0.0 and shares[1] == 1.0 and 1.0 < shares[2] < np.inf and shares[3] == np.inf
+    for limit, step in ((most, 1e-4), (least, -0.1)):  # towards worse
+        rise = limit.share(limit.value + step) - limit.share(limit.value)
+        assert rise == pytest.approx(limit.share_slope * step) and rise > 0

@@ -42,12 +42,12 @@ def test_the_response_is_largest_where_the_resonance_is_said_to_be():
 
 
 def test_a_cam_that_bounces_between_the_speeds_of_the_grid_is_not_confirmed():
-    """A window of 14 r/min between 6145 and 6165 r/min in which the valve bounces by more than is allowed."""
+    """Between 6149 and 6163 r/min alone the valve bounces by more than is allowed: steps of 60 r/min confirmed it."""
     scene = coil_scene(**BOUNCE_ALONE)
     lift = polydyne(scene)
-    plain = at_speeds(engine.prepare, scene, lift, np.arange(6065.0, 6246.0, 20.0))
-    assert max(row["bounce_mm"] for row in plain) < 0.05  # steps of 20 r/min alone see nothing
-    result = verify(scene, lift, (6065.0,), ("event", "rkg"), band_step_rpm=20.0, halvings=4)
+    plain = at_speeds(engine.prepare, scene, lift, np.arange(6065.0, 6246.0, 60.0))
+    assert max(row["bounce_mm"] for row in plain) < 0.05  # steps of 60 r/min alone see nothing
+    result = verify(scene, lift, (6065.0,), ("event", "rkg"), band_step_rpm=60.0, halvings=4)
     assert result.verdict != "confirmed"
     assert result.band.worst("bounce_mm")[1] > 0.1
     assert result.first_bounce_rpm < 6165  # below the band, at the harmonic 8, the cam bounces too

@@ -92,7 +92,7 @@ def test_the_bounce_delivered_is_within_what_was_asked():
     rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
 
     def answer(prepare, asked_um: float, halvings: int):
-        return converge(prepare, train, cam, scene.cam_speed(6500), rest, asked_um, halvings)
+        return converge(prepare, train, cam, scene.cam_speed(6500), rest, asked_um, halvings, certain=True)
 
     found, true = answer(rkg.prepare, 20.0, 6), answer(event_exact, 0.01, 3)
     delivered_um = bounce_error_um(SimpleNamespace(methods={"rkg": found}))

@@ -30,8 +30,8 @@ HAIR = 1e-9
 class Limits:
     """Linear limits `matrix @ z <= bound` on a free cam; row r comes from the design's limit `names[group[r]]`.
 
-    `slope[r]` is d bound[r] / d limit in SI, zero for the nose. `scale` (per name) is the limit in SI, `unit` its unit
-    of the scene file in SI.
+    `size` (per name) is the magnitude of the limit in SI and `slope[r]` is d bound[r] / d size; both are zero for the
+    nose, whose rows bound a sign and no value. `unit` is the unit of the scene file in SI.
     """
 
     matrix: np.ndarray  # (r, m)
@@ -39,7 +39,7 @@ class Limits:
     slope: np.ndarray  # (r)
     group: np.ndarray  # (r) int
     names: tuple[str, ...]
-    scale: np.ndarray  # (g)
+    size: np.ndarray  # (g)
     unit: np.ndarray  # (g)
 
     def rows(self, name: str) -> np.ndarray:
@@ -187,9 +187,9 @@ class _Rows:
         for sign in signs:
             level = 0.0 if nose else abs(limit)
             tight = HAIR * (MM_PER_DEG2 * 0.01 if nose else level)  # the nose has no level: a usual acceleration
-            slope = 0.0 if nose else np.sign(limit)
+            slope = 0.0 if nose else 1.0
             bound = level - tight - sign * offset
-            self.parts.append((sign * matrix, bound, np.full(len(bound), slope), name, limit, unit))
+            self.parts.append((sign * matrix, bound, np.full(len(bound), slope), name, level, unit))
 
     def limits(self) -> Limits:
         names = tuple(dict.fromkeys(p[3] for p in self.parts))
@@ -200,7 +200,7 @@ class _Rows:
             slope=np.concatenate([p[2] for p in self.parts]),
             group=np.concatenate([np.full(len(p[1]), names.index(p[3])) for p in self.parts]),
             names=names,
-            scale=np.array([first[n][4] for n in names]),
+            size=np.array([first[n][4] for n in names]),
             unit=np.array([first[n][5] for n in names]),
         )
 

@@ -1,0 +1,53 @@
+"""The neighbourhood of a settled motion, and the limits held against all of it with the estimated error."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from camopt.cam.lift import Lift
+from camopt.scene.schema import Scene
+from camopt.scene.train import Train
+from camopt.verify.converge import Converged, Prepare
+from camopt.verify.limits import motion_limits
+from camopt.verify.settle import PLAIN_REVOLUTIONS, Figures, decay_per_revolution, settle
+
+SPEED_NEIGHBOUR = 1e-3
+LIFT_NEIGHBOUR = 1e-7  # m, at the largest lift
+STATE_NEIGHBOUR = (1e-6, 1e-3)  # m, m/s: as far apart as two states that count as settled
+
+
+def neighbours(prepare: Prepare, train: Train, lift: Lift, cam_speed: float, answer: Converged) -> list[Figures]:
+    """Figures at neighbouring speeds (+-0.1 %), lifts (+-0.1 um at the largest lift) and initial states."""
+    assert answer.state is not None, "a refused motion has no neighbours"
+    n = len(train.mass)
+    away = np.repeat(STATE_NEIGHBOUR, n) * np.random.default_rng(0).choice([-1.0, 1.0], 2 * n)
+    cases = []
+    for sign in (-1.0, 1.0):
+        scaled = replace(lift, coefficients=lift.coefficients * (1 + sign * LIFT_NEIGHBOUR / lift.max_lift))
+        cases.append((lift, cam_speed * (1 + sign * SPEED_NEIGHBOUR), answer.state))
+        cases.append((scaled, cam_speed, answer.state))
+        cases.append((lift, cam_speed, answer.state + sign * away))
+    steps = answer.steps_per_revolution // 2  # the error estimate is what the last halving changed
+    most = None if answer.periodic else PLAIN_REVOLUTIONS  # a motion that wanders after all had faded still does
+    return [
+        settle(prepare(train, cam, speed, steps), state, most, decay=decay_per_revolution(train, speed)).metrics(cam)
+        for cam, speed, state in cases
+    ]
+
+
+def against_limits(
+    scene: Scene, speed_rpm: float, answer: Converged, near: list[Figures]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Limits that the whole neighbourhood breaks, and those that only a part of it breaks."""
+    at = f"at {speed_rpm:g} r/min"
+    seats = [not np.isnan(v) for v in (answer.worst["bounce_mm"], *(f.worst("bounce_mm") for f in near))]
+    if not all(seats):
+        return ((f"never seats {at}",), ()) if not any(seats) else ((), (f"never seats {at}",))
+    broken, straddled = [], []
+    for key, limit in motion_limits(scene.design).items():
+        values, error = [answer.worst[limit.metric], *(f.worst(limit.metric) for f in near)], answer.error[limit.metric]
+        if all(limit.breaks(value, error) for value in values):
+            broken.append(f"{key} {at}")
+        elif not all(limit.keeps(value, error) for value in values):
+            straddled.append(f"{key} {at}")
+    return tuple(broken), tuple(straddled)
