@@ -25,7 +25,7 @@ from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 from camopt.scene.units import MM
 from camopt.storage import default_run_folder, run_folder, run_identity, write_json, write_text
-from camopt.verifier.verdict import Verdict
+from camopt.verifier.verdict import Verdict, verdict_on
 
 PACKAGES = ("camopt", "jax", "diffrax", "optax", "numpy", "scipy", "highspy", "numba", "matplotlib")
 SPEEDS = ("band", "nominal")

@@ -28,9 +28,8 @@ from camopt.report.tables import (
     worth_rows,
 )
 from camopt.report.wording import NO_VERDICT, VERDICTS, in_words, is_number, shown
-from camopt.report.worst import judged_speeds, worst_of
+from camopt.report.worst import bounce_error_um, judged_speeds, worst_of
 from camopt.storage import write_text
-from camopt.verifier.accuracy_statement import stated_error_um
 
 HERE = Path(__file__).parent
 SECTIONS = (
@@ -186,17 +185,17 @@ def accuracy(run: RunFolder) -> list[str]:
         f"Asked for: {shown(asked)}{unit}." if asked is not None else "The accuracy asked for is not recorded."
     ]
     stated, speeds = run.verification.get("accuracy") or {}, judged_speeds(run.verification)
-    errors = [(s["bounce_error_mm"], s.get("speed_rpm")) for s in speeds if is_number(s.get("bounce_error_mm"))]
+    errors = [(error, s.get("speed_rpm")) for s in speeds if (error := bounce_error_um(s)) is not None]
     if stated.get("reached") is False:
         sentences.append(f"Delivered: {str(stated.get('statement')).partition('; ')[2]}.")
     elif errors:
         worst, at = max(errors, key=lambda e: e[0])
-        delivered = stated_error_um(1000 * worst)
-        words = f"better than ±{delivered[1:]} µm" if delivered.startswith("<") else f"±{delivered} µm or better"
-        sentences.append(f"Delivered: bounce to {words}, the largest estimate at {shown(at)} r/min.")
+        sentences.append(
+            f"Delivered: bounce to ±{shown(worst, 2)} µm or better, the largest estimate at {shown(at)} r/min."
+        )
     else:
         sentences.append("No error estimate was delivered.")
-    without = [s.get("speed_rpm") for s in speeds if not is_number(s.get("bounce_error_mm"))]
+    without = [s.get("speed_rpm") for s in speeds if bounce_error_um(s) is None]
     if errors and without:
         sentences.append(f"There is no error estimate at {in_words(without)} r/min.")
     return sentences

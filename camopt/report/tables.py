@@ -7,9 +7,8 @@ from camopt.plots.style import DESIGN, cam_line, family_of
 from camopt.report.folder import RunFolder
 from camopt.report.outcome import broken_limits
 from camopt.report.wording import METHODS, VERDICTS, as_number, broken_words, cell, is_number, label_and_unit, shown
-from camopt.report.worst import judged_speeds, worst_of
+from camopt.report.worst import bounce_error_um, judged_speeds, worst_of
 from camopt.scene.quantities import QUANTITIES
-from camopt.verifier.accuracy_statement import stated_error_um
 from camopt.verifier.verdict import ORDER
 
 SPEED_COLUMNS = (
@@ -145,7 +144,7 @@ def speed_rows(run: RunFolder) -> list[dict]:
     for speed in judged_speeds(run.verification):
         verdict = str(speed.get("verdict", ""))
         bounce = shown(speed["bounce_mm"]) if is_number(speed.get("bounce_mm")) else "never seats"
-        error = speed.get("bounce_error_mm")
+        error = bounce_error_um(speed)
         rows.append(
             {
                 "speed": shown(speed.get("speed_rpm")),
@@ -153,7 +152,7 @@ def speed_rows(run: RunFolder) -> list[dict]:
                 "verdict": verdict or "–",
                 "kind": VERDICTS[verdict][0] if verdict in VERDICTS else "",
                 "bounce": bounce,
-                "error": f"±{stated_error_um(1000 * error)}".replace("±<", "<") if is_number(error) else "–",
+                "error": "–" if error is None else f"±{shown(error, 2)}",
                 "range": shown(speed.get("bounce_range_mm"), 3),
                 "cells": [shown(speed.get(key)) for key in SPEED_COLUMNS],
             }

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from camopt.report.folder import RunFolder
 from camopt.report.wording import is_number, shown
 from camopt.scene.quantities import LESS_IS_WORSE
+from camopt.scene.units import MM, UM
+from camopt.verifier.convergence import FINEST
 
 JUDGED = ("speeds", "worst_in_band")
 """Lists of verification.json that hold a verdict per speed: at the listed speeds, and at the band's worst ones."""
@@ -57,12 +59,22 @@ def _stated(verification: dict, name: str) -> Iterator[Worst]:
 
 
 def upper_end(speed: dict, name: str) -> tuple[float | None, str]:
-    """The figure that a limit judges, and its key: the range's upper end, the value plus its error, or the value."""
-    value = speed.get(name)
-    if name == "bounce_mm":
-        spread, error = speed.get("bounce_range_mm"), speed.get("bounce_error_mm")
-        if isinstance(spread, list) and spread and all(map(is_number, spread)):
-            return max(spread), f"bounce_range_mm[{spread.index(max(spread))}]"
-        if is_number(value) and is_number(error):
-            return value + error, "bounce_mm + bounce_error_mm"
+    """The figure that a limit judges, and its key: the bad end of the range, the value plus its error, or the value."""
+    value, ranges = speed.get(name), speed.get("ranges")
+    key = f"ranges.{name}"
+    spread = ranges.get(name) if isinstance(ranges, dict) else None
+    if spread is None and name == "bounce_mm":
+        key, spread = "bounce_range_mm", speed.get("bounce_range_mm")
+    if isinstance(spread, list) and spread and all(map(is_number, spread)):
+        end = min(spread) if name in LESS_IS_WORSE else max(spread)
+        return end, f"{key}[{spread.index(end)}]"
+    error = speed.get("bounce_error_mm")
+    if name == "bounce_mm" and is_number(value) and is_number(error):
+        return value + error, "bounce_mm + bounce_error_mm"
     return (value if is_number(value) else None), name
+
+
+def bounce_error_um(speed: dict) -> float | None:
+    """The estimated error of bounce at a speed [um], None where there is none; never less than a verdict states."""
+    error = speed.get("bounce_error_mm")
+    return max(error, FINEST["bounce_mm"]) * MM / UM if is_number(error) else None

@@ -8,9 +8,6 @@ import numpy as np
 from camopt.scene.units import MM, UM
 from camopt.verifier.convergence import FINEST, Converged
 
-LEAST_STATED_UM = 1e-3
-"""Smaller estimates are stated as below this: a nanometre is less than any claim about a valve train can mean."""
-
 
 class AtSpeed(Protocol):
     """A speed of a verdict."""
@@ -30,11 +27,6 @@ def bounce_error_um(speed: AtSpeed) -> float:
     low, high = first.range["bounce_mm"]
     error = first.error["bounce_mm"] + (0.0 if first.periodic else high - low)
     return float(error * MM / UM) if np.isfinite(error) else np.inf
-
-
-def stated_error_um(error_um: float) -> str:
-    """An estimated error [um] in two digits, `<0.001` where it is less than any claim can mean."""
-    return f"<{LEAST_STATED_UM:g}" if error_um < LEAST_STATED_UM else f"{error_um:.2g}"
 
 
 def stated(speeds: Iterable[AtSpeed], asked_um: float, asked: str | float | None) -> dict:

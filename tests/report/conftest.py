@@ -41,6 +41,7 @@ def speed_record(i: int) -> dict:
         **metrics(i),
         "bounce_error_mm": 2e-5 * (i + 1),
         "bounce_range_mm": [0.010 * i, 0.012 * i],
+        "ranges": {name: [value, value] for name, value in metrics(i).items()} | {"bounce_mm": [0.010 * i, 0.012 * i]},
         "revolutions": 6 + i,
         "periodic": True,
         "methods": methods,

@@ -108,7 +108,7 @@ def test_limits_show_the_worst_at_its_speed(write, contents):
 
 
 def test_the_upper_end_of_the_range_decides(write, contents):
-    contents["verification"]["speeds"][2]["bounce_range_mm"] = [0.01, 0.0501]
+    contents["verification"]["speeds"][2]["ranges"]["bounce_mm"] = [0.01, 0.0501]
     page = page_of(write(contents))
     row = page.table("limit")["bounce"]
     assert (row["state"], row["reached"], row["where"]) == ("✗ broken", "0.0501", "at 6500 r/min")
@@ -116,7 +116,12 @@ def test_the_upper_end_of_the_range_decides(write, contents):
 
 
 def test_without_a_range_the_error_is_added(write, contents):
-    contents["verification"]["speeds"][3] |= {"bounce_mm": 0.0499, "bounce_error_mm": 0.0002, "bounce_range_mm": None}
+    contents["verification"]["speeds"][3] |= {
+        "bounce_mm": 0.0499,
+        "bounce_error_mm": 0.0002,
+        "bounce_range_mm": None,
+        "ranges": None,
+    }
     row = page_of(write(contents)).table("limit")["bounce"]
     assert (row["state"], row["reached"]) == ("✗ broken", "0.0501")
 
@@ -130,7 +135,7 @@ def test_a_deceleration_below_its_limit_is_broken(write, contents):
 
 
 def test_a_valve_that_never_seats_is_not_called_held(write, contents):
-    contents["verification"]["speeds"][3] |= {"bounce_mm": None, "bounce_range_mm": None}
+    contents["verification"]["speeds"][3] |= {"bounce_mm": None, "bounce_range_mm": None, "ranges": None}
     page = page_of(write(contents))
     row = page.table("limit")["bounce"]
     assert row["state"] == "? not known" and row["where"] == "no figure at 7000 r/min"
