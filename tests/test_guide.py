@@ -14,6 +14,7 @@ import camopt
 import camopt.cam.families
 import camopt.verifier.methods
 from camopt.cam.read import FAMILIES, Family, numbers
+from camopt.cli import options
 from camopt.cli import parser as cli
 from camopt.differentiable.families import differentiable
 from camopt.exact import prepare
@@ -104,7 +105,7 @@ class TestAddingAMethod:
         code, line = blocks(camopt.verifier.methods)
         made = written(code, "camopt.verifier.methods.semi_implicit_euler")
         monkeypatch.setitem(INDEPENDENT, *next(iter(eval(f"{{{line}}}").items())))
-        monkeypatch.setattr(cli, "METHODS", ("event", *INDEPENDENT))  # as when they are imported after it
+        monkeypatch.setattr(options, "METHODS", ("event", *INDEPENDENT))  # as when they are imported after it
         monkeypatch.setattr(motion, "MODULES", motion.MODULES | INDEPENDENT)
         return made
 

@@ -1,0 +1,218 @@
+"""The options of every command, in the order of the help: a function a command, which adds it to the parser."""
+
+import argparse
+from collections.abc import Callable
+
+from camopt.cli.values import ACCURACIES, accuracy, count, digits, picture_file, positive, seed, speeds
+from camopt.verifier.methods import INDEPENDENT
+
+METHODS = ("event", *INDEPENDENT)
+Command = Callable[[str, str, str], argparse.ArgumentParser]
+
+
+def _optimize(command: Command) -> None:
+    c = command(
+        "optimize",
+        "design the cam of largest area within a scene's limits, verify it and compare it",
+        "camopt optimize kodama --speeds nominal --out runs/first",
+    )
+    _scene(c, default="kodama")
+    c.add_argument("--speeds", choices=("band", "nominal"), default="band", help="speeds the cam must hold at (band)")
+    c.add_argument("--accuracy", choices=ACCURACIES, default="standard", help="speed against accuracy (standard)")
+    c.add_argument(
+        "--gradient", choices=("smooth", "exact", "none"), default="smooth", help="gradients of the dynamics (smooth)"
+    )
+    c.add_argument("--out", metavar="DIR", help="run folder, refused if it exists (runs/<scene>-<UTC time>)")
+    c.add_argument("--seed", type=seed, default=0, metavar="N", help="seed of the searches (0)")
+    c.add_argument("--resume", action="store_true", help="go on in the run folder named by --out")
+
+
+def _verify(command: Command) -> None:
+    c = command(
+        "verify",
+        "check a cam at speeds with independent methods, each with equations and contact law of its own",
+        "camopt verify kodama --cam polydyne --speeds 5000,6000 --json verification.json",
+    )
+    _scene(c)
+    _cam_options(c)
+    c.add_argument("--speeds", type=speeds, metavar="LIST", help="5000,6000 or 300:8000:100 crankshaft r/min (listed)")
+    c.add_argument("--method", choices=("all", *METHODS), default="all", help="which methods (all)")
+    c.add_argument(
+        "--accuracy", type=accuracy, default="standard", metavar="A", help="draft, standard, fine or micrometres"
+    )
+    c.add_argument("--json", metavar="FILE", help="write the verification as JSON")
+
+
+def _simulate(command: Command) -> None:
+    c = command(
+        "simulate",
+        "simulate the motion from rest at one speed",
+        "camopt simulate kodama --cam polydyne --speed 6000 --csv motion.csv",
+    )
+    _scene(c)
+    _cam_options(c)
+    c.add_argument("--speed", type=positive, required=True, metavar="RPM", help="crankshaft r/min")
+    c.add_argument(
+        "--method",
+        choices=(*METHODS, "smooth"),
+        help="method (event; with --accuracy the most accurate one for the scene's laws)",
+    )
+    c.add_argument(
+        "--accuracy", type=accuracy, metavar="A", help="draft, standard, fine or micrometres of the valve's position"
+    )
+    c.add_argument("--revolutions", type=count, default=2, metavar="N", help="cam revolutions from rest (2)")
+    c.add_argument("--step-deg", type=positive, default=0.1, metavar="DEG", help="step of the table, cam degrees (0.1)")
+    c.add_argument("--csv", metavar="FILE", help="write the motion as a table")
+
+
+def _compare(command: Command) -> None:
+    c = command(
+        "compare",
+        "compare designs with the literature's cams under the same limits",
+        "camopt compare kodama --design runs/first --out runs/comparison",
+    )
+    _scene(c, default="kodama")
+    c.add_argument(
+        "--design", action="append", default=[], metavar="RUN", help="run folder, design or table; repeatable"
+    )
+    _table_options(c)
+    c.add_argument(
+        "--baselines",
+        choices=("plain", "best"),
+        default="plain",
+        help="the literature's cams of largest area, or every family searched within the bounce limit, minutes (plain)",
+    )
+    c.add_argument("--out", metavar="DIR", help="folder of the comparison (runs/<scene>-<UTC time>)")
+
+
+def _cam(command: Command) -> None:
+    c = command(
+        "cam",
+        "show a cam against the scene's limits, its contact with the follower, and write lift table and contour",
+        "camopt cam kodama --cam polydyne --csv lift.csv",
+    )
+    _scene(c)
+    _cam_options(c)
+    c.add_argument("--speed", type=positive, metavar="RPM", help="with [geometry]: Hertz stress at crankshaft r/min")
+    c.add_argument("--step-deg", type=positive, default=0.1, metavar="DEG", help="step of what is written (0.1)")
+    c.add_argument(
+        "--digits", type=digits, metavar="N", help="decimals of the lift in mm (table: every digit; contour: 6)"
+    )
+    c.add_argument("--csv", metavar="FILE", help="write the lift table")
+    c.add_argument("--contour", metavar="FILE", help="with [geometry]: write the contour, Cartesian and polar")
+    c.add_argument("--figure", type=picture_file, metavar="FILE", help="draw it with the scene's limits, .png or .svg")
+
+
+def _modes(command: Command) -> None:
+    c = command("modes", "natural frequencies and mode shapes", "camopt modes kodama --state seated")
+    _scene(c)
+    c.add_argument("--state", choices=("lifted", "seated"), default="lifted", help="valve off or on its seat (lifted)")
+    c.add_argument("--json", metavar="FILE", help="write the modes as JSON")
+
+
+def _bound(command: Command) -> None:
+    c = command("bound", "how much area any cam can have within a scene's limits", "camopt bound kodama")
+    _scene(c)
+    c.add_argument("--json", metavar="FILE", help="write the bounds as JSON")
+
+
+def _reduce(command: Command) -> None:
+    c = command(
+        "reduce",
+        "smaller models of a scene, with what each gets wrong and saves",
+        "camopt reduce kodama --speeds 5000 --tolerance-mm 0.02",
+    )
+    _scene(c)
+    _cam_options(c, default="polydyne")
+    c.add_argument("--speeds", type=speeds, metavar="LIST", help="5000,6000 or 300:8000:100 crankshaft r/min (listed)")
+    c.add_argument(
+        "--tolerance-mm", type=positive, default=0.01, metavar="MM", help="error of bounce, jump and lift (0.01)"
+    )
+    c.add_argument("--json", metavar="FILE", help="write every model's errors and times, and the proposed scene")
+
+
+def _report(command: Command) -> None:
+    c = command(
+        "report",
+        "write comparison, figures and page of a run folder again, or check every number that it states",
+        "camopt report runs/first --check",
+    )
+    c.add_argument("run", metavar="RUN", help="run folder of `camopt optimize`")
+    words = "write nothing: list stated numbers with their source, judge the cam anew, say what differs (exit code 3)"
+    c.add_argument("--check", action="store_true", help=words)
+
+
+def _tradeoff(command: Command) -> None:
+    c = command("tradeoff", "measure what accuracy costs on a scene: methods and job", "camopt tradeoff kodama")
+    _scene(c)
+    _cam_options(c, default="polydyne")
+    c.add_argument("--out", metavar="DIR", help="folder, refused if it exists (runs/<scene>-<UTC time>)")
+    c.add_argument("--resume", action="store_true", help="go on in the folder named by --out")
+    c.add_argument("--size", choices=("small", "full"), default="full", help="how many settings (full, minutes)")
+
+
+def _extremes(command: Command) -> None:
+    c = command(
+        "extremes",
+        "put every method to the extremes: no case may end in a wrong number without a warning",
+        "camopt extremes motori-1 --out runs/extremes",
+    )
+    c.add_argument("scene", metavar="SCENE", nargs="?", help="built-in scene or TOML file (every built-in scene)")
+    c.add_argument(
+        "--out", metavar="DIR", help="folder of extremes.csv, refused if it exists (runs/<scene>-<UTC time>)"
+    )
+    c.add_argument("--resume", action="store_true", help="go on in the folder named by --out")
+
+
+def _gradient(command: Command) -> None:
+    c = command(
+        "gradient",
+        "may the gradient be trusted here: both paths against differences of the truth, metric by metric",
+        "camopt gradient kodama --cam polydyne --speed 6000",
+    )
+    _scene(c)
+    _cam_options(c)
+    c.add_argument("--speed", type=positive, required=True, metavar="RPM", help="crankshaft r/min")
+    c.add_argument("--json", metavar="FILE", help="write the comparison as JSON")
+
+
+def _scenes(command: Command) -> None:
+    c = command("scenes", "list the built-in scenes, or print one to edit", "camopt scenes kodama > mine.toml")
+    c.add_argument("name", nargs="?", metavar="NAME", help="built-in scene to print")
+
+
+def _scene(c: argparse.ArgumentParser, default: str | None = None) -> None:
+    text = "built-in scene (`camopt scenes`) or TOML file"
+    if default is None:
+        c.add_argument("scene", metavar="SCENE", help=text)
+    else:
+        c.add_argument("scene", metavar="SCENE", nargs="?", default=default, help=f"{text} ({default})")
+
+
+def _cam_options(c: argparse.ArgumentParser, default: str | None = None) -> None:
+    c.add_argument(
+        "--cam",
+        required=default is None,
+        default=default,
+        metavar="CAM",
+        help="family (polydyne, or polydyne:exponents=2/10/18/26/34,speed_rpm=6000), lift table, run folder or its "
+        "design.json" + (f" ({default})" if default else ""),
+    )
+    _table_options(c)
+
+
+def _table_options(c: argparse.ArgumentParser) -> None:
+    c.add_argument("--table-angle", choices=("cam", "crank"), help="angle of a lift table from elsewhere")
+    c.add_argument("--table-lift", choices=("mm", "m", "inch"), help="unit of the lift in such a table")
+    c.add_argument(
+        "--table-ratio",
+        type=positive,
+        metavar="R",
+        help="valve lift over the table's lift, where that is tappet lift (1); all three may also stand in the table's "
+        "header, as in '# table-angle = crank'",
+    )
+
+
+DESIGNING = (_optimize, _verify, _simulate, _compare, _cam, _modes)
+STUDYING = (_bound, _gradient, _tradeoff, _extremes, _reduce, _report, _scenes)
+COMMANDS = (*DESIGNING, *STUDYING)
