@@ -2,7 +2,7 @@
 
     import camopt
 
-    scene = camopt.load_scene("kodama")             # a built-in name or a TOML file; scene.notes says what is unusual
+    scene = camopt.load_scene("kodama")             # a built-in name or a TOML file
     cam = camopt.polydyne(scene)
     print(camopt.verify(scene, cam).verdict)
     run = camopt.optimize(scene, accuracy="draft", out="runs/first")

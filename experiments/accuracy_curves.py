@@ -17,9 +17,9 @@ from camopt.exact import engine
 from camopt.measure.settling import settle
 from camopt.measure.sweep import at_speeds
 from camopt.scene import MotionRefused, build_train
+from camopt.scene.rest import state_at_rest
 from camopt.scene.units import MM, UM
 from camopt.storage import write_json
-from camopt.study.reduce.reduction import at_rest
 from camopt.study.simulate.accuracy_control import apart_um, valve_position
 from camopt.study.simulate.motion import dialled
 from camopt.verifier.stored_curves import FILE
@@ -69,7 +69,7 @@ def of_settling(cases: list[DrawnCase]) -> list[list[float]]:
     rows = []
     for case in cases:
         train = build_train(case.scene)
-        revolve, rest = engine.prepare(train, case.lift, case.scene.cam_speed(case.speed_rpm)), at_rest(train)
+        revolve, rest = engine.prepare(train, case.lift, case.scene.cam_speed(case.speed_rpm)), state_at_rest(train)
         truth = settle(revolve, rest, most=300, position=SETTLED)
         if truth.periodic:
             bounce = partial(settle, revolve, rest, 300)

@@ -16,8 +16,8 @@ import numpy as np
 from camopt.exact import engine
 from camopt.measure.settling import settle
 from camopt.scene import build_train
+from camopt.scene.rest import state_at_rest
 from camopt.scene.units import MM, UM
-from camopt.study.reduce.reduction import at_rest
 from camopt.study.simulate.accuracy_control import apart_um, valve_position
 from camopt.study.simulate.motion import delivered, dialled
 from camopt.verifier.accuracy import effort_of
@@ -70,7 +70,7 @@ def bounce_row(case: DrawnCase, asked_um: float) -> dict:
     bounces, spreads = [], []
     for samples in TRUTH_SAMPLES:
         revolve = engine.prepare(train, case.lift, case.scene.cam_speed(case.speed_rpm), samples)
-        settled = settle(revolve, at_rest(train), most=200, position=SETTLED)
+        settled = settle(revolve, state_at_rest(train), most=200, position=SETTLED)
         figures = settled.metrics(case.lift)
         bounces.append(figures.worst("bounce_mm") * MM / UM)
         low, high = figures.range("bounce_mm")

@@ -15,12 +15,13 @@ import numpy as np
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import engine
 from camopt.scene import Scene, build_train, load_scene, parse_scene
+from camopt.scene.rest import state_at_rest
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples, response_arrays
 from camopt.smooth.system import build_system
 from camopt.study.reduce.idle_contacts import LeftOut, leave_out
 from camopt.study.reduce.reduced_models import scene_toml, smaller_models
-from camopt.study.reduce.reduction import at_rest, milliseconds, path_times, smooth_times
+from camopt.study.reduce.reduction import milliseconds, path_times, smooth_times
 from camopt.verifier.convergence import first_steps
 from camopt.verifier.methods import rkg, tmm
 from experiments.support.cost_figures import figures, print_table
@@ -93,7 +94,7 @@ def masses_row(scene: Scene, cam, smooth: bool) -> dict:
     train, cam_speed = build_train(scene), scene.cam_speed(SPEED_RPM)
     ms = path_times(LeftOut(scene, (), (), None), cam, SPEED_RPM)
     run = engine.prepare(train, cam, cam_speed)
-    rest = at_rest(train)
+    rest = state_at_rest(train)
     ms["event, end state"] = milliseconds(lambda: run.advance(rest), 20)
     if smooth:
         ms |= smooth_times(scene, cam, SPEED_RPM)
@@ -144,7 +145,7 @@ def never_closing(scene: Scene, cam, repeats: int = 40) -> dict:
     model = leave_out(with_it, frozenset({"clash_1"}), frozenset())
     cam_speed = scene.cam_speed(SPEED_RPM)
     whole, part = build_train(with_it), build_train(model.scene)
-    rest, steps = at_rest(part), first_steps(part, cam_speed)
+    rest, steps = state_at_rest(part), first_steps(part, cam_speed)
     methods = {
         "event": engine.prepare,
         "rkg": lambda train, cam, cam_speed: rkg.prepare(train, cam, cam_speed, steps),
@@ -171,7 +172,7 @@ def never_closing(scene: Scene, cam, repeats: int = 40) -> dict:
 def side_by_side_row(scene: Scene, cam, count: int) -> dict:
     """Time on the wall [ms] of `count` speeds, and of `count` cams, at once."""
     train, top = build_train(scene), scene.cam_speed(SPEED_RPM)
-    rest, speeds = at_rest(train), np.linspace(0.9 * top, top, count)
+    rest, speeds = state_at_rest(train), np.linspace(0.9 * top, top, count)
     cams = [replace(cam, coefficients=cam.coefficients * (1 - 1e-3 * i)) for i in range(count)]
     steps, system, y0 = first_steps(train, top), build_system(train), jnp.asarray(rest_state(train))
     samples = jnp.stack([jnp.asarray(lift_samples(c)) for c in cams])

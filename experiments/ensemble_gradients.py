@@ -14,11 +14,12 @@ from tqdm import tqdm
 
 from camopt.cam.bumps import moved, with_bumps
 from camopt.cam.families.polydyne import polydyne
-from camopt.exact.adjoint.gradient import rest_state, value_and_gradient
+from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.exact.ensemble import cosine, ensemble_gradient, evolution_strategy_gradient
 from camopt.plots.style import CAMS, INK, legend_above, new_figure, styled
 from camopt.scene import build_train, load_scene
+from camopt.scene.rest import state_at_rest
 from experiments.support.record import RESULTS, run_script, write_result
 
 RPM = 7000.0
@@ -52,7 +53,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     def members(heights: np.ndarray) -> np.ndarray:
         """Values (k, l) of the judging members about the cam with the bumps at heights (m) [m]."""
         lifts = (moved(lift, directions, heights + one) for one in noise)
-        return np.array([TracedMotion(train, one, speed, rest_state(train)).values(METRICS) for one in lifts])
+        return np.array([TracedMotion(train, one, speed, state_at_rest(train)).values(METRICS) for one in lifts])
 
     before, rows = members(np.zeros(BUMPS[size])), []
     for i, metric in enumerate(METRICS):

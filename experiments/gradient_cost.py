@@ -9,9 +9,9 @@ import time
 import numpy as np
 
 from camopt.cam.families.free import FreeCam, free_cam
-from camopt.exact.adjoint.gradient import rest_state
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.scene import build_train, load_scene
+from camopt.scene.rest import state_at_rest
 from experiments.support.record import RESULTS, run_script, write_result
 
 SIZES = {"small": (20, (6000.0,)), "full": (400, (5000.0, 6000.0, 6500.0, 7000.0))}
@@ -26,7 +26,7 @@ def main(size: str, folder=RESULTS) -> dict:
     scene = load_scene("kodama")
     train = build_train(scene)
     assert scene.design is not None
-    start, rows = rest_state(train), []
+    start, rows = state_at_rest(train), []
     for count in COEFFICIENTS:
         cam = free_cam(scene.design, scene.design.duration_deg / (count + 1))
         z = bell(cam)

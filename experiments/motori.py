@@ -12,8 +12,9 @@ from camopt.cam.lift import Lift
 from camopt.exact import prepare
 from camopt.measure.settling import Settled, settle
 from camopt.measure.sweep import at_speeds
-from camopt.scene import MotionRefused, Scene, build_train, load_scene, rest_position
+from camopt.scene import MotionRefused, Scene, build_train, load_scene
 from camopt.scene.response import Response
+from camopt.scene.rest import state_at_rest
 from camopt.scene.units import RPM
 from experiments.support.motori_figures import group_figure, span_figure, stiffness_figure
 from experiments.support.record import RESULTS, run_script, write_result
@@ -60,7 +61,7 @@ def changed(scene: Scene, **elements: dict[str, float]) -> Scene:
 def settled(scene: Scene, lift: Lift, cam_rpm: float) -> Settled:
     """The settled event-exact motion from rest at a camshaft speed [r/min]."""
     train = build_train(scene)
-    start = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    start = state_at_rest(train)
     return settle(prepare(train, lift, cam_rpm * RPM), start)
 
 

@@ -27,7 +27,7 @@ from camopt.optimizer.accuracy import ACCURACIES, Accuracy, design_speeds
 from camopt.optimizer.program.kinematic import area_ratio_row, kinematic_optimum
 from camopt.optimizer.program.linear_program import ADDED_PER_ROUND, FEASIBILITY
 from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, no_jump_program
-from camopt.optimizer.search.judge import SHARE, Judge
+from camopt.optimizer.search.judge import USABLE_SHARE, Judge
 from camopt.optimizer.search.search import find_cam
 from camopt.scene import build_train, load_scene
 from camopt.scene.schema import Scene
@@ -40,7 +40,7 @@ SCENE = {"small": "motori-1", "full": "kodama"}
 EFFORTS = {"small": replace(ACCURACIES["draft"], knot_deg=12.0, margin_draws=4), "full": ACCURACIES["standard"]}
 TIGHT = {"primal_feasibility_tolerance": FEASIBILITY, "dual_feasibility_tolerance": 1e-9}
 WORTH = 0.05
-"""Area ratio that a share of a limit above SHARE costs: two hundredths of a limit outweigh what a search gains."""
+"""Area ratio that a share above USABLE_SHARE costs: two hundredths of a limit outweigh what a search gains."""
 MOST_OVER = 10.0
 FIRST_N, SPREAD_N = 0.0, 20.0
 ROUNDING = 1e-9
@@ -70,7 +70,7 @@ class Given:
     def cost(self, area: float, lift, over: float = 0.0, briefly: bool = False) -> float:
         """Minus the area ratio of a cam, and what it uses of limits beyond the share allowed; notes confirmed ones."""
         judged = self.judge(lift, briefly)
-        over = max(over, float(np.nan_to_num(judged.share.max(), posinf=MOST_OVER)) - SHARE)
+        over = max(over, float(np.nan_to_num(judged.share.max(), posinf=MOST_OVER)) - USABLE_SHARE)
         if over <= 0.0:
             self.tried.append((time.process_time() - self.started, area))
         return -area + WORTH * min(max(over, 0.0), MOST_OVER)

@@ -19,8 +19,9 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.exact import prepare as event
 from camopt.measure.metrics import measure
-from camopt.scene import MotionRefused, Scene, Train, build_train, load_scene, rest_position
+from camopt.scene import MotionRefused, Scene, Train, build_train, load_scene
 from camopt.scene.response import Response, Revolve, end_state, joined
+from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM
 from camopt.verifier.methods import rkg, tmm
 from experiments.support.record import RESULTS, run_script, write_result
@@ -97,7 +98,7 @@ def cams(scene: Scene, polydyne_ramp_mm: float = 0.250) -> dict[str, Lift]:
 
 def run(train: Train, revolve: Revolve) -> Response:
     """The motion from rest, nine revolutions. Raises MotionRefused where a step past its stability limit blows up."""
-    state = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    state = state_at_rest(train)
     record = []
     for _ in range(REVOLUTIONS):
         record.append(revolve(state))

@@ -15,8 +15,9 @@ from scipy.integrate import solve_ivp
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import prepare
-from camopt.scene import build_train, load_scene, rest_position
+from camopt.scene import build_train, load_scene
 from camopt.scene.response import end_state
+from camopt.scene.rest import state_at_rest
 from camopt.scene.units import MM
 from camopt.study.tradeoff.dormand_prince import dormand_prince, problem, right_hand_side
 from camopt.verifier.methods import houbolt, rkg, tmm
@@ -45,7 +46,7 @@ class Case:
         scene = load_scene("kodama")
         self.scene, self.train, self.lift = scene, build_train(scene), polydyne(scene)
         self.cam_speed = scene.cam_speed(SPEED_RPM)
-        self.rest = np.concatenate([rest_position(self.train), np.zeros(len(self.train.mass))])
+        self.rest = state_at_rest(self.train)
         self.times = np.linspace(0.0, 4 * np.pi / self.cam_speed, 2 * SAMPLES + 1)
         self.arrays = problem(self.train, self.lift, self.cam_speed)
         self.truth = self.states(self.two(prepare(self.train, self.lift, self.cam_speed, FINE[size])))

@@ -9,7 +9,7 @@ from argparse import Namespace
 from pathlib import Path
 
 from camopt.scene import InputError, Scene, build_train, builtin_scenes, load_scene, scene_text
-from camopt.scene.notes import speed_notes
+from camopt.scene.notes import scene_notes, speed_notes
 from camopt.scene.spelling import did_you_mean
 from camopt.scene.text_file import excerpt
 from camopt.storage import check_run_folder, default_run_folder, write_csv, write_json
@@ -234,7 +234,7 @@ def scenes(args: Namespace) -> int:
 def _scene_of(args: Namespace, need: tuple[str, ...] = SIMULATED) -> Scene:
     """The scene that a command names; what is unusual about it or about the speeds asked is noted."""
     scene = load_scene(args.scene, need)
-    notes = [f"{args.scene}: {note}" for note in scene.notes]
+    notes = [f"{args.scene}: {note}" for note in scene_notes(scene)]
     if (speed := getattr(args, "speed", None)) is not None:
         notes += speed_notes("--speed", [speed])
     if isinstance(speeds := getattr(args, "speeds", None), tuple):

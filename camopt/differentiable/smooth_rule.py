@@ -18,7 +18,7 @@ from camopt.smooth.grid import LARGEST_PHASE, equal_grid
 from camopt.smooth.metrics import at_angle, revolution_metrics
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import EPS, LIFT_SAMPLES, STEPS, TOLERANCE, response_arrays, touch_layer
-from camopt.smooth.system import Motion, System, build_system
+from camopt.smooth.system import System, SystemState, build_system
 
 TRAIN_PARAMETERS = ("mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap")
 """Fields of `Train` that may be given. The stiffness of a hertz contact is its coefficient [N/m^exponent]."""
@@ -98,7 +98,7 @@ def _motion(system, samples, cam_speed, y0, numbers, revolutions: int, steps: in
     return regular(motion, cam_speed, regular_angles(revolutions, steps)), metrics
 
 
-def regular(motion: Motion, cam_speed, angle: np.ndarray) -> Motion:
+def regular(motion: SystemState, cam_speed, angle: np.ndarray) -> SystemState:
     """The motion at the angles `angle` [rad]; between samples positions are cubics, velocities and forces linear."""
     theta = jnp.asarray(angle)
 
@@ -109,4 +109,4 @@ def regular(motion: Motion, cam_speed, angle: np.ndarray) -> Motion:
         return jax.vmap(lambda q, s: at_angle(motion.angle, q, theta, s), 1, 1)(values, slope)
 
     lift = linear(motion.lift[:, None])[:, 0]
-    return Motion(theta, lift, cubic(motion.x, motion.v / cam_speed), linear(motion.v), linear(motion.force))
+    return SystemState(theta, lift, cubic(motion.x, motion.v / cam_speed), linear(motion.v), linear(motion.force))

@@ -10,9 +10,10 @@ from functools import lru_cache
 import numpy as np
 
 from camopt.cam.lift import Lift, lift_with
-from camopt.exact.adjoint.gradient import rest_back, rest_state
+from camopt.exact.adjoint.gradient import rest_back
 from camopt.exact.adjoint.motion import ByTrain, Slopes, TracedMotion
 from camopt.scene.errors import InputError, MotionRefused
+from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Train
 
 TRAIN_PARAMETERS = tuple(field.name for field in fields(ByTrain))
@@ -105,4 +106,4 @@ def varied(train: Train, changes: tuple[tuple[str, bytes], ...]) -> Train:
     return replace(train, **{name: np.frombuffer(data).copy() for name, data in changes}) if changes else train
 
 
-rest = lru_cache(maxsize=24)(rest_state)
+rest = lru_cache(maxsize=24)(state_at_rest)

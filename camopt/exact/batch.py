@@ -9,7 +9,7 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint.evaluate import closings_margin, evaluate
-from camopt.exact.adjoint.gradient import rest_back, rest_state
+from camopt.exact.adjoint.gradient import rest_back
 from camopt.exact.adjoint.motion import (
     FIRST_SEGMENTS,
     NO_ROWS,
@@ -29,6 +29,7 @@ from camopt.exact.kernel.propagators import propagators
 from camopt.exact.kernel.revolution import DONE, NEED_TABLES, TRACE_FULL
 from camopt.exact.kernel.setting import Setting, follow, slot_tables
 from camopt.exact.kernel.trace import first
+from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Train
 
 PARTS = 4
@@ -114,7 +115,7 @@ def value_and_gradient_many(
     arrays = train_arrays(train)
     weights = np.ones(len(metrics)) if cotangent is None else np.asarray(cotangent, dtype=float)
     wanted = Wanted(revolutions, revolution, metric_numbers(train, metrics), weights, cotangent is not None)
-    states = np.array([rest_state(train)] * len(lifts) if starts is None else starts, dtype=float)
+    states = np.array([state_at_rest(train)] * len(lifts) if starts is None else starts, dtype=float)
     groups: dict[tuple, list[int]] = {}
     for i, (lift, speed) in enumerate(zip(lifts, cam_speeds, strict=True)):
         pieces = lift.borders.tobytes(), lift.coefficients.shape, lift.half_duration

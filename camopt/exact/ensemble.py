@@ -20,10 +20,10 @@ import numpy as np
 
 from camopt.cam.bumps import moved
 from camopt.cam.lift import Lift
-from camopt.exact.adjoint.gradient import rest_state
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.exact.batch import value_and_gradient_many
 from camopt.scene.errors import InputError, MotionRefused
+from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Train
 
 FEWEST_PAIRS = 2
@@ -100,7 +100,7 @@ def evolution_strategy_gradient(
     """
     pairs = _pairs(len(directions), sigma_m, members, seed)
     lifts = [moved(lift, directions, sign * heights) for heights in pairs for sign in (1.0, -1.0)]
-    at = rest_state(train) if start is None else start
+    at = state_at_rest(train) if start is None else start
 
     def values_of(member: Lift) -> np.ndarray:
         return TracedMotion(train, member, cam_speed, at, revolutions).values(metrics, revolution)

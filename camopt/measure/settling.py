@@ -11,7 +11,7 @@ from camopt.measure.periodic import periodic_state
 from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import LESS_IS_WORSE
 from camopt.scene.response import Response, Revolve, end_state, joined, next_state
-from camopt.scene.rest import rest_position
+from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Train
 from camopt.scene.vibration import slowest_decay
 
@@ -133,7 +133,7 @@ def settled_from_rest(prepare: Callable[..., Revolve], train: Train, lift: Lift,
 
     `prepare` is the method's, `cam_speed` [rad/s], `steps` its steps per revolution where it needs them.
     """
-    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    rest = state_at_rest(train)
     return settle(prepare(train, lift, cam_speed, *steps), rest, decay=decay_per_revolution(train, cam_speed))
 
 

@@ -1,15 +1,15 @@
 """Figures from arrays: every function returns a matplotlib Figure, `save` writes it; nothing here computes a result."""
 
 from camopt.plots.cams import profiles
-from camopt.plots.motion import Motion, last_revolution, valve_motion
+from camopt.plots.motion import DrawnMotion, last_revolution, valve_motion
 from camopt.plots.search import History, convergence
 from camopt.plots.speeds import Sweep, bounce_against_speed
 from camopt.plots.style import cam_line, save
 from camopt.plots.vibration import modes
 
 __all__ = [
+    "DrawnMotion",
     "History",
-    "Motion",
     "Sweep",
     "bounce_against_speed",
     "cam_line",

@@ -32,7 +32,7 @@ NEAR = 2.0
 
 
 @dataclass(frozen=True)
-class Motion:
+class DrawnMotion:
     """One revolution of one cam at one speed, k samples from -180 to 180 deg."""
 
     cam: str
@@ -42,19 +42,19 @@ class Motion:
     contact_force_N: Mapping[str, np.ndarray]  # (k) per contact between cam and valve
 
 
-def last_revolution(cam: str, speed_rpm: float, response: Response) -> Motion:
+def last_revolution(cam: str, speed_rpm: float, response: Response) -> DrawnMotion:
     """The last whole revolution of a response, in the units of the figure."""
     middle = 2 * np.pi * (response.revolutions - 1)
     inside = response.angle >= middle - np.pi - 1e-9  # round-off of the revolution's first angle
     train = response.train
     forces = {train.element_names[e]: response.force[inside, e] for e in train.cam_side}
-    return Motion(
+    return DrawnMotion(
         cam, speed_rpm, (response.angle[inside] - middle) / DEG, response.seat_separation()[inside] / MM, forces
     )
 
 
 @styled
-def valve_motion(motions: Sequence[Motion], design: Design) -> Figure:
+def valve_motion(motions: Sequence[DrawnMotion], design: Design) -> Figure:
     """Draws the valve lift, a zoom of its closing and each contact force: a column per speed, cams over each other."""
     speeds = sorted({m.speed_rpm for m in motions})
     contacts = list(motions[0].contact_force_N)
@@ -108,7 +108,7 @@ def _event(axes: Axes, design: Design) -> None:
         axes.axvline(angle, color="#999999", linewidth=0.7, zorder=1)
 
 
-def _leading(motions: Sequence[Motion]) -> Sequence[Motion]:
+def _leading(motions: Sequence[DrawnMotion]) -> Sequence[DrawnMotion]:
     """The motions that the axes are made for: the design's, or all of them where there is none.
 
     What a cam that bounces does would flatten them.
@@ -116,14 +116,14 @@ def _leading(motions: Sequence[Motion]) -> Sequence[Motion]:
     return [m for m in motions if family_of(m.cam) == DESIGN] or motions
 
 
-def _force_top(motions: Sequence[Motion], contact: str, design: Design) -> float:
+def _force_top(motions: Sequence[DrawnMotion], contact: str, design: Design) -> float:
     """Upper end [N] of a contact's force axis: the limit is inside where it is near."""
     largest = max(float(np.max(m.contact_force_N[contact])) for m in _leading(motions))
     limit = design.contact_force_max_N or 0.0
     return ROOM * max(largest, limit if limit < NEAR * largest else 0.0, 1.0)
 
 
-def _inside(motion: Motion, start: float, end: float) -> np.ndarray:
+def _inside(motion: DrawnMotion, start: float, end: float) -> np.ndarray:
     """Samples of the closing's zoom after the revolution's greatest lift has passed and the valve has touched."""
     after = motion.cam_angle_deg > motion.cam_angle_deg[np.argmax(motion.valve_mm)]
     touched = np.cumsum(after & (motion.valve_mm <= 0)) > 0
@@ -139,7 +139,7 @@ def _shorten(axes: Axes, values: Mapping[str, np.ndarray], top: float, unit: str
         axes.set_title(f"beyond this axis [{unit}]: {lines}", fontsize=BASE - 2, fontweight="normal")
 
 
-def _closing(motions: Sequence[Motion], design: Design) -> tuple[float, float, float]:
+def _closing(motions: Sequence[DrawnMotion], design: Design) -> tuple[float, float, float]:
     """(first angle [deg], last angle [deg], height [mm]) of the zoom, from the duration's end or a touch before."""
     start = design.duration_deg / 2
     end, top = start + 15.0, 3 * (design.bounce_max_mm or 0.02)

@@ -25,8 +25,9 @@ duplicate or dangling names. A unit always stands in the key.
 - What the source does not give belongs in `assumed = [...]` of its table, and what it gives in `source`: `verify` does
   not mind, your readers do.
 
-What is unusual but runs, as a mass of 125 kg or a lash above the ramps, is noted and not refused: `scene.notes`, and a
-line on standard error. `camopt.scene.usual` holds the ranges, with the units that are mixed up most.
+What is unusual but runs, as a mass of 125 kg or a lash above the ramps, is noted and not refused:
+`camopt.scene.notes.scene_notes(scene)` gives the sentences, and every command prints them on standard error.
+`camopt.scene.usual` holds the ranges, with the units that are mixed up most.
 
 At rest on the base circle every mass must be held, and the seat must not push the valve open; a scene where that fails
 is refused with a sentence. `camopt modes mine.toml` is a good first look: natural frequencies far from those measured

@@ -20,10 +20,10 @@ TAKING_PART = 0.1
 """Component of a floating direction, relative to its largest, from which a mass is named."""
 MOST_CONTACTS = 39
 """Sets of contact states are numbered by event-exact in 64 bits, three states each."""
-MOST_STEPS = 200
+MOST_NEWTON_STEPS = 200
 """Newton steps to rest; ten are usual."""
 NOT_FOUND = (
-    f"no static equilibrium on the base circle was found in {MOST_STEPS} steps: check preloads, gaps and, under "
+    f"no static equilibrium on the base circle was found in {MOST_NEWTON_STEPS} steps: check preloads, gaps and, under "
     f"nonlinear laws, stiffness tables"
 )
 GROUNDING = 1e-12
@@ -82,6 +82,11 @@ def rest_position(train: Train) -> np.ndarray:
     return x
 
 
+def state_at_rest(train: Train) -> np.ndarray:
+    """State (2n: [m], then [m/s]) at rest on the base circle; raises InputError where there is none."""
+    return state_at_rest(train)
+
+
 def _not_held(train: Train, direction: np.ndarray) -> str:
     """The sentence about the masses that move along a direction (n) which nothing resists."""
     share = np.abs(direction) / np.max(np.abs(direction))
@@ -120,7 +125,7 @@ def _balanced(train: Train, x: np.ndarray) -> tuple[np.ndarray, bool]:
         return train.mass_force - rows.T @ np.where(open_, 0.0, p), np.where(open_, 0.0, tangent)
 
     slack = FORCE_SLACK * max(np.abs(train.preload).max(), np.abs(train.mass_force).max(), 1.0)
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_NEWTON_STEPS):
         force, tangent = unbalanced(x)
         if np.abs(force).max() <= slack:
             return x, True

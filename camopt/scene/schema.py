@@ -255,10 +255,3 @@ class Scene(Table):
 
         assert self.operation is not None, "load_scene(..., need='operation') guarantees it"
         return speed_rpm * self.operation.cam_per_crank * RPM
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Sentences on what is unusual: numbers outside `camopt.scene.usual.USUAL`, a lash above the ramps."""
-        from camopt.scene.notes import scene_notes
-
-        return scene_notes(self)

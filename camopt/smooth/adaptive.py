@@ -8,9 +8,9 @@ import jax.numpy as jnp
 
 from camopt.scene.errors import InputError
 from camopt.smooth.scan import lift_at
-from camopt.smooth.system import Motion, System
+from camopt.smooth.system import System, SystemState
 
-MOST_STEPS = 2**17
+MOST_SOLVER_STEPS = 2**17
 SOLVERS = {
     name.lower(): getattr(diffrax, name)
     for name in ("Tsit5", "Dopri5", "Dopri8", "Bosh3", "Heun", "Kvaerno3", "Kvaerno5", "KenCarp4", "KenCarp5")
@@ -35,7 +35,7 @@ def adaptive_states(
     solver: str = "tsit5",
     ramp: str = "compact",
     adjoint: str = "reverse",
-) -> Motion:
+) -> SystemState:
     """Motion at the angles `angle` (k) [rad] from the state y0 (2, n) at the first; arguments as of `response_arrays`.
 
     `adjoint` is "reverse" or "forward", the one mode in which it may then be differentiated. Error control is as in
@@ -64,7 +64,7 @@ def adaptive_states(
         saveat=diffrax.SaveAt(ts=time),
         stepsize_controller=diffrax.PIDController(rtol=0.0, atol=tolerance, dtmax=2 * jnp.pi / cam_speed / 360),
         adjoint=ADJOINTS[adjoint](),
-        max_steps=MOST_STEPS,
+        max_steps=MOST_SOLVER_STEPS,
         throw=False,
     )
     assert solution.ys is not None
@@ -72,4 +72,4 @@ def adaptive_states(
     states = jnp.where(solution.result == diffrax.RESULTS.successful, states, jnp.nan)
     lift, lift_dtheta = lift_at(samples, angle)
     force = jax.vmap(lambda y, l, l_dt: system.force(y, l, l_dt, eps, ramp))(states, lift, lift_dtheta * cam_speed)
-    return Motion(angle, lift, states[:, 0], states[:, 1], force)
+    return SystemState(angle, lift, states[:, 0], states[:, 1], force)

@@ -13,7 +13,7 @@ from camopt.smooth.grid import equal_grid
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.scan import integrate_stages, stage_angles
 from camopt.smooth.simulate import touch_layer
-from camopt.smooth.system import Motion, System
+from camopt.smooth.system import System, SystemState
 
 BATCH_EPS = 1e-6
 """Width of the contact's layer [m] that some two thousand equal steps follow within 1e-3 mm; see
@@ -29,8 +29,9 @@ def stage_lifts(lift: Lift, steps: int) -> np.ndarray:
     return np.stack([lift(theta), lift(theta, 1)])
 
 
-def batch_motion(system: System, stages, cam_speed, y0, eps=BATCH_EPS, ramp: str = "compact") -> Motion:
-    """One revolution from the states y0 (2, n) or (2, n, b) of b motions: a `Motion` with the batch first, (b, k, ...).
+def batch_motion(system: System, stages, cam_speed, y0, eps=BATCH_EPS, ramp: str = "compact") -> SystemState:
+    """One revolution from the states y0 (2, n) or (2, n, b) of b motions, as a `SystemState` with the
+    batch first, (b, k, ...).
 
     `stages` (2, steps, 6, b) holds what `stage_lifts` gives for every cam; `cam_speed` (b) is in rad/s. The motion is
     differentiable in every array and has the precision of `stages`. One program is compiled per topology and shapes.
@@ -45,7 +46,7 @@ def batch_motion(system: System, stages, cam_speed, y0, eps=BATCH_EPS, ramp: str
     lift, lift_dtheta = jnp.concatenate([stages[:, :, 0], stages[:, :1, 0]], axis=1)
     force = jax.vmap(lambda y, l, l_dt: system.force(y, l, l_dt, eps, ramp))(states, lift, lift_dtheta * speed[0])
     x, v, force = (jnp.moveaxis(q, -1, 0) for q in (states[:, 0], states[:, 1], force))
-    return Motion(jnp.broadcast_to(angle, (width, steps + 1)), lift.T, x, v, force)
+    return SystemState(jnp.broadcast_to(angle, (width, steps + 1)), lift.T, x, v, force)
 
 
 def batch_metrics(

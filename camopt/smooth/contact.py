@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 
 
-class Ramp(NamedTuple):
+class SmoothingRamp(NamedTuple):
     """A smooth stand-in for max(0, r), its derivative, its layer |r| < half_width, and the steps the layer needs."""
 
     value: Callable[[jax.Array], jax.Array]
@@ -36,8 +36,8 @@ def _compact_slope(r: jax.Array) -> jax.Array:
 
 
 RAMPS = {
-    "compact": Ramp(_compact_value, _compact_slope, 0.5, 4),
-    "softplus": Ramp(jax.nn.softplus, jax.nn.sigmoid, 20.0, 80),
+    "compact": SmoothingRamp(_compact_value, _compact_slope, 0.5, 4),
+    "softplus": SmoothingRamp(jax.nn.softplus, jax.nn.sigmoid, 20.0, 80),
 }
 """Ramps by name. Softplus has no edge; at |r| = 20 it is e^-20 of its width away from its asymptotes."""
 

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 
 from camopt.scene.units import DEG, MM
 from camopt.smooth.maxima import soft_greatest, soft_worst
-from camopt.smooth.system import Motion, System
+from camopt.smooth.system import System, SystemState
 
 
 class Closing(NamedTuple):
@@ -23,13 +23,13 @@ class Closing(NamedTuple):
     velocity: jax.Array  # m/s, negative: closing
 
 
-def margins(system: System, motion: Motion) -> jax.Array:
+def margins(system: System, motion: SystemState) -> jax.Array:
     """Compression of every element beyond its touch [m]."""
     y = jnp.stack([motion.x, motion.v], axis=1)
     return jax.vmap(lambda y, lift: system.compression(y, lift, 0.0)[0])(y, motion.lift)
 
 
-def margin_slopes(system: System, motion: Motion, cam_speed) -> jax.Array | None:
+def margin_slopes(system: System, motion: SystemState, cam_speed) -> jax.Array | None:
     """Derivatives of the margins by angle [m/rad]; None where the derivative of the lift is not known."""
     if motion.lift_dtheta is None:
         return None
@@ -38,12 +38,12 @@ def margin_slopes(system: System, motion: Motion, cam_speed) -> jax.Array | None
     return jax.vmap(lambda y, lift_dt: system.compression(y, 0.0, lift_dt)[1])(y, lift_dt) / cam_speed
 
 
-def seat_distance(system: System, motion: Motion) -> tuple[jax.Array, jax.Array]:
+def seat_distance(system: System, motion: SystemState) -> tuple[jax.Array, jax.Array]:
     """Distance s of the valve from where its seat touches [m], positive open, and its rate [m/s]."""
     return -margins(system, motion)[:, system.topology.seat], motion.v[:, system.topology.valve]
 
 
-def valve_acceleration(system: System, motion: Motion) -> jax.Array:
+def valve_acceleration(system: System, motion: SystemState) -> jax.Array:
     """Acceleration of the valve [m/s^2], from the forces of the record."""
     valve = system.topology.valve
     on_valve = motion.force @ system.topology.incidence(system.mass.shape[0])[:, valve]
@@ -74,7 +74,7 @@ def time_to_fall(coefficients, level, most):
     return t - jnp.where(falling, (value - jax.lax.stop_gradient(value)) / jnp.where(falling, speed, -1.0), 0.0)
 
 
-def closing(system: System, motion: Motion, cam_speed, revolution: int, layer: float = 0.0) -> Closing:
+def closing(system: System, motion: SystemState, cam_speed, revolution: int, layer: float = 0.0) -> Closing:
     """The touch: first angle after the revolution's greatest valve lift at which the seat pushes.
 
     `layer` [m] is the distance s where the seat starts to push: half of eps for the compact ramp, 0 without smoothing.
@@ -96,7 +96,7 @@ def in_revolution(angle, revolution: int):
     return jnp.abs(angle - 2 * jnp.pi * revolution) <= jnp.pi
 
 
-def nominal_closing(system: System, motion: Motion, revolution: int):
+def nominal_closing(system: System, motion: SystemState, revolution: int):
     """Angle [rad] at which the cam lift has fallen to the lash: a cubic inside a step, or linear without its slope."""
     lash = sum(system.gap[e] for e in system.topology.cam_side)
     above = in_revolution(motion.angle, revolution) & (motion.lift > lash)
@@ -202,7 +202,9 @@ def _greatest_between(angle, values, slopes, edges, sign=1.0):
     return jnp.max(jnp.stack([crest, *(at_angle(angle, values, edge, slopes) for edge in edges)]))
 
 
-def event_metrics(system: System, motion: Motion, cam_speed, half_duration, revolution: int) -> dict[str, jax.Array]:
+def event_metrics(
+    system: System, motion: SystemState, cam_speed, half_duration, revolution: int
+) -> dict[str, jax.Array]:
     """Jump and contact forces at angles within half the duration from the nose, at the worst cam-side contact."""
     centre = 2 * jnp.pi * revolution
     edges = (centre - half_duration, centre + half_duration)
@@ -224,7 +226,7 @@ def event_metrics(system: System, motion: Motion, cam_speed, half_duration, revo
 
 
 def closed_metrics(
-    system: System, motion: Motion, cam_speed, opening_foot, revolution: int, layer: float = 0.0
+    system: System, motion: SystemState, cam_speed, opening_foot, revolution: int, layer: float = 0.0
 ) -> dict[str, jax.Array]:
     """Bounce, seating and impact velocity, and the integral of max(0, s)^2 from the touch to the next opening foot.
 
@@ -257,7 +259,7 @@ def closed_metrics(
 
 
 def revolution_metrics(
-    system: System, motion: Motion, cam_speed, half_duration, opening_foot, revolution: int = 0, layer: float = 0.0
+    system: System, motion: SystemState, cam_speed, half_duration, opening_foot, revolution: int = 0, layer: float = 0.0
 ) -> dict[str, jax.Array]:
     """Every declared metric of one revolution of a record, by its name in `QUANTITIES` and in the unit of that name.
 
@@ -277,7 +279,7 @@ def revolution_metrics(
 
 
 def soft_metrics(
-    system: System, motion: Motion, half_duration, width_mm, width_N, revolution: int = 0
+    system: System, motion: SystemState, half_duration, width_mm, width_N, revolution: int = 0
 ) -> dict[str, jax.Array]:
     """Jump [mm] and contact forces [N] by smooth maxima over angles and contacts, under the names of the hard ones.
 

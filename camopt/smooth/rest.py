@@ -15,7 +15,7 @@ from camopt.scene.rest import rest_position
 from camopt.scene.train import Train
 from camopt.smooth.system import System
 
-MOST_STEPS = 200
+MOST_CONTACT_SETS = 200
 """Largest number of Newton steps; ten are usual."""
 MOST_HALVINGS = 40
 SLACK = 1e-9
@@ -26,7 +26,7 @@ GROUNDING = 1e-12
 contacts that are open."""
 
 
-class Search(NamedTuple):
+class RestSearch(NamedTuple):
     """Where the search for rest stands."""
 
     x: jax.Array  # (n) m
@@ -63,10 +63,10 @@ def rest_positions(system: System) -> jax.Array:
     largest = jnp.maximum(jnp.max(jnp.abs(frozen.preload)), jnp.max(jnp.abs(frozen.mass_force)))
     slack = max(SLACK, 100 * float(jnp.finfo(frozen.mass.dtype).eps)) * jnp.maximum(largest, 1.0)
 
-    def more(at: Search):
-        return (jnp.max(jnp.abs(at.unbalanced)) > slack) & (at.steps < MOST_STEPS)
+    def more(at: RestSearch):
+        return (jnp.max(jnp.abs(at.unbalanced)) > slack) & (at.steps < MOST_CONTACT_SETS)
 
-    def improve(at: Search) -> Search:
+    def improve(at: RestSearch) -> RestSearch:
         step = newton_step(balance(frozen, at.x)[1], at.unbalanced, ground)
         gain = jnp.abs(at.unbalanced @ step)
 
@@ -76,10 +76,10 @@ def rest_positions(system: System) -> jax.Array:
 
         share, _ = jax.lax.while_loop(overshoots, lambda h: (0.5 * h[0], h[1] + 1), (jnp.ones_like(gain), 0))
         x = at.x + share * step
-        return Search(x, balance(frozen, x)[0], at.steps + 1)
+        return RestSearch(x, balance(frozen, x)[0], at.steps + 1)
 
     x = jnp.zeros_like(frozen.mass)
-    found = jax.lax.while_loop(more, improve, Search(x, balance(frozen, x)[0], jnp.asarray(0)))
+    found = jax.lax.while_loop(more, improve, RestSearch(x, balance(frozen, x)[0], jnp.asarray(0)))
     stiffness = jax.lax.stop_gradient(balance(frozen, found.x)[1])
     x = found.x + newton_step(stiffness, balance(system, found.x)[0], 0.0)
     return jnp.where(jnp.max(jnp.abs(found.unbalanced)) <= slack, x, jnp.nan)

@@ -15,7 +15,7 @@ from camopt.smooth.contact import RAMPS
 from camopt.smooth.grid import equal_grid, refined_grid
 from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import forces_at, integrate, lift_at
-from camopt.smooth.system import Motion, System, build_system
+from camopt.smooth.system import System, SystemState, build_system
 
 EPS = 2e-9
 """Default width of the contact's layer [m]. A width of 1e-7 makes gradients of bouncing motions of `kodama` wrong by up
@@ -26,7 +26,7 @@ TOLERANCE = 3e-12
 right within ten percent."""
 STEPS = 5120
 """Number of steps offered per revolution at first; `kodama` needs 3000 to 4500 at 5000 to 6500 r/min."""
-MOST_STEPS = 2**17
+MOST_GRID_STEPS = 2**17
 """A motion that needs more steps per revolution than this is refused."""
 LIFT_SAMPLES = 2880
 
@@ -52,7 +52,7 @@ def response_arrays(
     steps: int = STEPS,
     refine: bool = True,
     ramp: str = "compact",
-) -> Motion:
+) -> SystemState:
     """Motion over `revolutions` from the state y0 (2, n) at -pi, with `steps` + 1 samples per revolution.
 
     The motion is differentiable in every array. `samples` is what `lift_samples` gives, `cam_speed` is in rad/s, `eps`
@@ -71,7 +71,7 @@ def response_arrays(
         arrived = angle[-1] >= jnp.asarray(jnp.pi, y.dtype)
         states, force = (jnp.where(arrived, q, jnp.nan) for q in (states, force))
         lift, lift_dtheta = lift_at(samples, angle)
-        return states[-1], Motion(angle, lift, states[:, 0], states[:, 1], force, force_dtheta, lift_dtheta)
+        return states[-1], SystemState(angle, lift, states[:, 0], states[:, 1], force, force_dtheta, lift_dtheta)
 
     _, motion = jax.lax.scan(revolve, y0, None, length=revolutions)
     turns = 2 * jnp.pi * jnp.arange(revolutions, dtype=y0.dtype)[:, None]
@@ -132,14 +132,14 @@ def prepare(
     return one_revolution
 
 
-def _scanned(system, samples, cam_speed, y0, eps, tolerance, steps, ramp) -> Motion:
+def _scanned(system, samples, cam_speed, y0, eps, tolerance, steps, ramp) -> SystemState:
     """One revolution by the scan; where the number of steps was not given, it is raised until it suffices."""
     arguments = system, samples, cam_speed, y0, eps, tolerance
     if steps is not None:
         return compiled_response(*arguments, steps=steps, refine=False, ramp=ramp)
     steps = STEPS
     motion = compiled_response(*arguments, steps=steps, ramp=ramp)
-    while not jnp.isfinite(motion.x[0, 0]) and steps < MOST_STEPS:
+    while not jnp.isfinite(motion.x[0, 0]) and steps < MOST_GRID_STEPS:
         steps *= 4
         motion = compiled_response(*arguments, steps=steps, ramp=ramp)
     return motion

@@ -38,7 +38,7 @@ class Topology(NamedTuple):
         return rows[:, :masses]
 
 
-class Motion(NamedTuple):
+class SystemState(NamedTuple):
     """Samples of a motion at one speed, revolution after revolution from -pi; repeated angles are allowed."""
 
     angle: jax.Array  # (k) rad

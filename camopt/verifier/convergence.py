@@ -26,7 +26,7 @@ Prepare = Callable[[Train, Lift, float, int], Revolve]
 COARSEST_PHASE = 0.6
 """Highest frequency times the first step [rad]: well inside the stability limits of the explicit methods."""
 FEWEST_STEPS = 1440
-MOST_STEPS = 120_000
+FINEST_STEPS = 120_000
 """Steps per revolution beyond which a step is not halved again: memory, and minutes. A train that would begin beyond a
 quarter of it (very stiff, very slow) begins there, and nothing counts as converged before its fastest rate is resolved:
 Houbolt's method, stable at every step, would damp it out and stand at a wrong force."""
@@ -104,7 +104,7 @@ def converge(
     certain: bool = False,
 ) -> Converged:
     """Halve the step until every deciding figure stands twice in a row, at most `halvings` times and,
-    after the second halving, to no more than MOST_STEPS.
+    after the second halving, to no more than FINEST_STEPS.
 
     `start` (2n) is the state at rest; a finer step continues from the coarser one's settled state. The error estimate
     is MARGIN times the largest distance to the coarser answers, COARSER of them at most, and never below FINEST. An
@@ -118,14 +118,14 @@ def converge(
     """
     first = steps or first_steps(train, cam_speed)
     enough = max(first, getattr(prepare, "enough_steps", lambda *_: 0)(train, cam_speed))
-    finest = steps = min(first, MOST_STEPS // 4)
+    finest = steps = min(first, FINEST_STEPS // 4)
     allowed, decay = tolerances(tolerance_um, limited), decay_per_revolution(train, cam_speed)
     state, revolutions, most, faded = start, 0, None, False
     runs: list[Figures] = []
     stood: list[bool] = []
     done = None
     for halving in range(halvings + 1):
-        if halving > 2 and steps << halving > MOST_STEPS:
+        if halving > 2 and steps << halving > FINEST_STEPS:
             break
         finest = (steps << halving) + halving
         try:

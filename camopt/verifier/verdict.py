@@ -17,7 +17,7 @@ from camopt.measure.settling import SETTLED_POSITION
 from camopt.measure.sweep import STARTS_MM, Band, Swept, first_exceeding, sweep
 from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.response import Revolve
-from camopt.scene.rest import rest_position
+from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
 from camopt.verifier.accuracy_statement import stated
@@ -222,7 +222,7 @@ def _starts(scene: Scene) -> dict[str, float]:
 
 def _judge_speed(scene, lift, speed_rpm, methods, tolerance_um, halvings, settled) -> SpeedVerdict:
     train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
-    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    rest = state_at_rest(train)
     limited = limited_metrics(scene.design)
     answers = {
         m: converge(

@@ -9,7 +9,7 @@ import numpy as np
 import tomli_w
 
 from camopt.scene import InputError, Scene, build_train, builtin_scenes, load_scene, parse_scene
-from camopt.verifier.convergence import MOST_STEPS, first_steps
+from camopt.verifier.convergence import FINEST_STEPS, first_steps
 
 BASES = tuple(name for name in builtin_scenes() if name not in ("ohv-3dof", "kodama-hertz"))
 MASS_KG = 1e-4, 1.0
@@ -21,7 +21,7 @@ PRELOAD_N = 20.0, 2000.0
 SPEED_RPM = 300.0, 15_000.0
 FACTOR = 1e-2, 1e2
 """By what a number of a built-in train is multiplied."""
-LARGEST = MOST_STEPS // 8
+LARGEST = FINEST_STEPS // 8
 UNDAMPED = 0.15
 NO_GAP = 0.2
 

@@ -9,8 +9,9 @@ from scipy.interpolate import BSpline, PPoly
 from camopt.cam.lift import Lift
 from camopt.exact.engine import prepare
 from camopt.measure.metrics import measure
-from camopt.scene import Scene, Train, build_train, rest_position
+from camopt.scene import Scene, Train, build_train
 from camopt.scene.response import end_state, joined
+from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG
 
 METRIC = "seating_velocity_m_per_s"
@@ -54,7 +55,7 @@ class Problem:
 def problem(scene: Scene, lift: Lift, speeds_rpm: tuple[float, ...], bumps: int, **grid: float) -> Problem:
     """From settled states; `grid` as of `bump`."""
     train = build_train(scene)
-    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    rest = state_at_rest(train)
     states = np.array([prepare(train, lift, scene.cam_speed(rpm)).advance(rest, SETTLING) for rpm in speeds_rpm])
     return Problem(scene, train, lift, speeds_rpm, states, tuple(bump(i, bumps, **grid) for i in range(bumps)))
 

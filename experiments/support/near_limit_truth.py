@@ -16,7 +16,8 @@ from camopt.exact.adjoint.evaluate import evaluate
 from camopt.exact.adjoint.motion import OBSERVATIONS, TracedMotion, metric_numbers
 from camopt.exact.adjoint.seeds import empty_seeds
 from camopt.exact.engine import prepare
-from camopt.scene import MotionRefused, Scene, build_train, rest_position
+from camopt.scene import MotionRefused, Scene, build_train
+from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Train
 
 METRICS = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s")
@@ -169,7 +170,7 @@ def from_rest(scene: Scene, lift: Lift, speeds_rpm) -> Truth:
 
 
 def at_rest(train: Train) -> np.ndarray:
-    return np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    return state_at_rest(train)
 
 
 def worst(train: Train, lift: Lift, cam_speed: float, state: np.ndarray, measured: int) -> np.ndarray:

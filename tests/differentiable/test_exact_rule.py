@@ -15,9 +15,10 @@ from camopt.differentiable import exact_rule
 from camopt.differentiable.exact_rule import TRAIN_PARAMETERS, exact_metrics
 from camopt.differentiable.families import differentiable
 from camopt.differentiable.varying_motion import Varying
-from camopt.exact.adjoint.gradient import rest_state, value_and_gradient
+from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.metrics import METRICS
 from camopt.scene import InputError
+from camopt.scene.rest import state_at_rest
 from camopt.study.simulate.motion import motion_parameters
 from tests.exact.gradient_problems import by_train, from_rest, kodama, least_error
 
@@ -91,7 +92,7 @@ def test_by_speed_through_masses_and_dampings():
     differences = np.array([(values(SPEED + h) - values(SPEED - h)) / (2 * h) for h in (1e-2, 1e-3, 1e-4)])
     error = np.min(np.abs(differences / found - 1), axis=0)
     assert error.max() < 1e-6
-    start = rest_state(TRAIN) + np.repeat([0.0, 1e-2], 10)  # moving: its velocities stay in m/s
+    start = state_at_rest(TRAIN) + np.repeat([0.0, 1e-2], 10)  # moving: its velocities stay in m/s
     held = jax.grad(lambda s: exact_metrics(TRAIN, polydyne(), s, {"start": start}, NAMES)[0])(SPEED)
     pair = [from_rest(TRAIN, polydyne(), SPEED + h, NAMES, start)[0] for h in (1e-3, -1e-3)]
     assert held == pytest.approx((pair[0] - pair[1]) / 2e-3, rel=1e-5)

@@ -12,9 +12,9 @@ import pytest
 
 import camopt
 from camopt.differentiable.families import differentiable
-from camopt.exact.adjoint.gradient import rest_state
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.scene import InputError, build_train
+from camopt.scene.rest import state_at_rest
 from tests.differentiable.test_families import KODAMA, compiled, moved, start
 
 RPM = 6000.0
@@ -38,7 +38,7 @@ METRICS = (
 
 
 def true_metrics(lift, rpm):
-    return TracedMotion(TRAIN, lift, KODAMA.cam_speed(rpm), rest_state(TRAIN), 2).values(METRICS)
+    return TracedMotion(TRAIN, lift, KODAMA.cam_speed(rpm), state_at_rest(TRAIN), 2).values(METRICS)
 
 
 @cache

@@ -9,9 +9,9 @@ import pytest
 
 import camopt
 from camopt.cam.families.free import free_cam
-from camopt.exact.adjoint.gradient import rest_state
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.scene import InputError, build_train, load_scene
+from camopt.scene.rest import state_at_rest
 from camopt.study.simulate.motion import motion_parameters
 
 SCENE = load_scene("kodama")
@@ -43,7 +43,7 @@ def exact(name: str, values: np.ndarray) -> np.ndarray:
         lift = replace(CAM, coefficients=values)
     else:
         train = replace(train, **{name: values})
-    return TracedMotion(train, lift, SCENE.cam_speed(RPM), rest_state(train), 2).values(METRICS)
+    return TracedMotion(train, lift, SCENE.cam_speed(RPM), state_at_rest(train), 2).values(METRICS)
 
 
 def test_values_are_those_of_event_exact():
@@ -107,9 +107,9 @@ def test_a_traced_speed_of_a_stiff_train():
 
     def exact_area(speed):
         train = build_train(scene)
-        return TracedMotion(train, lift, scene.cam_speed(speed), rest_state(train), 2).values(["dynamic_area_mm_deg"])[
-            0
-        ]
+        return TracedMotion(train, lift, scene.cam_speed(speed), state_at_rest(train), 2).values(
+            ["dynamic_area_mm_deg"]
+        )[0]
 
     value, slope = jax.jit(jax.value_and_grad(area))(5000.0)
     assert float(value) == pytest.approx(exact_area(5000.0), rel=1e-6)

@@ -10,9 +10,9 @@ from camopt.cam.design_file import read_design
 from camopt.cam.families.free import free_cam
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift, recentred
-from camopt.exact.adjoint.gradient import rest_state
 from camopt.exact.adjoint.motion import ByTrain, Slopes, TracedMotion
 from camopt.scene import build_train, load_scene
+from camopt.scene.rest import state_at_rest
 
 DESIGN = Path(__file__).parents[1] / "data" / "kodama-design.json"
 
@@ -54,7 +54,7 @@ def by_train(slopes: Slopes) -> ByTrain:
 
 def from_rest(train, lift, cam_speed, metrics, held=None):
     """Values of metrics in the first revolution from rest, or from the state `held`."""
-    return TracedMotion(train, lift, cam_speed, rest_state(train) if held is None else held).values(metrics)
+    return TracedMotion(train, lift, cam_speed, state_at_rest(train) if held is None else held).values(metrics)
 
 
 def differences(values, steps):

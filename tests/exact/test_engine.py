@@ -8,6 +8,7 @@ from camopt.cam.lift import Lift
 from camopt.exact import prepare
 from camopt.scene import MotionRefused, build_train, load_scene, parse_scene, rest_position
 from camopt.scene.response import end_state
+from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM
 from tests.exact.located_dop853 import located_dop853
 
@@ -23,7 +24,7 @@ def at(response, angles):
 
 def from_rest(scene, lift, rpm, steps):
     train = build_train(scene)
-    start = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    start = state_at_rest(train)
     return prepare(train, lift, scene.cam_speed(rpm), steps)(start)
 
 
@@ -120,7 +121,7 @@ def test_settled_motion_repeats():
     scene = load_scene("kodama")
     train = build_train(scene)
     revolve = prepare(train, polydyne(scene), scene.cam_speed(5000))
-    state = np.concatenate([rest_position(train), np.zeros(10)])
+    state = state_at_rest(train)
     for _ in range(40):
         before, state = state, end_state(revolve(state))
     assert np.abs(state - before)[:10].max() < 1e-6

@@ -10,8 +10,9 @@ from camopt.cam.lift import Lift
 from camopt.exact import prepare
 from camopt.exact.engine import advance_many, default_step
 from camopt.exact.kernel.propagators import highest_frequency
-from camopt.scene import MotionRefused, build_train, load_scene, parse_scene, rest_position
+from camopt.scene import MotionRefused, build_train, load_scene, parse_scene
 from camopt.scene.response import end_state
+from camopt.scene.rest import state_at_rest
 from camopt.scene.units import MM
 from tests.exact.located_dop853 import located_dop853
 from tests.exact.test_engine import SEAT_ONLY, at
@@ -41,7 +42,7 @@ def case(name):
 
 def revolution(scene, lift, rpm, steps):
     train = build_train(scene)
-    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    rest = state_at_rest(train)
     return prepare(train, lift, scene.cam_speed(rpm), steps), rest
 
 
@@ -88,7 +89,7 @@ def test_advance_ends_where_the_sampled_revolution_ends():
 def test_many_motions_side_by_side_are_the_single_ones():
     scene = load_scene("kodama")
     train, lift = build_train(scene), polydyne(scene)
-    rest = np.concatenate([rest_position(train), np.zeros(10)])
+    rest = state_at_rest(train)
     speeds = [scene.cam_speed(s) for s in (5000, 6000, 6990)]
     lower = replace(lift, coefficients=0.9 * lift.coefficients)
     many = advance_many(train, [lift, lower, lift], speeds, rest, 2)

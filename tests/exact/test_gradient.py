@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from camopt.exact import prepare
-from camopt.exact.adjoint.gradient import rest_state, value_and_gradient
+from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.metrics import METRICS
 from camopt.exact.adjoint.motion import Samples, TracedMotion
 from camopt.exact.batch import value_and_gradient_many
 from camopt.measure.metrics import measure
 from camopt.scene import InputError
 from camopt.scene.response import end_state, joined
+from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG
 from tests.exact.gradient_problems import by_train, cam_with_bumps, differences, from_rest, kodama, least_error, moved
 
@@ -101,7 +102,7 @@ def test_taylor_remainder_is_of_second_order(metric):
     scene, train = kodama()
     lift, bumps = cam_with_bumps("polydyne", 20)
     speed, direction = scene.cam_speed(6000), np.tensordot(np.cos(np.arange(20.0)), bumps, 1)
-    start = rest_state(train)
+    start = state_at_rest(train)
     found = value_and_gradient(train, lift, speed, [metric], start)
     slope, steps = np.sum(found.by_coefficients * direction), np.array([2e-7, 1e-7, 5e-8, 2.5e-8])
     rests = [
@@ -116,11 +117,11 @@ def test_values_are_those_of_the_verifier():
     scene, train = kodama()
     lift, _ = cam_with_bumps("polydyne", 20)
     speed = scene.cam_speed(6500)
-    first = prepare(train, lift, speed, 14400)(rest_state(train))
+    first = prepare(train, lift, speed, 14400)(state_at_rest(train))
     record = joined([first, prepare(train, lift, speed, 14400)(end_state(first))])
     theirs = measure(record, lift)
     names = [m for m in METRICS if m in theirs]
-    ours = TracedMotion(train, lift, speed, rest_state(train), 2).values(names)
+    ours = TracedMotion(train, lift, speed, state_at_rest(train), 2).values(names)
     for name, value in zip(names, ours, strict=True):
         assert value == pytest.approx(theirs[name][0], rel=1e-5), name  # the verifier's parabola: 2e-6 of the force
 
@@ -128,7 +129,7 @@ def test_values_are_those_of_the_verifier():
 def test_one_sweep_of_a_cotangent_is_the_sum_of_the_single_ones():
     scene, train = kodama()
     lift, _ = cam_with_bumps("polydyne", 20)
-    motion = TracedMotion(train, lift, scene.cam_speed(6500), rest_state(train), mechanical=True)
+    motion = TracedMotion(train, lift, scene.cam_speed(6500), state_at_rest(train), mechanical=True)
     weights = np.cos(np.arange(len(METRICS)))
     single, together = motion.gradient(METRICS), motion.gradient(METRICS, cotangent=weights)
     assert together.by_start[0] == pytest.approx(weights @ single.by_start, rel=1e-9)
@@ -143,7 +144,7 @@ def test_any_function_of_samples_and_of_the_end():
     scene, train = kodama()
     lift, bumps = cam_with_bumps("polydyne", 20)
     speed, angles, random = scene.cam_speed(5000), np.linspace(-1.2, 3.0, 40), np.random.default_rng(2)
-    start, change = rest_state(train), np.tensordot(np.cos(np.arange(20.0)), bumps, 1)
+    start, change = state_at_rest(train), np.tensordot(np.cos(np.arange(20.0)), bumps, 1)
     motion = TracedMotion(train, lift, speed, start, mechanical=True)
     scale = Samples(
         *(
@@ -202,7 +203,7 @@ def test_many_motions_with_spans_on_the_borders_move_as_others(cotangent):
 def test_a_refused_motion_among_many_is_none():
     scene, train = kodama()
     lift = cam_with_bumps("design", 20)[0]
-    starts = np.array([rest_state(train)] * 3)
+    starts = np.array([state_at_rest(train)] * 3)
     starts[1, 0] = np.nan
     many = value_and_gradient_many(train, [lift] * 3, [scene.cam_speed(6000)] * 3, ["bounce_mm"], starts)
     assert [found is None for found in many] == [False, True, False]

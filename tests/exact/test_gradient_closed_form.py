@@ -9,7 +9,7 @@ from camopt.cam.lift import Lift
 from camopt.exact.adjoint.gradient import (
     periodic_value_and_gradient,
     rest_back,
-    rest_state,
+    state_at_rest,
     value_and_gradient,
 )
 from camopt.exact.adjoint.motion import TracedMotion
@@ -154,7 +154,7 @@ def test_periodic_motion_follows_the_cam():
         return state
 
     names = ["contact_force_max_N", "dynamic_area_mm_deg", "seating_velocity_m_per_s"]
-    settled = rest_state(train)
+    settled = state_at_rest(train)
     for _ in range(20):
         settled = TracedMotion(train, lift, speed, settled).end
     state = periodic(lift, settled)

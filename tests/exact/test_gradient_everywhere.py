@@ -9,10 +9,11 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint import motion
 from camopt.exact.adjoint import sweep as adjoint
-from camopt.exact.adjoint.gradient import rest_state, value_and_gradient
+from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.metrics import METRICS
 from camopt.exact.adjoint.motion import Gradient, TracedMotion
 from camopt.scene import InputError, MotionRefused, build_train, load_scene, rest_position
+from camopt.scene.rest import state_at_rest
 from tests.exact.gradient_problems import by_train, cam_with_bumps, from_rest, kodama, moved
 
 BUILT_IN = ("kodama", "motori-1", "motori-2", "pushrod-5mass")
@@ -105,7 +106,7 @@ def taylor_slope(share: float, monkeypatch) -> float:
     scene, train = kodama()
     lift, bumps = cam_with_bumps("polydyne", 20)
     speed, direction = scene.cam_speed(6000), np.tensordot(np.cos(np.arange(20.0)), bumps, 1)
-    start, metric = rest_state(train), ["seating_velocity_m_per_s"]
+    start, metric = state_at_rest(train), ["seating_velocity_m_per_s"]
     values, slopes = TracedMotion(train, lift, speed, start).swept(metric)
     slope, steps = np.sum(slopes.by_coefficients * direction), np.array([2e-7, 5e-8])
     rests = [abs(from_rest(train, moved(lift, h * direction), speed, metric, start)[0] - values[0, 0] - h * slope)

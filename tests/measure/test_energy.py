@@ -9,8 +9,9 @@ import pytest
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import prepare
 from camopt.measure.energy import energy
-from camopt.scene import build_train, load_scene, rest_position
+from camopt.scene import build_train, load_scene
 from camopt.scene.response import end_state, joined
+from camopt.scene.rest import state_at_rest
 from camopt.verifier.methods import rkg, tmm
 from tests.verifier.trains import ball_on_seat, no_lift, smooth_lift, two_springs
 
@@ -23,7 +24,7 @@ def second_revolution(name, rpm):
     scene = load_scene(name)
     lift, train = polydyne(scene), build_train(scene)
     revolve = prepare(train, lift, scene.cam_speed(rpm), 7200)
-    first = revolve(np.concatenate([rest_position(train), np.zeros(len(train.mass))]))
+    first = revolve(state_at_rest(train))
     return revolve(end_state(first)), lift
 
 
@@ -84,7 +85,7 @@ def test_records_add_up():
     scene = load_scene("motori-1")
     lift, train = polydyne(scene), build_train(scene)
     revolve = prepare(train, lift, scene.cam_speed(6000), 3600)
-    one = revolve(np.concatenate([rest_position(train), np.zeros(1)]))
+    one = revolve(state_at_rest(train))
     two = revolve(end_state(one))
     parts, whole = (energy(one, lift), energy(two, lift)), energy(joined([one, two]), lift)
     assert whole.put_in == pytest.approx(sum(p.put_in for p in parts), rel=1e-12)

@@ -10,8 +10,9 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.exact import prepare
 from camopt.measure import periodic
 from camopt.measure.periodic import periodic_state
-from camopt.scene import MotionRefused, build_train, load_scene, rest_position
+from camopt.scene import MotionRefused, build_train, load_scene
 from camopt.scene.response import end_state
+from camopt.scene.rest import state_at_rest
 from tests.measure.test_settling import revolve_to
 
 FIXED = np.array([2e-3, -0.7])
@@ -107,7 +108,7 @@ def surging():
 def test_agrees_with_plain_settling():
     train, lift, cam_speed = surging()
     revolve = prepare(train, lift, cam_speed)
-    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    rest = state_at_rest(train)
     found = periodic_state(revolve, rest)
     state, changes = rest, []
     for _ in range(80):
@@ -125,7 +126,7 @@ def test_agrees_with_plain_settling():
 def test_a_bouncing_train_is_aperiodic():
     scene = load_scene("kodama")
     train = build_train(scene)
-    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    rest = state_at_rest(train)
     found = periodic_state(prepare(train, polydyne(scene), scene.cam_speed(7000)), rest)
     assert not found.periodic and found.residual > 1
     assert (found.high - found.low)[: len(train.mass)].max() > 1e-5

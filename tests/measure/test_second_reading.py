@@ -13,8 +13,9 @@ from camopt.cam.read import read_cam
 from camopt.exact.adjoint.metrics import METRICS
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.measure.metrics import measure
-from camopt.scene import QUANTITIES, build_train, builtin_scenes, load_scene, rest_position
+from camopt.scene import QUANTITIES, build_train, builtin_scenes, load_scene
 from camopt.scene.response import Response, end_state, joined
+from camopt.scene.rest import state_at_rest
 from camopt.verifier.convergence import RELATIVE, apart, converge, first_steps, tolerances
 from camopt.verifier.verdict import SWEEP_REFINEMENT, _method, methods_for
 from tests.measure.raw_motion import TURN, Equations, raw_motion, samples
@@ -58,7 +59,7 @@ def case(name, cam, rpm):
 def settled(name, cam, rpm, method):
     """A method's answer at standard accuracy."""
     _, train, speed, lift = case(name, cam, rpm)
-    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    rest = state_at_rest(train)
     return converge(_method(method), train, lift, speed, rest, TOLERANCE_UM, HALVINGS)
 
 

@@ -13,7 +13,7 @@ from camopt.measure.limits import broken_by_shape
 from camopt.measure.sweep import at_speeds
 from camopt.optimizer.baselines import largest_member as baselines
 from camopt.optimizer.baselines.family_spaces import family_space
-from camopt.optimizer.baselines.largest_member import Motion, excess, largest_area_member
+from camopt.optimizer.baselines.largest_member import MemberMotion, excess, largest_area_member
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import MM, MM_PER_DEG2
 
@@ -102,7 +102,7 @@ class TestSearch:
         assert not found.holds
         assert f"{found.figures['bounce_mm']:.4g} mm is the least reached" in found.says
         start = family_space(KODAMA, "trapezoid", True)
-        plain = Motion(KODAMA, (7000.0,)).worst(start.member(np.array(start.known[1])))
+        plain = MemberMotion(KODAMA, (7000.0,)).worst(start.member(np.array(start.known[1])))
         assert found.figures["bounce_mm"] < 0.9 * plain["bounce_mm"]
 
     def test_limits_that_no_member_meets_are_said(self):
@@ -120,7 +120,7 @@ class TestSearch:
         asked = {"family": "trapezoid", "jerk": False, "bounce_max_mm": 0.03, "evaluations": 64}
         asked["speeds_rpm"] = (6000.0,)
         whole = largest_area_member(KODAMA, **asked)
-        worst, calls = Motion.worst, []
+        worst, calls = MemberMotion.worst, []
 
         def interrupted(self, *args):
             calls.append(args)
@@ -128,12 +128,12 @@ class TestSearch:
                 raise KeyboardInterrupt
             return worst(self, *args)
 
-        monkeypatch.setattr(Motion, "worst", interrupted)
+        monkeypatch.setattr(MemberMotion, "worst", interrupted)
         journal = tmp_path / "search.jsonl"
         with pytest.raises(KeyboardInterrupt):
             largest_area_member(KODAMA, **asked, journal=journal)
         journal.write_text(journal.read_text() + '{"at": [2.0, 1')  # cut off in the middle of a line
-        monkeypatch.setattr(Motion, "worst", worst)
+        monkeypatch.setattr(MemberMotion, "worst", worst)
         resumed = largest_area_member(KODAMA, **asked, journal=journal)
         assert np.array_equal(resumed.lift.coefficients, whole.lift.coefficients)
         assert resumed.judged < whole.judged

@@ -3,8 +3,8 @@ import pytest
 
 from camopt.cam.lift import Lift, lift_table
 from camopt.plots import (
+    DrawnMotion,
     History,
-    Motion,
     Sweep,
     bounce_against_speed,
     cam_line,
@@ -77,14 +77,14 @@ def test_profiles_say_which_jerk_leaves_the_axis():
     assert "multi-pol" in title and f"{largest:.2g}" in title and "design" not in title
 
 
-def motion(cam: str, speed: float, rebound: float, last_deg: float) -> Motion:
+def motion(cam: str, speed: float, rebound: float, last_deg: float) -> DrawnMotion:
     """Half-sine valve lift touching at 70 deg, one rebound of `rebound` mm up to `last_deg`."""
     angle = np.linspace(-180, 180, 3601)
     lift = np.where(np.abs(angle) < 70, 9 * np.cos(angle / 70 * np.pi / 2), 0.0)
     up = (angle > 75) & (angle < last_deg)
     lift = np.where(up, rebound * np.sin((angle - 75) / (last_deg - 75) * np.pi), lift)
     force = np.where(np.abs(angle) < 70, 500.0 + speed, 0.0)
-    return Motion(cam, speed, angle, lift, {"cam_follower": force, "follower_valve": 0.5 * force})
+    return DrawnMotion(cam, speed, angle, lift, {"cam_follower": force, "follower_valve": 0.5 * force})
 
 
 def test_valve_motion_has_a_column_per_speed_and_a_row_per_contact():

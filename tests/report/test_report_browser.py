@@ -12,7 +12,8 @@ from camopt.exact.engine import prepare
 from camopt.measure.settling import settle
 from camopt.plots.style import cam_line
 from camopt.report import write_report
-from camopt.scene import build_train, load_scene, rest_position
+from camopt.scene import build_train, load_scene
+from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -121,7 +122,7 @@ def test_numbers_are_the_simulated_motion(open_page, lifts):
     for cam, label in (("design", "0"), ("polydyne", "1")):
         page.select_option("#train-cam", label)
         page.select_option("#train-speed", "5000")
-        start = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+        start = state_at_rest(train)
         record = settle(prepare(train, lifts[cam], SCENE.cam_speed(5000)), start).response
         for degrees in (-90.0, -40.0, 0.0, 60.0):
             set_angle(page, degrees)

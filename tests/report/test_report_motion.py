@@ -12,7 +12,8 @@ from camopt.optimizer.baselines.figures import stated_periodic
 from camopt.report.folder import read_run_folder
 from camopt.report.motion import MOST_NUMBERS, Cams, animation, cams_of, motion
 from camopt.report.page import embedded
-from camopt.scene import build_train, load_scene, rest_position
+from camopt.scene import build_train, load_scene
+from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM
 from camopt.verifier.verdict import verdict_on
 
@@ -28,7 +29,7 @@ def polydyne():
 def test_motion_is_the_settled_one_of_event_exact(polydyne):
     train = build_train(SCENE)
     found = motion(train, polydyne, SPEED, 0.5, [0, 1, 2, 3])
-    settled = settle(prepare(train, polydyne, SPEED), np.concatenate([rest_position(train), [0.0]]))
+    settled = settle(prepare(train, polydyne, SPEED), state_at_rest(train))
     record = settled.response
     middle = 2 * np.pi * (record.revolutions - 1)
     for i in (0, 250, 360, 500, 720):

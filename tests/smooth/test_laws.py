@@ -12,6 +12,7 @@ import pytest
 from camopt.cam.families.polydyne import polydyne
 from camopt.scene import build_train, load_scene, rest_position
 from camopt.scene.laws import HERTZ, LINEAR, PROGRESSIVE, Laws
+from camopt.scene.rest import state_at_rest
 from camopt.smooth.laws import elastic_laws
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples, prepare, response_arrays
@@ -89,7 +90,7 @@ def test_rest_and_its_derivative():
 def hertz(speed_rpm: float):
     scene = load_scene("kodama-hertz")
     train, lift = build_train(scene), polydyne(scene)
-    state = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    state = state_at_rest(train)
     located = dop853.prepare(train, lift, scene.cam_speed(speed_rpm), 2880)(state)
     return train, lift, scene.cam_speed(speed_rpm), state, located
 

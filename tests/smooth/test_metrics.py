@@ -16,7 +16,7 @@ from camopt.scene.units import MM
 from camopt.smooth.maxima import soft_least, soft_worst, soft_worst_bias
 from camopt.smooth.metrics import closing, greatest, least, revolution_metrics, soft_metrics
 from camopt.smooth.rest import rest_state
-from camopt.smooth.system import Motion, build_system
+from camopt.smooth.system import SystemState, build_system
 from tests.smooth.trains import kodama
 
 measured = partial(jax.jit, static_argnames=("revolution",))(revolution_metrics)
@@ -32,10 +32,10 @@ def exact_record(rpm: float, revolutions: int):
     return joined(records), lift
 
 
-def motion_of(response, size: int = 8192) -> Motion:
+def motion_of(response, size: int = 8192) -> SystemState:
     """The record padded to one size, so that one program serves all: repeated samples carry no weight."""
     fields = (response.angle, response.lift, response.x, response.v, response.force)
-    return Motion(*(jnp.asarray(np.concatenate([q, np.repeat(q[-1:], size - len(q), axis=0)])) for q in fields))
+    return SystemState(*(jnp.asarray(np.concatenate([q, np.repeat(q[-1:], size - len(q), axis=0)])) for q in fields))
 
 
 @pytest.mark.parametrize("rpm", [5000, 6000, 7000])
@@ -74,7 +74,7 @@ def test_the_touch_shifts_with_the_valve():
     early = motion.angle < response.angle[touch_sample]  # without the sample on the touch: it falls inside a step
     last = int(np.flatnonzero(np.asarray(early))[-1])
     keep = np.r_[: last + 1, touch_sample + 2 : len(motion.angle)]
-    coarse = Motion(*(q[keep] for q in motion[:5]))
+    coarse = SystemState(*(q[keep] for q in motion[:5]))
 
     def touch(height):
         raised = coarse._replace(x=coarse.x.at[last, valve].add(height))

@@ -8,7 +8,8 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import engine
-from camopt.scene import InputError, MotionRefused, build_train, load_scene, rest_position
+from camopt.scene import InputError, MotionRefused, build_train, load_scene
+from camopt.scene.rest import state_at_rest
 from camopt.study.simulate import accuracy_control as module
 from camopt.study.simulate.accuracy_control import ANGLES, Delivered, apart_um, deliver, valve_position
 from camopt.study.simulate.motion import simulate
@@ -23,7 +24,7 @@ def valve_mm(motion, scene) -> np.ndarray:
 
 def simulate_response():
     train = build_train(MOTOR)
-    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    rest = state_at_rest(train)
     return engine.prepare(train, polydyne(MOTOR), MOTOR.cam_speed(3000), 720)(rest)
 
 

@@ -12,7 +12,16 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cli.parser import parser as cli
 from camopt.exact import engine
 from camopt.measure.settling import settle
-from camopt.scene import InputError, MotionRefused, build_train, load_scene, parse_scene, rest_position, scene_text
+from camopt.scene import (
+    InputError,
+    MotionRefused,
+    build_train,
+    load_scene,
+    parse_scene,
+    rest_position,
+    scene_text,
+    state_at_rest,
+)
 from camopt.scene.vibration import assembled
 from camopt.study.modes import modes
 from camopt.study.reduce.idle_contacts import idle_contacts, leave_out
@@ -25,7 +34,7 @@ KODAMA, MOTORI, PUSHROD = (load_scene(name) for name in ("kodama", "motori-1", "
 
 
 def rest(train) -> np.ndarray:
-    return np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    return state_at_rest(train)
 
 
 def settled(scene, lift, speed_rpm=5000.0):

@@ -8,7 +8,8 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import prepare as event_exact
-from camopt.scene import InputError, build_train, load_scene, rest_position
+from camopt.scene import InputError, build_train, load_scene
+from camopt.scene.rest import state_at_rest
 from camopt.scene.units import UM
 from camopt.verifier import accuracy as module
 from camopt.verifier.accuracy import EFFORTS, effort_of, verify
@@ -89,7 +90,7 @@ class TestEffort:
 def test_the_bounce_delivered_is_within_what_was_asked():
     scene = load_scene("motori-1")
     train, cam = build_train(scene), polydyne(scene)
-    rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    rest = state_at_rest(train)
 
     def answer(prepare, asked_um: float, halvings: int):
         return converge(prepare, train, cam, scene.cam_speed(6500), rest, asked_um, halvings, certain=True)

@@ -7,7 +7,8 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import engine
-from camopt.scene import MotionRefused, build_train, load_scene, rest_position
+from camopt.scene import MotionRefused, build_train, load_scene
+from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM
 from camopt.verifier.methods import dop853
 from tests.verifier.test_methods import SPEED, START, reference, second_flight
@@ -46,7 +47,7 @@ def test_mass_bounces_on_its_seat_at_the_analytic_times(damping):
 def event_exact(speed_rpm):
     scene = load_scene("kodama")
     train = build_train(scene)
-    start = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+    start = state_at_rest(train)
     return start, at(engine.prepare(train, polydyne(scene), scene.cam_speed(speed_rpm), 7200)(start))
 
 

@@ -5,7 +5,8 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import prepare as event_exact
-from camopt.scene import build_train, load_scene, rest_position
+from camopt.scene import build_train, load_scene
+from camopt.scene.rest import state_at_rest
 from camopt.scene.train import GROUND
 from camopt.scene.units import MM
 from camopt.verifier.methods import houbolt
@@ -41,7 +42,7 @@ def test_step_rule_is_the_papers():
 def test_step_rule_is_the_default_and_carries_the_papers_motor(explicit):
     scene = load_scene("motori-1")
     motor, lift, cam_speed = build_train(scene), polydyne(scene), scene.cam_speed(5000)
-    rest = np.concatenate([rest_position(motor), np.zeros(1)])
+    rest = state_at_rest(motor)
     motion = houbolt.prepare(motor, lift, cam_speed, explicit=explicit)(rest)
     steps = len(motion.angle) - 1
     assert steps == np.ceil(2 * np.pi / cam_speed / houbolt.step_rule(motor))

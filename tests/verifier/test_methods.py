@@ -8,7 +8,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from camopt.cam.families.polydyne import polydyne
-from camopt.scene import build_train, load_scene, rest_position
+from camopt.scene import build_train, load_scene
+from camopt.scene.rest import state_at_rest
 from camopt.scene.train import GROUND
 from camopt.scene.units import MM
 from camopt.study.extremes.step_methods import STEP_METHODS as METHODS
@@ -120,7 +121,7 @@ def test_mass_bounces_on_its_seat_as_known(name, damping):
 def test_methods_converge_to_each_other_on_a_valve_train():
     scene = load_scene("kodama")
     lift, parts = polydyne(scene), build_train(scene)
-    start = np.concatenate([rest_position(parts), np.zeros(len(parts.mass))])
+    start = state_at_rest(parts)
 
     def apart(steps):
         runs = [METHODS[m](parts, lift, scene.cam_speed(5000), steps)(start) for m in METHODS]
@@ -134,7 +135,7 @@ def test_methods_converge_to_each_other_on_a_valve_train():
 def test_a_step_past_the_stability_limit_shows_itself():
     scene = load_scene("kodama")
     lift, parts = polydyne(scene), build_train(scene)
-    start = np.concatenate([rest_position(parts), np.zeros(len(parts.mass))])
+    start = state_at_rest(parts)
     for name, stable in (("rkg", False), ("tmm", False), ("houbolt", True)):
         with np.errstate(all="ignore"):
             end = METHODS[name](parts, lift, scene.cam_speed(2000), 720)(start).x[-1]

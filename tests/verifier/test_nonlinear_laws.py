@@ -10,8 +10,9 @@ from scipy.special import gamma
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import engine
 from camopt.optimizer.program.no_jump import no_jump_program
-from camopt.scene import InputError, MotionRefused, build_train, load_scene, rest_position
+from camopt.scene import InputError, MotionRefused, build_train, load_scene
 from camopt.scene.laws import HERTZ, PROGRESSIVE, Laws
+from camopt.scene.rest import state_at_rest
 from camopt.scene.train import GROUND
 from camopt.scene.units import MM
 from camopt.verifier import verdict
@@ -100,7 +101,7 @@ def test_a_damped_hertz_contact_by_both_methods():
 def hertz():
     scene = load_scene("kodama-hertz")
     parts = build_train(scene)
-    return scene, parts, np.concatenate([rest_position(parts), np.zeros(len(parts.mass))])
+    return scene, parts, state_at_rest(parts)
 
 
 def test_both_methods_agree_on_kodama_hertz_and_differ_from_kodama():

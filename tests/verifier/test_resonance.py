@@ -8,7 +8,8 @@ from camopt.exact import engine
 from camopt.measure.resonance import resonances
 from camopt.measure.settling import decay_per_revolution, settle, settled_from_rest
 from camopt.measure.sweep import at_speeds
-from camopt.scene import build_train, load_scene, rest_position
+from camopt.scene import build_train, load_scene
+from camopt.scene.rest import state_at_rest
 from camopt.verifier import verdict
 from camopt.verifier.verdict import verdict_on
 from tests.verifier.coil_scene import FREQUENCY_HZ, coil_scene
@@ -73,7 +74,7 @@ def test_a_lightly_damped_motion_is_run_until_it_stands():
     """Forty revolutions from rest leave half a millimetre of surge; the settled motion is what 2000 plain ones give."""
     scene = coil_scene()
     train, lift, cam_speed = build_train(scene), polydyne(scene), scene.cam_speed(6100.0)
-    rest = np.concatenate([rest_position(train), np.zeros(2)])
+    rest = state_at_rest(train)
     revolve = engine.prepare(train, lift, cam_speed)
     truth = settle(revolve, rest, most=2000, position=1e-9)
     found = settled_from_rest(engine.prepare, train, lift, cam_speed)

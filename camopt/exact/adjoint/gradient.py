@@ -7,7 +7,7 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint.motion import ByTrain, Gradient, TracedMotion
-from camopt.scene.rest import rest_position, static_matrices
+from camopt.scene.rest import rest_position, state_at_rest, static_matrices
 from camopt.scene.train import GROUND, Train
 
 
@@ -34,7 +34,7 @@ def value_and_gradient(
     Raises MotionRefused for endless switching or a motion without bound, InputError for an unknown metric or for laws
     that are not linear.
     """
-    at = rest_state(train) if start is None else start
+    at = state_at_rest(train) if start is None else start
     motion = TracedMotion(train, lift, cam_speed, at, revolutions, mechanical, spacing)
     gradient = motion.gradient(metrics, revolution, cotangent)
     if start is None and gradient.by_train is not None:
@@ -61,11 +61,6 @@ def periodic_value_and_gradient(
         by_train = by_train + through_start.by_train
     by_coefficients = gradient.by_coefficients + through_start.by_coefficients
     return replace(gradient, by_coefficients=by_coefficients, by_start=adjoint, by_train=by_train), jacobian
-
-
-def rest_state(train: Train) -> np.ndarray:
-    """State (2n) at rest on the base circle; raises InputError where there is none."""
-    return np.concatenate([rest_position(train), np.zeros(len(train.mass))])
 
 
 def rest_back(train: Train, by_start: np.ndarray) -> ByTrain:

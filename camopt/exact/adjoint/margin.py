@@ -12,10 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.exact.adjoint.gradient import periodic_value_and_gradient, rest_state, value_and_gradient
+from camopt.exact.adjoint.gradient import periodic_value_and_gradient, value_and_gradient
 from camopt.exact.adjoint.motion import Gradient
 from camopt.exact.engine import prepare
 from camopt.scene.errors import MotionRefused
+from camopt.scene.rest import state_at_rest
 from camopt.scene.tied_contacts import HOLDING_N, held_closed
 from camopt.scene.train import Train
 
@@ -49,7 +50,7 @@ def contact_force_margin(
 
 def _periodic_state(held: Train, lift: Lift, cam_speed: float) -> np.ndarray:
     """The state (2n) at -pi that repeats after a revolution; raises MotionRefused where the motion does not settle."""
-    revolve, state, allowed = prepare(held, lift, cam_speed), rest_state(held), np.repeat(REPEATS, len(held.mass))
+    revolve, state, allowed = prepare(held, lift, cam_speed), state_at_rest(held), np.repeat(REPEATS, len(held.mass))
     for _ in range(MOST_REVOLUTIONS):
         last, state = state, revolve.advance(state)
         if np.all(np.abs(state - last) < allowed):

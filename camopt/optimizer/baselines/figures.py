@@ -11,8 +11,8 @@ from camopt.exact.engine import prepare
 from camopt.measure.settling import Settled, first_revolution, settled_from_rest
 from camopt.measure.sweep import SEARCH_STEP_RPM, START_RPM, Swept, at_speeds, sweep
 from camopt.plots import (
+    DrawnMotion,
     History,
-    Motion,
     Sweep,
     bounce_against_speed,
     convergence,
@@ -24,7 +24,7 @@ from camopt.plots import (
 from camopt.plots.style import DESIGN, family_of
 from camopt.scene.errors import MotionRefused
 from camopt.scene.response import end_state
-from camopt.scene.rest import rest_position
+from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
 from camopt.verifier.accuracy import EFFORTS
@@ -74,7 +74,7 @@ def _lawful(found: dict) -> bool:
     return all(" at " in word for word in found.get("broken", []))
 
 
-def settled_motions(scene: Scene, name: str, lift: Lift, found: dict) -> list[Motion]:
+def settled_motions(scene: Scene, name: str, lift: Lift, found: dict) -> list[DrawnMotion]:
     """A settled revolution at each listed speed; a speed at which the motion is refused is left out."""
     train, stated = build_train(scene), stated_periodic(found)
     motions = []
@@ -105,7 +105,7 @@ def settled_motion(
     once = settled_from_rest(prepare, train, lift, cam_speed, *steps)
     state, periodic = end_state(once.response), once.periodic if stated is None else stated
     if periodic and not once.periodic:
-        rest = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+        rest = state_at_rest(train)
         answer = converge(prepare, train, lift, cam_speed, rest, EFFORTS["standard"].tolerance_um, HALVINGS)
         state = state if answer.state is None else answer.state
     return replace(first_revolution(prepare(train, lift, cam_speed, *steps), state), periodic=periodic)

@@ -24,7 +24,7 @@ from camopt.measure.limits import broken_by_shape
 from camopt.measure.settling import settle
 from camopt.optimizer.baselines.family_spaces import Space, family_space
 from camopt.scene.errors import InputError, MotionRefused
-from camopt.scene.rest import rest_position
+from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Design, Scene
 from camopt.scene.train import build_train
 from camopt.scene.units import MM, MM_PER_DEG2, MM_PER_DEG3
@@ -86,7 +86,7 @@ def largest_area_member(
         raise InputError(f"evaluations {evaluations}: at least {2 * POPULATION} are needed")
     begun = time.perf_counter()
     design = scene.design if jerk else scene.design.model_copy(update={"jerk_max_mm_per_deg3": None})
-    motion = Motion(scene, scene.operation.speeds_rpm if speeds_rpm is None else speeds_rpm)
+    motion = MemberMotion(scene, scene.operation.speeds_rpm if speeds_rpm is None else speeds_rpm)
     space = family_space(scene, family, jerk)
     if bounce_max_mm is None and space.largest is not None:
         lift, count = space.largest(evaluations, seed), evaluations
@@ -137,7 +137,7 @@ def excess(lift: Lift, design: Design) -> float:
     return max(over[name] if over.get(name, 0.0) > 0 else 1.0 for name in broken)
 
 
-class Motion:
+class MemberMotion:
     """Judges cams of one scene at fixed speeds, each from rest: a cam's figures hang on nothing judged before."""
 
     def __init__(self, scene: Scene, speeds_rpm: Sequence[float]):
@@ -146,7 +146,7 @@ class Motion:
         self._cam_speeds = [scene.cam_speed(s) for s in self.speeds_rpm]
         self._train = build_train(scene)
         self._train.require_linear("the search for baselines", "search on a scene with linear laws")
-        self._rest = np.concatenate([rest_position(self._train), np.zeros(len(self._train.mass))])
+        self._rest = state_at_rest(self._train)
 
     def worst(self, lift: Lift, enough_mm: float = np.inf) -> dict[str, float]:
         """Largest figures over the speeds; speeds below one at which bounce exceeds `enough_mm` are left out."""
@@ -167,7 +167,7 @@ class Motion:
 class _Search:
     """Differential evolution on the score: below 1 what holds, then what bounces, then what breaks limits."""
 
-    def __init__(self, space: Space, design: Design, motion: Motion, bounce_max_mm: float | None, notes: "Notes"):
+    def __init__(self, space: Space, design: Design, motion: MemberMotion, bounce_max_mm: float | None, notes: "Notes"):
         self.space, self.design, self.motion, self.limit, self.notes = space, design, motion, bounce_max_mm, notes
         self.evaluations = 0
 

@@ -13,7 +13,7 @@ import numpy as np
 from camopt.optimizer.program.kinematic import area_ratio_row, reach, spline_rows
 from camopt.optimizer.program.linear_program import Infeasible
 from camopt.optimizer.program.no_jump import PEAK, SEAT, NoJumpOptimum, NoJumpProgram
-from camopt.optimizer.search.judge import SHARE, Judged
+from camopt.optimizer.search.judge import USABLE_SHARE, Judged
 from camopt.optimizer.search.margins import margin_stage
 from camopt.optimizer.search.no_jump_stage import Search
 from camopt.optimizer.search.sensitivity import SENSITIVITIES, Sensitivity
@@ -28,7 +28,7 @@ TRUST_BY_KIND = np.array([1.0, 0.2, 1.0])
 """Part of the trust region that opening flank, closing flank and seat forces may use: a contact that parts on the
 closing flank lands on the ramp and the seat, where metrics are far from linear; tension on opening costs little."""
 GROWTH, SHRINKAGE = 1.5, 0.4
-AIM = SHARE - 0.03
+AIM = USABLE_SHARE - 0.03
 """Share of its limit that a linearised metric may use."""
 MOST_SHARE = 4.0
 """A larger share says only that a step went far too far."""

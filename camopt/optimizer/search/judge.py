@@ -12,11 +12,11 @@ from camopt.measure.settling import settle
 from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import LESS_IS_WORSE
 from camopt.scene.response import end_state
-from camopt.scene.rest import rest_position
+from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 
-SHARE = 0.8
+USABLE_SHARE = 0.8
 """Part of every limit on the motion that a search may use: the rest is for speeds and neighbours it did not see."""
 CRITICAL = 2
 """Speeds judged before all others where only the answer counts: one per thread."""
@@ -35,8 +35,8 @@ class Judged:
 
     @property
     def holds(self) -> bool:
-        """Whether every limit is used by at most SHARE at every speed."""
-        return bool(self.share.size == 0 or self.share.max() <= SHARE)
+        """Whether every limit is used by at most USABLE_SHARE at every speed."""
+        return bool(self.share.size == 0 or self.share.max() <= USABLE_SHARE)
 
     @property
     def worst_speed_rpm(self) -> float:
@@ -64,7 +64,7 @@ class Judge:
         self.scene, self.speeds_rpm, self.stride = scene, np.asarray(speeds_rpm, dtype=float), stride
         train = build_train(scene)
         self._trains = [replace(train) for _ in range(workers)]  # each thread keeps its own propagators
-        self._start = np.concatenate([rest_position(train), np.zeros(len(train.mass))])
+        self._start = state_at_rest(train)
         self._states = np.tile(self._start, (len(self.speeds_rpm), 1))
         self._used = np.zeros(len(self.speeds_rpm))  # largest share of a limit when last judged there
         self.calls = 0

@@ -11,7 +11,7 @@ import numpy as np
 import optax
 
 from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpOptimum, NoJumpProgram
-from camopt.optimizer.search.judge import SHARE
+from camopt.optimizer.search.judge import USABLE_SHARE
 from camopt.optimizer.search.no_jump_stage import Search
 from camopt.optimizer.search.sensitivity import Sensitivity
 
@@ -57,7 +57,7 @@ def loss_slope(best: NoJumpOptimum, search: Search, sensitivity: Sensitivity) ->
     if len(rows) == 0:
         return -best.margin_prices
     _, gradients = sensitivity(best.z, judged, rows)  # (r, l, m)
-    room = np.maximum(SHARE - judged.share[:, rows].T, 0.01)
+    room = np.maximum(USABLE_SHARE - judged.share[:, rows].T, 0.01)
     weight = np.where(judged.share[:, rows].T > USED, BARRIER / room, 0.0) * judged.share_slopes
     by_z = np.einsum("rl,rlm->m", weight, np.nan_to_num(gradients))
     return np.einsum("m,mks->ks", by_z, best.jacobian()) - best.margin_prices

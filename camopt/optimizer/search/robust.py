@@ -12,7 +12,7 @@ from camopt.scene.errors import InputError
 from camopt.scene.schema import Element, Scene
 from camopt.scene.units import DEG
 
-SHARE = 0.1
+PERTURBED_SHARE = 0.1
 """Share by which the spring's rate, its preload and the contacts' stiffness are off, one at a time."""
 LASH_MM = 0.05
 """Length by which the lash is off; it is less where the lash would vanish."""
@@ -37,7 +37,7 @@ class Perturbation:
         return lift if self.grinding_seed is None else ground(lift, self.grinding_seed)
 
 
-def perturbations(scene: Scene, share: float = SHARE, lash_mm: float = LASH_MM, seeds: int = 20) -> dict:
+def perturbations(scene: Scene, share: float = PERTURBED_SHARE, lash_mm: float = LASH_MM, seeds: int = 20) -> dict:
     """Everything that may be off, one at a time, by name: `Perturbation`s of spring, contacts, lash and grinding.
 
     Spring rate, preload and contact stiffness are off by the `share` [], the lash by `lash_mm`, each to both sides;

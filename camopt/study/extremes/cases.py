@@ -18,7 +18,7 @@ COMBINED = "kodama"
 
 
 @dataclass(frozen=True)
-class Case:
+class ExtremeCase:
     """One extreme: its name, the changed scene and the crankshaft speed [r/min]."""
 
     name: str
@@ -114,11 +114,11 @@ CHANGES: dict[str, dict[str, Change | float]] = {
 """Changes of the scene, or crankshaft speeds [r/min], by their kind; two of a kind are not combined."""
 
 
-def cases(scene: Scene) -> Iterator[Case]:
+def cases(scene: Scene) -> Iterator[ExtremeCase]:
     """The scene as it is at its highest listed speed, then with every single change, and on COMBINED with every two."""
     assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
     top = max(scene.operation.speeds_rpm)
-    yield Case(AS_IT_IS, scene, top)
+    yield ExtremeCase(AS_IT_IS, scene, top)
     for kind in CHANGES:
         for name in CHANGES[kind]:
             yield _changed(scene, top, {name: CHANGES[kind][name]})
@@ -128,10 +128,10 @@ def cases(scene: Scene) -> Iterator[Case]:
                 yield _changed(scene, top, {a: one[a], b: other[b]})
 
 
-def _changed(scene: Scene, speed_rpm: float, changes: dict[str, Change | float]) -> Case:
+def _changed(scene: Scene, speed_rpm: float, changes: dict[str, Change | float]) -> ExtremeCase:
     for change in changes.values():
         if callable(change):
             scene = change(scene)
         else:
             speed_rpm = change
-    return Case(" + ".join(changes), scene, speed_rpm)
+    return ExtremeCase(" + ".join(changes), scene, speed_rpm)

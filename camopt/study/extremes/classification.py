@@ -14,7 +14,7 @@ from camopt.cam.lift import Lift
 from camopt.measure.settling import first_revolution
 from camopt.scene import Train, rest_position
 from camopt.verifier.convergence import (
-    MOST_STEPS,
+    FINEST_STEPS,
     RELATIVE,
     Converged,
     Prepare,
@@ -32,7 +32,7 @@ DISTURBED = 2
 SENSITIVE = 0.1
 """Share of the tolerance that the disturbance may use up. Beyond it, 1e-8 m at the start would cost more than the
 tolerance, and methods that locate no switching are wrong by some 1e-8 m at each."""
-SAMPLES = 3600, MOST_STEPS // 4
+SAMPLES = 3600, FINEST_STEPS // 4
 """Smallest and largest number of samples per revolution with which the reference begins, to resolve its force peaks."""
 WITHIN, RANGE, NOT_CONVERGED, REFUSED, WRONG = VERDICTS = (
     "within tolerance",

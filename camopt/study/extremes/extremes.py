@@ -18,7 +18,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.scene import InputError, Scene, build_train
 from camopt.storage import append_line, run_folder, run_identity, whole_lines, write_text
-from camopt.study.extremes.cases import AS_IT_IS, Case, cases
+from camopt.study.extremes.cases import AS_IT_IS, ExtremeCase, cases
 from camopt.study.extremes.classification import (
     NOT_CONVERGED,
     RANGE,
@@ -45,7 +45,7 @@ NARROWER = {"eps 2e-13 m": 1e4, "eps 2e-18 m": 1e9, "eps zero": float("inf")}
 DOP853_STEPS = 20_000
 """First steps per revolution beyond which DOP853 is left out of a case: it would take minutes."""
 REFERENCE = "event"
-Method = Callable[[Case, Lift, Truth], Converged]
+Method = Callable[[ExtremeCase, Lift, Truth], Converged]
 
 
 def extremes(
@@ -73,7 +73,7 @@ def extremes(
     return rows
 
 
-def methods(case: Case) -> dict[tuple[str, str], Method]:
+def methods(case: ExtremeCase) -> dict[tuple[str, str], Method]:
     """What a case is put to besides the reference, by case name and method: the case as it is also stands for steps
     past the stability limit and for layers of the smooth contact on their way to zero."""
     train = build_train(case.scene)
@@ -91,13 +91,13 @@ def methods(case: Case) -> dict[tuple[str, str], Method]:
 
 
 def _stepping(prepare: Prepare, halvings: int = 4, steps: int | None = None) -> Method:
-    def answer(case: Case, lift: Lift, true: Truth) -> Converged:
+    def answer(case: ExtremeCase, lift: Lift, true: Truth) -> Converged:
         return first_answer(prepare, true.train, lift, case.scene.cam_speed(case.speed_rpm), halvings, steps)
 
     return answer
 
 
-def _rows(scene: Scene, case: Case, have: set[tuple[str, str]]) -> Iterator[dict]:
+def _rows(scene: Scene, case: ExtremeCase, have: set[tuple[str, str]]) -> Iterator[dict]:
     """The rows of one case that are not there yet: the reference first, which the others need."""
     reference = f"{scene.name}: {case.name}", REFERENCE
     asked = {(f"{scene.name}: {label}", method): run for (label, method), run in methods(case).items()}
@@ -120,7 +120,7 @@ def _rows(scene: Scene, case: Case, have: set[tuple[str, str]]) -> Iterator[dict
         yield {**row, "case": name, "method": method, **_answered(run, method, case, lift, true)}
 
 
-def _answered(run: Method, method: str, case: Case, lift: Lift, true: Truth) -> dict:
+def _answered(run: Method, method: str, case: ExtremeCase, lift: Lift, true: Truth) -> dict:
     """One method's part of a row."""
     begin = time.perf_counter()
     try:

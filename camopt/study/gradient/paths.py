@@ -16,17 +16,18 @@ import numpy as np
 from camopt.cam.bumps import moved, with_bumps
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint import metrics as exact_metrics
-from camopt.exact.adjoint.gradient import rest_state, value_and_gradient
+from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.motion import Gradient, TracedMotion
 from camopt.exact.engine import prepare as prepare_event
 from camopt.exact.ensemble import cosine
 from camopt.measure.metrics import measure
 from camopt.scene.quantities import QUANTITIES
 from camopt.scene.response import end_state, joined
+from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
 from camopt.smooth.metrics import revolution_metrics
-from camopt.smooth.simulate import MOST_STEPS, TOLERANCE, lift_samples, response_arrays, touch_layer
+from camopt.smooth.simulate import MOST_GRID_STEPS, TOLERANCE, lift_samples, response_arrays, touch_layer
 from camopt.smooth.system import build_system
 from camopt.verifier.methods.dop853 import prepare as prepare_dop853
 
@@ -76,7 +77,7 @@ def problem(scene: Scene, lift: Lift, speed_rpm: float, bumps: int) -> Problem:
     else:
         revolve = prepare_dop853(train, whole, cam_speed, SAMPLES // 4)
         advance = lambda state: end_state(revolve(state))  # noqa: E731
-    state, allowed, settled = rest_state(train), np.repeat(SETTLED, len(train.mass)), False
+    state, allowed, settled = state_at_rest(train), np.repeat(SETTLED, len(train.mass)), False
     for _ in range(MOST_SETTLING):
         last, state = state, advance(state)
         settled = bool(np.all(np.abs(state - last) < allowed))
@@ -145,7 +146,7 @@ def smooth_gradients(p: Problem) -> Callable[[float], Found]:
 
     def run(eps: float) -> Found:
         nonlocal steps
-        while not jnp.isfinite(values_of(flat, eps, steps=steps)[-1]) and steps < MOST_STEPS:  # the dynamic area
+        while not jnp.isfinite(values_of(flat, eps, steps=steps)[-1]) and steps < MOST_GRID_STEPS:  # the dynamic area
             steps *= 4
         jax.block_until_ready(both_of(flat, eps, 0, steps=steps))  # compiles
         value_s, values = fastest(lambda: values_of(flat, eps, steps=steps).block_until_ready())

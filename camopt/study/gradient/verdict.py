@@ -15,7 +15,7 @@ STILL = 1e-9
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedMetric:
     """How a gradient of one metric compares with the differences."""
 
     relative_error: float
@@ -34,8 +34,8 @@ class MetricReport:
 
     value: float
     agreement: float
-    exact: Judged | None
-    smooth: dict[float, Judged]  # by eps [m]
+    exact: JudgedMetric | None
+    smooth: dict[float, JudgedMetric]  # by eps [m]
     value_bias: dict[float, float]
     verdict: str
     reason: str
@@ -71,12 +71,14 @@ def judge(
     agreement = disagreement(differences)
     reason = _reason(truth, still, agreement, repeated)
 
-    def judged(found: Found) -> Judged:
+    def judged(found: Found) -> JudgedMetric:
         error = relative_errors(found.gradients[i], differences)
         best = int(np.nanargmin(error)) if np.any(np.isfinite(error)) and not still else -1
         least, turn = (error[best], cosine(found.gradients[i], differences[best])) if best >= 0 else (np.nan, np.nan)
         rough = still or not agreement <= MOST_DISAGREEMENT
-        return Judged(least, turn, found.cost_ratio[i], "none" if rough else verdict(least, turn, repeated), error)
+        return JudgedMetric(
+            least, turn, found.cost_ratio[i], "none" if rough else verdict(least, turn, repeated), error
+        )
 
     by_exact, by_eps = judged(exact) if exact else None, {eps: judged(found) for eps, found in smooth.items()}
     bias = {eps: _bias(found.values[i], truth) for eps, found in smooth.items()}

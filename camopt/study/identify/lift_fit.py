@@ -13,9 +13,10 @@ import numpy as np
 from scipy.optimize import brentq
 
 from camopt.cam.lift import Lift
-from camopt.exact.adjoint.gradient import rest_back, rest_state
+from camopt.exact.adjoint.gradient import rest_back
 from camopt.exact.adjoint.motion import Samples, TracedMotion
 from camopt.scene.errors import InputError, MotionRefused
+from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Train
 from camopt.study.identify.free_parameters import FreeParameters
 
@@ -29,7 +30,7 @@ DISAPPOINTING, SHORTENED, ACCEPTED = 0.8, 0.25, 0.1
 """Shares of the promised decrease below which the Jacobian is renewed, the next step shortened, this one taken back."""
 ROUNDING_M = 1e-12
 """Residual that counts as none."""
-MOST_STEPS = 60
+MOST_FIT_STEPS = 60
 FARTHEST = np.log(10.0)
 """Farthest from the start values in the logarithms: beyond a factor of ten a train may take millions of steps."""
 
@@ -65,7 +66,7 @@ class LiftFit:
         return LiftFit(self.parameters, self.lift, parts, self.zero_known)
 
     def motions(self, train: Train) -> list[TracedMotion]:
-        start = rest_state(train)
+        start = state_at_rest(train)
         return [TracedMotion(train, self.lift, s.cam_speed, start, s.revolutions, mechanical=True) for s in self.series]
 
     def residual(self, motions: Sequence[TracedMotion]) -> np.ndarray:
@@ -133,7 +134,7 @@ class Fitted:
         return float(self.residual @ self.residual)
 
 
-def descend(fit: LiftFit, logs: np.ndarray, most_steps: int = MOST_STEPS, certain: float = 1.0) -> Fitted:
+def descend(fit: LiftFit, logs: np.ndarray, most_steps: int = MOST_FIT_STEPS, certain: float = 1.0) -> Fitted:
     """Damped Gauss-Newton from `logs` (p), in the directions that the present residual lets one tell.
 
     A direction whose singular value is below the residual's root mean square could be moved by a factor of e without

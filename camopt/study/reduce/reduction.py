@@ -12,8 +12,9 @@ from camopt.cam.lift import Lift
 from camopt.exact import engine
 from camopt.measure.hermite import Hermite
 from camopt.measure.settling import Figures, settle
-from camopt.scene import InputError, MotionRefused, Response, Scene, Train, build_train, rest_position
+from camopt.scene import InputError, MotionRefused, Response, Scene, Train, build_train
 from camopt.scene.response import Revolve
+from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM
 from camopt.study.reduce.idle_contacts import LeftOut, idle_contacts, leave_out
 from camopt.study.reduce.reduced_models import Smaller, scene_toml, smaller_models
@@ -219,7 +220,7 @@ def _observe(model: LeftOut, cam: Lift, speeds: Sequence[float], workers: int) -
     def at(speed: float) -> Observed:
         train, cam_speed = build_train(model.scene), model.scene.cam_speed(speed)
         revolve = model.prepare(*_truth(train, cam, cam_speed))
-        settled = settle(revolve, at_rest(train))
+        settled = settle(revolve, state_at_rest(train))
         response = settled.response
         curve = Hermite(response.angle, response.seat_separation(), response.v[:, train.valve] / cam_speed)
         return Observed(settled.metrics(cam), np.maximum(0.0, curve(GRID)), settled.periodic, response)
@@ -235,15 +236,10 @@ def _truth(train: Train, cam: Lift, cam_speed: float) -> tuple:
     return rkg.prepare, train, cam, cam_speed, SWEEP_REFINEMENT * first_steps(train, cam_speed)
 
 
-def at_rest(train: Train) -> np.ndarray:
-    """State (2n) at rest on the base circle."""
-    return np.concatenate([rest_position(train), np.zeros(len(train.mass))])
-
-
 def path_times(model: LeftOut, cam: Lift, speed_rpm: float) -> dict[str, float]:
     """Processor time [ms] of the first sampled revolution from rest, by each path that carries the scene's laws."""
     train, cam_speed = build_train(model.scene), model.scene.cam_speed(speed_rpm)
-    steps, rest = first_steps(train, cam_speed), at_rest(train)
+    steps, rest = first_steps(train, cam_speed), state_at_rest(train)
     paths: dict[str, Revolve] = {"rkg": model.prepare(rkg.prepare, train, cam, cam_speed, steps)}
     if train.laws is None:
         paths["event"] = model.prepare(engine.prepare, train, cam, cam_speed)
@@ -259,13 +255,12 @@ def smooth_times(scene: Scene, cam: Lift, speed_rpm: float) -> dict[str, float]:
     import jax
     import jax.numpy as jnp
 
-    from camopt.smooth.rest import rest_state
     from camopt.smooth.simulate import lift_samples, response_arrays
     from camopt.smooth.system import build_system
 
     train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
     steps, samples = first_steps(train, cam_speed), jnp.asarray(lift_samples(cam))
-    system, rest = build_system(train), jnp.asarray(rest_state(train))
+    system, rest = build_system(train), jnp.asarray(state_at_rest(train))
 
     def end(speed):
         return response_arrays(system, samples, speed, rest, steps=steps, refine=False).x[-1]

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from camopt.plots.style import save
 from camopt.plots.tradeoff import Cloud, work_precision
-from camopt.study.tradeoff.tradeoff import REFERENCE
+from camopt.study.tradeoff.measurement import REFERENCE
 
 LABELS = {
     "bounce_mm": "error of bounce [mm]",

@@ -18,10 +18,11 @@ from camopt.measure.settling import settle
 from camopt.measure.sweep import at_speeds
 from camopt.optimizer.accuracy import ACCURACIES, Accuracy
 from camopt.scene import Scene, build_train
+from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM, UM
 from camopt.storage import write_json
-from camopt.study.reduce.reduction import at_rest, reduce
-from camopt.study.tradeoff.tradeoff import REFERENCE, Work
+from camopt.study.reduce.reduction import reduce
+from camopt.study.tradeoff.measurement import REFERENCE, Work
 from camopt.verifier.neighbourhood import LIFT_NEIGHBOUR, SPEED_NEIGHBOUR, STATE_NEIGHBOUR
 
 SETTLING_UM = {"small": (1.0,), "full": (100.0, 10.0, 1.0, 0.1)}
@@ -66,7 +67,7 @@ def _settled(scene: Scene, cam: Lift, um: float) -> dict:
     bounces = []
     for speed in scene.operation.speeds_rpm:
         revolve = engine.prepare(train, cam, scene.cam_speed(speed))
-        settled = settle(revolve, at_rest(train), most=80, position=um * UM)
+        settled = settle(revolve, state_at_rest(train), most=80, position=um * UM)
         bounces.append(settled.metrics(cam).worst("bounce_mm"))
     return {"seconds": time.process_time() - begin, "figures": {"bounce_mm": np.array(bounces)}}
 
@@ -89,7 +90,7 @@ def _perturbed(scene: Scene, cam: Lift, count: int) -> dict:
     """Largest bounce over `count` neighbouring speeds, lifts and states, those of the verdict, drawn uniformly."""
     rng, train, begin = np.random.default_rng(0), build_train(scene), time.process_time()
     assert scene.operation is not None
-    cam_speed, rest = scene.cam_speed(max(scene.operation.speeds_rpm)), at_rest(train)
+    cam_speed, rest = scene.cam_speed(max(scene.operation.speeds_rpm)), state_at_rest(train)
     away = np.repeat(STATE_NEIGHBOUR, len(train.mass))
     bounces = []
     for _ in range(count):

@@ -11,15 +11,11 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from camopt.cam.lift import Lift
-from camopt.measure.hermite import Hermite
-from camopt.measure.metrics import measure
-from camopt.scene import Response, Scene, Train, build_train
-from camopt.scene.response import end_state, joined
-from camopt.scene.units import MM
+from camopt.scene import Response, Scene, Train
 from camopt.scene.vibration import highest_rate
-from camopt.study.reduce.reduction import at_rest
+from camopt.study.tradeoff.case import RevolutionCase, valve_lift
 from camopt.study.tradeoff.dormand_prince import dormand_prince, problem, right_hand_side
-from camopt.study.tradeoff.tradeoff import REFERENCE, Work, timed
+from camopt.study.tradeoff.measurement import REFERENCE, Work, timed
 from camopt.verifier.methods import dop853, houbolt, rkg, tmm
 
 try:
@@ -27,9 +23,6 @@ try:
 except ImportError:
     CVODE = None
 
-FIGURES = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s")
-ANGLES = 720
-"""Angles of the revolution at which lifts are compared."""
 PEER_ANGLES = 3600
 """Angles per revolution at which a peer reports its state; what its seating velocity is off by is mostly theirs."""
 PHASES = {"small": (0.3,), "full": (0.6, 0.3, 0.1, 0.03)}
@@ -46,42 +39,11 @@ TOLERANCES = {
 SIDE_BY_SIDE = 16
 
 
-class Case:
-    """A speed: train, cam and rest state, and how figures are taken."""
-
-    def __init__(self, scene: Scene, cam: Lift, speed_rpm: float):
-        self.scene, self.cam, self.speed_rpm = scene, cam, speed_rpm
-        self.train, self.cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
-        self.rest = at_rest(self.train)
-        self.name = f"revolution at {speed_rpm:g} r/min"
-
-    def two(self, revolve) -> Response:
-        """Two revolutions from rest: the bounce of the first ends in the second."""
-        first = revolve(self.rest)
-        return joined([first, revolve(end_state(first))])
-
-    def figures(self, motion: Response) -> dict:
-        """Bounce, jump, seating velocity, and the valve's lift over the first revolution."""
-        metrics = measure(motion, self.cam)
-        return {**{name: metrics[name][0] for name in FIGURES}, "lift_mm": valve_lift(motion)}
-
-    def measured(self, run: Callable[[], Response]) -> dict:
-        times, motion = timed(run, 2)
-        assert isinstance(motion, Response)
-        return {**times, "figures": self.figures(motion)}
-
-
-def valve_lift(motion: Response) -> np.ndarray:
-    """Valve position at ANGLES + 1 angles of the first revolution [mm]."""
-    grid, valve = np.linspace(-np.pi, np.pi, ANGLES + 1), motion.train.valve
-    return Hermite(motion.angle, motion.x[:, valve], motion.v[:, valve] / motion.cam_speed)(grid) / MM
-
-
 def method_work(scene: Scene, cam: Lift, size: str) -> list[Work]:
     """The measurements of all methods."""
     assert scene.operation is not None
     speeds = scene.operation.speeds_rpm
-    cases = [Case(scene, cam, s) for s in sorted({min(speeds), max(speeds)})]
+    cases = [RevolutionCase(scene, cam, s) for s in sorted({min(speeds), max(speeds)})]
     work: list[Work] = []
     for case in cases[-1:] if size == "small" else cases:
         work += [*_reference(case), *_fixed_steps(case, size), *_peers(case, size)]
@@ -92,13 +54,13 @@ def method_work(scene: Scene, cam: Lift, size: str) -> list[Work]:
     return work + _side_by_side(cases[-1], size)
 
 
-def _event(case: Case, steps: int | None):
+def _event(case: RevolutionCase, steps: int | None):
     from camopt.exact import engine
 
     return engine.prepare(case.train, case.cam, case.cam_speed, steps)
 
 
-def _reference(case: Case) -> list[Work]:
+def _reference(case: RevolutionCase) -> list[Work]:
     """Event-exact at fine samples with its adjoint's gradient; located DOP853 where laws are not linear."""
     linear = case.train.laws is None
     method = "event-exact" if linear else "DOP853, located"
@@ -111,7 +73,7 @@ def _reference(case: Case) -> list[Work]:
     return [Work(case.name, REFERENCE, f"{method}, {REFERENCE_STEPS} samples", reference)]
 
 
-def exact_gradient(case: Case) -> np.ndarray:
+def exact_gradient(case: RevolutionCase) -> np.ndarray:
     """Seating velocity of the first revolution by every stiffness, times that stiffness [m/s], by the adjoint."""
     from camopt.exact.adjoint.motion import TracedMotion
 
@@ -121,7 +83,7 @@ def exact_gradient(case: Case) -> np.ndarray:
     return slopes.stiffness[0] * case.train.stiffness
 
 
-def _fixed_steps(case: Case, size: str) -> list[Work]:
+def _fixed_steps(case: RevolutionCase, size: str) -> list[Work]:
     """Event-exact, Runge-Kutta-Gill, both transition matrix methods, Houbolt, located DOP853."""
     arguments, work = (case.train, case.cam, case.cam_speed), []
     linear = case.train.laws is None
@@ -154,12 +116,12 @@ def _fixed_steps(case: Case, size: str) -> list[Work]:
     return work
 
 
-def _timed_gradient(case: Case) -> dict:
+def _timed_gradient(case: RevolutionCase) -> dict:
     times, gradient = timed(lambda: exact_gradient(case))
     return {**times, "figures": {"gradient": gradient}}
 
 
-def _peers(case: Case, size: str) -> list[Work]:
+def _peers(case: RevolutionCase, size: str) -> list[Work]:
     """What a user would take instead, on one compiled right-hand side."""
     if case.train.laws is not None:
         return []
@@ -171,7 +133,7 @@ def _peers(case: Case, size: str) -> list[Work]:
     ]
 
 
-def peer(case: Case, name: str, rtol: float) -> Response:
+def peer(case: RevolutionCase, name: str, rtol: float) -> Response:
     """Two revolutions by a general solver. Raises RuntimeError where it gives up."""
     arrays, derivative = problem(case.train, case.cam, case.cam_speed), np.empty(len(case.rest))
     times = np.linspace(0.0, 4 * np.pi / case.cam_speed, 2 * PEER_ANGLES + 1)
@@ -209,7 +171,7 @@ def _response(train: Train, cam: Lift, cam_speed: float, times: np.ndarray, stat
     )
 
 
-def _side_by_side(case: Case, size: str) -> list[Work]:
+def _side_by_side(case: RevolutionCase, size: str) -> list[Work]:
     """Many speeds just below the highest: lifts of all, time per revolution of one."""
     name, linear = f"{SIDE_BY_SIDE} speeds side by side up to {case.speed_rpm:g} r/min", case.train.laws is None
     cam_speeds = np.linspace(0.95, 1.0, SIDE_BY_SIDE) * case.cam_speed

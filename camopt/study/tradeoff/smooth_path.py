@@ -13,8 +13,8 @@ from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples, prepare, response_arrays, touch_layer
 from camopt.smooth.system import build_system
-from camopt.study.tradeoff.methods import Case, valve_lift
-from camopt.study.tradeoff.tradeoff import Work, timed
+from camopt.study.tradeoff.case import RevolutionCase, valve_lift
+from camopt.study.tradeoff.measurement import Work, timed
 
 REFINED_EPS = (1e-6, 1e-7, 1e-8, 2e-9)
 EQUAL_EPS = (1e-5, 1e-6, 1e-7)
@@ -25,7 +25,7 @@ GRADIENT_STEPS = 8192
 PRECISIONS = {"float64": jnp.float64, "float32": jnp.float32}
 
 
-def smooth_work(case: Case) -> list[Work]:
+def smooth_work(case: RevolutionCase) -> list[Work]:
     """Measures one motion: refined grids by eps, equal steps by step, eps, precision; diffrax; gradients."""
     work = []
 
@@ -51,7 +51,7 @@ def smooth_work(case: Case) -> list[Work]:
     return work
 
 
-def equal_steps(case: Case, precision: str, steps: int, cam_speeds: np.ndarray):
+def equal_steps(case: RevolutionCase, precision: str, steps: int, cam_speeds: np.ndarray):
     """A compiled function from (states (2, n, b), eps) to one revolution of b motions, and the states at rest."""
     dtype = PRECISIONS[precision]
     system, width = build_system(case.train, dtype), len(cam_speeds)
@@ -62,7 +62,7 @@ def equal_steps(case: Case, precision: str, steps: int, cam_speeds: np.ndarray):
     return (lambda y, eps: jax.block_until_ready(run(y, jnp.asarray(eps, dtype)))), rest
 
 
-def _equal(case: Case, precision: str, steps: int, eps: float) -> dict:
+def _equal(case: RevolutionCase, precision: str, steps: int, eps: float) -> dict:
     run, rest = equal_steps(case, precision, steps, np.array([case.cam_speed]))
 
     def revolve(state: np.ndarray) -> Response:
@@ -77,7 +77,7 @@ def _equal(case: Case, precision: str, steps: int, eps: float) -> dict:
     return case.measured(lambda: case.two(revolve))
 
 
-def _gradient(case: Case, eps: float) -> dict:
+def _gradient(case: RevolutionCase, eps: float) -> dict:
     """The gradient of the seating velocity by every stiffness, times the latter: reverse mode from a fixed start."""
     system, samples = build_system(case.train), jnp.asarray(lift_samples(case.cam))
     rest, half, foot = jnp.asarray(rest_state(case.train)), case.cam.half_duration, case.cam.opening_foot
@@ -100,7 +100,7 @@ def _gradient(case: Case, eps: float) -> dict:
     return {**times, "figures": {"gradient": np.asarray(found)}}
 
 
-def batch_work(name: str, case: Case, cam_speeds: np.ndarray) -> list[Work]:
+def batch_work(name: str, case: RevolutionCase, cam_speeds: np.ndarray) -> list[Work]:
     """Measures many speeds in one compiled call, with the axis of the batch last."""
 
     def run(precision: str, steps: int, eps: float) -> dict:

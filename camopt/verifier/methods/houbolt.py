@@ -72,7 +72,7 @@ def prepare(
         _start(first, x, v, force, cam, h)
         step, mask = 2, _bits(first.closed(force[1]))
         while step <= steps:
-            step, mask = _march(step, mask, _Motion(x, v, force), cam, h, later.arrays())
+            step, mask = _march(step, mask, _Revolution(x, v, force), cam, h, later.arrays())
             if step <= steps:
                 later.build(mask)
         return Response(train, cam_speed, angle, cam[:, 0], x[1:], v, force)
@@ -112,7 +112,7 @@ def _explicit(train: Train, angle, cam, cam_speed: float, h: float) -> Revolve:
     def revolve(state: np.ndarray) -> Response:
         x, v, force = np.zeros((samples + 2, n)), np.zeros((samples, n)), np.zeros((samples, len(train.a)))
         x[2], v[0] = state[:n], state[n:]  # x[0] and x[1] are the fictitious points before the start
-        _march_explicit(_Motion(x, v, force), cam, h, masses, elements)
+        _march_explicit(_Revolution(x, v, force), cam, h, masses, elements)
         return Response(train, cam_speed, angle, cam[:, 0], x[2:], v, force)
 
     return revolve
@@ -141,7 +141,7 @@ class _Sets(NamedTuple):
     load: np.ndarray  # (s, n, 3) by 1, lift and lift velocity
 
 
-class _Motion(NamedTuple):
+class _Revolution(NamedTuple):
     """The revolution that is being written, a row a sample; x has one or two fictitious rows before the start."""
 
     x: np.ndarray
