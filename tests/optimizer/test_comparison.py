@@ -87,7 +87,7 @@ def narrow():
 @pytest.fixture(scope="module")
 def compared(narrow, tmp_path_factory):
     """A folder with a design and two families under the same judge, of which one fails while it is judged."""
-    folder, lift, real = tmp_path_factory.mktemp("compared"), read_cam("exponent", narrow), comparison.verify
+    folder, lift, real = tmp_path_factory.mktemp("compared"), read_cam("exponent", narrow), comparison.verdict_on
     singular = read_cam("exponent:exponents=2/8/14/20/26", narrow)
 
     def judge(scene, cam, *given):
@@ -96,7 +96,7 @@ def compared(narrow, tmp_path_factory):
         return real(scene, cam, *given)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(comparison, "verify", judge)
+        patch.setattr(comparison, "verdict_on", judge)
         baselines = {"exponent": lift, "kurz": singular, "polydyne": "no member, because of that"}
         comparison.compare_in(folder, narrow, {"mine": lift}, {}, ACCURACIES["draft"], baselines)
     return folder
