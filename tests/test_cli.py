@@ -9,6 +9,7 @@ import pytest
 import camopt
 import camopt.verifier
 from camopt.cli import parser as cli
+from camopt.cli import values
 from camopt.cli import verbs as commands
 from camopt.scene import scene_text
 
@@ -175,8 +176,8 @@ class TestArguments:
         ],
     )
     def test_speeds(self, text, expected):
-        assert cli.speeds(text) == pytest.approx(expected)
-        assert len(cli.speeds(text)) == len(expected)
+        assert values.speeds(text) == pytest.approx(expected)
+        assert len(values.speeds(text)) == len(expected)
 
     @pytest.mark.parametrize(
         "text",
@@ -184,7 +185,7 @@ class TestArguments:
     )
     def test_unusable_speeds(self, text):
         with pytest.raises(argparse.ArgumentTypeError):
-            cli.speeds(text)
+            values.speeds(text)
 
     def test_accuracy_is_a_word_or_micrometres(self):
         words = ["verify", "kodama", "--cam", "polydyne", "--accuracy"]

@@ -139,7 +139,9 @@ class TestCam:
     def test_names_that_no_system_has(self, capsys, name):
         code, out, err = run(capsys, "cam", "kodama", "--cam", name)
         assert (code, out) == (2, "")
-        assert "the system does not take this path" in err and len(err) < 400 and err.count("\n") == 1
+        taken = name.endswith(".dat")  # a lone surrogate may name a file, which just is not there
+        assert ("neither a family" if taken else "the system does not take this path") in err
+        assert len(err) < 400 and err.count("\n") == 1
 
     def test_compare_reads_a_raw_table(self, capsys, tmp_path, monkeypatch):
         file, options = self.raw_table(tmp_path)

@@ -26,6 +26,7 @@ COMMANDS = {
     "tradeoff": ("tradeoff", "kodama", "--out", "run"),
     "extremes": ("extremes", "kodama", "--out", "run"),
     "reduce": ("reduce", "kodama"),
+    "report": ("report", "runs/first"),
     "scenes": ("scenes",),
 }
 

@@ -102,6 +102,12 @@ def _after_reduce(args: Namespace, code: int) -> str:
     return f"the proposed scene is in {args.json} as proposed_toml: save it as a TOML file and verify a cam there too"
 
 
+def _after_report(args: Namespace, code: int) -> str:
+    if code:
+        return f"{_camopt('report', args.run)} makes comparison, figures and page again from the folder"
+    return f"{_camopt('report', args.run, '--check')} judges every stated number anew"
+
+
 def _after_scenes(args: Namespace, code: int) -> str:
     if args.name is None:
         return "`camopt scenes kodama > mine.toml` writes one to edit"
@@ -122,5 +128,6 @@ _AFTER = {
     "tradeoff": _after_tradeoff,
     "extremes": _after_extremes,
     "reduce": _after_reduce,
+    "report": _after_report,
     "scenes": _after_scenes,
 }

@@ -60,8 +60,12 @@ USUAL = {
     "design.jerk_max_mm_per_deg3": Usual(1e-5, 0.2, "of cams that are ground", {"um/deg^3": 1e-3}),
     "design.bounce_max_mm": Usual(1e-4, 1, "from what can be measured to what breaks a seat", _LENGTH),
     "design.jump_max_mm": Usual(1e-4, 1, "from what can be measured to what breaks a follower", _LENGTH),
+    "design.jump_max_deg": Usual(
+        0.01, 90, "from what an encoder resolves to a follower that hardly touches", {"rad": 180 / pi}
+    ),
     "design.seating_velocity_max_m_per_s": Usual(0.02, 5, "from a car at idle to a racing engine", {"mm/s": 1e-3}),
     "design.contact_force_max_N": Usual(50, 1e5, "from a model engine to a large gas engine", {"kN": 1e3}),
+    "design.contact_force_min_N": Usual(0.1, 1e4, "from a model engine to a large gas engine", {"kN": 1e3}),
     "geometry.base_radius_mm": Usual(3, 150, "from a model engine to a large gas engine", _LENGTH),
     "geometry.face_width_mm": Usual(2, 150, "from a model engine to a large gas engine", _LENGTH),
     "geometry.roller_radius_mm": Usual(2, 150, "from a model engine to a large gas engine", _LENGTH),

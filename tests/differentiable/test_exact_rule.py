@@ -53,17 +53,6 @@ def test_gradients_by_cam_and_train_are_those_of_the_adjoint():
         np.testing.assert_allclose(slope, getattr(by_train(found), name), rtol=1e-9, err_msg=name)
 
 
-def test_slopes_are_read_twice_alike():
-    """The terms of the rest were added to the argument itself, so that a second reading counted them twice."""
-    motion = exact_rule.Varying(TRAIN, polydyne(), 2, None)
-    given = {"mass_force": TRAIN.mass_force, "cam_speed": np.array(SPEED)}
-    traced = motion.trace(given, ("mass_force",))
-    _, swept = traced.swept(NAMES, 0)
-    once, twice = (motion.by_names(("mass_force",), given, traced, swept, np.zeros(3)) for _ in range(2))
-    assert np.any(once["mass_force"] != swept.by_train.mass_force)  # the rest has terms of its own
-    np.testing.assert_array_equal(once["mass_force"], twice["mass_force"])
-
-
 def test_compiled_and_batched_in_one_call(monkeypatch):
     pools = []
 

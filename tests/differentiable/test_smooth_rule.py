@@ -99,7 +99,7 @@ def test_a_traced_speed_of_a_stiff_train():
     scene = load_scene("motori-1")
     light = scene.mass[0].model_copy(update={"mass_kg": scene.mass[0].mass_kg / 60})
     scene = scene.model_copy(update={"mass": (light,)})
-    lift, gap = camopt.polydyne(scene), np.array(build_train(scene).gap)
+    lift, gap = camopt.exponent(scene), np.array(build_train(scene).gap)
 
     def area(speed):
         motion = camopt.simulate(scene, lift, speed, method="smooth", step_deg=5.0, parameters={"gap": gap})

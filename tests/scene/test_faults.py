@@ -113,7 +113,7 @@ def test_a_contact_between_cam_and_valve_the_wrong_way_round_is_refused(name):
     parts = scene_text(name).split("[[element]]")
     reversed_contacts = 0
     for i, part in enumerate(parts):
-        if "contact" not in part or not re.search("cam_driven|rocker_valve|follower_valve|pushrod", part):
+        if i == 0 or "contact" not in part or not re.search("cam_driven|rocker_valve|follower_valve|pushrod", part):
             continue
         turned = re.sub(r'between = \["(\w+)", "(\w+)"\]', r'between = ["\2", "\1"]', part)
         with pytest.raises(InputError, match="every contact on it must push that way"):

@@ -208,8 +208,9 @@ class _Rows:
 def free_cam(design: Design, knot_deg: float = 3.0) -> FreeCam:
     """The free cam of a design, whose knot interval is the longest one up to `knot_deg` that divides the duration.
 
-    The spline meets lift, velocity and zero acceleration at both ramp tops; the directions that these conditions leave
-    are the free coefficients z (m) [mm/deg^2]. Raises ValueError for a knot interval that leaves no free coefficient.
+    The spline meets lift, velocity and zero acceleration at both ramp tops; what these conditions leave of its
+    coefficients x (n) are the free coefficients z (m) [mm/deg^2]. Raises ValueError for a knot interval that leaves no
+    free coefficient.
     """
     half = design.duration_deg / 2 * DEG
     count = int(np.ceil(design.duration_deg / knot_deg - 1e-9))

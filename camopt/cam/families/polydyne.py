@@ -109,6 +109,8 @@ def polydyne(
     try:
         borders, pieces = event_pieces(powers, half, flank_end, rise, ramp.height, *dynamic)
         lift = with_ramps(borders, pieces, ramp, ramp, "polydyne", parameters)
+    except InputError:  # ramps that do not fit: no fault of the correction
+        raise
     except (np.linalg.LinAlgError, ValueError):
         raise InputError(_left("its six conditions have no common solution", parameters, half)) from None
     if why := no_member(lift, design.max_lift_mm * MM, ramp):

@@ -77,7 +77,7 @@ class _Parts(NamedTuple):
     may_pull: bool  # a compressed contact's damper may exceed its spring
 
 
-def _elastic_arrays(train: Train) -> tuple[np.ndarray, ...]:
+def _elastic_arrays(train: Train) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Kind (e), coefficient (e), exponent (e) and stiffness table (e, q, 2) of the elastic laws."""
     if train.laws is not None:
         return train.laws.kind, train.laws.coefficient, train.laws.exponent, train.laws.table

@@ -9,7 +9,7 @@ from camopt.cam.lift import Lift
 from camopt.cam.ramps import scene_ramps
 from camopt.cam.read import read_cam
 from camopt.cam.tables.smoothing import smoothed
-from camopt.cam.tables.smoothing_spline import PENALTY_ORDERS, _log_determinant, _penalty, _scale
+from camopt.cam.tables.smoothing_spline import PENALTY_ORDERS, _log_determinant, _penalty, _scale, fitted_non_negative
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import DEG, MM
 
@@ -112,9 +112,11 @@ def test_every_drawn_table_ends_in_a_law_or_a_sentence(first):
 
 def test_a_table_that_is_nowhere_above_the_base_circle_ends():
     degrees = np.arange(-180.0, 181.0)
-    lift = np.full(len(degrees), -5.0)
-    lift[150:160] = 0.05  # enough rows for an event that the spline pulls below zero
-    with pytest.raises(InputError):
+    hollow = np.where(np.abs(degrees) < 75, -5 * np.cos(degrees / 75 * np.pi / 2) ** 2, 0.0)
+    fit = fitted_non_negative(np.arange(100.0, 260.0), np.full(160, -1.0), 360, np.arange(104, 260))
+    assert fit.coefficients.max() <= 0  # it once drew the ends in without end
+    lift = np.where((np.abs(degrees) >= 74) & (np.abs(degrees) <= 76), 0.5, hollow)
+    with pytest.raises(InputError, match="no lift above the base circle is left"):
         smoothed("table", degrees, lift, list(range(1, len(lift) + 1)), RAMPS)
 
 
