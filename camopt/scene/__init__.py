@@ -43,6 +43,7 @@ from camopt.scene.load import scene_text as scene_text
 from camopt.scene.quantities import QUANTITIES as QUANTITIES
 from camopt.scene.response import Response as Response
 from camopt.scene.rest import rest_position as rest_position
+from camopt.scene.rest import state_at_rest as state_at_rest
 from camopt.scene.schema import Scene as Scene
 from camopt.scene.train import Train as Train
 from camopt.scene.train import build_train as build_train

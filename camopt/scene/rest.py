@@ -84,7 +84,8 @@ def rest_position(train: Train) -> np.ndarray:
 
 def state_at_rest(train: Train) -> np.ndarray:
     """State (2n: [m], then [m/s]) at rest on the base circle; raises InputError where there is none."""
-    return state_at_rest(train)
+    position = rest_position(train)
+    return np.concatenate([position, np.zeros_like(position)])
 
 
 def _not_held(train: Train, direction: np.ndarray) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.polydyne import polydyne
-from camopt.cli.parser import parser as cli
+from camopt.cli import parser as cli
 from camopt.exact import engine
 from camopt.measure.settling import settle
 from camopt.scene import (
