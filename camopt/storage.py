@@ -128,7 +128,7 @@ def run_identity(command: str, scenes: Scene | Sequence[Scene], **settings: Any)
     """What makes two runs the same, for `run_folder`: the command, camopt's version, its settings and its scenes."""
     several = [scenes] if isinstance(scenes, Scene) else scenes
     dumped = {scene.name: scene.model_dump(mode="json") for scene in several}
-    return {"command": command, "version": version("camopt"), "settings": settings, "scene": dumped}
+    return {"command": command, "version": version("camopt"), "scene": dumped, "settings": settings}
 
 
 def check_run_folder(folder: str | Path, resume: bool = False) -> None:
@@ -200,7 +200,7 @@ def _same_run(folder: Path, identity: dict) -> None:
         if known == asked:
             continue
         raise InputError(
-            f"{folder}: belongs to another run, and nothing in it was changed: its {key} differs"
+            f"{folder}: belongs to another run, and nothing in it was changed: its {key} {'differ' if key == 'settings' else 'differs'}"
             f"{_difference(known, asked)}; --resume with what it was begun with, or give another --out"
         )
 

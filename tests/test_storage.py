@@ -148,7 +148,7 @@ def test_a_finished_run_is_resumed_only_as_itself_and_no_byte_changes(tmp_path):
     before = contents(folder)
     others = {
         "there, 0.0 now)": {"version": "0.0"},
-        "its settings differs (seed: 0 there, 1 now)": {"settings": {"speeds": "band", "seed": 1}},
+        "its settings differ (seed: 0 there, 1 now)": {"settings": {"speeds": "band", "seed": 1}},
         "its command differs (optimize there, tradeoff now)": {"command": "tradeoff"},
         "its scene differs (motori-1; kodama)": {"scene": run_identity("optimize", load_scene("kodama"))["scene"]},
     }

@@ -14,7 +14,7 @@ from camopt.cli import parser as cli
 from camopt.plots.tradeoff import pareto
 from camopt.scene import InputError, load_scene, scene_text
 from camopt.study.tradeoff import figures as tradeoff_figures
-from camopt.study.tradeoff import tradeoff as module
+from camopt.study.tradeoff import measurement, tradeoff as module
 from camopt.study.tradeoff.measurement import COLUMNS, REFERENCE, Work, error_of, measured, rows_of, timed
 from camopt.study.tradeoff.summary import words_of
 from camopt.study.tradeoff.tradeoff import LINES, tradeoff
@@ -39,7 +39,7 @@ def drawn():
     figures = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tradeoff_figures, "save", lambda figure, folder, name: figures.update({name: figure}))
-        patch.setattr(module, "PATIENCE", 0.0)
+        patch.setattr(measurement, "PATIENCE", 0.0)
         yield figures
 
 
@@ -180,14 +180,14 @@ class TestLines:
         assert error_of("bounce_mm", np.nan, 1.0) is None
 
     def test_the_first_call_is_set_apart(self, monkeypatch):
-        monkeypatch.setattr(module, "PATIENCE", 0.05)
+        monkeypatch.setattr(measurement, "PATIENCE", 0.05)
         durations = chain((0.05, 0.004, 0.002), repeat(0.004))
         times, _ = timed(lambda: busy(next(durations)), 2)
         assert times["seconds"] == pytest.approx(0.001, rel=0.2)
         assert times["setup_seconds"] == pytest.approx(0.048, rel=0.1)
 
     def test_waiting_is_not_counted(self, monkeypatch):
-        monkeypatch.setattr(module, "PATIENCE", 0.01)
+        monkeypatch.setattr(measurement, "PATIENCE", 0.01)
         times, _ = timed(lambda: time.sleep(0.02) or busy(0.01))
         assert times["seconds"] == pytest.approx(0.01, rel=0.1)
 
