@@ -200,8 +200,8 @@ def _same_run(folder: Path, identity: dict) -> None:
         if known == asked:
             continue
         raise InputError(
-            f"{folder}: belongs to another run, and nothing in it was changed: its {key} {'differ' if key == 'settings' else 'differs'}"
-            f"{_difference(known, asked)}; --resume with what it was begun with, or give another --out"
+            f"{folder}: belongs to another run, and nothing in it was changed: its {key} "
+            f"{'differ' if key == 'settings' else 'differs'}{_difference(known, asked)}; --resume with what it was begun with, or give another --out"
         )
 
 

@@ -13,17 +13,19 @@ import camopt
 ROOT = Path(camopt.__file__).parent
 SUPPORT = {"scene", "storage", "plots"}  # plots is a leaf: its arguments are arrays
 MAY_IMPORT = {
+    "cache": set(),
+    "programs": {"cache"},
     "storage": {"scene"},
     "scene": set(),
     "plots": {"scene"},
     "cam": SUPPORT,
     "measure": {"cam"} | SUPPORT,
-    "smooth": {"cam", "scene"},
-    "exact": {"cam"} | SUPPORT,
-    "verifier": {"cam", "measure"} | SUPPORT,
+    "smooth": {"cam", "scene", "cache"},
+    "exact": {"cam", "programs"} | SUPPORT,
+    "verifier": {"cam", "measure", "programs"} | SUPPORT,
     "differentiable": {"cam", "smooth", "exact", "scene"},
     "optimizer": {"cam", "measure", "smooth", "exact", "verifier", "differentiable"} | SUPPORT,
-    "study": {"cam", "measure", "smooth", "exact", "verifier", "differentiable", "optimizer"} | SUPPORT,
+    "study": {"cam", "measure", "smooth", "exact", "verifier", "differentiable", "optimizer", "programs"} | SUPPORT,
     "report": {"cam", "measure", "smooth", "exact", "verifier", "optimizer", "study"} | SUPPORT,
 }
 TOP = {"__init__", "__main__", "cli"}

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from camopt.cam.lift import Lift
@@ -29,6 +28,7 @@ from camopt.exact.kernel.propagators import propagators
 from camopt.exact.kernel.revolution import DONE, NEED_TABLES, TRACE_FULL
 from camopt.exact.kernel.setting import Setting, follow, slot_tables
 from camopt.exact.kernel.trace import first
+from camopt.programs import compiled
 from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Train
 
@@ -62,7 +62,7 @@ class Motions(NamedTuple):
     by_element: np.ndarray  # (k, g, 4, e)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def run(s, motions, wanted, most, rows, trace, seeds, begin, end):
     """Runs the motions `begin` to `end` under the setting s, with each motion's own cam in place of the setting's.
 

@@ -3,7 +3,6 @@
 A motion grazes where a contact only just touches, or only just fails to: there its gradient is one-sided.
 """
 
-import numba
 import numpy as np
 
 from camopt.exact.adjoint.metrics import measure
@@ -11,9 +10,10 @@ from camopt.exact.adjoint.seeds import clear, observe, seed_force
 from camopt.exact.kernel.instants import compression, nearest_miss, state_at
 from camopt.exact.kernel.propagators import ACTING, SEPARATED
 from camopt.exact.kernel.revolution import element_forces
+from camopt.programs import compiled
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def evaluate(s, trace, seeds, metrics, weights, turn, values):
     """Fills values (l, 2: value, runner-up) of the metrics of a revolution.
 
@@ -26,7 +26,7 @@ def evaluate(s, trace, seeds, metrics, weights, turn, values):
     seeds.weight[0] = 1.0
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def closings_margin(s, trace):
     """(slowest closing of a damped contact [m/s], smallest separation at which one turned back [m]).
 
@@ -45,7 +45,7 @@ def closings_margin(s, trace):
     return approach, gap
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def sample(s, trace, segments, lengths, rows):
     """Fills rows (m, 2n + 2 + e) with x, v, lift, lift velocity and the elements' forces at m instants, all in SI."""
     n = len(s.train.mass)
@@ -57,7 +57,7 @@ def sample(s, trace, segments, lengths, rows):
         element_forces(s.train, s.states[slot], y[2 * n], rows[i, 2 * n + 1], x, v, rows[i, 2 * n + 2 :])
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def collect(s, trace, seeds, segments, lengths, bar):
     """Fills `seeds` with the cotangents bar (m, 2n + 2 + e) of the rows that `sample` fills."""
     n2 = 2 * len(s.train.mass)

@@ -1,14 +1,14 @@
 """Integrals of the seat's distance and of its square over a segment, exact by power series, with their cotangents."""
 
-import numba
 import numpy as np
 
 from camopt.exact.kernel.advance import apply
 from camopt.exact.kernel.instants import series_at, watch_of
 from camopt.exact.kernel.propagators import TERMS
+from camopt.programs import compiled
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def distance_integral(s, trace, k, w, there):
     """Integral of the seat's distance over segment k [m steps], in which the seat must be apart."""
     slot, length, y = trace.slot[k], trace.length[k], trace.y[k]
@@ -27,7 +27,7 @@ def distance_integral(s, trace, k, w, there):
     return total
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def square_integral(s, trace, k, w, there):
     """Integral of the squared seat's distance over segment k [m^2 steps], in which the seat must be apart."""
     total, watch = 0.0, watch_of(s, trace.slot[k], s.seat)
@@ -41,7 +41,7 @@ def square_integral(s, trace, k, w, there):
     return total / s.train.stiffness[s.seat] ** 2
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _add_square(w, weight, width, p):
     """Adds to p, for every power of t, weight times the integral of the series w times that power over [0, width]."""
     powers = np.empty(2 * TERMS + 2)
@@ -55,7 +55,7 @@ def _add_square(w, weight, width, p):
         p[k] += weight * total
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def seed_integral(s, trace, seeds, k, weight):
     """Adds the cotangents of weight times the integral of the seat's distance over segment k [m steps]."""
     weight *= seeds.weight[0]
@@ -63,7 +63,7 @@ def seed_integral(s, trace, seeds, k, weight):
     _by_touch(s, seeds, weight * trace.length[k])
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def seed_square(s, trace, seeds, k, weight, w, there):
     """Adds the cotangents of weight times the integral of the squared seat's distance over segment k [m^2 steps]."""
     weight *= seeds.weight[0]
@@ -71,7 +71,7 @@ def seed_square(s, trace, seeds, k, weight, w, there):
     _by_touch(s, seeds, 2.0 * weight * distance_integral(s, trace, k, w, there))
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _by_touch(s, seeds, weight):
     """Adds the cotangents of the seat's distance, -(d + preload / stiffness), by its own parameters, d held."""
     e, stiffness, preload = s.seat, s.train.stiffness[s.seat], s.train.preload[s.seat]
@@ -80,7 +80,7 @@ def _by_touch(s, seeds, weight):
     seeds.element[3, e] += weight
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+@compiled(fastmath={"contract", "reassoc"})
 def integrals_back(s, slot, y, length, linear, square, out):
     """Adds to out (2n + q) the cotangent of y (2n + q) by the integrals over the next `length` steps.
 

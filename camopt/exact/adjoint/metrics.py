@@ -4,7 +4,6 @@ Names and definitions are those of `camopt.scene.quantities`. A window that runs
 it. Where the valve opens but never touches its seat again, the metrics of the closing are NaN and have no cotangents.
 """
 
-import numba
 import numpy as np
 
 from camopt.exact.adjoint.integrals import distance_integral, seed_integral, seed_square, square_integral
@@ -12,6 +11,7 @@ from camopt.exact.adjoint.seeds import observe, seed_end, seed_force, seed_separ
 from camopt.exact.kernel.instants import accelerations, closeness, largest, state_at
 from camopt.exact.kernel.propagators import ACTING, SEPARATED, TERMS
 from camopt.exact.kernel.switching import _value_and_slope
+from camopt.programs import compiled
 from camopt.scene.units import DEG, MM
 
 METRICS = (
@@ -29,7 +29,7 @@ METRICS = (
 NONE = -np.inf
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def measure(metric, s, trace, seeds, turn):
     """(value, runner-up) of metric number `metric` in revolution `turn`; its cotangents are added to `seeds`."""
     if metric == 0:
@@ -49,14 +49,14 @@ def measure(metric, s, trace, seeds, turn):
     return closed_integral(s, trace, seeds, turn)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def closes(s, trace, k, e):
     """Whether segment k ends where contact e closes."""
     slot, watch = trace.slot[k], trace.watch[k]
     return watch >= 0 and s.tables.element[slot, watch] == e and s.states[slot, e] == SEPARATED
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def touch(s, trace, turn):
     """(the segment that ends with the touch of a revolution, -1 for no touch; whether the valve opened)."""
     top, peak, e, states, train = 0.0, -1, s.seat, s.states, s.train
@@ -74,7 +74,7 @@ def touch(s, trace, turn):
     return -1, True
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def nominal_closing(s, trace, turn):
     """(segment, length [steps]) where the lift of a revolution falls to the lash for the last time; -1 for never."""
     lash, n2, w = 0.0, 2 * len(s.train.mass), np.zeros(TERMS + 1)
@@ -96,7 +96,7 @@ def nominal_closing(s, trace, turn):
     return -1, 0.0
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def closed_window(s, trace, turn):
     """The window in which bounce and impacts are sought, in a revolution.
 
@@ -114,7 +114,7 @@ def closed_window(s, trace, turn):
     return k, opened, start, end, -1, 0.0
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def bounce(s, trace, seeds, turn):
     touched, opened, start, end, nominal, _ = closed_window(s, trace, turn)
     if touched < 0:
@@ -132,7 +132,7 @@ def bounce(s, trace, seeds, turn):
     return value * unit, second * unit
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def seed_nominal(s, trace, seeds, k, length, slope):
     """Adds the cotangents of a value at the nominal closing through the time of that closing.
 
@@ -146,13 +146,13 @@ def seed_nominal(s, trace, seeds, k, length, slope):
         seeds.element[3, e] += slope / rate
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def event(s, turn):
     """Angles [rad] between which the contacts between cam and valve are judged: half the duration about the nose."""
     return 2 * np.pi * turn - s.half_duration, 2 * np.pi * turn + s.half_duration
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def jump_height(s, trace, seeds, turn):
     best, where, at, slope, contact, second = 0.0, -1, 0.0, 0.0, -1, NONE
     low, high = event(s, turn)
@@ -168,7 +168,7 @@ def jump_height(s, trace, seeds, turn):
     return best, second
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def contact_force(s, trace, seeds, turn, sign):
     """The largest (sign 1) or smallest (sign -1) contact force [N]; a contact that does not push has the force zero."""
     best, where, at, slope, contact, second = NONE, -1, 0.0, 0.0, -1, NONE
@@ -189,7 +189,7 @@ def contact_force(s, trace, seeds, turn, sign):
     return sign * best, sign * second
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def jump_angle(s, trace, seeds, turn):
     low, high = event(s, turn)
     best, second, contact = 0.0, NONE, -1
@@ -210,7 +210,7 @@ def jump_angle(s, trace, seeds, turn):
     return best / DEG, second / DEG
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def seed_speed(s, trace, seeds, k):
     """The speed [m/s] at which the valve falls onto its seat at the end of segment k, with its cotangents."""
     n, y = len(s.train.mass), trace.y[k + 1]
@@ -219,7 +219,7 @@ def seed_speed(s, trace, seeds, k):
     return -y[n + s.valve]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def seating_velocity(s, trace, seeds, turn):
     k, opened = touch(s, trace, turn)
     if k < 0:
@@ -227,7 +227,7 @@ def seating_velocity(s, trace, seeds, turn):
     return seed_speed(s, trace, seeds, k), NONE
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def impact_velocity(s, trace, seeds, turn):
     touched, opened, start, end, _, _ = closed_window(s, trace, turn)
     if touched < 0:
@@ -242,7 +242,7 @@ def impact_velocity(s, trace, seeds, turn):
     return (seed_speed(s, trace, seeds, where) if where >= 0 else 0.0), second
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def dynamic_area(s, trace, seeds, turn):
     """Integral of the valve's distance from its seat touch over the time at which it is open [mm deg]."""
     total, unit = 0.0, s.cam.speed * s.step / (MM * DEG)
@@ -255,7 +255,7 @@ def dynamic_area(s, trace, seeds, turn):
     return total * unit, NONE
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def closed_integral(s, trace, seeds, turn):
     """Integral by angle of the squared distance from the seat, from the touch to the next opening foot.
 

@@ -5,10 +5,10 @@ The metrics collect them here one by one; the sweep of `camopt.exact.adjoint.swe
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from camopt.exact.kernel.instants import compression, state_at
+from camopt.programs import compiled
 
 
 class Seeds(NamedTuple):
@@ -45,7 +45,7 @@ def empty_seeds(segments: int, observations: int, masses: int, elements: int) ->
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def clear(seeds, segments):
     """Removes all cotangents, for a trace with this number of segments."""
     seeds.used[0] = 0
@@ -54,7 +54,7 @@ def clear(seeds, segments):
     seeds.element[:] = 0.0
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def observe(seeds, k, length):
     """Adds an observation of segment k, `length` steps from its start; returns its row of `bar`, which is zero."""
     i = seeds.used[0]
@@ -65,7 +65,7 @@ def observe(seeds, k, length):
     return seeds.bar[i]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def seed_force(s, trace, seeds, k, length, e, weight):
     """Adds the cotangents of weight * (preload + stiffness d + damping d') of element e at an instant."""
     train = s.train
@@ -86,7 +86,7 @@ def seed_force(s, trace, seeds, k, length, e, weight):
     seeds.element[3, e] -= weight * train.stiffness[e]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def seed_separation(s, seeds, k, length, e, weight):
     """Adds the cotangents of weight * separation of contact e at an instant; separation = -(d + preload/stiffness)."""
     train = s.train
@@ -103,7 +103,7 @@ def seed_separation(s, seeds, k, length, e, weight):
     seeds.element[3, e] += weight
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def seed_end(s, trace, seeds, k, length, slope):
     """Adds the cotangent of an extreme at the end of a segment by the time of the switching there.
 

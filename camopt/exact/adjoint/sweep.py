@@ -9,13 +9,13 @@ slowly the contact closes. At every other switching the accelerations are contin
 identity.
 """
 
-import numba
 import numpy as np
 
 from camopt.exact.adjoint.integrals import integrals_back
 from camopt.exact.kernel.advance import carry_back
 from camopt.exact.kernel.instants import compression, state_at
 from camopt.exact.kernel.propagators import ACTING, SEPARATED
+from camopt.programs import compiled
 
 MOST_POINTS = 14
 """Largest number of Gauss points in one segment."""
@@ -25,7 +25,7 @@ for _n in range(1, MOST_POINTS + 1):
     POINTS[_n, :_n], SHARES[_n, :_n] = (_x + 1) / 2, _w / 2
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def lift_back(bar, offset, scale, by_piece):
     """Adds to by_piece (q) the cotangent by a piece's coefficients that follows from `bar`.
 
@@ -43,7 +43,7 @@ def lift_back(bar, offset, scale, by_piece):
         by_piece[k] += bar[k]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def lift_point_back(lift_bar, rate_bar, offset, cam_speed, by_piece):
     """Adds to by_piece (q) the cotangent that follows from those of the lift [m] and its velocity [m/s] at one angle.
 
@@ -55,7 +55,7 @@ def lift_point_back(lift_bar, rate_bar, offset, cam_speed, by_piece):
         before, power = power, power * offset
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def switch_back(s, trace, seeds, k, bar, by_coefficients, by_element):
     """Carries `bar` (2n) from after the switching that ends segment k to before it."""
     train = s.train
@@ -82,7 +82,7 @@ def switch_back(s, trace, seeds, k, bar, by_coefficients, by_element):
     by_element[3, e] += pull
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def forces_back(train, state, h, y, bar, share, by_mass, by_element):
     """Adds share times the cotangent `bar` (2n + q) times the derivatives of all accelerations by the parameters."""
     n = len(train.mass)
@@ -116,7 +116,7 @@ def forces_back(train, state, h, y, bar, share, by_mass, by_element):
         by_element[3, e] -= push * train.stiffness[e]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def parameters_back(s, trace, k, length, bar, linear, square, by_mass, by_element, work):
     """Adds what the parameters contribute between the start of segment k and the instant `length` steps later.
 
@@ -136,7 +136,7 @@ def parameters_back(s, trace, k, length, bar, linear, square, by_mass, by_elemen
         forces_back(s.train, state, h, y, there, share, by_mass, by_element)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def sweep(s, trace, seeds, bar, by_coefficients, by_mass, by_element):
     """Carries `bar` (2n), the cotangent of the end state, back to the start in place, and adds the seeds on the way.
 

@@ -4,15 +4,14 @@ A length is divided into whole steps, a fine node and a small rest. The first tw
 a short power series of the equations of motion, so that any instant costs little more than a node.
 """
 
-import numba
-
 from camopt.exact.kernel.propagators import FINE
+from camopt.programs import compiled
 
 ORDER = 6
 """Highest power of the series that follows a fine node: its remainder is below 1e-15 of the highest mode's motion."""
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"contract"})
+@compiled(fastmath={"contract"})
 def apply(matrix, y, columns, used, out):
     """Writes to out (used) the first rows of a transposed matrix times the first `columns` of y, plus its constant."""
     constant = matrix[len(y)]
@@ -30,14 +29,14 @@ def apply(matrix, y, columns, used, out):
         j += 1
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def split(length, most):
     """(whole steps, fine node, rest) of a length [steps] of at most `most`; the rest is at most 1 / (2 FINE) steps."""
     nearest = min(max(int(length * FINE + 0.5), 0), most * FINE)
     return nearest // FINE, nearest % FINE, length - nearest / FINE
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"contract"})
+@compiled(fastmath={"contract"})
 def short_series(motion, h, used, tau, y, term, acceleration):
     """Adds to x and v in y (2n + q) their change over tau, a small part of a step, by power series.
 
@@ -70,7 +69,7 @@ def short_series(motion, h, used, tau, y, term, acceleration):
             y[i] += term[i]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def advance(tables, slot, h, columns, length, y, work):
     """Advances y (2n + q), of which the first `columns` may differ from zero, by `length` steps within a span."""
     there, term, acceleration = work
@@ -85,7 +84,7 @@ def advance(tables, slot, h, columns, length, y, work):
         short_series(tables.motion[slot], h, columns - 2 * len(acceleration), rest, y, term, acceleration)
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+@compiled(fastmath={"contract", "reassoc"})
 def apply_transposed(matrix, g, used, rows, out):
     """Writes to out (rows) the first `used` columns of a transposed propagator times g: the transpose of `apply`."""
     for j in range(rows):
@@ -95,7 +94,7 @@ def apply_transposed(matrix, g, used, rows, out):
         out[j] = total
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"contract"})
+@compiled(fastmath={"contract"})
 def short_series_back(motion, h, tau, g, term, push):
     """Replaces g (2n + q) by exp(tau S)' g, where S is the system of x, v and the lift's coefficients per step.
 
@@ -130,7 +129,7 @@ def short_series_back(motion, h, tau, g, term, push):
             g[i] += term[i]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def carry_back(tables, slot, motion, h, length, bar, out, work):
     """Writes to out (2n + q) the cotangent at a start that belongs to the cotangent `bar` (2n), `length` steps later.
 

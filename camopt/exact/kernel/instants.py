@@ -1,11 +1,11 @@
 """The motion at instants inside a trace, and the place where a watched quantity is largest, from its power series."""
 
-import numba
 import numpy as np
 
 from camopt.exact.kernel.advance import advance, apply
 from camopt.exact.kernel.propagators import ACTING, SEPARATED, TERMS
 from camopt.exact.kernel.revolution import lift_series
+from camopt.programs import compiled
 
 LOOKS = 8
 """A crest is sought in this many intervals of a step: the highest mode turns by less than 0.2 rad in one."""
@@ -13,7 +13,7 @@ TIE = 1e-3
 """The runner-up of a crest is looked for within this relative difference of it."""
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def state_at(s, trace, k, length):
     """x, v and the lift's coefficients (2n + q) at `length` steps from the start of segment k."""
     n = len(s.train.mass)
@@ -26,7 +26,7 @@ def state_at(s, trace, k, length):
     return y
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def closeness(a, b, gap, n, y):
     """(d, d') [m], [m/s] of an element between the masses a and b that the cam does not drive."""
     d, rate = -gap, 0.0
@@ -39,7 +39,7 @@ def closeness(a, b, gap, n, y):
     return d, rate
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def compression(s, e, y):
     """(d, d') of element e: compression [m] and its rate [m/s]."""
     train = s.train
@@ -51,7 +51,7 @@ def compression(s, e, y):
     return d, rate
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def accelerations(s, slot, y):
     """Acceleration of every mass (n) [m/s^2] in a contact state."""
     train = s.train
@@ -69,7 +69,7 @@ def accelerations(s, slot, y):
     return force / train.mass
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def watch_of(s, slot, e):
     """The first watch of element e in a contact state; -1 where it has none."""
     for w in range(s.tables.count[slot]):
@@ -78,7 +78,7 @@ def watch_of(s, slot, e):
     return -1
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def series_at(s, trace, k, step, watch, w, there):
     """Writes to w (TERMS + 1) the power series of a watch about the start of a step of segment k."""
     slot = trace.slot[k]
@@ -87,7 +87,7 @@ def series_at(s, trace, k, step, watch, w, there):
     apply(s.tables.series[slot, watch], there, c, TERMS + 1, w)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def evaluate(w, t):
     """(value, slope, curvature) of a power series."""
     value, slope, curve = 0.0, 0.0, 0.0
@@ -98,7 +98,7 @@ def evaluate(w, t):
     return value, slope, curve
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def crest(w, sign, low, high):
     """(t, value, slope) of the largest sign * w in [low, high], and whether it is a crest inside the interval."""
     best, at, steep, inside = -np.inf, low, 0.0, False
@@ -118,7 +118,7 @@ def crest(w, sign, low, high):
     return at, best, steep, inside
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _summit(w, sign, low, high):
     """Root of the slope in a bracket in which it falls through zero, by Newton's method kept inside the bracket."""
     t = 0.5 * (low + high)
@@ -138,7 +138,7 @@ def _summit(w, sign, low, high):
     return t
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _highest_look(s, trace, e, status, sign, low, high):
     """Largest sign * watch over the ends of the steps inside [low, high] [rad]; -inf where no step ends there."""
     best = -np.inf
@@ -152,7 +152,7 @@ def _highest_look(s, trace, e, status, sign, low, high):
     return best
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def largest(s, trace, e, status, sign, low, high):
     """Largest sign * watch of element e at angles in [low, high] [rad] at which its contact has the state `status`.
 
@@ -187,7 +187,7 @@ def largest(s, trace, e, status, sign, low, high):
     return value, where, length, steep, second
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _bound(looks, k, at, count, sign):
     """A level that sign * watch does not exceed within a step, from its values and slopes at the step's ends."""
     f0, g0 = sign * looks[k, at], sign * looks[k, at + count]
@@ -195,7 +195,7 @@ def _bound(looks, k, at, count, sign):
     return max(max(f0, f1), max(f0 + g0, f1 - g1))
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def nearest_miss(s, trace, e):
     """How close contact e came to closing: its smallest watch [N] where it turned back while apart; inf for never."""
     least, looks, states = np.inf, trace.looks, s.states

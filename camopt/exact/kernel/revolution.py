@@ -1,17 +1,17 @@
 """One revolution, event-exact: spans by the exact propagator, jumps to the switchings and piece borders inside them."""
 
-import numba
 import numpy as np
 
 from camopt.exact.kernel.advance import advance, apply
 from camopt.exact.kernel.propagators import ACTING, COMPRESSED, SEPARATED, TERMS
 from camopt.exact.kernel.switching import SAMPLES, TICK, first_suspect, next_switch
 from camopt.exact.kernel.trace import begin_segment, end_segment
+from camopt.programs import compiled
 
 DONE, NEED_TABLES, CHATTER, NOT_FINITE, TRACE_FULL = 0, 1, 2, 3, 4
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def lift_series(piece, offset, scale, u):
     """Coefficients u (q) of the lift in tau about the angle `offset` [rad] inside a piece (q, m/rad^k).
 
@@ -34,7 +34,7 @@ def lift_series(piece, offset, scale, u):
     return q
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def element_forces(train, status, lift, lift_rate, x, v, force):
     """Writes to force (e) the forces [N] that the elements exert; where a contact lets go, rounding may be left."""
     for e in range(len(train.a)):
@@ -53,7 +53,7 @@ def element_forces(train, status, lift, lift_rate, x, v, force):
             force[e] = 0.0
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def classify(train, lift, lift_rate, x, v, status):
     """Writes the contact states of an arbitrary state: a contact pushes if its elastic and whole force are positive."""
     whole = np.zeros(len(train.a))
@@ -73,7 +73,7 @@ def classify(train, lift, lift_rate, x, v, status):
             status[e] = COMPRESSED
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def find(keys, status, contact):
     """(slot of the tables for a state of the contacts or -1, its key)."""
     key, digit = 0, 1
@@ -87,7 +87,7 @@ def find(keys, status, contact):
     return -1, key
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def record(rows, count, t, train, status, y, h):
     """Appends one sample: time, lift, x, v, force."""
     n = len(train.mass)
@@ -99,7 +99,7 @@ def record(rows, count, t, train, status, y, h):
     return count + 1
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def next_stop(cam, piece, t, target, step):
     """(border, target, end) of the span that begins at t [s]: where the lift's piece ends, where the span was to end
     (moved onto a border within its rounding), and the earlier of the two."""
@@ -110,7 +110,7 @@ def next_stop(cam, piece, t, target, step):
     return border, target, max(t, min(target, border))
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def cross(tables, slot, h, columns, y, out, remaining, scratch, work):
     """Advances y by the span whose table gave `out`, or by `remaining` steps of it, or to the first switching.
 
@@ -126,7 +126,7 @@ def cross(tables, slot, h, columns, y, out, remaining, scratch, work):
     return length, watch, False
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def begin(train, cam, h, state, y, status):
     """Fills y (2n + q) and the contacts' status from a state (2n) at -pi; returns the columns of y in use."""
     n2 = len(state)
@@ -137,7 +137,7 @@ def begin(train, cam, h, state, y, status):
     return columns
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def revolve(train, cam, h, tables, state, rows, trace, most):
     """Runs one revolution from `state` (2n), which it changes in place.
 

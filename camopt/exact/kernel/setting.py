@@ -4,13 +4,13 @@ from functools import lru_cache
 from threading import Lock
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from camopt.exact.kernel.arrays import CamArrays, TrainArrays
 from camopt.exact.kernel.propagators import ACTING, SEPARATED, TERMS, Propagators, Tables
 from camopt.exact.kernel.revolution import DONE, revolve
 from camopt.exact.kernel.trace import later
+from camopt.programs import compiled
 
 
 class Setting(NamedTuple):
@@ -85,7 +85,7 @@ def slot_tables(tables: Propagators) -> SlotTables:
     return SlotTables(tables)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def follow(train, cam, step, tables, state, revolutions, most, rows, trace):
     """Writes whole revolutions from `state` (2n), which is changed in place, into the trace.
 

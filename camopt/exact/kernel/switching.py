@@ -1,9 +1,8 @@
 """Switching instants: the first time within a step at which the power series of a watched quantity turns negative."""
 
-import numba
-
 from camopt.exact.kernel.advance import apply
 from camopt.exact.kernel.propagators import TERMS
+from camopt.programs import compiled
 
 TICK = 1e-13
 """Smallest time [s] between two switchings that is resolved. It is far below any step and above the series' rounding.
@@ -13,7 +12,7 @@ SAMPLES = 15
 most one extremum lies there."""
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def suspect(out, at, w, count):
     """Whether a watch may turn negative within a step, judged from values and slopes at the step's two ends.
 
@@ -24,7 +23,7 @@ def suspect(out, at, w, count):
     return before < 0.0 or after < 0.0 or before + out[at + count + w] < 0.0 or after - out[at + 3 * count + w] < 0.0
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def first_suspect(out, at, count, steps):
     """The first of the steps in which any watch is suspect; `steps` if there is none."""
     for i in range(steps):
@@ -35,7 +34,7 @@ def first_suspect(out, at, count, steps):
     return steps
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def next_switch(tables, slot, y, columns, out, length, tick, scratch):
     """The first switching in (0, length] steps, as (instant [steps], watch), or (length, -1) where there is none.
 
@@ -65,7 +64,7 @@ def next_switch(tables, slot, y, columns, out, length, tick, scratch):
     return length, -1
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"contract"})
+@compiled(fastmath={"contract"})
 def _value_and_slope(w, t):
     value, slope = 0.0, 0.0
     for k in range(TERMS, -1, -1):
@@ -74,7 +73,7 @@ def _value_and_slope(w, t):
     return value, slope
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"contract"})
+@compiled(fastmath={"contract"})
 def _sample(w, value, slope):
     """Writes values and slopes at i / SAMPLES, i = 0 to SAMPLES, in one loop, so that the processor does several at
     once."""
@@ -87,7 +86,7 @@ def _sample(w, value, slope):
             value[i] = value[i] * t + w[k]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def first_negative(w, start, end, value, slope):
     """The first t in [start, end] at which the series w turns negative, or -1; 0 <= start << 1 and end <= 1.
 
@@ -116,7 +115,7 @@ def first_negative(w, start, end, value, slope):
     return -1.0
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _dip(w, start, high):
     """The t at which w turns negative before its lowest point in (start, high); -1 if that point is not negative."""
     low, above = start, _value_and_slope(w, start)[0]
@@ -134,7 +133,7 @@ def _dip(w, start, high):
     return -1.0
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _root(w, low, high, above, below):
     """The t at which w turns negative, by Newton's method kept inside a bracket that shrinks.
 

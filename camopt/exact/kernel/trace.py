@@ -2,8 +2,9 @@
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
+
+from camopt.programs import compiled
 
 
 class Trace(NamedTuple):
@@ -37,7 +38,7 @@ def empty_trace(segments: int, width: int, looks: int) -> Trace:
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def begin_segment(trace, k, angle, offset, slot, piece, y, looks):
     """Writes row k of a trace, except for the end of its segment."""
     trace.angle[k], trace.offset[k] = angle, offset
@@ -49,7 +50,7 @@ def begin_segment(trace, k, angle, offset, slot, piece, y, looks):
         seen[i] = looks[i]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def end_segment(trace, k, length, watch, angle, y):
     """Writes the end of row k: how long the segment was, what ended it, and the state at its end."""
     trace.length[k], trace.watch[k], trace.angle[k + 1] = length, watch, angle
@@ -58,7 +59,7 @@ def end_segment(trace, k, length, watch, angle, y):
         row[i] = y[i]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def later(trace, k):
     """The trace without its first k rows (views)."""
     return Trace(
@@ -73,7 +74,7 @@ def later(trace, k):
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def first(trace, k):
     """The first k rows of a trace (views)."""
     return Trace(

@@ -10,9 +10,9 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numba import njit
 
 from camopt.measure.hermite import Hermite
+from camopt.programs import compiled
 from camopt.scene import MotionRefused, Response, Scene, Train, build_train
 from camopt.scene.response import Revolve
 from camopt.scene.train import GROUND
@@ -111,7 +111,7 @@ def leave_out(scene: Scene, never_closed: frozenset[str], never_open: frozenset[
     return LeftOut(scene.model_copy(update={"element": elements}), tuple(names[0]), tuple(names[1]), watched)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _highest(angle, x, v, a, b, cam_speed):
     """A bound [m] on the compression of [a, b] at and between samples, from the control points of its cubics."""
     top, last = -np.inf, len(angle) - 1

@@ -8,9 +8,9 @@ control and dense output after Hairer, Norsett, Wanner, Solving Ordinary Differe
 """
 
 import numpy as np
-from numba import njit
 
 from camopt.cam.lift import Lift
+from camopt.programs import compiled
 from camopt.scene.train import Train
 
 A = np.array([
@@ -41,7 +41,7 @@ def problem(train: Train, lift: Lift, cam_speed: float) -> tuple:
     return masses, ends, laws, (lift.borders, lift.coefficients, cam_speed)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def right_hand_side(t, y, dy, masses, ends, laws, cam):
     """Writes dy/dt to dy (2n) at the time t [s] after -pi; a contact has f = max(0, p + c d') where p > 0, else 0."""
     mass, mass_damping, mass_force = masses
@@ -75,7 +75,7 @@ def right_hand_side(t, y, dy, masses, ends, laws, cam):
         dy[n + i] /= mass[i]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _lift(t, cam):
     borders, pieces, cam_speed = cam
     theta = (t * cam_speed) % (2.0 * np.pi) - np.pi
@@ -88,7 +88,7 @@ def _lift(t, cam):
     return value, slope * cam_speed
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def dormand_prince(start, times, rtol, atol, masses, ends, laws, cam):
     """(states (len(times), 2n) at ascending times [s], number of steps tried), from `start` (2n) at times[0]."""
     m, t, end = len(start), times[0], times[-1]
@@ -129,7 +129,7 @@ def dormand_prince(start, times, rtol, atol, masses, ends, laws, cam):
     return out, tried
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _dense(y, new, k, h, s, out):
     """State at the share s of a step."""
     for i in range(len(y)):

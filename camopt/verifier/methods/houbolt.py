@@ -19,9 +19,9 @@ sqrt((20/3 zeta)^2 + 4) - 20/3 zeta (a root of the difference equation reaches -
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from camopt.cam.lift import Lift
+from camopt.programs import compiled
 from camopt.scene.response import Response, Revolve
 from camopt.scene.train import GROUND, Train
 
@@ -221,7 +221,7 @@ def _start(sets: _ClosedSets, x, v, force, cam, h: float) -> None:
     x[0] = h**2 * a0 + 2 * x[1] - x[2]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _forces(x, v, cam, elements, force):
     """Element forces into `force` (e) by the contact law; returns the bit mask of the contacts that push."""
     mask, bit = 0, 1
@@ -244,7 +244,7 @@ def _forces(x, v, cam, elements, force):
     return mask
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _march(start, mask, motion, cam, h, sets):
     """Steps from `start` on, x being one row ahead of v; returns the step reached and the set in use or missing."""
     n, x, v = len(sets.mass), motion.x, motion.v
@@ -275,7 +275,7 @@ def _march(start, mask, motion, cam, h, sets):
     return len(v), mask
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _march_explicit(motion, cam, h, masses, elements):
     """All steps from x[2], v[0] on, x being two rows ahead of v; forces at every point."""
     mass, mass_damping, mass_force = masses

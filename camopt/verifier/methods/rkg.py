@@ -12,9 +12,9 @@ compressed (their x_3 > x_2), and until then its damper may pull, f = p + c d' o
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from camopt.cam.lift import Lift
+from camopt.programs import compiled
 from camopt.scene.errors import InputError
 from camopt.scene.response import Response, Revolve
 from camopt.scene.train import Train
@@ -85,7 +85,7 @@ def _elastic_arrays(train: Train) -> tuple[np.ndarray, np.ndarray, np.ndarray, n
     return np.zeros(e, dtype=int), train.stiffness, np.ones(e), np.zeros((e, 1, 2))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _elastic(kind, coefficient, exponent, table, preload, d):
     """Elastic force [N] at compression d [m]."""
     if kind == 0:
@@ -96,7 +96,7 @@ def _elastic(kind, coefficient, exponent, table, preload, d):
     return preload + _work(table, d) - _work(table, 0.0)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _work(table, d):
     """Integral of the stiffness from the first row of `table` (q, 2) to d; constant beyond the first and last row."""
     if d <= table[0, 0]:
@@ -112,7 +112,7 @@ def _work(table, d):
     return total + table[-1, 1] * (d - table[-1, 0])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _slope(y, rise, rate, p, dy, force):
     """dy/dt into `dy` (2n) and the element forces into `force` (e)."""
     a, b, n = p.a, p.b, len(p.mass)
@@ -143,7 +143,7 @@ def _slope(y, rise, rate, p, dy, force):
         dy[n + i] /= p.mass[i]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _march(start, rise, rate, h, parts, states, force):
     """All steps of one revolution. Gill's q carries three times the round-off of each step's sum into the next."""
     y = start.copy()

@@ -13,10 +13,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy.linalg import expm
 
 from camopt.cam.lift import Lift
+from camopt.programs import compiled
 from camopt.scene.errors import InputError
 from camopt.scene.response import Response, Revolve
 from camopt.scene.train import GROUND, Train
@@ -151,7 +151,7 @@ def _exact(inverse_mass, damping, stiffness, h: float) -> np.ndarray:
     return expm(h * system)[: 2 * n]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _closed_set(y, cam, may_pull, m, force):
     """Bit mask of the closed contacts in a state, compressed and pushing or `may_pull`; forces go into `force` (e)."""
     n = len(y) // 2
@@ -173,7 +173,7 @@ def _closed_set(y, cam, may_pull, m, force):
     return mask
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _march(start, states, force, cam, may_pull, m):
     """Steps from sample `start` on; returns the sample reached and the set whose matrices are missing, or -1."""
     last = len(states) - 1

@@ -1,0 +1,102 @@
+"""Programs that numba compiles, kept in the user's cache folder for exactly the sources that they were made from.
+
+numba by itself compares a kept program with the file of its own function only, although it compiles into it what that
+function calls from other files, the types that these define, and the constants that they read. Here the programs of
+`TOGETHER` stand in a folder that is named by the digest of all their sources, so that after any change they are
+compiled anew, an older installation finds its own again, and copies of one version share theirs.
+"""
+
+import shutil
+import time
+from collections.abc import Callable
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+
+import numba
+from numba.core import config
+from numba.core.caching import _CacheLocator
+
+from camopt.cache import cache_folder
+
+PACKAGE = Path(__file__).parent
+TOGETHER = ("exact", "verifier/methods")
+"""Folders whose functions call each other; a compiled file elsewhere stands alone."""
+CONSTANTS = (PACKAGE / "scene/units.py",)
+"""Modules elsewhere whose numbers are compiled into the programs."""
+KEPT_DAYS = 60
+"""Programs of other versions go when they were not compiled for so long."""
+
+
+def compiled(function: Callable | None = None, **options):
+    """A function compiled by numba without the interpreter's lock, kept on disk; `options` are those of `numba.njit`.
+
+    Where there is no cache folder the program is compiled in each process.
+    """
+    if function is None:
+        return lambda f: compiled(f, **options)
+    if _folder(Path(function.__code__.co_filename)) is None:
+        return numba.njit(nogil=True, **options)(function)
+    before = config.CACHE_LOCATOR_CLASSES
+    config.CACHE_LOCATOR_CLASSES = f"{__name__}.{ProgramFolder.__name__}"
+    try:
+        return numba.njit(cache=True, nogil=True, **options)(function)
+    finally:
+        config.CACHE_LOCATOR_CLASSES = before
+
+
+class ProgramFolder(_CacheLocator):
+    """Where numba finds the programs of one function, and what tells those of another version apart."""
+
+    def __init__(self, function: Callable, file: str) -> None:
+        self._py_file, self._line = file, function.__code__.co_firstlineno  # numba reads the former in its warnings
+
+    @classmethod
+    def from_function(cls, py_func: Callable, py_file: str) -> "ProgramFolder":
+        """The interface of numba's locators."""
+        return cls(py_func, py_file)
+
+    def get_cache_path(self) -> str:
+        """The folder of the function's programs."""
+        return str(_folder(Path(self._py_file)))
+
+    def get_source_stamp(self) -> str:
+        """The digest of all sources that the program depends on."""
+        return digest(Path(self._py_file))
+
+    def get_disambiguator(self) -> str:
+        """File and line, since one folder holds the programs of many files."""
+        return f"{Path(self._py_file).parent.name}-{self._line}"
+
+
+def sources(file: Path) -> list[Path]:
+    """The files that the programs of `file` are made from."""
+    for folder in TOGETHER:
+        if (PACKAGE / folder) in file.parents:
+            return [*sorted((PACKAGE / folder).rglob("*.py")), *CONSTANTS]
+    return [file, *CONSTANTS]
+
+
+@cache
+def digest(file: Path) -> str:
+    """SHA-256 of the sources of a file's programs and of their names."""
+    found = sha256()
+    for path in sources(file):
+        found.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return found.hexdigest()
+
+
+@cache
+def _folder(file: Path) -> Path | None:
+    """The folder of a file's programs, None where nothing can be kept; those of other versions go when they are old."""
+    kind = next((folder.replace("/", "-") for folder in TOGETHER if (PACKAGE / folder) in file.parents), file.stem)
+    above = cache_folder(f"numba-{numba.__version__}")
+    if above is None:
+        return None
+    folder = above / f"{kind}-{digest(file)[:16]}"
+    if not folder.is_dir():
+        for old in above.glob(f"{kind}-*"):
+            if time.time() - old.stat().st_mtime > KEPT_DAYS * 86400:
+                shutil.rmtree(old, ignore_errors=True)
+        folder.mkdir(mode=0o700, exist_ok=True)
+    return folder

@@ -1,0 +1,112 @@
+"""Programs that numba keeps: those of other sources are never used, and a kept one is found again."""
+
+import ast
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import camopt
+from camopt import programs
+from camopt.cache import cache_folder
+from camopt.programs import CONSTANTS, PACKAGE, TOGETHER, compiled, digest, sources
+
+CODE = "from camopt.exact.kernel.advance import split as f; f(1.5, 4); "
+SAY = "print(sum(f.stats.cache_hits.values()), sum(f.stats.cache_misses.values()), f.stats.cache_path)"
+
+
+def fresh(code: str, folder: Path) -> list[str]:
+    """The words that a new process prints, with `folder` as the user's cache."""
+    environment = os.environ | {"XDG_CACHE_HOME": str(folder)}
+    run = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, check=True, timeout=120)
+    return run.stdout.decode().split()
+
+
+def files_that_compile() -> list[Path]:
+    return [p for p in sorted(PACKAGE.rglob("*.py")) if "from camopt.programs import compiled" in p.read_text()]
+
+
+def test_a_second_process_finds_the_program_of_the_first(tmp_path):
+    assert fresh(CODE + SAY, tmp_path)[:2] == ["0", "1"]
+    hits, misses, folder = fresh(CODE + SAY, tmp_path)
+    assert (hits, misses) == ("1", "0")
+    assert Path(folder).is_relative_to(tmp_path) and Path(folder).stat().st_mode & 0o077 == 0
+
+
+def test_without_a_folder_every_process_compiles(tmp_path):
+    (tmp_path / "camopt").write_text("no folder")
+    assert fresh(CODE + "print(f.stats.cache_path)", tmp_path) == ["None"]
+
+
+def test_a_change_of_any_source_is_another_program(tmp_path, monkeypatch):
+    """A called file, a constant, a file that is added: the digest of every file of the folder changes with each."""
+    monkeypatch.setattr(programs, "PACKAGE", tmp_path)
+    monkeypatch.setattr(programs, "CONSTANTS", (tmp_path / "units.py",))
+    caller, callee, alone = tmp_path / "exact/caller.py", tmp_path / "exact/kernel/callee.py", tmp_path / "study/one.py"
+    for file in (caller, callee, alone, tmp_path / "units.py"):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("a = 1")
+    seen = set()
+    for changed in (None, callee, tmp_path / "units.py", caller.with_name("added.py")):
+        if changed:
+            changed.write_text("a = 2")
+        digest.cache_clear()
+        seen.add(digest(caller))
+    assert len(seen) == 4
+    before = digest(alone)
+    callee.write_text("a = 3")
+    digest.cache_clear()
+    assert digest(alone) == before  # it stands alone
+    digest.cache_clear()
+
+
+def test_programs_of_other_versions_go_when_they_are_old(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    above = cache_folder(f"numba-{programs.numba.__version__}")
+    assert above is not None
+    (above / "exact-new").mkdir()
+    (above / "exact-old").mkdir()
+    old = time.time() - (programs.KEPT_DAYS + 1) * 86400
+    os.utime(above / "exact-old", (old, old))
+    programs._folder.cache_clear()
+    file = PACKAGE / "exact/batch.py"
+    folder = programs._folder(file)
+    programs._folder.cache_clear()
+    assert folder is not None and {p.name for p in above.iterdir()} == {"exact-new", folder.name}
+
+
+def test_options_reach_numba():
+    assert compiled(lambda x: x + 1)(1) == 2
+    assert compiled(fastmath=True)(lambda x: x * 2.0).targetoptions["fastmath"]
+
+
+@pytest.mark.parametrize("path", files_that_compile(), ids=lambda p: p.relative_to(PACKAGE).as_posix())
+def test_everything_that_is_compiled_in_is_among_the_sources(path):
+    """What a file with programs imports of camopt in capitals (a constant), or from files with programs."""
+    listed = sources(path)
+    for node in ast.walk(ast.parse(path.read_text())):
+        if not isinstance(node, ast.ImportFrom) or not (node.module or "").startswith("camopt."):
+            continue
+        file = (PACKAGE.parent / node.module.replace(".", "/")).with_suffix(".py")
+        constants = [a.name for a in node.names if a.name.isupper() and a.name != "GROUND"]  # of the format, -1 for ever
+        if constants or (file.exists() and file in files_that_compile()):
+            assert file in listed, f"{path.name} compiles in what {node.module} holds"
+
+
+def test_the_folders_that_stand_together_exist():
+    assert all((PACKAGE / folder).is_dir() for folder in TOGETHER) and all(path.is_file() for path in CONSTANTS)
+    assert Path(camopt.__file__).parent == PACKAGE
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o722])
+def test_a_folder_that_others_may_write_to_is_not_used(tmp_path, monkeypatch, mode):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    folder = tmp_path / "camopt/jax"
+    folder.mkdir(parents=True)
+    folder.chmod(mode)
+    assert cache_folder("jax") is None
+    folder.chmod(0o700)
+    assert cache_folder("jax") == folder
