@@ -13,7 +13,7 @@ and states too. Jump and seating velocity are reported, not limited.
 
 from pathlib import Path
 
-from camopt.cam.read import FAMILIES
+from camopt.cam.families.registry import FAMILIES
 from camopt.optimizer.accuracy import ACCURACIES, design_speeds
 from camopt.optimizer.baselines.largest_member import POPULATION, Baseline, largest_area_member
 from camopt.scene import Scene, load_scene

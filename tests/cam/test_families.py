@@ -9,7 +9,7 @@ from camopt.cam.families.kurz import kurz
 from camopt.cam.families.largest_area import FINE, best_levels, control_points, program
 from camopt.cam.families.multi_pol import TABLE_1, multi_pol
 from camopt.cam.families.new_design import new_design
-from camopt.cam.families.polydyne import event_pieces
+from camopt.cam.families.powers import event_pieces
 from camopt.cam.families.sections import flank
 from camopt.cam.families.trapezoid import trapezoid
 from camopt.cam.lift import Lift

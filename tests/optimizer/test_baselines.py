@@ -7,7 +7,7 @@ import pytest
 
 from camopt.cam.families.new_design import new_design
 from camopt.cam.families.polydyne import polydyne
-from camopt.cam.read import FAMILIES
+from camopt.cam.families.registry import FAMILIES
 from camopt.exact import prepare
 from camopt.measure.limits import broken_by_shape
 from camopt.measure.sweep import at_speeds

@@ -14,7 +14,8 @@ from camopt.cli import parser as cli
 from camopt.plots.tradeoff import pareto
 from camopt.scene import InputError, load_scene, scene_text
 from camopt.study.tradeoff import figures as tradeoff_figures
-from camopt.study.tradeoff import measurement, tradeoff as module
+from camopt.study.tradeoff import measurement
+from camopt.study.tradeoff import tradeoff as module
 from camopt.study.tradeoff.measurement import COLUMNS, REFERENCE, Work, error_of, measured, rows_of, timed
 from camopt.study.tradeoff.summary import words_of
 from camopt.study.tradeoff.tradeoff import LINES, tradeoff

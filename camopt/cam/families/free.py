@@ -13,8 +13,10 @@ from math import comb, factorial
 import numpy as np
 from scipy.interpolate import BSpline, PPoly
 
+from camopt.cam.families.record import Event, Family, Parameters
 from camopt.cam.lift import Lift, with_ramps
 from camopt.cam.ramps import Ramp, scene_ramps
+from camopt.scene import InputError, Scene
 from camopt.scene.schema import Design
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
 
@@ -247,3 +249,19 @@ def _merged(edges: np.ndarray) -> np.ndarray:
     """The edges in ascending order, without those that differ from another by round-off only."""
     edges = np.sort(edges)
     return edges[np.append(True, np.diff(edges) > 1e-12)]
+
+
+def _construction(scene: Scene, cam: Lift) -> tuple[Parameters, Event]:
+    """The free coefficients z [mm/deg^2], from which the event is built between the scene's ramps."""
+    if scene.design is None:
+        raise InputError("free: the scene needs [design]")
+    free = free_cam(scene.design, cam.parameters["knot_deg"])
+    z = free.Z.T @ (np.array(cam.parameters["coefficients_mm_per_deg2"]) - free.x_p)
+
+    def event(p: Parameters, opening: Ramp, closing: Ramp):
+        return p["z"].__array_namespace__().asarray(free.breaks), free.pieces(p["z"])
+
+    return {"z": z}, event
+
+
+FAMILY = Family("free", construction=_construction, symmetric=False)

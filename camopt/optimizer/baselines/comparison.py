@@ -4,8 +4,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from camopt.cam.families.polydyne import polydyne
+from camopt.cam.families.registry import FAMILIES
 from camopt.cam.lift import Lift
-from camopt.cam.read import FAMILIES, read_cam
+from camopt.cam.read import read_cam
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.accuracy import Accuracy, accuracy_named
 from camopt.optimizer.baselines.comparison_table import (

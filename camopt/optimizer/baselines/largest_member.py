@@ -18,11 +18,12 @@ from scipy.optimize import differential_evolution
 from scipy.stats import qmc
 from tqdm import tqdm
 
+from camopt.cam.families.record import Space
 from camopt.cam.lift import Lift
 from camopt.exact.engine import prepare
 from camopt.measure.limits import broken_by_shape
 from camopt.measure.settling import settle
-from camopt.optimizer.baselines.family_spaces import Space, family_space
+from camopt.optimizer.baselines.family_spaces import family_space
 from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Design, Scene
