@@ -199,8 +199,9 @@ def _same_run(folder: Path, identity: dict) -> None:
         known = started.get(key)
         if known == asked:
             continue
+        differ = "differ" if key == "settings" else "differs"
         raise InputError(
-            f"{folder}: belongs to another run, and nothing in it was changed: its {key} {'differ' if key == 'settings' else 'differs'}"
+            f"{folder}: belongs to another run, and nothing in it was changed: its {key} {differ}"
             f"{_difference(known, asked)}; --resume with what it was begun with, or give another --out"
         )
 

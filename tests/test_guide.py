@@ -17,7 +17,6 @@ import camopt.cam.families
 import camopt.verifier.methods
 from camopt.cam.families.record import Family
 from camopt.cam.families.registry import FAMILIES
-from camopt.cli import options
 from camopt.cli import parser as cli
 from camopt.differentiable.families import differentiable
 from camopt.exact import prepare
@@ -25,7 +24,6 @@ from camopt.optimizer.baselines.family_spaces import family_space
 from camopt.plots.style import OTHERS, cam_line
 from camopt.scene import InputError, build_train, load_scene, rest_position
 from camopt.scene.units import DEG, MM, MM_PER_DEG
-from camopt.study.simulate import motion
 from camopt.verifier.methods import INDEPENDENT
 from camopt.verifier.verdict import verdict_on
 
@@ -124,8 +122,6 @@ class TestAddingAMethod:
         code, line = blocks(camopt.verifier.methods)
         made = written(code, "camopt.verifier.methods.semi_implicit_euler")
         monkeypatch.setitem(INDEPENDENT, *next(iter(eval(f"{{{line}}}").items())))
-        monkeypatch.setattr(options, "METHODS", ("event", *INDEPENDENT))  # as when they are imported after it
-        monkeypatch.setattr(motion, "MODULES", motion.MODULES | INDEPENDENT)
         return made
 
     def test_it_is_of_first_order(self, method):

@@ -15,7 +15,7 @@ SUPPORT = {"scene", "storage", "plots"}
 MAY_IMPORT = {
     "storage": {"scene"},
     "scene": set(),
-    "plots": {"scene", "cam"},  # the colours of cam families; otherwise its arguments are arrays
+    "plots": {"scene", "cam", "storage"},  # the colours of cam families; otherwise its arguments are arrays
     "cam": {"scene", "storage"},
     "measure": {"cam"} | SUPPORT,
     "smooth": {"cam", "scene"},

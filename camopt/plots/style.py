@@ -1,8 +1,6 @@
 """One look for all figures: a cam keeps its colour and dashes, limits look alike, and files are deterministic."""
 
 import io
-import os
-import tempfile
 import zlib
 from pathlib import Path
 from typing import Any
@@ -14,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from camopt.cam.families.registry import FAMILIES, family_named
+from camopt.storage import write_bytes
 
 INK = "#222222"
 LIMIT = "#8a1c1c"
@@ -155,12 +154,15 @@ def legend_above(figure: Figure, axes: Axes, columns: int = 5) -> None:
 
 
 def save(figure: Figure, folder: Path | str, name: str) -> tuple[Path, Path]:
-    """Writes `<name>.png` and `<name>.svg` into `folder` ; returns both paths. The same figure gives the same bytes."""
+    """Writes `<name>.png` and `<name>.svg` into `folder` ; returns both paths. The same figure gives the same bytes.
+
+    Raises InputError where nothing can be written.
+    """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     paths = folder / f"{name}.png", folder / f"{name}.svg"
     for path in paths:
-        write_atomically(path, picture(figure, path.suffix[1:]))
+        write_bytes(path, picture(figure, path.suffix[1:]))
     return paths
 
 
@@ -171,18 +173,3 @@ def picture(figure: Figure, kind: str) -> bytes:
     with matplotlib.rc_context(RC):
         figure.savefig(buffer, format=kind, dpi=160, metadata=metadata[kind])
     return buffer.getvalue()
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Writes a whole file or nothing: readers see the old or the new content, even after a kill or on a full disk."""
-    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(temporary, 0o644)  # mkstemp's 0600 would hide the file from whoever shares the folder
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise

@@ -13,16 +13,13 @@ from camopt.scene.response import end_state, joined
 from camopt.scene.units import DEG
 from camopt.scene.vibration import highest_rate
 from camopt.study.simulate.dataset import motion_dataset, recorded_metrics
-from camopt.verifier.methods import INDEPENDENT
+from camopt.verifier.methods import INDEPENDENT, verdict_methods
 
 if TYPE_CHECKING:
     from camopt.study.simulate.accuracy_control import Delivered, Run
 
-MODULES = {
-    "event": "camopt.exact.engine",
-    **INDEPENDENT,
-    "smooth": "camopt.smooth.simulate",
-}
+OWN_MODULES = {"event": "camopt.exact.engine", "smooth": "camopt.smooth.simulate"}
+"""Modules with a `prepare` beside those of `INDEPENDENT`."""
 DIFFERENTIABLE = {"smooth": "camopt.differentiable.smooth_rule", "event": "camopt.differentiable.exact_rule"}
 """Modules with a `differentiable_motion`, by the method that `simulate(parameters=...)` takes."""
 LARGEST_PHASE = 0.3
@@ -153,7 +150,7 @@ def dialled(train: Train, cam: Lift, cam_speed: float, method: str, revolutions:
 
     def run(setting: float) -> Response:
         if method == "smooth":
-            smooth, tolerance = import_module(MODULES[method]), setting * TOLERANCE_OF_WIDTH
+            smooth, tolerance = import_module(OWN_MODULES[method]), setting * TOLERANCE_OF_WIDTH
             return smooth.simulate_smooth(train, cam, cam_speed, revolutions, eps=setting, tolerance=tolerance)
         steps = max(FEWEST_STEPS, int(np.ceil(2 * np.pi * rate / cam_speed / setting)))
         return _motion(train, cam, cam_speed, method, revolutions, steps)
@@ -176,10 +173,7 @@ def motion_parameters(scene: Scene, cam: Lift) -> dict[str, np.ndarray]:
 
 
 def _numbers(train: Train, cam: Lift) -> dict[str, np.ndarray]:
-    names = ("mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap")
-    numbers = {name: getattr(train, name).copy() for name in names}
-    if train.laws is not None:
-        numbers["stiffness"] = train.laws.coefficient.copy()
+    numbers = {name: number.copy() for name, number in train.parameters.items()}
     pieces = {"lift": cam.coefficients.copy(), "borders": cam.borders.copy()}
     return {**numbers, **pieces, "half_duration": np.asarray(cam.half_duration)}
 
@@ -205,8 +199,9 @@ def _check_parameters(scene: Scene, cam: Lift, method: str, parameters: Mapping[
 
 def _steps_per_revolution(speed_rpm, method, revolutions, step_deg) -> int:
     """Steps of the result in a revolution; every argument of `simulate` that is a number or a choice is checked."""
-    if method not in MODULES:
-        raise InputError(f"simulate: method {method!r}: expected one of {', '.join(MODULES)}")
+    if method not in OWN_MODULES | INDEPENDENT:
+        known = ", ".join((*verdict_methods(), "smooth"))
+        raise InputError(f"simulate: method {method!r}: expected one of {known}")
     number = concrete(speed_rpm)
     if number is not None and not (np.isfinite(number) and number > 0):
         raise InputError(f"simulate: speed {speed_rpm}: a crankshaft speed above 0 r/min is needed")
@@ -219,7 +214,7 @@ def _steps_per_revolution(speed_rpm, method, revolutions, step_deg) -> int:
 
 
 def _motion(train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int, steps: int) -> Response:
-    module = import_module(MODULES[method])
+    module = import_module((OWN_MODULES | INDEPENDENT)[method])
     if method == "smooth":
         return module.simulate_smooth(train, cam, cam_speed, revolutions)  # equal steps would miss its layers
     revolve = module.prepare(train, cam, cam_speed, steps)
