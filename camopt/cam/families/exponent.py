@@ -27,7 +27,7 @@ def exponent(scene: Scene, exponents: tuple[float, ...] = (2, 10, 18, 26, 34)) -
     flank_end = np.array([0.0, -ramp.velocity, 0.0, 0.0, 0.0])
     named = f"exponent: exponents {'/'.join(f'{p:g}' for p in powers)} give no cam"
     try:
-        borders, pieces = event_pieces(powers, half, flank_end, rise, ramp.height, 1.0, 0.0)
+        borders, pieces = event_pieces(powers, half, flank_end, rise, ramp.height, (1.0, 0.0))
         lift = with_ramps(borders, pieces, ramp, ramp, "exponent", {"exponents": [float(p) for p in powers]})
     except (np.linalg.LinAlgError, ValueError):
         raise InputError(f"{named}: its six conditions have no common solution; give exponents further apart") from None

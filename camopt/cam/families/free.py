@@ -158,33 +158,34 @@ class FreeCam:
 
     def limits(self, design: Design) -> Limits:
         """The design's acceleration, jerk, lift and nose limits as rows on z that hold at every angle."""
-        parts = _Rows()
+        parts = _Rows(self, design)
         ends = self.breaks[[0, -1]]
         if design.acceleration_max_mm_per_deg2 is not None:
-            parts.add(self, "acceleration_max_mm_per_deg2", MM_PER_DEG2, design, 2, ends, (1,))
+            parts.add("acceleration_max_mm_per_deg2", MM_PER_DEG2, 2, ends, (1,))
         if design.acceleration_min_mm_per_deg2 is not None:
-            parts.add(self, "acceleration_min_mm_per_deg2", MM_PER_DEG2, design, 2, ends, (-1,))
+            parts.add("acceleration_min_mm_per_deg2", MM_PER_DEG2, 2, ends, (-1,))
         if design.jerk_max_mm_per_deg3 is not None:
-            parts.add(self, "jerk_max_mm_per_deg3", MM_PER_DEG3, design, 3, ends, (1, -1))
+            parts.add("jerk_max_mm_per_deg3", MM_PER_DEG3, 3, ends, (1, -1))
         if design.nose_deg:
             nose = np.array([-1.0, 1.0]) * design.nose_deg * DEG
-            parts.add(self, "nose_deg", DEG, design, 2, nose, (1,))
+            parts.add("nose_deg", DEG, 2, nose, (1,))
         count = int(np.ceil((self.breaks[1] - self.breaks[0]) / CAP_INTERVAL))
         fine = np.linspace(ends[0], ends[1], count * (len(self.breaks) - 1) + 1)
-        parts.add(self, "max_lift_mm", MM, design, 0, fine, (1,))
+        parts.add("max_lift_mm", MM, 0, fine, (1,))
         return parts.limits()
 
 
 class _Rows:
     """The rows of `Limits`, collected one limit at a time."""
 
-    def __init__(self):
+    def __init__(self, cam: FreeCam, design: Design):
+        self.cam, self.design = cam, design
         self.parts: list[tuple] = []
 
-    def add(self, cam: FreeCam, name: str, unit: float, design: Design, order: int, edges, signs) -> None:
+    def add(self, name: str, unit: float, order: int, edges, signs) -> None:
         """Adds the rows sign * lift^(order) <= sign * limit on control points; a jerk limit binds both signs."""
-        matrix, offset = cam.control_points(order, np.asarray(edges))
-        limit = getattr(design, name) * unit
+        matrix, offset = self.cam.control_points(order, np.asarray(edges))
+        limit = getattr(self.design, name) * unit
         nose = name == "nose_deg"
         for sign in signs:
             level = 0.0 if nose else abs(limit)

@@ -65,6 +65,7 @@ def kurz(
     scene: Scene,
     sections_deg: Sequence[float] | None = None,
     a23: float | None = None,
+    *,
     jerk: bool = True,
 ) -> Lift:
     """The Kurz-type cam of a scene's duration, maximum lift and ramps; it is a reconstruction (see the module).

@@ -38,6 +38,7 @@ def multi_pol(
     scene: Scene,
     sections_deg: Sequence[float] | None = None,
     a12: float | None = None,
+    *,
     a45: float | None = None,
     j34: float | None = None,
     j45: float | None = None,

@@ -55,6 +55,7 @@ def new_design(
     scene: Scene,
     sections_deg: Sequence[float] | None = None,
     a12: float | None = None,
+    *,
     a34: float | None = None,
     j34: float | None = None,
     j23: float | None = None,

@@ -72,6 +72,7 @@ def polydyne(
     scene: Scene,
     exponents: tuple[float, ...] = (2, 10, 18, 26, 34),
     design_speed_rpm: float | None = None,
+    *,
     ramp_height_mm: float | None = None,
     dynamic: tuple[float, float] | None = None,
 ) -> Lift:
@@ -85,13 +86,10 @@ def polydyne(
     falls while it should rise.
     """
     powers = checked_exponents(exponents, "polydyne")
-    design, operation = scene.design, scene.operation
-    if design is None or operation is None:
+    operation = scene.operation
+    if scene.design is None or operation is None:
         raise InputError("polydyne: the scene needs [design] and [operation]")
-    if ramp_height_mm is not None:
-        design = design.model_copy(update={"ramp_height_mm": ramp_height_mm, "closing_ramp_height_mm": ramp_height_mm})
-        scene = scene.model_copy(update={"design": design})
-    design, ramp = symmetric_conditions(scene, "polydyne")
+    design, ramp = symmetric_conditions(_with_ramp_height(scene, ramp_height_mm), "polydyne")
     speed = operation.speeds_rpm[-1] if design_speed_rpm is None else design_speed_rpm
     if not LEAST_SPEED_RPM <= speed <= MOST_SPEED_RPM:
         raise InputError(
@@ -105,7 +103,7 @@ def polydyne(
     parameters = {"exponents": [float(p) for p in powers], "design_speed_rpm": speed}
     parameters |= {"A": dynamic[0], "B_deg2": dynamic[1] / DEG**2, "ramp_height_mm": ramp.height / MM}
     try:
-        borders, pieces = event_pieces(powers, half, flank_end, rise, ramp.height, *dynamic)
+        borders, pieces = event_pieces(powers, half, flank_end, rise, ramp.height, dynamic)
         lift = with_ramps(borders, pieces, ramp, ramp, "polydyne", parameters)
     except InputError:  # ramps that do not fit: no fault of the correction
         raise
@@ -114,6 +112,14 @@ def polydyne(
     if why := no_member(lift, design.max_lift_mm * MM, ramp):
         raise InputError(_left(why, parameters, half))
     return lift
+
+
+def _with_ramp_height(scene: Scene, height_mm: float | None) -> Scene:
+    """The scene with another ramp height on both sides; the scene itself for None."""
+    if height_mm is None or scene.design is None:
+        return scene
+    heights = {"ramp_height_mm": height_mm, "closing_ramp_height_mm": height_mm}
+    return scene.model_copy(update={"design": scene.design.model_copy(update=heights)})
 
 
 def _left(why: str, parameters: dict, half: float) -> str:

@@ -5,6 +5,7 @@ lift (Kodama et al., Eqs. (1) to (3)). The exponents, from 2 up, are what a sear
 """
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -42,17 +43,19 @@ def event_pieces(
     flank_end: np.ndarray,
     rise: float,
     ramp_height: float,
-    a: float,
-    b: float,
+    dynamic: tuple[Any, Any],
     shares: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Borders [rad] and pieces of the symmetric cam ramp_height + a y + b y'' between the ramp tops.
+
+    `dynamic` holds a [] and b [rad^2].
+
 
     y = y_max (1 + sum_i C_i x^p_i) has the value and four derivatives `flank_end` (5) [m/rad^k] at x = 1; the cam rises
     by `rise` [m] from the ramp top to the nose. `shares` of the half duration are the borders of a flank's pieces, by
     default `piece_shares`. The arrays are NumPy's or JAX's, but `shares`: x^p has no derivative by x at 0 for JAX.
     """
-    xp = powers.__array_namespace__()
+    (a, b), xp = dynamic, powers.__array_namespace__()
     shares = piece_shares(powers) if shares is None else shares
     powers = xp.concatenate([np.zeros(1), powers])  # the first unknown is y_max itself
     rows = xp.stack([_power_derivatives(powers, np.ones(1), k)[0] / half**k for k in range(5)])
@@ -130,7 +133,7 @@ def power_construction(
         a, b, flank_end = dynamic(p, ramp)
         flank_end = p["exponents"].__array_namespace__().asarray(flank_end)
         half, rise = p["duration_deg"] * DEG / 2, p["max_lift_mm"] * MM - ramp.height
-        return event_pieces(kept + placed @ p["exponents"], half, flank_end, rise, ramp.height, a, b, shares)
+        return event_pieces(kept + placed @ p["exponents"], half, flank_end, rise, ramp.height, (a, b), shares)
 
     return {"exponents": exponents[free]} | own, event
 

@@ -43,6 +43,7 @@ def compare(
     scene: Scene,
     designs: dict[str, Lift],
     out: Path | str,
+    *,
     accuracy: str = "draft",
     baselines: str = "plain",
     progress: bool = False,
@@ -85,7 +86,9 @@ def best_baselines(scene: Scene, progress: bool = False) -> dict[str, Lift | str
         for name in FAMILIES:
             cams[name + ("" if jerk else NO_JERK)] = _member(
                 scene,
-                lambda name=name, jerk=jerk: largest_area_member(scene, name, jerk, limit, progress=progress).lift,
+                lambda name=name, jerk=jerk: (
+                    largest_area_member(scene, name, jerk, bounce_max_mm=limit, progress=progress).lift
+                ),
             )
     return cams
 

@@ -117,6 +117,7 @@ def reduce(
     scene: Scene,
     cam: Lift | None = None,
     speeds_rpm: Sequence[float] | None = None,
+    *,
     tolerance_mm: float = 0.01,
     smooth: bool = True,
     workers: int = 2,

@@ -39,6 +39,7 @@ def simulate(
     cam: Lift,
     speed_rpm: float,
     method: str = "event",
+    *,
     revolutions: int = 2,
     step_deg: float = 0.1,
     parameters: Mapping[str, Any] | None = None,
@@ -85,25 +86,23 @@ def simulate(
         raise InputError(f"scene {scene.name}: simulate needs valve, seat and [operation]")
     train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
     if parameters is not None:
-        _check_parameters(scene, cam, method, parameters)
+        _check_parameters(train, cam, method, parameters)
     number = concrete(speed_rpm)
     known_speed = scene.cam_speed(slowest_rpm(scene) if number is None else number)
     finer = max(1, int(np.ceil(highest_rate(train) * step_deg * DEG / known_speed / LARGEST_PHASE)))
     _check_price(train, speed_rpm, steps * finer * revolutions)
+    said: dict[str, Any] = {}
     if parameters is not None:
-        module = import_module(DIFFERENTIABLE[method])
-        response, metrics = module.differentiable_motion(
-            train, cam, parameters, cam_speed, revolutions, steps, known_speed
-        )
-        return motion_dataset(scene, cam, speed_rpm, method, response, metrics)
-    if accuracy is not None:
-        done = delivered(train, cam, cam_speed, method, revolutions, accuracy)
-        shown, metrics = resampled(done.response, steps * revolutions), recorded_metrics(done.response, cam)
-        motion = motion_dataset(scene, cam, speed_rpm, method, shown, metrics)
-        return motion.assign_attrs(accuracy_statement=done.sentence(), **done.attributes())
-    response = _motion(train, cam, cam_speed, method, revolutions, steps * finer)
-    shown = resampled(response, steps * revolutions)
-    return motion_dataset(scene, cam, speed_rpm, method, shown, recorded_metrics(response, cam))
+        rule = import_module(DIFFERENTIABLE[method]).differentiable_motion
+        shown, metrics = rule(train, cam, parameters, cam_speed, revolutions, steps, known_speed)
+    else:
+        if accuracy is not None:
+            done = delivered(train, cam, cam_speed, method, revolutions, accuracy)
+            response, said = done.response, {"accuracy_statement": done.sentence(), **done.attributes()}
+        else:
+            response = _motion(train, cam, cam_speed, method, revolutions, steps * finer)
+        shown, metrics = resampled(response, steps * revolutions), recorded_metrics(response, cam)
+    return motion_dataset(scene, cam, speed_rpm, method, shown, metrics).assign_attrs(said)
 
 
 def concrete(number) -> float | None:
@@ -178,10 +177,10 @@ def _numbers(train: Train, cam: Lift) -> dict[str, np.ndarray]:
     return {**numbers, **pieces, "half_duration": np.asarray(cam.half_duration)}
 
 
-def _check_parameters(scene: Scene, cam: Lift, method: str, parameters: Mapping[str, Any]) -> None:
+def _check_parameters(train: Train, cam: Lift, method: str, parameters: Mapping[str, Any]) -> None:
     if method not in DIFFERENTIABLE:
         raise InputError(f"simulate: method {method!r} with parameters: needs one of {', '.join(DIFFERENTIABLE)}")
-    jax, known = import_module("jax"), _numbers(build_train(scene), cam)
+    jax, known = import_module("jax"), _numbers(train, cam)
     traced = any(isinstance(value, jax.core.Tracer) for value in parameters.values())
     if traced and not jax.config.jax_enable_x64:
         raise InputError("simulate: traced in 32-bit floats: call motion_parameters or import camopt.smooth before")

@@ -39,6 +39,7 @@ def tradeoff(
     scene: Scene,
     out: Path | str | None = None,
     resume: bool = False,
+    *,
     size: str = "full",
     progress: bool = False,
     cam: Lift | None = None,
