@@ -107,7 +107,7 @@ class TestSearch:
 
     def test_limits_that_no_member_meets_are_said(self):
         design = KODAMA.design.model_copy(update={"acceleration_max_mm_per_deg2": 0.004})
-        found = largest_area_member(KODAMA.model_copy(update={"design": design}), "trapezoid", True, None, 64)
+        found = largest_area_member(KODAMA.model_copy(update={"design": design}), "trapezoid", evaluations=64)
         assert not found.holds
         assert found.says.startswith("no trapezoid cam found within the limits on the shape")
 
