@@ -199,9 +199,10 @@ def _same_run(folder: Path, identity: dict) -> None:
         known = started.get(key)
         if known == asked:
             continue
+        differ = "differ" if key == "settings" else "differs"
         raise InputError(
-            f"{folder}: belongs to another run, and nothing in it was changed: its {key} "
-            f"{'differ' if key == 'settings' else 'differs'}{_difference(known, asked)}; --resume with what it was begun with, or give another --out"
+            f"{folder}: belongs to another run, and nothing in it was changed: its {key} {differ}"
+            f"{_difference(known, asked)}; --resume with what it was begun with, or give another --out"
         )
 
 

@@ -13,7 +13,7 @@ and states too. Jump and seating velocity are reported, not limited.
 
 from pathlib import Path
 
-from camopt.cam.read import FAMILIES
+from camopt.cam.families.registry import FAMILIES
 from camopt.optimizer.accuracy import ACCURACIES, design_speeds
 from camopt.optimizer.baselines.largest_member import POPULATION, Baseline, largest_area_member
 from camopt.scene import Scene, load_scene
@@ -39,7 +39,13 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
             if jerk and name == "new-design:start_ratio=0":
                 continue  # what plain new-design is under a jerk limit
             found = largest_area_member(
-                scene, name, jerk, BOUNCE_MAX_MM, EVALUATIONS[size], speeds_rpm=speeds, progress=True
+                scene,
+                name,
+                jerk,
+                bounce_max_mm=BOUNCE_MAX_MM,
+                evaluations=EVALUATIONS[size],
+                speeds_rpm=speeds,
+                progress=True,
             )
             rows.append({"limits": "all" if jerk else "no-jerk", **row(found), **confirmed(scene, found, size)})
     result = {

@@ -19,10 +19,11 @@ from matplotlib.figure import Figure
 
 from camopt.cam.families import kurz, multi_pol, new_design, trapezoid
 from camopt.cam.families.largest_area import GENERATIONS, best_angles, best_levels
+from camopt.cam.families.registry import FAMILIES
 from camopt.cam.families.sections import flank
 from camopt.cam.lift import Lift, lift_table
 from camopt.cam.ramps import scene_ramps
-from camopt.cam.read import FAMILIES, read_cam
+from camopt.cam.read import read_cam
 from camopt.measure.limits import broken_by_shape
 from camopt.plots.cams import profiles
 from camopt.plots.style import save

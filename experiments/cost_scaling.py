@@ -16,11 +16,12 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.exact import engine
 from camopt.scene import Scene, build_train, load_scene, parse_scene
 from camopt.scene.rest import state_at_rest
+from camopt.scene.toml_text import scene_toml
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples, response_arrays
 from camopt.smooth.system import build_system
 from camopt.study.reduce.idle_contacts import LeftOut, leave_out
-from camopt.study.reduce.reduced_models import scene_toml, smaller_models
+from camopt.study.reduce.reduced_models import smaller_models
 from camopt.study.reduce.reduction import milliseconds, path_times, smooth_times
 from camopt.verifier.convergence import first_steps
 from camopt.verifier.methods import rkg, tmm

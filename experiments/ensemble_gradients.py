@@ -17,7 +17,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.exact.ensemble import cosine, ensemble_gradient, evolution_strategy_gradient
-from camopt.plots.style import CAMS, INK, legend_above, new_figure, styled
+from camopt.plots.style import INK, legend_above, lines, new_figure, styled
 from camopt.scene import build_train, load_scene
 from camopt.scene.rest import state_at_rest
 from experiments.support.record import RESULTS, run_script, write_result
@@ -87,7 +87,7 @@ def figure(rows: list[dict]) -> Figure:
             own = [r for r in here if r["gradient"] == name]
             kept, error = (np.array([r[key] / r["promised"] for r in own]) for key in ("change", "standard_error"))
             axis.errorbar([r["length_um"] for r in own], kept, np.abs(error), marker="os^"[number], ms=4, capsize=2,
-                          color=list(CAMS.values())[number][0], label=name)  # fmt: skip
+                          color=list(lines().values())[number][0], label=name)  # fmt: skip
         axis.axhline(1.0, color=INK, linestyle=(0, (5, 3)), linewidth=0.9)
         axis.axhline(0.0, color=INK, linewidth=0.6)
         axis.set(xscale="log", title=metric, xlabel="length of the step [um]", ylim=(-0.5, 3.5))

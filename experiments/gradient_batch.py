@@ -34,6 +34,7 @@ from camopt.smooth.grid import equal_grid
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.simulate import EPS, lift_samples, prepare, response_arrays, touch_layer
 from camopt.smooth.system import build_system
+from camopt.study.timing import fastest
 from experiments.support.gradient_bumps import METRIC, Problem, against, exact_differences, problem
 from experiments.support.record import RESULTS, run_script, write_result
 
@@ -243,14 +244,11 @@ def loosest(p: Problem, settings, valve) -> tuple[float, float]:
     raise RuntimeError(f"no setting of {settings} keeps within {ERROR_MM} mm of its own reference")
 
 
-def timed(call, repeats: int = 10):
+def timed(call):
     """Least wall and processor time (2) [s] of a call that is compiled, and its result."""
-    result, seconds = jax.block_until_ready(call()), []
-    for _ in range(repeats):
-        begin = np.array([time.perf_counter(), time.process_time()])
-        result = jax.block_until_ready(call())
-        seconds.append(np.array([time.perf_counter(), time.process_time()]) - begin)
-    return np.min(seconds, axis=0), result
+    return fastest(
+        lambda: jax.block_until_ready(call()), 10, lambda: np.array([time.perf_counter(), time.process_time()])
+    )
 
 
 if __name__ == "__main__":

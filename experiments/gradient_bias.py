@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from camopt.cam.families.polydyne import polydyne
-from camopt.plots.style import CAMS, LIMIT, legend_above, new_figure, styled
+from camopt.plots.style import LIMIT, legend_above, lines, new_figure, styled
 from camopt.scene import load_scene
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.simulate import TOLERANCE, lift_samples, response_arrays, touch_layer
@@ -90,7 +90,7 @@ def figure(rows: list[dict]) -> Figure:
             for panel, key in zip(axis, ("value_bias", "relative_error"), strict=True):
                 shown = np.array([r[key] for r in here])
                 failed = ~np.isfinite(shown)
-                colour = list(CAMS.values())[number][0]
+                colour = list(lines().values())[number][0]
                 panel.loglog(eps, np.clip(shown, FLOOR, TOP), "os^vD"[number] + "-", color=colour, label=name, ms=4)
                 panel.loglog(eps[failed], np.full(failed.sum(), TOP), "x", color=colour, ms=7)
         axis[0].set_title(f"{speed:g} r/min")

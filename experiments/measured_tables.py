@@ -21,7 +21,7 @@ from scipy.interpolate import make_interp_spline
 from camopt.cam.ramps import scene_ramps
 from camopt.cam.read import read_cam
 from camopt.cam.tables.smoothing import smoothed
-from camopt.plots.style import CAMS, INK, LIMIT, RC, new_figure
+from camopt.plots.style import INK, LIMIT, RC, lines, new_figure
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import DEG, MM
 from experiments.support.record import RESULTS, run_script, write_result
@@ -35,7 +35,7 @@ STEPPING = ("multi-pol:jerk=no", "new-design:jerk=no", "trapezoid:jerk=no")
 FEW = ("polydyne", "trapezoid:sections_deg=5/8/13/46")
 RAMPS = scene_ramps(load_scene("kodama", need=("design",)).design)
 EVENT = np.linspace(-102.0, 102.0, 4081)
-COLOURS = [colour for colour, _ in CAMS.values()]
+COLOURS = [colour for colour, _ in lines().values()]
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:

@@ -20,7 +20,7 @@ from camopt.scene.response import end_state
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import MM
 from camopt.study.tradeoff.dormand_prince import dormand_prince, problem, right_hand_side
-from camopt.verifier.methods import houbolt, rkg, tmm
+from camopt.verifier.methods import METHOD_NAMES, houbolt, rkg, tmm
 from experiments.support.record import RESULTS, run_script, write_result
 from experiments.support.work_precision_parts import band_seconds, figure, parts, print_table, ratios
 
@@ -97,15 +97,17 @@ def by_revolution(case: Case, size: str) -> list[dict]:
     for steps in (SAMPLES, *STEPS[size]):
         revolve = prepare(case.train, case.lift, case.cam_speed, steps)
         setting = f"{steps} samples"
-        rows.append(measured(case, "event-exact", setting, lambda r=revolve: case.two(r), case.states, 10 * most))
+        rows.append(
+            measured(case, METHOD_NAMES["event"], setting, lambda r=revolve: case.two(r), case.states, 10 * most)
+        )
     revolve = prepare(case.train, case.lift, case.cam_speed)
     advance, name = revolve.advance, "event-exact, end state"
     two = lambda: ((first := advance(case.rest)), advance(first))  # noqa: E731
     rows.append(measured(case, name, "default step", two, case.ends, 10 * most))
     methods = {
-        "Runge-Kutta-Gill": rkg.prepare,
-        "transition matrix": lambda *a: tmm.prepare(*a, exponential=True),
-        "Houbolt": houbolt.prepare,
+        METHOD_NAMES["rkg"]: rkg.prepare,
+        METHOD_NAMES["tmm"]: lambda *a: tmm.prepare(*a, exponential=True),
+        METHOD_NAMES["houbolt"]: houbolt.prepare,
     }
     for name, make in methods.items():
         for steps in STEPS[size]:

@@ -27,9 +27,9 @@ cam = camopt.polydyne(scene)
 # %%
 def error_and_time(method: str, step_deg: float) -> tuple[float, float]:
     """Largest error of the valve's position [um] over one revolution at 6000 r/min, and the time it took [s]."""
-    camopt.simulate(scene, cam, 6000, method, 1, step_deg)  # compiles what is not compiled yet
+    camopt.simulate(scene, cam, 6000, method, revolutions=1, step_deg=step_deg)  # compiles what is not compiled yet
     begin = time.perf_counter()
-    motion = camopt.simulate(scene, cam, 6000, method, 1, step_deg)
+    motion = camopt.simulate(scene, cam, 6000, method, revolutions=1, step_deg=step_deg)
     seconds = time.perf_counter() - begin
     every = round(step_deg / FINEST_DEG)
     exact = truth.position_mm.sel(mass=scene.valve).values[::every]
@@ -37,7 +37,7 @@ def error_and_time(method: str, step_deg: float) -> tuple[float, float]:
 
 
 FINEST_DEG = 0.01
-truth = camopt.simulate(scene, cam, 6000, "event", 1, FINEST_DEG)
+truth = camopt.simulate(scene, cam, 6000, "event", revolutions=1, step_deg=FINEST_DEG)
 rows = []
 for method in ("event", "rkg", "houbolt"):
     for step_deg in (0.1, 0.03, 0.01):

@@ -3,6 +3,7 @@
 import argparse
 import subprocess
 import sys
+from dataclasses import fields
 
 import pytest
 
@@ -11,7 +12,12 @@ import camopt.verifier
 from camopt.cli import parser as cli
 from camopt.cli import values
 from camopt.cli import verbs as commands
+from camopt.exact.adjoint.motion import ByTrain
+from camopt.optimizer.accuracy import ACCURACIES
 from camopt.scene import scene_text
+from camopt.scene.train import TRAIN_PARAMETERS
+from camopt.verifier.accuracy import EFFORTS
+from camopt.verifier.methods import METHOD_NAMES, verdict_methods
 
 VERBS = "optimize verify simulate compare cam modes bound gradient tradeoff extremes reduce report scenes".split()
 
@@ -209,3 +215,16 @@ class TestArguments:
         assert (args.method, args.revolutions, args.step_deg, args.csv) == (None, 2, 0.1, None)  # event
         args = cli.parser().parse_args(["verify", "kodama", "--cam", "polydyne"])
         assert (args.speeds, args.method, args.accuracy) == (None, "all", "standard")
+
+
+def test_accuracies_have_the_same_names_everywhere():
+    """The command line's stand apart, because the tables behind them load what no help needs."""
+    assert values.ACCURACIES == tuple(EFFORTS) == tuple(ACCURACIES)
+
+
+def test_the_parameters_of_a_train_are_those_of_its_gradient():
+    assert TRAIN_PARAMETERS == tuple(field.name for field in fields(ByTrain))
+
+
+def test_every_method_has_a_name_for_readers():
+    assert set(METHOD_NAMES) == {*verdict_methods(), "smooth"}

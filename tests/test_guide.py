@@ -5,6 +5,8 @@ import inspect
 import re
 import sys
 import textwrap
+import types
+from dataclasses import replace
 
 import jax
 import numpy as np
@@ -13,15 +15,15 @@ import pytest
 import camopt
 import camopt.cam.families
 import camopt.verifier.methods
-from camopt.cam.read import FAMILIES, Family, numbers
-from camopt.cli import options
+from camopt.cam.families.record import Family
+from camopt.cam.families.registry import FAMILIES
 from camopt.cli import parser as cli
 from camopt.differentiable.families import differentiable
 from camopt.exact import prepare
 from camopt.optimizer.baselines.family_spaces import family_space
-from camopt.scene import build_train, load_scene, rest_position
+from camopt.plots.style import OTHERS, cam_line
+from camopt.scene import InputError, build_train, load_scene, rest_position
 from camopt.scene.units import DEG, MM, MM_PER_DEG
-from camopt.study.simulate import motion
 from camopt.verifier.methods import INDEPENDENT
 from camopt.verifier.verdict import verdict_on
 
@@ -58,8 +60,7 @@ class TestAddingAFamily:
     def family(self, written, monkeypatch):
         code, line = blocks(camopt.cam.families)
         made = written(code, "camopt.cam.families.two_parabolas")
-        entry = eval(f"{{{line}}}", {"Family": Family, "numbers": numbers})
-        monkeypatch.setitem(FAMILIES, *next(iter(entry.items())))
+        monkeypatch.setitem(FAMILIES, *next(iter(eval(f"{{{line}}}").items())))
         return made
 
     def test_it_is_a_cam_of_the_scene(self, family):
@@ -95,6 +96,22 @@ class TestAddingAFamily:
         assert slope == pytest.approx((areas[1] - areas[0]) / (2 * step), rel=1e-6)
         space = family_space(SCENE, "two-parabolas", jerk=True)
         assert len(space.known) == 1 and space.largest is not None
+        assert cam_line("two-parabolas:sections_deg=22/50")["color"] == "#2F4B7C"
+
+    def test_a_record_of_a_name_and_a_function_is_a_family_too(self, monkeypatch, capsys):
+        """Such a family is a cam of every command, its plain member stands for it, and it has no gradient."""
+        toy = types.ModuleType("camopt.cam.families.toy")
+        toy.FAMILY = Family("toy", lambda scene: replace(camopt.cycloidal(scene), family="toy"))
+        monkeypatch.setitem(sys.modules, "camopt.cam.families.toy", toy)
+        monkeypatch.setitem(FAMILIES, "toy", "camopt.cam.families.toy:FAMILY")
+        assert cli.main(["cam", "motori-1", "--cam", "toy"]) == 0 and "toy" in capsys.readouterr().out
+        with pytest.raises(InputError, match="cam toy: parameter 'a=1': this family has none"):
+            camopt.read_cam("toy:a=1", SCENE)
+        space = family_space(SCENE, "toy", jerk=True)
+        assert space.bounds == [] and space.member(np.zeros(0)).family == "toy"
+        with pytest.raises(InputError, match="cam 'toy': its family has no"):
+            differentiable(SCENE, camopt.read_cam("toy", SCENE))
+        assert cam_line("toy")["color"] in OTHERS
 
 
 class TestAddingAMethod:
@@ -105,8 +122,6 @@ class TestAddingAMethod:
         code, line = blocks(camopt.verifier.methods)
         made = written(code, "camopt.verifier.methods.semi_implicit_euler")
         monkeypatch.setitem(INDEPENDENT, *next(iter(eval(f"{{{line}}}").items())))
-        monkeypatch.setattr(options, "METHODS", ("event", *INDEPENDENT))  # as when they are imported after it
-        monkeypatch.setattr(motion, "MODULES", motion.MODULES | INDEPENDENT)
         return made
 
     def test_it_is_of_first_order(self, method):

@@ -19,8 +19,6 @@ from camopt.scene.units import DEG, MM
 from camopt.storage import write_csv
 
 MOST_DIGITS = 12
-AT_ONCE = 100
-"""Angles whose contact with all points is worked out together."""
 
 
 def write_rounded_table(path: str | Path, lift: Lift, step_deg: float, digits: int, rocker_ratio: float = 1.0) -> None:
@@ -71,26 +69,3 @@ def rounded(values: np.ndarray, digits: int) -> list[str]:
 def _angle_cells(degrees: np.ndarray) -> list[str]:
     """Angles to 1e-9 deg, whole ones without a point."""
     return [f"{angle:.12g}" for angle in degrees]
-
-
-def lift_from_contour(points: np.ndarray, geometry: Geometry, theta: np.ndarray) -> np.ndarray:
-    """Lift (k) [m] that the points (p, 2) [m] of a contour give the follower at cam angles `theta` (k) [rad].
-
-    The follower rests on the outermost point: under a flat face that is the points' support function, for a roller the
-    offset by its radius. Between the angles of the points the lift is short by about step^2 / 8 times the radius of
-    curvature. Raises InputError where no point lies under the roller.
-    """
-    base, roller = geometry.base_radius_mm * MM, (geometry.roller_radius_mm or 0.0) * MM
-    found = []
-    for some in np.array_split(theta, max(1, len(theta) // AT_ONCE)):
-        cos, sin = np.cos(some)[:, None], np.sin(some)[:, None]
-        along = points[:, 0] * cos + points[:, 1] * sin
-        if roller:
-            across = points[:, 1] * cos - points[:, 0] * sin
-            reach = np.sqrt(np.maximum(roller**2 - across**2, 0.0))
-            along = np.where((np.abs(across) <= roller) & (along > 0), along + reach, -np.inf)
-        found.append(along.max(axis=1))
-    height = np.concatenate(found) - base - roller
-    if not np.all(np.isfinite(height)):
-        raise InputError("contour: no point lies under the roller at some angles: give the contour in finer steps")
-    return geometry.rocker_ratio * height

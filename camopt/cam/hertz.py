@@ -14,7 +14,7 @@ import numpy as np
 
 from camopt.cam.geometry import Contact, contact
 from camopt.cam.lift import Lift
-from camopt.scene import InputError, Response
+from camopt.scene import InputError
 from camopt.scene.schema import Geometry
 from camopt.scene.units import DEG, MM
 
@@ -86,12 +86,6 @@ def hertz_stress(lift: Lift, geometry: Geometry, theta: np.ndarray, force: np.nd
     normal = force * geometry.rocker_ratio / np.cos(along.pressure_angle)
     stress = line_pressure(normal / width, 1 / curvature, contact_modulus(geometry))
     return HertzStress(theta, normal, stress)
-
-
-def response_stress(lift: Lift, geometry: Geometry, response: Response) -> HertzStress:
-    """The stress under the contact force of a motion, at its own angles; see `hertz_stress`."""
-    driven = int(np.argmax(response.train.cam_driven))
-    return hertz_stress(lift, geometry, response.angle, response.force[:, driven])
 
 
 def _combined_curvature(along: Contact) -> np.ndarray:

@@ -4,9 +4,8 @@ import argparse
 from collections.abc import Callable
 
 from camopt.cli.values import ACCURACIES, accuracy, count, digits, picture_file, positive, seed, speeds
-from camopt.verifier.methods import INDEPENDENT
+from camopt.verifier.methods import verdict_methods
 
-METHODS = ("event", *INDEPENDENT)
 Command = Callable[[str, str, str], argparse.ArgumentParser]
 
 
@@ -36,7 +35,7 @@ def _verify(command: Command) -> None:
     _scene(c)
     _cam_options(c)
     c.add_argument("--speeds", type=speeds, metavar="LIST", help="5000,6000 or 300:8000:100 crankshaft r/min (listed)")
-    c.add_argument("--method", choices=("all", *METHODS), default="all", help="which methods (all)")
+    c.add_argument("--method", choices=("all", *verdict_methods()), default="all", help="which methods (all)")
     c.add_argument(
         "--accuracy", type=accuracy, default="standard", metavar="A", help="draft, standard, fine or micrometres"
     )
@@ -54,7 +53,7 @@ def _simulate(command: Command) -> None:
     c.add_argument("--speed", type=positive, required=True, metavar="RPM", help="crankshaft r/min")
     c.add_argument(
         "--method",
-        choices=(*METHODS, "smooth"),
+        choices=(*verdict_methods(), "smooth"),
         help="method (event; with --accuracy the most accurate one for the scene's laws)",
     )
     c.add_argument(

@@ -85,7 +85,9 @@ def simulate(args: Namespace) -> int:
     from camopt.verifier.verdict import methods_for
 
     method = args.method or ("event" if args.accuracy is None else methods_for(build_train(scene))[0])
-    motion = motion_of(scene, lift, args.speed, method, args.revolutions, args.step_deg, accuracy=args.accuracy)
+    motion = motion_of(
+        scene, lift, args.speed, method, revolutions=args.revolutions, step_deg=args.step_deg, accuracy=args.accuracy
+    )
     if args.csv:
         write_csv(args.csv, motion_table(motion))
     print(f"{scene.name}, {lift.family}, {args.speed:g} r/min, {method}, from rest")
@@ -166,7 +168,7 @@ def reduce(args: Namespace) -> int:
     from camopt.study.reduce.reduction import reduce as reduction_of
     from camopt.study.reduce.reduction import reduction_lines
 
-    found = reduction_of(scene, lift, args.speeds, args.tolerance_mm)
+    found = reduction_of(scene, lift, args.speeds, tolerance_mm=args.tolerance_mm)
     if args.json:
         write_json(args.json, found.as_dict())
     print("\n".join(reduction_lines(found)))
@@ -179,7 +181,7 @@ def tradeoff(args: Namespace) -> int:
     cam = _cam_of(args, scene)
     from camopt.study.tradeoff.tradeoff import tradeoff as measure
 
-    found = measure(scene, folder, args.resume, args.size, progress=not args.quiet, cam=cam)
+    found = measure(scene, folder, args.resume, size=args.size, progress=not args.quiet, cam=cam)
     print(found.words)
     print(f"table: {found.folder / 'tradeoff.csv'}, figures: {found.folder / 'figures'}")
     return 0

@@ -19,12 +19,12 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 
 from camopt.cam.lift import Lift
-from camopt.differentiable.varying_motion import CAM_PARAMETERS, TRAIN_PARAMETERS, Arrays, Varying
+from camopt.differentiable.varying_motion import CAM_PARAMETERS, Arrays, Varying
 from camopt.exact.adjoint.metrics import METRICS
 from camopt.exact.adjoint.motion import Samples, Slopes, metric_numbers
 from camopt.scene.errors import InputError
 from camopt.scene.response import Response
-from camopt.scene.train import Train
+from camopt.scene.train import TRAIN_PARAMETERS, Train
 
 VELOCITY = "m_per_s"
 """Ending of the names of those metrics that grow in proportion to all velocities."""

@@ -1,9 +1,9 @@
 """Every family as a JAX function of its free parameters: lift, area and peak values, to be differentiated at will.
 
-The functions that build a family's pieces (`event_pieces`, `flank`, `closed`, `FreeCam.pieces`, `whole_turn`) take
-arrays of NumPy or of JAX. Here they run on JAX arrays, so that derivatives are those of the construction itself, its
-linear solves included, and exact to round-off. Parameters are a dictionary of arrays, under the names and
-in the units of the command line:
+A family's record (`camopt.cam.families.record`) says how its event is built from parameters in arrays of NumPy or of
+JAX. Here that runs on JAX arrays, so that derivatives are those of the construction itself, its linear solves
+included, and exact to round-off. Parameters are a dictionary of arrays, under the names and in the units of the
+command line:
 
     cam = differentiable(scene, multi_pol(scene))
     jax.grad(cam.area)(cam.parameters)["sections_deg"]
@@ -17,7 +17,6 @@ the piece found first.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
 from math import factorial, perm
 from typing import Any
 
@@ -25,21 +24,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from camopt.cam.families.dwell import TABLES as DWELL
-from camopt.cam.families.free import free_cam
-from camopt.cam.families.new_design import table_2
-from camopt.cam.families.polydyne import event_pieces, piece_shares
-from camopt.cam.families.sections import SectionTable, closed, flank
+from camopt.cam.families.record import Parameters
+from camopt.cam.families.registry import BY_COEFFICIENTS, FAMILIES, family_named
 from camopt.cam.lift import Lift, whole_turn
-from camopt.cam.ramps import Ramp, symmetric_conditions
-from camopt.cam.read import FAMILIES
+from camopt.cam.ramps import Ramp, scene_ramps, symmetric_conditions
 from camopt.scene import InputError, Scene
 from camopt.scene.units import DEG, MM, MM_PER_DEG
 
-Parameters = dict[str, Any]
-"""Arrays or numbers by name, in the unit that the name states."""
-LEAST_REAL_EXPONENT = 8
-"""An exponent below this has to be an integer, so that nothing can be differentiated by it."""
 SAMPLES, NEWTON_STEPS = 33, 5
 """Number of samples per piece on which a peak is sought, and number of Newton steps that then place it."""
 
@@ -148,8 +139,30 @@ def differentiable(scene: Scene, cam: Lift) -> DifferentiableCam:
     `duration_deg`, `max_lift_mm`, `ramp_height_mm` and `ramp_velocity_mm_per_deg`. Raises InputError for a cam that
     belongs to no family, such as a lift table.
     """
-    if cam.family == "free":
-        return _free(scene, cam)
+    known = {**FAMILIES, **BY_COEFFICIENTS}
+    family = family_named(cam.family) if cam.family in known else None
+    if family is None:
+        raise InputError(f"cam {cam.family!r}: only a family has parameters to differentiate by: {', '.join(known)}")
+    if family.construction is None:
+        raise InputError(f"cam {cam.family!r}: its family has no construction to differentiate; take another family")
+    conditions, ramps_of, half_duration = (_symmetric if family.symmetric else _as_the_scene)(scene, cam)
+    own, event = family.construction(scene, cam)
+    parameters = {name: jnp.asarray(value, dtype=float) for name, value in (own | conditions).items()}
+
+    def pieces(p: Parameters) -> tuple[Any, Any]:
+        p = {name: jnp.asarray(value, dtype=float) for name, value in p.items()}
+        opening, closing = ramps_of(p)
+        return whole_turn(*event(p, opening, closing), opening, closing)
+
+    return DifferentiableCam(cam.family, parameters, pieces, half_duration, ramps_of(parameters)[0].foot)
+
+
+Conditions = tuple[Parameters, Callable[[Parameters], tuple[Ramp, Ramp]], Callable[[Parameters], Any]]
+"""Design conditions among the parameters, and the ramps and half the duration [rad] that parameters have."""
+
+
+def _symmetric(scene: Scene, cam: Lift) -> Conditions:
+    """The conditions of a symmetric cam are parameters."""
     design, ramp = symmetric_conditions(scene, cam.family)
     conditions = {
         "duration_deg": design.duration_deg,
@@ -157,97 +170,17 @@ def differentiable(scene: Scene, cam: Lift) -> DifferentiableCam:
         "ramp_height_mm": cam.parameters.get("ramp_height_mm", design.ramp_height_mm),
         "ramp_velocity_mm_per_deg": design.ramp_velocity_mm_per_deg,
     }
-    if cam.family in ("polydyne", "exponent"):
-        own, event = _powers(cam)
-    elif cam.family in FAMILIES:
-        own, event = _sections(cam, _table_of(cam.family))
-    else:
-        families = ", ".join((*FAMILIES, "free"))
-        raise InputError(f"cam {cam.family!r}: only a family has parameters to differentiate by: {families}")
 
-    def pieces(p: Parameters) -> tuple[Any, Any]:
-        p = {name: jnp.asarray(value, dtype=float) for name, value in p.items()}
-        height: Any = p["ramp_height_mm"] * MM  # traced numbers
-        velocity: Any = p["ramp_velocity_mm_per_deg"] * MM_PER_DEG
-        sides = Ramp(height, velocity, ramp.foot)
-        return whole_turn(*event(p, sides), sides, sides)
+    def ramps_of(p: Parameters) -> tuple[Ramp, Ramp]:
+        side = Ramp(p["ramp_height_mm"] * MM, p["ramp_velocity_mm_per_deg"] * MM_PER_DEG, ramp.foot)
+        return side, side
 
-    parameters = {name: jnp.asarray(value, dtype=float) for name, value in (own | conditions).items()}
-    return DifferentiableCam(cam.family, parameters, pieces, lambda p: p["duration_deg"] * DEG / 2, ramp.foot)
+    return conditions, ramps_of, lambda p: p["duration_deg"] * DEG / 2
 
 
-Event = Callable[[Parameters, Ramp], tuple[Any, Any]]
-
-
-def _powers(cam: Lift) -> tuple[Parameters, Event]:
-    """Own parameters of polydyne and exponent cams, and their event's pieces."""
-    exponents = np.array(cam.parameters["exponents"])
-    free = exponents >= LEAST_REAL_EXPONENT
-    own = {"exponents": exponents[free]}
-    a, b, speed = 1.0, 0.0, None
-    if cam.family == "polydyne":
-        a, b, speed = cam.parameters["A"], cam.parameters["B_deg2"] * DEG**2, cam.parameters["design_speed_rpm"]
-        own["speed_rpm"] = speed
-    shares = piece_shares(exponents)
-
-    def event(p: Parameters, ramp: Ramp):
-        powers: Any = jnp.asarray(exponents).at[np.flatnonzero(free)].set(p["exponents"])
-        dynamic = b if speed is None else b * (p["speed_rpm"] / speed) ** 2  # B = omega^2 M / k_e
-        joins = [0.0, -ramp.velocity, 0.0, 0.0, 0.0] if speed is None else [0, 0, 0, -ramp.velocity / dynamic, 0]
-        flank_end: Any = jnp.asarray(joins)
-        half, rise = p["duration_deg"] * DEG / 2, p["max_lift_mm"] * MM - ramp.height
-        return event_pieces(powers, half, flank_end, rise, ramp.height, a, dynamic, shares)
-
-    return own, event
-
-
-def _new_design(p: Parameters, cam: Lift) -> SectionTable:
-    return table_2(cam.parameters["section_II"] == "quintic", p["start_ratio"])
-
-
-TableOf = Callable[[Parameters, Lift], SectionTable]
-"""A function that gives the table of a sectioned family for given parameters."""
-
-
-def _table_of(family: str) -> TableOf:
-    if family == "new-design":
-        return _new_design
-    entry = FAMILIES[family]
-    table = DWELL[family] if family in DWELL else getattr(import_module(entry.module), entry.table)
-    return lambda _, __: table
-
-
-def _sections(cam: Lift, table_of: TableOf) -> tuple[Parameters, Event]:
-    """Own parameters of a sectioned cam, and its event's pieces."""
-    given = cam.parameters
-    table = table_of(given, cam)
-    names = [f"{level}_mm_per_deg{order}" for level, order in zip(table.levels, table.orders(), strict=True)]
-    own = {name: given[name] for name, level in zip(names, table.levels, strict=True) if level not in table.closed_by}
-    if len(table.sections) > 1:
-        own["sections_deg"] = np.array(given["sections_deg"][:-1])
-    if "start_ratio" in given:
-        own["start_ratio"] = given["start_ratio"]
-
-    def event(p: Parameters, ramp: Ramp):
-        now = table_of(p, cam)
-        first = p.get("sections_deg", jnp.zeros(0)) * DEG
-        angles: Any = jnp.append(first, p["duration_deg"] * DEG / 2 - first.sum())
-        one = flank(now, angles)
-        levels = [p.get(name, 0.0) * unit for name, unit in zip(names, now.units(), strict=True)]
-        x: Any = jnp.asarray([ramp.height, ramp.velocity, *levels])
-        return one.event(closed(now, one, x, p["max_lift_mm"] * MM, now.closed_by))
-
-    return own, event
-
-
-def _free(scene: Scene, cam: Lift) -> DifferentiableCam:
-    """The free cam as a function of its free coefficients."""
+def _as_the_scene(scene: Scene, cam: Lift) -> Conditions:
+    """The conditions stay the scene's."""
     if scene.design is None:
-        raise InputError("free: the scene needs [design]")
-    free = free_cam(scene.design, cam.parameters["knot_deg"])
-    z = free.Z.T @ (np.array(cam.parameters["coefficients_mm_per_deg2"]) - free.x_p)
-
-    def pieces(p: Parameters) -> tuple[Any, Any]:
-        return whole_turn(jnp.asarray(free.breaks), free.pieces(jnp.asarray(p["z"])), free.opening, free.closing)
-
-    return DifferentiableCam("free", {"z": jnp.asarray(z)}, pieces, lambda _: free.breaks[-1], free.opening.foot)
+        raise InputError(f"{cam.family}: the scene needs [design]")
+    ramps, half = scene_ramps(scene.design), scene.design.duration_deg / 2 * DEG
+    return {}, lambda _: ramps, lambda _: half

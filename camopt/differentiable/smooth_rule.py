@@ -13,15 +13,12 @@ import numpy as np
 
 from camopt.cam.lift import Lift, join_as_in
 from camopt.scene.response import Response
-from camopt.scene.train import Train
+from camopt.scene.train import TRAIN_PARAMETERS, Train
 from camopt.smooth.grid import LARGEST_PHASE, equal_grid
 from camopt.smooth.metrics import at_angle, revolution_metrics
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import EPS, LIFT_SAMPLES, STEPS, TOLERANCE, response_arrays, touch_layer
 from camopt.smooth.system import System, SystemState, build_system
-
-TRAIN_PARAMETERS = ("mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap")
-"""Fields of `Train` that may be given. The stiffness of a hertz contact is its coefficient [N/m^exponent]."""
 
 
 def system_with(train: Train, parameters: Mapping[str, jax.Array]) -> System:

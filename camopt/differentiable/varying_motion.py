@@ -4,19 +4,18 @@ Speed: with r = speed / speed', masses times r^2 and dampings times r move throu
 angle at speed', at velocities divided by r. So derivatives by the speed are those by masses and dampings.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
 from camopt.cam.lift import Lift, lift_with
 from camopt.exact.adjoint.gradient import rest_back
-from camopt.exact.adjoint.motion import ByTrain, Slopes, TracedMotion
+from camopt.exact.adjoint.motion import Slopes, TracedMotion
 from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.rest import state_at_rest
-from camopt.scene.train import Train
+from camopt.scene.train import TRAIN_PARAMETERS, Train
 
-TRAIN_PARAMETERS = tuple(field.name for field in fields(ByTrain))
 CAM_PARAMETERS = ("lift", "borders", "half_duration")
 POSITIVE = ("mass", "stiffness", "cam_speed", "half_duration")
 Arrays = dict[str, np.ndarray]

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-import tomli_w
 from tqdm import tqdm
 
 from camopt.cam.design_file import design_record
@@ -22,6 +21,7 @@ from camopt.optimizer.search.journal import Journal
 from camopt.optimizer.search.search import find_cam
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
+from camopt.scene.toml_text import scene_toml
 from camopt.scene.train import build_train
 from camopt.scene.units import MM
 from camopt.storage import default_run_folder, run_folder, run_identity, write_json, write_text
@@ -99,7 +99,7 @@ def optimize(
     settings = {"speeds": speeds, "accuracy": accuracy, "gradient": gradient, "seed": seed}
     identity = run_identity("optimize", scene, **settings)
     with run_folder(out or default_run_folder(scene.name), identity, resume, ["design.json"]) as folder:
-        write_text(folder / "scene.toml", tomli_w.dumps(scene.model_dump(exclude_none=True, exclude_defaults=True)))
+        write_text(folder / "scene.toml", scene_toml(scene))
         with _Progress(progress, effort, gradient) as shown:
             times = {"bound": time.perf_counter() - begun}
             search, no_jump = find_cam(scene, speeds, effort, gradient, Journal(folder), shown.step, times, seed=seed)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from camopt.plots.style import CAMS, cam_line, family_of, legend_above, new_figure, styled
+from camopt.plots.style import cam_line, family_of, legend_above, lines, new_figure, styled
 
 
 @dataclass(frozen=True)
@@ -59,13 +59,13 @@ def panels(
 def _lines(labels: Sequence[str]) -> dict[str, dict]:
     """Line properties by label: cams look as in all figures, other labels take the colours that no cam here has."""
     own = {family_of(label) for label in labels}
-    free = [colour for family, (colour, _) in CAMS.items() if family not in own]
-    lines, taken = {}, 0
+    free = [colour for family, (colour, _) in lines().items() if family not in own]
+    found, taken = {}, 0
     for label in labels:
         if family_of(label):
-            lines[label] = cam_line(label)
+            found[label] = cam_line(label)
             continue
         dashes = ("-", (0, (5, 1.3)), (0, (2, 1)))[taken // len(free) % 3]
-        lines[label] = {"color": free[taken % len(free)], "linestyle": dashes, "linewidth": 1.1}
+        found[label] = {"color": free[taken % len(free)], "linestyle": dashes, "linewidth": 1.1}
         taken += 1
-    return lines
+    return found

@@ -1,8 +1,6 @@
 """One look for all figures: a cam keeps its colour and dashes, limits look alike, and files are deterministic."""
 
 import io
-import os
-import tempfile
 import zlib
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
+from camopt.cam.families.registry import FAMILIES, family_named
+from camopt.storage import write_bytes
+
 INK = "#222222"
 LIMIT = "#8a1c1c"
 SHADE = "#eeeeee"
@@ -20,21 +21,11 @@ BASE = 9.0
 """Font size of the text [pt]."""
 
 DESIGN = "design"
-CAMS = {
-    DESIGN: ("#0072B2", "-"),
-    "polydyne": ("#D55E00", (0, (6, 1.5))),
-    "multi-pol": ("#009E73", (0, (6, 1.5, 1.2, 1.5))),
-    "new-design": ("#B0518E", (0, (1.3, 1.1))),
-    "exponent": ("#E69F00", (0, (3, 1.2))),
-    "kurz": ("#56B4E9", (0, (4, 1.2, 1.2, 1.2, 1.2, 1.2))),
-    "trapezoid": ("#7A5C2E", (0, (9, 2))),
-    "cycloidal": ("#9A9A9A", (0, (2.2, 2.2))),
-    "3-4-5": ("#767676", (0, (9, 1.5, 3, 1.5))),
-    "4-5-6-7": ("#4D4D4D", (0, (1, 2.4))),
-}
-"""Colour and dashes of each cam family. The colours are those of Okabe and Ito (2008), which the colour-blind can tell
-apart, without the yellow, which vanishes on white, and with a darker purple. The textbook cams that serve as test
-subjects are grey. The dashes tell the cams apart without any colour."""
+DESIGN_LINE = "#0072B2", "-"
+"""Colour and dashes of an optimised design; those of a cam family stand in its record (`camopt.cam.families.record`).
+The colours are those of Okabe and Ito (2008), which the colour-blind can tell apart, without the yellow, which vanishes
+on white, and with a darker purple. The textbook cams that serve as test subjects are grey. The dashes tell the cams
+apart without any colour."""
 OTHERS = ("#555555", "#9A6A00", "#3B6F6F", "#7A3B69")
 """Colours of cams outside the families, such as lift tables. A cam's name picks one, which a table thus keeps."""
 OWN_NAMES = {"free", "free-cam", "camopt", "optimized", "optimised"}
@@ -77,19 +68,31 @@ def family_of(cam: str) -> str:
     """The family in a cam's name, which stands before parameters (`polydyne:...`), limits or remarks; "" for none."""
     word = cam.replace(",", " ").replace("(", " ").replace(":", " ").split(" ")[0].strip().lower()
     word = DESIGN if word in OWN_NAMES else word
-    return word if word in CAMS else ""
+    return word if word == DESIGN or word in FAMILIES else ""
+
+
+def lines() -> dict[str, tuple[str, Any]]:
+    """Colour and dashes of the design and of every family whose record has them."""
+    found = {name: line_of(name) for name in (DESIGN, *FAMILIES)}
+    return {name: line for name, line in found.items() if line is not None}
+
+
+def line_of(family: str) -> tuple[str, Any] | None:
+    """Colour and dashes of a family or the design; None where a family's record has none, and for no family."""
+    if family == DESIGN:
+        return DESIGN_LINE
+    return family_named(family).line if family else None
 
 
 def cam_line(cam: str) -> dict:
     """Line properties of a cam, which are the same in every figure; every optimised design looks alike."""
     family = family_of(cam)
-    if family:
-        colour, dashes = CAMS[family]
-    else:
-        number = zlib.crc32(cam.encode())  # not hash(): that differs from one process to the next
-        colour, dashes = OTHERS[number % len(OTHERS)], (0, (2 + number // 7 % 3, 1.5))
+    line = line_of(family)
+    if line is None:
+        number = zlib.crc32((family or cam).encode())  # not hash(): that differs from one process to the next
+        line = OTHERS[number % len(OTHERS)], (0, (2 + number // 7 % 3, 1.5))
     front = family == DESIGN
-    return {"color": colour, "linestyle": dashes, "linewidth": 2.0 if front else 1.4, "zorder": 3.0 if front else 2.5}
+    return {"color": line[0], "linestyle": line[1], "linewidth": 2.0 if front else 1.4, "zorder": 3.0 if front else 2.5}
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -151,12 +154,15 @@ def legend_above(figure: Figure, axes: Axes, columns: int = 5) -> None:
 
 
 def save(figure: Figure, folder: Path | str, name: str) -> tuple[Path, Path]:
-    """Writes `<name>.png` and `<name>.svg` into `folder` ; returns both paths. The same figure gives the same bytes."""
+    """Writes `<name>.png` and `<name>.svg` into `folder` ; returns both paths. The same figure gives the same bytes.
+
+    Raises InputError where nothing can be written.
+    """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     paths = folder / f"{name}.png", folder / f"{name}.svg"
     for path in paths:
-        write_atomically(path, picture(figure, path.suffix[1:]))
+        write_bytes(path, picture(figure, path.suffix[1:]))
     return paths
 
 
@@ -167,18 +173,3 @@ def picture(figure: Figure, kind: str) -> bytes:
     with matplotlib.rc_context(RC):
         figure.savefig(buffer, format=kind, dpi=160, metadata=metadata[kind])
     return buffer.getvalue()
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Writes a whole file or nothing: readers see the old or the new content, even after a kill or on a full disk."""
-    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(temporary, 0o644)  # mkstemp's 0600 would hide the file from whoever shares the folder
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise

@@ -6,9 +6,10 @@ from camopt.optimizer.baselines.comparison_table import FAILED, NO_JERK
 from camopt.plots.style import DESIGN, cam_line, family_of
 from camopt.report.folder import RunFolder
 from camopt.report.outcome import broken_limits
-from camopt.report.wording import METHODS, VERDICTS, as_number, broken_words, cell, is_number, label_and_unit, shown
+from camopt.report.wording import VERDICTS, as_number, broken_words, cell, is_number, label_and_unit, shown
 from camopt.report.worst import bounce_error_um, judged_speeds, worst_of
 from camopt.scene.quantities import QUANTITIES
+from camopt.verifier.methods import METHOD_NAMES
 from camopt.verifier.verdict import ORDER
 
 SPEED_COLUMNS = (
@@ -134,7 +135,7 @@ def worst_rows(run: RunFolder) -> list[dict]:
         speed, method = shown(worst[name].get("speed_rpm")), worst[name].get("method")
         value = worst[name].get("value")
         rows.append({"label": label, "unit": unit, "value": shown(value) if is_number(value) else "none",
-                     "speed": speed, "method": METHODS.get(str(method), shown(method))})  # fmt: skip
+                     "speed": speed, "method": METHOD_NAMES.get(str(method), shown(method))})  # fmt: skip
     return rows
 
 
@@ -165,7 +166,7 @@ def method_tables(run: RunFolder) -> list[dict]:
     tables = []
     for speed in judged_speeds(run.verification):
         methods = speed.get("methods") or {}
-        names = [m for m in METHODS if m in methods] + sorted(m for m in methods if m not in METHODS)
+        names = [m for m in METHOD_NAMES if m in methods] + sorted(m for m in methods if m not in METHOD_NAMES)
         rows = []
         for key in METHOD_ROWS:
             values = [methods[m].get(key) for m in names]
@@ -181,7 +182,7 @@ def method_tables(run: RunFolder) -> list[dict]:
                 }
             )
         if names:
-            columns = [METHODS.get(m, m) for m in names]
+            columns = [METHOD_NAMES.get(m, m) for m in names]
             tables.append({"speed": shown(speed.get("speed_rpm")), "methods": columns, "rows": rows})
     return tables
 

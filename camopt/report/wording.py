@@ -23,14 +23,6 @@ UNITS = (
     ("_s", "s"),
 )
 """Endings of keys and their units, longer ones first."""
-METHODS = {
-    "event": "event-exact",
-    "rkg": "Runge-Kutta-Gill",
-    "tmm": "transition matrix",
-    "houbolt": "Houbolt",
-    "dop853": "DOP853",
-    "smooth": "smooth",
-}
 VERDICTS = {
     "confirmed": ("good", "✓", "The methods agree within their error estimates and every limit holds at the upper end "
                   "of its range."),

@@ -1,10 +1,16 @@
-"""TOML from anywhere as data: what would cost the parser its stack or the machine its memory is refused first."""
+"""TOML texts: those from anywhere as data, and a scene as a text.
+
+What would cost the parser its stack or the machine its memory is refused before it is parsed.
+"""
 
 import re
 import tomllib
 from itertools import accumulate
 
+import tomli_w
+
 from camopt.scene.errors import InputError
+from camopt.scene.schema import Scene
 
 MOST_PARTS = 16
 """Parts of a dotted key: the parser's memory grows with their square, and a scene needs two."""
@@ -34,3 +40,8 @@ def toml_data(text: str, where: str) -> dict:
         raise InputError(f"{where}: not valid TOML: {error}") from error
     except ValueError:  # Python turns no more than some thousand digits into an integer
         raise InputError(f"{where}: an integer of thousands of digits, which no quantity of a scene has") from None
+
+
+def scene_toml(scene: Scene) -> str:
+    """A scene as TOML text, which `load_scene` reads back; values that are the schema's defaults are left out."""
+    return tomli_w.dumps(scene.model_dump(exclude_none=True, exclude_defaults=True))

@@ -10,6 +10,8 @@ from camopt.scene.schema import Element, Scene
 from camopt.scene.units import MM
 
 GROUND = -1
+TRAIN_PARAMETERS = ("mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap")
+"""Fields of `Train` whose numbers a user may vary, and by which metrics have derivatives."""
 
 
 @dataclass(frozen=True, eq=False)  # compared and hashed by identity: caches are keyed by the train they belong to
@@ -49,6 +51,12 @@ class Train:
     def touch_compression(self) -> np.ndarray:
         """Compression at which each element's elastic force is zero [m], shape (e)."""
         return -self.preload / self.stiffness if self.laws is None else self.laws.touch(self.preload)
+
+    @property
+    def parameters(self) -> dict[str, np.ndarray]:
+        """The numbers by TRAIN_PARAMETERS; the stiffness of a hertz contact is its coefficient [N/m^exponent]."""
+        numbers = {name: getattr(self, name) for name in TRAIN_PARAMETERS}
+        return numbers if self.laws is None else numbers | {"stiffness": self.laws.coefficient}
 
     def require_linear(self, method: str, instead: str) -> None:
         """Raises InputError, with the remedy `instead`, where a method that is exact for linear laws meets others."""

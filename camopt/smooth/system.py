@@ -133,9 +133,5 @@ def build_system(train: Train, dtype=jnp.float64) -> System:
         train.seat,
         tuple(map(int, train.cam_side)),
     )
-    names = "mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap"
-    values = {name: getattr(train, name) for name in names}
-    laws = None
-    if train.laws is not None:
-        values["stiffness"], laws = train.laws.coefficient, elastic_laws(train.laws, dtype)
-    return System(**{k: jnp.asarray(v, dtype) for k, v in values.items()}, topology=topology, laws=laws)
+    laws = None if train.laws is None else elastic_laws(train.laws, dtype)
+    return System(**{k: jnp.asarray(v, dtype) for k, v in train.parameters.items()}, topology=topology, laws=laws)

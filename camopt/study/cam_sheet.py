@@ -176,9 +176,9 @@ def dynamic_stress(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[HertzStr
     motion, method = None, "event-exact"
     if train.laws is None:
         with suppress(MotionRefused):
-            motion = simulate(scene, lift, speed_rpm, "event", REVOLUTIONS)
+            motion = simulate(scene, lift, speed_rpm, "event", revolutions=REVOLUTIONS)
     if motion is None:
-        motion, method = simulate(scene, lift, speed_rpm, "rkg", REVOLUTIONS), "rkg"
+        motion, method = simulate(scene, lift, speed_rpm, "rkg", revolutions=REVOLUTIONS), "rkg"
     last = motion.isel(sample=motion["revolution"].values == REVOLUTIONS)
     force = last["force_N"].values[:, int(np.argmax(train.cam_driven))]
     return hertz_stress(lift, scene.geometry, last["cam_angle_deg"].values * DEG, force), method

@@ -22,7 +22,7 @@ from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
 from camopt.verifier.accuracy_statement import stated
 from camopt.verifier.convergence import MARGIN, RELATIVE, Converged, Prepare, converge, first_steps, tolerances
-from camopt.verifier.methods import INDEPENDENT, rkg
+from camopt.verifier.methods import INDEPENDENT, rkg, verdict_methods
 from camopt.verifier.neighbourhood import against_limits, neighbours
 from camopt.verifier.record import speed_record, verification
 
@@ -136,7 +136,7 @@ def verdict_on(
         raise InputError(f"scene {scene.name!r}: a verdict needs valve, seat and [operation]")
     train = build_train(scene)
     methods = methods_for(train)[:2] if methods is None else methods
-    known = ("event", *INDEPENDENT)
+    known = verdict_methods()
     if not methods or (unknown := [m for m in methods if m not in known]):
         raise InputError(
             f"methods {methods}: give names out of {', '.join(known)}" + f"; not {unknown}" * bool(methods)

@@ -13,6 +13,7 @@ from camopt.exact.kernel.advance import advance, apply
 from camopt.exact.kernel.switching import first_suspect, next_switch
 from camopt.plots.style import INK, LIMIT, new_figure, styled
 from camopt.scene import build_train
+from camopt.study.timing import fastest
 
 TARGET_MM = 1e-6
 FLOOR_MS = 0.040
@@ -76,7 +77,7 @@ def parts(case, repeats: int) -> dict:
     borders = case.lift.borders[1:]
     ends = np.sort(np.concatenate([[0.0], (borders + np.pi) / case.cam_speed, response.time[stops]]))
     spans = int(np.sum(np.diff(ends) // (AT_ONCE * run.step)))
-    total = 1e3 * _best(lambda: run.advance(case.rest), 20 * repeats)
+    total = 1e3 * _wall_seconds(lambda: run.advance(case.rest), 20 * repeats)
     unit = _unit_times(run, case, repeats)
     counts = {"span": spans + len(ends) - 1, "jump": len(ends) - 1, "search": len(stops)}
     rows = {k: {"count": n, "each_us": 1e6 * unit[k], "ms": 1e3 * n * unit[k]} for k, n in counts.items()}
@@ -97,10 +98,12 @@ def _unit_times(run, case, repeats: int) -> dict[str, float]:
         "span": lambda: _spans(times, tables, slot, y, columns, count, out),
         "jump": lambda: _jumps(times, tables, slot, run.step, columns, y, work),
     }
-    seconds = {name: _best(call, 5 * repeats) / times for name, call in calls.items()}
+    seconds = {name: _wall_seconds(call, 5 * repeats) / times for name, call in calls.items()}
     out[:] = 1.0
     out[len(y)] = -1.0  # one suspect watch
-    seconds["search"] = _best(lambda: _searches(times, tables, slot, y, columns, out, scratch), 5 * repeats) / times
+    seconds["search"] = (
+        _wall_seconds(lambda: _searches(times, tables, slot, y, columns, out, scratch), 5 * repeats) / times
+    )
     return seconds
 
 
@@ -116,14 +119,8 @@ def band_seconds(case, speeds: int) -> dict:
     return {"speeds": speeds, "revolutions": 8, **seconds}
 
 
-def _best(call: Callable, repeats: int) -> float:
-    call()
-    seconds = []
-    for _ in range(repeats):
-        begin = time.perf_counter()
-        call()
-        seconds.append(time.perf_counter() - begin)
-    return min(seconds)
+def _wall_seconds(call: Callable, repeats: int) -> float:
+    return float(fastest(call, repeats, time.perf_counter)[0])
 
 
 def print_table(content: dict) -> None:

@@ -9,7 +9,7 @@ from camopt.cam.families.kurz import kurz
 from camopt.cam.families.largest_area import FINE, best_levels, control_points, program
 from camopt.cam.families.multi_pol import TABLE_1, multi_pol
 from camopt.cam.families.new_design import new_design
-from camopt.cam.families.polydyne import event_pieces
+from camopt.cam.families.powers import event_pieces
 from camopt.cam.families.sections import flank
 from camopt.cam.families.trapezoid import trapezoid
 from camopt.cam.lift import Lift
@@ -147,7 +147,7 @@ class TestExponent:
         """C_i = -prod_j p_j / (p_j - p_i) where the flank ends at rest; mean over peak lift 0.5072 for 2-8-14-20-26."""
         powers = np.array([2, 8, 14, 20, 26], dtype=float)
         c = [-np.prod([q / (q - p) for q in powers if q != p]) for p in powers]
-        borders, pieces = event_pieces(powers, HALF, np.zeros(5), 9.0 * MM, 0.25 * MM, 1.0, 0.0)
+        borders, pieces = event_pieces(powers, HALF, np.zeros(5), 9.0 * MM, 0.25 * MM, (1.0, 0.0))
         x = borders[:-1] / HALF
         assert pieces[:, 0] == pytest.approx(
             0.25 * MM + 9.0 * MM * (1 + np.abs(x)[:, None] ** powers @ c), abs=1e-12 * MM

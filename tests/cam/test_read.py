@@ -7,8 +7,9 @@ import pytest
 
 from camopt.cam.design_file import design_record, read_design, write_design
 from camopt.cam.families.polydyne import polydyne
+from camopt.cam.families.registry import FAMILIES
 from camopt.cam.lift import Lift
-from camopt.cam.read import FAMILIES, read_cam
+from camopt.cam.read import read_cam
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import DEG, MM
 

@@ -12,13 +12,14 @@ import camopt
 from camopt.cam.families.free import free_cam
 from camopt.cam.lift import Lift
 from camopt.differentiable import exact_rule
-from camopt.differentiable.exact_rule import TRAIN_PARAMETERS, exact_metrics
+from camopt.differentiable.exact_rule import exact_metrics
 from camopt.differentiable.families import differentiable
 from camopt.differentiable.varying_motion import Varying
 from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.metrics import METRICS
 from camopt.scene import InputError
 from camopt.scene.rest import state_at_rest
+from camopt.scene.train import TRAIN_PARAMETERS
 from camopt.study.simulate.motion import motion_parameters
 from tests.exact.gradient_problems import by_train, from_rest, kodama, least_error
 

@@ -1,7 +1,6 @@
 """Gradients of every family by every free parameter against central differences of the family's own constructor."""
 
 from dataclasses import replace
-from importlib import import_module
 
 import jax
 import jax.numpy as jnp
@@ -10,10 +9,11 @@ import pytest
 
 from camopt.cam.families.dwell import TABLES
 from camopt.cam.families.free import free_cam
+from camopt.cam.families.record import number, numbers
+from camopt.cam.families.registry import FAMILIES, family_named
 from camopt.cam.families.sections import closed, flank
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import scene_ramps
-from camopt.cam.read import FAMILIES, number, numbers
 from camopt.differentiable.families import differentiable
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import DEG, MM
@@ -58,9 +58,10 @@ def constructed(family: str, scene=KODAMA, **changes) -> Lift:
     """The member of a family from its own NumPy constructor."""
     if family == "free":
         return FREE.lift(changes["z"])
-    entry = FAMILIES[family]
-    keywords = {entry.parameters[name][0]: value for name, value in (GIVEN.get(family, {}) | changes).items()}
-    return getattr(import_module(entry.module), entry.function)(scene, **keywords)
+    record = family_named(family)
+    assert record.design is not None
+    keywords = {record.parameters[name].keyword: value for name, value in (GIVEN.get(family, {}) | changes).items()}
+    return record.design(scene, **keywords)
 
 
 def z_start() -> np.ndarray:
@@ -156,7 +157,7 @@ def test_against_central_differences(family):
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_every_parameter_of_the_command_line_is_one_to_differentiate_by(family):
-    numeric = {name for name, (_, parse) in FAMILIES[family].parameters.items() if parse in (number, numbers)}
+    numeric = {name for name, p in family_named(family).parameters.items() if p.parse in (number, numbers)}
     found = differentiable(KODAMA, start(family)).parameters
     assert numeric - DETERMINED.get(family, set()) <= set(found)
     assert {"duration_deg", "max_lift_mm", "ramp_height_mm", "ramp_velocity_mm_per_deg"} <= set(found)

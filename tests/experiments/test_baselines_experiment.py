@@ -2,7 +2,7 @@
 
 import json
 
-from camopt.cam.read import FAMILIES
+from camopt.cam.families.registry import FAMILIES
 from experiments import baselines
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from camopt.cam.families.new_design import new_design
 from camopt.cam.families.polydyne import polydyne
-from camopt.cam.read import FAMILIES
+from camopt.cam.families.registry import FAMILIES
 from camopt.exact import prepare
 from camopt.measure.limits import broken_by_shape
 from camopt.measure.sweep import at_speeds
@@ -80,25 +80,25 @@ def test_excess_is_relative_to_the_limit():
 
 class TestSearch:
     def test_bounce_limit_is_held_and_costs_area(self):
-        found = largest_area_member(KODAMA, "trapezoid", False, 0.03, 96, speeds_rpm=SLOW)
+        found = largest_area_member(KODAMA, "trapezoid", False, bounce_max_mm=0.03, evaluations=96, speeds_rpm=SLOW)
         assert found.holds
         assert broken_by_shape(found.lift, FREED) == []
         rows = at_speeds(prepare, KODAMA, found.lift, SLOW)
         assert max(row["bounce_mm"] for row in rows) == pytest.approx(found.figures["bounce_mm"], abs=1e-9)
         assert max(row["jump_mm"] for row in rows) == pytest.approx(found.figures["jump_mm"], abs=1e-9)
         assert found.figures["bounce_mm"] <= 0.03
-        free = largest_area_member(KODAMA, "trapezoid", False, None, 96, speeds_rpm=SLOW)
+        free = largest_area_member(KODAMA, "trapezoid", False, bounce_max_mm=None, evaluations=96, speeds_rpm=SLOW)
         assert free.holds
         assert free.area_ratio > found.area_ratio > 0.5
         assert free.figures["bounce_mm"] > 0.03
 
     def test_exponents_are_searched_too(self):
-        found = largest_area_member(KODAMA, "exponent", False, None, 64, speeds_rpm=(5000.0,))
+        found = largest_area_member(KODAMA, "exponent", False, evaluations=64, speeds_rpm=(5000.0,))
         assert found.holds  # the plain one does not: its acceleration is 0.0166 mm/deg2
         assert found.area_ratio > 0.54
 
     def test_least_bounce_is_returned_and_said(self):
-        found = largest_area_member(KODAMA, "trapezoid", True, 1e-3, 64, speeds_rpm=(7000.0,))
+        found = largest_area_member(KODAMA, "trapezoid", True, bounce_max_mm=1e-3, evaluations=64, speeds_rpm=(7000.0,))
         assert not found.holds
         assert f"{found.figures['bounce_mm']:.4g} mm is the least reached" in found.says
         start = family_space(KODAMA, "trapezoid", True)
@@ -107,12 +107,12 @@ class TestSearch:
 
     def test_limits_that_no_member_meets_are_said(self):
         design = KODAMA.design.model_copy(update={"acceleration_max_mm_per_deg2": 0.004})
-        found = largest_area_member(KODAMA.model_copy(update={"design": design}), "trapezoid", True, None, 64)
+        found = largest_area_member(KODAMA.model_copy(update={"design": design}), "trapezoid", evaluations=64)
         assert not found.holds
         assert found.says.startswith("no trapezoid cam found within the limits on the shape")
 
     def test_shape_alone_is_the_plain_largest_area(self):
-        found = largest_area_member(KODAMA, "multi-pol", False, None, 64, speeds_rpm=(5000.0,))
+        found = largest_area_member(KODAMA, "multi-pol", False, evaluations=64, speeds_rpm=(5000.0,))
         assert found.area_ratio == pytest.approx(0.635, abs=1e-3)
         assert found.figures["bounce_mm"] >= 0
 
@@ -154,6 +154,6 @@ def test_a_family_without_free_parameters_is_one_cam(monkeypatch):
     one = baselines.family_space(KODAMA, "polydyne", False)
     fixed = type(one)([], lambda _: polydyne(KODAMA))
     monkeypatch.setattr(baselines, "family_space", lambda *_: fixed)
-    found = largest_area_member(KODAMA, "cycloidal", False, 0.05, speeds_rpm=(5000.0,))
+    found = largest_area_member(KODAMA, "cycloidal", False, bounce_max_mm=0.05, speeds_rpm=(5000.0,))
     assert (found.evaluations, found.holds) == (1, False)
     assert "breaks acceleration_max_mm_per_deg2" in found.says

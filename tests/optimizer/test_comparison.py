@@ -8,6 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from camopt.cam.families.polydyne import polydyne
+from camopt.cam.families.registry import FAMILIES
 from camopt.cam.read import read_cam
 from camopt.exact import prepare
 from camopt.measure.limits import broken_by_shape
@@ -40,13 +41,13 @@ def test_plain_baselines_fill_both_tables(monkeypatch):
 def test_best_baselines_walk_the_registry(monkeypatch):
     asked = []
 
-    def found(scene, name, jerk, limit, progress):
-        asked.append((name, jerk, limit))
+    def found(scene, name, jerk, *, bounce_max_mm, progress):
+        asked.append((name, jerk, bounce_max_mm))
         raise InputError("none")
 
     monkeypatch.setattr("camopt.optimizer.baselines.largest_member.largest_area_member", found)
     cams = best_baselines(KODAMA)
-    assert asked == [(name, jerk, 0.05) for jerk in (True, False) for name in comparison.FAMILIES]
+    assert asked == [(name, jerk, 0.05) for jerk in (True, False) for name in FAMILIES]
     assert set(cams.values()) == {"none"}
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from camopt.plots.style import CAMS, RC, cam_line, draw_limit, family_of, new_figure, save, write_atomically
+from camopt.plots.style import RC, cam_line, draw_limit, family_of, lines, new_figure, save
+from camopt.scene import InputError
 
 # Machado, Oliveira, Fernandes 2009, Table 1: linear RGB as a protanope and a deuteranope see it
 PROTAN = [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]
@@ -25,13 +26,13 @@ def lab(colour: str, seen) -> np.ndarray:
 
 @pytest.mark.parametrize("seen", [np.eye(3), PROTAN, DEUTAN], ids=["normal", "protanope", "deuteranope"])
 def test_colours_of_cams_stay_apart_for_every_eye(seen):
-    colours = [lab(colour, seen) for colour, _ in CAMS.values()]
+    colours = [lab(colour, seen) for colour, _ in lines().values()]
     apart = [np.linalg.norm(a - b) for i, a in enumerate(colours) for b in colours[:i]]
     assert min(apart) > 10  # four times the difference that is just noticed (about 2.3)
 
 
 def test_dashes_tell_cams_apart_without_colour():
-    assert len({str(dashes) for _, dashes in CAMS.values()}) == len(CAMS)
+    assert len({str(dashes) for _, dashes in lines().values()}) == len(lines())
 
 
 @pytest.mark.parametrize(
@@ -53,7 +54,7 @@ def test_a_cam_keeps_its_line_and_the_design_its_own():
     assert cam_line("polydyne") == cam_line("polydyne:speed_rpm=5000")
     assert cam_line("design")["color"] == "#0072B2" != cam_line("polydyne")["color"]
     assert cam_line("intake.csv")["color"] == "#9A6A00"  # in every process: no salted hash
-    assert cam_line("intake.csv")["color"] not in {colour for colour, _ in CAMS.values()}
+    assert cam_line("intake.csv")["color"] not in {colour for colour, _ in lines().values()}
 
 
 def drawn():
@@ -79,17 +80,17 @@ def test_settings_hold_only_inside(tmp_path):
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
-    path = tmp_path / "x.svg"
+    path = tmp_path / "x.png"
     path.write_bytes(b"old")
 
     def full(_):
         raise OSError("disk full")
 
     monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(OSError, match="disk full"):
-        write_atomically(path, b"new")
+    with pytest.raises(InputError, match="disk full"):
+        save(new_figure(1, 1), tmp_path, "x")
     assert path.read_bytes() == b"old"
-    assert [p.name for p in tmp_path.iterdir()] == ["x.svg"]
+    assert [p.name for p in tmp_path.iterdir()] == ["x.png"]
 
 
 def test_a_limit_is_a_line_at_its_value_with_its_words():

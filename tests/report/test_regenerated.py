@@ -5,7 +5,6 @@ import json
 import re
 
 import pytest
-import tomli_w
 
 from camopt.cam.design_file import write_design
 from camopt.cam.read import read_cam
@@ -16,6 +15,7 @@ from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.run import full_verdict
 from camopt.report import write_report
 from camopt.scene import load_scene
+from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import MM
 from camopt.storage import write_json
 from tests.report.test_report_page import page_of
@@ -36,7 +36,7 @@ def run(request, tmp_path_factory):
     operation = scene.operation.model_copy(update={"speeds_rpm": (band[0],), "band_rpm": band})
     scene = scene.model_copy(update={"operation": operation, "design": scene.design.model_copy(update=FREE)})
     folder.mkdir()
-    (folder / "scene.toml").write_text(tomli_w.dumps(scene.model_dump(exclude_none=True, exclude_defaults=True)))
+    (folder / "scene.toml").write_text(scene_toml(scene))
     lift, bound = read_cam("exponent", scene), area_ratio_bound(scene.design).bound
     ratio = lift.area_ratio(scene.design.max_lift_mm * MM)
     areas = {"area_ratio_bound": bound, "area_gap_percent": 100 * (bound - ratio) / bound, "area_ratio_no_jump": ratio}

@@ -37,8 +37,8 @@ class TestSimulate:
 
     @pytest.mark.parametrize(("method", "asked"), [("event", 0.01), ("rkg", 10.0), ("rkg", 1.0), ("tmm", 5.0)])
     def test_the_error_is_what_was_asked_for(self, method, asked):
-        truth = simulate(MOTOR, self.CAM, 3000, "event", 2, 0.1)
-        motion = simulate(MOTOR, self.CAM, 3000, method, 2, 0.1, accuracy=asked)
+        truth = simulate(MOTOR, self.CAM, 3000, "event")
+        motion = simulate(MOTOR, self.CAM, 3000, method, accuracy=asked)
         true_um = 1e3 * np.abs(valve_mm(motion, MOTOR) - valve_mm(truth, MOTOR)).max()
         assert true_um <= motion.attrs["accuracy_estimated_um"] <= asked == motion.attrs["accuracy_asked_um"]
         assert motion.attrs["accuracy_reached"] == 1
@@ -61,7 +61,7 @@ class TestSimulate:
 def test_chaos_is_answered_by_a_range(monkeypatch):
     """Beyond the jump round-off itself grows past what is asked: the revolution it happens in is told."""
     monkeypatch.setattr(module, "MOST_VALUES", 1e6)  # finer would take seconds and change nothing
-    motion = simulate(KODAMA, polydyne(KODAMA), 7000, "event", 4, 0.5, accuracy=0.1)
+    motion = simulate(KODAMA, polydyne(KODAMA), 7000, "event", revolutions=4, step_deg=0.5, accuracy=0.1)
     by_revolution = motion.attrs["accuracy_estimated_by_revolution_um"]
     assert motion.attrs["accuracy_reached"] == 0
     assert by_revolution[0] < 0.1 < 1.0 < by_revolution[3]

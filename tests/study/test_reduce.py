@@ -22,10 +22,11 @@ from camopt.scene import (
     scene_text,
     state_at_rest,
 )
+from camopt.scene.toml_text import scene_toml
 from camopt.scene.vibration import assembled
 from camopt.study.modes import modes
 from camopt.study.reduce.idle_contacts import idle_contacts, leave_out
-from camopt.study.reduce.reduced_models import chains, condense, fewer_coils, scene_toml, smaller_models
+from camopt.study.reduce.reduced_models import chains, condense, fewer_coils, smaller_models
 from camopt.study.reduce.reduction import reduce, reduction_lines
 from camopt.verifier.convergence import first_steps
 from camopt.verifier.methods import rkg

@@ -3,7 +3,9 @@
 Adding a cam family
 ===================
 
-One file here and one line in `camopt.cam.read.FAMILIES`. The file's function takes a scene and the family's own
+One file here and one line in `camopt.cam.families.registry.FAMILIES`. The file holds a function and a record
+(`camopt.cam.families.record.Family`), which tells the command line, the gradients, the search for baselines and the
+figures what they need to know of the family. The function takes a scene and the family's own
 parameters as keywords and returns a `camopt.cam.lift.Lift`: polynomial pieces from -pi to pi between the scene's ramps.
 A flank in sections needs no more than its table of boundary conditions, (start, end) of lift, velocity, acceleration
 and jerk, as the papers print them: a symbol, 0, or U for a condition that is not given. As many conditions as a section
@@ -14,6 +16,7 @@ has, so many terms its polynomial takes. `camopt/cam/families/two_parabolas.py` 
     from collections.abc import Sequence
 
     from camopt.cam.families.member import member
+    from camopt.cam.families.sectioned import sectioned_family
     from camopt.cam.families.sections import Section, SectionTable, U
     from camopt.cam.lift import Lift
     from camopt.scene import Scene
@@ -39,14 +42,17 @@ has, so many terms its polynomial takes. `camopt/cam/families/two_parabolas.py` 
         """
         return member(scene, TABLE, STARTS, sections_deg, {}, jerk)
 
-and its line in `FAMILIES`, with a parser for each parameter and the name of the table,
 
-    "two-parabolas": Family(
-        "camopt.cam.families.two_parabolas", "two_parabolas", {"sections_deg": ("sections_deg", numbers)}, "TABLE"
-    ),
+    FAMILY = sectioned_family(two_parabolas, TABLE, STARTS, line=("#2F4B7C", (0, (7, 2, 1, 2))))  # colour and dashes
+
+and its line in `FAMILIES`,
+
+    "two-parabolas": "camopt.cam.families.two_parabolas:FAMILY",
 
 With that it is known to every command (`camopt cam kodama --cam two-parabolas:sections_deg=22/50`), verified like any
 other cam, differentiable (`camopt.differentiable`) and searched as a baseline (`camopt compare --baselines best`).
-A family that is no table of sections has its own construction, as `polydyne.py` has, and ends in `with_ramps`; then
-`gradients.py` needs its parameters too. `tests/test_guide.py` writes this very file and this line, and runs them.
+A family that is no table of sections has its own construction, as `polydyne.py` has, and ends in `with_ramps`. Its
+record may leave out what the family does not have: without `construction` it is not differentiable, without `space`
+its plain member stands for it among the baselines, without `line` figures give it a colour by its name.
+`tests/test_guide.py` writes this very file and this line, and runs them.
 '''

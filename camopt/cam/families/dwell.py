@@ -9,9 +9,13 @@ They start with the scene's ramp velocity instead of from rest; the cycloid lets
 which adds no acceleration at the ends.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from camopt.cam.families.kurz import sine_terms
+from camopt.cam.families.record import Family
+from camopt.cam.families.sectioned import sections_construction
 from camopt.cam.families.sections import Section, SectionTable, U, closed, flank
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import symmetric_conditions
@@ -57,3 +61,14 @@ def _designed(scene: Scene, family: str) -> Lift:
     one = flank(table, np.array([design.duration_deg * DEG / 2]))
     x = closed(table, one, np.array([ramp.height, ramp.velocity, 0.0]), design.max_lift_mm * MM, table.closed_by)
     return one.lift(x, ramp, family, {})
+
+
+def _family(name: str, design: Callable[[Scene], Lift], line: tuple[str, tuple]) -> Family:
+    return Family(
+        name, design, construction=lambda _, cam: sections_construction(cam, lambda _: TABLES[name]), line=line
+    )
+
+
+CYCLOIDAL = _family("cycloidal", cycloidal, ("#9A9A9A", (0, (2.2, 2.2))))
+POLYNOMIAL_345 = _family("3-4-5", polynomial_345, ("#767676", (0, (9, 1.5, 3, 1.5))))
+POLYNOMIAL_4567 = _family("4-5-6-7", polynomial_4567, ("#4D4D4D", (0, (1, 2.4))))

@@ -7,9 +7,10 @@ condition.
 
 import numpy as np
 
-from camopt.cam.families.polydyne import checked_exponents, event_pieces, no_member
+from camopt.cam.families.powers import checked_exponents, event_pieces, no_member, power_construction, power_space
+from camopt.cam.families.record import Event, Family, Parameter, Parameters, Space, numbers
 from camopt.cam.lift import Lift, with_ramps
-from camopt.cam.ramps import symmetric_conditions
+from camopt.cam.ramps import Ramp, symmetric_conditions
 from camopt.scene import InputError, Scene
 from camopt.scene.units import DEG, MM
 
@@ -26,10 +27,31 @@ def exponent(scene: Scene, exponents: tuple[float, ...] = (2, 10, 18, 26, 34)) -
     flank_end = np.array([0.0, -ramp.velocity, 0.0, 0.0, 0.0])
     named = f"exponent: exponents {'/'.join(f'{p:g}' for p in powers)} give no cam"
     try:
-        borders, pieces = event_pieces(powers, half, flank_end, rise, ramp.height, 1.0, 0.0)
+        borders, pieces = event_pieces(powers, half, flank_end, rise, ramp.height, (1.0, 0.0))
         lift = with_ramps(borders, pieces, ramp, ramp, "exponent", {"exponents": [float(p) for p in powers]})
     except (np.linalg.LinAlgError, ValueError):
         raise InputError(f"{named}: its six conditions have no common solution; give exponents further apart") from None
     if why := no_member(lift, design.max_lift_mm * MM, ramp):
         raise InputError(f"{named}: {why}; give exponents further apart")
     return lift
+
+
+def _construction(_: Scene, cam: Lift) -> tuple[Parameters, Event]:
+    def dynamic(p: Parameters, ramp: Ramp) -> tuple:
+        return 1.0, 0.0, [0.0, -ramp.velocity, 0.0, 0.0, 0.0]
+
+    return power_construction(cam, {}, dynamic)
+
+
+def _space(scene: Scene, jerk: bool) -> Space:
+    return power_space(lambda exponents: exponent(scene, exponents), [], [])
+
+
+FAMILY = Family(
+    "exponent",
+    exponent,
+    {"exponents": Parameter("exponents", numbers)},
+    _construction,
+    space=_space,
+    line=("#E69F00", (0, (3, 1.2))),
+)

@@ -13,8 +13,10 @@ from math import comb, factorial
 import numpy as np
 from scipy.interpolate import BSpline, PPoly
 
+from camopt.cam.families.record import Event, Family, Parameters
 from camopt.cam.lift import Lift, with_ramps
 from camopt.cam.ramps import Ramp, scene_ramps
+from camopt.scene import InputError, Scene
 from camopt.scene.schema import Design
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
 
@@ -156,33 +158,34 @@ class FreeCam:
 
     def limits(self, design: Design) -> Limits:
         """The design's acceleration, jerk, lift and nose limits as rows on z that hold at every angle."""
-        parts = _Rows()
+        parts = _Rows(self, design)
         ends = self.breaks[[0, -1]]
         if design.acceleration_max_mm_per_deg2 is not None:
-            parts.add(self, "acceleration_max_mm_per_deg2", MM_PER_DEG2, design, 2, ends, (1,))
+            parts.add("acceleration_max_mm_per_deg2", MM_PER_DEG2, 2, ends, (1,))
         if design.acceleration_min_mm_per_deg2 is not None:
-            parts.add(self, "acceleration_min_mm_per_deg2", MM_PER_DEG2, design, 2, ends, (-1,))
+            parts.add("acceleration_min_mm_per_deg2", MM_PER_DEG2, 2, ends, (-1,))
         if design.jerk_max_mm_per_deg3 is not None:
-            parts.add(self, "jerk_max_mm_per_deg3", MM_PER_DEG3, design, 3, ends, (1, -1))
+            parts.add("jerk_max_mm_per_deg3", MM_PER_DEG3, 3, ends, (1, -1))
         if design.nose_deg:
             nose = np.array([-1.0, 1.0]) * design.nose_deg * DEG
-            parts.add(self, "nose_deg", DEG, design, 2, nose, (1,))
+            parts.add("nose_deg", DEG, 2, nose, (1,))
         count = int(np.ceil((self.breaks[1] - self.breaks[0]) / CAP_INTERVAL))
         fine = np.linspace(ends[0], ends[1], count * (len(self.breaks) - 1) + 1)
-        parts.add(self, "max_lift_mm", MM, design, 0, fine, (1,))
+        parts.add("max_lift_mm", MM, 0, fine, (1,))
         return parts.limits()
 
 
 class _Rows:
     """The rows of `Limits`, collected one limit at a time."""
 
-    def __init__(self):
+    def __init__(self, cam: FreeCam, design: Design):
+        self.cam, self.design = cam, design
         self.parts: list[tuple] = []
 
-    def add(self, cam: FreeCam, name: str, unit: float, design: Design, order: int, edges, signs) -> None:
+    def add(self, name: str, unit: float, order: int, edges, signs) -> None:
         """Adds the rows sign * lift^(order) <= sign * limit on control points; a jerk limit binds both signs."""
-        matrix, offset = cam.control_points(order, np.asarray(edges))
-        limit = getattr(design, name) * unit
+        matrix, offset = self.cam.control_points(order, np.asarray(edges))
+        limit = getattr(self.design, name) * unit
         nose = name == "nose_deg"
         for sign in signs:
             level = 0.0 if nose else abs(limit)
@@ -247,3 +250,19 @@ def _merged(edges: np.ndarray) -> np.ndarray:
     """The edges in ascending order, without those that differ from another by round-off only."""
     edges = np.sort(edges)
     return edges[np.append(True, np.diff(edges) > 1e-12)]
+
+
+def _construction(scene: Scene, cam: Lift) -> tuple[Parameters, Event]:
+    """The free coefficients z [mm/deg^2], from which the event is built between the scene's ramps."""
+    if scene.design is None:
+        raise InputError("free: the scene needs [design]")
+    free = free_cam(scene.design, cam.parameters["knot_deg"])
+    z = free.Z.T @ (np.array(cam.parameters["coefficients_mm_per_deg2"]) - free.x_p)
+
+    def event(p: Parameters, opening: Ramp, closing: Ramp):
+        return p["z"].__array_namespace__().asarray(free.breaks), free.pieces(p["z"])
+
+    return {"z": z}, event
+
+
+FAMILY = Family("free", construction=_construction, symmetric=False)

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from camopt.cam.families.member import member
+from camopt.cam.families.sectioned import sectioned_family
 from camopt.cam.families.sections import Section, SectionTable, U
 from camopt.cam.lift import Lift
 from camopt.scene import Scene
@@ -64,6 +65,7 @@ def kurz(
     scene: Scene,
     sections_deg: Sequence[float] | None = None,
     a23: float | None = None,
+    *,
     jerk: bool = True,
 ) -> Lift:
     """The Kurz-type cam of a scene's duration, maximum lift and ramps; it is a reconstruction (see the module).
@@ -74,3 +76,6 @@ def kurz(
     angles or levels, a scene whose two ramps differ, or limits that no member meets.
     """
     return member(scene, TABLE, STARTS, sections_deg, {"a23": a23}, jerk)
+
+
+FAMILY = sectioned_family(kurz, TABLE, STARTS, ["a23_mm_per_deg2"], ("#56B4E9", (0, (4, 1.2, 1.2, 1.2, 1.2, 1.2))))

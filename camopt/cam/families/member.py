@@ -58,10 +58,14 @@ def member(
     return cam_of(table, one, angles, x, ramp, **parameters)
 
 
+def level_names(table: SectionTable) -> list[str]:
+    """The levels with their unit, as a cam's parameters and the command line name them."""
+    return [f"{n}_mm_per_deg{k}" for n, k in zip(table.levels, table.orders(), strict=True)]
+
+
 def cam_of(table: SectionTable, one: Flank, angles: np.ndarray, x: np.ndarray, ramp: Ramp, **parameters) -> Lift:
     """The cam with the levels x (n) on a flank with these section angles [rad]; both stand among its parameters."""
-    names = [f"{n}_mm_per_deg{k}" for n, k in zip(table.levels, table.orders(), strict=True)]
-    levels = dict(zip(names, (x[2:] / table.units()).tolist(), strict=True))
+    levels = dict(zip(level_names(table), (x[2:] / table.units()).tolist(), strict=True))
     parameters = {"sections_deg": (angles / DEG).tolist(), **levels, **parameters}
     return one.lift(x, ramp, table.family, parameters)
 

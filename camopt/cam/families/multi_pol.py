@@ -8,6 +8,7 @@ nose, so that the maximum lift is added as the condition that determines one lev
 from collections.abc import Sequence
 
 from camopt.cam.families.member import member
+from camopt.cam.families.sectioned import sectioned_family
 from camopt.cam.families.sections import Section, SectionTable, U
 from camopt.cam.lift import Lift
 from camopt.scene import Scene
@@ -37,6 +38,7 @@ def multi_pol(
     scene: Scene,
     sections_deg: Sequence[float] | None = None,
     a12: float | None = None,
+    *,
     a45: float | None = None,
     j34: float | None = None,
     j45: float | None = None,
@@ -51,3 +53,7 @@ def multi_pol(
     """
     levels = {"a12": a12, "a45": a45, "j34": j34, "j45": j45}
     return member(scene, TABLE_1, STARTS, sections_deg, levels, jerk)
+
+
+LEVELS = ("a12_mm_per_deg2", "a45_mm_per_deg2", "j34_mm_per_deg3", "j45_mm_per_deg3")
+FAMILY = sectioned_family(multi_pol, TABLE_1, STARTS, LEVELS, ("#009E73", (0, (6, 1.5, 1.2, 1.5))))

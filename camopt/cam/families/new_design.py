@@ -6,10 +6,13 @@ free. Section I starts at a12* = 50 to 95 % of a12: with the ramp of a scene tha
 jerk limit cannot hold there; a ratio of 0 repairs it. As in Table 1, the maximum lift is added.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from camopt.cam.families.member import member
+from camopt.cam.families.record import Family, Parameter, Space, number, yes_or_no
+from camopt.cam.families.sectioned import section_parameters, sections_construction, sections_space
 from camopt.cam.families.sections import Section, SectionTable, U
 from camopt.cam.lift import Lift
 from camopt.scene import InputError, Scene
@@ -25,8 +28,8 @@ TABLE_2 = SectionTable(
     levels=("a12", "a34", "j23", "j34"),
     closed_by=("a34",),
 )
-LITERAL_RATIO = 0.95
-"""Upper end of the range of 50 to 95 % in Table 2; it gives the largest area."""
+START_RATIOS = 0.5, 0.95
+"""Table 2's range of a12* / a12; its upper end gives the largest area."""
 STARTS = (
     (0.114, 0.193, 0.264, 0.429),
     (0.028, 0.323, 0.352, 0.297),
@@ -52,6 +55,7 @@ def new_design(
     scene: Scene,
     sections_deg: Sequence[float] | None = None,
     a12: float | None = None,
+    *,
     a34: float | None = None,
     j34: float | None = None,
     j23: float | None = None,
@@ -69,8 +73,7 @@ def new_design(
     differ, or limits that no member meets.
     """
     if start_ratio is None:
-        limited = jerk and scene.design is not None and scene.design.jerk_max_mm_per_deg3 is not None
-        start_ratio = 0.0 if limited and a12 is None else LITERAL_RATIO
+        start_ratio = 0.0 if _jerk_limited(scene, jerk) and a12 is None else START_RATIOS[1]
     if not 0 <= start_ratio <= 1:
         raise InputError(f"new-design: start_ratio {start_ratio}: a number from 0 to 1 is needed")
     if j23 is not None and not quintic:
@@ -78,3 +81,34 @@ def new_design(
     levels = {"a12": a12, "a34": a34, "j34": j34, "j23": j23}
     reading = {"start_ratio": start_ratio, "section_II": "quintic" if quintic else "quartic"}
     return member(scene, table_2(quintic, start_ratio), STARTS, sections_deg, levels, jerk, **reading)
+
+
+def _jerk_limited(scene: Scene, jerk: bool) -> bool:
+    return jerk and scene.design is not None and scene.design.jerk_max_mm_per_deg3 is not None
+
+
+def _table_of(reading: Mapping[str, Any]) -> SectionTable:
+    return table_2(reading["section_II"] == "quintic", reading["start_ratio"])
+
+
+def _space(scene: Scene, jerk: bool, start_ratio: float | None = None, quintic: bool = False) -> Space:
+    """Table 2's start ratio is free in its range; under a jerk limit only the repaired reading, 0, is possible."""
+    if start_ratio is None and _jerk_limited(scene, jerk):
+        start_ratio = 0.0
+    reading = {"start_ratio": start_ratio, "section_II": "quintic" if quintic else "quartic"}
+    own = {"start_ratio": START_RATIOS} if start_ratio is None else {}
+    return sections_space(scene, jerk, _table_of, STARTS, reading, own)
+
+
+FAMILY = Family(
+    "new-design",
+    new_design,
+    section_parameters(["a12_mm_per_deg2", "a34_mm_per_deg2", "j34_mm_per_deg3", "j23_mm_per_deg3"])
+    | {
+        "start_ratio": Parameter("start_ratio", number, searched=False),
+        "quintic": Parameter("quintic", yes_or_no, searched=False),
+    },
+    lambda _, cam: sections_construction(cam, _table_of, ["start_ratio"]),
+    space=_space,
+    line=("#B0518E", (0, (1.3, 1.1))),
+)

@@ -9,22 +9,20 @@ total lift.
 
 import numpy as np
 
+from camopt.cam.families.powers import checked_exponents, event_pieces, no_member, power_construction, power_space
+from camopt.cam.families.record import Event, Family, Parameter, Parameters, Space, number, numbers
 from camopt.cam.lift import Lift, with_ramps
-from camopt.cam.osculating import MATCHED, osculating_pieces
 from camopt.cam.ramps import Ramp, symmetric_conditions
 from camopt.scene import InputError, Scene, Train, build_train
 from camopt.scene.rest import static_matrices
 from camopt.scene.train import GROUND
-from camopt.scene.units import DEG, MM, MM_PER_DEG
+from camopt.scene.units import DEG, MM
 
 LEAST_SHARE = 1e-9
 """Part of the valve's stiffness that is the cam's, below which rounding alone may have made it."""
-ROUNDING = 1e-9
-"""Relative excess over the maximum lift, and relative fall on the opening flank, that rounding explains."""
-MISSED = 1e-6
-"""Relative error of a condition that rounding may leave: solved conditions are met to 1e-9."""
-
 LEAST_SPEED_RPM, MOST_SPEED_RPM = 1.0, 1e6
+DESIGN_SPEEDS = 0.4, 1.1
+"""The design speeds that are searched, over the highest listed speed."""
 
 
 def equivalent_train(train: Train) -> tuple[float, float, float]:
@@ -74,6 +72,7 @@ def polydyne(
     scene: Scene,
     exponents: tuple[float, ...] = (2, 10, 18, 26, 34),
     design_speed_rpm: float | None = None,
+    *,
     ramp_height_mm: float | None = None,
     dynamic: tuple[float, float] | None = None,
 ) -> Lift:
@@ -87,13 +86,10 @@ def polydyne(
     falls while it should rise.
     """
     powers = checked_exponents(exponents, "polydyne")
-    design, operation = scene.design, scene.operation
-    if design is None or operation is None:
+    operation = scene.operation
+    if scene.design is None or operation is None:
         raise InputError("polydyne: the scene needs [design] and [operation]")
-    if ramp_height_mm is not None:
-        design = design.model_copy(update={"ramp_height_mm": ramp_height_mm, "closing_ramp_height_mm": ramp_height_mm})
-        scene = scene.model_copy(update={"design": design})
-    design, ramp = symmetric_conditions(scene, "polydyne")
+    design, ramp = symmetric_conditions(_with_ramp_height(scene, ramp_height_mm), "polydyne")
     speed = operation.speeds_rpm[-1] if design_speed_rpm is None else design_speed_rpm
     if not LEAST_SPEED_RPM <= speed <= MOST_SPEED_RPM:
         raise InputError(
@@ -107,7 +103,7 @@ def polydyne(
     parameters = {"exponents": [float(p) for p in powers], "design_speed_rpm": speed}
     parameters |= {"A": dynamic[0], "B_deg2": dynamic[1] / DEG**2, "ramp_height_mm": ramp.height / MM}
     try:
-        borders, pieces = event_pieces(powers, half, flank_end, rise, ramp.height, *dynamic)
+        borders, pieces = event_pieces(powers, half, flank_end, rise, ramp.height, dynamic)
         lift = with_ramps(borders, pieces, ramp, ramp, "polydyne", parameters)
     except InputError:  # ramps that do not fit: no fault of the correction
         raise
@@ -118,18 +114,12 @@ def polydyne(
     return lift
 
 
-def no_member(lift: Lift, top: float, ramp: Ramp) -> str:
-    """Why a solution of the six conditions is no cam under the maximum lift `top` [m], as a clause; "" where it is."""
-    half, largest = lift.half_duration, lift.max_lift
-    slowest, fastest = lift.extremes(1, -half, 0.0)
-    missed = abs(lift(-half) - ramp.height) / top, abs(lift(-half, 1) / ramp.velocity - 1), abs(lift(0.0) / top - 1)
-    if max(missed) > MISSED:
-        return "rounding leaves its six conditions unmet"
-    if largest > top * (1 + ROUNDING):
-        return f"the cam would rise to {largest / MM:.4g} mm where max_lift_mm is {top / MM:g}"
-    if slowest < -ROUNDING * fastest:
-        return f"the opening flank would fall, by up to {-slowest / MM_PER_DEG:.3g} mm/deg"
-    return ""
+def _with_ramp_height(scene: Scene, height_mm: float | None) -> Scene:
+    """The scene with another ramp height on both sides; the scene itself for None."""
+    if height_mm is None or scene.design is None:
+        return scene
+    heights = {"ramp_height_mm": height_mm, "closing_ramp_height_mm": height_mm}
+    return scene.model_copy(update={"design": scene.design.model_copy(update=heights)})
 
 
 def _left(why: str, parameters: dict, half: float) -> str:
@@ -147,75 +137,33 @@ def _left(why: str, parameters: dict, half: float) -> str:
     )
 
 
-def checked_exponents(exponents: tuple[float, ...], family: str) -> np.ndarray:
-    """The exponents (5) as numbers; raises InputError where they are not five distinct and usable numbers."""
-    powers = np.array(exponents, dtype=float)
-    if len(powers) != 5 or len(set(exponents)) != 5 or powers.min() < 2 or not np.all(np.isfinite(powers)):
-        raise InputError(f"{family}: exponents {exponents}: five distinct numbers from 2 up are needed")
-    if np.any((powers != np.round(powers)) & (powers < 8)) or powers.max() > 100:
-        raise InputError(f"{family}: exponents {exponents}: each must be an integer or at least 8, and at most 100")
-    return powers
+def _construction(_: Scene, cam: Lift) -> tuple[Parameters, Event]:
+    a, b = cam.parameters["A"], cam.parameters["B_deg2"] * DEG**2
+    speed = cam.parameters["design_speed_rpm"]
+
+    def dynamic(p: Parameters, ramp: Ramp) -> tuple:
+        now = b * (p["speed_rpm"] / speed) ** 2  # B = omega^2 M / k_e
+        return a, now, [0, 0, 0, -ramp.velocity / now, 0]
+
+    return power_construction(cam, {"speed_rpm": speed}, dynamic)
 
 
-def event_pieces(
-    powers: np.ndarray,
-    half: float,
-    flank_end: np.ndarray,
-    rise: float,
-    ramp_height: float,
-    a: float,
-    b: float,
-    shares: np.ndarray | None = None,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Borders [rad] and pieces of the symmetric cam ramp_height + a y + b y'' between the ramp tops.
-
-    y = y_max (1 + sum_i C_i x^p_i) has the value and four derivatives `flank_end` (5) [m/rad^k] at x = 1; the cam rises
-    by `rise` [m] from the ramp top to the nose. `shares` of the half duration are the borders of a flank's pieces, by
-    default `piece_shares`. The arrays are NumPy's or JAX's, but `shares`: x^p has no derivative by x at 0 for JAX.
-    """
-    xp = powers.__array_namespace__()
-    shares = piece_shares(powers) if shares is None else shares
-    powers = xp.concatenate([np.zeros(1), powers])  # the first unknown is y_max itself
-    rows = xp.stack([_power_derivatives(powers, np.ones(1), k)[0] / half**k for k in range(5)])
-    nose = a * _power_derivatives(powers, np.zeros(1), 0) + b * _power_derivatives(powers, np.zeros(1), 2) / half**2
-    system = xp.concatenate([rows, nose])
-    wanted = xp.concatenate([flank_end, xp.asarray([rise])])
-    scale = abs(system).max(axis=1)
-    unknowns = xp.linalg.solve(system / scale[:, None], wanted / scale)
-    borders = half * xp.asarray(shares)
-    derivatives = (
-        xp.stack(
-            [
-                (a * _power_derivatives(powers, shares, k) + b * _power_derivatives(powers, shares, k + 2) / half**2)
-                @ unknowns
-                / half**k
-                for k in range(MATCHED)
-            ]
-        ).T
-        + ramp_height * np.eye(MATCHED)[0]
-    )
-    mirrored = derivatives[::-1] * (-1.0) ** np.arange(MATCHED)
-    pieces = xp.concatenate([osculating_pieces(-borders[::-1], mirrored), osculating_pieces(borders, derivatives)])
-    return xp.concatenate([-borders[:0:-1], borders]), pieces
+def _space(scene: Scene, jerk: bool, **given) -> Space:
+    assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
+    top = scene.operation.speeds_rpm[-1]
+    bounds = [(DESIGN_SPEEDS[0] * top, DESIGN_SPEEDS[1] * top)]
+    return power_space(lambda exponents, speed: polydyne(scene, exponents, speed, **given), bounds, [top])
 
 
-def piece_shares(powers: np.ndarray) -> np.ndarray:
-    """Ascending borders in [0, 1] of the pieces of sum C_i x^p_i.
-
-    Each piece is as wide as x^p (p width / x)^12 <= 1 allows, which keeps the error of `osculating_pieces` at its bound
-    everywhere. The pieces widen towards the nose.
-    """
-    high = powers[powers >= 2 * MATCHED]  # lower powers are met exactly
-    borders = [1.0]
-    while borders[-1] > 0.0:
-        width = np.min(borders[-1] ** (1 - high / (2 * MATCHED)) / high, initial=1.0)
-        borders.append(max(0.0, borders[-1] - width))
-    return np.array(borders[::-1])
-
-
-def _power_derivatives(powers: np.ndarray, x: np.ndarray, order: int) -> np.ndarray:
-    """d^order/dx^order of x^p for every x (k) and power (q), shape (k, q); x >= 0."""
-    xp = powers.__array_namespace__()
-    factor = xp.prod(xp.stack([powers - i for i in range(order)]), axis=0) if order else xp.ones_like(powers)
-    left = xp.where(factor != 0, powers - order, 0.0)
-    return factor * x[:, None] ** left
+FAMILY = Family(
+    "polydyne",
+    polydyne,
+    {
+        "exponents": Parameter("exponents", numbers),
+        "speed_rpm": Parameter("design_speed_rpm", number),
+        "ramp_height_mm": Parameter("ramp_height_mm", number, searched=False),
+    },
+    _construction,
+    space=_space,
+    line=("#D55E00", (0, (6, 1.5))),
+)

@@ -8,6 +8,7 @@ acceleration). The jerk steps at every border.
 from collections.abc import Sequence
 
 from camopt.cam.families.member import member
+from camopt.cam.families.sectioned import sectioned_family
 from camopt.cam.families.sections import Section, SectionTable, U
 from camopt.cam.lift import Lift
 from camopt.scene import Scene
@@ -40,3 +41,6 @@ def trapezoid(scene: Scene, sections_deg: Sequence[float] | None = None, jerk: b
     unusable angles, a scene whose two ramps differ, or limits that no member meets.
     """
     return member(scene, TABLE, STARTS, sections_deg, {}, jerk)
+
+
+FAMILY = sectioned_family(trapezoid, TABLE, STARTS, line=("#7A5C2E", (0, (9, 2))))

@@ -4,8 +4,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from camopt.cam.families.polydyne import polydyne
+from camopt.cam.families.registry import FAMILIES
 from camopt.cam.lift import Lift
-from camopt.cam.read import FAMILIES, read_cam
+from camopt.cam.read import read_cam
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.accuracy import Accuracy, accuracy_named
 from camopt.optimizer.baselines.comparison_table import (
@@ -42,6 +43,7 @@ def compare(
     scene: Scene,
     designs: dict[str, Lift],
     out: Path | str,
+    *,
     accuracy: str = "draft",
     baselines: str = "plain",
     progress: bool = False,
@@ -84,7 +86,9 @@ def best_baselines(scene: Scene, progress: bool = False) -> dict[str, Lift | str
         for name in FAMILIES:
             cams[name + ("" if jerk else NO_JERK)] = _member(
                 scene,
-                lambda name=name, jerk=jerk: largest_area_member(scene, name, jerk, limit, progress=progress).lift,
+                lambda name=name, jerk=jerk: (
+                    largest_area_member(scene, name, jerk, bounce_max_mm=limit, progress=progress).lift
+                ),
             )
     return cams
 

@@ -18,11 +18,12 @@ from scipy.optimize import differential_evolution
 from scipy.stats import qmc
 from tqdm import tqdm
 
+from camopt.cam.families.record import Space
 from camopt.cam.lift import Lift
 from camopt.exact.engine import prepare
 from camopt.measure.limits import broken_by_shape
 from camopt.measure.settling import settle
-from camopt.optimizer.baselines.family_spaces import Space, family_space
+from camopt.optimizer.baselines.family_spaces import family_space
 from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Design, Scene
@@ -62,6 +63,7 @@ def largest_area_member(
     scene: Scene,
     family: str,
     jerk: bool = True,
+    *,
     bounce_max_mm: float | None = None,
     evaluations: int = 600,
     seed: int = 0,
@@ -78,12 +80,8 @@ def largest_area_member(
     again. Where no member holds, the one with the least bounce, or nearest the limits on the shape, is returned and
     says so. Raises InputError for an unknown family, a scene it cannot serve, and a journal of another search.
     """
-    if scene.design is None or scene.operation is None or scene.seat is None:
-        raise InputError(f"scene {scene.name!r}: a baseline needs valve, seat, [operation] and [design]")
-    if bounce_max_mm is not None and not bounce_max_mm > 0:
-        raise InputError(f"bounce_max_mm {bounce_max_mm:g}: a number above 0 is needed")
-    if evaluations < 2 * POPULATION:
-        raise InputError(f"evaluations {evaluations}: at least {2 * POPULATION} are needed")
+    _check(scene, bounce_max_mm, evaluations)
+    assert scene.design is not None and scene.operation is not None, "as checked"
     begun = time.perf_counter()
     design = scene.design if jerk else scene.design.model_copy(update={"jerk_max_mm_per_deg3": None})
     motion = MemberMotion(scene, scene.operation.speeds_rpm if speeds_rpm is None else speeds_rpm)
@@ -91,16 +89,8 @@ def largest_area_member(
     if bounce_max_mm is None and space.largest is not None:
         lift, count = space.largest(evaluations, seed), evaluations
     else:
-        identity = run_identity(
-            "baseline",
-            scene,
-            family=family,
-            jerk=jerk,
-            bounce_max_mm=bounce_max_mm,
-            evaluations=evaluations,
-            seed=seed,
-            speeds_rpm=list(motion.speeds_rpm),
-        )
+        asked = {"family": family, "jerk": jerk, "bounce_max_mm": bounce_max_mm, "evaluations": evaluations}
+        identity = run_identity("baseline", scene, **asked, seed=seed, speeds_rpm=list(motion.speeds_rpm))
         search = _Search(space, design, motion, bounce_max_mm, Notes(journal, identity))
         with tqdm(total=evaluations, disable=None if progress else True, unit="cam", desc=family) as bar:
             lift, count = search.best(evaluations, seed, bar), search.evaluations
@@ -111,6 +101,15 @@ def largest_area_member(
     says = _words(family, over, broken_by_shape(lift, design), figures["bounce_mm"], bounce_max_mm)
     seconds = time.perf_counter() - begun
     return Baseline(family, lift, holds, says, area, figures, count, motion.judged, seconds)
+
+
+def _check(scene: Scene, bounce_max_mm: float | None, evaluations: int) -> None:
+    if scene.design is None or scene.operation is None or scene.seat is None:
+        raise InputError(f"scene {scene.name!r}: a baseline needs valve, seat, [operation] and [design]")
+    if bounce_max_mm is not None and not bounce_max_mm > 0:
+        raise InputError(f"bounce_max_mm {bounce_max_mm:g}: a number above 0 is needed")
+    if evaluations < 2 * POPULATION:
+        raise InputError(f"evaluations {evaluations}: at least {2 * POPULATION} are needed")
 
 
 def excess(lift: Lift, design: Design) -> float:

@@ -7,7 +7,7 @@ into the second.
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -29,6 +29,7 @@ from camopt.scene.train import Train, build_train
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.simulate import MOST_GRID_STEPS, TOLERANCE, lift_samples, response_arrays, touch_layer
 from camopt.smooth.system import build_system
+from camopt.study.timing import fastest
 from camopt.verifier.methods.dop853 import prepare as prepare_dop853
 
 METRICS = tuple(name for name in exact_metrics.METRICS if name in QUANTITIES)
@@ -43,7 +44,7 @@ FIRST_STEPS = 8192
 """Number of steps per revolution that the smooth path is offered at first."""
 FOLLOWING = 4
 """The gradient of a motion that does not repeat itself is compared with those of this many further revolutions."""
-T = TypeVar("T")
+wall_seconds = partial(fastest, clock=time.perf_counter, first=False)
 REPEATS = 3
 """Number of runs, the fastest of which gives the time."""
 
@@ -111,10 +112,10 @@ def exact_gradients(p: Problem) -> tuple[Found, Gradient]:
     together = value_and_gradient(p.train, p.lift, p.cam_speed, METRICS, p.start, revolutions=REVOLUTIONS)
     ratio = []
     for name in METRICS:
-        value, _ = fastest(lambda n=name: TracedMotion(p.train, p.lift, p.cam_speed, p.start, REVOLUTIONS).values([n]))
-        both, _ = fastest(
-            lambda n=name: value_and_gradient(p.train, p.lift, p.cam_speed, [n], p.start, revolutions=REVOLUTIONS)
-        )
+        motion = partial(TracedMotion, p.train, p.lift, p.cam_speed, p.start, REVOLUTIONS)
+        gradient = partial(value_and_gradient, p.train, p.lift, p.cam_speed, [name], p.start, revolutions=REVOLUTIONS)
+        value, _ = wall_seconds(lambda motion=motion, name=name: motion().values([name]), REPEATS)
+        both, _ = wall_seconds(gradient, REPEATS)
         ratio.append(both / value)
     gradients = np.einsum("lpq,mpq->lm", together.by_coefficients, p.directions)
     return Found(together.values, gradients, np.array(ratio)), together
@@ -149,10 +150,10 @@ def smooth_gradients(p: Problem) -> Callable[[float], Found]:
         while not jnp.isfinite(values_of(flat, eps, steps=steps)[-1]) and steps < MOST_GRID_STEPS:  # the dynamic area
             steps *= 4
         jax.block_until_ready(both_of(flat, eps, 0, steps=steps))  # compiles
-        value_s, values = fastest(lambda: values_of(flat, eps, steps=steps).block_until_ready())
+        value_s, values = wall_seconds(lambda: values_of(flat, eps, steps=steps).block_until_ready(), REPEATS)
         slopes, ratio = [], []
         for i in range(len(METRICS)):
-            both_s, (_, slope) = fastest(lambda i=i: jax.block_until_ready(both_of(flat, eps, i, steps=steps)), 1)
+            both_s, (_, slope) = wall_seconds(lambda i=i: jax.block_until_ready(both_of(flat, eps, i, steps=steps)), 1)
             slopes.append(np.asarray(slope))
             ratio.append(both_s / value_s)
         return Found(np.asarray(values), np.array(slopes), np.array(ratio))
@@ -176,14 +177,3 @@ def spectral_radius(p: Problem) -> float:
     later."""
     cycle = TracedMotion(p.train, p.lift, p.cam_speed, p.start)
     return float(np.abs(np.linalg.eigvals(cycle.pull_back(ends=np.eye(len(p.start))).by_start)).max())
-
-
-def fastest(run: Callable[[], T], repeats: int = REPEATS) -> tuple[float, T]:
-    """(seconds of the fastest of some runs, result of the last)."""
-    seconds = []
-    while True:
-        begin = time.perf_counter()
-        result = run()
-        seconds.append(time.perf_counter() - begin)
-        if len(seconds) == repeats:
-            return min(seconds), result

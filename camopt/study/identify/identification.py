@@ -122,9 +122,7 @@ def identify(
     parameters = FreeParameters(scene, free)
     series = [_series(scene, m, int(settle)) for m in measured]
     fit = LiftFit(parameters, cam, series, zero_known)
-    count = sum(len(s.angle) for s in series) - (0 if zero_known else len(series))
-    if count <= len(free):
-        raise InputError(f"identify: {count} samples for {len(free)} parameters: measure more")
+    count = _sample_count(series, zero_known, len(free))
     noise = Noise(measured_noise(series), True) if noise_um is None else Noise(noise_um * UM, False)
     fits = fits_from_starts(fit, noise.largest(count) ** 2 * count)
     fitted = fits[0]
@@ -146,6 +144,14 @@ def identify(
         fitted.steps,
         remarks,
     )
+
+
+def _sample_count(series: Sequence[Series], zero_known: bool, free: int) -> int:
+    """Samples less the zeros that are fitted too; InputError where they do not exceed the number of parameters."""
+    count = sum(len(s.angle) for s in series) - (0 if zero_known else len(series))
+    if count <= free:
+        raise InputError(f"identify: {count} samples for {free} parameters: measure more")
+    return count
 
 
 def _series(scene: Scene, measured: MeasuredLift, settle: int) -> Series:

@@ -11,11 +11,11 @@ statically, and the two become one in series.
 from dataclasses import dataclass
 
 import numpy as np
-import tomli_w
 from scipy.linalg import eigh
 
 from camopt.scene import InputError, Scene, parse_scene
 from camopt.scene.schema import Element, Mass
+from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import MM
 
 MOST_SURGE_MASSES = 5
@@ -66,11 +66,6 @@ def smaller_models(scene: Scene, keep: frozenset[str] = frozenset()) -> list[Sma
             except InputError:  # nothing holds what is left at rest: no scene, and so no model
                 break
     return models
-
-
-def scene_toml(scene: Scene) -> str:
-    """A scene as TOML text, which `load_scene` reads back."""
-    return tomli_w.dumps(scene.model_dump(exclude_none=True, exclude_defaults=True))
 
 
 def _named(full: Scene, scene: Scene, surge: int, condensed: tuple[str, ...]) -> Smaller:

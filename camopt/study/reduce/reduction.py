@@ -15,9 +15,11 @@ from camopt.measure.settling import Figures, settle
 from camopt.scene import InputError, MotionRefused, Response, Scene, Train, build_train
 from camopt.scene.response import Revolve
 from camopt.scene.rest import state_at_rest
+from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import DEG, MM
 from camopt.study.reduce.idle_contacts import LeftOut, idle_contacts, leave_out
-from camopt.study.reduce.reduced_models import Smaller, scene_toml, smaller_models
+from camopt.study.reduce.reduced_models import Smaller, smaller_models
+from camopt.study.timing import fastest
 from camopt.verifier.convergence import first_steps
 from camopt.verifier.methods import rkg, tmm
 from camopt.verifier.verdict import SWEEP_REFINEMENT
@@ -115,6 +117,7 @@ def reduce(
     scene: Scene,
     cam: Lift | None = None,
     speeds_rpm: Sequence[float] | None = None,
+    *,
     tolerance_mm: float = 0.01,
     smooth: bool = True,
     workers: int = 2,
@@ -275,10 +278,4 @@ def smooth_times(scene: Scene, cam: Lift, speed_rpm: float) -> dict[str, float]:
 
 def milliseconds(run: Callable, repeats: int = REPEATS, clock: Callable[[], float] = time.process_time) -> float:
     """Least time of a call [ms] by a clock, after one call that compiles and builds tables."""
-    run()
-    seconds = []
-    for _ in range(repeats):
-        begin = clock()
-        run()
-        seconds.append(clock() - begin)
-    return 1e3 * min(seconds)
+    return 1e3 * float(fastest(run, repeats, clock)[0])

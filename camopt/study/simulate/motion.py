@@ -13,16 +13,13 @@ from camopt.scene.response import end_state, joined
 from camopt.scene.units import DEG
 from camopt.scene.vibration import highest_rate
 from camopt.study.simulate.dataset import motion_dataset, recorded_metrics
-from camopt.verifier.methods import INDEPENDENT
+from camopt.verifier.methods import INDEPENDENT, verdict_methods
 
 if TYPE_CHECKING:
     from camopt.study.simulate.accuracy_control import Delivered, Run
 
-MODULES = {
-    "event": "camopt.exact.engine",
-    **INDEPENDENT,
-    "smooth": "camopt.smooth.simulate",
-}
+OWN_MODULES = {"event": "camopt.exact.engine", "smooth": "camopt.smooth.simulate"}
+"""Modules with a `prepare` beside those of `INDEPENDENT`."""
 DIFFERENTIABLE = {"smooth": "camopt.differentiable.smooth_rule", "event": "camopt.differentiable.exact_rule"}
 """Modules with a `differentiable_motion`, by the method that `simulate(parameters=...)` takes."""
 LARGEST_PHASE = 0.3
@@ -42,6 +39,7 @@ def simulate(
     cam: Lift,
     speed_rpm: float,
     method: str = "event",
+    *,
     revolutions: int = 2,
     step_deg: float = 0.1,
     parameters: Mapping[str, Any] | None = None,
@@ -88,25 +86,23 @@ def simulate(
         raise InputError(f"scene {scene.name}: simulate needs valve, seat and [operation]")
     train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
     if parameters is not None:
-        _check_parameters(scene, cam, method, parameters)
+        _check_parameters(train, cam, method, parameters)
     number = concrete(speed_rpm)
     known_speed = scene.cam_speed(slowest_rpm(scene) if number is None else number)
     finer = max(1, int(np.ceil(highest_rate(train) * step_deg * DEG / known_speed / LARGEST_PHASE)))
     _check_price(train, speed_rpm, steps * finer * revolutions)
+    said: dict[str, Any] = {}
     if parameters is not None:
-        module = import_module(DIFFERENTIABLE[method])
-        response, metrics = module.differentiable_motion(
-            train, cam, parameters, cam_speed, revolutions, steps, known_speed
-        )
-        return motion_dataset(scene, cam, speed_rpm, method, response, metrics)
-    if accuracy is not None:
-        done = delivered(train, cam, cam_speed, method, revolutions, accuracy)
-        shown, metrics = resampled(done.response, steps * revolutions), recorded_metrics(done.response, cam)
-        motion = motion_dataset(scene, cam, speed_rpm, method, shown, metrics)
-        return motion.assign_attrs(accuracy_statement=done.sentence(), **done.attributes())
-    response = _motion(train, cam, cam_speed, method, revolutions, steps * finer)
-    shown = resampled(response, steps * revolutions)
-    return motion_dataset(scene, cam, speed_rpm, method, shown, recorded_metrics(response, cam))
+        rule = import_module(DIFFERENTIABLE[method]).differentiable_motion
+        shown, metrics = rule(train, cam, parameters, cam_speed, revolutions, steps, known_speed)
+    else:
+        if accuracy is not None:
+            done = delivered(train, cam, cam_speed, method, revolutions, accuracy)
+            response, said = done.response, {"accuracy_statement": done.sentence(), **done.attributes()}
+        else:
+            response = _motion(train, cam, cam_speed, method, revolutions, steps * finer)
+        shown, metrics = resampled(response, steps * revolutions), recorded_metrics(response, cam)
+    return motion_dataset(scene, cam, speed_rpm, method, shown, metrics).assign_attrs(said)
 
 
 def concrete(number) -> float | None:
@@ -153,7 +149,7 @@ def dialled(train: Train, cam: Lift, cam_speed: float, method: str, revolutions:
 
     def run(setting: float) -> Response:
         if method == "smooth":
-            smooth, tolerance = import_module(MODULES[method]), setting * TOLERANCE_OF_WIDTH
+            smooth, tolerance = import_module(OWN_MODULES[method]), setting * TOLERANCE_OF_WIDTH
             return smooth.simulate_smooth(train, cam, cam_speed, revolutions, eps=setting, tolerance=tolerance)
         steps = max(FEWEST_STEPS, int(np.ceil(2 * np.pi * rate / cam_speed / setting)))
         return _motion(train, cam, cam_speed, method, revolutions, steps)
@@ -176,18 +172,15 @@ def motion_parameters(scene: Scene, cam: Lift) -> dict[str, np.ndarray]:
 
 
 def _numbers(train: Train, cam: Lift) -> dict[str, np.ndarray]:
-    names = ("mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap")
-    numbers = {name: getattr(train, name).copy() for name in names}
-    if train.laws is not None:
-        numbers["stiffness"] = train.laws.coefficient.copy()
+    numbers = {name: number.copy() for name, number in train.parameters.items()}
     pieces = {"lift": cam.coefficients.copy(), "borders": cam.borders.copy()}
     return {**numbers, **pieces, "half_duration": np.asarray(cam.half_duration)}
 
 
-def _check_parameters(scene: Scene, cam: Lift, method: str, parameters: Mapping[str, Any]) -> None:
+def _check_parameters(train: Train, cam: Lift, method: str, parameters: Mapping[str, Any]) -> None:
     if method not in DIFFERENTIABLE:
         raise InputError(f"simulate: method {method!r} with parameters: needs one of {', '.join(DIFFERENTIABLE)}")
-    jax, known = import_module("jax"), _numbers(build_train(scene), cam)
+    jax, known = import_module("jax"), _numbers(train, cam)
     traced = any(isinstance(value, jax.core.Tracer) for value in parameters.values())
     if traced and not jax.config.jax_enable_x64:
         raise InputError("simulate: traced in 32-bit floats: call motion_parameters or import camopt.smooth before")
@@ -205,8 +198,9 @@ def _check_parameters(scene: Scene, cam: Lift, method: str, parameters: Mapping[
 
 def _steps_per_revolution(speed_rpm, method, revolutions, step_deg) -> int:
     """Steps of the result in a revolution; every argument of `simulate` that is a number or a choice is checked."""
-    if method not in MODULES:
-        raise InputError(f"simulate: method {method!r}: expected one of {', '.join(MODULES)}")
+    if method not in OWN_MODULES | INDEPENDENT:
+        known = ", ".join((*verdict_methods(), "smooth"))
+        raise InputError(f"simulate: method {method!r}: expected one of {known}")
     number = concrete(speed_rpm)
     if number is not None and not (np.isfinite(number) and number > 0):
         raise InputError(f"simulate: speed {speed_rpm}: a crankshaft speed above 0 r/min is needed")
@@ -219,7 +213,7 @@ def _steps_per_revolution(speed_rpm, method, revolutions, step_deg) -> int:
 
 
 def _motion(train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int, steps: int) -> Response:
-    module = import_module(MODULES[method])
+    module = import_module((OWN_MODULES | INDEPENDENT)[method])
     if method == "smooth":
         return module.simulate_smooth(train, cam, cam_speed, revolutions)  # equal steps would miss its layers
     revolve = module.prepare(train, cam, cam_speed, steps)

@@ -16,7 +16,7 @@ from camopt.scene.vibration import highest_rate
 from camopt.study.tradeoff.case import RevolutionCase, valve_lift
 from camopt.study.tradeoff.dormand_prince import dormand_prince, problem, right_hand_side
 from camopt.study.tradeoff.measurement import REFERENCE, Work, timed
-from camopt.verifier.methods import dop853, houbolt, rkg, tmm
+from camopt.verifier.methods import METHOD_NAMES, dop853, houbolt, rkg, tmm
 
 try:
     from sksundae.cvode import CVODE  # pyright: ignore[reportMissingImports]  # an extra, "peers"
@@ -63,7 +63,7 @@ def _event(case: RevolutionCase, steps: int | None):
 def _reference(case: RevolutionCase) -> list[Work]:
     """Event-exact at fine samples with its adjoint's gradient; located DOP853 where laws are not linear."""
     linear = case.train.laws is None
-    method = "event-exact" if linear else "DOP853, located"
+    method = METHOD_NAMES["event"] if linear else "DOP853, located"
 
     def reference() -> dict:
         prepare = _event if linear else lambda c, steps: dop853.prepare(c.train, c.cam, c.cam_speed, steps)
@@ -96,15 +96,15 @@ def _fixed_steps(case: RevolutionCase, size: str) -> list[Work]:
         work.append(Work(case.name, method, setting, run))
 
     for steps in EVENT_STEPS[size] if linear else ():
-        add("event-exact", f"{steps} samples", partial(_event, case, steps))
+        add(METHOD_NAMES["event"], f"{steps} samples", partial(_event, case, steps))
     if linear and size == "full":
         work.append(Work(case.name, "event-exact, adjoint", "default step", lambda: _timed_gradient(case)))
-    methods = {"Runge-Kutta-Gill": rkg.prepare}
+    methods = {METHOD_NAMES["rkg"]: rkg.prepare}
     if linear:
         methods |= {
-            "transition matrix": tmm.prepare,
+            METHOD_NAMES["tmm"]: tmm.prepare,
             "transition matrix, exponential": partial(tmm.prepare, exponential=True),
-            "Houbolt": houbolt.prepare,
+            METHOD_NAMES["houbolt"]: houbolt.prepare,
         }
     for phase in PHASES[size]:
         steps = max(720, int(np.ceil(2 * np.pi * highest_rate(case.train) / case.cam_speed / phase)))
@@ -189,8 +189,8 @@ def _side_by_side(case: RevolutionCase, size: str) -> list[Work]:
     fixed = {s: partial(loop, rkg.prepare, s) for s in (2880, 11_520)}
     truth = partial(exact, REFERENCE_STEPS) if linear else partial(loop, dop853.prepare, 5760)
     work = [Work(name, REFERENCE, "fine samples", truth)]
-    work += [Work(name, "event-exact", f"{s} samples", partial(exact, s)) for s in ((1440,) if linear else ())]
-    work += [Work(name, "Runge-Kutta-Gill", f"{steps} steps", run) for steps, run in fixed.items()]
+    work += [Work(name, METHOD_NAMES["event"], f"{s} samples", partial(exact, s)) for s in ((1440,) if linear else ())]
+    work += [Work(name, METHOD_NAMES["rkg"], f"{steps} steps", run) for steps, run in fixed.items()]
     if size == "full":
         from camopt.study.tradeoff.smooth_path import batch_work
 

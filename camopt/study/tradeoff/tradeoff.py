@@ -10,6 +10,7 @@ from pathlib import Path
 from camopt.cam.design_file import design_record
 from camopt.cam.lift import Lift
 from camopt.scene import InputError, Scene, build_train
+from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import MM
 from camopt.storage import (
     default_run_folder,
@@ -18,7 +19,6 @@ from camopt.storage import (
     write_csv,
     write_text,
 )
-from camopt.study.reduce.reduced_models import scene_toml
 from camopt.study.tradeoff.figures import draw
 from camopt.study.tradeoff.measurement import COLUMNS, measured, rows_of
 
@@ -39,6 +39,7 @@ def tradeoff(
     scene: Scene,
     out: Path | str | None = None,
     resume: bool = False,
+    *,
     size: str = "full",
     progress: bool = False,
     cam: Lift | None = None,

@@ -81,3 +81,17 @@ INDEPENDENT = {
     "dop853": "camopt.verifier.methods.dop853",
 }
 """Every method of this package by its name on the command line, and the module whose `prepare` it is."""
+METHOD_NAMES = {
+    "event": "event-exact",
+    "rkg": "Runge-Kutta-Gill",
+    "tmm": "transition matrix",
+    "houbolt": "Houbolt",
+    "dop853": "DOP853",
+    "smooth": "smooth",
+}
+"""What readers are shown for a method's name on the command line; a method without an entry is shown by that one."""
+
+
+def verdict_methods() -> tuple[str, ...]:
+    """Names of the methods that a verdict can ask: event-exact, and those of this package."""
+    return "event", *INDEPENDENT

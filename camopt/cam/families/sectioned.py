@@ -1,0 +1,120 @@
+"""The record of a sectioned family: its construction for gradients and its search space follow from its table.
+
+A sectioned family is searched over its section angles and over how much of each limit it may use; for each such point
+its levels solve a linear program, the largest area under limits so tightened. A cam that uses less than its limits
+allow bounces less, and this way of leaving room costs the least area.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from camopt.cam.families.largest_area import POPULATION, angle_shares, best_angles, best_levels, section_angles
+from camopt.cam.families.member import cam_of, level_names
+from camopt.cam.families.record import Event, Family, Parameter, Parameters, Space, number, numbers, yes_or_no
+from camopt.cam.families.sections import SectionTable, closed, flank
+from camopt.cam.lift import Lift
+from camopt.cam.ramps import Ramp, symmetric_conditions
+from camopt.scene import Scene
+from camopt.scene.schema import Design
+from camopt.scene.units import DEG, MM
+
+LEAST_USE = 0.3
+"""Part of a limit that a searched member may use at least."""
+TIGHTENED = ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3")
+
+TableOf = Callable[[Mapping[str, Any]], SectionTable]
+"""The table of a family whose tables differ by parameters, from a mapping that holds these."""
+
+
+def sectioned_family(
+    design: Callable[..., Lift],
+    table: SectionTable,
+    starts: Sequence[Sequence[float]],
+    levels: Sequence[str] = (),
+    line: tuple[str, Any] | None = None,
+) -> Family:
+    """The record of a family that has one table.
+
+    `design` takes the scene and, as keywords, `sections_deg`, `jerk`, and the `levels` that its user may give, which
+    stand here with their unit (`a23_mm_per_deg2`). `starts` holds section angles, in shares of half the duration, that
+    join the first population of a search.
+    """
+    return Family(
+        table.family,
+        design,
+        section_parameters(levels),
+        lambda _, cam: sections_construction(cam, lambda _: table),
+        space=lambda scene, jerk: sections_space(scene, jerk, lambda _: table, starts),
+        line=line,
+    )
+
+
+def section_parameters(levels: Sequence[str]) -> dict[str, Parameter]:
+    """Section angles, levels and the word on the jerk limit, by their names on the command line."""
+    own = {level: Parameter(level.partition("_")[0], number) for level in levels}
+    return {"sections_deg": Parameter("sections_deg", numbers)} | own | {"jerk": Parameter("jerk", yes_or_no)}
+
+
+def sections_construction(cam: Lift, table_of: TableOf, own: Sequence[str] = ()) -> tuple[Parameters, Event]:
+    """Own parameters of a sectioned cam, among them those named in `own`, which its table depends on, and its event."""
+    given = cam.parameters
+    table = table_of(given)
+    names = level_names(table)
+    free = {name: given[name] for name, level in zip(names, table.levels, strict=True) if level not in table.closed_by}
+    if len(table.sections) > 1:
+        free["sections_deg"] = np.array(given["sections_deg"][:-1])
+    free |= {name: given[name] for name in own}
+
+    def event(p: Parameters, ramp: Ramp, _: Ramp):
+        now = table_of(given | p)
+        xp = p["duration_deg"].__array_namespace__()
+        first = p.get("sections_deg", xp.zeros(0)) * DEG
+        angles = xp.append(first, p["duration_deg"] * DEG / 2 - first.sum())
+        one = flank(now, angles)
+        levels = [p.get(name, 0.0) * unit for name, unit in zip(names, now.units(), strict=True)]
+        x = xp.asarray([ramp.height, ramp.velocity, *levels])
+        return one.event(closed(now, one, x, p["max_lift_mm"] * MM, now.closed_by))
+
+    return free, event
+
+
+def sections_space(
+    scene: Scene,
+    jerk: bool,
+    table_of: TableOf,
+    starts: Sequence[Sequence[float]],
+    reading: Mapping[str, Any] | None = None,
+    own: Mapping[str, tuple[float, float]] | None = None,
+) -> Space:
+    """The vector: `own` parameters in their bounds, shares of the half duration, used parts of the limits.
+
+    `reading` holds the parameters that the table depends on; those in `own` take their values from the vector.
+    """
+    reading, own = reading or {}, own or {}
+    at_most = np.array([high for _, high in own.values()])  # the largest start ratio has the largest area
+    table = table_of({**reading, **dict(zip(own, at_most, strict=True))})
+    design, ramp = symmetric_conditions(scene, table.family)
+    half = design.duration_deg * DEG / 2
+    cuts = len(own) + len(table.sections) - 1
+    names = [n for n in TIGHTENED if getattr(design, n) is not None and (jerk or "jerk" not in n)]
+
+    def cam(x: np.ndarray, angles: np.ndarray, limits: Design) -> Lift:
+        now = {**reading, **{name: float(value) for name, value in zip(own, x, strict=False)}}
+        table = table_of(now)
+        one = flank(table, angles)
+        levels, _ = best_levels(table, one, limits, ramp, jerk, {})
+        return cam_of(table, one, angles, levels, ramp, **now)
+
+    def member(x: np.ndarray) -> Lift:
+        used = {n: float(u) * getattr(design, n) for n, u in zip(names, x[cuts:], strict=True)}
+        return cam(x, section_angles(x[len(own) : cuts], half), design.model_copy(update=used))
+
+    def largest(members: int, seed: int) -> Lift:
+        generations = max(1, members // POPULATION - 1)
+        return cam(at_most, best_angles(table, design, ramp, jerk, starts, generations, seed), design)
+
+    bounds = [*own.values(), *[(0.0, 1.0)] * (len(table.sections) - 1), *[(LEAST_USE, 1.0)] * len(names)]
+    known = [[*at_most, *angle_shares(np.array(start) * half, half), *[1.0] * len(names)] for start in starts]
+    return Space(bounds, member, known, largest)
