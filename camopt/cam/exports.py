@@ -15,6 +15,7 @@ from camopt.cam.geometry import contact
 from camopt.cam.lift import Lift, angles_deg
 from camopt.scene import InputError
 from camopt.scene.schema import Geometry
+from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM
 from camopt.storage import write_csv
 
@@ -61,7 +62,7 @@ def write_contour(path: str | Path, lift: Lift, geometry: Geometry, step_deg: fl
     write_csv(path, columns)
 
 
-def rounded(values: np.ndarray, digits: int) -> list[str]:
+def rounded(values: Float[np.ndarray, " k"], digits: int) -> list[str]:
     """Numbers with a fixed number of decimals, 0 to 12; no minus before a zero."""
     if not 0 <= digits <= MOST_DIGITS:
         raise InputError(f"export: {digits} digits: from 0 to {MOST_DIGITS} decimals of a millimetre can be written")
@@ -73,8 +74,10 @@ def _angle_cells(degrees: np.ndarray) -> list[str]:
     return [f"{angle:.12g}" for angle in degrees]
 
 
-def lift_from_contour(points: np.ndarray, geometry: Geometry, theta: np.ndarray) -> np.ndarray:
-    """Lift (k) [m] that the points (p, 2) [m] of a contour give the follower at cam angles `theta` (k) [rad].
+def lift_from_contour(
+    points: Float[np.ndarray, "p 2"], geometry: Geometry, theta: Float[np.ndarray, " k"]
+) -> Float[np.ndarray, " k"]:
+    """Lift [m] that the points [m] of a contour give the follower at cam angles `theta` [rad].
 
     The follower rests on the outermost point: under a flat face that is the points' support function, for a roller the
     offset by its radius. Between the angles of the points the lift is short by about step^2 / 8 times the radius of

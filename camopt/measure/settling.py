@@ -12,6 +12,7 @@ from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import LESS_IS_WORSE
 from camopt.scene.response import Response, Revolve, end_state, joined, next_state
 from camopt.scene.rest import state_at_rest
+from camopt.scene.shapes import Float, State
 from camopt.scene.train import Train
 from camopt.scene.vibration import slowest_decay
 
@@ -45,9 +46,9 @@ class Settled:
 
 @dataclass(frozen=True)
 class Figures:
-    """Metrics by revolution: name -> shape (R), in the units of their names."""
+    """Metrics by revolution, in the units of their names."""
 
-    by_revolution: dict[str, np.ndarray]
+    by_revolution: dict[str, Float[np.ndarray, " revolutions"]]
 
     def worst(self, name: str) -> float:
         """The worst revolution's value; NaN where the valve did not seat in one of them."""
@@ -61,7 +62,7 @@ class Figures:
 
 def settle(
     revolve: Revolve,
-    state: np.ndarray,
+    state: State,
     most: int | None = None,
     measured: int = 4,
     aperiodic: int = 8,
@@ -101,13 +102,13 @@ class _Stands:
     position: float
     left: float
 
-    def __call__(self, change: np.ndarray) -> bool:
+    def __call__(self, change: State) -> bool:
         n, velocity = len(change) // 2, SETTLED_VELOCITY * self.position / SETTLED_POSITION
         way = self.left * np.abs(change)
         return bool(way[:n].max() < self.position and way[n:].max() < velocity)
 
 
-def _run(revolve: Revolve, state: np.ndarray, most: int, stands: _Stands) -> tuple[np.ndarray, int, bool]:
+def _run(revolve: Revolve, state: State, most: int, stands: _Stands) -> tuple[State, int, bool]:
     """Plain revolutions until the state stands, at most `most`: the state, how many, and whether it stands."""
     for revolution in range(1, most + 1):
         before, state = state, _bounded(next_state(revolve, state))
@@ -116,7 +117,7 @@ def _run(revolve: Revolve, state: np.ndarray, most: int, stands: _Stands) -> tup
     return state, most, False
 
 
-def _hastened(revolve: Revolve, state: np.ndarray) -> tuple[np.ndarray, int]:
+def _hastened(revolve: Revolve, state: State) -> tuple[State, int]:
     """A state nearer to the periodic motion of a lightly damped train, and the revolutions it took to find.
 
     Only stable motions are gone to; from wherever this leads, plain revolutions say whether the motion stands.
@@ -142,7 +143,7 @@ def decay_per_revolution(train: Train, cam_speed: float) -> float:
     return slowest_decay(train) * 2 * np.pi / cam_speed
 
 
-def first_revolution(revolve: Revolve, state: np.ndarray) -> Settled:
+def first_revolution(revolve: Revolve, state: State) -> Settled:
     """The revolution that begins in `state` (2n), measured as it is: for comparing methods, not for judging cams.
 
     Raises MotionRefused where the motion has no bound.
@@ -151,7 +152,7 @@ def first_revolution(revolve: Revolve, state: np.ndarray) -> Settled:
     return Settled(joined([first, _finite(revolve(end_state(first)))]), 0, True)
 
 
-def _bounded(state: np.ndarray) -> np.ndarray:
+def _bounded(state: State) -> State:
     """The state, unless it has left all bounds: a kilometre of valve lift is no motion of a valve train."""
     if not np.all(np.isfinite(state)) or np.abs(state[: len(state) // 2]).max() > 1e3:
         raise MotionRefused("the motion has no bound: the step is past the method's stability limit; take more steps")

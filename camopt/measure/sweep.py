@@ -13,6 +13,7 @@ from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES
 from camopt.scene.response import Revolve
 from camopt.scene.schema import Scene
+from camopt.scene.shapes import Float
 from camopt.scene.train import Train, build_train
 
 STARTS_MM = 0.05
@@ -33,7 +34,7 @@ AtSpeed = Callable[[Train, Lift, float], Revolve]
 
 @dataclass(frozen=True, repr=False)
 class Band:
-    """A swept band: speeds (m) r/min ascending, metrics by name (m), and the method of each speed's figures (m).
+    """A swept band: ascending speeds, every metric at each of them by its name, and the method of each speed's figures.
 
     A bounce of NaN means that the valve never seats, or that the motion is refused.
     """
@@ -41,8 +42,8 @@ class Band:
     from_rpm: float
     to_rpm: float
     step_rpm: float
-    speeds_rpm: np.ndarray
-    figures: dict[str, np.ndarray]
+    speeds_rpm: Float[np.ndarray, " m"]
+    figures: dict[str, Float[np.ndarray, " m"]]
     methods: tuple[str, ...]
     resonances: tuple[Resonance, ...] = ()  # narrower than the step, looked at
     resonances_left_out: int = 0

@@ -11,7 +11,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from camopt.smooth.system import System
+from camopt.scene.shapes import Float
+from camopt.smooth.system import Array, System
 
 NODES = np.array([0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0])
 STAGES = (
@@ -28,10 +29,12 @@ ERROR = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 
 first slope of the next step."""
 
 
-def lift_at(samples: jax.Array, theta: jax.Array) -> tuple[jax.Array, jax.Array]:
+def lift_at(
+    samples: Float[Array, "m_plus_1 2"], theta: Float[Array, " *shape"]
+) -> tuple[Float[Array, " *shape"], Float[Array, " *shape"]]:
     """Lift [m] and its angle derivative [m/rad] at `theta` [rad], cubic between samples.
 
-    `samples` (m + 1, 2) hold lift and its angle derivative at m + 1 equally spaced angles from -pi to pi. The result is
+    `samples` hold lift and its angle derivative at m + 1 equally spaced angles from -pi to pi. The result is
     linear in `samples`.
     """
     count = samples.shape[0] - 1
