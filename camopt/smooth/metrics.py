@@ -1,7 +1,9 @@
 """The declared metrics (`camopt.scene.quantities`) of a motion, in JAX: differentiable where the motion allows it.
 
 Angles at which something happens (the touch, the nominal closing) are roots inside a step, with the derivative of the
-root by the implicit function theorem, so that d(seating velocity) includes the shift of the touch.
+root by the implicit function theorem, so that d(seating velocity) includes the shift of the touch. A maximum has the
+derivative of one side: at a tie of samples that of the first, at a tie of contacts, or of a value with its floor (jump
+and bounce with zero), half of each.
 """
 
 from typing import NamedTuple
@@ -11,7 +13,6 @@ import jax.numpy as jnp
 
 from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM
-from camopt.smooth.maxima import soft_greatest, soft_worst
 from camopt.smooth.system import Array, System, SystemState
 
 
@@ -276,27 +277,4 @@ def revolution_metrics(
         **event_metrics(system, motion, cam_speed, half_duration, revolution),
         "dynamic_area_mm_deg": area / (MM * DEG),
         "excess_lift_mm": excess / MM,
-    }
-
-
-def soft_metrics(
-    system: System, motion: SystemState, half_duration, width_mm, width_N, revolution: int = 0
-) -> dict[str, jax.Array]:
-    """Jump [mm] and contact forces [N] by smooth maxima over angles and contacts, under the names of the hard ones.
-
-    `width_mm` and `width_N` are the widths of `camopt.smooth.maxima`. The bias of a value is at most its width times
-    log(window / stay) + 1 + log(contacts), as there. The values have a derivative where the hard ones have none or
-    zero: the jump is the largest signed gap, negative while the contacts are closed; the least force may be negative.
-    """
-    inside = jnp.abs(motion.angle - 2 * jnp.pi * revolution) <= half_duration
-    margin, pick = margins(system, motion), list(system.topology.cam_side)
-
-    def worst(values, width):  # (k, contacts)
-        each = jax.vmap(lambda q: soft_greatest(motion.angle, q, inside, width), 1)(values)
-        return soft_worst(each, width)
-
-    return {
-        "jump_mm": worst(-margin[:, pick] / MM, width_mm),
-        "contact_force_min_N": -worst(-motion.force[:, pick], width_N),
-        "contact_force_max_N": worst(motion.force[:, pick], width_N),
     }
