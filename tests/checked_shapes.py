@@ -8,6 +8,7 @@ adjoint.sweep, adjoint.integrals, adjoint.metrics). What has no shapes to check 
 from beartype import beartype
 
 MODULES = [
+    "camopt.cam.bernstein",
     "camopt.cam.bumps",
     "camopt.cam.exports",
     "camopt.cam.geometry",

@@ -110,7 +110,10 @@ def nominal_closing(system: System, motion: SystemState, revolution: int):
 
 
 def _cubic(start, rise, m0, m1):
-    """Coefficients of the cubic on [0, 1] that begins at `start`, rises by `rise` and has the end slopes m0 and m1."""
+    """Coefficients of the cubic on [0, 1] that begins at `start`, rises by `rise` and has the end slopes m0 and m1.
+
+    SciPy's CubicHermiteSpline cannot be differentiated by its values.
+    """
     return start, m0, 3 * rise - 2 * m0 - m1, m0 + m1 - 2 * rise
 
 
