@@ -40,6 +40,9 @@ def _verify(command: Command) -> None:
     c.add_argument(
         "--accuracy", type=accuracy, default="standard", metavar="A", help="draft, standard, fine or micrometres"
     )
+    c.add_argument("--energy", action="store_true", help="also the energy balance of the settled motions")
+    words = "also whether each settled motion is the stable periodic solution, with its Floquet multipliers"
+    c.add_argument("--periodic", action="store_true", help=words)
     c.add_argument("--json", metavar="FILE", help="write the verification as JSON")
 
 

@@ -13,9 +13,9 @@ BISECTIONS = 52
 class Hermite:
     """Cubic Hermite interpolant of values `y` with slopes `slope` (per rad) at ascending angles [rad].
 
-    Of two samples at one angle one is dropped, because position and velocity are continuous where a force jumps. SciPy's
-    CubicHermiteSpline is the same curve, but it finds roots and extremes piece by piece, and a verdict needs them of
-    thousands of pieces many times over.
+    Of two samples at one angle one is dropped, because position and velocity are continuous where a force jumps.
+    SciPy's CubicHermiteSpline is the same curve, but without the extremes and the falls through zero that metrics ask
+    for, and its `roots` do not say in which direction the value passes.
     """
 
     def __init__(self, angle: Float[np.ndarray, " k"], y: Float[np.ndarray, " k"], slope: Float[np.ndarray, " k"]):

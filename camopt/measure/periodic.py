@@ -48,11 +48,16 @@ class PeriodicState:
     periodic: bool
     state: State  # m and m/s, at -180 degrees; of plain revolutions where the motion is aperiodic
     residual: float  # smallest change over a revolution that was reached, in units of 1 um and 1 mm/s
-    radius: float  # spectral radius of the cycle map at the fixed point; NaN where there is none
+    multipliers: np.ndarray  # (2n) Floquet multipliers, the eigenvalues of the map's Jacobian
     revolutions: int  # run in all, those of the finite differences and of the range included
     revolutions_to_state: int  # run until the fixed point was reached, or given up
     low: State  # smallest state one revolution apart
     high: State  # largest
+
+    @property
+    def radius(self) -> float:
+        """Spectral radius of the cycle map at the fixed point: the largest multiplier's size, NaN where there is none."""
+        return float(np.abs(self.multipliers).max()) if len(self.multipliers) else np.nan
 
 
 class _Cycle:
@@ -95,16 +100,16 @@ def periodic_state(revolve: Revolve, state: State, jacobian: Jacobian | None = N
     y, after = _anderson(cycle, y)
     y, after = _newton(cycle, derivative, y, after)
     reached, residual = cycle.count, _size(after - y)
-    radius = float(np.abs(np.linalg.eigvals(derivative(y, after))).max()) if residual < ACCURACY else np.nan
-    if radius < LARGEST_RADIUS:
+    multipliers = np.linalg.eigvals(derivative(y, after)) if residual < ACCURACY else np.empty(0)
+    if len(multipliers) and np.abs(multipliers).max() < LARGEST_RADIUS:
         found = y * cycle.scale
-        return PeriodicState(True, found, residual, radius, cycle.count, reached, found, found)
+        return PeriodicState(True, found, residual, multipliers, cycle.count, reached, found, found)
     visited = [plain]
     for _ in range(PASSED + RANGED):
         visited.append(cycle(visited[-1]))
     states = np.stack(visited[-RANGED:]) * cycle.scale
     low, high = states.min(axis=0), states.max(axis=0)
-    return PeriodicState(False, states[-1], residual, radius, cycle.count, reached, low, high)
+    return PeriodicState(False, states[-1], residual, multipliers, cycle.count, reached, low, high)
 
 
 def _size(change: np.ndarray) -> float:
