@@ -56,7 +56,7 @@ class PeriodicState:
 
     @property
     def radius(self) -> float:
-        """Spectral radius of the cycle map at the fixed point: the largest multiplier's size, NaN where there is none."""
+        """Spectral radius of the cycle map at the fixed point: the size of the largest multiplier, or NaN for none."""
         return float(np.abs(self.multipliers).max()) if len(self.multipliers) else np.nan
 
 
