@@ -30,7 +30,7 @@ def _optimize(command: Command) -> None:
 def _verify(command: Command) -> None:
     c = command(
         "verify",
-        "check a cam at speeds with independent methods, each with equations and contact law of its own",
+        "check a cam at speeds with independent methods: own equations and contact laws, common metrics",
         "camopt verify kodama --cam polydyne --speeds 5000,6000 --json verification.json",
     )
     _scene(c)

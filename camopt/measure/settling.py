@@ -21,10 +21,10 @@ SETTLED_POSITION = 1e-6
 SETTLED_VELOCITY = 1e-3
 """Largest change that a velocity of a settled motion still has before it [m/s]."""
 PLAIN_REVOLUTIONS = 40
-"""Revolutions after which a motion of a well damped train that still changes counts as aperiodic."""
+"""A motion of a well damped train that still changes after this many revolutions counts as aperiodic."""
 FADED, MOST_REVOLUTIONS = 15.0, 1500
-"""A lightly damped train may run until its slowest mode has faded by FADED e-folds (from three millimetres to a
-nanometre), at most MOST_REVOLUTIONS."""
+"""A lightly damped train may run until its slowest mode has faded by FADED e-folds, which takes three millimetres to a
+nanometre, but for no more than MOST_REVOLUTIONS."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -69,15 +69,17 @@ def settle(
     position: float = SETTLED_POSITION,
     decay: float = np.inf,
 ) -> Settled:
-    """Run revolutions from `state` (2n) until the motion stands, then the measured ones.
+    """Runs revolutions from `state` until the motion has settled, and then the revolutions that are measured.
 
-    It stands where the way that is left is at most `position` [m] in every position and SETTLED_VELOCITY in proportion
-    in every velocity. A change d over a revolution that shrinks by the factor r from each to the next leaves
-    d r / (1 - r); r = exp(-decay), `decay` being what `decay_per_revolution` says of the train, and no way left is
-    taken to be shorter than the last change. At most `most` revolutions, by default PLAIN_REVOLUTIONS; where the
-    slowest mode needs more it gets them, after a search for the periodic motion that they lead to. A motion that has
-    not settled by then is reported as aperiodic and measured over `aperiodic` revolutions. Raises MotionRefused where
-    the motion has no bound (a step past the stability limit).
+    The motion has settled once the change that is still to come is at most `position` [m] in every position, and in
+    every velocity SETTLED_VELOCITY in the same proportion. If the change d over a revolution shrinks by the factor r
+    from each revolution to the next, the changes to come add up to d r / (1 - r). Here r = exp(-decay), with `decay`
+    as of `decay_per_revolution` for the train, and the sum is never taken to be smaller than d itself.
+
+    It runs for at most `most` revolutions, by default PLAIN_REVOLUTIONS. Where the train's slowest mode needs more, a
+    search for the periodic motion follows, and then as many revolutions as the mode needs. A motion that has not
+    settled by then is reported as aperiodic and measured over `aperiodic` revolutions instead of `measured`. Raises
+    MotionRefused where the motion has no bound, because the step is past the method's stability limit.
     """
     needed = int(np.ceil(FADED / max(decay, 1e-9)))
     slow = needed > PLAIN_REVOLUTIONS
@@ -97,7 +99,7 @@ def settle(
 
 @dataclass(frozen=True)
 class _Stands:
-    """Whether the way that is left, `left` times the last change over a revolution, is within `position` [m]."""
+    """Whether the change still to come, `left` times the last change over a revolution, is within `position` [m]."""
 
     position: float
     left: float
@@ -109,7 +111,7 @@ class _Stands:
 
 
 def _run(revolve: Revolve, state: State, most: int, stands: _Stands) -> tuple[State, int, bool]:
-    """Plain revolutions until the state stands, at most `most`: the state, how many, and whether it stands."""
+    """Runs at most `most` revolutions until the state stands: (state, number of revolutions, whether it stands)."""
     for revolution in range(1, most + 1):
         before, state = state, _bounded(next_state(revolve, state))
         if stands(state - before):
@@ -120,7 +122,7 @@ def _run(revolve: Revolve, state: State, most: int, stands: _Stands) -> tuple[St
 def _hastened(revolve: Revolve, state: State) -> tuple[State, int]:
     """A state nearer to the periodic motion of a lightly damped train, and the revolutions it took to find.
 
-    Only stable motions are gone to; from wherever this leads, plain revolutions say whether the motion stands.
+    Only a stable periodic motion is taken. Whether the motion then stands is decided by plain revolutions from there.
     """
     try:
         found = periodic_state(revolve, state)
@@ -139,12 +141,14 @@ def settled_from_rest(prepare: Callable[..., Revolve], train: Train, lift: Lift,
 
 
 def decay_per_revolution(train: Train, cam_speed: float) -> float:
-    """By what power of e the train's slowest mode dies out over a revolution of the cam at `cam_speed` [rad/s]."""
+    """Number of e-folds by which the train's slowest mode decays over a revolution at `cam_speed` [rad/s]."""
     return slowest_decay(train) * 2 * np.pi / cam_speed
 
 
 def first_revolution(revolve: Revolve, state: State) -> Settled:
-    """The revolution that begins in `state` (2n), measured as it is: for comparing methods, not for judging cams.
+    """The revolution that begins in `state`, measured without settling first.
+
+    It serves to compare methods; a cam is judged by its settled motion.
 
     Raises MotionRefused where the motion has no bound.
     """
