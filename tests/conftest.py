@@ -1,10 +1,14 @@
-"""Settings that hold for the whole suite: no windows, and in the smooth path no silent broadcasting."""
+"""Settings that hold for the whole suite: no windows, checked shapes, and in the smooth path no silent broadcasting."""
 
 import os
 
+import jaxtyping
 import pytest
 
+from tests.checked_shapes import MODULES
+
 os.environ["MPLBACKEND"] = "Agg"
+jaxtyping.install_import_hook(MODULES, "tests.checked_shapes.checked")  # before camopt is first imported
 
 
 @pytest.fixture(autouse=True)

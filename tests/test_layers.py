@@ -4,6 +4,7 @@ import ast
 import re
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -30,7 +31,7 @@ MAY_IMPORT = {
 }
 TOP = {"__init__", "__main__", "cli"}
 WITHOUT_JAX = ("scene", "cam", "measure", "exact", "verifier", "plots", "storage")
-JAX = {"jax", "jaxlib", "diffrax", "equinox", "optax", "jaxtyping"}
+JAX = {"jax", "jaxlib", "diffrax", "equinox", "optax"}
 VERDICT = "verifier/verdict.py"
 """The one file of the verifier that may compare with `exact`."""
 UPWARD = {VERDICT: {"exact"}, "cam/lift.py": {"plots"}}
@@ -107,11 +108,77 @@ def test_the_import_reader_sees_every_kind_of_import(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "module", ["camopt", "camopt.verifier.verdict", "camopt.scene", "camopt.cam.read", "camopt.exact", "camopt.cli"]
+    "module",
+    [
+        "camopt",
+        "camopt.verifier.verdict",
+        "camopt.scene",
+        "camopt.cam.read",
+        "camopt.exact",
+        "camopt.cli",
+        "camopt.verifier",
+    ],
 )
 def test_import_leaves_no_jax(module):
     code = f"import sys, {module}; sys.exit('jax' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
+
+
+def dotted(path: Path) -> str:
+    return ".".join(("camopt", *path.relative_to(ROOT).with_suffix("").parts)).removesuffix(".__init__")
+
+
+def needed_at_import(path: Path, known: set[str]) -> set[str]:
+    """The modules of `known` that a file imports outside functions and outside `if TYPE_CHECKING`."""
+    found, waiting = set(), list(ast.parse(path.read_text()).body)
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.ImportFrom):
+            full = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= {name if name in known else node.module for name in full}
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            waiting += node.orelse
+        elif not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            waiting += ast.iter_child_nodes(node)
+    return found & known - {dotted(path)}
+
+
+def test_no_circle_of_imports():
+    """A file can be read after those that it imports: `static_order` raises CycleError where some form a circle."""
+    known = {dotted(path) for path in modules()}
+    order = [*TopologicalSorter({dotted(path): needed_at_import(path, known) for path in modules()}).static_order()]
+    assert set(order) == known
+
+
+EACH_ALONE = """
+import os, sys
+import numpy, scipy.optimize, numba, jax, diffrax, pandas, xarray, pydantic, matplotlib.figure  # once for all
+failed = []
+for module in sys.argv[1:]:
+    child = os.fork()
+    if child == 0:
+        try:
+            __import__(module)
+        except BaseException as error:
+            print(module, repr(error), flush=True)
+            os._exit(1)
+        os._exit(0)
+    if os.waitpid(child, 0)[1]:
+        failed.append(module)
+sys.exit(bool(failed))
+"""
+
+
+@pytest.mark.long
+def test_every_module_can_be_imported_first():
+    """Each in a process in which nothing else of camopt was imported before; without circles it has to be so."""
+    names = [dotted(path) for path in modules() if path.stem != "__main__"]
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", EACH_ALONE, *names], capture_output=True, text=True, timeout=280
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 @pytest.mark.parametrize("path", modules(), ids=lambda p: str(p.relative_to(ROOT)))

@@ -91,7 +91,9 @@ def test_everything_that_is_compiled_in_is_among_the_sources(path):
         if not isinstance(node, ast.ImportFrom) or not (node.module or "").startswith("camopt."):
             continue
         file = (PACKAGE.parent / node.module.replace(".", "/")).with_suffix(".py")
-        constants = [a.name for a in node.names if a.name.isupper() and a.name != "GROUND"]  # of the format, -1 for ever
+        constants = [
+            a.name for a in node.names if a.name.isupper() and a.name != "GROUND"
+        ]  # of the format, -1 for ever
         if constants or (file.exists() and file in files_that_compile()):
             assert file in listed, f"{path.name} compiles in what {node.module} holds"
 

@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 
 from camopt.cam.lift import Lift, recentred
+from camopt.scene.shapes import Float
 
 DEGREE = 5
 SAME = 1e-9
 """Angle [rad] below which a knot of a bump takes the place of a border of the cam's pieces."""
 
 
-def with_bumps(lift: Lift, count: int) -> tuple[Lift, np.ndarray]:
-    """The cam on the union of its pieces with those of `count` bumps, and the bumps (count, p, q) as changes of its
+def with_bumps(lift: Lift, count: int) -> tuple[Lift, Float[np.ndarray, "count p q"]]:
+    """The cam on the union of its pieces with those of `count` bumps, and the bumps as changes of its
     coefficients [m/rad^k] per metre of height.
 
     The bumps are quintic B-splines of height 1 on equal knots over the duration, each six of its intervals wide: four
@@ -30,8 +31,8 @@ def with_bumps(lift: Lift, count: int) -> tuple[Lift, np.ndarray]:
     return whole, np.pad(np.array(bumps), ((0, 0), (0, 0), (0, missing)))
 
 
-def moved(lift: Lift, directions: np.ndarray, heights: np.ndarray) -> Lift:
-    """The cam with heights (m) [m] of changes `directions` (m, p, q) added to its coefficients."""
+def moved(lift: Lift, directions: Float[np.ndarray, "m p q"], heights: Float[np.ndarray, " m"]) -> Lift:
+    """The cam with `heights` [m] of the changes `directions` added to its coefficients."""
     return replace(lift, coefficients=lift.coefficients + np.tensordot(heights, directions, 1))
 
 

@@ -15,6 +15,7 @@ from camopt.cam.geometry import contact
 from camopt.cam.lift import Lift, angles_deg
 from camopt.scene import InputError
 from camopt.scene.schema import Geometry
+from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM
 from camopt.storage import write_csv
 
@@ -59,7 +60,7 @@ def write_contour(path: str | Path, lift: Lift, geometry: Geometry, step_deg: fl
     write_csv(path, columns)
 
 
-def rounded(values: np.ndarray, digits: int) -> list[str]:
+def rounded(values: Float[np.ndarray, " k"], digits: int) -> list[str]:
     """Numbers with a fixed number of decimals, 0 to 12; no minus before a zero."""
     if not 0 <= digits <= MOST_DIGITS:
         raise InputError(f"export: {digits} digits: from 0 to {MOST_DIGITS} decimals of a millimetre can be written")

@@ -16,6 +16,7 @@ import numpy as np
 from camopt.cam.lift import Lift, mirrored_pieces
 from camopt.scene import InputError
 from camopt.scene.schema import Geometry
+from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM
 
 STEP = 0.05 * DEG
@@ -27,23 +28,23 @@ DURATION_LIFTS_MM = {"1_mm": 1.0, "0.050_in": 1.27}
 
 @dataclass(frozen=True)
 class Contact:
-    """A cam and its follower at cam angles `theta` (k) [rad], twice at piece borders.
+    """A cam and its follower at cam angles `theta` [rad], twice at piece borders.
 
     `radius_of_curvature` [m], infinite where the cam is straight; `eccentricity` [m] of the contact from the follower's
-    axis, zero for a roller; `pressure_angle` [rad], zero for a flat follower; `contour` (k, 2) [m], Cartesian about the
+    axis, zero for a roller; `pressure_angle` [rad], zero for a flat follower; `contour` [m], Cartesian about the
     cam's axis in the cam, the nose towards +x, for a cam that turns against the angle (mirror it for the other sense).
     """
 
-    theta: np.ndarray = field(repr=False)
-    radius_of_curvature: np.ndarray = field(repr=False)
-    eccentricity: np.ndarray = field(repr=False)
-    pressure_angle: np.ndarray = field(repr=False)
-    contour: np.ndarray = field(repr=False)
+    theta: Float[np.ndarray, " k"] = field(repr=False)
+    radius_of_curvature: Float[np.ndarray, " k"] = field(repr=False)
+    eccentricity: Float[np.ndarray, " k"] = field(repr=False)
+    pressure_angle: Float[np.ndarray, " k"] = field(repr=False)
+    contour: Float[np.ndarray, "k 2"] = field(repr=False)
     geometry: Geometry
 
     @property
-    def polar(self) -> tuple[np.ndarray, np.ndarray]:
-        """The contour's angle [rad], ascending from about -pi, and radius [m], (k) each."""
+    def polar(self) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+        """The contour's angle [rad], ascending from about -pi, and radius [m]."""
         x, y = self.contour.T
         angle = np.unwrap(np.arctan2(y, x))
         return angle - 2 * np.pi * np.round((angle[0] + np.pi) / (2 * np.pi)), np.hypot(x, y)
@@ -99,10 +100,10 @@ class Contact:
         return found
 
 
-def contact(lift: Lift, geometry: Geometry, theta: np.ndarray | None = None) -> Contact:
+def contact(lift: Lift, geometry: Geometry, theta: Float[np.ndarray, " k"] | None = None) -> Contact:
     """The contact of a cam with the follower of a scene's [geometry].
 
-    At `theta` (k) [rad], any turn, from the right where a derivative steps; by default over one turn, every piece
+    At `theta` [rad], any turn, from the right where a derivative steps; by default over one turn, every piece
     sampled at both its ends and at least every `STEP`.
     """
     if theta is None:
@@ -123,7 +124,9 @@ def contact(lift: Lift, geometry: Geometry, theta: np.ndarray | None = None) -> 
     return Contact(theta, radius, np.zeros_like(s), angle, contour, geometry)
 
 
-def pitch_radius(r: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+def pitch_radius(
+    r: Float[np.ndarray, " k"], velocity: Float[np.ndarray, " k"], acceleration: Float[np.ndarray, " k"]
+) -> Float[np.ndarray, " k"]:
     """Signed radius of curvature [m] of a polar curve r(theta) [m] with r' and r''; infinite where it is straight."""
     bend = r**2 + 2 * velocity**2 - r * acceleration
     with np.errstate(divide="ignore"):
@@ -156,7 +159,7 @@ def _sampled(lift: Lift) -> tuple[np.ndarray, ...]:
     return tuple(np.concatenate(column) for column in zip(*rows, strict=True))
 
 
-def _from_axis(theta: np.ndarray, along: np.ndarray, across: np.ndarray) -> np.ndarray:
-    """Cartesian points (k, 2) at distances along and across the follower's axis, the axis at the angle theta."""
+def _from_axis(theta: np.ndarray, along: np.ndarray, across: np.ndarray) -> Float[np.ndarray, "k 2"]:
+    """Cartesian points at distances along and across the follower's axis, the axis at the angle theta."""
     cos, sin = np.cos(theta), np.sin(theta)
     return np.stack([along * cos - across * sin, along * sin + across * cos], axis=1)

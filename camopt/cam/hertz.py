@@ -16,6 +16,7 @@ from camopt.cam.geometry import Contact, contact
 from camopt.cam.lift import Lift
 from camopt.scene import InputError
 from camopt.scene.schema import Geometry
+from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM
 
 GPA = 1e9
@@ -26,11 +27,11 @@ MPA = 1e6
 
 @dataclass(frozen=True)
 class HertzStress:
-    """Along the cam at angles `theta` (k) [rad]: normal `force` [N] and largest pressure `stress` [Pa]."""
+    """Along the cam at angles `theta` [rad]: normal `force` [N] and largest pressure `stress` [Pa]."""
 
-    theta: np.ndarray
-    force: np.ndarray
-    stress: np.ndarray
+    theta: Float[np.ndarray, " k"]
+    force: Float[np.ndarray, " k"]
+    stress: Float[np.ndarray, " k"]
 
     def __repr__(self) -> str:
         stress, angle = self.largest
@@ -69,8 +70,10 @@ def contact_width(geometry: Geometry) -> float:
     return width * MM
 
 
-def hertz_stress(lift: Lift, geometry: Geometry, theta: np.ndarray, force: np.ndarray) -> HertzStress:
-    """The stress under a force (k) [N] on the valve's axis at cam angles `theta` (k) [rad], any turn.
+def hertz_stress(
+    lift: Lift, geometry: Geometry, theta: Float[np.ndarray, " k"], force: Float[np.ndarray, " k"]
+) -> HertzStress:
+    """The stress under a `force` [N] on the valve's axis at cam angles `theta` [rad], any turn.
 
     Raises InputError where the scene gives no width of the contact, and where the contour cannot carry the follower
     along a line: a cusp or concave flank under a flat face, an undercut under a roller.

@@ -15,6 +15,7 @@ import numpy as np
 
 from camopt.cam.ramps import Ramp
 from camopt.scene.errors import InputError
+from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
 
 if TYPE_CHECKING:
@@ -38,8 +39,8 @@ class Lift:
     lift = sum_k c[i, k] (theta - borders[i])^k. `half_duration` [rad] is half the angle between the ramp tops.
     """
 
-    borders: np.ndarray
-    coefficients: np.ndarray
+    borders: Float[np.ndarray, " edges"]
+    coefficients: Float[np.ndarray, "p q"]
     half_duration: float
     family: str = "lift"
     parameters: dict = field(default_factory=dict)
@@ -156,8 +157,8 @@ class Lift:
         return Lift(borders, total, self.half_duration, self.family, self.parameters)
 
 
-def recentred(lift: Lift, piece: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """Coefficients of pieces `piece` about the new starts `start` [rad], shape (len(piece), q)."""
+def recentred(lift: Lift, piece: np.ndarray, start: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m q"]:
+    """Coefficients of the pieces of the numbers `piece` (m) about their new starts [rad]."""
     c = lift.coefficients[piece].copy()
     step = (start - lift.borders[piece])[:, None]
     q = c.shape[1]

@@ -29,7 +29,7 @@ def _optimize(command: Command) -> None:
 def _verify(command: Command) -> None:
     c = command(
         "verify",
-        "check a cam at speeds with independent methods, each with equations and contact law of its own",
+        "check a cam at speeds with independent methods: own equations and contact laws, common metrics",
         "camopt verify kodama --cam polydyne --speeds 5000,6000 --json verification.json",
     )
     _scene(c)
@@ -39,6 +39,9 @@ def _verify(command: Command) -> None:
     c.add_argument(
         "--accuracy", type=accuracy, default="standard", metavar="A", help="draft, standard, fine or micrometres"
     )
+    c.add_argument("--energy", action="store_true", help="also the energy balance of the settled motions")
+    words = "also whether each settled motion is the stable periodic solution, with its Floquet multipliers"
+    c.add_argument("--periodic", action="store_true", help=words)
     c.add_argument("--json", metavar="FILE", help="write the verification as JSON")
 
 

@@ -69,11 +69,20 @@ def verify(args: Namespace) -> int:
     lift = _cam_of(args, scene)
     from camopt.verifier.accuracy import verify as verdict_of
 
+    if args.energy:
+        build_train(scene).require_linear("--energy", "leave it out")
     report = verdict_of(scene, lift, speeds_rpm=args.speeds, methods=args.method, accuracy=args.accuracy)
+    record, lines = report.as_dict(), []
+    if args.energy or args.periodic:
+        from camopt.study.settled_motion import settled_lines, settled_motions
+
+        found = settled_motions(lift, report, with_energy=args.energy, with_periodic=args.periodic)
+        record["speeds"] = [entry | more for entry, more in zip(record["speeds"], found, strict=True)]
+        lines = settled_lines(report, found)
     if args.json:
-        write_json(args.json, report.as_dict())
+        write_json(args.json, record)
     _print_area_words(lift, scene)
-    print(report)
+    print("\n".join([str(report), *lines]))
     return 0 if report.verdict == "confirmed" else 3
 
 

@@ -24,6 +24,7 @@ from camopt.exact.adjoint.metrics import METRICS
 from camopt.exact.adjoint.motion import Samples, Slopes, metric_numbers
 from camopt.scene.errors import InputError
 from camopt.scene.response import Response
+from camopt.scene.shapes import Float
 from camopt.scene.train import TRAIN_PARAMETERS, Train
 
 VELOCITY = "m_per_s"
@@ -43,8 +44,8 @@ def exact_metrics(
     revolutions: int = 1,
     revolution: int = 0,
     spacing: float | None = None,
-) -> jax.Array:
-    """Values (l) of metrics in one revolution of an event-exact motion, in the units of their names.
+) -> Float[jax.Array, " l"]:
+    """Values of metrics in one revolution of an event-exact motion, in the units of their names.
 
     `parameters` replaces numbers by arrays that JAX may trace: of the train under the names of `ByTrain`, "lift"
     (p, q) [m/rad^k] and "borders" (p + 1) [rad] of the cam's pieces, "half_duration" [rad], "start" (2n: [m], then
@@ -169,8 +170,8 @@ def differentiable_motion(
     return response, dict(zip(names, values, strict=True))
 
 
-def weighted(bar: jax.Array, slope: jax.Array) -> jax.Array:
-    """Sum of the slopes (l, ...) times their weights bar (l), without those of weight zero, which may be NaN."""
+def weighted(bar: Float[jax.Array, " l"], slope: Float[jax.Array, " l *shape"]) -> Float[jax.Array, " *shape"]:
+    """Sum of the slopes times their weights `bar`, without those of weight zero, which may be NaN."""
     bar = jnp.reshape(bar, (len(bar), *(1,) * (slope.ndim - 1)))
     return jnp.sum(jnp.where(bar == 0.0, 0.0, bar * slope), 0)
 

@@ -29,6 +29,7 @@ from camopt.cam.families.registry import BY_COEFFICIENTS, FAMILIES, family_named
 from camopt.cam.lift import Lift, whole_turn
 from camopt.cam.ramps import Ramp, scene_ramps, symmetric_conditions
 from camopt.scene import InputError, Scene
+from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM, MM_PER_DEG
 
 SAMPLES, NEWTON_STEPS = 33, 5
@@ -50,8 +51,8 @@ class DifferentiableCam:
     half_duration: Callable[[Parameters], Any]
     ramp_foot: float  # rad
 
-    def pieces(self, parameters: Parameters) -> tuple[jax.Array, jax.Array]:
-        """Borders (p + 1) and coefficients (p, q) of the same numbers, the borders held in derivatives.
+    def pieces(self, parameters: Parameters) -> tuple[Float[jax.Array, " edges"], Float[jax.Array, "p q"]]:
+        """Borders and coefficients of the same numbers, the borders held in derivatives.
 
         The derivatives of the coefficients are those of the lift at a held angle. That is all that a motion depends
         on: lift and velocity are continuous across a border that moves.
@@ -70,7 +71,7 @@ class DifferentiableCam:
         piece = jnp.clip(piece, 0, len(coefficients) - 1)
         return _polynomial(coefficients[piece], theta - borders[piece], order)
 
-    def area(self, parameters: Parameters) -> jax.Array:
+    def area(self, parameters: Parameters) -> Float[jax.Array, ""]:
         """Integral of the lift over the duration [m rad]."""
         borders, coefficients = self.moving_pieces(parameters)
         half = self.half_duration(parameters)
@@ -94,7 +95,7 @@ class DifferentiableCam:
         borders, coefficients = self.pieces(parameters)
         return {"lift": coefficients, "borders": borders, "half_duration": self.half_duration(parameters)}
 
-    def peak(self, parameters: Parameters, order: int = 0, lowest: bool = False) -> jax.Array:
+    def peak(self, parameters: Parameters, order: int = 0, lowest: bool = False) -> Float[jax.Array, ""]:
         """Largest, or with `lowest` smallest, lift or derivative by angle [m/rad^order] over the turn.
 
         At the borders of pieces the values from both sides count, so that a step shows with both its sides.

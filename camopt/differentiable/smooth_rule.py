@@ -13,6 +13,7 @@ import numpy as np
 
 from camopt.cam.lift import Lift, join_as_in
 from camopt.scene.response import Response
+from camopt.scene.shapes import Float
 from camopt.scene.train import TRAIN_PARAMETERS, Train
 from camopt.smooth.grid import LARGEST_PHASE, equal_grid
 from camopt.smooth.metrics import at_angle, revolution_metrics
@@ -29,8 +30,10 @@ def system_with(train: Train, parameters: Mapping[str, jax.Array]) -> System:
     return eqx.tree_at(lambda s: [getattr(s, name) for name in names], system, values)
 
 
-def samples_of_pieces(borders, coefficients: jax.Array, steps: int = LIFT_SAMPLES) -> jax.Array:
-    """As `lift_samples`, of polynomial pieces with coefficients (p, q) [m/rad^k] between `borders` (p + 1) [rad].
+def samples_of_pieces(
+    borders, coefficients: Float[jax.Array, "p q"], steps: int = LIFT_SAMPLES
+) -> Float[jax.Array, "{steps}+1 2"]:
+    """As `lift_samples`, of polynomial pieces with coefficients [m/rad^k] between `borders` (p + 1) [rad].
 
     Derivatives by the borders take lift and velocity to be continuous across them.
     """

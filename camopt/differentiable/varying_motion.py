@@ -14,6 +14,7 @@ from camopt.exact.adjoint.gradient import rest_back
 from camopt.exact.adjoint.motion import Slopes, TracedMotion
 from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.rest import state_at_rest
+from camopt.scene.shapes import Float, State
 from camopt.scene.train import TRAIN_PARAMETERS, Train
 
 CAM_PARAMETERS = ("lift", "borders", "half_duration")
@@ -80,15 +81,15 @@ MECHANICAL = {*TRAIN_PARAMETERS, "cam_speed"}
 """Variables whose gradients need the sweep over the train's parameters."""
 
 
-def by_borders(lift: Lift, by_coefficients: np.ndarray) -> np.ndarray:
-    """Gradients (l, p + 1) by the borders, where lift and velocity are continuous: a piece moves with its start."""
+def by_borders(lift: Lift, by_coefficients: Float[np.ndarray, "l p q"]) -> Float[np.ndarray, "l p+1"]:
+    """Gradients by the borders, where lift and velocity are continuous: a piece moves with its start."""
     derivative = np.arange(1, lift.coefficients.shape[1]) * lift.coefficients[:, 1:]
     starts = -np.sum(by_coefficients[:, :, :-1] * derivative, axis=2)
     return np.concatenate([starts, np.zeros((len(starts), 1))], axis=1)
 
 
-def by_speed(motion: TracedMotion, slopes: Slopes, start: np.ndarray | None) -> np.ndarray:
-    """Gradients (l) by the cam speed through masses, dampings and the start's velocities."""
+def by_speed(motion: TracedMotion, slopes: Slopes, start: State | None) -> Float[np.ndarray, " l"]:
+    """Gradients by the cam speed through masses, dampings and the start's velocities."""
     by_train, train = slopes.by_train, motion.train
     assert by_train is not None
     total = 2 * by_train.mass @ train.mass + by_train.mass_damping @ train.mass_damping

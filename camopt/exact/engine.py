@@ -17,6 +17,7 @@ from camopt.exact.kernel.revolution import CHATTER, DONE, NEED_TABLES, revolve
 from camopt.exact.kernel.trace import empty_trace
 from camopt.scene.errors import MotionRefused
 from camopt.scene.response import Response
+from camopt.scene.shapes import Float, State
 from camopt.scene.train import Train
 
 MOST_SWITCHINGS = 20_000
@@ -43,8 +44,8 @@ class EventExact:
         self._cam = cam_arrays(lift, cam_speed)
         self._rows: np.ndarray | None = None
 
-    def __call__(self, state: np.ndarray) -> Response:
-        """One revolution from -pi to pi from a state (2n: [m], then [m/s]), sampled as asked and at every
+    def __call__(self, state: State) -> Response:
+        """One revolution from -pi to pi from a state ([m], then [m/s]), sampled as asked and at every
         switching and piece border. Raises MotionRefused for endless switching or a motion without bound."""
         n, e = len(self.train.mass), len(self.train.a)
         if self._rows is None:
@@ -57,8 +58,8 @@ class EventExact:
         x, v, force = done[:, 2 : 2 + n], done[:, 2 + n : 2 + 2 * n], done[:, 2 + 2 * n :]
         return Response(self.train, self.cam_speed, angle, done[:, 1], x, v, force)
 
-    def advance(self, state: np.ndarray, revolutions: int = 1) -> np.ndarray:
-        """State (2n) after whole revolutions from a state at -pi (2n); several times faster than a sampled motion.
+    def advance(self, state: State, revolutions: int = 1) -> State:
+        """State after whole revolutions from a state at -pi; several times faster than a sampled motion.
 
         Raises MotionRefused for endless switching or a motion without bound.
         """
@@ -111,13 +112,14 @@ def advance_many(
     train: Train,
     lifts: Lift | Sequence[Lift],
     cam_speeds: Sequence[float],
-    states: np.ndarray,
+    states: State | Float[np.ndarray, "k two_n"],
     revolutions: int,
     workers: int = 2,
-) -> np.ndarray:
-    """End states (k, 2n) of k motions after `revolutions` each, computed side by side in threads.
+) -> Float[np.ndarray, "k two_n"]:
+    """End states of k motions after `revolutions` each, computed side by side in threads.
 
-    `lifts` is one lift or k, `cam_speeds` (k) [rad/s], `states` (2n) or (k, 2n). A refused motion ends in a row of NaN.
+    `lifts` is one lift or k, `cam_speeds` (k) [rad/s]; `states` is one start for all or k of them. A refused motion
+    ends in a row of NaN.
     """
     k = len(cam_speeds)
     cams = [lifts] * k if isinstance(lifts, Lift) else list(lifts)

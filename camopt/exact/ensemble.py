@@ -24,6 +24,7 @@ from camopt.exact.adjoint.motion import TracedMotion
 from camopt.exact.batch import value_and_gradient_many
 from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.rest import state_at_rest
+from camopt.scene.shapes import Float, State
 from camopt.scene.train import Train
 
 FEWEST_PAIRS = 2
@@ -34,10 +35,12 @@ class EnsembleGradient:
     """Means of l metrics over an ensemble of cams and their gradients by m heights of bumps [unit per m]."""
 
     metrics: tuple[str, ...]
-    values: np.ndarray  # (l) means
-    gradient: np.ndarray  # (l, m)
-    standard_error: np.ndarray  # (l, m) of the gradient, from the scatter of the pairs
-    split_half_cosine: np.ndarray  # (l) between the gradients of the ensemble's two halves; far from 1 means noise
+    values: Float[np.ndarray, " l"]  # means
+    gradient: Float[np.ndarray, "l m"]
+    standard_error: Float[np.ndarray, "l m"]  # of the gradient, from the scatter of the pairs
+    split_half_cosine: Float[
+        np.ndarray, " l"
+    ]  # between the gradients of the ensemble's two halves; far from 1 means noise
     members: int  # members of the ensemble that count
     refused: int  # members left out, each with its partner: their motion was refused or a metric had no value
 
@@ -47,19 +50,19 @@ def ensemble_gradient(
     lift: Lift,
     cam_speed: float,
     metrics: Sequence[str],
-    directions: np.ndarray,
+    directions: Float[np.ndarray, "m p q"],
     sigma_m: float,
     members: int,
     seed: int,
     *,
-    start: np.ndarray | None = None,
+    start: State | None = None,
     revolutions: int = 1,
     revolution: int = 0,
     workers: int = 2,
 ) -> EnsembleGradient:
     """Mean values and mean pathwise gradients of metrics, in `workers` threads.
 
-    `directions` (m, p, q) are changes of `lift.coefficients` per metre, as of `with_bumps`; every member has normal
+    `directions` are changes of `lift.coefficients` per metre, as of `with_bumps`; every member has normal
     heights of standard deviation `sigma_m` [m] along each. `members` is even; other arguments as of
     `value_and_gradient`. Raises InputError for unusable numbers, MotionRefused where fewer than two pairs count.
     """
@@ -84,12 +87,12 @@ def evolution_strategy_gradient(
     lift: Lift,
     cam_speed: float,
     metrics: Sequence[str],
-    directions: np.ndarray,
+    directions: Float[np.ndarray, "m p q"],
     sigma_m: float,
     members: int,
     seed: int,
     *,
-    start: np.ndarray | None = None,
+    start: State | None = None,
     revolutions: int = 1,
     revolution: int = 0,
     workers: int = 2,
@@ -132,8 +135,10 @@ def _side_by_side(values_of: Callable[[Lift], np.ndarray], lifts: list[Lift], co
         return np.array(list(pool.map(one, lifts)))
 
 
-def _summary(metrics: Sequence[str], values: np.ndarray, slopes: np.ndarray) -> EnsembleGradient:
-    """The ensemble's means and errors from its values (pairs, 2, l) and the gradients of its pairs (pairs, l, m)."""
+def _summary(
+    metrics: Sequence[str], values: Float[np.ndarray, "pairs 2 l"], slopes: Float[np.ndarray, "pairs l m"]
+) -> EnsembleGradient:
+    """The ensemble's means and errors from its values and the gradients of its pairs."""
     usable = np.all(np.isfinite(values), axis=(1, 2)) & np.all(np.isfinite(slopes), axis=(1, 2))
     count = int(np.sum(usable))
     if count < FEWEST_PAIRS:
@@ -151,7 +156,7 @@ def _summary(metrics: Sequence[str], values: np.ndarray, slopes: np.ndarray) -> 
     )
 
 
-def cosine(a: np.ndarray, b: np.ndarray) -> float:
-    """Cosine of the angle between two gradients (m); NaN where one of them is zero."""
+def cosine(a: Float[np.ndarray, " m"], b: Float[np.ndarray, " m"]) -> float:
+    """Cosine of the angle between two gradients; NaN where one of them is zero."""
     size = np.linalg.norm(a) * np.linalg.norm(b)
     return float(a @ b / size) if size > 0.0 else float("nan")

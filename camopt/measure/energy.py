@@ -16,6 +16,7 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.scene.response import Response
+from camopt.scene.shapes import Float
 from camopt.scene.train import Train
 
 NODES, WEIGHTS = (np.polynomial.legendre.leggauss(5)[0] + 1) / 2, np.polynomial.legendre.leggauss(5)[1] / 2
@@ -24,15 +25,15 @@ NODES, WEIGHTS = (np.polynomial.legendre.leggauss(5)[0] + 1) / 2, np.polynomial.
 
 @dataclass(frozen=True)
 class Energy:
-    """Energies of a record of k samples [J], masses n and elements e."""
+    """Energies [J] of a record of k samples, by its n masses and e elements."""
 
-    by_cam: np.ndarray  # (e) work of the cam through each element
-    by_forces: np.ndarray  # (n) work of the constant forces
-    damped: np.ndarray  # (e) dissipated by the elements' dampers
-    damped_to_ground: np.ndarray  # (n) dissipated by the masses' dampers
-    left: np.ndarray  # (e) left in contacts that opened while still compressed
-    kinetic: np.ndarray  # (k)
-    elastic: np.ndarray  # (k) from the unstressed spring or the touching contact on
+    by_cam: Float[np.ndarray, " e"]  # work of the cam through each element
+    by_forces: Float[np.ndarray, " n"]  # work of the constant forces
+    damped: Float[np.ndarray, " e"]  # dissipated by the elements' dampers
+    damped_to_ground: Float[np.ndarray, " n"]  # dissipated by the masses' dampers
+    left: Float[np.ndarray, " e"]  # left in contacts that opened while still compressed
+    kinetic: Float[np.ndarray, " k"]
+    elastic: Float[np.ndarray, " k"]  # from the unstressed spring or the touching contact on
 
     @property
     def put_in(self) -> float:
@@ -45,8 +46,8 @@ class Energy:
         return float(self.damped.sum() + self.damped_to_ground.sum())
 
     @property
-    def stored(self) -> np.ndarray:
-        """Kinetic and elastic energy at the samples [J], shape (k)."""
+    def stored(self) -> Float[np.ndarray, " k"]:
+        """Kinetic and elastic energy at the samples [J]."""
         return self.kinetic + self.elastic
 
     @property
@@ -90,8 +91,8 @@ def energy(response: Response, lift: Lift) -> Energy:
     return Energy(by_cam, by_forces, damped, damped_to_ground, left, kinetic, elastic)
 
 
-def _powers(t: Train, x, v, rise, rise_rate) -> tuple[np.ndarray, np.ndarray]:
-    """Powers [W] at m instants: cam, dampers, left behind (3, m, e); constant forces, dampers to ground (2, m, n)."""
+def _powers(t: Train, x, v, rise, rise_rate) -> tuple[Float[np.ndarray, "3 m e"], Float[np.ndarray, "2 m n"]]:
+    """Powers [W] at m instants: by cam, to dampers, left behind; of constant forces, to dampers to ground."""
     rate = t.compression(v, rise_rate) + t.gap  # the gap is no velocity
     elastic = t.preload + t.stiffness * t.compression(x, rise)
     force = elastic + t.damping * rate
@@ -103,8 +104,8 @@ def _powers(t: Train, x, v, rise, rise_rate) -> tuple[np.ndarray, np.ndarray]:
     return np.stack([by_cam, damped, left]), np.stack([t.mass_force * v, t.mass_damping * v**2])
 
 
-def _acceleration(response: Response) -> np.ndarray:
-    """Accelerations that follow from the recorded forces [m/s^2], shape (k, n)."""
+def _acceleration(response: Response) -> Float[np.ndarray, "k n"]:
+    """Accelerations that follow from the recorded forces [m/s^2]."""
     t = response.train
     total = t.mass_force - t.mass_damping * response.v
     for e in range(len(t.a)):
@@ -115,8 +116,8 @@ def _acceleration(response: Response) -> np.ndarray:
     return total / t.mass
 
 
-def _quintic(x, v, a, start, h, u: float) -> tuple[np.ndarray, np.ndarray]:
-    """Position and velocity (m, n) at the share `u` of the intervals that begin at samples `start` (m)."""
+def _quintic(x, v, a, start, h, u: float) -> tuple[Float[np.ndarray, "m n"], Float[np.ndarray, "m n"]]:
+    """Position and velocity at the share `u` of the intervals of h [s] that begin at the samples `start` (m)."""
     h = h[:, None]
     x0, m0, n0 = x[start], h * v[start], 0.5 * h**2 * a[start]
     x1, m1, n1 = x[start + 1], h * v[start + 1], h**2 * a[start + 1]

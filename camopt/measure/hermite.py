@@ -4,17 +4,21 @@ from functools import cached_property
 
 import numpy as np
 
+from camopt.scene.shapes import Float
+
 BISECTIONS = 52
 """Number of times that a step is halved to locate a root, which reaches the rounding of the angle."""
 
 
 class Hermite:
-    """Cubic Hermite interpolant of values `y` with slopes `slope` (per rad) at ascending angles (k) [rad].
+    """Cubic Hermite interpolant of values `y` with slopes `slope` (per rad) at ascending angles [rad].
 
     Of two samples at one angle one is dropped, because position and velocity are continuous where a force jumps.
+    SciPy's CubicHermiteSpline is the same curve, but without the extremes and the falls through zero that metrics ask
+    for, and its `roots` do not say in which direction the value passes.
     """
 
-    def __init__(self, angle: np.ndarray, y: np.ndarray, slope: np.ndarray):
+    def __init__(self, angle: Float[np.ndarray, " k"], y: Float[np.ndarray, " k"], slope: Float[np.ndarray, " k"]):
         keep = np.append(np.diff(angle) > 0, True)
         self.angle, y, slope = angle[keep], y[keep], slope[keep]
         self.step = np.diff(self.angle)
@@ -23,12 +27,12 @@ class Hermite:
         self.y = y
         self._knots = self._with_stationary_points()
 
-    def __call__(self, angle) -> np.ndarray:
+    def __call__(self, angle) -> np.ndarray | np.floating:
         """Value at angles [rad]."""
         i, u = self._locate(angle)
         return self._value(i, u)
 
-    def slope(self, angle) -> np.ndarray:
+    def slope(self, angle) -> np.ndarray | np.floating:
         """Derivative by angle at angles [rad]."""
         i, u = self._locate(angle)
         c = self.c[:, i]
@@ -40,20 +44,20 @@ class Hermite:
         inside = value[np.searchsorted(angle, low, "right") : np.searchsorted(angle, high, "left")]
         return float(max(self(low), self(high), np.max(inside, initial=-np.inf)))
 
-    def falls_through_zero(self, low: float, high: float) -> np.ndarray:
+    def falls_through_zero(self, low: float, high: float) -> Float[np.ndarray, " m"]:
         """Angles in [low, high] at which the value falls from above zero to zero or below."""
         roots, falling = self._roots
         return roots[falling & (roots >= low) & (roots <= high)]
 
-    def positive_spans(self, low: float, high: float) -> np.ndarray:
-        """Angle spans (m, 2) within [low, high] in which the value is positive."""
+    def positive_spans(self, low: float, high: float) -> Float[np.ndarray, "m 2"]:
+        """Angle spans within [low, high] in which the value is positive."""
         roots, _ = self._roots
         inside = roots[(roots > low) & (roots < high)]
         borders = np.concatenate([[low], inside, [high]])
         spans = np.stack([borders[:-1], borders[1:]], axis=1)
         return spans[self(spans.mean(axis=1)) > 0]
 
-    def integral(self, low, high) -> np.ndarray:
+    def integral(self, low, high) -> np.ndarray | np.floating:
         """Integral from `low` to `high` [rad], any shape."""
         total = np.concatenate([[0.0], np.cumsum(self._partial(np.arange(len(self.step)), 1.0))])
         (i, u), (j, w) = self._locate(low), self._locate(high)

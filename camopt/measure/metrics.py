@@ -10,14 +10,15 @@ from camopt.cam.lift import Lift
 from camopt.measure.hermite import Hermite
 from camopt.scene.quantities import QUANTITIES
 from camopt.scene.response import Response
+from camopt.scene.shapes import Float
 from camopt.scene.train import GROUND
 from camopt.scene.units import DEG, MM
 
 TURN = 2 * np.pi
 
 
-def measure(response: Response, lift: Lift) -> dict[str, np.ndarray]:
-    """Every metric of `camopt.scene.quantities.QUANTITIES` for a record of R + 1 revolutions: arrays of shape (R).
+def measure(response: Response, lift: Lift) -> dict[str, Float[np.ndarray, " revolutions"]]:
+    """Every metric of `camopt.scene.quantities.QUANTITIES` for all revolutions of a record but its last.
 
     A revolution's closed window runs into the next revolution, up to the foot of its event; the last revolution of the
     record only provides that window. Bounce, seating and impact velocity are NaN where the valve left its seat and has

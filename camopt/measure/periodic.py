@@ -19,6 +19,7 @@ import numpy as np
 
 from camopt.scene.errors import MotionRefused
 from camopt.scene.response import Revolve, next_state
+from camopt.scene.shapes import Float, State
 
 UNIT = (1e-6, 1e-3)
 """Position [m] and velocity [m/s] that weigh the same in a state: as far apart as two states that count as settled."""
@@ -45,13 +46,18 @@ class PeriodicState:
     """A stable periodic state, or the finding that none was found: then `low` and `high` say how far states wander."""
 
     periodic: bool
-    state: np.ndarray  # (2n) m and m/s, at -180 degrees; of plain revolutions where the motion is aperiodic
+    state: State  # m and m/s, at -180 degrees; of plain revolutions where the motion is aperiodic
     residual: float  # smallest change over a revolution that was reached, in units of 1 um and 1 mm/s
-    radius: float  # spectral radius of the cycle map at the fixed point; NaN where there is none
+    multipliers: np.ndarray  # (2n) Floquet multipliers, the eigenvalues of the map's Jacobian
     revolutions: int  # run in all, those of the finite differences and of the range included
     revolutions_to_state: int  # run until the fixed point was reached, or given up
-    low: np.ndarray  # (2n) smallest state one revolution apart
-    high: np.ndarray  # (2n) largest
+    low: State  # smallest state one revolution apart
+    high: State  # largest
+
+    @property
+    def radius(self) -> float:
+        """Spectral radius of the cycle map at the fixed point: the size of the largest multiplier, or NaN for none."""
+        return float(np.abs(self.multipliers).max()) if len(self.multipliers) else np.nan
 
 
 class _Cycle:
@@ -60,21 +66,21 @@ class _Cycle:
     def __init__(self, revolve: Revolve, n: int):
         self.revolve, self.scale, self.count = revolve, np.repeat(UNIT, n), 0
 
-    def __call__(self, y: np.ndarray) -> np.ndarray:
+    def __call__(self, y: State) -> State:
         self.count += 1
         after = next_state(self.revolve, y * self.scale) / self.scale
         if not np.all(np.isfinite(after)):
             raise MotionRefused("the motion has no bound: the step is past the method's stability limit")
         return after
 
-    def jacobian(self, y: np.ndarray, after: np.ndarray) -> np.ndarray:
+    def jacobian(self, y: State, after: State) -> Float[np.ndarray, "two_n two_n"]:
         """Forward differences about y, whose image is `after`."""
         columns = [(self(y + DIFFERENCE * unit) - after) / DIFFERENCE for unit in np.eye(len(y))]
         return np.stack(columns, axis=1)
 
 
-def periodic_state(revolve: Revolve, state: np.ndarray, jacobian: Jacobian | None = None) -> PeriodicState:
-    """The periodic state of a method's revolution, looked for from `state` (2n: [m], then [m/s]).
+def periodic_state(revolve: Revolve, state: State, jacobian: Jacobian | None = None) -> PeriodicState:
+    """The periodic state of a method's revolution, looked for from `state` ([m], then [m/s]).
 
     `jacobian` gives the derivative of the cycle map; without it, finite differences cost 2n revolutions a time. The
     state found stands to 0.1 nm and 0.1 um/s over a revolution. Raises MotionRefused where the plain motion has no
@@ -94,23 +100,23 @@ def periodic_state(revolve: Revolve, state: np.ndarray, jacobian: Jacobian | Non
     y, after = _anderson(cycle, y)
     y, after = _newton(cycle, derivative, y, after)
     reached, residual = cycle.count, _size(after - y)
-    radius = float(np.abs(np.linalg.eigvals(derivative(y, after))).max()) if residual < ACCURACY else np.nan
-    if radius < LARGEST_RADIUS:
+    multipliers = np.linalg.eigvals(derivative(y, after)) if residual < ACCURACY else np.empty(0)
+    if len(multipliers) and np.abs(multipliers).max() < LARGEST_RADIUS:
         found = y * cycle.scale
-        return PeriodicState(True, found, residual, radius, cycle.count, reached, found, found)
+        return PeriodicState(True, found, residual, multipliers, cycle.count, reached, found, found)
     visited = [plain]
     for _ in range(PASSED + RANGED):
         visited.append(cycle(visited[-1]))
     states = np.stack(visited[-RANGED:]) * cycle.scale
     low, high = states.min(axis=0), states.max(axis=0)
-    return PeriodicState(False, states[-1], residual, radius, cycle.count, reached, low, high)
+    return PeriodicState(False, states[-1], residual, multipliers, cycle.count, reached, low, high)
 
 
 def _size(change: np.ndarray) -> float:
     return float(np.abs(change).max())
 
 
-def _anderson(cycle: _Cycle, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _anderson(cycle: _Cycle, y: State) -> tuple[State, State]:
     """The best state met, and its image, by Anderson acceleration; a plain step where the mixed one is refused."""
     best = y, cycle(y)
     states, images = [best[0]], [best[1]]
@@ -130,8 +136,8 @@ def _anderson(cycle: _Cycle, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return best
 
 
-def _mixed(states: np.ndarray, images: np.ndarray) -> np.ndarray:
-    """The next state: the combination of images (m, 2n) whose linearised change over a revolution is smallest."""
+def _mixed(states: Float[np.ndarray, "m two_n"], images: Float[np.ndarray, "m two_n"]) -> State:
+    """The next state: the combination of images whose linearised change over a revolution is smallest."""
     change = images - states
     differences = np.diff(change, axis=0).T
     if differences.size == 0:
@@ -140,7 +146,7 @@ def _mixed(states: np.ndarray, images: np.ndarray) -> np.ndarray:
     return images[-1] - np.diff(images, axis=0).T @ share
 
 
-def _newton(cycle: _Cycle, derivative, y: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _newton(cycle: _Cycle, derivative, y: State, after: State) -> tuple[State, State]:
     """Newton's method on G(y) - y while it halves the change over a revolution."""
     for _ in range(MOST_NEWTON):
         if _size(after - y) < ACCURACY:

@@ -15,6 +15,7 @@ from camopt.cam.lift import Lift
 from camopt.scene.laws import PROGRESSIVE
 from camopt.scene.rest import rest_position
 from camopt.scene.schema import Scene
+from camopt.scene.shapes import Float
 from camopt.scene.train import Train, build_train
 from camopt.scene.vibration import acting_elements, oscillations
 
@@ -40,7 +41,7 @@ class Resonance:
     frequency_Hz: float
     amplitude_m: float  # harmonic of the lift over twice the damping ratio
 
-    def speeds_rpm(self) -> np.ndarray:
+    def speeds_rpm(self) -> Float[np.ndarray, " points"]:
         """Speeds at which it is looked at: a half width apart, from one half width below to one above."""
         low, high = self.low_rpm - self.half_width_rpm, self.high_rpm + self.half_width_rpm
         points = int(np.clip(np.ceil((high - low) / self.half_width_rpm) + 1, 3, MOST_POINTS))

@@ -12,6 +12,7 @@ from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import LESS_IS_WORSE
 from camopt.scene.response import Response, Revolve, end_state, joined, next_state
 from camopt.scene.rest import state_at_rest
+from camopt.scene.shapes import Float, State
 from camopt.scene.train import Train
 from camopt.scene.vibration import slowest_decay
 
@@ -20,10 +21,10 @@ SETTLED_POSITION = 1e-6
 SETTLED_VELOCITY = 1e-3
 """Largest change that a velocity of a settled motion still has before it [m/s]."""
 PLAIN_REVOLUTIONS = 40
-"""Revolutions after which a motion of a well damped train that still changes counts as aperiodic."""
+"""A motion of a well damped train that still changes after this many revolutions counts as aperiodic."""
 FADED, MOST_REVOLUTIONS = 15.0, 1500
-"""A lightly damped train may run until its slowest mode has faded by FADED e-folds (from three millimetres to a
-nanometre), at most MOST_REVOLUTIONS."""
+"""A lightly damped train may run until its slowest mode has faded by FADED e-folds, which takes three millimetres to a
+nanometre, but for no more than MOST_REVOLUTIONS."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -45,9 +46,9 @@ class Settled:
 
 @dataclass(frozen=True)
 class Figures:
-    """Metrics by revolution: name -> shape (R), in the units of their names."""
+    """Metrics by revolution, in the units of their names."""
 
-    by_revolution: dict[str, np.ndarray]
+    by_revolution: dict[str, Float[np.ndarray, " revolutions"]]
 
     def worst(self, name: str) -> float:
         """The worst revolution's value; NaN where the valve did not seat in one of them."""
@@ -61,22 +62,24 @@ class Figures:
 
 def settle(
     revolve: Revolve,
-    state: np.ndarray,
+    state: State,
     most: int | None = None,
     measured: int = 4,
     aperiodic: int = 8,
     position: float = SETTLED_POSITION,
     decay: float = np.inf,
 ) -> Settled:
-    """Run revolutions from `state` (2n) until the motion stands, then the measured ones.
+    """Runs revolutions from `state` until the motion has settled, and then the revolutions that are measured.
 
-    It stands where the way that is left is at most `position` [m] in every position and SETTLED_VELOCITY in proportion
-    in every velocity. A change d over a revolution that shrinks by the factor r from each to the next leaves
-    d r / (1 - r); r = exp(-decay), `decay` being what `decay_per_revolution` says of the train, and no way left is
-    taken to be shorter than the last change. At most `most` revolutions, by default PLAIN_REVOLUTIONS; where the
-    slowest mode needs more it gets them, after a search for the periodic motion that they lead to. A motion that has
-    not settled by then is reported as aperiodic and measured over `aperiodic` revolutions. Raises MotionRefused where
-    the motion has no bound (a step past the stability limit).
+    The motion has settled once the change that is still to come is at most `position` [m] in every position, and in
+    every velocity SETTLED_VELOCITY in the same proportion. If the change d over a revolution shrinks by the factor r
+    from each revolution to the next, the changes to come add up to d r / (1 - r). Here r = exp(-decay), with `decay`
+    as of `decay_per_revolution` for the train, and the sum is never taken to be smaller than d itself.
+
+    It runs for at most `most` revolutions, by default PLAIN_REVOLUTIONS. Where the train's slowest mode needs more, a
+    search for the periodic motion follows, and then as many revolutions as the mode needs. A motion that has not
+    settled by then is reported as aperiodic and measured over `aperiodic` revolutions instead of `measured`. Raises
+    MotionRefused where the motion has no bound, because the step is past the method's stability limit.
     """
     needed = int(np.ceil(FADED / max(decay, 1e-9)))
     slow = needed > PLAIN_REVOLUTIONS
@@ -96,19 +99,19 @@ def settle(
 
 @dataclass(frozen=True)
 class _Stands:
-    """Whether the way that is left, `left` times the last change over a revolution, is within `position` [m]."""
+    """Whether the change still to come, `left` times the last change over a revolution, is within `position` [m]."""
 
     position: float
     left: float
 
-    def __call__(self, change: np.ndarray) -> bool:
+    def __call__(self, change: State) -> bool:
         n, velocity = len(change) // 2, SETTLED_VELOCITY * self.position / SETTLED_POSITION
         way = self.left * np.abs(change)
         return bool(way[:n].max() < self.position and way[n:].max() < velocity)
 
 
-def _run(revolve: Revolve, state: np.ndarray, most: int, stands: _Stands) -> tuple[np.ndarray, int, bool]:
-    """Plain revolutions until the state stands, at most `most`: the state, how many, and whether it stands."""
+def _run(revolve: Revolve, state: State, most: int, stands: _Stands) -> tuple[State, int, bool]:
+    """Runs at most `most` revolutions until the state stands: (state, number of revolutions, whether it stands)."""
     for revolution in range(1, most + 1):
         before, state = state, _bounded(next_state(revolve, state))
         if stands(state - before):
@@ -116,10 +119,10 @@ def _run(revolve: Revolve, state: np.ndarray, most: int, stands: _Stands) -> tup
     return state, most, False
 
 
-def _hastened(revolve: Revolve, state: np.ndarray) -> tuple[np.ndarray, int]:
+def _hastened(revolve: Revolve, state: State) -> tuple[State, int]:
     """A state nearer to the periodic motion of a lightly damped train, and the revolutions it took to find.
 
-    Only stable motions are gone to; from wherever this leads, plain revolutions say whether the motion stands.
+    Only a stable periodic motion is taken. Whether the motion then stands is decided by plain revolutions from there.
     """
     try:
         found = periodic_state(revolve, state)
@@ -138,12 +141,14 @@ def settled_from_rest(prepare: Callable[..., Revolve], train: Train, lift: Lift,
 
 
 def decay_per_revolution(train: Train, cam_speed: float) -> float:
-    """By what power of e the train's slowest mode dies out over a revolution of the cam at `cam_speed` [rad/s]."""
+    """Number of e-folds by which the train's slowest mode decays over a revolution at `cam_speed` [rad/s]."""
     return slowest_decay(train) * 2 * np.pi / cam_speed
 
 
-def first_revolution(revolve: Revolve, state: np.ndarray) -> Settled:
-    """The revolution that begins in `state` (2n), measured as it is: for comparing methods, not for judging cams.
+def first_revolution(revolve: Revolve, state: State) -> Settled:
+    """The revolution that begins in `state`, measured without settling first.
+
+    It serves to compare methods; a cam is judged by its settled motion.
 
     Raises MotionRefused where the motion has no bound.
     """
@@ -151,7 +156,7 @@ def first_revolution(revolve: Revolve, state: np.ndarray) -> Settled:
     return Settled(joined([first, _finite(revolve(end_state(first)))]), 0, True)
 
 
-def _bounded(state: np.ndarray) -> np.ndarray:
+def _bounded(state: State) -> State:
     """The state, unless it has left all bounds: a kilometre of valve lift is no motion of a valve train."""
     if not np.all(np.isfinite(state)) or np.abs(state[: len(state) // 2]).max() > 1e3:
         raise MotionRefused("the motion has no bound: the step is past the method's stability limit; take more steps")

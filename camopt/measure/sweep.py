@@ -13,17 +13,18 @@ from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES
 from camopt.scene.response import Revolve
 from camopt.scene.schema import Scene
+from camopt.scene.shapes import Float
 from camopt.scene.train import Train, build_train
 
 STARTS_MM = 0.05
 """Bounce or jump that counts as started where the scene sets no limit."""
 SEARCH_STEP_RPM = 40.0
 START_RPM = 10.0
-"""To what the starting speeds are located."""
+"""Accuracy with which the starting speeds are located."""
 CHUNK = 16
 """Speeds looked at together while the starting speeds are searched."""
 FINEST_RPM = 1.0
-"""To what the speeds of maxima are located."""
+"""Accuracy with which the speeds of maxima are located."""
 PEAKS = 3
 """Local maxima of each limited metric that are refined, the worst first."""
 
@@ -33,7 +34,7 @@ AtSpeed = Callable[[Train, Lift, float], Revolve]
 
 @dataclass(frozen=True, repr=False)
 class Band:
-    """A swept band: speeds (m) r/min ascending, metrics by name (m), and the method of each speed's figures (m).
+    """A swept band: ascending speeds, every metric at each of them by its name, and the method of each speed's figures.
 
     A bounce of NaN means that the valve never seats, or that the motion is refused.
     """
@@ -41,8 +42,8 @@ class Band:
     from_rpm: float
     to_rpm: float
     step_rpm: float
-    speeds_rpm: np.ndarray
-    figures: dict[str, np.ndarray]
+    speeds_rpm: Float[np.ndarray, " m"]
+    figures: dict[str, Float[np.ndarray, " m"]]
     methods: tuple[str, ...]
     resonances: tuple[Resonance, ...] = ()  # narrower than the step, looked at
     resonances_left_out: int = 0
@@ -61,8 +62,10 @@ class Band:
         return float(self.speeds_rpm[i]), float(self.figures[name][i])
 
     def peaks(self, name: str) -> list[float]:
-        """Speeds [r/min] of the local maxima of a metric (minima where less is worse), the worst first; a plateau has
-        none but at its first speed."""
+        """Speeds [r/min] of the local maxima of a metric (minima where less is worse), the worst first.
+
+        A plateau counts as one maximum, at its first speed.
+        """
         sign = -1.0 if name in LESS_IS_WORSE else 1.0
         badness = np.nan_to_num(sign * self.figures[name], nan=np.inf)
         before, after = np.append(-np.inf, badness[:-1]), np.append(badness[1:], -np.inf)
@@ -70,8 +73,11 @@ class Band:
         return self.speeds_rpm[at[np.argsort(-badness[at], kind="stable")]].tolist()
 
     def with_judged(self, method: str, judged: dict[float, dict[str, float]]) -> "Band":
-        """The band with the figures of `judged` (speed [r/min] -> metric -> value), which are `method`'s, put in place
-        of the sweep's or between them; speeds outside the band are left out."""
+        """The band with the figures that `method` found at some speeds, `judged` (speed [r/min] -> metric -> value).
+
+        At speeds that the sweep looked at they take the place of its figures; other speeds inside the band are added,
+        and those outside are left out.
+        """
         found = {float(s): (m, {}) for s, m in zip(self.speeds_rpm, self.methods, strict=True)}
         for i, (_, row) in enumerate(found.values()):
             row.update({name: float(values[i]) for name, values in self.figures.items()})
@@ -111,8 +117,8 @@ def _figures(prepare: AtSpeed, train: Train, lift: Lift, cam_speed: float) -> di
 class Swept:
     """The speeds of one cam looked at so far by one method; no speed is worked out twice.
 
-    The same speeds serve the band, its refinement and the search for the starts of jump and bounce, so that none of
-    them knows of a peak that another one leaves out.
+    The same speeds serve the band, its refinement and the search for the starts of jump and bounce. A peak that one of
+    them finds is therefore known to all.
     """
 
     def __init__(self, prepare: AtSpeed, scene: Scene, lift: Lift, workers: int = 2, method: str = "event"):
@@ -161,11 +167,12 @@ def sweep(
 
 
 def first_exceeding(swept: Swept, limits: dict[str, float]) -> dict[str, float | None]:
-    """Lowest speed [r/min], to 10 r/min, at which each metric exceeds its limit; None if not below 1.5 x band's top.
+    """The lowest speed [r/min] at which each metric exceeds its limit, to START_RPM.
 
-    Looked for upward from half the band's bottom in steps of 40 r/min and at every speed looked at before, then
-    bisected; a valve that does not seat counts as exceeding. A metric that exceeds already at the lowest speed gets
-    that speed.
+    The search goes upward from half the band's lowest speed to 1.5 times its highest, in steps of SEARCH_STEP_RPM and
+    at every speed that was looked at before; the first speed found is then refined by bisection. A valve that does not
+    seat counts as exceeding. A metric that exceeds its limit at the lowest speed already gets that speed, and one that
+    never does gets None.
     """
     low, high = swept.ends
     grid = sorted({*np.arange(0.5 * low, 1.5 * high, SEARCH_STEP_RPM).tolist(), 1.5 * high, *swept.found})

@@ -11,9 +11,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from camopt.scene.shapes import Float
 from camopt.smooth.contact import RAMPS
 from camopt.smooth.scan import ERROR, NODES, STAGES, WEIGHTS, combine, lift_at, stage_slopes
-from camopt.smooth.system import System
+from camopt.smooth.system import Array, System
 
 CLIP_STEP = 1e-4
 """Longest step over an angle at which a force is clipped, as a phase [rad] of the stiffest motion."""
@@ -48,8 +49,8 @@ class Progress(NamedTuple):
     slope: jax.Array
 
 
-def equal_grid(steps: int) -> np.ndarray:
-    """Angles (steps + 1) from -pi to pi [rad] in equal steps."""
+def equal_grid(steps: int) -> Float[Array, " {steps}+1"]:
+    """Angles from -pi to pi [rad] in equal steps."""
     return np.linspace(-np.pi, np.pi, steps + 1)
 
 

@@ -1,7 +1,9 @@
 """The declared metrics (`camopt.scene.quantities`) of a motion, in JAX: differentiable where the motion allows it.
 
 Angles at which something happens (the touch, the nominal closing) are roots inside a step, with the derivative of the
-root by the implicit function theorem, so that d(seating velocity) includes the shift of the touch.
+root by the implicit function theorem, so that d(seating velocity) includes the shift of the touch. A maximum has the
+derivative of one side: at a tie of samples that of the first, at a tie of contacts, or of a value with its floor (jump
+and bounce with zero), half of each.
 """
 
 from typing import NamedTuple
@@ -9,9 +11,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM
-from camopt.smooth.maxima import soft_greatest, soft_worst
-from camopt.smooth.system import System, SystemState
+from camopt.smooth.system import Array, System, SystemState
 
 
 class Closing(NamedTuple):
@@ -23,13 +25,13 @@ class Closing(NamedTuple):
     velocity: jax.Array  # m/s, negative: closing
 
 
-def margins(system: System, motion: SystemState) -> jax.Array:
+def margins(system: System, motion: SystemState) -> Float[Array, "k e"]:
     """Compression of every element beyond its touch [m]."""
     y = jnp.stack([motion.x, motion.v], axis=1)
     return jax.vmap(lambda y, lift: system.compression(y, lift, 0.0)[0])(y, motion.lift)
 
 
-def margin_slopes(system: System, motion: SystemState, cam_speed) -> jax.Array | None:
+def margin_slopes(system: System, motion: SystemState, cam_speed) -> Float[Array, "k e"] | None:
     """Derivatives of the margins by angle [m/rad]; None where the derivative of the lift is not known."""
     if motion.lift_dtheta is None:
         return None
@@ -38,12 +40,12 @@ def margin_slopes(system: System, motion: SystemState, cam_speed) -> jax.Array |
     return jax.vmap(lambda y, lift_dt: system.compression(y, 0.0, lift_dt)[1])(y, lift_dt) / cam_speed
 
 
-def seat_distance(system: System, motion: SystemState) -> tuple[jax.Array, jax.Array]:
+def seat_distance(system: System, motion: SystemState) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
     """Distance s of the valve from where its seat touches [m], positive open, and its rate [m/s]."""
     return -margins(system, motion)[:, system.topology.seat], motion.v[:, system.topology.valve]
 
 
-def valve_acceleration(system: System, motion: SystemState) -> jax.Array:
+def valve_acceleration(system: System, motion: SystemState) -> Float[Array, " k"]:
     """Acceleration of the valve [m/s^2], from the forces of the record."""
     valve = system.topology.valve
     on_valve = motion.force @ system.topology.incidence(system.mass.shape[0])[:, valve]
@@ -108,12 +110,15 @@ def nominal_closing(system: System, motion: SystemState, revolution: int):
 
 
 def _cubic(start, rise, m0, m1):
-    """Coefficients of the cubic on [0, 1] that begins at `start`, rises by `rise` and has the end slopes m0 and m1."""
+    """Coefficients of the cubic on [0, 1] that begins at `start`, rises by `rise` and has the end slopes m0 and m1.
+
+    SciPy's CubicHermiteSpline cannot be differentiated by its values.
+    """
     return start, m0, 3 * rise - 2 * m0 - m1, m0 + m1 - 2 * rise
 
 
-def at_angle(angle, values, theta, slope=None):
-    """`values` (k) at the angle theta: linear inside a step or, with their `slope` (k) by angle, the cubic."""
+def at_angle(angle: Float[Array, " k"], values: Float[Array, " k"], theta, slope: Float[Array, " k"] | None = None):
+    """`values` at the angle theta: linear inside a step or, with their `slope` by angle, the cubic."""
     i = jnp.clip(jnp.searchsorted(angle, jax.lax.stop_gradient(theta), side="right") - 1, 0, len(angle) - 2)
     width = angle[i + 1] - angle[i]
     t = jnp.where(width > 0, (theta - angle[i]) / jnp.where(width > 0, width, 1.0), 0.0)
@@ -124,7 +129,7 @@ def at_angle(angle, values, theta, slope=None):
     return linear + t * (1 - t) * ((1 - t) * (slope[i] * width - rise) - t * (slope[i + 1] * width - rise))
 
 
-def step_integral(angle, s, s_dtheta, keep):
+def step_integral(angle: Float[Array, " k"], s: Float[Array, " k"], s_dtheta: Float[Array, " k"], keep):
     """Integrals of max(0, s) and max(0, s)^2 over the steps kept, by Simpson's rule with the cubic in the middle."""
     width = jnp.diff(angle)
     middle = 0.5 * (s[1:] + s[:-1]) - width * jnp.diff(s_dtheta) / 8
@@ -135,8 +140,8 @@ def step_integral(angle, s, s_dtheta, keep):
     return simpson(lambda q: jnp.maximum(q, 0.0)), simpson(lambda q: jnp.maximum(q, 0.0) ** 2)
 
 
-def least(angle, values, edges):
-    """Smallest of `values` (k) at samples between the edges, refined by the parabola through it and its neighbours.
+def least(angle: Float[Array, " k"], values: Float[Array, " k"], edges):
+    """Smallest of `values` at samples between the edges, refined by the parabola through it and its neighbours.
 
     A minimum between samples has the derivative of the interpolant at its foot, not that of the nearest sample. No
     parabola is drawn through an exact zero: the force of a contact jumps from there where it closes.
@@ -157,8 +162,8 @@ def least(angle, values, edges):
     return jnp.where(proper, refined, jnp.min(jnp.where(keep, values, jnp.inf)))
 
 
-def greatest(at, s, v, edges):
-    """Greatest s (k) at samples between the edges, raised to the crest of the cubic beside it; v (k): slope by `at`.
+def greatest(at: Float[Array, " k"], s: Float[Array, " k"], v: Float[Array, " k"], edges):
+    """Greatest s at samples between the edges, raised to the crest of the cubic beside it; v is the slope by `at`.
 
     The place of the crest is held fixed. The crest of a force may lie in the layer of its contact, where a damped
     contact closes: its derivative then includes how the closing shifts, that at the sample behind would not.
@@ -186,7 +191,7 @@ def _fall_through_zero(m0, m1, second, third):
     return t
 
 
-def separation_angle(angle, margin, edges):
+def separation_angle(angle: Float[Array, " k"], margin: Float[Array, " k"], edges):
     """Total angle between the edges at which a contact is apart (margin < 0) [rad], crossings linear inside steps."""
     low, high = jnp.minimum(margin[1:], margin[:-1]), jnp.maximum(margin[1:], margin[:-1])
     spread = jnp.where(high > low, high - low, 1.0)
@@ -275,27 +280,4 @@ def revolution_metrics(
         **event_metrics(system, motion, cam_speed, half_duration, revolution),
         "dynamic_area_mm_deg": area / (MM * DEG),
         "excess_lift_mm": excess / MM,
-    }
-
-
-def soft_metrics(
-    system: System, motion: SystemState, half_duration, width_mm, width_N, revolution: int = 0
-) -> dict[str, jax.Array]:
-    """Jump [mm] and contact forces [N] by smooth maxima over angles and contacts, under the names of the hard ones.
-
-    `width_mm` and `width_N` are the widths of `camopt.smooth.maxima`. The bias of a value is at most its width times
-    log(window / stay) + 1 + log(contacts), as there. The values have a derivative where the hard ones have none or
-    zero: the jump is the largest signed gap, negative while the contacts are closed; the least force may be negative.
-    """
-    inside = jnp.abs(motion.angle - 2 * jnp.pi * revolution) <= half_duration
-    margin, pick = margins(system, motion), list(system.topology.cam_side)
-
-    def worst(values, width):  # (k, contacts)
-        each = jax.vmap(lambda q: soft_greatest(motion.angle, q, inside, width), 1)(values)
-        return soft_worst(each, width)
-
-    return {
-        "jump_mm": worst(-margin[:, pick] / MM, width_mm),
-        "contact_force_min_N": -worst(-motion.force[:, pick], width_N),
-        "contact_force_max_N": worst(motion.force[:, pick], width_N),
     }

@@ -12,8 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from camopt.scene.rest import rest_position
+from camopt.scene.shapes import Float
 from camopt.scene.train import Train
-from camopt.smooth.system import System
+from camopt.smooth.system import Array, System
 
 MOST_CONTACT_SETS = 200
 """Largest number of Newton steps; ten are usual."""
@@ -29,13 +30,13 @@ contacts that are open."""
 class RestSearch(NamedTuple):
     """Where the search for rest stands."""
 
-    x: jax.Array  # (n) m
-    unbalanced: jax.Array  # (n) N
+    x: Float[Array, " n"]  # m
+    unbalanced: Float[Array, " n"]  # N
     steps: jax.Array
 
 
-def balance(system: System, x: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Unbalanced force (n) [N] at the positions x (n) [m], lift zero, and the stiffness matrix (n, n) there."""
+def balance(system: System, x: Float[Array, " n"]) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
+    """Unbalanced force [N] at the positions x [m], lift zero, and the stiffness matrix there."""
     rows = jnp.asarray(system.topology.incidence(x.shape[0]), x.dtype)
     u, _ = system.compression(jnp.stack([x, jnp.zeros_like(x)]), 0.0, 0.0)
     force, tangent = jax.jvp(system.elastic, (u,), (jnp.ones_like(u),))
@@ -44,7 +45,7 @@ def balance(system: System, x: jax.Array) -> tuple[jax.Array, jax.Array]:
     return system.mass_force - force @ rows, rows.T @ (tangent[:, None] * rows)
 
 
-def newton_step(stiffness: jax.Array, force: jax.Array, ground) -> jax.Array:
+def newton_step(stiffness: Float[Array, "n n"], force: Float[Array, " n"], ground) -> Float[Array, " n"]:
     """Solution of (stiffness + ground) step = force, rows and columns scaled by their diagonal."""
     stiffness = stiffness + ground * jnp.eye(len(force), dtype=force.dtype)
     scale = jnp.sqrt(jnp.diag(stiffness))
@@ -52,8 +53,8 @@ def newton_step(stiffness: jax.Array, force: jax.Array, ground) -> jax.Array:
 
 
 @jax.jit
-def rest_positions(system: System) -> jax.Array:
-    """Positions at rest on the base circle [m], shape (n), differentiable by the implicit function theorem.
+def rest_positions(system: System) -> Float[Array, " n"]:
+    """Positions at rest on the base circle [m], differentiable by the implicit function theorem.
 
     They are NaN where no rest is found, because nothing holds a mass. A contact whose force at rest is exactly zero
     counts as open, so that the derivative there is the one towards open.
@@ -85,8 +86,8 @@ def rest_positions(system: System) -> jax.Array:
     return jnp.where(jnp.max(jnp.abs(found.unbalanced)) <= slack, x, jnp.nan)
 
 
-def rest_state(train: Train, system: System | None = None) -> jax.Array:
-    """State (2, n) at rest on the base circle, of the train or of a `system` that takes its place.
+def rest_state(train: Train, system: System | None = None) -> Float[Array, "2 n"]:
+    """State at rest on the base circle, of the train or of a `system` that takes its place.
 
     Where there is no rest, a train raises InputError (see `camopt.scene.rest`) and a system gives NaN.
     """

@@ -2,36 +2,33 @@
 
 The grid is data: `camopt.smooth.grid` shrinks it where a contact crosses its layer. Derivatives are taken along the
 grid as it stands, which is right because a motion that is resolved does not depend on its grid.
-Source: Dormand, Prince (1980), A family of embedded Runge-Kutta formulae, J. Comp. Appl. Math. 6, table 2.
+Source: Dormand, Prince (1980), A family of embedded Runge-Kutta formulae, J. Comp. Appl. Math. 6, table 2;
+the numbers are those of SciPy's class `RK45`.
 """
 
 from functools import partial
 
 import jax
 import jax.numpy as jnp
-import numpy as np
+from scipy.integrate import RK45
 
-from camopt.smooth.system import System
+from camopt.scene.shapes import Float
+from camopt.smooth.system import Array, System
 
-NODES = np.array([0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0])
-STAGES = (
-    (),
-    (1 / 5,),
-    (3 / 40, 9 / 40),
-    (44 / 45, -56 / 15, 32 / 9),
-    (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
-    (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
-)
-WEIGHTS = (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84)
-ERROR = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40)
+NODES = RK45.C
+STAGES = tuple(tuple(RK45.A[i, :i].tolist()) for i in range(len(NODES)))  # of Python, so that float32 stays float32
+WEIGHTS = tuple(RK45.B.tolist())
+ERROR = tuple((-RK45.E).tolist())
 """Weights of the result of order five minus those of the embedded result of order four; the last weight belongs to the
 first slope of the next step."""
 
 
-def lift_at(samples: jax.Array, theta: jax.Array) -> tuple[jax.Array, jax.Array]:
+def lift_at(
+    samples: Float[Array, "m_plus_1 2"], theta: Float[Array, " *shape"]
+) -> tuple[Float[Array, " *shape"], Float[Array, " *shape"]]:
     """Lift [m] and its angle derivative [m/rad] at `theta` [rad], cubic between samples.
 
-    `samples` (m + 1, 2) hold lift and its angle derivative at m + 1 equally spaced angles from -pi to pi. The result is
+    `samples` hold lift and its angle derivative at m + 1 equally spaced angles from -pi to pi. The result is
     linear in `samples`.
     """
     count = samples.shape[0] - 1

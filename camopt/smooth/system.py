@@ -7,9 +7,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from camopt.scene.shapes import Float
 from camopt.scene.train import Train
 from camopt.smooth.contact import raw_force
 from camopt.smooth.laws import ElasticLaws, elastic_laws
+
+Array = jax.Array | np.ndarray
+"""What a differentiable function takes: arrays of JAX, traced or not, or of NumPy."""
 
 
 class Topology(NamedTuple):
@@ -29,8 +33,8 @@ class Topology(NamedTuple):
         """Indices of the contacts among the elements."""
         return np.flatnonzero(self.contact)
 
-    def incidence(self, masses: int) -> np.ndarray:
-        """Matrix D (e, n) with d = D x + cam_driven * lift - gap."""
+    def incidence(self, masses: int) -> Float[Array, "e n"]:
+        """Matrix D with d = D x + cam_driven * lift - gap."""
         rows = np.zeros((len(self.a), masses + 1))  # the last column is the ground
         for e, (a, b) in enumerate(zip(self.a, self.b, strict=True)):
             rows[e, a] += 1.0
@@ -41,48 +45,52 @@ class Topology(NamedTuple):
 class SystemState(NamedTuple):
     """Samples of a motion at one speed, revolution after revolution from -pi; repeated angles are allowed."""
 
-    angle: jax.Array  # (k) rad
-    lift: jax.Array  # (k) m
-    x: jax.Array  # (k, n) m
-    v: jax.Array  # (k, n) m/s
-    force: jax.Array  # (k, e) N
-    force_dtheta: jax.Array | None = None  # (k, e) N/rad, where it is known
-    lift_dtheta: jax.Array | None = None  # (k) m/rad, where it is known
+    angle: Float[Array, " k"]  # rad
+    lift: Float[Array, " k"]  # m
+    x: Float[Array, "k n"]  # m
+    v: Float[Array, "k n"]  # m/s
+    force: Float[Array, "k e"]  # N
+    force_dtheta: Float[Array, "k e"] | None = None  # N/rad, where it is known
+    lift_dtheta: Float[Array, " k"] | None = None  # m/rad, where it is known
 
 
 class System(eqx.Module):
     """A valve train as a pytree: every array may be differentiated with respect to.
 
     States y have the shape (2, n), or (2, n, b) for b motions side by side. The axis of the batch comes last, where it
-    costs least. Lift and its rate are then scalars or (b), and every shape (e) given below becomes (e, b).
+    costs least. Lift and its rate are then scalars or (b).
     """
 
-    mass: jax.Array  # (n) kg
-    mass_damping: jax.Array  # (n) N s/m
-    mass_force: jax.Array  # (n) N
-    stiffness: jax.Array  # (e) N/m, of a hertz contact N/m^exponent
-    damping: jax.Array  # (e) N s/m
-    preload: jax.Array  # (e) N
-    gap: jax.Array  # (e) m
+    mass: Float[Array, " n"]  # kg
+    mass_damping: Float[Array, " n"]  # N s/m
+    mass_force: Float[Array, " n"]  # N
+    stiffness: Float[Array, " e"]  # N/m, of a hertz contact N/m^exponent
+    damping: Float[Array, " e"]  # N s/m
+    preload: Float[Array, " e"]  # N
+    gap: Float[Array, " e"]  # m
     topology: Topology = eqx.field(static=True)
     laws: ElasticLaws | None = None  # None: every law is linear
 
-    def compression(self, y: jax.Array, lift, lift_dt) -> tuple[jax.Array, jax.Array]:
-        """Compression of every element beyond the zero of its elastic force [m] and its rate [m/s], each (e)."""
+    def compression(
+        self, y: Float[Array, "2 n *b"], lift, lift_dt
+    ) -> tuple[Float[Array, " e *b"], Float[Array, " e *b"]]:
+        """Compression of every element beyond the zero of its elastic force [m] and its rate [m/s]."""
         rows = self._incidence(y.dtype)
         d, d_dt = (jnp.matmul(rows, q, precision="highest") for q in (y[0], y[1]))
         drive = column(np.array(self.topology.cam_driven, dtype=y.dtype), d)
         lift, lift_dt = (jnp.reshape(q, (1,) * (d.ndim - jnp.ndim(q)) + jnp.shape(q)) for q in (lift, lift_dt))
         return d + drive * lift - column(self.gap + self.touch(), d), d_dt + drive * lift_dt
 
-    def force(self, y: jax.Array, lift, lift_dt, eps, ramp: str = "compact") -> jax.Array:
-        """Force of every element [N], shape (e); it pushes a towards -x and b towards +x."""
+    def force(self, y: Float[Array, "2 n *b"], lift, lift_dt, eps, ramp: str = "compact") -> Float[Array, " e *b"]:
+        """Force of every element [N]; it pushes a towards -x and b towards +x."""
         u, u_dt = self.compression(y, lift, lift_dt)
         pushing = self.raw_force(u, u_dt, eps, ramp)
         bilateral = self.elastic(u) + column(self.damping, u) * u_dt
         return bilateral.at[self.topology.contacts].set(jnp.where(pushing > 0.0, pushing, 0.0))
 
-    def raw_force(self, u: jax.Array, u_dt: jax.Array, eps, ramp: str = "compact") -> jax.Array:
+    def raw_force(
+        self, u: Float[Array, " e *b"], u_dt: Float[Array, " e *b"], eps, ramp: str = "compact"
+    ) -> Float[Array, " contacts *b"]:
         """Force of every contact [N], in the order of the elements, before it is clipped at zero."""
         pick = self.topology.contacts
         damping = column(self.damping, u)
@@ -90,18 +98,18 @@ class System(eqx.Module):
             return raw_force(u[pick], u_dt[pick], column(self.stiffness, u)[pick], damping[pick], eps, ramp)
         return raw_force(u, u_dt, self.elastic, damping, eps, ramp)[pick]
 
-    def touch(self) -> jax.Array:
-        """Compression at which each elastic force is zero [m], shape (e)."""
+    def touch(self) -> Float[Array, " e"]:
+        """Compression at which each elastic force is zero [m]."""
         return -self.preload / self.stiffness if self.laws is None else self.laws.touch(self.stiffness, self.preload)
 
-    def elastic(self, u: jax.Array) -> jax.Array:
-        """Elastic force [N] of every element at the compression u (e) [m] beyond its touch."""
+    def elastic(self, u: Float[Array, " e *b"]) -> Float[Array, " e *b"]:
+        """Elastic force [N] of every element at the compression u [m] beyond its touch."""
         if self.laws is None:
             return column(self.stiffness, u) * u
         force = self.laws.force if u.ndim == 1 else jax.vmap(self.laws.force, (-1, None, None), -1)
         return force(u, self.stiffness, self.preload)
 
-    def rate(self, y: jax.Array, lift, lift_dt, eps, ramp: str = "compact") -> jax.Array:
+    def rate(self, y: Float[Array, "2 n *b"], lift, lift_dt, eps, ramp: str = "compact") -> Float[Array, "2 n *b"]:
         """Time derivative of the state y = (positions [m], velocities [m/s]) at lift [m] and lift rate [m/s]."""
         force = self.force(y, lift, lift_dt, eps, ramp)
         on_mass = jnp.matmul(self._incidence(y.dtype).T, force, precision="highest")

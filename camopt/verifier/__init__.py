@@ -7,8 +7,9 @@ How verification works
 ======================
 
 - Every method of `methods` assembles its own equations and has its own contact law: that duplication is the
-  independence. They share only the train's data, the lift pieces and the response record. A test
-  reads the imports; none may reach for JAX, the smoothed path or event-exact.
+  independence. Before the motion they share only the train's data, the state at rest, the lift law and the response
+  record. A test reads the imports; none may reach for JAX, the smoothed path or event-exact. What follows is shared by
+  all methods, and settling and metrics are shared with the search's judge too: docs/model.md says what guards them.
 - At each speed a method starts at rest and runs until the state one revolution apart moves less than 1 um and 1 mm/s,
   at most 40 revolutions (`camopt.measure.settling`); the next four are measured, and a metric is its worst over them
   (`camopt.measure.metrics`). A motion that does not settle is reported as aperiodic, with its range.

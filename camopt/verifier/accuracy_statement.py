@@ -21,8 +21,11 @@ class AtSpeed(Protocol):
 
 
 def bounce_error_um(speed: AtSpeed) -> float:
-    """Estimated error of bounce [um]: what halved steps moved it by, and the range of an aperiodic motion; infinite
-    where there is no figure."""
+    """Estimated error of the bounce [um] at one speed, by the first method.
+
+    It is the error that the last halvings of the step show. An aperiodic motion has a range of bounces, whose width is
+    added. The error is infinite where there is no figure, because the valve does not seat.
+    """
     first = next(iter(speed.methods.values()))
     low, high = first.range["bounce_mm"]
     error = first.error["bounce_mm"] + (0.0 if first.periodic else high - low)
@@ -30,7 +33,11 @@ def bounce_error_um(speed: AtSpeed) -> float:
 
 
 def stated(speeds: Iterable[AtSpeed], asked_um: float, asked: str | float | None) -> dict:
-    """What verification.json says under "accuracy"; `asked` is the accuracy by name, where it has one."""
+    """What verification.json says under "accuracy".
+
+    `asked_um` is the tolerance that was asked for, and `asked` the name or number by which it was asked, None where
+    there was none. The accuracy counts as reached where the error is within the tolerance at every speed.
+    """
     every = {s.speed_rpm: s for s in speeds}
     errors = {rpm: bounce_error_um(s) for rpm, s in every.items()}
     delivered = max(errors.values(), default=np.inf)

@@ -53,7 +53,7 @@ def text(verdict: "Verdict") -> str:
 
 
 def _line(row: dict, last: str = "") -> str:
-    """One row of `text`; a figure that is null is none, one that the row does not know is left empty."""
+    """One row of `text`: a figure that is null shows as "none", and one that the row does not have as blank."""
     cells = []
     for name, (_, width) in TEXT.items():
         value = row.get(name, "")
@@ -74,7 +74,10 @@ def html(verdict: "Verdict") -> str:
 
 
 def figure(verdict: "Verdict") -> "Figure":
-    """Bounce and jump over the band where one was swept, at the listed speeds otherwise; NaN where never seated."""
+    """Bounce and jump against speed: over the band where one was swept, and at the listed speeds otherwise.
+
+    The curve has a gap where the valve never seats.
+    """
     from camopt.plots import Sweep, bounce_against_speed
 
     scene = verdict.scene

@@ -8,11 +8,12 @@ the interval (Farin, Curves and Surfaces for CAGD, 2002, ch. 5), so such a row h
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import comb, factorial
+from math import factorial
 
 import numpy as np
 from scipy.interpolate import BSpline, PPoly
 
+from camopt.cam.bernstein import from_powers
 from camopt.cam.families.record import Event, Family, Parameters
 from camopt.cam.lift import Lift, with_ramps
 from camopt.cam.ramps import Ramp, scene_ramps
@@ -138,8 +139,7 @@ class FreeCam:
         taylor = np.stack(
             [self._bases[order].derivative(k)(start) * width[:, None] ** k / factorial(k) for k in range(degree + 1)]
         )
-        to_bernstein = np.array([[comb(i, k) / comb(degree, k) for k in range(degree + 1)] for i in range(degree + 1)])
-        points = np.einsum("ik,ken->ein", to_bernstein, taylor)
+        points = np.einsum("ik,ken->ein", from_powers(degree), taylor)
         greville = start[:, None] + width[:, None] * np.arange(degree + 1) / degree
         offset = (
             [

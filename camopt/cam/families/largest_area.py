@@ -18,6 +18,7 @@ import numpy as np
 from scipy.optimize import differential_evolution, linprog, minimize
 from scipy.stats import qmc
 
+from camopt.cam.bernstein import from_powers
 from camopt.cam.families.sections import Flank, SectionTable, closed, flank
 from camopt.cam.ramps import Ramp
 from camopt.scene import InputError
@@ -44,11 +45,10 @@ def to_bernstein(degree: int, edges: tuple[float, ...]) -> np.ndarray:
     """Matrix (parts * (degree + 1), degree + 1) from power coefficients on [0, 1] to control points between edges."""
     k = np.arange(degree + 1)
     binomial = np.array([[comb(i, j) for i in k] for j in k], dtype=float)
-    rows = np.array([[comb(i, j) / comb(degree, j) for j in k] for i in k])
     parts = []
     for start, end in pairwise(edges):
         taylor = binomial * float(start) ** np.maximum(k - k[:, None], 0)
-        parts.append(rows @ ((end - start) ** k[:, None] * taylor))
+        parts.append(from_powers(degree) @ ((end - start) ** k[:, None] * taylor))
     return np.concatenate(parts)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint.motion import ByTrain, Gradient, TracedMotion
 from camopt.scene.rest import rest_position, state_at_rest, static_matrices
+from camopt.scene.shapes import Float, State
 from camopt.scene.train import GROUND, Train
 
 
@@ -16,19 +17,19 @@ def value_and_gradient(
     lift: Lift,
     cam_speed: float,
     metrics: Sequence[str],
-    start: np.ndarray | None = None,
+    start: State | None = None,
     *,
     revolutions: int = 1,
     revolution: int = 0,
-    cotangent: np.ndarray | None = None,
+    cotangent: Float[np.ndarray, " l"] | None = None,
     mechanical: bool = False,
     spacing: float | None = None,
 ) -> Gradient:
     """Values of metrics (l) in one revolution of an event-exact motion and their gradients.
 
-    The motion runs `revolutions` from the state `start` (2n: [m], then [m/s]) at -pi, which is held fixed. Without a
+    The motion runs `revolutions` from the state `start` ([m], then [m/s]) at -pi, which is held fixed. Without a
     start it runs from rest, and gradients by the train then include how the rest position depends on the train. With
-    a `cotangent` (l) of the values only their weighted sum is differentiated, in one sweep. With `mechanical` there
+    a `cotangent` of the values only their weighted sum is differentiated, in one sweep. With `mechanical` there
     are gradients by the train's parameters too. `spacing` [rad] has the meaning that it has for `TracedMotion`.
 
     Raises MotionRefused for endless switching or a motion without bound, InputError for an unknown metric or for laws
@@ -43,9 +44,15 @@ def value_and_gradient(
 
 
 def periodic_value_and_gradient(
-    train: Train, lift: Lift, cam_speed: float, metrics: Sequence[str], state: np.ndarray, *, mechanical: bool = False
-) -> tuple[Gradient, np.ndarray]:
-    """Values and total gradients of metrics in the periodic motion through `state` (2n), and the cycle map's Jacobian.
+    train: Train,
+    lift: Lift,
+    cam_speed: float,
+    metrics: Sequence[str],
+    state: State,
+    *,
+    mechanical: bool = False,
+) -> tuple[Gradient, Float[np.ndarray, "two_n two_n"]]:
+    """Values and total gradients of metrics in the periodic motion through `state`, and the cycle map's Jacobian.
 
     `state` must repeat after one revolution; its own change with cam and train is included by implicit
     differentiation, z = P(z, p): dJ/dp = J_p + J_z (1 - P_z)^-1 P_p. Two revolutions are traced, so that windows that
@@ -63,10 +70,10 @@ def periodic_value_and_gradient(
     return replace(gradient, by_coefficients=by_coefficients, by_start=adjoint, by_train=by_train), jacobian
 
 
-def rest_back(train: Train, by_start: np.ndarray) -> ByTrain:
+def rest_back(train: Train, by_start: Float[np.ndarray, "l two_n"]) -> ByTrain:
     """Gradients by the train, through the rest position, of l numbers of a motion that starts from rest.
 
-    `by_start` (l, 2n) are their gradients by the start state. Rest solves K x = load over the closed contacts. The set
+    `by_start` are their gradients by the start state. Rest solves K x = load over the closed contacts. The set
     of closed contacts is taken as fixed, which is right unless one of them only just touches.
     """
     n = len(train.mass)

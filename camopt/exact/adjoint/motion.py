@@ -17,6 +17,7 @@ from camopt.exact.kernel.revolution import DONE, NEED_TABLES, TRACE_FULL
 from camopt.exact.kernel.setting import Setting, follow, slot_tables
 from camopt.exact.kernel.trace import Trace, empty_trace, first
 from camopt.scene.errors import InputError
+from camopt.scene.shapes import Float, State
 from camopt.scene.train import Train
 
 FIRST_SEGMENTS = 1024
@@ -32,13 +33,13 @@ NO_ROWS = np.empty((0, 0))
 class ByTrain:
     """Gradients of l numbers by a train's parameters in SI, under the names that the parameters have in `Train`."""
 
-    mass: np.ndarray  # (l, n)
-    mass_damping: np.ndarray  # (l, n)
-    mass_force: np.ndarray  # (l, n)
-    stiffness: np.ndarray  # (l, e)
-    damping: np.ndarray  # (l, e)
-    preload: np.ndarray  # (l, e)
-    gap: np.ndarray  # (l, e)
+    mass: Float[np.ndarray, "l n"]
+    mass_damping: Float[np.ndarray, "l n"]
+    mass_force: Float[np.ndarray, "l n"]
+    stiffness: Float[np.ndarray, "l e"]
+    damping: Float[np.ndarray, "l e"]
+    preload: Float[np.ndarray, "l e"]
+    gap: Float[np.ndarray, "l e"]
 
     def __add__(self, other: "ByTrain") -> "ByTrain":
         return ByTrain(*(getattr(self, field.name) + getattr(other, field.name) for field in fields(self)))
@@ -57,10 +58,10 @@ class Grazing:
 
 @dataclass(frozen=True)
 class Slopes:
-    """Gradients of l numbers; `by_train` is None where it was not asked for."""
+    """Gradients of g numbers; `by_train` is None where it was not asked for."""
 
-    by_coefficients: np.ndarray  # (l, p, q): by lift.coefficients [m/rad^k]
-    by_start: np.ndarray  # (l, 2n): by the state at -pi
+    by_coefficients: Float[np.ndarray, "g p q"]  # by lift.coefficients [m/rad^k]
+    by_start: Float[np.ndarray, "g two_n"]  # by the state at -pi
     by_train: ByTrain | None
 
 
@@ -75,21 +76,21 @@ class Gradient(Slopes):
     """
 
     metrics: tuple[str, ...]
-    values: np.ndarray  # (l)
-    runner_up: np.ndarray  # (l)
-    end: np.ndarray  # (2n) state at the end
+    values: Float[np.ndarray, " l"]
+    runner_up: Float[np.ndarray, " l"]
+    end: State  # state at the end
     grazing: Grazing
 
 
 @dataclass(frozen=True)
 class Samples:
-    """A motion at m angles."""
+    """A motion at m angles, or l cotangents of one, each with that shape."""
 
-    x: np.ndarray  # (m, n) m
-    v: np.ndarray  # (m, n) m/s
-    lift: np.ndarray  # (m) m
-    lift_rate: np.ndarray  # (m) m/s
-    force: np.ndarray  # (m, e) N
+    x: Float[np.ndarray, " *l m n"]  # m
+    v: Float[np.ndarray, " *l m n"]  # m/s
+    lift: Float[np.ndarray, " *l m"]  # m
+    lift_rate: Float[np.ndarray, " *l m"]  # m/s
+    force: Float[np.ndarray, " *l m e"]  # N
 
 
 class TracedMotion:
@@ -100,12 +101,12 @@ class TracedMotion:
         train: Train,
         lift: Lift,
         cam_speed: float,
-        start: np.ndarray,
+        start: State,
         revolutions: int = 1,
         mechanical: bool = False,
         spacing: float | None = None,
     ):
-        """Runs the motion from `start` (2n: [m], then [m/s]) at -pi; `cam_speed` is in rad/s.
+        """Runs the motion from `start` ([m], then [m/s]) at -pi; `cam_speed` is in rad/s.
 
         With `mechanical` there are gradients by the train's parameters too. `spacing` [rad] is the distance between the
         borders of most pieces of the lift: where it is given, each speed gets tables of its own whose spans end on the
@@ -122,7 +123,9 @@ class TracedMotion:
         numbers = train.valve, train.seat, sides, lift.half_duration, lift.opening_foot
         self.setting = Setting(arrays, cam, step, tables.built, *slot_tables(tables).for_tables(tables.built), *numbers)
 
-    def gradient(self, metrics: Sequence[str], revolution: int = 0, cotangent: np.ndarray | None = None) -> Gradient:
+    def gradient(
+        self, metrics: Sequence[str], revolution: int = 0, cotangent: Float[np.ndarray, " l"] | None = None
+    ) -> Gradient:
         """Values (l) and gradients of metrics in a revolution, with one sweep for each metric.
 
         Where a `cotangent` (l) of the values is given, one sweep gives the gradient of their weighted sum, and the
@@ -139,9 +142,9 @@ class TracedMotion:
         )
 
     def swept(
-        self, metrics: Sequence[str], revolution: int = 0, cotangent: np.ndarray | None = None
-    ) -> tuple[np.ndarray, Slopes]:
-        """(values and runners-up (l, 2), gradients) as `gradient` gives them, without the distance to grazing."""
+        self, metrics: Sequence[str], revolution: int = 0, cotangent: Float[np.ndarray, " l"] | None = None
+    ) -> tuple[Float[np.ndarray, "l 2"], Slopes]:
+        """(values and runners-up, gradients) as `gradient` gives them, without the distance to grazing."""
         numbers, values = metric_numbers(self.train, metrics), np.empty((len(metrics), 2))
         weights = np.ones(len(metrics)) if cotangent is None else np.asarray(cotangent, dtype=float)
         together = [slice(i, i + 1) for i in range(len(metrics))] if cotangent is None else [slice(None)]
@@ -151,15 +154,15 @@ class TracedMotion:
             sweep(self.setting, self.trace, seeds, *(part[j] for part in room))
         return values, self._slopes(*room)
 
-    def values(self, metrics: Sequence[str], revolution: int = 0) -> np.ndarray:
-        """Values (l) of metrics in a revolution. Raises InputError for an unknown metric."""
+    def values(self, metrics: Sequence[str], revolution: int = 0) -> Float[np.ndarray, " l"]:
+        """Values of metrics in a revolution. Raises InputError for an unknown metric."""
         numbers, values = metric_numbers(self.train, metrics), np.empty((len(metrics), 2))
         seeds = self._seeds(OBSERVATIONS * len(metrics))
         evaluate(self.setting, self.trace, seeds, numbers, np.ones(len(metrics)), revolution, values)
         return values[:, 0]
 
-    def by_half_duration(self, metrics: Sequence[str], revolution: int = 0) -> np.ndarray:
-        """Gradients (l) [unit per rad] of metrics by half the duration, between whose ends contacts are judged.
+    def by_half_duration(self, metrics: Sequence[str], revolution: int = 0) -> Float[np.ndarray, " l"]:
+        """Gradients [unit per rad] of metrics by half the duration, between whose ends contacts are judged.
 
         The motion does not change with it: a central difference of the metrics of this same trace, whose instants are
         located to round-off.
@@ -171,7 +174,7 @@ class TracedMotion:
             evaluate(setting, self.trace, seeds, numbers, np.ones(len(metrics)), revolution, values)
         return (pair[0, :, 0] - pair[1, :, 0]) / (2 * WINDOW_STEP)
 
-    def at(self, angles: np.ndarray) -> Samples:
+    def at(self, angles: Float[np.ndarray, " m"]) -> Samples:
         """The motion at m angles [rad], the trace starting at -pi; where a force jumps, its value before the jump."""
         n = len(self.train.mass)
         rows = np.empty((len(angles), 2 * n + 2 + len(self.train.a)))
@@ -179,12 +182,15 @@ class TracedMotion:
         return Samples(rows[:, :n], rows[:, n : 2 * n], rows[:, 2 * n], rows[:, 2 * n + 1], rows[:, 2 * n + 2 :])
 
     def pull_back(
-        self, angles: np.ndarray | None = None, bars: Samples | None = None, ends: np.ndarray | None = None
+        self,
+        angles: Float[np.ndarray, " m"] | None = None,
+        bars: Samples | None = None,
+        ends: Float[np.ndarray, "l two_n"] | None = None,
     ) -> Slopes:
         """Gradients of l numbers from their cotangents, with one sweep for each number.
 
         `bars` are the cotangents of what `at` gives at the m angles [rad], each array with a first axis l; `ends`
-        (l, 2n) are those of the end state. The angles are held fixed.
+        are those of the end state. The angles are held fixed.
         """
         n, e = len(self.train.mass), len(self.train.a)
         at = np.zeros(0) if angles is None or bars is None else np.asarray(angles)

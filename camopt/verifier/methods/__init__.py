@@ -1,4 +1,4 @@
-'''The independent methods, one file each: own assembly of the equations, own contact law, nothing shared but the data.
+'''The independent methods, one file each: own assembly, own contact law, nothing shared but train, lift law and record.
 
 Adding a verifier method
 ========================

@@ -1,0 +1,87 @@
+"""More about the settled motions of a verdict: their energy balance, and whether each is the stable periodic solution.
+
+Both are computed for the first method of the verdict, at every listed speed, from the state in which it settled.
+"""
+
+from importlib import import_module
+
+import numpy as np
+
+from camopt.cam.lift import Lift
+from camopt.measure.energy import energy
+from camopt.measure.periodic import periodic_state
+from camopt.scene.response import Response, Revolve
+from camopt.scene.train import Train, build_train
+from camopt.scene.units import UM
+from camopt.study.simulate.motion import MODULES
+from camopt.verifier.convergence import Converged
+from camopt.verifier.verdict import Verdict
+
+SAMPLES = 7200
+"""Samples per revolution at least, with which the energy balance of event-exact motion closes to 1e-9."""
+
+
+def settled_motions(lift: Lift, verdict: Verdict, *, with_energy: bool, with_periodic: bool) -> list[dict]:
+    """What verification.json adds to each of its `speeds`: `energy` and `periodic_solution`, those that are asked for.
+
+    They are None at a speed at which the method refused the motion. Raises InputError for the energy of nonlinear laws.
+    """
+    assert verdict.scene is not None, "a verdict knows its scene"
+    train, found = build_train(verdict.scene), []
+    for speed in verdict.speeds:
+        name, answer = next(iter(speed.methods.items()))
+        prepare, steps = import_module(MODULES[name]).prepare, max(answer.steps_per_revolution, SAMPLES)
+        revolve = prepare(train, lift, verdict.scene.cam_speed(speed.speed_rpm), steps)
+        more = {}
+        if with_energy:
+            more["energy"] = None if answer.state is None else energy_record(revolve(answer.state), lift)
+        if with_periodic:
+            more["periodic_solution"] = None if answer.state is None else periodic_record(train, revolve, answer)
+        found.append(more)
+    return found
+
+
+def energy_record(response: Response, lift: Lift) -> dict[str, float]:
+    """The energy balance of a motion [J]: put in = dissipated + left in contacts + change + residual."""
+    found = energy(response, lift)
+    return {
+        "put_in_J": found.put_in,
+        "dissipated_J": found.dissipated,
+        "left_in_contacts_J": float(found.left.sum()),
+        "change_J": float(found.stored[-1] - found.stored[0]),
+        "residual_J": found.residual,
+        "residual_relative": found.residual_relative,
+    }
+
+
+def periodic_record(train: Train, revolve: Revolve, answer: Converged) -> dict:
+    """Whether a stable periodic solution lies near a settled motion, how near, and its Floquet multipliers."""
+    assert answer.state is not None
+    found, n = periodic_state(revolve, answer.state), len(train.mass)
+    apart = float(np.abs(found.state - answer.state)[:n].max()) if found.periodic else None
+    multipliers = sorted(found.multipliers, key=abs, reverse=True)
+    return {
+        "stable": found.periodic,
+        "distance_um": None if apart is None else apart / UM,
+        "largest_multiplier": found.radius if len(multipliers) else None,
+        "multipliers": [[float(m.real), float(m.imag)] for m in multipliers],
+    }
+
+
+def settled_lines(verdict: Verdict, found: list[dict]) -> list[str]:
+    """The same for a terminal, a line for each speed and each record."""
+    lines = []
+    for speed, more in zip(verdict.speeds, found, strict=True):
+        at = f"{speed.speed_rpm:g} r/min"
+        if balance := more.get("energy"):
+            lines.append(
+                f"{at}: {balance['put_in_J']:.4g} J put in, {balance['dissipated_J']:.4g} J dissipated, "
+                f"{balance['left_in_contacts_J']:.4g} J left in opened contacts; "
+                f"the balance closes to {abs(balance['residual_relative']):.1e} of the largest stored energy"
+            )
+        if solution := more.get("periodic_solution"):
+            near = f"{solution['distance_um']:.2g} um from the settled motion" if solution["stable"] else "not stable"
+            largest = solution["largest_multiplier"]
+            size = "no periodic solution found" if largest is None else f"largest Floquet multiplier {largest:.4f}"
+            lines.append(f"{at}: {size}" + ("" if largest is None else f", the periodic solution is {near}"))
+    return lines

@@ -1,0 +1,38 @@
+"""Array shapes are checked in the tests, and cost nothing where they are not checked."""
+
+import subprocess
+import sys
+
+import jaxtyping
+import numpy as np
+import pytest
+
+from camopt.measure.hermite import Hermite
+from camopt.scene import build_train, load_scene
+from camopt.smooth.rest import balance
+from camopt.smooth.system import build_system
+from tests.checked_shapes import MODULES
+
+
+def test_a_wrong_shape_is_refused():
+    angle = np.linspace(0.0, 1.0, 5)
+    Hermite(angle, angle, angle)
+    with pytest.raises(jaxtyping.TypeCheckError):
+        Hermite(angle, angle, angle[:-1])
+
+
+def test_a_wrong_shape_is_refused_on_the_smooth_path():
+    system = build_system(build_train(load_scene("kodama")))
+    with pytest.raises(jaxtyping.TypeCheckError):
+        balance(system, np.zeros((2, len(system.mass))))
+
+
+def test_the_modules_that_are_checked_exist():
+    for name in MODULES:
+        __import__(name)
+
+
+@pytest.mark.parametrize("module", ["camopt.verifier.verdict", "camopt.cam.read"])
+def test_shapes_cost_no_import(module):
+    code = f"import sys, {module}; sys.exit('jaxtyping' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
