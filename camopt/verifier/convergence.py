@@ -9,10 +9,10 @@ from camopt.cam.lift import Lift
 from camopt.measure.settling import (
     SETTLED_POSITION,
     Figures,
-    Settled,
+    Measured,
     decay_per_revolution,
     first_revolution,
-    settle,
+    settle_and_measure,
 )
 from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import QUANTITIES
@@ -153,13 +153,13 @@ class Halving:
         self._steps = (self._first << self._taken) + self._taken
         self._taken += 1
         try:
-            done = self._run(self._prepare(train, lift, cam_speed, self._steps))
+            done = self._run(self._prepare(train, lift, cam_speed, self._steps), lift)
         except MotionRefused:
             self._begin_again()
             return
         self._revolutions, self._faded = self._revolutions or done.revolutions, self._faded or done.faded
-        self._last, self._state = done, end_state(done.response)
-        self._runs.append(done.metrics(lift))
+        self._last, self._state = done, done.state
+        self._runs.append(done.figures)
         if len(self._runs) > 1:
             self._stood.append(_unmoved(*self._runs[-2:], self._allowed, done.periodic))
 
@@ -177,11 +177,12 @@ class Halving:
         errors = _errors(self._runs)
         return Converged(self._steps, converged, worst, spread, errors, self._revolutions, self.periodic, self._state)
 
-    def _run(self, revolve: Revolve) -> Settled:
+    def _run(self, revolve: Revolve, lift: Lift) -> Measured:
         if not self._demand.settled:
-            return first_revolution(revolve, self._start)
+            first = first_revolution(revolve, self._start)
+            return Measured(first.metrics(lift), end_state(first.response), 0, True)
         most = None if self._last is None or self.periodic else WANDERING_REVOLUTIONS
-        return settle(revolve, self._state, most, position=self._demand.position, decay=self._decay)
+        return settle_and_measure(revolve, self._state, lift, most, position=self._demand.position, decay=self._decay)
 
     def _stands(self) -> bool:
         if not self._stood_twice():

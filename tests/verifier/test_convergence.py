@@ -31,12 +31,9 @@ def answers(monkeypatch):
             if values is None:
                 raise MotionRefused("too coarse")
             by_name = Figures({name: np.asarray(values, dtype=float) for name in QUANTITIES})
-            return SimpleNamespace(
-                response=state + 1, revolutions=7, periodic=periodic, faded=True, metrics=lambda lift: by_name
-            )
+            return SimpleNamespace(state=state + 1, revolutions=7, periodic=periodic, faded=True, figures=by_name)
 
-        monkeypatch.setattr(module, "settle", settled)
-        monkeypatch.setattr(module, "end_state", lambda response: response)
+        monkeypatch.setattr(module, "settle_and_measure", settled)
         prepare = lambda train, lift, cam_speed, steps: steps  # noqa: E731
         return converge(prepare, SLOW, no_lift(), 1.0, np.zeros(2), Demand(2.0, halvings))
 
