@@ -138,7 +138,7 @@ class _Job:
         scene, effort, clock, gradient = self.scene, self.effort, self.clock, self.settings["gradient"]
         shown.begin("search")
         search, no_jump = find_cam(
-            scene, self.settings["speeds"], effort, gradient, Journal(folder), shown.step, clock,
+            scene, self.settings["speeds"], effort, gradient, journal=Journal(folder), show=shown.step, clock=clock,
             seed=self.settings["seed"],
         )  # fmt: skip
         self.found = {"cams_judged": search.judge.calls, "gradient_ended": search.gradient_ended}

@@ -30,6 +30,8 @@ NONLINEAR_METHODS = ("dop853", "rkg")
 ROUNDS = 2
 """How often the worst speeds of a band are judged: where a motion is erratic the judged figure is not the sweep's, and
 another speed is the worst then."""
+WORKERS = 2
+"""Threads over the speeds of a verdict."""
 SWEEP_REFINEMENT = 4
 """Runge-Kutta-Gill's steps in a sweep, as a multiple of the first ones: where its bounce is right to some um."""
 ORDER = ("confirmed", "sensitive", "not converged", "rejected")
@@ -90,7 +92,7 @@ def verdict_on(
     band_step_rpm: float | None = 20.0,
     tolerance_um: float = 2.0,
     halvings: int = 6,
-    workers: int = 2,
+    *,
     settled: float = SETTLED_POSITION,
 ) -> Verdict:
     """Judge a cam at `speeds_rpm` (crankshaft; the scene's by default) and over the scene's band.
@@ -100,32 +102,24 @@ def verdict_on(
     method ends as "not converged". `band_step_rpm` None leaves the band and the starting speeds out; they are swept
     with event-exact (Runge-Kutta-Gill for nonlinear laws), also where a lightly damped mode resonates between its
     steps, and all methods look at the worst speed of every limited metric and at the starting speeds inside the band.
-    Bounce and jump "start" where they exceed the scene's
-    limit, or 0.05 mm where it sets none. `tolerance_um` [um]: by how much halving the step may still move bounce and
-    jump. `settled` [m]: largest change of a position over a revolution of a settled motion. Raises InputError for a
-    scene without valve or operation, or an unknown method.
+    Bounce and jump "start" where they exceed the scene's limit, or 0.05 mm where it sets none. `tolerance_um` [um]: by
+    how much halving the step may still move bounce and jump. `settled` [m]: largest change of a position over a
+    revolution of a settled motion. Raises InputError for a scene without valve or operation, or an unknown method.
     """
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name!r}: a verdict needs valve, seat and [operation]")
-    train = build_train(scene)
-    methods = methods_for(train)[:2] if methods is None else methods
-    known = ("event", *INDEPENDENT)
-    if not methods or (unknown := [m for m in methods if m not in known]):
-        raise InputError(
-            f"methods {methods}: give names out of {', '.join(known)}" + f"; not {unknown}" * bool(methods)
-        )
-
+    methods = _known_methods(scene, methods)
     demand = Demand(tolerance_um, halvings, limited_metrics(scene.design), position=settled)
     case = Case(scene, lift, {name: _method(name) for name in methods}, demand)
 
     def judge(speeds) -> tuple[SpeedVerdict, ...]:
-        with ThreadPoolExecutor(workers) as pool:
+        with ThreadPoolExecutor(WORKERS) as pool:
             return tuple(pool.map(lambda speed: judge_speed(case, float(speed)), speeds))
 
     at_speeds = judge(scene.operation.speeds_rpm if speeds_rpm is None else speeds_rpm)
     band, worst, first = None, (), {"bounce_mm": None, "jump_mm": None}
     if band_step_rpm is not None:
-        band, first, suspects = _swept_band(scene, lift, train, band_step_rpm, workers)
+        band, first, suspects = _swept_band(scene, lift, band_step_rpm)
         swept = band
         for _ in range(ROUNDS):
             worst += judge(s for s in suspects if s not in [w.speed_rpm for w in worst])
@@ -141,15 +135,23 @@ def verdict_on(
     return Verdict(overall, tuple(broken), at_speeds, band, worst, *starts, tolerance_um, scene=scene, cam=lift.family)
 
 
-def _swept_band(
-    scene: Scene, lift: Lift, train: Train, step_rpm: float, workers: int
-) -> tuple[Band, dict[str, float | None], list[float]]:
+def _known_methods(scene: Scene, methods: tuple[str, ...] | None) -> tuple[str, ...]:
+    """The methods that are asked for, by default the first two for the scene's laws; InputError for an unknown one."""
+    asked = methods_for(build_train(scene))[:2] if methods is None else methods
+    known = ("event", *INDEPENDENT)
+    if not asked or (unknown := [m for m in asked if m not in known]):
+        raise InputError(f"methods {asked}: give names out of {', '.join(known)}" + f"; not {unknown}" * bool(asked))
+    return asked
+
+
+def _swept_band(scene: Scene, lift: Lift, step_rpm: float) -> tuple[Band, dict[str, float | None], list[float]]:
     """The swept band, where bounce and jump start, and the speeds [r/min] that all methods must look at.
 
     These are the worst speed of every limited metric and a start that lies inside the band although the metric is
     limited: what a search of its own has found may not be left out.
     """
-    swept = Swept(_sweeping(train), scene, lift, workers, "event" if train.laws is None else "rkg")
+    train = build_train(scene)
+    swept = Swept(_sweeping(train), scene, lift, WORKERS, "event" if train.laws is None else "rkg")
     limited = limited_metrics(scene.design)
     found, left_out = resonances(scene, lift, step_rpm)
     sweep(swept, step_rpm, limited, found)

@@ -65,7 +65,7 @@ def free_stage(search: Search, program: NoJumpProgram, sensitivity: Sensitivity,
         promised = found.area_ratio - best.area_ratio
         if promised < RESOLUTION:
             return (
-                f"after {taken} of {steps} free steps, where the model promised {max(promised, 0.0):.1g} of area ratio"
+                f"after {taken} of {steps} free steps, where the model promised {max(promised, 0.0):.2g} of area ratio"
             )
         judged = search.consider("gradient", found)
         if search.best is best:

@@ -52,7 +52,7 @@ def margin_stage(search: Search, program: NoJumpProgram, sensitivity: Sensitivit
         update = scale * adam(slope)
         promised = (steps - taken) * max(0.0, -float(np.sum(slope * update)))
         if promised < RESOLUTION:
-            return f"after {taken} of {steps} steps on the margins, where the steps left promised {promised:.1g}"
+            return f"after {taken} of {steps} steps on the margins, where the steps left promised {promised:.2g}"
         moved = margins + update
         try:
             found = program.solve(Margins(*moved))

@@ -36,6 +36,7 @@ def find_cam(
     speeds: str,
     effort: Accuracy,
     gradient: str = "none",
+    *,
     journal: Journal | None = None,
     show: Callable[[dict], None] = lambda line: None,
     clock: StageClock | None = None,
