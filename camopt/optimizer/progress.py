@@ -62,11 +62,6 @@ class Progress:
         """So many of the stage's steps are done, at most all of them."""
         self._bar.update(min(steps, max(0, self._end[self._stage] - self._bar.n)))
 
-    def say(self, sentence: str) -> None:
-        """A line above the bar; silent as the bar is."""
-        if not self._bar.disable:
-            self._bar.write(sentence)
-
     def make_room(self) -> AbstractContextManager:
         """While it lasts, others may print to the terminal without the bar in their way."""
         return self._bar.external_write_mode()

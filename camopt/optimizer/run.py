@@ -142,8 +142,6 @@ class _Job:
             seed=self.settings["seed"],
         )  # fmt: skip
         self.found = {"cams_judged": search.judge.calls, "gradient_ended": search.gradient_ended}
-        if search.gradient_ended:
-            shown.say(search.gradient_ended)
         shown.begin("verdict")
         with clock.stage("verdict"):
             chosen, verdict, refused = confirmed_cam(scene, search.confirmed, self.settings["speeds"], effort)
