@@ -209,7 +209,7 @@ class TestArguments:
 
     def test_defaults_are_the_contracts(self):
         args = cli.parser().parse_args(["optimize"])
-        assert (args.scene, args.speeds, args.accuracy, args.gradient) == ("kodama", "band", "standard", "smooth")
+        assert (args.scene, args.speeds, args.accuracy, args.gradient) == ("kodama", "band", "standard", "auto")
         assert (args.out, args.seed, args.resume) == (None, 0, False)
         args = cli.parser().parse_args(["simulate", "kodama", "--cam", "polydyne", "--speed", "6000"])
         assert (args.method, args.revolutions, args.step_deg, args.csv) == (None, 2, 0.1, None)  # event

@@ -12,7 +12,6 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.geometry import contact, crossing
 from camopt.cam.read import read_cam
 from camopt.cli import parser as cli
-from camopt.report import write_report
 from camopt.scene import MotionRefused, builtin_scenes, load_scene, scene_text
 from camopt.storage import create_run_folder, write_csv
 
@@ -316,6 +315,7 @@ class TestVerbsThatSearch:
         asked = {}
 
         def optimize(scene, **options):
+            designed = options.pop("designed")
             asked.update(options, scene=scene.name)
             folder = create_run_folder(options["out"])
             step = {"stage": "margin", "area_ratio": 0.55, "confirmed": True}
@@ -325,11 +325,15 @@ class TestVerbsThatSearch:
             (folder / "design.json").write_text(json.dumps(record))
             word = {"verdict": "sensitive" if code else "confirmed", "broken": []}
             (folder / "verification.json").write_text(json.dumps(word))
+            designed(folder)  # before the comparison: the outcome is printed, and the report written, by then
+            said.append(capsys.readouterr().out)
+            assert (folder / "report.html").exists()
             return SimpleNamespace(exit_code=code, folder=folder)
 
+        said = []
         stand_in(monkeypatch, "camopt.optimizer.run", optimize=optimize)
         words = ["optimize", "motori-1", "--speeds", "nominal", "--accuracy", "draft", "--gradient", "none"]
-        got, out, _ = run(capsys, *words, "--seed", "7", "--out", str(tmp_path / "run"))
+        got, folder, _ = run(capsys, *words, "--seed", "7", "--no-compare", "--out", str(tmp_path / "run"))
         assert got == code
         assert asked == {
             "scene": "motori-1",
@@ -340,14 +344,14 @@ class TestVerbsThatSearch:
             "seed": 7,
             "resume": False,
             "progress": True,
-            "designed": write_report,
+            "compare": False,
         }
-        start_to_end, areas, gain, verdict, folder = out.splitlines()[1:]
+        start_to_end, areas, gain, verdict = said[0].splitlines()[1:]
         assert gain == "The gradient stage gained 0.005 of area ratio."
         assert start_to_end.split() == ["area", "ratio", "–", "0.55", "->", "0.56"]
         assert "0.56000, certified bound 0.60000 (gap 6.67 %), no-jump program 0.55500" in areas
         assert verdict == f"verdict: {'sensitive' if code else 'confirmed'}"
-        assert folder == f"run folder: {tmp_path / 'run'}, report: {tmp_path / 'run' / 'report.html'}"
+        assert folder == f"run folder: {tmp_path / 'run'}, report: {tmp_path / 'run' / 'report.html'}\n"
         assert (tmp_path / "run" / "report.html").exists()
 
     def test_compare(self, capsys, tmp_path, monkeypatch):

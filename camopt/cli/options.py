@@ -19,8 +19,12 @@ def _optimize(command: Command) -> None:
     c.add_argument("--speeds", choices=("band", "nominal"), default="band", help="speeds the cam must hold at (band)")
     c.add_argument("--accuracy", choices=ACCURACIES, default="standard", help="speed against accuracy (standard)")
     c.add_argument(
-        "--gradient", choices=("smooth", "exact", "none"), default="smooth", help="gradients of the dynamics (smooth)"
+        "--gradient",
+        choices=("auto", "smooth", "exact", "none"),
+        default="auto",
+        help="gradients of the dynamics (auto: exact where the train allows it)",
     )
+    c.add_argument("--no-compare", action="store_true", help="leave out the comparison with the literature's cams")
     c.add_argument("--out", metavar="DIR", help="run folder, refused if it exists (runs/<scene>-<UTC time>)")
     c.add_argument("--seed", type=seed, default=0, metavar="N", help="seed of the searches (0)")
     c.add_argument("--resume", action="store_true", help="go on in the run folder named by --out")

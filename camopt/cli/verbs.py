@@ -20,8 +20,15 @@ SIMULATED = ("valve", "seat", "operation", "design")
 def optimize(args: Namespace) -> int:
     scene = _scene_of(args)
     folder = _run_folder(args, scene.name)
+    if not args.quiet:
+        print(f"{scene.name}: designs a cam at accuracy {args.accuracy} into {folder}", file=sys.stderr, flush=True)
     from camopt.optimizer.run import optimize as run
     from camopt.report import write_report
+
+    def designed(folder: Path) -> None:
+        _print_outcome(folder)
+        sys.stdout.flush()
+        write_report(folder)
 
     result = run(
         scene,
@@ -32,10 +39,10 @@ def optimize(args: Namespace) -> int:
         seed=args.seed,
         resume=args.resume,
         progress=not args.quiet,
-        designed=write_report,
+        designed=designed,
+        compare=not args.no_compare,
     )
     page = write_report(result.folder)
-    _print_outcome(result.folder)
     print(f"run folder: {result.folder}, report: {page}")
     return result.exit_code
 

@@ -21,7 +21,9 @@ SETTLED_POSITION = 1e-6
 SETTLED_VELOCITY = 1e-3
 """Largest change that a velocity of a settled motion still has before it [m/s]."""
 PLAIN_REVOLUTIONS = 40
-"""A motion of a well damped train that still changes after this many revolutions counts as aperiodic."""
+"""Revolutions after which a motion of a well damped train that still changes counts as aperiodic."""
+MEASURED, APERIODIC = 4, 8
+"""Revolutions that are measured of a motion that has settled, and of one that has not."""
 FADED, MOST_REVOLUTIONS = 15.0, 1500
 """A lightly damped train may run until its slowest mode has faded by FADED e-folds, which takes three millimetres to a
 nanometre, but for no more than MOST_REVOLUTIONS."""
@@ -44,6 +46,20 @@ class Settled:
         return Figures(measure(self.response, lift))
 
 
+@dataclass(frozen=True, repr=False)
+class Measured:
+    """The figures of a settled motion without its record, which at a verifier's finest step is hundreds of megabytes.
+
+    All else as of `Settled`; `state` (2n) is the one at the end, from which a finer step goes on.
+    """
+
+    figures: "Figures"
+    state: np.ndarray
+    revolutions: int
+    periodic: bool
+    faded: bool = True
+
+
 @dataclass(frozen=True)
 class Figures:
     """Metrics by revolution, in the units of their names."""
@@ -64,8 +80,8 @@ def settle(
     revolve: Revolve,
     state: State,
     most: int | None = None,
-    measured: int = 4,
-    aperiodic: int = 8,
+    measured: int = MEASURED,
+    aperiodic: int = APERIODIC,
     position: float = SETTLED_POSITION,
     decay: float = np.inf,
 ) -> Settled:
@@ -81,6 +97,39 @@ def settle(
     settled by then is reported as aperiodic and measured over `aperiodic` revolutions instead of `measured`. Raises
     MotionRefused where the motion has no bound, because the step is past the method's stability limit.
     """
+    state, revolutions, periodic, faded = _stood(revolve, state, most, position, decay)
+    responses = []
+    for _ in range((measured if periodic else aperiodic) + 1):
+        responses.append(_finite(revolve(state)))
+        state = end_state(responses[-1])
+    return Settled(joined(responses), revolutions, periodic, faded)
+
+
+def settle_and_measure(
+    revolve: Revolve,
+    state: np.ndarray,
+    lift: Lift,
+    most: int | None = None,
+    *,
+    position: float = SETTLED_POSITION,
+    decay: float = np.inf,
+) -> Measured:
+    """As `settle`, but each revolution is measured as it comes, and only it and the next one are kept."""
+    state, revolutions, periodic, faded = _stood(revolve, state, most, position, decay)
+    before, rows = _finite(revolve(state)), []
+    for _ in range(MEASURED if periodic else APERIODIC):
+        after = _finite(revolve(end_state(before)))
+        rows.append(measure(joined([before, after]), lift))
+        before = after
+    figures = Figures({name: np.concatenate([row[name] for row in rows]) for name in rows[0]})
+    return Measured(figures, end_state(before), revolutions, periodic, faded)
+
+
+def _stood(
+    revolve: Revolve, state: np.ndarray, most: int | None, position: float, decay: float
+) -> tuple[np.ndarray, int, bool, bool]:
+    """The state where the motion stands or is given up, the revolutions until there, whether it is periodic, and
+    whether the slowest mode had the revolutions that it needs to die out."""
     needed = int(np.ceil(FADED / max(decay, 1e-9)))
     slow = needed > PLAIN_REVOLUTIONS
     stands = _Stands(position, max(1.0, 1.0 / np.expm1(max(decay, 1e-9))))
@@ -90,11 +139,7 @@ def settle(
         state, more, periodic = _run(revolve, state, min(needed, MOST_REVOLUTIONS) - PLAIN_REVOLUTIONS, stands)
         revolutions += hastened + more
     faded = periodic or not slow or (most is None and needed <= MOST_REVOLUTIONS)
-    responses = []
-    for _ in range((measured if periodic else aperiodic) + 1):
-        responses.append(_finite(revolve(state)))
-        state = end_state(responses[-1])
-    return Settled(joined(responses), revolutions, periodic, faded)
+    return state, revolutions, periodic, faded
 
 
 @dataclass(frozen=True)

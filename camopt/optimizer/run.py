@@ -3,11 +3,9 @@
 import platform
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-
-from tqdm import tqdm
 
 from camopt.cam.design_file import design_record
 from camopt.cam.families.free import free_cam
@@ -15,10 +13,12 @@ from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import write_lift_table
 from camopt.optimizer.accuracy import Accuracy, accuracy_named
 from camopt.optimizer.bound.certificate import area_ratio_bound
-from camopt.optimizer.program.kinematic import kinematic_optimum, limit_worth
+from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_worth
 from camopt.optimizer.program.no_jump import NoJumpOptimum
+from camopt.optimizer.progress import Progress
 from camopt.optimizer.search.journal import Journal
 from camopt.optimizer.search.search import find_cam
+from camopt.optimizer.stage_clock import StageClock
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.toml_text import scene_toml
@@ -29,7 +29,7 @@ from camopt.verifier.verdict import Verdict, verdict_on
 
 PACKAGES = ("camopt", "jax", "diffrax", "optax", "numpy", "scipy", "highspy", "numba", "matplotlib")
 SPEEDS = ("band", "nominal")
-GRADIENTS = ("smooth", "exact", "none")
+GRADIENTS = ("auto", "smooth", "exact", "none")
 SHOWN = ("area_ratio", "area_ratio_bound", "area_gap_percent", "area_ratio_no_jump", "gradient_gain")
 """Figures of the record that a notebook shows above the verdict."""
 CANDIDATES = 4
@@ -67,51 +67,88 @@ def optimize(
     scene: Scene,
     speeds: str = "band",
     accuracy: str = "standard",
-    gradient: str = "smooth",
+    gradient: str = "auto",
     out: Path | str | None = None,
     seed: int = 0,
     resume: bool = False,
     progress: bool = False,
     designed: Callable[[Path], object] = lambda folder: None,
+    *,
+    compare: bool = True,
 ) -> Run:
     """Design the cam of largest area that a scene's limits allow, and have it verified and compared.
 
     `speeds` "band" (every speed of the scene's band) or "nominal" (its listed speeds (k) [r/min]); `accuracy` a name of
-    `camopt.optimizer.accuracy`; `gradient` "smooth", "exact" or "none". The run folder (docs/run-folder.md) goes to
-    `out` (default runs/<scene>-<UTC time>), but for report.html, which `camopt.report` makes from it. With `resume`
-    an interrupted run in `out` goes on and ends in the same design. `seed`, where it is not zero, draws the knots to
-    start from. `designed` is called with the folder once the design, its verdict and its provenance are written, before
-    the comparison, which can cost none of them. Raises InputError for unknown words, contradictory limits, an unusable
-    folder or one of another run, and a scene without a confirmed cam.
+    `camopt.optimizer.accuracy`; `gradient` "smooth", "exact", "none", or "auto" for exact where the train allows it.
+    The run folder (docs/run-folder.md) goes to `out` (default runs/<scene>-<UTC time>), but for report.html, which
+    `camopt.report` makes from it. With `resume` an interrupted run in `out` goes on and ends in the same design.
+    `seed`, where it is not zero, draws the knots to start from. `designed` is called with the folder once the design,
+    its verdict and its provenance are written, before the comparison, which can cost none of them; without `compare`
+    there is none. Raises InputError for unknown words, contradictory limits, an unusable folder or one of another run,
+    and a scene without a confirmed cam.
     """
-    begun = time.perf_counter()
-    design, operation = scene.design, scene.operation
-    assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
-    effort = accuracy_named(accuracy)
-    for name, value, known in (("speeds", speeds, SPEEDS), ("gradient", gradient, GRADIENTS)):
-        if value not in known:
-            raise InputError(f"{name} {value!r}: expected one of {', '.join(known)}")
-    build_train(scene).require_linear(
-        "the optimiser", "optimise a scene with linear laws and verify its cam on this one"
-    )
-    kinematic = kinematic_optimum(design, free_cam(design, effort.knot_deg))  # contradictory limits end here
-    certificate = area_ratio_bound(design)
     settings = {"speeds": speeds, "accuracy": accuracy, "gradient": gradient, "seed": seed}
+    effort = _understood(scene, settings)
+    job = _Job(scene, settings, effort, StageClock())
+    with job.clock.stage("bound"):
+        kinematic = kinematic_optimum(scene.design, free_cam(scene.design, effort.knot_deg))  # contradictions end here
+        bound = area_ratio_bound(scene.design).bound
     identity = run_identity("optimize", scene, **settings)
     with run_folder(out or default_run_folder(scene.name), identity, resume, ["design.json"]) as folder:
         write_text(folder / "scene.toml", scene_toml(scene))
-        with _Progress(progress, effort, gradient) as shown:
-            times = {"bound": time.perf_counter() - begun}
-            search, no_jump = find_cam(scene, speeds, effort, gradient, Journal(folder), shown.step, times, seed=seed)
-            shown.stage("verdict")
-            started = time.perf_counter()
-            chosen, verdict, refused = confirmed_cam(scene, search.confirmed, speeds, effort)
-            times["verdict"] = time.perf_counter() - started
+        with Progress(progress, effort, gradient, compare) as shown:
+            lift, verdict, record = job.design(folder, shown, kinematic, bound)
+            with shown.make_room():
+                designed(folder)
+            shown.begin("comparison")
+            with job.clock.stage("comparison"):
+                _compared(folder, scene, lift, verdict, effort if compare else None, shown)
+            shown.end()
+        job.write_provenance(folder)
+    return Run(folder, lift, verdict, record, 0 if verdict.verdict == "confirmed" else 3)
+
+
+def _understood(scene: Scene, settings: dict) -> Accuracy:
+    """The effort that is asked for; raises InputError for unknown words and a train whose laws are not linear."""
+    effort = accuracy_named(settings["accuracy"])
+    for name, known in (("speeds", SPEEDS), ("gradient", GRADIENTS)):
+        if settings[name] not in known:
+            raise InputError(f"{name} {settings[name]!r}: expected one of {', '.join(known)}")
+    build_train(scene).require_linear(
+        "the optimiser", "optimise a scene with linear laws and verify its cam on this one"
+    )
+    return effort
+
+
+@dataclass
+class _Job:
+    """A run between its folder and its end: what was asked, and what the provenance will say."""
+
+    scene: Scene
+    settings: dict
+    effort: Accuracy
+    clock: StageClock
+    found: dict = field(default_factory=dict)  # of the search, for the provenance
+
+    def design(
+        self, folder: Path, shown: Progress, kinematic: KinematicOptimum, bound: float
+    ) -> tuple[Lift, Verdict, dict]:
+        """The cam, its verdict and the content of design.json, all of them written into the folder."""
+        scene, effort, clock, gradient = self.scene, self.effort, self.clock, self.settings["gradient"]
+        shown.begin("search")
+        search, no_jump = find_cam(
+            scene, self.settings["speeds"], effort, gradient, journal=Journal(folder), show=shown.step, clock=clock,
+            seed=self.settings["seed"],
+        )  # fmt: skip
+        self.found = {"cams_judged": search.judge.calls, "gradient_ended": search.gradient_ended}
+        shown.begin("verdict")
+        with clock.stage("verdict"):
+            chosen, verdict, refused = confirmed_cam(scene, search.confirmed, self.settings["speeds"], effort)
         record = design_record(
             chosen.lift,
-            design.max_lift_mm * MM,
-            area_ratio_bound=certificate.bound,
-            area_gap_percent=100 * (certificate.bound - chosen.area_ratio) / certificate.bound,
+            scene.design.max_lift_mm * MM,
+            area_ratio_bound=bound,
+            area_gap_percent=100 * (bound - chosen.area_ratio) / bound,
             area_ratio_no_jump=no_jump.area_ratio,
             gradient_gain=chosen.area_ratio - no_jump.area_ratio,
             verdict_fell_back=fallen_back(chosen, refused),
@@ -120,18 +157,36 @@ def optimize(
         write_json(folder / "design.json", record)
         write_lift_table(folder / "lift.csv", chosen.lift)
         write_json(folder / "verification.json", verdict.as_dict())
-        times["total"] = time.perf_counter() - begun
-        write_json(folder / "provenance.json", _provenance(settings, times, search.judge.calls))
-        designed(folder)
-        from camopt.optimizer.baselines.comparison import (
-            compare_in,  # draws figures: loaded only once there is a design
-        )
+        self.write_provenance(folder)
+        return chosen.lift, verdict, record
 
-        started = time.perf_counter()
-        compare_in(folder, scene, {"design": chosen.lift}, {"design": verdict}, effort)
-        times |= {"comparison": time.perf_counter() - started, "total": time.perf_counter() - begun}
-        write_json(folder / "provenance.json", _provenance(settings, times, search.judge.calls))
-    return Run(folder, chosen.lift, verdict, record, 0 if verdict.verdict == "confirmed" else 3)
+    def write_provenance(self, folder: Path) -> None:
+        """provenance.json as far as the run has come."""
+        content = {
+            "versions": {name: version(name) for name in PACKAGES} | {"python": platform.python_version()},
+            "machine": {"processor": platform.machine(), "system": platform.system()},
+            "settings": self.settings,
+            "seed": self.settings["seed"],
+            **self.found,
+            "times_s": self.clock.times_s(),
+            "stages": self.clock.as_dict(),
+            "finished_utc": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        }
+        write_json(folder / "provenance.json", content)
+
+
+def _compared(
+    folder: Path, scene: Scene, lift: Lift, verdict: Verdict, effort: Accuracy | None, shown: Progress
+) -> None:
+    """The comparison with its figures or, without an effort, the figures of the design alone."""
+    if effort is None:
+        from camopt.optimizer.baselines.figures import draw  # loads matplotlib: only once there is a design
+
+        draw(folder, scene, {"design": lift}, {"design": verdict.as_dict()})
+        return
+    from camopt.optimizer.baselines.comparison import compare_in
+
+    compare_in(folder, scene, {"design": lift}, {"design": verdict}, effort, None, shown.advance)
 
 
 def full_verdict(scene: Scene, lift: Lift, speeds: str, effort: Accuracy) -> Verdict:
@@ -164,42 +219,3 @@ def fallen_back(chosen: NoJumpOptimum, refused: list[NoJumpOptimum]) -> dict:
     judged = len(refused) + (not any(found is chosen for found in refused))
     largest = max((found.area_ratio for found in refused), default=None)
     return {"candidates_judged": judged, "largest_refused_area_ratio": largest}
-
-
-def _provenance(settings: dict, times: dict, judged: int) -> dict:
-    return {
-        "versions": {name: version(name) for name in PACKAGES} | {"python": platform.python_version()},
-        "machine": {"processor": platform.machine(), "system": platform.system()},
-        "settings": settings,
-        "seed": settings["seed"],
-        "cams_judged": judged,
-        "times_s": {name: round(value, 3) for name, value in times.items()},
-        "finished_utc": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-    }
-
-
-class _Progress:
-    """A bar over the search's steps with stage, best area and worst bounce; silent where not wanted."""
-
-    def __init__(self, wanted: bool, effort: Accuracy, gradient: str):
-        steps = 8 + effort.margin_draws + (effort.gradient_steps if gradient != "none" else 0)
-        self._bar = tqdm(total=steps + 1, disable=None if wanted else True, unit="step", dynamic_ncols=True)
-
-    def __enter__(self) -> "_Progress":
-        return self
-
-    def __exit__(self, *exception) -> None:
-        self._bar.update(self._bar.total - self._bar.n)
-        self._bar.close()
-
-    def stage(self, name: str) -> None:
-        self._bar.set_description(name)
-
-    def step(self, line: dict) -> None:
-        self._bar.set_description(line["stage"])
-        best = line["best_area_ratio"]
-        self._bar.set_postfix_str(
-            ("no confirmed cam yet" if best is None else f"best area ratio {best:.4f}")
-            + f", bounce {line['worst_bounce_mm']:.3f} mm, worst at {line['worst_speed_rpm']:.0f} r/min"
-        )
-        self._bar.update(1)

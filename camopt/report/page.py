@@ -15,11 +15,13 @@ from camopt.report.limits import disagreements, limit_rows
 from camopt.report.motion import Cams, animation, cams_of
 from camopt.report.outcome import broken_limits, contact_sentence, gain_sentences, outcome_rows
 from camopt.report.tables import (
+    COSTS,
     LIMITS,
     SPEED_COLUMNS,
     area_rows,
     comparison_groups,
     comparison_table,
+    cost_rows,
     heading,
     method_tables,
     provenance_rows,
@@ -96,7 +98,9 @@ def render(run: RunFolder, cams: Cams) -> str:
             speed_columns=[heading(c) for c in SPEED_COLUMNS],
             methods=method_tables(run),
             accuracy=accuracy(run),
-            provenance=provenance_rows(run.provenance),
+            costs=cost_rows(run.provenance),
+            cost_columns=["stage", *COSTS.values()],
+            provenance=provenance_rows({k: v for k, v in run.provenance.items() if k != "stages"}),
             figures=figures(run),
             placed=PLACED,
             **_moving(cams),

@@ -194,6 +194,26 @@ def comparison_table(run: RunFolder) -> dict:
             "rows": [[cell(row.get(c, "")) for c in columns] for row in run.comparison]}  # fmt: skip
 
 
+COSTS = {
+    "clock_s": "clock s",
+    "processor_s": "processor s",
+    "compilation_s": "compiling s",
+    "peak_memory_MB": "peak MB",
+}
+"""Keys of a stage's cost in provenance.json, and their headings."""
+
+
+def cost_rows(provenance: dict) -> list[list[str]]:
+    """Per stage of the run: its name and what it cost, in the order of COSTS; empty where none is recorded."""
+    stages = provenance.get("stages")
+    known = stages.items() if isinstance(stages, dict) else ()
+    return [
+        [str(name).replace("_", " "), *(shown(cost.get(key)) for key in COSTS)]
+        for name, cost in known
+        if isinstance(cost, dict)
+    ]
+
+
 def provenance_rows(data: dict, prefix: str = "") -> list[tuple[str, str]]:
     """Every entry of the provenance with its dotted name, in the file's order."""
     rows: list[tuple[str, str]] = []

@@ -7,12 +7,12 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.measure.settling import (
-    PLAIN_REVOLUTIONS,
     SETTLED_POSITION,
     Figures,
+    Measured,
     decay_per_revolution,
     first_revolution,
-    settle,
+    settle_and_measure,
 )
 from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import QUANTITIES
@@ -46,7 +46,9 @@ every step. Where that share is uniform, the error passes the largest distance t
 twice that distance once in 24, and twice the distance to three of them once in 250."""
 WHERE_LIMITED = {"jump_deg": 0.5, "contact_force_min_N": 5.0}
 """Tolerances of the figures that decide only where the scene limits them. Impact velocity and excess lift never are."""
-
+WANDERING_REVOLUTIONS = 16
+"""Most revolutions of a finer step that goes on from a motion which wandered at the coarser one: what led to it has
+died out there, so that a motion which settles at the finer step after all soon does."""
 
 FINEST = {
     q.name: {"mm": 1e-5, "deg": 1e-3, "N": 1e-2, "m/s": 1e-5, "mm deg": 1e-3}[q.unit] for q in QUANTITIES.values()
@@ -88,71 +90,111 @@ def first_steps(train: Train, cam_speed: float) -> int:
     return max(FEWEST_STEPS, int(np.ceil(2 * np.pi * highest_rate(train) / cam_speed / COARSEST_PHASE)))
 
 
-def converge(
-    prepare: Prepare,
-    train: Train,
-    lift: Lift,
-    cam_speed: float,
-    start: np.ndarray,
-    tolerance_um: float,
-    halvings: int,
-    position: float = SETTLED_POSITION,
-    *,
-    settled: bool = True,
-    steps: int | None = None,
-    limited: Collection[str] = (),
-    certain: bool = False,
-) -> Converged:
-    """Halve the step until every deciding figure stands twice in a row, at most `halvings` times and,
-    after the second halving, to no more than FINEST_STEPS.
+@dataclass(frozen=True)
+class Demand:
+    """What is asked of a method at one speed."""
 
-    `start` (2n) is the state at rest; a finer step continues from the coarser one's settled state. The error estimate
-    is MARGIN times the largest distance to the coarser answers, COARSER of them at most, and never below FINEST. An
-    aperiodic motion stands when it moves by no more than its own range. A halved step takes a step more: were its
-    samples among the coarser one's, a contact that closes just before one of them would be as late at every step. With
-    `settled` off every step measures the first revolution from `start` instead. Where `steps` per revolution to begin
-    with are given, they count as resolving the train; else they follow it. A method may ask for more by an attribute
-    `enough_steps` (train, cam_speed). `position` [m]: as of `settle`; `limited`: as of `tolerances`. Where the
-    figures are to be stated, `certain` goes on until the error estimate of a settled bounce, too, is within
-    `tolerance_um`, if `halvings` last. Nothing converges before the train's slowest mode had time to die out.
+    tolerance_um: float = 2.0  # by how much a halved step may still move bounce and jump
+    halvings: int = 6
+    limited: Collection[str] = ()  # metrics with a limit
+    certain: bool = False  # go on until the error estimate of a settled bounce, too, is within the tolerance
+    position: float = SETTLED_POSITION  # as of `settle`
+    settled: bool = True  # else the first revolution from the start is measured
+    steps: int | None = None  # per revolution to begin with; they then count as resolving the train
+
+
+def converge(
+    prepare: Prepare, train: Train, lift: Lift, cam_speed: float, start: np.ndarray, demand: Demand
+) -> Converged:
+    """Halve the step until every deciding figure stands twice in a row; all arguments as of `Halving`."""
+    return Halving(prepare, train, lift, cam_speed, start, demand).answer()
+
+
+class Halving:
+    """A method's answers at one speed, each with half the step of the one before.
+
+    `start` (2n) is the state at rest; a finer step continues from the coarser one's settled state. There are at most
+    `demand.halvings` of them and, after the second, none beyond FINEST_STEPS. The error estimate is MARGIN times the
+    largest distance to the coarser answers, COARSER of them at most, and never below FINEST. An aperiodic motion stands
+    when it moves by no more than its own range. A halved step takes a step more: were its samples among the coarser
+    one's, a contact that closes just before one of them would be as late at every step. A method may ask for more steps
+    by an attribute `enough_steps` (train, cam_speed). Nothing converges before the train's slowest mode had time to die
+    out.
     """
-    first = steps or first_steps(train, cam_speed)
-    enough = max(first, getattr(prepare, "enough_steps", lambda *_: 0)(train, cam_speed))
-    finest = steps = min(first, FINEST_STEPS // 4)
-    allowed, decay = tolerances(tolerance_um, limited), decay_per_revolution(train, cam_speed)
-    state, revolutions, most, faded = start, 0, None, False
-    runs: list[Figures] = []
-    stood: list[bool] = []
-    done = None
-    for halving in range(halvings + 1):
-        if halving > 2 and steps << halving > FINEST_STEPS:
-            break
-        finest = (steps << halving) + halving
+
+    def __init__(self, prepare: Prepare, train: Train, lift: Lift, cam_speed: float, start: np.ndarray, demand: Demand):
+        first = demand.steps or first_steps(train, cam_speed)
+        self._prepare, self._case, self._start, self._demand = prepare, (train, lift, cam_speed), start, demand
+        self._first = self._steps = min(first, FINEST_STEPS // 4)
+        self._enough = max(first, getattr(prepare, "enough_steps", lambda *_: 0)(train, cam_speed))
+        self._allowed = tolerances(demand.tolerance_um, demand.limited)
+        self._decay = decay_per_revolution(train, cam_speed)
+        self._taken, self._revolutions = 0, 0
+        self._begin_again()
+
+    def _begin_again(self) -> None:
+        self._runs: list[Figures] = []
+        self._stood: list[bool] = []
+        self._state, self._last, self._faded = self._start, None, False
+
+    @property
+    def ended(self) -> bool:
+        """Whether the answer stands, or no finer step is left."""
+        return self._stands() or self._taken > self._demand.halvings or self._too_fine()
+
+    @property
+    def periodic(self) -> bool:
+        """Whether the motion settled at the last step."""
+        return self._last is not None and self._last.periodic
+
+    def refine(self) -> None:
+        """Takes the next step; where the method refuses it, the one after it begins again from `start`."""
+        train, lift, cam_speed = self._case
+        self._steps = (self._first << self._taken) + self._taken
+        self._taken += 1
         try:
-            revolve = prepare(train, lift, cam_speed, finest)
-            if settled:
-                done = settle(revolve, state, most, position=position, decay=decay)
-            else:
-                done = first_revolution(revolve, start)
+            done = self._run(self._prepare(train, lift, cam_speed, self._steps), lift)
         except MotionRefused:
-            runs, stood, state, most, faded = [], [], start, None, False
-            continue
-        revolutions, faded = revolutions or done.revolutions, faded or done.faded
-        most = None if done.periodic else PLAIN_REVOLUTIONS  # a motion that wandered after all had faded still does
-        state = end_state(done.response)
-        runs.append(done.metrics(lift))
-        if len(runs) > 1:
-            stood.append(_stands(runs[-2], runs[-1], allowed, done.periodic))
-        insist = certain and done.periodic and _errors(runs)["bounce_mm"] > allowed["bounce_mm"]
-        if finest >= enough and len(stood) > 1 and all(stood[-2:]) and not insist:
-            break
-    if done is None or not runs:
-        nothing = dict.fromkeys(QUANTITIES, np.nan)
-        return Converged(finest, False, nothing, dict.fromkeys(QUANTITIES, (np.nan, np.nan)), nothing, 0, False, None)
-    worst = {name: runs[-1].worst(name) for name in QUANTITIES}
-    spread = {name: runs[-1].range(name) for name in QUANTITIES}
-    converged = faded and finest >= enough and len(stood) > 1 and all(stood[-2:])
-    return Converged(finest, converged, worst, spread, _errors(runs), revolutions, done.periodic, state)
+            self._begin_again()
+            return
+        self._revolutions, self._faded = self._revolutions or done.revolutions, self._faded or done.faded
+        self._last, self._state = done, done.state
+        self._runs.append(done.figures)
+        if len(self._runs) > 1:
+            self._stood.append(_unmoved(*self._runs[-2:], self._allowed, done.periodic))
+
+    def answer(self, steps: int | None = None) -> Converged:
+        """The answer once it stands or, where a number of `steps` is given, after so many at most."""
+        while not self.ended and (steps is None or self._taken < steps):
+            self.refine()
+        if self._last is None:
+            nothing = dict.fromkeys(QUANTITIES, np.nan)
+            spread = dict.fromkeys(QUANTITIES, (np.nan, np.nan))
+            return Converged(self._steps, False, nothing, spread, nothing, 0, False, None)
+        worst = {name: self._runs[-1].worst(name) for name in QUANTITIES}
+        spread = {name: self._runs[-1].range(name) for name in QUANTITIES}
+        converged = self._faded and self._stood_twice()
+        errors = _errors(self._runs)
+        return Converged(self._steps, converged, worst, spread, errors, self._revolutions, self.periodic, self._state)
+
+    def _run(self, revolve: Revolve, lift: Lift) -> Measured:
+        if not self._demand.settled:
+            first = first_revolution(revolve, self._start)
+            return Measured(first.metrics(lift), end_state(first.response), 0, True)
+        most = None if self._last is None or self.periodic else WANDERING_REVOLUTIONS
+        return settle_and_measure(revolve, self._state, lift, most, position=self._demand.position, decay=self._decay)
+
+    def _stands(self) -> bool:
+        if not self._stood_twice():
+            return False
+        asks = self._demand.certain and self.periodic
+        return not (asks and _errors(self._runs)["bounce_mm"] > self._allowed["bounce_mm"])
+
+    def _stood_twice(self) -> bool:
+        return self._steps >= self._enough and len(self._stood) > 1 and all(self._stood[-2:])
+
+    def _too_fine(self) -> bool:
+        return self._taken > 2 and self._first << self._taken > FINEST_STEPS
 
 
 def _errors(runs: list[Figures]) -> dict[str, float]:
@@ -171,7 +213,7 @@ def apart(one: float, other: float) -> float:
     return abs(one - other)
 
 
-def _stands(before: Figures, after: Figures, allowed: dict[str, float], periodic: bool) -> bool:
+def _unmoved(before: Figures, after: Figures, allowed: dict[str, float], periodic: bool) -> bool:
     """Whether halving the step left every deciding figure where it was; not seating twice is the same answer."""
     for name, absolute in allowed.items():
         old, new = before.worst(name), after.worst(name)

@@ -6,10 +6,10 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.measure.limits import motion_limits
-from camopt.measure.settling import PLAIN_REVOLUTIONS, Figures, decay_per_revolution, settle
+from camopt.measure.settling import Figures, decay_per_revolution, settle_and_measure
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train
-from camopt.verifier.convergence import Converged, Prepare
+from camopt.verifier.convergence import WANDERING_REVOLUTIONS, Converged, Prepare
 
 SPEED_NEIGHBOUR = 1e-3
 LIFT_NEIGHBOUR = 1e-7  # m, at the largest lift
@@ -28,9 +28,11 @@ def neighbours(prepare: Prepare, train: Train, lift: Lift, cam_speed: float, ans
         cases.append((scaled, cam_speed, answer.state))
         cases.append((lift, cam_speed, answer.state + sign * away))
     steps = answer.steps_per_revolution // 2  # the error estimate is what the last halving changed
-    most = None if answer.periodic else PLAIN_REVOLUTIONS  # a motion that wanders after all had faded still does
+    most = None if answer.periodic else WANDERING_REVOLUTIONS
     return [
-        settle(prepare(train, cam, speed, steps), state, most, decay=decay_per_revolution(train, speed)).metrics(cam)
+        settle_and_measure(
+            prepare(train, cam, speed, steps), state, cam, most, decay=decay_per_revolution(train, speed)
+        ).figures
         for cam, speed, state in cases
     ]
 

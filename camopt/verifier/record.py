@@ -9,7 +9,8 @@ from camopt.scene.quantities import QUANTITIES
 from camopt.verifier.convergence import Converged
 
 if TYPE_CHECKING:
-    from camopt.verifier.verdict import SpeedVerdict, Verdict
+    from camopt.verifier.at_speed import SpeedVerdict
+    from camopt.verifier.verdict import Verdict
 
 REPORTED = tuple(name for name in QUANTITIES if name != "excess_lift_mm")
 """Metrics of verification.json."""
@@ -37,6 +38,7 @@ def speed_record(speed: "SpeedVerdict") -> dict:
     return {
         "speed_rpm": speed.speed_rpm,
         "verdict": speed.verdict,
+        "decided_after": speed.decided_after,
         "method": name,
         **_figures(first),
         "bounce_range_mm": [_number(b) for b in speed.bounce_range_mm],

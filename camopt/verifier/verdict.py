@@ -3,28 +3,25 @@
 The only file of this package that reaches for the event-exact method, and only when it is asked for.
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from importlib import import_module
-
-import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.measure.limits import broken_by_shape, limited_metrics, motion_limits
 from camopt.measure.resonance import resonances
 from camopt.measure.settling import SETTLED_POSITION
 from camopt.measure.sweep import STARTS_MM, Band, Swept, first_exceeding, sweep
-from camopt.scene.errors import InputError, MotionRefused
+from camopt.scene.errors import InputError
 from camopt.scene.response import Revolve
-from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
 from camopt.verifier.accuracy_statement import stated
-from camopt.verifier.convergence import MARGIN, RELATIVE, Converged, Prepare, converge, first_steps, tolerances
+from camopt.verifier.at_speed import Case, SpeedVerdict, judge_speed
+from camopt.verifier.convergence import Demand, Prepare, first_steps
 from camopt.verifier.methods import INDEPENDENT, rkg, verdict_methods
-from camopt.verifier.neighbourhood import against_limits, neighbours
-from camopt.verifier.record import speed_record, verification
+from camopt.verifier.record import verification
 
 METHODS = ("event", "rkg", "tmm", "houbolt")
 """Methods for a train whose laws are linear."""
@@ -33,34 +30,12 @@ NONLINEAR_METHODS = ("dop853", "rkg")
 ROUNDS = 2
 """How often the worst speeds of a band are judged: where a motion is erratic the judged figure is not the sweep's, and
 another speed is the worst then."""
+WORKERS = 2
+"""Threads over the speeds of a verdict."""
 SWEEP_REFINEMENT = 4
 """Runge-Kutta-Gill's steps in a sweep, as a multiple of the first ones: where its bounce is right to some um."""
 ORDER = ("confirmed", "sensitive", "not converged", "rejected")
 """From best to worst: one speed at which a limit is surely broken rejects the cam, whatever the others say."""
-
-
-@dataclass(frozen=True, repr=False)
-class SpeedVerdict:
-    """What the methods found at one speed, and what follows. Figures are the first method's."""
-
-    speed_rpm: float
-    verdict: str
-    broken: tuple[str, ...]
-    straddled: tuple[str, ...]  # limits that some of the neighbourhood keeps and some breaks
-    ranges: dict[str, tuple[float, float]]  # of every metric, over measured revolutions and neighbours
-    methods: dict[str, Converged]
-
-    @property
-    def bounce_range_mm(self) -> tuple[float, float]:
-        """Smallest and largest bounce over measured revolutions and neighbours."""
-        return self.ranges["bounce_mm"]
-
-    def __repr__(self) -> str:
-        return f"SpeedVerdict({self.speed_rpm:g} r/min: {self.verdict}, by {', '.join(self.methods)})"
-
-    def as_dict(self) -> dict:
-        """One record of `speeds` in verification.json."""
-        return speed_record(self)
 
 
 @dataclass(frozen=True, repr=False)
@@ -117,7 +92,7 @@ def verdict_on(
     band_step_rpm: float | None = 20.0,
     tolerance_um: float = 2.0,
     halvings: int = 6,
-    workers: int = 2,
+    *,
     settled: float = SETTLED_POSITION,
 ) -> Verdict:
     """Judge a cam at `speeds_rpm` (crankshaft; the scene's by default) and over the scene's band.
@@ -127,33 +102,24 @@ def verdict_on(
     method ends as "not converged". `band_step_rpm` None leaves the band and the starting speeds out; they are swept
     with event-exact (Runge-Kutta-Gill for nonlinear laws), also where a lightly damped mode resonates between its
     steps, and all methods look at the worst speed of every limited metric and at the starting speeds inside the band.
-    Bounce and jump "start" where they exceed the scene's
-    limit, or 0.05 mm where it sets none. `tolerance_um` [um]: by how much halving the step may still move bounce and
-    jump. `settled` [m]: largest change of a position over a revolution of a settled motion. Raises InputError for a
-    scene without valve or operation, or an unknown method.
+    Bounce and jump "start" where they exceed the scene's limit, or 0.05 mm where it sets none. `tolerance_um` [um]: by
+    how much halving the step may still move bounce and jump. `settled` [m]: largest change of a position over a
+    revolution of a settled motion. Raises InputError for a scene without valve or operation, or an unknown method.
     """
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name!r}: a verdict needs valve, seat and [operation]")
-    train = build_train(scene)
-    methods = methods_for(train)[:2] if methods is None else methods
-    known = verdict_methods()
-    if not methods or (unknown := [m for m in methods if m not in known]):
-        raise InputError(
-            f"methods {methods}: give names out of {', '.join(known)}" + f"; not {unknown}" * bool(methods)
-        )
+    methods = _known_methods(scene, methods)
+    demand = Demand(tolerance_um, halvings, limited_metrics(scene.design), position=settled)
+    case = Case(scene, lift, {name: _method(name) for name in methods}, demand)
 
     def judge(speeds) -> tuple[SpeedVerdict, ...]:
-        with ThreadPoolExecutor(workers) as pool:
-            jobs = [
-                pool.submit(_judge_speed, scene, lift, float(s), methods, tolerance_um, halvings, settled)
-                for s in speeds
-            ]
-            return tuple(job.result() for job in jobs)
+        with ThreadPoolExecutor(WORKERS) as pool:
+            return tuple(pool.map(lambda speed: judge_speed(case, float(speed)), speeds))
 
     at_speeds = judge(scene.operation.speeds_rpm if speeds_rpm is None else speeds_rpm)
     band, worst, first = None, (), {"bounce_mm": None, "jump_mm": None}
     if band_step_rpm is not None:
-        band, first, suspects = _swept_band(scene, lift, train, band_step_rpm, workers)
+        band, first, suspects = _swept_band(scene, lift, band_step_rpm)
         swept = band
         for _ in range(ROUNDS):
             worst += judge(s for s in suspects if s not in [w.speed_rpm for w in worst])
@@ -169,15 +135,23 @@ def verdict_on(
     return Verdict(overall, tuple(broken), at_speeds, band, worst, *starts, tolerance_um, scene=scene, cam=lift.family)
 
 
-def _swept_band(
-    scene: Scene, lift: Lift, train: Train, step_rpm: float, workers: int
-) -> tuple[Band, dict[str, float | None], list[float]]:
+def _known_methods(scene: Scene, methods: tuple[str, ...] | None) -> tuple[str, ...]:
+    """The methods that are asked for, by default the first two for the scene's laws; InputError for an unknown one."""
+    asked = methods_for(build_train(scene))[:2] if methods is None else methods
+    known = verdict_methods()
+    if not asked or (unknown := [m for m in asked if m not in known]):
+        raise InputError(f"methods {asked}: give names out of {', '.join(known)}" + f"; not {unknown}" * bool(asked))
+    return asked
+
+
+def _swept_band(scene: Scene, lift: Lift, step_rpm: float) -> tuple[Band, dict[str, float | None], list[float]]:
     """The swept band, where bounce and jump start, and the speeds [r/min] that all methods must look at.
 
     These are the worst speed of every limited metric and a start that lies inside the band although the metric is
     limited: what a search of its own has found may not be left out.
     """
-    swept = Swept(_sweeping(train), scene, lift, workers, "event" if train.laws is None else "rkg")
+    train = build_train(scene)
+    swept = Swept(_sweeping(train), scene, lift, WORKERS, "event" if train.laws is None else "rkg")
     limited = limited_metrics(scene.design)
     found, left_out = resonances(scene, lift, step_rpm)
     sweep(swept, step_rpm, limited, found)
@@ -218,63 +192,3 @@ def _sweeping(train: Train) -> Callable[[Train, Lift, float], Revolve]:
 def _starts(scene: Scene) -> dict[str, float]:
     given = {limit.metric: limit.value for limit in motion_limits(scene.design).values()}
     return {name: given.get(name, STARTS_MM) for name in ("bounce_mm", "jump_mm")}
-
-
-def _judge_speed(scene, lift, speed_rpm, methods, tolerance_um, halvings, settled) -> SpeedVerdict:
-    train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
-    rest = state_at_rest(train)
-    limited = limited_metrics(scene.design)
-    answers = {
-        m: converge(
-            _method(m),
-            train,
-            lift,
-            cam_speed,
-            rest,
-            tolerance_um,
-            halvings,
-            settled,
-            limited=limited,
-            certain=m == methods[0],
-        )
-        for m in methods
-    }
-    first = answers[methods[0]]
-    if first.state is None:
-        return SpeedVerdict(speed_rpm, "not converged", (), (), first.range, answers)
-    try:
-        near = neighbours(_method(methods[0]), train, lift, cam_speed, first)
-    except MotionRefused:
-        return SpeedVerdict(speed_rpm, "not converged", (), (), first.range, answers)
-    broken, straddled = against_limits(scene, speed_rpm, first, near)
-    ranges = {}
-    for name, own in first.range.items():
-        every = np.array([own, *(f.range(name) for f in near)])
-        ranges[name] = float(every.min()), float(every.max())
-    if not agreement(list(answers.values()), tolerance_um, limited):
-        return SpeedVerdict(speed_rpm, "not converged", (), straddled, ranges, answers)
-    verdict = "rejected" if broken else "sensitive" if straddled else "confirmed"
-    return SpeedVerdict(speed_rpm, verdict, broken, straddled, ranges, answers)
-
-
-def agreement(answers: list[Converged], tolerance_um: float, limited: Collection[str] = ()) -> bool:
-    """Whether two methods or more have converged and their deciding figures overlap within range and error estimate.
-
-    Half of what a halved step was allowed to change is the least error of a figure: then two exact answers still agree
-    when they differ by what either may move. Changes across contacts are erratic and can be small by chance.
-    """
-    if len(answers) < 2 or not all(a.converged for a in answers):
-        return False
-    for name, tolerance in tolerances(tolerance_um, limited).items():
-        seated = [not np.isnan(a.worst[name]) for a in answers]
-        if not any(seated):
-            continue
-        if not all(seated):
-            return False
-        least = [0.5 * (tolerance + RELATIVE * abs(a.worst[name])) for a in answers]
-        errors = [max(a.error[name] / MARGIN, e) for a, e in zip(answers, least, strict=True)]  # what halving moved
-        lows = [a.range[name][0] - error for a, error in zip(answers, errors, strict=True)]
-        highs = [a.range[name][1] + error for a, error in zip(answers, errors, strict=True)]
-        if max(lows) > min(highs):
-            return False
-    return True

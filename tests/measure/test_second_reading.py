@@ -16,7 +16,7 @@ from camopt.measure.metrics import measure
 from camopt.scene import QUANTITIES, build_train, builtin_scenes, load_scene
 from camopt.scene.response import Response, end_state, joined
 from camopt.scene.rest import state_at_rest
-from camopt.verifier.convergence import RELATIVE, apart, converge, first_steps, tolerances
+from camopt.verifier.convergence import RELATIVE, Demand, apart, converge, first_steps, tolerances
 from camopt.verifier.verdict import SWEEP_REFINEMENT, _method, methods_for
 from tests.measure.raw_motion import TURN, Equations, raw_motion, samples
 from tests.measure.second_reading import Reading
@@ -60,7 +60,7 @@ def settled(name, cam, rpm, method):
     """A method's answer at standard accuracy."""
     _, train, speed, lift = case(name, cam, rpm)
     rest = state_at_rest(train)
-    return converge(_method(method), train, lift, speed, rest, TOLERANCE_UM, HALVINGS)
+    return converge(_method(method), train, lift, speed, rest, Demand(TOLERANCE_UM, HALVINGS))
 
 
 @cache

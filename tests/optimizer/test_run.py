@@ -194,6 +194,15 @@ def test_the_design_and_its_report_are_written_before_the_comparison(designed, t
     assert {p.name for p in (tmp_path / "run").iterdir()} >= FILES
 
 
+def test_without_a_comparison_there_is_a_report_that_says_so(designed, tmp_path):
+    folder = tmp_path / "run"
+    optimize(load_scene("motori-1"), "nominal", "draft", "none", folder, compare=False)
+    page = write_report(folder).read_text(encoding="utf-8")
+    assert not any((folder / name).exists() for name in ("comparison.csv", "cams", "verdicts"))
+    assert "no other cam was compared" in page and "processor s" in page
+    assert (folder / "figures" / "bounce_against_speed.svg").exists()
+
+
 @pytest.mark.parametrize("where", ["polydyne", "verdict_on"])
 def test_a_family_that_fails_becomes_a_row_and_costs_nothing(designed, tmp_path, monkeypatch, where):
     """A singular matrix in a pushrod's Polydyne ended the job with exit code 1 after the design was found."""

@@ -14,7 +14,7 @@ from camopt.scene.units import UM
 from camopt.verifier import accuracy as module
 from camopt.verifier.accuracy import EFFORTS, effort_of, verify
 from camopt.verifier.accuracy_statement import bounce_error_um, stated
-from camopt.verifier.convergence import converge
+from camopt.verifier.convergence import Demand, converge
 from camopt.verifier.methods import rkg
 from camopt.verifier.stored_curves import stored_curves
 
@@ -93,7 +93,7 @@ def test_the_bounce_delivered_is_within_what_was_asked():
     rest = state_at_rest(train)
 
     def answer(prepare, asked_um: float, halvings: int):
-        return converge(prepare, train, cam, scene.cam_speed(6500), rest, asked_um, halvings, certain=True)
+        return converge(prepare, train, cam, scene.cam_speed(6500), rest, Demand(asked_um, halvings, certain=True))
 
     found, true = answer(rkg.prepare, 20.0, 6), answer(event_exact, 0.01, 3)
     delivered_um = bounce_error_um(SimpleNamespace(methods={"rkg": found}))

@@ -10,7 +10,7 @@ from camopt.measure.settling import Figures
 from camopt.scene import QUANTITIES, MotionRefused, build_train, load_scene, rest_position
 from camopt.scene.train import GROUND
 from camopt.verifier import convergence as module
-from camopt.verifier.convergence import FEWEST_STEPS, FINEST, converge, first_steps
+from camopt.verifier.convergence import FEWEST_STEPS, FINEST, Demand, converge, first_steps
 from camopt.verifier.methods import rkg, tmm
 from tests.verifier.trains import no_lift, train, two_springs
 
@@ -31,14 +31,11 @@ def answers(monkeypatch):
             if values is None:
                 raise MotionRefused("too coarse")
             by_name = Figures({name: np.asarray(values, dtype=float) for name in QUANTITIES})
-            return SimpleNamespace(
-                response=state + 1, revolutions=7, periodic=periodic, faded=True, metrics=lambda lift: by_name
-            )
+            return SimpleNamespace(state=state + 1, revolutions=7, periodic=periodic, faded=True, figures=by_name)
 
-        monkeypatch.setattr(module, "settle", settled)
-        monkeypatch.setattr(module, "end_state", lambda response: response)
+        monkeypatch.setattr(module, "settle_and_measure", settled)
         prepare = lambda train, lift, cam_speed, steps: steps  # noqa: E731
-        return converge(prepare, SLOW, no_lift(), 1.0, np.zeros(2), 2.0, halvings)
+        return converge(prepare, SLOW, no_lift(), 1.0, np.zeros(2), Demand(2.0, halvings))
 
     return run
 
@@ -113,8 +110,8 @@ def test_a_first_revolution_is_measured_from_the_start_at_every_step():
     scene = load_scene("motori-1")
     parts, lift, cam_speed = build_train(scene), polydyne(scene), scene.cam_speed(6000)
     rest = np.append(rest_position(parts), 0.0)
-    done = converge(rkg.prepare, parts, lift, cam_speed, rest, 2.0, 2, settled=False, steps=5760)
-    again = converge(rkg.prepare, parts, lift, cam_speed, rest, 2.0, 0, settled=False, steps=4 * 5760 + 2)
+    done = converge(rkg.prepare, parts, lift, cam_speed, rest, Demand(2.0, 2, settled=False, steps=5760))
+    again = converge(rkg.prepare, parts, lift, cam_speed, rest, Demand(2.0, 0, settled=False, steps=4 * 5760 + 2))
     assert done.worst == again.worst and done.steps_per_revolution == 4 * 5760 + 2
 
 

@@ -1,6 +1,7 @@
 """The verdict: agreement, limits, neighbourhood, and the contract's verification.json."""
 
 import json
+import time
 from dataclasses import replace
 from functools import cache
 
@@ -12,10 +13,11 @@ from camopt.exact import engine
 from camopt.measure.settling import Figures
 from camopt.scene import QUANTITIES, InputError, load_scene
 from camopt.verifier import verdict
+from camopt.verifier.at_speed import FAR, HALVED, ONE_STEP, agreement, far_beyond
 from camopt.verifier.convergence import Converged
 from camopt.verifier.display import COLUMNS
 from camopt.verifier.neighbourhood import against_limits
-from camopt.verifier.verdict import agreement, verdict_on
+from camopt.verifier.verdict import verdict_on
 
 SHAPE = ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3", "nose_deg")
 AT_5000 = {"speeds_rpm": (5000.0,), "band_step_rpm": None, "halvings": 2}
@@ -164,7 +166,7 @@ def test_confirmed_and_the_contract():
         *("contact_force_max_N", "seating_velocity_m_per_s", "impact_velocity_m_per_s", "dynamic_area_mm_deg"),
         *("revolutions", "periodic", "errors", "ranges"),
     }
-    assert set(speed) == figures | {"speed_rpm", "verdict", "method", "methods"}
+    assert set(speed) == figures | {"speed_rpm", "verdict", "decided_after", "method", "methods"}
     assert list(speed["methods"]) == ["event", "rkg"]
     for method in speed["methods"].values():
         assert set(method) == figures | {"steps_per_revolution", "converged"}
@@ -178,6 +180,43 @@ def test_a_broken_limit_is_named_and_rejects():
     result = verdict_on(scene(seating_velocity_max_m_per_s=0.15), lift(), **AT_5000)
     assert result.verdict == "rejected"
     assert result.broken == ("seating_velocity_max_m_per_s at 5000 r/min",)
+
+
+def test_a_limit_is_far_broken_where_every_figure_breaks_it_beyond_all_doubt():
+    limited = scene(**NONE | {"jump_max_mm": 0.05})
+    figures, doubt = [{"jump_mm": 0.5}, {"jump_mm": 0.3}], {"jump_mm": 0.25 / FAR}
+    assert far_beyond(limited, figures, {"jump_mm": 0.24 / FAR})
+    assert not far_beyond(limited, figures, {"jump_mm": 0.26 / FAR})
+    assert not far_beyond(limited, [{"jump_mm": 0.5}, {"jump_mm": 0.04}], dict.fromkeys(doubt, 0.0))
+    for unknown in (np.nan, np.inf):
+        assert not far_beyond(limited, [*figures, {"jump_mm": unknown}], doubt)
+        assert not far_beyond(limited, figures, {"jump_mm": unknown})
+
+
+def test_a_limit_broken_far_beyond_every_error_is_decided_by_one_step_for_half_the_price():
+    """The polydyne at 6500 r/min bounces by 0.2 mm where 0.05 mm are allowed, and is rejected without being located."""
+
+    def judged(**limits):
+        case = scene(**NONE | limits)
+        started = time.process_time()
+        result = verdict_on(case, lift(), (6500.0,), ("event", "rkg", "tmm"), None, halvings=4)
+        return result, time.process_time() - started
+
+    judged(bounce_max_mm=0.05)  # compiles, and builds what the further ones share
+    (early, cost), (late, full) = judged(bounce_max_mm=0.05), judged(bounce_max_mm=0.25)
+    assert early.verdict == "rejected" and early.broken == ("bounce_max_mm at 6500 r/min",)
+    record, other = early.as_dict()["speeds"][0], late.as_dict()["speeds"][0]
+    assert record["decided_after"] == ONE_STEP and list(record["methods"]) == ["event", "rkg"]
+    assert not record["methods"]["rkg"]["converged"] and record["methods"]["rkg"]["bounce_error_mm"] is None
+    assert other["decided_after"] == HALVED and list(other["methods"]) == ["event", "rkg", "tmm"]
+    for key in ("bounce_mm", "jump_mm"):
+        assert record[key] == pytest.approx(other[key], rel=0.05)
+    assert cost < full / 2
+
+
+def test_a_limit_broken_by_little_is_not_decided_by_one_step():
+    result = verdict_on(scene(seating_velocity_max_m_per_s=0.1623), lift(), **AT_5000)
+    assert result.speeds[0].decided_after == HALVED
 
 
 def test_a_limit_within_the_neighbourhood_is_sensitive():

@@ -132,8 +132,11 @@ def compare_in(
     verdicts: dict[str, Verdict],
     effort: Accuracy,
     baselines: Mapping[str, Lift | str] | None = None,
+    judged: Callable[[float], object] = lambda share: None,
 ) -> None:
     """comparison.csv and figures into a folder; cams with a verdict are not verified again.
+
+    `judged` is told after each baseline what share of the work it was.
 
     `baselines` as `plain_baselines`, which is the default, gives them; one that has no member gets a row that says why.
     They are judged at the listed speeds and, unless a given verdict is without one, over the band in the same steps as
@@ -146,6 +149,7 @@ def compare_in(
              for name, lift in designs.items()}  # fmt: skip
     for name, lift in sorted(baselines.items()):
         found[name] = _judged_baseline(scene, lift, effort, band_step)
+        judged(1 / (len(baselines) + 1))
         if not isinstance(lift, str) and found[name]["verdict"] != FAILED:
             cams[name] = lift
     others = {name: one for name, one in found.items() if name not in designs}

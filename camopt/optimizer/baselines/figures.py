@@ -27,8 +27,7 @@ from camopt.scene.response import end_state
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
-from camopt.verifier.accuracy import EFFORTS
-from camopt.verifier.convergence import converge
+from camopt.verifier.convergence import Demand, Halving
 
 FIGURE_SPEEDS = 60
 """Steps of the figure's own sweep of a band that the verdict was not asked about."""
@@ -106,7 +105,10 @@ def settled_motion(
     state, periodic = end_state(once.response), once.periodic if stated is None else stated
     if periodic and not once.periodic:
         rest = state_at_rest(train)
-        answer = converge(prepare, train, lift, cam_speed, rest, EFFORTS["standard"].tolerance_um, HALVINGS)
+        search = Halving(prepare, train, lift, cam_speed, rest, Demand(halvings=HALVINGS))
+        while not (search.periodic or search.ended):
+            search.refine()
+        answer = search.answer(0)
         state = state if answer.state is None else answer.state
     return replace(first_revolution(prepare(train, lift, cam_speed, *steps), state), periodic=periodic)
 

@@ -3,7 +3,8 @@
 At the best confirmed cam the contacts barely part, and there the smooth path's gradients are right too. Each step
 solves the design's linear program once more: all limits on the shape exactly, every limited metric linearised at the
 speeds where it is used most, and a trust region in newtons: no contact force of the linear model falls further than
-that below what it is. A step counts only if the event-exact judge confirms it; if not, the region shrinks.
+that below what it is. A step counts only if the event-exact judge confirms it; if not, the region shrinks. The stage
+ends where the linear model itself promises less area than the search resolves.
 """
 
 from dataclasses import dataclass, replace
@@ -15,11 +16,11 @@ from camopt.optimizer.program.linear_program import Infeasible
 from camopt.optimizer.program.no_jump import PEAK, SEAT, NoJumpOptimum, NoJumpProgram
 from camopt.optimizer.search.judge import USABLE_SHARE, Judged
 from camopt.optimizer.search.margins import margin_stage
-from camopt.optimizer.search.no_jump_stage import Search
-from camopt.optimizer.search.sensitivity import SENSITIVITIES, Sensitivity
+from camopt.optimizer.search.no_jump_stage import RESOLUTION, Search
+from camopt.optimizer.search.sensitivity import Sensitivity, sensitivity_on
 
 ON_MARGINS = 0.25
-"""Part of the steps that optax takes on the margins, before the free steps."""
+"""Part of the steps that Adam takes on the margins, before the free steps."""
 WIDTH = 8
 """Speeds whose metrics are linearised in a step: those that use their limits most."""
 FIRST_TRUST_N, LEAST_TRUST_N = 40.0, 0.25
@@ -34,23 +35,38 @@ MOST_SHARE = 4.0
 """A larger share says only that a step went far too far."""
 
 
-def gradient_stage(search: Search, program: NoJumpProgram, steps: int, path: str = "smooth") -> None:
+def gradient_stage(search: Search, program: NoJumpProgram, steps: int, path: str) -> str:
     """Improve `search.best` by at most `steps` steps within the speeds and angles of `program`: margins, then z.
 
-    `path` "smooth" or "exact": where the slopes of the metrics come from.
+    `path` "smooth" or "exact": where the slopes of the metrics come from. Returns a sentence on where it ended.
     """
     assert search.best is not None and search.best_judged is not None, "the no-jump stage comes first"
-    sensitivity = SENSITIVITIES[path](search.judge.scene, program.cam, search.best_judged.limited, WIDTH)
-    margin_stage(search, program, sensitivity, int(ON_MARGINS * steps))
+    sensitivity = sensitivity_on(path, search.judge.scene, program.cam, search.best_judged.limited, WIDTH)
+    on_margins = int(ON_MARGINS * steps)
+    ended = (
+        margin_stage(search, program, sensitivity, on_margins),
+        free_stage(search, program, sensitivity, steps - on_margins),
+    )
+    return f"The gradient stage ({path}) ended {ended[0]}, then {ended[1]}."
+
+
+def free_stage(search: Search, program: NoJumpProgram, sensitivity: Sensitivity, steps: int) -> str:
+    """Improve `search.best` by at most `steps` steps on z; returns why it ended."""
     trust, best = FIRST_TRUST_N, search.best
+    assert best is not None and search.best_judged is not None, "the no-jump stage comes first"
     model = linearised(best.z, search.best_judged, sensitivity)
-    for _ in range(steps - int(ON_MARGINS * steps)):
+    for taken in range(steps):
         try:
             found = step(program, best, model, trust)
         except Infeasible:
             trust *= SHRINKAGE
             model = replace(model, curvature=model.curvature * SHRINKAGE**2)
             continue
+        promised = found.area_ratio - best.area_ratio
+        if promised < RESOLUTION:
+            return (
+                f"after {taken} of {steps} free steps, where the model promised {max(promised, 0.0):.2g} of area ratio"
+            )
         judged = search.consider("gradient", found)
         if search.best is best:
             model = model.corrected(found.z, judged)
@@ -59,7 +75,8 @@ def gradient_stage(search: Search, program: NoJumpProgram, steps: int, path: str
             trust, best = trust * GROWTH, found
             model = linearised(best.z, judged, sensitivity)
         if trust < LEAST_TRUST_N:
-            break
+            return f"after {taken + 1} of {steps} free steps, as its trust region vanished"
+    return f"after all {steps} free steps"
 
 
 @dataclass(frozen=True)
@@ -70,7 +87,7 @@ class Linearised:
     metric: np.ndarray  # (r) index into the judged metrics
     speed_rpm: np.ndarray  # (r)
     share: np.ndarray  # (r) at z0, judged
-    slope: np.ndarray  # (r, m) smooth
+    slope: np.ndarray  # (r, m)
     curvature: np.ndarray  # (r) what the last refused step used beyond the first order
 
     def corrected(self, z: np.ndarray, judged: Judged) -> "Linearised":
@@ -87,7 +104,7 @@ class Linearised:
 
 
 def linearised(z: np.ndarray, judged: Judged, sensitivity: Sensitivity) -> Linearised:
-    """The judge's shares with the smooth path's slopes, at the speeds that use a limit most.
+    """The judge's shares with the path's slopes, at the speeds that use a limit most.
 
     A metric without slope (the bounce of a valve that does not bounce) gives no row.
     """

@@ -26,6 +26,9 @@ cam and by the third after a refused one; one better cam in six keeps it, much a
 rule."""
 LEARNING = 0.2
 """Weight that a step which led to a better cam gets in the shape of the further steps."""
+RESOLUTION = 1e-4
+"""Area ratio below which the search tells no two cams apart: knots drawn by another seed move the best confirmed cam by
+several times that (`experiments.gradient_value`)."""
 DRAWS_PER_CAM = 4
 """Largest number of draws per judged cam: half of the draws have no more area than the best cam and end there."""
 
@@ -40,6 +43,7 @@ class Search:
     confirmed: list[NoJumpOptimum] = field(default_factory=list)  # each larger than the one before
     best_judged: Judged | None = None
     steps: int = 0
+    gradient_ended: str = ""  # on what path the gradient stage went, and where it ended
 
     @property
     def best(self) -> NoJumpOptimum | None:

@@ -1,6 +1,5 @@
 """The search for a cam, without a run folder around it: the no-jump program and, if asked for, the gradient stage."""
 
-import time
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -13,6 +12,8 @@ from camopt.optimizer.search.journal import Journal
 from camopt.optimizer.search.judge import Judge
 from camopt.optimizer.search.no_jump_stage import Search, margins_apart, no_jump_stage
 from camopt.optimizer.search.robust import Perturbation, RobustJudge
+from camopt.optimizer.search.sensitivity import path_of
+from camopt.optimizer.stage_clock import StageClock
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 
@@ -35,47 +36,50 @@ def find_cam(
     speeds: str,
     effort: Accuracy,
     gradient: str = "none",
+    *,
     journal: Journal | None = None,
     show: Callable[[dict], None] = lambda line: None,
-    times: dict | None = None,
+    clock: StageClock | None = None,
     perturbations: Mapping[str, Perturbation] | None = None,
     seed: int = 0,
 ) -> tuple[Search, NoJumpOptimum]:
     """The search with the largest cam that the event-exact judge confirms, and the linear program's own best cam.
 
-    `speeds` is "band" or "nominal"; `gradient` is "none", or "smooth" or "exact" for a gradient stage on that path. The
-    seconds that each stage took are written to `times`. With `perturbations` (by name) the limits on the motion must
-    hold under each of them too. `seed` draws the margins and, where it is not zero, the knot interval, which besides
-    the limits is all that a search starts from. Raises InputError where no cam is confirmed.
+    `speeds` is "band" or "nominal"; `gradient` is "none", or "smooth" or "exact" for a gradient stage on that path, or
+    "auto" for the exact one where the train allows it. What each stage costs is measured by `clock`. With
+    `perturbations` (by name) the limits on the motion must hold under each of them too. `seed` draws the margins and,
+    where it is not zero, the knot interval, which besides the limits is all that a search starts from. Raises
+    InputError where no cam is confirmed.
     """
-    started, design, operation = time.perf_counter(), scene.design, scene.operation
+    design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
-    times = {} if times is None else times
+    clock, path = clock or StageClock(), path_of(gradient, build_train(scene))
     cam = free_cam(design, knot_interval_deg(effort, seed))
     program_speeds, judged_speeds = design_speeds(operation, speeds, effort)
     cam_speeds = [scene.cam_speed(s) for s in program_speeds]
-    program = no_jump_program(build_train(scene), design, cam, cam_speeds)
-    judge = Judge(scene, judged_speeds, effort.judge_stride if speeds == "band" else 1)
-    if perturbations:
-        judge = RobustJudge(judge, perturbations)
-        for perturbed in perturbations.values():
-            if perturbed.scene is not scene:
-                program = program.extended(cam_speeds, build_train(perturbed.scene))
-    search = Search(judge, journal or Journal(None), show)
-    program = no_jump_stage(search, program)
-    margins_apart(search, program, effort.margin_draws, seed)
-    between = Judge(scene, 0.5 * (judged_speeds[1:] + judged_speeds[:-1])) if speeds == "band" else None
-    hold_between(search, between)
+    with clock.stage("no_jump"):
+        program = no_jump_program(build_train(scene), design, cam, cam_speeds)
+        judge = Judge(scene, judged_speeds, effort.judge_stride if speeds == "band" else 1)
+        if perturbations:
+            judge = RobustJudge(judge, perturbations)
+            for perturbed in perturbations.values():
+                if perturbed.scene is not scene:
+                    program = program.extended(cam_speeds, build_train(perturbed.scene))
+        search = Search(judge, journal or Journal(None), show)
+        program = no_jump_stage(search, program)
+        margins_apart(search, program, effort.margin_draws, seed)
+        between = Judge(scene, 0.5 * (judged_speeds[1:] + judged_speeds[:-1])) if speeds == "band" else None
+        hold_between(search, between)
     no_jump = search.best
     assert no_jump is not None, "the stage raises where nothing is confirmed"
-    times["no_jump"] = time.perf_counter() - started
-    if gradient != "none":
-        from camopt.optimizer.search.gradient_stage import gradient_stage  # loads JAX
+    if path != "none":
+        from camopt.optimizer.search.gradient_stage import gradient_stage  # loads the adjoint's programs
 
-        started = time.perf_counter()
-        gradient_stage(search, program, effort.gradient_steps, gradient)
-        hold_between(search, between)
-        times["gradient"] = time.perf_counter() - started
+        if path == "smooth":
+            import jax.monitoring  # noqa: F401  the clock listens to its compilations
+        with clock.stage("gradient"):
+            search.gradient_ended = gradient_stage(search, program, effort.gradient_steps, path)
+            hold_between(search, between)
     return search, no_jump
 
 

@@ -17,6 +17,7 @@ from camopt.verifier.convergence import (
     FINEST_STEPS,
     RELATIVE,
     Converged,
+    Demand,
     Prepare,
     apart,
     converge,
@@ -72,7 +73,8 @@ def first_answer(
 ) -> Converged:
     """A method's figures of the first revolution from rest; `cam_speed` is in rad/s, `steps` as for `converge`."""
     start = at_rest(train)
-    return converge(prepare, train, lift, cam_speed, start, TOLERANCE_UM, halvings, settled=False, steps=steps)
+    demand = Demand(TOLERANCE_UM, halvings, settled=False, steps=steps)
+    return converge(prepare, train, lift, cam_speed, start, demand)
 
 
 def truth(prepare: Prepare, train: Train, lift: Lift, cam_speed: float) -> Truth:

@@ -113,54 +113,53 @@ def _work(table, d):
 
 
 @compiled
-def _slope(y, rise, rate, p, dy, force):
-    """dy/dt into `dy` (2n) and the element forces into `force` (e)."""
-    a, b, n = p.a, p.b, len(p.mass)
-    for i in range(n):
-        dy[i] = y[n + i]
-        dy[n + i] = p.mass_force[i] - p.mass_damping[i] * y[n + i]
-    for e in range(len(a)):
-        d, d_rate = -p.gap[e], 0.0
-        if a[e] >= 0:
-            d += y[a[e]]
-            d_rate += y[n + a[e]]
-        if b[e] >= 0:
-            d -= y[b[e]]
-            d_rate -= y[n + b[e]]
-        if p.cam_driven[e]:
-            d += rise
-            d_rate += rate
-        elastic = _elastic(p.kind[e], p.coefficient[e], p.exponent[e], p.table[e], p.preload[e], d)
-        f = elastic + p.damping[e] * d_rate
-        if p.contact[e] and (elastic <= 0.0 or (f < 0.0 and not p.may_pull)):
-            f = 0.0
-        force[e] = f
-        if a[e] >= 0:
-            dy[n + a[e]] -= f
-        if b[e] >= 0:
-            dy[n + b[e]] += f
-    for i in range(n):
-        dy[n + i] /= p.mass[i]
-
-
-@compiled
 def _march(start, rise, rate, h, parts, states, force):
-    """All steps of one revolution. Gill's q carries three times the round-off of each step's sum into the next."""
+    """All steps of one revolution. Gill's q carries three times the round-off of each step's sum into the next.
+
+    The stages stand in one loop over plain arrays: reading them from `parts` at every element, or calling a function at
+    every stage, counts references and takes ten times as long.
+    """
+    mass, mass_damping, mass_force, a, b, contact, cam_driven = parts[:7]
+    kind, coefficient, exponent, table, damping, preload, gap, may_pull = parts[7:]
+    n, last = len(mass), len(states) - 1
     y = start.copy()
-    q = np.zeros_like(y)
-    dy = np.empty_like(y)
-    unused = np.empty(force.shape[1])
-    last = len(states) - 1
-    for step in range(last):
-        states[step] = y
-        for stage in range(4):
-            at = 2 * step + STAGE[stage]
-            kept = force[step] if stage == 0 else unused
-            _slope(y, rise[at], rate[at], parts, dy, kept)
-            for i in range(len(y)):
-                k = h * dy[i]
-                moved = y[i] + WEIGHT[stage] * (k - CARRIED[stage] * q[i])
-                q[i] += 3.0 * (moved - y[i]) - RENEWED[stage] * k
-                y[i] = moved
-    states[last] = y
-    _slope(y, rise[2 * last], rate[2 * last], parts, dy, force[last])
+    q, dy = np.zeros_like(y), np.empty_like(y)
+    for stage in range(4 * last + 1):
+        step, part = divmod(stage, 4)
+        at = 2 * step + STAGE[part]
+        if part == 0:
+            states[step] = y
+        for i in range(n):
+            dy[i] = y[n + i]
+            dy[n + i] = mass_force[i] - mass_damping[i] * y[n + i]
+        for e in range(len(a)):
+            d, d_rate = -gap[e], 0.0
+            if a[e] >= 0:
+                d += y[a[e]]
+                d_rate += y[n + a[e]]
+            if b[e] >= 0:
+                d -= y[b[e]]
+                d_rate -= y[n + b[e]]
+            if cam_driven[e]:
+                d += rise[at]
+                d_rate += rate[at]
+            if kind[e] == 0:
+                elastic = preload[e] + coefficient[e] * d
+            else:
+                elastic = _elastic(kind[e], coefficient[e], exponent[e], table[e], preload[e], d)
+            f = elastic + damping[e] * d_rate
+            if contact[e] and (elastic <= 0.0 or (f < 0.0 and not may_pull)):
+                f = 0.0
+            if part == 0:
+                force[step, e] = f
+            if a[e] >= 0:
+                dy[n + a[e]] -= f
+            if b[e] >= 0:
+                dy[n + b[e]] += f
+        if stage == 4 * last:
+            break
+        for i in range(2 * n):
+            k = h * (dy[i] if i < n else dy[i] / mass[i - n])
+            moved = y[i] + WEIGHT[part] * (k - CARRIED[part] * q[i])
+            q[i] += 3.0 * (moved - y[i]) - RENEWED[part] * k
+            y[i] = moved

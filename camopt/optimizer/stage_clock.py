@@ -1,0 +1,110 @@
+"""What each stage of a run costs: clock, processor time, peak memory, and how much of it was compiling."""
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from threading import get_ident
+
+from numba.core import event
+
+KIB_PER_MB = 1000**2 / 1024
+
+
+@dataclass(frozen=True)
+class Cost:
+    """The cost of one stage; processor time is that of all threads, memory the process's highest so far."""
+
+    clock_s: float
+    processor_s: float
+    compilation_s: float  # processor time of numba's compilations, and the clock of JAX's
+    peak_memory_MB: float | None  # None where the system does not tell
+
+
+class StageClock:
+    """The stages of a run in the order in which they ran. A stage entered twice is counted together."""
+
+    def __init__(self):
+        self.costs: dict[str, Cost] = {}
+        self.begun = time.perf_counter()
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Measures what runs inside, also where it raises."""
+        before = time.perf_counter(), time.process_time()
+        known = self.costs.get(name, Cost(0.0, 0.0, 0.0, None))
+        with _compiling() as compiled:
+            try:
+                yield
+            finally:
+                clock, processor = time.perf_counter() - before[0], time.process_time() - before[1]
+                self.costs[name] = Cost(
+                    known.clock_s + clock,
+                    known.processor_s + processor,
+                    known.compilation_s + compiled.seconds,
+                    peak_memory_mb(),
+                )
+
+    def times_s(self) -> dict[str, float]:
+        """The clock of every stage and, under "total", since the clock was made [s]."""
+        total = time.perf_counter() - self.begun
+        return {name: round(cost.clock_s, 3) for name, cost in self.costs.items()} | {"total": round(total, 3)}
+
+    def as_dict(self) -> dict[str, dict]:
+        """Every stage's cost, for provenance.json."""
+        return {
+            name: {key: None if value is None else round(value, 3) for key, value in asdict(cost).items()}
+            for name, cost in self.costs.items()
+        }
+
+
+def peak_memory_mb() -> float | None:
+    """The process's highest resident memory so far [MB]; None on a system that does not tell."""
+    try:
+        from resource import RUSAGE_SELF, getrusage
+    except ImportError:  # Windows
+        return None
+    highest = getrusage(RUSAGE_SELF).ru_maxrss
+    return highest / 1000**2 if sys.platform == "darwin" else highest / KIB_PER_MB  # bytes there, KiB elsewhere
+
+
+class _Compilation(event.Listener):
+    """Processor time of numba's compilations [s]; one inside another is not counted twice."""
+
+    def __init__(self):
+        self.seconds, self._depth, self._begun = 0.0, {}, {}
+
+    def on_start(self, event):
+        me = get_ident()
+        self._depth[me] = self._depth.get(me, 0) + 1
+        if self._depth[me] == 1:
+            self._begun[me] = time.thread_time()
+
+    def on_end(self, event):
+        me = get_ident()
+        if me in self._begun:
+            self._depth[me] -= 1
+            if self._depth[me] == 0:
+                self.seconds += time.thread_time() - self._begun.pop(me)
+
+    def add(self, name: str, seconds: float, **_) -> None:
+        """Listens to JAX, which tells how long a step of a compilation took."""
+        if name.startswith("/jax/core/compile/"):
+            self.seconds += seconds
+
+
+@contextmanager
+def _compiling() -> Iterator[_Compilation]:
+    """Listens to numba and, if it is loaded by then, to JAX."""
+    found = _Compilation()
+    event.register("numba:compile", found)
+    monitoring = sys.modules.get("jax.monitoring")
+    if monitoring is not None:
+        monitoring.register_event_duration_secs_listener(found.add)
+    try:
+        yield found
+    finally:
+        event.unregister("numba:compile", found)
+        if monitoring is not None:
+            monitoring.unregister_event_duration_listener(found.add)

@@ -1,0 +1,160 @@
+"""The verdict at one speed: do the methods agree, and does every limit on the motion hold over the neighbourhood.
+
+A verdict asks no more than its answer needs. To confirm, or to say that nothing is known, every method is halved until
+its figures stand. A limit that is broken far beyond every error estimate needs less: event-exact at two steps, one
+other method at its first step that says the same, and the neighbourhood.
+"""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from camopt.cam.lift import Lift
+from camopt.measure.limits import motion_limits
+from camopt.measure.settling import Figures
+from camopt.scene.errors import MotionRefused
+from camopt.scene.rest import state_at_rest
+from camopt.scene.schema import Scene
+from camopt.scene.train import build_train
+from camopt.verifier.convergence import MARGIN, RELATIVE, Converged, Demand, Halving, Prepare, apart, tolerances
+from camopt.verifier.neighbourhood import against_limits, neighbours
+from camopt.verifier.record import speed_record
+
+FAR = 3.0
+"""A limit is broken far beyond every error estimate where it is by FAR times the first method's estimate and the
+distance of the two methods together."""
+FIRST_LOOK = 2
+"""Steps of the first method after which it has an error estimate."""
+HALVED, ONE_STEP = "halving", "one step"
+"""After what a verdict was decided: its methods were halved until they stood (or could not), or one step showed it."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is judged at every speed, by which methods, and how far each of them is asked to go."""
+
+    scene: Scene
+    lift: Lift
+    methods: Mapping[str, Prepare]
+    demand: Demand
+
+
+@dataclass(frozen=True, repr=False)
+class SpeedVerdict:
+    """What the methods found at one speed, and what follows. Figures are the first method's."""
+
+    speed_rpm: float
+    verdict: str
+    broken: tuple[str, ...]
+    straddled: tuple[str, ...]  # limits that some of the neighbourhood keeps and some breaks
+    ranges: dict[str, tuple[float, float]]  # of every metric, over measured revolutions and neighbours
+    methods: dict[str, Converged]
+    decided_after: str = HALVED
+
+    @property
+    def bounce_range_mm(self) -> tuple[float, float]:
+        """Smallest and largest bounce over measured revolutions and neighbours."""
+        return self.ranges["bounce_mm"]
+
+    def __repr__(self) -> str:
+        return f"SpeedVerdict({self.speed_rpm:g} r/min: {self.verdict}, by {', '.join(self.methods)})"
+
+    def as_dict(self) -> dict:
+        """One record of `speeds` in verification.json."""
+        return speed_record(self)
+
+
+def judge_speed(case: Case, speed_rpm: float) -> SpeedVerdict:
+    """The verdict on a case at one speed [r/min]; a limit that is plainly broken ends it early."""
+    train, cam_speed = build_train(case.scene), case.scene.cam_speed(speed_rpm)
+    rest, first = state_at_rest(train), next(iter(case.methods))
+    halved = {
+        name: Halving(prepare, train, case.lift, cam_speed, rest, replace(case.demand, certain=name == first))
+        for name, prepare in case.methods.items()
+    }
+    early = _plainly_broken(case, speed_rpm, halved)
+    if early is not None:
+        return early
+    answers = {name: one.answer() for name, one in halved.items()}
+    if answers[first].state is None:
+        return SpeedVerdict(speed_rpm, "not converged", (), (), answers[first].range, answers)
+    try:
+        near = neighbours(case.methods[first], train, case.lift, cam_speed, answers[first])
+    except MotionRefused:
+        return SpeedVerdict(speed_rpm, "not converged", (), (), answers[first].range, answers)
+    broken, straddled = against_limits(case.scene, speed_rpm, answers[first], near)
+    ranges = _ranges(answers[first], near)
+    if not agreement(list(answers.values()), case.demand.tolerance_um, case.demand.limited):
+        return SpeedVerdict(speed_rpm, "not converged", (), straddled, ranges, answers)
+    verdict = "rejected" if broken else "sensitive" if straddled else "confirmed"
+    return SpeedVerdict(speed_rpm, verdict, broken, straddled, ranges, answers)
+
+
+def _plainly_broken(case: Case, speed_rpm: float, halved: Mapping[str, Halving]) -> SpeedVerdict | None:
+    """A rejection for which the first two methods need not stand, or None; what they ran is not lost.
+
+    Every limit that it names is broken by both methods, and one of them at least far beyond every error estimate.
+    """
+    names = list(halved)[:2]
+    if len(names) < 2:
+        return None
+    first = halved[names[0]].answer(FIRST_LOOK)
+    if not far_beyond(case.scene, [first.worst], first.error):
+        return None
+    other = halved[names[1]].answer(1)
+    doubt = {name: error + apart(first.worst[name], other.worst[name]) for name, error in first.error.items()}
+    if not far_beyond(case.scene, [first.worst, other.worst], doubt):
+        return None
+    train, cam_speed = build_train(case.scene), case.scene.cam_speed(speed_rpm)
+    try:
+        near = neighbours(case.methods[names[0]], train, case.lift, cam_speed, first)
+    except MotionRefused:
+        return None
+    every = [first.worst, other.worst, *({name: f.worst(name) for name in doubt} for f in near)]
+    if not far_beyond(case.scene, every, doubt):
+        return None
+    broken, straddled = against_limits(case.scene, speed_rpm, replace(first, error=doubt), near)
+    answers = dict(zip(names, (first, other), strict=True))
+    return SpeedVerdict(speed_rpm, "rejected", broken, straddled, _ranges(first, near), answers, ONE_STEP)
+
+
+def far_beyond(scene: Scene, figures: list[dict[str, float]], doubt: dict[str, float]) -> bool:
+    """Whether all `figures` break one and the same limit by more than FAR times its `doubt`.
+
+    A figure that is none (the valve does not seat, the motion is refused) shows nothing here.
+    """
+    for limit in motion_limits(scene.design).values():
+        values, margin = [f[limit.metric] for f in figures], FAR * doubt[limit.metric]
+        if np.all(np.isfinite([*values, margin])) and all(limit.breaks(value, margin) for value in values):
+            return True
+    return False
+
+
+def _ranges(answer: Converged, near: list[Figures]) -> dict[str, tuple[float, float]]:
+    """Smallest and largest value of every metric over the measured revolutions and the neighbourhood."""
+    every = {name: np.array([own, *(f.range(name) for f in near)]) for name, own in answer.range.items()}
+    return {name: (float(values.min()), float(values.max())) for name, values in every.items()}
+
+
+def agreement(answers: list[Converged], tolerance_um: float, limited: Collection[str] = ()) -> bool:
+    """Whether two methods or more have converged and their deciding figures overlap within range and error estimate.
+
+    Half of what a halved step was allowed to change is the least error of a figure: then two exact answers still agree
+    when they differ by what either may move. Changes across contacts are erratic and can be small by chance.
+    """
+    if len(answers) < 2 or not all(a.converged for a in answers):
+        return False
+    for name, tolerance in tolerances(tolerance_um, limited).items():
+        seated = [not np.isnan(a.worst[name]) for a in answers]
+        if not any(seated):
+            continue
+        if not all(seated):
+            return False
+        least = [0.5 * (tolerance + RELATIVE * abs(a.worst[name])) for a in answers]
+        errors = [max(a.error[name] / MARGIN, e) for a, e in zip(answers, least, strict=True)]  # what halving moved
+        lows = [a.range[name][0] - error for a, error in zip(answers, errors, strict=True)]
+        highs = [a.range[name][1] + error for a, error in zip(answers, errors, strict=True)]
+        if max(lows) > min(highs):
+            return False
+    return True

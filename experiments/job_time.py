@@ -1,0 +1,110 @@
+"""What does the main job take, cold, warm and at draft, and what of it is compiling?
+
+    python -m experiments.job_time [small|full]
+
+`camopt optimize kodama` in a fresh process each: standard with every cache of compiled programs empty, standard again
+with the programs that this left, and draft. By stage: clock, processor time and compilation, from provenance.json; of
+the whole process, imports included: clock, processor time and peak memory, from the system. A fixed loop of arithmetic
+is timed before each of them, so that runs of different days and machines can be compared. The small size is `motori-1`
+at its listed speeds and draft without gradients, on whatever caches there are.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from experiments.support.record import RESULTS, run_script, write_result
+
+LOOP = 3_000_000
+CACHES = {"NUMBA_CACHE_DIR": "numba", "JAX_COMPILATION_CACHE_DIR": "jax", "XDG_CACHE_HOME": "cache"}
+"""By environment variable, the folder inside the experiment's own in which compiled programs are kept."""
+KODAMA = ("optimize", "kodama", "--seed", "0", "--quiet")
+CASES = {
+    "cold": (*KODAMA, "--accuracy", "standard"),
+    "warm": (*KODAMA, "--accuracy", "standard"),
+    "draft": (*KODAMA, "--accuracy", "draft"),
+}
+SMALL = {
+    "draft": ("optimize", "motori-1", "--quiet", "--accuracy", "draft", "--speeds", "nominal", "--gradient", "none")
+}
+TARGETS = {
+    "cold": {"clock_s": 180.0, "peak_memory_MB": 1000.0},
+    "warm": {"processor_s": 100.0, "peak_memory_MB": 1000.0},
+    "draft": {"processor_s": 20.0, "peak_memory_MB": 1000.0},
+}
+"""What each case may take at most; the clock counts on two idle cores."""
+
+
+def arithmetic_loop() -> float:
+    """Processor time of a fixed loop [s]."""
+    begun, total = time.process_time(), 0.0
+    for i in range(LOOP):
+        total += i * 0.5
+    assert total > 0
+    return time.process_time() - begun
+
+
+def job(words: tuple[str, ...], out: Path, environment: dict[str, str]) -> dict:
+    """One job in a process of its own: what it cost in all and by stage, and what it came to."""
+    loop, begun = arithmetic_loop(), time.perf_counter()
+    command = [sys.executable, "-m", "camopt", *words, "--out", str(out)]
+    with open(os.devnull, "wb") as nowhere:
+        process = subprocess.Popen(command, env=os.environ | environment, stdout=nowhere)
+        _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    clock = time.perf_counter() - begun
+    provenance = json.loads((out / "provenance.json").read_text(encoding="utf-8"))
+    design = json.loads((out / "design.json").read_text(encoding="utf-8"))
+    kib = 1 if sys.platform == "darwin" else 1024
+    return {
+        "exit_code": process.returncode,
+        "area_ratio": design["area_ratio"],
+        "clock_s": clock,
+        "processor_s": used.ru_utime + used.ru_stime,
+        "peak_memory_MB": used.ru_maxrss * kib / 1000**2,
+        "loop_s": loop,
+        "stages": provenance["stages"],
+        "cams_judged": provenance["cams_judged"],
+        "gradient_ended": provenance["gradient_ended"],
+    }
+
+
+def within(name: str, row: dict) -> dict[str, bool]:
+    """By figure, whether a case keeps its target."""
+    return {key: row[key] <= most for key, most in TARGETS[name].items()}
+
+
+def main(size: str = "full", folder: Path = RESULTS) -> dict:
+    """Runs every case, prints the tables and writes job_time.json into `folder`."""
+    rows = {}
+    with tempfile.TemporaryDirectory() as held:
+        caches = {} if size == "small" else {name: str(Path(held, part)) for name, part in CACHES.items()}
+        for name, words in (SMALL if size == "small" else CASES).items():
+            rows[name] = job(words, Path(held, f"run-{name}"), caches)
+            rows[name]["within_target"] = within(name, rows[name])
+            print(table(name, rows[name]), flush=True)
+    content = {"targets": TARGETS, "cases": rows}
+    write_result("job_time", size, content, {}, folder)
+    return content
+
+
+def table(name: str, row: dict) -> str:
+    """A case as Markdown: a line per stage, and one for the whole process."""
+    lines = [
+        f"| {name}, loop {row['loop_s']:.2f} s | clock s | processor s | compiling s | peak MB |",
+        "|---" * 5 + "|",
+    ]
+    for stage, cost in row["stages"].items():
+        cells = [cost[key] for key in ("clock_s", "processor_s", "compilation_s", "peak_memory_MB")]
+        lines.append(f"| {stage} | {' | '.join('–' if c is None else f'{c:.1f}' for c in cells)} |")
+    compiling = sum(cost["compilation_s"] for cost in row["stages"].values())
+    whole = row["clock_s"], row["processor_s"], compiling, row["peak_memory_MB"]
+    return "\n".join([*lines, f"| whole process | {' | '.join(f'{c:.1f}' for c in whole)} |"])
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)
