@@ -38,12 +38,13 @@ def compiled(function: Callable | None = None, **options: Any) -> Any:
         return lambda f: compiled(f, **options)
     if _folder(Path(function.__code__.co_filename)) is None:
         return numba.njit(nogil=True, **options)(function)
-    before = config.CACHE_LOCATOR_CLASSES
-    config.CACHE_LOCATOR_CLASSES = f"{__name__}.{ProgramFolder.__name__}"
+    settings: Any = config  # whose type does not list what it holds
+    before = settings.CACHE_LOCATOR_CLASSES
+    settings.CACHE_LOCATOR_CLASSES = f"{__name__}.{ProgramFolder.__name__}"
     try:
         return numba.njit(cache=True, nogil=True, **options)(function)
     finally:
-        config.CACHE_LOCATOR_CLASSES = before
+        settings.CACHE_LOCATOR_CLASSES = before
 
 
 class ProgramFolder(_CacheLocator):

@@ -20,7 +20,7 @@ harmonic of the cam meets the first surge mode."""
 KINDS = (
     {"name": "bucket-light-coils", "masses": 1, "coils": (2,), "ratio": LIGHT, "faster": 1.04},
     {"name": "finger-light-coils", "masses": 2, "coils": (2,), "ratio": LIGHT},
-    {"name": "pushrod-light-coils", "masses": 3, "coils": (2,), "ratio": LIGHT, "faster": 0.88},
+    {"name": "pushrod-light-coils", "masses": 3, "coils": (2,), "ratio": 10 * LIGHT, "faster": 0.84},
     {"name": "pushrod-elastic", "masses": 3, "coils": (1,), "softer": 0.5, "faster": 0.63},
     {"name": "bucket-unequal-ramps", "masses": 1, "coils": (1,), "ramps": True, "faster": 1.03},
     {"name": "finger-unequal-ramps", "masses": 2, "coils": (), "ramps": True},

@@ -27,6 +27,8 @@ from experiments.support.near_limit_truth import COLD, from_rest
 from experiments.support.record import RESULTS, run_script, write_result
 
 PER_SCENE = 20
+MOST_LINES = 60
+"""Lines drawn for a scene: one without cams around its limits ends in a sentence instead of a loop without end."""
 SEED = 2026
 REST_RPM = 10.0
 SMALL = {"scenes": (4,), "cams": 1, "width_rpm": 20.0, "accuracy": "draft"}
@@ -69,6 +71,8 @@ def drawn(plan: dict, path: Path) -> list[dict]:
         for line in count(max((row["line"] for row in have), default=-1) + 1):
             if len(have) >= plan["cams"]:
                 break
+            if line >= MOST_LINES:
+                raise RuntimeError(f"{scene.name}: {line} lines gave {len(have)} cams around its limits")
             rng = np.random.default_rng([SEED, number, line])
             for found in near_limit_cams(scene, rng, min(PER_LINE, plan["cams"] - len(have))):
                 row = {"scene": number, "name": scene.name, "cam": len(have), "line": line, "knot_deg": found.knot_deg}
