@@ -161,7 +161,7 @@ class Halving:
         self._last, self._state = done, done.state
         self._runs.append(done.figures)
         if len(self._runs) > 1:
-            self._stood.append(_unmoved(*self._runs[-2:], self._allowed, done.periodic))
+            self._stood.append(_unmoved(self._runs[-2], self._runs[-1], self._allowed, done.periodic))
 
     def answer(self, steps: int | None = None) -> Converged:
         """The answer once it stands or, where a number of `steps` is given, after so many at most."""
