@@ -88,11 +88,12 @@ def optimize(
     and a scene without a confirmed cam.
     """
     settings = {"speeds": speeds, "accuracy": accuracy, "gradient": gradient, "seed": seed}
-    effort = _understood(scene, settings)
+    effort, design = _understood(scene, settings), scene.design
+    assert design is not None, "load_scene(..., need=...) guarantees it"
     job = _Job(scene, settings, effort, StageClock())
     with job.clock.stage("bound"):
-        kinematic = kinematic_optimum(scene.design, free_cam(scene.design, effort.knot_deg))  # contradictions end here
-        bound = area_ratio_bound(scene.design).bound
+        kinematic = kinematic_optimum(design, free_cam(design, effort.knot_deg))  # contradictory limits end here
+        bound = area_ratio_bound(design).bound
     identity = run_identity("optimize", scene, **settings)
     with run_folder(out or default_run_folder(scene.name), identity, resume, ["design.json"]) as folder:
         write_text(folder / "scene.toml", scene_toml(scene))
@@ -135,6 +136,7 @@ class _Job:
     ) -> tuple[Lift, Verdict, dict]:
         """The cam, its verdict and the content of design.json, all of them written into the folder."""
         scene, effort, clock, gradient = self.scene, self.effort, self.clock, self.settings["gradient"]
+        assert scene.design is not None, "load_scene(..., need=...) guarantees it"
         shown.begin("search")
         search, no_jump = find_cam(
             scene, self.settings["speeds"], effort, gradient, journal=Journal(folder), show=shown.step, clock=clock,
