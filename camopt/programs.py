@@ -12,6 +12,7 @@ from collections.abc import Callable
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numba
 from numba.core import config
@@ -28,7 +29,7 @@ KEPT_DAYS = 60
 """Programs of other versions go when they were not compiled for so long."""
 
 
-def compiled(function: Callable | None = None, **options):
+def compiled(function: Callable | None = None, **options) -> Any:
     """A function compiled by numba without the interpreter's lock, kept on disk; `options` are those of `numba.njit`.
 
     Where there is no cache folder the program is compiled in each process.

@@ -1,11 +1,12 @@
 """Compiled functions that only borrow the arrays they are given."""
 
 from collections.abc import Callable
+from typing import Any
 
 from camopt.programs import compiled
 
 
-def borrowing(function: Callable | None = None, **options):
+def borrowing(function: Callable | None = None, **options) -> Any:
     """`compiled` for a function that makes no array and returns none: numba then counts no references in it.
 
     By itself numba counts the references of every array of every tuple that a function is given, with two locked

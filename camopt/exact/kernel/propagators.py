@@ -56,7 +56,7 @@ class Propagators:
                 return
             if slot == len(self._buffers.keys):
                 *parts, leap = self._buffers
-                self._buffers = Tables(*(np.concatenate([part, np.zeros_like(part)]) for part in parts), leap)
+                self._buffers = Tables._make([*(np.concatenate([part, np.zeros_like(part)]) for part in parts), leap])
             fill(self.arrays, self.train.seat, self.step, self._buffers, slot, key)
             self.built = self._buffers._replace(keys=self._buffers.keys[: slot + 1])
 

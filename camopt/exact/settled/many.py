@@ -189,16 +189,16 @@ def _jobs(trains, t: int, cams: stages.Cams, speeds, starts, decay: float | None
     tables_of = propagators if len(trains) == 1 else Propagators
     steps = np.array([free_step(train, speed) for speed in speeds])
     rate = slowest_decay(train) * 2 * np.pi if decay is None else None
-    rest = state_at_rest(train) if starts is None else None
-    cam, speed = (each.ravel() for each in np.indices((len(cams.foot), len(speeds))))
+    shape = len(cams.foot), len(speeds)
+    begin = np.broadcast_to(state_at_rest(train), (*shape, 2 * len(train.mass))) if starts is None else starts
+    cam, speed = (each.ravel() for each in np.indices(shape))
     jobs = []
     for step in np.unique(steps):
         tables, mine = tables_of(train, float(step), WIDTH, AT_ONCE), np.flatnonzero(steps[speed] == step)
         for part in (mine[i::parts] for i in range(min(parts, len(mine)))):
             c, s = cam[part], speed[part]
-            start = np.tile(rest, (len(part), 1)) if rest is not None else starts[c, s].copy()
-            decays = rate / speeds[s] if decay is None else np.full(len(part), decay)
-            jobs.append(Job(t, tables, c, s, _motions(c, speeds[s], decays, start)))
+            decays = np.full(len(part), decay) if rate is None else rate / speeds[s]
+            jobs.append(Job(t, tables, c, s, _motions(c, speeds[s], decays, np.ascontiguousarray(begin[c, s]))))
     return jobs
 
 
