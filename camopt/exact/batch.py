@@ -26,7 +26,7 @@ from camopt.exact.engine import MOST_SWITCHINGS
 from camopt.exact.kernel.arrays import CamArrays, TrainArrays, train_arrays
 from camopt.exact.kernel.propagators import propagators
 from camopt.exact.kernel.revolution import DONE, NEED_TABLES, TRACE_FULL
-from camopt.exact.kernel.setting import Setting, follow, slot_tables
+from camopt.exact.kernel.setting import Setting, follow
 from camopt.exact.kernel.trace import first
 from camopt.programs import compiled
 from camopt.scene.rest import state_at_rest
@@ -78,7 +78,7 @@ def run(s, motions, wanted, most, rows, trace, seeds, begin, end):
             motions.state[i] = start
             return i, code, count
         one = Setting(
-            s.train, cam, s.step, s.tables, s.states, s.motion, s.integral, s.valve, s.seat, s.cam_side,
+            s.train, cam, s.step, s.tables, s.valve, s.seat, s.cam_side,
             s.half_duration, motions.foot[i],
         )  # fmt: skip
         done = first(trace, count)
@@ -172,7 +172,7 @@ def _run(
         built = tables.built
         numbers = train.valve, train.seat, sides, half_duration, 0.0
         cam = CamArrays(motions.borders, motions.coefficients[0], 0.0)
-        setting = Setting(arrays, cam, step, built, *slot_tables(tables).for_tables(built), *numbers)
+        setting = Setting(arrays, cam, step, built, *numbers)
         begin = i
         i, code, key = run(setting, motions, wanted, MOST_SWITCHINGS, NO_ROWS, trace, seeds, begin, k)
         done += range(begin, i)

@@ -12,21 +12,20 @@ from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import LESS_IS_WORSE
 from camopt.scene.response import Response, Revolve, end_state, joined, next_state
 from camopt.scene.rest import state_at_rest
+from camopt.scene.settled import (
+    APERIODIC,
+    MEASURED,
+    MOST_REVOLUTIONS,
+    PLAIN_REVOLUTIONS,
+    SETTLED_POSITION,
+    SETTLED_VELOCITY,
+    UNBOUND,
+    revolutions_needed,
+    way_left,
+)
 from camopt.scene.shapes import Float, State
 from camopt.scene.train import Train
 from camopt.scene.vibration import slowest_decay
-
-SETTLED_POSITION = 1e-6
-"""Largest change that a position of a settled motion still has before it [m] (docs/model.md)."""
-SETTLED_VELOCITY = 1e-3
-"""Largest change that a velocity of a settled motion still has before it [m/s]."""
-PLAIN_REVOLUTIONS = 40
-"""Revolutions after which a motion of a well damped train that still changes counts as aperiodic."""
-MEASURED, APERIODIC = 4, 8
-"""Revolutions that are measured of a motion that has settled, and of one that has not."""
-FADED, MOST_REVOLUTIONS = 15.0, 1500
-"""A lightly damped train may run until its slowest mode has faded by FADED e-folds, which takes three millimetres to a
-nanometre, but for no more than MOST_REVOLUTIONS."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -130,9 +129,9 @@ def _stood(
 ) -> tuple[np.ndarray, int, bool, bool]:
     """The state where the motion stands or is given up, the revolutions until there, whether it is periodic, and
     whether the slowest mode had the revolutions that it needs to die out."""
-    needed = int(np.ceil(FADED / max(decay, 1e-9)))
+    needed = revolutions_needed(decay)
     slow = needed > PLAIN_REVOLUTIONS
-    stands = _Stands(position, max(1.0, 1.0 / np.expm1(max(decay, 1e-9))))
+    stands = _Stands(position, way_left(decay))
     state, revolutions, periodic = _run(revolve, state, PLAIN_REVOLUTIONS if most is None else most, stands)
     if slow and most is None and not periodic:
         state, hastened = _hastened(revolve, state)
@@ -202,8 +201,8 @@ def first_revolution(revolve: Revolve, state: State) -> Settled:
 
 
 def _bounded(state: State) -> State:
-    """The state, unless it has left all bounds: a kilometre of valve lift is no motion of a valve train."""
-    if not np.all(np.isfinite(state)) or np.abs(state[: len(state) // 2]).max() > 1e3:
+    """The state, unless it has left all bounds."""
+    if not np.all(np.isfinite(state)) or np.abs(state[: len(state) // 2]).max() > UNBOUND:
         raise MotionRefused("the motion has no bound: the step is past the method's stability limit; take more steps")
     return state
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -30,6 +31,19 @@ PEAKS = 3
 
 AtSpeed = Callable[[Train, Lift, float], Revolve]
 """The sweeping method: train, lift, cam speed [rad/s]."""
+
+
+class SettledWorst(Protocol):
+    """What a sweep reads of many settled motions."""
+
+    def worst(self, name: str) -> np.ndarray:
+        """The worst value of a metric by train, cam and speed (t, c, s); NaN where the motion is refused."""
+        ...
+
+
+SettledMany = Callable[..., SettledWorst]
+"""A method that measures settled motions of trains and lifts at cam speeds [rad/s] together:
+`camopt.exact.settled.settled_metrics`."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -88,14 +102,24 @@ class Band:
 
 
 def at_speeds(
-    prepare: AtSpeed, scene: Scene, lift: Lift, speeds_rpm: Iterable[float], workers: int = 2
+    prepare: AtSpeed,
+    scene: Scene,
+    lift: Lift,
+    speeds_rpm: Iterable[float],
+    workers: int = 2,
+    many: SettledMany | None = None,
 ) -> list[dict[str, float]]:
     """Worst figures of the settled motion at each speed [r/min]: metric name -> value.
 
-    The speeds are dealt to threads; each has its own copy of the train, because methods keep tables by train.
+    The speeds are dealt to threads; each has its own copy of the train, because methods keep tables by train. Where the
+    method can measure many settled motions together, `many` does so instead.
     """
     speeds = list(speeds_rpm)
     train = build_train(scene)
+    if many is not None:
+        found = many([train], [lift], [scene.cam_speed(s) for s in speeds], workers=workers)
+        worst = {name: found.worst(name)[0, 0] for name in QUANTITIES}
+        return [{name: float(values[i]) for name, values in worst.items()} for i in range(len(speeds))]
 
     def deal(worker: int) -> list[dict[str, float]]:
         own = replace(train)
@@ -121,11 +145,19 @@ class Swept:
     them finds is therefore known to all.
     """
 
-    def __init__(self, prepare: AtSpeed, scene: Scene, lift: Lift, workers: int = 2, method: str = "event"):
+    def __init__(
+        self,
+        prepare: AtSpeed,
+        scene: Scene,
+        lift: Lift,
+        workers: int = 2,
+        method: str = "event",
+        many: SettledMany | None = None,
+    ):
         assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
         self.ends, self.method = scene.operation.band_rpm, method
         self.found: dict[float, dict[str, float]] = {}
-        self._look = lambda speeds: at_speeds(prepare, scene, lift, speeds, workers)
+        self._look = lambda speeds: at_speeds(prepare, scene, lift, speeds, workers, many)
 
     def __call__(self, speeds_rpm: Iterable[float]) -> list[dict[str, float]]:
         """Figures at these speeds [r/min]."""

@@ -6,6 +6,7 @@ piecewise quadratic: Newton's method ends after a few changes of the closed cont
 """
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -56,6 +57,12 @@ def rest_position(train: Train) -> np.ndarray:
 
     Raises InputError where a mass is not held, or where no set of closed contacts is in equilibrium.
     """
+    return _rest_of(train).copy()
+
+
+@lru_cache(maxsize=64)
+def _rest_of(train: Train) -> np.ndarray:
+    """`rest_position`, kept because tables, modes and starts of one train all ask for it."""
     contacts = int(np.sum(train.contact))
     if contacts > MOST_CONTACTS:
         raise InputError(

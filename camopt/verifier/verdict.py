@@ -12,7 +12,7 @@ from camopt.cam.lift import Lift
 from camopt.measure.limits import broken_by_shape, limited_metrics, motion_limits
 from camopt.measure.resonance import resonances
 from camopt.measure.settling import SETTLED_POSITION
-from camopt.measure.sweep import STARTS_MM, Band, Swept, first_exceeding, sweep
+from camopt.measure.sweep import STARTS_MM, Band, SettledMany, Swept, first_exceeding, sweep
 from camopt.scene.errors import InputError
 from camopt.scene.response import Revolve
 from camopt.scene.schema import Scene
@@ -151,7 +151,7 @@ def _swept_band(scene: Scene, lift: Lift, step_rpm: float) -> tuple[Band, dict[s
     limited: what a search of its own has found may not be left out.
     """
     train = build_train(scene)
-    swept = Swept(_sweeping(train), scene, lift, WORKERS, "event" if train.laws is None else "rkg")
+    swept = Swept(_sweeping(train), scene, lift, WORKERS, *_at_once(train))
     limited = limited_metrics(scene.design)
     found, left_out = resonances(scene, lift, step_rpm)
     sweep(swept, step_rpm, limited, found)
@@ -176,6 +176,15 @@ def _method(name: str) -> Prepare:
 
         return engine.prepare
     return import_module(INDEPENDENT[name]).prepare
+
+
+def _at_once(train: Train) -> tuple[str, SettledMany | None]:
+    """The name of the method of sweeps, and what measures many of its motions together, if anything does."""
+    if train.laws is None:
+        from camopt.exact.settled import settled_metrics
+
+        return "event", settled_metrics
+    return "rkg", None
 
 
 def _sweeping(train: Train) -> Callable[[Train, Lift, float], Revolve]:

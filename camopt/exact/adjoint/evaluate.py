@@ -8,8 +8,8 @@ import numpy as np
 from camopt.exact.adjoint.metrics import measure
 from camopt.exact.adjoint.seeds import clear, observe, seed_force
 from camopt.exact.kernel.instants import compression, nearest_miss, state_at
-from camopt.exact.kernel.propagators import ACTING, SEPARATED
 from camopt.exact.kernel.revolution import element_forces
+from camopt.exact.kernel.tables import ACTING, SEPARATED
 from camopt.programs import compiled
 
 
@@ -37,7 +37,7 @@ def closings_margin(s, trace):
     for k in range(len(trace.length)):
         if trace.watch[k] >= 0:
             e = s.tables.element[trace.slot[k], trace.watch[k]]
-            if train.damping[e] > 0.0 and s.states[trace.slot[k], e] == SEPARATED:
+            if train.damping[e] > 0.0 and s.tables.states[trace.slot[k], e] == SEPARATED:
                 approach = min(approach, compression(s, e, trace.y[k + 1])[1])
     for e in range(len(train.contact)):
         if train.contact[e] and train.damping[e] > 0.0:
@@ -54,7 +54,7 @@ def sample(s, trace, segments, lengths, rows):
         rows[i, : 2 * n + 1] = y[: 2 * n + 1]
         rows[i, 2 * n + 1] = y[2 * n + 1] / s.step
         x, v = y[:n], y[n : 2 * n]
-        element_forces(s.train, s.states[slot], y[2 * n], rows[i, 2 * n + 1], x, v, rows[i, 2 * n + 2 :])
+        element_forces(s.train, s.tables.states[slot], y[2 * n], rows[i, 2 * n + 1], x, v, rows[i, 2 * n + 2 :])
 
 
 @compiled
@@ -66,5 +66,5 @@ def collect(s, trace, seeds, segments, lengths, bar):
         k = segments[i]
         observe(seeds, k, lengths[i])[:] = bar[i, : n2 + 2]
         for e in range(bar.shape[1] - n2 - 2):
-            if bar[i, n2 + 2 + e] != 0.0 and s.states[trace.slot[k], e] == ACTING:
+            if bar[i, n2 + 2 + e] != 0.0 and s.tables.states[trace.slot[k], e] == ACTING:
                 seed_force(s, trace, seeds, k, lengths[i], e, bar[i, n2 + 2 + e])

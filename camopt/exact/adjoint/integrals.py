@@ -3,17 +3,18 @@
 import numpy as np
 
 from camopt.exact.kernel.advance import apply
+from camopt.exact.kernel.borrowing import borrowing
 from camopt.exact.kernel.instants import series_at, watch_of
-from camopt.exact.kernel.propagators import TERMS
+from camopt.exact.kernel.tables import TERMS
 from camopt.programs import compiled
 
 
-@compiled
+@borrowing
 def distance_integral(s, trace, k, w, there):
     """Integral of the seat's distance over segment k [m steps], in which the seat must be apart."""
     slot, length, y = trace.slot[k], trace.length[k], trace.y[k]
-    step = min(int(length), s.integral.shape[1] - 1)
-    row = s.integral[slot, step]
+    step = min(int(length), s.tables.integral.shape[1] - 1)
+    row = s.tables.integral[slot, step]
     total = row[len(y)]
     for j in range(len(y)):
         total += row[j] * y[j]
@@ -91,9 +92,9 @@ def integrals_back(s, slot, y, length, linear, square, out):
     p, w, row, there = np.empty(TERMS + 1), np.empty(TERMS + 1), np.empty(columns), np.empty(columns)
     first = 0
     if square == 0.0:
-        first = min(int(length), s.integral.shape[1] - 1)
+        first = min(int(length), s.tables.integral.shape[1] - 1)
         for j in range(columns):
-            out[j] += linear * s.integral[slot, first, j]
+            out[j] += linear * s.tables.integral[slot, first, j]
     for i in range(first, int(np.ceil(length))):
         width, power = min(1.0, length - i), 1.0
         for k in range(TERMS + 1):

@@ -8,9 +8,10 @@ import numpy as np
 
 from camopt.exact.adjoint.integrals import distance_integral, seed_integral, seed_square, square_integral
 from camopt.exact.adjoint.seeds import observe, seed_end, seed_force, seed_separation
+from camopt.exact.kernel.borrowing import borrowing
 from camopt.exact.kernel.instants import accelerations, closeness, largest, state_at
-from camopt.exact.kernel.propagators import ACTING, SEPARATED, TERMS
 from camopt.exact.kernel.switching import _value_and_slope
+from camopt.exact.kernel.tables import ACTING, SEPARATED, TERMS
 from camopt.programs import compiled
 from camopt.scene.units import DEG, MM
 
@@ -49,17 +50,17 @@ def measure(metric, s, trace, seeds, turn):
     return closed_integral(s, trace, seeds, turn)
 
 
-@compiled
+@borrowing
 def closes(s, trace, k, e):
     """Whether segment k ends where contact e closes."""
     slot, watch = trace.slot[k], trace.watch[k]
-    return watch >= 0 and s.tables.element[slot, watch] == e and s.states[slot, e] == SEPARATED
+    return watch >= 0 and s.tables.element[slot, watch] == e and s.tables.states[slot, e] == SEPARATED
 
 
-@compiled
+@borrowing
 def touch(s, trace, turn):
     """(the segment that ends with the touch of a revolution, -1 for no touch; whether the valve opened)."""
-    top, peak, e, states, train = 0.0, -1, s.seat, s.states, s.train
+    top, peak, e, states, train = 0.0, -1, s.seat, s.tables.states, s.train
     for k in range(len(trace.length)):
         if abs(trace.angle[k] - 2 * np.pi * turn) <= np.pi and states[trace.slot[k], e] == SEPARATED:
             pressed = closeness(train.a[e], train.b[e], train.gap[e], len(train.mass), trace.y[k])[0]
@@ -146,7 +147,7 @@ def seed_nominal(s, trace, seeds, k, length, slope):
         seeds.element[3, e] += slope / rate
 
 
-@compiled
+@borrowing
 def event(s, turn):
     """Angles [rad] between which the contacts between cam and valve are judged: half the duration about the nose."""
     return 2 * np.pi * turn - s.half_duration, 2 * np.pi * turn + s.half_duration
@@ -176,7 +177,7 @@ def contact_force(s, trace, seeds, turn, sign):
     for e in s.cam_side:
         for k in range(len(trace.length)):
             inside = trace.angle[k] < high and trace.angle[k + 1] > low
-            if sign < 0.0 and inside and s.states[trace.slot[k], e] != ACTING:
+            if sign < 0.0 and inside and s.tables.states[trace.slot[k], e] != ACTING:
                 return 0.0, NONE
         value, k, length, steep, runner = largest(s, trace, e, ACTING, sign, low, high)
         second = max(second, runner, min(best, value))
@@ -196,12 +197,12 @@ def jump_angle(s, trace, seeds, turn):
     for e in s.cam_side:
         total = 0.0
         for k in range(len(trace.length)):
-            if s.states[trace.slot[k], e] == SEPARATED:
+            if s.tables.states[trace.slot[k], e] == SEPARATED:
                 total += max(0.0, min(high, trace.angle[k + 1]) - max(low, trace.angle[k]))
         if total > best:
             best, second, contact = total, best, e
     for k in range(len(trace.length)):
-        if contact < 0 or s.states[trace.slot[k], contact] != SEPARATED:
+        if contact < 0 or s.tables.states[trace.slot[k], contact] != SEPARATED:
             continue
         if low < trace.angle[k] < high and k > 0 and trace.watch[k - 1] >= 0:
             seeds.time[k - 1] -= seeds.weight[0] * s.cam.speed / DEG
@@ -249,7 +250,7 @@ def dynamic_area(s, trace, seeds, turn):
     w, there = np.zeros(TERMS + 1), np.zeros(trace.y.shape[1])
     for k in range(len(trace.length)):
         inside = abs(0.5 * (trace.angle[k] + trace.angle[k + 1]) - 2 * np.pi * turn) <= np.pi
-        if inside and s.states[trace.slot[k], s.seat] == SEPARATED:
+        if inside and s.tables.states[trace.slot[k], s.seat] == SEPARATED:
             total += distance_integral(s, trace, k, w, there)
             seed_integral(s, trace, seeds, k, unit)
     return total * unit, NONE
@@ -268,7 +269,7 @@ def closed_integral(s, trace, seeds, turn):
     w, there = np.zeros(TERMS + 1), np.zeros(trace.y.shape[1])
     for k in range(touched + 1, len(trace.length)):
         inside = 0.5 * (trace.angle[k] + trace.angle[k + 1]) <= foot
-        if inside and s.states[trace.slot[k], s.seat] == SEPARATED:
+        if inside and s.tables.states[trace.slot[k], s.seat] == SEPARATED:
             total += square_integral(s, trace, k, w, there)
             seed_square(s, trace, seeds, k, per_step, w, there)
     return total * per_step, NONE

@@ -14,7 +14,7 @@ from camopt.exact.engine import AT_ONCE, MOST_SWITCHINGS, free_step, refusal, st
 from camopt.exact.kernel.arrays import CamArrays, TrainArrays, cam_arrays, train_arrays
 from camopt.exact.kernel.propagators import Propagators, propagators
 from camopt.exact.kernel.revolution import DONE, NEED_TABLES, TRACE_FULL
-from camopt.exact.kernel.setting import Setting, follow, slot_tables
+from camopt.exact.kernel.setting import Setting, follow
 from camopt.exact.kernel.trace import Trace, empty_trace, first
 from camopt.scene.errors import InputError
 from camopt.scene.shapes import Float, State
@@ -121,7 +121,7 @@ class TracedMotion:
         self.trace = _followed(arrays, cam, step, tables, self.end, revolutions)
         sides = np.array(train.cam_side, dtype=np.int64)
         numbers = train.valve, train.seat, sides, lift.half_duration, lift.opening_foot
-        self.setting = Setting(arrays, cam, step, tables.built, *slot_tables(tables).for_tables(tables.built), *numbers)
+        self.setting = Setting(arrays, cam, step, tables.built, *numbers)
 
     def gradient(
         self, metrics: Sequence[str], revolution: int = 0, cotangent: Float[np.ndarray, " l"] | None = None

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from camopt.exact.kernel.borrowing import borrowing
 from camopt.exact.kernel.instants import compression, state_at
 from camopt.programs import compiled
 
@@ -45,7 +46,7 @@ def empty_seeds(segments: int, observations: int, masses: int, elements: int) ->
     )
 
 
-@compiled
+@borrowing
 def clear(seeds, segments):
     """Removes all cotangents, for a trace with this number of segments."""
     seeds.used[0] = 0

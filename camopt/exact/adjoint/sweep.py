@@ -13,8 +13,9 @@ import numpy as np
 
 from camopt.exact.adjoint.integrals import integrals_back
 from camopt.exact.kernel.advance import carry_back
+from camopt.exact.kernel.borrowing import borrowing
 from camopt.exact.kernel.instants import compression, state_at
-from camopt.exact.kernel.propagators import ACTING, SEPARATED
+from camopt.exact.kernel.tables import ACTING, SEPARATED
 from camopt.programs import compiled
 
 MOST_POINTS = 14
@@ -25,7 +26,7 @@ for _n in range(1, MOST_POINTS + 1):
     POINTS[_n, :_n], SHARES[_n, :_n] = (_x + 1) / 2, _w / 2
 
 
-@compiled
+@borrowing
 def lift_back(bar, offset, scale, by_piece):
     """Adds to by_piece (q) the cotangent by a piece's coefficients that follows from `bar`.
 
@@ -43,7 +44,7 @@ def lift_back(bar, offset, scale, by_piece):
         by_piece[k] += bar[k]
 
 
-@compiled
+@borrowing
 def lift_point_back(lift_bar, rate_bar, offset, cam_speed, by_piece):
     """Adds to by_piece (q) the cotangent that follows from those of the lift [m] and its velocity [m/s] at one angle.
 
@@ -63,7 +64,7 @@ def switch_back(s, trace, seeds, k, bar, by_coefficients, by_element):
     e = s.tables.element[slot, trace.watch[k]]
     rate = compression(s, e, trace.y[k + 1])[1]
     pull = 0.0
-    if s.states[slot, e] == SEPARATED and rate > 0.0:
+    if s.tables.states[slot, e] == SEPARATED and rate > 0.0:
         pull += train.damping[e] * ((bar[n + train.a[e]] / train.mass[train.a[e]]) if train.a[e] >= 0 else 0.0)
         pull -= train.damping[e] * ((bar[n + train.b[e]] / train.mass[train.b[e]]) if train.b[e] >= 0 else 0.0)
     if seeds.time[k] != 0.0 and rate != 0.0:
@@ -82,7 +83,7 @@ def switch_back(s, trace, seeds, k, bar, by_coefficients, by_element):
     by_element[3, e] += pull
 
 
-@compiled
+@borrowing
 def forces_back(train, state, h, y, bar, share, by_mass, by_element):
     """Adds share times the cotangent `bar` (2n + q) times the derivatives of all accelerations by the parameters."""
     n = len(train.mass)
@@ -125,7 +126,7 @@ def parameters_back(s, trace, k, length, bar, linear, square, by_mass, by_elemen
     """
     # the product of state and cotangent turns by 3 rad per step at most: so many points leave 1e-7 of the highest mode
     slot, h, count = trace.slot[k], s.step, min(int(np.ceil(1.25 * length)) + 4, MOST_POINTS)
-    motion, state = s.motion[slot], s.states[slot]
+    motion, state = s.tables.acceleration[slot], s.tables.states[slot]
     there = np.empty(trace.y.shape[1])
     for i in range(count):
         at, share = POINTS[count, i] * length, SHARES[count, i] * length * h
@@ -146,8 +147,8 @@ def sweep(s, trace, seeds, bar, by_coefficients, by_mass, by_element):
     n2, mechanical, per_step = len(bar), len(by_mass) > 0, s.cam.speed * s.step
     width = trace.y.shape[1]
     start, out = np.empty(width), np.empty(width)
-    work = np.empty(width), np.empty(width), np.empty(s.motion.shape[2])
-    motion, h, cam_speed = s.motion, s.step, s.cam.speed
+    work = np.empty(width), np.empty(width), np.empty(s.tables.acceleration.shape[2])
+    motion, h, cam_speed = s.tables.acceleration, s.step, s.cam.speed
     for k in range(len(trace.length) - 1, -1, -1):
         if trace.watch[k] >= 0:
             switch_back(s, trace, seeds, k, bar, by_coefficients, by_element)

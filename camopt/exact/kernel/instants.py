@@ -3,8 +3,9 @@
 import numpy as np
 
 from camopt.exact.kernel.advance import advance, apply
-from camopt.exact.kernel.propagators import ACTING, SEPARATED, TERMS
+from camopt.exact.kernel.borrowing import borrowing
 from camopt.exact.kernel.revolution import lift_series
+from camopt.exact.kernel.tables import ACTING, SEPARATED, TERMS
 from camopt.programs import compiled
 
 LOOKS = 8
@@ -26,7 +27,7 @@ def state_at(s, trace, k, length):
     return y
 
 
-@compiled
+@borrowing
 def closeness(a, b, gap, n, y):
     """(d, d') [m], [m/s] of an element between the masses a and b that the cam does not drive."""
     d, rate = -gap, 0.0
@@ -39,7 +40,7 @@ def closeness(a, b, gap, n, y):
     return d, rate
 
 
-@compiled
+@borrowing
 def compression(s, e, y):
     """(d, d') of element e: compression [m] and its rate [m/s]."""
     train = s.train
@@ -58,7 +59,7 @@ def accelerations(s, slot, y):
     n = len(train.mass)
     force = train.mass_force - train.mass_damping * y[n : 2 * n]
     for e in range(len(train.a)):
-        if s.states[slot, e] != ACTING:
+        if s.tables.states[slot, e] != ACTING:
             continue
         d, rate = compression(s, e, y)
         f = train.preload[e] + train.stiffness[e] * d + train.damping[e] * rate
@@ -69,7 +70,7 @@ def accelerations(s, slot, y):
     return force / train.mass
 
 
-@compiled
+@borrowing
 def watch_of(s, slot, e):
     """The first watch of element e in a contact state; -1 where it has none."""
     for w in range(s.tables.count[slot]):
@@ -78,7 +79,7 @@ def watch_of(s, slot, e):
     return -1
 
 
-@compiled
+@borrowing
 def series_at(s, trace, k, step, watch, w, there):
     """Writes to w (TERMS + 1) the power series of a watch about the start of a step of segment k."""
     slot = trace.slot[k]
@@ -87,7 +88,7 @@ def series_at(s, trace, k, step, watch, w, there):
     apply(s.tables.series[slot, watch], there, c, TERMS + 1, w)
 
 
-@compiled
+@borrowing
 def evaluate(w, t):
     """(value, slope, curvature) of a power series."""
     value, slope, curve = 0.0, 0.0, 0.0
@@ -98,7 +99,7 @@ def evaluate(w, t):
     return value, slope, curve
 
 
-@compiled
+@borrowing
 def crest(w, sign, low, high):
     """(t, value, slope) of the largest sign * w in [low, high], and whether it is a crest inside the interval."""
     best, at, steep, inside = -np.inf, low, 0.0, False
@@ -118,7 +119,7 @@ def crest(w, sign, low, high):
     return at, best, steep, inside
 
 
-@compiled
+@borrowing
 def _summit(w, sign, low, high):
     """Root of the slope in a bracket in which it falls through zero, by Newton's method kept inside the bracket."""
     t = 0.5 * (low + high)
@@ -138,13 +139,13 @@ def _summit(w, sign, low, high):
     return t
 
 
-@compiled
+@borrowing
 def _highest_look(s, trace, e, status, sign, low, high):
     """Largest sign * watch over the ends of the steps inside [low, high] [rad]; -inf where no step ends there."""
     best = -np.inf
     for k in range(len(trace.length)):
         slot = trace.slot[k]
-        if trace.angle[k] < low or trace.angle[k + 1] > high or s.states[slot, e] != status:
+        if trace.angle[k] < low or trace.angle[k + 1] > high or s.tables.states[slot, e] != status:
             continue
         watch, count = watch_of(s, slot, e), s.tables.count[slot]
         for i in range(int(trace.length[k]) + 1):
@@ -166,7 +167,7 @@ def largest(s, trace, e, status, sign, low, high):
     enough -= TIE * abs(enough)
     for k in range(len(trace.length)):
         slot = trace.slot[k]
-        if trace.angle[k] > high or trace.angle[k + 1] < low or s.states[slot, e] != status:
+        if trace.angle[k] > high or trace.angle[k + 1] < low or s.tables.states[slot, e] != status:
             continue
         watch, count = watch_of(s, slot, e), s.tables.count[slot]
         begin = max(0.0, (low - trace.angle[k]) / per_step)
@@ -187,7 +188,7 @@ def largest(s, trace, e, status, sign, low, high):
     return value, where, length, steep, second
 
 
-@compiled
+@borrowing
 def _bound(looks, k, at, count, sign):
     """A level that sign * watch does not exceed within a step, from its values and slopes at the step's ends."""
     f0, g0 = sign * looks[k, at], sign * looks[k, at + count]
@@ -198,7 +199,7 @@ def _bound(looks, k, at, count, sign):
 @compiled
 def nearest_miss(s, trace, e):
     """How close contact e came to closing: its smallest watch [N] where it turned back while apart; inf for never."""
-    least, looks, states = np.inf, trace.looks, s.states
+    least, looks, states = np.inf, trace.looks, s.tables.states
     w, there = np.zeros(TERMS + 1), np.zeros(trace.y.shape[1])
     for k in range(len(trace.length)):
         slot = trace.slot[k]

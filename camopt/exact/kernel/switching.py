@@ -1,18 +1,20 @@
 """Switching instants: the first time within a step at which the power series of a watched quantity turns negative."""
 
 from camopt.exact.kernel.advance import apply
-from camopt.exact.kernel.propagators import TERMS
-from camopt.programs import compiled
+from camopt.exact.kernel.borrowing import borrowing
+from camopt.exact.kernel.tables import TERMS
 
 TICK = 1e-13
 """Smallest time [s] between two switchings that is resolved. It is far below any step and above the series' rounding.
 """
+CONVERGED = 1e-9
+"""Newton step [steps] that is the last: what it leaves is of the order of its square."""
 SAMPLES = 15
 """Number of samples of the series per step: the highest mode turns by less than 0.1 rad between two samples, so that at
 most one extremum lies there."""
 
 
-@compiled
+@borrowing
 def suspect(out, at, w, count):
     """Whether a watch may turn negative within a step, judged from values and slopes at the step's two ends.
 
@@ -23,9 +25,16 @@ def suspect(out, at, w, count):
     return before < 0.0 or after < 0.0 or before + out[at + count + w] < 0.0 or after - out[at + 3 * count + w] < 0.0
 
 
-@compiled
+@borrowing
 def first_suspect(out, at, count, steps):
     """The first of the steps in which any watch is suspect; `steps` if there is none."""
+    low = 0
+    for i in range(steps + 1):
+        begin = at + 2 * count * i
+        for w in range(begin, begin + count):
+            low += out[w] < abs(out[w + count])
+    if low == 0:  # no tangent reaches zero within a step, to either side
+        return steps
     for i in range(steps):
         begin = at + 2 * count * i
         for w in range(count):
@@ -34,11 +43,12 @@ def first_suspect(out, at, count, steps):
     return steps
 
 
-@compiled
+@borrowing
 def next_switch(tables, slot, y, columns, out, length, tick, scratch):
-    """The first switching in (0, length] steps, as (instant [steps], watch), or (length, -1) where there is none.
+    """The first switching in (0, length] steps, as (whole steps before it, rest [steps], watch).
 
-    `out` holds the watches of the span, `tick` [steps] is the smallest time that is resolved.
+    Where there is none, (0, length, -1). Where there is one, the first array of `scratch` holds the state after the
+    whole steps. `out` holds the watches of the span, `tick` [steps] is the smallest time that is resolved.
     """
     count, begin, series = tables.count[slot], tables.steps[slot], tables.series[slot]
     there, w, value, slope = scratch
@@ -60,11 +70,11 @@ def next_switch(tables, slot, y, columns, out, length, tick, scratch):
             if s >= 0.0:
                 best, which = s, watch
         if which >= 0:
-            return i + best, which
-    return length, -1
+            return i, best, which
+    return 0, length, -1
 
 
-@compiled(fastmath={"contract"})
+@borrowing(fastmath={"contract"})
 def _value_and_slope(w, t):
     value, slope = 0.0, 0.0
     for k in range(TERMS, -1, -1):
@@ -73,7 +83,7 @@ def _value_and_slope(w, t):
     return value, slope
 
 
-@compiled(fastmath={"contract"})
+@borrowing(fastmath={"contract"})
 def _sample(w, value, slope):
     """Writes values and slopes at i / SAMPLES, i = 0 to SAMPLES, in one loop, so that the processor does several at
     once."""
@@ -86,7 +96,7 @@ def _sample(w, value, slope):
             value[i] = value[i] * t + w[k]
 
 
-@compiled
+@borrowing
 def first_negative(w, start, end, value, slope):
     """The first t in [start, end] at which the series w turns negative, or -1; 0 <= start << 1 and end <= 1.
 
@@ -115,7 +125,7 @@ def first_negative(w, start, end, value, slope):
     return -1.0
 
 
-@compiled
+@borrowing
 def _dip(w, start, high):
     """The t at which w turns negative before its lowest point in (start, high); -1 if that point is not negative."""
     low, above = start, _value_and_slope(w, start)[0]
@@ -133,7 +143,7 @@ def _dip(w, start, high):
     return -1.0
 
 
-@compiled
+@borrowing
 def _root(w, low, high, above, below):
     """The t at which w turns negative, by Newton's method kept inside a bracket that shrinks.
 
@@ -147,7 +157,7 @@ def _root(w, low, high, above, below):
         else:
             high = t
         new = t - value / slope if slope != 0.0 else low
-        if abs(new - t) <= 1e-15 and low <= new <= high:
+        if abs(new - t) <= CONVERGED and low <= new <= high:
             return new
         if not low < new < high:
             new = 0.5 * (low + high)

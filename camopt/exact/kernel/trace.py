@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from camopt.exact.kernel.borrowing import borrowing
 from camopt.programs import compiled
 
 
@@ -38,7 +39,7 @@ def empty_trace(segments: int, width: int, looks: int) -> Trace:
     )
 
 
-@compiled
+@borrowing
 def begin_segment(trace, k, angle, offset, slot, piece, y, looks):
     """Writes row k of a trace, except for the end of its segment."""
     trace.angle[k], trace.offset[k] = angle, offset
@@ -50,7 +51,7 @@ def begin_segment(trace, k, angle, offset, slot, piece, y, looks):
         seen[i] = looks[i]
 
 
-@compiled
+@borrowing
 def end_segment(trace, k, length, watch, angle, y):
     """Writes the end of row k: how long the segment was, what ended it, and the state at its end."""
     trace.length[k], trace.watch[k], trace.angle[k + 1] = length, watch, angle

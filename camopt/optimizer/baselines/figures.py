@@ -8,6 +8,7 @@ import numpy as np
 
 from camopt.cam.lift import Lift, lift_table
 from camopt.exact.engine import prepare
+from camopt.exact.settled import settled_metrics
 from camopt.measure.settling import Settled, first_revolution, settled_from_rest
 from camopt.measure.sweep import SEARCH_STEP_RPM, START_RPM, Swept, at_speeds, sweep
 from camopt.plots import (
@@ -154,10 +155,10 @@ def curve(scene: Scene, name: str, lift: Lift, found: dict, top_rpm: float) -> S
     else:
         assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
         step = np.ptp(scene.operation.band_rpm) / FIGURE_SPEEDS
-        swept = sweep(Swept(prepare, scene, lift), float(step), DRAWN)
+        swept = sweep(Swept(prepare, scene, lift, many=settled_metrics), float(step), DRAWN)
         speeds, inside, worst, starts = swept.speeds_rpm, swept.figures, {}, None
     beside = np.setdiff1d(_beside_the_band(scene, found, top_rpm), speeds)
-    rows = at_speeds(prepare, scene, lift, beside)
+    rows = at_speeds(prepare, scene, lift, beside, many=settled_metrics)
     values = {key: np.concatenate([inside[key], [row[key] for row in rows]]) for key in DRAWN}
     every = np.concatenate([speeds, beside])
     order = np.argsort(every)

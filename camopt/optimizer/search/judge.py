@@ -1,17 +1,13 @@
 """The search's judge: event-exact settled motion at many speeds, each limited metric as a share of its limit."""
 
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.exact.engine import prepare
+from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import MotionLimit, motion_limits
-from camopt.measure.settling import settle
-from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import LESS_IS_WORSE
-from camopt.scene.response import end_state
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
@@ -63,7 +59,7 @@ class Judge:
     def __init__(self, scene: Scene, speeds_rpm, stride: int = 1, workers: int = 2):
         self.scene, self.speeds_rpm, self.stride = scene, np.asarray(speeds_rpm, dtype=float), stride
         train = build_train(scene)
-        self._trains = [replace(train) for _ in range(workers)]  # each thread keeps its own propagators
+        self._train, self._workers = train, workers
         self._start = state_at_rest(train)
         self._states = np.tile(self._start, (len(self.speeds_rpm), 1))
         self._used = np.zeros(len(self.speeds_rpm))  # largest share of a limit when last judged there
@@ -97,21 +93,12 @@ class Judge:
         return Judged(self.speeds_rpm[at], figures, names, values, share, np.array([found[i][1] for i in at]))
 
     def _found(self, lift: Lift, at: np.ndarray) -> dict[int, tuple[dict[str, float], np.ndarray]]:
-        """Figures and settled state at the speeds of the indices `at`, dealt to threads."""
-        workers = len(self._trains)
-
-        def deal(hand: int):
-            return {int(i): self._at(self._trains[hand], lift, i) for i in at[hand::workers]}
-
-        with ThreadPoolExecutor(workers) as pool:
-            hands = list(pool.map(deal, range(workers)))
-        return {i: row for hand in hands for i, row in hand.items()}
-
-    def _at(self, train, lift: Lift, i: int) -> tuple[dict[str, float], np.ndarray]:
+        """Figures and settled state at the speeds of the indices `at`."""
+        if len(at) == 0:
+            return {}
         names = dict.fromkeys(("bounce_mm", *(n for n, _ in motion_limits(self.scene.design).values())))
-        try:
-            settled = settle(prepare(train, lift, self.scene.cam_speed(self.speeds_rpm[i])), self._states[i])
-        except MotionRefused:
-            return dict.fromkeys(names, np.nan), np.full_like(self._start, np.nan)
-        figures = settled.metrics(lift)
-        return {n: figures.worst(n) for n in names}, end_state(settled.response)
+        speeds = [self.scene.cam_speed(s) for s in self.speeds_rpm[at]]
+        starts = self._states[at]
+        found = settled_metrics([self._train], [lift], speeds, starts=starts, decay=np.inf, workers=self._workers)
+        worst = {name: found.worst(name)[0, 0] for name in names}
+        return {int(i): ({n: float(worst[n][k]) for n in names}, found.states[0, 0, k]) for k, i in enumerate(at)}

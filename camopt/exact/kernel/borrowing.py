@@ -1,0 +1,18 @@
+"""Compiled functions that only borrow the arrays they are given."""
+
+from collections.abc import Callable
+from typing import Any
+
+from camopt.programs import compiled
+
+
+def borrowing(function: Callable | None = None, **options) -> Any:
+    """`compiled` for a function that makes no array and returns none: numba then counts no references in it.
+
+    By itself numba counts the references of every array of every tuple that a function is given, with two locked
+    instructions each, which is most of the time of a small function: 340 ns against 8 ns a call with 24 arrays. A
+    function that does make an array is refused by numba; one that returns an array must not be declared so.
+    """
+    if function is None:
+        return lambda f: borrowing(f, **options)
+    return compiled(function, _nrt=False, **options)

@@ -1,0 +1,80 @@
+"""Leaps over the base circle: while the cam stands still, a motion is a sum of modes that die out.
+
+Where they are so small that no contact can switch any more, the rest of the base circle is one evaluation.
+"""
+
+import numpy as np
+
+from camopt.exact.kernel.advance import apply
+from camopt.exact.kernel.arrays import TrainArrays
+from camopt.exact.kernel.borrowing import borrowing
+from camopt.exact.kernel.building import linear_system, watch_row
+from camopt.exact.kernel.tables import ACTING, SEPARATED, Leap, no_leap
+
+REBUILT = 1e-12
+"""Error, relative to each row's largest number, with which the modes must give the equations of motion back."""
+
+
+def leap_of(train: TrainArrays, rest: np.ndarray) -> Leap:
+    """The leap of a train in the contact state of its positions (n) at rest; none where its modes are not distinct, or
+    where one does not die out."""
+    n, contacts = len(rest), np.flatnonzero(train.contact)
+    position = np.append(rest, 0.0)
+    d = position[train.a] - position[train.b] - train.gap
+    status = np.where(train.contact & (train.preload + train.stiffness * d <= 0.0), SEPARATED, ACTING)
+    a, _, _, constant = linear_system(train, status == ACTING)
+    scale = np.repeat([1.0, np.sqrt(np.abs(a).max())], n)
+    rates, vectors = np.linalg.eig(a / scale[:, None] * scale)
+    try:
+        inverse, equilibrium = np.linalg.inv(vectors), -np.linalg.solve(a / scale[:, None] * scale, constant / scale)
+    except np.linalg.LinAlgError:
+        return no_leap(n)
+    error = np.abs((vectors * rates) @ inverse - a / scale[:, None] * scale).max()
+    if rates.real.max() >= 0.0 or not error < REBUILT * np.abs(rates).max():
+        return no_leap(n)
+    kept = np.flatnonzero(rates.imag >= 0.0)
+    twice = np.where(rates.imag[kept] > 0.0, 2.0, 1.0)
+    inverse, vectors = inverse[kept] / scale, vectors[:, kept] * scale[:, None] * twice
+    equilibrium = equilibrium * scale
+    to_modes = np.column_stack([inverse, -inverse @ equilibrium])
+    rows = np.zeros((len(contacts), 2 * n + 1))
+    for row, e in zip(rows, contacts, strict=True):
+        watch_row(train, e, status[e] == ACTING, status[e], 1.0, row)
+    parts = (
+        np.array([int(np.sum(status[contacts] * 3 ** np.arange(len(contacts))))]),
+        np.concatenate([to_modes.real, to_modes.imag]).T,
+        np.concatenate([vectors.real.T, -vectors.imag.T, equilibrium[None]]),
+        np.stack([rates.real, rates.imag])[:, kept],
+        np.abs(rows[:, :-1] @ vectors),
+        rows[:, :-1] @ equilibrium + rows[:, -1],
+    )
+    return Leap(*(np.ascontiguousarray(part) for part in parts))
+
+
+@borrowing
+def settles(leap, y, modes, size):
+    """Whether no contact can switch any more while the cam stands still; writes the modes (2r) of y (2n)."""
+    count = len(size)
+    apply(leap.to_modes, y, len(y), 2 * count, modes)
+    for j in range(count):
+        size[j] = np.sqrt(modes[j] * modes[j] + modes[count + j] * modes[count + j])
+    for w in range(len(leap.level)):
+        left = leap.level[w]
+        for j in range(count):
+            left -= leap.sway[w, j] * size[j]
+        if left <= 0.0:
+            return False
+    return True
+
+
+@borrowing
+def leap_over(leap, duration, modes, y):
+    """Writes to y (2n) the state `duration` [s] after the one whose modes (2r) are given, which are changed."""
+    count = leap.rate.shape[1]
+    for j in range(count):
+        size, turn = np.exp(leap.rate[0, j] * duration), leap.rate[1, j] * duration
+        cosine, sine = size * np.cos(turn), size * np.sin(turn)
+        real, imaginary = modes[j], modes[count + j]
+        modes[j] = real * cosine - imaginary * sine
+        modes[count + j] = real * sine + imaginary * cosine
+    apply(leap.from_modes, modes, len(modes), len(y), y)

@@ -1,0 +1,79 @@
+"""The tables that the kernel reads: exact propagators over fixed spans, one set for each state of the contacts."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+FINE = 16
+"""Number of ready propagators inside a step: any instant is at most 1/32 of a step from one, which is 0.047 rad of the
+highest mode."""
+TERMS = 22
+"""Highest power in the series of a watched quantity: over one step the remainder is below 1e-16 of the motion."""
+SEPARATED, COMPRESSED, ACTING = 0, 1, 2
+"""States of a contact: it is apart; it is pressed in, but its damper has cancelled the force; it pushes."""
+
+
+class Leap(NamedTuple):
+    """The motion on the base circle in one contact state, by r modes: one of each conjugate pair, and the real ones.
+
+    Every mode dies out, so that a watch stays above its `level` less the sum of its `sway` times the modes' sizes.
+    """
+
+    key: np.ndarray  # (1) contact state; -1 for none
+    to_modes: np.ndarray  # (2n + 1, 2r) real, then imaginary parts by x, v and the constant
+    from_modes: np.ndarray  # (2r + 1, 2n)
+    rate: np.ndarray  # (2, r) 1/s, real and imaginary part
+    sway: np.ndarray  # (w, r)
+    level: np.ndarray  # (w) the watches in equilibrium
+
+
+class Tables(NamedTuple):
+    """Everything that the kernel reads for each of s contact states.
+
+    The matrices are transposed: their c rows belong to x, v, u (q) and the constant. A watch is a quantity of a contact
+    that stays positive until the contact switches; there are at most w of them, of which `count` are in use.
+    """
+
+    keys: np.ndarray  # (s) contact states in base 3
+    count: np.ndarray  # (s) watches in use
+    element: np.ndarray  # (s, w) the element whose state changes when the watch turns negative
+    new: np.ndarray  # (s, w) the state that it changes to
+    states: np.ndarray  # (s, e) of every contact; ACTING for springs
+    span: np.ndarray  # (s, c, c - 1 + 2 w (m + 1)): x, v, u after m steps; then values and slopes at every step
+    steps: np.ndarray  # (s, m + 1, c, c - 1): x, v, u after every step
+    fine: np.ndarray  # (s, FINE, c, c - 1): x, v, u after every FINE-th of a step
+    motion: np.ndarray  # (s, 2n + 3, n): accelerations by x, v, lift, lift velocity, and their constants, in SI
+    acceleration: np.ndarray  # (s, n, 2n + 2): the same without the constants, not transposed
+    series: np.ndarray  # (s, w, c, TERMS + 1): the watch's power series in tau
+    integral: np.ndarray  # (s, m + 1, c): the seat's distance, integrated over so many steps
+    distance: np.ndarray  # (s, c, 2 (m + 1)): the seat's distance and its slope by the step at every step
+    leap: Leap
+
+
+def empty_tables(masses: int, elements: int, contacts: int, width: int, at_once: int, states: int) -> Tables:
+    """Tables with room for so many contact states, none of them written."""
+    n, w, s, m = masses, 2 * contacts, states, at_once
+    c = 2 * n + width + 1
+    return Tables(
+        keys=np.full(s, -1),
+        count=np.zeros(s, dtype=np.int64),
+        element=np.zeros((s, w), dtype=np.int64),
+        new=np.zeros((s, w), dtype=np.int64),
+        states=np.empty((s, elements), dtype=np.int64),
+        span=np.zeros((s, c, c - 1 + 2 * w * (m + 1))),
+        steps=np.empty((s, m + 1, c, c - 1)),
+        fine=np.empty((s, FINE, c, c - 1)),
+        motion=np.empty((s, 2 * n + 3, n)),
+        acceleration=np.empty((s, n, 2 * n + 2)),
+        series=np.zeros((s, w, c, TERMS + 1)),
+        integral=np.empty((s, m + 1, c)),
+        distance=np.empty((s, c, 2 * (m + 1))),
+        leap=no_leap(n),
+    )
+
+
+def no_leap(masses: int) -> Leap:
+    """The leap of a train that has none."""
+    n2 = 2 * masses
+    empty = np.zeros((n2 + 1, 0)), np.zeros((1, n2)), np.zeros((2, 0)), np.zeros((0, 0)), np.zeros(0)
+    return Leap(np.full(1, -1), *empty)

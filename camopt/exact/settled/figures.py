@@ -1,0 +1,144 @@
+"""Every declared metric of one revolution of a traced motion, in compiled code and without cotangents.
+
+Definitions and windows are those of `camopt.exact.adjoint.metrics`. Dynamic area and excess lift come from the seat's
+distance and its slope at every step, between which they are cubics, as `camopt.measure.metrics` has them.
+"""
+
+import numpy as np
+
+from camopt.exact.adjoint.metrics import (
+    bounce,
+    contact_force,
+    impact_velocity,
+    jump_angle,
+    jump_height,
+    seating_velocity,
+)
+from camopt.exact.adjoint.seeds import clear
+from camopt.exact.kernel.advance import apply
+from camopt.exact.kernel.borrowing import borrowing
+from camopt.exact.kernel.instants import closeness
+from camopt.exact.kernel.tables import SEPARATED
+from camopt.programs import compiled
+from camopt.scene.units import DEG, MM
+
+NAMES = (
+    "bounce_mm",
+    "jump_mm",
+    "jump_deg",
+    "contact_force_min_N",
+    "contact_force_max_N",
+    "seating_velocity_m_per_s",
+    "impact_velocity_m_per_s",
+    "dynamic_area_mm_deg",
+    "excess_lift_mm",
+)
+"""The metrics in the order of the rows that `figures` fills."""
+HALVINGS = 40
+
+
+@compiled
+def figures(s, trace, seeds, turn, row):
+    """Writes the metrics (9) of revolution `turn` to row; the trace reaches to the end of the next one."""
+    clear(seeds, len(trace.length))
+    row[0] = bounce(s, trace, seeds, turn)[0]
+    row[1] = jump_height(s, trace, seeds, turn)[0]
+    row[2] = jump_angle(s, trace, seeds, turn)[0]
+    row[3] = contact_force(s, trace, seeds, turn, -1.0)[0]
+    row[4] = contact_force(s, trace, seeds, turn, 1.0)[0]
+    row[5] = seating_velocity(s, trace, seeds, turn)[0]
+    row[6] = impact_velocity(s, trace, seeds, turn)[0]
+    row[7], row[8] = area_and_excess(s, trace, turn)
+
+
+@compiled
+def area_and_excess(s, trace, turn):
+    """(dynamic area [mm deg], excess lift [mm]) of a revolution."""
+    lash, steps, n2 = 0.0, s.tables.steps.shape[1] - 1, 2 * len(s.train.mass)
+    for e in s.cam_side:
+        lash += s.train.gap[e]
+    area, best, seen, u = 0.0, -np.inf, np.empty(2 * (steps + 1)), np.empty(trace.y.shape[1] - n2)
+    for k in range(len(trace.length)):
+        if abs(0.5 * (trace.angle[k] + trace.angle[k + 1]) - 2 * np.pi * turn) > np.pi:
+            continue
+        slot, y = trace.slot[k], trace.y[k]
+        apply(s.tables.distance[slot], y, len(y), 2 * (steps + 1), seen)
+        for j in range(len(u)):
+            u[j] = y[n2 + j]
+        whole = min(int(trace.length[k]), steps)
+        parts = whole + 1 if trace.length[k] - whole > 0.0 else whole
+        for i in range(parts):
+            width = 1.0 if i < whole else trace.length[k] - whole
+            if i < whole:
+                f, m = seen[2 * i + 2], seen[2 * i + 3]
+            else:
+                f, m = seat_distance(s, trace.y[k + 1])
+            cubic = seen[2 * i], seen[2 * i + 1] * width, f, m * width
+            if s.tables.states[slot, s.seat] == SEPARATED:
+                area += width * (0.5 * (cubic[0] + cubic[2]) + (cubic[1] - cubic[3]) / 12.0)
+            best = max(best, excess(cubic, lifted(u, float(i), width, lash), best))
+    return area * s.cam.speed * s.step / (MM * DEG), best / MM
+
+
+@borrowing
+def seat_distance(s, y):
+    """The seat's distance [m] and its slope [m/step] in a state y (2n + q)."""
+    train, e = s.train, s.seat
+    d, rate = closeness(train.a[e], train.b[e], train.gap[e], len(train.mass), y)
+    return -d - train.preload[e] / train.stiffness[e], -rate * s.step
+
+
+@borrowing
+def lifted(u, tau, width, lash):
+    """Lift above the lash and its slope at both ends of a part of a step, as a cubic: (value, slope, value, slope)."""
+    v0, m0, v1, m1 = 0.0, 0.0, 0.0, 0.0
+    for k in range(len(u) - 1, -1, -1):
+        m0 = m0 * tau + v0
+        v0 = v0 * tau + u[k]
+        m1 = m1 * (tau + width) + v1
+        v1 = v1 * (tau + width) + u[k]
+    return v0 - lash, m0 * width, v1 - lash, m1 * width
+
+
+@borrowing
+def excess(distance, lift, best):
+    """Largest distance - max(0, lift) on [0, 1], where it exceeds `best`, of cubics (value, slope, value, slope)."""
+    apart = (distance[0] - lift[0], distance[1] - lift[1], distance[2] - lift[2], distance[3] - lift[3])
+    if lift[0] > 0.0 and lift[2] > 0.0:
+        return top(apart, 0.0, 1.0, best)
+    if lift[0] <= 0.0 and lift[2] <= 0.0:
+        return top(distance, 0.0, 1.0, best)
+    low, high, above = 0.0, 1.0, lift[0] > 0.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if (value(lift, middle) > 0.0) == above:
+            low = middle
+        else:
+            high = middle
+    if above:
+        return max(top(apart, 0.0, low, best), top(distance, low, 1.0, best))
+    return max(top(distance, 0.0, low, best), top(apart, low, 1.0, best))
+
+
+@borrowing
+def value(cubic, t):
+    """Value at t of a cubic on [0, 1]."""
+    f0, m0, f1, m1 = cubic
+    return f0 + t * (m0 + t * (3.0 * (f1 - f0) - 2.0 * m0 - m1 + t * (m0 + m1 - 2.0 * (f1 - f0))))
+
+
+@borrowing
+def top(cubic, low, high, best):
+    """Largest value of a cubic in [low, high], where it may exceed `best`; otherwise any value below that."""
+    f0, m0, f1, m1 = cubic
+    if max(max(f0, f1), max(f0 + max(m0, 0.0), f1 + max(-m1, 0.0))) <= best:
+        return min(f0, f1)
+    found = max(value(cubic, low), value(cubic, high))
+    b, c, d = m0, 3.0 * (f1 - f0) - 2.0 * m0 - m1, m0 + m1 - 2.0 * (f1 - f0)
+    under = c * c - 3.0 * b * d
+    if under > 0.0:
+        q = -(c + np.sqrt(under)) if c >= 0.0 else -(c - np.sqrt(under))
+        for root in (q / (3.0 * d) if d != 0.0 else -1.0, b / q if q != 0.0 else -1.0):
+            if low < root < high:
+                found = max(found, value(cubic, root))
+    return found

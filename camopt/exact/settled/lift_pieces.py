@@ -1,0 +1,124 @@
+"""A lift law on as few pieces as it needs, so that a motion does not stop at borders where the lift is smooth.
+
+A ground cam has hundreds of pieces and a Polydyne high powers; a span of the kernel stops at every border, and its
+tables grow with the powers. Here neighbouring pieces become one polynomial of degree 7 wherever that gives the
+lift back within `LIFT_ERROR` and its slope within `SLOPE_ERROR`, and a piece of higher powers is halved until it does.
+The polynomials take over value and slope of the lift at both their ends; between them they are its least-squares fits.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+
+from camopt.cam.lift import Lift
+
+LIFT_ERROR = 1e-10
+"""Largest error of the lift [m], a tenth of a nanometre: against a contact of 1e8 N/m it is 0.01 N."""
+SLOPE_ERROR = 3e-8
+"""Largest error of its slope [m/rad]: against a damper of 1000 N s/m at 400 rad/s it is 0.01 N."""
+WIDTH = 8
+"""Coefficients per piece."""
+WIDEST = np.radians(30.0)
+"""Pieces are not merged beyond this width, since few pieces stop a motion anyway."""
+HALVINGS = 6
+NODES = -np.cos(np.pi * np.arange(17) / 16)
+"""Where the fit and its error are taken, on [-1, 1]."""
+
+
+@lru_cache(maxsize=256)
+def few_pieces(lift_id: "LiftKey") -> tuple[np.ndarray, np.ndarray]:
+    """Borders (p + 1) [rad] and coefficients (p, WIDTH) [m/rad^k] of a lift law; base circle stays base circle."""
+    lift = lift_id.lift
+    borders, flat = lift.borders, ~np.any(lift.coefficients, axis=1)
+    begin, end, still = borders[:-1], borders[1:], flat
+    begin, end, still = _halved(lift, begin, end, still)
+    parity, idle = 0, 0
+    while idle < 2 and len(begin) > 1:
+        merged = _merged(lift, begin, end, still, parity)
+        idle = idle + 1 if len(merged[0]) == len(begin) else 0
+        (begin, end, still), parity = merged, 1 - parity
+    coefficients = _fitted(lift, begin, end)[0]
+    coefficients[still] = 0.0
+    return np.append(begin, end[-1]), coefficients
+
+
+class LiftKey:
+    """A lift as the key of a cache: by identity, since its arrays are not compared."""
+
+    def __init__(self, lift: Lift):
+        self.lift = lift
+
+    def __hash__(self) -> int:
+        return id(self.lift)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, LiftKey) and other.lift is self.lift
+
+
+def _halved(lift: Lift, begin, end, still):
+    """Pieces halved where a polynomial of the lower degree does not follow the lift."""
+    for _ in range(HALVINGS):
+        bad = ~still & ~_fitted(lift, begin, end)[1]
+        if lift.coefficients.shape[1] <= WIDTH or not bad.any():
+            break
+        middle = 0.5 * (begin + end)
+        begin = np.sort(np.concatenate([begin, middle[bad]]))
+        end = np.append(begin[1:], end[-1])
+        still = np.repeat(still, np.where(bad, 2, 1))
+    return begin, end, still
+
+
+def _merged(lift: Lift, begin, end, still, parity: int):
+    """Every second pair of neighbours as one piece, where that follows the lift."""
+    first = np.arange(parity, len(begin) - 1, 2)
+    alike = still[first] == still[first + 1]
+    first = first[alike & (still[first] | (end[first + 1] - begin[first] <= WIDEST))]
+    first = first[_fitted(lift, begin[first], end[first + 1])[1]]
+    keep = np.ones(len(begin), bool)
+    keep[first + 1] = False
+    begin = begin[keep]
+    return begin, np.append(begin[1:], end[-1]), still[keep]
+
+
+def _fitted(lift: Lift, begin: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Polynomials (k, WIDTH) [m/rad^k] about the starts of k intervals, and whether they follow the lift there."""
+    half = 0.5 * (end - begin)[:, None]
+    angle = begin[:, None] + half * (NODES + 1.0)
+    angle[:, -1] = end
+    piece = np.searchsorted(lift.borders, angle, "right") - 1
+    piece[:, 0] = np.searchsorted(lift.borders, begin + 1e-12, "right") - 1
+    piece[:, -1] = np.searchsorted(lift.borders, end - 1e-12, "left") - 1
+    offset = angle - lift.borders[piece]
+    value, slope = np.zeros_like(angle), np.zeros_like(angle)
+    for k in range(lift.coefficients.shape[1] - 1, -1, -1):
+        slope = slope * offset + value
+        value = value * offset + lift.coefficients[piece, k]
+    slope = slope * half
+    ends = np.stack([value[:, 0], slope[:, 0], value[:, -1], slope[:, -1]], axis=1)
+    found = ends @ HERMITE + (value - ends @ HERMITE_AT) @ FIT  # (k, WIDTH) in powers of -1 to 1
+    error = np.abs(found @ POWERS - value).max(axis=1, initial=0.0)
+    slope_error = (np.abs(found @ SLOPES - slope) / half).max(axis=1, initial=0.0)
+    about_start = found @ TO_START / half ** np.arange(WIDTH)
+    return about_start, (error < LIFT_ERROR) & (slope_error < SLOPE_ERROR)
+
+
+def _constants() -> tuple[np.ndarray, ...]:
+    powers = NODES ** np.arange(WIDTH)[:, None]
+    slopes = np.vstack([np.zeros(len(NODES)), np.arange(1, WIDTH)[:, None] * powers[:-1]])
+    ends = np.column_stack([powers[:4, 0], slopes[:4, 0], powers[:4, -1], slopes[:4, -1]])
+    hermite = np.zeros((4, WIDTH))
+    hermite[:, :4] = np.linalg.inv(ends)
+    bubble = np.array([1.0, 0.0, -2.0, 0.0, 1.0])  # (1 - x^2)^2: neither value nor slope at the ends
+    shapes = np.zeros((WIDTH - 4, WIDTH))
+    for k in range(WIDTH - 4):
+        shapes[k, k : k + 5] = bubble
+    fit = np.linalg.pinv((shapes @ powers).T).T @ shapes
+    to_start = np.array([[_binomial(k, j) * (-1.0) ** (k - j) for j in range(WIDTH)] for k in range(WIDTH)])
+    return powers, slopes, hermite, hermite @ powers, fit, to_start
+
+
+def _binomial(k: int, j: int) -> float:
+    return float(np.prod([(k - i) / (i + 1) for i in range(j)])) if j <= k else 0.0
+
+
+POWERS, SLOPES, HERMITE, HERMITE_AT, FIT, TO_START = _constants()

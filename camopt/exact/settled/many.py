@@ -1,0 +1,242 @@
+"""Settled metrics of many trains, cams and speeds: one compiled path from each of them to its numbers.
+
+Every motion settles revolution by revolution until it stands (`camopt.scene.settled`) and is then measured, as
+`camopt.measure.settling` does it on sampled motions, without Python between its revolutions. Three things differ, all
+within `ERRORS`: the lift on few pieces, metrics at located extremes in place of those of cubics through samples, and
+where the slowest mode needs more than 40 revolutions, these are run and not looked for by a search.
+"""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from queue import SimpleQueue
+
+import numpy as np
+
+from camopt.cam.lift import Lift
+from camopt.exact.adjoint.motion import FIRST_SEGMENTS, NO_ROWS, OBSERVATIONS, room_for
+from camopt.exact.adjoint.seeds import empty_seeds
+from camopt.exact.engine import AT_ONCE, MOST_SWITCHINGS, NO_TRACE, free_step
+from camopt.exact.kernel.arrays import CamArrays
+from camopt.exact.kernel.propagators import Propagators, propagators
+from camopt.exact.kernel.revolution import DONE, NEED_TABLES
+from camopt.exact.kernel.setting import Setting
+from camopt.exact.settled import run as stages
+from camopt.exact.settled.figures import NAMES
+from camopt.exact.settled.lift_pieces import WIDTH, LiftKey, few_pieces
+from camopt.scene import settled
+from camopt.scene.errors import InputError
+from camopt.scene.quantities import LESS_IS_WORSE
+from camopt.scene.rest import state_at_rest
+from camopt.scene.train import Train
+from camopt.scene.vibration import slowest_decay
+
+ERRORS = {
+    "bounce_mm": 1e-3,
+    "jump_mm": 1e-3,
+    "jump_deg": 0.02,
+    "contact_force_min_N": 1.0,
+    "contact_force_max_N": 1.0,
+    "seating_velocity_m_per_s": 1e-3,
+    "impact_velocity_m_per_s": 1e-3,
+    "dynamic_area_mm_deg": 0.01,
+    "excess_lift_mm": 1e-3,
+}
+"""Largest difference from the slow path of a periodic motion whose contacts keep, by metric and in its unit: about what
+the last micrometre and millimetre per second make of it, at which both call a motion settled. Where contacts part, they
+multiply it (`experiments/drawn_trains.py`)."""
+PARTS = 4
+"""Parts per thread into which the motions of one train are cut."""
+
+
+@dataclass(frozen=True, repr=False)
+class SettledMetrics:
+    """Metrics of settled motions by train (t), cam (c) and speed (s), in the units of their names.
+
+    `lowest` and `highest` are over the measured revolutions, four of a periodic motion and eight of another one; they
+    are NaN where the valve did not seat in one of them, and where the motion is refused.
+    """
+
+    cam_speeds: np.ndarray  # (s) rad/s
+    lowest: dict[str, np.ndarray]  # (t, c, s)
+    highest: dict[str, np.ndarray]  # (t, c, s)
+    periodic: np.ndarray  # (t, c, s) bool
+    refused: np.ndarray  # (t, c, s) bool: endless switching, or a motion without bound
+    revolutions: np.ndarray  # (t, c, s) run before the measured ones
+    states: np.ndarray  # (t, c, s, 2n) after the measured ones [m], then [m/s]; NaN where refused
+
+    def worst(self, name: str) -> np.ndarray:
+        """The worst of the measured revolutions (t, c, s)."""
+        return (self.lowest if name in LESS_IS_WORSE else self.highest)[name]
+
+    def __repr__(self) -> str:
+        t, c, s = self.periodic.shape
+        return f"SettledMetrics({t} trains, {c} cams, {s} speeds, {int(self.periodic.sum())} of them periodic)"
+
+
+def settled_metrics(
+    trains: Sequence[Train],
+    lifts: Sequence[Lift],
+    cam_speeds: Sequence[float],
+    *,
+    starts: np.ndarray | None = None,
+    decay: float | None = None,
+    workers: int = 2,
+) -> SettledMetrics:
+    """Every declared metric of the settled motion of each train with each cam at each speed [rad/s].
+
+    The trains have the same number of masses. `starts`, of a shape that broadcasts to (t, c, s, 2n), are the states at
+    -pi from which the motions settle, [m] then [m/s]; without them they start from rest. `decay` is by what power of e
+    disturbances are taken to die out over a revolution, infinite for a train without slow modes; by default it follows
+    from each train's slowest mode. `workers` threads share the work. Raises InputError for laws that are not linear
+    and for a train without valve, seat or contact between cam and valve.
+    """
+    speeds, cams = np.asarray(cam_speeds, dtype=float), _cams(lifts)
+    found = _nothing(len(trains), len(lifts), speeds, 2 * len(trains[0].mass))
+    begin = None if starts is None else np.broadcast_to(starts, found.states.shape)
+    rooms: SimpleQueue[Room] = SimpleQueue()
+    for _ in range(workers):
+        rooms.put(Room())
+
+    def one_job(job: Job) -> None:
+        room = rooms.get()
+        try:
+            _run(job, cams, room)
+        finally:
+            rooms.put(room)
+        job.write(found)
+
+    def one_train(t: int) -> list[Job]:
+        start = None if begin is None else begin[t]
+        return _jobs(trains, t, cams, speeds, start, decay, 1 if len(trains) >= workers else PARTS * workers)
+
+    def all_of(t: int) -> None:
+        for job in one_train(t):
+            one_job(job)
+
+    with ThreadPoolExecutor(workers) as pool:
+        if len(trains) >= workers:
+            list(pool.map(all_of, range(len(trains))))
+        else:
+            list(pool.map(one_job, [job for t in range(len(trains)) for job in one_train(t)]))
+    return found
+
+
+class Room:
+    """A trace and seeds for the motions of one thread; they grow fourfold where a motion needs more."""
+
+    def __init__(self) -> None:
+        self.segments = FIRST_SEGMENTS * (settled.APERIODIC + 1)
+        self._parts: tuple | None = None
+
+    def parts(self, tables: Propagators) -> tuple:
+        """(rows, no trace, trace, seeds) for motions that use these tables."""
+        if self._parts is None:
+            trace, train = room_for(tables, self.segments), tables.train
+            seeds = empty_seeds(self.segments, OBSERVATIONS * len(NAMES), len(train.mass), len(train.a))
+            self._parts = NO_ROWS, NO_TRACE, trace, seeds
+        return self._parts
+
+    def grow(self) -> None:
+        """Makes room for four times as many segments."""
+        self.segments, self._parts = 4 * self.segments, None
+
+
+@dataclass(frozen=True)
+class Job:
+    """Motions of one train that use one set of tables: number t of the train, cams and speeds of the motions (m)."""
+
+    t: int
+    tables: Propagators
+    cam: np.ndarray
+    speed: np.ndarray
+    motions: stages.Motions
+
+    def write(self, found: SettledMetrics) -> None:
+        """Puts what was found of the motions in its place."""
+        at, m = (self.t, self.cam, self.speed), self.motions
+        for i, name in enumerate(NAMES):
+            found.lowest[name][at], found.highest[name][at] = m.lowest[:, i], m.highest[:, i]
+        found.periodic[at], found.refused[at] = m.stage == stages.PERIODIC, m.stage == stages.REFUSED
+        found.revolutions[at], found.states[at] = m.revolutions, m.state
+
+
+def _nothing(t: int, c: int, speeds: np.ndarray, width: int) -> SettledMetrics:
+    """Room for what is found."""
+    shape = t, c, len(speeds)
+    low, high = ({name: np.empty(shape) for name in NAMES} for _ in range(2))
+    flags = np.zeros(shape, bool), np.zeros(shape, bool), np.zeros(shape, int)
+    return SettledMetrics(speeds, low, high, *flags, np.empty((*shape, width)))
+
+
+def _cams(lifts: Sequence[Lift]) -> stages.Cams:
+    """The cams on few pieces, one after the other."""
+    pieces = [few_pieces(LiftKey(lift)) for lift in lifts]
+    return stages.Cams(
+        np.concatenate([borders for borders, _ in pieces]),
+        np.concatenate([coefficients for _, coefficients in pieces]),
+        np.cumsum([0, *(len(coefficients) for _, coefficients in pieces)]),
+        np.array([lift.half_duration for lift in lifts]),
+        np.array([lift.opening_foot for lift in lifts]),
+    )
+
+
+def _jobs(trains, t: int, cams: stages.Cams, speeds, starts, decay: float | None, parts: int) -> list[Job]:
+    """The motions of a train, those that share tables together, in about so many parts."""
+    train = trains[t]
+    if train.seat < 0 or not train.cam_side:
+        raise InputError("metrics need a valve on a seat and a contact between cam and valve: name them in the scene")
+    tables_of = propagators if len(trains) == 1 else Propagators
+    steps = np.array([free_step(train, speed) for speed in speeds])
+    rate = slowest_decay(train) * 2 * np.pi if decay is None else None
+    shape = len(cams.foot), len(speeds)
+    begin = np.broadcast_to(state_at_rest(train), (*shape, 2 * len(train.mass))) if starts is None else starts
+    cam, speed = (each.ravel() for each in np.indices(shape))
+    jobs = []
+    for step in np.unique(steps):
+        tables, mine = tables_of(train, float(step), WIDTH, AT_ONCE), np.flatnonzero(steps[speed] == step)
+        for part in (mine[i::parts] for i in range(min(parts, len(mine)))):
+            c, s = cam[part], speed[part]
+            decays = np.full(len(part), decay) if rate is None else rate / speeds[s]
+            jobs.append(Job(t, tables, c, s, _motions(c, speeds[s], decays, np.ascontiguousarray(begin[c, s]))))
+    return jobs
+
+
+def _motions(cam: np.ndarray, speed: np.ndarray, decays: np.ndarray, start: np.ndarray) -> stages.Motions:
+    """Motions that have yet to settle."""
+    needed = np.array([settled.revolutions_needed(decay) for decay in decays])
+    most = np.where(needed > settled.PLAIN_REVOLUTIONS, np.minimum(needed, settled.MOST_REVOLUTIONS), 0)
+    m = len(cam)
+    return stages.Motions(
+        cam,
+        speed,
+        np.array([settled.way_left(decay) for decay in decays]),
+        np.maximum(most, settled.PLAIN_REVOLUTIONS),
+        start,
+        np.full(m, stages.SETTLING),
+        np.zeros(m, dtype=np.int64),
+        np.empty((m, len(NAMES))),
+        np.empty((m, len(NAMES))),
+    )
+
+
+def _run(job: Job, cams: stages.Cams, room: Room) -> None:
+    """Runs all motions of a job; tables and room in the trace are made where they are missing."""
+    tables, train = job.tables, job.tables.train
+    sides, cam = np.array(train.cam_side, dtype=np.int64), CamArrays(cams.borders, cams.pieces, 0.0)
+    plan = stages.Plan(
+        settled.SETTLED_POSITION,
+        settled.SETTLED_VELOCITY,
+        settled.UNBOUND,
+        settled.MEASURED,
+        settled.APERIODIC,
+        MOST_SWITCHINGS,
+    )
+    i = 0
+    while i < len(job.cam):
+        setting = Setting(tables.arrays, cam, tables.step, tables.built, train.valve, train.seat, sides, 0.0, 0.0)
+        i, code, key = stages.run(setting, plan, cams, job.motions, room.parts(tables), i)
+        if code == NEED_TABLES:
+            tables.build(key)
+        elif code != DONE:
+            room.grow()
