@@ -19,9 +19,9 @@ import jax.numpy as jnp
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from camopt.autodiff.exact_rule import exact_metrics
 from camopt.cam.design_file import read_design
 from camopt.cam.lift import Lift, recentred
-from camopt.differentiable.exact_rule import exact_metrics
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.exact.batch import value_and_gradient_many
 from camopt.exact.engine import prepare as prepare_exact

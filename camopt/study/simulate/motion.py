@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 OWN_MODULES = {"event": "camopt.exact.engine", "smooth": "camopt.smooth.simulate"}
 """Modules with a `prepare` beside those of `INDEPENDENT`."""
-DIFFERENTIABLE = {"smooth": "camopt.differentiable.smooth_rule", "event": "camopt.differentiable.exact_rule"}
+DIFFERENTIABLE = {"smooth": "camopt.autodiff.smooth_rule", "event": "camopt.autodiff.exact_rule"}
 """Modules with a `differentiable_motion`, by the method that `simulate(parameters=...)` takes."""
 LARGEST_PHASE = 0.3
 """Step times the train's highest rate [rad]: MOTORI 2004's rule for explicit steps (0.31), and for drawn curves."""
@@ -70,7 +70,7 @@ def simulate(
     (`.data`); a motion that the method cannot follow is NaN throughout. A traced speed is taken to be one of the
     scene's, or above: "smooth" offers steps for the lowest of these, and a slower motion may be NaN. By "event" the
     gradients are those of the exact motion, and for many motions metrics alone are cheaper by
-    `camopt.differentiable.exact_rule.exact_metrics`.
+    `camopt.autodiff.exact_rule.exact_metrics`.
 
         def seating_velocity(gap):
             motion = camopt.simulate(scene, cam, 6000, method="smooth", parameters={"gap": gap})

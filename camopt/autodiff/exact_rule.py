@@ -18,8 +18,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax.custom_derivatives import SymbolicZero
 
+from camopt.autodiff.varying_motion import CAM_PARAMETERS, Arrays, Varying
 from camopt.cam.lift import Lift
-from camopt.differentiable.varying_motion import CAM_PARAMETERS, Arrays, Varying
 from camopt.exact.adjoint.metrics import METRICS
 from camopt.exact.adjoint.motion import Samples, Slopes, metric_numbers
 from camopt.scene.errors import InputError
