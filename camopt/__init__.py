@@ -27,6 +27,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr__`
+    from camopt.autodiff.families import differentiable
     from camopt.cam.families.dwell import cycloidal, polynomial_345, polynomial_4567
     from camopt.cam.families.exponent import exponent
     from camopt.cam.families.free import free_cam
@@ -37,7 +38,6 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr_
     from camopt.cam.families.trapezoid import trapezoid
     from camopt.cam.read import read_cam
     from camopt.cam.tables.lift_table import read_lift_table
-    from camopt.differentiable.families import differentiable
     from camopt.optimizer.baselines.comparison import compare
     from camopt.optimizer.bound.summary import area_bound
     from camopt.optimizer.run import optimize
@@ -94,7 +94,7 @@ _PUBLIC = {
     "cycloidal": "camopt.cam.families.dwell",
     "polynomial_345": "camopt.cam.families.dwell",
     "polynomial_4567": "camopt.cam.families.dwell",
-    "differentiable": "camopt.differentiable.families",
+    "differentiable": "camopt.autodiff.families",
     "read_cam": "camopt.cam.read",
     "read_lift_table": "camopt.cam.tables.lift_table",
     "simulate": "camopt.study.simulate.motion",

@@ -93,12 +93,12 @@ def with_coils(scene: Scene, count: int) -> Scene:
 def masses_row(scene: Scene, cam, smooth: bool) -> dict:
     """Times of one scene by path [ms], and what they are made of."""
     train, cam_speed = build_train(scene), scene.cam_speed(SPEED_RPM)
-    ms = path_times(LeftOut(scene, (), (), None), cam, SPEED_RPM)
+    ms = path_times(LeftOut(scene, (), (), None), train, cam, cam_speed)
     run = engine.prepare(train, cam, cam_speed)
     rest = state_at_rest(train)
     ms["event, end state"] = milliseconds(lambda: run.advance(rest), 20)
     if smooth:
-        ms |= smooth_times(scene, cam, SPEED_RPM)
+        ms |= smooth_times(train, cam, cam_speed)
     response, samples = run(rest), int(run.period / run.step)
     return {
         "masses": len(scene.mass),

@@ -16,7 +16,7 @@ from camopt.cam.bumps import moved, with_bumps
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.motion import TracedMotion
-from camopt.exact.ensemble import cosine, ensemble_gradient, evolution_strategy_gradient
+from camopt.exact.ensemble import CamEnsemble, cosine, ensemble_gradient, evolution_strategy_gradient
 from camopt.plots.style import INK, legend_above, lines, new_figure, styled
 from camopt.scene import build_train, load_scene
 from camopt.scene.rest import state_at_rest
@@ -39,10 +39,11 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     scene = load_scene("kodama")
     train, speed = build_train(scene), scene.cam_speed(RPM)
     lift, directions = with_bumps(polydyne(scene), BUMPS[size])
-    arguments = train, lift, speed, METRICS, directions, SIGMA
     single = value_and_gradient(train, lift, speed, METRICS)
-    pathwise = ensemble_gradient(*arguments, MEMBERS[size], seed=1)
-    strategy = evolution_strategy_gradient(*arguments, 4 * MEMBERS[size], seed=2)
+    pathwise = ensemble_gradient(train, CamEnsemble(lift, directions, SIGMA, MEMBERS[size], seed=1), speed, METRICS)
+    strategy = evolution_strategy_gradient(
+        train, CamEnsemble(lift, directions, SIGMA, 4 * MEMBERS[size], seed=2), speed, METRICS
+    )
     gradients = {
         "single cam": np.einsum("lpq,mpq->lm", single.by_coefficients, directions),
         "mean, pathwise": pathwise.gradient,

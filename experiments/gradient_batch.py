@@ -19,9 +19,9 @@ import jax.numpy as jnp
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from camopt.autodiff.exact_rule import exact_metrics
 from camopt.cam.design_file import read_design
 from camopt.cam.lift import Lift, recentred
-from camopt.differentiable.exact_rule import exact_metrics
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.exact.batch import value_and_gradient_many
 from camopt.exact.engine import prepare as prepare_exact
@@ -30,6 +30,7 @@ from camopt.scene import load_scene
 from camopt.scene.units import DEG
 from camopt.smooth.adaptive import adaptive_states
 from camopt.smooth.batch import BATCH_EPS, batch_metrics, batch_motion, stage_lifts
+from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.simulate import EPS, lift_samples, prepare, response_arrays, touch_layer
@@ -88,7 +89,7 @@ def diffrax_tsit5(p: Problem, z: np.ndarray) -> Timed:
     base, parts = jnp.asarray(lift_samples(p.lift)), jnp.asarray(np.stack([lift_samples(b) for b in p.bumps], -1))
 
     def motion(z, speed, y0, tolerance):
-        return adaptive_states(system, base + parts @ z, speed, y0, angle, BATCH_EPS, tolerance, "tsit5")
+        return adaptive_states(system, base + parts @ z, speed, y0, angle, Layer(BATCH_EPS), tolerance)
 
     def value(z, speed, y0, tolerance):
         found = motion(z, speed, y0, tolerance)

@@ -15,10 +15,10 @@ import pytest
 import camopt
 import camopt.cam.families
 import camopt.verifier.methods
+from camopt.autodiff.families import differentiable
 from camopt.cam.families.record import Family
 from camopt.cam.families.registry import FAMILIES
 from camopt.cli import parser as cli
-from camopt.differentiable.families import differentiable
 from camopt.exact import prepare
 from camopt.optimizer.baselines.family_spaces import family_space
 from camopt.plots.style import OTHERS, cam_line

@@ -24,9 +24,9 @@ MAY_IMPORT = {
     "smooth": {"cam", "scene", "cache"},
     "exact": {"cam", "programs"} | SUPPORT,
     "verifier": {"cam", "measure", "programs"} | SUPPORT,
-    "differentiable": {"cam", "smooth", "exact", "scene"},
-    "optimizer": {"cam", "measure", "smooth", "exact", "verifier", "differentiable"} | SUPPORT,
-    "study": {"cam", "measure", "smooth", "exact", "verifier", "differentiable", "optimizer", "programs"} | SUPPORT,
+    "autodiff": {"cam", "smooth", "exact", "scene"},
+    "optimizer": {"cam", "measure", "smooth", "exact", "verifier", "autodiff"} | SUPPORT,
+    "study": {"cam", "measure", "smooth", "exact", "verifier", "autodiff", "optimizer", "programs"} | SUPPORT,
     "report": {"cam", "measure", "smooth", "exact", "verifier", "optimizer", "study"} | SUPPORT,
 }
 TOP = {"__init__", "__main__", "cli"}
@@ -121,6 +121,14 @@ JOB = (
 def test_import_leaves_no_jax(module):
     code = f"import sys, {module}; sys.exit('jax' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
+
+
+def test_double_precision_is_switched_on_in_one_place():
+    """JAX has one such switch for the whole process: whoever needs it imports `camopt.smooth`."""
+    assert [p for p in modules() if 'jax_enable_x64"' in p.read_text()] == [ROOT / "smooth" / "__init__.py"]
+    code = "import camopt.{}, jax; assert jax.config.jax_enable_x64"
+    for module in ("smooth", "autodiff"):
+        assert subprocess.run([sys.executable, "-c", code.format(module)], timeout=60).returncode == 0
 
 
 def dotted(path: Path) -> str:

@@ -24,10 +24,43 @@ from camopt.exact.adjoint.motion import TracedMotion
 from camopt.exact.batch import value_and_gradient_many
 from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.rest import state_at_rest
-from camopt.scene.shapes import Float, State
+from camopt.scene.shapes import Float
 from camopt.scene.train import Train
 
 FEWEST_PAIRS = 2
+
+
+@dataclass(frozen=True)
+class CamEnsemble:
+    """Cams about a `lift` that differ by normal heights of standard deviation `sigma_m` [m] along each of m directions.
+
+    `directions` are changes of `lift.coefficients` per metre, as of `with_bumps`. `members` is even: they come in pairs
+    whose heights are opposite. Raises InputError for numbers that make no ensemble.
+    """
+
+    lift: Lift
+    directions: Float[np.ndarray, "m p q"]
+    sigma_m: float
+    members: int
+    seed: int
+
+    def __post_init__(self):
+        if self.members % 2 or self.members < 2 * FEWEST_PAIRS:
+            raise InputError(
+                f"members = {self.members}: an ensemble needs an even number of at least {2 * FEWEST_PAIRS}"
+            )
+        if not self.sigma_m > 0.0:
+            raise InputError(
+                f"sigma_m = {self.sigma_m:g}: the cams of an ensemble must differ; 5e-6 m is a grinding error"
+            )
+
+    def heights(self) -> np.ndarray:
+        """Heights (members / 2, m) [m] of the bumps of the first member of every pair."""
+        return self.sigma_m * np.random.default_rng(self.seed).normal(size=(self.members // 2, len(self.directions)))
+
+    def lifts(self) -> list[Lift]:
+        """The members, pair by pair."""
+        return [moved(self.lift, self.directions, sign * one) for one in self.heights() for sign in (1.0, -1.0)]
 
 
 @dataclass(frozen=True)
@@ -46,80 +79,38 @@ class EnsembleGradient:
 
 
 def ensemble_gradient(
-    train: Train,
-    lift: Lift,
-    cam_speed: float,
-    metrics: Sequence[str],
-    directions: Float[np.ndarray, "m p q"],
-    sigma_m: float,
-    members: int,
-    seed: int,
-    *,
-    start: State | None = None,
-    revolutions: int = 1,
-    revolution: int = 0,
-    workers: int = 2,
+    train: Train, ensemble: CamEnsemble, cam_speed: float, metrics: Sequence[str], *, workers: int = 2
 ) -> EnsembleGradient:
-    """Mean values and mean pathwise gradients of metrics, in `workers` threads.
+    """Mean values and mean pathwise gradients of metrics in the first revolution from rest, in `workers` threads.
 
-    `directions` are changes of `lift.coefficients` per metre, as of `with_bumps`; every member has normal
-    heights of standard deviation `sigma_m` [m] along each. `members` is even; other arguments as of
-    `value_and_gradient`. Raises InputError for unusable numbers, MotionRefused where fewer than two pairs count.
+    Raises InputError for an unknown metric, MotionRefused where fewer than two pairs count.
     """
-    pairs = _pairs(len(directions), sigma_m, members, seed)
-    lifts = [moved(lift, directions, sign * heights) for heights in pairs for sign in (1.0, -1.0)]
-    starts = None if start is None else np.broadcast_to(start, (members, len(start)))
-    found = value_and_gradient_many(
-        train, lifts, [cam_speed] * members, metrics, starts,
-        workers=workers, revolutions=revolutions, revolution=revolution,
-    )  # fmt: skip
+    found = value_and_gradient_many(train, ensemble.lifts(), [cam_speed] * ensemble.members, metrics, workers=workers)
+    directions = ensemble.directions
     nothing = np.full(len(metrics), np.nan), np.full((len(metrics), len(directions)), np.nan)
     values, slopes = zip(
         *(nothing if g is None else (g.values, np.einsum("lpq,mpq->lm", g.by_coefficients, directions)) for g in found),
         strict=True,
     )
-    paired = np.array(slopes).reshape(len(pairs), 2, len(metrics), -1)
-    return _summary(metrics, np.array(values).reshape(len(pairs), 2, -1), paired.mean(axis=1))
+    paired = np.array(slopes).reshape(-1, 2, len(metrics), len(directions))
+    return _summary(metrics, np.array(values).reshape(len(paired), 2, -1), paired.mean(axis=1))
 
 
 def evolution_strategy_gradient(
-    train: Train,
-    lift: Lift,
-    cam_speed: float,
-    metrics: Sequence[str],
-    directions: Float[np.ndarray, "m p q"],
-    sigma_m: float,
-    members: int,
-    seed: int,
-    *,
-    start: State | None = None,
-    revolutions: int = 1,
-    revolution: int = 0,
-    workers: int = 2,
+    train: Train, ensemble: CamEnsemble, cam_speed: float, metrics: Sequence[str], *, workers: int = 2
 ) -> EnsembleGradient:
     """Like `ensemble_gradient`, but from values alone: noisier, and right however the motion behaves.
 
     Arguments, result and errors are those of `ensemble_gradient`.
     """
-    pairs = _pairs(len(directions), sigma_m, members, seed)
-    lifts = [moved(lift, directions, sign * heights) for heights in pairs for sign in (1.0, -1.0)]
-    at = state_at_rest(train) if start is None else start
+    at, pairs = state_at_rest(train), ensemble.heights()
 
     def values_of(member: Lift) -> np.ndarray:
-        return TracedMotion(train, member, cam_speed, at, revolutions).values(metrics, revolution)
+        return TracedMotion(train, member, cam_speed, at).values(metrics)
 
-    values = _side_by_side(values_of, lifts, len(metrics), workers).reshape(len(pairs), 2, -1)
-    rise = (values[:, 0] - values[:, 1]) / (2.0 * sigma_m**2)
+    values = _side_by_side(values_of, ensemble.lifts(), len(metrics), workers).reshape(len(pairs), 2, -1)
+    rise = (values[:, 0] - values[:, 1]) / (2.0 * ensemble.sigma_m**2)
     return _summary(metrics, values, rise[:, :, None] * pairs[:, None, :])
-
-
-def _pairs(directions: int, sigma_m: float, members: int, seed: int) -> np.ndarray:
-    """Heights (members / 2, m) [m] of the bumps of the first member of every pair."""
-    if members % 2 or members < 2 * FEWEST_PAIRS:
-        raise InputError(f"members = {members}: an ensemble needs an even number of at least {2 * FEWEST_PAIRS}")
-    if not sigma_m > 0.0:
-        raise InputError(f"sigma_m = {sigma_m:g}: the cams of an ensemble must differ; 5e-6 m is a grinding error")
-    return sigma_m * np.random.default_rng(seed).normal(size=(members // 2, directions))
 
 
 def _side_by_side(values_of: Callable[[Lift], np.ndarray], lifts: list[Lift], count: int, workers: int) -> np.ndarray:

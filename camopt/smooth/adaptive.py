@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from camopt.scene.errors import InputError
+from camopt.smooth.contact import Layer
 from camopt.smooth.scan import lift_at
 from camopt.smooth.system import System, SystemState
 
@@ -23,18 +24,9 @@ ADJOINTS = {"reverse": diffrax.RecursiveCheckpointAdjoint, "forward": diffrax.Fo
 and its other loop knows no reverse mode."""
 
 
-@partial(jax.jit, static_argnames=("solver", "ramp", "adjoint"))
+@partial(jax.jit, static_argnames=("solver", "adjoint"))
 def adaptive_states(
-    system: System,
-    samples,
-    cam_speed,
-    y0,
-    angle,
-    eps,
-    tolerance,
-    solver: str = "tsit5",
-    ramp: str = "compact",
-    adjoint: str = "reverse",
+    system: System, samples, cam_speed, y0, angle, layer: Layer, tolerance, *, solver="tsit5", adjoint="reverse"
 ) -> SystemState:
     """Motion at the angles `angle` (k) [rad] from the state y0 (2, n) at the first; arguments as of `response_arrays`.
 
@@ -51,7 +43,7 @@ def adaptive_states(
 
     def rate(t, z, _):
         lift, lift_dtheta = lift_at(samples, angle[0] + t * cam_speed)
-        return system.rate(z * scale, lift, lift_dtheta * cam_speed, eps, ramp) / scale
+        return system.rate(z * scale, lift, lift_dtheta * cam_speed, layer) / scale
 
     time = (angle - angle[0]) / cam_speed
     solution = diffrax.diffeqsolve(
@@ -71,5 +63,5 @@ def adaptive_states(
     states = solution.ys * scale[None]
     states = jnp.where(solution.result == diffrax.RESULTS.successful, states, jnp.nan)
     lift, lift_dtheta = lift_at(samples, angle)
-    force = jax.vmap(lambda y, l, l_dt: system.force(y, l, l_dt, eps, ramp))(states, lift, lift_dtheta * cam_speed)
+    force = jax.vmap(lambda y, l, l_dt: system.force(y, l, l_dt, layer))(states, lift, lift_dtheta * cam_speed)
     return SystemState(angle, lift, states[:, 0], states[:, 1], force)

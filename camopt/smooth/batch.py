@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from camopt.cam.lift import Lift
+from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.scan import integrate_stages, stage_angles
@@ -29,35 +30,35 @@ def stage_lifts(lift: Lift, steps: int) -> np.ndarray:
     return np.stack([lift(theta), lift(theta, 1)])
 
 
-def batch_motion(system: System, stages, cam_speed, y0, eps=BATCH_EPS, ramp: str = "compact") -> SystemState:
+def batch_motion(system: System, stages, cam_speed, y0, eps=BATCH_EPS) -> SystemState:
     """One revolution from the states y0 (2, n) or (2, n, b) of b motions, as a `SystemState` with the
     batch first, (b, k, ...).
 
     `stages` (2, steps, 6, b) holds what `stage_lifts` gives for every cam; `cam_speed` (b) is in rad/s. The motion is
     differentiable in every array and has the precision of `stages`. One program is compiled per topology and shapes.
     """
-    steps, width = stages.shape[1], stages.shape[3]
+    steps, width, layer = stages.shape[1], stages.shape[3], Layer(eps)
     angle = jnp.asarray(equal_grid(steps), stages.dtype)
     speed = jnp.reshape(cam_speed, (1, 1, width))
     h = jnp.diff(angle)[:, None, None, None] / speed[None]
     start = y0 if y0.ndim == 3 else jnp.broadcast_to(y0[..., None], (*y0.shape, width))
-    states = integrate_stages(system, h, stages[0], stages[1] * speed, start, eps, ramp)
+    states = integrate_stages(system, h, stages[0], stages[1] * speed, start, layer)
     # a step's first stage stands at its start; lift and lift rate are the same at both ends of a revolution
     lift, lift_dtheta = jnp.concatenate([stages[:, :, 0], stages[:, :1, 0]], axis=1)
-    force = jax.vmap(lambda y, l, l_dt: system.force(y, l, l_dt, eps, ramp))(states, lift, lift_dtheta * speed[0])
+    force = jax.vmap(lambda y, l, l_dt: system.force(y, l, l_dt, layer))(states, lift, lift_dtheta * speed[0])
     x, v, force = (jnp.moveaxis(q, -1, 0) for q in (states[:, 0], states[:, 1], force))
     return SystemState(jnp.broadcast_to(angle, (width, steps + 1)), lift.T, x, v, force)
 
 
 def batch_metrics(
-    system: System, stages, cam_speed, y0, half_duration, opening_foot, eps=BATCH_EPS, ramp: str = "compact"
+    system: System, stages, cam_speed, y0, half_duration, opening_foot, eps=BATCH_EPS
 ) -> dict[str, jax.Array]:
     """The metrics of `revolution_metrics`, (b) each, for the motions of `batch_motion`.
 
     A bounce window ends with the one revolution that is simulated. Arguments are those of `batch_motion`.
     """
-    motion = batch_motion(system, stages, cam_speed, y0, eps, ramp)
-    layer = touch_layer(eps, ramp)
+    motion = batch_motion(system, stages, cam_speed, y0, eps)
+    layer = touch_layer(eps)
 
     def one(motion, speed):
         return revolution_metrics(system, motion, speed, half_duration, opening_foot, layer=layer)

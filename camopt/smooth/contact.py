@@ -12,6 +12,7 @@ bias; softplus has one, since it pushes with k eps ln 2 at the touch itself.
 from collections.abc import Callable
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 
@@ -42,20 +43,35 @@ RAMPS = {
 """Ramps by name. Softplus has no edge; at |r| = 20 it is e^-20 of its width away from its asymptotes."""
 
 
-def raw_force(u, u_dot, stiffness, damping, eps, ramp: str = "compact") -> jax.Array:
+class Layer(eqx.Module):
+    """The layer in which contacts begin to push: its width `eps` > 0 [m], and the name of the ramp across it.
+
+    Derivatives may be taken by the width; a program is compiled per ramp.
+    """
+
+    eps: jax.Array | float
+    ramp: str = eqx.field(static=True, default="compact")
+
+    @property
+    def half_width(self):
+        """Compression [m] below which nothing pushes, and beyond which the law is that of the non-smooth model."""
+        return RAMPS[self.ramp].half_width * self.eps
+
+
+def raw_force(u, u_dot, stiffness, damping, layer: Layer) -> jax.Array:
     """p(eps S(u / eps)) + c u' S'(u / eps) [N], before it is clipped at zero; arguments as for `contact_force`."""
-    smooth = RAMPS[ramp]
+    smooth, eps = RAMPS[layer.ramp], layer.eps
     pressed = smooth.value(u / eps)
     elastic = stiffness(eps * pressed) if callable(stiffness) else stiffness * eps * pressed
     return elastic + damping * u_dot * smooth.slope(u / eps)
 
 
-def contact_force(u, u_dot, stiffness, damping, eps, ramp: str = "compact") -> jax.Array:
+def contact_force(u, u_dot, stiffness, damping, layer: Layer) -> jax.Array:
     """Force of contacts [N], never below zero, any shape.
 
-    `u` [m] is the compression beyond the touch and `u_dot` [m/s] its rate; `eps` > 0 [m] is the width of the layer.
+    `u` [m] is the compression beyond the touch and `u_dot` [m/s] its rate.
     `stiffness` [N/m], or the elastic force p [N] as a function of the compression beyond the touch.
     Source: design of this project; the limit eps -> 0 is max(0, k u + c u') for u > 0 and 0 otherwise.
     """
-    force = raw_force(u, u_dot, stiffness, damping, eps, ramp)
+    force = raw_force(u, u_dot, stiffness, damping, layer)
     return jnp.where(force > 0.0, force, 0.0)

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from camopt.scene.shapes import Float
-from camopt.smooth.contact import RAMPS
+from camopt.smooth.contact import RAMPS, Layer
 from camopt.smooth.scan import ERROR, NODES, STAGES, WEIGHTS, combine, lift_at, stage_slopes
 from camopt.smooth.system import Array, System
 
@@ -46,7 +46,7 @@ class Progress(NamedTuple):
     angle: jax.Array
     width: jax.Array
     y: jax.Array
-    slope: jax.Array
+    slope: Array
 
 
 def equal_grid(steps: int) -> Float[Array, " {steps}+1"]:
@@ -54,14 +54,14 @@ def equal_grid(steps: int) -> Float[Array, " {steps}+1"]:
     return np.linspace(-np.pi, np.pi, steps + 1)
 
 
-def refined_grid(system: System, samples, cam_speed, y0, eps, tolerance, steps: int, ramp: str = "compact"):
+def refined_grid(system: System, samples, cam_speed, y0, layer: Layer, tolerance, steps: int):
     """A grid for one revolution from y0 (2, n): angles (steps + 1) from -pi [rad], and states (steps + 1, 2, n) there.
 
     `tolerance` [m] is the error permitted per step in the positions; times the stiffest frequency it is the error
     permitted in the velocities. Where fewer than `steps` are needed the last sample is repeated; where they do not
     suffice the last angle falls short of pi. No derivative passes through the grid.
     """
-    system, samples, cam_speed, y0, eps = jax.lax.stop_gradient((system, samples, cam_speed, y0, eps))
+    system, samples, cam_speed, y0, layer = jax.lax.stop_gradient((system, samples, cam_speed, y0, layer))
     frequency = system.stiffest()
     scale = tolerance * jnp.stack([jnp.ones_like(frequency), frequency])[:, None]
     end = jnp.asarray(jnp.pi, y0.dtype)
@@ -73,15 +73,15 @@ def refined_grid(system: System, samples, cam_speed, y0, eps, tolerance, steps: 
         h = width / cam_speed
         lift, lift_dtheta = lift_at(samples, at.angle + width * jnp.asarray(NODES, end.dtype))
         lift_dt = lift_dtheta * cam_speed
-        slopes = stage_slopes(system, at.y, at.slope, h, lift, lift_dt, eps, ramp)
+        slopes = stage_slopes(system, at.y, at.slope, h, lift, lift_dt, layer)
         y = combine(at.y, h, WEIGHTS, slopes)
-        slope = system.rate(y, lift[-1], lift_dt[-1], eps, ramp)
+        slope = system.rate(y, lift[-1], lift_dt[-1], layer)
         error = jnp.max(jnp.abs(combine(0.0, h, ERROR, [*slopes, slope])) / scale)
         growth = jnp.clip(0.9 * jnp.maximum(error, 1e-10) ** -0.2, 0.1, 5.0)
         inner = [combine(at.y, h, STAGES[i], slopes[:i]) for i in range(1, 6)]
         seen = jnp.concatenate([jnp.stack([at.y, *inner]), _between(at.y, at.slope, y, slope, h), y[None]])
-        u, g = _surfaces(system, seen, samples, cam_speed, at.angle + width * PLACES.astype(end.dtype), eps, ramp)
-        shrink = contact_limit(u, g, h, eps, CLIP_STEP / frequency, ramp)
+        u, g = _surfaces(system, seen, samples, cam_speed, at.angle + width * PLACES.astype(end.dtype), layer)
+        shrink = contact_limit(u, g, h, layer, CLIP_STEP / frequency)
         kept = (error <= 1.0) & (shrink >= 1.0)  # a NaN is not kept
         factor = jnp.where(shrink < 1.0, jnp.minimum(growth, jnp.maximum(shrink, 1e-4)), growth)
         factor = jnp.where(jnp.isfinite(error), factor, 0.1)
@@ -90,7 +90,7 @@ def refined_grid(system: System, samples, cam_speed, y0, eps, tolerance, steps: 
         return Progress(angle, jnp.minimum(width * factor, widest), *state), (angle, state[0], kept)
 
     lift, lift_dtheta = lift_at(samples, -end)
-    slope = system.rate(y0, lift, lift_dtheta * cam_speed, eps, ramp)
+    slope = system.rate(y0, lift, lift_dtheta * cam_speed, layer)
     begin = Progress(-end, widest, y0, slope)
     angle, states, kept = _until_arrival(attempt, begin, end, chunks=int(ATTEMPTS * steps) // CHUNK + 1)
     index = jnp.flatnonzero(kept, size=steps, fill_value=-1)
@@ -126,18 +126,18 @@ def _between(y0, slope0, y1, slope1, h):
     return jax.vmap(at)(jnp.asarray(BETWEEN, y0.dtype))
 
 
-def _surfaces(system: System, y, samples, cam_speed, angle, eps, ramp: str):
+def _surfaces(system: System, y, samples, cam_speed, angle, layer: Layer):
     """Compression beyond the touch [m] and force before clipping [N], both (k, contacts), at k states and angles."""
     lift, lift_dtheta = lift_at(samples, angle)
 
     def one(y, lift, lift_dt):
         u, u_dt = system.compression(y, lift, lift_dt)
-        return u[system.topology.contacts], system.raw_force(u, u_dt, eps, ramp)
+        return u[system.topology.contacts], system.raw_force(u, u_dt, layer)
 
     return jax.vmap(one)(y, lift, lift_dtheta * cam_speed)
 
 
-def contact_limit(u, g, h, eps, clip_step, ramp: str) -> jax.Array:
+def contact_limit(u, g, h, layer: Layer, clip_step) -> jax.Array:
     """Factor by which a step of `h` [s] must shrink; a step with a factor of 1 or above stays as it is.
 
     `u` [m] and `g` [N] are the compression and the raw force (k, contacts) at the `PLACES` of the step. The edges of a
@@ -148,13 +148,14 @@ def contact_limit(u, g, h, eps, clip_step, ramp: str) -> jax.Array:
     """
     if u.size == 0:
         return jnp.ones_like(h)
-    half, share = RAMPS[ramp].half_width * eps, 2 * RAMPS[ramp].half_width * eps / RAMPS[ramp].steps
+    half = layer.half_width
+    share = 2 * half / RAMPS[layer.ramp].steps
     pushing, change = jnp.any(g > 0, axis=0), jnp.abs(u[-1] - u[0])
-    edges = [_crossing(u - edge, pushing, EDGE * eps) for edge in (-half, half)]
+    edges = [_crossing(u - edge, pushing, EDGE * layer.eps) for edge in (-half, half)]
     inside = pushing & (jnp.abs(u[0]) < half) & (change > share)
-    layer = jnp.where(inside, 0.95 * share / jnp.maximum(change, share), jnp.inf)
+    within = jnp.where(inside, 0.95 * share / jnp.maximum(change, share), jnp.inf)
     clip = _crossing(g, jnp.any(u > -half, axis=0), clip_step / h * jnp.max(jnp.abs(g - g[:1]), axis=0))
-    return jnp.min(jnp.stack([*edges, layer, clip]))
+    return jnp.min(jnp.stack([*edges, within, clip]))
 
 
 def _crossing(values, matters, longest):

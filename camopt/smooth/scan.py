@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from scipy.integrate import RK45
 
 from camopt.scene.shapes import Float
+from camopt.smooth.contact import Layer
 from camopt.smooth.system import Array, System
 
 NODES = RK45.C
@@ -42,16 +43,16 @@ def lift_at(
     return l0 + s * (v0 + s * (c2 + s * c3)), (v0 + s * (2 * c2 + 3 * s * c3)) / width
 
 
-def forces_at(system: System, samples, cam_speed, angle, states, eps, ramp: str = "compact"):
+def forces_at(system: System, samples, cam_speed, angle, states, layer: Layer):
     """Forces [N] and their derivatives by angle [N/rad], each (k, e), at angles (k) [rad] and states (k, 2, n)."""
 
     def force(y, theta):
         lift, lift_dtheta = lift_at(samples, theta)
-        return system.force(y, lift, lift_dtheta * cam_speed, eps, ramp)
+        return system.force(y, lift, lift_dtheta * cam_speed, layer)
 
     def both(y, theta):
         lift, lift_dtheta = lift_at(samples, theta)
-        slope = system.rate(y, lift, lift_dtheta * cam_speed, eps, ramp)
+        slope = system.rate(y, lift, lift_dtheta * cam_speed, layer)
         return jax.jvp(force, (y, theta), (slope / cam_speed, jnp.ones_like(theta)))
 
     return jax.vmap(both)(states, angle)
@@ -62,18 +63,18 @@ def combine(y, h, weights, slopes):
     return y + h * sum(w * k for w, k in zip(weights, slopes, strict=True) if w != 0.0)
 
 
-def stage_slopes(system: System, y, k1, h, lift, lift_dt, eps, ramp: str) -> list[jax.Array]:
+def stage_slopes(system: System, y, k1, h, lift, lift_dt, layer: Layer) -> list[jax.Array]:
     """The six slopes of a step of `h` [s] from the state y (2, n), whose first slope is k1.
 
     `lift` [m] and `lift_dt` [m/s] (6) are those at the step's `NODES`.
     """
     slopes = [k1]
     for i in range(1, 6):
-        slopes.append(system.rate(combine(y, h, STAGES[i], slopes), lift[i], lift_dt[i], eps, ramp))
+        slopes.append(system.rate(combine(y, h, STAGES[i], slopes), lift[i], lift_dt[i], layer))
     return slopes
 
 
-def integrate(system: System, samples, cam_speed, y0, angle, eps, ramp: str = "compact", known=None) -> jax.Array:
+def integrate(system: System, samples, cam_speed, y0, angle, layer: Layer, known=None) -> jax.Array:
     """States (k, 2, n) at the ascending angles `angle` (k) [rad], which may repeat, from the state y0 (2, n).
 
     `samples` is what `lift_at` reads, `cam_speed` is in rad/s. Where `known` (k, 2, n) gives the states that were found
@@ -81,7 +82,7 @@ def integrate(system: System, samples, cam_speed, y0, angle, eps, ramp: str = "c
     contact to contact then cannot move the motion off its grid.
     """
     lift, lift_dtheta = lift_at(samples, stage_angles(angle))
-    return integrate_stages(system, jnp.diff(angle) / cam_speed, lift, lift_dtheta * cam_speed, y0, eps, ramp, known)
+    return integrate_stages(system, jnp.diff(angle) / cam_speed, lift, lift_dtheta * cam_speed, y0, layer, known)
 
 
 def stage_angles(angle: jax.Array) -> jax.Array:
@@ -89,7 +90,7 @@ def stage_angles(angle: jax.Array) -> jax.Array:
     return angle[:-1, None] + jnp.diff(angle)[:, None] * jnp.asarray(NODES, angle.dtype)[None, :]
 
 
-def integrate_stages(system: System, h, lift, lift_dt, y0, eps, ramp: str = "compact", known=None) -> jax.Array:
+def integrate_stages(system: System, h, lift, lift_dt, y0, layer: Layer, known=None) -> jax.Array:
     """The states of `integrate`, from steps h (k - 1) [s] and lift [m] and lift rate [m/s] (k - 1, 6) at the stages.
 
     The axis of a batch comes last: h (k - 1, 1, 1, b), lift and lift_dt (k - 1, 6, b) and y0 (2, n, b) give states
@@ -99,8 +100,8 @@ def integrate_stages(system: System, h, lift, lift_dt, y0, eps, ramp: str = "com
     @partial(jax.checkpoint, prevent_cse=False)  # keeping the stages for the way back costs more than their repetition
     def step(y, inputs):
         h, lift, lift_dt, end = inputs
-        k1 = system.rate(y, lift[0], lift_dt[0], eps, ramp)
-        y = combine(y, h, WEIGHTS, stage_slopes(system, y, k1, h, lift, lift_dt, eps, ramp))
+        k1 = system.rate(y, lift[0], lift_dt[0], layer)
+        y = combine(y, h, WEIGHTS, stage_slopes(system, y, k1, h, lift, lift_dt, layer))
         y = y if end is None else y + jax.lax.stop_gradient(end - y)
         return y, y
 

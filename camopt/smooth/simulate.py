@@ -11,7 +11,7 @@ from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.response import Response, Revolve, end_state, joined
 from camopt.scene.train import Train
 from camopt.smooth.adaptive import adaptive_states
-from camopt.smooth.contact import RAMPS
+from camopt.smooth.contact import RAMPS, Layer
 from camopt.smooth.grid import equal_grid, refined_grid
 from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import forces_at, integrate, lift_at
@@ -61,13 +61,15 @@ def response_arrays(
     every sample is NaN.
     """
 
+    layer = Layer(eps, ramp)
+
     def revolve(y, _):
         if refine:
-            angle, known = refined_grid(system, samples, cam_speed, y, eps, tolerance, steps, ramp)
+            angle, known = refined_grid(system, samples, cam_speed, y, layer, tolerance, steps)
         else:
             angle, known = jnp.asarray(equal_grid(steps), y.dtype), None
-        states = integrate(system, samples, cam_speed, y, angle, eps, ramp, known)
-        force, force_dtheta = forces_at(system, samples, cam_speed, angle, states, eps, ramp)
+        states = integrate(system, samples, cam_speed, y, angle, layer, known)
+        force, force_dtheta = forces_at(system, samples, cam_speed, angle, states, layer)
         arrived = angle[-1] >= jnp.asarray(jnp.pi, y.dtype)
         states, force = (jnp.where(arrived, q, jnp.nan) for q in (states, force))
         lift, lift_dtheta = lift_at(samples, angle)
@@ -85,7 +87,7 @@ compiled_response = partial(jax.jit, static_argnames=STATIC)(response_arrays)
 
 def touch_layer(eps, ramp: str = "compact"):
     """Distance s [m] at which the smoothed seat starts to push, for `camopt.smooth.metrics`; 0 for softplus."""
-    return RAMPS[ramp].half_width * eps if ramp == "compact" else 0.0
+    return Layer(eps, ramp).half_width if ramp == "compact" else 0.0
 
 
 def prepare(
@@ -116,10 +118,10 @@ def prepare(
     def one_revolution(state: np.ndarray) -> Response:
         y0 = jnp.asarray(state).reshape(2, -1)
         if method == "scan":
-            motion = _scanned(system, samples, cam_speed, y0, eps, tolerance, steps_per_revolution, ramp)
+            motion = _scanned((system, samples, cam_speed, y0, eps, tolerance), steps_per_revolution, ramp)
         else:
             angle = equal_grid(steps_per_revolution or LIFT_SAMPLES)
-            motion = adaptive_states(system, samples, cam_speed, y0, angle, eps, tolerance, method, ramp)
+            motion = adaptive_states(system, samples, cam_speed, y0, angle, Layer(eps, ramp), tolerance, solver=method)
         angle, cam_lift, x, v, force = (np.asarray(q) for q in motion[:5])
         if not np.all(np.isfinite(x)):
             raise MotionRefused(
@@ -132,9 +134,9 @@ def prepare(
     return one_revolution
 
 
-def _scanned(system, samples, cam_speed, y0, eps, tolerance, steps, ramp) -> SystemState:
-    """One revolution by the scan; where the number of steps was not given, it is raised until it suffices."""
-    arguments = system, samples, cam_speed, y0, eps, tolerance
+def _scanned(arguments: tuple, steps: int | None, ramp: str) -> SystemState:
+    """One revolution by the scan from the first six `arguments` of `response_arrays`; where the number of steps was not
+    given, it is raised until it suffices."""
     if steps is not None:
         return compiled_response(*arguments, steps=steps, refine=False, ramp=ramp)
     steps = STEPS

@@ -9,7 +9,7 @@ import numpy as np
 
 from camopt.scene.shapes import Float
 from camopt.scene.train import Train
-from camopt.smooth.contact import raw_force
+from camopt.smooth.contact import Layer, raw_force
 from camopt.smooth.laws import ElasticLaws, elastic_laws
 
 Array = jax.Array | np.ndarray
@@ -81,22 +81,22 @@ class System(eqx.Module):
         lift, lift_dt = (jnp.reshape(q, (1,) * (d.ndim - jnp.ndim(q)) + jnp.shape(q)) for q in (lift, lift_dt))
         return d + drive * lift - column(self.gap + self.touch(), d), d_dt + drive * lift_dt
 
-    def force(self, y: Float[Array, "2 n *b"], lift, lift_dt, eps, ramp: str = "compact") -> Float[Array, " e *b"]:
+    def force(self, y: Float[Array, "2 n *b"], lift, lift_dt, layer: Layer) -> Float[Array, " e *b"]:
         """Force of every element [N]; it pushes a towards -x and b towards +x."""
         u, u_dt = self.compression(y, lift, lift_dt)
-        pushing = self.raw_force(u, u_dt, eps, ramp)
+        pushing = self.raw_force(u, u_dt, layer)
         bilateral = self.elastic(u) + column(self.damping, u) * u_dt
         return bilateral.at[self.topology.contacts].set(jnp.where(pushing > 0.0, pushing, 0.0))
 
     def raw_force(
-        self, u: Float[Array, " e *b"], u_dt: Float[Array, " e *b"], eps, ramp: str = "compact"
+        self, u: Float[Array, " e *b"], u_dt: Float[Array, " e *b"], layer: Layer
     ) -> Float[Array, " contacts *b"]:
         """Force of every contact [N], in the order of the elements, before it is clipped at zero."""
         pick = self.topology.contacts
         damping = column(self.damping, u)
         if self.laws is None:
-            return raw_force(u[pick], u_dt[pick], column(self.stiffness, u)[pick], damping[pick], eps, ramp)
-        return raw_force(u, u_dt, self.elastic, damping, eps, ramp)[pick]
+            return raw_force(u[pick], u_dt[pick], column(self.stiffness, u)[pick], damping[pick], layer)
+        return raw_force(u, u_dt, self.elastic, damping, layer)[pick]
 
     def touch(self) -> Float[Array, " e"]:
         """Compression at which each elastic force is zero [m]."""
@@ -109,9 +109,9 @@ class System(eqx.Module):
         force = self.laws.force if u.ndim == 1 else jax.vmap(self.laws.force, (-1, None, None), -1)
         return force(u, self.stiffness, self.preload)
 
-    def rate(self, y: Float[Array, "2 n *b"], lift, lift_dt, eps, ramp: str = "compact") -> Float[Array, "2 n *b"]:
+    def rate(self, y: Float[Array, "2 n *b"], lift, lift_dt, layer: Layer) -> Float[Array, "2 n *b"]:
         """Time derivative of the state y = (positions [m], velocities [m/s]) at lift [m] and lift rate [m/s]."""
-        force = self.force(y, lift, lift_dt, eps, ramp)
+        force = self.force(y, lift, lift_dt, layer)
         on_mass = jnp.matmul(self._incidence(y.dtype).T, force, precision="highest")
         mass, drag, load = (column(q, on_mass) for q in (self.mass, self.mass_damping, self.mass_force))
         return jnp.stack([y[1], (load - drag * y[1] - on_mass) / mass])

@@ -10,7 +10,7 @@ from camopt.cam.geometry import DURATION_LIFTS_MM, Contact, contact, crossing
 from camopt.cam.hertz import HertzStress, contact_width, hertz_stress
 from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import write_lift_table
-from camopt.scene import InputError, MotionRefused, Scene, build_train
+from camopt.scene import InputError, MotionRefused, Scene, Train, build_train
 from camopt.scene.rest import static_forces
 from camopt.scene.schema import Design, Geometry
 from camopt.scene.units import DEG, MM
@@ -151,8 +151,9 @@ def _stress(scene: Scene, lift: Lift, geometry: Geometry, speed_rpm: float) -> l
     """The largest Hertz stress under way and standing still."""
     width = contact_width(geometry) / MM
     source = "contact_width_mm" if geometry.contact_width_mm else "face_width_mm"
-    moving, method = dynamic_stress(scene, lift, speed_rpm)
-    standing = static_stress(scene, lift)
+    train = build_train(scene)
+    moving, method = dynamic_stress(scene, train, lift, speed_rpm)
+    standing = static_stress(scene, train, lift)
     lines = [f"Hertz stress over a line of {width:g} mm ({source})"]
     for name, stress in ((f"at {speed_rpm:g} r/min ({method})", moving), ("standing still", standing)):
         f = stress.figures()
@@ -163,7 +164,7 @@ def _stress(scene: Scene, lift: Lift, geometry: Geometry, speed_rpm: float) -> l
     return lines
 
 
-def dynamic_stress(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[HertzStress, str]:
+def dynamic_stress(scene: Scene, train: Train, lift: Lift, speed_rpm: float) -> tuple[HertzStress, str]:
     """The stress over one cam revolution under way, and the method: event-exact, or rkg where that refuses.
 
     Event-exact is not asked where the train's laws are beyond it. Raises InputError as `hertz_stress` and
@@ -172,7 +173,6 @@ def dynamic_stress(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[HertzStr
     from camopt.study.simulate.motion import simulate
 
     assert scene.geometry is not None, "the caller asks for it"
-    train = build_train(scene)
     motion, method = None, "event-exact"
     if train.laws is None:
         with suppress(MotionRefused):
@@ -184,10 +184,9 @@ def dynamic_stress(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[HertzStr
     return hertz_stress(lift, scene.geometry, last["cam_angle_deg"].values * DEG, force), method
 
 
-def static_stress(scene: Scene, lift: Lift) -> HertzStress:
+def static_stress(scene: Scene, train: Train, lift: Lift) -> HertzStress:
     """The stress where the cam stands still, every `STATIC_STEP_DEG`; InputError as `hertz_stress`."""
     assert scene.geometry is not None, "the caller asks for it"
-    train = build_train(scene)
     if not np.any(train.cam_driven):
         raise InputError(f"scene {scene.name}: no element is cam driven, so the cam carries no force")
     theta = np.arange(-180.0, 180.0, STATIC_STEP_DEG) * DEG

@@ -6,7 +6,7 @@ import pytest
 from camopt.cam.bumps import moved, with_bumps
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact.adjoint.gradient import value_and_gradient
-from camopt.exact.ensemble import cosine, ensemble_gradient, evolution_strategy_gradient
+from camopt.exact.ensemble import CamEnsemble, cosine, ensemble_gradient, evolution_strategy_gradient
 from camopt.scene import InputError
 from tests.exact.gradient_problems import kodama
 
@@ -34,7 +34,7 @@ def test_bumps_leave_the_ramps_and_have_height_one():
 def test_cams_that_hardly_differ_have_the_gradient_of_one():
     (train, lift, directions), scene = cam(5)
     speed = scene.cam_speed(6000)
-    found = ensemble_gradient(train, lift, speed, NAMES, directions, 1e-12, 4, seed=1)
+    found = ensemble_gradient(train, CamEnsemble(lift, directions, 1e-12, 4, seed=1), speed, NAMES)
     single = value_and_gradient(train, lift, speed, NAMES)
     assert found.values == pytest.approx(single.values, rel=1e-6)
     slopes = np.einsum("lpq,mpq->lm", single.by_coefficients, directions)
@@ -45,9 +45,9 @@ def test_cams_that_hardly_differ_have_the_gradient_of_one():
 
 def test_the_pathwise_mean_is_that_of_the_evolution_strategy_and_has_less_noise():
     (train, lift, directions), scene = cam(5)
-    arguments = train, lift, scene.cam_speed(6500), NAMES, directions, 1e-6
-    pathwise = ensemble_gradient(*arguments, 100, seed=2)
-    judge = evolution_strategy_gradient(*arguments, 1200, seed=3)
+    speed = scene.cam_speed(6500)
+    pathwise = ensemble_gradient(train, CamEnsemble(lift, directions, 1e-6, 100, seed=2), speed, NAMES)
+    judge = evolution_strategy_gradient(train, CamEnsemble(lift, directions, 1e-6, 1200, seed=3), speed, NAMES)
     assert pathwise.values == pytest.approx(judge.values, rel=1e-2)
     for found, reference in zip(pathwise.gradient, judge.gradient, strict=True):
         assert cosine(found, reference) > 0.97
@@ -56,8 +56,8 @@ def test_the_pathwise_mean_is_that_of_the_evolution_strategy_and_has_less_noise(
 
 
 def test_unusable_ensembles_are_refused():
-    (train, lift, directions), scene = cam(5)
+    (_, lift, directions), _ = cam(5)
     with pytest.raises(InputError, match="members = 5: an ensemble needs an even number"):
-        ensemble_gradient(train, lift, scene.cam_speed(6000), NAMES, directions, 1e-6, 5, seed=1)
+        CamEnsemble(lift, directions, 1e-6, 5, seed=1)
     with pytest.raises(InputError, match="sigma_m = 0"):
-        evolution_strategy_gradient(train, lift, scene.cam_speed(6000), NAMES, directions, 0.0, 4, seed=1)
+        CamEnsemble(lift, directions, 0.0, 4, seed=1)

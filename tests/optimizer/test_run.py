@@ -244,7 +244,7 @@ def test_contradictory_limits_leave_no_folder(tmp_path):
     scene = load_scene("motori-1")
     design = scene.design.model_copy(update={"jerk_max_mm_per_deg3": 5e-4, "reach_max_lift": True})
     with pytest.raises(InputError, match=r"jerk_max_mm_per_deg3 would have to rise from 0\.0005 to"):
-        optimize(scene.model_copy(update={"design": design}), out=tmp_path / "run")
+        optimize(scene.model_copy(update={"design": design}), "nominal", "draft", out=tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
 

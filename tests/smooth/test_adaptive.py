@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
 
-from camopt.cam.families.kurz import kurz
-from camopt.scene import InputError, build_train, load_scene
+from camopt.scene import InputError
 from camopt.scene.units import RPM
 from camopt.smooth.adaptive import adaptive_states
+from camopt.smooth.contact import Layer
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import compiled_response, equal_grid, lift_samples
 from camopt.smooth.system import build_system
+from tests.smooth.trains import motori
 
-SCENE = load_scene("motori-1")
-TRAIN = build_train(SCENE)
-SYSTEM, SAMPLES = build_system(TRAIN), jnp.asarray(lift_samples(kurz(SCENE)))
+SCENE, TRAIN, LIFT = motori()
+SYSTEM, SAMPLES = build_system(TRAIN), jnp.asarray(lift_samples(LIFT))
 SPEED, EPS, TOLERANCE = 2000 * RPM, 1e-6, 1e-10
 ANGLE = jnp.asarray(equal_grid(90))
 
@@ -24,7 +24,15 @@ ANGLE = jnp.asarray(equal_grid(90))
 def end(scale, solver: str, adjoint: str, ramp: str = "compact"):
     """Valve position at 60 deg [m] under a lift scaled by `scale`."""
     motion = adaptive_states(
-        SYSTEM, SAMPLES * scale, SPEED, rest_state(TRAIN), ANGLE, EPS, TOLERANCE, solver, ramp, adjoint
+        SYSTEM,
+        SAMPLES * scale,
+        SPEED,
+        rest_state(TRAIN),
+        ANGLE,
+        Layer(EPS, ramp),
+        TOLERANCE,
+        solver=solver,
+        adjoint=adjoint,
     )
     return motion.x[60, 0]
 

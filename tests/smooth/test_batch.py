@@ -8,16 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from camopt.cam.families.kurz import kurz
-from camopt.scene import build_train, load_scene
 from camopt.scene.units import RPM
 from camopt.smooth.batch import batch_metrics, batch_motion, stage_lifts
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import compiled_response, lift_samples
 from camopt.smooth.system import build_system
+from tests.smooth.trains import motori
 
-SCENE = load_scene("motori-1")
-TRAIN, LIFT = build_train(SCENE), kurz(SCENE)
+SCENE, TRAIN, LIFT = motori()
 SYSTEM = build_system(TRAIN)
 STEPS, EPS = 1440, 1e-5
 SPEEDS = np.array([1500.0, 2000.0, 2500.0]) * RPM

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import camopt.smooth  # noqa: F401  (64-bit floats)
-from camopt.smooth.contact import RAMPS, contact_force
+from camopt.smooth.contact import RAMPS, Layer, contact_force
 
 K, C = 7.23e7, 857.0
 
@@ -31,21 +31,21 @@ def test_outside_its_layer_the_compact_law_is_the_non_smooth_one():
     expected = np.where(u > 0, np.maximum(0.0, K * u + C * u_dot), 0.0)
     for eps in (1e-6, 1e-8):
         outside = np.abs(u) > eps / 2
-        force = np.asarray(contact_force(u, u_dot, K, C, eps))
+        force = np.asarray(contact_force(u, u_dot, K, C, Layer(eps)))
         np.testing.assert_allclose(force[outside], expected[outside], rtol=1e-12, atol=1e-9)
 
 
 def test_softplus_approaches_the_non_smooth_law_with_eps():
     u, u_dot = np.array([-3e-6, 2e-6, 5e-6]), np.array([0.5, -0.1, 0.3])
     expected = np.where(u > 0, np.maximum(0.0, K * u + C * u_dot), 0.0)
-    error = [np.max(np.abs(contact_force(u, u_dot, K, C, eps, "softplus") - expected)) for eps in (1e-6, 1e-7)]
+    error = [np.max(np.abs(contact_force(u, u_dot, K, C, Layer(eps, "softplus")) - expected)) for eps in (1e-6, 1e-7)]
     assert error[1] < 1e-4 * error[0]
 
 
 def test_an_elastic_contact_pushes_at_the_touch_by_the_known_bias():
     zero = jnp.zeros(1)
-    assert contact_force(zero, zero, K, C, 1e-6)[0] == pytest.approx(K * 1e-6 * 3 / 32)  # S(0) = 3/32
-    assert contact_force(zero, zero, K, C, 1e-6, "softplus")[0] == pytest.approx(K * 1e-6 * np.log(2.0))
+    assert contact_force(zero, zero, K, C, Layer(1e-6))[0] == pytest.approx(K * 1e-6 * 3 / 32)  # S(0) = 3/32
+    assert contact_force(zero, zero, K, C, Layer(1e-6, "softplus"))[0] == pytest.approx(K * 1e-6 * np.log(2.0))
 
 
 @pytest.mark.parametrize("name", RAMPS)
@@ -56,7 +56,9 @@ def test_forces_never_pull_and_have_finite_derivatives(name, dtype):
     u_dot = jnp.asarray([-5.0, -1e-9, 0.0, 1e-9, 5.0], dtype)
     u, u_dot = (q.ravel() for q in jnp.meshgrid(u, u_dot))
     one = jnp.ones_like(u)
-    force, pull = jax.vjp(lambda *a: contact_force(*a, ramp=name), u, u_dot, K * one, C * one, jnp.asarray(eps, dtype))
+    force, pull = jax.vjp(
+        lambda *a: contact_force(*a[:-1], Layer(a[-1], name)), u, u_dot, K * one, C * one, jnp.asarray(eps, dtype)
+    )
     assert force.dtype == dtype
     assert np.all(force >= 0)
     assert all(np.all(np.isfinite(g)) for g in pull(one))

@@ -13,6 +13,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.scene import build_train, load_scene, rest_position
 from camopt.scene.laws import HERTZ, LINEAR, PROGRESSIVE, Laws
 from camopt.scene.rest import state_at_rest
+from camopt.smooth.contact import Layer
 from camopt.smooth.laws import elastic_laws
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples, prepare, response_arrays
@@ -54,7 +55,7 @@ def test_an_unloaded_hertz_contact_has_finite_derivatives():
     system = build_system(hertz)
 
     def force(system, x):
-        return system.force(jnp.stack([x, jnp.zeros(1)]), 0.0, 0.0, 1e-8)[0]
+        return system.force(jnp.stack([x, jnp.zeros(1)]), 0.0, 0.0, Layer(1e-8))[0]
 
     for x in (-1e-6, -4e-9, 0.0, 4e-9, 1e-3):
         gradient = jax.grad(force, argnums=(0, 1))(system, jnp.array([x]))

@@ -14,17 +14,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from camopt.cam.families.kurz import kurz
 from camopt.exact.adjoint.gradient import value_and_gradient
-from camopt.scene import build_train, load_scene
 from camopt.scene.units import RPM
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import EPS, lift_samples, response_arrays, touch_layer
 from camopt.smooth.system import build_system
+from tests.smooth.trains import motori
 
-SCENE = load_scene("motori-1")
-TRAIN, LIFT = build_train(SCENE), kurz(SCENE)
+SCENE, TRAIN, LIFT = motori()
 SAMPLES = jnp.asarray(lift_samples(LIFT))
 CAM_SIDE = TRAIN.cam_side[0]
 GAPS = np.array([0.0, 1e-9, -1e-9, 1e-6, 5e-5, 1e-4, 3e-4])

@@ -11,6 +11,7 @@ from scipy.linalg import expm
 
 from camopt.exact.engine import prepare as prepare_exact
 from camopt.scene import InputError, MotionRefused
+from camopt.smooth.contact import Layer
 from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import integrate, lift_at
 from camopt.smooth.simulate import compiled_response, equal_grid, lift_samples, prepare, simulate_smooth
@@ -47,7 +48,7 @@ def test_the_scan_is_of_order_five_against_the_matrix_exponential():
     errors = []
     for count in counts:
         states = integrate(
-            build_system(train), flat, np.pi / 1e-2, jnp.asarray(start[:, None]), equal_grid(count), 1e-9
+            build_system(train), flat, np.pi / 1e-2, jnp.asarray(start[:, None]), equal_grid(count), Layer(1e-9)
         )
         errors.append(np.linalg.norm((np.asarray(states[-1, :, 0]) - exact) * [np.sqrt(3e4 / 0.05), 1.0]))
     order = -np.polyfit(np.log(counts), np.log(errors), 1)[0]

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from camopt.cam.design_file import read_design
+from camopt.cam.families.kurz import kurz
 from camopt.cam.families.polydyne import polydyne
 from camopt.scene import Train, build_train, load_scene
 
@@ -48,6 +49,13 @@ def kodama(exponents: tuple[int, ...] = (2, 10, 18, 26, 34), design_speed_rpm: f
     """Scene, train and a Polydyne of the built-in valve train."""
     scene = load_scene("kodama")
     return scene, build_train(scene), polydyne(scene, exponents=exponents, design_speed_rpm=design_speed_rpm)
+
+
+@cache
+def motori():
+    """Scene, train and the largest Kurz-type cam of the train of one mass; its search takes three seconds."""
+    scene = load_scene("motori-1")
+    return scene, build_train(scene), kurz(scene)
 
 
 @cache

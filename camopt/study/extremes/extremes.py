@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
-from camopt.scene import InputError, Scene, build_train
+from camopt.scene import InputError, Scene, Train, build_train
 from camopt.storage import append_line, run_folder, run_identity, whole_lines, write_text
 from camopt.study.extremes.cases import AS_IT_IS, ExtremeCase, cases
 from camopt.study.extremes.classification import (
@@ -73,10 +73,9 @@ def extremes(
     return rows
 
 
-def methods(case: ExtremeCase) -> dict[tuple[str, str], Method]:
+def methods(case: ExtremeCase, train: Train) -> dict[tuple[str, str], Method]:
     """What a case is put to besides the reference, by case name and method: the case as it is also stands for steps
     past the stability limit and for layers of the smooth contact on their way to zero."""
-    train = build_train(case.scene)
     first = first_steps(train, case.scene.cam_speed(case.speed_rpm))
     found = {(case.name, name): _stepping(prepare) for name, prepare in STEP_METHODS.items()}
     if train.laws is None and first <= DOP853_STEPS:
@@ -99,15 +98,14 @@ def _stepping(prepare: Prepare, halvings: int = 4, steps: int | None = None) -> 
 
 def _rows(scene: Scene, case: ExtremeCase, have: set[tuple[str, str]]) -> Iterator[dict]:
     """The rows of one case that are not there yet: the reference first, which the others need."""
-    reference = f"{scene.name}: {case.name}", REFERENCE
-    asked = {(f"{scene.name}: {label}", method): run for (label, method), run in methods(case).items()}
+    reference, train = (f"{scene.name}: {case.name}", REFERENCE), build_train(case.scene)
+    asked = {(f"{scene.name}: {label}", method): run for (label, method), run in methods(case, train).items()}
     asked = {key: run for key, run in asked.items() if key not in have}
     if not asked and reference in have:
         return
     lift, begin = polydyne(scene), time.perf_counter()
     row = {"case": reference[0], "error": None, "error_of": "", "seconds": 0.0, "converged": False}
     try:
-        train = build_train(case.scene)
         locating = LOCATING["event" if train.laws is None else "dop853"]
         true = truth(locating, train, lift, case.scene.cam_speed(case.speed_rpm))
     except InputError as refusal:

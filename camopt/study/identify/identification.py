@@ -107,15 +107,9 @@ def identify(
 
     `free`: such as `valve.mass_kg`, `train.stiffness_N_per_m`, `seat.gap_mm`; `coil_*.damping_N_s_per_m` moves all that
     match by one factor. The motion starts from rest, `settle` whole revolutions before the angle -180 of the data.
-    `zero_known=False`: the sensor's zero is unknown, series by series. `noise_um`: the sensor's noise where it is
-    known, else it is taken from the samples; the residual is held against it. The fit follows the motion from its
-    beginning on, and from two to four starts, of which the best counts (`camopt.study.identify.fit_starts`).
-    The intervals are those of the linear model at the estimate (Seber and Wild, Nonlinear Regression, 1989), in the
-    logarithms, with Student's t and the noise of the residual, taken as white. Positions fix forces only up to a common
-    factor: leave one preload or stiffness at a known value.
-
-    Raises InputError for unusable data or names, or laws that are not linear; MotionRefused where the start values
-    have no motion.
+    `zero_known=False`: the sensor's zero is unknown, series by series. `noise_um`: the sensor's noise, by default taken
+    from the samples. What the intervals of this `confidence` are: `camopt.study.identify`.
+    Raises InputError for unusable data or names, or nonlinear laws; MotionRefused where the start values do not move.
     """
     if not 0 < confidence < 1 or settle < 0 or int(settle) != settle:
         raise InputError(f"identify: confidence {confidence}, settle {settle}: between 0 and 1, and an integer from 0")
@@ -125,24 +119,23 @@ def identify(
     count = _sample_count(series, zero_known, len(free))
     noise = Noise(measured_noise(series), True) if noise_um is None else Noise(noise_um * UM, False)
     fits = fits_from_starts(fit, noise.largest(count) ** 2 * count)
-    fitted = fits[0]
-    jacobian = fit.jacobian(fitted.logs)
-    estimate = _Estimate(fitted.residual, jacobian, count, confidence)
-    error = _jacobian_error(fit, fitted, jacobian)
-    residuals = tuple(part / UM for part in np.split(fitted.residual, fit.borders))
+    jacobian = fit.jacobian(fits[0].logs)
+    estimate = _Estimate(fits[0].residual, jacobian, count, confidence)
+    residuals = tuple(part / UM for part in np.split(fits[0].residual, fit.borders))
+    error = _jacobian_error(fit, fits[0], jacobian)
     remarks = tuple(_remarks(fits, residuals, noise, estimate, error))
     return Identification(
-        parameters.moved_scene(fitted.logs),
-        _table(parameters, fitted, estimate, sound=not remarks),
-        estimate.correlation(list(free)),
-        estimate.directions(list(free)),
-        confidence,
-        estimate.noise / UM,
-        residuals,
-        tuple(measured),
-        error,
-        fitted.steps,
-        remarks,
+        scene=parameters.moved_scene(fits[0].logs),
+        table=_table(parameters, fits[0], estimate, sound=not remarks),
+        correlation=estimate.correlation(list(free)),
+        directions=estimate.directions(list(free)),
+        confidence=confidence,
+        noise_um=estimate.noise / UM,
+        residual_um=residuals,
+        measured=tuple(measured),
+        jacobian_error=error,
+        steps=fits[0].steps,
+        remarks=remarks,
     )
 
 

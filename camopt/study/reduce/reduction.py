@@ -125,8 +125,7 @@ def reduce(
     """Smaller models of a scene, from all its masses down to one, against the full model with a cam.
 
     `cam` is by default the plain Polydyne, `speeds_rpm` (k) [crankshaft r/min] the scene's. A model is within the
-    tolerance [mm] where bounce, jump and the valve's lift at every angle of the settled motion differ by no more at any
-    speed.
+    tolerance [mm] where bounce, jump and lift at every angle of the settled motion differ by no more at any speed.
     Errors are told for event-exact motion, or Runge-Kutta-Gill under nonlinear laws; times for event-exact,
     Runge-Kutta-Gill and the transition matrix method (at the step that each model's own highest frequency asks for),
     and with `smooth` also, for the full and the proposed model, for the smooth scan and a batch of it (JAX compiles
@@ -150,13 +149,14 @@ def reduce(
     watched = {end for e in scene.element if e.name in idle[0] | idle[1] for end in e.between} - {"ground"}
     rows = [_candidate(m, idle, cam, speeds, truth, workers) for m in smaller_models(scene, frozenset(watched))]
     ranges = {s: t.figures.range("bounce_mm") for s, t in zip(speeds, truth, strict=True) if not t.periodic}
-    found = Reduction(scene, cam.family, speeds, ranges, tolerance_mm, path_times(full, cam, max(speeds)), tuple(rows))
+    train, cam_speed = build_train(scene), scene.cam_speed(max(speeds))
+    full_ms = path_times(full, train, cam, cam_speed)
+    found = Reduction(scene, cam.family, speeds, ranges, tolerance_mm, full_ms, tuple(rows))
     if not smooth:
         return found
     best = found.proposed
-    timed = replace(best, ms=best.ms | smooth_times(best.smaller.scene, cam, max(speeds)))
-    rows[rows.index(best)] = timed
-    full_ms = found.full_ms | smooth_times(scene, cam, max(speeds))
+    rows[rows.index(best)] = replace(best, ms=best.ms | smooth_times(build_train(best.smaller.scene), cam, cam_speed))
+    full_ms |= smooth_times(train, cam, cam_speed)
     return replace(found, full_ms=full_ms, candidates=tuple(rows))
 
 
@@ -205,10 +205,11 @@ def counted_operations(train: Train, cam_speed: float) -> int:
 
 def _candidate(smaller: Smaller, idle, cam: Lift, speeds, truth: list[Observed], workers: int) -> Candidate:
     model = leave_out(smaller.scene, *idle)
-    operations = counted_operations(build_train(model.scene), model.scene.cam_speed(max(speeds)))
+    train, cam_speed = build_train(model.scene), model.scene.cam_speed(max(speeds))
+    operations = counted_operations(train, cam_speed)
     try:
         seen = _observe(model, cam, speeds, workers)
-        ms = path_times(model, cam, max(speeds))
+        ms = path_times(model, train, cam, cam_speed)
     except MotionRefused as refusal:
         return Candidate(smaller, model, dict.fromkeys((*COMPARED, "lift_mm"), np.nan), str(refusal), operations, {})
     error = {name: float(np.max(np.abs([s.figures.worst(name) - t.figures.worst(name)
@@ -239,9 +240,8 @@ def _truth(train: Train, cam: Lift, cam_speed: float) -> tuple:
     return rkg.prepare, train, cam, cam_speed, SWEEP_REFINEMENT * first_steps(train, cam_speed)
 
 
-def path_times(model: LeftOut, cam: Lift, speed_rpm: float) -> dict[str, float]:
+def path_times(model: LeftOut, train: Train, cam: Lift, cam_speed: float) -> dict[str, float]:
     """Processor time [ms] of the first sampled revolution from rest, by each path that carries the scene's laws."""
-    train, cam_speed = build_train(model.scene), model.scene.cam_speed(speed_rpm)
     steps, rest = first_steps(train, cam_speed), state_at_rest(train)
     paths: dict[str, Revolve] = {"rkg": model.prepare(rkg.prepare, train, cam, cam_speed, steps)}
     if train.laws is None:
@@ -250,7 +250,7 @@ def path_times(model: LeftOut, cam: Lift, speed_rpm: float) -> dict[str, float]:
     return {name: milliseconds(lambda r=paths[name]: r(rest)) for name in PATHS if name in paths}
 
 
-def smooth_times(scene: Scene, cam: Lift, speed_rpm: float) -> dict[str, float]:
+def smooth_times(train: Train, cam: Lift, cam_speed: float) -> dict[str, float]:
     """As `path_times`, of the smooth scan at the same step, alone and in a batch of speeds just below (per motion).
 
     By the clock on the wall: JAX computes in threads of its own, whose processor time is not always seen.
@@ -261,7 +261,6 @@ def smooth_times(scene: Scene, cam: Lift, speed_rpm: float) -> dict[str, float]:
     from camopt.smooth.simulate import lift_samples, response_arrays
     from camopt.smooth.system import build_system
 
-    train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
     steps, samples = first_steps(train, cam_speed), jnp.asarray(lift_samples(cam))
     system, rest = build_system(train), jnp.asarray(state_at_rest(train))
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 OWN_MODULES = {"event": "camopt.exact.engine", "smooth": "camopt.smooth.simulate"}
 """Modules with a `prepare` beside those of `INDEPENDENT`."""
-DIFFERENTIABLE = {"smooth": "camopt.differentiable.smooth_rule", "event": "camopt.differentiable.exact_rule"}
+DIFFERENTIABLE = {"smooth": "camopt.autodiff.smooth_rule", "event": "camopt.autodiff.exact_rule"}
 """Modules with a `differentiable_motion`, by the method that `simulate(parameters=...)` takes."""
 LARGEST_PHASE = 0.3
 """Step times the train's highest rate [rad]: MOTORI 2004's rule for explicit steps (0.31), and for drawn curves."""
@@ -47,39 +47,17 @@ def simulate(
 ) -> xr.Dataset:
     """Motion of the valve train from rest at -180 degrees, `revolutions` of the cam at a crankshaft speed [r/min].
 
-    `step_deg` [cam degrees] must divide 360; it is the step of the result. The method's own step is that over the
-    smallest integer for which step * highest rate of the train <= 0.3; "smooth" refines its grid itself. Returned is a
-    dataset over `sample` with coordinates revolution (from 1), cam_angle_deg (-180 to 180), time_s, and variables
-    lift_mm, position_mm and velocity_m_per_s (sample, mass), force_N (sample, element); between a method's samples
-    positions are cubic, velocities their derivative, forces linear, and where a force jumps the later value stands.
+    Returned is a dataset over `sample`, every `step_deg` [cam degrees, which must divide 360], with coordinates
+    revolution (from 1), cam_angle_deg (-180 to 180), time_s, and variables lift_mm, position_mm and velocity_m_per_s
+    (sample, mass), force_N (sample, element). It also holds the declared metrics (`camopt.scene.quantities`) over
+    `measured`, the revolutions but the last, which only ends the window of the one before.
 
-    Whatever else is asked for, the dataset holds every declared metric (`camopt.scene.quantities`) over `measured`, the
-    revolutions but the last, which only ends the window of the one before; with `parameters` and "event" all but the
-    excess lift, of which there is no exact gradient. A train without a contact between cam and valve has none.
+    `method`: "event", "smooth" or one of `camopt.verifier.methods.INDEPENDENT`. With an `accuracy`, a name or
+    micrometres of the valve's position, its dial is chosen and refined until the motion stands; the attributes say what
+    error is estimated (`camopt.study.simulate.accuracy_control`). `parameters` (see `motion_parameters`) replaces
+    numbers of scene and cam by arrays that JAX may trace; `camopt.study.simulate` tells of steps and of gradients.
 
-    `method`: "event", "smooth" or one of `camopt.verifier.methods.INDEPENDENT`. The dataset shows itself in a notebook,
-    and draws itself: `motion.position_mm.sel(mass=scene.valve).plot(x="time_s")`.
-
-    With an `accuracy`, a name or micrometres of the valve's position, the method's step (of "smooth": the width of the
-    layer and the grid) is chosen from stored curves and halved until the motion stands
-    (`camopt.study.simulate.accuracy_control`); the dataset's attributes say what was asked, what error is estimated for
-    what was delivered, and whether that is enough.
-
-    Differentiable: `parameters` (see `motion_parameters`) replaces numbers of scene and cam by arrays that JAX may
-    trace, and so may `speed_rpm` be, under `jax.grad`, `jax.jit` and `jax.vmap`. The dataset then holds JAX arrays
-    (`.data`); a motion that the method cannot follow is NaN throughout. A traced speed is taken to be one of the
-    scene's, or above: "smooth" offers steps for the lowest of these, and a slower motion may be NaN. By "event" the
-    gradients are those of the exact motion, and for many motions metrics alone are cheaper by
-    `camopt.differentiable.exact_rule.exact_metrics`.
-
-        def seating_velocity(gap):
-            motion = camopt.simulate(scene, cam, 6000, method="smooth", parameters={"gap": gap})
-            return motion["seating_velocity_m_per_s"].data[0]
-
-        jax.grad(seating_velocity)(motion_parameters(scene, cam)["gap"])
-
-    Raises InputError for unusable arguments, a motion that the method refuses, or a speed so low that the record of the
-    train's highest mode would not fit: the sentence says how many numbers it would hold.
+    Raises InputError for unusable arguments, a motion that the method refuses, or a record that would be too large.
     """
     steps = _steps_per_revolution(speed_rpm, method, revolutions, step_deg)
     if scene.operation is None or scene.seat is None:
@@ -87,21 +65,19 @@ def simulate(
     train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
     if parameters is not None:
         _check_parameters(train, cam, method, parameters)
-    number = concrete(speed_rpm)
-    known_speed = scene.cam_speed(slowest_rpm(scene) if number is None else number)
+    known_speed = scene.cam_speed(known_rpm(scene, speed_rpm))
     finer = max(1, int(np.ceil(highest_rate(train) * step_deg * DEG / known_speed / LARGEST_PHASE)))
     _check_price(train, speed_rpm, steps * finer * revolutions)
-    said: dict[str, Any] = {}
     if parameters is not None:
         rule = import_module(DIFFERENTIABLE[method]).differentiable_motion
         shown, metrics = rule(train, cam, parameters, cam_speed, revolutions, steps, known_speed)
+        return motion_dataset(scene, cam, speed_rpm, method, shown, metrics)
+    if accuracy is not None:
+        done = delivered(train, cam, cam_speed, method, revolutions, accuracy)
+        response, said = done.response, {"accuracy_statement": done.sentence(), **done.attributes()}
     else:
-        if accuracy is not None:
-            done = delivered(train, cam, cam_speed, method, revolutions, accuracy)
-            response, said = done.response, {"accuracy_statement": done.sentence(), **done.attributes()}
-        else:
-            response = _motion(train, cam, cam_speed, method, revolutions, steps * finer)
-        shown, metrics = resampled(response, steps * revolutions), recorded_metrics(response, cam)
+        response, said = _motion(train, cam, cam_speed, method, revolutions, steps * finer), {}
+    shown, metrics = resampled(response, steps * revolutions), recorded_metrics(response, cam)
     return motion_dataset(scene, cam, speed_rpm, method, shown, metrics).assign_attrs(said)
 
 
@@ -113,8 +89,11 @@ def concrete(number) -> float | None:
         return None
 
 
-def slowest_rpm(scene: Scene) -> float:
-    """The lowest crankshaft speed that the scene names [r/min]."""
+def known_rpm(scene: Scene, speed_rpm) -> float:
+    """A crankshaft speed [r/min]; where JAX traces it, the lowest that the scene names."""
+    number = concrete(speed_rpm)
+    if number is not None:
+        return number
     assert scene.operation is not None
     return min(*scene.operation.speeds_rpm, *scene.operation.band_rpm)
 

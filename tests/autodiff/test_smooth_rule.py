@@ -69,7 +69,7 @@ def test_gradients_are_those_of_event_exact(name):
 
 
 def test_pieces_of_a_free_cam_are_affine_in_its_coefficients():
-    from camopt.differentiable.smooth_rule import samples_of_pieces
+    from camopt.autodiff.smooth_rule import samples_of_pieces
     from camopt.smooth.simulate import lift_samples
 
     cam = free_cam(SCENE.design, 12.0)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import camopt
+from camopt.autodiff import exact_rule
+from camopt.autodiff.exact_rule import exact_metrics
+from camopt.autodiff.families import differentiable
+from camopt.autodiff.varying_motion import Varying
 from camopt.cam.families.free import free_cam
 from camopt.cam.lift import Lift
-from camopt.differentiable import exact_rule
-from camopt.differentiable.exact_rule import exact_metrics
-from camopt.differentiable.families import differentiable
-from camopt.differentiable.varying_motion import Varying
 from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.metrics import METRICS
 from camopt.scene import InputError

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from camopt.autodiff.families import differentiable
 from camopt.cam.families.dwell import TABLES
 from camopt.cam.families.free import free_cam
 from camopt.cam.families.record import number, numbers
@@ -14,7 +15,6 @@ from camopt.cam.families.registry import FAMILIES, family_named
 from camopt.cam.families.sections import closed, flank
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import scene_ramps
-from camopt.differentiable.families import differentiable
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import DEG, MM
 

@@ -11,6 +11,7 @@ motion switches endlessly or has no bound, a number is not finite, or a mass or 
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any
 
 import jax
@@ -18,10 +19,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax.custom_derivatives import SymbolicZero
 
+from camopt.autodiff.varying_motion import CAM_PARAMETERS, Arrays, Varying
 from camopt.cam.lift import Lift
-from camopt.differentiable.varying_motion import CAM_PARAMETERS, Arrays, Varying
 from camopt.exact.adjoint.metrics import METRICS
-from camopt.exact.adjoint.motion import Samples, Slopes, metric_numbers
+from camopt.exact.adjoint.motion import Samples, TracedMotion, metric_numbers
 from camopt.scene.errors import InputError
 from camopt.scene.response import Response
 from camopt.scene.shapes import Float
@@ -58,32 +59,17 @@ def exact_metrics(
     """
     motion, variables = _varying(train, lift, cam_speed, parameters, revolutions, spacing)
     metric_numbers(train, metrics)
+    asked = _AskedMetrics(motion, tuple(metrics), revolution)
     rows = np.zeros(len(metrics))
-    speeds = np.array([name.endswith(VELOCITY) for name in metrics])
-
-    def value(given: Arrays):
-        traced = motion.trace(given, ())
-        return np.full_like(rows, np.nan) if traced is None else traced.values(metrics, revolution)
-
-    def value_and_slopes(given: Arrays, names: tuple[str, ...]):
-        traced = motion.trace(given, names)
-        if traced is None:
-            return np.full_like(rows, np.nan), {n: np.full((len(rows), *given[n].shape), np.nan) for n in names}
-        found, swept = traced.swept(metrics, revolution)
-        by_window = traced.by_half_duration(metrics, revolution) if "half_duration" in names else None
-        slopes = motion.by_names(names, given, traced, swept, found[:, 0] * speeds, by_window)
-        for slope in slopes.values():
-            slope[np.isnan(found[:, 0])] = np.nan
-        return found[:, 0], slopes
 
     @jax.custom_vjp
     def values(variables):
-        return host_call(value, rows, variables)
+        return host_call(asked.values, rows, variables)
 
     def forward(variables):
         given, names = _perturbed(variables)
         slopes = {name: np.zeros((len(rows), *given[name].shape)) for name in names}
-        return host_call(lambda g: value_and_slopes(g, names), (rows, slopes), given)
+        return host_call(lambda g: asked.values_and_slopes(g, names), (rows, slopes), given)
 
     def backward(slopes, bar):
         zero = isinstance(bar, SymbolicZero)
@@ -92,6 +78,33 @@ def exact_metrics(
 
     values.defvjp(forward, backward, symbolic_zeros=True)
     return values(variables)
+
+
+@dataclass(frozen=True)
+class _AskedMetrics:
+    """Metrics of one revolution of a varying motion, and their slopes; NaN where the motion cannot be followed."""
+
+    motion: Varying
+    metrics: tuple[str, ...]
+    revolution: int
+
+    def values(self, given: Arrays) -> np.ndarray:
+        """The l values at the given numbers."""
+        traced = self.motion.trace(given, ())
+        return np.full(len(self.metrics), np.nan) if traced is None else traced.values(self.metrics, self.revolution)
+
+    def values_and_slopes(self, given: Arrays, names: tuple[str, ...]) -> tuple[np.ndarray, Arrays]:
+        """The l values, and by name their slopes (l, ...) by the given numbers."""
+        traced, count = self.motion.trace(given, names), len(self.metrics)
+        if traced is None:
+            return np.full(count, np.nan), {n: np.full((count, *given[n].shape), np.nan) for n in names}
+        found, swept = traced.swept(self.metrics, self.revolution)
+        moving = found[:, 0] * of_velocity(self.metrics)
+        by_window = traced.by_half_duration(self.metrics, self.revolution) if "half_duration" in names else None
+        slopes = self.motion.by_names(names, given, traced, swept, moving, by_window)
+        for slope in slopes.values():
+            slope[np.isnan(found[:, 0])] = np.nan
+        return found[:, 0], slopes
 
 
 def differentiable_motion(
@@ -110,64 +123,87 @@ def differentiable_motion(
     because it would take hours.
     """
     motion, variables = _varying(train, lift, cam_speed, parameters, revolutions, slowest=slowest)
-    names = [] if train.seat < 0 or not train.cam_side else list(METRICS)
-    n, e, measured = len(train.mass), len(train.a), revolutions - 1
-    speeds = np.array([name.endswith(VELOCITY) for name in names], dtype=bool)
+    names = () if train.seat < 0 or not train.cam_side else tuple(METRICS)
     angle = np.linspace(-np.pi, (2 * revolutions - 1) * np.pi, revolutions * steps + 1)
-    samples = Samples(*(np.zeros((len(angle), *shape)) for shape in ((n,), (n,), (), (), (e,))))
-    shape = vars(samples), np.zeros((len(names), measured))
-
-    def record(given: Arrays):
-        traced = motion.trace(given, ())
-        if traced is None:
-            return jax.tree.map(lambda part: np.full_like(part, np.nan), shape)
-        rows = [traced.values(names, r) for r in range(measured)]
-        return vars(traced.at(angle)), np.array(rows).reshape(measured, len(names)).T
-
-    def slopes(given: Arrays, bars, wanted: tuple[str, ...]):
-        traced = motion.trace(given, wanted)
-        if traced is None:
-            return {name: np.full_like(given[name], np.nan) for name in wanted}
-        by_samples, by_metrics = bars
-        total = {name: np.zeros_like(given[name]) for name in wanted}
-
-        def add(part: Slopes, moving: float, by_window: float = 0.0) -> None:
-            moved = motion.by_names(wanted, given, traced, part, np.array([moving]), np.array([by_window]))
-            for name, slope in moved.items():
-                total[name] = total[name] + (slope[0] if np.isfinite(moving) else np.nan)
-
-        if any(np.any(bar) for bar in by_samples.values()):
-            found = vars(traced.at(angle))
-            moving = sum(float(np.sum(by_samples[k] * found[k])) for k in ("v", "lift_rate"))
-            add(traced.pull_back(angle, Samples(**{k: bar[None] for k, bar in by_samples.items()})), moving)
-        for r in range(measured):
-            bar = by_metrics[:, r]
-            if np.any(bar):
-                found, swept = traced.swept(names, r, bar)
-                moving = sum(b * v for b, v in zip(bar[speeds], found[speeds, 0], strict=True) if b)
-                by_window = traced.by_half_duration(names, r) if "half_duration" in wanted else np.zeros(len(names))
-                lost = np.any(np.isnan(found[bar != 0, 0]))
-                add(swept, np.nan if lost else moving, float(bar[bar != 0] @ by_window[bar != 0]))
-        return total
+    recorded = _Recorded(motion, names, revolutions - 1, angle)
+    shape = recorded.shape
 
     @jax.custom_vjp
     def moved(variables):
-        return host_call(record, shape, variables)
+        return host_call(recorded.record, shape, variables)
 
     def forward(variables):
         given, wanted = _perturbed(variables)
-        return host_call(record, shape, given), (given, dict.fromkeys(wanted, 0.0))
+        return host_call(recorded.record, shape, given), (given, dict.fromkeys(wanted, 0.0))
 
     def backward(kept, bars):
         given, wanted = kept[0], tuple(kept[1])
         bars = jax.tree.map(lambda bar: jnp.zeros(bar.shape) if isinstance(bar, SymbolicZero) else bar, bars)
-        found = host_call(lambda g, b: slopes(g, b, wanted), {k: given[k] for k in wanted}, given, bars)
+        found = host_call(lambda g, b: recorded.slopes(g, b, wanted), {k: given[k] for k in wanted}, given, bars)
         return ({name: found.get(name) for name in variables},)
 
     moved.defvjp(forward, backward, symbolic_zeros=True)
     found, values = moved(variables)
     response = Response(train, cam_speed, angle, found["lift"], found["x"], found["v"], found["force"])
     return response, dict(zip(names, values, strict=True))
+
+
+@dataclass(frozen=True)
+class _Recorded:
+    """A varying motion sampled at angles (k) [rad], with the metrics of its first `measured` revolutions."""
+
+    motion: Varying
+    metrics: tuple[str, ...]
+    measured: int
+    angle: np.ndarray
+
+    @property
+    def shape(self):
+        """A tree of zeros like a record."""
+        n, e = len(self.motion.train.mass), len(self.motion.train.a)
+        samples = Samples(*(np.zeros((len(self.angle), *shape)) for shape in ((n,), (n,), (), (), (e,))))
+        return vars(samples), np.zeros((len(self.metrics), self.measured))
+
+    def record(self, given: Arrays):
+        """The samples by name, and the metrics (l, measured); NaN where the motion cannot be followed."""
+        traced = self.motion.trace(given, ())
+        if traced is None:
+            return jax.tree.map(lambda part: np.full_like(part, np.nan), self.shape)
+        rows = [traced.values(self.metrics, r) for r in range(self.measured)]
+        return vars(traced.at(self.angle)), np.array(rows).reshape(self.measured, len(self.metrics)).T
+
+    def slopes(self, given: Arrays, bars, wanted: tuple[str, ...]) -> Arrays:
+        """Slopes by the wanted numbers of the sum of all recorded values times their weights `bars`."""
+        traced = self.motion.trace(given, wanted)
+        if traced is None:
+            return {name: np.full_like(given[name], np.nan) for name in wanted}
+        total = {name: np.zeros_like(given[name]) for name in wanted}
+        for part, moving, by_window in self._parts(traced, *bars, "half_duration" in wanted):
+            moved = self.motion.by_names(wanted, given, traced, part, np.array([moving]), np.array([by_window]))
+            for name, slope in moved.items():
+                total[name] = total[name] + (slope[0] if np.isfinite(moving) else np.nan)
+        return total
+
+    def _parts(self, traced: TracedMotion, by_samples, by_metrics, window: bool):
+        """(slopes, weighted sum of the velocities, slope by the half duration) of samples, then of each revolution."""
+        if any(np.any(bar) for bar in by_samples.values()):
+            found = vars(traced.at(self.angle))
+            moving = sum(float(np.sum(by_samples[k] * found[k])) for k in ("v", "lift_rate"))
+            yield traced.pull_back(self.angle, Samples(**{k: bar[None] for k, bar in by_samples.items()})), moving, 0.0
+        speeds = of_velocity(self.metrics)
+        for r in range(self.measured):
+            bar = by_metrics[:, r]
+            if np.any(bar):
+                found, swept = traced.swept(self.metrics, r, bar)
+                moving = sum(b * v for b, v in zip(bar[speeds], found[speeds, 0], strict=True) if b)
+                by_window = traced.by_half_duration(self.metrics, r) if window else np.zeros(len(bar))
+                lost = np.any(np.isnan(found[bar != 0, 0]))
+                yield swept, np.nan if lost else moving, float(bar[bar != 0] @ by_window[bar != 0])
+
+
+def of_velocity(metrics: Sequence[str]) -> np.ndarray:
+    """Which of the metrics grow in proportion to all velocities."""
+    return np.array([name.endswith(VELOCITY) for name in metrics], dtype=bool)
 
 
 def weighted(bar: Float[jax.Array, " l"], slope: Float[jax.Array, " l *shape"]) -> Float[jax.Array, " *shape"]:
