@@ -178,7 +178,7 @@ class _Recorded:
         if traced is None:
             return {name: np.full_like(given[name], np.nan) for name in wanted}
         total = {name: np.zeros_like(given[name]) for name in wanted}
-        for part, moving, by_window in self._parts(traced, *bars, "half_duration" in wanted):
+        for part, moving, by_window in self._parts(traced, bars[0], bars[1], "half_duration" in wanted):
             moved = self.motion.by_names(wanted, given, traced, part, np.array([moving]), np.array([by_window]))
             for name, slope in moved.items():
                 total[name] = total[name] + (slope[0] if np.isfinite(moving) else np.nan)

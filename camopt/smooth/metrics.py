@@ -76,7 +76,7 @@ def time_to_fall(coefficients, level, most):
     return t - jnp.where(falling, (value - jax.lax.stop_gradient(value)) / jnp.where(falling, speed, -1.0), 0.0)
 
 
-def closing(system: System, motion: SystemState, cam_speed, revolution: int, layer: float = 0.0) -> Closing:
+def closing(system: System, motion: SystemState, cam_speed, revolution: int, layer: jax.Array | float = 0.0) -> Closing:
     """The touch: first angle after the revolution's greatest valve lift at which the seat pushes.
 
     `layer` [m] is the distance s where the seat starts to push: half of eps for the compact ramp, 0 without smoothing.
@@ -231,7 +231,7 @@ def event_metrics(
 
 
 def closed_metrics(
-    system: System, motion: SystemState, cam_speed, opening_foot, revolution: int, layer: float = 0.0
+    system: System, motion: SystemState, cam_speed, opening_foot, revolution: int, layer: jax.Array | float = 0.0
 ) -> dict[str, jax.Array]:
     """Bounce, seating and impact velocity, and the integral of max(0, s)^2 from the touch to the next opening foot.
 
@@ -264,7 +264,13 @@ def closed_metrics(
 
 
 def revolution_metrics(
-    system: System, motion: SystemState, cam_speed, half_duration, opening_foot, revolution: int = 0, layer: float = 0.0
+    system: System,
+    motion: SystemState,
+    cam_speed,
+    half_duration,
+    opening_foot,
+    revolution: int = 0,
+    layer: jax.Array | float = 0.0,
 ) -> dict[str, jax.Array]:
     """Every declared metric of one revolution of a record, by its name in `QUANTITIES` and in the unit of that name.
 

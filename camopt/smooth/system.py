@@ -1,6 +1,6 @@
 """The equations of motion of a valve train in JAX, assembled from the scene's SI arrays."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -12,7 +12,7 @@ from camopt.scene.train import Train
 from camopt.smooth.contact import Layer, raw_force
 from camopt.smooth.laws import ElasticLaws, elastic_laws
 
-Array = jax.Array | np.ndarray
+Array = Any  # of JAX, or of NumPy where nothing is traced
 """What a differentiable function takes: arrays of JAX, traced or not, or of NumPy."""
 
 

@@ -13,8 +13,9 @@ from camopt.measure.periodic import periodic_state
 from camopt.scene.response import Response, Revolve
 from camopt.scene.train import Train, build_train
 from camopt.scene.units import UM
-from camopt.study.simulate.motion import MODULES
+from camopt.study.simulate.motion import OWN_MODULES
 from camopt.verifier.convergence import Converged
+from camopt.verifier.methods import INDEPENDENT
 from camopt.verifier.verdict import Verdict
 
 SAMPLES = 7200
@@ -30,7 +31,10 @@ def settled_motions(lift: Lift, verdict: Verdict, *, with_energy: bool, with_per
     train, found = build_train(verdict.scene), []
     for speed in verdict.speeds:
         name, answer = next(iter(speed.methods.items()))
-        prepare, steps = import_module(MODULES[name]).prepare, max(answer.steps_per_revolution, SAMPLES)
+        prepare, steps = (
+            import_module((OWN_MODULES | INDEPENDENT)[name]).prepare,
+            max(answer.steps_per_revolution, SAMPLES),
+        )
         revolve = prepare(train, lift, verdict.scene.cam_speed(speed.speed_rpm), steps)
         more = {}
         if with_energy:

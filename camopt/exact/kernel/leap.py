@@ -30,10 +30,10 @@ def leap_of(train: TrainArrays, rest: np.ndarray) -> Leap:
     except np.linalg.LinAlgError:
         return no_leap(n)
     error = np.abs((vectors * rates) @ inverse - a / scale[:, None] * scale).max()
-    if rates.real.max() >= 0.0 or not error < REBUILT * np.abs(rates).max():
+    if np.real(rates).max() >= 0.0 or not error < REBUILT * np.abs(rates).max():
         return no_leap(n)
-    kept = np.flatnonzero(rates.imag >= 0.0)
-    twice = np.where(rates.imag[kept] > 0.0, 2.0, 1.0)
+    kept = np.flatnonzero(np.imag(rates) >= 0.0)
+    twice = np.where(np.imag(rates)[kept] > 0.0, 2.0, 1.0)
     inverse, vectors = inverse[kept] / scale, vectors[:, kept] * scale[:, None] * twice
     equilibrium = equilibrium * scale
     to_modes = np.column_stack([inverse, -inverse @ equilibrium])
@@ -42,9 +42,9 @@ def leap_of(train: TrainArrays, rest: np.ndarray) -> Leap:
         watch_row(train, e, status[e] == ACTING, status[e], 1.0, row)
     parts = (
         np.array([int(np.sum(status[contacts] * 3 ** np.arange(len(contacts))))]),
-        np.concatenate([to_modes.real, to_modes.imag]).T,
-        np.concatenate([vectors.real.T, -vectors.imag.T, equilibrium[None]]),
-        np.stack([rates.real, rates.imag])[:, kept],
+        np.concatenate([np.real(to_modes), np.imag(to_modes)]).T,
+        np.concatenate([np.real(vectors).T, -np.imag(vectors).T, equilibrium[None]]),
+        np.stack([np.real(rates), np.imag(rates)])[:, kept],
         np.abs(rows[:, :-1] @ vectors),
         rows[:, :-1] @ equilibrium + rows[:, -1],
     )

@@ -106,7 +106,8 @@ def valve_position(response: Response, revolutions: int) -> np.ndarray:
     """Valve position (revolutions * ANGLES + 1) [m]."""
     valve = response.train.valve
     grid = np.linspace(-np.pi, 2 * np.pi * revolutions - np.pi, revolutions * ANGLES + 1)
-    return Hermite(response.angle, response.x[:, valve], response.v[:, valve] / response.cam_speed)(grid)
+    curve = Hermite(response.angle, response.x[:, valve], response.v[:, valve] / response.cam_speed)
+    return np.asarray(curve(grid))
 
 
 def apart_um(answer: np.ndarray, coarser: list[np.ndarray], revolutions: int) -> np.ndarray:

@@ -46,4 +46,5 @@ class RevolutionCase:
 def valve_lift(motion: Response) -> np.ndarray:
     """Valve position at ANGLES + 1 angles of the first revolution [mm]."""
     grid, valve = np.linspace(-np.pi, np.pi, ANGLES + 1), motion.train.valve
-    return Hermite(motion.angle, motion.x[:, valve], motion.v[:, valve] / motion.cam_speed)(grid) / MM
+    curve = Hermite(motion.angle, motion.x[:, valve], motion.v[:, valve] / motion.cam_speed)
+    return np.asarray(curve(grid)) / MM
