@@ -31,11 +31,8 @@ def settled_motions(lift: Lift, verdict: Verdict, *, with_energy: bool, with_per
     train, found = build_train(verdict.scene), []
     for speed in verdict.speeds:
         name, answer = next(iter(speed.methods.items()))
-        prepare, steps = (
-            import_module((OWN_MODULES | INDEPENDENT)[name]).prepare,
-            max(answer.steps_per_revolution, SAMPLES),
-        )
-        revolve = prepare(train, lift, verdict.scene.cam_speed(speed.speed_rpm), steps)
+        method, steps = import_module((OWN_MODULES | INDEPENDENT)[name]), max(answer.steps_per_revolution, SAMPLES)
+        revolve = method.prepare(train, lift, verdict.scene.cam_speed(speed.speed_rpm), steps)
         more = {}
         if with_energy:
             more["energy"] = None if answer.state is None else energy_record(revolve(answer.state), lift)
