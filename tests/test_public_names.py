@@ -33,8 +33,8 @@ SIGNATURES = {
     "multi_pol": "scene, sections_deg=None, a12=None, *, a45=None, j34=None, j45=None, jerk=True",
     "new_design": "scene, sections_deg=None, a12=None, *, a34=None, j34=None, j23=None, start_ratio=None, "
     "quintic=False, jerk=True",
-    "optimize": "scene, speeds='band', accuracy='standard', gradient='smooth', out=None, seed=0, "
-    "resume=False, progress=False, designed=<lambda>",
+    "optimize": "scene, speeds='band', accuracy='standard', gradient='auto', out=None, seed=0, "
+    "resume=False, progress=False, designed=<lambda>, *, compare=True",
     "pareto": "scene, against='bounce_max_mm', values=None, *, release=(), speeds='band', "
     "accuracy='draft', gradient='none', out=None, progress=False",
     "polydyne": "scene, exponents=(2, 10, 18, 26, 34), design_speed_rpm=None, *, ramp_height_mm=None, dynamic=None",
