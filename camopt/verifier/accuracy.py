@@ -25,9 +25,9 @@ import math
 from dataclasses import dataclass, replace
 
 from camopt.cam.lift import Lift
-from camopt.measure.settling import SETTLED_POSITION
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
+from camopt.scene.settled import SETTLED_POSITION
 from camopt.scene.train import build_train
 from camopt.scene.units import UM
 from camopt.verifier.stored_curves import stored_curves

@@ -7,7 +7,6 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.measure.settling import (
-    SETTLED_POSITION,
     Figures,
     Measured,
     decay_per_revolution,
@@ -17,6 +16,7 @@ from camopt.measure.settling import (
 from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import QUANTITIES
 from camopt.scene.response import Revolve, end_state
+from camopt.scene.settled import SETTLED_POSITION
 from camopt.scene.train import Train
 from camopt.scene.vibration import highest_rate
 

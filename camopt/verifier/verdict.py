@@ -11,11 +11,11 @@ from importlib import import_module
 from camopt.cam.lift import Lift
 from camopt.measure.limits import broken_by_shape, limited_metrics, motion_limits
 from camopt.measure.resonance import resonances
-from camopt.measure.settling import SETTLED_POSITION
 from camopt.measure.sweep import STARTS_MM, Band, SettledMany, Swept, first_exceeding, sweep
 from camopt.scene.errors import InputError
 from camopt.scene.response import Revolve
 from camopt.scene.schema import Scene
+from camopt.scene.settled import SETTLED_POSITION
 from camopt.scene.train import Train, build_train
 from camopt.verifier.accuracy_statement import stated
 from camopt.verifier.at_speed import Case, SpeedVerdict, judge_speed

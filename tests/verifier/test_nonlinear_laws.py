@@ -137,10 +137,10 @@ def test_a_verdict_asks_the_methods_that_carry_the_laws(monkeypatch):
     assert verdict.methods_for(parts) == ("dop853", "rkg")
     assert verdict.methods_for(build_train(load_scene("kodama"))) == verdict.METHODS
 
-    def asked(scene, lift, speed_rpm, methods, *_):
-        raise LookupError(*methods)
+    def asked(case, speed_rpm):
+        raise LookupError(*case.methods)
 
-    monkeypatch.setattr(verdict, "_judge_speed", asked)
+    monkeypatch.setattr(verdict, "judge_speed", asked)
     lift = polydyne(scene)
     for judge in (verdict.verdict_on, verify):  # the programmer's default, and the command line's "all"
         with pytest.raises(LookupError, match=r"\('dop853', 'rkg'\)"):

@@ -84,13 +84,13 @@ class Gradient(Slopes):
 
 @dataclass(frozen=True)
 class Samples:
-    """A motion at m angles, or l cotangents of one, each with that shape."""
+    """A motion at m angles, at one of them, or l cotangents of one, each with that shape."""
 
-    x: Float[np.ndarray, " *l m n"]  # m
-    v: Float[np.ndarray, " *l m n"]  # m/s
-    lift: Float[np.ndarray, " *l m"]  # m
-    lift_rate: Float[np.ndarray, " *l m"]  # m/s
-    force: Float[np.ndarray, " *l m e"]  # N
+    x: Float[np.ndarray, " *m n"]  # m
+    v: Float[np.ndarray, " *m n"]  # m/s
+    lift: Float[np.ndarray | np.floating, " *m"]  # m
+    lift_rate: Float[np.ndarray | np.floating, " *m"]  # m/s
+    force: Float[np.ndarray, " *m e"]  # N
 
 
 class TracedMotion:
