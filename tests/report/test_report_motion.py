@@ -50,7 +50,7 @@ def test_motion_is_the_settled_one_of_event_exact(polydyne):
 
 def test_a_motion_has_settled_here_where_the_verdict_says_so():
     """A lightly damped train settles in the verdict's later steps, after more revolutions than the first step runs."""
-    lively = [e.model_copy(update={"damping_N_s_per_m": 0.01 * e.damping_N_s_per_m}) for e in SCENE.element]
+    lively = [e.model_copy(update={"damping_N_s_per_m": 0.018 * e.damping_N_s_per_m}) for e in SCENE.element]
     scene = SCENE.model_copy(update={"element": lively})
     lift = read_cam("exponent", SCENE)
     (judged,) = verdict_on(scene, lift, (3000.0,), ("event",), None, 2.0).as_dict()["speeds"]
