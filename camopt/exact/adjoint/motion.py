@@ -194,7 +194,7 @@ class TracedMotion:
         """
         n, e = len(self.train.mass), len(self.train.a)
         at = np.zeros(0) if angles is None or bars is None else np.asarray(angles)
-        count = len(ends) if ends is not None else len(bars.lift) if bars is not None else 0
+        count = len(ends) if ends is not None else len(bars.x) if bars is not None else 0
         packed = np.zeros((count, len(at), 2 * n + 2 + e))
         if bars is not None:
             parts = [np.reshape(part, (count, len(at), -1)) for part in vars(bars).values()]
