@@ -5,8 +5,9 @@ its figures stand. A limit that is broken far beyond every error estimate needs 
 other method at its first step that says the same, and the neighbourhood.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -73,14 +74,15 @@ def judge_speed(case: Case, speed_rpm: float) -> SpeedVerdict:
         name: Halving(prepare, train, case.lift, cam_speed, rest, replace(case.demand, certain=name == first))
         for name, prepare in case.methods.items()
     }
-    early = _plainly_broken(case, speed_rpm, halved)
+    near_to = partial(neighbours, case.methods[first], train, case.lift, cam_speed)
+    early = _plainly_broken(case, speed_rpm, halved, near_to)
     if early is not None:
         return early
     answers = {name: one.answer() for name, one in halved.items()}
     if answers[first].state is None:
         return SpeedVerdict(speed_rpm, "not converged", (), (), answers[first].range, answers)
     try:
-        near = neighbours(case.methods[first], train, case.lift, cam_speed, answers[first])
+        near = near_to(answers[first])
     except MotionRefused:
         return SpeedVerdict(speed_rpm, "not converged", (), (), answers[first].range, answers)
     broken, straddled = against_limits(case.scene, speed_rpm, answers[first], near)
@@ -91,10 +93,13 @@ def judge_speed(case: Case, speed_rpm: float) -> SpeedVerdict:
     return SpeedVerdict(speed_rpm, verdict, broken, straddled, ranges, answers)
 
 
-def _plainly_broken(case: Case, speed_rpm: float, halved: Mapping[str, Halving]) -> SpeedVerdict | None:
+def _plainly_broken(
+    case: Case, speed_rpm: float, halved: Mapping[str, Halving], near_to: Callable[[Converged], list[Figures]]
+) -> SpeedVerdict | None:
     """A rejection for which the first two methods need not stand, or None; what they ran is not lost.
 
     Every limit that it names is broken by both methods, and one of them at least far beyond every error estimate.
+    `near_to` gives the figures of the first method's neighbourhood of an answer.
     """
     names = list(halved)[:2]
     if len(names) < 2:
@@ -106,9 +111,8 @@ def _plainly_broken(case: Case, speed_rpm: float, halved: Mapping[str, Halving])
     doubt = {name: error + apart(first.worst[name], other.worst[name]) for name, error in first.error.items()}
     if not far_beyond(case.scene, [first.worst, other.worst], doubt):
         return None
-    train, cam_speed = build_train(case.scene), case.scene.cam_speed(speed_rpm)
     try:
-        near = neighbours(case.methods[names[0]], train, case.lift, cam_speed, first)
+        near = near_to(first)
     except MotionRefused:
         return None
     every = [first.worst, other.worst, *({name: f.worst(name) for name in doubt} for f in near)]
