@@ -3,8 +3,6 @@
 Both are computed for the first method of the verdict, at every listed speed, from the state in which it settled.
 """
 
-from importlib import import_module
-
 import numpy as np
 
 from camopt.cam.lift import Lift
@@ -13,10 +11,8 @@ from camopt.measure.periodic import periodic_state
 from camopt.scene.response import Response, Revolve
 from camopt.scene.train import Train, build_train
 from camopt.scene.units import UM
-from camopt.study.simulate.motion import OWN_MODULES
 from camopt.verifier.convergence import Converged
-from camopt.verifier.methods import INDEPENDENT
-from camopt.verifier.verdict import Verdict
+from camopt.verifier.verdict import Verdict, method_named
 
 SAMPLES = 7200
 """Samples per revolution at least, with which the energy balance of event-exact motion closes to 1e-9."""
@@ -31,8 +27,8 @@ def settled_motions(lift: Lift, verdict: Verdict, *, with_energy: bool, with_per
     train, found = build_train(verdict.scene), []
     for speed in verdict.speeds:
         name, answer = next(iter(speed.methods.items()))
-        method, steps = import_module((OWN_MODULES | INDEPENDENT)[name]), max(answer.steps_per_revolution, SAMPLES)
-        revolve = method.prepare(train, lift, verdict.scene.cam_speed(speed.speed_rpm), steps)
+        prepare, steps = method_named(name), max(answer.steps_per_revolution, SAMPLES)
+        revolve = prepare(train, lift, verdict.scene.cam_speed(speed.speed_rpm), steps)
         more = {}
         if with_energy:
             more["energy"] = None if answer.state is None else energy_record(revolve(answer.state), lift)

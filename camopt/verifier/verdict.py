@@ -110,7 +110,7 @@ def verdict_on(
         raise InputError(f"scene {scene.name!r}: a verdict needs valve, seat and [operation]")
     methods = _known_methods(scene, methods)
     demand = Demand(tolerance_um, halvings, limited_metrics(scene.design), position=settled)
-    case = Case(scene, lift, {name: _method(name) for name in methods}, demand)
+    case = Case(scene, lift, {name: method_named(name) for name in methods}, demand)
 
     def judge(speeds) -> tuple[SpeedVerdict, ...]:
         with ThreadPoolExecutor(WORKERS) as pool:
@@ -169,8 +169,8 @@ def methods_for(train: Train) -> tuple[str, ...]:
     return METHODS if train.laws is None else NONLINEAR_METHODS
 
 
-def _method(name: str) -> Prepare:
-    """A method's `prepare`; event-exact is imported on demand."""
+def method_named(name: str) -> Prepare:
+    """The `prepare` of one of `verdict_methods`; event-exact is imported on demand."""
     if name == "event":
         from camopt.exact import engine
 

@@ -17,7 +17,7 @@ from camopt.scene import QUANTITIES, build_train, builtin_scenes, load_scene
 from camopt.scene.response import Response, end_state, joined
 from camopt.scene.rest import state_at_rest
 from camopt.verifier.convergence import RELATIVE, Demand, apart, converge, first_steps, tolerances
-from camopt.verifier.verdict import SWEEP_REFINEMENT, _method, methods_for
+from camopt.verifier.verdict import SWEEP_REFINEMENT, method_named, methods_for
 from tests.measure.raw_motion import TURN, Equations, raw_motion, samples
 from tests.measure.second_reading import Reading
 
@@ -60,7 +60,7 @@ def settled(name, cam, rpm, method):
     """A method's answer at standard accuracy."""
     _, train, speed, lift = case(name, cam, rpm)
     rest = state_at_rest(train)
-    return converge(_method(method), train, lift, speed, rest, Demand(TOLERANCE_UM, HALVINGS))
+    return converge(method_named(method), train, lift, speed, rest, Demand(TOLERANCE_UM, HALVINGS))
 
 
 @cache
@@ -81,7 +81,7 @@ def verifier_figures(name, cam, rpm, method):
     """The verifier's metrics of that revolution, by the method at the steps at which its answer stood."""
     _, train, speed, lift = case(name, cam, rpm)
     answer = settled(name, cam, rpm, method)
-    revolve = _method(method)(train, lift, speed, answer.steps_per_revolution)
+    revolve = method_named(method)(train, lift, speed, answer.steps_per_revolution)
     first = revolve(answer.state)
     figures = measure(joined([first, revolve(end_state(first))]), lift)
     return {metric: float(values[0]) for metric, values in figures.items()}

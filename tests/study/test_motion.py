@@ -1,7 +1,5 @@
 """The motion from rest: its grid, its columns, and whether the columns belong to one motion under Newton's law."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -132,7 +130,7 @@ def test_state_is_carried_into_the_next_revolution(monkeypatch):
 
         return revolve
 
-    monkeypatch.setattr(motion, "import_module", lambda name: SimpleNamespace(prepare=prepare))
+    monkeypatch.setattr(motion, "method_named", lambda name: prepare)
     out = simulate(KODAMA, POLYDYNE, 6000.0, method="rkg", revolutions=3, step_deg=1.0)
     np.testing.assert_allclose(starts[2][:10] - starts[0][:10], 2e-6, atol=1e-15)
     np.testing.assert_allclose(out["position_mm"][-1] - out["position_mm"][0], 3e-3, atol=1e-12)

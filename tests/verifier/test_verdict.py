@@ -238,8 +238,8 @@ def test_a_sign_flipped_in_one_method_ends_the_agreement(monkeypatch, part):
     def flipped(train, lift, cam_speed, steps=None):
         return engine.prepare(replace(train, **{part: -getattr(train, part)}), lift, cam_speed, steps)
 
-    others = verdict._method
-    monkeypatch.setattr(verdict, "_method", lambda name: flipped if name == "event" else others(name))
+    others = verdict.method_named
+    monkeypatch.setattr(verdict, "method_named", lambda name: flipped if name == "event" else others(name))
     assert verdict_on(scene(), lift(), **AT_5000).verdict == "not converged"
 
 

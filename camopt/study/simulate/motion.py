@@ -13,13 +13,14 @@ from camopt.scene.response import end_state, joined
 from camopt.scene.units import DEG
 from camopt.scene.vibration import highest_rate
 from camopt.study.simulate.dataset import motion_dataset, recorded_metrics
-from camopt.verifier.methods import INDEPENDENT, verdict_methods
+from camopt.verifier.methods import verdict_methods
+from camopt.verifier.verdict import method_named
 
 if TYPE_CHECKING:
     from camopt.study.simulate.accuracy_control import Delivered, Run
 
-OWN_MODULES = {"event": "camopt.exact.engine", "smooth": "camopt.smooth.simulate"}
-"""Modules with a `prepare` beside those of `INDEPENDENT`."""
+SMOOTH = "camopt.smooth.simulate"
+"""The smooth path's module, which imports JAX; every other method is one that a verdict can ask."""
 DIFFERENTIABLE = {"smooth": "camopt.autodiff.smooth_rule", "event": "camopt.autodiff.exact_rule"}
 """Modules with a `differentiable_motion`, by the method that `simulate(parameters=...)` takes."""
 LARGEST_PHASE = 0.3
@@ -128,8 +129,8 @@ def dialled(train: Train, cam: Lift, cam_speed: float, method: str, revolutions:
 
     def run(setting: float) -> Response:
         if method == "smooth":
-            smooth, tolerance = import_module(OWN_MODULES[method]), setting * TOLERANCE_OF_WIDTH
-            return smooth.simulate_smooth(train, cam, cam_speed, revolutions, eps=setting, tolerance=tolerance)
+            simulate_smooth, tolerance = import_module(SMOOTH).simulate_smooth, setting * TOLERANCE_OF_WIDTH
+            return simulate_smooth(train, cam, cam_speed, revolutions, eps=setting, tolerance=tolerance)
         steps = max(FEWEST_STEPS, int(np.ceil(2 * np.pi * rate / cam_speed / setting)))
         return _motion(train, cam, cam_speed, method, revolutions, steps)
 
@@ -177,9 +178,9 @@ def _check_parameters(train: Train, cam: Lift, method: str, parameters: Mapping[
 
 def _steps_per_revolution(speed_rpm, method, revolutions, step_deg) -> int:
     """Steps of the result in a revolution; every argument of `simulate` that is a number or a choice is checked."""
-    if method not in OWN_MODULES | INDEPENDENT:
-        known = ", ".join((*verdict_methods(), "smooth"))
-        raise InputError(f"simulate: method {method!r}: expected one of {known}")
+    known = *verdict_methods(), "smooth"
+    if method not in known:
+        raise InputError(f"simulate: method {method!r}: expected one of {', '.join(known)}")
     number = concrete(speed_rpm)
     if number is not None and not (np.isfinite(number) and number > 0):
         raise InputError(f"simulate: speed {speed_rpm}: a crankshaft speed above 0 r/min is needed")
@@ -192,10 +193,9 @@ def _steps_per_revolution(speed_rpm, method, revolutions, step_deg) -> int:
 
 
 def _motion(train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int, steps: int) -> Response:
-    module = import_module((OWN_MODULES | INDEPENDENT)[method])
-    if method == "smooth":
-        return module.simulate_smooth(train, cam, cam_speed, revolutions)  # equal steps would miss its layers
-    revolve = module.prepare(train, cam, cam_speed, steps)
+    if method == "smooth":  # at steps of its own: equal ones would miss its layers
+        return import_module(SMOOTH).simulate_smooth(train, cam, cam_speed, revolutions)
+    revolve = method_named(method)(train, cam, cam_speed, steps)
     position = rest_position(train)
     state, parts = np.concatenate([position, np.zeros_like(position)]), []
     for _ in range(revolutions):
