@@ -90,7 +90,7 @@ def optimize(
     settings = {"speeds": speeds, "accuracy": accuracy, "gradient": gradient, "seed": seed}
     effort, design = _understood(scene, settings), scene.design
     assert design is not None, "load_scene(..., need=...) guarantees it"
-    job = _Job(scene, settings, effort, StageClock())
+    job = _OpenRun(scene, settings, effort, StageClock())
     with job.clock.stage("bound"):
         kinematic = kinematic_optimum(design, free_cam(design, effort.knot_deg))  # contradictory limits end here
         bound = area_ratio_bound(design).bound
@@ -122,7 +122,7 @@ def _understood(scene: Scene, settings: dict) -> Accuracy:
 
 
 @dataclass
-class _Job:
+class _OpenRun:
     """A run between its folder and its end: what was asked, and what the provenance will say."""
 
     scene: Scene

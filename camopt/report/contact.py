@@ -4,7 +4,7 @@ import numpy as np
 
 from camopt.cam.geometry import Contact, contact
 from camopt.plots.style import DESIGN, cam_line
-from camopt.report.motion import Cams
+from camopt.report.motion import RunCams
 from camopt.report.wording import label_and_unit, shown
 from camopt.scene.units import DEG, MM
 
@@ -12,7 +12,7 @@ WIDTH = 320.0
 """Width of the drawing [px]."""
 
 
-def geometry(cams: Cams) -> dict | None:
+def geometry(cams: RunCams) -> dict | None:
     """Figures and faults per cam and a drawing of the design's contour; None where the scene has no [geometry].
 
     The tightest spot is where the contour's radius of curvature is smallest, convex or concave.

@@ -36,7 +36,7 @@ UM = 1e-6
 
 
 @dataclass(frozen=True)
-class Cams:
+class RunCams:
     """The scene of a run folder, its cams that can be rebuilt, and a sentence for every one that cannot."""
 
     scene: Scene | None
@@ -45,17 +45,17 @@ class Cams:
     stated: dict[str, dict[float, bool]] = field(default_factory=dict)  # cam, speed [r/min] -> periodic in its verdict
 
 
-def cams_of(folder: Path, run: RunFolder) -> Cams:
+def cams_of(folder: Path, run: RunFolder) -> RunCams:
     """The design, and those cams of the comparison that the folder holds or their name rebuilds.
 
     A cam is held by `cams/<name>.json`, written as design.json is. Whatever is found must have the recorded area ratio.
     """
     if "scene.toml" in run.missing or "design.json" in run.missing:
-        return Cams(None, {}, ["Without scene.toml and design.json no cam can be simulated."])
+        return RunCams(None, {}, ["Without scene.toml and design.json no cam can be simulated."])
     try:
         scene = load_scene(folder / "scene.toml", need=("valve", "seat", "operation", "design"))
     except InputError as error:
-        return Cams(None, {}, [f"The scene cannot be simulated: {error}"])
+        return RunCams(None, {}, [f"The scene cannot be simulated: {error}"])
     recorded = {DESIGN: run.design.get("area_ratio")}
     for row in run.comparison:
         if family_of(row["cam"]) != DESIGN:
@@ -69,7 +69,7 @@ def cams_of(folder: Path, run: RunFolder) -> Cams:
             if name == DESIGN:
                 break  # other cams alone would pass for the run's motion
     found = {DESIGN: run.verification} | verdicts_in(folder)
-    return Cams(scene, lifts, left_out, {name: stated_periodic(one) for name, one in found.items()})
+    return RunCams(scene, lifts, left_out, {name: stated_periodic(one) for name, one in found.items()})
 
 
 def _rebuilt(name: str, area: float | None, folder: Path, scene: Scene) -> Lift:
@@ -88,7 +88,7 @@ def _rebuilt(name: str, area: float | None, folder: Path, scene: Scene) -> Lift:
     return lift
 
 
-def animation(cams: Cams) -> tuple[dict | None, list[str]]:
+def animation(cams: RunCams) -> tuple[dict | None, list[str]]:
     """What the page's script draws (None without a motion), and sentences on what is left out.
 
     `drawing` is the train's; `cams` holds contour, lift and motions of each cam. A motion: position_um (mass by angle),
@@ -122,7 +122,7 @@ def animation(cams: Cams) -> tuple[dict | None, list[str]]:
 
 
 def _moved(
-    cams: Cams, scene: Scene, train: Train, contacts: list[int], left_out: list[str]
+    cams: RunCams, scene: Scene, train: Train, contacts: list[int], left_out: list[str]
 ) -> tuple[list[dict], float]:
     """The cams with their motions and the step [deg] between samples; what is refused goes into `left_out`."""
     speeds = scene.operation.speeds_rpm if scene.operation else ()

@@ -12,7 +12,7 @@ from camopt.report.contact import geometry
 from camopt.report.figures import CAPTIONS, inline_svg, ordered
 from camopt.report.folder import RunFolder, read_run_folder
 from camopt.report.limits import disagreements, limit_rows
-from camopt.report.motion import Cams, animation, cams_of
+from camopt.report.motion import RunCams, animation, cams_of
 from camopt.report.outcome import broken_limits, contact_sentence, gain_sentences, outcome_rows
 from camopt.report.tables import (
     COSTS,
@@ -68,7 +68,7 @@ def _environment() -> Environment:
     )
 
 
-def render(run: RunFolder, cams: Cams) -> str:
+def render(run: RunFolder, cams: RunCams) -> str:
     """The page of a run folder's data and cams; every text from the folder is escaped."""
     limits = limit_rows(run)
     verdict = run.verification.get("verdict")
@@ -108,7 +108,7 @@ def render(run: RunFolder, cams: Cams) -> str:
     )
 
 
-def _moving(cams: Cams) -> dict:
+def _moving(cams: RunCams) -> dict:
     """The animation's part of the page: data and script, or the sentences that say why there is none."""
     data, left_out = animation(cams)
     if data is None:

@@ -40,7 +40,7 @@ CHUNK = 128
 """Number of attempts after which it is checked whether the revolution is done."""
 
 
-class Progress(NamedTuple):
+class GridSearch(NamedTuple):
     """Where the search for the grid stands: the angle [rad], the next width [rad], the state and its derivative."""
 
     angle: jax.Array
@@ -67,7 +67,7 @@ def refined_grid(system: System, samples, cam_speed, y0, layer: Layer, tolerance
     end = jnp.asarray(jnp.pi, y0.dtype)
     widest = jnp.minimum(2 * jnp.pi / LEAST_STEPS, LARGEST_PHASE / frequency * cam_speed).astype(y0.dtype)
 
-    def attempt(at: Progress, _):
+    def attempt(at: GridSearch, _):
         last = at.angle + at.width >= end
         width = jnp.where(last, end - at.angle, at.width)
         h = width / cam_speed
@@ -87,18 +87,18 @@ def refined_grid(system: System, samples, cam_speed, y0, layer: Layer, tolerance
         factor = jnp.where(jnp.isfinite(error), factor, 0.1)
         angle = jnp.where(kept, jnp.where(last, end, at.angle + width), at.angle)
         state = jnp.where(kept, y, at.y), jnp.where(kept, slope, at.slope)
-        return Progress(angle, jnp.minimum(width * factor, widest), *state), (angle, state[0], kept)
+        return GridSearch(angle, jnp.minimum(width * factor, widest), *state), (angle, state[0], kept)
 
     lift, lift_dtheta = lift_at(samples, -end)
     slope = system.rate(y0, lift, lift_dtheta * cam_speed, layer)
-    begin = Progress(-end, widest, y0, slope)
+    begin = GridSearch(-end, widest, y0, slope)
     angle, states, kept = _until_arrival(attempt, begin, end, chunks=int(ATTEMPTS * steps) // CHUNK + 1)
     index = jnp.flatnonzero(kept, size=steps, fill_value=-1)
     index = jnp.where(index < 0, jnp.max(index), index)
     return jnp.append(-end, angle[index]), jnp.concatenate([y0[None], states[index]])
 
 
-def _until_arrival(attempt, begin: Progress, end, chunks: int):
+def _until_arrival(attempt, begin: GridSearch, end, chunks: int):
     """Angles, states and marks (kept or not) of all attempts, chunk by chunk, until the end or the last chunk."""
 
     def more(search):

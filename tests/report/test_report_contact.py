@@ -4,7 +4,7 @@ import pytest
 from camopt.cam.geometry import contact
 from camopt.cam.read import read_cam
 from camopt.report.contact import geometry, tightest
-from camopt.report.motion import Cams
+from camopt.report.motion import RunCams
 from camopt.scene import load_scene
 from camopt.scene.schema import Geometry
 from camopt.scene.units import DEG, MM
@@ -14,15 +14,15 @@ LIFT = read_cam("polydyne", SCENE)
 
 
 def test_without_geometry_there_is_no_section():
-    assert geometry(Cams(SCENE, {"design": LIFT}, [])) is None
-    assert geometry(Cams(None, {}, [])) is None
+    assert geometry(RunCams(SCENE, {"design": LIFT}, [])) is None
+    assert geometry(RunCams(None, {}, [])) is None
 
 
 @pytest.mark.parametrize("follower", [Geometry(follower="flat", base_radius_mm=40, face_width_mm=10),
                                       Geometry(follower="roller", base_radius_mm=18, roller_radius_mm=8)])  # fmt: skip
 def test_the_spot_lies_where_the_radius_is_smallest(follower):
     scene = SCENE.model_copy(update={"geometry": follower})
-    found = geometry(Cams(scene, {"design": LIFT, "polydyne": LIFT}, []))
+    found = geometry(RunCams(scene, {"design": LIFT, "polydyne": LIFT}, []))
     assert found is not None and [row["cam"] for row in found["rows"]] == ["design", "polydyne"]
     c = contact(LIFT, follower)
     i = tightest(c)

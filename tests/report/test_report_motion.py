@@ -10,7 +10,7 @@ from camopt.exact.engine import prepare
 from camopt.measure.settling import settle
 from camopt.optimizer.baselines.figures import stated_periodic
 from camopt.report.folder import read_run_folder
-from camopt.report.motion import MOST_NUMBERS, Cams, animation, cams_of, motion
+from camopt.report.motion import MOST_NUMBERS, RunCams, animation, cams_of, motion
 from camopt.report.page import embedded
 from camopt.scene import build_train, load_scene
 from camopt.scene.rest import state_at_rest
@@ -128,7 +128,7 @@ def test_animation_keeps_its_size(tmp_path, write, contents, polydyne):
 
 
 def test_a_scene_without_event_exact_motion_says_so(polydyne):
-    data, left_out = animation(Cams(load_scene("kodama-hertz"), {"design": polydyne}, []))
+    data, left_out = animation(RunCams(load_scene("kodama-hertz"), {"design": polydyne}, []))
     assert data is None
     assert all("design at" in sentence and "linear" in sentence for sentence in left_out) and len(left_out) == 4
 

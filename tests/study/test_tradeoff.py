@@ -16,7 +16,7 @@ from camopt.scene import InputError, load_scene, scene_text
 from camopt.study.tradeoff import figures as tradeoff_figures
 from camopt.study.tradeoff import measurement
 from camopt.study.tradeoff import tradeoff as module
-from camopt.study.tradeoff.measurement import COLUMNS, REFERENCE, Work, error_of, measured, rows_of, timed
+from camopt.study.tradeoff.measurement import COLUMNS, REFERENCE, Measurement, error_of, measured, rows_of, timed
 from camopt.study.tradeoff.summary import words_of
 from camopt.study.tradeoff.tradeoff import LINES, tradeoff
 from experiments import tradeoff as experiment
@@ -139,8 +139,8 @@ class TestLines:
         """The line that the interruption cut off is measured again, the whole ones are not."""
         calls: list[str] = []
 
-        def work(name: str) -> Work:
-            return Work("case", "method", name, lambda: calls.append(name) or {"figures": {"bounce_mm": 1.0}})
+        def work(name: str) -> Measurement:
+            return Measurement("case", "method", name, lambda: calls.append(name) or {"figures": {"bounce_mm": 1.0}})
 
         path = tmp_path / LINES
         measured(path, [work("a"), work("b")])
@@ -154,7 +154,7 @@ class TestLines:
         def fails() -> dict:
             raise RuntimeError("too stiff")
 
-        (row,) = rows_of(measured(tmp_path / LINES, [Work("case", "method", "x", fails)]))
+        (row,) = rows_of(measured(tmp_path / LINES, [Measurement("case", "method", "x", fails)]))
         assert (row["verdict"], row["converged"], row["error"]) == ("too stiff", False, None)
 
     def test_errors_are_against_the_reference_of_the_case(self):

@@ -158,7 +158,7 @@ class FreeCam:
 
     def limits(self, design: Design) -> Limits:
         """The design's acceleration, jerk, lift and nose limits as rows on z that hold at every angle."""
-        parts = _Rows(self, design)
+        parts = _LimitRows(self, design)
         ends = self.breaks[[0, -1]]
         if design.acceleration_max_mm_per_deg2 is not None:
             parts.add("acceleration_max_mm_per_deg2", MM_PER_DEG2, 2, ends, (1,))
@@ -175,7 +175,7 @@ class FreeCam:
         return parts.limits()
 
 
-class _Rows:
+class _LimitRows:
     """The rows of `Limits`, collected one limit at a time."""
 
     def __init__(self, cam: FreeCam, design: Design):

@@ -91,7 +91,7 @@ def largest_area_member(
     else:
         asked = {"family": family, "jerk": jerk, "bounce_max_mm": bounce_max_mm, "evaluations": evaluations}
         identity = run_identity("baseline", scene, **asked, seed=seed, speeds_rpm=list(motion.speeds_rpm))
-        search = _Search(space, design, motion, bounce_max_mm, Notes(journal, identity))
+        search = _MemberSearch(space, design, motion, bounce_max_mm, Notes(journal, identity))
         with tqdm(total=evaluations, disable=None if progress else True, unit="cam", desc=family) as bar:
             lift, count = search.best(evaluations, seed, bar), search.evaluations
     figures = motion.worst(lift)
@@ -163,7 +163,7 @@ class MemberMotion:
         return found
 
 
-class _Search:
+class _MemberSearch:
     """Differential evolution on the score: below 1 what holds, then what bounces, then what breaks limits."""
 
     def __init__(self, space: Space, design: Design, motion: MemberMotion, bounce_max_mm: float | None, notes: "Notes"):

@@ -22,7 +22,7 @@ from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM, UM
 from camopt.storage import write_json
 from camopt.study.reduce.reduction import reduce
-from camopt.study.tradeoff.measurement import REFERENCE, Work
+from camopt.study.tradeoff.measurement import REFERENCE, Measurement
 from camopt.verifier.neighbourhood import LIFT_NEIGHBOUR, SPEED_NEIGHBOUR, STATE_NEIGHBOUR
 
 SETTLING_UM = {"small": (1.0,), "full": (100.0, 10.0, 1.0, 0.1)}
@@ -36,7 +36,7 @@ FINEST_KNOTS_DEG = 1.5
 JUDGED_STEP_RPM = 10
 
 
-def job_work(scene: Scene, cam: Lift, size: str, folder: Path) -> list[Work]:
+def job_work(scene: Scene, cam: Lift, size: str, folder: Path) -> list[Measurement]:
     """The measurements of all dials; a design that one of them finds is kept in `folder`."""
     work = _of(scene, "settling tolerance", "event-exact, listed speeds", SETTLING_UM[size], SETTLED_UM, "{:g} um",
                lambda um: _settled(scene, cam, um))  # fmt: skip
@@ -54,10 +54,10 @@ def job_work(scene: Scene, cam: Lift, size: str, folder: Path) -> list[Work]:
     return work
 
 
-def _of(scene, dial: str, method: str, settings, finest, shown: str, run: Callable) -> list[Work]:
+def _of(scene, dial: str, method: str, settings, finest, shown: str, run: Callable) -> list[Measurement]:
     """Settings of a dial, and its finest as the reference: once as that, once as a row with its time."""
-    named = [Work(f"job: {dial}", method, shown.format(s), partial(run, s)) for s in settings]
-    return [*named, Work(f"job: {dial}", REFERENCE, shown.format(finest), partial(run, finest))]
+    named = [Measurement(f"job: {dial}", method, shown.format(s), partial(run, s)) for s in settings]
+    return [*named, Measurement(f"job: {dial}", REFERENCE, shown.format(finest), partial(run, finest))]
 
 
 def _settled(scene: Scene, cam: Lift, um: float) -> dict:
@@ -101,7 +101,7 @@ def _perturbed(scene: Scene, cam: Lift, count: int) -> dict:
     return {"seconds": time.process_time() - begin, "figures": {"bounce_mm": max(bounces)}}
 
 
-def _masses(scene: Scene, cam: Lift, size: str) -> list[Work]:
+def _masses(scene: Scene, cam: Lift, size: str) -> list[Measurement]:
     """Smaller models against the full one, from `reduce`; seconds: of a revolution, event-exact."""
     assert scene.operation is not None
     speeds = (min(scene.operation.speeds_rpm),) if size == "small" else None
@@ -119,7 +119,7 @@ def _masses(scene: Scene, cam: Lift, size: str) -> list[Work]:
 
     models = [m.scene for m in smaller_models(scene)]
     return [
-        Work("job: masses", "reduced model, event-exact", f"{len(m.mass)} masses ({m.name})",
+        Measurement("job: masses", "reduced model, event-exact", f"{len(m.mass)} masses ({m.name})",
              lambda n=m.name: candidates().get(n) or {"failure": "not among the reduced models"})
         for m in models
     ]  # fmt: skip

@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Work:
+class Measurement:
     """One measurement: `run` gives figures by name (numbers or arrays), or under "errors" the errors themselves; and
     "seconds", "setup_seconds", "verdict" where it has them."""
 
@@ -36,7 +36,7 @@ class Work:
         return self.case, self.method, self.setting
 
 
-def measured(path: Path, work: Sequence[Work], progress: bool = False) -> list[dict]:
+def measured(path: Path, work: Sequence[Measurement], progress: bool = False) -> list[dict]:
     """The lines of all measurements, in the order of `work`; those already in the file are not measured again."""
     known = {(line["case"], line["method"], line["setting"]): line for line in map(json.loads, whole_lines(path))}
     with tqdm(work, disable=not progress, unit="measurement", dynamic_ncols=True) as bar:
@@ -48,7 +48,7 @@ def measured(path: Path, work: Sequence[Work], progress: bool = False) -> list[d
     return [known[one.key] for one in work]
 
 
-def _measure(one: Work) -> dict:
+def _measure(one: Measurement) -> dict:
     """The line of a measurement; what fails stays in the table with its reason."""
     line = {"case": one.case, "method": one.method, "setting": one.setting}
     try:

@@ -15,7 +15,7 @@ from camopt.scene import Response, Scene, Train
 from camopt.scene.vibration import highest_rate
 from camopt.study.tradeoff.case import RevolutionCase, valve_lift
 from camopt.study.tradeoff.dormand_prince import dormand_prince, problem, right_hand_side
-from camopt.study.tradeoff.measurement import REFERENCE, Work, timed
+from camopt.study.tradeoff.measurement import REFERENCE, Measurement, timed
 from camopt.verifier.methods import METHOD_NAMES, dop853, houbolt, rkg, tmm
 
 try:
@@ -39,12 +39,12 @@ TOLERANCES = {
 SIDE_BY_SIDE = 16
 
 
-def method_work(scene: Scene, cam: Lift, size: str) -> list[Work]:
+def method_work(scene: Scene, cam: Lift, size: str) -> list[Measurement]:
     """The measurements of all methods."""
     assert scene.operation is not None
     speeds = scene.operation.speeds_rpm
     cases = [RevolutionCase(scene, cam, s) for s in sorted({min(speeds), max(speeds)})]
-    work: list[Work] = []
+    work: list[Measurement] = []
     for case in cases[-1:] if size == "small" else cases:
         work += [*_reference(case), *_fixed_steps(case, size), *_peers(case, size)]
         if size == "full":
@@ -60,7 +60,7 @@ def _event(case: RevolutionCase, steps: int | None):
     return engine.prepare(case.train, case.cam, case.cam_speed, steps)
 
 
-def _reference(case: RevolutionCase) -> list[Work]:
+def _reference(case: RevolutionCase) -> list[Measurement]:
     """Event-exact at fine samples with its adjoint's gradient; located DOP853 where laws are not linear."""
     linear = case.train.laws is None
     method = METHOD_NAMES["event"] if linear else "DOP853, located"
@@ -70,7 +70,7 @@ def _reference(case: RevolutionCase) -> list[Work]:
         figures = case.figures(case.two(prepare(case, REFERENCE_STEPS)))
         return {"figures": {**figures, **({"gradient": exact_gradient(case)} if linear else {})}}
 
-    return [Work(case.name, REFERENCE, f"{method}, {REFERENCE_STEPS} samples", reference)]
+    return [Measurement(case.name, REFERENCE, f"{method}, {REFERENCE_STEPS} samples", reference)]
 
 
 def exact_gradient(case: RevolutionCase) -> np.ndarray:
@@ -83,7 +83,7 @@ def exact_gradient(case: RevolutionCase) -> np.ndarray:
     return slopes.stiffness[0] * case.train.stiffness
 
 
-def _fixed_steps(case: RevolutionCase, size: str) -> list[Work]:
+def _fixed_steps(case: RevolutionCase, size: str) -> list[Measurement]:
     """Event-exact, Runge-Kutta-Gill, both transition matrix methods, Houbolt, located DOP853."""
     arguments, work = (case.train, case.cam, case.cam_speed), []
     linear = case.train.laws is None
@@ -93,12 +93,12 @@ def _fixed_steps(case: RevolutionCase, size: str) -> list[Work]:
             revolve = prepare()
             return case.measured(lambda: case.two(revolve))
 
-        work.append(Work(case.name, method, setting, run))
+        work.append(Measurement(case.name, method, setting, run))
 
     for steps in EVENT_STEPS[size] if linear else ():
         add(METHOD_NAMES["event"], f"{steps} samples", partial(_event, case, steps))
     if linear and size == "full":
-        work.append(Work(case.name, "event-exact, adjoint", "default step", lambda: _timed_gradient(case)))
+        work.append(Measurement(case.name, "event-exact, adjoint", "default step", lambda: _timed_gradient(case)))
     methods = {METHOD_NAMES["rkg"]: rkg.prepare}
     if linear:
         methods |= {
@@ -121,12 +121,12 @@ def _timed_gradient(case: RevolutionCase) -> dict:
     return {**times, "figures": {"gradient": gradient}}
 
 
-def _peers(case: RevolutionCase, size: str) -> list[Work]:
+def _peers(case: RevolutionCase, size: str) -> list[Measurement]:
     """What a user would take instead, on one compiled right-hand side."""
     if case.train.laws is not None:
         return []
     return [
-        Work(case.name, name, f"rtol {rtol:g}", lambda n=name, r=rtol: case.measured(lambda: peer(case, n, r)))
+        Measurement(case.name, name, f"rtol {rtol:g}", lambda n=name, r=rtol: case.measured(lambda: peer(case, n, r)))
         for name, tolerances in TOLERANCES.items()
         for rtol in (tolerances if size == "full" else tolerances[:1])
         if (CVODE is not None or name != "CVODE Adams") and (size == "full" or name != "SciPy Radau")
@@ -171,7 +171,7 @@ def _response(train: Train, cam: Lift, cam_speed: float, times: np.ndarray, stat
     )
 
 
-def _side_by_side(case: RevolutionCase, size: str) -> list[Work]:
+def _side_by_side(case: RevolutionCase, size: str) -> list[Measurement]:
     """Many speeds just below the highest: lifts of all, time per revolution of one."""
     name, linear = f"{SIDE_BY_SIDE} speeds side by side up to {case.speed_rpm:g} r/min", case.train.laws is None
     cam_speeds = np.linspace(0.95, 1.0, SIDE_BY_SIDE) * case.cam_speed
@@ -188,9 +188,10 @@ def _side_by_side(case: RevolutionCase, size: str) -> list[Work]:
 
     fixed = {s: partial(loop, rkg.prepare, s) for s in (2880, 11_520)}
     truth = partial(exact, REFERENCE_STEPS) if linear else partial(loop, dop853.prepare, 5760)
-    work = [Work(name, REFERENCE, "fine samples", truth)]
-    work += [Work(name, METHOD_NAMES["event"], f"{s} samples", partial(exact, s)) for s in ((1440,) if linear else ())]
-    work += [Work(name, METHOD_NAMES["rkg"], f"{steps} steps", run) for steps, run in fixed.items()]
+    work = [Measurement(name, REFERENCE, "fine samples", truth)]
+    if linear:
+        work.append(Measurement(name, METHOD_NAMES["event"], "1440 samples", partial(exact, 1440)))
+    work += [Measurement(name, METHOD_NAMES["rkg"], f"{steps} steps", run) for steps, run in fixed.items()]
     if size == "full":
         from camopt.study.tradeoff.smooth_path import batch_work
 

@@ -14,7 +14,7 @@ from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples, prepare, response_arrays, touch_layer
 from camopt.smooth.system import build_system
 from camopt.study.tradeoff.case import RevolutionCase, valve_lift
-from camopt.study.tradeoff.measurement import Work, timed
+from camopt.study.tradeoff.measurement import Measurement, timed
 
 REFINED_EPS = (1e-6, 1e-7, 1e-8, 2e-9)
 EQUAL_EPS = (1e-5, 1e-6, 1e-7)
@@ -25,7 +25,7 @@ GRADIENT_STEPS = 8192
 PRECISIONS = {"float64": jnp.float64, "float32": jnp.float32}
 
 
-def smooth_work(case: RevolutionCase) -> list[Work]:
+def smooth_work(case: RevolutionCase) -> list[Measurement]:
     """Measures one motion: refined grids by eps, equal steps by step, eps, precision; diffrax; gradients."""
     work = []
 
@@ -35,19 +35,20 @@ def smooth_work(case: RevolutionCase) -> list[Work]:
 
     for eps in REFINED_EPS:
         run = partial(refined, eps, "scan", eps * TOLERANCE_OF_EPS)
-        work.append(Work(case.name, "smooth, refined grid", f"eps {eps:g} m", run))
+        work.append(Measurement(case.name, "smooth, refined grid", f"eps {eps:g} m", run))
     for tolerance in (1e-8, 1e-10):
         setting = f"eps 1e-07 m, tolerance {tolerance:g} m"
-        work.append(Work(case.name, "smooth, diffrax tsit5", setting, partial(refined, 1e-7, "tsit5", tolerance)))
+        run = partial(refined, 1e-7, "tsit5", tolerance)
+        work.append(Measurement(case.name, "smooth, diffrax tsit5", setting, run))
     for name in PRECISIONS:
         for steps in EQUAL_STEPS:
             for eps in EQUAL_EPS:
-                run = partial(_equal, case, name, steps, eps)
-                work.append(Work(case.name, f"smooth, equal steps, {name}", f"{steps} steps, eps {eps:g} m", run))
+                setting, run = f"{steps} steps, eps {eps:g} m", partial(_equal, case, name, steps, eps)
+                work.append(Measurement(case.name, f"smooth, equal steps, {name}", setting, run))
     if case.train.laws is None:  # the reference of gradients is the exact adjoint
         for eps in GRADIENT_EPS:
             run = partial(_gradient, case, eps)
-            work.append(Work(case.name, "smooth, refined grid, reverse mode", f"eps {eps:g} m", run))
+            work.append(Measurement(case.name, "smooth, refined grid, reverse mode", f"eps {eps:g} m", run))
     return work
 
 
@@ -100,7 +101,7 @@ def _gradient(case: RevolutionCase, eps: float) -> dict:
     return {**times, "figures": {"gradient": np.asarray(found)}}
 
 
-def batch_work(name: str, case: RevolutionCase, cam_speeds: np.ndarray) -> list[Work]:
+def batch_work(name: str, case: RevolutionCase, cam_speeds: np.ndarray) -> list[Measurement]:
     """Measures many speeds in one compiled call, with the axis of the batch last."""
 
     def run(precision: str, steps: int, eps: float) -> dict:
@@ -114,7 +115,7 @@ def batch_work(name: str, case: RevolutionCase, cam_speeds: np.ndarray) -> list[
         return {**times, "figures": {"lift_mm": np.array([valve_lift(r) for r in records])}}
 
     return [
-        Work(name, f"smooth batch, {p}", f"{steps} steps, eps {eps:g} m", partial(run, p, steps, eps))
+        Measurement(name, f"smooth batch, {p}", f"{steps} steps, eps {eps:g} m", partial(run, p, steps, eps))
         for p in PRECISIONS
         for steps in EQUAL_STEPS
         for eps in (1e-6, 1e-7)
