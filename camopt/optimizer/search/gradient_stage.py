@@ -11,13 +11,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from camopt.cam.families.free import FreeCam
 from camopt.optimizer.program.kinematic import area_ratio_row, reach, spline_rows
 from camopt.optimizer.program.linear_program import Infeasible
 from camopt.optimizer.program.no_jump import PEAK, SEAT, NoJumpOptimum, NoJumpProgram
 from camopt.optimizer.search.judge import USABLE_SHARE, Judged
 from camopt.optimizer.search.margins import margin_stage
 from camopt.optimizer.search.no_jump_stage import RESOLUTION, Search
-from camopt.optimizer.search.sensitivity import Sensitivity, sensitivity_on
+from camopt.optimizer.search.sensitivity import ExactSensitivity, Sensitivity
+from camopt.scene.schema import Scene
 
 ON_MARGINS = 0.25
 """Part of the steps that Adam takes on the margins, before the free steps."""
@@ -48,6 +50,15 @@ def gradient_stage(search: Search, program: NoJumpProgram, steps: int, path: str
         free_stage(search, program, sensitivity, steps - on_margins),
     )
     return f"The gradient stage ({path}) ended {ended[0]}, then {ended[1]}."
+
+
+def sensitivity_on(path: str, scene: Scene, cam: FreeCam, names: tuple[str, ...], width: int) -> Sensitivity:
+    """The slopes of the metrics `names` on the path "exact" or "smooth"; only the latter loads JAX."""
+    if path == "exact":
+        return ExactSensitivity(scene, cam, names, width)
+    from camopt.optimizer.search.smooth_sensitivity import SmoothSensitivity
+
+    return SmoothSensitivity(scene, cam, names, width)
 
 
 def free_stage(search: Search, program: NoJumpProgram, sensitivity: Sensitivity, steps: int) -> str:

@@ -47,15 +47,6 @@ class ExactSensitivity:
         return np.stack([a[0] for a in answers]), np.stack([a[1] for a in answers])
 
 
-def sensitivity_on(path: str, scene: Scene, cam: FreeCam, names: tuple[str, ...], width: int) -> Sensitivity:
-    """The slopes of the metrics `names` on the path "exact" or "smooth"; only the latter loads JAX."""
-    if path == "exact":
-        return ExactSensitivity(scene, cam, names, width)
-    from camopt.optimizer.search.smooth_sensitivity import SmoothSensitivity
-
-    return SmoothSensitivity(scene, cam, names, width)
-
-
 def path_of(gradient: str, train: Train) -> str:
     """The path that `gradient` stands for: "auto" is the exact one where the train's laws are linear."""
     if gradient != "auto":
