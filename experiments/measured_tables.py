@@ -12,11 +12,12 @@ measured motorbike tables are drawn where they lie in ../shared/data/lift beside
 
 from itertools import product
 from pathlib import Path
+from typing import NamedTuple
 
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import PPoly, make_interp_spline
 
 from camopt.cam.ramps import scene_ramps
 from camopt.cam.read import read_cam
@@ -75,25 +76,43 @@ def generated(truth, noise_um: float, step: float, seed: int) -> tuple[np.ndarra
     return degrees, np.round(lift, 4)
 
 
+class ReadTable(NamedTuple):
+    """A generated table and the law that camopt makes of it."""
+
+    degrees: np.ndarray  # (r) over a turn
+    lift: np.ndarray  # (r) [mm]
+    pieces: PPoly
+    report: dict
+
+    def over_event(self, order: int) -> np.ndarray:
+        """The law's derivative of this order [mm/deg^order] at the angles EVENT."""
+        return self.pieces(np.mod(EVENT, 360.0), order)
+
+
+def read_table(truth, noise_um: float, step: float, seed: int) -> ReadTable | None:
+    """A generated table, smoothed; None where it is refused."""
+    degrees, lift = generated(truth, noise_um, step, seed)
+    try:
+        law = smoothed("generated", degrees, lift, list(range(len(lift))), RAMPS)
+    except InputError:
+        return None
+    assert law.pieces is not None, "a noisy table is smoothed"
+    return ReadTable(degrees, lift, law.pieces, law.report)
+
+
 def coverage(truth, noises, steps, seeds: int) -> dict:
     """Share of tables within the errors stated at 95 %, and true over stated: the median, and what 95 % stay below."""
-    ratios, refused = [], 0
-    acceleration = truth(EVENT * DEG, 2) / MM * DEG**2
-    for noise_um, step, seed in product(noises, steps, range(1000, 1000 + seeds)):
-        degrees, lift = generated(truth, noise_um, step, seed)
-        try:
-            law = smoothed("generated", degrees, lift, list(range(len(lift))), RAMPS)
-        except InputError:
-            refused += 1
-            continue
-        assert law.pieces is not None, "a noisy table is smoothed"
-        found = law.pieces(np.mod(EVENT, 360.0), 2)
+    tables = [read_table(truth, *drawn) for drawn in product(noises, steps, range(1000, 1000 + seeds))]
+    accepted = [table for table in tables if table is not None]
+    ratios, acceleration = [], truth(EVENT * DEG, 2) / MM * DEG**2
+    for table in accepted:
+        found = table.over_event(2)
         largest = np.abs(found).max() / 100
         rms = np.sqrt(np.mean((found - acceleration) ** 2))
         extremes = max(abs(found.max() - acceleration.max()), abs(found.min() - acceleration.min()))
-        stated = law.report["acceleration_error_percent"], law.report["peak_error_percent"]
+        stated = table.report["acceleration_error_percent"], table.report["peak_error_percent"]
         ratios.append((rms / (largest * stated[0]), extremes / (largest * stated[1])))
-    result: dict = {"tables": len(ratios) + refused, "refused": refused}
+    result: dict = {"tables": len(tables), "refused": len(tables) - len(accepted)}
     for name, ratio in zip(("acceleration", "peak"), np.array(ratios).T, strict=True):
         result[f"{name}_within"] = float(np.mean(ratio <= 1))
         result[f"{name}_median_ratio"], result[f"{name}_ratio_95"] = (float(q) for q in np.quantile(ratio, (0.5, 0.95)))
@@ -103,28 +122,23 @@ def coverage(truth, noises, steps, seeds: int) -> dict:
 def cell(truth, noise_um: float, step: float, seeds: int) -> dict:
     """Errors at one noise and step, averaged over the seeds that are accepted (largest values: the worst of them)."""
     true = [truth(EVENT * DEG, k) / MM * DEG**k for k in (0, 2)]
-    found, refused = [], 0
-    for seed in range(seeds):
-        degrees, lift = generated(truth, noise_um, step, seed)
-        try:
-            law = smoothed("generated", degrees, lift, list(range(len(lift))), RAMPS)
-        except InputError:
-            refused += 1
-            continue
-        assert law.pieces is not None, "a noisy table is smoothed"
-        plain = make_interp_spline(degrees, lift, 5, bc_type="periodic")
-        ours = [law.pieces(np.mod(EVENT, 360.0), k) - t for k, t in zip((0, 2), true, strict=True)]
+    tables = [read_table(truth, noise_um, step, seed) for seed in range(seeds)]
+    accepted = [table for table in tables if table is not None]
+    shared = {"noise_um": noise_um, "step_deg": step, "tables": seeds, "refused": seeds - len(accepted)}
+    if not accepted:
+        return shared
+    errors = []  # of each table: ours and the plain interpolation's, in lift and in acceleration
+    for table in accepted:
+        plain = make_interp_spline(table.degrees, table.lift, 5, bc_type="periodic")
+        ours = [table.over_event(k) - t for k, t in zip((0, 2), true, strict=True)]
         theirs = [plain(EVENT, k) - t for k, t in zip((0, 2), true, strict=True)]
-        found.append([law.report, *ours, *theirs])
-    if not found:
-        return {"noise_um": noise_um, "step_deg": step, "tables": seeds, "refused": refused}
-    rms = [[float(np.sqrt(np.mean(f[i] ** 2))) for f in found] for i in range(1, 5)]
-    worst = [max(float(np.abs(f[i]).max()) for f in found) for i in range(1, 5)]
+        errors.append([*ours, *theirs])
+    rms = [[float(np.sqrt(np.mean(e**2))) for e in kind] for kind in zip(*errors, strict=True)]
+    worst = [max(float(np.abs(e).max()) for e in kind) for kind in zip(*errors, strict=True)]
     peak = np.abs(true[1]).max()
-    reports = [f[0] for f in found]
+    reports = [table.report for table in accepted]
     mean = [float(np.mean(r)) for r in rms]
-    return {
-        "noise_um": noise_um, "step_deg": step, "tables": seeds, "refused": refused,
+    return shared | {
         "noise_estimated_um": float(np.mean([r["noise_um"] for r in reports])),
         "rows_rejected": sum(r["outliers"] for r in reports),
         "lift_rms_um": 1e3 * mean[0], "lift_max_um": 1e3 * worst[0],
@@ -167,12 +181,12 @@ def draw_example(truth) -> Figure:
     """Acceleration from one table: truth, second differences of the rows, smoothed."""
     figure = new_figure(7.2, 3.4)
     axes = figure.subplots()
-    degrees, lift = generated(truth, 2.0, 1.0, 0)
-    law = smoothed("generated", degrees, lift, list(range(len(lift))), RAMPS)
-    assert law.pieces is not None, "a noisy table is smoothed"
-    axes.plot(degrees[1:-1], np.diff(lift, 2), ".", color="#999999", ms=3, label="second differences of the rows")
+    table = read_table(truth, 2.0, 1.0, 0)
+    assert table is not None, "so little noise is not refused"
+    second = np.diff(table.lift, 2)
+    axes.plot(table.degrees[1:-1], second, ".", color="#999999", ms=3, label="second differences of the rows")
     axes.plot(EVENT, truth(EVENT * DEG, 2) / MM * DEG**2, color=INK, lw=2.4, alpha=0.35, label="truth")
-    axes.plot(EVENT, law.pieces(np.mod(EVENT, 360), 2), color=COLOURS[0], lw=1.1, label="smoothed")
+    axes.plot(EVENT, table.over_event(2), color=COLOURS[0], lw=1.1, label="smoothed")
     axes.set(title="acceleration [mm/deg$^2$], 1 deg steps, noise 2 um", xlabel="cam angle [deg]", xlim=(-110, 110))
     axes.legend()
     return figure
