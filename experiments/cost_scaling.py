@@ -18,6 +18,7 @@ from camopt.scene import Scene, build_train, load_scene, parse_scene
 from camopt.scene.rest import state_at_rest
 from camopt.scene.toml_text import scene_toml
 from camopt.smooth.rest import rest_state
+from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import lift_samples, response_arrays
 from camopt.smooth.system import build_system
 from camopt.study.reduce.idle_contacts import LeftOut, leave_out
@@ -179,7 +180,7 @@ def side_by_side_row(scene: Scene, cam, count: int) -> dict:
     samples = jnp.stack([jnp.asarray(lift_samples(c)) for c in cams])
 
     def end(lift, speed):
-        return response_arrays(system, lift, speed, y0, steps=steps, refine=False).x[-1]
+        return response_arrays(DrivenSystem(system, lift, speed), y0, steps=steps, refine=False).x[-1]
 
     by_speed, by_cam = jax.jit(jax.vmap(end, (None, 0))), jax.jit(jax.vmap(end, (0, None)))
     calls = {

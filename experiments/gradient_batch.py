@@ -33,6 +33,7 @@ from camopt.smooth.batch import BATCH_EPS, batch_metrics, batch_motion, stage_li
 from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.metrics import revolution_metrics
+from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import EPS, lift_samples, prepare, response_arrays, touch_layer
 from camopt.smooth.system import build_system
 from camopt.study.timing import fastest
@@ -89,7 +90,8 @@ def diffrax_tsit5(p: Problem, z: np.ndarray) -> Timed:
     base, parts = jnp.asarray(lift_samples(p.lift)), jnp.asarray(np.stack([lift_samples(b) for b in p.bumps], -1))
 
     def motion(z, speed, y0, tolerance):
-        return adaptive_states(system, base + parts @ z, speed, y0, angle, Layer(BATCH_EPS), tolerance)
+        driven = DrivenSystem(system, base + parts @ z, speed)
+        return adaptive_states(driven, y0, angle, Layer(BATCH_EPS), tolerance)
 
     def value(z, speed, y0, tolerance):
         found = motion(z, speed, y0, tolerance)
@@ -147,7 +149,7 @@ def refined_grid(p: Problem, z: np.ndarray) -> Timed:
     base, parts = jnp.asarray(lift_samples(p.lift)), jnp.asarray(np.stack([lift_samples(b) for b in p.bumps], -1))
 
     def value(z, speed, y0):
-        found = response_arrays(system, base + parts @ z, speed, y0)
+        found = response_arrays(DrivenSystem(system, base + parts @ z, speed), y0)
         layer = touch_layer(EPS)
         return revolution_metrics(system, found, speed, p.lift.half_duration, p.lift.opening_foot, layer=layer)[METRIC]
 
@@ -232,7 +234,7 @@ def loosest(p: Problem, settings, valve) -> tuple[float, float]:
     """First of the settings whose valve position keeps within ERROR_MM of the finely resolved one at every speed."""
     fine = []
     for s in range(len(p.speeds_rpm)):
-        record = prepare(p.train, p.lift, p.cam_speeds[s], eps=BATCH_EPS)(p.states[s])
+        record = prepare(p.train, p.lift, p.cam_speeds[s], layer=Layer(BATCH_EPS))(p.states[s])
         i = p.train.valve
         fine.append(Hermite(record.angle, record.x[:, i], record.v[:, i] / p.cam_speeds[s]))
     for setting in settings:

@@ -13,7 +13,9 @@ from matplotlib.figure import Figure
 from camopt.cam.families.polydyne import polydyne
 from camopt.plots.style import LIMIT, legend_above, lines, new_figure, styled
 from camopt.scene import load_scene
+from camopt.smooth.contact import Layer
 from camopt.smooth.metrics import revolution_metrics
+from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import TOLERANCE, lift_samples, response_arrays, touch_layer
 from camopt.smooth.system import build_system
 from experiments.support.gradient_bumps import METRIC, Problem, against, exact_differences, exact_value, problem
@@ -62,7 +64,8 @@ def compiled(p: Problem, grid: str | int, precision: str):
     tolerance = TOLERANCE if precision == "float64" else TOLERANCE_32
 
     def value(z, eps, speed, y0):
-        motion = response_arrays(system, base + parts @ z, speed, y0, eps, tolerance, steps=steps, refine=refine)
+        driven = DrivenSystem(system, base + parts @ z, speed)
+        motion = response_arrays(driven, y0, Layer(eps), tolerance, steps=steps, refine=refine)
         layer, numbers = touch_layer(eps), (p.lift.half_duration, p.lift.opening_foot)
         return revolution_metrics(system, motion, speed, *numbers, layer=layer)[METRIC]
 

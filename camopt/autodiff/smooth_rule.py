@@ -18,7 +18,8 @@ from camopt.scene.train import TRAIN_PARAMETERS, Train
 from camopt.smooth.grid import LARGEST_PHASE, equal_grid
 from camopt.smooth.metrics import at_angle, revolution_metrics
 from camopt.smooth.rest import rest_state
-from camopt.smooth.simulate import EPS, LIFT_SAMPLES, STEPS, TOLERANCE, response_arrays, touch_layer
+from camopt.smooth.scan import DrivenSystem
+from camopt.smooth.simulate import EPS, LIFT_SAMPLES, STEPS, response_arrays, touch_layer
 from camopt.smooth.system import System, SystemState, build_system
 
 
@@ -69,7 +70,7 @@ def differentiable_motion(
     foot = np.argmin(np.abs(lift.borders - lift.opening_foot))
     numbers = parameters.get("half_duration", lift.half_duration), borders[foot]
     y0, most = rest_state(train, system), allowed_steps(train, slowest)
-    motion, metrics = _motion(system, samples, cam_speed, y0, numbers, revolutions, steps, most)
+    motion, metrics = _motion(DrivenSystem(system, samples, cam_speed), y0, numbers, revolutions, steps, most)
     return Response(train, cam_speed, regular_angles(revolutions, steps), *motion[1:5]), metrics
 
 
@@ -87,11 +88,11 @@ def regular_angles(revolutions: int, steps: int) -> np.ndarray:
 
 
 @partial(jax.jit, static_argnames=("revolutions", "steps", "most"))
-def _motion(system, samples, cam_speed, y0, numbers, revolutions: int, steps: int, most: int):
-    half_duration, opening_foot = numbers
-    motion = response_arrays(system, samples, cam_speed, y0, EPS, TOLERANCE, revolutions=revolutions, steps=most)
+def _motion(driven: DrivenSystem, y0, numbers, revolutions: int, steps: int, most: int):
+    (half_duration, opening_foot), cam_speed = numbers, driven.cam_speed
+    motion = response_arrays(driven, y0, revolutions=revolutions, steps=most)
     found = [
-        revolution_metrics(system, motion, cam_speed, half_duration, opening_foot, r, touch_layer(EPS))
+        revolution_metrics(driven.system, motion, cam_speed, half_duration, opening_foot, r, touch_layer(EPS))
         for r in range(revolutions - 1)
     ]
     metrics = {name: jnp.stack([f[name] for f in found]) for name in found[0]} if found else {}

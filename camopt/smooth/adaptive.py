@@ -8,8 +8,8 @@ import jax.numpy as jnp
 
 from camopt.scene.errors import InputError
 from camopt.smooth.contact import Layer
-from camopt.smooth.scan import lift_at
-from camopt.smooth.system import System, SystemState
+from camopt.smooth.scan import DrivenSystem
+from camopt.smooth.system import SystemState
 
 MOST_SOLVER_STEPS = 2**17
 SOLVERS = {
@@ -26,7 +26,7 @@ and its other loop knows no reverse mode."""
 
 @partial(jax.jit, static_argnames=("solver", "adjoint"))
 def adaptive_states(
-    system: System, samples, cam_speed, y0, angle, layer: Layer, tolerance, *, solver="tsit5", adjoint="reverse"
+    driven: DrivenSystem, y0, angle, layer: Layer, tolerance, *, solver="tsit5", adjoint="reverse"
 ) -> SystemState:
     """Motion at the angles `angle` (k) [rad] from the state y0 (2, n) at the first; arguments as of `response_arrays`.
 
@@ -38,12 +38,11 @@ def adaptive_states(
         raise InputError(f"adjoint {adjoint!r}: unknown; choose one of {', '.join(ADJOINTS)}")
     if solver not in SOLVERS:
         raise InputError(f"method {solver!r}: unknown; choose scan or one of {', '.join(SOLVERS)}")
-    frequency = jax.lax.stop_gradient(system.stiffest())
+    frequency, cam_speed = jax.lax.stop_gradient(driven.system.stiffest()), driven.cam_speed
     scale = jnp.stack([jnp.ones_like(frequency), frequency])[:, None]  # one tolerance for both, in metres
 
     def rate(t, z, _):
-        lift, lift_dtheta = lift_at(samples, angle[0] + t * cam_speed)
-        return system.rate(z * scale, lift, lift_dtheta * cam_speed, layer) / scale
+        return driven.rate(z * scale, angle[0] + t * cam_speed, layer) / scale
 
     time = (angle - angle[0]) / cam_speed
     solution = diffrax.diffeqsolve(
@@ -62,6 +61,6 @@ def adaptive_states(
     assert solution.ys is not None
     states = solution.ys * scale[None]
     states = jnp.where(solution.result == diffrax.RESULTS.successful, states, jnp.nan)
-    lift, lift_dtheta = lift_at(samples, angle)
-    force = jax.vmap(lambda y, l, l_dt: system.force(y, l, l_dt, layer))(states, lift, lift_dtheta * cam_speed)
+    lift, lift_dt = driven.lift(angle)
+    force = jax.vmap(lambda y, l, l_dt: driven.system.force(y, l, l_dt, layer))(states, lift, lift_dt)
     return SystemState(angle, lift, states[:, 0], states[:, 1], force)

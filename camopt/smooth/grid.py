@@ -13,8 +13,8 @@ import numpy as np
 
 from camopt.scene.shapes import Float
 from camopt.smooth.contact import RAMPS, Layer
-from camopt.smooth.scan import ERROR, NODES, STAGES, WEIGHTS, combine, lift_at, stage_slopes
-from camopt.smooth.system import Array, System
+from camopt.smooth.scan import ERROR, NODES, STAGES, WEIGHTS, DrivenSystem, combine, stage_slopes
+from camopt.smooth.system import Array
 
 CLIP_STEP = 1e-4
 """Longest step over an angle at which a force is clipped, as a phase [rad] of the stiffest motion."""
@@ -54,15 +54,15 @@ def equal_grid(steps: int) -> Float[Array, " {steps}+1"]:
     return np.linspace(-np.pi, np.pi, steps + 1)
 
 
-def refined_grid(system: System, samples, cam_speed, y0, layer: Layer, tolerance, steps: int):
+def refined_grid(driven: DrivenSystem, y0, layer: Layer, tolerance, steps: int):
     """A grid for one revolution from y0 (2, n): angles (steps + 1) from -pi [rad], and states (steps + 1, 2, n) there.
 
     `tolerance` [m] is the error permitted per step in the positions; times the stiffest frequency it is the error
     permitted in the velocities. Where fewer than `steps` are needed the last sample is repeated; where they do not
     suffice the last angle falls short of pi. No derivative passes through the grid.
     """
-    system, samples, cam_speed, y0, layer = jax.lax.stop_gradient((system, samples, cam_speed, y0, layer))
-    frequency = system.stiffest()
+    driven, y0, layer = jax.lax.stop_gradient((driven, y0, layer))
+    frequency, cam_speed = driven.system.stiffest(), driven.cam_speed
     scale = tolerance * jnp.stack([jnp.ones_like(frequency), frequency])[:, None]
     end = jnp.asarray(jnp.pi, y0.dtype)
     widest = jnp.minimum(2 * jnp.pi / LEAST_STEPS, LARGEST_PHASE / frequency * cam_speed).astype(y0.dtype)
@@ -71,16 +71,15 @@ def refined_grid(system: System, samples, cam_speed, y0, layer: Layer, tolerance
         last = at.angle + at.width >= end
         width = jnp.where(last, end - at.angle, at.width)
         h = width / cam_speed
-        lift, lift_dtheta = lift_at(samples, at.angle + width * jnp.asarray(NODES, end.dtype))
-        lift_dt = lift_dtheta * cam_speed
-        slopes = stage_slopes(system, at.y, at.slope, h, lift, lift_dt, layer)
+        lift, lift_dt = driven.lift(at.angle + width * jnp.asarray(NODES, end.dtype))
+        slopes = stage_slopes(driven.system, at.y, at.slope, h, lift, lift_dt, layer)
         y = combine(at.y, h, WEIGHTS, slopes)
-        slope = system.rate(y, lift[-1], lift_dt[-1], layer)
+        slope = driven.system.rate(y, lift[-1], lift_dt[-1], layer)
         error = jnp.max(jnp.abs(combine(0.0, h, ERROR, [*slopes, slope])) / scale)
         growth = jnp.clip(0.9 * jnp.maximum(error, 1e-10) ** -0.2, 0.1, 5.0)
         inner = [combine(at.y, h, STAGES[i], slopes[:i]) for i in range(1, 6)]
         seen = jnp.concatenate([jnp.stack([at.y, *inner]), _between(at.y, at.slope, y, slope, h), y[None]])
-        u, g = _surfaces(system, seen, samples, cam_speed, at.angle + width * PLACES.astype(end.dtype), layer)
+        u, g = _surfaces(driven, seen, at.angle + width * PLACES.astype(end.dtype), layer)
         shrink = contact_limit(u, g, h, layer, CLIP_STEP / frequency)
         kept = (error <= 1.0) & (shrink >= 1.0)  # a NaN is not kept
         factor = jnp.where(shrink < 1.0, jnp.minimum(growth, jnp.maximum(shrink, 1e-4)), growth)
@@ -89,9 +88,7 @@ def refined_grid(system: System, samples, cam_speed, y0, layer: Layer, tolerance
         state = jnp.where(kept, y, at.y), jnp.where(kept, slope, at.slope)
         return GridSearch(angle, jnp.minimum(width * factor, widest), *state), (angle, state[0], kept)
 
-    lift, lift_dtheta = lift_at(samples, -end)
-    slope = system.rate(y0, lift, lift_dtheta * cam_speed, layer)
-    begin = GridSearch(-end, widest, y0, slope)
+    begin = GridSearch(-end, widest, y0, driven.rate(y0, -end, layer))
     angle, states, kept = _until_arrival(attempt, begin, end, chunks=int(ATTEMPTS * steps) // CHUNK + 1)
     index = jnp.flatnonzero(kept, size=steps, fill_value=-1)
     index = jnp.where(index < 0, jnp.max(index), index)
@@ -126,15 +123,15 @@ def _between(y0, slope0, y1, slope1, h):
     return jax.vmap(at)(jnp.asarray(BETWEEN, y0.dtype))
 
 
-def _surfaces(system: System, y, samples, cam_speed, angle, layer: Layer):
+def _surfaces(driven: DrivenSystem, y, angle, layer: Layer):
     """Compression beyond the touch [m] and force before clipping [N], both (k, contacts), at k states and angles."""
-    lift, lift_dtheta = lift_at(samples, angle)
+    system = driven.system
 
     def one(y, lift, lift_dt):
         u, u_dt = system.compression(y, lift, lift_dt)
         return u[system.topology.contacts], system.raw_force(u, u_dt, layer)
 
-    return jax.vmap(one)(y, lift, lift_dtheta * cam_speed)
+    return jax.vmap(one)(y, *driven.lift(angle))
 
 
 def contact_limit(u, g, h, layer: Layer, clip_step) -> jax.Array:

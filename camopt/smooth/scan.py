@@ -7,6 +7,7 @@ the numbers are those of SciPy's class `RK45`.
 """
 
 from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -43,17 +44,33 @@ def lift_at(
     return l0 + s * (v0 + s * (c2 + s * c3)), (v0 + s * (2 * c2 + 3 * s * c3)) / width
 
 
-def forces_at(system: System, samples, cam_speed, angle, states, layer: Layer):
+class DrivenSystem(NamedTuple):
+    """A valve train with the cam that drives it and its speed: the differential equation that is integrated."""
+
+    system: System
+    samples: Float[Array, "m_plus_1 2"]  # of the lift, as `lift_at` reads them
+    cam_speed: Array  # rad/s
+
+    def lift(self, theta: Float[Array, " *shape"]) -> tuple[Float[Array, " *shape"], Float[Array, " *shape"]]:
+        """Lift [m] and lift rate [m/s] at `theta` [rad]."""
+        lift, lift_dtheta = lift_at(self.samples, theta)
+        return lift, lift_dtheta * self.cam_speed
+
+    def force(self, y: Float[Array, "2 n"], theta, layer: Layer) -> Float[Array, " e"]:
+        """Force of every element [N] in the state y at the angle `theta` [rad]."""
+        return self.system.force(y, *self.lift(theta), layer)
+
+    def rate(self, y: Float[Array, "2 n"], theta, layer: Layer) -> Float[Array, "2 n"]:
+        """Time derivative of the state y at the angle `theta` [rad]."""
+        return self.system.rate(y, *self.lift(theta), layer)
+
+
+def forces_at(driven: DrivenSystem, angle, states, layer: Layer):
     """Forces [N] and their derivatives by angle [N/rad], each (k, e), at angles (k) [rad] and states (k, 2, n)."""
 
-    def force(y, theta):
-        lift, lift_dtheta = lift_at(samples, theta)
-        return system.force(y, lift, lift_dtheta * cam_speed, layer)
-
     def both(y, theta):
-        lift, lift_dtheta = lift_at(samples, theta)
-        slope = system.rate(y, lift, lift_dtheta * cam_speed, layer)
-        return jax.jvp(force, (y, theta), (slope / cam_speed, jnp.ones_like(theta)))
+        along = driven.rate(y, theta, layer) / driven.cam_speed, jnp.ones_like(theta)
+        return jax.jvp(lambda y, theta: driven.force(y, theta, layer), (y, theta), along)
 
     return jax.vmap(both)(states, angle)
 
@@ -74,15 +91,14 @@ def stage_slopes(system: System, y, k1, h, lift, lift_dt, layer: Layer) -> list[
     return slopes
 
 
-def integrate(system: System, samples, cam_speed, y0, angle, layer: Layer, known=None) -> jax.Array:
+def integrate(driven: DrivenSystem, y0, angle, layer: Layer, known=None) -> jax.Array:
     """States (k, 2, n) at the ascending angles `angle` (k) [rad], which may repeat, from the state y0 (2, n).
 
-    `samples` is what `lift_at` reads, `cam_speed` is in rad/s. Where `known` (k, 2, n) gives the states that were found
-    with the grid, each step starts from these and the scan only carries the derivatives. Rounding that grows from
-    contact to contact then cannot move the motion off its grid.
+    Where `known` (k, 2, n) gives the states that were found with the grid, each step starts from these and the scan
+    only carries the derivatives. Rounding that grows from contact to contact then cannot move the motion off its grid.
     """
-    lift, lift_dtheta = lift_at(samples, stage_angles(angle))
-    return integrate_stages(system, jnp.diff(angle) / cam_speed, lift, lift_dtheta * cam_speed, y0, layer, known)
+    lift, lift_dt = driven.lift(stage_angles(angle))
+    return integrate_stages(driven.system, jnp.diff(angle) / driven.cam_speed, lift, lift_dt, y0, layer, known)
 
 
 def stage_angles(angle: jax.Array) -> jax.Array:

@@ -14,13 +14,15 @@ from camopt.smooth.adaptive import adaptive_states
 from camopt.smooth.contact import RAMPS, Layer
 from camopt.smooth.grid import equal_grid, refined_grid
 from camopt.smooth.rest import rest_state
-from camopt.smooth.scan import forces_at, integrate, lift_at
-from camopt.smooth.system import System, SystemState, build_system
+from camopt.smooth.scan import DrivenSystem, forces_at, integrate, lift_at
+from camopt.smooth.system import SystemState, build_system
 
 EPS = 2e-9
 """Default width of the contact's layer [m]. A width of 1e-7 makes gradients of bouncing motions of `kodama` wrong by up
 to 5 percent, and one of 1e-8 those of a hop of 6e-8 m by 2 percent. The grid resolves the layer, so that a narrow one
 costs no more than a wide one."""
+LAYER = Layer(EPS)
+"""The layer of that width, with the compact ramp across it."""
 TOLERANCE = 3e-12
 """Default error permitted per step [m]. Gradients at 6000 r/min are then right within one percent; with 1e-9 they are
 right within ten percent."""
@@ -41,38 +43,33 @@ def lift_samples(lift: Lift, steps: int = LIFT_SAMPLES) -> np.ndarray:
 
 
 def response_arrays(
-    system: System,
-    samples: jax.Array,
-    cam_speed,
+    driven: DrivenSystem,
     y0: jax.Array,
-    eps=EPS,
+    layer: Layer = LAYER,
     tolerance=TOLERANCE,
     *,
     revolutions: int = 1,
     steps: int = STEPS,
     refine: bool = True,
-    ramp: str = "compact",
 ) -> SystemState:
     """Motion over `revolutions` from the state y0 (2, n) at -pi, with `steps` + 1 samples per revolution.
 
-    The motion is differentiable in every array. `samples` is what `lift_samples` gives, `cam_speed` is in rad/s, `eps`
-    and `tolerance` are in m (see `refined_grid`; without `refine` the steps are equal). `jax.vmap` makes batches of
-    speeds, cams or systems. One program is compiled per topology, shapes and keywords. Where `steps` do not suffice
-    every sample is NaN.
+    The motion is differentiable in every array. The samples of `driven` are what `lift_samples` gives; `tolerance` [m]
+    is that of `refined_grid`, and without `refine` the steps are equal. `jax.vmap` makes batches of speeds, cams or
+    systems. One program is compiled per topology, ramp, shapes and keywords. Where `steps` do not suffice every sample
+    is NaN.
     """
-
-    layer = Layer(eps, ramp)
 
     def revolve(y, _):
         if refine:
-            angle, known = refined_grid(system, samples, cam_speed, y, layer, tolerance, steps)
+            angle, known = refined_grid(driven, y, layer, tolerance, steps)
         else:
             angle, known = jnp.asarray(equal_grid(steps), y.dtype), None
-        states = integrate(system, samples, cam_speed, y, angle, layer, known)
-        force, force_dtheta = forces_at(system, samples, cam_speed, angle, states, layer)
+        states = integrate(driven, y, angle, layer, known)
+        force, force_dtheta = forces_at(driven, angle, states, layer)
         arrived = angle[-1] >= jnp.asarray(jnp.pi, y.dtype)
         states, force = (jnp.where(arrived, q, jnp.nan) for q in (states, force))
-        lift, lift_dtheta = lift_at(samples, angle)
+        lift, lift_dtheta = lift_at(driven.samples, angle)
         return states[-1], SystemState(angle, lift, states[:, 0], states[:, 1], force, force_dtheta, lift_dtheta)
 
     _, motion = jax.lax.scan(revolve, y0, None, length=revolutions)
@@ -81,7 +78,7 @@ def response_arrays(
     return jax.tree.map(lambda q: q.reshape(-1, *q.shape[2:]), motion)
 
 
-STATIC = ("revolutions", "steps", "refine", "ramp")
+STATIC = ("revolutions", "steps", "refine")
 compiled_response = partial(jax.jit, static_argnames=STATIC)(response_arrays)
 
 
@@ -96,36 +93,31 @@ def prepare(
     cam_speed: float,
     steps_per_revolution: int | None = None,
     *,
-    eps: float = EPS,
+    layer: Layer = LAYER,
     tolerance: float = TOLERANCE,
     method: str = "scan",
-    ramp: str = "compact",
 ) -> Revolve:
     """One smoothed revolution as a function of its start state (2n: [m], then [m/s]); `cam_speed` is in rad/s.
 
     The `method` "scan" refines its grid, or takes `steps_per_revolution` equal steps where they are given. Any other
-    method is the name of a diffrax solver in lower case ("tsit5", "dopri8", "kvaerno5", ...). `eps` and `tolerance` [m]
-    are those of `response_arrays`. Raises MotionRefused where no grid resolves the motion.
+    method is the name of a diffrax solver in lower case ("tsit5", "dopri8", "kvaerno5", ...). `layer` and `tolerance`
+    [m] are those of `response_arrays`. Raises InputError for an unusable layer, and MotionRefused where no grid
+    resolves the motion.
     """
-    if not eps > 0.0:
-        raise InputError(
-            f"eps = {eps:g} m: the width of the contact's layer must be positive; {EPS:g} m is the default"
-        )
-    if ramp not in RAMPS:
-        raise InputError(f"ramp {ramp!r}: unknown; choose one of {', '.join(RAMPS)}")
-    system, samples = build_system(train), jnp.asarray(lift_samples(lift))
+    _check_layer(layer)
+    driven = DrivenSystem(build_system(train), jnp.asarray(lift_samples(lift)), cam_speed)
 
     def one_revolution(state: np.ndarray) -> Response:
         y0 = jnp.asarray(state).reshape(2, -1)
         if method == "scan":
-            motion = _scanned((system, samples, cam_speed, y0, eps, tolerance), steps_per_revolution, ramp)
+            motion = _scanned(driven, y0, layer, tolerance, steps_per_revolution)
         else:
             angle = equal_grid(steps_per_revolution or LIFT_SAMPLES)
-            motion = adaptive_states(system, samples, cam_speed, y0, angle, Layer(eps, ramp), tolerance, solver=method)
+            motion = adaptive_states(driven, y0, angle, layer, tolerance, solver=method)
         angle, cam_lift, x, v, force = (np.asarray(q) for q in motion[:5])
         if not np.all(np.isfinite(x)):
             raise MotionRefused(
-                f"smooth path at {cam_speed * 30 / np.pi:g} cam r/min with eps = {eps:g} m: no grid of the steps "
+                f"smooth path at {cam_speed * 30 / np.pi:g} cam r/min with eps = {layer.eps:g} m: no grid of the steps "
                 f"allowed resolves the motion; widen eps, loosen the tolerance, or take more steps"
             )
         distinct = np.append(True, np.diff(angle) > 0)
@@ -134,16 +126,25 @@ def prepare(
     return one_revolution
 
 
-def _scanned(arguments: tuple, steps: int | None, ramp: str) -> SystemState:
-    """One revolution by the scan from the first six `arguments` of `response_arrays`; where the number of steps was not
-    given, it is raised until it suffices."""
+def _check_layer(layer: Layer) -> None:
+    """Raises InputError for a width that is not positive and for an unknown ramp."""
+    if not layer.eps > 0.0:
+        raise InputError(
+            f"eps = {layer.eps:g} m: the width of the contact's layer must be positive; {EPS:g} m is the default"
+        )
+    if layer.ramp not in RAMPS:
+        raise InputError(f"ramp {layer.ramp!r}: unknown; choose one of {', '.join(RAMPS)}")
+
+
+def _scanned(driven: DrivenSystem, y0, layer: Layer, tolerance: float, steps: int | None) -> SystemState:
+    """One revolution by the scan; where the number of steps was not given, it is raised until it suffices."""
     if steps is not None:
-        return compiled_response(*arguments, steps=steps, refine=False, ramp=ramp)
+        return compiled_response(driven, y0, layer, tolerance, steps=steps, refine=False)
     steps = STEPS
-    motion = compiled_response(*arguments, steps=steps, ramp=ramp)
+    motion = compiled_response(driven, y0, layer, tolerance, steps=steps)
     while not jnp.isfinite(motion.x[0, 0]) and steps < MOST_GRID_STEPS:
         steps *= 4
-        motion = compiled_response(*arguments, steps=steps, ramp=ramp)
+        motion = compiled_response(driven, y0, layer, tolerance, steps=steps)
     return motion
 
 
@@ -154,15 +155,11 @@ def simulate_smooth(
     revolutions: int = 2,
     *,
     eps: float = EPS,
-    steps_per_revolution: int | None = None,
     tolerance: float = TOLERANCE,
-    method: str = "scan",
-    ramp: str = "compact",
 ) -> Response:
-    """Motion from rest on the base circle over `revolutions`; arguments and errors are those of `prepare`."""
-    revolve = prepare(
-        train, lift, cam_speed, steps_per_revolution, eps=eps, tolerance=tolerance, method=method, ramp=ramp
-    )
+    """Motion from rest on the base circle over `revolutions`, by the scan; `eps` [m] is the width of the layer, the
+    other arguments and the errors are those of `prepare`."""
+    revolve = prepare(train, lift, cam_speed, layer=Layer(eps), tolerance=tolerance)
     records = [revolve(np.asarray(rest_state(train)).ravel())]
     for _ in range(revolutions - 1):
         records.append(revolve(end_state(records[-1])))

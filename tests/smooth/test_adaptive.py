@@ -11,6 +11,7 @@ from camopt.scene.units import RPM
 from camopt.smooth.adaptive import adaptive_states
 from camopt.smooth.contact import Layer
 from camopt.smooth.rest import rest_state
+from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import compiled_response, equal_grid, lift_samples
 from camopt.smooth.system import build_system
 from tests.smooth.trains import motori
@@ -23,22 +24,16 @@ ANGLE = jnp.asarray(equal_grid(90))
 
 def end(scale, solver: str, adjoint: str, ramp: str = "compact"):
     """Valve position at 60 deg [m] under a lift scaled by `scale`."""
+    driven = DrivenSystem(SYSTEM, SAMPLES * scale, SPEED)
     motion = adaptive_states(
-        SYSTEM,
-        SAMPLES * scale,
-        SPEED,
-        rest_state(TRAIN),
-        ANGLE,
-        Layer(EPS, ramp),
-        TOLERANCE,
-        solver=solver,
-        adjoint=adjoint,
+        driven, rest_state(TRAIN), ANGLE, Layer(EPS, ramp), TOLERANCE, solver=solver, adjoint=adjoint
     )
     return motion.x[60, 0]
 
 
 def scanned(ramp: str) -> float:
-    motion = compiled_response(SYSTEM, SAMPLES, SPEED, rest_state(TRAIN), EPS, TOLERANCE, ramp=ramp)
+    driven = DrivenSystem(SYSTEM, SAMPLES, SPEED)
+    motion = compiled_response(driven, rest_state(TRAIN), Layer(EPS, ramp), TOLERANCE)
     angle, first = np.unique(motion.angle, return_index=True)
     return float(CubicHermiteSpline(angle, motion.x[first, 0], motion.v[first, 0] / SPEED)(np.pi / 3))
 

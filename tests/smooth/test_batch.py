@@ -10,7 +10,9 @@ import pytest
 
 from camopt.scene.units import RPM
 from camopt.smooth.batch import batch_metrics, batch_motion, stage_lifts
+from camopt.smooth.contact import Layer
 from camopt.smooth.rest import rest_state
+from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import compiled_response, lift_samples
 from camopt.smooth.system import build_system
 from tests.smooth.trains import motori
@@ -39,11 +41,10 @@ def batch(system, height, speeds, eps):
 
 
 def test_each_of_a_batch_is_what_it_is_alone():
-    system, y0 = build_system(TRAIN), rest_state(TRAIN)
+    system, samples, y0 = build_system(TRAIN), jnp.asarray(lift_samples(LIFT)), rest_state(TRAIN)
     many = jax.jit(batch_motion)(system, jnp.asarray(STAGES), jnp.asarray(SPEEDS), y0, EPS)
     alone = [
-        compiled_response(system, jnp.asarray(lift_samples(LIFT)), s, y0, EPS, steps=STEPS, refine=False)
-        for s in SPEEDS
+        compiled_response(DrivenSystem(system, samples, s), y0, Layer(EPS), steps=STEPS, refine=False) for s in SPEEDS
     ]
     for i, one in enumerate(alone):
         # the single scan reads the lift from cubics between samples: 1e-10 m

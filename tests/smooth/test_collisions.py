@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from camopt.smooth.contact import Layer
+from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import response_arrays
 from camopt.smooth.system import build_system
 from tests.smooth.trains import ball, collision
@@ -17,7 +19,7 @@ EPS = 1e-9
 
 def final_state(system, x, v):
     y0 = jnp.stack([jnp.asarray(x), jnp.asarray(v)])
-    motion = response_arrays(system, jnp.asarray(FLAT), SPEED, y0, EPS, 1e-11, steps=1024)
+    motion = response_arrays(DrivenSystem(system, jnp.asarray(FLAT), SPEED), y0, Layer(EPS), 1e-11, steps=1024)
     return motion.x[-1], motion.v[-1]
 
 
@@ -106,7 +108,8 @@ def test_the_derivative_of_a_damped_bounce_meets_its_limit_as_the_square_root_of
     def by_height(height, eps):
         def end(height):
             y0 = jnp.stack([height[None], jnp.asarray([-speed])])
-            return response_arrays(system, jnp.asarray(FLAT), SPEED, y0, eps, 1e-11, steps=1024).x[-1, 0]
+            driven = DrivenSystem(system, jnp.asarray(FLAT), SPEED)
+            return response_arrays(driven, y0, Layer(eps), 1e-11, steps=1024).x[-1, 0]
 
         return jax.grad(end)(height)
 

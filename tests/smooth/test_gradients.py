@@ -22,6 +22,7 @@ from camopt.scene.response import end_state, joined
 from camopt.scene.units import DEG
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.rest import rest_state
+from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import EPS, STEPS, lift_samples, response_arrays, touch_layer
 from camopt.smooth.system import build_system
 from tests.smooth.trains import delivered, kodama
@@ -65,7 +66,7 @@ def exact_metrics(train, lift, cam_speed, state) -> np.ndarray:
 
 
 def smooth_values(system, samples, cam_speed, y0, half_duration, opening_foot):
-    motion = response_arrays(system, samples, cam_speed, y0, EPS, steps=STEPS)
+    motion = response_arrays(DrivenSystem(system, samples, cam_speed), y0, steps=STEPS)
     found = revolution_metrics(system, motion, cam_speed, half_duration, opening_foot, layer=touch_layer(EPS))
     return jnp.stack([found[name] for name in METRICS])
 

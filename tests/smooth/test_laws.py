@@ -16,6 +16,7 @@ from camopt.scene.rest import state_at_rest
 from camopt.smooth.contact import Layer
 from camopt.smooth.laws import elastic_laws
 from camopt.smooth.rest import rest_state
+from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import lift_samples, prepare, response_arrays
 from camopt.smooth.system import build_system
 from camopt.verifier.methods import dop853, rkg
@@ -69,7 +70,8 @@ def test_hertz_collision_presses_and_lasts_as_known():
     laws = Laws(np.array([HERTZ]), np.array([coefficient]), np.array([1.5]), ROWS[None])
     system = build_system(replace(ball(mass, 1e8, 0.0), laws=laws))
     y0 = jnp.array([[1e-4], [-speed]])
-    motion = response_arrays(system, jnp.zeros((3, 2)), 2 * np.pi / 4e-4, y0, 1e-9, 1e-12, steps=1024)
+    driven = DrivenSystem(system, jnp.zeros((3, 2)), 2 * np.pi / 4e-4)
+    motion = response_arrays(driven, y0, Layer(1e-9), 1e-12, steps=1024)
     deepest = (2.5 * mass * speed**2 / (2 * coefficient)) ** 0.4
     assert -motion.x.min() == pytest.approx(deepest, rel=1e-4)
     assert motion.v[-1, 0] == pytest.approx(speed, rel=1e-7)
@@ -123,7 +125,7 @@ def test_gradient_by_the_hertz_stiffness_is_that_of_located_dop853():
     samples, y0 = jnp.asarray(lift_samples(lift)), jnp.asarray(state).reshape(2, -1)
 
     def height(system):
-        motion = response_arrays(system, samples, cam_speed, y0)
+        motion = response_arrays(DrivenSystem(system, samples, cam_speed), y0)
         at = jnp.argmax(motion.x[:, valve])
         return motion.x[at, valve]
 

@@ -13,7 +13,7 @@ from camopt.exact.engine import prepare as prepare_exact
 from camopt.scene import InputError, MotionRefused
 from camopt.smooth.contact import Layer
 from camopt.smooth.rest import rest_state
-from camopt.smooth.scan import integrate, lift_at
+from camopt.smooth.scan import DrivenSystem, integrate, lift_at
 from camopt.smooth.simulate import compiled_response, equal_grid, lift_samples, prepare, simulate_smooth
 from camopt.smooth.system import build_system
 from tests.smooth.trains import ball, kodama
@@ -45,11 +45,9 @@ def test_the_scan_is_of_order_five_against_the_matrix_exponential():
     exact = rest + expm(matrix * 2e-2) @ (start - rest)
     counts = np.array([80, 160, 320, 640])
     flat = jnp.zeros((3, 2))
-    errors = []
+    driven, errors = DrivenSystem(build_system(train), flat, np.pi / 1e-2), []
     for count in counts:
-        states = integrate(
-            build_system(train), flat, np.pi / 1e-2, jnp.asarray(start[:, None]), equal_grid(count), Layer(1e-9)
-        )
+        states = integrate(driven, jnp.asarray(start[:, None]), equal_grid(count), Layer(1e-9))
         errors.append(np.linalg.norm((np.asarray(states[-1, :, 0]) - exact) * [np.sqrt(3e4 / 0.05), 1.0]))
     order = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
     assert order == pytest.approx(5.0, abs=0.25)
@@ -73,8 +71,9 @@ def test_equal_steps_come_near_the_refined_motion():
     scene, train, lift = kodama()
     speed = scene.cam_speed(6000)
     state = np.asarray(rest_state(train)).ravel()
-    fine = prepare(train, lift, speed, eps=1e-6)(state)
-    errors = [valve_difference_mm(prepare(train, lift, speed, n, eps=1e-6)(state), fine) for n in (1440, 23040)]
+    wide = Layer(1e-6)
+    fine = prepare(train, lift, speed, layer=wide)(state)
+    errors = [valve_difference_mm(prepare(train, lift, speed, n, layer=wide)(state), fine) for n in (1440, 23040)]
     assert errors[0] > 10 * errors[1]
     assert errors[1] < 1e-3
 
@@ -83,9 +82,9 @@ def test_a_batch_of_speeds_is_what_each_gives_alone():
     scene, train, lift = kodama()
     system, samples, y0 = build_system(train), jnp.asarray(lift_samples(lift)), rest_state(train)
     speeds = jnp.asarray([scene.cam_speed(r) for r in (5000.0, 6000.0)])
-    many = jax.vmap(lambda speed: compiled_response(system, samples, speed, y0))(speeds)
+    many = jax.vmap(lambda speed: compiled_response(DrivenSystem(system, samples, speed), y0))(speeds)
     for i, speed in enumerate(speeds):
-        alone = compiled_response(system, samples, speed, y0)
+        alone = compiled_response(DrivenSystem(system, samples, speed), y0)
         assert np.max(np.abs(many.x[i, -1] - alone.x[-1])) < 1e-9  # rounding, grown by the contacts
 
 
@@ -94,9 +93,8 @@ def test_two_revolutions_are_one_after_the_other():
     record = simulate_smooth(train, lift, scene.cam_speed(5000), revolutions=2)
     assert record.revolutions == 2
     assert np.all(np.diff(record.angle) >= 0)
-    arrays = compiled_response(
-        build_system(train), jnp.asarray(lift_samples(lift)), record.cam_speed, rest_state(train), revolutions=2
-    )
+    driven = DrivenSystem(build_system(train), jnp.asarray(lift_samples(lift)), record.cam_speed)
+    arrays = compiled_response(driven, rest_state(train), revolutions=2)
     np.testing.assert_allclose(arrays.x[-1], record.x[-1], atol=1e-9)
 
 
@@ -104,15 +102,14 @@ def test_too_few_steps_are_refused_and_bad_arguments_named():
     scene, train, lift = kodama()
     speed = scene.cam_speed(5000)
     state = np.asarray(rest_state(train)).ravel()
-    arrays = compiled_response(
-        build_system(train), jnp.asarray(lift_samples(lift)), speed, rest_state(train), steps=256
-    )
+    driven = DrivenSystem(build_system(train), jnp.asarray(lift_samples(lift)), speed)
+    arrays = compiled_response(driven, rest_state(train), steps=256)
     assert np.all(np.isnan(arrays.x))
     with pytest.raises(MotionRefused, match="no grid"):
         prepare(train, lift, speed, 200)(state)  # beyond the stability limit
     with pytest.raises(InputError, match="eps"):
-        prepare(train, lift, speed, eps=0.0)
+        prepare(train, lift, speed, layer=Layer(0.0))
     with pytest.raises(InputError, match="ramp"):
-        prepare(train, lift, speed, ramp="cubic")
+        prepare(train, lift, speed, layer=Layer(1e-9, "cubic"))
     with pytest.raises(InputError, match="method"):
         prepare(train, lift, speed, method="euler")(state)

@@ -13,6 +13,7 @@ from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.metrics import revolution_metrics
+from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import EPS, LIFT_SAMPLES, response_arrays, touch_layer
 from camopt.smooth.system import build_system
 
@@ -33,7 +34,7 @@ class SmoothSensitivity:
         def one(z, cam_speed, y0):
             def metrics(z):
                 samples = jnp.asarray(offset) + jnp.asarray(matrix) @ z
-                motion = response_arrays(system, samples, cam_speed, y0, revolutions=REVOLUTIONS)
+                motion = response_arrays(DrivenSystem(system, samples, cam_speed), y0, revolutions=REVOLUTIONS)
                 found = revolution_metrics(system, motion, cam_speed, half, foot, REVOLUTIONS - 1, touch_layer(EPS))
                 return jnp.stack([found[n] for n in names])
 

@@ -34,26 +34,30 @@ edge of a narrower layer would be shorter than that."""
 
 def smooth(train: Train, lift: Lift, cam_speed: float, dial: int, narrower: float = 1.0) -> Revolve:
     """The smooth path in double precision; its width and the error permitted are divided by `narrower`."""
+    from camopt.smooth.contact import Layer
     from camopt.smooth.simulate import EPS, TOLERANCE, prepare
 
     wide = 4 * DIAL / dial / narrower
-    return prepare(train, lift, cam_speed, eps=wide * EPS, tolerance=max(wide, 1.0) * TOLERANCE)
+    return prepare(train, lift, cam_speed, layer=Layer(wide * EPS), tolerance=max(wide, 1.0) * TOLERANCE)
 
 
 def smooth_float32(train: Train, lift: Lift, cam_speed: float, dial: int) -> Revolve:
     """The smooth path in single precision. The revolution raises MotionRefused where no grid resolves the motion."""
     import jax.numpy as jnp
 
+    from camopt.smooth.contact import Layer
+    from camopt.smooth.scan import DrivenSystem
     from camopt.smooth.simulate import STEPS, compiled_response, lift_samples
     from camopt.smooth.system import build_system
 
     single, wide = jnp.float32, 4 * DIAL / dial
-    system, samples = build_system(train, single), jnp.asarray(lift_samples(lift), single)
+    samples = jnp.asarray(lift_samples(lift), single)
+    driven = DrivenSystem(build_system(train, single), samples, single(cam_speed))
     eps, tolerance = (jnp.asarray(wide * q, single) for q in (SINGLE_EPS, SINGLE_TOLERANCE))
 
     def revolve(state: np.ndarray) -> Response:
         y0 = jnp.asarray(state, single).reshape(2, -1)
-        motion = compiled_response(system, samples, single(cam_speed), y0, eps, tolerance, steps=4 * STEPS)
+        motion = compiled_response(driven, y0, Layer(eps), tolerance, steps=4 * STEPS)
         angle, rise, x, v, force = (np.asarray(q, dtype=float) for q in motion[:5])
         if not np.all(np.isfinite(x)):
             raise MotionRefused("smooth path in single precision: no grid of the steps allowed resolves the motion")

@@ -26,7 +26,9 @@ from camopt.scene.response import end_state, joined
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
+from camopt.smooth.contact import Layer
 from camopt.smooth.metrics import revolution_metrics
+from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import MOST_GRID_STEPS, TOLERANCE, lift_samples, response_arrays, touch_layer
 from camopt.smooth.system import build_system
 from camopt.study.timing import fastest
@@ -134,8 +136,8 @@ def smooth_gradients(p: Problem) -> Callable[[float], Found]:
     shape, y0 = (p.lift.half_duration, p.lift.opening_foot), jnp.asarray(p.start).reshape(2, -1)
 
     def metrics(heights, eps, steps: int):
-        samples = base + jnp.asarray(parts) @ heights
-        motion = response_arrays(system, samples, p.cam_speed, y0, eps, TOLERANCE, revolutions=REVOLUTIONS, steps=steps)
+        driven = DrivenSystem(system, base + jnp.asarray(parts) @ heights, p.cam_speed)
+        motion = response_arrays(driven, y0, Layer(eps), TOLERANCE, revolutions=REVOLUTIONS, steps=steps)
         found = revolution_metrics(system, motion, p.cam_speed, *shape, layer=touch_layer(eps))
         return jnp.stack([found[name] for name in METRICS])
 

@@ -258,6 +258,7 @@ def smooth_times(train: Train, cam: Lift, cam_speed: float) -> dict[str, float]:
     import jax
     import jax.numpy as jnp
 
+    from camopt.smooth.scan import DrivenSystem
     from camopt.smooth.simulate import lift_samples, response_arrays
     from camopt.smooth.system import build_system
 
@@ -265,7 +266,7 @@ def smooth_times(train: Train, cam: Lift, cam_speed: float) -> dict[str, float]:
     system, rest = build_system(train), jnp.asarray(state_at_rest(train))
 
     def end(speed):
-        return response_arrays(system, samples, speed, rest, steps=steps, refine=False).x[-1]
+        return response_arrays(DrivenSystem(system, samples, speed), rest, steps=steps, refine=False).x[-1]
 
     alone, batch = jax.jit(end), jax.jit(jax.vmap(end))
     speeds = jnp.linspace(0.95 * cam_speed, cam_speed, BATCH)

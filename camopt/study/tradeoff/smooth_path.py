@@ -9,8 +9,10 @@ import numpy as np
 
 from camopt.scene import MotionRefused, Response
 from camopt.smooth.batch import batch_motion, stage_lifts
+from camopt.smooth.contact import Layer
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.rest import rest_state
+from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import lift_samples, prepare, response_arrays, touch_layer
 from camopt.smooth.system import build_system
 from camopt.study.tradeoff.case import RevolutionCase, valve_lift
@@ -30,7 +32,7 @@ def smooth_work(case: RevolutionCase) -> list[Measurement]:
     work = []
 
     def refined(eps: float, method: str, tolerance: float) -> dict:
-        revolve = prepare(case.train, case.cam, case.cam_speed, eps=eps, tolerance=tolerance, method=method)
+        revolve = prepare(case.train, case.cam, case.cam_speed, layer=Layer(eps), tolerance=tolerance, method=method)
         return case.measured(lambda: case.two(revolve))
 
     for eps in REFINED_EPS:
@@ -87,10 +89,8 @@ def _gradient(case: RevolutionCase, eps: float) -> dict:
     def gradient(factors):
         def value(factors):
             changed = eqx.tree_at(lambda s: s.stiffness, system, system.stiffness * factors)
-            tolerance = eps * TOLERANCE_OF_EPS
-            motion = response_arrays(
-                changed, samples, case.cam_speed, rest, eps, tolerance, revolutions=2, steps=GRADIENT_STEPS
-            )
+            driven, tolerance = DrivenSystem(changed, samples, case.cam_speed), eps * TOLERANCE_OF_EPS
+            motion = response_arrays(driven, rest, Layer(eps), tolerance, revolutions=2, steps=GRADIENT_STEPS)
             metrics = revolution_metrics(changed, motion, case.cam_speed, half, foot, layer=touch_layer(eps))
             return metrics["seating_velocity_m_per_s"]
 
