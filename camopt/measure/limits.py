@@ -1,4 +1,8 @@
-"""The limits of a scene's design: those on the cam's shape, judged exactly, and those on the motion."""
+"""The limits of a scene's design: those on the cam's shape and those on the motion.
+
+Limits on the shape are judged from the exact extremes of the cam's polynomial pieces. Limits on the motion are judged
+by whoever computes a motion; here stands what each of them limits, and when a value keeps or breaks it.
+"""
 
 from typing import NamedTuple
 
@@ -10,60 +14,62 @@ from camopt.scene.schema import Design
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3
 
 ROUNDING = 1e-9
-"""Relative slack of a limit on the shape: the rounding of a cam designed to touch its limit."""
+"""Relative slack of a limit on the shape. It allows for the rounding of a cam that is designed to touch its limit."""
 STEP_ROUNDING = 1e-6
-"""Jump at a border, relative to the largest value, that counts as rounding: solving for the coefficients of high powers
-loses a few digits more than evaluating them, and a designed step is orders larger."""
+"""A jump at a border that is no larger than this share of the largest value counts as rounding. Solving for the
+coefficients of high powers loses a few digits more than evaluating them, and a designed step is orders larger."""
 RAMP_LIFT = 1e-6
-"""Lift above the ramp's height that counts as none [m], one micrometre: a tenth of a degree of an ordinary ramp, and
-about what a lift table is measured to."""
+"""Lift above the ramp's height that counts as none [m]. One micrometre is what an ordinary ramp rises in a tenth of a
+degree, and about what a lift table is measured to."""
 RAMP_VELOCITY = 0.01
-"""Relative excess over the ramp's velocity that counts as none: a micrometre over the ten degrees of a ramp."""
-
+"""Relative excess over the ramp's velocity that counts as none. It amounts to a micrometre over the ten degrees of a
+ramp."""
 MOTION_LIMITS = {q.limit: q.name for q in QUANTITIES.values() if q.limit is not None}
-"""Design key of each limit on the motion -> the metric it limits."""
-
-
+"""The metric that each limit on the motion limits, by the limit's key in the design."""
 LEAST_LIMIT = 1e-6
-"""Stands in for a limit of zero in its share: a nanometre, in metrics counted in mm."""
+"""The least divisor of a share, in the metric's unit. It stands in for a limit of zero, and is a nanometre in mm."""
 
 
 class MotionLimit(NamedTuple):
-    """The largest value that a metric may have, or the smallest one where less is worse, in the metric's unit."""
+    """The largest value that a metric may have or, where less is worse, the smallest one.
+
+    Limit, values and errors are all in the metric's own unit, which its name states.
+    """
 
     metric: str
     value: float
 
     @property
     def least(self) -> bool:
-        """Whether the metric must not fall below the limit."""
+        """Whether this is the smallest value that the metric may have."""
         return QUANTITIES[self.metric].less_is_worse
 
     def keeps(self, found: float, error: float = 0.0) -> bool:
-        """Whether a value keeps the limit even if it is wrong by `error` to the bad side; NaN keeps none."""
+        """Whether the value `found` keeps the limit even if it is wrong by `error` to the bad side. NaN keeps none."""
         return bool(found - error >= self.value if self.least else found + error <= self.value)
 
     def breaks(self, found: float, error: float = 0.0) -> bool:
-        """Whether a value breaks the limit even if it is wrong by `error` to the good side."""
+        """Whether the value `found` breaks the limit even if it is wrong by `error` to the good side. NaN breaks it."""
         return not self.keeps(found, -error)
 
     def share(self, found: np.ndarray) -> np.ndarray:
-        """How much of the limit values use, in their shape: one at the limit, more beyond it, infinite for NaN.
+        """How much of the limit each of the values `found` uses, as an array of their shape.
 
-        Value over limit; where less is worse the same distance on the other side, 2 - value over limit, and not below
-        zero: in both cases a fifth of the limit is left at 0.8.
+        A share is one at the limit and more beyond it. It is the value over the limit or, where less is worse, two less
+        that ratio and at least zero, so that in both cases a fifth of the limit is left at 0.8. NaN uses infinitely
+        much.
         """
         used = found / max(self.value, LEAST_LIMIT)
         return np.nan_to_num(np.maximum(2.0 - used, 0.0) if self.least else used, nan=np.inf)
 
     @property
     def share_slope(self) -> float:
-        """Derivative of the share by the value, in one over the metric's unit."""
+        """Derivative of the share by the value, per unit of the metric."""
         return (-1.0 if self.least else 1.0) / max(self.value, LEAST_LIMIT)
 
 
 def motion_limits(design: Design | None) -> dict[str, MotionLimit]:
-    """Limits on the motion that a scene sets, by design key."""
+    """The limits on the motion that a design sets, by their keys in it; none where there is no design."""
     if design is None:
         return {}
     given = {key: getattr(design, key) for key in MOTION_LIMITS}
@@ -71,16 +77,17 @@ def motion_limits(design: Design | None) -> dict[str, MotionLimit]:
 
 
 def limited_metrics(design: Design | None) -> tuple[str, ...]:
-    """Bounce, which always counts, and the metrics that a scene limits."""
+    """The names of bounce, which always counts, and of the other metrics that a design limits."""
     return tuple(dict.fromkeys(["bounce_mm", *(limit.metric for limit in motion_limits(design).values())]))
 
 
 def broken_by_shape(lift: Lift, design: Design | None) -> list[str]:
-    """Names of the limits that the cam's shape breaks, from the exact extremes of its pieces.
+    """The names of the limits that the cam's shape breaks; none where there is no design.
 
-    They are design keys, and "continuous_lift" and "continuous_velocity", which no scene has to ask for. Limits hold at
-    every angle. A step in velocity breaks the acceleration limits too, and a step in acceleration the jerk limit, at
-    any angle but the outer end of a ramp that the scene gives no foot. See `_outside` for duration and ramps.
+    They are keys of the design, and "continuous_lift" and "continuous_velocity", which no scene has to ask for. Every
+    limit holds at every angle, as the exact extremes of the cam's pieces show. A step in velocity breaks the limits on
+    the acceleration too, and a step in acceleration that on the jerk. The one exception is the outer end of a ramp to
+    which the scene gives no foot. `_outside` says what is asked of the duration and the ramps.
     """
     if design is None:
         return []
@@ -115,9 +122,10 @@ def broken_by_shape(lift: Lift, design: Design | None) -> list[str]:
 
 
 def duration_words(lift: Lift, design: Design) -> str:
-    """A sentence on a cam whose duration differs from the scene's, with the lift that decides; "" where none does.
+    """A sentence on a cam whose duration differs from the scene's, or an empty text where the two agree.
 
-    A shorter cam is legal, and its area ratio is judged with the scene's duration; a longer one breaks "duration_deg".
+    A shorter cam is legal, and its area ratio is judged with the scene's duration. A longer one breaks "duration_deg";
+    where its lift shows that, the sentence names the angle and the lift there.
     """
     asked, own = design.duration_deg, 2 * lift.half_duration / DEG
     half = min(asked, own) / 2 * DEG
@@ -140,11 +148,13 @@ def duration_words(lift: Lift, design: Design) -> str:
 
 
 def _outside(lift: Lift, design: Design) -> list[str]:
-    """What the cam breaks outside the shorter one of its own duration and the scene's, where the ramps lie.
+    """The names of the limits that the cam breaks where the ramps lie.
 
-    "duration_deg": the lift exceeds the ramp's height there by more than RAMP_LIFT, or the cam itself says that it is
-    longer. "ramp_velocity_mm_per_deg", or the closing side's: the velocity exceeds the ramp's outside the scene's
-    duration by more than RAMP_VELOCITY. Lower, shorter and slower ramps are legal: the motion answers for them.
+    It breaks "duration_deg" where it says itself that it is longer than the scene asks, or where its lift exceeds the
+    ramp's height by more than RAMP_LIFT outside the shorter one of its own duration and the scene's. It breaks
+    "ramp_velocity_mm_per_deg", or the closing side's key, where its velocity exceeds the ramp's by more than
+    RAMP_VELOCITY outside the scene's duration. Lower, shorter and slower ramps are legal, because the motion answers
+    for them.
     """
     broken, asked = [], design.duration_deg / 2 * DEG
     inner = min(asked, lift.half_duration)
@@ -159,14 +169,14 @@ def _outside(lift: Lift, design: Design) -> list[str]:
 
 
 def _above(lift: Lift, sign: int, half: float) -> float:
-    """Largest lift [m] from sign * half [rad] outwards."""
+    """The largest lift [m] at the angles from sign * half [rad] outwards, to the end of the revolution."""
     return lift.extremes(0, *sorted((sign * half, sign * np.pi)))[1]
 
 
 def _has_step(lift: Lift, design: Design, order: int) -> bool:
-    """Whether the derivative `order` jumps at any border, that of the revolution included.
+    """Whether the derivative `order` jumps at any border of the pieces, the ends of the revolution included.
 
-    Where the scene's ramps have no foot, the velocity may jump by the ramp's as the lift leaves and meets zero.
+    Where the scene's ramps have no foot, the velocity may jump by that of the ramp as the lift leaves and meets zero.
     """
     widths = np.diff(lift.borders)
     powers = np.arange(lift.coefficients.shape[1])

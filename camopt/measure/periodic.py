@@ -1,15 +1,15 @@
-"""The periodic motion found directly: a fixed point of the cycle map, and whether it is stable.
+"""The periodic motion is found directly, as a fixed point of the cycle map, and its stability is told.
 
-The cycle map G takes the state at -180 degrees to the state one revolution later. Plain settling repeats it; the
-lightly damped surge of a valve spring then dies out slowly. Here two plain revolutions lead into the neighbourhood,
-Anderson acceleration (D. G. Anderson, Iterative procedures for nonlinear integral equations, J. ACM 12 (1965); the
-least-squares form of Walker and Ni, SIAM J. Numerical Analysis 49 (2011)) follows, and Newton's method on G(y) - y
-polishes. A fixed point is a motion only if disturbances die out: it counts where the spectral radius of G's Jacobian
+The cycle map G takes the state at -180 degrees to the state one revolution later. Plain settling repeats it, and the
+lightly damped surge of a valve spring then dies out slowly. Here two plain revolutions lead into the neighbourhood.
+Anderson acceleration follows (D. G. Anderson, Iterative procedures for nonlinear integral equations, J. ACM 12 (1965),
+in the least-squares form of Walker and Ni, SIAM J. Numerical Analysis 49 (2011)), and Newton's method on G(y) - y
+polishes. A fixed point is a motion only if disturbances die out, so it counts where the spectral radius of G's Jacobian
 there is below one.
 
 `settle` comes here only where surge is slow to die out. To its 1 um plain revolutions are as quick on a damped train,
-the radius alone costs 2n revolutions, and where contacts bounce the kinks of G stop both accelerations. It also
-pays where the state must stand to nanometres.
+the radius alone costs 2n revolutions, and where contacts bounce the kinks of G stop both accelerations. The direct
+search also pays where the state must stand to nanometres.
 """
 
 from collections.abc import Callable
@@ -22,18 +22,19 @@ from camopt.scene.response import Revolve, next_state
 from camopt.scene.shapes import Float, State
 
 UNIT = (1e-6, 1e-3)
-"""Position [m] and velocity [m/s] that weigh the same in a state: as far apart as two states that count as settled."""
+"""Position [m] and velocity [m/s] that weigh the same in a state. Two states so far apart still count as settled."""
 ACCURACY = 1e-4
-"""Largest change over a revolution, in UNIT, of a state that counts as periodic: 0.1 nm, 0.1 um/s."""
+"""Largest change over a revolution of a state that counts as periodic, in UNIT; it means 0.1 nm and 0.1 um/s."""
 DIFFERENCE = 1e-2
-"""Step of the finite differences, in UNIT: far above the round-off of a revolution, far below a bounce."""
+"""Step of the finite differences, in UNIT. It is far above the round-off of a revolution and far below a bounce."""
 PLAIN, DEPTH, MOST_ACCELERATED, MOST_NEWTON = 2, 5, 25, 4
-"""Plain revolutions first, earlier states that Anderson mixes, its revolutions, Newton's steps."""
+"""Numbers of plain revolutions at first, of earlier states that Anderson mixes, and at most of its revolutions and of
+Newton's steps."""
 PASSED, RANGED = 20, 8
-"""Plain revolutions let pass, then looked at, where no stable state was found; they start apart from what was found,
-because a motion lingers at an unstable state."""
+"""Numbers of plain revolutions that are let pass, and then looked at, where no stable state was found. They start apart
+from what was found, because a motion lingers at an unstable state."""
 LARGEST_RADIUS = 1 - 1e-3
-"""Spectral radius below which a fixed point counts as stable: finite differences do not tell closer ones from one."""
+"""Spectral radius below which a fixed point counts as stable. Finite differences do not tell closer ones from one."""
 SMALLEST_DIRECTION = 1e-8
 """Relative singular value below which a direction of the mixed states is round-off."""
 
@@ -43,25 +44,31 @@ Jacobian = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class PeriodicState:
-    """A stable periodic state, or the finding that none was found: then `low` and `high` say how far states wander."""
+    """A stable periodic state or, where none was found, how far the states wander from revolution to revolution.
+
+    States (2n) are positions [m] and then velocities [m/s] at -180 degrees.
+    """
 
     periodic: bool
-    state: State  # m and m/s, at -180 degrees; of plain revolutions where the motion is aperiodic
+    state: State  # the periodic one, or the last of the plain revolutions
     residual: float  # smallest change over a revolution that was reached, in units of 1 um and 1 mm/s
     multipliers: np.ndarray  # (2n) Floquet multipliers, the eigenvalues of the map's Jacobian
     revolutions: int  # run in all, those of the finite differences and of the range included
     revolutions_to_state: int  # run until the fixed point was reached, or given up
-    low: State  # smallest state one revolution apart
-    high: State  # largest
+    low: State  # smallest value of every component over RANGED revolutions
+    high: State  # largest value
 
     @property
     def radius(self) -> float:
-        """Spectral radius of the cycle map at the fixed point: the size of the largest multiplier, or NaN for none."""
+        """Spectral radius of the cycle map's Jacobian at the fixed point, or NaN where there is no fixed point."""
         return float(np.abs(self.multipliers).max()) if len(self.multipliers) else np.nan
 
 
 class _Cycle:
-    """The cycle map in UNIT, counting its revolutions."""
+    """The cycle map of states in UNIT, which counts its revolutions.
+
+    It raises MotionRefused for a state that is not finite after the revolution.
+    """
 
     def __init__(self, revolve: Revolve, n: int):
         self.revolve, self.scale, self.count = revolve, np.repeat(UNIT, n), 0
@@ -74,15 +81,15 @@ class _Cycle:
         return after
 
     def jacobian(self, y: State, after: State) -> Float[np.ndarray, "two_n two_n"]:
-        """Forward differences about y, whose image is `after`."""
+        """The derivative of the map at y, whose image is `after`, by forward differences."""
         columns = [(self(y + DIFFERENCE * unit) - after) / DIFFERENCE for unit in np.eye(len(y))]
         return np.stack(columns, axis=1)
 
 
 def periodic_state(revolve: Revolve, state: State, jacobian: Jacobian | None = None) -> PeriodicState:
-    """The periodic state of a method's revolution, looked for from `state` ([m], then [m/s]).
+    """The periodic state of a method's revolution, looked for from `state` (2n), which is in [m], then in [m/s].
 
-    `jacobian` gives the derivative of the cycle map; without it, finite differences cost 2n revolutions a time. The
+    `jacobian` gives the derivative of the cycle map. Without it, finite differences cost 2n revolutions a time. The
     state found stands to 0.1 nm and 0.1 um/s over a revolution. Raises MotionRefused where the plain motion has no
     bound.
     """
@@ -113,11 +120,15 @@ def periodic_state(revolve: Revolve, state: State, jacobian: Jacobian | None = N
 
 
 def _size(change: np.ndarray) -> float:
+    """The largest component of a change, in its unit."""
     return float(np.abs(change).max())
 
 
 def _anderson(cycle: _Cycle, y: State) -> tuple[State, State]:
-    """The best state met, and its image, by Anderson acceleration; a plain step where the mixed one is refused."""
+    """The best state met, and its image, by Anderson acceleration from y; all states are in UNIT.
+
+    A plain step is taken where the mixed one is refused.
+    """
     best = y, cycle(y)
     states, images = [best[0]], [best[1]]
     for _ in range(MOST_ACCELERATED):
@@ -137,7 +148,7 @@ def _anderson(cycle: _Cycle, y: State) -> tuple[State, State]:
 
 
 def _mixed(states: Float[np.ndarray, "m two_n"], images: Float[np.ndarray, "m two_n"]) -> State:
-    """The next state: the combination of images whose linearised change over a revolution is smallest."""
+    """The combination of the last m images that, to first order, changes least over a revolution."""
     change = images - states
     differences = np.diff(change, axis=0).T
     if differences.size == 0:
@@ -147,7 +158,7 @@ def _mixed(states: Float[np.ndarray, "m two_n"], images: Float[np.ndarray, "m tw
 
 
 def _newton(cycle: _Cycle, derivative, y: State, after: State) -> tuple[State, State]:
-    """Newton's method on G(y) - y while it halves the change over a revolution."""
+    """The state and its image after Newton's method on G(y) - y, which goes on while it halves the change."""
     for _ in range(MOST_NEWTON):
         if _size(after - y) < ACCURACY:
             break

@@ -1,10 +1,10 @@
-"""Speeds at which a harmonic of the cam meets a lightly damped mode: where a grid of speeds alone would miss a peak.
+"""Speeds at which a harmonic of the cam meets a lightly damped mode, whose peak a grid of speeds alone would miss.
 
-A mode of angular frequency w and damping ratio z resonates with the cam's harmonic n at the cam speed w / n, within a
-relative half width of z. While the valve is seated the mode is another one than while it is lifted. Its phase runs at
-one rate and then at the other, so over a revolution the mean counts, weighted with the angles for which the valve is
-lifted and seated; the centre lies between the two in any case (and, under progressive laws, between those of the
-springs at rest and at full lift).
+A mode of angular frequency w and damping ratio z resonates with the cam's harmonic n at the cam speed w / n. Its peak
+has the relative half width z: there the oscillation has half of its power. While the valve is seated the mode is
+another one than while it is lifted. Its phase runs at one rate and then at the other, so that over a revolution the
+mean counts, weighted with the angles for which the valve is lifted and seated. The centre lies between the two
+frequencies in any case and, under progressive laws, between those of the springs at rest and at full lift.
 """
 
 from dataclasses import dataclass, replace
@@ -20,39 +20,42 @@ from camopt.scene.train import Train, build_train
 from camopt.scene.vibration import acting_elements, oscillations
 
 SAMPLES = 4096
-"""Samples of the lift for its harmonics: those up to a thousand are exact to rounding."""
+"""Number of samples of the lift from which its harmonics are taken. Those up to a thousand are exact to rounding."""
 SMALLEST = 1e-7
-"""Amplitude at resonance [m], harmonic over twice the damping ratio, below which a resonance moves no figure."""
+"""Amplitude [m] below which a resonance moves no figure; an amplitude is the harmonic over twice the damping ratio."""
 MOST_RESONANCES, MOST_POINTS = 40, 13
-"""Resonances looked at, the largest amplitudes first, and speeds at each of them."""
+"""Largest number of resonances that are looked at, those of the largest amplitudes, and of speeds at each of them."""
 UNDAMPED = 1e-6
-"""Damping ratio that stands in for a smaller one: half widths must not vanish."""
+"""Damping ratio that stands in for a smaller one, because half widths must not vanish."""
 
 
 @dataclass(frozen=True)
 class Resonance:
-    """A harmonic of the cam on a mode, in crankshaft speeds [r/min]."""
+    """A harmonic of the cam that meets a mode; its speeds are those of the crankshaft [r/min]."""
 
     speed_rpm: float  # where the mean frequency puts it
-    low_rpm: float  # between which it lies
-    high_rpm: float
+    low_rpm: float  # the least speed at which it may lie
+    high_rpm: float  # the greatest one
     half_width_rpm: float
     harmonic: int
     frequency_Hz: float
     amplitude_m: float  # harmonic of the lift over twice the damping ratio
 
     def speeds_rpm(self) -> Float[np.ndarray, " points"]:
-        """Speeds at which it is looked at: a half width apart, from one half width below to one above."""
+        """The ascending crankshaft speeds [r/min] at which it is looked at.
+
+        They lie a half width apart, but for MOST_POINTS, from one half width below `low_rpm` to one above `high_rpm`.
+        """
         low, high = self.low_rpm - self.half_width_rpm, self.high_rpm + self.half_width_rpm
         points = int(np.clip(np.ceil((high - low) / self.half_width_rpm) + 1, 3, MOST_POINTS))
         return np.unique(np.append(np.linspace(low, high, points), self.speed_rpm))
 
 
 def resonances(scene: Scene, lift: Lift, step_rpm: float) -> tuple[list[Resonance], int]:
-    """Resonances within the scene's band that steps of `step_rpm` may miss, and how many of them were left out.
+    """The resonances within the scene's band that steps of `step_rpm` [r/min] may miss, and how many were left out.
 
-    Left out without being counted are those wider than the step, whose half width the grid resolves, and those too
-    weak to move a figure; counted are those beyond MOST_RESONANCES.
+    They ascend in speed. Those beyond MOST_RESONANCES are left out and counted. Those whose half width is the step or
+    more, which the grid resolves, and those too weak to move a figure are left out and not counted.
     """
     assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
     train = build_train(scene)
@@ -77,9 +80,10 @@ def resonances(scene: Scene, lift: Lift, step_rpm: float) -> tuple[list[Resonanc
 
 
 def _pairs(train: Train, lift: Lift) -> list[tuple[list[tuple[float, float]], list[tuple[float, float]]]]:
-    """(angular frequency [rad/s], damping ratio) of every mode while lifted and of the seated mode most alike in shape.
+    """For every mode while the valve is lifted, that mode and the seated mode that is most alike in shape.
 
-    Several of each where laws are progressive: with the springs as at rest and as at full lift.
+    Each is a list of (angular frequency [rad/s], damping ratio). It has one entry or, where laws are progressive, one
+    with the springs as at rest and one with the springs as at full lift.
     """
     trains = _linearised(train, lift)
     lifted = [oscillations(t, acting_elements(train, "lifted")) for t in trains]
@@ -91,7 +95,11 @@ def _pairs(train: Train, lift: Lift) -> list[tuple[list[tuple[float, float]], li
 
 
 def _nearest(shape: np.ndarray, others: tuple[np.ndarray, np.ndarray, np.ndarray], mass: np.ndarray):
-    """Frequency and damping ratio of the mode with the largest modal assurance (Allemang and Brown 1982), by mass."""
+    """Angular frequency [rad/s] and damping ratio of the mode among `others` that is most alike to `shape` (n).
+
+    `others` are frequencies (k), damping ratios (k) and shapes (k, n). The measure is the modal assurance criterion
+    (Allemang and Brown, A correlation coefficient for modal vector analysis, 1982), weighted with the masses (n).
+    """
     angular, ratio, shapes = others
     alike = (shapes @ (mass * shape)) ** 2 / ((shapes**2) @ mass)
     i = int(np.argmax(alike))
@@ -99,7 +107,10 @@ def _nearest(shape: np.ndarray, others: tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def _linearised(train: Train, lift: Lift) -> list[Train]:
-    """The train, and under progressive laws the trains whose springs have their stiffness at rest and at full lift."""
+    """The train alone or, under progressive laws, two trains with linear springs in its place.
+
+    Their stiffness is that of the springs at rest, and at full lift.
+    """
     laws = train.laws
     if laws is None or not np.any(laws.kind == PROGRESSIVE):
         return [train]
