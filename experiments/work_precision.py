@@ -124,17 +124,17 @@ def adaptive(case: Case, size: str) -> list[dict]:
     longest = case.times[-1] / 400  # from rest the step grows without bound: CVODE leaps over the whole event
 
     def by_return(t, y):
-        right_hand_side(t, y, derivative, *case.arrays)
+        right_hand_side(t, y, derivative, case.arrays)
         return derivative.copy()
 
     def in_place(t, y, out):
-        right_hand_side(t, np.asarray(y), derivative, *case.arrays)
+        right_hand_side(t, np.asarray(y), derivative, case.arrays)
         out[:] = derivative
 
     for rtol in TOLERANCES[size]:
         rows.append(measured(
             case, "Dormand-Prince, compiled", f"rtol {rtol:g}",
-            lambda r=rtol: dormand_prince(case.rest, case.times, r, r * 1e-3, *case.arrays),
+            lambda r=rtol: dormand_prince(case.rest, case.times, r, r * 1e-3, case.arrays),
             lambda out: out[0][:, valve], REPEATS[size],
         ))  # fmt: skip
     for rtol in SLOW_TOLERANCES[size]:

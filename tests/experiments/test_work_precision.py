@@ -27,11 +27,11 @@ def test_dormand_prince_follows_scipy_where_nothing_switches():
     """The opening ramp: dense output and steps against DOP853 at 1e-12."""
     case = Case("small")
     times = np.linspace(0.0, 0.3 * case.times[-1] / 2, 50)
-    ours, tried = dormand_prince(case.rest, times, 1e-9, 1e-12, *case.arrays)
+    ours, tried = dormand_prince(case.rest, times, 1e-9, 1e-12, case.arrays)
 
     def slope(t, y):
         dy = np.empty(20)
-        right_hand_side(t, y, dy, *case.arrays)
+        right_hand_side(t, y, dy, case.arrays)
         return dy
 
     theirs = solve_ivp(slope, times[[0, -1]], case.rest, "DOP853", times, rtol=1e-12, atol=1e-15, max_step=1e-5).y.T

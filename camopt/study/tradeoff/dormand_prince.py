@@ -34,8 +34,12 @@ def problem(train: Train, lift: Lift, cam_speed: float) -> tuple:
 
 
 @compiled
-def right_hand_side(t, y, dy, masses, ends, laws, cam):
-    """Writes dy/dt to dy (2n) at the time t [s] after -pi; a contact has f = max(0, p + c d') where p > 0, else 0."""
+def right_hand_side(t, y, dy, arrays):
+    """Writes dy/dt to dy (2n) at the time t [s] after -pi; a contact has f = max(0, p + c d') where p > 0, else 0.
+
+    `arrays` is what `problem` gives.
+    """
+    masses, ends, laws, cam = arrays
     mass, mass_damping, mass_force = masses
     a, b, contact, cam_driven = ends
     stiffness, damping, preload, gap = laws
@@ -81,14 +85,17 @@ def _lift(t, cam):
 
 
 @compiled
-def dormand_prince(start, times, rtol, atol, masses, ends, laws, cam):
-    """(states (len(times), 2n) at ascending times [s], number of steps tried), from `start` (2n) at times[0]."""
+def dormand_prince(start, times, rtol, atol, arrays):
+    """(states (len(times), 2n) at ascending times [s], number of steps tried), from `start` (2n) at times[0].
+
+    `arrays` is what `problem` gives.
+    """
     m, t, end = len(start), times[0], times[-1]
     y, new, k = start.copy(), np.empty(m), np.empty((7, m))
     out = np.empty((len(times), m))
     out[0] = start
     wanted, tried, h, before = 1, 0, 1e-7, 1e-4
-    right_hand_side(t, y, k[0], masses, ends, laws, cam)
+    right_hand_side(t, y, k[0], arrays)
     while t < end:
         h = min(h, end - t)
         tried += 1
@@ -98,7 +105,7 @@ def dormand_prince(start, times, rtol, atol, masses, ends, laws, cam):
                 for j in range(stage):
                     total += A[stage, j] * k[j, i]
                 new[i] = y[i] + h * total
-            right_hand_side(t + C[stage] * h, new, k[stage], masses, ends, laws, cam)
+            right_hand_side(t + C[stage] * h, new, k[stage], arrays)
         square = 0.0
         for i in range(m):
             error = 0.0

@@ -140,15 +140,15 @@ def peer(case: RevolutionCase, name: str, rtol: float) -> Response:
     longest = times[-1] / 400  # from rest the step grows without bound and leaps over the whole event
 
     def slope(t, y):
-        right_hand_side(t, y, derivative, *arrays)
+        right_hand_side(t, y, derivative, arrays)
         return derivative.copy()
 
     def in_place(t, y, out):
-        right_hand_side(t, np.asarray(y), derivative, *arrays)
+        right_hand_side(t, np.asarray(y), derivative, arrays)
         out[:] = derivative
 
     if name.startswith("Dormand"):
-        states, _ = dormand_prince(case.rest, times, rtol, rtol * 1e-3, *arrays)
+        states, _ = dormand_prince(case.rest, times, rtol, rtol * 1e-3, arrays)
     elif name.startswith("CVODE"):
         assert CVODE is not None
         solver = CVODE(in_place, method="Adams", rtol=rtol, atol=rtol * 1e-3, max_num_steps=10**7, max_step=longest)
