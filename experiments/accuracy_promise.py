@@ -62,9 +62,7 @@ def bounce_row(case: DrawnCase, asked_um: float) -> dict:
     """`verify` by event-exact; a motion that does not repeat is known to its range."""
     effort, train = effort_of(asked_um), build_train(case.scene)
     begin = time.perf_counter()
-    verdict = verdict_on(
-        case.scene, case.lift, (case.speed_rpm,), ("event",), None, effort.tolerance_um, settled=effort.settled_um * UM
-    )
+    verdict = verdict_on(case.scene, case.lift, (case.speed_rpm,), ("event",), None, effort.demand)
     seconds = time.perf_counter() - begin
     (speed,) = verdict.speeds
     bounces, spreads = [], []

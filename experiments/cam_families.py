@@ -31,6 +31,7 @@ from camopt.scene import Scene, load_scene
 from camopt.scene.schema import Design
 from camopt.scene.units import DEG, MM
 from camopt.storage import write_json
+from camopt.verifier.convergence import Demand
 from camopt.verifier.verdict import verdict_on
 from experiments.support.cam_families_table import bounces, markdown, orders_of_continuity
 from experiments.support.provenance import provenance
@@ -99,7 +100,9 @@ def motion(lift: Lift, scene: Scene, where: str, size: str) -> dict:
     if where != "Table 4":
         return {}
     return {
-        "bounce": bounces(verdict_on(scene, lift, SPEEDS[size], ("event", "rkg"), None, TOLERANCE_UM, HALVINGS[size]))
+        "bounce": bounces(
+            verdict_on(scene, lift, SPEEDS[size], ("event", "rkg"), None, Demand(TOLERANCE_UM, HALVINGS[size]))
+        )
     }
 
 

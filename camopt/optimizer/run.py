@@ -195,7 +195,7 @@ def full_verdict(scene: Scene, lift: Lift, speeds: str, effort: Accuracy) -> Ver
     """The verdict on a run's design: at the listed speeds and, with `speeds` "band", over the band."""
     asked = effort.verdict
     band_step = asked.band_step_rpm if speeds == "band" else None
-    return verdict_on(scene, lift, None, asked.methods, band_step, asked.tolerance_um)
+    return verdict_on(scene, lift, None, asked.methods, band_step, asked.demand)
 
 
 def confirmed_cam(

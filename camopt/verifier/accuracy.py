@@ -30,6 +30,7 @@ from camopt.scene.schema import Scene
 from camopt.scene.settled import SETTLED_POSITION
 from camopt.scene.train import build_train
 from camopt.scene.units import UM
+from camopt.verifier.convergence import Demand
 from camopt.verifier.stored_curves import stored_curves
 from camopt.verifier.verdict import METHODS, Verdict, methods_for, verdict_on
 
@@ -46,6 +47,11 @@ class Effort:
     band_step_rpm: float
     tolerance_um: float
     settled_um: float = SETTLED_POSITION / UM
+
+    @property
+    def demand(self) -> Demand:
+        """What is asked of every method."""
+        return Demand(self.tolerance_um, position=self.settled_um * UM)
 
 
 EFFORTS = {
@@ -91,7 +97,5 @@ def verify(
     effort = effort_of(accuracy)
     every = methods_for(build_train(scene))[: 2 if accuracy == "draft" else None]
     asked = every if methods == "all" else (methods,)
-    verdict = verdict_on(
-        scene, lift, speeds_rpm, asked, effort.band_step_rpm, effort.tolerance_um, settled=effort.settled_um * UM
-    )
+    verdict = verdict_on(scene, lift, speeds_rpm, asked, effort.band_step_rpm, effort.demand)
     return replace(verdict, asked=accuracy)

@@ -3,7 +3,7 @@
 The only file of this package that reaches for the event-exact method, and only when it is asked for.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -15,7 +15,6 @@ from camopt.measure.sweep import STARTS_MM, Band, SettledMany, Swept, first_exce
 from camopt.scene.errors import InputError
 from camopt.scene.response import Revolve
 from camopt.scene.schema import Scene
-from camopt.scene.settled import SETTLED_POSITION
 from camopt.scene.train import Train, build_train
 from camopt.verifier.accuracy_statement import stated
 from camopt.verifier.at_speed import Case, SpeedVerdict, judge_speed
@@ -34,6 +33,8 @@ WORKERS = 2
 """Threads over the speeds of a verdict."""
 SWEEP_REFINEMENT = 4
 """Runge-Kutta-Gill's steps in a sweep, as a multiple of the first ones: where its bounce is right to some um."""
+DEMAND = Demand()
+"""What a verdict asks of every method, where nothing else is said."""
 ORDER = ("confirmed", "sensitive", "not converged", "rejected")
 """From best to worst: one speed at which a limit is surely broken rejects the cam, whatever the others say."""
 
@@ -90,10 +91,7 @@ def verdict_on(
     speeds_rpm: tuple[float, ...] | None = None,
     methods: tuple[str, ...] | None = None,
     band_step_rpm: float | None = 20.0,
-    tolerance_um: float = 2.0,
-    halvings: int = 6,
-    *,
-    settled: float = SETTLED_POSITION,
+    demand: Demand = DEMAND,
 ) -> Verdict:
     """Judge a cam at `speeds_rpm` (crankshaft; the scene's by default) and over the scene's band.
 
@@ -102,37 +100,49 @@ def verdict_on(
     method ends as "not converged". `band_step_rpm` None leaves the band and the starting speeds out; they are swept
     with event-exact (Runge-Kutta-Gill for nonlinear laws), also where a lightly damped mode resonates between its
     steps, and all methods look at the worst speed of every limited metric and at the starting speeds inside the band.
-    Bounce and jump "start" where they exceed the scene's limit, or 0.05 mm where it sets none. `tolerance_um` [um]: by
-    how much halving the step may still move bounce and jump. `settled` [m]: largest change of a position over a
-    revolution of a settled motion. Raises InputError for a scene without valve or operation, or an unknown method.
+    Bounce and jump "start" where they exceed the scene's limit, or 0.05 mm where it sets none. `demand` says how far
+    every method is asked to go; its limited metrics are the scene's. Raises InputError for a scene without valve or
+    operation, or an unknown method.
     """
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name!r}: a verdict needs valve, seat and [operation]")
     methods = _known_methods(scene, methods)
-    demand = Demand(tolerance_um, halvings, limited_metrics(scene.design), position=settled)
+    demand = replace(demand, limited=limited_metrics(scene.design))
     case = Case(scene, lift, {name: method_named(name) for name in methods}, demand)
-
-    def judge(speeds) -> tuple[SpeedVerdict, ...]:
-        with ThreadPoolExecutor(WORKERS) as pool:
-            return tuple(pool.map(lambda speed: judge_speed(case, float(speed)), speeds))
-
-    at_speeds = judge(scene.operation.speeds_rpm if speeds_rpm is None else speeds_rpm)
+    at_speeds = _judged(case, scene.operation.speeds_rpm if speeds_rpm is None else speeds_rpm)
     band, worst, first = None, (), {"bounce_mm": None, "jump_mm": None}
     if band_step_rpm is not None:
-        band, first, suspects = _swept_band(scene, lift, band_step_rpm)
-        swept = band
-        for _ in range(ROUNDS):
-            worst += judge(s for s in suspects if s not in [w.speed_rpm for w in worst])
-            judged = {s.speed_rpm: s.methods[methods[0]].worst for s in (*at_speeds, *worst)}
-            band = swept.with_judged(methods[0], judged)
-            suspects = [band.worst(name)[0] for name in limited_metrics(scene.design)]
-        worst = tuple(sorted(worst, key=lambda s: s.speed_rpm))
+        swept, first, suspects = _swept_band(scene, lift, band_step_rpm)
+        band, worst = _judged_band(case, swept, suspects, at_speeds)
     shape = broken_by_shape(lift, scene.design)
     every = (*at_speeds, *worst)
     broken = dict.fromkeys([*shape, *(name for s in every for name in s.broken)])
     overall = max([*(s.verdict for s in every), "rejected" if shape else "confirmed"], key=ORDER.index)
     starts = first["jump_mm"], first["bounce_mm"]
+    tolerance_um = demand.tolerance_um
     return Verdict(overall, tuple(broken), at_speeds, band, worst, *starts, tolerance_um, scene=scene, cam=lift.family)
+
+
+def _judged(case: Case, speeds_rpm: Iterable[float]) -> tuple[SpeedVerdict, ...]:
+    """The verdicts at crankshaft speeds [r/min], some of them side by side."""
+    with ThreadPoolExecutor(WORKERS) as pool:
+        return tuple(pool.map(lambda speed: judge_speed(case, float(speed)), speeds_rpm))
+
+
+def _judged_band(
+    case: Case, swept: Band, suspects: list[float], at_speeds: tuple[SpeedVerdict, ...]
+) -> tuple[Band, tuple[SpeedVerdict, ...]]:
+    """The band with the first method's figures at all judged speeds, and the verdicts at its worst speeds [r/min].
+
+    All methods look at the `suspects` of the sweep, and again at what is then the worst speed of a limited metric.
+    """
+    band, worst, method = swept, (), next(iter(case.methods))
+    for _ in range(ROUNDS):
+        worst += _judged(case, [s for s in suspects if s not in [w.speed_rpm for w in worst]])
+        judged = {s.speed_rpm: s.methods[method].worst for s in (*at_speeds, *worst)}
+        band = swept.with_judged(method, judged)
+        suspects = [band.worst(name)[0] for name in case.demand.limited]
+    return band, tuple(sorted(worst, key=lambda s: s.speed_rpm))
 
 
 def _known_methods(scene: Scene, methods: tuple[str, ...] | None) -> tuple[str, ...]:

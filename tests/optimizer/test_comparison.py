@@ -21,6 +21,7 @@ from camopt.plots.speeds import first_passed
 from camopt.plots.style import cam_line
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import MM
+from camopt.verifier.convergence import Demand
 from camopt.verifier.verdict import verdict_on
 
 KODAMA = load_scene("kodama")
@@ -56,7 +57,7 @@ def test_the_jerk_limit_does_not_reject_in_the_table_without_it():
     scene = KODAMA.model_copy(update={"design": design})
     lift = polydyne(scene)
     assert broken_by_shape(lift, design) == ["jerk_max_mm_per_deg3"]
-    verdict = verdict_on(scene, lift, (5000.0,), ("event",), None, 5.0, 0)
+    verdict = verdict_on(scene, lift, (5000.0,), ("event",), None, Demand(5.0, 0))
     (row,) = comparison_rows(scene, "polydyne", lift, verdict.as_dict())
     assert (row["limits"], row["verdict"]) == ("no-jerk", verdict.speeds[0].verdict)
     assert "jerk" not in row["broken"]
@@ -66,7 +67,7 @@ def test_a_family_without_member_is_said(tmp_path, monkeypatch):
     monkeypatch.setattr(comparison, "draw", lambda *a: None)
     monkeypatch.setitem(comparison.BASELINES, "plain", lambda *_: {"polydyne": "no member, because"})
     lift = polydyne(MOTORI)
-    verdict = verdict_on(MOTORI, lift, None, ("event",), None, 5.0, 0)
+    verdict = verdict_on(MOTORI, lift, None, ("event",), None, Demand(5.0, 0))
     monkeypatch.setattr(comparison, "verdict_on", lambda *a: verdict)
     folder = compare(MOTORI, {"mine": lift}, tmp_path / "out")
     with open(folder / "comparison.csv", encoding="utf-8") as file:

@@ -53,7 +53,7 @@ def test_a_motion_has_settled_here_where_the_verdict_says_so():
     lively = [e.model_copy(update={"damping_N_s_per_m": 0.018 * e.damping_N_s_per_m}) for e in SCENE.element]
     scene = SCENE.model_copy(update={"element": lively})
     lift = read_cam("exponent", SCENE)
-    (judged,) = verdict_on(scene, lift, (3000.0,), ("event",), None, 2.0).as_dict()["speeds"]
+    (judged,) = verdict_on(scene, lift, (3000.0,), ("event",), None).as_dict()["speeds"]
     assert judged["periodic"] and judged["revolutions"] >= 40  # of the first step alone
     train, speed = build_train(scene), scene.cam_speed(3000)
     (stated,) = stated_periodic({"speeds": [judged]}).values()

@@ -60,7 +60,6 @@ class Result:
     """What a verdict was asked for."""
 
     arguments: tuple
-    settled: float
     asked: object = None
 
 
@@ -79,12 +78,14 @@ class TestEffort:
             effort_of(accuracy)
 
     def test_verify_is_asked_for_it(self, monkeypatch):
-        monkeypatch.setattr(module, "verdict_on", lambda *arguments, settled: Result(arguments, settled))
+        monkeypatch.setattr(module, "verdict_on", lambda *arguments: Result(arguments))
         scene = load_scene("motori-1")
         found = verify(scene, polydyne(scene), (5000.0,), "event", 50.0)
         effort = effort_of(50.0)
-        assert found.arguments[2:] == ((5000.0,), ("event",), effort.band_step_rpm, 50.0)
-        assert (found.settled, found.asked) == (pytest.approx(effort.settled_um * UM), 50.0)
+        speeds, methods, band_step, demand = found.arguments[2:]
+        assert (speeds, methods, band_step) == ((5000.0,), ("event",), effort.band_step_rpm)
+        assert (demand.tolerance_um, demand.position) == (50.0, pytest.approx(effort.settled_um * UM))
+        assert found.asked == 50.0
 
 
 def test_the_bounce_delivered_is_within_what_was_asked():

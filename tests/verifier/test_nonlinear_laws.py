@@ -17,6 +17,7 @@ from camopt.scene.train import GROUND
 from camopt.scene.units import MM
 from camopt.verifier import verdict
 from camopt.verifier.accuracy import verify
+from camopt.verifier.convergence import Demand
 from camopt.verifier.methods import dop853, houbolt, rkg, tmm
 from tests.verifier.trains import no_lift, train
 
@@ -163,7 +164,8 @@ def test_the_band_of_a_nonlinear_train_is_swept_with_a_method_that_carries_it():
 @pytest.mark.long  # two minutes: DOP853 settles and looks at six neighbours; the small sizes are above
 def test_the_verdict_on_kodama_hertz_at_5000_is_an_agreement():
     scene, _, _ = hertz()
-    found = verdict.verdict_on(scene, polydyne(scene), (5000.0,), band_step_rpm=None, halvings=2).speeds[0]
+    judged = verdict.verdict_on(scene, polydyne(scene), (5000.0,), band_step_rpm=None, demand=Demand(halvings=2))
+    (found,) = judged.speeds
     assert found.verdict == "confirmed"
     assert list(found.methods) == ["dop853", "rkg"]
     for method in found.methods.values():

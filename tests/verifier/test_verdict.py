@@ -14,13 +14,13 @@ from camopt.measure.settling import Figures
 from camopt.scene import QUANTITIES, InputError, load_scene
 from camopt.verifier import verdict
 from camopt.verifier.at_speed import FAR, HALVED, ONE_STEP, agreement, far_beyond
-from camopt.verifier.convergence import Converged
+from camopt.verifier.convergence import Converged, Demand
 from camopt.verifier.display import COLUMNS
 from camopt.verifier.neighbourhood import against_limits
 from camopt.verifier.verdict import verdict_on
 
 SHAPE = ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3", "nose_deg")
-AT_5000 = {"speeds_rpm": (5000.0,), "band_step_rpm": None, "halvings": 2}
+AT_5000 = {"speeds_rpm": (5000.0,), "band_step_rpm": None, "demand": Demand(halvings=2)}
 
 
 @cache
@@ -117,7 +117,7 @@ def test_what_is_limited_decides_whether_methods_agree():
 def test_a_cam_that_floats_is_rejected_where_jump_angle_or_least_force_are_limited():
     """motori-1 with its polydyne at 5400 r/min: the contact is open over 32 degrees and parts by 0.025 mm."""
     floating = motori(**NONE | {"jump_max_mm": 0.05})
-    lift, at_5400 = polydyne(floating), {"speeds_rpm": (5400.0,), "band_step_rpm": None, "halvings": 4}
+    lift, at_5400 = polydyne(floating), {"speeds_rpm": (5400.0,), "band_step_rpm": None, "demand": Demand(halvings=4)}
     free = verdict_on(floating, lift, **at_5400)
     worst = next(iter(free.speeds[0].methods.values())).worst
     assert free.verdict == "confirmed" and worst["jump_deg"] > 30 and worst["contact_force_min_N"] == 0.0
@@ -128,7 +128,9 @@ def test_a_cam_that_floats_is_rejected_where_jump_angle_or_least_force_are_limit
 
 def test_a_verdict_prints_on_one_screen():
     base = motori(**NONE)
-    result = verdict_on(base, polydyne(base), (4000.0, 5000.0, 5400.0), ("event", "rkg"), 1000.0, halvings=2)
+    result = verdict_on(
+        base, polydyne(base), (4000.0, 5000.0, 5400.0), ("event", "rkg"), 1000.0, demand=Demand(halvings=2)
+    )
     shown = str(result)
     assert len(shown.splitlines()) <= 30 and max(map(len, shown.splitlines())) <= 100 and len(shown) < 2500
     for words in ("jump deg", "least N", "worst over 4000 to 6000 r/min", "verdict: "):
@@ -199,7 +201,7 @@ def test_a_limit_broken_far_beyond_every_error_is_decided_by_one_step_for_half_t
     def judged(**limits):
         case = scene(**NONE | limits)
         started = time.process_time()
-        result = verdict_on(case, lift(), (6500.0,), ("event", "rkg", "tmm"), None, halvings=4)
+        result = verdict_on(case, lift(), (6500.0,), ("event", "rkg", "tmm"), None, Demand(halvings=4))
         return result, time.process_time() - started
 
     judged(bounce_max_mm=0.05)  # compiles, and builds what the further ones share
@@ -260,7 +262,7 @@ def motori(**limits):
 @pytest.mark.parametrize("bounce_max_mm", [1.0, 1e-4])
 def test_the_record_of_a_band_holds_what_any_report_states_about_it(bounce_max_mm):
     train = motori(bounce_max_mm=bounce_max_mm, jump_max_mm=None, seating_velocity_max_m_per_s=None)
-    result = verdict_on(train, polydyne(train), (6000.0, 6500.0), band_step_rpm=500.0, halvings=4)
+    result = verdict_on(train, polydyne(train), (6000.0, 6500.0), band_step_rpm=500.0, demand=Demand(halvings=4))
     data = json.loads(json.dumps(result.as_dict(), allow_nan=False))
     assert data["verdict"] == ("rejected" if bounce_max_mm < 1 else result.verdict)
     band, listed, worst = data["band"], data["speeds"], data["worst_in_band"]
@@ -287,6 +289,8 @@ def test_the_record_of_a_band_holds_what_any_report_states_about_it(bounce_max_m
 
 def test_what_another_method_found_in_the_band_is_said_so():
     train = motori(jump_max_mm=None, seating_velocity_max_m_per_s=None)
-    result = verdict_on(train, polydyne(train), (5500.0,), ("rkg", "event"), band_step_rpm=1000.0, halvings=2)
+    result = verdict_on(
+        train, polydyne(train), (5500.0,), ("rkg", "event"), band_step_rpm=1000.0, demand=Demand(halvings=2)
+    )
     methods = dict(zip(result.band.speeds_rpm, result.band.methods, strict=True))
     assert methods[5500.0] == "rkg" and methods[4000.0] == "event"

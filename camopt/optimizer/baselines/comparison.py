@@ -25,6 +25,7 @@ from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 from camopt.storage import run_folder, run_identity
 from camopt.verifier.accuracy import EFFORTS
+from camopt.verifier.convergence import Demand
 from camopt.verifier.verdict import Verdict, verdict_on
 
 __all__ = ["BASELINES", "NO_JERK", "best_baselines", "compare", "compare_again", "compare_in", "comparison_rows",
@@ -175,8 +176,8 @@ def _write(folder: Path, scene: Scene, cams: Mapping[str, Lift], found: Mapping[
 
 
 def _judged(scene: Scene, lift: Lift, effort: Accuracy, band_step_rpm: float | None) -> dict:
-    methods, tolerance_um = EFFORTS["draft"].methods, effort.verdict.tolerance_um
-    return verdict_on(scene, lift, None, methods, band_step_rpm, tolerance_um, HALVINGS).as_dict()
+    methods, demand = EFFORTS["draft"].methods, Demand(effort.verdict.tolerance_um, HALVINGS)
+    return verdict_on(scene, lift, None, methods, band_step_rpm, demand).as_dict()
 
 
 def _judged_baseline(scene: Scene, lift: Lift | str, effort: Accuracy, band_step_rpm: float | None) -> dict:
