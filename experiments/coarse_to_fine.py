@@ -16,7 +16,7 @@ import numpy as np
 from camopt.optimizer.accuracy import ACCURACIES, Accuracy
 from camopt.optimizer.run import confirmed_cam
 from camopt.optimizer.search.judge import Judge, Judged
-from camopt.optimizer.search.search import find_cam
+from camopt.optimizer.search.search import Logbook, find_cam
 from camopt.scene import Scene, load_scene
 from camopt.scene.units import DEG, UM
 from camopt.verifier.accuracy import EFFORTS
@@ -50,10 +50,11 @@ class JudgeAtEverySpeed(Judge):
 def measured(scene: Scene, effort: Accuracy, gradient: str) -> tuple[dict, np.ndarray]:
     """One search: its row, and the lift of its cam [m] at ANGLES."""
     judged: list[int] = []
+    log = Logbook(show=lambda line: judged.append(line["confirmed"]))
     begin = time.process_time()
     judge = JudgeAtEverySpeed if effort.judge_stride == 1 else Judge
     with mock.patch("camopt.optimizer.search.search.Judge", judge):
-        search, _ = find_cam(scene, "band", effort, gradient, show=lambda line: judged.append(line["confirmed"]))
+        search, _ = find_cam(scene, "band", effort, gradient, log=log)
     seconds = time.process_time() - begin
     found, verdict, _ = confirmed_cam(scene, search.confirmed, "nominal", effort)
     row = {

@@ -28,7 +28,7 @@ from camopt.optimizer.program.kinematic import area_ratio_row, kinematic_optimum
 from camopt.optimizer.program.linear_program import ADDED_PER_ROUND, FEASIBILITY
 from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, no_jump_program
 from camopt.optimizer.search.judge import USABLE_SHARE, Judge
-from camopt.optimizer.search.search import find_cam
+from camopt.optimizer.search.search import Logbook, find_cam
 from camopt.scene import build_train, load_scene
 from camopt.scene.schema import Scene
 from experiments.support.record import RESULTS, run_script, write_result
@@ -173,7 +173,7 @@ def own(scene: Scene, speeds: str, gradient: str, effort: Accuracy) -> dict:
             confirmed.append((time.process_time() - started, line["area_ratio"]))
 
     started = time.process_time()
-    search, _ = find_cam(scene, speeds, effort, gradient, show=show)
+    search, _ = find_cam(scene, speeds, effort, gradient, log=Logbook(show=show))
     return _row(f"camopt, gradient {gradient}", search.judge.calls, time.process_time() - started, confirmed)
 
 

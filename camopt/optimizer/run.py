@@ -17,7 +17,7 @@ from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optim
 from camopt.optimizer.program.no_jump import NoJumpOptimum
 from camopt.optimizer.progress import Progress
 from camopt.optimizer.search.journal import Journal
-from camopt.optimizer.search.search import find_cam
+from camopt.optimizer.search.search import Logbook, find_cam
 from camopt.optimizer.stage_clock import StageClock
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
@@ -138,10 +138,10 @@ class _OpenRun:
         scene, effort, clock, gradient = self.scene, self.effort, self.clock, self.settings["gradient"]
         assert scene.design is not None, "load_scene(..., need=...) guarantees it"
         shown.begin("search")
+        log = Logbook(Journal(folder), shown.step, clock)
         search, no_jump = find_cam(
-            scene, self.settings["speeds"], effort, gradient, journal=Journal(folder), show=shown.step, clock=clock,
-            seed=self.settings["seed"],
-        )  # fmt: skip
+            scene, self.settings["speeds"], effort, gradient, log=log, seed=self.settings["seed"]
+        )
         self.found = {"cams_judged": search.judge.calls, "gradient_ended": search.gradient_ended}
         shown.begin("verdict")
         with clock.stage("verdict"):

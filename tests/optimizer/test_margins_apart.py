@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from camopt.optimizer.accuracy import ACCURACIES
-from camopt.optimizer.search.search import find_cam
+from camopt.optimizer.search.search import Logbook, find_cam
 from camopt.scene import load_scene
 
 SCENE = load_scene("kodama")
@@ -14,7 +14,7 @@ EFFORT = replace(ACCURACIES["draft"], knot_deg=12.0, margin_draws=48)
 
 def test_margins_apart_add_confirmed_area_and_repeat():
     lines = []
-    (first, _), (second, _) = (find_cam(SCENE, "nominal", EFFORT, show=lines.append) for _ in "ab")
+    (first, _), (second, _) = (find_cam(SCENE, "nominal", EFFORT, log=Logbook(show=lines.append)) for _ in "ab")
     common = max(line["best_area_ratio"] for line in lines if line["stage"] == "margin")
     assert first.best.area_ratio > common + 1e-3
     assert first.best_judged.holds

@@ -1,13 +1,14 @@
 """The search for a cam, without a run folder around it: the no-jump program and, if asked for, the gradient stage."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from camopt.cam.families.free import free_cam
 from camopt.optimizer.accuracy import Accuracy, design_speeds
-from camopt.optimizer.program.no_jump import NoJumpOptimum, no_jump_program
+from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
 from camopt.optimizer.search.journal import Journal
 from camopt.optimizer.search.judge import Judge
 from camopt.optimizer.search.no_jump_stage import Search, margins_apart, no_jump_stage
@@ -21,6 +22,15 @@ KNOT_SPREAD = 0.1
 """Share of itself by which a seed may change the knot interval."""
 BETWEEN_SHARE = 0.9
 """Part of every limit on the motion that a cam may use between the speeds at which it was searched."""
+
+
+@dataclass(frozen=True)
+class Logbook:
+    """What a search leaves behind on its way: the cams it judged, every step it shows, and what its stages cost."""
+
+    journal: Journal = field(default_factory=lambda: Journal(None))
+    show: Callable[[dict], None] = lambda line: None
+    clock: StageClock = field(default_factory=StageClock)
 
 
 def knot_interval_deg(effort: Accuracy, seed: int) -> float:
@@ -37,35 +47,30 @@ def find_cam(
     effort: Accuracy,
     gradient: str = "none",
     *,
-    journal: Journal | None = None,
-    show: Callable[[dict], None] = lambda line: None,
-    clock: StageClock | None = None,
+    log: Logbook | None = None,
     perturbations: Mapping[str, Perturbation] | None = None,
     seed: int = 0,
 ) -> tuple[Search, NoJumpOptimum]:
     """The search with the largest cam that the event-exact judge confirms, and the linear program's own best cam.
 
     `speeds` is "band" or "nominal"; `gradient` is "none", or "smooth" or "exact" for a gradient stage on that path, or
-    "auto" for the exact one where the train allows it. What each stage costs is measured by `clock`. With
-    `perturbations` (by name) the limits on the motion must hold under each of them too. `seed` draws the margins and,
-    where it is not zero, the knot interval, which besides the limits is all that a search starts from. Raises
-    InputError where no cam is confirmed.
+    "auto" for the exact one where the train allows it. With `perturbations` (by name) the limits on the motion must
+    hold under each of them too. `seed` draws the margins and, where it is not zero, the knot interval, which besides
+    the limits is all that a search starts from. Raises InputError where no cam is confirmed.
     """
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
-    clock, path = clock or StageClock(), path_of(gradient, build_train(scene))
+    log, path = log or Logbook(), path_of(gradient, build_train(scene))
     cam = free_cam(design, knot_interval_deg(effort, seed))
     program_speeds, judged_speeds = design_speeds(operation, speeds, effort)
     cam_speeds = [scene.cam_speed(s) for s in program_speeds]
-    with clock.stage("no_jump"):
+    with log.clock.stage("no_jump"):
         program = no_jump_program(build_train(scene), design, cam, cam_speeds)
         judge = Judge(scene, judged_speeds, effort.judge_stride if speeds == "band" else 1)
         if perturbations:
             judge = RobustJudge(judge, perturbations)
-            for perturbed in perturbations.values():
-                if perturbed.scene is not scene:
-                    program = program.extended(cam_speeds, build_train(perturbed.scene))
-        search = Search(judge, journal or Journal(None), show)
+            program = _with_perturbed(program, cam_speeds, scene, perturbations)
+        search = Search(judge, log.journal, log.show)
         program = no_jump_stage(search, program)
         margins_apart(search, program, effort.margin_draws, seed)
         between = Judge(scene, 0.5 * (judged_speeds[1:] + judged_speeds[:-1])) if speeds == "band" else None
@@ -77,10 +82,20 @@ def find_cam(
 
         if path == "smooth":
             import jax.monitoring  # noqa: F401  the clock listens to its compilations
-        with clock.stage("gradient"):
+        with log.clock.stage("gradient"):
             search.gradient_ended = gradient_stage(search, program, effort.gradient_steps, path)
             hold_between(search, between)
     return search, no_jump
+
+
+def _with_perturbed(
+    program: NoJumpProgram, cam_speeds: Sequence[float], scene: Scene, perturbations: Mapping[str, Perturbation]
+) -> NoJumpProgram:
+    """The program with the contact forces of every perturbed train, too, at the cam speeds [rad/s]."""
+    for perturbed in perturbations.values():
+        if perturbed.scene is not scene:
+            program = program.extended(cam_speeds, build_train(perturbed.scene))
+    return program
 
 
 def hold_between(search: Search, between: Judge | None) -> None:
