@@ -16,6 +16,7 @@ from camopt.measure.sweep import at_speeds
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.baselines import comparison, figures
 from camopt.optimizer.baselines.comparison import NO_JERK, best_baselines, compare, comparison_rows, plain_baselines
+from camopt.optimizer.baselines.largest_member import MemberLimits
 from camopt.plots import Sweep
 from camopt.plots.speeds import first_passed
 from camopt.plots.style import cam_line
@@ -42,13 +43,13 @@ def test_plain_baselines_fill_both_tables(monkeypatch):
 def test_best_baselines_walk_the_registry(monkeypatch):
     asked = []
 
-    def found(scene, name, jerk, *, bounce_max_mm, progress):
-        asked.append((name, jerk, bounce_max_mm))
+    def found(scene, name, limits, *, progress):
+        asked.append((name, limits))
         raise InputError("none")
 
     monkeypatch.setattr("camopt.optimizer.baselines.largest_member.largest_area_member", found)
     cams = best_baselines(KODAMA)
-    assert asked == [(name, jerk, 0.05) for jerk in (True, False) for name in FAMILIES]
+    assert asked == [(name, MemberLimits(jerk, 0.05)) for jerk in (True, False) for name in FAMILIES]
     assert set(cams.values()) == {"none"}
 
 

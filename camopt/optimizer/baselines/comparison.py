@@ -79,17 +79,16 @@ def plain_baselines(scene: Scene, progress: bool = False) -> dict[str, Lift | st
 
 def best_baselines(scene: Scene, progress: bool = False) -> dict[str, Lift | str]:
     """Every family's largest area within the scene's bounce limit, by name; where none holds it, the least bounce."""
-    from camopt.optimizer.baselines.largest_member import largest_area_member
+    from camopt.optimizer.baselines.largest_member import MemberLimits, largest_area_member
 
-    limit = None if scene.design is None else scene.design.bounce_max_mm
+    bounce_max_mm = None if scene.design is None else scene.design.bounce_max_mm
     cams: dict[str, Lift | str] = {}
     for jerk in (True, False) if _jerk_limited(scene) else (True,):
+        limits = MemberLimits(jerk, bounce_max_mm)
         for name in FAMILIES:
             cams[name + ("" if jerk else NO_JERK)] = _member(
                 scene,
-                lambda name=name, jerk=jerk: (
-                    largest_area_member(scene, name, jerk, bounce_max_mm=limit, progress=progress).lift
-                ),
+                lambda name=name, limits=limits: largest_area_member(scene, name, limits, progress=progress).lift,
             )
     return cams
 
