@@ -27,7 +27,7 @@ from camopt.scene.vibration import assembled
 from camopt.study.modes import modes
 from camopt.study.reduce.idle_contacts import idle_contacts, leave_out
 from camopt.study.reduce.reduced_models import chains, condense, fewer_coils, smaller_models
-from camopt.study.reduce.reduction import reduce, reduction_lines
+from camopt.study.reduce.reduction import reduce, reduction_lines, smooth_times
 from camopt.verifier.convergence import first_steps
 from camopt.verifier.methods import rkg
 
@@ -296,6 +296,10 @@ class TestReduce:
         assert content["proposed"] in out
         assert (content["tolerance_mm"], content["speeds_rpm"], content["cam"]) == (0.05, [3000.0], "polydyne")
         assert len(content["models"][1]["ms_per_revolution"]) == 3
+
+    def test_the_smooth_path_is_timed_from_rest(self):
+        times = smooth_times(build_train(MOTORI), polydyne(MOTORI), MOTORI.cam_speed(3000))
+        assert set(times) == {"smooth", "batch"} and min(times.values()) > 0
 
     @pytest.mark.long
     def test_every_path_is_timed_for_the_proposal(self):

@@ -263,7 +263,7 @@ def smooth_times(train: Train, cam: Lift, cam_speed: float) -> dict[str, float]:
     from camopt.smooth.system import build_system
 
     steps, samples = first_steps(train, cam_speed), jnp.asarray(lift_samples(cam))
-    system, rest = build_system(train), jnp.asarray(state_at_rest(train))
+    system, rest = build_system(train), jnp.asarray(state_at_rest(train)).reshape(2, -1)
 
     def end(speed):
         return response_arrays(DrivenSystem(system, samples, speed), rest, steps=steps, refine=False).x[-1]
