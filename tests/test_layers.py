@@ -162,6 +162,16 @@ def test_no_circle_of_imports():
     assert set(order) == known
 
 
+def test_no_two_classes_share_a_name():
+    """A class's name has one meaning in the whole package, with or without an underscore before it."""
+    places: dict[str, list[str]] = {}
+    for path in modules():
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ClassDef):
+                places.setdefault(node.name.lstrip("_"), []).append(dotted(path))
+    assert not {name: found for name, found in places.items() if len(found) > 1}
+
+
 EACH_ALONE = """
 import os, sys
 import numpy, scipy.optimize, numba, jax, diffrax, pandas, xarray, pydantic, matplotlib.figure  # once for all
