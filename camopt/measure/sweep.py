@@ -33,15 +33,30 @@ AtSpeed = Callable[[Train, Lift, float], Revolve]
 """The sweeping method: train, lift, cam speed [rad/s]."""
 
 
-class SettledWorst(Protocol):
-    """What a sweep reads of many settled motions."""
+class ManySettled(Protocol):
+    """What is read of many settled motions: arrays by train, cam and speed (t, c, s)."""
+
+    @property
+    def lowest(self) -> dict[str, np.ndarray]:
+        """The least of the measured revolutions, by metric."""
+        ...
+
+    @property
+    def highest(self) -> dict[str, np.ndarray]:
+        """The largest of the measured revolutions, by metric."""
+        ...
+
+    @property
+    def refused(self) -> np.ndarray:
+        """Whether the motion is refused (t, c, s)."""
+        ...
 
     def worst(self, name: str) -> np.ndarray:
         """The worst value of a metric by train, cam and speed (t, c, s); NaN where the motion is refused."""
         ...
 
 
-SettledMany = Callable[..., SettledWorst]
+SettledMany = Callable[..., ManySettled]
 """A method that measures settled motions of trains and lifts at cam speeds [rad/s] together:
 `camopt.exact.settled.settled_metrics`."""
 
@@ -61,6 +76,7 @@ class Band:
     methods: tuple[str, ...]
     resonances: tuple[Resonance, ...] = ()  # narrower than the step, looked at
     resonances_left_out: int = 0
+    refined: bool = True  # around the worst speeds
 
     def __repr__(self) -> str:
         return f"Band({self.from_rpm:g} to {self.to_rpm:g} r/min, {len(self.speeds_rpm)} speeds)"
@@ -190,7 +206,7 @@ def sweep(
     swept([*np.arange(low, high, step_rpm), high])
     swept({float(np.clip(s, low, high)) for r in lightly_damped for s in r.speeds_rpm()})
     step = step_rpm
-    while step > FINEST_RPM:
+    while refine and step > FINEST_RPM:
         step = max(FINEST_RPM, round(step / 4))
         band = swept.band(step_rpm)
         peaks = {s for name in refine for s in band.peaks(name)[:PEAKS]}

@@ -160,9 +160,11 @@ def save(figure: Figure, folder: Path | str, name: str) -> tuple[Path, Path]:
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    paths = folder / f"{name}.png", folder / f"{name}.svg"
+    paths, layout = (folder / f"{name}.png", folder / f"{name}.svg"), figure.get_layout_engine()
     for path in paths:
         write_bytes(path, picture(figure, path.suffix[1:]))
+        figure.set_layout_engine("none")  # it stands: to find it once more costs as much as the drawing
+    figure.set_layout_engine(layout)
     return paths
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.measure.limits import motion_limits
 from camopt.measure.settling import Figures
+from camopt.measure.sweep import SettledMany
 from camopt.scene.errors import MotionRefused
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
@@ -39,6 +40,7 @@ class Case:
     lift: Lift
     methods: Mapping[str, Prepare]
     demand: Demand
+    many: SettledMany | None = None  # measures many settled motions of the first method, where it can
 
 
 @dataclass(frozen=True, repr=False)
@@ -74,7 +76,7 @@ def judge_speed(case: Case, speed_rpm: float) -> SpeedVerdict:
         name: Halving(prepare, train, case.lift, cam_speed, rest, replace(case.demand, certain=name == first))
         for name, prepare in case.methods.items()
     }
-    near_to = partial(neighbours, case.methods[first], train, case.lift, cam_speed)
+    near_to = partial(neighbours, case.methods[first], train, case.lift, cam_speed, many=case.many)
     early = _plainly_broken(case, speed_rpm, halved, near_to)
     if early is not None:
         return early

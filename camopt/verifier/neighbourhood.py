@@ -7,6 +7,9 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.measure.limits import motion_limits
 from camopt.measure.settling import Figures, decay_per_revolution, settle_and_measure
+from camopt.measure.sweep import SettledMany
+from camopt.scene.errors import MotionRefused
+from camopt.scene.quantities import QUANTITIES
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train
 from camopt.verifier.convergence import WANDERING_REVOLUTIONS, Converged, Prepare
@@ -16,8 +19,14 @@ LIFT_NEIGHBOUR = 1e-7  # m, at the largest lift
 STATE_NEIGHBOUR = (1e-6, 1e-3)  # m, m/s: as far apart as two states that count as settled
 
 
-def neighbours(prepare: Prepare, train: Train, lift: Lift, cam_speed: float, answer: Converged) -> list[Figures]:
-    """Figures at neighbouring speeds (+-0.1 %), lifts (+-0.1 um at the largest lift) and initial states."""
+def neighbours(
+    prepare: Prepare, train: Train, lift: Lift, cam_speed: float, answer: Converged, many: SettledMany | None = None
+) -> list[Figures]:
+    """Figures at neighbouring speeds (+-0.1 %), lifts (+-0.1 um at the largest lift) and initial states.
+
+    `many`, where there is one, measures the method's settled motions without the step of the samples and many times as
+    fast. Raises MotionRefused where a neighbour's motion is refused.
+    """
     assert answer.state is not None, "a refused motion has no neighbours"
     n = len(train.mass)
     away = np.repeat(STATE_NEIGHBOUR, n) * np.random.default_rng(0).choice([-1.0, 1.0], 2 * n)
@@ -27,6 +36,8 @@ def neighbours(prepare: Prepare, train: Train, lift: Lift, cam_speed: float, ans
         cases.append((lift, cam_speed * (1 + sign * SPEED_NEIGHBOUR), answer.state))
         cases.append((scaled, cam_speed, answer.state))
         cases.append((lift, cam_speed, answer.state + sign * away))
+    if many is not None:
+        return [_measured_by(many, train, *case) for case in cases]
     steps = answer.steps_per_revolution // 2  # the error estimate is what the last halving changed
     most = None if answer.periodic else WANDERING_REVOLUTIONS
     return [
@@ -35,6 +46,15 @@ def neighbours(prepare: Prepare, train: Train, lift: Lift, cam_speed: float, ans
         ).figures
         for cam, speed, state in cases
     ]
+
+
+def _measured_by(many: SettledMany, train: Train, lift: Lift, cam_speed: float, state: np.ndarray) -> Figures:
+    """Least and largest figures of one settled motion."""
+    found = many([train], [lift], [cam_speed], starts=state, workers=1)
+    if found.refused[0, 0, 0]:
+        raise MotionRefused(f"the neighbouring motion at {cam_speed:g} rad/s is refused")
+    ends = {name: np.array([found.lowest[name][0, 0, 0], found.highest[name][0, 0, 0]]) for name in QUANTITIES}
+    return Figures(ends)
 
 
 def against_limits(

@@ -62,6 +62,7 @@ def band_record(band: Band) -> dict:
         "from_rpm": band.from_rpm,
         "to_rpm": band.to_rpm,
         "step_rpm": band.step_rpm,
+        "refined": band.refined,
         "worst_bounce_mm": worst["bounce_mm"]["value"],
         "worst_speed_rpm": worst["bounce_mm"]["speed_rpm"],
         "worst": worst,

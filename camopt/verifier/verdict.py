@@ -11,7 +11,7 @@ from importlib import import_module
 from camopt.cam.lift import Lift
 from camopt.measure.limits import broken_by_shape, limited_metrics, motion_limits
 from camopt.measure.resonance import resonances
-from camopt.measure.sweep import STARTS_MM, Band, SettledMany, Swept, first_exceeding, sweep
+from camopt.measure.sweep import SEARCH_STEP_RPM, STARTS_MM, Band, SettledMany, Swept, first_exceeding, sweep
 from camopt.scene.errors import InputError
 from camopt.scene.response import Revolve
 from camopt.scene.schema import Scene
@@ -92,6 +92,7 @@ def verdict_on(
     methods: tuple[str, ...] | None = None,
     band_step_rpm: float | None = 20.0,
     demand: Demand = DEMAND,
+    to_the_end: bool = True,
 ) -> Verdict:
     """Judge a cam at `speeds_rpm` (crankshaft; the scene's by default) and over the scene's band.
 
@@ -101,19 +102,23 @@ def verdict_on(
     with event-exact (Runge-Kutta-Gill for nonlinear laws), also where a lightly damped mode resonates between its
     steps, and all methods look at the worst speed of every limited metric and at the starting speeds inside the band.
     Bounce and jump "start" where they exceed the scene's limit, or 0.05 mm where it sets none. `demand` says how far
-    every method is asked to go; its limited metrics are the scene's. Raises InputError for a scene without valve or
-    operation, or an unknown method.
+    every method is asked to go; its limited metrics are the scene's. Without `to_the_end` a cam that is rejected at
+    `speeds_rpm` is swept in steps of at least SEARCH_STEP_RPM, and no method looks at the worst of them: the answer
+    stands. Raises InputError for a scene without valve or operation, or an unknown method.
     """
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name!r}: a verdict needs valve, seat and [operation]")
     methods = _known_methods(scene, methods)
     demand = replace(demand, limited=limited_metrics(scene.design))
-    case = Case(scene, lift, {name: method_named(name) for name in methods}, demand)
+    many = _at_once(build_train(scene))[1] if methods[0] == "event" else None
+    case = Case(scene, lift, {name: method_named(name) for name in methods}, demand, many)
     at_speeds = _judged(case, scene.operation.speeds_rpm if speeds_rpm is None else speeds_rpm)
     band, worst, first = None, (), {"bounce_mm": None, "jump_mm": None}
     if band_step_rpm is not None:
-        swept, first, suspects = _swept_band(scene, lift, band_step_rpm)
-        band, worst = _judged_band(case, swept, suspects, at_speeds)
+        refined = to_the_end or all(s.verdict != "rejected" for s in at_speeds)
+        step_rpm = band_step_rpm if refined else max(band_step_rpm, SEARCH_STEP_RPM)
+        swept, first, suspects = _swept_band(scene, lift, step_rpm, refined)
+        band, worst = _judged_band(case, swept, suspects if refined else [], at_speeds)
     shape = broken_by_shape(lift, scene.design)
     every = (*at_speeds, *worst)
     broken = dict.fromkeys([*shape, *(name for s in every for name in s.broken)])
@@ -135,9 +140,11 @@ def _judged_band(
     """The band with the first method's figures at all judged speeds, and the verdicts at its worst speeds [r/min].
 
     All methods look at the `suspects` of the sweep, and again at what is then the worst speed of a limited metric.
+    Without suspects they look at none.
     """
-    band, worst, method = swept, (), next(iter(case.methods))
-    for _ in range(ROUNDS):
+    worst, method = (), next(iter(case.methods))
+    band = swept.with_judged(method, {s.speed_rpm: s.methods[method].worst for s in at_speeds})
+    for _ in range(ROUNDS if suspects else 0):
         worst += _judged(case, [s for s in suspects if s not in [w.speed_rpm for w in worst]])
         judged = {s.speed_rpm: s.methods[method].worst for s in (*at_speeds, *worst)}
         band = swept.with_judged(method, judged)
@@ -154,7 +161,9 @@ def _known_methods(scene: Scene, methods: tuple[str, ...] | None) -> tuple[str, 
     return asked
 
 
-def _swept_band(scene: Scene, lift: Lift, step_rpm: float) -> tuple[Band, dict[str, float | None], list[float]]:
+def _swept_band(
+    scene: Scene, lift: Lift, step_rpm: float, refined: bool
+) -> tuple[Band, dict[str, float | None], list[float]]:
     """The swept band, where bounce and jump start, and the speeds [r/min] that all methods must look at.
 
     These are the worst speed of every limited metric and a start that lies inside the band although the metric is
@@ -164,9 +173,9 @@ def _swept_band(scene: Scene, lift: Lift, step_rpm: float) -> tuple[Band, dict[s
     swept = Swept(_sweeping(train), scene, lift, WORKERS, *_at_once(train))
     limited = limited_metrics(scene.design)
     found, left_out = resonances(scene, lift, step_rpm)
-    sweep(swept, step_rpm, limited, found)
+    sweep(swept, step_rpm, limited if refined else (), found)
     first = first_exceeding(swept, _starts(scene))
-    band = replace(swept.band(step_rpm), resonances=tuple(found), resonances_left_out=left_out)
+    band = replace(swept.band(step_rpm), resonances=tuple(found), resonances_left_out=left_out, refined=refined)
     suspects = {band.worst(name)[0] for name in limited}
     for metric, speed in first.items():
         if metric in limited and speed is not None and band.from_rpm <= speed <= band.to_rpm:

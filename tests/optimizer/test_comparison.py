@@ -69,7 +69,7 @@ def test_a_family_without_member_is_said(tmp_path, monkeypatch):
     monkeypatch.setitem(comparison.BASELINES, "plain", lambda *_: {"polydyne": "no member, because"})
     lift = polydyne(MOTORI)
     verdict = verdict_on(MOTORI, lift, None, ("event",), None, Demand(5.0, 0))
-    monkeypatch.setattr(comparison, "verdict_on", lambda *a: verdict)
+    monkeypatch.setattr(comparison, "verdict_on", lambda *a, **k: verdict)
     folder = compare(MOTORI, {"mine": lift}, tmp_path / "out")
     with open(folder / "comparison.csv", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))

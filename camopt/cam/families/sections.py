@@ -140,18 +140,27 @@ def flank(table: SectionTable, angles: np.ndarray) -> Flank:
     for section, angle in zip(table.sections, angles, strict=True):
         conditions = section.conditions()
         count = len(conditions)
-        system = np.stack([section.terms(count, np.array([end]), k)[0] for k, end, _ in conditions])
+        system, ends = _system(section)
         # a symbol that is no level is the end of the section before, which only a start can take over
         rows = [symbols[cell] if end or cell in symbols else before[k] for k, end, cell in conditions]
         wanted = [row * angle**k for row, (k, _, _) in zip(rows, conditions, strict=True)]
         coefficients = xp.linalg.solve(system, xp.stack(wanted))
-        before = xp.stack([section.terms(count, np.ones(1), k)[0] / angle**k for k in range(4)]) @ coefficients
+        before = xp.stack([row / angle**k for k, row in enumerate(ends)]) @ coefficients
         u, unit = _unit(section.terms, count)
         borders.append(borders[-1][-1] + angle * u[1:])
         pieces.append(unit / angle ** np.arange(unit.shape[1])[:, None] @ coefficients)
     widest = max(p.shape[1] for p in pieces)
     padded = [xp.pad(p, ((0, 0), (0, widest - p.shape[1]), (0, 0))) for p in pieces]
     return Flank(xp.concatenate(borders), xp.concatenate(padded))
+
+
+@cache
+def _system(section: Section) -> tuple[np.ndarray, np.ndarray]:
+    """A section's terms in its conditions (count, count), and their derivatives of order 0 to 3 at the end of it."""
+    conditions = section.conditions()
+    count = len(conditions)
+    system = np.stack([section.terms(count, np.array([end]), k)[0] for k, end, _ in conditions])
+    return system, np.stack([section.terms(count, np.ones(1), k)[0] for k in range(len(QUANTITIES))])
 
 
 @cache

@@ -174,16 +174,19 @@ def _write(folder: Path, scene: Scene, cams: Mapping[str, Lift], found: Mapping[
     draw(folder, scene, shown, {name: found[name] for name in shown})
 
 
-def _judged(scene: Scene, lift: Lift, effort: Accuracy, band_step_rpm: float | None) -> dict:
+def _judged(scene: Scene, lift: Lift, effort: Accuracy, band_step_rpm: float | None, to_the_end: bool = True) -> dict:
     methods, demand = EFFORTS["draft"].methods, Demand(effort.verdict.tolerance_um, HALVINGS)
-    return verdict_on(scene, lift, None, methods, band_step_rpm, demand).as_dict()
+    return verdict_on(scene, lift, None, methods, band_step_rpm, demand, to_the_end).as_dict()
 
 
 def _judged_baseline(scene: Scene, lift: Lift | str, effort: Accuracy, band_step_rpm: float | None) -> dict:
-    """A baseline's verdict; one that has no member, or that cannot be judged, is "failed" with its sentence."""
+    """A baseline's verdict, as far as its answer needs.
+
+    One that has no member, or that cannot be judged, is "failed" with its sentence.
+    """
     if isinstance(lift, str):
         return failed(lift)
     try:
-        return _judged(scene, lift, effort, band_step_rpm)
+        return _judged(scene, lift, effort, band_step_rpm, to_the_end=False)
     except Exception as error:  # as in `_member`: it must not cost the design
         return failed(_sentence(error))
