@@ -34,25 +34,22 @@ AtSpeed = Callable[[Train, Lift, float], Revolve]
 
 
 class ManySettled(Protocol):
-    """What is read of many settled motions: arrays by train, cam and speed (t, c, s)."""
+    """What is read of many settled motions: arrays by train, cam and speed (t, c, s); by metric where it says so."""
+
+    lowest: dict[str, np.ndarray]  # of the measured revolutions, by metric
+    highest: dict[str, np.ndarray]
+    periodic: np.ndarray
+    refused: np.ndarray
+    revolutions: np.ndarray  # run before the measured ones
+    states: np.ndarray  # (t, c, s, 2n) after the measured ones
 
     @property
-    def lowest(self) -> dict[str, np.ndarray]:
-        """The least of the measured revolutions, by metric."""
-        ...
-
-    @property
-    def highest(self) -> dict[str, np.ndarray]:
-        """The largest of the measured revolutions, by metric."""
-        ...
-
-    @property
-    def refused(self) -> np.ndarray:
-        """Whether the motion is refused (t, c, s)."""
+    def errors(self) -> dict[str, float]:
+        """By metric, the stated error of a motion whose contacts keep."""
         ...
 
     def worst(self, name: str) -> np.ndarray:
-        """The worst value of a metric by train, cam and speed (t, c, s); NaN where the motion is refused."""
+        """The worst value of a metric; NaN where the motion is refused."""
         ...
 
 

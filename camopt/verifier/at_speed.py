@@ -1,8 +1,8 @@
 """The verdict at one speed: do the methods agree, and does every limit on the motion hold over the neighbourhood.
 
 A verdict asks no more than its answer needs. To confirm, or to say that nothing is known, every method is halved until
-its figures stand. A limit that is broken far beyond every error estimate needs less: event-exact at two steps, one
-other method at its first step that says the same, and the neighbourhood.
+its figures stand. A limit that is broken far beyond every error estimate needs less: event-exact once, one other method
+at its first step that says the same, and the neighbourhood.
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -19,7 +19,17 @@ from camopt.scene.errors import MotionRefused
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
-from camopt.verifier.convergence import MARGIN, RELATIVE, Converged, Demand, Halving, Prepare, apart, tolerances
+from camopt.verifier.convergence import (
+    MARGIN,
+    RELATIVE,
+    Converged,
+    Demand,
+    Halving,
+    Prepare,
+    apart,
+    at_once,
+    tolerances,
+)
 from camopt.verifier.neighbourhood import against_limits, neighbours
 from camopt.verifier.record import speed_record
 
@@ -27,7 +37,7 @@ FAR = 3.0
 """A limit is broken far beyond every error estimate where it is by FAR times the first method's estimate and the
 distance of the two methods together."""
 FIRST_LOOK = 2
-"""Steps of the first method after which it has an error estimate."""
+"""Steps after which a first method with samples has an error estimate."""
 HALVED, ONE_STEP = "halving", "one step"
 """After what a verdict was decided: its methods were halved until they stood (or could not), or one step showed it."""
 
@@ -77,7 +87,11 @@ def judge_speed(case: Case, speed_rpm: float) -> SpeedVerdict:
         for name, prepare in case.methods.items()
     }
     near_to = partial(neighbours, case.methods[first], train, case.lift, cam_speed, many=case.many)
-    early = _plainly_broken(case, speed_rpm, halved, near_to)
+    try:
+        look = at_once(case.many, train, case.lift, cam_speed, rest) if case.many else halved[first].answer(FIRST_LOOK)
+        early = _plainly_broken(case, speed_rpm, look, halved, near_to)
+    except MotionRefused:
+        early = None
     if early is not None:
         return early
     answers = {name: one.answer() for name, one in halved.items()}
@@ -96,31 +110,30 @@ def judge_speed(case: Case, speed_rpm: float) -> SpeedVerdict:
 
 
 def _plainly_broken(
-    case: Case, speed_rpm: float, halved: Mapping[str, Halving], near_to: Callable[[Converged], list[Figures]]
+    case: Case,
+    speed_rpm: float,
+    look: Converged,
+    halved: Mapping[str, Halving],
+    near_to: Callable[[Converged], list[Figures]],
 ) -> SpeedVerdict | None:
     """A rejection for which the first two methods need not stand, or None; what they ran is not lost.
 
-    Every limit that it names is broken by both methods, and one of them at least far beyond every error estimate.
-    `near_to` gives the figures of the first method's neighbourhood of an answer.
+    Every limit that it names is broken by both methods, and one of them at least far beyond every error estimate. The
+    first method says so in its first `look`; `near_to` gives the figures of the neighbourhood of an answer. Raises
+    MotionRefused where a motion of the neighbourhood is refused.
     """
+    if len(halved) < 2 or not far_beyond(case.scene, [look.worst], look.error):
+        return None
     names = list(halved)[:2]
-    if len(names) < 2:
-        return None
-    first = halved[names[0]].answer(FIRST_LOOK)
-    if not far_beyond(case.scene, [first.worst], first.error):
-        return None
     other = halved[names[1]].answer(1)
-    doubt = {name: error + apart(first.worst[name], other.worst[name]) for name, error in first.error.items()}
-    if not far_beyond(case.scene, [first.worst, other.worst], doubt):
+    doubt = {name: error + apart(look.worst[name], other.worst[name]) for name, error in look.error.items()}
+    if not far_beyond(case.scene, [look.worst, other.worst], doubt):
         return None
-    try:
-        near = near_to(first)
-    except MotionRefused:
-        return None
-    every = [first.worst, other.worst, *({name: f.worst(name) for name in doubt} for f in near)]
+    near, first = near_to(look), replace(look, error=doubt)
+    every = [look.worst, other.worst, *({name: f.worst(name) for name in doubt} for f in near)]
     if not far_beyond(case.scene, every, doubt):
         return None
-    broken, straddled = against_limits(case.scene, speed_rpm, replace(first, error=doubt), near)
+    broken, straddled = against_limits(case.scene, speed_rpm, first, near)
     answers = dict(zip(names, (first, other), strict=True))
     return SpeedVerdict(speed_rpm, "rejected", broken, straddled, _ranges(first, near), answers, ONE_STEP)
 

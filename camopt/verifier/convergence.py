@@ -13,6 +13,7 @@ from camopt.measure.settling import (
     first_revolution,
     settle_and_measure,
 )
+from camopt.measure.sweep import SettledMany
 from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import QUANTITIES
 from camopt.scene.response import Revolve, end_state
@@ -62,7 +63,7 @@ class Converged:
     """A method's answer at one speed: figures of the finest step, how they spread and how far the last halvings moved
     them. NaN throughout where the method refused every step."""
 
-    steps_per_revolution: int
+    steps_per_revolution: int  # 0 for a motion without samples
     converged: bool
     worst: dict[str, float]
     range: dict[str, tuple[float, float]]
@@ -195,6 +196,22 @@ class Halving:
 
     def _too_fine(self) -> bool:
         return self._taken > 2 and self._first << self._taken > FINEST_STEPS
+
+
+def at_once(many: SettledMany, train: Train, lift: Lift, cam_speed: float, start: np.ndarray) -> Converged:
+    """A method's settled motion from `start` (2n) where it has no samples whose step could be halved.
+
+    Its errors are those that the method states for motions whose contacts keep; nothing is said to have converged.
+    Raises MotionRefused.
+    """
+    found = many([train], [lift], [cam_speed], starts=start, workers=1)
+    at = 0, 0, 0
+    if found.refused[at]:
+        raise MotionRefused(f"the motion at {cam_speed:g} rad/s is refused")
+    worst = {name: float(found.worst(name)[at]) for name in QUANTITIES}
+    spread = {name: (float(found.lowest[name][at]), float(found.highest[name][at])) for name in QUANTITIES}
+    errors, revolutions = dict(found.errors), int(found.revolutions[at])
+    return Converged(0, False, worst, spread, errors, revolutions, bool(found.periodic[at]), found.states[at])
 
 
 def _errors(runs: list[Figures]) -> dict[str, float]:

@@ -8,11 +8,9 @@ from camopt.cam.lift import Lift
 from camopt.measure.limits import motion_limits
 from camopt.measure.settling import Figures, decay_per_revolution, settle_and_measure
 from camopt.measure.sweep import SettledMany
-from camopt.scene.errors import MotionRefused
-from camopt.scene.quantities import QUANTITIES
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train
-from camopt.verifier.convergence import WANDERING_REVOLUTIONS, Converged, Prepare
+from camopt.verifier.convergence import WANDERING_REVOLUTIONS, Converged, Prepare, at_once
 
 SPEED_NEIGHBOUR = 1e-3
 LIFT_NEIGHBOUR = 1e-7  # m, at the largest lift
@@ -37,7 +35,8 @@ def neighbours(
         cases.append((scaled, cam_speed, answer.state))
         cases.append((lift, cam_speed, answer.state + sign * away))
     if many is not None:
-        return [_measured_by(many, train, *case) for case in cases]
+        found = [at_once(many, train, *case) for case in cases]
+        return [Figures({name: np.array(ends) for name, ends in one.range.items()}) for one in found]
     steps = answer.steps_per_revolution // 2  # the error estimate is what the last halving changed
     most = None if answer.periodic else WANDERING_REVOLUTIONS
     return [
@@ -46,15 +45,6 @@ def neighbours(
         ).figures
         for cam, speed, state in cases
     ]
-
-
-def _measured_by(many: SettledMany, train: Train, lift: Lift, cam_speed: float, state: np.ndarray) -> Figures:
-    """Least and largest figures of one settled motion."""
-    found = many([train], [lift], [cam_speed], starts=state, workers=1)
-    if found.refused[0, 0, 0]:
-        raise MotionRefused(f"the neighbouring motion at {cam_speed:g} rad/s is refused")
-    ends = {name: np.array([found.lowest[name][0, 0, 0], found.highest[name][0, 0, 0]]) for name in QUANTITIES}
-    return Figures(ends)
 
 
 def against_limits(

@@ -6,14 +6,7 @@ distance and its slope at every step, between which they are cubics, as `camopt.
 
 import numpy as np
 
-from camopt.exact.adjoint.metrics import (
-    bounce,
-    contact_force,
-    impact_velocity,
-    jump_angle,
-    jump_height,
-    seating_velocity,
-)
+from camopt.exact.adjoint.metrics import METRICS, measure
 from camopt.exact.adjoint.seeds import clear
 from camopt.exact.kernel.advance import apply
 from camopt.exact.kernel.borrowing import borrowing
@@ -22,17 +15,9 @@ from camopt.exact.kernel.tables import SEPARATED
 from camopt.programs import compiled
 from camopt.scene.units import DEG, MM
 
-NAMES = (
-    "bounce_mm",
-    "jump_mm",
-    "jump_deg",
-    "contact_force_min_N",
-    "contact_force_max_N",
-    "seating_velocity_m_per_s",
-    "impact_velocity_m_per_s",
-    "dynamic_area_mm_deg",
-    "excess_lift_mm",
-)
+AT_INSTANTS = METRICS[:7]
+"""Metrics that are read at exact instants, as their cotangents need it; the two others are integrals and extremes."""
+NAMES = (*AT_INSTANTS, "dynamic_area_mm_deg", "excess_lift_mm")
 """The metrics in the order of the rows that `figures` fills."""
 HALVINGS = 40
 
@@ -41,13 +26,8 @@ HALVINGS = 40
 def figures(s, trace, seeds, turn, row):
     """Writes the metrics (9) of revolution `turn` to row; the trace reaches to the end of the next one."""
     clear(seeds, len(trace.length))
-    row[0] = bounce(s, trace, seeds, turn)[0]
-    row[1] = jump_height(s, trace, seeds, turn)[0]
-    row[2] = jump_angle(s, trace, seeds, turn)[0]
-    row[3] = contact_force(s, trace, seeds, turn, -1.0)[0]
-    row[4] = contact_force(s, trace, seeds, turn, 1.0)[0]
-    row[5] = seating_velocity(s, trace, seeds, turn)[0]
-    row[6] = impact_velocity(s, trace, seeds, turn)[0]
+    for metric in range(len(AT_INSTANTS)):
+        row[metric] = measure(metric, s, trace, seeds, turn)[0]
     row[7], row[8] = area_and_excess(s, trace, turn)
 
 

@@ -65,6 +65,11 @@ class SettledMetrics:
     revolutions: np.ndarray  # (t, c, s) run before the measured ones
     states: np.ndarray  # (t, c, s, 2n) after the measured ones [m], then [m/s]; NaN where refused
 
+    @property
+    def errors(self) -> dict[str, float]:
+        """`ERRORS`: what is known of a periodic motion whose contacts keep."""
+        return ERRORS
+
     def worst(self, name: str) -> np.ndarray:
         """The worst of the measured revolutions (t, c, s)."""
         return (self.lowest if name in LESS_IS_WORSE else self.highest)[name]
@@ -150,7 +155,7 @@ class Job:
     tables: Propagators
     cam: np.ndarray
     speed: np.ndarray
-    motions: stages.Motions
+    motions: stages.SettlingMotions
 
     def write(self, found: SettledMetrics) -> None:
         """Puts what was found of the motions in its place."""
@@ -202,12 +207,12 @@ def _jobs(trains, t: int, cams: stages.Cams, speeds, starts, decay: float | None
     return jobs
 
 
-def _motions(cam: np.ndarray, speed: np.ndarray, decays: np.ndarray, start: np.ndarray) -> stages.Motions:
+def _motions(cam: np.ndarray, speed: np.ndarray, decays: np.ndarray, start: np.ndarray) -> stages.SettlingMotions:
     """Motions that have yet to settle."""
     needed = np.array([settled.revolutions_needed(decay) for decay in decays])
     most = np.where(needed > settled.PLAIN_REVOLUTIONS, np.minimum(needed, settled.MOST_REVOLUTIONS), 0)
     m = len(cam)
-    return stages.Motions(
+    return stages.SettlingMotions(
         cam,
         speed,
         np.array([settled.way_left(decay) for decay in decays]),

@@ -36,7 +36,7 @@ class Cams(NamedTuple):
     foot: np.ndarray  # (k) opening foot, rad
 
 
-class Motions(NamedTuple):
+class SettlingMotions(NamedTuple):
     """m motions of one train: what they are, how far they are, and what was found."""
 
     cam: np.ndarray  # (m) its number
