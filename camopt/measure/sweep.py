@@ -34,14 +34,37 @@ AtSpeed = Callable[[Train, Lift, float], Revolve]
 
 
 class ManySettled(Protocol):
-    """What is read of many settled motions: arrays by train, cam and speed (t, c, s); by metric where it says so."""
+    """What is read of many settled motions, as arrays by train, cam and speed (t, c, s)."""
 
-    lowest: dict[str, np.ndarray]  # of the measured revolutions, by metric
-    highest: dict[str, np.ndarray]
-    periodic: np.ndarray
-    refused: np.ndarray
-    revolutions: np.ndarray  # run before the measured ones
-    states: np.ndarray  # (t, c, s, 2n) after the measured ones
+    @property
+    def lowest(self) -> dict[str, np.ndarray]:
+        """The least of the measured revolutions, by metric."""
+        ...
+
+    @property
+    def highest(self) -> dict[str, np.ndarray]:
+        """The largest of the measured revolutions, by metric."""
+        ...
+
+    @property
+    def periodic(self) -> np.ndarray:
+        """Whether the motion settled."""
+        ...
+
+    @property
+    def refused(self) -> np.ndarray:
+        """Whether the motion is refused."""
+        ...
+
+    @property
+    def revolutions(self) -> np.ndarray:
+        """Number of revolutions before the measured ones."""
+        ...
+
+    @property
+    def states(self) -> np.ndarray:
+        """The states after the measured revolutions (t, c, s, 2n)."""
+        ...
 
     @property
     def errors(self) -> dict[str, float]:
