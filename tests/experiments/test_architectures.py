@@ -2,8 +2,8 @@
 
 import json
 
-from experiments.support import architectures
-from experiments.support.architectures import ARCHITECTURES, DEFECT, drawn
+from experiments import architectures
+from experiments.architectures import ARCHITECTURES, DEFECT, drawn
 
 
 def test_draws_are_ordinary_trains_of_two_to_fourteen_masses_and_repeat():

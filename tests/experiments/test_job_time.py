@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from experiments.support import job_time
+from experiments import job_time
 
 
 def test_small_size(tmp_path, capsys):

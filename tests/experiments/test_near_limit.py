@@ -8,8 +8,8 @@ import pytest
 from camopt.cam.families.free import free_cam
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.scene import build_train
-from experiments.support import near_limit
-from experiments.support.near_limit import OUTCOMES, SMALL, outcome, scene_of, table
+from experiments import near_limit
+from experiments.near_limit import OUTCOMES, SMALL, outcome, scene_of, table
 from experiments.support.near_limit_cams import AROUND, band
 from experiments.support.near_limit_scenes import KINDS, LIGHT, drawn_scene
 from experiments.support.near_limit_truth import from_rest, truth

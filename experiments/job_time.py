@@ -1,6 +1,6 @@
 """What does the main job take, cold, warm and at draft, and what of it is compiling?
 
-    python -m experiments.support.job_time [small|full]
+    python -m experiments.job_time [small|full]
 
 `camopt optimize kodama` in a fresh process each: standard with every cache of compiled programs empty, standard again
 with the programs that this left, and draft. By stage: clock, processor time and compilation, from provenance.json; of
