@@ -79,6 +79,12 @@ def sources(file: Path) -> list[Path]:
     return [file, *CONSTANTS]
 
 
+def kept(folder: str) -> bool | None:
+    """Whether any program of a folder of `TOGETHER` is kept for its sources; None where there is no cache folder."""
+    found = _folder(PACKAGE / folder / "__init__.py")
+    return None if found is None else any(found.glob("*.nbi"))
+
+
 @cache
 def digest(file: Path) -> str:
     """SHA-256 of the sources of a file's programs and of their names."""

@@ -25,7 +25,7 @@ MAY_IMPORT = {
     "exact": {"cam", "programs"} | SUPPORT,
     "verifier": {"cam", "measure", "programs"} | SUPPORT,
     "autodiff": {"cam", "smooth", "exact", "scene"},
-    "optimizer": {"cam", "measure", "smooth", "exact", "verifier", "autodiff"} | SUPPORT,
+    "optimizer": {"cam", "measure", "smooth", "exact", "verifier", "autodiff", "programs"} | SUPPORT,
     "study": {"cam", "measure", "smooth", "exact", "verifier", "autodiff", "optimizer", "programs"} | SUPPORT,
     "report": {"cam", "measure", "smooth", "exact", "verifier", "optimizer", "study"} | SUPPORT,
 }

@@ -12,6 +12,7 @@ from camopt.cam.families.free import free_cam
 from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import write_lift_table
 from camopt.optimizer.accuracy import Accuracy, accuracy_named
+from camopt.optimizer.ahead import compiling_ahead
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_worth
 from camopt.optimizer.program.no_jump import NoJumpOptimum
@@ -97,7 +98,7 @@ def optimize(
     identity = run_identity("optimize", scene, **settings)
     with run_folder(out or default_run_folder(scene.name), identity, resume, ["design.json"]) as folder:
         write_text(folder / "scene.toml", scene_toml(scene))
-        with Progress(progress, effort, gradient, compare) as shown:
+        with compiling_ahead(), Progress(progress, effort, gradient, compare) as shown:
             lift, verdict, record = job.design(folder, shown, kinematic, bound)
             with shown.make_room():
                 designed(folder)
