@@ -135,7 +135,7 @@ def job(scene: Scene, folder: Path, speeds: str = "band") -> dict:
     record, failed = found.record, _failed_families(folder)
     return row | {
         "ends": found.verdict.verdict,
-        "sentence": "; ".join(found.verdict.broken),
+        "sentence": found.verdict.reason,
         "area_ratio": record["area_ratio"],
         "area_ratio_bound": record["area_ratio_bound"],
         "failed_families": failed,

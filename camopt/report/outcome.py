@@ -59,7 +59,9 @@ def outcome_lines(run: RunFolder) -> list[str]:
         words.append(f"no-jump program {d['area_ratio_no_jump']:.5f}")
     lines += [", ".join(words)] * bool(words) + gain_sentences(run)
     verdict, broken = run.verification.get("verdict", "not verified"), broken_limits(run)
-    return [*lines, f"verdict: {verdict}" + (f" (broken: {'; '.join(broken)})" if broken else "")]
+    reason = run.verification.get("reason")
+    why = f". {reason}" if isinstance(reason, str) and reason else ""
+    return [*lines, f"verdict: {verdict}" + (f" (broken: {'; '.join(broken)})" if broken else why)]
 
 
 def gain_sentences(run: RunFolder) -> list[str]:

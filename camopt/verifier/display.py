@@ -48,8 +48,8 @@ def text(verdict: "Verdict") -> str:
         lines.append(f"worst over {band['from_rpm']:g} to {band['to_rpm']:g} r/min, each at a speed of its own")
         lines.append(_line({name: band["worst"][name]["value"] for name in TEXT if name != "speed_rpm"}))
         lines.append(_line({name: band["worst"][name]["speed_rpm"] for name in TEXT if name != "speed_rpm"}, "r/min"))
-    broken = f" (broken: {', '.join(verdict.broken)})" if verdict.broken else ""
-    return "\n".join([*lines, verdict.accuracy["statement"], f"verdict: {verdict.verdict}{broken}"])
+    reason = f". {verdict.reason}" if verdict.reason else ""
+    return "\n".join([*lines, verdict.accuracy["statement"], f"verdict: {verdict.verdict}{reason}"])
 
 
 def _line(row: dict, last: str = "") -> str:
@@ -68,9 +68,8 @@ def html(verdict: "Verdict") -> str:
 
     rows = [s.as_dict() for s in (*verdict.speeds, *verdict.worst_in_band)]
     table = DataFrame({label: [row[name] for row in rows] for name, label in COLUMNS.items()})
-    broken = f"; broken: {escape(', '.join(verdict.broken))}" if verdict.broken else ""
     shown = table.to_html(index=False, float_format="{:.4g}".format, na_rep="never seats")
-    return f"<p><b>{escape(verdict.verdict)}</b>{broken}</p>{shown}"
+    return f"<p><b>{escape(verdict.verdict)}</b> {escape(verdict.reason)}</p>{shown}"
 
 
 def figure(verdict: "Verdict") -> "Figure":

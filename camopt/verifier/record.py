@@ -24,12 +24,27 @@ def verification(verdict: "Verdict") -> dict:
     return {
         "verdict": verdict.verdict,
         "broken": list(verdict.broken),
+        "reason": verdict.reason,
         "speeds": [speed_record(s) for s in verdict.speeds],
         "worst_in_band": [speed_record(s) for s in verdict.worst_in_band],
         "band": None if verdict.band is None else band_record(verdict.band),
         "limits": {"first_jump_rpm": verdict.first_jump_rpm, "first_bounce_rpm": verdict.first_bounce_rpm},
         "accuracy": verdict.accuracy,
     }
+
+
+def why_not_confirmed(verdict: "Verdict") -> str:
+    """What speaks against a verdict's cam, as a sentence; empty where nothing does."""
+    if verdict.verdict == "confirmed":
+        return ""
+    if verdict.verdict == "rejected":
+        return f"The cam breaks {', '.join(verdict.broken)}."
+    decisive = [s for s in (*verdict.speeds, *verdict.worst_in_band) if s.verdict == verdict.verdict]
+    if verdict.verdict == "not converged":
+        at = ", ".join(dict.fromkeys(f"{s.speed_rpm:g}" for s in decisive))
+        return f"The methods do not agree, or have not converged, at {at} r/min."
+    limits = ", ".join(dict.fromkeys(limit for s in decisive for limit in s.straddled))
+    return f"Of the neighbouring speeds, lifts and states some keep and some break {limits}."
 
 
 def speed_record(speed: "SpeedVerdict") -> dict:

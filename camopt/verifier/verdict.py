@@ -20,7 +20,7 @@ from camopt.verifier.accuracy_statement import stated
 from camopt.verifier.at_speed import Case, SpeedVerdict, judge_speed
 from camopt.verifier.convergence import Demand, Prepare, first_steps
 from camopt.verifier.methods import INDEPENDENT, rkg, verdict_methods
-from camopt.verifier.record import verification
+from camopt.verifier.record import verification, why_not_confirmed
 
 METHODS = ("event", "rkg", "tmm", "houbolt")
 """Methods for a train whose laws are linear."""
@@ -59,6 +59,11 @@ class Verdict:
     def accuracy(self) -> dict:
         """What was asked and what was delivered: verification.json's "accuracy"."""
         return stated((*self.speeds, *self.worst_in_band), self.tolerance_um, self.asked)
+
+    @property
+    def reason(self) -> str:
+        """Why the cam is not confirmed, as a sentence; empty for a confirmed one."""
+        return why_not_confirmed(self)
 
     def plot(self):
         """Bounce and jump against speed, with the scene's limits, as a matplotlib Figure."""

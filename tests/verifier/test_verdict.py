@@ -159,7 +159,7 @@ def test_confirmed_and_the_contract():
     result = verdict_on(scene(), lift(), **AT_5000)
     data = json.loads(json.dumps(result.as_dict(), allow_nan=False))
     assert data["verdict"] == "confirmed" and data["broken"] == []
-    assert set(data) == {"verdict", "broken", "speeds", "worst_in_band", "band", "limits", "accuracy"}
+    assert set(data) == {"verdict", "broken", "reason", "speeds", "worst_in_band", "band", "limits", "accuracy"}
     assert data["worst_in_band"] == []
     assert data["band"] is None and data["limits"] == {"first_jump_rpm": None, "first_bounce_rpm": None}
     (speed,) = data["speeds"]
@@ -226,6 +226,8 @@ def test_a_limit_within_the_neighbourhood_is_sensitive():
     result = verdict_on(scene(seating_velocity_max_m_per_s=0.1624), lift(), **AT_5000)
     assert result.verdict == "sensitive"
     assert result.speeds[0].straddled == ("seating_velocity_max_m_per_s at 5000 r/min",)
+    assert result.reason.endswith("some keep and some break seating_velocity_max_m_per_s at 5000 r/min.")
+    assert result.as_dict()["reason"] == result.reason and result.reason in str(result)
     assert result.broken == ()
 
 
@@ -242,7 +244,8 @@ def test_a_sign_flipped_in_one_method_ends_the_agreement(monkeypatch, part):
 
     others = verdict.method_named
     monkeypatch.setattr(verdict, "method_named", lambda name: flipped if name == "event" else others(name))
-    assert verdict_on(scene(), lift(), **AT_5000).verdict == "not converged"
+    result = verdict_on(scene(), lift(), **AT_5000)
+    assert result.verdict == "not converged" and "not agree" in result.reason and "5000 r/min" in result.reason
 
 
 def test_one_method_is_no_agreement_and_an_unknown_one_is_refused():
