@@ -38,6 +38,10 @@ class Progress:
         self._stage = stage
         self._bar.set_description(stage)
 
+    def say(self, words: str) -> None:
+        """What happens before the first stage."""
+        self._bar.set_description(words)
+
     def end(self) -> None:
         """The job is done."""
         self._bar.update(self._bar.total - self._bar.n)

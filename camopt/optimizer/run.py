@@ -12,8 +12,8 @@ from camopt.cam.families.free import free_cam
 from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import write_lift_table
 from camopt.optimizer.accuracy import Accuracy, accuracy_named
-from camopt.optimizer.ahead import compiling_ahead
 from camopt.optimizer.bound.certificate import area_ratio_bound
+from camopt.optimizer.first_run import compile_programs, programs_missing
 from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_worth
 from camopt.optimizer.program.no_jump import NoJumpOptimum
 from camopt.optimizer.progress import Progress
@@ -98,7 +98,11 @@ def optimize(
     identity = run_identity("optimize", scene, **settings)
     with run_folder(out or default_run_folder(scene.name), identity, resume, ["design.json"]) as folder:
         write_text(folder / "scene.toml", scene_toml(scene))
-        with compiling_ahead(), Progress(progress, effort, gradient, compare) as shown:
+        with Progress(progress, effort, gradient, compare) as shown:
+            if programs_missing():
+                shown.say("compiles its programs, once for an installation")
+                with job.clock.stage("programs"):
+                    compile_programs()
             lift, verdict, record = job.design(folder, shown, kinematic, bound)
             with shown.make_room():
                 designed(folder)

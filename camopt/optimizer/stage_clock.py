@@ -1,5 +1,6 @@
 """What each stage of a run costs: clock, processor time, peak memory, and how much of it was compiling."""
 
+import os
 import sys
 import time
 from collections.abc import Iterator
@@ -17,9 +18,15 @@ class Cost:
     """The cost of one stage; processor time is that of all threads, memory the process's highest so far."""
 
     clock_s: float
-    processor_s: float
+    processor_s: float  # with that of processes which the stage waited for
     compilation_s: float  # processor time of numba's compilations, and the clock of JAX's
     peak_memory_MB: float | None  # None where the system does not tell
+
+
+def processor_s() -> float:
+    """Processor time of this process and of those that it has waited for [s]."""
+    of = os.times()
+    return time.process_time() + of.children_user + of.children_system
 
 
 class StageClock:
@@ -32,13 +39,13 @@ class StageClock:
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Measures what runs inside, also where it raises."""
-        before = time.perf_counter(), time.process_time()
+        before = time.perf_counter(), processor_s()
         known = self.costs.get(name, Cost(0.0, 0.0, 0.0, None))
         with _compiling() as compiled:
             try:
                 yield
             finally:
-                clock, processor = time.perf_counter() - before[0], time.process_time() - before[1]
+                clock, processor = time.perf_counter() - before[0], processor_s() - before[1]
                 self.costs[name] = Cost(
                     known.clock_s + clock,
                     known.processor_s + processor,
