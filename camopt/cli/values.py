@@ -3,8 +3,8 @@
 import argparse
 import math
 
-from camopt.scene.schema import LARGEST, SMALLEST
 from camopt.scene.spelling import did_you_mean
+from camopt.scene.table import LARGEST, SMALLEST
 from camopt.scene.text_file import excerpt
 
 ACCURACIES = ("draft", "standard", "fine")

@@ -13,8 +13,9 @@ from pydantic import ValidationError
 
 from camopt.scene.errors import InputError
 from camopt.scene.rest import rest_position
-from camopt.scene.schema import MOST_ROWS, Scene, Table
+from camopt.scene.schema import MOST_ROWS, Scene
 from camopt.scene.spelling import did_you_mean
+from camopt.scene.table import Table
 from camopt.scene.text_file import excerpt
 from camopt.scene.train import build_train
 

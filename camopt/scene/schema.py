@@ -3,44 +3,12 @@
 from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-SMALLEST, LARGEST = 1e-12, 1e15
-"""Size of a number of a scene in its key's unit, where it may not be zero: what lies beyond is a slip, and double
-precision does not hold it beside the others."""
+from camopt.scene.table import Name, NonNegative, Positive, Table, Usable
 
 MOST_ROWS = {"mass": 200, "element": 400}
-
-
-def _not_too_small(value: float) -> float:
-    if abs(value) < SMALLEST:
-        raise ValueError(f"is smaller than any quantity of a scene ({SMALLEST:g}): check the unit in the key")
-    return value
-
-
-Usable = AfterValidator(_not_too_small)
-Positive = Annotated[float, Field(gt=0), Usable]
-NonNegative = Annotated[float, Field(ge=0)]
 PoissonRatio = Annotated[float, Field(ge=0, le=0.5)]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,63}$")]
-
-
-class Table(BaseModel):
-    """Base of all tables of a scene file: no unknown keys, no coercion, no NaN, no change after loading."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
-
-    @field_validator("*")
-    @classmethod
-    def _not_too_large(cls, value):
-        parts = list(value) if isinstance(value, tuple) else [value]
-        while parts:
-            part = parts.pop()
-            if isinstance(part, tuple):
-                parts += part
-            elif isinstance(part, float) and abs(part) > LARGEST:
-                raise ValueError(f"is larger than any quantity of a scene ({LARGEST:g}): check the unit in the key")
-        return value
 
 
 class Mass(Table):

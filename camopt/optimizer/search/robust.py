@@ -3,24 +3,16 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-from scipy.interpolate import PPoly, make_interp_spline
-
+from camopt.cam.grinding import ground
 from camopt.cam.lift import Lift
 from camopt.optimizer.search.judge import Judge, Judged
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Element, Scene
-from camopt.scene.units import DEG
 
 PERTURBED_SHARE = 0.1
 """Share by which the spring's rate, its preload and the contacts' stiffness are off, one at a time."""
 LASH_MM = 0.05
 """Length by which the lash is off; it is less where the lash would vanish."""
-HARMONICS = np.arange(2, 41)
-"""Harmonics of a revolution that a grinding error contains: the first is eccentricity, higher ones are roughness."""
-PEAK = 5e-6  # m
-ERROR_KNOT = 0.5 * DEG
-"""Knot interval of a grinding error [rad]: its shortest wave has 18 of them."""
 STRIDE = 4
 """A perturbed train is judged at one in so many of the search's speeds."""
 
@@ -96,35 +88,6 @@ def _scaled(scene: Scene, factors) -> Scene:
         wanted = {k: f * getattr(e, k) for k, f in factors(e).items() if getattr(e, k) is not None}
         elements.append(e.model_copy(update=wanted))
     return scene.model_copy(update={"element": tuple(elements)})
-
-
-def grinding_error(lift: Lift, seed: int, peak: float = PEAK) -> Lift:
-    """A seeded error of the ground contour [m] with `HARMONICS` of equal expected size and largest value `peak` [m].
-
-    It fades out over the ramps, so that the base circle stays the base circle.
-    """
-    foot, half = lift.opening_foot, lift.half_duration
-    end = lift.closing_angle(0.0)
-    angle = np.linspace(foot, end, int(np.ceil((end - foot) / ERROR_KNOT)) + 1)
-    random = np.random.default_rng(seed)
-    size, phase = random.standard_normal(len(HARMONICS)), random.uniform(0, 2 * np.pi, len(HARMONICS))
-    wave = np.cos(HARMONICS * angle[:, None] + phase) @ size
-    inside = np.clip((angle - foot) / (-half - foot), 0, 1) * np.clip((end - angle) / (end - half), 0, 1)
-    wave *= inside**3 * (10 - 15 * inside + 6 * inside**2)
-    clamped = [(1, 0.0), (2, 0.0)]
-    spline = PPoly.from_spline(
-        make_interp_spline(angle, peak / np.abs(wave).max() * wave, 5, bc_type=(clamped, clamped))
-    )
-    keep = np.flatnonzero(np.diff(spline.x) > 0)
-    pieces = np.zeros((len(keep) + 2, 6))
-    pieces[1:-1] = spline.c[::-1, keep].T
-    borders = np.concatenate([[-np.pi], spline.x[keep], [end, np.pi]])
-    return Lift(borders, pieces, half)
-
-
-def ground(lift: Lift, seed: int, peak: float = PEAK) -> Lift:
-    """The lift with the grinding error of a seed."""
-    return lift.shifted(grinding_error(lift, seed, peak))
 
 
 @dataclass
