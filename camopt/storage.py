@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from camopt.scene.errors import InputError
-from camopt.scene.schema import Scene
+from camopt.scene.schema import AS_BUILT, Scene
 from camopt.scene.text_file import usable_path
 
 
@@ -125,9 +125,12 @@ RUN_FILE = "run.json"
 
 
 def run_identity(command: str, scenes: Scene | Sequence[Scene], **settings: Any) -> dict:
-    """What makes two runs the same, for `run_folder`: the command, camopt's version, its settings and its scenes."""
+    """What makes two runs the same, for `run_folder`: the command, camopt's version, its settings and its scenes.
+
+    How trains scatter about a scene is none of it: a command that draws them has `AS_BUILT` among its settings.
+    """
     several = [scenes] if isinstance(scenes, Scene) else scenes
-    dumped = {scene.name: scene.model_dump(mode="json") for scene in several}
+    dumped = {scene.name: scene.model_dump(mode="json", exclude=AS_BUILT) for scene in several}
     return {"command": command, "version": version("camopt"), "scene": dumped, "settings": settings}
 
 

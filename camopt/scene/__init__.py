@@ -22,6 +22,11 @@ duplicate or dangling names. A unit always stands in the key.
   the speeds are camshaft speeds.
 - `[design]`: duration (cam degrees between the ramp tops), maximum lift, ramps, limits; a limit left out limits
   nothing. `[geometry]` (optional): flat or roller follower, for curvature, contour and Hertz stress.
+- `[[tolerance]]` (optional) says how a number scatters from train to train, for `camopt yield`: `of` is NAME.KEY of a
+  mass or an element ("*" as NAME: each whose number is not zero, with its own draw; an array: one draw moves them
+  together), `relative` or `plus_minus` (in the key's unit) how far, `distribution` how: "normal" (a standard deviation,
+  cut off at four), "lognormal" (that of the logarithm) or "uniform" (half the width). `[grinding]` gives the error of a
+  ground cam: `error_um` and the `harmonics` in it. All other commands take train and cam as given.
 - What the source does not give belongs in `assumed = [...]` of its table, and what it gives in `source`: `verify` does
   not mind, your readers do.
 

@@ -11,6 +11,7 @@ from typing import Any, get_args
 import numpy as np
 from pydantic import ValidationError
 
+from camopt.scene.as_built import tolerance_faults
 from camopt.scene.errors import InputError
 from camopt.scene.rest import rest_position
 from camopt.scene.schema import MOST_ROWS, Scene
@@ -19,6 +20,8 @@ from camopt.scene.table import Table
 from camopt.scene.text_file import excerpt
 from camopt.scene.train import build_train
 
+TRAIN = ("mass", "element")
+"""The tables that make up the train."""
 MOST_LISTED = 100
 """Faults that are listed; how many more there are is said."""
 
@@ -40,8 +43,10 @@ def checked(data: dict, need: tuple[str, ...]) -> tuple[Scene | None, list[str]]
     names = _name_faults(data)
     faults = [f"{_key(e['loc'])}: {_sentence(e)}" for e in errors] + names
     faults += [f"{part}: missing; this command needs it" for part in need if data.get(part) is None]
-    if not names and not faulty & {"mass", "element", "valve", "seat"} and "seat" in data:
-        faults += _dynamics_faults(_train_tables(data))
+    if not names and not faulty & {*TRAIN, "valve", "seat"} and "seat" in data:
+        faults += _dynamics_faults(_part(data, *TRAIN))
+    if not names and not faulty & {*TRAIN, "tolerance"} and "tolerance" in data:
+        faults += tolerance_faults(_part(data, *TRAIN, "tolerance"))
     if len(faults) > MOST_LISTED:
         faults = [*faults[:MOST_LISTED], f"and {len(faults) - MOST_LISTED} faults more"]
     return scene, faults
@@ -159,7 +164,7 @@ def _texts(row: dict, key: str) -> tuple[str, ...]:
 def _name_faults(data: dict) -> list[str]:
     """Names used twice, names that nothing has, and masses that no element holds."""
     faults, names, every = [], {}, {}
-    for kind in MOST_ROWS:
+    for kind in TRAIN:
         given = [row.get("name") for row in _rows(data, kind)]
         names[kind] = [name for name in given if isinstance(name, str)]
         every[kind] = len(names[kind]) == len(given) > 0  # else a name that is faulty itself may be the one meant
@@ -170,7 +175,7 @@ def _name_faults(data: dict) -> list[str]:
         faults.append("mass: 'ground' is the name of the ground and cannot be a mass")
     ends = _ends_faults(data, names["mass"]) if every["mass"] else []
     faults += ends or (_unheld(data, names["mass"]) if every["mass"] else [])
-    for kind in ("mass", "element", "geometry"):
+    for kind in (kind for kind, table in tables().items() if "assumed" in table.model_fields):
         rows = [(f"{kind}.{i}", row) for i, row in enumerate(_rows(data, kind), 1)]
         single = data.get(kind)
         for place, row in [(kind, single)] if isinstance(single, dict) else rows:
@@ -214,10 +219,10 @@ def _unheld(data: dict, masses: list[str]) -> list[str]:
     ]
 
 
-def _train_tables(data: dict) -> Scene:
-    """The scene of the train alone; its tables are known to be without fault."""
-    rows = {kind: tuple(tables()[kind].model_validate(row) for row in data[kind]) for kind in MOST_ROWS}
-    return Scene.model_construct(valve=data["valve"], seat=data["seat"], mass=rows["mass"], element=rows["element"])
+def _part(data: dict, *kinds: str) -> Scene:
+    """The scene of these rows alone, which are known to be without fault, with its valve and its seat."""
+    rows = {kind: tuple(tables()[kind].model_validate(row) for row in data[kind]) for kind in kinds}
+    return Scene.model_construct(valve=data.get("valve"), seat=data.get("seat"), **rows)
 
 
 def _dynamics_faults(scene: Scene) -> list[str]:

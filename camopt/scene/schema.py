@@ -6,8 +6,11 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from camopt.scene.table import Name, NonNegative, Positive, Table, Usable
+from camopt.scene.tolerances import Grinding, Tolerance
 
-MOST_ROWS = {"mass": 200, "element": 400}
+MOST_ROWS = {"mass": 200, "element": 400, "tolerance": 200}
+AS_BUILT = {"tolerance", "grinding"}
+"""The tables of a scene that say how trains differ: whoever takes the train as given reads none of them."""
 PoissonRatio = Annotated[float, Field(ge=0, le=0.5)]
 
 
@@ -216,6 +219,8 @@ class Scene(Table):
     geometry: Geometry | None = None
     mass: Annotated[tuple[Mass, ...], Field(min_length=1, max_length=MOST_ROWS["mass"])]
     element: Annotated[tuple[Element, ...], Field(min_length=1, max_length=MOST_ROWS["element"])]
+    tolerance: Annotated[tuple[Tolerance, ...], Field(max_length=MOST_ROWS["tolerance"])] = ()
+    grinding: Grinding | None = None
 
     def cam_speed(self, speed_rpm: float) -> float:
         """Cam speed [rad/s] at a crankshaft speed [r/min]."""

@@ -73,6 +73,7 @@ USUAL = {
     "geometry.rocker_ratio": Usual(0.4, 3, "valve lift over follower lift", {}),
     "geometry.cam_modulus_GPa": _MODULUS,
     "geometry.follower_modulus_GPa": _MODULUS,
+    "grinding.error_um": Usual(0.05, 50, "from a finely ground master cam to a worn grinder", {"mm": 1e3, "m": 1e6}),
 }
 """Table.key of a scene -> what is usual there."""
 

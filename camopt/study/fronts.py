@@ -16,7 +16,7 @@ from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, no_jump
 from camopt.optimizer.search.robust import with_spring
 from camopt.optimizer.search.search import find_cam
 from camopt.scene.errors import InputError
-from camopt.scene.schema import Scene
+from camopt.scene.schema import AS_BUILT, Scene
 from camopt.scene.train import build_train
 from camopt.storage import write_json
 
@@ -71,7 +71,7 @@ def pareto(
         raise InputError(f"pareto: {against!r}: expected a limit of [design] such as {', '.join(VALUES)}, with values")
     asked = {"against": against, "release": sorted(release), "speeds": speeds, "accuracy": accuracy} | {
         "gradient": gradient,
-        "scene": scene.model_dump(mode="json", exclude_none=True, exclude_defaults=True),
+        "scene": scene.model_dump(mode="json", exclude_none=True, exclude_defaults=True, exclude=AS_BUILT),
     }
     stored = _stored(out, asked)
     rows, effort, best = [], accuracy_named(accuracy), {"area_ratio": None}

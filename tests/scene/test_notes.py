@@ -82,6 +82,8 @@ def test_every_number_of_a_scene_has_its_usual_range():
         "design.nose_deg": "the schema holds it below half the duration",
         "geometry.cam_poisson_ratio": "the schema holds it between 0 and 0.5",
         "geometry.follower_poisson_ratio": "the schema holds it between 0 and 0.5",
+        "tolerance.relative": "the schema holds it below 1",
+        "tolerance.plus_minus": "it is held against the number that it is of",
     }
     numbers = {
         f"{table}.{key}"

@@ -71,7 +71,8 @@ def smaller_models(scene: Scene, keep: frozenset[str] = frozenset()) -> list[Sma
 def _named(full: Scene, scene: Scene, surge: int, condensed: tuple[str, ...]) -> Smaller:
     if scene is full:
         return Smaller(full, surge, condensed)
-    named = scene.model_copy(update={"name": f"{full.name[:48]}-{len(scene.mass)}m-{surge}s"})
+    name = f"{full.name[:48]}-{len(scene.mass)}m-{surge}s"
+    named = scene.model_copy(update={"name": name, "tolerance": ()})  # which name numbers that are not there any more
     return Smaller(parse_scene(scene_toml(named), named.name), surge, condensed)
 
 

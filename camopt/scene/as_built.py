@@ -1,0 +1,163 @@
+"""Scenes as built: the numbers that a scene's tolerances move, and their draws.
+
+Draws are common random numbers: those of train i hang on the seed, on i and on the tolerance's name alone. So a longer
+list begins with the shorter one, and a narrower tolerance leaves every draw where it was.
+"""
+
+import zlib
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from camopt.scene.schema import Scene
+from camopt.scene.spelling import did_you_mean
+from camopt.scene.table import Table
+from camopt.scene.text_file import excerpt
+from camopt.scene.tolerances import EVERY, SCATTERING, Tolerance
+
+REACH = 4.0
+"""Standard deviations at which a normal draw is cut off, which one draw in 16 000 meets: no part beyond them is built
+in, and a number that stays positive within them is positive in every train."""
+MAY_BE_NEGATIVE = ("force_N", "preload_N")
+MAY_BE_ZERO = ("damping_N_s_per_m", "gap_mm")
+
+
+class Number(NamedTuple):
+    """A number of a scene: its table ("mass" or "element"), row and key."""
+
+    table: str
+    row: int
+    key: str
+
+    def of(self, scene: Scene) -> float:
+        """Its value in the key's unit."""
+        return getattr(getattr(scene, self.table)[self.row], self.key)
+
+    def named(self, scene: Scene) -> str:
+        """NAME.KEY."""
+        return f"{getattr(scene, self.table)[self.row].name}.{self.key}"
+
+
+def moved_together(scene: Scene, tolerance: Tolerance) -> list[list[Number]]:
+    """The numbers that a tolerance moves, those with a common draw in one list."""
+    numbers = [number for text in tolerance.numbers for number in _matching(scene, text)]
+    if isinstance(tolerance.of, str):
+        return [[number] for number in numbers]
+    return [list(dict.fromkeys(numbers))]
+
+
+def deviates(scene: Scene, seed: int, train: int) -> dict[str, np.ndarray]:
+    """Draws of the train of that number by the tolerances' labels (k): in units of what the tolerance states."""
+    found = {}
+    for tolerance in scene.tolerance:
+        random, count = (
+            np.random.default_rng(key_of(seed, train, tolerance.label)),
+            len(moved_together(scene, tolerance)),
+        )
+        if tolerance.distribution == "uniform":
+            found[tolerance.label] = random.uniform(-1.0, 1.0, count)
+        else:
+            found[tolerance.label] = np.clip(random.standard_normal(count), -REACH, REACH)
+    return found
+
+
+def key_of(seed: int, train: int, label: str) -> tuple[int, int, int]:
+    """The seed of one train's draws for what bears this label."""
+    return seed, train, zlib.crc32(label.encode())
+
+
+def scene_as_built(scene: Scene, draws: Mapping[str, np.ndarray]) -> Scene:
+    """The scene with its numbers moved by the `draws` of `deviates`."""
+    factor, summand = defaultdict(lambda: 1.0), defaultdict(float)
+    for tolerance in scene.tolerance:
+        for numbers, draw in zip(moved_together(scene, tolerance), draws[tolerance.label], strict=True):
+            for number in numbers:
+                if tolerance.distribution == "lognormal":
+                    factor[number] *= float(np.exp(tolerance.relative * draw))
+                elif tolerance.relative is not None:
+                    factor[number] *= 1.0 + tolerance.relative * float(draw)
+                else:
+                    summand[number] += tolerance.plus_minus * float(draw)
+    rows: dict[str, list[Table]] = {table: list(getattr(scene, table)) for table in SCATTERING}
+    for number in dict.fromkeys([*factor, *summand]):
+        value = number.of(scene) * factor[number] + summand[number]
+        row = rows[number.table][number.row]
+        rows[number.table][number.row] = row.model_copy(update={number.key: value})
+    return scene.model_copy(update={table: tuple(changed) for table, changed in rows.items()})
+
+
+def tolerance_faults(scene: Scene) -> list[str]:
+    """What is wrong with the tolerances of a scene whose masses and elements have no fault, a sentence each."""
+    faults, labels = [], [tolerance.label for tolerance in scene.tolerance]
+    for i, tolerance in enumerate(scene.tolerance, 1):
+        found = [_fault(scene, tolerance, text) for text in tolerance.numbers]
+        faults += [f"tolerance.{i}.of: {fault}" for fault in found if fault]
+        if tolerance.label in labels[: i - 1]:
+            faults.append(
+                f"tolerance.{i}: an earlier tolerance is called {excerpt(tolerance.label)} too: give it a name"
+            )
+    return faults or [*_too_wide(scene)]
+
+
+def _matching(scene: Scene, text: str) -> Iterator[Number]:
+    """The numbers that a text NAME.KEY means; none where it means nothing."""
+    name, _, key = text.rpartition(".")
+    for table, keys in SCATTERING.items():
+        for i, row in enumerate(getattr(scene, table) if key in keys else ()):
+            if row.name == name or (name == EVERY and getattr(row, key)):
+                yield Number(table, i, key)
+
+
+def _fault(scene: Scene, tolerance: Tolerance, text: str) -> str:
+    """Why a text NAME.KEY of a tolerance does not do, or an empty text."""
+    name, dot, key = text.rpartition(".")
+    if not dot:
+        return f'{excerpt(text)} is not NAME.KEY, such as "spring.stiffness_N_per_m"'
+    homes = [table for table in SCATTERING if name in [row.name for row in getattr(scene, table)]]
+    if not homes and name != EVERY:
+        names = [row.name for table in SCATTERING for row in getattr(scene, table)]
+        return f"no mass or element is named {excerpt(name)}{did_you_mean(name, names)}"
+    keys = [key for table in homes or SCATTERING for key in SCATTERING[table]]
+    if key not in keys:
+        of = "no mass or element" if name == EVERY else f"the {' or '.join(homes)} {name!r}"
+        has = f"has no number {excerpt(key)} that may scatter"
+        return f"{of} {has}{did_you_mean(key, keys) or ': expected ' + ' or '.join(dict.fromkeys(keys))}"
+    found = list(_matching(scene, text))
+    if name != EVERY and len(found) > 1:
+        return f"{excerpt(text)} is a number of a mass and of an element: give one of them another name"
+    if any(number.of(scene) is None for number in found):
+        return f"{excerpt(text)}: no number there to scatter"
+    if tolerance.relative is not None and any(number.of(scene) == 0.0 for number in found):
+        return f"{excerpt(text)} is zero, of which no share scatters: give plus_minus"
+    if tolerance.plus_minus is not None and len({text.rpartition(".")[2] for text in tolerance.numbers}) > 1:
+        return f"{excerpt(text)} differs in its key from others here, and plus_minus has one unit: give relative"
+    return ""
+
+
+def _too_wide(scene: Scene) -> Iterator[str]:
+    """Numbers that some draw could turn negative, and tolerances larger than their number."""
+    share, absolute, of = defaultdict(lambda: 1.0), defaultdict(float), {}
+    for i, tolerance in enumerate(scene.tolerance, 1):
+        reach = 1.0 if tolerance.distribution == "uniform" else REACH
+        for number in (n for numbers in moved_together(scene, tolerance) for n in numbers):
+            of[number] = i
+            value = abs(number.of(scene))
+            if tolerance.plus_minus is not None:
+                absolute[number] += reach * tolerance.plus_minus
+                if 0.0 < value < tolerance.plus_minus:
+                    yield (
+                        f"tolerance.{i}.plus_minus: {tolerance.plus_minus:g} is more than {number.named(scene)} = "
+                        f"{value:g} itself: check the unit"
+                    )
+            elif tolerance.distribution != "lognormal" and tolerance.relative is not None:
+                share[number] *= max(0.0, 1.0 - reach * tolerance.relative)
+    for number, i in of.items():
+        lowest = share[number] * number.of(scene) - absolute[number]
+        if number.key in MAY_BE_NEGATIVE or lowest > 0.0 or (lowest == 0.0 and number.key in MAY_BE_ZERO):
+            continue
+        yield (
+            f"tolerance.{i}: {number.named(scene)} = {number.of(scene):g} could be drawn as low as {lowest:.3g} ("
+            f"normal draws reach {REACH:g} standard deviations): make the tolerance narrower, or lognormal"
+        )
