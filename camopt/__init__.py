@@ -16,6 +16,8 @@ Every name below belongs to `camopt` and is imported when it is first used; `hel
 - To design one: `area_bound` says how much area any cam can have, `optimize` designs the largest within the limits.
 - About the train: `modes` are its natural frequencies, `reduce` finds a smaller model, `identify` fits it to a
   `MeasuredLift`, `tradeoff` measures what accuracy costs.
+- Trains as built: `trains_as_built` draws them within a scene's tolerances, `manufacturing_yield` is the share of them
+  that holds the limits with a cam.
 - Beyond one design: `pareto` fronts, `joint_spring` for cam and spring together, `differentiable` cams for JAX.
 
 Bad input raises `camopt.scene.InputError`, whose text says what, where, what was expected, and the remedy. On the
@@ -38,6 +40,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr_
     from camopt.cam.families.trapezoid import trapezoid
     from camopt.cam.read import read_cam
     from camopt.cam.tables.lift_table import read_lift_table
+    from camopt.measure.as_built import trains_as_built
     from camopt.optimizer.baselines.comparison import compare
     from camopt.optimizer.bound.summary import area_bound
     from camopt.optimizer.run import optimize
@@ -48,6 +51,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr_
     from camopt.study.reduce.reduction import reduce
     from camopt.study.simulate.motion import simulate
     from camopt.study.tradeoff.tradeoff import tradeoff
+    from camopt.study.yields.yields import manufacturing_yield
     from camopt.verifier.accuracy import verify
 
 __version__ = version("camopt")
@@ -64,6 +68,7 @@ __all__ = [
     "joint_spring",
     "kurz",
     "load_scene",
+    "manufacturing_yield",
     "modes",
     "multi_pol",
     "new_design",
@@ -77,6 +82,7 @@ __all__ = [
     "reduce",
     "simulate",
     "tradeoff",
+    "trains_as_built",
     "trapezoid",
     "verify",
 ]
@@ -107,6 +113,8 @@ _PUBLIC = {
     "MeasuredLift": "camopt.study.identify.identification",
     "pareto": "camopt.study.fronts",
     "joint_spring": "camopt.study.fronts",
+    "trains_as_built": "camopt.measure.as_built",
+    "manufacturing_yield": "camopt.study.yields.yields",
 }
 
 

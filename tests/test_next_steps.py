@@ -22,6 +22,7 @@ COMMANDS = {
     "cam": ("cam", "kodama", *CAM, "--csv", "lift.csv"),
     "modes": ("modes", "kodama"),
     "bound": ("bound", "kodama"),
+    "yield": ("yield", "kodama", *CAM, "--out", "run"),
     "gradient": ("gradient", "kodama", *CAM, "--speed", "6000"),
     "tradeoff": ("tradeoff", "kodama", "--out", "run"),
     "extremes": ("extremes", "kodama", "--out", "run"),
@@ -44,7 +45,7 @@ def stand_in(monkeypatch, tmp_path, verb: str, outcome) -> None:
             verbs._run_folder(args, "kodama")
         return outcome(args)
 
-    monkeypatch.setattr(verbs, verb, act)
+    monkeypatch.setattr(verbs, cli.verb_named(verb), act)
 
 
 @pytest.mark.parametrize("code", [0, 3])

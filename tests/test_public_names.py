@@ -29,6 +29,8 @@ SIGNATURES = {
     "margin_N=0.0, evaluations=30",
     "kurz": "scene, sections_deg=None, a23=None, *, jerk=True",
     "load_scene": "source, need=()",
+    "manufacturing_yield": "scene, cam, trains=1000, *, speeds_rpm=None, seed=0, halve=False, out=None, "
+    "resume=False, progress=False",
     "modes": "scene, state='lifted'",
     "multi_pol": "scene, sections_deg=None, a12=None, *, a45=None, j34=None, j45=None, jerk=True",
     "new_design": "scene, sections_deg=None, a12=None, *, a34=None, j34=None, j23=None, start_ratio=None, "
@@ -45,6 +47,7 @@ SIGNATURES = {
     "reduce": "scene, cam=None, speeds_rpm=None, *, tolerance_mm=0.01, smooth=True, workers=2",
     "simulate": "scene, cam, speed_rpm, method='event', *, revolutions=2, step_deg=0.1, parameters=None, accuracy=None",
     "tradeoff": "scene, out=None, resume=False, *, size='full', progress=False, cam=None",
+    "trains_as_built": "scene, count, *, seed=0, first=0",
     "trapezoid": "scene, sections_deg=None, jerk=True",
     "verify": "scene, lift, speeds_rpm=None, methods='all', accuracy='standard'",
 }

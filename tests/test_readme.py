@@ -15,7 +15,7 @@ README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README, re.DOTALL)
 LINES = [line for kind, text in BLOCKS if kind == "sh" and not text.startswith("python3") for line in text.splitlines()]
 COMMANDS = [line for line in LINES if line.startswith("camopt ")]
-SLOW = ("optimize", "verify", "compare", "reduce", "bound", "extremes", "gradient", "tradeoff")
+SLOW = ("optimize", "verify", "compare", "reduce", "bound", "extremes", "gradient", "tradeoff", "yield")
 """Verbs that search or judge: parsed always, run by the long test."""
 DESIGN = Path(__file__).parent / "data" / "kodama-design.json"
 

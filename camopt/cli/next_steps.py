@@ -90,6 +90,23 @@ def _after_tradeoff(args: Namespace, code: int) -> str:
     return f"{_camopt('optimize', args.scene, '--accuracy', 'draft')} runs the job at the accuracy you choose"
 
 
+def _after_yield(args: Namespace, code: int) -> str:
+    if not args.halve:
+        words = [
+            *_cam_of(args),
+            "--trains",
+            args.trains,
+            "--seed",
+            args.seed,
+            "--out",
+            args.folder,
+            "--resume",
+            "--halve",
+        ]
+        return f"{_camopt('yield', *words)} adds what half of each tolerance would buy"
+    return f"{_camopt('verify', *_cam_of(args))} holds the train as designed against the limits"
+
+
 def _after_extremes(args: Namespace, code: int) -> str:
     if code:
         return f"a wrong row without a warning is a defect of camopt: report it with {args.folder / 'extremes.csv'}"
@@ -125,6 +142,7 @@ _AFTER = {
     "modes": _after_modes,
     "bound": _after_bound,
     "gradient": _after_gradient,
+    "yield": _after_yield,
     "tradeoff": _after_tradeoff,
     "extremes": _after_extremes,
     "reduce": _after_reduce,

@@ -3,7 +3,7 @@
 import argparse
 from collections.abc import Callable
 
-from camopt.cli.values import ACCURACIES, accuracy, count, digits, picture_file, positive, seed, speeds
+from camopt.cli.values import ACCURACIES, accuracy, count, digits, picture_file, positive, seed, speeds, trains
 from camopt.verifier.methods import verdict_methods
 
 Command = Callable[[str, str, str], argparse.ArgumentParser]
@@ -148,6 +148,28 @@ def _report(command: Command) -> None:
     c.add_argument("--check", action="store_true", help=words)
 
 
+def _yield(command: Command) -> None:
+    c = command(
+        "yield",
+        "the share of trains as built, drawn within the scene's tolerances, that hold the limits on the motion",
+        "camopt yield kodama --cam runs/first --trains 200",
+    )
+    _scene(c)
+    _cam_options(c)
+    c.add_argument("--trains", type=trains, default=1000, metavar="N", help="trains drawn (1000)")
+    c.add_argument(
+        "--speeds", type=speeds, metavar="LIST", help="5000,6000 or 300:8000:100 crankshaft r/min (11 over the band)"
+    )
+    c.add_argument("--seed", type=seed, default=0, metavar="N", help="seed of the draws (0)")
+    words = "also what half of each tolerance would buy: the same trains once more for each of them"
+    c.add_argument("--halve", action="store_true", help=words)
+    c.add_argument("--json", metavar="FILE", help="write the share and what spoils it as JSON")
+    c.add_argument("--out", metavar="DIR", help="folder, refused if it exists (runs/<scene>-<UTC time>)")
+    c.add_argument(
+        "--resume", action="store_true", help="go on in the folder named by --out, with more trains if asked"
+    )
+
+
 def _tradeoff(command: Command) -> None:
     c = command("tradeoff", "measure what accuracy costs on a scene: methods and job", "camopt tradeoff kodama")
     _scene(c)
@@ -220,5 +242,5 @@ def _table_options(c: argparse.ArgumentParser) -> None:
 
 
 DESIGNING = (_optimize, _verify, _simulate, _compare, _cam, _modes)
-STUDYING = (_bound, _gradient, _tradeoff, _extremes, _reduce, _report, _scenes)
+STUDYING = (_bound, _yield, _gradient, _tradeoff, _extremes, _reduce, _report, _scenes)
 COMMANDS = (*DESIGNING, *STUDYING)

@@ -12,6 +12,7 @@ import traceback
 from collections.abc import Sequence
 from importlib import import_module
 from io import TextIOWrapper
+from keyword import iskeyword
 
 from camopt import __version__
 from camopt.cli import options
@@ -35,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if getattr(args, option, None) is not None:
                 check_file(getattr(args, option))
         commands = import_module("camopt.cli.verbs")
-        code = getattr(commands, args.command.replace("-", "_"))(args)
+        code = getattr(commands, verb_named(args.command))(args)
         sys.stdout.flush()
         if not args.quiet:
             print(f"next: {next_step(args, code)}", file=sys.stderr)
@@ -49,6 +50,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return DONE
     except Exception as error:
         return _failed(error, args)
+
+
+def verb_named(command: str) -> str:
+    """The function in `camopt.cli.verbs` of a command; one that is a word of Python has an underscore behind it."""
+    return f"{command}_" if iskeyword(command) else command.replace("-", "_")
 
 
 def _failed(error: Exception, args: argparse.Namespace) -> int:

@@ -46,6 +46,10 @@ def count(text: str) -> int:
     return _integer(text, 1, 1000)
 
 
+def trains(text: str) -> int:
+    return _integer(text, 1, 1_000_000)
+
+
 def digits(text: str) -> int:
     return _integer(text, 0, 12)
 

@@ -96,7 +96,7 @@ def verify(args: Namespace) -> int:
 def simulate(args: Namespace) -> int:
     scene = _scene_of(args)
     lift = _cam_of(args, scene)
-    from camopt.study.simulate.motion import motion_table
+    from camopt.study.simulate.motion import motion_lines, motion_table
     from camopt.study.simulate.motion import simulate as motion_of
     from camopt.verifier.verdict import methods_for
 
@@ -109,12 +109,7 @@ def simulate(args: Namespace) -> int:
     print(f"{scene.name}, {lift.family}, {args.speed:g} r/min, {method}, from rest")
     if args.accuracy is not None:
         print(motion.attrs["accuracy_statement"])
-    for revolution, part in motion.groupby("revolution"):
-        valve = part["position_mm"].sel(mass=scene.valve)
-        print(f"revolution {revolution}: largest valve position {float(valve.max()):.4f} mm")
-        for element in (e.name for e in scene.element if e.kind == "contact"):
-            force = part["force_N"].sel(element=element)
-            print(f"  {element:<20} force {float(force.min()):10.1f} to {float(force.max()):10.1f} N")
+    print("\n".join(motion_lines(motion, scene)))
     return 0
 
 
@@ -153,16 +148,17 @@ def cam(args: Namespace) -> int:
 
 def modes(args: Namespace) -> int:
     scene = _scene_of(args, ())
+    from camopt.study.modes import mode_lines
     from camopt.study.modes import modes as modes_of
 
     found = modes_of(scene, args.state)
     if args.json:
         write_json(args.json, found.as_dict())
-    print(f"{scene.name}, {args.state}; closed contacts: {', '.join(found.closed) or 'none'}")
-    print(f"{'Hz':>12}  {'rad/s':>12}  {'damping':>8}  " + "  ".join(f"{n:>10}" for n in found.mass_names))
-    for row in zip(found.frequency_Hz, found.angular, found.damping_ratio, found.shape, strict=True):
-        shape = "  ".join(f"{value:10.4f}" for value in row[3])
-        print(f"{row[0]:12.6g}  {row[1]:12.6g}  {100 * row[2]:6.2f} %  {shape}")
+    print(
+        "\n".join(
+            [f"{scene.name}, {args.state}; closed contacts: {', '.join(found.closed) or 'none'}", *mode_lines(found)]
+        )
+    )
     return 0
 
 
@@ -188,6 +184,23 @@ def reduce(args: Namespace) -> int:
     if args.json:
         write_json(args.json, found.as_dict())
     print("\n".join(reduction_lines(found)))
+    return 0
+
+
+def yield_(args: Namespace) -> int:
+    scene = _scene_of(args)
+    folder = _run_folder(args, scene.name)
+    cam = _cam_of(args, scene)
+    from camopt.study.yields.yields import manufacturing_yield, yield_lines
+
+    found = manufacturing_yield(
+        scene, cam, args.trains, speeds_rpm=args.speeds, seed=args.seed, halve=args.halve, out=folder,
+        resume=args.resume, progress=not args.quiet,
+    )  # fmt: skip
+    if args.json:
+        write_json(args.json, found.as_dict())
+    print("\n".join(yield_lines(found)))
+    print(f"folder: {folder}")
     return 0
 
 

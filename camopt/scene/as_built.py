@@ -24,6 +24,10 @@ MAY_BE_NEGATIVE = ("force_N", "preload_N")
 MAY_BE_ZERO = ("damping_N_s_per_m", "gap_mm")
 
 
+GRINDING = "grinding"
+"""What results call the scene's grinding error."""
+
+
 class Number(NamedTuple):
     """A number of a scene: its table ("mass" or "element"), row and key."""
 
@@ -94,10 +98,9 @@ def tolerance_faults(scene: Scene) -> list[str]:
     for i, tolerance in enumerate(scene.tolerance, 1):
         found = [_fault(scene, tolerance, text) for text in tolerance.numbers]
         faults += [f"tolerance.{i}.of: {fault}" for fault in found if fault]
-        if tolerance.label in labels[: i - 1]:
-            faults.append(
-                f"tolerance.{i}: an earlier tolerance is called {excerpt(tolerance.label)} too: give it a name"
-            )
+        if tolerance.label in (GRINDING, *labels[: i - 1]):
+            what = "[grinding]" if tolerance.label == GRINDING else "an earlier tolerance"
+            faults.append(f"tolerance.{i}: {what} is called {excerpt(tolerance.label)} too: give this one another name")
     return faults or [*_too_wide(scene)]
 
 

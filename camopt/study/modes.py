@@ -61,6 +61,15 @@ def modes(scene: Scene, state: State = "lifted") -> Modes:
     return Modes(state, angular / (2 * np.pi), angular, ratio, _normalised(shape), train.mass_names, closed)
 
 
+def mode_lines(found: Modes) -> list[str]:
+    """A line for the headings, then one for every mode: frequencies, damping ratio and shape."""
+    lines = [f"{'Hz':>12}  {'rad/s':>12}  {'damping':>8}  " + "  ".join(f"{n:>10}" for n in found.mass_names)]
+    for row in zip(found.frequency_Hz, found.angular, found.damping_ratio, found.shape, strict=True):
+        shape = "  ".join(f"{value:10.4f}" for value in row[3])
+        lines.append(f"{row[0]:12.6g}  {row[1]:12.6g}  {100 * row[2]:6.2f} %  {shape}")
+    return lines
+
+
 def _normalised(shape: np.ndarray) -> np.ndarray:
     """Shapes (m, n) with unit norm; the sign is that of the literature's Table 2, the last sizeable component up."""
     shape = shape / np.linalg.norm(shape, axis=1)[:, None]

@@ -224,6 +224,18 @@ def resampled(response: Response, steps: int) -> Response:
     return Response(response.train, response.cam_speed, grid, lift, x, v, force)
 
 
+def motion_lines(motion: xr.Dataset, scene: Scene) -> list[str]:
+    """By revolution the largest valve position and the forces of the contacts, a line each."""
+    lines = []
+    for revolution, part in motion.groupby("revolution"):
+        valve = part["position_mm"].sel(mass=scene.valve)
+        lines.append(f"revolution {revolution}: largest valve position {float(valve.max()):.4f} mm")
+        for element in (e.name for e in scene.element if e.kind == "contact"):
+            force = part["force_N"].sel(element=element)
+            lines.append(f"  {element:<20} force {float(force.min()):10.1f} to {float(force.max()):10.1f} N")
+    return lines
+
+
 def motion_table(motion: xr.Dataset) -> Mapping[str, np.ndarray]:
     """Columns of `simulate --csv`: revolution, cam_angle_deg, time_s, then every mass and every element."""
     columns = {name: motion[name].values for name in ("revolution", "cam_angle_deg", "time_s")}

@@ -1,0 +1,52 @@
+"""Trains as built: how much of each limit they use over the speed, and which tolerance makes them differ."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from camopt.plots.style import DESIGN_LINE, draw_limit, legend_above, new_figure, styled
+
+SHOWN = 2.0
+"""Parts of a limit beyond which the axis ends: how far a limit is broken there does not matter."""
+RANGES = ((5, 95, 0.18), (25, 75, 0.3))
+"""Percentiles that are shaded, with the depth of the shade."""
+COLOUR = DESIGN_LINE[0]
+
+
+@styled
+def used_against_speed(speeds_rpm: np.ndarray, used: Mapping[str, np.ndarray], title: str = "") -> Figure:
+    """Draws by limit the parts (t, s) that the trains use over the crankshaft speeds (s): median and ranges."""
+    figure = new_figure(7.6, 0.9 + 1.7 * len(used))
+    grid = figure.subplots(len(used), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (limit, parts) in zip(grid, used.items(), strict=True):
+        bounded = np.minimum(parts, 10 * SHOWN)  # percentiles of what is infinite are not
+        for low, high, depth in RANGES:
+            ends = np.percentile(bounded, (low, high), axis=0)
+            label = f"{high - low} % of the trains"
+            axes.fill_between(speeds_rpm, *ends, color=COLOUR, alpha=depth, linewidth=0, label=label)
+        axes.plot(speeds_rpm, np.median(bounded, axis=0), color=COLOUR, label="median")
+        axes.plot(speeds_rpm, bounded.max(axis=0), ".", color="#444444", label="worst train", clip_on=True)
+        draw_limit(axes, 1.0, "limit")
+        axes.set_ylim(0.0, min(SHOWN, 1.1 * max(1.05, float(bounded.max()))))
+        axes.set_ylabel("used part [-]")
+        axes.set_title(limit)
+    grid[-1].set_xlabel("crankshaft speed [r/min]")
+    if title:
+        figure.suptitle(title, fontsize="medium", x=0.02, ha="left")
+    legend_above(figure, grid[0])
+    return figure
+
+
+@styled
+def blame_bars(blame: Mapping[str, float], bought: Mapping[str, float]) -> Figure:
+    """Draws by tolerance its part in the trains' scatter and, where known, what half of it adds to the yield."""
+    labels = list(blame)[::-1]
+    figure = new_figure(7.6, 1.3 + 0.3 * max(len(labels), 1))
+    panels = [(blame, "part in the scatter [%]")] + ([(bought, "yield gained by half of it [%]")] if bought else [])
+    for axes, (values, words) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
+        axes.barh(range(len(labels)), [100 * values.get(label, 0.0) for label in labels], color=COLOUR, height=0.6)
+        axes.set_yticks(range(len(labels)), labels)
+        axes.axvline(0.0, color="#777777", linewidth=0.7)
+        axes.set_xlabel(words)
+    return figure

@@ -1,0 +1,1 @@
+"""How many trains as built hold the limits: draws, motions, the share and what spoils it."""

@@ -1,0 +1,95 @@
+"""Trains as built and what they tell: common draws, the interval's coverage, what breaks first, blame."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+import camopt
+from camopt.measure.yields import UsedLimits, blame, counted, share_of
+from camopt.scene import InputError, parse_scene
+from camopt.scene.as_built import deviates
+from tests.scene.test_load import EXAMPLE
+
+MASS = '\n[[tolerance]]\nof = "valve.mass_kg"\nrelative = 0.05\n'
+GROUND = "\n[grinding]\nerror_um = 2.0\n"
+
+
+def scene(added: str = MASS + GROUND):
+    return parse_scene(EXAMPLE + added, "mine.toml")
+
+
+def test_a_longer_list_begins_with_the_shorter_one():
+    lift = camopt.polydyne(scene())
+    few, more = camopt.trains_as_built(scene(), 3, seed=4), camopt.trains_as_built(scene(), 5, seed=4)
+    (last,) = camopt.trains_as_built(scene(), 1, seed=4, first=4)
+    for one, other in [*zip(few, more[:3], strict=True), (last, more[4])]:
+        assert one.train.mass[0] == other.train.mass[0] and one.number == other.number
+        np.testing.assert_array_equal(one.cam(lift).coefficients, other.cam(lift).coefficients)
+    assert len({one.train.mass[0] for one in more}) == 5
+    assert camopt.trains_as_built(scene(), 1, seed=5)[0].train.mass[0] != few[0].train.mass[0]
+
+
+def test_the_ground_cam_is_off_by_the_stated_error_and_half_of_it():
+    (one,), lift, angle = camopt.trains_as_built(scene(), 1), camopt.polydyne(scene()), np.linspace(-3.0, 3.0, 20_001)
+    (half,) = camopt.trains_as_built(scene(MASS + GROUND.replace("2.0", "1.0")), 1)
+    error = one.cam(lift)(angle) - lift(angle)
+    assert np.abs(error).max() == pytest.approx(2e-6, rel=1e-2)
+    np.testing.assert_allclose(half.cam(lift)(angle) - lift(angle), 0.5 * error, atol=1e-12)
+    (without,) = camopt.trains_as_built(scene(MASS), 1)
+    assert without.cam(lift) is lift and list(without.draws) == ["valve.mass_kg"]
+
+
+def test_bad_counts_are_refused():
+    with pytest.raises(InputError, match="at least one"):
+        camopt.trains_as_built(scene(), 0)
+    with pytest.raises(InputError, match="no train was measured"):
+        share_of(np.array([], bool))
+
+
+def test_the_interval_holds_a_known_yield_as_often_as_it_says():
+    """A train holds where its mass is drawn no more than one standard deviation too heavy: the yield is Phi(1).
+
+    The exact interval covers at least 95 %; 400 repetitions of 200 trains resolve that to about one per cent.
+    """
+    true, inside, drawn = norm.cdf(1.0), 0, scene(MASS)
+    draws = np.array([deviates(drawn, 0, i)["valve.mass_kg"][0] for i in range(80_000)]).reshape(400, 200)
+    for repetition in draws:
+        found = share_of(repetition <= 1.0)
+        inside += found.low <= true <= found.high
+    assert inside / len(draws) >= 0.95 - 2 * np.sqrt(0.05 * 0.95 / len(draws))
+    assert share_of(draws.ravel() <= 1.0).share == pytest.approx(true, abs=3 * np.sqrt(true * (1 - true) / draws.size))
+
+
+def used(*trains) -> UsedLimits:
+    return UsedLimits(("bounce_max_mm", "jump_max_mm"), np.array([5000.0, 6000.0]), np.array(trains))
+
+
+def test_what_breaks_first_is_counted_by_limit_and_speed():
+    found = used(
+        [[0.2, 0.9], [0.1, 1.0]],
+        [[0.2, 1.3], [0.1, 1.2]],
+        [[0.2, 1.3], [1.1, 1.2]],
+        [[0.2, 1.1], [0.1, np.inf]],
+    )
+    assert found.holds.tolist() == [True, False, False, False]
+    assert found.first_broken() == [None, ("bounce_max_mm", 6000), ("jump_max_mm", 5000), ("jump_max_mm", 6000)]
+    assert counted(found) == {
+        "jump_max_mm": {"trains": 2, "speeds_rpm": {"5000": 1, "6000": 1}},
+        "bounce_max_mm": {"trains": 1, "speeds_rpm": {"6000": 1}},
+    }
+
+
+def test_blame_goes_to_what_moves_the_worst_part():
+    random = np.random.default_rng(0)
+    draws = {
+        "a": random.normal(size=(500, 1)),
+        "b": random.normal(size=(500, 3)),
+        "idle": random.normal(size=(500, 20)),
+    }
+    worst = np.exp(2.0 * draws["a"][:, 0] - draws["b"].sum(axis=1) / np.sqrt(3.0))
+    worst[:3] = np.inf
+    found = blame(draws, worst)
+    assert list(found) == ["a", "b", "idle"]
+    assert found["a"] == pytest.approx(0.8, abs=0.06) and found["b"] == pytest.approx(0.2, abs=0.06)
+    assert found["idle"] < 0.03
+    assert blame(draws, np.ones(500)) == dict.fromkeys(draws, 0.0)

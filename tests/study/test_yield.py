@@ -1,0 +1,136 @@
+"""`camopt yield`: a known yield by a stand-in for the motions, resuming, halving, and a small one end to end."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+import camopt
+from camopt.cli.parser import main
+from camopt.scene import InputError, load_scene, parse_scene
+from camopt.study.yields import measurement
+from camopt.study.yields.yields import JOURNAL, SUMMARY, yield_lines
+from tests.scene.test_load import EXAMPLE
+from tests.test_docs import documented, keys
+
+MASS = '\n[[tolerance]]\nof = "valve.mass_kg"\nrelative = 0.05\n'
+SCENE = parse_scene(EXAMPLE + MASS, "mine.toml")
+CAM = camopt.polydyne(SCENE)
+LIMITS = 4
+"""Limits of the example on the motion."""
+
+
+@pytest.fixture
+def heavy_ones_break(monkeypatch):
+    """A train breaks its limits at the second of two speeds where its mass is over 1.05 times the scene's."""
+    seen = []
+
+    def used(self, trains):
+        seen.extend(one.number for one in trains)
+        heavy = np.array([one.train.mass[0] / 0.24 / 1.05 for one in trains])
+        return np.stack([0.5 * heavy, heavy], axis=-1)[:, None, :].repeat(LIMITS, axis=1)
+
+    def no_track(scene, lift, speeds_rpm):
+        return measurement.Track(lift, (), np.zeros(0), measurement.motion_limits(scene.design))
+
+    monkeypatch.setattr(measurement.Track, "used", used)
+    monkeypatch.setattr("camopt.study.yields.yields.track", no_track)
+    return seen
+
+
+def found(trains: int, **more):
+    return camopt.manufacturing_yield(SCENE, CAM, trains, speeds_rpm=(6000, 7000), **more)
+
+
+def test_a_known_yield_and_what_half_of_its_cause_buys(heavy_ones_break):
+    result = found(500, halve=True)
+    assert result.share.low <= norm.cdf(1.0) <= result.share.high
+    assert result.first_broken["bounce_max_mm"]["speeds_rpm"] == {"7000": 500 - round(500 * result.share.share)}
+    assert result.blame["valve.mass_kg"] == pytest.approx(1.0, abs=5e-3)
+    half = result.halved["valve.mass_kg"]
+    assert half["low"] <= norm.cdf(2.0) <= half["high"] and half["lost"] == 0
+    assert half["gained"] == round(500 * (half["share"] - result.share.share))
+    assert "valve.mass_kg halved" in "\n".join(yield_lines(result))
+    assert result.table.sizes == {"train": 500, "limit": LIMITS, "speed_rpm": 2}
+
+
+def test_a_resumed_run_has_the_rows_of_an_unbroken_one(heavy_ones_break, tmp_path, monkeypatch):
+    found(50, out=tmp_path / "whole")
+    add, wrote = measurement.TrainsJournal.add, []
+
+    def killed(self, *row):
+        if len(wrote) == 27:
+            raise KeyboardInterrupt
+        wrote.append(row)
+        add(self, *row)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(measurement.TrainsJournal, "add", killed)
+        found(50, out=tmp_path / "broken")
+    journal = tmp_path / "broken" / JOURNAL
+    with open(journal, "a") as file:
+        file.write('{"halved": "", "tra')  # the line that was being written
+    heavy_ones_break.clear()
+    found(50, out=tmp_path / "broken", resume=True)
+    assert heavy_ones_break == list(range(27, 50))
+    for name in (JOURNAL, SUMMARY):
+        assert (tmp_path / "broken" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    heavy_ones_break.clear()
+    assert found(60, out=tmp_path / "broken", resume=True).share.trains == 60
+    assert heavy_ones_break == list(range(50, 60))
+
+
+def test_another_run_is_refused(heavy_ones_break, tmp_path):
+    found(3, out=tmp_path / "run")
+    with pytest.raises(InputError, match="finished yield run"):
+        found(3, out=tmp_path / "run")
+    with pytest.raises(InputError, match="belongs to another run"):
+        found(3, out=tmp_path / "run", seed=1, resume=True)
+
+
+def test_files_and_keys_are_documented(heavy_ones_break, tmp_path):
+    found(30, out=tmp_path / "run", halve=True)
+    names = {path.name for path in (tmp_path / "run").iterdir()}
+    assert names == {"run.json", "scene.toml", JOURNAL, SUMMARY, "figures"}
+    summary = json.loads((tmp_path / "run" / SUMMARY).read_text())
+    for content in ("first_broken", "blame", "halved"):  # whose keys are limits, speeds and tolerances
+        inner = summary.pop(content)
+        if content != "blame":
+            summary |= {key: None for entry in inner.values() for key in entry}
+    assert keys(summary) | {JOURNAL, SUMMARY, "first_broken", "blame", "halved"} <= documented()
+    assert keys(json.loads((tmp_path / "run" / JOURNAL).read_text().splitlines()[0])) - {*SCENE_LIMITS} <= documented()
+
+
+SCENE_LIMITS = ("bounce_max_mm", "jump_max_mm", "seating_velocity_max_m_per_s", "contact_force_max_N")
+
+
+def test_a_scene_without_limits_is_refused():
+    assert SCENE.design is not None
+    without = SCENE.model_copy(update={"design": SCENE.design.model_copy(update=dict.fromkeys(SCENE_LIMITS))})
+    with pytest.raises(InputError, match="limits nothing of the motion"):
+        camopt.manufacturing_yield(without, CAM, 3)
+
+
+def test_laws_that_are_not_linear_are_refused():
+    scene = load_scene("kodama-hertz")
+    with pytest.raises(InputError, match="linear"):
+        camopt.manufacturing_yield(scene, camopt.polydyne(scene), 2)
+
+
+def test_end_to_end(tmp_path, capsys):
+    words = ["yield", "motori-1", "--cam", "polydyne", "--trains", "6", "--speeds", "2000,3500", "--quiet"]
+    assert main([*words, "--out", str(tmp_path / "run"), "--json", str(tmp_path / "yield.json")]) == 0
+    said, summary = capsys.readouterr().out, json.loads((tmp_path / "yield.json").read_text())
+    assert "of 6 trains hold" in said and summary["trains"] == 6 and summary["speeds_rpm"] == [2000, 3500]
+    assert summary == json.loads((tmp_path / "run" / SUMMARY).read_text())
+    rows = [json.loads(line) for line in (tmp_path / "run" / JOURNAL).read_text().splitlines()]
+    assert len({row["used"]["seating_velocity_max_m_per_s"][0] for row in rows}) == 6
+
+
+@pytest.mark.parametrize(("rpm", "share"), [(1000.0, 1.0), (7000.0, 0.0)])
+def test_without_tolerances_all_trains_hold_or_none(rpm, share):
+    scene = load_scene("motori-1").model_copy(update={"tolerance": (), "grinding": None})
+    result = camopt.manufacturing_yield(scene, camopt.polydyne(scene), 3, speeds_rpm=[rpm])
+    assert result.share.share == share and result.blame == {}
+    assert len(np.unique(result.used.used[:, 0])) == 1
