@@ -33,7 +33,7 @@ def used_against_speed(speeds_rpm: np.ndarray, used: Mapping[str, np.ndarray], t
         axes.set_title(limit)
     grid[-1].set_xlabel("crankshaft speed [r/min]")
     if title:
-        figure.suptitle(title, fontsize="medium", x=0.02, ha="left")
+        grid[0].set_title(f"{title}\n{grid[0].get_title(loc='left')}")
     legend_above(figure, grid[0])
     return figure
 
@@ -43,7 +43,9 @@ def blame_bars(blame: Mapping[str, float], bought: Mapping[str, float]) -> Figur
     """Draws by tolerance its part in the trains' scatter and, where known, what half of it adds to the yield."""
     labels = list(blame)[::-1]
     figure = new_figure(7.6, 1.3 + 0.3 * max(len(labels), 1))
-    panels = [(blame, "part in the scatter [%]")] + ([(bought, "yield gained by half of it [%]")] if bought else [])
+    panels = [(blame, "part in the scatter [%]")] + (
+        [(bought, "gained by half of it [% of the trains]")] if bought else []
+    )
     for axes, (values, words) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
         axes.barh(range(len(labels)), [100 * values.get(label, 0.0) for label in labels], color=COLOUR, height=0.6)
         axes.set_yticks(range(len(labels)), labels)
