@@ -98,7 +98,7 @@ def blame(draws: dict[str, np.ndarray], worst: np.ndarray) -> dict[str, float]:
         return dict.fromkeys(draws, 0.0)
     found = {}
     for label, drawn in draws.items():
-        rho = [spearmanr(column, worst).statistic for column in drawn.T]
+        rho = [float(spearmanr(column, worst)[0]) for column in drawn.T]
         found[label] = max(0.0, float(np.sum(np.square(rho)) - len(rho) / (t - 1)))
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 

@@ -78,12 +78,11 @@ def scene_as_built(scene: Scene, draws: Mapping[str, np.ndarray]) -> Scene:
     for tolerance in scene.tolerance:
         for numbers, draw in zip(moved_together(scene, tolerance), draws[tolerance.label], strict=True):
             for number in numbers:
-                if tolerance.distribution == "lognormal":
-                    factor[number] *= float(np.exp(tolerance.relative * draw))
-                elif tolerance.relative is not None:
-                    factor[number] *= 1.0 + tolerance.relative * float(draw)
-                else:
+                if tolerance.plus_minus is not None:
                     summand[number] += tolerance.plus_minus * float(draw)
+                    continue
+                share = (tolerance.relative or 0.0) * float(draw)
+                factor[number] *= float(np.exp(share)) if tolerance.distribution == "lognormal" else 1.0 + share
     rows: dict[str, list[Table]] = {table: list(getattr(scene, table)) for table in SCATTERING}
     for number in dict.fromkeys([*factor, *summand]):
         value = number.of(scene) * factor[number] + summand[number]
