@@ -88,7 +88,9 @@ def with_coils(scene: Scene, count: int) -> Scene:
     ]
     kept = [e for e in scene.element if not e.name.startswith("coil_")]
     masses = tuple(m for m in scene.mass if m not in coils) + mass
-    return parse_scene(scene_toml(scene.model_copy(update={"mass": masses, "element": (*kept, *springs)})), scene.name)
+    return parse_scene(
+        scene_toml(scene.model_copy(update={"mass": masses, "element": (*kept, *springs), "tolerance": ()})), scene.name
+    )
 
 
 def masses_row(scene: Scene, cam, smooth: bool) -> dict:
