@@ -6,7 +6,7 @@ Everything here is arithmetic on the parts of the limits that the trains use; wh
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import binomtest, spearmanr
+from scipy.stats import binomtest, rankdata
 
 from camopt.scene.errors import InputError
 
@@ -98,7 +98,7 @@ def blame(draws: dict[str, np.ndarray], worst: np.ndarray) -> dict[str, float]:
         return dict.fromkeys(draws, 0.0)
     found = {}
     for label, drawn in draws.items():
-        rho = [float(spearmanr(column, worst)[0]) for column in drawn.T]
+        rho = [np.corrcoef(rankdata(column), rankdata(worst))[0, 1] for column in drawn.T]
         found[label] = max(0.0, float(np.sum(np.square(rho)) - len(rho) / (t - 1)))
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 

@@ -221,7 +221,7 @@ def _unheld(data: dict, masses: list[str]) -> list[str]:
 
 def _part(data: dict, *kinds: str) -> Scene:
     """The scene of these rows alone, which are known to be without fault, with its valve and its seat."""
-    rows = {kind: tuple(tables()[kind].model_validate(row) for row in data[kind]) for kind in kinds}
+    rows: dict[str, Any] = {kind: tuple(tables()[kind].model_validate(row) for row in data[kind]) for kind in kinds}
     return Scene.model_construct(valve=data.get("valve"), seat=data.get("seat"), **rows)
 
 
