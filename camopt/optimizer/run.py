@@ -99,10 +99,7 @@ def optimize(
     with run_folder(out or default_run_folder(scene.name), identity, resume, ["design.json"]) as folder:
         write_text(folder / "scene.toml", scene_toml(scene))
         with Progress(progress, effort, gradient, compare) as shown:
-            if programs_missing():
-                shown.say("compiles its programs, once for an installation")
-                with job.clock.stage("programs"):
-                    compile_programs()
+            job.make_programs(shown)
             lift, verdict, record = job.design(folder, shown, kinematic, bound)
             with shown.make_room():
                 designed(folder)
@@ -135,6 +132,13 @@ class _OpenRun:
     effort: Accuracy
     clock: StageClock
     found: dict = field(default_factory=dict)  # of the search, for the provenance
+
+    def make_programs(self, shown: Progress) -> None:
+        """On the first run of an installation: the compiled programs."""
+        if programs_missing():
+            shown.say("compiles its programs, once for an installation")
+            with self.clock.stage("programs"):
+                compile_programs()
 
     def design(
         self, folder: Path, shown: Progress, kinematic: KinematicOptimum, bound: float
