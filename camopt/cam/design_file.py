@@ -76,8 +76,26 @@ def read_design(path: str | Path, scene: Scene) -> Lift:
         raise InputError(
             f"{path}: pieces: the lift steps by {step.max():.3g} mm at {where:g} deg; a cam's lift is smooth"
         )
+    return _lift(borders, coefficients, duration, family, parameters)
+
+
+def as_written(lift: Lift) -> Lift:
+    """The lift law that its `design.json` gives back, bit by bit.
+
+    Millimetres and degrees and back again move the last digits, and a motion that parts its contacts multiplies them:
+    what is judged is therefore the cam as it is written.
+    """
+    record = design_record(lift, lift.max_lift)
+    pieces = record["pieces"]
+    borders = np.append(pieces["start_deg"], pieces["end_deg"][-1])
+    return _lift(borders, pieces["coefficients_mm"], record["duration_deg"], lift.family, lift.parameters)
+
+
+def _lift(borders_deg: np.ndarray, coefficients_mm: np.ndarray, duration_deg: float, family, parameters) -> Lift:
+    """The lift law of pieces in millimetres and degrees."""
+    borders, powers = borders_deg.copy(), np.arange(coefficients_mm.shape[1])
     borders[[0, -1]] = -180.0, 180.0
-    return Lift(borders * DEG, coefficients * MM / DEG**powers, duration * DEG / 2, family, parameters)
+    return Lift(borders * DEG, coefficients_mm * MM / DEG**powers, duration_deg * DEG / 2, family, parameters)
 
 
 def _scene_duration_deg(scene: Scene) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 
-from camopt.cam.design_file import design_record
+from camopt.cam.design_file import as_written, design_record
 from camopt.cam.families.free import free_cam
 from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import write_lift_table
@@ -155,6 +155,7 @@ class _OpenRun:
         shown.begin("verdict")
         with clock.stage("verdict"):
             chosen, verdict, refused = confirmed_cam(scene, search.confirmed, self.settings["speeds"], effort)
+        lift = as_written(chosen.lift)
         record = design_record(
             chosen.lift,
             scene.design.max_lift_mm * MM,
@@ -166,10 +167,10 @@ class _OpenRun:
             limit_worth=limit_worth(kinematic),
         )
         write_json(folder / "design.json", record)
-        write_lift_table(folder / "lift.csv", chosen.lift)
+        write_lift_table(folder / "lift.csv", lift)
         write_json(folder / "verification.json", verdict.as_dict())
         self.write_provenance(folder)
-        return chosen.lift, verdict, record
+        return lift, verdict, record
 
     def write_provenance(self, folder: Path) -> None:
         """provenance.json as far as the run has come."""
@@ -216,7 +217,7 @@ def confirmed_cam(
     """
     first, refused = None, []
     for found in candidates[::-1][:CANDIDATES]:
-        verdict = full_verdict(scene, found.lift, speeds, effort)
+        verdict = full_verdict(scene, as_written(found.lift), speeds, effort)
         first = first or (found, verdict)
         if verdict.verdict == "confirmed":
             return found, verdict, refused

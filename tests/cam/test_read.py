@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from camopt.cam.design_file import design_record, read_design, write_design
+from camopt.cam.design_file import as_written, design_record, read_design, write_design
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.families.registry import FAMILIES
 from camopt.cam.lift import Lift
@@ -116,6 +116,13 @@ class TestDesignFile:
         record = plain_record()
         del record["duration_deg"]
         assert read_design(written(tmp_path, record), KODAMA).half_duration == pytest.approx(72 * DEG)
+
+    def test_the_cam_as_written_is_the_cam_that_is_read(self, tmp_path):
+        write_design(tmp_path / "design.json", POLYDYNE, 9.4 * MM)
+        read, known = read_design(tmp_path / "design.json", KODAMA), as_written(POLYDYNE)
+        assert read.borders.tobytes() == known.borders.tobytes() != POLYDYNE.borders.tobytes()
+        assert read.coefficients.tobytes() == known.coefficients.tobytes() != POLYDYNE.coefficients.tobytes()
+        assert read.half_duration == known.half_duration
 
     def test_pieces_of_different_degree(self, tmp_path):
         record = plain_record()

@@ -62,6 +62,8 @@ def test_run_folder_holds_the_contract(plain):
     assert scene == load_scene("motori-1")
     again = read_design(folder / "design.json", scene)
     assert again.area_ratio(9.4 * MM) == pytest.approx(record["area_ratio"], rel=1e-12)
+    for judged, written in ((plain.lift.borders, again.borders), (plain.lift.coefficients, again.coefficients)):
+        assert judged.tobytes() == written.tobytes()  # the verdict is on the cam that the file holds
 
 
 def test_the_page_of_the_run_folder_names_every_file_and_key(plain):
