@@ -13,14 +13,16 @@ from pydantic import ValidationError
 
 from camopt.scene.as_built import tolerance_faults
 from camopt.scene.errors import InputError
-from camopt.scene.rest import rest_position
+from camopt.scene.rest import static_forces
 from camopt.scene.schema import MOST_ROWS, Scene
 from camopt.scene.spelling import did_you_mean
 from camopt.scene.table import Table
 from camopt.scene.text_file import excerpt
-from camopt.scene.train import build_train
+from camopt.scene.train import Train, build_train
 
-TRAIN = ("mass", "element")
+NAMED = ("mass", "element")
+"""The tables whose rows have names."""
+TRAIN = (*NAMED, "force")
 """The tables that make up the train."""
 MOST_LISTED = 100
 """Faults that are listed; how many more there are is said."""
@@ -164,7 +166,7 @@ def _texts(row: dict, key: str) -> tuple[str, ...]:
 def _name_faults(data: dict) -> list[str]:
     """Names used twice, names that nothing has, and masses that no element holds."""
     faults, names, every = [], {}, {}
-    for kind in TRAIN:
+    for kind in NAMED:
         given = [row.get("name") for row in _rows(data, kind)]
         names[kind] = [name for name in given if isinstance(name, str)]
         every[kind] = len(names[kind]) == len(given) > 0  # else a name that is faulty itself may be the one meant
@@ -175,6 +177,10 @@ def _name_faults(data: dict) -> list[str]:
         faults.append("mass: 'ground' is the name of the ground and cannot be a mass")
     ends = _ends_faults(data, names["mass"]) if every["mass"] else []
     faults += ends or (_unheld(data, names["mass"]) if every["mass"] else [])
+    for i, row in enumerate(_rows(data, "force"), 1):
+        on = row.get("on")
+        if isinstance(on, str) and every["mass"] and on not in names["mass"]:
+            faults.append(f"force.{i}.on: no mass is named {excerpt(on)}{did_you_mean(on, names['mass'])}")
     for kind in (kind for kind, table in tables().items() if "assumed" in table.model_fields):
         rows = [(f"{kind}.{i}", row) for i, row in enumerate(_rows(data, kind), 1)]
         single = data.get(kind)
@@ -221,7 +227,8 @@ def _unheld(data: dict, masses: list[str]) -> list[str]:
 
 def _part(data: dict, *kinds: str) -> Scene:
     """The scene of these rows alone, which are known to be without fault, with its valve and its seat."""
-    rows: dict[str, Any] = {kind: tuple(tables()[kind].model_validate(row) for row in data[kind]) for kind in kinds}
+    known = tables()
+    rows: dict[str, Any] = {kind: tuple(known[kind].model_validate(r) for r in data.get(kind, ())) for kind in kinds}
     return Scene.model_construct(valve=data.get("valve"), seat=data.get("seat"), **rows)
 
 
@@ -244,7 +251,21 @@ def _dynamics_faults(scene: Scene) -> list[str]:
         )
     if not faults:
         try:
-            rest_position(train)
+            faults += _stuck(scene, train)
         except InputError as error:
             faults.append(str(error))
     return faults
+
+
+def _stuck(scene: Scene, train: Train) -> list[str]:
+    """Whether friction on the valve could hold it off its seat at rest. Raises InputError where there is no rest."""
+    pressed = static_forces(train, np.zeros(1))[0, train.seat]
+    rubbing = [e for e in scene.element if e.slip_N is not None and scene.valve in e.between]
+    slip = sum(e.slip_N for e in rubbing if e.slip_N is not None)
+    if not rubbing or slip < pressed:
+        return []
+    names = " and ".join(repr(e.name) for e in rubbing)
+    return [
+        f"element: the friction of {names} ({slip:g} N) could hold the valve off its seat, which the spring presses on "
+        f"with {pressed:.3g} N at rest: expected less slip_N than that, or more preload"
+    ]

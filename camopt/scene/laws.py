@@ -5,17 +5,33 @@ Let d be the compression, p the elastic force and P the preload, which is the fo
     linear       p = P + k d
     hertz        p = k (d - d_touch)^exponent above the touch, 0 below it; d_touch = -(P / k)^(1 / exponent)
     progressive  p = P + integral of K from 0 to d; K piecewise linear in d, constant beyond its first and last row
+    table        p follows its rows of compression and force in straight lines; those at its ends go on
 
 so that a contact touches where p falls to zero, whatever its law. A hertz contact without preload touches at d = 0 and
 has p = k d^exponent; for two curved bodies that touch in a point the exponent is 3/2 (Hertz 1882).
+
+Two laws have a memory, a length z that has a law of motion of its own, and no force at rest:
+
+    oil          f = k max(0, d - z - travel): the column of a hydraulic adjuster. While it pushes, it leaks through the
+                 annular gap, z' = f / leak (laminar flow); where d falls below z, the open valve refills it, z = d; in
+                 between the ball is on its way, and z stands still.
+    friction     f = k (d - z): an element that sticks, z' = 0, until |f| = slip, and then slides, z' = d', until d'
+                 changes its sign (Jenkins 1962, J. Appl. Mech. 29:187).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-LINEAR, HERTZ, PROGRESSIVE = range(3)
-KINDS = {"linear": LINEAR, "hertz": HERTZ, "progressive": PROGRESSIVE}
+LINEAR, HERTZ, PROGRESSIVE, TABLE, OIL, FRICTION = range(6)
+KINDS = {
+    "linear": LINEAR,
+    "hertz": HERTZ,
+    "progressive": PROGRESSIVE,
+    "table": TABLE,
+    "oil": OIL,
+    "friction": FRICTION,
+}
 POINT_CONTACT = 1.5
 """Exponent of a hertz contact where the scene gives none."""
 STAND_IN_FORCE = 1000.0
@@ -24,20 +40,30 @@ STAND_IN_FORCE = 1000.0
 
 @dataclass(frozen=True, eq=False)
 class Laws:
-    """The elastic laws of the elements (e) of a train."""
+    """The laws of the elements (e) of a train; zeros where a number belongs to another law."""
 
-    kind: np.ndarray  # (e) int: LINEAR, HERTZ or PROGRESSIVE
-    coefficient: np.ndarray  # (e): N/m^exponent of a hertz contact, N/m of a linear element
+    kind: np.ndarray  # (e) int, by KINDS
+    coefficient: np.ndarray  # (e): N/m^exponent of a hertz contact, N/m of a linear element, oil or friction
     exponent: np.ndarray  # (e): 1 unless hertz
-    table: np.ndarray  # (e, q, 2): compression [m] in ascending rows and stiffness [N/m]; read where progressive
+    table: np.ndarray  # (e, q, 2): ascending compression [m]; stiffness [N/m] if progressive, force [N] if table
+    leak: np.ndarray  # (e) N s/m, of oil
+    travel: np.ndarray  # (e) m, of the ball in an oil column's valve
+    slip: np.ndarray  # (e) N, of friction
+
+    @property
+    def has_memory(self) -> np.ndarray:
+        """Which elements have a memory, shape (e)."""
+        return (self.kind == OIL) | (self.kind == FRICTION)
 
     def force(self, d: np.ndarray, preload: np.ndarray) -> np.ndarray:
-        """Elastic force [N] at compressions d (e) [m] with the preloads (e) [N]."""
+        """Elastic force [N] at compressions d (e) [m] with the preloads (e) [N]; zero where a memory has faded."""
         u = np.maximum(0.0, d - self.touch(preload))
         force = np.where(self.kind == HERTZ, self.coefficient * u**self.exponent, preload + self.coefficient * d)
         for e in np.flatnonzero(self.kind == PROGRESSIVE):
             force[e] = preload[e] + _integral(self.table[e], d[e])
-        return force
+        for e in np.flatnonzero(self.kind == TABLE):
+            force[e] = _on_lines(self.table[e], d[e])[0]
+        return np.where(self.has_memory, 0.0, force)
 
     def tangent(self, d: np.ndarray, preload: np.ndarray) -> np.ndarray:
         """Derivative of `force` by the compression [N/m], shape (e)."""
@@ -45,7 +71,9 @@ class Laws:
         tangent = self.coefficient * np.where(self.kind == HERTZ, self.exponent * u ** (self.exponent - 1.0), 1.0)
         for e in np.flatnonzero(self.kind == PROGRESSIVE):
             tangent[e] = np.interp(d[e], *self.table[e].T)
-        return tangent
+        for e in np.flatnonzero(self.kind == TABLE):
+            tangent[e] = _on_lines(self.table[e], d[e])[1]
+        return np.where(self.has_memory, 0.0, tangent)
 
     def touch(self, preload: np.ndarray) -> np.ndarray:
         """Compression at which each elastic force falls to zero [m], shape (e)."""
@@ -54,19 +82,31 @@ class Laws:
         touch[hertz] = -((preload[hertz] / self.coefficient[hertz]) ** (1.0 / self.exponent[hertz]))
         for e in np.flatnonzero(self.kind == PROGRESSIVE):
             touch[e] = _compression(self.table[e], -preload[e])
+        for e in np.flatnonzero(self.kind == TABLE):
+            touch[e] = _on_lines(self.table[e][:, ::-1], 0.0)[0]
         return touch
 
     def stand_in(self) -> np.ndarray:
         """Constant stiffness [N/m] of each element for modes and step sizes, shape (e).
 
-        For a hertz contact it is the tangent at STAND_IN_FORCE, for a progressive element the stiffness at compression
-        zero.
+        For a hertz contact it is the tangent at STAND_IN_FORCE, for an element with a table the stiffness at
+        compression zero, for oil that of a column that does not leak, for friction that of sticking.
         """
-        slope = (
-            self.exponent * self.coefficient ** (1.0 / self.exponent) * STAND_IN_FORCE ** (1.0 - 1.0 / self.exponent)
-        )
-        table = np.array([np.interp(0.0, *rows.T) for rows in self.table])
-        return np.where(self.kind == PROGRESSIVE, table, slope)
+        exponent = self.exponent
+        stiffness = exponent * self.coefficient ** (1.0 / exponent) * STAND_IN_FORCE ** (1.0 - 1.0 / exponent)
+        for e in np.flatnonzero(self.kind == PROGRESSIVE):
+            stiffness[e] = np.interp(0.0, *self.table[e].T)
+        for e in np.flatnonzero(self.kind == TABLE):
+            stiffness[e] = _on_lines(self.table[e], 0.0)[1]
+        return stiffness
+
+
+def _on_lines(table: np.ndarray, at: float) -> tuple[float, float]:
+    """(value, slope) at a place of the straight lines through a table's rows (q, 2), the outer two of which go on."""
+    place, value = table.T
+    i = int(np.clip(np.searchsorted(place, at, "right") - 1, 0, len(place) - 2))
+    slope = (value[i + 1] - value[i]) / (place[i + 1] - place[i])
+    return float(value[i] + slope * (at - place[i])), float(slope)
 
 
 def _integral(table: np.ndarray, d: float) -> float:

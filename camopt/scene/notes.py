@@ -33,7 +33,7 @@ def _given(scene: Scene, table: str, key: str) -> Iterable[tuple[str, float]]:
     for row in rows:
         if isinstance(row, Element) and key == "stiffness_N_per_m":
             values = [stiffness for _, stiffness in row.stiffness_table or ()]
-            if row.law == "linear" and not _is_stiff(scene, row):
+            if row.form == "linear" and not _is_stiff(scene, row):
                 values = [row.stiffness_N_per_m]
         else:
             value = getattr(row, key)
@@ -53,7 +53,7 @@ def _stiff(scene: Scene) -> Iterable[tuple[str, float]]:
         stiffness, power = element.stiffness_N_per_m, element.exponent or 1.5
         if element.law == "hertz" and stiffness is not None:
             yield element.name, power * stiffness * (HERTZ_AT_UM * UM) ** (power - 1)
-        elif element.law == "linear" and stiffness is not None and _is_stiff(scene, element):
+        elif element.form == "linear" and stiffness is not None and _is_stiff(scene, element):
             yield element.name, stiffness
 
 

@@ -1,7 +1,7 @@
 """The record that every way of simulating leaves: positions, velocities and forces against cam angle."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -23,6 +23,7 @@ class Response:
     x: np.ndarray  # (k, n) m
     v: np.ndarray  # (k, n) m/s
     force: np.ndarray  # (k, e) N, the force that each element exerts: never below zero in a contact
+    memory: np.ndarray = field(default_factory=lambda: np.zeros((1, 0)))  # (k, r) m; one row where r is zero
 
     @property
     def time(self) -> np.ndarray:
@@ -51,7 +52,8 @@ class Response:
 
 
 Revolve = Callable[[np.ndarray], Response]
-"""A function that takes a state (2n: positions [m], then velocities [m/s]) at -pi and returns a revolution from there.
+"""A function that takes a state (2n + r: positions [m], velocities [m/s], memories [m]) at -pi and returns a revolution
+from there.
 
 Every method offers `prepare(train, lift, cam_speed, ...) -> Revolve`, which works out once whatever is the same in
 every revolution. Settling, metrics and error estimates are therefore written once for all methods.
@@ -62,8 +64,8 @@ def joined(responses: list[Response]) -> Response:
     """Consecutive revolutions as one record; the sample at which two meet stays doubled."""
     first = responses[0]
     angle = np.concatenate([r.angle + 2 * np.pi * i for i, r in enumerate(responses)])
-    lift, x, v, force = (np.concatenate([getattr(r, name) for r in responses]) for name in ("lift", "x", "v", "force"))
-    return Response(first.train, first.cam_speed, angle, lift, x, v, force)
+    series = (np.concatenate([getattr(r, name) for r in responses]) for name in ("lift", "x", "v", "force", "memory"))
+    return Response(first.train, first.cam_speed, angle, *series)
 
 
 def next_state(revolve: Revolve, state: np.ndarray) -> np.ndarray:
@@ -73,5 +75,5 @@ def next_state(revolve: Revolve, state: np.ndarray) -> np.ndarray:
 
 
 def end_state(response: Response) -> np.ndarray:
-    """State (2 n) at the end of a record, from which the next revolution starts."""
-    return np.concatenate([response.x[-1], response.v[-1]])
+    """State (2n + r) at the end of a record, from which the next revolution starts."""
+    return np.concatenate([response.x[-1], response.v[-1], response.memory[-1]])

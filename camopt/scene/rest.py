@@ -32,10 +32,11 @@ GROUNDING = 1e-12
 
 
 def static_matrices(train: Train, closed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness matrix (n, n) [N/m] and load (n) [N] at lift zero when the elements `closed` (e) act."""
+    """Stiffness matrix (n, n) [N/m] and load (n) [N] at lift zero when the elements `closed` (e) act; none with a
+    memory does at rest."""
     n = len(train.mass)
     stiffness, load = np.zeros((n, n)), train.mass_force.copy()
-    for e in np.flatnonzero(closed):
+    for e in np.setdiff1d(np.flatnonzero(closed), train.memory):
         row = _row(train, int(e))
         stiffness += train.stiffness[e] * np.outer(row, row)
         load -= row * (train.preload[e] - train.stiffness[e] * train.gap[e])
@@ -69,7 +70,8 @@ def _rest_of(train: Train) -> np.ndarray:
             f"the scene has {contacts} contacts and at most {MOST_CONTACTS} are supported: "
             f"merge stiff parts into one mass"
         )
-    linear = replace(train, laws=None)
+    without = np.isin(np.arange(len(train.a)), train.memory)
+    linear = replace(train, laws=None, stiffness=np.where(without, 0.0, train.stiffness))
     x, balanced = _balanced(linear, np.zeros(len(train.mass)))
     force = train.preload + train.stiffness * train.compression(x, 0.0)
     closed = ~train.contact | (force > FORCE_SLACK * max(np.max(np.abs(force)), 1.0))
@@ -90,9 +92,13 @@ def _rest_of(train: Train) -> np.ndarray:
 
 
 def state_at_rest(train: Train) -> np.ndarray:
-    """State (2n: [m], then [m/s]) at rest on the base circle; raises InputError where there is none."""
+    """State (2n + r: [m], [m/s], [m]) at rest on the base circle; raises InputError where there is none.
+
+    Every memory has faded: adjusters have leaked until the plunger spring alone carries, and nothing rubs.
+    """
     position = rest_position(train)
-    return np.concatenate([position, np.zeros_like(position)])
+    memory = train.compression(position, 0.0)[list(train.memory)]
+    return np.concatenate([position, np.zeros_like(position), memory])
 
 
 def _not_held(train: Train, direction: np.ndarray) -> str:

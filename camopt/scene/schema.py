@@ -5,10 +5,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from camopt.scene.element import Element
 from camopt.scene.table import Name, NonNegative, Positive, Table, Usable
 from camopt.scene.tolerances import Grinding, Tolerance
 
-MOST_ROWS = {"mass": 200, "element": 400, "tolerance": 200}
+MOST_ROWS = {"mass": 200, "element": 400, "force": 20, "tolerance": 200}
 AS_BUILT = {"tolerance", "grinding"}
 """The tables of a scene that say how trains differ: whoever takes the train as given reads none of them."""
 PoissonRatio = Annotated[float, Field(ge=0, le=0.5)]
@@ -25,74 +26,28 @@ class Mass(Table):
     source: str = ""
 
 
-class Element(Table):
-    """A spring (bilateral) or contact (pushes, never pulls) between two masses or a mass and ground.
+class Force(Table):
+    """A force on a mass that repeats with the cam angle, such as that of the gas on a valve.
 
-    `law` says how the elastic force grows with the compression (see `camopt.scene.laws`). Under "linear" it grows by
-    `stiffness_N_per_m`. Under "hertz", which only contacts may have, it grows with the power `exponent` (1.5 where left
-    out) of the compression, and `stiffness_N_per_m` is its factor [N/m^exponent]. Under "progressive" the stiffness
-    itself follows `stiffness_table`, rows of [compression_mm, stiffness_N_per_m] in ascending order. `preload_N` is the
-    elastic force at compression zero.
+    `table` has rows of [cam_angle_deg, force_N], joined by straight lines, from -180 to 180 with the same force at
+    both; positive opens.
     """
 
-    name: Name
-    kind: Literal["spring", "contact"]
-    between: tuple[str, str]
-    law: Literal["linear", "hertz", "progressive"] = "linear"
-    stiffness_N_per_m: Positive | None = Field(default=None, validate_default=True)
-    exponent: Annotated[float, Field(ge=1, le=3)] | None = None
-    stiffness_table: Annotated[tuple[tuple[float, Positive], ...], Field(min_length=2, max_length=200)] | None = Field(
-        default=None, validate_default=True
-    )
-    damping_N_s_per_m: NonNegative = 0.0
-    preload_N: float = 0.0
-    gap_mm: NonNegative = 0.0
-    cam_driven: bool = False
+    on: str
+    table: Annotated[tuple[tuple[float, float], ...], Field(min_length=2, max_length=1000)]
     assumed: tuple[str, ...] = ()
     source: str = ""
 
-    @field_validator("law")
+    @field_validator("table")
     @classmethod
-    def _law_of_a_contact(cls, law, info: ValidationInfo):
-        if law == "hertz" and info.data.get("kind") == "spring":
-            raise ValueError('"hertz" is a law of contacts: a spring may be "linear" or "progressive"')
-        return law
-
-    @field_validator("stiffness_N_per_m")
-    @classmethod
-    def _stiffness_or_table(cls, stiffness, info: ValidationInfo):
-        law = info.data.get("law")
-        if stiffness is None and law in ("linear", "hertz"):
-            raise ValueError("missing")
-        if stiffness is not None and law == "progressive":
-            raise ValueError('law "progressive" takes its stiffness from stiffness_table: leave this key out')
-        return stiffness
-
-    @field_validator("exponent")
-    @classmethod
-    def _exponent_of_hertz(cls, exponent, info: ValidationInfo):
-        if exponent is not None and info.data.get("law") in ("linear", "progressive"):
-            raise ValueError('belongs to law = "hertz", and only to it')
-        return exponent
-
-    @field_validator("stiffness_table")
-    @classmethod
-    def _table_of_progressive(cls, table, info: ValidationInfo):
-        law = info.data.get("law")
-        if table is None and law == "progressive":
-            raise ValueError("missing; give rows of [compression_mm, stiffness_N_per_m]")
-        if table is not None and law in ("linear", "hertz"):
-            raise ValueError('belongs to law = "progressive", and only to it')
-        if table is not None and any(a[0] >= b[0] for a, b in pairwise(table)):
-            raise ValueError("the compressions of its rows must ascend without repeats")
+    def _periodic(cls, table):
+        if any(a[0] >= b[0] for a, b in pairwise(table)):
+            raise ValueError("the cam angles of its rows must ascend without repeats")
+        if table[0][0] != -180.0 or table[-1][0] != 180.0 or table[0][1] != table[-1][1]:
+            raise ValueError(
+                "must begin at -180 and end at 180 cam degrees with the same force, because it repeats every revolution"
+            )
         return table
-
-    @field_validator("preload_N")
-    @classmethod
-    def _preload_of_hertz(cls, preload, info: ValidationInfo):
-        if preload < 0 and info.data.get("law") == "hertz":
-            raise ValueError('must not be negative with law = "hertz": a contact that touches later has a gap_mm')
-        return preload
 
 
 class Operation(Table):
@@ -219,6 +174,7 @@ class Scene(Table):
     geometry: Geometry | None = None
     mass: Annotated[tuple[Mass, ...], Field(min_length=1, max_length=MOST_ROWS["mass"])]
     element: Annotated[tuple[Element, ...], Field(min_length=1, max_length=MOST_ROWS["element"])]
+    force: Annotated[tuple[Force, ...], Field(max_length=MOST_ROWS["force"])] = ()
     tolerance: Annotated[tuple[Tolerance, ...], Field(max_length=MOST_ROWS["tolerance"])] = ()
     grinding: Grinding | None = None
 

@@ -10,7 +10,15 @@ EVERY = "*"
 """In place of a name: each mass and element that has the key."""
 SCATTERING = {
     "mass": ("mass_kg", "damping_N_s_per_m", "force_N"),
-    "element": ("stiffness_N_per_m", "damping_N_s_per_m", "preload_N", "gap_mm"),
+    "element": (
+        "stiffness_N_per_m",
+        "damping_N_s_per_m",
+        "preload_N",
+        "gap_mm",
+        "spring_N_per_m",
+        "leak_N_s_per_m",
+        "slip_N",
+    ),
 }
 """The keys of either table whose numbers may scatter from train to train."""
 HIGHEST_HARMONIC = 200

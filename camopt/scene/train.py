@@ -1,17 +1,32 @@
 """The valve train as SI arrays, which are data only: each path has its own equations and its own contact law."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from camopt.scene.errors import InputError
-from camopt.scene.laws import KINDS, LINEAR, POINT_CONTACT, Laws
-from camopt.scene.schema import Element, Scene
-from camopt.scene.units import MM
+from camopt.scene.laws import LINEAR, TABLE, Laws
+from camopt.scene.parts import laws_of, parts_of
+from camopt.scene.schema import Scene
+from camopt.scene.units import DEG
 
 GROUND = -1
 TRAIN_PARAMETERS = ("mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap")
 """Fields of `Train` whose numbers a user may vary, and by which metrics have derivatives."""
+
+
+@dataclass(frozen=True, eq=False)
+class Forcing:
+    """A force on a mass that repeats with the cam angle, in straight lines between its rows."""
+
+    on: int  # mass index
+    angle: np.ndarray  # (q) rad, from -pi to pi
+    force: np.ndarray  # (q) N, positive opens; the last is the first
+
+    def at(self, angle: np.ndarray | float) -> np.ndarray:
+        """The force [N] at cam angles [rad] of any revolution, in their shape."""
+        return np.interp((np.asarray(angle) + np.pi) % (2.0 * np.pi) - np.pi, self.angle, self.force)
 
 
 @dataclass(frozen=True, eq=False)  # compared and hashed by identity: caches are keyed by the train they belong to
@@ -21,7 +36,10 @@ class Train:
     An element e stands between `a[e]` and `b[e]` (mass index, or GROUND) with compression
     d = x_a - x_b + cam_driven * lift - gap and elastic force preload + stiffness * d; it pushes a towards -x and b
     towards +x. Where `laws` are given they rule the elastic force, and `stiffness` is only their stand-in for modes
-    and step sizes.
+    and step sizes. A hydraulic adjuster of the scene is two elements here, side by side: its plunger, a contact, in
+    the adjuster's place, and its oil, `<name>-oil`, after all others.
+
+    The state of a train is (x, v, z): n positions [m], n velocities [m/s], and the memories [m] of r elements.
     """
 
     mass: np.ndarray  # (n) kg
@@ -41,6 +59,17 @@ class Train:
     mass_names: tuple[str, ...]
     element_names: tuple[str, ...]
     laws: Laws | None = None  # None: every law is linear
+    forcing: tuple[Forcing, ...] = ()
+
+    @cached_property
+    def memory(self) -> tuple[int, ...]:
+        """The elements (r) with a memory, in the order in which the state holds them."""
+        return () if self.laws is None else tuple(int(e) for e in np.flatnonzero(self.laws.has_memory))
+
+    @property
+    def state_size(self) -> int:
+        """Numbers in a state: 2n + r."""
+        return 2 * len(self.mass) + len(self.memory)
 
     @property
     def lash(self) -> float:
@@ -76,15 +105,17 @@ class Train:
 
 def build_train(scene: Scene) -> Train:
     """The SI arrays of a scene; names must already be checked (see `camopt.scene.load`)."""
-    masses, elements = scene.mass, scene.element
+    masses, elements = scene.mass, parts_of(scene.element)
     index = {m.name: i for i, m in enumerate(masses)} | {"ground": GROUND}
     a = np.array([index[e.between[0]] for e in elements])
     b = np.array([index[e.between[1]] for e in elements])
-    contact = np.array([e.kind == "contact" for e in elements])
+    contact = np.array([e.contact for e in elements])
     cam_driven = np.array([e.cam_driven for e in elements])
     valve = index[scene.valve] if scene.valve else -1
     names = tuple(e.name for e in elements)
-    laws = _laws(elements)
+    plunger = np.array([e.plunger for e in elements])
+    laws = laws_of(elements)
+    preload = np.array([e.preload for e in elements])
     return Train(
         mass=np.array([m.mass_kg for m in masses]),
         mass_damping=np.array([m.damping_N_s_per_m for m in masses]),
@@ -94,38 +125,24 @@ def build_train(scene: Scene) -> Train:
         contact=contact,
         cam_driven=cam_driven,
         stiffness=laws.stand_in(),
-        damping=np.array([e.damping_N_s_per_m for e in elements]),
-        preload=np.array([e.preload_N for e in elements]),
-        gap=np.array([e.gap_mm for e in elements]) * MM,
+        damping=np.array([e.damping for e in elements]),
+        preload=np.where(laws.kind == TABLE, laws.force(np.zeros(len(elements)), preload), preload),
+        gap=np.array([e.gap for e in elements]),
         valve=valve,
         seat=names.index(scene.seat) if scene.seat else -1,
-        cam_side=_contacts_between_cam_and_valve(a, b, contact, cam_driven, valve),
+        cam_side=_contacts_between_cam_and_valve(a, b, contact, cam_driven, valve, plunger),
         mass_names=tuple(m.name for m in masses),
         element_names=names,
         laws=laws if np.any(laws.kind != LINEAR) else None,
+        forcing=tuple(Forcing(index[f.on], *(np.array(f.table) * (DEG, 1.0)).T) for f in scene.force),
     )
 
 
-def _laws(elements: tuple[Element, ...]) -> Laws:
-    """The elements' laws in SI. Rows that repeat the last stiffness, a metre apart, bring tables to one length."""
-    kind = np.array([KINDS[e.law] for e in elements])
-    rows = max(len(e.stiffness_table or ()) for e in elements) or 1
-    table = np.zeros((len(elements), rows, 2))
-    coefficient = np.array([e.stiffness_N_per_m or 0.0 for e in elements])
-    for i, e in enumerate(elements):
-        given = np.array(e.stiffness_table or [(0.0, coefficient[i])])
-        more = rows - len(given)
-        further = given[-1, 0] * MM + np.arange(1, more + 1)
-        table[i, :, 0] = np.concatenate([given[:, 0] * MM, further])
-        table[i, :, 1] = np.concatenate([given[:, 1], np.full(more, given[-1, 1])])
-        if e.law == "progressive":
-            coefficient[i] = np.interp(0.0, *table[i].T)
-    exponent = np.array([(e.exponent or POINT_CONTACT) if e.law == "hertz" else 1.0 for e in elements])
-    return Laws(kind, coefficient, exponent, table)
+def _contacts_between_cam_and_valve(a, b, contact, cam_driven, valve, plunger) -> tuple[int, ...]:
+    """Contacts on the way from the cam-driven element to the valve; no way leads over the ground.
 
-
-def _contacts_between_cam_and_valve(a, b, contact, cam_driven, valve) -> tuple[int, ...]:
-    """Contacts on the way from the cam-driven element to the valve; no way leads over the ground."""
+    An adjuster's plunger is on the way and not among them: it follows what it pushes.
+    """
     if valve < 0:
         return ()
     for first in np.flatnonzero(cam_driven & (b != GROUND)):
@@ -134,7 +151,7 @@ def _contacts_between_cam_and_valve(a, b, contact, cam_driven, valve) -> tuple[i
         while ways:
             mass, path = ways.pop(0)
             if mass == valve:
-                return tuple(e for e in path if contact[e])
+                return tuple(e for e in path if contact[e] and not plunger[e])
             seen.add(mass)
             for e in range(len(a)):
                 if e in path or mass not in ((a[e],) if contact[e] else (a[e], b[e])):

@@ -34,7 +34,7 @@ def force(parts, e: int, d: float) -> float:
 @pytest.mark.parametrize(
     ("old", "new", "key", "says"),
     [
-        (TRAIN, TRAIN + '\nlaw = "cubic"', "element.1.law", "'linear', 'hertz' or 'progressive'"),
+        (TRAIN, TRAIN + '\nlaw = "cubic"', "element.1.law", "'linear', 'hertz', 'progressive' or 'table'"),
         (SPRING, 'law = "hertz"', "element.2.stiffness_N_per_m", "missing"),
         (SPRING, SPRING + "\nexponent = 1.5", "element.2.exponent", "only to it"),
         (TRAIN, TRAIN + '\nlaw = "hertz"\nexponent = 0.5', "element.1.exponent", "greater than or equal to 1"),

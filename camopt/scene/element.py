@@ -1,0 +1,163 @@
+"""What a scene file may say of an element: which keys belong to which kind and law, and what they may hold."""
+
+from itertools import pairwise
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationInfo, field_validator
+
+from camopt.scene.table import Name, NonNegative, Positive, Table
+
+FORMS = ("linear", "hertz", "progressive", "table", "adjuster", "friction")
+"""The laws that a spring or contact may have, and the two kinds that have a law of their own."""
+BELONGS = {
+    "stiffness_N_per_m": ("linear", "hertz", "adjuster", "friction"),
+    "exponent": ("hertz",),
+    "stiffness_table": ("progressive",),
+    "force_table": ("table",),
+    "leak_N_s_per_m": ("adjuster",),
+    "spring_N_per_m": ("adjuster",),
+    "stroke_mm": ("adjuster",),
+    "check_travel_mm": ("adjuster",),
+    "slip_N": ("friction",),
+}
+"""The forms of an element that a key belongs to."""
+OPTIONAL = ("exponent", "check_travel_mm")
+"""Keys of `BELONGS` that a form may go without."""
+ROWS = {
+    "stiffness_table": "[compression_mm, stiffness_N_per_m]",
+    "force_table": "[compression_mm, force_N]",
+}
+INSTEAD = {
+    "progressive": "stiffness_table",
+    "table": "force_table",
+}
+"""Where a law takes its stiffness from, if not from stiffness_N_per_m."""
+NOT_OF = {
+    "damping_N_s_per_m": ("adjuster", "friction"),
+    "gap_mm": ("adjuster", "friction"),
+    "preload_N": ("friction", "table"),
+}
+"""The forms that must leave a key at zero."""
+WHY_ZERO = {
+    "damping_N_s_per_m": "its own law loses the energy",
+    "gap_mm": "it has no lash",
+    "preload_N": "its force is all in its law",
+}
+MOST_TABLE_ROWS = 200
+StiffnessTable = Annotated[tuple[tuple[float, Positive], ...], Field(min_length=2, max_length=MOST_TABLE_ROWS)]
+ForceTable = Annotated[tuple[tuple[float, float], ...], Field(min_length=2, max_length=MOST_TABLE_ROWS)]
+
+
+class Element(Table):
+    """What stands between two masses, or a mass and the ground: a spring, a contact, an adjuster or a friction element.
+
+    A "spring" acts both ways and a "contact" pushes, never pulls. `law` says how their elastic force grows with the
+    compression (see `camopt.scene.laws`). Under "linear" it grows by `stiffness_N_per_m`. Under "hertz", which only
+    contacts may have, it grows with the power `exponent` (1.5 where left out) of the compression, and
+    `stiffness_N_per_m` is its factor [N/m^exponent]. Under "progressive" the stiffness itself follows
+    `stiffness_table`, rows of [compression_mm, stiffness_N_per_m]. Under "table" the force follows `force_table`, rows
+    of [compression_mm, force_N] joined by straight lines, whose ends go on. Rows ascend. `preload_N` is the elastic
+    force at compression zero.
+
+    An "adjuster" is a hydraulic lash adjuster, installed in the middle of its `stroke_mm`: a plunger spring of
+    `spring_N_per_m` with `preload_N`, and beside it an oil column of `stiffness_N_per_m` that leaks, with the force
+    `leak_N_s_per_m` for each m/s, and refills without force; the ball of its valve travels by `check_travel_mm` before
+    it shuts. Its stops are as stiff as the oil. A "friction" element sticks, with the stiffness `stiffness_N_per_m`,
+    until its force reaches `slip_N`, and then slides (Jenkins 1962).
+    """
+
+    name: Name
+    kind: Literal["spring", "contact", "adjuster", "friction"]
+    between: tuple[str, str]
+    law: Literal["linear", "hertz", "progressive", "table"] = "linear"
+    stiffness_N_per_m: Positive | None = Field(default=None, validate_default=True)
+    exponent: Annotated[float, Field(ge=1, le=3)] | None = None
+    stiffness_table: StiffnessTable | None = Field(default=None, validate_default=True)
+    force_table: ForceTable | None = Field(default=None, validate_default=True)
+    leak_N_s_per_m: Positive | None = Field(default=None, validate_default=True)
+    spring_N_per_m: Positive | None = Field(default=None, validate_default=True)
+    stroke_mm: Positive | None = Field(default=None, validate_default=True)
+    check_travel_mm: NonNegative | None = None
+    slip_N: Positive | None = Field(default=None, validate_default=True)
+    damping_N_s_per_m: NonNegative = 0.0
+    preload_N: float = 0.0
+    gap_mm: NonNegative = 0.0
+    cam_driven: bool = False
+    assumed: tuple[str, ...] = ()
+    source: str = ""
+
+    @property
+    def form(self) -> str:
+        """The law of a spring or contact, the kind of anything else; see `FORMS`."""
+        return self.law if self.kind in ("spring", "contact") else self.kind
+
+    @field_validator("law")
+    @classmethod
+    def _law_of_the_kind(cls, law, info: ValidationInfo):
+        kind = info.data.get("kind")
+        if law == "hertz" and kind == "spring":
+            raise ValueError('"hertz" is a law of contacts: a spring may be "linear", "progressive" or "table"')
+        if law != "linear" and kind in ("adjuster", "friction"):
+            raise ValueError(f'kind = "{kind}" has a law of its own: leave this key out')
+        return law
+
+    @field_validator(*BELONGS)
+    @classmethod
+    def _of_this_form(cls, value, info: ValidationInfo):
+        key, form = info.field_name, _form(info)
+        if form is None or key is None:
+            return value
+        if value is None and form in BELONGS[key] and key not in OPTIONAL:
+            raise ValueError(f"missing; give rows of {ROWS[key]}" if key in ROWS else "missing")
+        if value is not None and form not in BELONGS[key]:
+            if key == "stiffness_N_per_m":
+                raise ValueError(f'law "{form}" takes its stiffness from {INSTEAD[form]}: leave this key out')
+            what = "kind" if BELONGS[key][0] in ("adjuster", "friction") else "law"
+            raise ValueError(f'belongs to {what} = "{BELONGS[key][0]}", and only to it')
+        return value
+
+    @field_validator(*ROWS)
+    @classmethod
+    def _ascending(cls, table, info: ValidationInfo):
+        if table is not None and any(a[0] >= b[0] for a, b in pairwise(table)):
+            raise ValueError("the compressions of its rows must ascend without repeats")
+        if table is not None and info.field_name == "force_table" and any(a[1] >= b[1] for a, b in pairwise(table)):
+            raise ValueError("the forces of its rows must ascend without repeats: a spring that is pressed pushes more")
+        return table
+
+    @field_validator("preload_N")
+    @classmethod
+    def _preload_of_the_form(cls, preload, info: ValidationInfo):
+        form, data = _form(info), info.data
+        if preload < 0 and form == "hertz":
+            raise ValueError('must not be negative with law = "hertz": a contact that touches later has a gap_mm')
+        if form == "adjuster" and data.get("spring_N_per_m") and data.get("stroke_mm"):
+            least = data["spring_N_per_m"] * data["stroke_mm"] / 2000.0
+            if preload <= least:
+                raise ValueError(
+                    f"must be more than spring_N_per_m times half of stroke_mm, which is {least:g} N: the plunger "
+                    f"spring pushes as far as the plunger travels"
+                )
+        return preload
+
+    @field_validator(*NOT_OF)
+    @classmethod
+    def _zero_where_it_means_nothing(cls, value, info: ValidationInfo):
+        form, key = _form(info), info.field_name
+        if value != 0.0 and key is not None and form in NOT_OF[key]:
+            what = f'law = "{form}"' if form == "table" else f'kind = "{form}"'
+            raise ValueError(f"belongs to no {what}: {WHY_ZERO[key]}; leave this key out")
+        return value
+
+    @field_validator("cam_driven")
+    @classmethod
+    def _driven_contact(cls, driven, info: ValidationInfo):
+        if driven and info.data.get("kind") in ("adjuster", "friction"):
+            raise ValueError("the cam drives a contact: put one between the cam and this element")
+        return driven
+
+
+def _form(info: ValidationInfo) -> str | None:
+    """`Element.form` from what is known so far; None where kind or law is at fault itself."""
+    kind, law = info.data.get("kind"), info.data.get("law")
+    return law if kind in ("spring", "contact") else kind

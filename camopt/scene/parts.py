@@ -1,0 +1,110 @@
+"""The elements of a scene as a train has them, in SI: each as itself, and a hydraulic adjuster as plunger and oil."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from camopt.scene.element import Element
+from camopt.scene.laws import KINDS, POINT_CONTACT, Laws
+from camopt.scene.units import MM
+
+OIL_OF = "{}-oil"
+"""What the oil column of an adjuster is called."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One element of a train; lengths [m], forces [N], stiffnesses [N/m] as its law has them."""
+
+    name: str
+    law: str  # by `laws.KINDS`
+    contact: bool
+    between: tuple[str, str]
+    cam_driven: bool = False
+    stiffness: float = 0.0
+    damping: float = 0.0
+    preload: float = 0.0
+    gap: float = 0.0
+    exponent: float = 1.0
+    table: tuple[tuple[float, float], ...] = ()  # rows of compression and stiffness, or force
+    leak: float = 0.0
+    travel: float = 0.0
+    slip: float = 0.0
+    plunger: bool = False
+
+
+def parts_of(elements: Sequence[Element]) -> tuple[Part, ...]:
+    """The parts of a train's elements: one for each in its place, then the oil columns of the adjusters among them."""
+    adjusters = [e for e in elements if e.kind == "adjuster"]
+    of_kind = {"adjuster": _plunger, "friction": _friction}
+    own = [of_kind.get(e.kind, _itself)(e) for e in elements]
+    return tuple([*own, *(_oil(e) for e in adjusters)])
+
+
+def _itself(e: Element) -> Part:
+    """A spring or a contact."""
+    rows = e.stiffness_table or e.force_table
+    return Part(
+        name=e.name,
+        law=e.law,
+        contact=e.kind == "contact",
+        between=e.between,
+        cam_driven=e.cam_driven,
+        stiffness=e.stiffness_N_per_m or 0.0,
+        damping=e.damping_N_s_per_m,
+        preload=e.preload_N,
+        gap=e.gap_mm * MM,
+        exponent=(e.exponent or POINT_CONTACT) if e.law == "hertz" else 1.0,
+        table=tuple((at * MM, value) for at, value in rows or ()),
+    )
+
+
+def _friction(e: Element) -> Part:
+    assert e.stiffness_N_per_m and e.slip_N, "the schema asks for both"
+    return Part(e.name, "friction", False, e.between, stiffness=e.stiffness_N_per_m, slip=e.slip_N)
+
+
+def _plunger(e: Element) -> Part:
+    """The plunger spring of an adjuster between its stops: a contact whose force follows three straight lines."""
+    assert e.stiffness_N_per_m and e.spring_N_per_m and e.stroke_mm, "the schema asks for all"
+    half, stop = e.stroke_mm * MM / 2, e.stiffness_N_per_m
+    low, high = e.preload_N - half * e.spring_N_per_m, e.preload_N + half * e.spring_N_per_m
+    rows = ((-half - low / stop, 0.0), (-half, low), (half, high), (half + MM, high + stop * MM))
+    return Part(e.name, "table", True, e.between, table=rows, plunger=True)
+
+
+def _oil(e: Element) -> Part:
+    assert e.stiffness_N_per_m and e.leak_N_s_per_m, "the schema asks for both"
+    travel = (e.check_travel_mm or 0.0) * MM
+    stiffness, leak = e.stiffness_N_per_m, e.leak_N_s_per_m
+    return Part(OIL_OF.format(e.name), "oil", False, e.between, stiffness=stiffness, leak=leak, travel=travel)
+
+
+def laws_of(parts: Sequence[Part]) -> Laws:
+    """The laws of a train's parts."""
+    laws = Laws(
+        kind=np.array([KINDS[p.law] for p in parts]),
+        coefficient=np.array([p.stiffness for p in parts]),
+        exponent=np.array([p.exponent for p in parts]),
+        table=_of_one_length(parts),
+        leak=np.array([p.leak for p in parts]),
+        travel=np.array([p.travel for p in parts]),
+        slip=np.array([p.slip for p in parts]),
+    )
+    tables = np.array([len(p.table) > 0 for p in parts])
+    laws.coefficient[tables] = laws.stand_in()[tables]
+    return laws
+
+
+def _of_one_length(parts: Sequence[Part]) -> np.ndarray:
+    """The tables of all parts as (e, q, 2): shorter ones get rows, a metre apart, that go on as their law does."""
+    rows = max(1, *(len(part.table) for part in parts))
+    return np.stack([_lengthened(part, rows) for part in parts])
+
+
+def _lengthened(part: Part, rows: int) -> np.ndarray:
+    table = np.array(part.table or [(0.0, part.stiffness)])
+    (last, value), more = table[-1], np.arange(1.0, rows - len(table) + 1.0)
+    slope = np.diff(table[-2:, 1])[0] / np.diff(table[-2:, 0])[0] if part.law == "table" else 0.0
+    return np.concatenate([table, np.column_stack([last + more, value + slope * more])])
