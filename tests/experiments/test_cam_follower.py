@@ -1,4 +1,4 @@
-"""The cam and follower of arXiv 0711.1008 against formulas: arcs, restitution, detachment, and the bound of its speed."""
+"""The cam and follower of arXiv 0711.1008 against formulas: arcs, restitution, detachment, the bound of its speed."""
 
 from dataclasses import replace
 
