@@ -4,7 +4,7 @@ There are three phases: seated, shared (seat and cam side both loaded) and lifte
 closed and may even pull. The motion is therefore linear with constant matrices, and its steady periodic response is
 affine in the cam's free coefficients. Each step is exact: the lift is a polynomial on it, so that the lift's
 derivatives are carried as further states and one matrix exponential moves both (Van Loan, IEEE Trans. Automatic
-Control 23, 1978).
+Control 23, 1978). Where laws are not linear, straight lines along a motion stand for them (see `tangents`).
 """
 
 from dataclasses import dataclass
@@ -16,6 +16,7 @@ from scipy.linalg import expm
 
 from camopt.cam.families.free import FreeCam
 from camopt.cam.ramps import Ramp
+from camopt.optimizer.program.tangents import Tangents, standing_in
 from camopt.scene.errors import InputError
 from camopt.scene.rest import rest_position, static_matrices
 from camopt.scene.train import GROUND, Train
@@ -30,12 +31,16 @@ SAMPLE = 0.25 * DEG
 
 @dataclass(frozen=True)
 class Angles:
-    """Cam angles [rad] at which the phases change: the lash closes, the seat opens, the seat closes, the lash opens."""
+    """Cam angles [rad] at which the phases change: the lash closes, the seat opens, the seat closes, the lash opens.
+
+    Where laws are not linear, `tangents` stand for them; without any, their tangents at rest do.
+    """
 
     lash_closes: float
     seat_opens: float
     seat_closes: float
     lash_opens: float
+    tangents: Tangents | None = None
 
     def __post_init__(self):
         order = (-np.pi, self.lash_closes, self.seat_opens, self.seat_closes, self.lash_opens, np.pi)
@@ -53,9 +58,9 @@ def phase_contacts(train: Train) -> np.ndarray:
     """Elements that act in each phase, shape (3, e) bool: seated, shared, lifted.
 
     In the seated phase the set closed at rest acts. Raises InputError where more than one contact between cam and valve
-    is open at rest, or where laws are not linear.
+    is open at rest.
     """
-    train.require_linear("the no-jump program", "optimise a scene with linear laws and verify its cam on this one")
+    train = standing_in(train)
     x = rest_position(train)
     margin = train.compression(x, 0.0) - train.touch_compression
     seated = ~train.contact | (margin >= -1e-12)  # a contact at its touch, to round-off, counts as closed
@@ -71,6 +76,7 @@ def phase_contacts(train: Train) -> np.ndarray:
 
 def static_angles(train: Train, cam: FreeCam) -> Angles:
     """Switching angles by the quasi-static load transfer on the ramps; raises InputError where a ramp is too low."""
+    train = standing_in(train)
     seated, shared, _ = phase_contacts(train)
     opening = _lift_at_touch(train, shared, train.seat)
     lash = [e for e in train.cam_side if not seated[e]]
@@ -170,6 +176,7 @@ class PeriodicResponse:
     samples: CamSamples
     state: np.ndarray
     map: np.ndarray
+    tangents: Tangents | None = None
 
     @cached_property
     def spectral_radius(self) -> float:
@@ -180,22 +187,29 @@ class PeriodicResponse:
         """Force of an element [N] at edges `at` (indices), as if it were closed: (len(at), 1 + m), affine in z."""
         t, n = self.train, len(self.train.mass)
         row = incidence(t)[element]
-        k, c = t.stiffness[element], t.damping[element]
-        force = np.concatenate([k * row, c * row]) @ self.state[at].reshape(len(at), 2 * n, -1)
+        k, load, c = t.stiffness[element], t.preload[element], t.damping[element]
+        if self.tangents is not None:
+            line = self.tangents.at(self.samples.edges[at])
+            k, load = self.tangents.stiffness[line, element, None], self.tangents.load[line, element]
+        state = self.state[at].reshape(len(at), 2 * n, -1)
+        force = k * (row @ state[:, :n]) + c * (row @ state[:, n:])
         drive = float(t.cam_driven[element])
         force += drive * (k * self.samples.edge[at, 0] + c * self.cam_speed * self.samples.edge[at, 1])
-        force[:, 0] += t.preload[element] - k * t.gap[element]
+        force[:, 0] += load - np.ravel(k) * t.gap[element]
         return force
 
 
 def periodic_response(train: Train, samples: CamSamples, cam_speed: float, angles: Angles) -> PeriodicResponse:
     """The periodic motion at `cam_speed` [rad/s] with the phases of `angles`, affine in the cam's free coefficients."""
+    train = standing_in(train)
     steps = exact_steps(train, samples.edges, cam_speed, angles)
     n2, k, kind = 2 * len(train.mass), len(steps.kind), steps.kind
     moves, pushes = steps.whole[:, :n2, :n2], steps.from_middle(n2)
     push = np.empty((k, n2, samples.middle.shape[2]))
     for i in range(len(moves)):
-        push[kind == i] = pushes[i] @ samples.middle[kind == i]
+        push[kind == i] = pushes[i][:, : LIFT_DERIVATIVES + 1] @ samples.middle[kind == i]
+        if angles.tangents is not None:
+            push[kind == i, :, 0] += steps.load[kind == i] @ pushes[i][:, LIFT_DERIVATIVES + 1 :].T
     carried = np.empty((k + 1, n2, n2 + push.shape[2]))  # homogeneous answers, then forced ones from zero
     carried[0] = np.eye(n2, carried.shape[2])
     for j in range(k):
@@ -206,7 +220,7 @@ def periodic_response(train: Train, samples: CamSamples, cam_speed: float, angle
     omega = velocity_scale(train)
     state[:, n2 // 2 :] *= omega
     scale = np.repeat([1.0, omega], n2 // 2)
-    return PeriodicResponse(train, cam_speed, samples, state, carried[-1, :, :n2] * scale[:, None] / scale)
+    return PeriodicResponse(train, cam_speed, samples, state, carried[-1, :, :n2] * scale[:, None] / scale, angles.tangents)
 
 
 def velocity_scale(train: Train) -> float:
@@ -216,21 +230,28 @@ def velocity_scale(train: Train) -> float:
     return float(np.sqrt(np.max(np.einsum("e,en,en->n", train.stiffness, d, d) / train.mass)))
 
 
-def _generator(train: Train, closed: np.ndarray, cam_speed: float) -> np.ndarray:
-    """d/dtheta of (x, v / omega, lift derivatives, 1) with the elements `closed` acting, shape (2 n + 8, 2 n + 8)."""
-    n, omega = len(train.mass), velocity_scale(train)
+def _generator(train: Train, closed: np.ndarray, cam_speed: float, stiffness: np.ndarray | None = None) -> np.ndarray:
+    """d/dtheta of (x, v / omega, lift derivatives, 1) with the elements `closed` acting, shape (2 n + 8, 2 n + 8).
+
+    With the `stiffness` (e) of tangents n further states follow: constant forces on the masses [N], all there are.
+    """
+    n, omega, further = len(train.mass), velocity_scale(train), stiffness is not None
     d = incidence(train)[closed]
-    k, c = train.stiffness[closed], train.damping[closed]
+    k, c = (train.stiffness if stiffness is None else stiffness)[closed], train.damping[closed]
     drive = train.cam_driven[closed].astype(float)
     per_mass = 1.0 / train.mass[:, None]
-    g = np.zeros((2 * n + LIFT_DERIVATIVES + 1,) * 2)
+    g = np.zeros((2 * n + LIFT_DERIVATIVES + 1 + n * further,) * 2)
     g[:n, n : 2 * n] = np.eye(n) * omega
     g[n : 2 * n, :n] = -per_mass * (d.T * k @ d) / omega
     g[n : 2 * n, n : 2 * n] = -per_mass * (d.T * c @ d + np.diag(train.mass_damping))
     push = [-d.T @ (k * drive), -cam_speed * d.T @ (c * drive)]
     rest = train.mass_force - d.T @ (train.preload[closed] - k * train.gap[closed])
-    for column, force in zip((2 * n, 2 * n + 1, -1), (*push, rest), strict=True):
+    for column, force in zip((2 * n, 2 * n + 1), push, strict=True):
         g[n : 2 * n, column] = force / train.mass / omega
+    if further:
+        g[n : 2 * n, -n:] = np.diag(1.0 / train.mass) / omega
+    else:
+        g[n : 2 * n, -1] = rest / train.mass / omega
     g[: 2 * n] /= cam_speed
     chain = np.arange(2 * n, 2 * n + LIFT_DERIVATIVES - 1)
     g[chain, chain + 1] = 1.0
@@ -245,6 +266,7 @@ class ExactSteps:
     width: np.ndarray  # (kinds) rad
     whole: np.ndarray  # (kinds, 2 n + 8, 2 n + 8)
     kind: np.ndarray  # (k) int
+    load: np.ndarray  # (k, n) N, constant forces on the masses in every step; of tangents alone
 
     def from_middle(self, n2: int) -> np.ndarray:
         """What the lift derivatives at a step's middle add to the state (n2) at its end, for every kind of step."""
@@ -254,8 +276,17 @@ class ExactSteps:
 
 def exact_steps(train: Train, edges: np.ndarray, cam_speed: float, angles: Angles) -> ExactSteps:
     """Steps between `edges` [rad] with the phases of `angles`; steps equal to round-off share one exponential."""
-    phases = angles.phase(0.5 * (edges[1:] + edges[:-1]))
-    kinds, kind = np.unique(np.column_stack([phases, np.round(np.diff(edges), 12)]), axis=0, return_inverse=True)
-    per_phase = np.stack([_generator(train, closed, cam_speed) for closed in phase_contacts(train)])
-    generator, width = per_phase[kinds[:, 0].astype(int)], kinds[:, 1]
-    return ExactSteps(generator, width, expm(generator * width[:, None, None]), kind)
+    middles, contacts = 0.5 * (edges[1:] + edges[:-1]), phase_contacts(train)
+    phases, tangents = angles.phase(middles), angles.tangents
+    kinds = np.column_stack([phases, np.round(np.diff(edges), 12)])
+    load = np.zeros((len(middles), 0))
+    if tangents is not None:
+        line = tangents.at(middles)
+        kinds = np.column_stack([kinds, tangents.stiffness[line]])
+        pull = contacts[phases] * (tangents.load[line] - tangents.stiffness[line] * train.gap)
+        load = train.mass_force + tangents.push[line] - pull @ incidence(train)
+    kinds, kind = np.unique(kinds, axis=0, return_inverse=True)
+    of = [(contacts[int(row[0])], row[2:] if tangents is not None else None) for row in kinds]
+    generator = np.stack([_generator(train, closed, cam_speed, stiffness) for closed, stiffness in of])
+    width = kinds[:, 1]
+    return ExactSteps(generator, width, expm(generator * width[:, None, None]), kind, load)

@@ -6,8 +6,9 @@ from camopt.cam.lift import Lift
 from camopt.exact.engine import prepare
 from camopt.optimizer.program.no_jump import NoJumpProgram
 from camopt.optimizer.program.periodic import Angles
+from camopt.optimizer.program.tangents import tangents_along
 from camopt.scene.response import Response, end_state
-from camopt.scene.rest import rest_position
+from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Train
 
 REVOLUTIONS = 8
@@ -23,6 +24,7 @@ def located_angles(response: Response) -> Angles:
 
     The seat opens for the last time before the middle, and it closes for the first time after the greatest valve lift.
     The lash closes for the last time before the seat opens, and it opens for the first time after the seat closes.
+    The tangents along the motion go with them where the train is not linear.
     Crossings between samples are interpolated linearly. Raises NoLoadTransfer where one of the four is missing.
     """
     train, theta = response.train, response.angle
@@ -33,11 +35,11 @@ def located_angles(response: Response) -> Angles:
     seat_closes = _crossing(theta, seat, top, np.pi, last=False, what="the seat closes")
     lash = [e for e in train.cam_side if margin[0, e] < 0]
     if not lash:
-        return Angles(seat_opens, seat_opens, seat_closes, seat_closes)
+        return Angles(seat_opens, seat_opens, seat_closes, seat_closes, tangents_along(response))
     gap = margin[:, lash].min(axis=1)
     lash_closes = _crossing(theta, gap, -np.pi, seat_opens, last=True, what="the lash closes")
     lash_opens = _crossing(theta, -gap, seat_closes, np.pi, last=False, what="the lash opens")
-    return Angles(lash_closes, seat_opens, seat_closes, lash_opens)
+    return Angles(lash_closes, seat_opens, seat_closes, lash_opens, tangents_along(response))
 
 
 def _crossing(theta, value, low, high, last: bool, what: str) -> float:
@@ -53,8 +55,7 @@ def _crossing(theta, value, low, high, last: bool, what: str) -> float:
 def settled_revolution(train: Train, lift: Lift, cam_speed: float, revolutions: int = REVOLUTIONS) -> Response:
     """The last of `revolutions` event-exact revolutions from rest at `cam_speed` [rad/s]."""
     revolve = prepare(train, lift, cam_speed)
-    x = rest_position(train)
-    state = np.concatenate([x, np.zeros_like(x)])
+    state = state_at_rest(train)
     for _ in range(revolutions):
         response = revolve(state)
         state = end_state(response)
