@@ -11,7 +11,7 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.scene import build_train, load_scene, rest_position
-from camopt.scene.laws import HERTZ, LINEAR, PROGRESSIVE, Laws
+from camopt.scene.laws import HERTZ, LINEAR, PROGRESSIVE
 from camopt.scene.rest import state_at_rest
 from camopt.smooth.contact import Layer
 from camopt.smooth.laws import elastic_laws
@@ -21,10 +21,11 @@ from camopt.smooth.simulate import lift_samples, prepare, response_arrays
 from camopt.smooth.system import build_system
 from camopt.verifier.methods import dop853, rkg
 from tests.smooth.trains import ball
+from tests.verifier.trains import laws
 
 ROWS = np.array([[-1e-4, 1e6], [2e-5, 2e6], [1e-4, 2e7]])
 KINDS = np.array([LINEAR, HERTZ, PROGRESSIVE])
-MIXED = Laws(KINDS, np.array([3e6, 3e10, 1.8e6]), np.array([1.0, 1.4, 1.0]), np.stack([ROWS] * 3))
+MIXED = laws(KINDS, [3e6, 3e10, 1.8e6], [1.0, 1.4, 1.0], ROWS)
 PRELOAD = np.array([40.0, 25.0, -30.0])
 
 
@@ -40,8 +41,8 @@ def test_force_and_touch_are_those_of_the_scene():
 
 def test_derivatives_of_force_and_touch_are_central_differences():
     def both(u, stiffness, preload, table):
-        laws = eqx.tree_at(lambda q: q.table, elastic_laws(MIXED, jnp.float64), table)
-        return laws.force(u, stiffness, preload) + 1e6 * laws.touch(stiffness, preload)
+        ours = eqx.tree_at(lambda q: q.table, elastic_laws(MIXED, jnp.float64), table)
+        return ours.force(u, stiffness, preload) + 1e6 * ours.touch(stiffness, preload)
 
     at = (jnp.array([1e-5, 2e-5, 7e-5]), jnp.asarray(MIXED.coefficient), jnp.asarray(PRELOAD), jnp.asarray(MIXED.table))
     rng = np.random.default_rng(1)
@@ -52,7 +53,7 @@ def test_derivatives_of_force_and_touch_are_central_differences():
 
 
 def test_an_unloaded_hertz_contact_has_finite_derivatives():
-    hertz = replace(ball(0.05, 1e8, 0.0), laws=Laws(np.array([HERTZ]), np.array([3e10]), np.array([1.5]), ROWS[None]))
+    hertz = replace(ball(0.05, 1e8, 0.0), laws=laws([HERTZ], 3e10, 1.5, ROWS))
     system = build_system(hertz)
 
     def force(system, x):
@@ -67,8 +68,8 @@ def test_an_unloaded_hertz_contact_has_finite_derivatives():
 def test_hertz_collision_presses_and_lasts_as_known():
     """Hertz: m v^2 / 2 = k d^2.5 / 2.5, contact time 2.9432 d / v."""
     mass, speed, coefficient = 0.05, 1.2, 3e10
-    laws = Laws(np.array([HERTZ]), np.array([coefficient]), np.array([1.5]), ROWS[None])
-    system = build_system(replace(ball(mass, 1e8, 0.0), laws=laws))
+    hertz = laws([HERTZ], coefficient, 1.5, ROWS)
+    system = build_system(replace(ball(mass, 1e8, 0.0), laws=hertz))
     y0 = jnp.array([[1e-4], [-speed]])
     driven = DrivenSystem(system, jnp.zeros((3, 2)), 2 * np.pi / 4e-4)
     motion = response_arrays(driven, y0, Layer(1e-9), 1e-12, steps=1024)

@@ -40,14 +40,25 @@ def test_every_method_has_a_file_and_every_file_a_method():
     assert files == set(INDEPENDENT.values())
 
 
+def files_of(method: str) -> list[Path]:
+    """The file of a method, and those of a folder of its own, which is named for it."""
+    return [METHODS / f"{method}.py", *(METHODS / f"of_{method}").glob("*.py")]
+
+
 @pytest.mark.parametrize("method", INDEPENDENT)
 def test_methods_share_only_train_lift_and_response(method):
-    ours = {name for name in imported(METHODS / f"{method}.py") if name.startswith("camopt")}
+    own = f"camopt.verifier.methods.of_{method}."
+    names = {name for path in files_of(method) for name in imported(path)}
+    ours = {name for name in names if name.startswith("camopt") and not name.startswith(own)}
     shared = {"camopt.cam.lift.Lift", "camopt.scene.response.Response", "camopt.scene.response.Revolve"}
     data = {"camopt.scene.train.Train", "camopt.scene.train.GROUND"}
     compilation = {"camopt.programs.compiled"}
     refusals = {"camopt.scene.errors.InputError", "camopt.scene.errors.MotionRefused"}
     assert ours <= shared | data | refusals | compilation
+
+
+def test_every_folder_beside_the_methods_belongs_to_one():
+    assert {p.parent.name for p in METHODS.glob("*/*.py")} <= {f"of_{method}" for method in INDEPENDENT}
 
 
 def test_the_reader_of_imports_sees_them():

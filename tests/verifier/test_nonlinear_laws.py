@@ -11,7 +11,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.exact import engine
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.scene import InputError, MotionRefused, build_train, load_scene
-from camopt.scene.laws import HERTZ, PROGRESSIVE, Laws
+from camopt.scene.laws import HERTZ, PROGRESSIVE
 from camopt.scene.rest import state_at_rest
 from camopt.scene.train import GROUND
 from camopt.scene.units import MM
@@ -19,7 +19,7 @@ from camopt.verifier import verdict
 from camopt.verifier.accuracy import verify
 from camopt.verifier.convergence import Demand
 from camopt.verifier.methods import dop853, houbolt, rkg, tmm
-from tests.verifier.trains import no_lift, train
+from tests.verifier.trains import laws, no_lift, train
 
 METHODS = {"dop853": (dop853.prepare, 20_000, 1e-6), "rkg": (rkg.prepare, 200_000, 1e-4)}
 """prepare, steps over 8 ms, error allowed in the rebound: Runge-Kutta-Gill meets the touch up to 0.04 us late."""
@@ -32,7 +32,7 @@ ROWS = np.array([[0.0, 2e6], [2e-5, 2e6], [1e-4, 2e7]])
 def ball(kind: int, exponent: float = 1.5, coefficient: float = 3e10, preload: float = 0.0, damping: float = 0.0):
     """A mass that a contact to ground pushes towards +x, pressed as far as it lies below zero."""
     linear = train([MASS], [(GROUND, 0, True, False, 1e8, damping, preload, 0.0)], valve=0, seat=0)
-    return replace(linear, laws=Laws(np.array([kind]), np.array([coefficient]), np.array([exponent]), ROWS[None]))
+    return replace(linear, laws=laws([kind], coefficient, exponent, ROWS))
 
 
 def collided(name: str, parts, height: float = 1e-3):

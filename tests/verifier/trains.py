@@ -3,6 +3,7 @@
 import numpy as np
 
 from camopt.cam.lift import Lift
+from camopt.scene.laws import Laws
 from camopt.scene.train import GROUND, Train
 
 
@@ -29,6 +30,18 @@ def train(mass, elements, force=0.0, mass_damping=0.0, valve=-1, seat=-1, cam_si
         mass_names=tuple(f"m{i}" for i in range(n)),
         element_names=tuple(f"e{i}" for i in range(len(elements))),
     )
+
+
+def laws(kind, coefficient, exponent=1.0, table=None, leak=0.0, travel=0.0, slip=0.0) -> Laws:
+    """The laws of elements: kinds (e) and coefficients (e); the other numbers are one for all, or (e) each.
+
+    `table` (q, 2) is that of every element that has one.
+    """
+    elements = len(kind)
+    rows = np.array([[0.0, 1.0]] if table is None else table)
+    numbers = (np.broadcast_to(q, elements).astype(float) for q in (coefficient, exponent))
+    others = (np.broadcast_to(q, elements).astype(float) for q in (leak, travel, slip))
+    return Laws(np.array(kind), *numbers, np.stack([rows] * elements), *others)
 
 
 def two_springs() -> Train:

@@ -1,10 +1,14 @@
-"""Runge-Kutta-Gill: explicit, order 4 on smooth motion, order 1 across a damped closing (no event is located).
+"""Runge-Kutta-Gill: explicit, order 4 on smooth motion, order 1 across a damped closing (no event is located), order 2
+across a corner of a force: a row of a table, friction that starts or ends to slide, oil that starts or ends to push.
 
 S. Gill, A process for the step-by-step integration of differential equations in an automatic digital computing machine,
 Proc. Cambridge Philosophical Society 47 (1951). Stable up to about omega h = 2.8. The right-hand side is assembled
 element by element at every stage; a contact pushes f = max(0, p + c d') where its elastic force p > 0, and 0 elsewhere.
-Every elastic law of a scene is carried: p = preload + k d, p = k u^exponent of a hertz contact pressed by u, and
-p = preload + integral of the stiffness table from 0 to d.
+Every law of a scene is carried: p = preload + k d, p = k u^exponent of a hertz contact pressed by u, p = preload +
+integral of the stiffness table from 0 to d, and p on the straight lines of a force table. A memory z is a component of
+the state. Friction takes f = k (d - z), cut off at -slip and slip, at every stage, and z follows at the end of a step
+(the return mapping of plasticity: Simo and Hughes 1998, Computational Inelasticity, section 1.4). Oil takes
+f = k max(0, d - min(z, d) - travel) and z' = f / leak, and z falls to d at the end of a step that is beyond it.
 The criterion "displacement" is Kodama's printed one, for reproduction only: a contact is open where it is not
 compressed (their x_3 > x_2), and until then its damper may pull, f = p + c d' of either sign.
 """
@@ -30,7 +34,7 @@ MAY_PULL = {"force": False, "displacement": True}
 
 
 def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int, criterion: str = "force") -> Revolve:
-    """One revolution by Runge-Kutta-Gill as a function of its start state (2n: positions [m], velocities [m/s]).
+    """One revolution by Runge-Kutta-Gill as a function of its start state (2n + r: [m], [m/s], memories [m]).
 
     `cam_speed` [rad/s]; `criterion`: a contact opens by "force", or by "displacement" alone (Kodama's). The response
     has steps_per_revolution + 1 samples. Raises InputError for another criterion.
@@ -43,16 +47,20 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
     rise, rate = lift(halves), lift(halves, 1) * cam_speed
     masses = train.mass, train.mass_damping, train.mass_force
     ends = train.a, train.b, train.contact, train.cam_driven
-    parts = _Parts(
-        *masses, *ends, *_elastic_arrays(train), train.damping, train.preload, train.gap, MAY_PULL[criterion]
-    )
+    numbers = train.damping, train.preload, train.gap, MAY_PULL[criterion]
+    forced = np.array([f.on for f in train.forcing], dtype=int)
+    parts = _Parts(*masses, *ends, *_elastic_arrays(train), *numbers, *_memory_arrays(train), forced)
+    push = np.zeros((2 * steps + 1, len(forced)))
+    for j, f in enumerate(train.forcing):
+        push[:, j] = np.interp(halves, f.angle, f.force)
 
     def revolve(state: np.ndarray) -> Response:
         states = np.empty((steps + 1, len(state)))
         force = np.empty((steps + 1, len(train.a)))
-        _march(np.asarray(state, dtype=float), rise, rate, h, parts, states, force)
+        _march(np.asarray(state, dtype=float), (rise, rate, push), h, parts, states, force)
         n = len(train.mass)
-        return Response(train, cam_speed, halves[::2], rise[::2], states[:, :n], states[:, n:], force)
+        x, v, z = states[:, :n], states[:, n : 2 * n], states[:, 2 * n :]
+        return Response(train, cam_speed, halves[::2], rise[::2], x, v, force, z)
 
     return revolve
 
@@ -67,7 +75,7 @@ class _Parts(NamedTuple):
     b: np.ndarray  # (e)
     contact: np.ndarray  # (e)
     cam_driven: np.ndarray  # (e)
-    kind: np.ndarray  # (e) of the elastic law, with its coefficient, exponent and stiffness table (e, q, 2)
+    kind: np.ndarray  # (e) of the elastic law, with its coefficient, exponent and table (e, q, 2)
     coefficient: np.ndarray  # (e)
     exponent: np.ndarray  # (e)
     table: np.ndarray
@@ -75,24 +83,44 @@ class _Parts(NamedTuple):
     preload: np.ndarray  # (e)
     gap: np.ndarray  # (e)
     may_pull: bool  # a compressed contact's damper may exceed its spring
+    memory: np.ndarray  # (e) which memory is its own, -1 where it has none
+    leak: np.ndarray  # (e)
+    travel: np.ndarray  # (e)
+    slip: np.ndarray  # (e)
+    forced: np.ndarray  # (q) masses of the forces by the cam angle
 
 
 def _elastic_arrays(train: Train) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Kind (e), coefficient (e), exponent (e) and stiffness table (e, q, 2) of the elastic laws."""
+    """Kind (e), coefficient (e), exponent (e) and table (e, q, 2) of the elastic laws."""
     if train.laws is not None:
         return train.laws.kind, train.laws.coefficient, train.laws.exponent, train.laws.table
     e = len(train.a)
     return np.zeros(e, dtype=int), train.stiffness, np.ones(e), np.zeros((e, 1, 2))
 
 
+def _memory_arrays(train: Train) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """By element: which memory is its own or -1, leak, travel and slip."""
+    memory = np.full(len(train.a), -1)
+    memory[list(train.memory)] = np.arange(len(train.memory))
+    if train.laws is not None:
+        return memory, train.laws.leak, train.laws.travel, train.laws.slip
+    return memory, *np.zeros((3, len(train.a)))
+
+
 @compiled
 def _elastic(kind, coefficient, exponent, table, preload, d):
-    """Elastic force [N] at compression d [m]."""
+    """Elastic force [N] at compression d [m], of a law without memory."""
     if kind == 0:
         return preload + coefficient * d
     if kind == 1:
         pressed = d + (preload / coefficient) ** (1.0 / exponent)
         return coefficient * pressed**exponent if pressed > 0.0 else 0.0
+    if kind == 3:
+        row = 0
+        while row < len(table) - 2 and d > table[row + 1, 0]:
+            row += 1
+        share = (d - table[row, 0]) / (table[row + 1, 0] - table[row, 0])
+        return table[row, 1] + share * (table[row + 1, 1] - table[row, 1])
     return preload + _work(table, d) - _work(table, 0.0)
 
 
@@ -113,25 +141,40 @@ def _work(table, d):
 
 
 @compiled
-def _march(start, rise, rate, h, parts, states, force):
+def _remembering(kind, coefficient, travel, slip, d, z):
+    """Force [N] and memory [m] of oil (kind 4) or friction at compression d [m], where the memory was z [m]."""
+    if kind == 4:
+        z = min(z, d)
+        return coefficient * max(0.0, d - z - travel), z
+    trial = coefficient * (d - z)
+    if abs(trial) <= slip:
+        return trial, z
+    f = slip if trial > 0.0 else -slip
+    return f, d - f / coefficient
+
+
+@compiled
+def _march(start, cam, h, parts, states, force):
     """All steps of one revolution. Gill's q carries three times the round-off of each step's sum into the next.
 
     The stages stand in one loop over plain arrays: reading them from `parts` at every element, or calling a function at
     every stage, counts references and takes ten times as long.
     """
     mass, mass_damping, mass_force, a, b, contact, cam_driven = parts[:7]
-    kind, coefficient, exponent, table, damping, preload, gap, may_pull = parts[7:]
+    kind, coefficient, exponent, table, damping, preload, gap, may_pull = parts[7:15]
+    memory, leak, travel, slip, forced = parts[15:]
+    rise, rate, push = cam
     n, last = len(mass), len(states) - 1
     y = start.copy()
     q, dy = np.zeros_like(y), np.empty_like(y)
     for stage in range(4 * last + 1):
         step, part = divmod(stage, 4)
         at = 2 * step + STAGE[part]
-        if part == 0:
-            states[step] = y
         for i in range(n):
             dy[i] = y[n + i]
             dy[n + i] = mass_force[i] - mass_damping[i] * y[n + i]
+        for j in range(len(forced)):
+            dy[n + forced[j]] += push[at, j]
         for e in range(len(a)):
             d, d_rate = -gap[e], 0.0
             if a[e] >= 0:
@@ -145,8 +188,14 @@ def _march(start, rise, rate, h, parts, states, force):
                 d_rate += rate[at]
             if kind[e] == 0:
                 elastic = preload[e] + coefficient[e] * d
-            else:
+            elif memory[e] < 0:
                 elastic = _elastic(kind[e], coefficient[e], exponent[e], table[e], preload[e], d)
+            else:
+                i = 2 * n + memory[e]
+                elastic, z = _remembering(kind[e], coefficient[e], travel[e], slip[e], d, y[i])
+                dy[i] = elastic / leak[e] if kind[e] == 4 else 0.0
+                if part == 0 and z != y[i]:
+                    y[i], q[i] = z, 0.0
             f = elastic + damping[e] * d_rate
             if contact[e] and (elastic <= 0.0 or (f < 0.0 and not may_pull)):
                 f = 0.0
@@ -156,10 +205,12 @@ def _march(start, rise, rate, h, parts, states, force):
                 dy[n + a[e]] -= f
             if b[e] >= 0:
                 dy[n + b[e]] += f
+        if part == 0:
+            states[step] = y
         if stage == 4 * last:
             break
-        for i in range(2 * n):
-            k = h * (dy[i] if i < n else dy[i] / mass[i - n])
+        for i in range(len(y)):
+            k = h * (dy[i] / mass[i - n] if n <= i < 2 * n else dy[i])
             moved = y[i] + WEIGHT[part] * (k - CARRIED[part] * q[i])
             q[i] += 3.0 * (moved - y[i]) - RENEWED[part] * k
             y[i] = moved

@@ -7,22 +7,31 @@ Kodama, Honda, Otaka, Paerk: valve train dynamics by the transition matrix metho
 misprints; the matrices here are assembled from Eqs. (5) to (11), that is from the elements. Their separation criterion
 (open where x_3 > x_2, the damper pulling until then) is "displacement", for reproduction only; "force" opens a contact
 where its force reaches zero.
+
+Laws whose force is piecewise linear have a matrix per set of pieces: the row of each table, oil that pushes or not,
+friction that sticks or slides. All are found at the start of a step, so across a corner the order is 2. A memory z is a
+component of the state: oil that pushes has z' = k (d - z - travel) / leak, and the other memories stand still within a
+step, at the end of which oil falls to d where it is beyond d, and friction follows d where its force is beyond slip.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import expm
 
 from camopt.cam.lift import Lift
 from camopt.programs import compiled
 from camopt.scene.errors import InputError
 from camopt.scene.response import Response, Revolve
 from camopt.scene.train import GROUND, Train
+from camopt.verifier.methods.of_tmm.transition import Memories, exact, printed
 
 MAY_PULL = {"force": False, "displacement": True}
 """By separation criterion: whether a compressed contact stays closed while its force is below zero."""
+LINEAR, CURVED, TABLE, OIL, FRICTION = 0, (1, 2), 3, 4, 5
+MOST_SETS = 2**62
+"""Sets of pieces are numbered in 64 bits."""
+CAM_INPUTS = 4
+"""The lift and its three time derivatives."""
 
 
 def prepare(
@@ -33,87 +42,162 @@ def prepare(
     exponential: bool = False,
     criterion: str = "force",
 ) -> Revolve:
-    """One revolution by the transition matrix method as a function of its start state (2n: [m], then [m/s]).
+    """One revolution by the transition matrix method as a function of its start state (2n + r: [m], [m/s], [m]).
 
     `cam_speed` [rad/s]; `exponential` replaces the printed Taylor matrices by the exact ones; `criterion`: a contact
-    opens by "force", or by "displacement" alone. Matrices are built for the contact sets that occur. The response has
-    steps_per_revolution + 1 samples. Raises InputError for another criterion, or laws that are not linear.
+    opens by "force", or by "displacement" alone. Matrices are built for the sets of pieces that occur. The response has
+    steps_per_revolution + 1 samples. Raises InputError for another criterion, or laws that are no straight lines.
     """
-    train.require_linear("the transition matrix method", 'use method "dop853" or "rkg"')
+    _require_lines(train)
     if criterion not in MAY_PULL:
         raise InputError(f"separation criterion {criterion!r}: expected {' or '.join(MAY_PULL)}")
     steps, n = steps_per_revolution, len(train.mass)
     h = 2 * np.pi / cam_speed / steps
     angle = np.linspace(-np.pi, np.pi, steps + 1)
-    cam = np.stack([lift(angle, k) * cam_speed**k for k in range(4)], axis=1)
+    cam = np.stack([lift(angle, k) * cam_speed**k for k in range(CAM_INPUTS)], axis=1)
+    given = [np.interp(angle, f.angle, f.force) for f in train.forcing]
+    inputs = np.column_stack([cam, *(q for g in given for q in (g, np.append(np.diff(g), 0.0) / h))])
     transitions = _Transitions(train, h, exponential)
 
     def revolve(state: np.ndarray) -> Response:
-        states = np.empty((steps + 1, 2 * n))
+        states = np.empty((steps + 1, train.state_size))
         states[0] = state
         force = np.empty((steps + 1, len(train.a)))
         step = 0
         while step <= steps:
-            step, missing = _march(step, states, force, cam, MAY_PULL[criterion], transitions.arrays())
+            step, missing = _march(step, states, force, inputs, MAY_PULL[criterion], transitions.arrays())
             if missing >= 0:
                 transitions.build(missing)
-        return Response(train, cam_speed, angle, cam[:, 0], states[:, :n], states[:, n:], force)
+        x, v, z = states[:, :n], states[:, n : 2 * n], states[:, 2 * n :]
+        return Response(train, cam_speed, angle, cam[:, 0], x, v, force, z)
 
     return revolve
 
 
+def _require_lines(train: Train) -> None:
+    """Raises InputError where the elastic force of an element is no straight lines."""
+    curved = [] if train.laws is None else np.flatnonzero(np.isin(train.laws.kind, CURVED))
+    if len(curved):
+        raise InputError(
+            f"the transition matrix method needs elements whose force follows straight lines, and these do not: "
+            f'{", ".join(train.element_names[e] for e in curved)}; use method "dop853" or "rkg"'
+        )
+
+
 class _Matrices(NamedTuple):
-    """The elements, and the matrices of every closed set that has occurred, by `slot` of its bit mask."""
+    """The elements, and the matrices of every set of pieces that has occurred, by their number in `keys`."""
 
     rows: np.ndarray  # (e, n) compression of each element by position
     contact: np.ndarray  # (e)
     cam_driven: np.ndarray  # (e) 1.0 or 0.0
-    stiffness: np.ndarray  # (e)
     damping: np.ndarray  # (e)
-    preload: np.ndarray  # (e)
     gap: np.ndarray  # (e)
-    slot: np.ndarray  # (2^contacts), -1 where nothing is built
-    by_state: np.ndarray  # (s, 2n, 2n)
-    by_cam: np.ndarray  # (s, 2n, 5)
+    kind: np.ndarray  # (e)
+    memory: np.ndarray  # (e) which memory is its own, -1 where it has none
+    stiffness: np.ndarray  # (e)
+    preload: np.ndarray  # (e)
+    table: np.ndarray  # (e, q, 3) compression [m], force [N], and slope [N/m] up to the next row
+    reach: np.ndarray  # (e) m, of oil its travel, of friction slip / stiffness
+    pieces: np.ndarray  # (e) number of pieces of its law
+    keys: np.ndarray  # (s)
+    by_state: np.ndarray  # (s, 2n + r, 2n + r)
+    by_cam: np.ndarray  # (s, 2n + r, 1 + inputs)
 
 
 class _Transitions:
-    """Transition matrices of one train and step, by the bit mask of closed contacts."""
+    """Transition matrices of one train and step, by the number of the set of pieces."""
 
     def __init__(self, train: Train, h: float, exponential: bool):
-        self.train, self.h, self.exponential = train, h, exponential
+        self.train, self.h, self.matrix = train, h, exact if exponential else printed
+        e, size = len(train.a), train.state_size
+        self.memory = np.full(e, -1)
+        self.memory[list(train.memory)] = np.arange(len(train.memory))
+        laws = train.laws
+        self.kind = np.zeros(e, dtype=int) if laws is None else laws.kind
+        self.table = np.array([[[0.0, 0.0], [1.0, 0.0]]] * e) if laws is None else laws.table
+        self.leak, self.travel, self.slip = np.zeros((3, e)) if laws is None else (laws.leak, laws.travel, laws.slip)
+        rows_of_table = self.table.shape[1] - 1
+        self.pieces = np.array([{TABLE: rows_of_table, OIL: 2, FRICTION: 3}.get(int(k), 1) for k in self.kind])
+        if np.prod(self.pieces * (1.0 + train.contact)) > MOST_SETS:
+            raise InputError(
+                "the transition matrix method cannot number the sets of pieces of so many contacts and tables: "
+                'use method "dop853" or "rkg"'
+            )
         self.rows = _incidence(train)
-        self.slot = np.full(2 ** int(train.contact.sum()), -1)
-        n = len(train.mass)
-        self.by_state = np.zeros((0, 2 * n, 2 * n))
-        self.by_cam = np.zeros((0, 2 * n, 5))
+        self.elements = self._elements()
+        self.keys = np.zeros(0, dtype=np.int64)
+        self.by_state = np.zeros((0, size, size))
+        self.by_cam = np.zeros((0, size, 1 + CAM_INPUTS + 2 * len(train.forcing)))
+
+    def _elements(self) -> tuple[np.ndarray, ...]:
+        """The fields of `_Matrices` that do not grow."""
+        t = self.train
+        elements = self.rows, t.contact, t.cam_driven.astype(float), t.damping, t.gap, self.kind, self.memory
+        slope = np.diff(self.table[..., 1], append=1.0) / np.diff(self.table[..., 0], append=np.inf)
+        table = np.concatenate([self.table, slope[..., None]], axis=2)
+        reach = np.where(self.kind == OIL, self.travel, self.slip / t.stiffness)
+        laws = t.stiffness, t.preload, table, reach, self.pieces
+        return *elements, *laws
 
     def arrays(self) -> _Matrices:
-        t = self.train
-        elements = t.contact, t.cam_driven.astype(float), t.stiffness, t.damping, t.preload, t.gap
-        return _Matrices(self.rows, *elements, self.slot, self.by_state, self.by_cam)
+        return _Matrices(*self.elements, self.keys, self.by_state, self.by_cam)
 
-    def build(self, mask: int) -> None:
-        """Matrices of one closed set: state (2n, 2n), and cam (2n, 5) on 1, lift and its three time derivatives."""
-        t, n = self.train, len(self.train.mass)
-        closed = ~t.contact
-        closed[t.contact] = mask >> np.arange(int(t.contact.sum())) & 1 == 1
+    def decoded(self, key: int) -> tuple[np.ndarray, np.ndarray]:
+        """(which elements act, the piece of each) in a set, each (e)."""
+        acts, piece = np.ones(len(self.kind), dtype=bool), np.zeros(len(self.kind), dtype=int)
+        for e in range(len(self.kind) - 1, -1, -1):
+            if self.train.contact[e]:
+                key, closed = divmod(key, 2)
+                acts[e] = closed == 1
+            key, piece[e] = divmod(key, int(self.pieces[e]))
+        return acts, piece
+
+    def lines(self, piece: np.ndarray) -> tuple[np.ndarray, np.ndarray, Memories]:
+        """Stiffness (e) and force at compression and memory zero (e) of the elements on their pieces, and memories."""
+        t, n, r = self.train, len(self.train.mass), len(self.train.memory)
+        stiffness, base = t.stiffness.copy(), t.preload.copy()
+        memories = Memories(np.zeros((n, r)), np.zeros((r, n)), np.zeros(r), np.zeros(r), np.zeros(r))
+        for e in np.flatnonzero(self.kind == TABLE):
+            (c0, f0), (c1, f1) = self.table[e, piece[e] : piece[e] + 2]
+            stiffness[e] = (f1 - f0) / (c1 - c0)
+            base[e] = f0 - stiffness[e] * c0
+        for j, e in enumerate(t.memory):
+            k, oil = t.stiffness[e], self.kind[e] == OIL
+            if piece[e] == (1 if oil else 0):
+                memories.by_memory[:, j] = k * self.rows[e]
+                base[e] = -k * self.travel[e]
+            else:
+                stiffness[e], base[e] = 0.0, (0.0, self.slip[e], -self.slip[e])[piece[e]]
+            if oil and piece[e] == 1:
+                memories.decay[j] = k / self.leak[e]
+                memories.by_position[j] = k / self.leak[e] * self.rows[e]
+                memories.constant[j] = -k / self.leak[e] * (t.gap[e] + self.travel[e])
+                memories.by_lift[j] = k / self.leak[e] * t.cam_driven[e]
+        return stiffness, base, memories
+
+    def build(self, key: int) -> None:
+        """Matrices of one set: state (2n + r, 2n + r), and cam on 1, lift, its derivatives, and given forces."""
+        t, n, size = self.train, len(self.train.mass), self.train.state_size
+        closed, piece = self.decoded(key)
         rows = self.rows[closed]
-        stiffness = rows.T @ (t.stiffness[closed, None] * rows)
+        line, base, memories = self.lines(piece)
+        stiffness = rows.T @ (line[closed, None] * rows)
         damping = rows.T @ (t.damping[closed, None] * rows) + np.diag(t.mass_damping)
-        constant = t.mass_force - rows.T @ (t.preload - t.stiffness * t.gap)[closed]
-        by_lift = -rows.T @ (t.stiffness * t.cam_driven)[closed]
+        constant = t.mass_force - rows.T @ (base - line * t.gap)[closed]
+        by_lift = -rows.T @ (line * t.cam_driven)[closed]
         by_rate = -rows.T @ (t.damping * t.cam_driven)[closed]
-        matrix = _exact if self.exponential else _printed
-        blocks = matrix(np.diag(1 / t.mass), damping, stiffness, self.h)
-        of_force = [blocks[:, (2 + j) * n : (3 + j) * n] for j in range(3)]
-        cam = np.zeros((2 * n, 5))
-        cam[:, 0] = of_force[0] @ constant
-        for j, block in enumerate(of_force):  # the force's derivative j reads the lift's derivatives j and j + 1
-            cam[:, 1 + j] += block @ by_lift
-            cam[:, 2 + j] += block @ by_rate
-        self.slot[mask] = len(self.by_state)
-        self.by_state = np.concatenate([self.by_state, blocks[None, :, : 2 * n].copy()])
+        blocks = self.matrix(np.diag(1 / t.mass), damping, stiffness, self.h, memories)
+        of_force, of_memory = (np.split(q, 3, axis=1) for q in np.split(blocks[:, size:], [3 * n], axis=1))
+        cam = np.zeros((size, 1 + CAM_INPUTS + 2 * len(t.forcing)))
+        cam[:, 0] = of_force[0] @ constant + of_memory[0] @ memories.constant
+        for j, (block, feed) in enumerate(zip(of_force, of_memory, strict=True)):
+            cam[:, 1 + j] += block @ by_lift + feed @ memories.by_lift  # the force's derivative j reads the lift's
+            cam[:, 2 + j] += block @ by_rate  # derivatives j and j + 1
+        for j, f in enumerate(t.forcing):
+            for derivative in range(2):
+                cam[:, 1 + CAM_INPUTS + 2 * j + derivative] = of_force[derivative][:, f.on]
+        self.keys = np.append(self.keys, key)
+        self.by_state = np.concatenate([self.by_state, blocks[None, :, :size].copy()])
         self.by_cam = np.concatenate([self.by_cam, cam[None]])
 
 
@@ -128,66 +212,80 @@ def _incidence(train: Train) -> np.ndarray:
     return rows
 
 
-def _printed(inverse_mass, damping, stiffness, h: float) -> np.ndarray:
-    """Eq. (14): (x, v) after a step from (x, v, F, F', F''), shape (2n, 5n)."""
-    n = len(stiffness)
-    x, v, *force = np.split(np.eye(5 * n), 5)
-    derivatives = [x, v]
-    for f in force:
-        derivatives.append(inverse_mass @ (f - damping @ derivatives[-1] - stiffness @ derivatives[-2]))
-    series = [h**j / math.factorial(j) for j in range(5)]
-    position = sum(s * d for s, d in zip(series, derivatives, strict=True))
-    velocity = sum(s * d for s, d in zip(series[:4], derivatives[1:], strict=True))
-    return np.concatenate([position, velocity])
-
-
-def _exact(inverse_mass, damping, stiffness, h: float) -> np.ndarray:
-    """As `_printed`, exact in x and v for a force of second degree in time."""
-    n = len(stiffness)
-    system = np.zeros((5 * n, 5 * n))
-    system[:n, n : 2 * n] = np.eye(n)
-    system[n : 2 * n, : 3 * n] = np.hstack([-inverse_mass @ stiffness, -inverse_mass @ damping, inverse_mass])
-    system[2 * n : 4 * n, 3 * n :] = np.eye(2 * n)
-    return expm(h * system)[: 2 * n]
+@compiled
+def _of_table(table, e, d):
+    """Row of the table of element e at compression d, and its force there."""
+    row = 0
+    while row < table.shape[1] - 2 and d >= table[e, row + 1, 0]:
+        row += 1
+    return row, table[e, row, 1] + table[e, row, 2] * (d - table[e, row, 0])
 
 
 @compiled
-def _closed_set(y, cam, may_pull, m, force):
-    """Bit mask of the closed contacts in a state, compressed and pushing or `may_pull`; forces go into `force` (e)."""
-    n = len(y) // 2
-    mask, bit = 0, 1
+def _remembering(oil, stiffness, reach, d, d_rate, z):
+    """Piece, force and memory of an element whose memory was z; `reach` as of `_Matrices`."""
+    if oil:
+        z = min(z, d)
+        pressed = d - z - reach
+        pushes = pressed > 0.0 or (pressed == 0.0 and d_rate > 0.0)
+        return (1 if pushes else 0), stiffness * max(0.0, pressed), z
+    if abs(d - z) < reach:
+        return 0, stiffness * (d - z), z
+    reach = reach if d > z else -reach
+    piece = 0 if reach * d_rate <= 0.0 else (1 if d > z else 2)
+    return piece, stiffness * reach, d - reach
+
+
+@compiled
+def _set_of_pieces(y, cam, may_pull, m, force):
+    """Number of the set of pieces in a state: closed contacts are compressed and pushing or `may_pull`; forces go into
+    `force` (e), and memories in y follow their compressions."""
+    n, key = m.rows.shape[1], 0
     for e in range(len(m.contact)):
         d, d_rate = m.cam_driven[e] * cam[0] - m.gap[e], m.cam_driven[e] * cam[1]
         for i in range(n):
             d += m.rows[e, i] * y[i]
             d_rate += m.rows[e, i] * y[n + i]
-        p = m.preload[e] + m.stiffness[e] * d
+        if m.kind[e] == LINEAR:
+            p = m.preload[e] + m.stiffness[e] * d
+        else:
+            if m.kind[e] == TABLE:
+                piece, p = _of_table(m.table, e, d)
+            else:
+                at = 2 * n + m.memory[e]
+                piece, p, y[at] = _remembering(m.kind[e] == OIL, m.stiffness[e], m.reach[e], d, d_rate, y[at])
+            key = key * m.pieces[e] + piece
         f = p + m.damping[e] * d_rate
         if m.contact[e]:
+            key *= 2
             if p > 0.0 and (f > 0.0 or may_pull):
-                mask |= bit
+                key += 1
             else:
                 f = 0.0
-            bit <<= 1
         force[e] = f
-    return mask
+    return key
 
 
 @compiled
 def _march(start, states, force, cam, may_pull, m):
     """Steps from sample `start` on; returns the sample reached and the set whose matrices are missing, or -1."""
-    last = len(states) - 1
+    last, slot = len(states) - 1, -1
     for step in range(start, last + 1):
         y = states[step]
-        mask = _closed_set(y, cam[step], may_pull, m, force[step])
+        key = _set_of_pieces(y, cam[step], may_pull, m, force[step])
         if step == last:
             break
-        if m.slot[mask] < 0:
-            return step, mask
-        state_matrix, cam_matrix = m.by_state[m.slot[mask]], m.by_cam[m.slot[mask]]
+        if slot < 0 or m.keys[slot] != key:
+            slot = -1
+            for s in range(len(m.keys)):
+                if m.keys[s] == key:
+                    slot = s
+            if slot < 0:
+                return step, key
+        state_matrix, cam_matrix = m.by_state[slot], m.by_cam[slot]
         for i in range(len(y)):
             total = cam_matrix[i, 0]
-            for j in range(4):
+            for j in range(cam.shape[1]):
                 total += cam_matrix[i, 1 + j] * cam[step, j]
             for j in range(len(y)):
                 total += state_matrix[i, j] * y[j]

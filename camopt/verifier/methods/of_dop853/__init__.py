@@ -1,0 +1,1 @@
+"""What DOP853 alone reads: its own writing of the laws."""

@@ -1,0 +1,209 @@
+"""The laws of a train's elements as DOP853 reads them: smooth pieces, and the surfaces where one gives way to the next.
+
+With u the compression beyond the touch, d the compression, p the elastic force, f = p + c d' and z a memory:
+
+    contact    apart -> pushing where u rises through zero (the force jumps by c u'), pushing -> pressed without force
+               where f falls through zero, pressed -> pushing where f rises again, pressed -> apart where u falls
+               through zero; without damping pushing -> apart there
+    table      from row to row where d passes a row's compression
+    oil        pushing: f = k (d - z - travel), z' = f / leak; waiting: no force, z' = 0; filling: no force, z = d
+    friction   sticking: f = k (d - z), z' = 0; forward and backward: f = slip and -slip, z' = d'
+
+A surface of a table or a memory counts as passed where it is beyond zero by the permitted error: a train at rest stands
+on such surfaces, and round-off must not switch it to and fro.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import PPoly
+
+from camopt.scene.train import Train
+
+CONTACT, ROW, MEMORY = range(3)
+"""What of an element has phases."""
+APART, PRESSED, PUSHING = range(3)
+PUSHES, WAITS, FILLS = range(3)
+STICKS, FORWARD, BACKWARD = range(3)
+U, F, D, RATE, SLACK = range(5)
+"""Rows of surfaces: compression beyond the touch [m], p + c d' [N], compression [m], its rate [m/s], d - z [m]."""
+HERTZ, PROGRESSIVE, TABLE, OIL, FRICTION = range(1, 6)
+FAR = 10.0
+"""The last stiffness of a table is continued up to this compression [m] beyond the table's ends."""
+
+Phases = dict[tuple[int, int], int]
+"""The phase of every element (first of the key) that has any, in its contact, row or memory (second)."""
+
+
+class Switching(NamedTuple):
+    """What `key` names enters `phase` where sign * (surface - border) rises through zero."""
+
+    key: tuple[int, int]
+    row: int  # of the surface: an element, or of SLACK a memory
+    surface: int
+    sign: float
+    phase: int
+    border: float = 0.0
+
+
+class Acting(NamedTuple):
+    """The laws in one set of phases: f = base + slope d + by_memory z, and z' = follows d' + f / leak."""
+
+    base: np.ndarray  # (e, 1) N
+    slope: np.ndarray  # (e, 1) N/m
+    by_memory: np.ndarray  # (e, r) N/m
+    follows: np.ndarray  # (r) 0 or 1
+    per_leak: np.ndarray  # (r) m/(N s)
+    acts: np.ndarray  # (e) whether its force reaches the masses
+
+
+class PieceLaws:
+    """The laws of one train, by phases."""
+
+    def __init__(self, train: Train):
+        self.stiffness, self.preload = train.stiffness[:, None], train.preload[:, None]
+        self.touch = -self.preload / self.stiffness
+        self.contacts, self.damped = np.flatnonzero(train.contact), train.damping > 0
+        self.hertz, self.curves, self.lines = np.zeros(0, dtype=int), {}, {}
+        self.memory, self.oil = list(train.memory), np.zeros(0, dtype=int)
+        if train.laws is None:
+            return
+        laws = train.laws
+        self.hertz, self.oil = np.flatnonzero(laws.kind == HERTZ), np.flatnonzero(laws.kind == OIL)
+        self.leak, self.travel, self.slip = laws.leak, laws.travel, laws.slip
+        self.coefficient, self.exponent = (q[self.hertz, None] for q in (laws.coefficient, laws.exponent))
+        self.touch[self.hertz] = -((self.preload[self.hertz] / self.coefficient) ** (1 / self.exponent))
+        for e in np.flatnonzero(laws.kind == PROGRESSIVE):
+            self.curves[int(e)] = work = _curve(laws.table[e], train.preload[e])
+            self.touch[e] = work.roots(extrapolate=False)
+        for e in np.flatnonzero(laws.kind == TABLE):
+            self.lines[int(e)] = c, base, slope = _lines(laws.table[e])
+            row = np.searchsorted(base + slope * np.append(c, np.inf), 0.0)  # whose end has a force above zero
+            self.touch[e] = -base[row] / slope[row]
+
+    def force(self, d: np.ndarray, z: np.ndarray, acting: Acting) -> np.ndarray:
+        """Elastic force [N] at compressions d (e, m) and memories z (r, m) [m].
+
+        That of a hertz contact is continued as an odd function about its touch, so that it is smooth enough to locate a
+        root across it.
+        """
+        force = acting.base + acting.slope * d
+        if self.memory:
+            force += acting.by_memory @ z
+        u = d[self.hertz] - self.touch[self.hertz]
+        force[self.hertz] = self.coefficient * np.sign(u) * np.abs(u) ** self.exponent if len(self.hertz) else u
+        for e, work in self.curves.items():
+            force[e] = work(d[e])
+        return force
+
+    def first_phases(self, d: np.ndarray, rate: np.ndarray, z: np.ndarray) -> Phases:
+        """The rows and memories at compressions d (e) with rates (e) and memories z (r)."""
+        found = {(e, ROW): int(np.searchsorted(c, d[e], "right")) for e, (c, _, _) in self.lines.items()}
+        for j, e in enumerate(self.memory):
+            slack = d[e] - z[j]
+            if e in self.oil:
+                begins = slack == self.travel[e] == 0.0 and rate[e] >= 0.0
+                phase = PUSHES if slack > self.travel[e] or begins else WAITS
+                phase = FILLS if slack < 0.0 or (slack == 0.0 and rate[e] < 0.0) else phase
+            else:
+                slides = abs(slack) >= self.slip[e] / self.stiffness[e, 0] and slack * rate[e] > 0.0
+                phase = (FORWARD if slack > 0 else BACKWARD) if slides else STICKS
+            found[e, MEMORY] = phase
+        return found
+
+    def acting(self, phases: Phases) -> Acting:
+        """The laws in these phases."""
+        r, acts = (
+            len(self.memory),
+            np.array([phases.get((e, CONTACT), PUSHING) == PUSHING for e in range(len(self.preload))]),
+        )
+        base, slope = self.preload.copy(), self.stiffness.copy()
+        by_memory, follows, per_leak = np.zeros((len(base), r)), np.zeros(r), np.zeros(r)
+        for e, (_, bases, slopes) in self.lines.items():
+            base[e], slope[e] = bases[phases[e, ROW]], slopes[phases[e, ROW]]
+        for j, e in enumerate(self.memory):
+            phase, k = phases[e, MEMORY], self.stiffness[e, 0]
+            holds = phase == (PUSHES if e in self.oil else STICKS)
+            slope[e], by_memory[e, j] = (k, -k) if holds else (0.0, 0.0)
+            if e in self.oil:
+                base[e], per_leak[j] = (-k * self.travel[e], 1.0 / self.leak[e]) if holds else (0.0, 0.0)
+                follows[j] = phase == FILLS
+            else:
+                base[e] = {STICKS: 0.0, FORWARD: self.slip[e], BACKWARD: -self.slip[e]}[phase]
+                follows[j] = phase != STICKS
+        return Acting(base, slope, by_memory, follows, per_leak, acts)
+
+    def followed(self, d: np.ndarray, z: np.ndarray, phases: Phases) -> np.ndarray:
+        """The memories z (r), those that follow their compressions d (e) exactly where they do."""
+        z = z.copy()
+        for j, e in enumerate(self.memory):
+            phase, reach = phases[e, MEMORY], self.slip[e] / self.stiffness[e, 0]
+            if e in self.oil:
+                z[j] = d[e] if phase == FILLS else z[j]
+            elif phase != STICKS:
+                z[j] = d[e] - reach if phase == FORWARD else d[e] + reach
+        return z
+
+    def switchings(self, phases: Phases, length: float, velocity: float) -> list[Switching]:
+        """The switchings that may come next; `length` [m] and `velocity` [m/s] are the permitted errors."""
+        found = []
+        for key, phase in phases.items():
+            e, part = key
+            if part == CONTACT:
+                found += self._of_contact(key, phase)
+            elif part == ROW:
+                corners = self.lines[e][0]
+                if phase < len(corners):
+                    found.append(Switching(key, e, D, 1.0, phase + 1, corners[phase] + length))
+                if phase > 0:
+                    found.append(Switching(key, e, D, -1.0, phase - 1, corners[phase - 1] - length))
+            elif e in self.oil:
+                found += self._of_oil(key, phase, length, velocity)
+            else:
+                found += self._of_friction(key, phase, length, velocity)
+        return found
+
+    def _of_contact(self, key, phase) -> list[Switching]:
+        e = key[0]
+        if phase == APART:
+            return [Switching(key, e, U, 1.0, PUSHING)]
+        if phase == PRESSED:
+            return [Switching(key, e, F, 1.0, PUSHING), Switching(key, e, U, -1.0, APART)]
+        return [Switching(key, e, F, -1.0, PRESSED) if self.damped[e] else Switching(key, e, U, -1.0, APART)]
+
+    def _of_oil(self, key, phase, length, velocity) -> list[Switching]:
+        e, travel = key[0], self.travel[key[0]]
+        j, shuts = self.memory.index(e), PUSHES if travel == 0.0 else WAITS
+        if phase == FILLS:
+            return [Switching(key, e, RATE, 1.0, shuts, velocity)]
+        empties = Switching(key, j, SLACK, -1.0, FILLS, -length)
+        if phase == WAITS:
+            return [Switching(key, j, SLACK, 1.0, PUSHES, travel + length), empties]
+        return [empties if travel == 0.0 else Switching(key, j, SLACK, -1.0, WAITS, travel - length)]
+
+    def _of_friction(self, key, phase, length, velocity) -> list[Switching]:
+        e, reach = key[0], self.slip[key[0]] / self.stiffness[key[0], 0]
+        j = self.memory.index(e)
+        if phase == STICKS:
+            return [
+                Switching(key, j, SLACK, 1.0, FORWARD, reach + length),
+                Switching(key, j, SLACK, -1.0, BACKWARD, -reach - length),
+            ]
+        sign = -1.0 if phase == FORWARD else 1.0
+        return [Switching(key, e, RATE, sign, STICKS, sign * velocity)]
+
+
+def _curve(table: np.ndarray, preload: float) -> PPoly:
+    """Elastic force by the compression [m] under a table of stiffnesses (q, 2)."""
+    c, k = table.T
+    c, k = np.array([c[0] - FAR, *c, c[-1] + FAR]), np.array([k[0], *k, k[-1]])
+    work = PPoly(np.stack([np.diff(k) / np.diff(c), k[:-1]]), c).antiderivative()
+    work.c[-1] += preload - work(0.0)
+    return work
+
+
+def _lines(table: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Compressions [m] of a table's corners, and of each line between them force [N] at zero and slope [N/m]."""
+    c, force = table.T
+    slope = np.diff(force) / np.diff(c)
+    return c[1:-1], force[:-1] - slope * c[:-1], slope

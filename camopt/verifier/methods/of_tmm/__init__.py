@@ -1,0 +1,1 @@
+"""What the transition matrix method alone reads: the matrices of one step."""
