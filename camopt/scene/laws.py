@@ -57,23 +57,26 @@ class Laws:
 
     def force(self, d: np.ndarray, preload: np.ndarray) -> np.ndarray:
         """Elastic force [N] at compressions d (e) [m] with the preloads (e) [N]; zero where a memory has faded."""
-        u = np.maximum(0.0, d - self.touch(preload))
-        force = np.where(self.kind == HERTZ, self.coefficient * u**self.exponent, preload + self.coefficient * d)
-        for e in np.flatnonzero(self.kind == PROGRESSIVE):
-            force[e] = preload[e] + _integral(self.table[e], d[e])
-        for e in np.flatnonzero(self.kind == TABLE):
-            force[e] = _on_lines(self.table[e], d[e])[0]
-        return np.where(self.has_memory, 0.0, force)
+        return np.array([self.along(e, d[e : e + 1], preload[e])[0][0] for e in range(len(d))])
 
     def tangent(self, d: np.ndarray, preload: np.ndarray) -> np.ndarray:
         """Derivative of `force` by the compression [N/m], shape (e)."""
-        u = np.maximum(0.0, d - self.touch(preload))
-        tangent = self.coefficient * np.where(self.kind == HERTZ, self.exponent * u ** (self.exponent - 1.0), 1.0)
-        for e in np.flatnonzero(self.kind == PROGRESSIVE):
-            tangent[e] = np.interp(d[e], *self.table[e].T)
-        for e in np.flatnonzero(self.kind == TABLE):
-            tangent[e] = _on_lines(self.table[e], d[e])[1]
-        return np.where(self.has_memory, 0.0, tangent)
+        return np.array([self.along(e, d[e : e + 1], preload[e])[1][0] for e in range(len(d))])
+
+    def along(self, e: int, d: np.ndarray, preload: float) -> tuple[np.ndarray, np.ndarray]:
+        """Elastic force (k) [N] of element e and its derivative (k) [N/m] at compressions d (k) [m]."""
+        kind, k = self.kind[e], self.coefficient[e]
+        if kind == TABLE:
+            return _on_lines(self.table[e], d)
+        if kind == PROGRESSIVE:
+            return preload + _integral(self.table[e], d), np.interp(d, *self.table[e].T)
+        if kind == HERTZ:
+            power = self.exponent[e]
+            u = np.maximum(0.0, d + (preload / k) ** (1.0 / power))
+            return k * u**power, k * power * u ** (power - 1.0)
+        if kind in (OIL, FRICTION):
+            return np.zeros_like(d), np.zeros_like(d)
+        return preload + k * d, np.full_like(d, k)
 
     def touch(self, preload: np.ndarray) -> np.ndarray:
         """Compression at which each elastic force falls to zero [m], shape (e)."""
@@ -83,7 +86,7 @@ class Laws:
         for e in np.flatnonzero(self.kind == PROGRESSIVE):
             touch[e] = _compression(self.table[e], -preload[e])
         for e in np.flatnonzero(self.kind == TABLE):
-            touch[e] = _on_lines(self.table[e][:, ::-1], 0.0)[0]
+            touch[e] = _on_lines(self.table[e][:, ::-1], np.zeros(1))[0][0]
         return touch
 
     def stand_in(self) -> np.ndarray:
@@ -97,35 +100,36 @@ class Laws:
         for e in np.flatnonzero(self.kind == PROGRESSIVE):
             stiffness[e] = np.interp(0.0, *self.table[e].T)
         for e in np.flatnonzero(self.kind == TABLE):
-            stiffness[e] = _on_lines(self.table[e], 0.0)[1]
+            stiffness[e] = _on_lines(self.table[e], np.zeros(1))[1][0]
         return stiffness
 
 
-def _on_lines(table: np.ndarray, at: float) -> tuple[float, float]:
-    """(value, slope) at a place of the straight lines through a table's rows (q, 2), the outer two of which go on."""
+def _on_lines(table: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(values, slopes) at places (k) of the straight lines through a table's rows (q, 2), the outer two of which go
+    on."""
     place, value = table.T
-    i = int(np.clip(np.searchsorted(place, at, "right") - 1, 0, len(place) - 2))
-    slope = (value[i + 1] - value[i]) / (place[i + 1] - place[i])
-    return float(value[i] + slope * (at - place[i])), float(slope)
+    i = np.clip(np.searchsorted(place, at, "right") - 1, 0, len(place) - 2)
+    slope = ((value[1:] - value[:-1]) / (place[1:] - place[:-1]))[i]
+    return value[i] + slope * (at - place[i]), slope
 
 
-def _integral(table: np.ndarray, d: float) -> float:
-    """Integral of a table's stiffness from 0 to d [N]."""
-    return _from_first(table, d) - _from_first(table, 0.0)
+def _integral(table: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Integral of a table's stiffness from 0 to d (k) [N]."""
+    return _from_first(table, d) - _from_first(table, np.zeros(1))
 
 
-def _from_first(table: np.ndarray, d: float) -> float:
-    """Integral of a table's stiffness from its first row to d, by trapezia, which is exact for straight lines."""
-    (c, k), first = table.T, table[0, 0]
-    inside = c[(c > min(first, d)) & (c < max(first, d))]
-    knots = np.concatenate([[min(first, d)], inside, [max(first, d)]])
-    return float(np.sign(d - first) * np.trapezoid(np.interp(knots, c, k), knots))
+def _from_first(table: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Integral of a table's stiffness from its first row to d (k), by trapezia, which is exact for straight lines."""
+    c, k = table.T
+    whole = np.concatenate([[0.0], np.cumsum(np.diff(c) * (k[1:] + k[:-1]) / 2)])
+    i = np.clip(np.searchsorted(c, d, "right") - 1, 0, len(c) - 1)
+    return whole[i] + (d - c[i]) * (k[i] + np.interp(d, c, k)) / 2
 
 
 def _compression(table: np.ndarray, force: float) -> float:
     """Compression [m] at which the integral from 0 equals `force`; between two rows it is the root of a parabola."""
     c, k = table.T
-    at_rows = np.array([_integral(table, row) for row in c])
+    at_rows = _integral(table, c)
     i = int(np.searchsorted(at_rows, force, "right")) - 1
     slope = (k[i + 1] - k[i]) / (c[i + 1] - c[i]) if 0 <= i < len(c) - 1 else 0.0
     i = max(i, 0)

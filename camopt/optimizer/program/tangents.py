@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from camopt.scene.laws import FRICTION, HERTZ, LINEAR, OIL, PROGRESSIVE, Laws
+from camopt.scene.laws import FRICTION, HERTZ, LINEAR, OIL, PROGRESSIVE
 from camopt.scene.response import Response
 from camopt.scene.rest import rest_position
 from camopt.scene.train import Train
@@ -85,16 +85,8 @@ def _lines(train: Train, response: Response, e: int, d: np.ndarray) -> tuple[np.
         force = response.force[:, e]
         stiffness = np.where(np.abs(force) < laws.slip[e] * (1.0 - 1e-9), laws.coefficient[e], 0.0)
         return stiffness, force - stiffness * d
-    force, stiffness = _along(laws, e, d, train.preload[e])
+    force, stiffness = laws.along(e, d, train.preload[e])
     if laws.kind[e] in (HERTZ, PROGRESSIVE):
         least = 1e-3 * train.stiffness[e]  # a Hertz contact has no stiffness where it only just touches
         stiffness = np.exp(np.round(np.log(np.maximum(stiffness, least)) * LEVELS) / LEVELS)
     return stiffness, force - stiffness * d
-
-
-def _along(laws: Laws, e: int, d: np.ndarray, preload: float) -> tuple[np.ndarray, np.ndarray]:
-    """Elastic force and tangent (k) of one element at compressions d (k)."""
-    one = Laws(*(getattr(laws, name)[e : e + 1] for name in laws.__dataclass_fields__))
-    at = np.array([preload])
-    pairs = [(one.force(np.array([x]), at)[0], one.tangent(np.array([x]), at)[0]) for x in d]
-    return np.array(pairs).T
