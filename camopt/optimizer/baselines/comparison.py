@@ -57,7 +57,6 @@ def compare(
     draws a bar. Either under all limits of the scene and without its jerk limit. Writes comparison.csv and figures.
     Raises InputError for an unusable folder or scene, and for other words.
     """
-    build_train(scene).require_linear("the comparison", "verify each cam on this scene with `camopt verify`")
     if baselines not in BASELINES:
         raise InputError(f"baselines {baselines!r}: expected {' or '.join(BASELINES)}")
     effort = accuracy_named(accuracy)

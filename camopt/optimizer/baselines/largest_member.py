@@ -163,7 +163,6 @@ class MemberMotion:
         self.judged = 0
         self._cam_speeds = [scene.cam_speed(s) for s in self.speeds_rpm]
         self._train = build_train(scene)
-        self._train.require_linear("the search for baselines", "search on a scene with linear laws")
         self._rest = state_at_rest(self._train)
 
     def worst(self, lift: Lift, enough_mm: float = np.inf) -> dict[str, float]:

@@ -5,6 +5,8 @@ from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.bound.no_jump import no_jump_bound
 from camopt.optimizer.program.kinematic import kinematic_optimum, limit_worth
 from camopt.optimizer.program.no_jump import Margins, no_jump_program
+from camopt.optimizer.program.relocation import standing
+from camopt.optimizer.program.tangents import is_linear
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
@@ -20,7 +22,7 @@ def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float = MARGI
     that reaches this; `area_ratio_no_jump`: the largest of a free cam whose contacts keep `margin_N` at the listed
     speeds under the linear model, null where none does; `area_ratio_no_jump_bound`: what no cam, spline or not, exceeds
     under that linear model, its margins and its switching angles (the first bound where that is smaller, as both hold);
-    `no_jump_says`: why there is none of these two, null where they are there; `speeds_rpm` (k); `worth_percent`: what
+    `no_jump_says`: why one of these two is not there, null where both are; `speeds_rpm` (k); `worth_percent`: what
     1 % more of each limit buys. Raises InputError for contradictory limits.
     """
     design, operation = scene.design, scene.operation
@@ -31,10 +33,13 @@ def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float = MARGI
     bound = float(area_ratio_bound(design).bound)
     no_jump = no_jump_bounded = says = None
     try:
-        program = no_jump_program(build_train(scene), design, cam, speeds)
+        program = standing(no_jump_program(train := build_train(scene), design, cam, speeds), margin_N)
         no_jump = program.solve(margins := Margins(*[margin_N] * 3)).area_ratio
-        certificate = no_jump_bound(program, margins)
-        no_jump_bounded = certificate and min(bound, float(certificate.bound))
+        if is_linear(train):
+            certificate = no_jump_bound(program, margins)
+            no_jump_bounded = certificate and min(bound, float(certificate.bound))
+        else:
+            says = "the bound under the linear model holds for trains whose laws are linear, and this one's are not"
     except InputError as error:  # what the train forbids leaves the bounds on the shape as they are
         says = str(error)
     return {

@@ -220,7 +220,9 @@ def periodic_response(train: Train, samples: CamSamples, cam_speed: float, angle
     omega = velocity_scale(train)
     state[:, n2 // 2 :] *= omega
     scale = np.repeat([1.0, omega], n2 // 2)
-    return PeriodicResponse(train, cam_speed, samples, state, carried[-1, :, :n2] * scale[:, None] / scale, angles.tangents)
+    return PeriodicResponse(
+        train, cam_speed, samples, state, carried[-1, :, :n2] * scale[:, None] / scale, angles.tangents
+    )
 
 
 def velocity_scale(train: Train) -> float:

@@ -4,15 +4,22 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.exact.engine import prepare
-from camopt.optimizer.program.no_jump import NoJumpProgram
+from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpOptimum, NoJumpProgram
 from camopt.optimizer.program.periodic import Angles
-from camopt.optimizer.program.tangents import tangents_along
+from camopt.optimizer.program.tangents import is_linear, tangents_along
 from camopt.scene.response import Response, end_state
 from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Train
 
 REVOLUTIONS = 8
 """Revolutions from rest before the angles are read: surge decays by half or more in each."""
+MARGIN_N = 20.0
+"""Contact force that the program's cam keeps while its tangents are looked for."""
+SHORTFALL = 1.01
+"""Factor on a shortfall, so that the margins below it are surely held."""
+STANDS = 1e-5
+"""Change of the area ratio below which the tangents stand: a fifth of what the search tells apart."""
+MOST_SOLUTIONS = 8
 
 
 class NoLoadTransfer(ValueError):
@@ -74,3 +81,31 @@ def relocate(program: NoJumpProgram, lift: Lift, revolutions: int = REVOLUTIONS)
         except NoLoadTransfer:
             angles.append(block.angles)
     return program.relocated(angles)
+
+
+def standing(program: NoJumpProgram, margin_N: float = MARGIN_N) -> NoJumpProgram:
+    """The program with the tangents along the motions of its own cam, solved again with them until its area stands.
+
+    The margin on all contact forces falls by as much as no cam can hold. A program whose trains are linear is given
+    back as it is. Raises NoCamHoldsContact where the limits on the shape allow no cam.
+    """
+    if all(is_linear(block.train) for block in program.blocks):
+        return program
+    area = -np.inf
+    for _ in range(MOST_SOLUTIONS):
+        found = _held(program, margin_N)
+        if abs(found.area_ratio - area) < STANDS:
+            break
+        area, program = found.area_ratio, relocate(program, found.lift)
+    return program
+
+
+def _held(program: NoJumpProgram, margin_N: float) -> NoJumpOptimum:
+    """The program's cam with a common margin, lowered to what some cam holds."""
+    try:
+        return program.solve(Margins(margin_N, margin_N, margin_N))
+    except NoCamHoldsContact as short:
+        lower = margin_N - SHORTFALL * short.shortfall_N
+        if not np.isfinite(lower):
+            raise
+        return program.solve(Margins(lower, lower, lower))

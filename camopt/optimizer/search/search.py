@@ -9,6 +9,7 @@ from threadpoolctl import threadpool_limits
 from camopt.cam.families.free import free_cam
 from camopt.optimizer.accuracy import Accuracy, design_speeds
 from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
+from camopt.optimizer.program.relocation import standing
 from camopt.optimizer.search.journal import Journal
 from camopt.optimizer.search.judge import Judge
 from camopt.optimizer.search.no_jump_stage import Search, margins_apart, no_jump_stage
@@ -65,7 +66,7 @@ def find_cam(
     program_speeds, judged_speeds = design_speeds(operation, speeds, effort)
     cam_speeds = [scene.cam_speed(s) for s in program_speeds]
     with log.clock.stage("no_jump"):
-        program = no_jump_program(build_train(scene), design, cam, cam_speeds)
+        program = standing(no_jump_program(build_train(scene), design, cam, cam_speeds))
         judge = Judge(scene, judged_speeds, effort.judge_stride if speeds == "band" else 1)
         if perturbations:
             judge = RobustJudge(judge, perturbations)
