@@ -23,7 +23,6 @@ from camopt.optimizer.stage_clock import StageClock
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.toml_text import scene_toml
-from camopt.scene.train import build_train
 from camopt.scene.units import MM
 from camopt.storage import default_run_folder, run_folder, run_identity, write_json, write_text
 from camopt.verifier.verdict import Verdict, verdict_on

@@ -22,7 +22,6 @@ from camopt.optimizer.baselines.figures import draw
 from camopt.optimizer.baselines.largest_member import excess
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
-from camopt.scene.train import build_train
 from camopt.storage import run_folder, run_identity
 from camopt.verifier.accuracy import EFFORTS
 from camopt.verifier.convergence import Demand
