@@ -18,13 +18,15 @@ from camopt.exact.adjoint.motion import (
     by_train,
     metric_numbers,
     room_for,
+    room_for_bars,
     steps_of,
 )
 from camopt.exact.adjoint.seeds import empty_seeds
-from camopt.exact.adjoint.sweep import sweep
+from camopt.exact.adjoint.sweep import Bars, sweep
+from camopt.exact.affine.inputs import Inputs
 from camopt.exact.engine import MOST_SWITCHINGS
 from camopt.exact.kernel.arrays import CamArrays, TrainArrays, train_arrays
-from camopt.exact.kernel.propagators import propagators
+from camopt.exact.kernel.propagators import Propagators, propagators
 from camopt.exact.kernel.revolution import DONE, NEED_TABLES, TRACE_FULL
 from camopt.exact.kernel.setting import Setting, follow
 from camopt.exact.kernel.trace import first
@@ -50,16 +52,13 @@ class Motions(NamedTuple):
     """k motions of one train whose cams share their piece borders, with room for what g sweeps find of each motion."""
 
     borders: np.ndarray  # (p + 1) rad
-    coefficients: np.ndarray  # (k, p, q)
+    pieces: np.ndarray  # (k, p, q + 2f) of the lift and the forces by the cam angle
     cam_speed: np.ndarray  # (k) rad/s
     foot: np.ndarray  # (k) opening foot, rad
-    state: np.ndarray  # (k, 2n): start, then end
+    state: np.ndarray  # (k, 2n + r): start, then end
     values: np.ndarray  # (k, l, 2)
     grazing: np.ndarray  # (k, 2)
-    by_start: np.ndarray  # (k, g, 2n)
-    by_coefficients: np.ndarray  # (k, g, p, q)
-    by_mass: np.ndarray  # (k, g, 3, n), or without rows
-    by_element: np.ndarray  # (k, g, 4, e)
+    bars: Bars  # each array with the first axes (k, g)
 
 
 @compiled
@@ -72,7 +71,7 @@ def run(s, motions, wanted, most, rows, trace, seeds, begin, end):
     start = np.empty(motions.state.shape[1])
     for i in range(begin, end):
         start[:] = motions.state[i]
-        cam = CamArrays(motions.borders, motions.coefficients[i], motions.cam_speed[i])
+        cam = CamArrays(motions.borders, motions.pieces[i], motions.cam_speed[i])
         code, count, _ = follow(s.train, cam, s.step, s.tables, motions.state[i], wanted.revolutions, most, rows, trace)
         if code != DONE:
             motions.state[i] = start
@@ -82,12 +81,13 @@ def run(s, motions, wanted, most, rows, trace, seeds, begin, end):
             s.half_duration, motions.foot[i],
         )  # fmt: skip
         done = first(trace, count)
-        for j in range(motions.by_start.shape[1]):
+        for j in range(motions.bars.start.shape[1]):
             low, high = (0, len(wanted.metrics)) if wanted.together else (j, j + 1)
             part = wanted.metrics[low:high], wanted.weights[low:high]
             evaluate(one, done, seeds, part[0], part[1], wanted.revolution, motions.values[i, low:high])
-            by_start, by_coefficients = motions.by_start[i, j], motions.by_coefficients[i, j]
-            sweep(one, done, seeds, by_start, by_coefficients, motions.by_mass[i, j], motions.by_element[i, j])
+            b = motions.bars
+            bars = Bars(b.start[i, j], b.coefficients[i, j], b.mass[i, j], b.law[i, j], b.gap[i, j])
+            sweep(one, done, seeds, bars)
         motions.grazing[i] = closings_margin(one, done)
     return end, DONE, 0
 
@@ -108,8 +108,8 @@ def value_and_gradient_many(
 ) -> list[Gradient | None]:
     """`value_and_gradient` of k motions side by side in threads; a motion that is refused gives None.
 
-    `lifts` (k) and `cam_speeds` (k) [rad/s] describe the motions. `starts` (k, 2n: [m], then [m/s]) are the states in
-    which they begin; without them every motion begins at rest. All other arguments mean what they mean for
+    `lifts` (k) and `cam_speeds` (k) [rad/s] describe the motions. `starts` (k, 2n + r: [m], [m/s], [m]) are the states
+    in which they begin; without them every motion begins at rest. All other arguments mean what they mean for
     `value_and_gradient`, and InputError is raised in the same cases.
     """
     arrays = train_arrays(train)
@@ -124,9 +124,11 @@ def value_and_gradient_many(
 
     def one_part(step: float, at_once: int, part: list[int]) -> None:
         some, speeds = [lifts[i] for i in part], np.array([cam_speeds[i] for i in part])
-        motions = _motions(train, some, speeds, states[part], wanted, mechanical)
-        for i in _run(train, arrays, motions, wanted, step, at_once, some[0].half_duration):
-            found[part[i]] = _gradient(train, motions, i, tuple(metrics), mechanical, starts is None)
+        inputs = Inputs(train.forcing, some[0].borders)
+        motions = _motions(arrays, inputs, some, speeds, states[part], wanted, mechanical)
+        tables = propagators(train, step, some[0].coefficients.shape[1], at_once)
+        for i in _run(train, tables, motions, wanted, some[0].half_duration):
+            found[part[i]] = _gradient(train, inputs, motions, i, tuple(metrics), mechanical, starts is None)
 
     with ThreadPoolExecutor(workers) as pool:
         jobs = [
@@ -139,40 +141,37 @@ def value_and_gradient_many(
     return found
 
 
-def _motions(train: Train, lifts: list[Lift], speeds, states, wanted: Wanted, mechanical: bool) -> Motions:
-    k, n, e, m = len(lifts), len(train.mass), len(train.a), len(wanted.metrics)
-    sweeps = 1 if wanted.together else m
+def _motions(
+    train: TrainArrays, inputs: Inputs, lifts: list[Lift], speeds, states, wanted: Wanted, mechanical: bool
+) -> Motions:
+    k, m = len(lifts), len(wanted.metrics)
+    sweeps, pieces = 1 if wanted.together else m, np.stack([inputs.pieces(lift.coefficients) for lift in lifts])
+    bars = room_for_bars(train, pieces.shape[1:], k * sweeps, mechanical)
     return Motions(
-        lifts[0].borders,
-        np.stack([lift.coefficients for lift in lifts]),
+        inputs.borders,
+        pieces,
         speeds,
         np.array([lift.opening_foot for lift in lifts]),
         states,
         np.empty((k, m, 2)),
         np.empty((k, 2)),
-        np.zeros((k, sweeps, 2 * n)),
-        np.zeros((k, sweeps, *lifts[0].coefficients.shape)),
-        np.zeros((k, sweeps, 3 * mechanical, n)),
-        np.zeros((k, sweeps, 4, e)),
+        Bars(*(part.reshape(k, sweeps, *part.shape[1:]) for part in bars)),
     )
 
 
-def _run(
-    train: Train, arrays: TrainArrays, motions: Motions, wanted: Wanted, step: float, at_once: int, half_duration: float
-) -> list[int]:
+def _run(train: Train, tables: Propagators, motions: Motions, wanted: Wanted, half_duration: float) -> list[int]:
     """Runs all motions and returns the numbers of those that are not refused."""
-    tables = propagators(train, step, motions.coefficients.shape[2], at_once)
     sides, k, segments = np.array(train.cam_side, dtype=np.int64), len(motions.cam_speed), 0
     observations, i, done, code = OBSERVATIONS * len(wanted.metrics), 0, [], TRACE_FULL
     while i < k:
         if code == TRACE_FULL:
             segments = 4 * segments or FIRST_SEGMENTS * wanted.revolutions
             trace = room_for(tables, segments)
-            seeds = empty_seeds(segments, observations, len(train.mass), len(train.a))
+            seeds = empty_seeds(segments, observations, tables.arrays)
         built = tables.built
         numbers = train.valve, train.seat, sides, half_duration, 0.0
-        cam = CamArrays(motions.borders, motions.coefficients[0], 0.0)
-        setting = Setting(arrays, cam, step, built, *numbers)
+        cam = CamArrays(motions.borders, motions.pieces[0], 0.0)
+        setting = Setting(tables.arrays, cam, tables.step, built, *numbers)
         begin = i
         i, code, key = run(setting, motions, wanted, MOST_SWITCHINGS, NO_ROWS, trace, seeds, begin, k)
         done += range(begin, i)
@@ -183,13 +182,17 @@ def _run(
     return done
 
 
-def _gradient(train: Train, motions: Motions, i: int, metrics: tuple[str, ...], mechanical: bool, rest: bool):
-    slopes = by_train(motions.by_mass[i], motions.by_element[i]) if mechanical else None
+def _gradient(
+    train: Train, inputs: Inputs, motions: Motions, i: int, metrics: tuple[str, ...], mechanical: bool, rest: bool
+) -> Gradient:
+    bars = Bars(*(part[i] for part in motions.bars))
+    by_coefficients, by_rows = inputs.back(bars.coefficients)
+    slopes = by_train(train, bars, by_rows) if mechanical else None
     if slopes is not None and rest:
-        slopes = slopes + rest_back(train, motions.by_start[i])
+        slopes = slopes + rest_back(train, bars.start)
     return Gradient(
-        by_coefficients=motions.by_coefficients[i],
-        by_start=motions.by_start[i],
+        by_coefficients=by_coefficients,
+        by_start=bars.start,
         by_train=slopes,
         metrics=metrics,
         values=motions.values[i, :, 0],

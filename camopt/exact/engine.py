@@ -1,4 +1,4 @@
-"""Event-exact motion of a train with linear laws: every switching located to round-off, no stability limit.
+"""Event-exact motion of a train, its laws affine in pieces: switchings located to round-off, no stability limit.
 
 This is the papers' transition matrix method with three changes: the matrix exponential is exact, the lift enters as its
 exact polynomial pieces, and each switching of a contact is located inside the step, on the power series of the force
@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from camopt.cam.lift import Lift
+from camopt.exact.affine.inputs import Inputs
 from camopt.exact.kernel.arrays import cam_arrays, train_arrays
 from camopt.exact.kernel.propagators import Propagators, default_step, propagators
 from camopt.exact.kernel.revolution import CHATTER, DONE, NEED_TABLES, revolve
@@ -41,30 +42,30 @@ class EventExact:
         self.train, self.lift, self.cam_speed = train, lift, cam_speed
         self.period = 2 * np.pi / cam_speed
         self.step, self._per_sample = _step(train, self.period, steps_per_revolution)
-        self._cam = cam_arrays(lift, cam_speed)
+        self._cam = cam_arrays(Inputs(train.forcing, lift.borders), lift, cam_speed)
         self._rows: np.ndarray | None = None
 
     def __call__(self, state: State) -> Response:
-        """One revolution from -pi to pi from a state ([m], then [m/s]), sampled as asked and at every
+        """One revolution from -pi to pi from a state ([m], [m/s], [m]), sampled as asked and at every
         switching and piece border. Raises MotionRefused for endless switching or a motion without bound."""
-        n, e = len(self.train.mass), len(self.train.a)
+        n, at, e = len(self.train.mass), self.train.state_size, len(self.train.a)
         if self._rows is None:
-            samples = int(self.period / self.step) + len(self.lift.borders) + 2 * MOST_SWITCHINGS + 16
-            self._rows = np.empty((samples, 2 + 2 * n + e))
+            samples = int(self.period / self.step) + len(self._cam.borders) + 2 * MOST_SWITCHINGS + 16
+            self._rows = np.empty((samples, 2 + at + e))
         count, _ = self._revolve(np.array(state, dtype=float), self._rows, self._tables(self._per_sample))
         done = self._rows[:count].copy()
         angle = done[:, 0] * self.cam_speed - np.pi
         angle[-1] = np.pi
-        x, v, force = done[:, 2 : 2 + n], done[:, 2 + n : 2 + 2 * n], done[:, 2 + 2 * n :]
-        return Response(self.train, self.cam_speed, angle, done[:, 1], x, v, force)
+        x, v, z, force = np.split(done[:, 2:], [n, 2 * n, at], axis=1)
+        return Response(self.train, self.cam_speed, angle, done[:, 1], x, v, force, z)
 
     def advance(self, state: State, revolutions: int = 1) -> State:
         """State after whole revolutions from a state at -pi; several times faster than a sampled motion.
 
         Raises MotionRefused for endless switching or a motion without bound.
         """
-        n, e = len(self.train.mass), len(self.train.a)
-        after, nothing, tables = np.array(state, dtype=float), np.empty((0, 2 + 2 * n + e)), self._tables(AT_ONCE)
+        after, tables = np.array(state, dtype=float), self._tables(AT_ONCE)
+        nothing = np.empty((0, 2 + self.train.state_size + len(self.train.a)))
         for _ in range(revolutions):
             self._revolve(after, nothing, tables)
         return after
@@ -98,7 +99,7 @@ def refusal(code: int, cam_speed: float, switchings: int) -> MotionRefused:
 
 
 def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int | None = None) -> EventExact:
-    """One event-exact revolution as a function of its start state (2n), with `advance` for the end state alone.
+    """One event-exact revolution as a function of its start state (2n + r), with `advance` for the end state alone.
 
     `cam_speed` is in rad/s. `steps_per_revolution` says how often the motion is sampled and does not change its
     accuracy: between two samples, switchings are sought in steps that are short enough for the highest mode. By default

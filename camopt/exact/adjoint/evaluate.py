@@ -7,9 +7,9 @@ import numpy as np
 
 from camopt.exact.adjoint.metrics import measure
 from camopt.exact.adjoint.seeds import clear, observe, seed_force
-from camopt.exact.kernel.instants import compression, nearest_miss, state_at
-from camopt.exact.kernel.revolution import element_forces
-from camopt.exact.kernel.tables import ACTING, SEPARATED
+from camopt.exact.kernel.elements import compression, element_forces, touch_line
+from camopt.exact.kernel.instants import nearest_miss, state_at
+from camopt.exact.kernel.tables import ACTING
 from camopt.programs import compiled
 
 
@@ -36,35 +36,35 @@ def closings_margin(s, trace):
     train = s.train
     for k in range(len(trace.length)):
         if trace.watch[k] >= 0:
-            e = s.tables.element[trace.slot[k], trace.watch[k]]
-            if train.damping[e] > 0.0 and s.tables.states[trace.slot[k], e] == SEPARATED:
-                approach = min(approach, compression(s, e, trace.y[k + 1])[1])
+            slot, watch = trace.slot[k], trace.watch[k]
+            if train.kick[s.tables.watch[slot, watch], 0] != 0.0:
+                e = s.tables.element[slot, watch]
+                approach = min(approach, compression(train, e, s.step, trace.y[k + 1])[1])
     for e in range(len(train.contact)):
-        if train.contact[e] and train.damping[e] > 0.0:
-            gap = min(gap, nearest_miss(s, trace, e) / train.stiffness[e])
+        if train.contact[e] and train.force[train.touch[e], 2] > 0.0:
+            gap = min(gap, nearest_miss(s, trace, e) / touch_line(train, e)[1])
     return approach, gap
 
 
 @compiled
 def sample(s, trace, segments, lengths, rows):
-    """Fills rows (m, 2n + 2 + e) with x, v, lift, lift velocity and the elements' forces at m instants, all in SI."""
-    n = len(s.train.mass)
+    """Fills rows (m, 2n + r + 2 + e) with x, v, z, lift, lift velocity and the elements' forces at m instants."""
+    train, at = s.train, s.tables.sizes.state
     for i in range(len(segments)):
-        y, slot = state_at(s, trace, segments[i], lengths[i]), trace.slot[segments[i]]
-        rows[i, : 2 * n + 1] = y[: 2 * n + 1]
-        rows[i, 2 * n + 1] = y[2 * n + 1] / s.step
-        x, v = y[:n], y[n : 2 * n]
-        element_forces(s.train, s.tables.states[slot], y[2 * n], rows[i, 2 * n + 1], x, v, rows[i, 2 * n + 2 :])
+        y, pieces = state_at(s, trace, segments[i], lengths[i]), s.tables.pieces[trace.slot[segments[i]]]
+        rows[i, : at + 1] = y[: at + 1]
+        rows[i, at + 1] = y[at + 1] / s.step
+        element_forces(train, pieces - train.first[:-1], s.step, y, rows[i, at + 2 :])
 
 
 @compiled
 def collect(s, trace, seeds, segments, lengths, bar):
-    """Fills `seeds` with the cotangents bar (m, 2n + 2 + e) of the rows that `sample` fills."""
-    n2 = 2 * len(s.train.mass)
+    """Fills `seeds` with the cotangents bar (m, 2n + r + 2 + e) of the rows that `sample` fills."""
+    begin = s.tables.sizes.state + 2
     clear(seeds, len(trace.length))
     for i in range(len(bar)):
         k = segments[i]
-        observe(seeds, k, lengths[i])[:] = bar[i, : n2 + 2]
-        for e in range(bar.shape[1] - n2 - 2):
-            if bar[i, n2 + 2 + e] != 0.0 and s.tables.states[trace.slot[k], e] == ACTING:
-                seed_force(s, trace, seeds, k, lengths[i], e, bar[i, n2 + 2 + e])
+        observe(seeds, k, lengths[i])[:] = bar[i, :begin]
+        for e in range(bar.shape[1] - begin):
+            if bar[i, begin + e] != 0.0 and s.tables.states[trace.slot[k], e] == ACTING:
+                seed_force(s, trace, seeds, k, lengths[i], e, bar[i, begin + e])

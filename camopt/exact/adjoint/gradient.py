@@ -6,8 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.exact.adjoint.motion import ByTrain, Gradient, TracedMotion
-from camopt.scene.rest import rest_position, state_at_rest, static_matrices
+from camopt.exact.adjoint.motion import ByTrain, Gradient, TracedMotion, by_train, room_for_bars
+from camopt.exact.kernel.arrays import train_arrays
+from camopt.exact.kernel.elements import classify
+from camopt.scene.rest import state_at_rest
 from camopt.scene.shapes import Float, State
 from camopt.scene.train import GROUND, Train
 
@@ -27,13 +29,12 @@ def value_and_gradient(
 ) -> Gradient:
     """Values of metrics (l) in one revolution of an event-exact motion and their gradients.
 
-    The motion runs `revolutions` from the state `start` ([m], then [m/s]) at -pi, which is held fixed. Without a
+    The motion runs `revolutions` from the state `start` ([m], [m/s], [m]) at -pi, which is held fixed. Without a
     start it runs from rest, and gradients by the train then include how the rest position depends on the train. With
     a `cotangent` of the values only their weighted sum is differentiated, in one sweep. With `mechanical` there
     are gradients by the train's parameters too. `spacing` [rad] has the meaning that it has for `TracedMotion`.
 
-    Raises MotionRefused for endless switching or a motion without bound, InputError for an unknown metric or for laws
-    that are not linear.
+    Raises MotionRefused for endless switching or a motion without bound, InputError for an unknown metric.
     """
     at = state_at_rest(train) if start is None else start
     motion = TracedMotion(train, lift, cam_speed, at, revolutions, mechanical, spacing)
@@ -51,7 +52,7 @@ def periodic_value_and_gradient(
     state: State,
     *,
     mechanical: bool = False,
-) -> tuple[Gradient, Float[np.ndarray, "two_n two_n"]]:
+) -> tuple[Gradient, Float[np.ndarray, "state state"]]:
     """Values and total gradients of metrics in the periodic motion through `state`, and the cycle map's Jacobian.
 
     `state` must repeat after one revolution; its own change with cam and train is included by implicit
@@ -63,26 +64,34 @@ def periodic_value_and_gradient(
     gradient = TracedMotion(train, lift, cam_speed, state, 2, mechanical).gradient(metrics)
     adjoint = np.linalg.solve((np.eye(len(state)) - jacobian).T, gradient.by_start.T).T
     through_start = cycle.pull_back(ends=adjoint)
-    by_train = gradient.by_train
-    if by_train is not None and through_start.by_train is not None:
-        by_train = by_train + through_start.by_train
+    total = gradient.by_train
+    if total is not None and through_start.by_train is not None:
+        total = total + through_start.by_train
     by_coefficients = gradient.by_coefficients + through_start.by_coefficients
-    return replace(gradient, by_coefficients=by_coefficients, by_start=adjoint, by_train=by_train), jacobian
+    return replace(gradient, by_coefficients=by_coefficients, by_start=adjoint, by_train=total), jacobian
 
 
-def rest_back(train: Train, by_start: Float[np.ndarray, "l two_n"]) -> ByTrain:
-    """Gradients by the train, through the rest position, of l numbers of a motion that starts from rest.
+def rest_back(train: Train, by_start: Float[np.ndarray, "l state"]) -> ByTrain:
+    """Gradients by the train, through the state at rest, of l numbers of a motion that starts from rest.
 
-    `by_start` are their gradients by the start state. Rest solves K x = load over the closed contacts. The set
-    of closed contacts is taken as fixed, which is right unless one of them only just touches.
+    `by_start` are their gradients by the start state. At rest the forces of all elements without memory balance, and a
+    memory is its element's compression. The pieces that hold are taken as fixed, which is right unless one of them only
+    just holds.
     """
-    n = len(train.mass)
-    x = rest_position(train)
-    d = train.compression(x, 0.0)
-    closed = ~train.contact | (train.preload + train.stiffness * d > 0.0)
-    push = np.linalg.solve(static_matrices(train, closed)[0], by_start[:, :n].T).T
-    padded = np.concatenate([push, np.zeros((len(push), 1))], axis=1)  # index -1 reads the ground
+    arrays, state, n = train_arrays(train), state_at_rest(train), len(train.mass)
+    status = np.empty(len(train.a), dtype=np.int64)
+    classify(arrays, 1.0, np.concatenate([state, np.zeros(2)]), status)
+    pieces, memory = arrays.first[:-1] + status, list(train.memory)
+    d, carries = train.compression(state[:n], 0.0), np.where(arrays.memory < 0, 1.0, 0.0)
+    rows = np.eye(n + 1)[:, :n]  # the last row, which the index -1 reads, is the ground
     assert GROUND == -1
-    on = (padded[:, train.a] - padded[:, train.b]) * closed
-    zero = np.zeros_like(push)
-    return ByTrain(zero, zero.copy(), push, -on * d, np.zeros_like(on), -on, on * train.stiffness)
+    rows = rows[train.a] - rows[train.b]
+    slope, by_memory = carries * arrays.force[pieces, 1], by_start[:, 2 * n :]
+    push = np.linalg.solve((rows.T * slope) @ rows, (by_start[:, :n] + by_memory @ rows[memory]).T).T
+    on, bars = push @ rows.T * carries, room_for_bars(arrays, (0, 0), len(push), True)
+    bars.mass[:, 2] = push
+    for e in np.flatnonzero(carries):
+        bars.law[:, pieces[e], 0], bars.law[:, pieces[e], 1] = -on[:, e], -on[:, e] * d[e]
+    bars.gap[:] = on * slope
+    bars.gap[:, memory] -= by_memory
+    return by_train(train, bars)

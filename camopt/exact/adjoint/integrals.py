@@ -2,8 +2,10 @@
 
 import numpy as np
 
+from camopt.exact.adjoint.seeds import touch_back
 from camopt.exact.kernel.advance import apply
 from camopt.exact.kernel.borrowing import borrowing
+from camopt.exact.kernel.elements import touch_line
 from camopt.exact.kernel.instants import series_at, watch_of
 from camopt.exact.kernel.tables import TERMS
 from camopt.programs import compiled
@@ -24,7 +26,7 @@ def distance_integral(s, trace, k, w, there):
         for j in range(TERMS + 1):
             power *= length - step
             rest += w[j] * power / (j + 1)
-        total += rest / s.train.stiffness[s.seat]
+        total += rest / touch_line(s.train, s.seat)[1]
     return total
 
 
@@ -39,7 +41,7 @@ def square_integral(s, trace, k, w, there):
         _add_square(w, 1.0, min(1.0, trace.length[k] - i), p)
         for j in range(TERMS + 1):
             total += w[j] * p[j]
-    return total / s.train.stiffness[s.seat] ** 2
+    return total / touch_line(s.train, s.seat)[1] ** 2
 
 
 @compiled
@@ -61,7 +63,7 @@ def seed_integral(s, trace, seeds, k, weight):
     """Adds the cotangents of weight times the integral of the seat's distance over segment k [m steps]."""
     weight *= seeds.weight[0]
     seeds.integral[k] += weight
-    _by_touch(s, seeds, weight * trace.length[k])
+    touch_back(s.train, s.seat, weight * trace.length[k], seeds)
 
 
 @compiled
@@ -69,25 +71,16 @@ def seed_square(s, trace, seeds, k, weight, w, there):
     """Adds the cotangents of weight times the integral of the squared seat's distance over segment k [m^2 steps]."""
     weight *= seeds.weight[0]
     seeds.square[k] += weight
-    _by_touch(s, seeds, 2.0 * weight * distance_integral(s, trace, k, w, there))
-
-
-@compiled
-def _by_touch(s, seeds, weight):
-    """Adds the cotangents of the seat's distance, -(d + preload / stiffness), by its own parameters, d held."""
-    e, stiffness, preload = s.seat, s.train.stiffness[s.seat], s.train.preload[s.seat]
-    seeds.element[0, e] += weight * preload / stiffness**2
-    seeds.element[2, e] -= weight / stiffness
-    seeds.element[3, e] += weight
+    touch_back(s.train, s.seat, 2.0 * weight * distance_integral(s, trace, k, w, there), seeds)
 
 
 @compiled(fastmath={"contract", "reassoc"})
 def integrals_back(s, slot, y, length, linear, square, out):
-    """Adds to out (2n + q) the cotangent of y (2n + q) by the integrals over the next `length` steps.
+    """Adds to out (c - 1) the cotangent of y (c - 1) by the integrals over the next `length` steps.
 
     `linear` and `square` are the weights of the integrals of the seat's distance and of its square.
     """
-    watch, columns, stiffness = watch_of(s, slot, s.seat), len(y), s.train.stiffness[s.seat]
+    watch, columns, stiffness = watch_of(s, slot, s.seat), len(y), touch_line(s.train, s.seat)[1]
     steps, series = s.tables.steps[slot], s.tables.series[slot, watch]
     p, w, row, there = np.empty(TERMS + 1), np.empty(TERMS + 1), np.empty(columns), np.empty(columns)
     first = 0

@@ -9,7 +9,8 @@ import numpy as np
 from camopt.exact.adjoint.integrals import distance_integral, seed_integral, seed_square, square_integral
 from camopt.exact.adjoint.seeds import observe, seed_end, seed_force, seed_separation
 from camopt.exact.kernel.borrowing import borrowing
-from camopt.exact.kernel.instants import accelerations, closeness, largest, state_at
+from camopt.exact.kernel.elements import closeness, touch_line
+from camopt.exact.kernel.instants import acceleration, largest, state_at
 from camopt.exact.kernel.switching import _value_and_slope
 from camopt.exact.kernel.tables import ACTING, SEPARATED, TERMS
 from camopt.programs import compiled
@@ -64,7 +65,8 @@ def touch(s, trace, turn):
     for k in range(len(trace.length)):
         if abs(trace.angle[k] - 2 * np.pi * turn) <= np.pi and states[trace.slot[k], e] == SEPARATED:
             pressed = closeness(train.a[e], train.b[e], train.gap[e], len(train.mass), trace.y[k])[0]
-            height = -pressed - train.preload[e] / train.stiffness[e]
+            constant, slope = touch_line(train, e)
+            height = -pressed - constant / slope
             if height >= top:
                 top, peak = height, k
     if peak < 0:
@@ -78,14 +80,14 @@ def touch(s, trace, turn):
 @compiled
 def nominal_closing(s, trace, turn):
     """(segment, length [steps]) where the lift of a revolution falls to the lash for the last time; -1 for never."""
-    lash, n2, w = 0.0, 2 * len(s.train.mass), np.zeros(TERMS + 1)
+    lash, at, q, w = 0.0, s.tables.sizes.state, s.tables.sizes.lift, np.zeros(TERMS + 1)
     for e in s.cam_side:
         lash += s.train.gap[e]
     for k in range(len(trace.length) - 1, -1, -1):
         if abs(0.5 * (trace.angle[k] + trace.angle[k + 1]) - 2 * np.pi * turn) > np.pi:
             continue
-        if trace.y[k, n2] > lash >= trace.y[k + 1, n2]:
-            w[: trace.y.shape[1] - n2] = trace.y[k, n2:]
+        if trace.y[k, at] > lash >= trace.y[k + 1, at]:
+            w[:q] = trace.y[k, at : at + q]
             low, high = 0.0, trace.length[k]
             for _ in range(60):
                 middle = 0.5 * (low + high)
@@ -124,7 +126,7 @@ def bounce(s, trace, seeds, turn):
     at_start = k >= 0 and abs(trace.angle[k] + length * s.cam.speed * s.step - start) < 1e-12
     if k < 0 or value <= 0.0 or (at_start and nominal < 0):  # at the touch the distance is zero but for rounding
         return 0.0, NONE
-    unit = 1.0 / (s.train.stiffness[s.seat] * MM)  # the watch of an open contact is stiffness times separation
+    unit = 1.0 / (touch_line(s.train, s.seat)[1] * MM)  # the watch of an open contact is slope times separation
     seed_separation(s, seeds, k, length, s.seat, 1.0 / MM)
     if at_start:
         seed_nominal(s, trace, seeds, k, length, slope * unit / s.step)
@@ -139,12 +141,12 @@ def seed_nominal(s, trace, seeds, k, length, slope):
 
     The value changes by `slope` per second; the time solves lift(time) = lash, the sum of the gaps.
     """
-    n2 = 2 * len(s.train.mass)
-    rate = state_at(s, trace, k, length)[n2 + 1] / s.step
+    at = s.tables.sizes.state
+    rate = state_at(s, trace, k, length)[at + 1] / s.step
     slope *= seeds.weight[0]
-    observe(seeds, k, length)[n2] -= slope / rate
+    observe(seeds, k, length)[at] -= slope / rate
     for e in s.cam_side:
-        seeds.element[3, e] += slope / rate
+        seeds.gap[e] += slope / rate
 
 
 @borrowing
@@ -159,7 +161,7 @@ def jump_height(s, trace, seeds, turn):
     low, high = event(s, turn)
     for e in s.cam_side:
         value, k, length, steep, runner = largest(s, trace, e, SEPARATED, 1.0, low, high)
-        unit = 1.0 / (s.train.stiffness[e] * MM)
+        unit = 1.0 / (touch_line(s.train, e)[1] * MM)
         second = max(second, runner * unit, min(best, value * unit) if k >= 0 and contact >= 0 else NONE)
         if k >= 0 and value * unit > best:
             best, where, at, slope, contact = value * unit, k, length, steep * unit, e
@@ -216,7 +218,7 @@ def seed_speed(s, trace, seeds, k):
     """The speed [m/s] at which the valve falls onto its seat at the end of segment k, with its cotangents."""
     n, y = len(s.train.mass), trace.y[k + 1]
     observe(seeds, k, trace.length[k])[n + s.valve] -= seeds.weight[0]
-    seeds.time[k] -= seeds.weight[0] * accelerations(s, trace.slot[k], y)[s.valve]
+    seeds.time[k] -= seeds.weight[0] * acceleration(s, trace.slot[k], y, s.valve)
     return -y[n + s.valve]
 
 

@@ -9,9 +9,11 @@ from camopt.cam.lift import Lift
 from camopt.exact.adjoint.evaluate import closings_margin, collect, evaluate, sample
 from camopt.exact.adjoint.metrics import METRICS
 from camopt.exact.adjoint.seeds import empty_seeds
-from camopt.exact.adjoint.sweep import sweep
+from camopt.exact.adjoint.sweep import Bars, sweep
+from camopt.exact.affine.inputs import Inputs
+from camopt.exact.affine.numbers import by_numbers
 from camopt.exact.engine import AT_ONCE, MOST_SWITCHINGS, free_step, refusal, step_on_borders
-from camopt.exact.kernel.arrays import CamArrays, TrainArrays, cam_arrays, train_arrays
+from camopt.exact.kernel.arrays import CamArrays, TrainArrays, cam_arrays, forms_in, train_arrays
 from camopt.exact.kernel.propagators import Propagators, propagators
 from camopt.exact.kernel.revolution import DONE, NEED_TABLES, TRACE_FULL
 from camopt.exact.kernel.setting import Setting, follow
@@ -31,7 +33,11 @@ NO_ROWS = np.empty((0, 0))
 
 @dataclass(frozen=True)
 class ByTrain:
-    """Gradients of l numbers by a train's parameters in SI, under the names that the parameters have in `Train`."""
+    """Gradients of l numbers by a train's parameters in SI, under the names that they have in `Train` and `Laws`.
+
+    Where a train has laws, `stiffness` is by their coefficients. What comes after the gap is None where a train has no
+    laws, and `forcing` where no force repeats with the cam angle.
+    """
 
     mass: Float[np.ndarray, "l n"]
     mass_damping: Float[np.ndarray, "l n"]
@@ -40,9 +46,15 @@ class ByTrain:
     damping: Float[np.ndarray, "l e"]
     preload: Float[np.ndarray, "l e"]
     gap: Float[np.ndarray, "l e"]
+    table: Float[np.ndarray, "l e q 2"] | None = None
+    leak: Float[np.ndarray, "l e"] | None = None
+    travel: Float[np.ndarray, "l e"] | None = None
+    slip: Float[np.ndarray, "l e"] | None = None
+    forcing: Float[np.ndarray, "l rows"] | None = None  # by the rows' forces, one forcing after the other
 
     def __add__(self, other: "ByTrain") -> "ByTrain":
-        return ByTrain(*(getattr(self, field.name) + getattr(other, field.name) for field in fields(self)))
+        pairs = ((getattr(self, field.name), getattr(other, field.name)) for field in fields(self))
+        return ByTrain(*(b if a is None else a if b is None else a + b for a, b in pairs))
 
 
 @dataclass(frozen=True)
@@ -61,7 +73,7 @@ class Slopes:
     """Gradients of g numbers; `by_train` is None where it was not asked for."""
 
     by_coefficients: Float[np.ndarray, "g p q"]  # by lift.coefficients [m/rad^k]
-    by_start: Float[np.ndarray, "g two_n"]  # by the state at -pi
+    by_start: Float[np.ndarray, "g state"]  # by the state at -pi
     by_train: ByTrain | None
 
 
@@ -91,6 +103,7 @@ class Samples:
     lift: Float[np.ndarray | np.floating, " *m"]  # m
     lift_rate: Float[np.ndarray | np.floating, " *m"]  # m/s
     force: Float[np.ndarray, " *m e"]  # N
+    memory: Float[np.ndarray, " *m r"] | None = None  # m, where the train has memories
 
 
 class TracedMotion:
@@ -106,15 +119,16 @@ class TracedMotion:
         mechanical: bool = False,
         spacing: float | None = None,
     ):
-        """Runs the motion from `start` ([m], then [m/s]) at -pi; `cam_speed` is in rad/s.
+        """Runs the motion from `start` ([m], [m/s], [m]) at -pi; `cam_speed` is in rad/s.
 
         With `mechanical` there are gradients by the train's parameters too. `spacing` [rad] is the distance between the
         borders of most pieces of the lift: where it is given, each speed gets tables of its own whose spans end on the
         borders, which pays for many cams with the same borders at a few speeds. Raises MotionRefused for endless
-        switching or a motion without bound, and InputError for laws that are not linear.
+        switching or a motion without bound.
         """
         self.train, self.lift, self.cam_speed, self.mechanical = train, lift, cam_speed, mechanical
-        arrays, cam = train_arrays(train), cam_arrays(lift, cam_speed)
+        self.inputs = Inputs(train.forcing, lift.borders)
+        arrays, cam = train_arrays(train), cam_arrays(self.inputs, lift, cam_speed)
         step, at_once = steps_of(train, cam_speed, spacing)
         tables = propagators(train, step, lift.coefficients.shape[1], at_once)
         self.end = np.array(start, dtype=float)
@@ -151,8 +165,8 @@ class TracedMotion:
         room, seeds = self._room(len(together)), self._seeds(OBSERVATIONS * len(metrics))
         for j, rows in enumerate(together):
             evaluate(self.setting, self.trace, seeds, numbers[rows], weights[rows], revolution, values[rows])
-            sweep(self.setting, self.trace, seeds, *(part[j] for part in room))
-        return values, self._slopes(*room)
+            sweep(self.setting, self.trace, seeds, Bars(*(part[j] for part in room)))
+        return values, self._slopes(room)
 
     def values(self, metrics: Sequence[str], revolution: int = 0) -> Float[np.ndarray, " l"]:
         """Values of metrics in a revolution. Raises InputError for an unknown metric."""
@@ -176,36 +190,38 @@ class TracedMotion:
 
     def at(self, angles: Float[np.ndarray, " m"]) -> Samples:
         """The motion at m angles [rad], the trace starting at -pi; where a force jumps, its value before the jump."""
-        n = len(self.train.mass)
-        rows = np.empty((len(angles), 2 * n + 2 + len(self.train.a)))
+        n, at = len(self.train.mass), self.train.state_size
+        rows = np.empty((len(angles), at + 2 + len(self.train.a)))
         sample(self.setting, self.trace, *self._instants(angles), rows)
-        return Samples(rows[:, :n], rows[:, n : 2 * n], rows[:, 2 * n], rows[:, 2 * n + 1], rows[:, 2 * n + 2 :])
+        x, v, z, lift, rate, force = np.split(rows, [n, 2 * n, at, at + 1, at + 2], axis=1)
+        return Samples(x, v, lift[:, 0], rate[:, 0], force, z if z.size else None)
 
     def pull_back(
         self,
         angles: Float[np.ndarray, " m"] | None = None,
         bars: Samples | None = None,
-        ends: Float[np.ndarray, "l two_n"] | None = None,
+        ends: Float[np.ndarray, "l state"] | None = None,
     ) -> Slopes:
         """Gradients of l numbers from their cotangents, with one sweep for each number.
 
         `bars` are the cotangents of what `at` gives at the m angles [rad], each array with a first axis l; `ends`
         are those of the end state. The angles are held fixed.
         """
-        n, e = len(self.train.mass), len(self.train.a)
+        e = len(self.train.a)
         at = np.zeros(0) if angles is None or bars is None else np.asarray(angles)
         count = len(ends) if ends is not None else len(bars.x) if bars is not None else 0
-        packed = np.zeros((count, len(at), 2 * n + 2 + e))
+        packed = np.zeros((count, len(at), self.train.state_size + 2 + e))
         if bars is not None:
-            parts = [np.reshape(part, (count, len(at), -1)) for part in vars(bars).values()]
+            memory = np.zeros((count, len(at), len(self.train.memory))) if bars.memory is None else bars.memory
+            parts = bars.x, bars.v, memory, bars.lift[..., None], bars.lift_rate[..., None], bars.force
             packed[:] = np.concatenate(parts, axis=2)
         room, seeds, instants = self._room(count), self._seeds(len(at) * (1 + e)), self._instants(at)
         if ends is not None:
-            room[0][:] = ends
+            room.start[:] = ends
         for j in range(count):
             collect(self.setting, self.trace, seeds, *instants, packed[j])
-            sweep(self.setting, self.trace, seeds, *(part[j] for part in room))
-        return self._slopes(*room)
+            sweep(self.setting, self.trace, seeds, Bars(*(part[j] for part in room)))
+        return self._slopes(room)
 
     def grazing(self) -> Grazing:
         """Distance of the motion from one with another sequence of closings of damped contacts."""
@@ -222,26 +238,34 @@ class TracedMotion:
         return k, np.clip(length, 0.0, self.trace.length[k])
 
     def _seeds(self, observations: int):
-        return empty_seeds(len(self.trace.length), observations, len(self.train.mass), len(self.train.a))
+        return empty_seeds(len(self.trace.length), observations, self.setting.train)
 
-    def _room(self, sweeps: int) -> tuple[np.ndarray, ...]:
-        """Zero arrays by_start, by_coefficients, by_mass and by_element for a number of sweeps."""
-        n, e = len(self.train.mass), len(self.train.a)
-        shapes = (2 * n,), self.lift.coefficients.shape, (3 * self.mechanical, n), (4, e)
-        return tuple(np.zeros((sweeps, *shape)) for shape in shapes)
+    def _room(self, sweeps: int) -> Bars:
+        return room_for_bars(self.setting.train, self.setting.cam.pieces.shape, sweeps, self.mechanical)
 
-    def _slopes(self, by_start, by_coefficients, by_mass, by_element) -> Slopes:
-        return Slopes(by_coefficients, by_start, by_train(by_mass, by_element) if self.mechanical else None)
+    def _slopes(self, bars: Bars) -> Slopes:
+        by_coefficients, by_rows = self.inputs.back(bars.coefficients)
+        return Slopes(by_coefficients, bars.start, by_train(self.train, bars, by_rows) if self.mechanical else None)
 
 
-def by_train(by_mass: np.ndarray, by_element: np.ndarray) -> ByTrain:
-    """The gradients that `sweep` found for l numbers, (l, 3, n) and (l, 4, e), under the names of the parameters."""
-    return ByTrain(*by_mass.transpose(1, 0, 2), *by_element.transpose(1, 0, 2))
+def room_for_bars(train: TrainArrays, pieces: tuple[int, ...], sweeps: int, mechanical: bool) -> Bars:
+    """Zero cotangents for a number of sweeps, each array with a first axis of that length."""
+    n, e = len(train.mass), len(train.a)
+    shapes = (2 * n + len(train.memories),), pieces, (3 * mechanical, n), (forms_in(train), 4), (e,)
+    return Bars(*(np.zeros((sweeps, *shape)) for shape in shapes))
+
+
+def by_train(train: Train, bars: Bars, by_rows: np.ndarray | None = None) -> ByTrain:
+    """The gradients that sweeps found of l numbers, under the names of the parameters; `by_rows` (l, rows) are those by
+    the rows of forces by the cam angle."""
+    found = by_numbers(train, bars.law)
+    forcing = by_rows if train.forcing else None
+    return ByTrain(*bars.mass.transpose(1, 0, 2), **found, gap=bars.gap, forcing=forcing)
 
 
 def room_for(tables: Propagators, segments: int) -> Trace:
     """An empty trace of motions that use these tables."""
-    return empty_trace(segments, tables.built.steps.shape[3], 4 * len(tables.contacts) * (tables.at_once + 1))
+    return empty_trace(segments, tables.built.steps.shape[3], tables.built.span.shape[2] - tables.built.steps.shape[3])
 
 
 def steps_of(train: Train, cam_speed: float, spacing: float | None) -> tuple[float, int]:
@@ -267,7 +291,7 @@ def metric_numbers(train: Train, metrics: Sequence[str]) -> np.ndarray:
 def _followed(
     arrays: TrainArrays, cam: CamArrays, step: float, tables: Propagators, state: np.ndarray, revolutions: int
 ) -> Trace:
-    """The trace of whole revolutions from `state` (2n), which is changed in place to the end."""
+    """The trace of whole revolutions from `state` (2n + r), which is changed in place to the end."""
     start, segments = state.copy(), FIRST_SEGMENTS * revolutions
     trace = room_for(tables, segments)
     while True:

@@ -7,8 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from camopt.exact.kernel.arrays import TrainArrays, forms_in
 from camopt.exact.kernel.borrowing import borrowing
-from camopt.exact.kernel.instants import compression, state_at
+from camopt.exact.kernel.elements import compression, lift_at, memory_of, touch_line
+from camopt.exact.kernel.instants import state_at
 from camopt.programs import compiled
 
 
@@ -23,14 +25,15 @@ class Seeds(NamedTuple):
     head: np.ndarray  # (k) first observation of each segment, -1 for none
     following: np.ndarray  # (m) next observation of the same segment, -1 for none
     length: np.ndarray  # (m) steps from the segment's start
-    bar: np.ndarray  # (m, 2n + 2): by x, v, lift, lift velocity [SI] there, at a fixed time
+    bar: np.ndarray  # (m, 2n + r + 2): by x, v, z, lift, lift velocity [SI] there, at a fixed time
     time: np.ndarray  # (k): by the time [s] of the switching that ends each segment
     integral: np.ndarray  # (k): by the integral of the seat's distance over a segment [m steps]
     square: np.ndarray  # (k): by the integral of its square [m^2 steps]
-    element: np.ndarray  # (4, e): directly by stiffness, damping, preload, gap
+    law: np.ndarray  # (2p + w, 4): directly by the forms of the pieces: forces, flows, watches
+    gap: np.ndarray  # (e): directly by the gaps
 
 
-def empty_seeds(segments: int, observations: int, masses: int, elements: int) -> Seeds:
+def empty_seeds(segments: int, observations: int, train: TrainArrays) -> Seeds:
     """Seeds with room for the cotangents of a trace."""
     return Seeds(
         np.zeros(1, dtype=np.int64),
@@ -38,11 +41,12 @@ def empty_seeds(segments: int, observations: int, masses: int, elements: int) ->
         np.full(segments, -1),
         np.empty(observations, dtype=np.int64),
         np.empty(observations),
-        np.empty((observations, 2 * masses + 2)),
+        np.empty((observations, 2 * len(train.mass) + len(train.memories) + 2)),
         np.zeros(segments),
         np.zeros(segments),
         np.zeros(segments),
-        np.zeros((4, elements)),
+        np.zeros((forms_in(train), 4)),
+        np.zeros(len(train.gap)),
     )
 
 
@@ -52,7 +56,7 @@ def clear(seeds, segments):
     seeds.used[0] = 0
     for k in range(segments):
         seeds.head[k], seeds.time[k], seeds.integral[k], seeds.square[k] = -1, 0.0, 0.0, 0.0
-    seeds.element[:] = 0.0
+    seeds.law[:], seeds.gap[:] = 0.0, 0.0
 
 
 @compiled
@@ -68,28 +72,44 @@ def observe(seeds, k, length):
 
 @compiled
 def seed_force(s, trace, seeds, k, length, e, weight):
-    """Adds the cotangents of weight * (preload + stiffness d + damping d') of element e at an instant."""
-    train = s.train
-    n = len(s.train.mass)
+    """Adds the cotangents of weight * (force of element e) at an instant."""
+    y, piece = state_at(s, trace, k, length), s.tables.pieces[trace.slot[k], e]
+    d, rate = compression(s.train, e, s.step, y)
     weight *= seeds.weight[0]
-    d, rate = compression(s, e, state_at(s, trace, k, length))
-    bar = observe(seeds, k, length)
+    form_back(s.train, e, s.train.force[piece], weight, observe(seeds, k, length))
+    law_back(s.train, e, piece, s.train.force[piece], (d, rate, memory_of(s.train, e, y)), weight, seeds.law, seeds.gap)
+
+
+@borrowing
+def form_back(train, e, form, weight, bar):
+    """Adds to bar (2n + r + 2: x, v, z, lift, lift velocity) the cotangents of weight * (a form of element e)."""
+    n, at = len(train.mass), lift_at(train)
     for mass, sign in ((train.a[e], weight), (train.b[e], -weight)):
         if mass >= 0:
-            bar[mass] += sign * train.stiffness[e]
-            bar[n + mass] += sign * train.damping[e]
+            bar[mass] += sign * form[1]
+            bar[n + mass] += sign * form[2]
+    if train.memory[e] >= 0:
+        bar[2 * n + train.memory[e]] += weight * form[3]
     if train.cam_driven[e]:
-        bar[2 * n] += weight * train.stiffness[e]
-        bar[2 * n + 1] += weight * train.damping[e]
-    seeds.element[0, e] += weight * d
-    seeds.element[1, e] += weight * rate
-    seeds.element[2, e] += weight
-    seeds.element[3, e] -= weight * train.stiffness[e]
+        bar[at] += weight * form[1]
+        bar[at + 1] += weight * form[2]
+
+
+@borrowing
+def law_back(train, e, row, form, where, weight, by_law, by_gap):
+    """Adds the cotangents of weight * (a form of element e) at where = (d, d', z) by the form, which stands in `row` of
+    all forms, and by the gap."""
+    by_law[row, 0] += weight
+    by_law[row, 1] += weight * where[0]
+    by_law[row, 2] += weight * where[1]
+    by_law[row, 3] += weight * where[2]
+    by_gap[e] -= weight * form[1]
 
 
 @compiled
 def seed_separation(s, seeds, k, length, e, weight):
-    """Adds the cotangents of weight * separation of contact e at an instant; separation = -(d + preload/stiffness)."""
+    """Adds the cotangents of weight * separation of contact e at an instant; it is -d - constant / slope of the line on
+    which its elastic force begins."""
     train = s.train
     weight *= seeds.weight[0]
     bar = observe(seeds, k, length)
@@ -98,10 +118,17 @@ def seed_separation(s, seeds, k, length, e, weight):
     if train.b[e] >= 0:
         bar[train.b[e]] += weight
     if train.cam_driven[e]:
-        bar[2 * len(s.train.mass)] -= weight
-    seeds.element[0, e] += weight * train.preload[e] / train.stiffness[e] ** 2
-    seeds.element[2, e] -= weight / train.stiffness[e]
-    seeds.element[3, e] += weight
+        bar[s.tables.sizes.state] -= weight
+    touch_back(train, e, weight, seeds)
+
+
+@borrowing
+def touch_back(train, e, weight, seeds):
+    """Adds the cotangents of weight * separation of contact e by its own numbers, its ends held."""
+    constant, slope = touch_line(train, e)
+    seeds.law[train.touch[e], 0] -= weight / slope
+    seeds.law[train.touch[e], 1] += weight * constant / slope**2
+    seeds.gap[e] += weight
 
 
 @compiled

@@ -45,35 +45,45 @@ def split(length, most):
 
 
 @borrowing(fastmath={"contract"})
-def short_series(motion, h, used, tau, y, term, acceleration):
-    """Adds to x and v in y (2n + q) their change over tau, a small part of a step, by power series.
+def short_series(motion, sizes, h, used, tau, y, term, rates):
+    """Adds to x, v and z in y their change over tau, a small part of a step, by power series.
 
-    Only the first `used` of the lift's coefficients in y differ from zero.
+    Only the first `used` of the inputs in y differ from zero: none or all of them.
     """
-    n, power = len(acceleration), 1.0
-    n2 = 2 * n
-    for i in range(n2):
+    n, at, q, power = sizes.masses, sizes.state, sizes.lift, 1.0
+    for i in range(at):
         term[i] = y[i]
-    for i in range(n):
-        acceleration[i] = motion[n2 + 2, i]
+    for i in range(len(rates)):
+        rates[i] = motion[len(term), i]
     for k in range(ORDER):
-        term[n2] = y[n2 + k] * power if k < used else 0.0
-        term[n2 + 1] = (k + 1) * y[n2 + k + 1] * power / h if k + 1 < used else 0.0
+        term[at] = y[at + k] * power if k < used and k < q else 0.0
+        term[at + 1] = (k + 1) * y[at + k + 1] * power / h if k + 1 < used and k + 1 < q else 0.0
+        for j in range(sizes.forces):
+            term[at + 2 + j] = y[at + q + 2 * j + k] * power if k < 2 and used > 0 else 0.0
         j = 0
-        while j < n2:
+        while j + 2 <= at:
             a, b = term[j], term[j + 1]
-            for i in range(n):
-                acceleration[i] += motion[j, i] * a + motion[j + 1, i] * b
+            for i in range(len(rates)):
+                rates[i] += motion[j, i] * a + motion[j + 1, i] * b
             j += 2
-        a, b = term[n2], term[n2 + 1]
+        if j < at:
+            for i in range(len(rates)):
+                rates[i] += motion[j, i] * term[j]
+        for j in range(at + 2, len(term)):
+            for i in range(len(rates)):
+                rates[i] += motion[j, i] * term[j]
+        a, b = term[at], term[at + 1]
         share = tau * h / (k + 1)
         power *= tau
         for i in range(n):
-            rate = (acceleration[i] + (motion[n2, i] * a + motion[n2 + 1, i] * b)) * share
+            rate = (rates[i] + (motion[at, i] * a + motion[at + 1, i] * b)) * share
             term[i] = term[n + i] * share
             term[n + i] = rate
-            acceleration[i] = 0.0
-        for i in range(n2):
+            rates[i] = 0.0
+        for i in range(n, len(rates)):
+            term[n + i] = (rates[i] + (motion[at, i] * a + motion[at + 1, i] * b)) * share
+            rates[i] = 0.0
+        for i in range(at):
             y[i] += term[i]
 
 
@@ -86,8 +96,8 @@ def copy(source, target):
 
 @borrowing
 def advance(tables, slot, h, columns, length, y, work):
-    """Advances y (2n + q), of which the first `columns` may differ from zero, by `length` steps within a span."""
-    there, term, acceleration = work
+    """Advances y, of which the first `columns` may differ from zero, by `length` steps within a span."""
+    there, term, rates = work
     whole, node, rest = split(length, tables.steps.shape[1] - 1)
     if whole > 0:
         apply(tables.steps[slot, whole], y, columns, len(y), there)
@@ -96,7 +106,8 @@ def advance(tables, slot, h, columns, length, y, work):
         apply(tables.fine[slot, node], y, columns, len(y), there)
         copy(there, y)
     if rest != 0.0:
-        short_series(tables.motion[slot], h, columns - 2 * len(acceleration), rest, y, term, acceleration)
+        sizes = tables.sizes
+        short_series(tables.motion[slot], sizes, h, columns - sizes.state, rest, y, term, rates)
 
 
 @borrowing(fastmath={"contract", "reassoc"})
@@ -110,55 +121,57 @@ def apply_transposed(matrix, g, used, rows, out):
 
 
 @borrowing(fastmath={"contract"})
-def short_series_back(motion, h, tau, g, term, push):
-    """Replaces g (2n + q) by exp(tau S)' g, where S is the system of x, v and the lift's coefficients per step.
+def short_series_back(rates, sizes, h, tau, g, term, push):
+    """Replaces g, of the length of y, by exp(tau S)' g, where S is the system of x, v, z and the inputs per step.
 
-    |tau| must be small. `motion` (n, 2n + 2) holds the derivatives of the accelerations by x, v, lift and lift
-    velocity.
+    |tau| must be small. `rates` (n + r, 2n + r + 2 + f) holds the derivatives of the rates of v and z by x, v, z, lift,
+    lift velocity and the forces by the cam angle.
     """
-    n, m = motion.shape
-    q = len(g) - 2 * n
+    n, at, q, (rows, m) = sizes.masses, sizes.state, sizes.lift, rates.shape
     copy(g, term)
     for k in range(ORDER):
         share = tau / (k + 1)
         push[:] = 0.0
         i = 0
-        while i + 4 <= n:
+        while i + 4 <= rows:
             a, b, c, d = term[n + i], term[n + i + 1], term[n + i + 2], term[n + i + 3]
             for j in range(m):
-                push[j] += (motion[i, j] * a + motion[i + 1, j] * b) + (motion[i + 2, j] * c + motion[i + 3, j] * d)
+                push[j] += (rates[i, j] * a + rates[i + 1, j] * b) + (rates[i + 2, j] * c + rates[i + 3, j] * d)
             i += 4
-        while i < n:
+        while i < rows:
             for j in range(m):
-                push[j] += motion[i, j] * term[n + i]
+                push[j] += rates[i, j] * term[n + i]
             i += 1
         for j in range(q - 1, 0, -1):
-            term[2 * n + j] = share * j * term[2 * n + j - 1]
-        term[2 * n] = share * h * push[2 * n]
+            term[at + j] = share * j * term[at + j - 1]
+        term[at] = share * h * push[at]
         if q > 1:
-            term[2 * n + 1] += share * push[2 * n + 1]
+            term[at + 1] += share * push[at + 1]
+        for j in range(sizes.forces):
+            term[at + q + 2 * j + 1] = share * term[at + q + 2 * j]
+            term[at + q + 2 * j] = share * h * push[at + 2 + j]
         for i in range(n):
             term[n + i] = share * h * (term[i] + push[n + i])
+            term[i] = share * h * push[i]
+        for i in range(2 * n, at):
             term[i] = share * h * push[i]
         for i in range(len(g)):
             g[i] += term[i]
 
 
 @borrowing
-def carry_back(tables, slot, motion, h, length, bar, out, work):
-    """Writes to out (2n + q) the cotangent at a start that belongs to the cotangent `bar` (2n), `length` steps later.
-
-    `out` is by x, v and the lift's coefficients at the start.
-    """
+def carry_back(tables, slot, h, length, bar, out, work):
+    """Writes to out the cotangent of y at a start that belongs to the cotangent `bar` (2n + r) of the state, `length`
+    steps later."""
     g, term, push = work
-    n2, c = len(bar), len(g)
+    at, c = len(bar), len(g)
     whole, node, rest = split(length, tables.steps.shape[1] - 1)
-    for i in range(n2):
+    for i in range(at):
         g[i] = bar[i]
-    used = n2
+    used = at
     if rest != 0.0:
-        g[n2:] = 0.0
-        short_series_back(motion, h, rest, g, term, push)
+        g[at:] = 0.0
+        short_series_back(tables.rates[slot], tables.sizes, h, rest, g, term, push)
         used = c
     if node > 0:
         apply_transposed(tables.fine[slot, node], g, used, c, out)

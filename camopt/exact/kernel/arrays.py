@@ -1,43 +1,118 @@
 """Train and cam as the compiled kernel reads them: plain arrays under names."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from camopt.cam.lift import Lift
+from camopt.exact.affine.inputs import Inputs
+from camopt.exact.affine.pieces import Parts, forms_of, numbers_of, parts_of
+from camopt.scene.errors import InputError
 from camopt.scene.train import Train
+
+MOST_COMBINATIONS = 2**63 - 1
+"""Combinations of pieces are numbered in 64 bits."""
 
 
 class TrainArrays(NamedTuple):
-    """A train of n masses and e elements with linear laws, SI units; fields as in `camopt.scene.train.Train`."""
+    """A train of n masses, e elements in p pieces with w watches, r memories and f forces by the cam angle, SI units.
+
+    An element's pieces have numbers within the element, from 0, and within the train; its memory's number is that in
+    the state (x, v, z). Forms are constant, by_d, by_rate, by_z (see `camopt.exact.affine.pieces`).
+    """
 
     mass: np.ndarray  # (n)
     mass_damping: np.ndarray  # (n)
     mass_force: np.ndarray  # (n)
+    forced: np.ndarray  # (f) mass on which each force by the cam angle acts
     a: np.ndarray  # (e) mass or GROUND
     b: np.ndarray  # (e) mass or GROUND
     contact: np.ndarray  # (e) bool
     cam_driven: np.ndarray  # (e) bool
-    stiffness: np.ndarray  # (e)
-    damping: np.ndarray  # (e)
-    preload: np.ndarray  # (e)
     gap: np.ndarray  # (e)
+    memory: np.ndarray  # (e) number of the element's memory, -1 for none
+    memories: np.ndarray  # (r) element of each memory
+    reach: np.ndarray  # (e, 2) bounds of d - z
+    place: np.ndarray  # (e) what one piece further adds to the number of a combination of pieces
+    first: np.ndarray  # (e + 1) first piece of each element
+    touch: np.ndarray  # (e) the piece whose elastic force begins at the touch of a contact
+    state: np.ndarray  # (p) SEPARATED, COMPRESSED or ACTING
+    force: np.ndarray  # (p, 4)
+    flow: np.ndarray  # (p, 4) rate of the memory
+    watched: np.ndarray  # (p + 1) first watch of each piece
+    watch: np.ndarray  # (w, 4)
+    then: np.ndarray  # (w) the piece of the same element that follows
+    kick: np.ndarray  # (w, 2) jump of force and flow there, over the rate of the watch
 
 
 class CamArrays(NamedTuple):
-    """A lift law of p pieces and the speed at which it turns."""
+    """A lift law of p pieces and the speed at which it turns; with f forces by the cam angle on the same pieces."""
 
     borders: np.ndarray  # (p + 1) rad
-    pieces: np.ndarray  # (p, q) m/rad^k
+    pieces: np.ndarray  # (p, q + 2f) m/rad^k of the lift, then N and N/rad of every force
     speed: float  # rad/s
 
 
+@lru_cache(maxsize=256)
 def train_arrays(train: Train) -> TrainArrays:
-    """The train as the kernel reads it; raises InputError for laws that are not linear."""
-    train.require_linear("event-exact", 'simulate with method "dop853", "rkg" or "smooth"')
-    return TrainArrays(*(getattr(train, name) for name in TrainArrays._fields))
+    """The train as the kernel reads it; raises InputError for more combinations of pieces than 64 bits number."""
+    parts, e = parts_of(train, numbers_of(train)), len(train.a)
+    pieces = [piece for element in parts for piece in element.pieces]
+    watches = [watch for piece in pieces for watch in piece.watches]
+    first, watched = _starts([p.pieces for p in parts]), _starts([p.watches for p in pieces])
+    forms, memory = forms_of(parts), np.full(e, -1)
+    memory[list(train.memory)] = np.arange(len(train.memory))
+    return TrainArrays(
+        mass=train.mass,
+        mass_damping=train.mass_damping,
+        mass_force=train.mass_force,
+        forced=np.array([forcing.on for forcing in train.forcing], dtype=np.int64),
+        a=train.a,
+        b=train.b,
+        contact=train.contact,
+        cam_driven=train.cam_driven,
+        gap=train.gap,
+        memory=memory,
+        memories=np.array(train.memory, dtype=np.int64),
+        reach=np.array([p.reach for p in parts]),
+        place=_places(parts),
+        first=first,
+        touch=first[:-1] + [p.touch for p in parts],
+        state=np.array([p.state for p in pieces]),
+        force=forms[: len(pieces)],
+        flow=forms[len(pieces) : 2 * len(pieces)],
+        watched=watched,
+        watch=forms[2 * len(pieces) :],
+        then=np.array([w.then for w in watches], dtype=np.int64),
+        kick=np.array([w.kick for w in watches]).reshape(-1, 2),
+    )
 
 
-def cam_arrays(lift: Lift, cam_speed: float) -> CamArrays:
-    """The lift law at a cam speed [rad/s] as the kernel reads it."""
-    return CamArrays(lift.borders, lift.coefficients, float(cam_speed))
+def forms_in(train: TrainArrays) -> int:
+    """Number of forms of all pieces: forces, flows and watches."""
+    return 2 * len(train.force) + len(train.watch)
+
+
+def _starts(groups: list) -> np.ndarray:
+    """Where each group begins in all of them one after the other, and where the last one ends."""
+    return np.cumsum([0, *(len(group) for group in groups)])
+
+
+def _places(parts: list[Parts]) -> np.ndarray:
+    """Place values (e) of the mixed-radix number of a combination of pieces."""
+    places, total = [], 1
+    for element in parts:
+        places.append(total)
+        total *= len(element.pieces)
+    if total > MOST_COMBINATIONS:
+        raise InputError(
+            f"event-exact: the elements' pieces combine in {total:.1e} ways, and at most {MOST_COMBINATIONS:.1e} are "
+            f"numbered: take fewer rows in force tables, or fewer chords"
+        )
+    return np.array(places)
+
+
+def cam_arrays(inputs: Inputs, lift: Lift, cam_speed: float) -> CamArrays:
+    """The lift law, cut as `inputs` say, at a cam speed [rad/s] as the kernel reads it."""
+    return CamArrays(inputs.borders, inputs.pieces(lift.coefficients), float(cam_speed))

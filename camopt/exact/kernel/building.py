@@ -1,8 +1,9 @@
-"""The propagators of one contact state, worked out by compiled code: the equations of motion and their exponential."""
+"""The propagators of one combination of pieces, by compiled code: the equations of motion and their exponential."""
 
 import numpy as np
 
-from camopt.exact.kernel.tables import ACTING, COMPRESSED, FINE, SEPARATED, TERMS
+from camopt.exact.kernel.elements import form_row, lift_at, touch_line
+from camopt.exact.kernel.tables import FINE, SEPARATED, TERMS
 from camopt.programs import compiled
 
 ORDERS = 16
@@ -10,48 +11,55 @@ ORDERS = 16
 
 
 @compiled
-def linear_system(train, acting):
-    """A (2n, 2n), and the columns (2n) of lift, lift velocity and constant, of y' = A y + ... for elements `acting`."""
-    n = len(train.mass)
-    a = np.zeros((2 * n, 2 * n))
-    by_lift, by_velocity, constant = np.zeros(2 * n), np.zeros(2 * n), np.zeros(2 * n)
+def linear_system(train, status):
+    """Rates (2n + r) of x, v, z in SI by x, v, z, lift, lift velocity, the forces by the cam angle and 1, as a matrix
+    (2n + r, 2n + r + 3 + f), for the pieces `status` (e), which are numbered within their elements."""
+    n, at = len(train.mass), lift_at(train)
+    motion = np.zeros((at, at + 3 + len(train.forced)))
     for i in range(n):
-        a[i, n + i] = 1.0
-        a[n + i, n + i] = -train.mass_damping[i] / train.mass[i]
-        constant[n + i] = train.mass_force[i] / train.mass[i]
+        motion[i, n + i] = 1.0
+        motion[n + i, n + i] = -train.mass_damping[i] / train.mass[i]
+        motion[n + i, -1] = train.mass_force[i] / train.mass[i]
+    for j in range(len(train.forced)):
+        motion[n + train.forced[j], at + 2 + j] += 1.0 / train.mass[train.forced[j]]
+    row = np.empty(motion.shape[1])
     for e in range(len(train.a)):
-        if not acting[e]:
-            continue
-        ends = ((train.a[e], -1.0), (train.b[e], 1.0))
-        for pushed, sign in ends:
-            if pushed < 0:
-                continue
-            push = sign / train.mass[pushed]  # acceleration by a unit force in the element
-            for mass, side in ends:
-                if mass >= 0:
-                    a[n + pushed, mass] -= side * train.stiffness[e] * push
-                    a[n + pushed, n + mass] -= side * train.damping[e] * push
-            constant[n + pushed] += push * (train.preload[e] - train.stiffness[e] * train.gap[e])
-            if train.cam_driven[e]:
-                by_lift[n + pushed] += push * train.stiffness[e]
-                by_velocity[n + pushed] += push * train.damping[e]
-    return a, by_lift, by_velocity, constant
+        piece = train.first[e] + status[e]
+        form_row(train, e, train.force[piece], row)
+        for pushed, sign in ((train.a[e], -1.0), (train.b[e], 1.0)):
+            if pushed >= 0:
+                motion[n + pushed] += sign / train.mass[pushed] * row
+        if train.memory[e] >= 0:
+            form_row(train, e, train.flow[piece], row)
+            motion[2 * n + train.memory[e]] += row
+    return motion
 
 
 @compiled
-def per_step(linear, h, c):
-    """d/dtau of (x, v, u, 1), shape (c, c), from `linear_system`; tau is the time in steps h [s]."""
-    a, by_lift, by_velocity, constant = linear
-    n2 = len(constant)
-    q = c - 1 - n2
-    system = np.zeros((c, c))
-    system[:n2, :n2] = a * h
-    system[:n2, n2] = by_lift * h
+def by_state(row, h, sizes, out):
+    """Writes to out (c) the row by y and 1 that belongs to a row of `linear_system`; h [s] is the step."""
+    at, q = sizes.state, sizes.lift
+    out[:] = 0.0
+    out[: at + 1] = row[: at + 1]
     if q > 1:
-        system[:n2, n2 + 1] = by_velocity  # the coefficient of tau is the lift velocity times the step
-    system[:n2, -1] = constant * h
+        out[at + 1] = row[at + 1] / h  # the coefficient of tau is the lift velocity times the step
+    for j in range(sizes.forces):
+        out[at + q + 2 * j] = row[at + 2 + j]
+    out[-1] = row[-1]
+
+
+@compiled
+def per_step(motion, h, sizes):
+    """d/dtau of (x, v, z, u, 1), shape (c, c), from `linear_system`; tau is the time in steps h [s]."""
+    at, q = sizes.state, sizes.lift
+    c = at + q + 2 * sizes.forces + 1
+    system = np.zeros((c, c))
+    for i in range(at):
+        by_state(motion[i] * h, h, sizes, system[i])
     for k in range(q - 1):
-        system[n2 + k, n2 + k + 1] = k + 1.0
+        system[at + k, at + k + 1] = k + 1.0
+    for j in range(at + q, c - 1, 2):
+        system[j, j + 1] = 1.0
     return system
 
 
@@ -94,57 +102,30 @@ def powers(leap, most):
 
 
 @compiled
-def watch_row(train, e, whole, status, h, row):
-    """Writes the row (c) of a contact's elastic or whole force, with the sign that makes it positive."""
-    n, q = len(train.mass), len(row) - 1 - 2 * len(train.mass)
-    row[:] = 0.0
-    for mass, sign in ((train.a[e], 1.0), (train.b[e], -1.0)):
-        if mass >= 0:
-            row[mass] += sign * train.stiffness[e]
-            row[n + mass] += sign * train.damping[e] * whole
-    if train.cam_driven[e]:
-        row[2 * n] += train.stiffness[e]
-        if q > 1:
-            row[2 * n + 1] += train.damping[e] * whole / h
-    row[-1] = train.preload[e] - train.stiffness[e] * train.gap[e]
-    if not (status == ACTING or (status == COMPRESSED and not whole)):
-        row *= -1.0
-
-
-@compiled
 def watches(train, h, tables, slot, rows):
-    """Writes what is watched in a contact state: rows (w, c), elements and the states they change to."""
-    count = 0
+    """Writes what is watched in a combination of pieces: rows (w, c), elements and the pieces they change to."""
+    count, row = 0, np.empty(tables.motion.shape[1])
     for e in range(len(train.a)):
-        status = tables.states[slot, e]
-        if not train.contact[e]:
-            continue
-        for whole in (False, True):
-            if (status == SEPARATED and whole) or (status == ACTING and not whole):
-                continue
-            watch_row(train, e, whole, status, h, rows[count])
-            tables.element[slot, count] = e
-            if status == ACTING:
-                tables.new[slot, count] = COMPRESSED if train.damping[e] > 0.0 else SEPARATED
-            else:
-                tables.new[slot, count] = SEPARATED if status == COMPRESSED and not whole else ACTING
+        piece = tables.pieces[slot, e]
+        for w in range(train.watched[piece], train.watched[piece + 1]):
+            form_row(train, e, train.watch[w], row)
+            by_state(row, h, tables.sizes, rows[count])
+            tables.element[slot, count], tables.new[slot, count], tables.watch[slot, count] = e, train.then[w], w
             count += 1
     tables.count[slot] = count
     return count
 
 
 @compiled
-def seat_row(train, seat, row):
+def seat_row(train, seat, sizes, row):
     """Writes the row (c) of the signed distance [m] of the valve from its seat touch."""
     row[:] = 0.0
     if seat < 0:
         return
-    for mass, sign in ((train.a[seat], -1.0), (train.b[seat], 1.0)):
-        if mass >= 0:
-            row[mass] += sign
-    if train.cam_driven[seat]:
-        row[2 * len(train.mass)] -= 1.0
-    row[-1] = train.gap[seat] - train.preload[seat] / train.stiffness[seat]
+    constant, slope = touch_line(train, seat)
+    one = np.empty(sizes.state + 3 + sizes.forces)
+    form_row(train, seat, np.array([-constant / slope, -1.0, 0.0, 0.0]), one)
+    by_state(one, 1.0, sizes, row)
 
 
 @compiled
@@ -162,16 +143,14 @@ def write_looks(rows, system, steps, count, at, out):
 
 @compiled
 def fill(train, seat, h, tables, slot, key):
-    """Writes the tables of a contact state to a slot: digit i of `key` in base 3 is the state of contact i."""
-    n, c = len(train.mass), tables.span.shape[1]
-    tables.states[slot] = ACTING
-    rest = key
+    """Writes the tables of a combination of pieces to a slot: the digits of `key` are the elements' pieces."""
+    n, c, status = len(train.mass), tables.span.shape[1], np.empty(len(train.a), dtype=np.int64)
     for e in range(len(train.a)):
-        if train.contact[e]:
-            tables.states[slot, e] = rest % 3
-            rest //= 3
-    linear = linear_system(train, tables.states[slot] == ACTING)
-    system = per_step(linear, h, c)
+        status[e] = key // train.place[e] % (train.first[e + 1] - train.first[e])
+        tables.pieces[slot, e] = train.first[e] + status[e]
+        tables.states[slot, e] = train.state[tables.pieces[slot, e]]
+    motion = linear_system(train, status)
+    system = per_step(motion, h, tables.sizes)
     fine = powers(exponential(system / FINE), FINE)
     steps = powers(fine[FINE], tables.steps.shape[1] - 1)
     for i in range(len(steps)):
@@ -187,12 +166,10 @@ def fill(train, seat, h, tables, slot, key):
             tables.series[slot, w, :, k] = rows[w]
         product(rows, system, new)
         rows[:] = new / (k + 1)
-    seat_row(train, seat, rows[0])
+    seat_row(train, seat, tables.sizes, rows[0])
     write_looks(rows, system, steps, 1, 0, tables.distance[slot])
-    tables.motion[slot, : 2 * n] = linear[0][n:].T
-    tables.motion[slot, 2 * n], tables.motion[slot, 2 * n + 1] = linear[1][n:], linear[2][n:]
-    tables.motion[slot, 2 * n + 2] = linear[3][n:]
-    tables.acceleration[slot] = tables.motion[slot, :-1].T
+    tables.motion[slot] = motion[n:].T
+    tables.rates[slot] = motion[n:, :-1]
     write_integral(train, seat, tables, slot)
     tables.keys[slot] = key
 
@@ -205,11 +182,11 @@ def write_integral(train, seat, tables, slot):
     rows[:] = 0.0
     if seat < 0 or tables.states[slot, seat] != SEPARATED:
         return
-    one = np.zeros(c)
+    one, slope = np.zeros(c), touch_line(train, seat)[1]
     for w in range(tables.count[slot]):
         if tables.element[slot, w] == seat:
             for k in range(TERMS + 1):
-                one += tables.series[slot, w, :, k] / ((k + 1) * train.stiffness[seat])
+                one += tables.series[slot, w, :, k] / ((k + 1) * slope)
     for i in range(len(rows) - 1):
         for j in range(c):
             total = 0.0

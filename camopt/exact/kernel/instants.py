@@ -4,8 +4,8 @@ import numpy as np
 
 from camopt.exact.kernel.advance import advance, apply
 from camopt.exact.kernel.borrowing import borrowing
-from camopt.exact.kernel.revolution import lift_series
-from camopt.exact.kernel.tables import ACTING, SEPARATED, TERMS
+from camopt.exact.kernel.revolution import inputs_at
+from camopt.exact.kernel.tables import SEPARATED, TERMS
 from camopt.programs import compiled
 
 LOOKS = 8
@@ -16,63 +16,33 @@ TIE = 1e-3
 
 @compiled
 def state_at(s, trace, k, length):
-    """x, v and the lift's coefficients (2n + q) at `length` steps from the start of segment k."""
-    n = len(s.train.mass)
+    """y, that is x, v, z and the inputs, at `length` steps from the start of segment k."""
+    at, (inputs, rates) = s.tables.sizes.state, s.tables.motion.shape[1:]
     y = trace.y[k].copy()
     if length != 0.0:
-        work = np.empty(len(y)), np.empty(2 * n + 2), np.empty(n)
+        work = np.empty(len(y)), np.empty(inputs - 1), np.empty(rates)
         scale, piece = s.cam.speed * s.step, trace.piece[k]
         advance(s.tables, trace.slot[k], s.step, len(y), length, y, work)
-        lift_series(s.cam.pieces[piece], trace.offset[k] + length * scale, scale, y[2 * n :])
+        inputs_at(s.cam.pieces[piece], s.tables.sizes.forces, trace.offset[k] + length * scale, scale, y[at:])
     return y
 
 
 @borrowing
-def closeness(a, b, gap, n, y):
-    """(d, d') [m], [m/s] of an element between the masses a and b that the cam does not drive."""
-    d, rate = -gap, 0.0
-    if a >= 0:
-        d += y[a]
-        rate += y[n + a]
-    if b >= 0:
-        d -= y[b]
-        rate -= y[n + b]
-    return d, rate
-
-
-@borrowing
-def compression(s, e, y):
-    """(d, d') of element e: compression [m] and its rate [m/s]."""
-    train = s.train
-    n = len(train.mass)
-    d, rate = closeness(train.a[e], train.b[e], train.gap[e], n, y)
-    if train.cam_driven[e]:
-        d += y[2 * n]
-        rate += y[2 * n + 1] / s.step
-    return d, rate
-
-
-@compiled
-def accelerations(s, slot, y):
-    """Acceleration of every mass (n) [m/s^2] in a contact state."""
-    train = s.train
-    n = len(train.mass)
-    force = train.mass_force - train.mass_damping * y[n : 2 * n]
-    for e in range(len(train.a)):
-        if s.tables.states[slot, e] != ACTING:
-            continue
-        d, rate = compression(s, e, y)
-        f = train.preload[e] + train.stiffness[e] * d + train.damping[e] * rate
-        if train.a[e] >= 0:
-            force[train.a[e]] -= f
-        if train.b[e] >= 0:
-            force[train.b[e]] += f
-    return force / train.mass
+def acceleration(s, slot, y, mass):
+    """Acceleration of a mass [m/s^2] in a combination of pieces."""
+    sizes, motion = s.tables.sizes, s.tables.motion[slot]
+    at, total = sizes.state, motion[len(motion) - 1, mass]
+    for j in range(at + 1):
+        total += motion[j, mass] * y[j]
+    total += motion[at + 1, mass] * y[at + 1] / s.step
+    for j in range(sizes.forces):
+        total += motion[at + 2 + j, mass] * y[at + sizes.lift + 2 * j]
+    return total
 
 
 @borrowing
 def watch_of(s, slot, e):
-    """The first watch of element e in a contact state; -1 where it has none."""
+    """The first watch of element e in a combination of pieces; -1 where it has none."""
     for w in range(s.tables.count[slot]):
         if s.tables.element[slot, w] == e:
             return w

@@ -8,21 +8,23 @@ import numpy as np
 from camopt.exact.kernel.advance import apply
 from camopt.exact.kernel.arrays import TrainArrays
 from camopt.exact.kernel.borrowing import borrowing
-from camopt.exact.kernel.building import linear_system, watch_row
-from camopt.exact.kernel.tables import ACTING, SEPARATED, Leap, no_leap
+from camopt.exact.kernel.building import linear_system
+from camopt.exact.kernel.elements import classify, form_row
+from camopt.exact.kernel.tables import Leap, no_leap
 
 REBUILT = 1e-12
 """Error, relative to each row's largest number, with which the modes must give the equations of motion back."""
 
 
 def leap_of(train: TrainArrays, rest: np.ndarray) -> Leap:
-    """The leap of a train in the contact state of its positions (n) at rest; none where its modes are not distinct, or
-    where one does not die out."""
-    n, contacts = len(rest), np.flatnonzero(train.contact)
-    position = np.append(rest, 0.0)
-    d = position[train.a] - position[train.b] - train.gap
-    status = np.where(train.contact & (train.preload + train.stiffness * d <= 0.0), SEPARATED, ACTING)
-    a, _, _, constant = linear_system(train, status == ACTING)
+    """The leap of a train in the pieces of its positions (n) at rest; none where its modes are not distinct, where one
+    does not die out, or where the train has a memory: while that moves, it settles far more slowly than modes."""
+    n, status = len(rest), np.empty(len(train.a), dtype=np.int64)
+    if len(train.memories):
+        return no_leap(n)
+    classify(train, 1.0, np.concatenate([rest, np.zeros(n + 2)]), status)
+    motion = linear_system(train, status)
+    a, constant = motion[:, : 2 * n], motion[:, -1]
     scale = np.repeat([1.0, np.sqrt(np.abs(a).max())], n)
     rates, vectors = np.linalg.eig(a / scale[:, None] * scale)
     try:
@@ -37,11 +39,14 @@ def leap_of(train: TrainArrays, rest: np.ndarray) -> Leap:
     inverse, vectors = inverse[kept] / scale, vectors[:, kept] * scale[:, None] * twice
     equilibrium = equilibrium * scale
     to_modes = np.column_stack([inverse, -inverse @ equilibrium])
-    rows = np.zeros((len(contacts), 2 * n + 1))
-    for row, e in zip(rows, contacts, strict=True):
-        watch_row(train, e, status[e] == ACTING, status[e], 1.0, row)
+    pieces = train.first[:-1] + status
+    watched = [(e, w) for e, p in enumerate(pieces) for w in range(train.watched[p], train.watched[p + 1])]
+    rows = np.zeros((len(watched), motion.shape[1]))
+    for row, (e, w) in zip(rows, watched, strict=True):
+        form_row(train, e, train.watch[w], row)
+    rows = rows[:, [*range(2 * n), -1]]
     parts = (
-        np.array([int(np.sum(status[contacts] * 3 ** np.arange(len(contacts))))]),
+        np.array([int(status @ train.place)]),
         np.concatenate([np.real(to_modes), np.imag(to_modes)]).T,
         np.concatenate([np.real(vectors).T, -np.imag(vectors).T, equilibrium[None]]),
         np.stack([np.real(rates), np.imag(rates)])[:, kept],

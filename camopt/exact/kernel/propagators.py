@@ -1,8 +1,9 @@
-"""Exact propagators over fixed spans, one set per state of the contacts, built only for states that occur.
+"""Exact propagators over fixed spans, one set per combination of pieces, built only for combinations that occur.
 
-With the lift as a polynomial in tau = t / step, the motion (x, v), the lift's coefficients u and the constant 1 form
-one linear system; its matrix exponential advances them exactly, whatever the stiffness. The quantity that decides
-whether a contact switches is linear in them too, so its values, slopes and power series are rows of matrices.
+With lift and forces by the cam angle as polynomials in tau = t / step, the motion (x, v), the memories z, these
+polynomials' coefficients u and the constant 1 form one linear system; its matrix exponential advances them exactly,
+whatever the stiffness. The quantity that decides whether an element switches is linear in them too, so its values,
+slopes and power series are rows of matrices.
 """
 
 from functools import lru_cache
@@ -10,10 +11,10 @@ from threading import Lock
 
 import numpy as np
 
-from camopt.exact.kernel.arrays import train_arrays
+from camopt.exact.kernel.arrays import TrainArrays, train_arrays
 from camopt.exact.kernel.building import fill, linear_system
 from camopt.exact.kernel.leap import leap_of
-from camopt.exact.kernel.tables import Tables, empty_tables
+from camopt.exact.kernel.tables import Sizes, Tables, empty_tables
 from camopt.scene.errors import InputError
 from camopt.scene.rest import rest_position
 from camopt.scene.train import Train
@@ -21,13 +22,21 @@ from camopt.scene.train import Train
 LARGEST_PHASE = 1.5
 """Product of default step and highest frequency [rad]: switchings are sought well within a quarter period of any mode.
 """
-FIRST_STATES = 32
-"""Number of contact states for which there is room at first; the room doubles when it is used up."""
+FIRST_COMBINATIONS = 32
+"""Number of combinations for which there is room at first; the room doubles when it is used up."""
 
 
 def highest_frequency(train: Train) -> float:
-    """Largest eigenvalue magnitude [rad/s] with every element acting."""
-    return float(np.abs(np.linalg.eigvals(linear_system(train_arrays(train), np.ones(len(train.a), bool))[0])).max())
+    """Largest eigenvalue magnitude [rad/s] with every element in its stiffest piece."""
+    arrays = train_arrays(train)
+    motion = linear_system(arrays, stiffest(arrays))
+    return float(np.abs(np.linalg.eigvals(motion[:, : len(motion)])).max())
+
+
+def stiffest(arrays: TrainArrays) -> np.ndarray:
+    """Number (e) within each element of its piece of the largest stiffness, of several the one damped most."""
+    pieces = (np.arange(*ends) for ends in zip(arrays.first[:-1], arrays.first[1:], strict=True))
+    return np.array([np.lexsort(arrays.force[p, 2:0:-1].T)[-1] for p in pieces])
 
 
 class Propagators:
@@ -35,9 +44,11 @@ class Propagators:
 
     def __init__(self, train: Train, step: float, width: int, at_once: int):
         self.train, self.step, self.width, self.at_once = train, step, width, at_once
-        self.arrays, self.contacts = train_arrays(train), np.flatnonzero(train.contact)
-        states = min(FIRST_STATES, 3 ** min(len(self.contacts), 10))
-        self._buffers = empty_tables(len(train.mass), len(train.a), len(self.contacts), width, at_once, states)
+        self.arrays = arrays = train_arrays(train)
+        self.sizes = Sizes(len(train.mass), train.state_size, width, len(train.forcing))
+        watches = np.maximum.reduceat(np.diff(arrays.watched), arrays.first[:-1])
+        combinations = min(FIRST_COMBINATIONS, int(arrays.place[-1]) * int(arrays.first[-1] - arrays.first[-2]))
+        self._buffers = empty_tables(self.sizes, len(train.a), int(watches.sum()), at_once, combinations)
         try:
             self._buffers = self._buffers._replace(leap=leap_of(self.arrays, rest_position(train)))
         except InputError:
@@ -46,7 +57,7 @@ class Propagators:
         self._lock = Lock()
 
     def build(self, key: int) -> None:
-        """Adds the tables of a state of the contacts: digit i of `key` in base 3 is the state of contact i.
+        """Adds the tables of a combination of pieces, which has the number `key`.
 
         Tables that stand in `built` are never changed, because another thread may be reading them.
         """
@@ -55,8 +66,9 @@ class Propagators:
             if key in self.built.keys:
                 return
             if slot == len(self._buffers.keys):
-                *parts, leap = self._buffers
-                self._buffers = Tables._make([*(np.concatenate([part, np.zeros_like(part)]) for part in parts), leap])
+                *parts, leap, sizes = self._buffers
+                longer = (np.concatenate([part, np.zeros_like(part)]) for part in parts)
+                self._buffers = Tables._make([*longer, leap, sizes])
             fill(self.arrays, self.train.seat, self.step, self._buffers, slot, key)
             self.built = self._buffers._replace(keys=self._buffers.keys[: slot + 1])
 

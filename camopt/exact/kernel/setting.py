@@ -27,7 +27,7 @@ class Setting(NamedTuple):
 
 @compiled
 def follow(train, cam, step, tables, state, revolutions, most, rows, trace):
-    """Writes whole revolutions from `state` (2n), which is changed in place, into the trace.
+    """Writes whole revolutions from `state` (2n + r), which is changed in place, into the trace.
 
     Returns (code, number of segments or missing key, number of switchings). `rows` is where `revolve` would write
     samples; here it has no room for any.

@@ -1,4 +1,4 @@
-"""The tables that the kernel reads: exact propagators over fixed spans, one set for each state of the contacts."""
+"""The tables that the kernel reads: exact propagators over fixed spans, one set for each combination of pieces."""
 
 from typing import NamedTuple
 
@@ -10,16 +10,16 @@ highest mode."""
 TERMS = 22
 """Highest power in the series of a watched quantity: over one step the remainder is below 1e-16 of the motion."""
 SEPARATED, COMPRESSED, ACTING = 0, 1, 2
-"""States of a contact: it is apart; it is pressed in, but its damper has cancelled the force; it pushes."""
+"""States of an element: it is apart; it is pressed in, but its damper has cancelled the force; it acts."""
 
 
 class Leap(NamedTuple):
-    """The motion on the base circle in one contact state, by r modes: one of each conjugate pair, and the real ones.
+    """The motion on the base circle in one combination, by r modes: one of each conjugate pair, and the real ones.
 
     Every mode dies out, so that a watch stays above its `level` less the sum of its `sway` times the modes' sizes.
     """
 
-    key: np.ndarray  # (1) contact state; -1 for none
+    key: np.ndarray  # (1) combination of pieces; -1 for none
     to_modes: np.ndarray  # (2n + 1, 2r) real, then imaginary parts by x, v and the constant
     from_modes: np.ndarray  # (2r + 1, 2n)
     rate: np.ndarray  # (2, r) 1/s, real and imaginary part
@@ -27,48 +27,64 @@ class Leap(NamedTuple):
     level: np.ndarray  # (w) the watches in equilibrium
 
 
-class Tables(NamedTuple):
-    """Everything that the kernel reads for each of s contact states.
+class Sizes(NamedTuple):
+    """What y is made of: x (n), v (n), z (r), the lift's coefficients (q), and two for each of f forces."""
 
-    The matrices are transposed: their c rows belong to x, v, u (q) and the constant. A watch is a quantity of a contact
-    that stays positive until the contact switches; there are at most w of them, of which `count` are in use.
+    masses: int  # n
+    state: int  # 2n + r, where the lift stands
+    lift: int  # q
+    forces: int  # f
+
+
+class Tables(NamedTuple):
+    """Everything that the kernel reads for each of s combinations of pieces.
+
+    The matrices are transposed: their c rows belong to x, v, z, the inputs u (lift and forces by the cam angle) and the
+    constant. A watch is a quantity of an element that stays positive until the element switches; there are at most w of
+    them, of which `count` are in use.
     """
 
-    keys: np.ndarray  # (s) contact states in base 3
+    keys: np.ndarray  # (s) numbers of the combinations
     count: np.ndarray  # (s) watches in use
     element: np.ndarray  # (s, w) the element whose state changes when the watch turns negative
-    new: np.ndarray  # (s, w) the state that it changes to
-    states: np.ndarray  # (s, e) of every contact; ACTING for springs
-    span: np.ndarray  # (s, c, c - 1 + 2 w (m + 1)): x, v, u after m steps; then values and slopes at every step
-    steps: np.ndarray  # (s, m + 1, c, c - 1): x, v, u after every step
-    fine: np.ndarray  # (s, FINE, c, c - 1): x, v, u after every FINE-th of a step
-    motion: np.ndarray  # (s, 2n + 3, n): accelerations by x, v, lift, lift velocity, and their constants, in SI
-    acceleration: np.ndarray  # (s, n, 2n + 2): the same without the constants, not transposed
+    new: np.ndarray  # (s, w) the piece that it changes to, by its number within the element
+    watch: np.ndarray  # (s, w) number of the watch within the train
+    pieces: np.ndarray  # (s, e) piece of every element, by its number within the train
+    states: np.ndarray  # (s, e) their states
+    span: np.ndarray  # (s, c, c - 1 + 2 w (m + 1)): x, v, z, u after m steps; then values and slopes at every step
+    steps: np.ndarray  # (s, m + 1, c, c - 1): x, v, z, u after every step
+    fine: np.ndarray  # (s, FINE, c, c - 1): x, v, z, u after every FINE-th of a step
+    motion: np.ndarray  # (s, 2n + r + 3 + f, n + r): rates of v, z by x, v, z, lift, its velocity, forces, 1, in SI
+    rates: np.ndarray  # (s, n + r, 2n + r + 2 + f): the same without the constants, not transposed
     series: np.ndarray  # (s, w, c, TERMS + 1): the watch's power series in tau
     integral: np.ndarray  # (s, m + 1, c): the seat's distance, integrated over so many steps
     distance: np.ndarray  # (s, c, 2 (m + 1)): the seat's distance and its slope by the step at every step
     leap: Leap
+    sizes: Sizes
 
 
-def empty_tables(masses: int, elements: int, contacts: int, width: int, at_once: int, states: int) -> Tables:
-    """Tables with room for so many contact states, none of them written."""
-    n, w, s, m = masses, 2 * contacts, states, at_once
-    c = 2 * n + width + 1
+def empty_tables(sizes: Sizes, elements: int, watches: int, at_once: int, combinations: int) -> Tables:
+    """Tables with room for so many combinations of pieces with at most so many watches, none of them written."""
+    n, w, s, m, inputs = sizes.masses, watches, combinations, at_once, sizes.state + 2 + sizes.forces
+    c = sizes.state + sizes.lift + 2 * sizes.forces + 1
     return Tables(
         keys=np.full(s, -1),
         count=np.zeros(s, dtype=np.int64),
         element=np.zeros((s, w), dtype=np.int64),
         new=np.zeros((s, w), dtype=np.int64),
+        watch=np.zeros((s, w), dtype=np.int64),
+        pieces=np.empty((s, elements), dtype=np.int64),
         states=np.empty((s, elements), dtype=np.int64),
         span=np.zeros((s, c, c - 1 + 2 * w * (m + 1))),
         steps=np.empty((s, m + 1, c, c - 1)),
         fine=np.empty((s, FINE, c, c - 1)),
-        motion=np.empty((s, 2 * n + 3, n)),
-        acceleration=np.empty((s, n, 2 * n + 2)),
+        motion=np.empty((s, inputs + 1, sizes.state - n)),
+        rates=np.empty((s, sizes.state - n, inputs)),
         series=np.zeros((s, w, c, TERMS + 1)),
         integral=np.empty((s, m + 1, c)),
         distance=np.empty((s, c, 2 * (m + 1))),
         leap=no_leap(n),
+        sizes=sizes,
     )
 
 

@@ -9,7 +9,7 @@ from camopt.programs import compiled
 
 
 class Trace(NamedTuple):
-    """Segments of one or more revolutions: within each, the contact states and the lift's polynomial are the same.
+    """Segments of one or more revolutions, in each of which one combination of pieces and one piece of the lift hold.
 
     A segment ends at a switching (`watch` >= 0), at a border of the lift's pieces, or after the steps of one span.
     `looks` are the values and slopes of the watched quantities at every step, as the span's table gives them.
@@ -18,15 +18,15 @@ class Trace(NamedTuple):
     angle: np.ndarray  # (k + 1) rad from -pi, at the segments' starts and the last one's end
     offset: np.ndarray  # (k) rad from the start of the piece
     length: np.ndarray  # (k) in steps
-    slot: np.ndarray  # (k) slot of the tables, which stands for the contact states
+    slot: np.ndarray  # (k) slot of the tables, which stands for the combination of pieces
     piece: np.ndarray  # (k) piece of the lift
     watch: np.ndarray  # (k) the watch that ended the segment by turning negative; -1 for none
-    y: np.ndarray  # (k + 1, 2n + q): x, v and the lift's coefficients by the step
+    y: np.ndarray  # (k + 1, c - 1): x, v, z and the inputs by the step
     looks: np.ndarray  # (k, 2 w (m + 1))
 
 
 def empty_trace(segments: int, width: int, looks: int) -> Trace:
-    """A trace with room for `segments`, with states of `width` = 2n + q; a motion that is not traced gets none."""
+    """A trace with room for `segments`, with a y of `width` numbers; a motion that is not traced gets none."""
     return Trace(
         np.empty(segments + 1),
         np.empty(segments),

@@ -10,7 +10,7 @@ from camopt.exact.adjoint.metrics import METRICS, measure
 from camopt.exact.adjoint.seeds import clear
 from camopt.exact.kernel.advance import apply
 from camopt.exact.kernel.borrowing import borrowing
-from camopt.exact.kernel.instants import closeness
+from camopt.exact.kernel.elements import closeness, touch_line
 from camopt.exact.kernel.tables import SEPARATED
 from camopt.programs import compiled
 from camopt.scene.units import DEG, MM
@@ -34,17 +34,17 @@ def figures(s, trace, seeds, turn, row):
 @compiled
 def area_and_excess(s, trace, turn):
     """(dynamic area [mm deg], excess lift [mm]) of a revolution."""
-    lash, steps, n2 = 0.0, s.tables.steps.shape[1] - 1, 2 * len(s.train.mass)
+    lash, steps, begin = 0.0, s.tables.steps.shape[1] - 1, s.tables.sizes.state
     for e in s.cam_side:
         lash += s.train.gap[e]
-    area, best, seen, u = 0.0, -np.inf, np.empty(2 * (steps + 1)), np.empty(trace.y.shape[1] - n2)
+    area, best, seen, u = 0.0, -np.inf, np.empty(2 * (steps + 1)), np.empty(s.tables.sizes.lift)
     for k in range(len(trace.length)):
         if abs(0.5 * (trace.angle[k] + trace.angle[k + 1]) - 2 * np.pi * turn) > np.pi:
             continue
         slot, y = trace.slot[k], trace.y[k]
         apply(s.tables.distance[slot], y, len(y), 2 * (steps + 1), seen)
         for j in range(len(u)):
-            u[j] = y[n2 + j]
+            u[j] = y[begin + j]
         whole = min(int(trace.length[k]), steps)
         parts = whole + 1 if trace.length[k] - whole > 0.0 else whole
         for i in range(parts):
@@ -62,10 +62,11 @@ def area_and_excess(s, trace, turn):
 
 @borrowing
 def seat_distance(s, y):
-    """The seat's distance [m] and its slope [m/step] in a state y (2n + q)."""
+    """The seat's distance [m] and its slope [m/step] in a state y."""
     train, e = s.train, s.seat
     d, rate = closeness(train.a[e], train.b[e], train.gap[e], len(train.mass), y)
-    return -d - train.preload[e] / train.stiffness[e], -rate * s.step
+    constant, slope = touch_line(train, e)
+    return -d - constant / slope, -rate * s.step
 
 
 @borrowing

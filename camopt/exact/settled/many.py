@@ -16,6 +16,7 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint.motion import FIRST_SEGMENTS, NO_ROWS, OBSERVATIONS, room_for
 from camopt.exact.adjoint.seeds import empty_seeds
+from camopt.exact.affine.inputs import Inputs
 from camopt.exact.engine import AT_ONCE, MOST_SWITCHINGS, NO_TRACE, free_step
 from camopt.exact.kernel.arrays import CamArrays
 from camopt.exact.kernel.propagators import Propagators, propagators
@@ -28,7 +29,7 @@ from camopt.scene import settled
 from camopt.scene.errors import InputError
 from camopt.scene.quantities import LESS_IS_WORSE
 from camopt.scene.rest import state_at_rest
-from camopt.scene.train import Train
+from camopt.scene.train import Forcing, Train
 from camopt.scene.vibration import slowest_decay
 
 ERRORS = {
@@ -63,7 +64,7 @@ class SettledMetrics:
     periodic: np.ndarray  # (t, c, s) bool
     refused: np.ndarray  # (t, c, s) bool: endless switching, or a motion without bound
     revolutions: np.ndarray  # (t, c, s) run before the measured ones
-    states: np.ndarray  # (t, c, s, 2n) after the measured ones [m], then [m/s]; NaN where refused
+    states: np.ndarray  # (t, c, s, 2n + r) after the measured ones [m], [m/s], [m]; NaN where refused
 
     @property
     def errors(self) -> dict[str, float]:
@@ -90,14 +91,15 @@ def settled_metrics(
 ) -> SettledMetrics:
     """Every declared metric of the settled motion of each train with each cam at each speed [rad/s].
 
-    The trains have the same number of masses. `starts`, of a shape that broadcasts to (t, c, s, 2n), are the states at
-    -pi from which the motions settle, [m] then [m/s]; without them they start from rest. `decay` is by what power of e
+    The trains have states of one size. `starts`, of a shape that broadcasts to (t, c, s, 2n + r), are the states at
+    -pi from which the motions settle, [m], [m/s], [m]; without them they start from rest. `decay` is by what power of e
     disturbances are taken to die out over a revolution, infinite for a train without slow modes; by default it follows
-    from each train's slowest mode. `workers` threads share the work. Raises InputError for laws that are not linear
-    and for a train without valve, seat or contact between cam and valve.
+    from each train's slowest mode. `workers` threads share the work. Raises InputError for a train without valve, seat
+    or contact between cam and valve.
     """
-    speeds, cams = np.asarray(cam_speeds, dtype=float), _cams(lifts)
-    found = _nothing(len(trains), len(lifts), speeds, 2 * len(trains[0].mass))
+    speeds = np.asarray(cam_speeds, dtype=float)
+    cams = {forcing: _cams(lifts, forcing) for forcing in {train.forcing for train in trains}}
+    found = _nothing(len(trains), len(lifts), speeds, trains[0].state_size)
     begin = None if starts is None else np.broadcast_to(starts, found.states.shape)
     rooms: SimpleQueue[Room] = SimpleQueue()
     for _ in range(workers):
@@ -106,14 +108,14 @@ def settled_metrics(
     def one_job(job: Job) -> None:
         room = rooms.get()
         try:
-            _run(job, cams, room)
+            _run(job, cams[trains[job.t].forcing], room)
         finally:
             rooms.put(room)
         job.write(found)
 
     def one_train(t: int) -> list[Job]:
         start = None if begin is None else begin[t]
-        return _jobs(trains, t, cams, speeds, start, decay, 1 if len(trains) >= workers else PARTS * workers)
+        return _jobs(trains, t, len(lifts), speeds, start, decay, 1 if len(trains) >= workers else PARTS * workers)
 
     def all_of(t: int) -> None:
         for job in one_train(t):
@@ -137,8 +139,8 @@ class Room:
     def parts(self, tables: Propagators) -> tuple:
         """(rows, no trace, trace, seeds) for motions that use these tables."""
         if self._parts is None:
-            trace, train = room_for(tables, self.segments), tables.train
-            seeds = empty_seeds(self.segments, OBSERVATIONS * len(NAMES), len(train.mass), len(train.a))
+            trace = room_for(tables, self.segments)
+            seeds = empty_seeds(self.segments, OBSERVATIONS * len(NAMES), tables.arrays)
             self._parts = NO_ROWS, NO_TRACE, trace, seeds
         return self._parts
 
@@ -174,19 +176,21 @@ def _nothing(t: int, c: int, speeds: np.ndarray, width: int) -> SettledMetrics:
     return SettledMetrics(speeds, low, high, *flags, np.empty((*shape, width)))
 
 
-def _cams(lifts: Sequence[Lift]) -> stages.Cams:
-    """The cams on few pieces, one after the other."""
-    pieces = [few_pieces(LiftKey(lift)) for lift in lifts]
+def _cams(lifts: Sequence[Lift], forcing: tuple[Forcing, ...]) -> stages.Cams:
+    """The cams on few pieces, one after the other, with the forces by the cam angle."""
+    few = [few_pieces(LiftKey(lift)) for lift in lifts]
+    inputs = [Inputs(forcing, borders) for borders, _ in few]
+    pieces = [cut.pieces(coefficients) for cut, (_, coefficients) in zip(inputs, few, strict=True)]
     return stages.Cams(
-        np.concatenate([borders for borders, _ in pieces]),
-        np.concatenate([coefficients for _, coefficients in pieces]),
-        np.cumsum([0, *(len(coefficients) for _, coefficients in pieces)]),
+        np.concatenate([cut.borders for cut in inputs]),
+        np.concatenate(pieces),
+        np.cumsum([0, *(len(part) for part in pieces)]),
         np.array([lift.half_duration for lift in lifts]),
         np.array([lift.opening_foot for lift in lifts]),
     )
 
 
-def _jobs(trains, t: int, cams: stages.Cams, speeds, starts, decay: float | None, parts: int) -> list[Job]:
+def _jobs(trains, t: int, cams: int, speeds, starts, decay: float | None, parts: int) -> list[Job]:
     """The motions of a train, those that share tables together, in about so many parts."""
     train = trains[t]
     if train.seat < 0 or not train.cam_side:
@@ -194,8 +198,8 @@ def _jobs(trains, t: int, cams: stages.Cams, speeds, starts, decay: float | None
     tables_of = propagators if len(trains) == 1 else Propagators
     steps = np.array([free_step(train, speed) for speed in speeds])
     rate = slowest_decay(train) * 2 * np.pi if decay is None else None
-    shape = len(cams.foot), len(speeds)
-    begin = np.broadcast_to(state_at_rest(train), (*shape, 2 * len(train.mass))) if starts is None else starts
+    shape = cams, len(speeds)
+    begin = np.broadcast_to(state_at_rest(train), (*shape, train.state_size)) if starts is None else starts
     cam, speed = (each.ravel() for each in np.indices(shape))
     jobs = []
     for step in np.unique(steps):

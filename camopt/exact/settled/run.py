@@ -43,7 +43,7 @@ class SettlingMotions(NamedTuple):
     speed: np.ndarray  # (m) rad/s
     left: np.ndarray  # (m) way left in changes over the last revolution
     most: np.ndarray  # (m) revolutions to settle, at most
-    state: np.ndarray  # (m, 2n) start, then where settling has come to, then the end of the measured revolutions
+    state: np.ndarray  # (m, 2n + r) start, then where settling has come to, then the end of the measured revolutions
     stage: np.ndarray  # (m)
     revolutions: np.ndarray  # (m) run to settle
     lowest: np.ndarray  # (m, metrics) over the measured revolutions; NaN where one is NaN
@@ -95,9 +95,9 @@ def of_motion(s, cams, motions, i):
 
 @compiled
 def turned(s, plan, room, state, trace):
-    """One revolution of `state` (2n), changed in place: (code, segments or missing key); refusals are below zero."""
+    """One revolution of `state` (2n + r), changed in place: (code, segments or missing key), code < 0 for refusals."""
     code, count, _ = revolve(s.train, s.cam, s.step, s.tables, state, room[0], trace, plan.switchings)
-    if code == DONE and np.abs(state[: len(state) // 2]).max() > plan.unbound:
+    if code == DONE and np.abs(state[: len(s.train.mass)]).max() > plan.unbound:
         code = NOT_FINITE
     return (-code if code in (CHATTER, NOT_FINITE) else code), count
 
@@ -105,15 +105,15 @@ def turned(s, plan, room, state, trace):
 @compiled
 def settle(s, plan, motions, room, i):
     """Revolutions until the way that is left is short enough, or there have been the most: (code, missing key)."""
-    after, n = motions.state[i].copy(), motions.state.shape[1] // 2
+    after, n = motions.state[i].copy(), len(s.train.mass)
     while motions.revolutions[i] < motions.most[i]:
         code, key = turned(s, plan, room, after, room[1])
         if code != DONE:
             return code, key
         stands = True
-        for j in range(2 * n):
+        for j in range(len(after)):
             way = motions.left[i] * abs(after[j] - motions.state[i, j])
-            stands = stands and way < (plan.position if j < n else plan.velocity)
+            stands = stands and way < (plan.velocity if n <= j < 2 * n else plan.position)
         motions.state[i] = after
         motions.revolutions[i] += 1
         if stands:

@@ -1,0 +1,76 @@
+"""What the cam angle imposes: the lift and the forces that repeat with it, on pieces that end where one of them bends.
+
+In a piece a force is constant + slope (angle - start). Without such forces the lift's pieces stay as they are.
+"""
+
+from collections.abc import Sequence
+from functools import cached_property
+from math import comb
+
+import numpy as np
+
+from camopt.scene.train import Forcing
+
+APART = 1e-12
+"""Angle [rad] within which the row of a force stands on a border of the lift."""
+
+
+class Inputs:
+    """The cut of p pieces of a lift by the rows of f forces, into m pieces."""
+
+    def __init__(self, forcing: Sequence[Forcing], borders: np.ndarray):
+        self.forcing, self.lift_borders = tuple(forcing), borders
+        rows = np.concatenate([borders[:0], *(force.angle for force in self.forcing)])
+        new = np.array([row for row in np.unique(rows) if np.abs(borders - row).min() > APART])
+        new = new[np.concatenate([[True], np.diff(new) > APART])] if len(new) else new
+        self.borders = np.sort(np.concatenate([borders, new])) if len(new) else borders
+        self.piece = np.searchsorted(borders, self.borders[:-1], "right") - 1
+        self.offset = self.borders[:-1] - borders[self.piece]
+
+    @cached_property
+    def _moved(self) -> np.ndarray:
+        """Binomials and powers with which coefficients move to the new starts, (m, q, q) for the largest q."""
+        k = np.arange(64)
+        binomial = np.array([[float(comb(j, i)) for j in k] for i in k])
+        return binomial * self.offset[:, None, None] ** np.maximum(k - k[:, None], 0)
+
+    @cached_property
+    def _rows(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Of each force: the row (m) before each piece, how far on to the next one it begins (m), and how far rows are
+        apart (m) [rad]."""
+        found = []
+        for force in self.forcing:
+            i = np.clip(np.searchsorted(force.angle, self.borders[:-1] + APART, "right") - 1, 0, len(force.angle) - 2)
+            width = force.angle[i + 1] - force.angle[i]
+            found.append((i, (self.borders[:-1] - force.angle[i]) / width, width))
+        return found
+
+    def pieces(self, coefficients: np.ndarray) -> np.ndarray:
+        """Coefficients (m, q + 2f) of all inputs, [m/rad^k] then [N, N/rad], from those of the lift (p, q)."""
+        if not self.forcing:
+            return coefficients
+        q = coefficients.shape[1]
+        lift = np.einsum("mij,mj->mi", self._moved[:, :q, :q], coefficients[self.piece])
+        columns = [lift]
+        for force, (i, share, width) in zip(self.forcing, self._rows, strict=True):
+            low, high = force.force[i], force.force[i + 1]
+            columns.append(np.stack([low + share * (high - low), (high - low) / width], axis=1))
+        return np.concatenate(columns, axis=1)
+
+    def back(self, by_pieces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Gradients of l numbers by the lift's coefficients (l, p, q) and the forces' rows (l, rows), one force after
+        another, from those by the inputs' pieces (l, m, q + 2f)."""
+        count, q = len(by_pieces), by_pieces.shape[2] - 2 * len(self.forcing)
+        if not self.forcing:
+            return by_pieces, np.zeros((count, 0))
+        by_lift = np.zeros((count, len(self.lift_borders) - 1, q))
+        moved = np.einsum("lmi,mij->lmj", by_pieces[:, :, :q], self._moved[:, :q, :q])
+        np.add.at(by_lift, (slice(None), self.piece), moved)
+        rows = []
+        for j, (force, (i, share, width)) in enumerate(zip(self.forcing, self._rows, strict=True)):
+            by_constant, by_slope = by_pieces[:, :, q + 2 * j], by_pieces[:, :, q + 2 * j + 1] / width
+            by_row = np.zeros((count, len(force.angle)))
+            np.add.at(by_row, (slice(None), i), by_constant * (1.0 - share) - by_slope)
+            np.add.at(by_row, (slice(None), i + 1), by_constant * share + by_slope)
+            rows.append(by_row)
+        return by_lift, np.concatenate(rows, axis=1)

@@ -1,0 +1,122 @@
+"""Elastic laws as straight lines: tables as they are, curved laws by chords.
+
+A chord of width w under a curvature p'' misses by p'' w^2 / 8 at most. Knots are set so that all chords of an element
+miss by the same: for p = k u^m at u = D (i / N)^(2 / m), where F = k D^m is the force up to which chords are laid. The
+error is then (m - 1) / (2 m) F / N^2, which is F / (6 N^2) for a point contact, m = 3/2. Beyond D the last chord goes
+on. Numbers may be complex, which is how they are differentiated (`camopt.exact.affine.numbers`).
+"""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from camopt.scene.laws import HERTZ, LINEAR, PROGRESSIVE, TABLE
+from camopt.scene.train import Train
+
+CHORDS = 16
+"""Chords of a curved law, unless the caller wants others (`with_chords`)."""
+CHORD_FORCE = 5000.0
+"""Force [N] up to which the chords of a hertz contact are laid."""
+FILLING = 0.5
+"""Rows of a table that lie further apart than this [m] only bring it to the length of others."""
+
+
+def lines(kind: int, stiffness, preload, exponent: float, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(forces at compression zero and slopes of r lines (r, 2) [N], [N/m], compressions (r - 1) [m] where they meet)
+    of an element's law."""
+    if kind == LINEAR:
+        return np.array([[preload, stiffness]]), np.empty(0)
+    rows = table[: _filled(table)]
+    if kind in (HERTZ, PROGRESSIVE):
+        rows = chords(kind, stiffness, preload, exponent, rows, CHORDS, CHORD_FORCE)
+    d, p = rows.T
+    slope = np.diff(p) / np.diff(d)
+    return np.stack([p[:-1] - slope * d[:-1], slope], axis=1), d[1:-1]
+
+
+def chords(kind: int, stiffness, preload, exponent: float, rows: np.ndarray, count: int, force: float) -> np.ndarray:
+    """Rows (compression [m], force [N]) of about `count` chords of a curved law; `rows` are its stiffness table."""
+    if kind == HERTZ:
+        share = np.arange(count + 1) / count
+        touch = (preload / stiffness) ** (1.0 / exponent) if np.real(preload) > 0.0 else 0.0
+        u = (force / stiffness) ** (1.0 / exponent) * share ** (2.0 / exponent)
+        return np.stack([u - touch, force * share**2 + 0.0 * u], axis=1)
+    d = knots(rows, count)
+    beyond = (d[-1] - d[0]) if len(d) > 1 else 1e-3
+    d = np.concatenate([[d[0] - beyond], d, [d[-1] + beyond]])
+    return np.stack([d, preload + integral(rows, d) - integral(rows, np.zeros(1))], axis=1)
+
+
+def knots(rows: np.ndarray, count: int) -> np.ndarray:
+    """Compressions [m] of about `count` chords of equal error under a stiffness table, each of its rows among them."""
+    d, parts = rows[:, 0], chords_per_row(rows, count)
+    inner = [d[i] + (d[i + 1] - d[i]) * np.arange(n) / n for i, n in enumerate(parts)]
+    return np.concatenate([*inner, d[-1:]])
+
+
+def chords_per_row(rows: np.ndarray, count: int) -> np.ndarray:
+    """How many of `count` chords each interval of a stiffness table gets: in proportion to width times root of
+    curvature."""
+    d, k = np.real(rows).T
+    weight = np.sqrt(np.abs(np.diff(k)) * np.diff(d))
+    return np.maximum(1, np.ceil(count * weight / max(weight.sum(), 1e-300) - 1e-9)).astype(int)
+
+
+def integral(rows: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Integral [N] of a stiffness table from its first row; the stiffness is constant beyond its ends."""
+    (d, k), at = rows.T, np.asarray(at)
+    whole = np.concatenate([[0.0], np.cumsum(0.5 * (k[1:] + k[:-1]) * np.diff(d))])
+    i = np.clip(np.searchsorted(np.real(d), np.real(at), "right") - 1, 0, len(d) - 1)
+    after = np.minimum(i + 1, len(d) - 1)
+    width = np.where(after > i, d[after] - d[i], 1.0)
+    u = at - d[i]
+    bent = np.where(np.real(u) > 0.0, 0.5 * (k[after] - k[i]) / width * u**2, 0.0)
+    return whole[i] + k[i] * u + bent
+
+
+@lru_cache(maxsize=64)
+def with_chords(train: Train, count: int = CHORDS, force: float = CHORD_FORCE) -> Train:
+    """The train with `count` chords in place of every curved law, hertz contacts up to a `force` [N].
+
+    Event-exact puts the default number of chords in by itself; this train carries another number of them.
+    """
+    laws = train.laws
+    if laws is None or not np.isin(laws.kind, (HERTZ, PROGRESSIVE)).any():
+        return train
+    tables = []
+    for e, kind in enumerate(laws.kind):
+        rows = laws.table[e][: _filled(laws.table[e])]
+        if kind in (HERTZ, PROGRESSIVE):
+            rows = chords(kind, laws.coefficient[e], train.preload[e], laws.exponent[e], rows, count, force)
+        tables.append(rows)
+    longest = max(len(rows) for rows in tables)
+    kinds = np.where(np.isin(laws.kind, (HERTZ, PROGRESSIVE)), TABLE, laws.kind)
+    return replace(train, laws=replace(laws, kind=kinds, table=np.stack([_lengthened(r, longest) for r in tables])))
+
+
+def chord_error(train: Train, count: int = CHORDS, force: float = CHORD_FORCE) -> np.ndarray:
+    """Largest error [N] of each element's force (e) under `count` chords, for hertz contacts up to a `force` [N]."""
+    error = np.zeros(len(train.a))
+    for e in range(len(error)) if train.laws is not None else ():
+        kind, m = train.laws.kind[e], train.laws.exponent[e]
+        if kind == HERTZ:
+            error[e] = (m - 1.0) / (2.0 * m) * force / count**2
+        elif kind == PROGRESSIVE:
+            rows = train.laws.table[e][: _filled(train.laws.table[e])]
+            bent = np.abs(np.diff(rows[:, 1])) * np.diff(rows[:, 0]) / 8.0
+            error[e] = np.max(bent / chords_per_row(rows, count) ** 2, initial=0.0)
+    return error
+
+
+def _filled(table: np.ndarray) -> int:
+    """Number of rows of a table before those that only fill it."""
+    far = np.flatnonzero(np.diff(np.real(table[:, 0])) > FILLING)
+    return int(far[0]) + 1 if len(far) else len(table)
+
+
+def _lengthened(rows: np.ndarray, count: int) -> np.ndarray:
+    """A table with as many rows as another; the new ones, a metre apart, go on in the last line."""
+    more = np.arange(1.0, count - len(rows) + 1.0)[:, None]
+    last = rows[-1] - rows[-2] if len(rows) > 1 else np.array([1.0, 0.0])
+    return np.concatenate([rows, rows[-1] + more * last / last[0]])

@@ -1,0 +1,170 @@
+"""The elements of a train as pieces: data that the kernel reads without knowing what kind of element it moves.
+
+Let d be the compression of an element, d' its rate and z its memory. In a piece its force and the rate of its memory
+are affine forms, constant + by_d d + by_rate d' + by_z z, and so are the piece's watches: each is positive while the
+piece holds, and where it turns negative another piece follows. Force and memory are continuous where two pieces meet,
+but for two things, which a watch's `kick` tells per rate of the watch: the force of a damped contact sets in at its
+closing, and the rate of a memory starts where an element slides or refills.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from camopt.exact.affine.lines import lines
+from camopt.exact.kernel.tables import ACTING, COMPRESSED, SEPARATED
+from camopt.scene.laws import FRICTION, LINEAR, OIL
+from camopt.scene.train import Train
+
+Form = tuple  # of four numbers: constant, by_d, by_rate, by_z
+NOTHING: Form = (0.0, 0.0, 0.0, 0.0)
+FOLLOWING: Form = (0.0, 0.0, 1.0, 0.0)
+"""The flow of a memory that moves with the compression."""
+UNBOUNDED = (-np.inf, np.inf)
+
+
+class Watch(NamedTuple):
+    """What is watched in a piece."""
+
+    form: Form
+    then: int  # number within the element of the piece that follows
+    kick: tuple = (0.0, 0.0)  # jump of the force and of the memory's rate there, over the rate of the form
+
+
+class Piece(NamedTuple):
+    """A piece of an element's law."""
+
+    state: int  # SEPARATED (no force), COMPRESSED or ACTING
+    force: Form  # N
+    watches: tuple[Watch, ...] = ()
+    flow: Form = NOTHING  # m/s, rate of the memory
+
+
+class Parts(NamedTuple):
+    """An element in pieces."""
+
+    pieces: list[Piece]
+    touch: int = 0  # the piece whose elastic force begins at the touch of a contact
+    reach: tuple = UNBOUNDED  # bounds of d - z [m]
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """The numbers of all elements (e) that laws are made of, real or complex; `Train` and `Laws` tell their units."""
+
+    stiffness: np.ndarray  # (e) the coefficient of the law
+    damping: np.ndarray  # (e)
+    preload: np.ndarray  # (e)
+    table: np.ndarray  # (e, q, 2)
+    leak: np.ndarray  # (e)
+    travel: np.ndarray  # (e)
+    slip: np.ndarray  # (e)
+
+
+def numbers_of(train: Train) -> Numbers:
+    """The numbers that a train has now."""
+    laws, none = train.laws, np.zeros(len(train.a))
+    if laws is None:
+        return Numbers(train.stiffness, train.damping, train.preload, np.zeros((len(none), 1, 2)), none, none, none)
+    return Numbers(laws.coefficient, train.damping, train.preload, laws.table, laws.leak, laws.travel, laws.slip)
+
+
+def parts_of(train: Train, numbers: Numbers) -> list[Parts]:
+    """Every element of a train in pieces, with these numbers."""
+    return [_element(train, numbers, e) for e in range(len(train.a))]
+
+
+def forms_of(elements: list[Parts]) -> np.ndarray:
+    """The forms (2p + w, 4) of p pieces with w watches: forces, then flows, then watches."""
+    pieces = [piece for element in elements for piece in element.pieces]
+    watches = [watch.form for piece in pieces for watch in piece.watches]
+    return np.array([*(p.force for p in pieces), *(p.flow for p in pieces), *watches])
+
+
+def _element(train: Train, numbers: Numbers, e: int) -> Parts:
+    kind = LINEAR if train.laws is None else train.laws.kind[e]
+    exponent = 1.0 if train.laws is None else train.laws.exponent[e]
+    k = numbers.stiffness[e]
+    if kind == OIL:
+        return oil(k, numbers.leak[e], numbers.travel[e])
+    if kind == FRICTION:
+        return friction(k, numbers.slip[e])
+    straight, borders = lines(kind, k, numbers.preload[e], exponent, numbers.table[e])
+    return (contact if train.contact[e] else spring)(straight, borders, numbers.damping[e])
+
+
+def spring(straight: np.ndarray, borders: np.ndarray, damping) -> Parts:
+    """An element that pushes and pulls: a piece per line."""
+    pieces = []
+    for i, (constant, slope) in enumerate(straight):
+        force = constant, slope, damping, 0.0
+        pieces.append(Piece(ACTING, force, _neighbours(borders, i, 0)))
+    return Parts(pieces)
+
+
+def contact(straight: np.ndarray, borders: np.ndarray, damping) -> Parts:
+    """An element that pushes: apart, and on every line above the touch acting; with a damper also pressed in without
+    force, which its damper cancels."""
+    zero = np.real(-straight[:, 0] / straight[:, 1])
+    first = int(np.sum(zero[:-1] > np.real(borders)))  # the line on which the force falls to zero
+    straight, borders, r = straight[first:], borders[first:], len(straight) - first
+    damped = np.real(damping) > 0.0
+    pressed, acting = 1, 1 + r * damped
+    (c0, k0) = straight[0]
+    closing = Watch((-c0, -k0, 0.0, 0.0), acting, (-np.real(damping / k0), 0.0))
+    pieces = [Piece(SEPARATED, NOTHING, (closing,))]
+    for i in range(r) if damped else ():
+        c, k = straight[i]
+        lower = () if i else (Watch((c, k, 0.0, 0.0), 0),)
+        closes = Watch((-c, -k, -damping, 0.0), acting + i)
+        pieces.append(Piece(COMPRESSED, NOTHING, (*lower, closes, *_neighbours(borders, i, pressed))))
+    for i in range(r):
+        c, k = straight[i]
+        opens = Watch((c, k, damping, 0.0), pressed + i if damped else 0)
+        pieces.append(Piece(ACTING, opens.form, (opens, *_neighbours(borders, i, acting))))
+    return Parts(pieces, touch=acting)
+
+
+def _neighbours(borders: np.ndarray, i: int, base: int) -> tuple[Watch, ...]:
+    """The watches of line i at the compressions where it meets the lines beside it; `base` is the piece of line 0."""
+    below = (Watch((-borders[i - 1], 1.0, 0.0, 0.0), base + i - 1),) if i else ()
+    above = (Watch((borders[i], -1.0, 0.0, 0.0), base + i + 1),) if i < len(borders) else ()
+    return (*below, *above)
+
+
+def oil(stiffness, leak, travel) -> Parts:
+    """The oil column of a hydraulic adjuster: its ball on the way, on its seat while the column leaks, or open while
+    oil refills the column without force."""
+    between, seated, refill = range(3)
+    force = -stiffness * travel, stiffness, 0.0, -stiffness
+    leaking = tuple(f / leak for f in force)
+    return Parts(
+        [
+            Piece(
+                SEPARATED,
+                NOTHING,
+                (Watch((travel, -1.0, 0.0, 1.0), seated), Watch((0.0, 1.0, 0.0, -1.0), refill, (0.0, 1.0))),
+            ),
+            Piece(ACTING, force, (Watch((-travel, 1.0, 0.0, -1.0), between),), leaking),
+            Piece(SEPARATED, NOTHING, (Watch((0.0, 0.0, -1.0, 0.0), between),), FOLLOWING),
+        ],
+        reach=(0.0, np.inf),
+    )
+
+
+def friction(stiffness, slip) -> Parts:
+    """Dry friction behind a spring (Jenkins element): it sticks, or slides one way or the other."""
+    stick, forward, back = range(3)
+    follows = np.real(1.0 / stiffness)
+    onward = Watch((slip, -stiffness, 0.0, stiffness), forward, (0.0, -follows))
+    backward = Watch((slip, stiffness, 0.0, -stiffness), back, (0.0, follows))
+    most = np.real(slip / stiffness)
+    return Parts(
+        [
+            Piece(ACTING, (0.0, stiffness, 0.0, -stiffness), (onward, backward)),
+            Piece(ACTING, (slip, 0.0, 0.0, 0.0), (Watch((0.0, 0.0, 1.0, 0.0), stick),), FOLLOWING),
+            Piece(ACTING, (-slip, 0.0, 0.0, 0.0), (Watch((0.0, 0.0, -1.0, 0.0), stick),), FOLLOWING),
+        ],
+        reach=(-most, most),
+    )

@@ -1,0 +1,127 @@
+"""The elements in a state y, which is (x, v, z) and then the lift's coefficients: compression, force and piece."""
+
+from camopt.exact.kernel.borrowing import borrowing
+from camopt.programs import compiled
+
+
+@borrowing
+def lift_at(train):
+    """Where the lift stands in y: behind the 2n + r numbers of the state."""
+    return 2 * len(train.mass) + len(train.memories)
+
+
+@borrowing
+def closeness(a, b, gap, n, y):
+    """(d, d') [m], [m/s] of an element between the masses a and b that the cam does not drive."""
+    d, rate = -gap, 0.0
+    if a >= 0:
+        d += y[a]
+        rate += y[n + a]
+    if b >= 0:
+        d -= y[b]
+        rate -= y[n + b]
+    return d, rate
+
+
+@borrowing
+def compression(train, e, h, y):
+    """(d, d') of element e: compression [m] and its rate [m/s]; h [s] is the step."""
+    d, rate = closeness(train.a[e], train.b[e], train.gap[e], len(train.mass), y)
+    if train.cam_driven[e]:
+        at = lift_at(train)
+        d += y[at]
+        rate += y[at + 1] / h
+    return d, rate
+
+
+@borrowing
+def memory_of(train, e, y):
+    """The memory z [m] of element e, zero where it has none."""
+    return y[2 * len(train.mass) + train.memory[e]] if train.memory[e] >= 0 else 0.0
+
+
+@borrowing
+def value(form, d, rate, z):
+    """The value of an affine form."""
+    return form[0] + form[1] * d + form[2] * rate + form[3] * z
+
+
+@borrowing
+def element_forces(train, status, h, y, force):
+    """Writes to force (e) the forces [N] that the elements exert; where a contact lets go, rounding may be left.
+
+    `status` (e) are the numbers, within their elements, of the pieces that hold.
+    """
+    for e in range(len(train.a)):
+        d, rate = compression(train, e, h, y)
+        force[e] = value(train.force[train.first[e] + status[e]], d, rate, memory_of(train, e, y))
+        if train.contact[e] and force[e] < 0.0:
+            force[e] = 0.0
+
+
+@compiled
+def classify(train, h, y, status):
+    """Writes the pieces (e) that hold in an arbitrary state; a memory out of reach of its element is brought within."""
+    for e in range(len(train.a)):
+        d, rate = compression(train, e, h, y)
+        if train.memory[e] >= 0:
+            at = 2 * len(train.mass) + train.memory[e]
+            y[at] = min(max(y[at], d - train.reach[e, 1]), d - train.reach[e, 0])
+        status[e] = piece_that_holds(train, e, d, rate, memory_of(train, e, y))
+
+
+@borrowing
+def piece_that_holds(train, e, d, rate, z):
+    """The piece of element e none of whose watches is negative: from its first piece on, a negative watch leads to the
+    piece that follows. Where rounding lets two pieces point at each other, it is the one that came first."""
+    before, piece = -1, 0
+    for _ in range(2 * (train.first[e + 1] - train.first[e])):
+        then = -1
+        for w in range(train.watched[train.first[e] + piece], train.watched[train.first[e] + piece + 1]):
+            if value(train.watch[w], d, rate, z) < 0.0:
+                then = train.then[w]
+                break
+        if then < 0:
+            return piece
+        if then == before:
+            return then
+        before, piece = piece, then
+    return piece
+
+
+@borrowing
+def find(keys, status, place):
+    """(slot of the tables for a combination of pieces or -1, its key)."""
+    key = 0
+    for e in range(len(place)):
+        key += place[e] * status[e]
+    for slot in range(len(keys)):
+        if keys[slot] == key:
+            return slot, key
+    return -1, key
+
+
+@borrowing
+def touch_line(train, e):
+    """(force at compression zero [N], stiffness [N/m]) of the line on which a contact's elastic force begins."""
+    form = train.force[train.touch[e]]
+    return form[0], form[1]
+
+
+@borrowing
+def form_row(train, e, form, row):
+    """Writes the row (2n + r + 3 + f) of an affine form of element e by x, v, z, lift, lift velocity, the forces by the
+    cam angle and 1."""
+    n, at = len(train.mass), lift_at(train)
+    for i in range(len(row)):
+        row[i] = 0.0
+    for mass, sign in ((train.a[e], 1.0), (train.b[e], -1.0)):
+        if mass >= 0:
+            row[mass] += sign * form[1]
+            row[n + mass] += sign * form[2]
+    if train.memory[e] >= 0:
+        row[2 * n + train.memory[e]] += form[3]
+    if train.cam_driven[e]:
+        row[at] += form[1]
+        row[at + 1] += form[2]
+    row[-1] = form[0] - form[1] * train.gap[e]
