@@ -257,8 +257,9 @@ def scenes(args: Namespace) -> int:
             raise InputError(f"scene {excerpt(args.name)}: not built in{meant}")
         print(scene_text(args.name), end="")
         return 0
+    width = max(map(len, builtin_scenes()))
     for name, text in builtin_scenes().items():
-        print(f"{name:<14} {tomllib.loads(text)['title']}")
+        print(f"{name:<{width}} {tomllib.loads(text)['title']}")
     return 0
 
 

@@ -15,6 +15,7 @@ from camopt.cam.lift import Lift, with_ramps
 from camopt.cam.ramps import Ramp, symmetric_conditions
 from camopt.scene import InputError, Scene, Train, build_train
 from camopt.scene.rest import static_matrices
+from camopt.scene.standing_in import standing_in
 from camopt.scene.train import GROUND
 from camopt.scene.units import DEG, MM
 
@@ -30,9 +31,10 @@ def equivalent_train(train: Train) -> tuple[float, float, float]:
 
     Static condensation to the valve, whatever kinds of elements stand between cam and valve: their contacts are closed
     and the seat is open. k_sp is what the valve still feels when those contacts part; masses that nothing joins to the
-    valve then do not count. M weighs each mass with the square of its share in a slow lift
+    valve then do not count; other laws than the linear one count with their stand-ins. M weighs each mass with the square of its share in a slow lift
     of the valve (Rayleigh). Raises InputError where a slow cam does not move the valve.
     """
+    train = standing_in(train)
     way = np.isin(np.arange(len(train.a)), train.cam_side)
     closed = ~train.contact | (train.preload > 0) | way  # a spring may be declared as a preloaded contact
     closed[train.seat] = False

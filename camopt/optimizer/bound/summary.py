@@ -6,9 +6,9 @@ from camopt.optimizer.bound.no_jump import no_jump_bound
 from camopt.optimizer.program.kinematic import kinematic_optimum, limit_worth
 from camopt.optimizer.program.no_jump import Margins, no_jump_program
 from camopt.optimizer.program.relocation import standing
-from camopt.optimizer.program.tangents import is_linear
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
+from camopt.scene.standing_in import is_linear
 from camopt.scene.train import build_train
 
 KNOT_DEG = 2.0

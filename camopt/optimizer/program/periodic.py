@@ -16,9 +16,10 @@ from scipy.linalg import expm
 
 from camopt.cam.families.free import FreeCam
 from camopt.cam.ramps import Ramp
-from camopt.optimizer.program.tangents import Tangents, standing_in
+from camopt.optimizer.program.tangents import Tangents
 from camopt.scene.errors import InputError
 from camopt.scene.rest import rest_position, static_matrices
+from camopt.scene.standing_in import standing_in
 from camopt.scene.train import GROUND, Train
 from camopt.scene.units import DEG, MM
 

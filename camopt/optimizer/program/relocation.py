@@ -6,9 +6,10 @@ from camopt.cam.lift import Lift
 from camopt.exact.engine import prepare
 from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpOptimum, NoJumpProgram
 from camopt.optimizer.program.periodic import Angles
-from camopt.optimizer.program.tangents import is_linear, tangents_along
+from camopt.optimizer.program.tangents import tangents_along
 from camopt.scene.response import Response, end_state
 from camopt.scene.rest import state_at_rest
+from camopt.scene.standing_in import is_linear
 from camopt.scene.train import Train
 
 REVOLUTIONS = 8

@@ -6,40 +6,17 @@ taken. With these lines, and the forces that repeat with the cam angle, the peri
 It is exact as long as the pieces are met at the same angles, so the program is solved again until it stands.
 """
 
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass
 
 import numpy as np
 
 from camopt.scene.laws import FRICTION, HERTZ, LINEAR, OIL, PROGRESSIVE
 from camopt.scene.response import Response
-from camopt.scene.rest import rest_position
+from camopt.scene.standing_in import is_linear
 from camopt.scene.train import Train
 
 LEVELS = 20
 """Tangents of curved laws are rounded to so many levels in each factor of e, so that steps share their exponentials."""
-NO_STIFFNESS = 1.0
-"""Stiffness [N/m] that stands for an element which rubs: next to nothing beside any other of a train."""
-
-
-def is_linear(train: Train) -> bool:
-    """Whether every force of a train is linear and nothing acts on it but the cam."""
-    return train.laws is None and not train.forcing
-
-
-@lru_cache(maxsize=64)
-def standing_in(train: Train) -> Train:
-    """The train with a linear law in place of every other: itself, where it has none.
-
-    Tables and curved laws count with their tangents at rest, or `Laws.stand_in`; oil does not leak; nothing rubs.
-    """
-    laws = train.laws
-    if laws is None:
-        return replace(train, forcing=()) if train.forcing else train
-    stiffness = np.where(laws.kind == FRICTION, NO_STIFFNESS, train.stiffness)
-    at_rest = train.compression(rest_position(train), 0.0)
-    preload = np.where(laws.has_memory, -stiffness * at_rest, train.preload)
-    return replace(train, laws=None, forcing=(), stiffness=stiffness, preload=preload)
 
 
 @dataclass(frozen=True, eq=False)
