@@ -31,8 +31,9 @@ def equivalent_train(train: Train) -> tuple[float, float, float]:
 
     Static condensation to the valve, whatever kinds of elements stand between cam and valve: their contacts are closed
     and the seat is open. k_sp is what the valve still feels when those contacts part; masses that nothing joins to the
-    valve then do not count; other laws than the linear one count with their stand-ins. M weighs each mass with the square of its share in a slow lift
-    of the valve (Rayleigh). Raises InputError where a slow cam does not move the valve.
+    valve then do not count; other laws than the linear one count with their stand-ins. M weighs each mass with the
+    square of its share in a slow lift of the valve (Rayleigh). Raises InputError where a slow cam does not move the
+    valve.
     """
     train = standing_in(train)
     way = np.isin(np.arange(len(train.a)), train.cam_side)
