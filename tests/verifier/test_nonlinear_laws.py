@@ -9,7 +9,6 @@ from scipy.special import gamma
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import engine
-from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.scene import InputError, MotionRefused, build_train, load_scene
 from camopt.scene.laws import HERTZ, PROGRESSIVE
 from camopt.scene.rest import state_at_rest
@@ -123,14 +122,6 @@ def test_methods_of_constant_matrices_refuse(method):
     with pytest.raises(InputError, match=r"cam_follower, follower_valve; .*\"dop853\"") as error:
         method.prepare(parts, polydyne(scene), scene.cam_speed(5000), 1440)
     assert not isinstance(error.value, MotionRefused)  # which a step halved would be tried on
-
-
-def test_the_no_jump_program_refuses():
-    from camopt.cam.families.free import free_cam
-
-    scene, parts, _ = hertz()
-    with pytest.raises(InputError, match="the no-jump program needs elements whose force is linear"):
-        no_jump_program(parts, scene.design, free_cam(scene.design, 4.0), [scene.cam_speed(5000)])
 
 
 def test_a_verdict_asks_the_methods_that_carry_the_laws(monkeypatch):

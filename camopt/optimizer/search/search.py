@@ -61,7 +61,7 @@ def find_cam(
     """
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
-    log, path = log or Logbook(), path_of(gradient, build_train(scene))
+    log, path = log or Logbook(), path_of(gradient)
     cam = free_cam(design, knot_interval_deg(effort, seed))
     program_speeds, judged_speeds = design_speeds(operation, speeds, effort)
     cam_speeds = [scene.cam_speed(s) for s in program_speeds]

@@ -12,7 +12,7 @@ from camopt.cam.families.free import FreeCam
 from camopt.exact.batch import value_and_gradient_many
 from camopt.optimizer.search.judge import Judged
 from camopt.scene.schema import Scene
-from camopt.scene.train import Train, build_train
+from camopt.scene.train import build_train
 
 REVOLUTIONS = 2
 """Number of revolutions that run from the settled state; the last one is measured."""
@@ -47,8 +47,6 @@ class ExactSensitivity:
         return np.stack([a[0] for a in answers]), np.stack([a[1] for a in answers])
 
 
-def path_of(gradient: str, train: Train) -> str:
-    """The path that `gradient` stands for: "auto" is the exact one where the train's laws are linear."""
-    if gradient != "auto":
-        return gradient
-    return "exact" if train.laws is None else "smooth"
+def path_of(gradient: str) -> str:
+    """The path that `gradient` stands for: "auto" is the exact one, which takes every law."""
+    return "exact" if gradient == "auto" else gradient

@@ -1,0 +1,60 @@
+"""The no-jump program on real trains: its tangents against the event-exact motion of the cam that it finds."""
+
+import numpy as np
+import pytest
+
+from camopt.cam.families.free import free_cam
+from camopt.optimizer.program.no_jump import Margins, no_jump_program
+from camopt.optimizer.program.periodic import periodic_response, sample_cam
+from camopt.optimizer.program.relocation import located_angles, settled_revolution, standing
+from camopt.optimizer.program.tangents import tangents_along
+from camopt.scene import build_train, load_scene
+from camopt.scene.standing_in import is_linear, standing_in
+from camopt.scene.units import MM
+
+MARGIN_N = 20.0
+SETTLED = 80
+NEAR = 2e-3 * MM
+"""The program holds the gas force over a quarter of a degree and rounds tangents of curved laws to 5 %: 0.0007 to 0.0015
+mm of the valve's motion on these scenes."""
+
+
+@pytest.mark.parametrize("name", ["exhaust-gas", "finger-hydraulic", "pushrod-hydraulic", "race-nested"])
+def test_the_linear_motion_is_the_settled_one_of_its_cam(name):
+    """With the tangents along the settled motion of a cam, the periodic response is that motion."""
+    scene = load_scene(name)
+    train, cam = build_train(scene), free_cam(scene.design, 4.0)
+    speed = scene.cam_speed(scene.operation.speeds_rpm[-1])
+    program = standing(no_jump_program(train, scene.design, cam, [speed]), MARGIN_N)
+    found = program.solve(Margins(60.0, 60.0, MARGIN_N))
+    real = settled_revolution(train, found.lift, speed, SETTLED)
+    angles = located_angles(real)
+    response = periodic_response(train, sample_cam(cam, angles), speed, angles)
+    x = response.state[:, train.valve] @ np.append(1.0, found.z)
+    at = np.interp(response.samples.edges, real.angle, real.x[:, train.valve])
+    lifted = np.abs(response.samples.edges) < scene.design.duration_deg / 2 * np.pi / 180
+    assert np.abs(x - at)[lifted].max() < NEAR
+
+
+def test_a_program_of_a_real_train_says_what_its_cam_does():
+    scene = load_scene("exhaust-gas")
+    train, cam = build_train(scene), free_cam(scene.design, 4.0)
+    speeds = [scene.cam_speed(s) for s in scene.operation.speeds_rpm]
+    program = standing(no_jump_program(train, scene.design, cam, speeds), MARGIN_N)
+    found = program.solve(Margins(MARGIN_N, MARGIN_N, MARGIN_N))
+    least = []
+    for speed in speeds:
+        real = settled_revolution(train, found.lift, speed, 20)
+        window = np.abs(real.angle) < (scene.design.duration_deg / 2 - 4) * np.pi / 180
+        least.append(real.force[window, train.cam_side[0]].min())
+    assert min(least) == pytest.approx(MARGIN_N, abs=0.1)
+
+
+def test_a_linear_train_has_no_tangents():
+    scene = load_scene("motori-1")
+    train, cam = build_train(scene), free_cam(scene.design, 6.0)
+    assert is_linear(train) and standing_in(train) is train
+    program = no_jump_program(train, scene.design, cam, [scene.cam_speed(5000)])
+    assert standing(program) is program
+    motion = settled_revolution(train, cam.lift(np.zeros(cam.Z.shape[1])), scene.cam_speed(5000), 1)
+    assert tangents_along(motion) is None
