@@ -15,8 +15,8 @@ from camopt.scene.units import MM
 MARGIN_N = 20.0
 SETTLED = 80
 NEAR = 2e-3 * MM
-"""The program holds the gas force over a quarter of a degree and rounds tangents of curved laws to 5 %: 0.0007 to 0.0015
-mm of the valve's motion on these scenes."""
+"""The program holds the gas force over a quarter of a degree and rounds tangents of curved laws to 5 %: it is 0.0007 to
+0.0015 mm from the valve's motion on these scenes."""
 
 
 @pytest.mark.parametrize("name", ["exhaust-gas", "finger-hydraulic", "pushrod-hydraulic", "race-nested"])
