@@ -49,7 +49,7 @@ USUAL = {
     "element.leak_N_s_per_m": Usual(1e4, 1e9, "from a worn adjuster to a tight one", {"N s/mm": 1e3}),
     "element.spring_N_per_m": Usual(100, 1e5, "of plunger springs", _STIFFNESS),
     "element.stroke_mm": Usual(0.5, 15, "of a plunger", _LENGTH),
-    "element.check_travel_mm": Usual(0.01, 1, "of a check valve's ball", _LENGTH),
+    "element.check_travel_mm": Usual(1e-3, 1, "of a check valve's ball", _LENGTH),
     "element.slip_N": Usual(0.1, 500, "from a valve's stem seal to a damper spring's rubbing coils", {"mN": 1e-3}),
     "operation.speeds_rpm": _SPEED,
     "operation.band_rpm": _SPEED,

@@ -1,0 +1,77 @@
+"""The cam and follower of arXiv 0711.1008 against formulas: arcs, restitution, detachment, the bound of its speed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from camopt.exact import prepare
+from camopt.scene import build_train, load_scene
+from camopt.scene.units import RPM
+from experiments import cam_follower
+from experiments.support.cam_follower_parts import (
+    TIP,
+    arcs,
+    bound_on_decline,
+    cam_of,
+    damping_of,
+    highest_rise,
+    profile,
+)
+
+MASS, STIFFNESS, PRELOAD = 1.221, 1430.8, 143.08
+
+
+@pytest.fixture(scope="module")
+def content(tmp_path_factory):
+    return cam_follower.main("small", tmp_path_factory.mktemp("cam_follower"))
+
+
+def test_the_cam_is_the_sources_arcs():
+    angle = np.linspace(-np.pi, np.pi, 20_011)
+    np.testing.assert_allclose(profile()(angle), arcs(np.pi - np.abs(angle)), atol=1e-14)
+    assert profile().max_lift == pytest.approx(0.153933, abs=5e-7)
+
+
+def test_the_rigid_follower_leaves_where_the_formula_says(content):
+    """omega^2 = -k c / (m c'') at the corner, with the tip's arc and its curvature worked out by hand for a circle."""
+    found = content["detachment"]
+    assert found["rigid_rpm"] == pytest.approx(114.99, abs=0.02)
+    assert found["cam_angle_deg"] == pytest.approx(209.82, abs=0.01)
+    for rpm in found["compliant_rpm"].values():
+        assert rpm == pytest.approx(found["rigid_rpm"], abs=0.05)
+
+
+@pytest.mark.parametrize("restitution", [0.5, 0.8, 0.95])
+def test_a_contact_returns_what_its_damping_was_made_for(restitution):
+    """A mass that falls on the contact at 1 m/s without any other force leaves it at `restitution` m/s."""
+    given, stiffness = build_train(load_scene(cam_follower.SCENE)), 1e9
+    train = cam_follower.with_contact(given, stiffness, damping_of(restitution, stiffness, MASS))
+    train = replace(train, stiffness=np.array([stiffness, 1e-12]), preload=np.array([0.0, 0.0]))
+    motion = prepare(train, replace(profile(), coefficients=0 * profile().coefficients), 2 * np.pi)
+    state = motion(np.array([0.1, -1.0])).v[:, 0]
+    assert state[0] == -1.0 and state[-1] == pytest.approx(restitution, rel=1e-9)
+
+
+def test_the_motions_are_those_published_in_kind(content):
+    by_speed = {row["speed_rpm"]: row for row in content["motions"]}
+    assert by_speed[358]["period_revolutions"] is not None and by_speed[700]["period_revolutions"] is not None
+    chaotic = by_speed[660]
+    assert chaotic["period_revolutions"] is None and chaotic["growth_per_revolution"] > 1.1
+
+
+def test_no_cam_stays_longer_than_its_bound(content):
+    natural = np.sqrt(STIFFNESS / MASS)
+    without_limit = natural * TIP / np.arccos(0.1 / (0.1 + content["lift_m"])) / RPM
+    for row in content["longest_on"]:
+        assert row["lift_m"] == pytest.approx(content["lift_m"], rel=1e-9)
+        assert 0.998 * row["bound_rpm"] < row["detachment_rpm"] <= row["bound_rpm"] < without_limit
+    assert content["longest_on"][0]["detachment_rpm"] > 1.9 * content["detachment"]["rigid_rpm"]
+
+
+def test_the_found_cam_keeps_its_limits_at_every_angle():
+    shift, most, decline = PRELOAD / STIFFNESS, 1.0, 1.02 * bound_on_decline(0.15, 1.0, 0.1, TIP)
+    cam = cam_of(highest_rise(decline, most, shift, TIP, 101))
+    angle = np.linspace(-np.pi, np.pi, 360_001)
+    assert cam(angle, 2).max() <= most + 1e-9
+    assert np.min(cam(angle, 2) + decline * (shift + cam(angle))) > -1e-9
