@@ -50,7 +50,7 @@ def exact_metrics(
 
     `parameters` replaces numbers by arrays that JAX may trace: of the train under the names of `ByTrain`, "lift"
     (p, q) [m/rad^k] and "borders" (p + 1) [rad] of the cam's pieces, "half_duration" [rad], "start" (2n + r: [m],
-    [m/s], [m]), the state at -pi, which is rest where it is left out. `cam_speed` [rad/s] may be traced too. Derivatives
+    [m/s], [m]), the state at -pi, which is rest where it is left out. `cam_speed` [rad/s] may be traced. Derivatives
     by the borders take lift and velocity to be continuous across them, and the opening foot not to end a hop. `spacing`
     [rad] as of `TracedMotion`, for batches of many cams at few speeds.
 

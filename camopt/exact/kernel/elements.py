@@ -52,11 +52,19 @@ def element_forces(train, status, h, y, force):
 
     `status` (e) are the numbers, within their elements, of the pieces that hold.
     """
+    n, at, law = len(train.mass), lift_at(train), train.law
     for e in range(len(train.a)):
-        d, rate = compression(train, e, h, y)
-        force[e] = value(train.law[train.first[e] + status[e]], d, rate, memory_of(train, e, y))
-        if train.contact[e] and force[e] < 0.0:
-            force[e] = 0.0
+        d, rate = closeness(train.a[e], train.b[e], train.gap[e], n, y)
+        if train.cam_driven[e]:
+            d += y[at]
+            rate += y[at + 1] / h
+        piece = train.first[e] + status[e]
+        f = law[piece, 0] + law[piece, 1] * d + law[piece, 2] * rate
+        force[e] = 0.0 if f < 0.0 and train.contact[e] else f
+    if len(train.reach) > 0:
+        for e in range(len(train.a)):
+            if train.memory[e] >= 0:
+                force[e] += law[train.first[e] + status[e], 3] * y[2 * n + train.memory[e]]
 
 
 @compiled
