@@ -49,13 +49,13 @@ def exact_metrics(
     """Values of metrics in one revolution of an event-exact motion, in the units of their names.
 
     `parameters` replaces numbers by arrays that JAX may trace: of the train under the names of `ByTrain`, "lift"
-    (p, q) [m/rad^k] and "borders" (p + 1) [rad] of the cam's pieces, "half_duration" [rad], "start" (2n: [m], then
-    [m/s]), the state at -pi, which is rest where it is left out. `cam_speed` [rad/s] may be traced too. Derivatives by
-    the borders take lift and velocity to be continuous across them, and the opening foot not to end a hop. `spacing`
+    (p, q) [m/rad^k] and "borders" (p + 1) [rad] of the cam's pieces, "half_duration" [rad], "start" (2n + r: [m],
+    [m/s], [m]), the state at -pi, which is rest where it is left out. `cam_speed` [rad/s] may be traced. Derivatives
+    by the borders take lift and velocity to be continuous across them, and the opening foot not to end a hop. `spacing`
     [rad] as of `TracedMotion`, for batches of many cams at few speeds.
 
     The values cost one motion. Values with their gradients by the cam cost one motion and one sweep back per metric.
-    Raises InputError for an unknown metric, an unknown parameter or laws that are not linear.
+    Raises InputError for an unknown metric or an unknown parameter.
     """
     motion, variables = _varying(train, lift, cam_speed, parameters, revolutions, spacing)
     metric_numbers(train, metrics)
@@ -144,7 +144,8 @@ def differentiable_motion(
 
     moved.defvjp(forward, backward, symbolic_zeros=True)
     found, values = moved(variables)
-    response = Response(train, cam_speed, angle, found["lift"], found["x"], found["v"], found["force"])
+    memory = {} if found["memory"] is None else {"memory": found["memory"]}
+    response = Response(train, cam_speed, angle, found["lift"], found["x"], found["v"], found["force"], **memory)
     return response, dict(zip(names, values, strict=True))
 
 
@@ -160,8 +161,9 @@ class _Recorded:
     @property
     def shape(self):
         """A tree of zeros like a record."""
-        n, e = len(self.motion.train.mass), len(self.motion.train.a)
-        samples = Samples(*(np.zeros((len(self.angle), *shape)) for shape in ((n,), (n,), (), (), (e,))))
+        n, e, r = len(self.motion.train.mass), len(self.motion.train.a), len(self.motion.train.memory)
+        memory = np.zeros((len(self.angle), r)) if r else None
+        samples = Samples(*(np.zeros((len(self.angle), *shape)) for shape in ((n,), (n,), (), (), (e,))), memory)
         return vars(samples), np.zeros((len(self.metrics), self.measured))
 
     def record(self, given: Arrays):
@@ -186,6 +188,7 @@ class _Recorded:
 
     def _parts(self, traced: TracedMotion, by_samples, by_metrics, window: bool):
         """(slopes, weighted sum of the velocities, slope by the half duration) of samples, then of each revolution."""
+        by_samples = {name: bar for name, bar in by_samples.items() if bar is not None}
         if any(np.any(bar) for bar in by_samples.values()):
             found = vars(traced.at(self.angle))
             moving = sum(float(np.sum(by_samples[k] * found[k])) for k in ("v", "lift_rate"))
@@ -243,8 +246,7 @@ def host_call(function: Callable, result: Any, *args: Any) -> Any:
 
 
 def _varying(train: Train, lift: Lift, cam_speed, parameters, revolutions: int, spacing=None, slowest=None):
-    """(what is kept, what varies); raises InputError for laws that are not linear or an unknown parameter."""
-    train.require_linear("event-exact", 'simulate with method "smooth"')
+    """(what is kept, what varies); raises InputError for an unknown parameter."""
     known = (*TRAIN_PARAMETERS, *CAM_PARAMETERS, "start")
     unknown = [name for name in parameters if name not in known]
     if unknown:

@@ -1,7 +1,7 @@
 """An event-exact motion some of whose numbers vary, and its gradients by their names: what JAX's rule calls.
 
-Speed: with r = speed / speed', masses times r^2 and dampings times r move through the same positions and forces by
-angle at speed', at velocities divided by r. So derivatives by the speed are those by masses and dampings.
+Speed: with r = speed / speed', masses times r^2, dampings and leaks times r move through the same positions and forces
+by angle at speed', at velocities divided by r. So derivatives by the speed are those by masses, dampings and leaks.
 """
 
 from dataclasses import dataclass, replace
@@ -12,8 +12,8 @@ import numpy as np
 from camopt.cam.lift import Lift, lift_with
 from camopt.exact.adjoint.gradient import rest_back
 from camopt.exact.adjoint.motion import Slopes, TracedMotion
+from camopt.exact.affine.lines import rest_of
 from camopt.scene.errors import InputError, MotionRefused
-from camopt.scene.rest import state_at_rest
 from camopt.scene.shapes import Float, State
 from camopt.scene.train import TRAIN_PARAMETERS, Train
 
@@ -89,21 +89,27 @@ def by_borders(lift: Lift, by_coefficients: Float[np.ndarray, "l p q"]) -> Float
 
 
 def by_speed(motion: TracedMotion, slopes: Slopes, start: State | None) -> Float[np.ndarray, " l"]:
-    """Gradients by the cam speed through masses, dampings and the start's velocities."""
+    """Gradients by the cam speed through masses, dampings, leaks and the start's velocities."""
     by_train, train = slopes.by_train, motion.train
     assert by_train is not None
     total = 2 * by_train.mass @ train.mass + by_train.mass_damping @ train.mass_damping
     total = total + by_train.damping @ train.damping
+    if train.laws is not None and by_train.leak is not None:
+        total = total + by_train.leak @ train.laws.leak
     if start is not None:
         n = len(train.mass)
-        total = total - slopes.by_start[:, n:] @ start[n:]
+        total = total - slopes.by_start[:, n : 2 * n] @ start[n : 2 * n]
     return total / motion.cam_speed
 
 
 @lru_cache(maxsize=24)
 def varied(train: Train, changes: tuple[tuple[str, bytes], ...]) -> Train:
     """A train with other numbers: the same object for the same numbers, because propagators are kept per train."""
-    return replace(train, **{name: np.frombuffer(data).copy() for name, data in changes}) if changes else train
+    numbers = {name: np.frombuffer(data).copy() for name, data in changes}
+    if train.laws is not None and "stiffness" in numbers:  # that of a law's coefficients, as in `Train.parameters`
+        numbers["laws"] = laws = replace(train.laws, coefficient=numbers["stiffness"])
+        numbers["stiffness"] = laws.stand_in()
+    return replace(train, **numbers) if changes else train
 
 
-rest = lru_cache(maxsize=24)(state_at_rest)
+rest = lru_cache(maxsize=24)(rest_of)

@@ -15,15 +15,15 @@ from camopt.exact.adjoint.motion import (
     OBSERVATIONS,
     Gradient,
     Grazing,
-    by_train,
     metric_numbers,
     room_for,
-    room_for_bars,
     steps_of,
 )
 from camopt.exact.adjoint.seeds import empty_seeds
+from camopt.exact.adjoint.slopes import by_train, room_for_bars
 from camopt.exact.adjoint.sweep import Bars, sweep
 from camopt.exact.affine.inputs import Inputs
+from camopt.exact.affine.lines import rest_of
 from camopt.exact.engine import MOST_SWITCHINGS
 from camopt.exact.kernel.arrays import CamArrays, TrainArrays, train_arrays
 from camopt.exact.kernel.propagators import Propagators, propagators
@@ -31,7 +31,6 @@ from camopt.exact.kernel.revolution import DONE, NEED_TABLES, TRACE_FULL
 from camopt.exact.kernel.setting import Setting, follow
 from camopt.exact.kernel.trace import first
 from camopt.programs import compiled
-from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Train
 
 PARTS = 4
@@ -115,7 +114,7 @@ def value_and_gradient_many(
     arrays = train_arrays(train)
     weights = np.ones(len(metrics)) if cotangent is None else np.asarray(cotangent, dtype=float)
     wanted = Wanted(revolutions, revolution, metric_numbers(train, metrics), weights, cotangent is not None)
-    states = np.array([state_at_rest(train)] * len(lifts) if starts is None else starts, dtype=float)
+    states = np.array([rest_of(train)] * len(lifts) if starts is None else starts, dtype=float)
     groups: dict[tuple, list[int]] = {}
     for i, (lift, speed) in enumerate(zip(lifts, cam_speeds, strict=True)):
         pieces = lift.borders.tobytes(), lift.coefficients.shape, lift.half_duration

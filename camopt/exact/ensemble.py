@@ -21,9 +21,9 @@ import numpy as np
 from camopt.cam.bumps import moved
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint.motion import TracedMotion
+from camopt.exact.affine.lines import rest_of
 from camopt.exact.batch import value_and_gradient_many
 from camopt.scene.errors import InputError, MotionRefused
-from camopt.scene.rest import state_at_rest
 from camopt.scene.shapes import Float
 from camopt.scene.train import Train
 
@@ -103,7 +103,7 @@ def evolution_strategy_gradient(
 
     Arguments, result and errors are those of `ensemble_gradient`.
     """
-    at, pairs = state_at_rest(train), ensemble.heights()
+    at, pairs = rest_of(train), ensemble.heights()
 
     def values_of(member: Lift) -> np.ndarray:
         return TracedMotion(train, member, cam_speed, at).values(metrics)

@@ -6,15 +6,10 @@ import numpy as np
 import pytest
 
 from camopt.cam.lift import Lift
-from camopt.exact.adjoint.gradient import (
-    periodic_value_and_gradient,
-    rest_back,
-    state_at_rest,
-    value_and_gradient,
-)
+from camopt.exact.adjoint.gradient import periodic_value_and_gradient, rest_back, value_and_gradient
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.scene import build_train, parse_scene
-from camopt.scene.rest import rest_position
+from camopt.scene.rest import rest_position, state_at_rest
 from tests.exact.gradient_problems import by_train, cam_with_bumps, kodama
 from tests.exact.test_engine import SEAT_ONLY
 

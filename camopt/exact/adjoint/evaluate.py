@@ -41,7 +41,7 @@ def closings_margin(s, trace):
                 e = s.tables.element[slot, watch]
                 approach = min(approach, compression(train, e, s.step, trace.y[k + 1])[1])
     for e in range(len(train.contact)):
-        if train.contact[e] and train.force[train.touch[e], 2] > 0.0:
+        if train.contact[e] and train.law[train.touch[e], 2] > 0.0:
             gap = min(gap, nearest_miss(s, trace, e) / touch_line(train, e)[1])
     return approach, gap
 

@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.exact.adjoint.motion import ByTrain, Gradient, TracedMotion, by_train, room_for_bars
+from camopt.exact.adjoint.motion import Gradient, TracedMotion
+from camopt.exact.adjoint.slopes import ByTrain, by_train, room_for_bars
+from camopt.exact.affine.lines import rest_of
 from camopt.exact.kernel.arrays import train_arrays
 from camopt.exact.kernel.elements import classify
-from camopt.scene.rest import state_at_rest
 from camopt.scene.shapes import Float, State
 from camopt.scene.train import GROUND, Train
 
@@ -36,7 +37,7 @@ def value_and_gradient(
 
     Raises MotionRefused for endless switching or a motion without bound, InputError for an unknown metric.
     """
-    at = state_at_rest(train) if start is None else start
+    at = rest_of(train) if start is None else start
     motion = TracedMotion(train, lift, cam_speed, at, revolutions, mechanical, spacing)
     gradient = motion.gradient(metrics, revolution, cotangent)
     if start is None and gradient.by_train is not None:
@@ -78,7 +79,7 @@ def rest_back(train: Train, by_start: Float[np.ndarray, "l state"]) -> ByTrain:
     memory is its element's compression. The pieces that hold are taken as fixed, which is right unless one of them only
     just holds.
     """
-    arrays, state, n = train_arrays(train), state_at_rest(train), len(train.mass)
+    arrays, state, n = train_arrays(train), rest_of(train), len(train.mass)
     status = np.empty(len(train.a), dtype=np.int64)
     classify(arrays, 1.0, np.concatenate([state, np.zeros(2)]), status)
     pieces, memory = arrays.first[:-1] + status, list(train.memory)
@@ -86,7 +87,7 @@ def rest_back(train: Train, by_start: Float[np.ndarray, "l state"]) -> ByTrain:
     rows = np.eye(n + 1)[:, :n]  # the last row, which the index -1 reads, is the ground
     assert GROUND == -1
     rows = rows[train.a] - rows[train.b]
-    slope, by_memory = carries * arrays.force[pieces, 1], by_start[:, 2 * n :]
+    slope, by_memory = carries * arrays.law[pieces, 1], by_start[:, 2 * n :]
     push = np.linalg.solve((rows.T * slope) @ rows, (by_start[:, :n] + by_memory @ rows[memory]).T).T
     on, bars = push @ rows.T * carries, room_for_bars(arrays, (0, 0), len(push), True)
     bars.mass[:, 2] = push

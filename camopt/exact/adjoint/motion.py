@@ -1,7 +1,7 @@
 """A traced motion: event-exact revolutions that are kept, so that numbers taken from them can be differentiated."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,11 +9,13 @@ from camopt.cam.lift import Lift
 from camopt.exact.adjoint.evaluate import closings_margin, collect, evaluate, sample
 from camopt.exact.adjoint.metrics import METRICS
 from camopt.exact.adjoint.seeds import empty_seeds
+from camopt.exact.adjoint.slopes import ByTrain as ByTrain
+from camopt.exact.adjoint.slopes import Slopes as Slopes
+from camopt.exact.adjoint.slopes import by_train, room_for_bars
 from camopt.exact.adjoint.sweep import Bars, sweep
 from camopt.exact.affine.inputs import Inputs
-from camopt.exact.affine.numbers import by_numbers
 from camopt.exact.engine import AT_ONCE, MOST_SWITCHINGS, free_step, refusal, step_on_borders
-from camopt.exact.kernel.arrays import CamArrays, TrainArrays, cam_arrays, forms_in, train_arrays
+from camopt.exact.kernel.arrays import CamArrays, TrainArrays, cam_arrays, train_arrays
 from camopt.exact.kernel.propagators import Propagators, propagators
 from camopt.exact.kernel.revolution import DONE, NEED_TABLES, TRACE_FULL
 from camopt.exact.kernel.setting import Setting, follow
@@ -32,32 +34,6 @@ NO_ROWS = np.empty((0, 0))
 
 
 @dataclass(frozen=True)
-class ByTrain:
-    """Gradients of l numbers by a train's parameters in SI, under the names that they have in `Train` and `Laws`.
-
-    Where a train has laws, `stiffness` is by their coefficients. What comes after the gap is None where a train has no
-    laws, and `forcing` where no force repeats with the cam angle.
-    """
-
-    mass: Float[np.ndarray, "l n"]
-    mass_damping: Float[np.ndarray, "l n"]
-    mass_force: Float[np.ndarray, "l n"]
-    stiffness: Float[np.ndarray, "l e"]
-    damping: Float[np.ndarray, "l e"]
-    preload: Float[np.ndarray, "l e"]
-    gap: Float[np.ndarray, "l e"]
-    table: Float[np.ndarray, "l e q 2"] | None = None
-    leak: Float[np.ndarray, "l e"] | None = None
-    travel: Float[np.ndarray, "l e"] | None = None
-    slip: Float[np.ndarray, "l e"] | None = None
-    forcing: Float[np.ndarray, "l rows"] | None = None  # by the rows' forces, one forcing after the other
-
-    def __add__(self, other: "ByTrain") -> "ByTrain":
-        pairs = ((getattr(self, field.name), getattr(other, field.name)) for field in fields(self))
-        return ByTrain(*(b if a is None else a if b is None else a + b for a, b in pairs))
-
-
-@dataclass(frozen=True)
 class Grazing:
     """How far the motion is from one in which a damped contact closes once more or once less.
 
@@ -66,15 +42,6 @@ class Grazing:
 
     approach_m_per_s: float  # speed of the slowest closing
     gap_m: float  # smallest separation at which an open contact turned back
-
-
-@dataclass(frozen=True)
-class Slopes:
-    """Gradients of g numbers; `by_train` is None where it was not asked for."""
-
-    by_coefficients: Float[np.ndarray, "g p q"]  # by lift.coefficients [m/rad^k]
-    by_start: Float[np.ndarray, "g state"]  # by the state at -pi
-    by_train: ByTrain | None
 
 
 @dataclass(frozen=True)
@@ -246,21 +213,6 @@ class TracedMotion:
     def _slopes(self, bars: Bars) -> Slopes:
         by_coefficients, by_rows = self.inputs.back(bars.coefficients)
         return Slopes(by_coefficients, bars.start, by_train(self.train, bars, by_rows) if self.mechanical else None)
-
-
-def room_for_bars(train: TrainArrays, pieces: tuple[int, ...], sweeps: int, mechanical: bool) -> Bars:
-    """Zero cotangents for a number of sweeps, each array with a first axis of that length."""
-    n, e = len(train.mass), len(train.a)
-    shapes = (2 * n + len(train.memories),), pieces, (3 * mechanical, n), (forms_in(train), 4), (e,)
-    return Bars(*(np.zeros((sweeps, *shape)) for shape in shapes))
-
-
-def by_train(train: Train, bars: Bars, by_rows: np.ndarray | None = None) -> ByTrain:
-    """The gradients that sweeps found of l numbers, under the names of the parameters; `by_rows` (l, rows) are those by
-    the rows of forces by the cam angle."""
-    found = by_numbers(train, bars.law)
-    forcing = by_rows if train.forcing else None
-    return ByTrain(*bars.mass.transpose(1, 0, 2), **found, gap=bars.gap, forcing=forcing)
 
 
 def room_for(tables: Propagators, segments: int) -> Trace:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from camopt.exact.kernel.arrays import TrainArrays, forms_in
+from camopt.exact.kernel.arrays import TrainArrays
 from camopt.exact.kernel.borrowing import borrowing
 from camopt.exact.kernel.elements import compression, lift_at, memory_of, touch_line
 from camopt.exact.kernel.instants import state_at
@@ -41,11 +41,11 @@ def empty_seeds(segments: int, observations: int, train: TrainArrays) -> Seeds:
         np.full(segments, -1),
         np.empty(observations, dtype=np.int64),
         np.empty(observations),
-        np.empty((observations, 2 * len(train.mass) + len(train.memories) + 2)),
+        np.empty((observations, 2 * len(train.mass) + len(train.reach) + 2)),
         np.zeros(segments),
         np.zeros(segments),
         np.zeros(segments),
-        np.zeros((forms_in(train), 4)),
+        np.zeros_like(train.law),
         np.zeros(len(train.gap)),
     )
 
@@ -76,8 +76,8 @@ def seed_force(s, trace, seeds, k, length, e, weight):
     y, piece = state_at(s, trace, k, length), s.tables.pieces[trace.slot[k], e]
     d, rate = compression(s.train, e, s.step, y)
     weight *= seeds.weight[0]
-    form_back(s.train, e, s.train.force[piece], weight, observe(seeds, k, length))
-    law_back(s.train, e, piece, s.train.force[piece], (d, rate, memory_of(s.train, e, y)), weight, seeds.law, seeds.gap)
+    form_back(s.train, e, s.train.law[piece], weight, observe(seeds, k, length))
+    law_back(s.train, e, piece, s.train.law[piece], (d, rate, memory_of(s.train, e, y)), weight, seeds.law, seeds.gap)
 
 
 @borrowing

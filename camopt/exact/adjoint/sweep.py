@@ -94,7 +94,7 @@ def switch_back(s, trace, seeds, k, bars, seen):
     if pull == 0.0:
         return
     seen[:] = 0.0
-    form_back(train, e, train.watch[w], pull, seen)
+    form_back(train, e, train.law[w], pull, seen)
     for i in range(sizes.state):
         bar[i] += seen[i]
     if train.cam_driven[e]:
@@ -103,7 +103,7 @@ def switch_back(s, trace, seeds, k, bars, seen):
         lift_point_back(seen[sizes.state], seen[sizes.state + 1], end, s.cam.speed, sizes.lift, piece)
     d, speed = compression(train, e, s.step, y)
     where = d, speed, memory_of(train, e, y)
-    law_back(train, e, 2 * len(train.force) + w, train.watch[w], where, pull, bars.law, bars.gap)
+    law_back(train, e, w, train.law[w], where, pull, bars.law, bars.gap)
 
 
 @borrowing
@@ -135,7 +135,7 @@ def rates_back(s, slot, y, bar, share, bars):
         d, rate = compression(train, e, s.step, y)
         piece, p, q, push = s.tables.pieces[slot, e], train.a[e], train.b[e], 0.0
         where = d, rate, memory_of(train, e, y)
-        form = train.force[piece]
+        form = train.law[piece]
         force = value(form, d, rate, where[2])
         if p >= 0:
             pushed = share * bar[n + p] / train.mass[p]
@@ -147,8 +147,9 @@ def rates_back(s, slot, y, bar, share, bars):
             by_mass[0, q] -= pushed * force / train.mass[q]
         law_back(train, e, piece, form, where, push, bars.law, bars.gap)
         if train.memory[e] >= 0:
-            flow = share * bar[2 * n + train.memory[e]]
-            law_back(train, e, len(train.force) + piece, train.flow[piece], where, flow, bars.law, bars.gap)
+            flow = len(train.state) + piece
+            push = share * bar[2 * n + train.memory[e]]
+            law_back(train, e, flow, train.law[flow], where, push, bars.law, bars.gap)
 
 
 @compiled

@@ -19,20 +19,24 @@ class Inputs:
     """The cut of p pieces of a lift by the rows of f forces, into m pieces."""
 
     def __init__(self, forcing: Sequence[Forcing], borders: np.ndarray):
-        self.forcing, self.lift_borders = tuple(forcing), borders
-        rows = np.concatenate([borders[:0], *(force.angle for force in self.forcing)])
-        new = np.array([row for row in np.unique(rows) if np.abs(borders - row).min() > APART])
-        new = new[np.concatenate([[True], np.diff(new) > APART])] if len(new) else new
-        self.borders = np.sort(np.concatenate([borders, new])) if len(new) else borders
-        self.piece = np.searchsorted(borders, self.borders[:-1], "right") - 1
-        self.offset = self.borders[:-1] - borders[self.piece]
+        self.forcing, self.lift_borders, self.borders = tuple(forcing), borders, borders
+        if self.forcing:
+            rows = np.unique(np.concatenate([force.angle for force in self.forcing]))
+            new = rows[np.abs(rows[:, None] - borders).min(axis=1) > APART]
+            self.borders = np.sort(np.concatenate([borders, new[np.diff(new, prepend=-np.inf) > APART]]))
+
+    @cached_property
+    def _piece(self) -> np.ndarray:
+        """The lift's piece (m) of every piece."""
+        return np.searchsorted(self.lift_borders, self.borders[:-1], "right") - 1
 
     @cached_property
     def _moved(self) -> np.ndarray:
         """Binomials and powers with which coefficients move to the new starts, (m, q, q) for the largest q."""
         k = np.arange(64)
         binomial = np.array([[float(comb(j, i)) for j in k] for i in k])
-        return binomial * self.offset[:, None, None] ** np.maximum(k - k[:, None], 0)
+        offset = self.borders[:-1] - self.lift_borders[self._piece]
+        return binomial * offset[:, None, None] ** np.maximum(k - k[:, None], 0)
 
     @cached_property
     def _rows(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
@@ -50,7 +54,7 @@ class Inputs:
         if not self.forcing:
             return coefficients
         q = coefficients.shape[1]
-        lift = np.einsum("mij,mj->mi", self._moved[:, :q, :q], coefficients[self.piece])
+        lift = np.einsum("mij,mj->mi", self._moved[:, :q, :q], coefficients[self._piece])
         columns = [lift]
         for force, (i, share, width) in zip(self.forcing, self._rows, strict=True):
             low, high = force.force[i], force.force[i + 1]
@@ -65,7 +69,7 @@ class Inputs:
             return by_pieces, np.zeros((count, 0))
         by_lift = np.zeros((count, len(self.lift_borders) - 1, q))
         moved = np.einsum("lmi,mij->lmj", by_pieces[:, :, :q], self._moved[:, :q, :q])
-        np.add.at(by_lift, (slice(None), self.piece), moved)
+        np.add.at(by_lift, (slice(None), self._piece), moved)
         rows = []
         for j, (force, (i, share, width)) in enumerate(zip(self.forcing, self._rows, strict=True)):
             by_constant, by_slope = by_pieces[:, :, q + 2 * j], by_pieces[:, :, q + 2 * j + 1] / width

@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from camopt.scene.laws import HERTZ, LINEAR, PROGRESSIVE, TABLE
+from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Train
 
 CHORDS = 16
@@ -93,6 +94,11 @@ def with_chords(train: Train, count: int = CHORDS, force: float = CHORD_FORCE) -
     longest = max(len(rows) for rows in tables)
     kinds = np.where(np.isin(laws.kind, (HERTZ, PROGRESSIVE)), TABLE, laws.kind)
     return replace(train, laws=replace(laws, kind=kinds, table=np.stack([_lengthened(r, longest) for r in tables])))
+
+
+def rest_of(train: Train) -> np.ndarray:
+    """State (2n + r) at rest of the train as event-exact moves it, with chords in place of curved laws."""
+    return state_at_rest(with_chords(train))
 
 
 def chord_error(train: Train, count: int = CHORDS, force: float = CHORD_FORCE) -> np.ndarray:

@@ -50,41 +50,50 @@ def short_series(motion, sizes, h, used, tau, y, term, rates):
 
     Only the first `used` of the inputs in y differ from zero: none or all of them.
     """
-    n, at, q, power = sizes.masses, sizes.state, sizes.lift, 1.0
+    n, at, m, power = sizes.masses, sizes.state, len(rates), 1.0
+    lift = min(used, sizes.lift)
     for i in range(at):
         term[i] = y[i]
-    for i in range(len(rates)):
+    for i in range(m):
         rates[i] = motion[len(term), i]
     for k in range(ORDER):
-        term[at] = y[at + k] * power if k < used and k < q else 0.0
-        term[at + 1] = (k + 1) * y[at + k + 1] * power / h if k + 1 < used and k + 1 < q else 0.0
-        for j in range(sizes.forces):
-            term[at + 2 + j] = y[at + q + 2 * j + k] * power if k < 2 and used > 0 else 0.0
+        term[at] = y[at + k] * power if k < lift else 0.0
+        term[at + 1] = (k + 1) * y[at + k + 1] * power / h if k + 1 < lift else 0.0
         j = 0
-        while j + 2 <= at:
+        while j < 2 * n:
             a, b = term[j], term[j + 1]
-            for i in range(len(rates)):
+            for i in range(m):
                 rates[i] += motion[j, i] * a + motion[j + 1, i] * b
             j += 2
-        if j < at:
-            for i in range(len(rates)):
-                rates[i] += motion[j, i] * term[j]
-        for j in range(at + 2, len(term)):
-            for i in range(len(rates)):
-                rates[i] += motion[j, i] * term[j]
+        if m > n or sizes.forces > 0:
+            add_memories_and_forces(motion, sizes, k if used > 0 else ORDER, power, y, term, rates)
         a, b = term[at], term[at + 1]
         share = tau * h / (k + 1)
         power *= tau
+        if m > n:
+            for i in range(n, m):
+                term[n + i] = (rates[i] + (motion[at, i] * a + motion[at + 1, i] * b)) * share
+                rates[i] = 0.0
         for i in range(n):
             rate = (rates[i] + (motion[at, i] * a + motion[at + 1, i] * b)) * share
             term[i] = term[n + i] * share
             term[n + i] = rate
             rates[i] = 0.0
-        for i in range(n, len(rates)):
-            term[n + i] = (rates[i] + (motion[at, i] * a + motion[at + 1, i] * b)) * share
-            rates[i] = 0.0
         for i in range(at):
             y[i] += term[i]
+
+
+@borrowing
+def add_memories_and_forces(motion, sizes, k, power, y, term, rates):
+    """Adds to rates (n + r) what memories and forces by the cam angle contribute to term k of a power series."""
+    at = sizes.state
+    for j in range(2 * sizes.masses, at):
+        for i in range(len(rates)):
+            rates[i] += motion[j, i] * term[j]
+    for j in range(sizes.forces if k < 2 else 0):
+        force = y[at + sizes.lift + 2 * j + k] * power
+        for i in range(len(rates)):
+            rates[i] += motion[at + 2 + j, i] * force
 
 
 @borrowing
@@ -147,16 +156,24 @@ def short_series_back(rates, sizes, h, tau, g, term, push):
         term[at] = share * h * push[at]
         if q > 1:
             term[at + 1] += share * push[at + 1]
-        for j in range(sizes.forces):
-            term[at + q + 2 * j + 1] = share * term[at + q + 2 * j]
-            term[at + q + 2 * j] = share * h * push[at + 2 + j]
         for i in range(n):
             term[n + i] = share * h * (term[i] + push[n + i])
             term[i] = share * h * push[i]
-        for i in range(2 * n, at):
-            term[i] = share * h * push[i]
+        if rows > n or sizes.forces > 0:
+            memories_and_forces_back(sizes, share, h, term, push)
         for i in range(len(g)):
             g[i] += term[i]
+
+
+@borrowing
+def memories_and_forces_back(sizes, share, h, term, push):
+    """Writes the next term of the series of `short_series_back` by memories and forces by the cam angle."""
+    for i in range(2 * sizes.masses, sizes.state):
+        term[i] = share * h * push[i]
+    for j in range(sizes.forces):
+        at = sizes.state + sizes.lift + 2 * j
+        term[at + 1] = share * term[at]
+        term[at] = share * h * push[sizes.state + 2 + j]
 
 
 @borrowing

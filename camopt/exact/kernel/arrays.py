@@ -18,8 +18,9 @@ MOST_COMBINATIONS = 2**63 - 1
 class TrainArrays(NamedTuple):
     """A train of n masses, e elements in p pieces with w watches, r memories and f forces by the cam angle, SI units.
 
-    An element's pieces have numbers within the element, from 0, and within the train; its memory's number is that in
-    the state (x, v, z). Forms are constant, by_d, by_rate, by_z (see `camopt.exact.affine.pieces`).
+    Pieces have numbers within their element, from 0, and within the train; a memory has that which it has in the state
+    (x, v, z), and a watch that of its row in `law`. Forms are constant, by_d, by_rate, by_z (see
+    `camopt.exact.affine.pieces`).
     """
 
     mass: np.ndarray  # (n)
@@ -32,18 +33,15 @@ class TrainArrays(NamedTuple):
     cam_driven: np.ndarray  # (e) bool
     gap: np.ndarray  # (e)
     memory: np.ndarray  # (e) number of the element's memory, -1 for none
-    memories: np.ndarray  # (r) element of each memory
-    reach: np.ndarray  # (e, 2) bounds of d - z
+    reach: np.ndarray  # (r, 2) bounds of d - z of the elements with a memory
     place: np.ndarray  # (e) what one piece further adds to the number of a combination of pieces
     first: np.ndarray  # (e + 1) first piece of each element
     touch: np.ndarray  # (e) the piece whose elastic force begins at the touch of a contact
     state: np.ndarray  # (p) SEPARATED, COMPRESSED or ACTING
-    force: np.ndarray  # (p, 4)
-    flow: np.ndarray  # (p, 4) rate of the memory
-    watched: np.ndarray  # (p + 1) first watch of each piece
-    watch: np.ndarray  # (w, 4)
-    then: np.ndarray  # (w) the piece of the same element that follows
-    kick: np.ndarray  # (w, 2) jump of force and flow there, over the rate of the watch
+    law: np.ndarray  # (2p + w, 4) forms: the forces of all pieces, the flows of their memories, and all watches
+    watched: np.ndarray  # (p + 1) first watch of each piece, by its row in `law`
+    then: np.ndarray  # (2p + w) the piece of the same element that follows a watch
+    kick: np.ndarray  # (2p + w, 2) jump of force and flow where a watch turns negative, over the watch's rate
 
 
 class CamArrays(NamedTuple):
@@ -74,24 +72,16 @@ def train_arrays(train: Train) -> TrainArrays:
         cam_driven=train.cam_driven,
         gap=train.gap,
         memory=memory,
-        memories=np.array(train.memory, dtype=np.int64),
-        reach=np.array([p.reach for p in parts]),
+        reach=np.array([parts[e].reach for e in train.memory]).reshape(-1, 2),
         place=_places(parts),
         first=first,
         touch=first[:-1] + [p.touch for p in parts],
         state=np.array([p.state for p in pieces]),
-        force=forms[: len(pieces)],
-        flow=forms[len(pieces) : 2 * len(pieces)],
-        watched=watched,
-        watch=forms[2 * len(pieces) :],
-        then=np.array([w.then for w in watches], dtype=np.int64),
-        kick=np.array([w.kick for w in watches]).reshape(-1, 2),
+        law=forms,
+        watched=2 * len(pieces) + watched,
+        then=np.array([-1] * 2 * len(pieces) + [w.then for w in watches]),
+        kick=np.array([(0.0, 0.0)] * 2 * len(pieces) + [w.kick for w in watches]),
     )
-
-
-def forms_in(train: TrainArrays) -> int:
-    """Number of forms of all pieces: forces, flows and watches."""
-    return 2 * len(train.force) + len(train.watch)
 
 
 def _starts(groups: list) -> np.ndarray:

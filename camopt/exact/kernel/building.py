@@ -25,12 +25,12 @@ def linear_system(train, status):
     row = np.empty(motion.shape[1])
     for e in range(len(train.a)):
         piece = train.first[e] + status[e]
-        form_row(train, e, train.force[piece], row)
+        form_row(train, e, train.law[piece], row)
         for pushed, sign in ((train.a[e], -1.0), (train.b[e], 1.0)):
             if pushed >= 0:
                 motion[n + pushed] += sign / train.mass[pushed] * row
         if train.memory[e] >= 0:
-            form_row(train, e, train.flow[piece], row)
+            form_row(train, e, train.law[len(train.state) + piece], row)
             motion[2 * n + train.memory[e]] += row
     return motion
 
@@ -103,14 +103,14 @@ def powers(leap, most):
 
 @compiled
 def watches(train, h, tables, slot, rows):
-    """Writes what is watched in a combination of pieces: rows (w, c), elements and the pieces they change to."""
+    """Writes what is watched in a combination of pieces: rows (w, c), their elements and numbers."""
     count, row = 0, np.empty(tables.motion.shape[1])
     for e in range(len(train.a)):
         piece = tables.pieces[slot, e]
         for w in range(train.watched[piece], train.watched[piece + 1]):
-            form_row(train, e, train.watch[w], row)
+            form_row(train, e, train.law[w], row)
             by_state(row, h, tables.sizes, rows[count])
-            tables.element[slot, count], tables.new[slot, count], tables.watch[slot, count] = e, train.then[w], w
+            tables.element[slot, count], tables.watch[slot, count] = e, w
             count += 1
     tables.count[slot] = count
     return count

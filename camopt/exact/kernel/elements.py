@@ -7,7 +7,7 @@ from camopt.programs import compiled
 @borrowing
 def lift_at(train):
     """Where the lift stands in y: behind the 2n + r numbers of the state."""
-    return 2 * len(train.mass) + len(train.memories)
+    return 2 * len(train.mass) + len(train.reach)
 
 
 @borrowing
@@ -52,11 +52,19 @@ def element_forces(train, status, h, y, force):
 
     `status` (e) are the numbers, within their elements, of the pieces that hold.
     """
+    n, at, law = len(train.mass), lift_at(train), train.law
     for e in range(len(train.a)):
-        d, rate = compression(train, e, h, y)
-        force[e] = value(train.force[train.first[e] + status[e]], d, rate, memory_of(train, e, y))
-        if train.contact[e] and force[e] < 0.0:
-            force[e] = 0.0
+        d, rate = closeness(train.a[e], train.b[e], train.gap[e], n, y)
+        if train.cam_driven[e]:
+            d += y[at]
+            rate += y[at + 1] / h
+        piece = train.first[e] + status[e]
+        f = law[piece, 0] + law[piece, 1] * d + law[piece, 2] * rate
+        force[e] = 0.0 if f < 0.0 and train.contact[e] else f
+    if len(train.reach) > 0:
+        for e in range(len(train.a)):
+            if train.memory[e] >= 0:
+                force[e] += law[train.first[e] + status[e], 3] * y[2 * n + train.memory[e]]
 
 
 @compiled
@@ -66,7 +74,8 @@ def classify(train, h, y, status):
         d, rate = compression(train, e, h, y)
         if train.memory[e] >= 0:
             at = 2 * len(train.mass) + train.memory[e]
-            y[at] = min(max(y[at], d - train.reach[e, 1]), d - train.reach[e, 0])
+            least, most = train.reach[train.memory[e], 0], train.reach[train.memory[e], 1]
+            y[at] = min(max(y[at], d - most), d - least)
         status[e] = piece_that_holds(train, e, d, rate, memory_of(train, e, y))
 
 
@@ -78,7 +87,7 @@ def piece_that_holds(train, e, d, rate, z):
     for _ in range(2 * (train.first[e + 1] - train.first[e])):
         then = -1
         for w in range(train.watched[train.first[e] + piece], train.watched[train.first[e] + piece + 1]):
-            if value(train.watch[w], d, rate, z) < 0.0:
+            if value(train.law[w], d, rate, z) < 0.0:
                 then = train.then[w]
                 break
         if then < 0:
@@ -104,7 +113,7 @@ def find(keys, status, place):
 @borrowing
 def touch_line(train, e):
     """(force at compression zero [N], stiffness [N/m]) of the line on which a contact's elastic force begins."""
-    form = train.force[train.touch[e]]
+    form = train.law[train.touch[e]]
     return form[0], form[1]
 
 

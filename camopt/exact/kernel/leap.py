@@ -20,7 +20,7 @@ def leap_of(train: TrainArrays, rest: np.ndarray) -> Leap:
     """The leap of a train in the pieces of its positions (n) at rest; none where its modes are not distinct, where one
     does not die out, or where the train has a memory: while that moves, it settles far more slowly than modes."""
     n, status = len(rest), np.empty(len(train.a), dtype=np.int64)
-    if len(train.memories):
+    if len(train.reach):
         return no_leap(n)
     classify(train, 1.0, np.concatenate([rest, np.zeros(n + 2)]), status)
     motion = linear_system(train, status)
@@ -43,7 +43,7 @@ def leap_of(train: TrainArrays, rest: np.ndarray) -> Leap:
     watched = [(e, w) for e, p in enumerate(pieces) for w in range(train.watched[p], train.watched[p + 1])]
     rows = np.zeros((len(watched), motion.shape[1]))
     for row, (e, w) in zip(rows, watched, strict=True):
-        form_row(train, e, train.watch[w], row)
+        form_row(train, e, train.law[w], row)
     rows = rows[:, [*range(2 * n), -1]]
     parts = (
         np.array([int(status @ train.place)]),

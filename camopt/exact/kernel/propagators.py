@@ -11,6 +11,7 @@ from threading import Lock
 
 import numpy as np
 
+from camopt.exact.affine.lines import with_chords
 from camopt.exact.kernel.arrays import TrainArrays, train_arrays
 from camopt.exact.kernel.building import fill, linear_system
 from camopt.exact.kernel.leap import leap_of
@@ -36,7 +37,7 @@ def highest_frequency(train: Train) -> float:
 def stiffest(arrays: TrainArrays) -> np.ndarray:
     """Number (e) within each element of its piece of the largest stiffness, of several the one damped most."""
     pieces = (np.arange(*ends) for ends in zip(arrays.first[:-1], arrays.first[1:], strict=True))
-    return np.array([np.lexsort(arrays.force[p, 2:0:-1].T)[-1] for p in pieces])
+    return np.array([np.lexsort(arrays.law[p, 2:0:-1].T)[-1] for p in pieces])
 
 
 class Propagators:
@@ -50,7 +51,7 @@ class Propagators:
         combinations = min(FIRST_COMBINATIONS, int(arrays.place[-1]) * int(arrays.first[-1] - arrays.first[-2]))
         self._buffers = empty_tables(self.sizes, len(train.a), int(watches.sum()), at_once, combinations)
         try:
-            self._buffers = self._buffers._replace(leap=leap_of(self.arrays, rest_position(train)))
+            self._buffers = self._buffers._replace(leap=leap_of(self.arrays, rest_position(with_chords(train))))
         except InputError:
             pass  # nothing holds the train at rest
         self.built = self._buffers._replace(keys=self._buffers.keys[:0])

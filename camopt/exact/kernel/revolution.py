@@ -167,7 +167,7 @@ def turn(train, cam, h, tables, work, room, most):
                 return CHATTER, count, switchings
             count = record(rows, count, t, train, work.status, y, h)
         if watch >= 0:
-            work.status[tables.element[slot, watch]] = tables.new[slot, watch]
+            work.status[tables.element[slot, watch]] = train.then[tables.watch[slot, watch]]
             slot, key = find(tables.keys, work.status, train.place)
             switchings += 1
             if switchings > most:

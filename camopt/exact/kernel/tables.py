@@ -46,8 +46,7 @@ class Tables(NamedTuple):
 
     keys: np.ndarray  # (s) numbers of the combinations
     count: np.ndarray  # (s) watches in use
-    element: np.ndarray  # (s, w) the element whose state changes when the watch turns negative
-    new: np.ndarray  # (s, w) the piece that it changes to, by its number within the element
+    element: np.ndarray  # (s, w) the element that switches when the watch turns negative
     watch: np.ndarray  # (s, w) number of the watch within the train
     pieces: np.ndarray  # (s, e) piece of every element, by its number within the train
     states: np.ndarray  # (s, e) their states
@@ -71,7 +70,6 @@ def empty_tables(sizes: Sizes, elements: int, watches: int, at_once: int, combin
         keys=np.full(s, -1),
         count=np.zeros(s, dtype=np.int64),
         element=np.zeros((s, w), dtype=np.int64),
-        new=np.zeros((s, w), dtype=np.int64),
         watch=np.zeros((s, w), dtype=np.int64),
         pieces=np.empty((s, elements), dtype=np.int64),
         states=np.empty((s, elements), dtype=np.int64),

@@ -17,6 +17,7 @@ from camopt.cam.lift import Lift
 from camopt.exact.adjoint.motion import FIRST_SEGMENTS, NO_ROWS, OBSERVATIONS, room_for
 from camopt.exact.adjoint.seeds import empty_seeds
 from camopt.exact.affine.inputs import Inputs
+from camopt.exact.affine.lines import rest_of
 from camopt.exact.engine import AT_ONCE, MOST_SWITCHINGS, NO_TRACE, free_step
 from camopt.exact.kernel.arrays import CamArrays
 from camopt.exact.kernel.propagators import Propagators, propagators
@@ -28,7 +29,6 @@ from camopt.exact.settled.lift_pieces import WIDTH, LiftKey, few_pieces
 from camopt.scene import settled
 from camopt.scene.errors import InputError
 from camopt.scene.quantities import LESS_IS_WORSE
-from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Forcing, Train
 from camopt.scene.vibration import slowest_decay
 
@@ -199,7 +199,7 @@ def _jobs(trains, t: int, cams: int, speeds, starts, decay: float | None, parts:
     steps = np.array([free_step(train, speed) for speed in speeds])
     rate = slowest_decay(train) * 2 * np.pi if decay is None else None
     shape = cams, len(speeds)
-    begin = np.broadcast_to(state_at_rest(train), (*shape, train.state_size)) if starts is None else starts
+    begin = np.broadcast_to(rest_of(train), (*shape, train.state_size)) if starts is None else starts
     cam, speed = (each.ravel() for each in np.indices(shape))
     jobs = []
     for step in np.unique(steps):

@@ -1,0 +1,60 @@
+"""Curved laws by chords: the error of the force is what is said, and the motion's error falls as the force's does."""
+
+import numpy as np
+import pytest
+
+from camopt.exact import chord_error, prepare, with_chords
+from camopt.scene import build_train, load_scene
+from tests.exact.small_trains import ONCE_A_SECOND, STILL, one_mass
+
+HERTZ = 'kind = "contact"\nbetween = ["ground", "m"]\nlaw = "hertz"\nstiffness_N_per_m = 1.0e9'
+PROGRESSIVE = """kind = "spring"
+between = ["ground", "m"]
+law = "progressive"
+preload_N = 50.0
+stiffness_table = [[0, 2.0e4], [4, 3.0e4], [5, 9.0e4]]"""
+HELD = 'kind = "spring"\nbetween = ["ground", "m"]\nstiffness_N_per_m = 1.0'
+
+
+def hertz(d):
+    return 1.0e9 * np.maximum(d, 0.0) ** 1.5
+
+
+def progressive(d):
+    """50 N, and the integral of a stiffness that rises from 2e4 by 1e4 over 4 mm and by 6e4 over the fifth one."""
+    inside = 2.0e4 * d + 0.5 * 2.5e6 * np.clip(d, 0.0, 4e-3) ** 2 + 1.0e4 * np.maximum(d - 4e-3, 0.0)
+    bend = 0.5 * 6.0e7 * np.clip(d - 4e-3, 0.0, 1e-3) ** 2 + 6.0e4 * np.maximum(d - 5e-3, 0.0)
+    return 50.0 + inside + bend
+
+
+@pytest.mark.parametrize(
+    ("element", "law", "range_m"),
+    [(HERTZ, hertz, (0.0, (5000 / 1e9) ** (2 / 3))), (PROGRESSIVE, progressive, (-1e-3, 8e-3))],
+    ids=["hertz", "progressive"],
+)
+@pytest.mark.parametrize("count", [8, 16])
+def test_the_force_misses_by_what_is_said(element, law, range_m, count):
+    train = one_mass(element, HELD)
+    rows, d = with_chords(train, count).laws.table[0], np.linspace(*range_m, 100_001)
+    error = np.abs(np.interp(d, *rows.T) - law(d)).max()
+    assert error == pytest.approx(chord_error(train, count)[0], rel=1e-3)
+    if element == HERTZ:
+        assert error == pytest.approx(5000 / (6 * count**2), rel=1e-3)
+
+
+def test_a_ball_is_pressed_in_as_deep_as_its_energy_says_with_an_error_that_falls_with_the_square():
+    """Hertz contact in closed form: m v^2 / 2 = (2 / 5) k d^(5/2)."""
+    train, speed = one_mass(HERTZ, HELD), 1.0
+    depth = (1.25 * speed**2 / 1e9) ** 0.4
+
+    def deepest(count):
+        state = np.array([0.0, -speed])
+        return -prepare(with_chords(train, count, 6000.0), STILL, 40 * ONCE_A_SECOND, 20_000)(state).x[:, 0].min()
+
+    errors = np.array([abs(deepest(count) - depth) for count in (4, 8, 16)]) / depth
+    assert errors[0] < 0.02 and np.all(errors[:-1] / errors[1:] > 3.0)
+
+
+def test_without_curved_laws_nothing_changes():
+    train = build_train(load_scene("kodama"))
+    assert with_chords(train) is train and not chord_error(train).any()

@@ -1,0 +1,174 @@
+"""A train of every element against located DOP853, and its gradients against central differences of the motion."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from camopt.cam.families.exponent import exponent
+from camopt.exact import prepare
+from camopt.exact.adjoint.gradient import periodic_value_and_gradient, value_and_gradient
+from camopt.exact.adjoint.motion import Samples, TracedMotion
+from camopt.exact.batch import value_and_gradient_many
+from camopt.scene import build_train, parse_scene
+from camopt.scene.rest import state_at_rest
+from camopt.scene.units import MM
+from tests.exact.gradient_problems import by_train, differences, least_error
+from tests.exact.located_real import located
+
+SCENE = parse_scene((Path(__file__).parents[1] / "scene" / "real.toml").read_text(), "real.toml")
+METRICS = ["bounce_mm", "jump_mm", "contact_force_max_N", "seating_velocity_m_per_s", "dynamic_area_mm_deg"]
+STEPS = 10.0 ** np.arange(-3.0, -6.5, -0.5)
+SLOW, FAST = 2000, 4000
+"""Crank speeds [r/min]; at the slow one no contact parts inside the event."""
+
+
+@cache
+def real():
+    return build_train(SCENE), exponent(SCENE)
+
+
+def with_numbers(train, name, value):
+    """The train with other numbers under a name of `ByTrain`."""
+    if name == "forcing":
+        cut = np.cumsum([len(force.angle) for force in train.forcing])[:-1]
+        parts = zip(train.forcing, np.split(value, cut), strict=True)
+        return replace(train, forcing=tuple(replace(force, force=part) for force, part in parts))
+    if name == "stiffness":
+        return replace(train, stiffness=value, laws=replace(train.laws, coefficient=value))
+    if name in ("table", "leak", "travel", "slip"):
+        return replace(train, laws=replace(train.laws, **{name: value}))
+    return replace(train, **{name: value})
+
+
+def number(train, name):
+    if name == "forcing":
+        return np.concatenate([force.force for force in train.forcing])
+    if name == "stiffness":
+        return train.laws.coefficient
+    return getattr(train.laws if name in ("table", "leak", "travel", "slip") else train, name)
+
+
+def direction(train, name):
+    """Changes of the numbers under a name, in proportion to their values; those that no law reads do not matter."""
+    value = number(train, name)
+    size = {"mass_damping": 5.0, "mass_force": 10.0, "gap": 1e-5, "forcing": 50.0, "travel": 1e-6}
+    move = np.cos(np.arange(value.size)).reshape(value.shape) * size.get(name, np.abs(value))
+    if name == "table":
+        move = 1e-2 * move * (np.arange(value.shape[1]) < 4)[:, None]
+    return 0.1 * move if name == "preload" else move
+
+
+def middle(series):
+    return 0.5 * (series[1:] + series[:-1])
+
+
+@pytest.mark.parametrize("rpm", [SLOW, FAST])
+def test_first_revolution_agrees_with_located_dop853(rpm):
+    train, lift = real()
+    angles = np.linspace(-np.pi, np.pi, 721)
+    theirs, count = located(lift, SCENE.cam_speed(rpm), state_at_rest(train), angles)
+    ours = TracedMotion(train, lift, SCENE.cam_speed(rpm), state_at_rest(train)).at(angles)
+    assert np.abs(ours.x - theirs[:, :2]).max() < 1e-6 * MM
+    assert np.abs(ours.memory - theirs[:, 4:]).max() < 1e-6 * MM
+    assert np.abs(ours.v - theirs[:, 2:4]).max() < 1e-6
+    assert min(count[name] for name in ("oil", "friction", "corner", "seat")) >= 2
+
+
+def test_energy_balances():
+    """What the cam and the gas put in goes into motion and into the elements, by trapezia between samples."""
+    train, lift = real()
+    r = prepare(train, lift, SCENE.cam_speed(SLOW), 14_400)(state_at_rest(train))
+    gas, d = train.forcing[0].at(r.angle), train.compression(r.x, r.lift)
+    into_elements = np.sum(middle(r.force) * np.diff(d, axis=0), axis=1)
+    put_in = middle(r.force[:, 0]) * np.diff(r.lift) + middle(gas) * np.diff(r.x[:, 1])
+    kinetic = 0.5 * r.v**2 @ train.mass
+    balance = np.cumsum(into_elements - put_in) + kinetic[1:] - kinetic[0]
+    assert np.abs(balance).max() < 1e-4 * np.sum(np.abs(put_in))
+
+
+@pytest.mark.parametrize("rpm", [SLOW, FAST])
+def test_the_end_of_a_revolution_by_every_number(rpm):
+    train, lift = real()
+    speed, start = SCENE.cam_speed(rpm), state_at_rest(train)
+    weight = np.array([1.0, 1.0, 1e-3, 1e-3, 1.0, 1.0])
+    slopes = TracedMotion(train, lift, speed, start, mechanical=True).pull_back(ends=np.diag(weight))
+    for name in vars(by_train(slopes)):
+        value, move = number(train, name), direction(train, name)
+        exact = np.sum((getattr(by_train(slopes), name) * move).reshape(len(weight), -1), axis=1)
+
+        def ends(h, name=name, value=value, move=move):
+            return TracedMotion(with_numbers(train, name, value + h * move), lift, speed, start).end * weight
+
+        assert least_error(exact, differences(ends, STEPS)) < 1e-5, name
+    for i in range(len(start)):
+        move = np.eye(len(start))[i] * (1e-3 if 2 <= i < 4 else 1e-6)
+        reference = differences(lambda h, m=move: TracedMotion(train, lift, speed, start + h * m).end * weight, STEPS)
+        assert least_error(slopes.by_start @ move, reference) < 1e-5, i
+
+
+@pytest.mark.parametrize("rpm", [SLOW, FAST])
+def test_metrics_by_every_number_from_rest(rpm):
+    train, lift = real()
+    speed = SCENE.cam_speed(rpm)
+    found = value_and_gradient(train, lift, speed, METRICS, mechanical=True)
+    for name in vars(by_train(found)):
+        value, move = number(train, name), direction(train, name)
+        exact = np.sum((getattr(by_train(found), name) * move).reshape(len(METRICS), -1), axis=1)
+
+        def values(h, name=name, value=value, move=move):
+            moved = with_numbers(train, name, value + h * move)
+            return TracedMotion(moved, lift, speed, state_at_rest(moved)).values(METRICS)
+
+        reference = differences(values, STEPS)
+        for i, metric in enumerate(METRICS):
+            if np.any(exact[i]):
+                assert least_error(exact[i : i + 1], reference[:, i : i + 1]) < 1e-5, (name, metric)
+            else:
+                assert np.abs(reference[:, i]).max() < 1e-6, (name, metric)
+
+
+def test_by_the_cam_and_by_samples():
+    train, lift = real()
+    speed, start = SCENE.cam_speed(FAST), state_at_rest(train)
+    motion, angles = TracedMotion(train, lift, speed, start, mechanical=True), np.array([-1.0, -0.5, 0.3, 1.0, 2.5])
+    at = motion.at(angles)
+    parts = {name: np.random.default_rng(1).normal(size=(1, *np.shape(part))) for name, part in vars(at).items()}
+    scale = {"v": 1e-3, "lift_rate": 1e-3, "force": 1e-6}
+    bars = Samples(**{name: part * scale.get(name, 1.0) for name, part in parts.items()})
+    slopes = motion.pull_back(angles, bars)
+    change = np.random.default_rng(2).normal(size=lift.coefficients.shape) * np.abs(lift.coefficients)
+
+    def total(h):
+        moved = replace(lift, coefficients=lift.coefficients + h * change)
+        at = TracedMotion(train, moved, speed, start).at(angles)
+        return np.array([sum(np.sum(getattr(bars, name)[0] * part) for name, part in vars(at).items())])
+
+    exact = np.sum(slopes.by_coefficients * change, axis=(1, 2))
+    assert least_error(exact, differences(total, STEPS * 1e-2)) < 1e-5
+
+
+def test_a_batch_gives_what_one_motion_gives():
+    train, lift = real()
+    speeds = [SCENE.cam_speed(rpm) for rpm in (SLOW, FAST)]
+    many = value_and_gradient_many(train, [lift] * 2, speeds, METRICS, mechanical=True)
+    for one, speed in zip(many, speeds, strict=True):
+        alone = value_and_gradient(train, lift, speed, METRICS, mechanical=True)
+        assert one is not None
+        np.testing.assert_allclose(one.values, alone.values, rtol=1e-12)
+        np.testing.assert_allclose(one.by_coefficients, alone.by_coefficients, rtol=1e-12)
+        for name, slope in vars(by_train(alone)).items():
+            np.testing.assert_allclose(getattr(by_train(one), name), slope, rtol=1e-12, err_msg=name)
+
+
+def test_a_periodic_motion_carries_its_memories():
+    """The settled state with slow leakage, found by Newton's method on the cycle map's Jacobian."""
+    train, lift = real()
+    speed, state = SCENE.cam_speed(SLOW), state_at_rest(train)
+    for _ in range(8):
+        _, jacobian = periodic_value_and_gradient(train, lift, speed, METRICS[-1:], state)
+        after = prepare(train, lift, speed).advance(state)
+        state = state + np.linalg.lstsq(np.eye(len(state)) - jacobian, after - state, rcond=1e-9)[0]
+    assert np.abs(prepare(train, lift, speed).advance(state) - state).max() < 1e-9
