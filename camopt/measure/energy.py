@@ -2,12 +2,13 @@
 
 With compressions d and elastic forces p = preload + k d the equations of motion give, over any span,
     in - damped - left = change of kinetic energy + change of elastic energy,
-    in = int f lift' dt (cam-driven elements) + int force v dt,
-    damped = int c d'^2 dt (acting elements) + int c v^2 dt (masses),
+    in = int f lift' dt (cam-driven elements) + int force v dt (constant ones, and those by the cam angle),
+    damped = int c d'^2 dt (acting elements) + int c v^2 dt (masses) + slip |way slid| (friction)
+             + int f^2 / leak dt (oil),
 and `left` is what a contact still holds when its force reaches zero: -int p d' dt while it is compressed without force.
-With U = p^2 / (2 k) that is U(opening) where it separates and U(opening) - U(closing) where it closes again, so that
-nothing is counted that comes back (docs/model.md). The contact law is written here once more and is evaluated on the
-motion alone: the balance closes only if the method that made the record integrated these equations.
+With U, which is p^2 / (2 k) under a linear law, that is U(opening) where it separates and U(opening) - U(closing) where
+it closes again, so that nothing is counted that comes back (docs/model.md). The laws are written here once more and are
+evaluated on the motion alone: the balance closes only if the method that made the record integrated these equations.
 """
 
 from dataclasses import dataclass
@@ -15,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from camopt.cam.lift import Lift
+from camopt.measure.elastic import Elastic
 from camopt.scene.response import Response
 from camopt.scene.shapes import Float
-from camopt.scene.train import Train
 
 NODES, WEIGHTS = (np.polynomial.legendre.leggauss(5)[0] + 1) / 2, np.polynomial.legendre.leggauss(5)[1] / 2
 """Gauss-Legendre on [0, 1], exact to degree 9: the square of a quintic's slope has degree 8."""
@@ -28,8 +29,8 @@ class Energy:
     """Energies [J] of a record of k samples, by its n masses and e elements."""
 
     by_cam: Float[np.ndarray, " e"]  # work of the cam through each element
-    by_forces: Float[np.ndarray, " n"]  # work of the constant forces
-    damped: Float[np.ndarray, " e"]  # dissipated by the elements' dampers
+    by_forces: Float[np.ndarray, " n"]  # work of the constant forces and of those by the cam angle
+    damped: Float[np.ndarray, " e"]  # dissipated by the elements' dampers, by friction and by leakage
     damped_to_ground: Float[np.ndarray, " n"]  # dissipated by the masses' dampers
     left: Float[np.ndarray, " e"]  # left in contacts that opened while still compressed
     kinetic: Float[np.ndarray, " k"]
@@ -37,12 +38,12 @@ class Energy:
 
     @property
     def put_in(self) -> float:
-        """Work of cam and constant forces [J]."""
+        """Work of cam and given forces [J]."""
         return float(self.by_cam.sum() + self.by_forces.sum())
 
     @property
     def dissipated(self) -> float:
-        """Energy taken by all dampers [J], without what opened contacts keep."""
+        """Energy taken by dampers, friction and leakage [J], without what opened contacts keep."""
         return float(self.damped.sum() + self.damped_to_ground.sum())
 
     @property
@@ -65,36 +66,41 @@ def energy(response: Response, lift: Lift) -> Energy:
     """The energy balance of a record of any length by any method that opens contacts where their force reaches zero.
 
     Between samples the motion is taken as the quintic through positions, velocities and accelerations. Accelerations
-    follow from the recorded forces on the interval's own side of a force jump; the lift is exact. Where contacts switch
-    at samples, as in event-exact motion, only this interpolation errs: by less than 1e-9 of the stored energy at 7200
-    samples in a revolution of the built-in scenes. Where contacts switch between samples, the residual is the method's
-    own error. Raises InputError for nonlinear laws.
+    follow from the recorded forces on the interval's own side of a force jump; the lift is exact. Where the elements
+    switch at samples, as in event-exact motion, only this interpolation errs: by less than 1e-9 of the stored energy at
+    7200 samples in a revolution of the built-in scenes. Where they switch between samples, the residual is the method's
+    own error.
     """
-    response.train.require_linear("the energy balance", "judge such a train by the agreement of its methods")
-    t, time = response.train, response.time
+    t, time, elastic = response.train, response.time, Elastic(response.train)
     start = np.flatnonzero(np.diff(time) > 0)
     h = np.diff(time)[start]
-    acceleration = _acceleration(response)
+    given = _given_forces(response)
+    acceleration = _acceleration(response, given)
     totals = np.zeros((3, len(t.a))), np.zeros((2, len(t.mass)))
     for node, weight in zip(NODES, WEIGHTS, strict=True):
         x, v = _quintic(response.x, response.v, acceleration, start, h, node)
         angle = response.angle[start] + node * np.diff(response.angle)[start]
         lift_rate = lift(angle, 1) * response.cam_speed
-        by_element, by_mass = _powers(t, x, v, lift(angle), lift_rate)
+        by_element, by_mass = _powers(elastic, x, v, lift(angle), lift_rate)
+        if t.forcing:  # in straight lines between samples at its corners
+            by_mass[0] += (given[start] + node * (given[start + 1] - given[start])) * v
+        for e in elastic.oil:
+            by_element[1, :, e] += _leaking(response, elastic, (start, h, node), t.compression(x, lift(angle)), e)
         totals[0][:] += weight * np.einsum("i,qie->qe", h, by_element)
         totals[1][:] += weight * np.einsum("i,qin->qn", h, by_mass)
     kinetic = 0.5 * response.v**2 @ t.mass
-    pressed = t.preload + t.stiffness * t.compression(response.x, response.lift)
-    pressed = np.where(t.contact, np.maximum(pressed, 0.0), pressed)
-    elastic = np.sum(0.5 * pressed**2 / t.stiffness, axis=1)
+    stored = elastic.stored(t.compression(response.x, response.lift), response.memory)
     (by_cam, damped, left), (by_forces, damped_to_ground) = totals
-    return Energy(by_cam, by_forces, damped, damped_to_ground, left, kinetic, elastic)
+    for e in elastic.friction:
+        damped[e] += t.laws.slip[e] * np.abs(np.diff(response.memory[:, t.memory.index(e)])).sum()
+    return Energy(by_cam, by_forces, damped, damped_to_ground, left, kinetic, np.sum(stored, axis=1))
 
 
-def _powers(t: Train, x, v, rise, rise_rate) -> tuple[Float[np.ndarray, "3 m e"], Float[np.ndarray, "2 m n"]]:
+def _powers(law: Elastic, x, v, rise, rise_rate) -> tuple[Float[np.ndarray, "3 m e"], Float[np.ndarray, "2 m n"]]:
     """Powers [W] at m instants: by cam, to dampers, left behind; of constant forces, to dampers to ground."""
+    t = law.train
     rate = t.compression(v, rise_rate) + t.gap  # the gap is no velocity
-    elastic = t.preload + t.stiffness * t.compression(x, rise)
+    elastic = law.force(t.compression(x, rise))
     force = elastic + t.damping * rate
     acting = ~t.contact | ((elastic > 0) & (force > 0))
     letting_go = t.contact & (elastic > 0) & (force <= 0)
@@ -104,10 +110,32 @@ def _powers(t: Train, x, v, rise, rise_rate) -> tuple[Float[np.ndarray, "3 m e"]
     return np.stack([by_cam, damped, left]), np.stack([t.mass_force * v, t.mass_damping * v**2])
 
 
-def _acceleration(response: Response) -> Float[np.ndarray, "k n"]:
-    """Accelerations that follow from the recorded forces [m/s^2]."""
+def _leaking(response: Response, law: Elastic, place: tuple, d: np.ndarray, e: int) -> Float[np.ndarray, " m"]:
+    """Power [W] that oil loses at a place (intervals `start`, their h [s], share) with compressions d (m, e).
+
+    Its memory is taken as the cubic through its values and rates, f / leak, at both ends. Where it pushes at
+    neither, it loses nothing.
+    """
+    (start, h, u), t = place, law.train
+    z, f, leak = response.memory[:, t.memory.index(e)], response.force[:, e], t.laws.leak[e]
+    rise, first, last = z[start + 1] - z[start], h * f[start] / leak, h * f[start + 1] / leak
+    between = z[start] + u * (first + u * (3 * rise - 2 * first - last + u * (first + last - 2 * rise)))
+    pushes = (f[start] > 0.0) | (f[start + 1] > 0.0)
+    return np.where(pushes, law.kept(d[:, e], between, e), 0.0) ** 2 / leak
+
+
+def _given_forces(response: Response) -> Float[np.ndarray, "k n"]:
+    """Forces on the masses by the cam angle [N]."""
+    total = np.zeros_like(response.x)
+    for forcing in response.train.forcing:
+        total[:, forcing.on] += forcing.at(response.angle)
+    return total
+
+
+def _acceleration(response: Response, given: Float[np.ndarray, "k n"]) -> Float[np.ndarray, "k n"]:
+    """Accelerations that follow from the recorded forces and the given ones [m/s^2]."""
     t = response.train
-    total = t.mass_force - t.mass_damping * response.v
+    total = t.mass_force - t.mass_damping * response.v + given
     for e in range(len(t.a)):
         if t.a[e] >= 0:
             total[:, t.a[e]] -= response.force[:, e]

@@ -8,7 +8,7 @@ polishes. A fixed point is a motion only if disturbances die out, so it counts w
 there is below one.
 
 `settle` comes here only where surge is slow to die out. To its 1 um plain revolutions are as quick on a damped train,
-the radius alone costs 2n revolutions, and where contacts bounce the kinks of G stop both accelerations. The direct
+the radius alone costs 2n + r revolutions, and where contacts bounce the kinks of G stop both accelerations. The direct
 search also pays where the state must stand to nanometres.
 """
 
@@ -39,20 +39,20 @@ SMALLEST_DIRECTION = 1e-8
 """Relative singular value below which a direction of the mixed states is round-off."""
 
 Jacobian = Callable[[np.ndarray], np.ndarray]
-"""Derivative (2n, 2n) of the cycle map at a state (2n), in SI units."""
+"""Derivative (2n + r, 2n + r) of the cycle map at a state (2n + r), in SI units."""
 
 
 @dataclass(frozen=True)
 class PeriodicState:
     """A stable periodic state or, where none was found, how far the states wander from revolution to revolution.
 
-    States (2n) are positions [m] and then velocities [m/s] at -180 degrees.
+    States (2n + r) are positions [m], velocities [m/s] and memories [m] at -180 degrees.
     """
 
     periodic: bool
     state: State  # the periodic one, or the last of the plain revolutions
     residual: float  # smallest change over a revolution that was reached, in units of 1 um and 1 mm/s
-    multipliers: np.ndarray  # (2n) Floquet multipliers, the eigenvalues of the map's Jacobian
+    multipliers: np.ndarray  # (2n + r) Floquet multipliers, the eigenvalues of the map's Jacobian
     revolutions: int  # run in all, those of the finite differences and of the range included
     revolutions_to_state: int  # run until the fixed point was reached, or given up
     low: State  # smallest value of every component over RANGED revolutions
@@ -70,8 +70,9 @@ class _Cycle:
     It raises MotionRefused for a state that is not finite after the revolution.
     """
 
-    def __init__(self, revolve: Revolve, n: int):
-        self.revolve, self.scale, self.count = revolve, np.repeat(UNIT, n), 0
+    def __init__(self, revolve: Revolve, n: int, memories: int):
+        self.revolve, self.count = revolve, 0
+        self.scale = np.repeat((*UNIT, UNIT[0]), (n, n, memories))
 
     def __call__(self, y: State) -> State:
         self.count += 1
@@ -80,21 +81,22 @@ class _Cycle:
             raise MotionRefused("the motion has no bound: the step is past the method's stability limit")
         return after
 
-    def jacobian(self, y: State, after: State) -> Float[np.ndarray, "two_n two_n"]:
+    def jacobian(self, y: State, after: State) -> Float[np.ndarray, "state state"]:
         """The derivative of the map at y, whose image is `after`, by forward differences."""
         columns = [(self(y + DIFFERENCE * unit) - after) / DIFFERENCE for unit in np.eye(len(y))]
         return np.stack(columns, axis=1)
 
 
-def periodic_state(revolve: Revolve, state: State, jacobian: Jacobian | None = None) -> PeriodicState:
-    """The periodic state of a method's revolution, looked for from `state` (2n), which is in [m], then in [m/s].
+def periodic_state(
+    revolve: Revolve, state: State, jacobian: Jacobian | None = None, *, memories: int = 0
+) -> PeriodicState:
+    """The periodic state of a method's revolution, looked for from `state` (2n + r: [m], [m/s], [m]).
 
-    `jacobian` gives the derivative of the cycle map. Without it, finite differences cost 2n revolutions a time. The
-    state found stands to 0.1 nm and 0.1 um/s over a revolution. Raises MotionRefused where the plain motion has no
-    bound.
+    `jacobian` gives the derivative of the cycle map. Without it, finite differences cost 2n + r revolutions a time.
+    `memories` is r, the number of elements with a memory. The state found stands to 0.1 nm and 0.1 um/s over a
+    revolution. Raises MotionRefused where the plain motion has no bound.
     """
-    n = len(state) // 2
-    cycle = _Cycle(revolve, n)
+    cycle = _Cycle(revolve, (len(state) - memories) // 2, memories)
     ratio = cycle.scale[None, :] / cycle.scale[:, None]
 
     def derivative(y: np.ndarray, after: np.ndarray) -> np.ndarray:
@@ -147,7 +149,7 @@ def _anderson(cycle: _Cycle, y: State) -> tuple[State, State]:
     return best
 
 
-def _mixed(states: Float[np.ndarray, "m two_n"], images: Float[np.ndarray, "m two_n"]) -> State:
+def _mixed(states: Float[np.ndarray, "m state"], images: Float[np.ndarray, "m state"]) -> State:
     """The combination of the last m images that, to first order, changes least over a revolution."""
     change = images - states
     differences = np.diff(change, axis=0).T
@@ -162,10 +164,10 @@ def _newton(cycle: _Cycle, derivative, y: State, after: State) -> tuple[State, S
     for _ in range(MOST_NEWTON):
         if _size(after - y) < ACCURACY:
             break
-        new = y - np.linalg.solve(derivative(y, after) - np.eye(len(y)), after - y)
         try:
+            new = y - np.linalg.solve(derivative(y, after) - np.eye(len(y)), after - y)
             image = cycle(new)
-        except MotionRefused:
+        except (MotionRefused, np.linalg.LinAlgError):  # friction that never slides is periodic wherever it sticks
             break
         if _size(image - new) > 0.5 * _size(after - y):
             break

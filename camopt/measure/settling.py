@@ -25,7 +25,10 @@ from camopt.scene.settled import (
 )
 from camopt.scene.shapes import Float, State
 from camopt.scene.train import Train
-from camopt.scene.vibration import slowest_decay
+from camopt.scene.vibration import acting_elements, assembled, slowest_decay
+
+SEATED_SHARE = 0.5
+"""Share of a revolution for which the valve is seated at least."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -49,7 +52,7 @@ class Settled:
 class Measured:
     """The figures of a settled motion without its record, which at a verifier's finest step is hundreds of megabytes.
 
-    All else as of `Settled`; `state` (2n) is the one at the end, from which a finer step goes on.
+    All else as of `Settled`; `state` (2n + r) is the one at the end, from which a finer step goes on.
     """
 
     figures: "Figures"
@@ -86,10 +89,10 @@ def settle(
 ) -> Settled:
     """Runs revolutions from `state` until the motion has settled, and then the revolutions that are measured.
 
-    The motion has settled once the change that is still to come is at most `position` [m] in every position, and in
-    every velocity SETTLED_VELOCITY in the same proportion. If the change d over a revolution shrinks by the factor r
-    from each revolution to the next, the changes to come add up to d r / (1 - r). Here r = exp(-decay), with `decay`
-    as of `decay_per_revolution` for the train, and the sum is never taken to be smaller than d itself.
+    The motion has settled once the change that is still to come is at most `position` [m] in every position and every
+    memory, and in every velocity SETTLED_VELOCITY in the same proportion. If the change d over a revolution shrinks by
+    the factor r from each revolution to the next, the changes to come add up to d r / (1 - r). Here r = exp(-decay),
+    with `decay` as of `decay_per_revolution` for the train, and the sum is never taken to be smaller than d itself.
 
     It runs for at most `most` revolutions, by default PLAIN_REVOLUTIONS. Where the train's slowest mode needs more, a
     search for the periodic motion follows, and then as many revolutions as the mode needs. A motion that has not
@@ -148,19 +151,40 @@ class _Stands:
     position: float
     left: float
 
-    def __call__(self, change: State) -> bool:
-        n, velocity = len(change) // 2, SETTLED_VELOCITY * self.position / SETTLED_POSITION
-        way = self.left * np.abs(change)
-        return bool(way[:n].max() < self.position and way[n:].max() < velocity)
+    def __call__(self, change: State, memories: int) -> bool:
+        velocity = SETTLED_VELOCITY * self.position / SETTLED_POSITION
+        x, v, z = _split(self.left * np.abs(change), memories)
+        return bool(np.max(x) < self.position and np.max(v) < velocity and np.max(z, initial=0.0) < self.position)
 
 
 def _run(revolve: Revolve, state: State, most: int, stands: _Stands) -> tuple[State, int, bool]:
     """Runs at most `most` revolutions until the state stands: (state, number of revolutions, whether it stands)."""
     for revolution in range(1, most + 1):
-        before, state = state, _bounded(next_state(revolve, state))
-        if stands(state - before):
+        before = state
+        state, memories = _turned(revolve, state)
+        if stands(state - before, memories):
             return state, revolution, True
     return state, most, False
+
+
+def _turned(revolve: Revolve, state: State) -> tuple[State, int]:
+    """The state a revolution later, which is in bounds, and how many memories stand at its end.
+
+    They are those of the train, which a method with `advance` tells itself and all others in their response.
+    """
+    if hasattr(revolve, "advance"):
+        after, train = next_state(revolve, state), getattr(revolve, "train", None)
+    else:
+        response = revolve(state)
+        after, train = end_state(response), response.train
+    memories = 0 if train is None else len(train.memory)
+    return _bounded(after, memories), memories
+
+
+def _split(state: State, memories: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions (n), velocities (n) and memories (r) of a state."""
+    n = (len(state) - memories) // 2
+    return state[:n], state[n : 2 * n], state[2 * n :]
 
 
 def _hastened(revolve: Revolve, state: State) -> tuple[State, int]:
@@ -169,7 +193,7 @@ def _hastened(revolve: Revolve, state: State) -> tuple[State, int]:
     Only a stable periodic motion is taken. Whether the motion then stands is decided by plain revolutions from there.
     """
     try:
-        found = periodic_state(revolve, state)
+        found = periodic_state(revolve, state, memories=_turned(revolve, state)[1])
     except MotionRefused:
         return state, 0
     return found.state, found.revolutions
@@ -185,8 +209,29 @@ def settled_from_rest(prepare: Callable[..., Revolve], train: Train, lift: Lift,
 
 
 def decay_per_revolution(train: Train, cam_speed: float) -> float:
-    """Number of e-folds by which the train's slowest mode decays over a revolution at `cam_speed` [rad/s]."""
-    return slowest_decay(train) * 2 * np.pi / cam_speed
+    """Number of e-folds by which the slowest of a train's modes and leaks decays over a revolution at `cam_speed`
+    [rad/s]."""
+    return min(slowest_decay(train), slowest_leak(train)) * 2 * np.pi / cam_speed
+
+
+def slowest_leak(train: Train) -> float:
+    """Least rate [1/s] at which what the oil of an adjuster carries too much leaks away; infinite without oil.
+
+    While the valve is seated, the column of stiffness k stands between cam and seat, whose compliance it feels too, and
+    its force decays at the rate 1 / (leak (1/k + compliance)). The valve is taken to be seated for SEATED_SHARE of a
+    revolution; while it is lifted, the springs keep the force up, and little of it is lost.
+    """
+    if train.laws is None:
+        return np.inf
+    acting = acting_elements(train, "seated")
+    acting[list(train.memory)] = False
+    _, stiffness = assembled(train, acting)
+    rates = []
+    for e in np.flatnonzero(train.laws.leak > 0.0):
+        row = train.compression(np.eye(len(train.mass)), 0.0)[:, e] + train.gap[e]
+        compliance = row @ np.linalg.lstsq(stiffness, row)[0]
+        rates.append(SEATED_SHARE / (train.laws.leak[e] * (1.0 / train.laws.coefficient[e] + compliance)))
+    return float(min(rates, default=np.inf))
 
 
 def first_revolution(revolve: Revolve, state: State) -> Settled:
@@ -200,15 +245,15 @@ def first_revolution(revolve: Revolve, state: State) -> Settled:
     return Settled(joined([first, _finite(revolve(end_state(first)))]), 0, True)
 
 
-def _bounded(state: State) -> State:
+def _bounded(state: State, memories: int) -> State:
     """The state, unless it has left all bounds."""
-    if not np.all(np.isfinite(state)) or np.abs(state[: len(state) // 2]).max() > UNBOUND:
+    if not np.all(np.isfinite(state)) or np.abs(_split(state, memories)[0]).max() > UNBOUND:
         raise MotionRefused("the motion has no bound: the step is past the method's stability limit; take more steps")
     return state
 
 
 def _finite(response: Response) -> Response:
     """The response, unless it has left all bounds on the way or at its end."""
-    _bounded(end_state(response))
-    _bounded(np.abs(response.x).max(axis=0).repeat(2))
+    _bounded(end_state(response), len(response.train.memory))
+    _bounded(np.abs(response.x).max(axis=0).repeat(2), 0)
     return response

@@ -54,7 +54,7 @@ def energy_record(response: Response, lift: Lift) -> dict[str, float]:
 def periodic_record(train: Train, revolve: Revolve, answer: Converged) -> dict:
     """Whether a stable periodic solution lies near a settled motion, how near, and its Floquet multipliers."""
     assert answer.state is not None
-    found, n = periodic_state(revolve, answer.state), len(train.mass)
+    found, n = periodic_state(revolve, answer.state, memories=len(train.memory)), len(train.mass)
     apart = float(np.abs(found.state - answer.state)[:n].max()) if found.periodic else None
     multipliers = sorted(found.multipliers, key=abs, reverse=True)
     return {

@@ -70,7 +70,7 @@ class Converged:
     error: dict[str, float]
     revolutions: int  # from rest until settled
     periodic: bool
-    state: np.ndarray | None  # settled state (2n) at -pi
+    state: np.ndarray | None  # settled state (2n + r) at -pi
 
     def __repr__(self) -> str:
         found = "converged" if self.converged else "not converged"
@@ -114,7 +114,7 @@ def converge(
 class Halving:
     """A method's answers at one speed, each with half the step of the one before.
 
-    `start` (2n) is the state at rest; a finer step continues from the coarser one's settled state. There are at most
+    `start` (2n + r) is the state at rest; a finer step goes on from the coarser one's settled state. There are at most
     `demand.halvings` of them and, after the second, none beyond FINEST_STEPS. The error estimate is MARGIN times the
     largest distance to the coarser answers, COARSER of them at most, and never below FINEST. An aperiodic motion stands
     when it moves by no more than its own range. A halved step takes a step more: were its samples among the coarser
@@ -199,7 +199,7 @@ class Halving:
 
 
 def at_once(many: SettledMany, train: Train, lift: Lift, cam_speed: float, start: np.ndarray) -> Converged:
-    """A method's settled motion from `start` (2n) where it has no samples whose step could be halved.
+    """A method's settled motion from `start` (2n + r) where it has no samples whose step could be halved.
 
     Its errors are those that the method states for motions whose contacts keep; nothing is said to have converged.
     Raises MotionRefused.

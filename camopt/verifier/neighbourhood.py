@@ -14,7 +14,7 @@ from camopt.verifier.convergence import WANDERING_REVOLUTIONS, Converged, Prepar
 
 SPEED_NEIGHBOUR = 1e-3
 LIFT_NEIGHBOUR = 1e-7  # m, at the largest lift
-STATE_NEIGHBOUR = (1e-6, 1e-3)  # m, m/s: as far apart as two states that count as settled
+STATE_NEIGHBOUR = (1e-6, 1e-3)  # m (and m of a memory), m/s: as far apart as two states that count as settled
 
 
 def neighbours(
@@ -26,8 +26,9 @@ def neighbours(
     fast. Raises MotionRefused where a neighbour's motion is refused.
     """
     assert answer.state is not None, "a refused motion has no neighbours"
-    n = len(train.mass)
-    away = np.repeat(STATE_NEIGHBOUR, n) * np.random.default_rng(0).choice([-1.0, 1.0], 2 * n)
+    n, length = len(train.mass), train.state_size
+    units = np.repeat((*STATE_NEIGHBOUR, STATE_NEIGHBOUR[0]), (n, n, length - 2 * n))
+    away = units * np.random.default_rng(0).choice([-1.0, 1.0], length)
     cases = []
     for sign in (-1.0, 1.0):
         scaled = replace(lift, coefficients=lift.coefficients * (1 + sign * LIFT_NEIGHBOUR / lift.max_lift))

@@ -8,11 +8,14 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from importlib import import_module
 
+import numpy as np
+
 from camopt.cam.lift import Lift
 from camopt.measure.limits import broken_by_shape, limited_metrics, motion_limits
 from camopt.measure.resonance import resonances
 from camopt.measure.sweep import SEARCH_STEP_RPM, STARTS_MM, Band, SettledMany, Swept, first_exceeding, sweep
 from camopt.scene.errors import InputError
+from camopt.scene.laws import HERTZ, PROGRESSIVE
 from camopt.scene.response import Revolve
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
@@ -23,9 +26,11 @@ from camopt.verifier.methods import INDEPENDENT, rkg, verdict_methods
 from camopt.verifier.record import verification, why_not_confirmed
 
 METHODS = ("event", "rkg", "tmm", "houbolt")
-"""Methods for a train whose laws are linear."""
+"""Methods for a train whose laws are straight lines in pieces; the first of them where `_event_exact_carries` it."""
 NONLINEAR_METHODS = ("dop853", "rkg")
-"""Methods for a train with other laws; DOP853 carries linear ones too."""
+"""Methods for a train with Hertz or progressive laws; DOP853 carries all others too."""
+CURVED = HERTZ, PROGRESSIVE
+"""Laws that are no straight lines."""
 ROUNDS = 2
 """How often the worst speeds of a band are judged: where a motion is erratic the judged figure is not the sweep's, and
 another speed is the worst then."""
@@ -104,10 +109,10 @@ def verdict_on(
     `methods` are "event" or names of INDEPENDENT, by default the first two for the scene's laws; the first one's
     figures are reported and its neighbourhood is searched; two at least are needed for an agreement, so a single
     method ends as "not converged". `band_step_rpm` None leaves the band and the starting speeds out; they are swept
-    with event-exact (Runge-Kutta-Gill for nonlinear laws), also where a lightly damped mode resonates between its
-    steps, and all methods look at the worst speed of every limited metric and at the starting speeds inside the band.
-    Bounce and jump "start" where they exceed the scene's limit, or 0.05 mm where it sets none. `demand` says how far
-    every method is asked to go; its limited metrics are the scene's. Without `to_the_end` a cam that is rejected at
+    with event-exact (Runge-Kutta-Gill for laws that it does not take), also where a lightly damped mode resonates
+    between its steps, and all methods look at the worst speed of every limited metric and at the starting speeds inside
+    the band. Bounce and jump "start" where they exceed the scene's limit, or 0.05 mm where it sets none. `demand` says
+    how far every method is asked to go; its limited metrics are the scene's. Without `to_the_end` a cam that is rejected at
     `speeds_rpm` is swept in steps of at least SEARCH_STEP_RPM, and no method looks at the worst of them: the answer
     stands. Raises InputError for a scene without valve or operation, or an unknown method.
     """
@@ -190,7 +195,12 @@ def _swept_band(
 
 def methods_for(train: Train) -> tuple[str, ...]:
     """Names of all methods that judge a train, the most accurate first."""
-    return METHODS if train.laws is None else NONLINEAR_METHODS
+    return METHODS if _event_exact_carries(train) else NONLINEAR_METHODS
+
+
+def _event_exact_carries(train: Train) -> bool:
+    """Whether event-exact takes the train's laws as they are; curved ones it takes by chords, for searches."""
+    return train.laws is None or not np.any(np.isin(train.laws.kind, CURVED))
 
 
 def method_named(name: str) -> Prepare:
@@ -204,7 +214,7 @@ def method_named(name: str) -> Prepare:
 
 def _at_once(train: Train) -> tuple[str, SettledMany | None]:
     """The name of the method of sweeps, and what measures many of its motions together, if anything does."""
-    if train.laws is None:
+    if _event_exact_carries(train):
         from camopt.exact.settled import settled_metrics
 
         return "event", settled_metrics
@@ -212,8 +222,8 @@ def _at_once(train: Train) -> tuple[str, SettledMany | None]:
 
 
 def _sweeping(train: Train) -> Callable[[Train, Lift, float], Revolve]:
-    """The method of sweeps: event-exact at its own step, the same at all speeds, unless laws are nonlinear."""
-    if train.laws is None:
+    """The method of sweeps: event-exact at its own step, the same at all speeds, where it carries the train."""
+    if _event_exact_carries(train):
         from camopt.exact import engine
 
         return engine.prepare

@@ -2,18 +2,21 @@
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from camopt.cam.families.exponent import exponent
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import prepare
 from camopt.measure.energy import energy
 from camopt.scene import build_train, load_scene
+from camopt.scene.laws import PROGRESSIVE
 from camopt.scene.response import end_state, joined
 from camopt.scene.rest import state_at_rest
-from camopt.verifier.methods import rkg, tmm
-from tests.verifier.trains import ball_on_seat, no_lift, smooth_lift, two_springs
+from camopt.verifier.methods import dop853, rkg, tmm
+from tests.verifier.trains import ball_on_seat, laws, no_lift, smooth_lift, two_springs
 
 CLOSED = 1e-8
 """Residual by the largest stored energy that counts as closed: docs/model.md defines what counts as dissipated."""
@@ -98,3 +101,74 @@ def test_without_located_contacts_the_residual_is_the_error_of_the_method(method
     runs = [method.prepare(two_springs(), lift, 1.5, steps)(start) for steps in (1600, 6400)]
     coarse, fine = (abs(energy(run, lift).residual) for run in runs)
     assert np.log(coarse / fine) / np.log(4) == pytest.approx(order, abs=0.25)
+
+
+REAL = Path(__file__).parents[1] / "scene/real.toml"
+
+
+@cache
+def real_revolution(rpm, method="dop853", steps=7200):
+    scene = load_scene(REAL)
+    train, lift = build_train(scene), exponent(scene)
+    prepare = {"dop853": dop853.prepare, "rkg": rkg.prepare}[method]
+    return prepare(train, lift, scene.cam_speed(rpm), steps)(state_at_rest(train)), lift
+
+
+@pytest.mark.parametrize("rpm", [2000, 4000])
+def test_balance_closes_with_table_oil_friction_and_gas_force(rpm):
+    response, lift = real_revolution(rpm)
+    found = energy(response, lift)
+    lost = dict(zip(response.train.element_names, found.damped, strict=True))
+    peak = found.stored.max()
+    assert abs(found.residual_relative) < CLOSED
+    assert all(lost[name] > 1e-5 * peak for name in ("guide", "lifter-oil", "beehive", "seat"))
+    assert abs(found.by_forces.sum()) > 1e-2 * peak
+    slid = np.abs(np.diff(response.memory[:, 0])).sum()
+    assert lost["guide"] == pytest.approx(15.0 * slid, rel=1e-12)
+
+
+@pytest.mark.parametrize(("law", "element"), [("slip", "guide"), ("leak", "lifter-oil"), ("table", "beehive")])
+def test_a_record_under_another_law_does_not_balance(law, element):
+    response, lift = real_revolution(4000)
+    opening = slice(np.searchsorted(response.angle, 0.0))  # over a revolution a spring gives back what it took
+    parts = {name: getattr(response, name)[opening] for name in ("angle", "lift", "x", "v", "force", "memory")}
+    response = replace(response, **parts)
+    assert abs(energy(response, lift).residual_relative) < CLOSED
+    train = response.train
+    numbers, e = getattr(train.laws, law).copy(), train.element_names.index(element)
+    numbers[e] *= np.array([1.0, 1.001]) if law == "table" else 1.001
+    other = replace(train, laws=replace(train.laws, **{law: numbers}))
+    assert abs(energy(replace(response, train=other), lift).residual_relative) > 10 * CLOSED
+
+
+def test_a_record_under_another_gas_force_does_not_balance():
+    response, lift = real_revolution(4000)
+    (gas,) = response.train.forcing
+    other = replace(response.train, forcing=(replace(gas, force=1.001 * gas.force),))
+    assert abs(energy(replace(response, train=other), lift).residual_relative) > 10 * CLOSED
+
+
+def test_the_residual_of_a_real_train_falls_with_the_steps_of_a_method():
+    def residual(steps):
+        runs = [real_revolution(4000, "rkg", steps + more) for more in range(1, 6)]
+        return np.mean([abs(energy(*run).residual_relative) for run in runs])
+
+    coarse, fine = residual(3600), residual(57_600)
+    assert fine < 2 / 16 * coarse  # order 1 across a damped closing
+
+
+def test_balance_closes_with_hertz_contacts():
+    scene = load_scene("kodama-hertz")
+    train, lift = build_train(scene), polydyne(load_scene("kodama"))
+    found = energy(dop853.prepare(train, lift, scene.cam_speed(6000), 7200)(state_at_rest(train)), lift)
+    assert abs(found.residual_relative) < CLOSED and found.left.sum() > 1e3 * CLOSED * found.stored.max()
+
+
+def test_balance_closes_with_a_preloaded_progressive_seat():
+    rows, preload, fall = np.array([[-1e-3, 3e4], [2e-4, 3e4], [6e-3, 9e4]]), 8.0, 0.05
+    train = ball_on_seat(3e4, 60.0)
+    train = replace(train, preload=np.array([preload]), laws=laws([PROGRESSIVE], 3e4, table=rows))
+    response = dop853.prepare(train, no_lift(), 2 * np.pi / 0.4, 7200)(np.array([fall, 0.0]))
+    found = energy(response, no_lift())
+    assert response.force.max() > 20 * preload and found.damped.sum() > 0.1 * found.stored.max()
+    assert abs(found.residual_relative) < CLOSED

@@ -2,18 +2,24 @@
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from camopt.cam.families.exponent import exponent
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import prepare
 from camopt.measure import periodic
 from camopt.measure.periodic import periodic_state
 from camopt.scene import MotionRefused, build_train, load_scene
+from camopt.scene.laws import FRICTION, LINEAR, OIL
 from camopt.scene.response import end_state
 from camopt.scene.rest import state_at_rest
+from camopt.scene.train import GROUND
+from camopt.verifier.methods import rkg
 from tests.measure.test_settling import revolve_to
+from tests.verifier.trains import laws, no_lift, train
 
 FIXED = np.array([2e-3, -0.7])
 UNIT = np.array(periodic.UNIT)
@@ -130,3 +136,44 @@ def test_a_bouncing_train_is_aperiodic():
     found = periodic_state(prepare(train, polydyne(scene), scene.cam_speed(7000)), rest)
     assert not found.periodic and found.residual > 1
     assert (found.high - found.low)[: len(train.mass)].max() > 1e-5
+
+
+REAL = Path(__file__).parents[1] / "scene/real.toml"
+
+
+def test_the_periodic_state_of_a_train_with_memories():
+    scene = load_scene(REAL)
+    train = build_train(scene)
+    revolve = rkg.prepare(train, exponent(scene), scene.cam_speed(3000), 7200)
+    found = periodic_state(revolve, state_at_rest(train), memories=len(train.memory))
+    assert found.periodic and len(found.multipliers) == train.state_size
+    after = revolve(found.state)
+    assert np.abs(end_state(after) - found.state)[[0, 1, 4, 5]].max() < 1e-10
+    assert np.ptp(after.memory, axis=0).min() > 1e-6  # the adjuster leaks and is filled, friction slides
+
+
+def test_a_leak_that_takes_hundreds_of_revolutions_is_found_directly():
+    """A mass of 1 N on an oil column beside a spring sinks until the spring alone carries it."""
+    k, spring, period = 1e6, 1e3, 0.05
+    leak = 300 * period * spring  # the force fades by exp(-1 / 300) a revolution
+    elements = [(GROUND, 0, False, False, k, 0.0, 0.0, 0.0), (GROUND, 0, False, False, spring, 0.0, 0.0, 0.0)]
+    column = replace(
+        train([0.1], elements, force=-1.0, mass_damping=50.0), laws=laws([OIL, LINEAR], [k, spring], leak=[leak, 0.0])
+    )
+    revolve = rkg.prepare(column, no_lift(), 2 * np.pi / period, 1440)
+    found = periodic_state(revolve, np.zeros(3), memories=1)
+    sunk = 1.0 / spring
+    assert found.state == pytest.approx([-sunk, 0.0, sunk], abs=1e-3 * sunk)
+    assert found.revolutions_to_state < 40
+    # a longer column fills at once and a shorter one sinks: the rate is that of one side or a mixture of both
+    assert found.radius < 1.0
+
+
+def test_friction_that_never_slides_leaves_a_multiplier_of_one():
+    """Wherever it sticks, the motion is periodic: no state of them is the one that disturbances come back to."""
+    elements = [(0, GROUND, False, False, 1e5, 0.0, 0.0, 0.0), (0, GROUND, False, False, 1e5, 60.0, 0.0, 0.0)]
+    stuck = replace(train([0.1], elements), laws=laws([FRICTION, LINEAR], [1e5, 1e5], slip=[50.0, 0.0]))
+    revolve = rkg.prepare(stuck, no_lift(), 2 * np.pi / 0.05, 1440)
+    found = periodic_state(revolve, np.array([1e-4, 0.0, 1e-5]), memories=1)
+    assert not found.periodic and found.residual < 1e-4
+    assert np.abs(found.multipliers).max() == pytest.approx(1.0, abs=1e-6)

@@ -1,11 +1,15 @@
 """Settling on motions whose next state is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from camopt.measure.settling import Figures, settle
+from camopt.measure.settling import Figures, settle, slowest_leak
 from camopt.scene import MotionRefused, Response
-from tests.verifier.trains import ball_on_seat
+from camopt.scene.laws import LINEAR, OIL
+from camopt.scene.train import GROUND
+from tests.verifier.trains import ball_on_seat, laws, train
 
 TRAIN = ball_on_seat(1e5, 1.0)
 
@@ -49,3 +53,53 @@ def test_worst_is_largest_or_where_less_is_worse_smallest():
     assert figures.worst("bounce_mm") == 0.4 and figures.range("bounce_mm") == (0.1, 0.4)
     assert figures.worst("contact_force_min_N") == 10.0
     assert np.isnan(Figures({"bounce_mm": np.array([0.1, np.nan])}).worst("bounce_mm"))
+
+
+def remembering(after):
+    """A method of a train with one mass and one memory whose revolution ends in `after(state)`."""
+    oil = replace(TRAIN, laws=laws([OIL], 1e5, leak=1.0))
+
+    def revolve(state):
+        ends = np.stack([state, after(state)])
+        zeros = np.zeros(2)
+        return Response(
+            oil, 1.0, np.array([-np.pi, np.pi]), zeros, ends[:, :1], ends[:, 1:2], zeros[:, None], ends[:, 2:]
+        )
+
+    return revolve
+
+
+def test_a_memory_settles_as_a_position_does():
+    # 2^-k passes 1 um, for which a memory waits too, at k = 20, and as a velocity it would at k = 10
+    settled = settle(remembering(lambda y: 0.5 * y), np.array([0.0, 0.0, 1.0]))
+    assert settled.periodic and settled.revolutions == 20
+    assert settled.response.memory[0, 0] == 0.5**20
+    assert settle(remembering(lambda y: 0.5 * y), np.array([0.0, 1.0, 0.0])).revolutions == 10
+
+
+def test_an_adjuster_whose_leak_takes_revolutions_must_stand_closer():
+    """What is still to come counts, and not only the last change."""
+    slow = remembering(lambda y: 0.9 * y)
+    assert settle(slow, np.array([0.0, 0.0, 5e-6])).revolutions == 1
+    settled = settle(slow, np.array([0.0, 0.0, 5e-6]), decay=-np.log(0.9))
+    assert settled.periodic and settled.response.memory[0, 0] < 1e-6 / 0.9
+
+
+def test_the_leak_of_a_seated_adjuster_is_that_of_its_force():
+    """A column k between a cam contact and a seat of k each keeps its force for leak (1/k + 2/k)."""
+    k, leak = 2e7, 1e5
+    elements = [
+        (GROUND, 0, True, True, k, 0.0, 0.0, 0.0),
+        (0, 1, False, False, k, 0.0, 0.0, 0.0),
+        (GROUND, 1, True, False, k, 0.0, 100.0, 0.0),
+    ]
+    parts = train([0.1, 0.1], elements, force=np.array([-10.0, -10.0]), valve=1, seat=2, cam_side=(0,))
+    parts = replace(parts, laws=laws([LINEAR, OIL, LINEAR], k, leak=[0.0, leak, 0.0]))
+    assert slowest_leak(parts) == pytest.approx(0.5 * k / (3 * leak), rel=1e-9)
+    assert slowest_leak(TRAIN) == np.inf
+
+
+def test_a_motion_without_bound_is_refused_whatever_its_memories_do():
+    with pytest.raises(MotionRefused):
+        settle(remembering(lambda y: y + np.array([1e4, 0.0, 0.0])), np.zeros(3))
+    assert settle(remembering(lambda y: y + np.array([0.0, 1e4, 0.0])), np.zeros(3), most=3).revolutions == 3
