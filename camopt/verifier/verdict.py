@@ -112,9 +112,9 @@ def verdict_on(
     with event-exact (Runge-Kutta-Gill for laws that it does not take), also where a lightly damped mode resonates
     between its steps, and all methods look at the worst speed of every limited metric and at the starting speeds inside
     the band. Bounce and jump "start" where they exceed the scene's limit, or 0.05 mm where it sets none. `demand` says
-    how far every method is asked to go; its limited metrics are the scene's. Without `to_the_end` a cam that is rejected
-    at `speeds_rpm` is swept in steps of at least SEARCH_STEP_RPM, and no method looks at the worst of them: the answer
-    stands. Raises InputError for a scene without valve or operation, or an unknown method.
+    how far every method is asked to go; its limited metrics are the scene's. Without `to_the_end` a cam that is
+    rejected at `speeds_rpm` is swept in steps of at least SEARCH_STEP_RPM, and no method looks at the worst of them:
+    the answer stands. Raises InputError for a scene without valve or operation, or an unknown method.
     """
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name!r}: a verdict needs valve, seat and [operation]")
