@@ -112,9 +112,9 @@ def verdict_on(
     with event-exact (Runge-Kutta-Gill for laws that it does not take), also where a lightly damped mode resonates
     between its steps, and all methods look at the worst speed of every limited metric and at the starting speeds inside
     the band. Bounce and jump "start" where they exceed the scene's limit, or 0.05 mm where it sets none. `demand` says
-    how far every method is asked to go; its limited metrics are the scene's. Without `to_the_end` a cam that is rejected at
-    `speeds_rpm` is swept in steps of at least SEARCH_STEP_RPM, and no method looks at the worst of them: the answer
-    stands. Raises InputError for a scene without valve or operation, or an unknown method.
+    how far every method is asked to go; its limited metrics are the scene's. Without `to_the_end`, a cam that is
+    rejected at `speeds_rpm` is swept in steps of at least SEARCH_STEP_RPM, and no method looks at the worst of them:
+    the answer stands. Raises InputError for a scene without valve or operation, or an unknown method.
     """
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name!r}: a verdict needs valve, seat and [operation]")
@@ -197,12 +197,13 @@ def methods_for(train: Train) -> tuple[str, ...]:
     """Names of all methods that judge a train, the most accurate first."""
     if _event_exact_carries(train):
         return METHODS
-    return NONLINEAR_METHODS if np.any(np.isin(train.laws.kind, CURVED)) else METHODS[1:]
+    curved = train.laws is not None and bool(np.any(np.isin(train.laws.kind, CURVED)))
+    return NONLINEAR_METHODS if curved else METHODS[1:]
 
 
 def _event_exact_carries(train: Train) -> bool:
-    """Whether event-exact takes the train's laws."""
-    return train.laws is None
+    """Whether event-exact takes the train's laws and forces."""
+    return train.laws is None and not train.forcing
 
 
 def method_named(name: str) -> Prepare:
