@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.interpolate import PPoly
 
-from camopt.scene.laws import FRICTION, HERTZ, OIL, PROGRESSIVE, TABLE
+from camopt.scene.laws import FRICTION, HERTZ, OIL, PROGRESSIVE, TABLE, Laws
 from camopt.scene.shapes import Float
 from camopt.scene.train import Train
 
@@ -16,9 +16,9 @@ class Elastic:
 
     def __init__(self, train: Train):
         self.train, self.curves = train, {}
-        laws = train.laws
-        kind = np.zeros(len(train.a), dtype=int) if laws is None else laws.kind
-        self.hertz, self.oil, self.friction = (np.flatnonzero(kind == k) for k in (HERTZ, OIL, FRICTION))
+        self.laws = laws = _linear(train) if train.laws is None else train.laws
+        kind = laws.kind
+        self.hertz, self.oil, self.friction = (np.flatnonzero(kind == k).tolist() for k in (HERTZ, OIL, FRICTION))
         for e in np.flatnonzero((kind == PROGRESSIVE) | (kind == TABLE)):
             force = _curve(laws.table[e], train.preload[e] if kind[e] == PROGRESSIVE else None)
             energy = force.antiderivative()
@@ -27,7 +27,7 @@ class Elastic:
 
     def force(self, d: Float[np.ndarray, "k e"]) -> Float[np.ndarray, "k e"]:
         """Elastic forces [N] at compressions [m]; zero for elements with a memory."""
-        t, laws = self.train, self.train.laws
+        t, laws = self.train, self.laws
         force = t.preload + t.stiffness * d
         for e, (curve, _) in self.curves.items():
             force[:, e] = curve(d[:, e])
@@ -38,7 +38,7 @@ class Elastic:
 
     def stored(self, d: Float[np.ndarray, "k e"], memory: Float[np.ndarray, "k r"]) -> Float[np.ndarray, "k e"]:
         """Elastic energies [J]; a contact that is apart has none."""
-        t, laws = self.train, self.train.laws
+        t, laws = self.train, self.laws
         pressed = t.preload + t.stiffness * d
         pressed = np.where(t.contact, np.maximum(pressed, 0.0), pressed)
         energy = 0.5 * pressed**2 / t.stiffness
@@ -53,15 +53,21 @@ class Elastic:
 
     def kept(self, d: np.ndarray, z: np.ndarray, e: int) -> np.ndarray:
         """Force [N] of an element with a memory z [m]."""
-        t, laws = self.train, self.train.laws
+        t, laws = self.train, self.laws
         if e in self.oil:
             return t.stiffness[e] * np.maximum(0.0, d - z - laws.travel[e])
         return np.clip(t.stiffness[e] * (d - z), -laws.slip[e], laws.slip[e])
 
     def _pressed(self, d: np.ndarray, e: int) -> np.ndarray:
         """Compression of a hertz contact beyond its touch [m]."""
-        t, laws = self.train, self.train.laws
+        t, laws = self.train, self.laws
         return np.maximum(0.0, d[:, e] + (t.preload[e] / laws.coefficient[e]) ** (1.0 / laws.exponent[e]))
+
+
+def _linear(train: Train) -> Laws:
+    """The laws of a train that gives none."""
+    zero = np.zeros(len(train.a))
+    return Laws(zero.astype(int), train.stiffness, zero + 1.0, np.zeros((len(zero), 1, 2)), zero, zero, zero)
 
 
 def _curve(table: np.ndarray, preload: float | None) -> PPoly:

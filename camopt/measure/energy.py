@@ -92,7 +92,7 @@ def energy(response: Response, lift: Lift) -> Energy:
     stored = elastic.stored(t.compression(response.x, response.lift), response.memory)
     (by_cam, damped, left), (by_forces, damped_to_ground) = totals
     for e in elastic.friction:
-        damped[e] += t.laws.slip[e] * np.abs(np.diff(response.memory[:, t.memory.index(e)])).sum()
+        damped[e] += elastic.laws.slip[e] * np.abs(np.diff(response.memory[:, t.memory.index(e)])).sum()
     return Energy(by_cam, by_forces, damped, damped_to_ground, left, kinetic, np.sum(stored, axis=1))
 
 
@@ -117,7 +117,7 @@ def _leaking(response: Response, law: Elastic, place: tuple, d: np.ndarray, e: i
     neither, it loses nothing.
     """
     (start, h, u), t = place, law.train
-    z, f, leak = response.memory[:, t.memory.index(e)], response.force[:, e], t.laws.leak[e]
+    z, f, leak = response.memory[:, t.memory.index(e)], response.force[:, e], law.laws.leak[e]
     rise, first, last = z[start + 1] - z[start], h * f[start] / leak, h * f[start + 1] / leak
     between = z[start] + u * (first + u * (3 * rise - 2 * first - last + u * (first + last - 2 * rise)))
     pushes = (f[start] > 0.0) | (f[start + 1] > 0.0)

@@ -4,7 +4,7 @@ A mode of angular frequency w and damping ratio z resonates with the cam's harmo
 has the relative half width z: there the oscillation has half of its power. While the valve is seated the mode is
 another one than while it is lifted. Its phase runs at one rate and then at the other, so that over a revolution the
 mean counts, weighted with the angles for which the valve is lifted and seated. The centre lies between the two
-frequencies in any case and, under progressive laws, between those of the springs at rest and at full lift.
+frequencies in any case and, under laws by tables, between those of the springs at rest and at full lift.
 """
 
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.scene.laws import PROGRESSIVE
+from camopt.scene.laws import PROGRESSIVE, TABLE
 from camopt.scene.rest import rest_position
 from camopt.scene.schema import Scene
 from camopt.scene.shapes import Float
@@ -82,7 +82,7 @@ def resonances(scene: Scene, lift: Lift, step_rpm: float) -> tuple[list[Resonanc
 def _pairs(train: Train, lift: Lift) -> list[tuple[list[tuple[float, float]], list[tuple[float, float]]]]:
     """For every mode while the valve is lifted, that mode and the seated mode that is most alike in shape.
 
-    Each is a list of (angular frequency [rad/s], damping ratio). It has one entry or, where laws are progressive, one
+    Each is a list of (angular frequency [rad/s], damping ratio). It has one entry or, where springs follow tables, one
     with the springs as at rest and one with the springs as at full lift.
     """
     trains = _linearised(train, lift)
@@ -107,17 +107,17 @@ def _nearest(shape: np.ndarray, others: tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def _linearised(train: Train, lift: Lift) -> list[Train]:
-    """The train alone or, under progressive laws, two trains with linear springs in its place.
+    """The train alone or, where springs follow tables, two trains with linear springs in its place.
 
     Their stiffness is that of the springs at rest, and at full lift.
     """
     laws = train.laws
-    if laws is None or not np.any(laws.kind == PROGRESSIVE):
+    if laws is None or not np.any(by_table := np.isin(laws.kind, (PROGRESSIVE, TABLE))):
         return [train]
     out = []
     for height in (0.0, lift.max_lift):
         raised = replace(train, gap=train.gap - train.cam_driven * height)
         d = train.compression(rest_position(raised), height)
         tangent = laws.tangent(d, train.preload)
-        out.append(replace(train, stiffness=np.where(laws.kind == PROGRESSIVE, tangent, train.stiffness)))
+        out.append(replace(train, stiffness=np.where(by_table, tangent, train.stiffness)))
     return out

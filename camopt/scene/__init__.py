@@ -20,8 +20,8 @@ duplicate or dangling names. A unit always stands in the key.
 - `kind = "adjuster"`, a hydraulic lash adjuster in the middle of its stroke: `stiffness_N_per_m` of the oil,
   `leak_N_s_per_m`, `spring_N_per_m` and `preload_N` of the plunger spring, `stroke_mm`, `check_travel_mm`.
 - `kind = "friction"`, which sticks and slides: `slip_N` and the `stiffness_N_per_m` of sticking.
-- `[[force]]` adds a force `on` a mass by a `table` of [cam_angle_deg, force_N] from -180 to 180. docs/model.md says what
-  these three do.
+- `[[force]]` adds a force `on` a mass by a `table` of [cam_angle_deg, force_N] from -180 to 180; docs/model.md says
+  what these three do.
 - `valve` and `seat` at the top name the mass and the contact that bounce is about. `gap_mm` between cam and valve is
   the lash, which the ramp has to cover.
 - `[operation]`: listed speeds and band in crankshaft r/min; `cam_per_crank` is 0.5 for a four-stroke engine, 1 where

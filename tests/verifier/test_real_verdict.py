@@ -1,5 +1,7 @@
 """Verdicts on trains with tables, adjusters, friction and gas force: which methods judge, and that they agree."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from camopt.cam.families.exponent import exponent
 from camopt.measure.settling import decay_per_revolution, settle_and_measure
 from camopt.scene import build_train, load_scene
 from camopt.scene.rest import state_at_rest
+from camopt.scene.train import Forcing
 from camopt.verifier import verdict
 from camopt.verifier.convergence import Demand, Halving
 from camopt.verifier.neighbourhood import neighbours
@@ -20,6 +23,12 @@ def scene():
 
 def test_the_methods_that_carry_a_train_judge_it(scene):
     assert {"rkg", "tmm", "houbolt"} <= set(verdict.methods_for(build_train(scene)))
+
+
+def test_a_linear_train_with_a_given_force_is_judged_by_methods_that_know_of_it():
+    train = build_train(load_scene("motori-1"))
+    gas = Forcing(train.valve, np.array([-np.pi, 0.0, np.pi]), np.array([0.0, -50.0, 0.0]))
+    assert {"rkg", "tmm", "houbolt"} <= set(verdict.methods_for(replace(train, forcing=(gas,))))
 
 
 def test_independent_methods_agree_on_a_train_with_memories(scene):

@@ -129,7 +129,8 @@ def _start(sets: PieceSets, motion: _Revolution, cam, h: float) -> int:
     """
     t, elements, (x, v, force, z) = sets.train, sets.elements, motion
     given = np.zeros((2, len(t.mass)))
-    np.add.at(given, (slice(None), elements.forced), cam[:2, 2:])
+    for j, mass in enumerate(elements.forced):
+        given[:, mass] += cam[:2, 2 + j]
     a0 = (t.mass_force - t.mass_damping * v[0] - force[0] @ elements.rows + given[0]) / t.mass
     past_acceleration = 6 / h**2 * x[1] + 6 / h * v[0] + 2 * a0
     past_velocity = 3 / h * x[1] + 2 * v[0] + h / 2 * a0

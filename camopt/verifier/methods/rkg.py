@@ -102,9 +102,10 @@ def _memory_arrays(train: Train) -> tuple[np.ndarray, np.ndarray, np.ndarray, np
     """By element: which memory is its own or -1, leak, travel and slip."""
     memory = np.full(len(train.a), -1)
     memory[list(train.memory)] = np.arange(len(train.memory))
-    if train.laws is not None:
-        return memory, train.laws.leak, train.laws.travel, train.laws.slip
-    return memory, *np.zeros((3, len(train.a)))
+    zero = np.zeros(len(train.a))
+    if train.laws is None:
+        return memory, zero, zero, zero
+    return memory, train.laws.leak, train.laws.travel, train.laws.slip
 
 
 @compiled

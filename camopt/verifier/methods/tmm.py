@@ -65,7 +65,7 @@ def prepare(
         force = np.empty((steps + 1, len(train.a)))
         step = 0
         while step <= steps:
-            step, missing = _march(step, states, force, inputs, MAY_PULL[criterion], transitions.arrays())
+            step, missing = _march(step, states, force, inputs, MAY_PULL[criterion], transitions.arrays)
             if missing >= 0:
                 transitions.build(missing)
         x, v, z = states[:, :n], states[:, n : 2 * n], states[:, 2 * n :]
@@ -124,23 +124,14 @@ class _Transitions:
                 'use method "dop853" or "rkg"'
             )
         self.rows = _incidence(train)
-        self.elements = self._elements()
-        self.keys = np.zeros(0, dtype=np.int64)
-        self.by_state = np.zeros((0, size, size))
-        self.by_cam = np.zeros((0, size, 1 + CAM_INPUTS + 2 * len(train.forcing)))
-
-    def _elements(self) -> tuple[np.ndarray, ...]:
-        """The fields of `_Matrices` that do not grow."""
-        t = self.train
-        elements = self.rows, t.contact, t.cam_driven.astype(float), t.damping, t.gap, self.kind, self.memory
-        slope = np.diff(self.table[..., 1], append=1.0) / np.diff(self.table[..., 0], append=np.inf)
-        table = np.concatenate([self.table, slope[..., None]], axis=2)
-        reach = np.where(self.kind == OIL, self.travel, self.slip / t.stiffness)
-        laws = t.stiffness, t.preload, table, reach, self.pieces
-        return *elements, *laws
-
-    def arrays(self) -> _Matrices:
-        return _Matrices(*self.elements, self.keys, self.by_state, self.by_cam)
+        inputs = 1 + CAM_INPUTS + 2 * len(train.forcing)
+        self.arrays = _Matrices(
+            *(self.rows, train.contact, train.cam_driven.astype(float), train.damping, train.gap),
+            *(self.kind, self.memory, train.stiffness, train.preload),
+            np.concatenate([self.table, _slopes(self.table)], axis=2),
+            np.where(self.kind == OIL, self.travel, self.slip / train.stiffness),
+            *(self.pieces, np.zeros(0, dtype=np.int64), np.zeros((0, size, size)), np.zeros((0, size, inputs))),
+        )
 
     def decoded(self, key: int) -> tuple[np.ndarray, np.ndarray]:
         """(which elements act, the piece of each) in a set, each (e)."""
@@ -196,9 +187,17 @@ class _Transitions:
         for j, f in enumerate(t.forcing):
             for derivative in range(2):
                 cam[:, 1 + CAM_INPUTS + 2 * j + derivative] = of_force[derivative][:, f.on]
-        self.keys = np.append(self.keys, key)
-        self.by_state = np.concatenate([self.by_state, blocks[None, :, :size].copy()])
-        self.by_cam = np.concatenate([self.by_cam, cam[None]])
+        built = self.arrays
+        self.arrays = built._replace(
+            keys=np.append(built.keys, key),
+            by_state=np.concatenate([built.by_state, blocks[None, :, :size].copy()]),
+            by_cam=np.concatenate([built.by_cam, cam[None]]),
+        )
+
+
+def _slopes(table: np.ndarray) -> np.ndarray:
+    """Slopes (e, q, 1) of tables (e, q, 2) from each row to the next; the last is never read."""
+    return (np.diff(table[..., 1], append=1.0) / np.diff(table[..., 0], append=np.inf))[..., None]
 
 
 def _incidence(train: Train) -> np.ndarray:
