@@ -32,6 +32,8 @@ KINDS = {
     "oil": OIL,
     "friction": FRICTION,
 }
+CURVED = HERTZ, PROGRESSIVE
+"""Laws that are no straight lines."""
 POINT_CONTACT = 1.5
 """Exponent of a hertz contact where the scene gives none."""
 STAND_IN_FORCE = 1000.0

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from camopt.scene.errors import InputError
-from camopt.scene.laws import LINEAR, TABLE, Laws
+from camopt.scene.laws import CURVED, LINEAR, TABLE, Laws
 from camopt.scene.parts import laws_of, parts_of
 from camopt.scene.schema import Scene
 from camopt.scene.units import DEG
@@ -65,6 +65,11 @@ class Train:
     def memory(self) -> tuple[int, ...]:
         """The elements (r) with a memory, in the order in which the state holds them."""
         return () if self.laws is None else tuple(int(e) for e in np.flatnonzero(self.laws.has_memory))
+
+    @property
+    def straight(self) -> bool:
+        """Whether every law consists of straight lines, which event-exact takes as they are; others it takes by chords."""
+        return self.laws is None or not np.any(np.isin(self.laws.kind, CURVED))
 
     @property
     def state_size(self) -> int:

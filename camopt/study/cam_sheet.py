@@ -174,7 +174,7 @@ def dynamic_stress(scene: Scene, train: Train, lift: Lift, speed_rpm: float) -> 
 
     assert scene.geometry is not None, "the caller asks for it"
     motion, method = None, "event-exact"
-    if train.laws is None:
+    if train.straight:
         with suppress(MotionRefused):
             motion = simulate(scene, lift, speed_rpm, "event", revolutions=REVOLUTIONS)
     if motion is None:

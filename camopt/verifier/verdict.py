@@ -8,14 +8,11 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from importlib import import_module
 
-import numpy as np
-
 from camopt.cam.lift import Lift
 from camopt.measure.limits import broken_by_shape, limited_metrics, motion_limits
 from camopt.measure.resonance import resonances
 from camopt.measure.sweep import SEARCH_STEP_RPM, STARTS_MM, Band, SettledMany, Swept, first_exceeding, sweep
 from camopt.scene.errors import InputError
-from camopt.scene.laws import HERTZ, PROGRESSIVE
 from camopt.scene.response import Revolve
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
@@ -26,11 +23,9 @@ from camopt.verifier.methods import INDEPENDENT, rkg, verdict_methods
 from camopt.verifier.record import verification, why_not_confirmed
 
 METHODS = ("event", "rkg", "tmm", "houbolt")
-"""Methods for a train whose laws are straight lines in pieces; the first of them where `_event_exact_carries` it."""
+"""Methods for a train whose laws are straight lines in pieces; of which event-exact is the first."""
 NONLINEAR_METHODS = ("dop853", "rkg")
 """Methods for a train with Hertz or progressive laws; DOP853 carries all others too."""
-CURVED = HERTZ, PROGRESSIVE
-"""Laws that are no straight lines."""
 ROUNDS = 2
 """How often the worst speeds of a band are judged: where a motion is erratic the judged figure is not the sweep's, and
 another speed is the worst then."""
@@ -195,12 +190,7 @@ def _swept_band(
 
 def methods_for(train: Train) -> tuple[str, ...]:
     """Names of all methods that judge a train, the most accurate first."""
-    return METHODS if _event_exact_carries(train) else NONLINEAR_METHODS
-
-
-def _event_exact_carries(train: Train) -> bool:
-    """Whether event-exact takes the train's laws as they are; curved ones it takes by chords, for searches."""
-    return train.laws is None or not np.any(np.isin(train.laws.kind, CURVED))
+    return METHODS if train.straight else NONLINEAR_METHODS
 
 
 def method_named(name: str) -> Prepare:
@@ -214,7 +204,7 @@ def method_named(name: str) -> Prepare:
 
 def _at_once(train: Train) -> tuple[str, SettledMany | None]:
     """The name of the method of sweeps, and what measures many of its motions together, if anything does."""
-    if _event_exact_carries(train):
+    if train.straight:
         from camopt.exact.settled import settled_metrics
 
         return "event", settled_metrics
@@ -223,7 +213,7 @@ def _at_once(train: Train) -> tuple[str, SettledMany | None]:
 
 def _sweeping(train: Train) -> Callable[[Train, Lift, float], Revolve]:
     """The method of sweeps: event-exact at its own step, the same at all speeds, where it carries the train."""
-    if _event_exact_carries(train):
+    if train.straight:
         from camopt.exact import engine
 
         return engine.prepare

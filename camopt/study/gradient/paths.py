@@ -64,7 +64,7 @@ class Problem:
 
     @property
     def linear(self) -> bool:
-        return self.train.laws is None
+        return self.train.straight
 
 
 def problem(scene: Scene, lift: Lift, speed_rpm: float, bumps: int) -> Problem:
@@ -75,12 +75,13 @@ def problem(scene: Scene, lift: Lift, speed_rpm: float, bumps: int) -> Problem:
     """
     train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
     whole, directions = with_bumps(lift, bumps)
-    if train.laws is None:
+    if train.straight:
         advance: Callable[[np.ndarray], np.ndarray] = prepare_event(train, whole, cam_speed).advance
     else:
         revolve = prepare_dop853(train, whole, cam_speed, SAMPLES // 4)
         advance = lambda state: end_state(revolve(state))  # noqa: E731
-    state, allowed, settled = state_at_rest(train), np.repeat(SETTLED, len(train.mass)), False
+    allowed = np.concatenate([np.repeat(SETTLED, len(train.mass)), np.repeat(SETTLED[0], len(train.memory))])
+    state, settled = state_at_rest(train), False
     for _ in range(MOST_SETTLING):
         last, state = state, advance(state)
         settled = bool(np.all(np.abs(state - last) < allowed))

@@ -149,8 +149,7 @@ def _elastic(t: Train, e: int, beyond: np.ndarray) -> np.ndarray:
     """Elastic force [N] of element e compressed by `beyond` (k) [m] more than at its touch."""
     if t.laws is None:
         return t.stiffness[e] * beyond
-    every = np.repeat((beyond + t.touch_compression[e])[:, None], len(t.a), axis=1)
-    return t.laws.force(every, t.preload)[:, e]
+    return t.laws.along(e, beyond + t.touch_compression[e], t.preload[e])[0]
 
 
 def _first(true: np.ndarray) -> int | None:

@@ -235,7 +235,7 @@ def _observe(model: LeftOut, cam: Lift, speeds: Sequence[float], workers: int) -
 
 def _truth(train: Train, cam: Lift, cam_speed: float) -> tuple:
     """Event-exact, or Runge-Kutta-Gill at the step of the verifier's sweeps where laws are nonlinear."""
-    if train.laws is None:
+    if train.straight:
         return engine.prepare, train, cam, cam_speed
     return rkg.prepare, train, cam, cam_speed, SWEEP_REFINEMENT * first_steps(train, cam_speed)
 
@@ -244,7 +244,7 @@ def path_times(model: LeftOut, train: Train, cam: Lift, cam_speed: float) -> dic
     """Processor time [ms] of the first sampled revolution from rest, by each path that carries the scene's laws."""
     steps, rest = first_steps(train, cam_speed), state_at_rest(train)
     paths: dict[str, Revolve] = {"rkg": model.prepare(rkg.prepare, train, cam, cam_speed, steps)}
-    if train.laws is None:
+    if train.straight:
         paths["event"] = model.prepare(engine.prepare, train, cam, cam_speed)
         paths["tmm"] = model.prepare(tmm.prepare, train, cam, cam_speed, steps)
     return {name: milliseconds(lambda r=paths[name]: r(rest)) for name in PATHS if name in paths}
