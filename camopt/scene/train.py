@@ -68,7 +68,7 @@ class Train:
 
     @property
     def straight(self) -> bool:
-        """Whether every law consists of straight lines, which event-exact takes as they are; others it takes by chords."""
+        """Whether every law consists of straight lines, which event-exact takes as they are; others go by chords."""
         return self.laws is None or not np.any(np.isin(self.laws.kind, CURVED))
 
     @property
@@ -99,6 +99,16 @@ class Train:
             raise InputError(
                 f"{method} needs elements whose force is linear in their compression, "
                 f"and these have other laws: {names}; {instead}"
+            )
+
+    def require_straight(self, method: str, instead: str) -> None:
+        """Raises InputError, with the remedy `instead`, where a method for straight lines meets curved laws."""
+        if not self.straight and self.laws is not None:
+            bent = np.isin(self.laws.kind, CURVED)
+            names = ", ".join(n for n, curved in zip(self.element_names, bent, strict=True) if curved)
+            raise InputError(
+                f"{method} needs elements whose force follows straight lines, and these have curved laws: {names}; "
+                f"{instead}"
             )
 
     def compression(self, x: np.ndarray, lift: np.ndarray | float) -> np.ndarray:

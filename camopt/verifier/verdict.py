@@ -163,6 +163,10 @@ def _known_methods(scene: Scene, methods: tuple[str, ...] | None) -> tuple[str, 
     known = verdict_methods()
     if not asked or (unknown := [m for m in asked if m not in known]):
         raise InputError(f"methods {asked}: give names out of {', '.join(known)}" + f"; not {unknown}" * bool(asked))
+    if "event" in asked:
+        build_train(scene).require_straight(
+            "event-exact, whose chords no verdict can judge,", 'ask for "dop853", "rkg" or all'
+        )
     return asked
 
 

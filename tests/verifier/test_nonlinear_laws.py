@@ -141,7 +141,7 @@ def test_a_verdict_asks_the_methods_that_carry_the_laws(monkeypatch):
 
 def test_a_method_that_cannot_carry_the_laws_is_refused_by_the_verdict():
     scene, _, _ = hertz()
-    with pytest.raises(InputError, match="event-exact needs elements whose force is linear"):
+    with pytest.raises(InputError, match="needs elements whose force follows straight lines"):
         verify(scene, polydyne(scene), (5000.0,), "event")
 
 
