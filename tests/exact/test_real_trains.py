@@ -10,7 +10,7 @@ import pytest
 from camopt.cam.families.exponent import exponent
 from camopt.exact import prepare
 from camopt.exact.adjoint.gradient import periodic_value_and_gradient, value_and_gradient
-from camopt.exact.adjoint.motion import Samples, TracedMotion
+from camopt.exact.adjoint.motion import SamplesWithMemory, TracedMotion
 from camopt.exact.batch import value_and_gradient_many
 from camopt.scene import build_train, parse_scene
 from camopt.scene.rest import state_at_rest
@@ -31,7 +31,7 @@ def real():
 
 
 def loaded(train):
-    """The state at rest but for oil under 60 N, so that the base circle has no column that is neither full nor empty."""
+    """The state at rest but for oil under 60 N: no column on the base circle is on the edge between full and empty."""
     state = state_at_rest(train)
     state[-1] -= train.laws.travel[-1] + 60.0 / train.laws.coefficient[-1]
     return state
@@ -145,7 +145,7 @@ def test_by_the_cam_and_by_samples():
     at = motion.at(angles)
     parts = {name: np.random.default_rng(1).normal(size=(1, *np.shape(part))) for name, part in vars(at).items()}
     scale = {"v": 1e-3, "lift_rate": 1e-3, "force": 1e-6}
-    bars = Samples(**{name: part * scale.get(name, 1.0) for name, part in parts.items()})
+    bars = SamplesWithMemory(**{name: part * scale.get(name, 1.0) for name, part in parts.items()})
     slopes = motion.pull_back(angles, bars)
     change = np.random.default_rng(2).normal(size=lift.coefficients.shape) * np.abs(lift.coefficients)
 
