@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.exponent import exponent
-from camopt.exact import prepare
+from camopt.exact import prepare, settled_metrics
 from camopt.exact.adjoint.gradient import periodic_value_and_gradient, value_and_gradient
 from camopt.exact.adjoint.motion import SamplesWithMemory, TracedMotion
 from camopt.exact.batch import value_and_gradient_many
@@ -180,3 +180,14 @@ def test_a_periodic_motion_carries_its_memories():
         after = prepare(train, lift, speed).advance(state)
         state = state + np.linalg.lstsq(np.eye(len(state)) - jacobian, after - state, rcond=1e-9)[0]
     assert np.abs(prepare(train, lift, speed).advance(state) - state).max() < 1e-9
+
+
+def test_the_settled_path_measures_what_a_traced_motion_does():
+    train, lift = real()
+    speeds = [SCENE.cam_speed(rpm) for rpm in (SLOW, FAST)]
+    found = settled_metrics([train], [lift], speeds)
+    assert not found.refused.any() and found.states.shape == (1, 1, 2, train.state_size)
+    for i in np.flatnonzero(found.periodic[0, 0]):
+        again = TracedMotion(train, lift, speeds[i], found.states[0, 0, i], 2).values(METRICS)
+        for metric, value in zip(METRICS, again, strict=True):
+            assert value == pytest.approx(found.highest[metric][0, 0, i], abs=found.errors[metric]), metric
