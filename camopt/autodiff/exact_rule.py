@@ -22,7 +22,7 @@ from jax.custom_derivatives import SymbolicZero
 from camopt.autodiff.varying_motion import CAM_PARAMETERS, Arrays, Varying
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint.metrics import METRICS
-from camopt.exact.adjoint.motion import Samples, TracedMotion, metric_numbers
+from camopt.exact.adjoint.motion import Samples, SamplesWithMemory, TracedMotion, metric_numbers
 from camopt.scene.errors import InputError
 from camopt.scene.response import Response
 from camopt.scene.shapes import Float
@@ -144,8 +144,8 @@ def differentiable_motion(
 
     moved.defvjp(forward, backward, symbolic_zeros=True)
     found, values = moved(variables)
-    memory = {} if found["memory"] is None else {"memory": found["memory"]}
-    response = Response(train, cam_speed, angle, found["lift"], found["x"], found["v"], found["force"], **memory)
+    record = {name: found[name] for name in ("lift", "x", "v", "force", "memory") if name in found}
+    response = Response(train, cam_speed, angle, **record)
     return response, dict(zip(names, values, strict=True))
 
 
@@ -162,9 +162,14 @@ class _Recorded:
     def shape(self):
         """A tree of zeros like a record."""
         n, e, r = len(self.motion.train.mass), len(self.motion.train.a), len(self.motion.train.memory)
-        memory = np.zeros((len(self.angle), r)) if r else None
-        samples = Samples(*(np.zeros((len(self.angle), *shape)) for shape in ((n,), (n,), (), (), (e,))), memory)
+        samples = self._samples(*(np.zeros((len(self.angle), *shape)) for shape in ((n,), (n,), (), (), (e,), (r,))))
         return vars(samples), np.zeros((len(self.metrics), self.measured))
+
+    def _samples(self, x, v, lift, lift_rate, force, memory=None) -> Samples:
+        """Samples with or without memories, as the train has them."""
+        if self.motion.train.memory and memory is not None:
+            return SamplesWithMemory(x, v, lift, lift_rate, force, memory)
+        return Samples(x, v, lift, lift_rate, force)
 
     def record(self, given: Arrays):
         """The samples by name, and the metrics (l, measured); NaN where the motion cannot be followed."""
@@ -188,11 +193,14 @@ class _Recorded:
 
     def _parts(self, traced: TracedMotion, by_samples, by_metrics, window: bool):
         """(slopes, weighted sum of the velocities, slope by the half duration) of samples, then of each revolution."""
-        by_samples = {name: bar for name, bar in by_samples.items() if bar is not None}
         if any(np.any(bar) for bar in by_samples.values()):
             found = vars(traced.at(self.angle))
             moving = sum(float(np.sum(by_samples[k] * found[k])) for k in ("v", "lift_rate"))
-            yield traced.pull_back(self.angle, Samples(**{k: bar[None] for k, bar in by_samples.items()})), moving, 0.0
+            yield (
+                traced.pull_back(self.angle, self._samples(**{k: bar[None] for k, bar in by_samples.items()})),
+                moving,
+                0.0,
+            )
         speeds = of_velocity(self.metrics)
         for r in range(self.measured):
             bar = by_metrics[:, r]

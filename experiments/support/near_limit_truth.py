@@ -177,7 +177,7 @@ def worst(train: Train, lift: Lift, cam_speed: float, state: np.ndarray, measure
     """The largest METRICS of `measured` revolutions from a state (2n), at event-exact's own instants."""
     numbers = metric_numbers(train, METRICS)
     motion = TracedMotion(train, lift, cam_speed, state, measured + 1)
-    seeds = empty_seeds(len(motion.trace.length), OBSERVATIONS * len(METRICS), len(train.mass), len(train.a))
+    seeds = empty_seeds(len(motion.trace.length), OBSERVATIONS * len(METRICS), motion.setting.train)
     values, ones = np.empty((measured, len(METRICS), 2)), np.ones(len(METRICS))
     for turn in range(measured):
         evaluate(motion.setting, motion.trace, seeds, numbers, ones, turn, values[turn])

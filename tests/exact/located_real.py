@@ -24,7 +24,7 @@ class RealTrain:
 
     def __init__(self, lift, omega):
         self.lift, self.omega = lift, omega
-        self.modes = {"cam": PUSHING, "seat": PUSHING, "oil": BETWEEN, "friction": STICK}
+        self.modes = {"cam": PUSHING, "seat": PUSHING, "oil": SEATED, "friction": STICK, "corner": 1}
 
     def laws(self, t, y):
         """Elastic and whole forces of the contacts, lengths and rates of all elements."""
@@ -84,8 +84,11 @@ class RealTrain:
             ]
         else:
             found.append(("friction", STICK, slide if mode["friction"] == FORWARD else negative(slide)))
-        for row in BEEHIVE_D[1:-1]:
-            found.append(("corner", 0, lambda t, y, row=row: y[1] - row))
+        line = mode["corner"]  # of the table spring: the one that begins at this row
+        if line > 0:
+            found.append(("corner", line - 1, lambda t, y: y[1] - BEEHIVE_D[line]))
+        if line < len(BEEHIVE_D) - 2:
+            found.append(("corner", line + 1, lambda t, y: BEEHIVE_D[line + 1] - y[1]))
         return found
 
 
@@ -103,16 +106,16 @@ def located(lift, omega, start, angles, rtol=1e-12):
     """States (len(angles), 6) at cam angles [rad] of the first revolution from `start`, and how often each switched."""
     train, y, t, end = RealTrain(lift, omega), np.array(start), 0.0, 2 * np.pi / omega
     corners = np.union1d((lift.borders[1:-1] + np.pi) / omega, (np.radians(GAS_DEG[1:-1]) + np.pi) / omega)
-    wanted, count = (angles + np.pi) / omega, dict.fromkeys((*train.modes, "corner"), 0)
+    wanted, count = (angles + np.pi) / omega, dict.fromkeys(train.modes, 0)
     result = np.tile(np.asarray(start), (len(angles), 1))
     while t < end:
         stop = next((c for c in corners if c > t * (1 + 1e-14) + 1e-16), end)
         watched, events = train.watched(), []
-        for name, _, function in watched:
+        for _, _, function in watched:
             events.append(lambda t, y, f=function: f(t, y))
-            events[-1].terminal, events[-1].direction = True, 0 if name == "corner" else -1
+            events[-1].terminal, events[-1].direction = True, -1
         solution = solve_ivp(
-            train, (t, stop), y, "DOP853", rtol=rtol, atol=1e-17, max_step=2e-5, dense_output=True, events=events
+            train, (t, stop), y, "DOP853", rtol=rtol, atol=1e-15, max_step=2e-5, dense_output=True, events=events
         )
         inside = (wanted > t) & (wanted <= solution.t[-1])
         if inside.any():
@@ -121,6 +124,5 @@ def located(lift, omega, start, angles, rtol=1e-12):
         if solution.status == 1:
             name, mode, _ = watched[next(j for j, times in enumerate(solution.t_events) if len(times))]
             count[name] += 1
-            if name != "corner":
-                train.modes[name] = mode
+            train.modes[name] = mode
     return result, count

@@ -94,11 +94,10 @@ def taylor_slope(share: float, monkeypatch) -> float:
     """Order of the remainder after the first derivative, the saltation multiplied by `share`."""
     original = adjoint.switch_back
 
-    def switch_back(s, trace, seeds, k, bar, by_coefficients, by_element):
-        changed = bar, by_coefficients, by_element
-        before = [part.copy() for part in changed]
-        original(s, trace, seeds, k, bar, by_coefficients, by_element)
-        for part, old in zip(changed, before, strict=True):
+    def switch_back(s, trace, seeds, k, bars, room):
+        before = [part.copy() for part in bars]
+        original(s, trace, seeds, k, bars, room)
+        for part, old in zip(bars, before, strict=True):
             part[:] = old + share * (part - old)
 
     monkeypatch.setattr(adjoint, "switch_back", switch_back)

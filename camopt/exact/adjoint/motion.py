@@ -70,7 +70,13 @@ class Samples:
     lift: Float[np.ndarray | np.floating, " *m"]  # m
     lift_rate: Float[np.ndarray | np.floating, " *m"]  # m/s
     force: Float[np.ndarray, " *m e"]  # N
-    memory: Float[np.ndarray, " *m r"] | None = None  # m, where the train has memories
+
+
+@dataclass(frozen=True)
+class SamplesWithMemory(Samples):
+    """The same of a train with memories."""
+
+    memory: Float[np.ndarray, " *m r"]  # m
 
 
 class TracedMotion:
@@ -161,7 +167,8 @@ class TracedMotion:
         rows = np.empty((len(angles), at + 2 + len(self.train.a)))
         sample(self.setting, self.trace, *self._instants(angles), rows)
         x, v, z, lift, rate, force = np.split(rows, [n, 2 * n, at, at + 1, at + 2], axis=1)
-        return Samples(x, v, lift[:, 0], rate[:, 0], force, z if z.size else None)
+        found = x, v, lift[:, 0], rate[:, 0], force
+        return SamplesWithMemory(*found, z) if self.train.memory else Samples(*found)
 
     def pull_back(
         self,
@@ -179,7 +186,8 @@ class TracedMotion:
         count = len(ends) if ends is not None else len(bars.x) if bars is not None else 0
         packed = np.zeros((count, len(at), self.train.state_size + 2 + e))
         if bars is not None:
-            memory = np.zeros((count, len(at), len(self.train.memory))) if bars.memory is None else bars.memory
+            none = np.zeros((count, len(at), len(self.train.memory)))
+            memory = bars.memory if isinstance(bars, SamplesWithMemory) else none
             parts = bars.x, bars.v, memory, bars.lift[..., None], bars.lift_rate[..., None], bars.force
             packed[:] = np.concatenate(parts, axis=2)
         room, seeds, instants = self._room(count), self._seeds(len(at) * (1 + e)), self._instants(at)

@@ -1,6 +1,7 @@
 """Gradients by the cam, by the start state and by a train's numbers, under the names that these have."""
 
 from dataclasses import dataclass, fields
+from typing import Self
 
 import numpy as np
 
@@ -13,11 +14,7 @@ from camopt.scene.train import Train
 
 @dataclass(frozen=True)
 class ByTrain:
-    """Gradients of l numbers by a train's parameters in SI, under the names that they have in `Train` and `Laws`.
-
-    Where a train has laws, `stiffness` is by their coefficients. What comes after the gap is None where a train has no
-    laws, and `forcing` where no force repeats with the cam angle.
-    """
+    """Gradients of l numbers by a train's parameters in SI, under the names that the parameters have in `Train`."""
 
     mass: Float[np.ndarray, "l n"]
     mass_damping: Float[np.ndarray, "l n"]
@@ -26,15 +23,23 @@ class ByTrain:
     damping: Float[np.ndarray, "l e"]
     preload: Float[np.ndarray, "l e"]
     gap: Float[np.ndarray, "l e"]
-    table: Float[np.ndarray, "l e q 2"] | None = None
-    leak: Float[np.ndarray, "l e"] | None = None
-    travel: Float[np.ndarray, "l e"] | None = None
-    slip: Float[np.ndarray, "l e"] | None = None
-    forcing: Float[np.ndarray, "l rows"] | None = None  # by the rows' forces, one forcing after the other
 
-    def __add__(self, other: "ByTrain") -> "ByTrain":
-        pairs = ((getattr(self, field.name), getattr(other, field.name)) for field in fields(self))
-        return ByTrain(*(b if a is None else a if b is None else a + b for a, b in pairs))
+    def __add__(self, other: Self) -> Self:
+        return type(self)(*(getattr(self, field.name) + getattr(other, field.name) for field in fields(self)))
+
+
+@dataclass(frozen=True)
+class ByTrainAndLaws(ByTrain):
+    """The same for a train with laws or with forces by the cam angle, and the gradients by their numbers.
+
+    `stiffness` is by the coefficients of the laws. Names are those of `Laws`.
+    """
+
+    table: Float[np.ndarray, "l e q 2"]
+    leak: Float[np.ndarray, "l e"]
+    travel: Float[np.ndarray, "l e"]
+    slip: Float[np.ndarray, "l e"]
+    forcing: Float[np.ndarray, "l rows"]  # by the forces in the rows of one forcing after the other
 
 
 @dataclass(frozen=True)
@@ -55,7 +60,9 @@ def room_for_bars(train: TrainArrays, pieces: tuple[int, ...], sweeps: int, mech
 
 def by_train(train: Train, bars: Bars, by_rows: np.ndarray | None = None) -> ByTrain:
     """The gradients that sweeps found of l numbers, under the names of the parameters; `by_rows` (l, rows) are those by
-    the rows of forces by the cam angle."""
-    found = by_numbers(train, bars.law)
-    forcing = by_rows if train.forcing else None
-    return ByTrain(*bars.mass.transpose(1, 0, 2), **found, gap=bars.gap, forcing=forcing)
+    the rows of forces by the cam angle, which do not act at rest."""
+    by_mass, found = bars.mass.transpose(1, 0, 2), by_numbers(train, bars.law)
+    if train.laws is None and not train.forcing:
+        return ByTrain(*by_mass, **found, gap=bars.gap)
+    rows = np.zeros((len(bars.gap), sum(len(forcing.angle) for forcing in train.forcing)))
+    return ByTrainAndLaws(*by_mass, **found, gap=bars.gap, forcing=rows if by_rows is None else by_rows)

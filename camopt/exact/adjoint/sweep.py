@@ -52,8 +52,10 @@ def inputs_back(bar, forces, offset, scale, by_piece):
         power *= scale
     if offset != 0.0:
         for low in range(q - 2, -1, -1):
-            for k in range(low, q - 1):
-                bar[k + 1] += offset * bar[k]
+            carried = bar[low]  # in a register: half the time
+            for k in range(low + 1, q):
+                carried = bar[k] + offset * carried
+                bar[k] = carried
     for k in range(q, len(bar), 2):
         bar[k + 1] = bar[k + 1] * scale + offset * bar[k]
     for k in range(len(bar)):

@@ -14,13 +14,13 @@ from camopt.scene.train import Train
 
 STEP = 1e-30
 LINEAR_NUMBERS = fields(Numbers)[:3]
-"""Those that a train of linear elements has."""
+"""Those that a train of linear elements alone has."""
 
 
 def by_numbers(train: Train, by_law: np.ndarray) -> dict[str, np.ndarray]:
     """Gradients of l numbers by `Numbers`, (l, e) or for tables (l, e, q, 2), from those by the forms (l, f, 4).
 
-    A train of linear elements has only the first three of them.
+    A train of linear elements alone has only the first three of them.
     """
     owner, slopes = _slopes(train)
     count, found = len(by_law), {}
@@ -40,7 +40,7 @@ def _slopes(train: Train) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     watches = [e for e, element in enumerate(parts) for piece in element.pieces for _ in piece.watches]
     owner = np.eye(len(parts))[[*pieces, *pieces, *watches]]
     found = {}
-    for field in fields(Numbers) if train.laws is not None else LINEAR_NUMBERS:
+    for field in fields(Numbers) if train.laws is not None or train.forcing else LINEAR_NUMBERS:
         value = getattr(numbers, field.name)
         shape = value.shape[1:]
         steps = np.eye(int(np.prod(shape))).reshape(-1, *shape)

@@ -30,8 +30,10 @@ def inputs_at(piece, forces, offset, scale, u):
         return 0
     if offset != 0.0:
         for low in range(q - 1):
+            carried = u[q - 1]  # in a register: half the time
             for k in range(q - 2, low - 1, -1):
-                u[k] += offset * u[k + 1]
+                carried = u[k] + offset * carried
+                u[k] = carried
     power = 1.0
     for k in range(q):
         u[k] *= power
