@@ -1,4 +1,4 @@
-"""Tables, oil, friction and given forces on the smooth path: the motion tends to DOP853's, its gradients to the truth."""
+"""Tables, oil, friction and given forces on the smooth path: the motion tends to DOP853's, the gradients are true."""
 
 from dataclasses import replace
 from functools import cache
@@ -70,25 +70,34 @@ def test_the_motion_tends_to_dop853_as_the_layer_narrows():
         memory = [np.interp(ours.angle, located.angle[once], z) for z in located.memory[once].T]
         found.append([apart, np.abs(ours.memory - np.stack(memory, axis=1)).max()])
     wide, middle, narrow = np.array(found)
-    print(np.array(found) / MM)
     assert np.all(middle < 0.2 * wide) and np.all(narrow < 0.3 * middle)
     assert narrow.max() < 1e-5 * MM
 
 
-@jax.jit
+@cache
+def start_between_bounds():
+    """Rest but for the ball of the adjuster's valve, which is half way.
+
+    At rest itself oil stands between pushing and filling: more of a number starts the one, less of it the other.
+    """
+    train, _, _, start = case()
+    z = 2 * len(train.mass) + train.memory.index(train.element_names.index("lifter-oil"))
+    return start - 1e-5 * (np.arange(len(start)) == z)
+
+
 def looked_at(system: System):
     """Valve position and oil's memory [m] at LOOK, in the first revolution."""
-    train, lift, cam_speed, start = case()
+    train, lift, cam_speed, _ = case()
     driven = DrivenSystem(system, jnp.asarray(lift_samples(lift)), cam_speed)
-    motion = compiled_response(driven, stacked(start, len(train.mass)), Layer(2e-9))
+    motion = compiled_response(driven, stacked(start_between_bounds(), len(train.mass)), Layer(2e-9))
     valve = at_angle(motion.angle, motion.x[:, train.valve], LOOK, motion.v[:, train.valve] / cam_speed)
     return jnp.stack([valve, at_angle(motion.angle, motion.memory[:, 1], LOOK)])
 
 
 def truth(train):
     """The same by DOP853."""
-    _, lift, cam_speed, start = case()
-    motion = dop853.prepare(train, lift, cam_speed, 28_800)(start)
+    _, lift, cam_speed, _ = case()
+    motion = dop853.prepare(train, lift, cam_speed, 14_400)(start_between_bounds())
     i = np.searchsorted(motion.angle, LOOK - 1e-9)
     assert motion.angle[i] == pytest.approx(LOOK, abs=1e-9)
     return np.array([motion.x[i, train.valve], motion.memory[i, 1]])
@@ -104,21 +113,15 @@ def varied(train, name, e, share):
     return replace(train, laws=replace(train.laws, **{name: numbers}))
 
 
+@pytest.mark.long  # a minute and a half: a forward program is compiled, and DOP853 moves eight trains
 def test_gradients_by_the_numbers_of_every_law_are_central_differences_of_the_truth():
-    train = case()[0]
+    train, step = case()[0], 1e-3
     system = build_system(train)
-    by = jax.jit(jax.jacfwd(looked_at))(system) if False else jax.jacrev(looked_at)(system)
-    names = train.element_names
+    along = jax.jit(lambda tangent: jax.jvp(looked_at, (system,), (tangent,))[1])
     for name, element in (("leak", "lifter-oil"), ("slip", "guide"), ("table", "beehive"), ("force", "")):
-        e = names.index(element) if element else -1
-        if name == "force":
-            ours = by.forcing[0][1] @ train.forcing[0].force
-        elif name == "table":
-            ours = by.laws.table[:, e, :, 1] @ train.laws.table[e, :, 1]
-        else:
-            ours = getattr(by.laws, name)[:, e] * getattr(train.laws, name)[e]
-        step = 1e-3
+        e = train.element_names.index(element) if element else -1
+        away = jax.tree.map(lambda new, old: (new - old) / step, build_system(varied(train, name, e, step)), system)
         ends = [truth(varied(train, name, e, sign * step)) for sign in (1.0, -1.0)]
         theirs = (ends[0] - ends[1]) / (2 * step)
-        print(name, ours, theirs)
-        assert ours == pytest.approx(theirs, rel=1e-2, abs=1e-3 * np.abs(theirs).max())
+        assert np.abs(theirs).min() > 1e-9  # m
+        np.testing.assert_allclose(along(away), theirs, rtol=2e-3)
