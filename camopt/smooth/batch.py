@@ -47,9 +47,8 @@ def batch_motion(system: System, stages, cam_speed, y0, eps=BATCH_EPS) -> System
     # a step's first stage stands at its start; lift and lift rate are the same at both ends of a revolution
     lift, lift_dtheta = jnp.concatenate([stages[:, :, 0], stages[:, :1, 0]], axis=1)
     force = jax.vmap(lambda y, l, l_dt: system.force(y, l, l_dt, layer))(states, lift, lift_dtheta * speed[0])
-    n = system.mass.shape[0]
-    parts = states[:, 0, :n], states[:, 1, :n], force, states[:, 0, n:]
-    x, v, force, memory = (jnp.moveaxis(q, -1, 0) for q in parts)
+    parts = jax.tree.map(lambda q: jnp.moveaxis(q, -1, 0), (*system.parts(states), force))
+    x, v, memory, force = parts
     return SystemState(jnp.broadcast_to(angle, (width, steps + 1)), lift.T, x, v, force, memory=memory)
 
 

@@ -60,8 +60,6 @@ def response_arrays(
     is NaN.
     """
 
-    n = driven.system.mass.shape[0]
-
     def revolve(y, _):
         if refine:
             angle, known = refined_grid(driven, y, layer, tolerance, steps)
@@ -72,7 +70,7 @@ def response_arrays(
         arrived = angle[-1] >= jnp.asarray(jnp.pi, y.dtype)
         states, force = (jnp.where(arrived, q, jnp.nan) for q in (states, force))
         lift, lift_dtheta = lift_at(driven.samples, angle)
-        x, v, memory = states[:, 0, :n], states[:, 1, :n], states[:, 0, n:]
+        x, v, memory = driven.system.parts(states)
         return states[-1], SystemState(angle, lift, x, v, force, force_dtheta, lift_dtheta, memory)
 
     _, motion = jax.lax.scan(revolve, y0, None, length=revolutions)
@@ -117,7 +115,8 @@ def prepare(
         else:
             angle = equal_grid(steps_per_revolution or LIFT_SAMPLES)
             motion = adaptive_states(driven, y0, angle, layer, tolerance, solver=method)
-        angle, cam_lift, x, v, force, memory = (np.asarray(q) for q in (*motion[:5], motion.memory))
+        angle, cam_lift, x, v, force = (np.asarray(q) for q in motion[:5])
+        memory = np.zeros((len(angle), 0)) if motion.memory is None else np.asarray(motion.memory)
         if not np.all(np.isfinite(x)):
             raise MotionRefused(
                 f"smooth path at {cam_speed * 30 / np.pi:g} cam r/min with eps = {layer.eps:g} m: no grid of the steps "

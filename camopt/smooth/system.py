@@ -152,6 +152,11 @@ class System(eqx.Module):
         moved = self.laws.memory_rate(self.slack(y, u), u_dt[kept], force[kept], column(self.stiffness, u), layer)
         return jnp.stack([jnp.concatenate([v, moved]), jnp.concatenate([acceleration, jnp.zeros_like(moved)])])
 
+    def parts(self, states: Float[Array, "k 2 n *b"]) -> tuple:
+        """Positions (k, n, *b), velocities (k, n, *b) and memories (k, r, *b), or None, of states."""
+        n = self.mass.shape[0]
+        return states[:, 0, :n], states[:, 1, :n], states[:, 0, n:] if self.topology.memory else None
+
     def stiffest(self) -> jax.Array:
         """Largest frequency of a mass on its own elements [rad/s]: the scale of the fastest motion."""
         stiffness = self.stiffness if self.laws is None else self.laws.stand_in(self.stiffness)
