@@ -63,4 +63,5 @@ def adaptive_states(
     states = jnp.where(solution.result == diffrax.RESULTS.successful, states, jnp.nan)
     lift, lift_dt = driven.lift(angle)
     force = jax.vmap(lambda y, l, l_dt: driven.system.force(y, l, l_dt, layer))(states, lift, lift_dt)
-    return SystemState(angle, lift, states[:, 0], states[:, 1], force)
+    x, v, memory = driven.system.parts(states)
+    return SystemState(angle, lift, x, v, force, memory=memory)

@@ -42,12 +42,14 @@ def batch_motion(system: System, stages, cam_speed, y0, eps=BATCH_EPS) -> System
     speed = jnp.reshape(cam_speed, (1, 1, width))
     h = jnp.diff(angle)[:, None, None, None] / speed[None]
     start = y0 if y0.ndim == 3 else jnp.broadcast_to(y0[..., None], (*y0.shape, width))
-    states = integrate_stages(system, h, stages[0], stages[1] * speed, start, layer)
+    push = system.push(stage_angles(angle))
+    states = integrate_stages(system, h, (stages[0], stages[1] * speed, push), start, layer)
     # a step's first stage stands at its start; lift and lift rate are the same at both ends of a revolution
     lift, lift_dtheta = jnp.concatenate([stages[:, :, 0], stages[:, :1, 0]], axis=1)
     force = jax.vmap(lambda y, l, l_dt: system.force(y, l, l_dt, layer))(states, lift, lift_dtheta * speed[0])
-    x, v, force = (jnp.moveaxis(q, -1, 0) for q in (states[:, 0], states[:, 1], force))
-    return SystemState(jnp.broadcast_to(angle, (width, steps + 1)), lift.T, x, v, force)
+    parts = jax.tree.map(lambda q: jnp.moveaxis(q, -1, 0), (*system.parts(states), force))
+    x, v, memory, force = parts
+    return SystemState(jnp.broadcast_to(angle, (width, steps + 1)), lift.T, x, v, force, memory=memory)
 
 
 def batch_metrics(

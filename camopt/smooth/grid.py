@@ -13,7 +13,7 @@ import numpy as np
 
 from camopt.scene.shapes import Float
 from camopt.smooth.contact import RAMPS, Layer
-from camopt.smooth.scan import ERROR, NODES, STAGES, WEIGHTS, DrivenSystem, combine, stage_slopes
+from camopt.smooth.scan import ERROR, NODES, STAGES, WEIGHTS, DrivenSystem, at_stage, combine, stage_slopes
 from camopt.smooth.system import Array
 
 CLIP_STEP = 1e-4
@@ -71,10 +71,11 @@ def refined_grid(driven: DrivenSystem, y0, layer: Layer, tolerance, steps: int):
         last = at.angle + at.width >= end
         width = jnp.where(last, end - at.angle, at.width)
         h = width / cam_speed
-        lift, lift_dt = driven.lift(at.angle + width * jnp.asarray(NODES, end.dtype))
-        slopes = stage_slopes(driven.system, at.y, at.slope, h, lift, lift_dt, layer)
+        cam = driven.cam(at.angle + width * jnp.asarray(NODES, end.dtype))
+        slopes = stage_slopes(driven.system, at.y, at.slope, h, cam, layer)
         y = combine(at.y, h, WEIGHTS, slopes)
-        slope = driven.system.rate(y, lift[-1], lift_dt[-1], layer)
+        lift, lift_dt, push = at_stage(cam, -1)
+        slope = driven.system.rate(y, lift, lift_dt, layer, push)
         error = jnp.max(jnp.abs(combine(0.0, h, ERROR, [*slopes, slope])) / scale)
         growth = jnp.clip(0.9 * jnp.maximum(error, 1e-10) ** -0.2, 0.1, 5.0)
         inner = [combine(at.y, h, STAGES[i], slopes[:i]) for i in range(1, 6)]
@@ -124,12 +125,19 @@ def _between(y0, slope0, y1, slope1, h):
 
 
 def _surfaces(driven: DrivenSystem, y, angle, layer: Layer):
-    """Compression beyond the touch [m] and force before clipping [N], both (k, contacts), at k states and angles."""
+    """Compression beyond the touch [m] and force before clipping [N], both (k, contacts), at k states and angles.
+
+    The bounds of memories follow them: the way beyond each, and a force that is never clipped.
+    """
     system = driven.system
 
     def one(y, lift, lift_dt):
         u, u_dt = system.compression(y, lift, lift_dt)
-        return u[system.topology.contacts], system.raw_force(u, u_dt, layer)
+        beyond, force = u[system.topology.contacts], system.raw_force(u, u_dt, layer)
+        if system.laws is None or not system.topology.memory:
+            return beyond, force
+        ways = system.laws.bounds(system.slack(y, u), system.stiffness)
+        return jnp.concatenate([beyond, ways]), jnp.concatenate([force, jnp.ones_like(ways)])
 
     return jax.vmap(one)(y, *driven.lift(angle))
 

@@ -1,6 +1,13 @@
-"""Elastic laws beyond the linear one in JAX, as functions of the compression u beyond the touch.
+"""Laws beyond the linear one in JAX, as functions of the compression u beyond the touch, and of memories.
 
-They are differentiable in every number of a law.
+They are differentiable in every number of a law. The corners of a force table are rounded over the width eps of the
+contact's layer, by the same ramp S and its slope H = S': p goes on along its first line, and each corner at c adds its
+change of slope times eps S((d - c) / eps). With s = d - z, oil and friction take
+
+    oil        f = k eps S((s - travel) / eps),  z' = f / leak - max(0, -d') H(-s / eps)
+    friction   f = k s,                          z' = sign(s) max(0, sign(s) d') H((|s| - slip / k) / eps)
+
+so that oil fills, and friction slides, where s is at most eps / 2 beyond its bound.
 """
 
 import equinox as eqx
@@ -8,13 +15,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from camopt.scene.laws import HERTZ, PROGRESSIVE, STAND_IN_FORCE, Laws
+from camopt.scene.laws import FRICTION, HERTZ, OIL, PROGRESSIVE, STAND_IN_FORCE, TABLE, Laws
+from camopt.smooth.contact import RAMPS, Layer
 
 
 class ElasticLaws(eqx.Module):
     """The laws of the elements (e) of a train. A stiffness is in N/m, that of a hertz contact in N/m^exponent."""
 
-    table: jax.Array  # (e, q, 2): compression [m] and stiffness [N/m]; read where progressive
+    table: jax.Array  # (e, q, 2): compression [m] and stiffness [N/m] where progressive, force [N] where a table
+    leak: jax.Array  # (e) N s/m, of oil
+    travel: jax.Array  # (e) m, of oil
+    slip: jax.Array  # (e) N, of friction
     kind: tuple[int, ...] = eqx.field(static=True)
     exponent: tuple[float, ...] = eqx.field(static=True)
 
@@ -31,15 +42,20 @@ class ElasticLaws(eqx.Module):
         touch = touch.at[h].set(jnp.where(pressed, -shift, 0.0))
         for e in self._progressive():
             touch = touch.at[e].set(_compression(self.table[e], -preload[e]))
+        for e in self._of(TABLE):
+            touch = touch.at[e].set(_zero_of_lines(self.table[e]))
         return touch
 
-    def force(self, u: jax.Array, stiffness: jax.Array, preload: jax.Array) -> jax.Array:
-        """Elastic force [N] of every element at the compression u (e) [m] beyond its touch."""
+    def force(self, u: jax.Array, stiffness: jax.Array, preload: jax.Array, layer: Layer | None = None) -> jax.Array:
+        """Elastic force [N] of every element at the compression u (e) [m] beyond its touch; zero with a memory."""
         h, q = self._hertz(u.dtype)
         force = (stiffness * u).at[h].set(stiffness[h] * jnp.maximum(u[h], 0.0) ** q)
-        if not self._progressive():
+        force = force.at[np.array(self.memory, dtype=int)].set(0.0)
+        if not self._progressive() and not self._of(TABLE):
             return force
         d = u + self.touch(stiffness, preload)
+        for e in self._of(TABLE):
+            force = force.at[e].set(_on_lines(self.table[e], d[e], layer))
         for e in self._progressive():
             zero = jnp.zeros((), u.dtype)
             force = force.at[e].set(preload[e] + _integral(self.table[e], d[e]) - _integral(self.table[e], zero))
@@ -50,20 +66,74 @@ class ElasticLaws(eqx.Module):
         h, q = self._hertz(stiffness.dtype)
         return stiffness.at[h].set(q * stiffness[h] ** (1.0 / q) * STAND_IN_FORCE ** (1.0 - 1.0 / q))
 
+    @property
+    def memory(self) -> list[int]:
+        """The elements with a memory."""
+        return [e for e, kind in enumerate(self.kind) if kind in (OIL, FRICTION)]
+
+    def remembered(self, slack: jax.Array, stiffness: jax.Array, layer: Layer) -> jax.Array:
+        """Force (r, *b) [N] of the elements with a memory, `slack` (r, *b) [m] being d - z."""
+        forces = []
+        for s, e in zip(slack, self.memory, strict=True):
+            pressed = s if self.kind[e] == FRICTION else _ramp(s - self.travel[e], layer)
+            forces.append(stiffness[e] * pressed)
+        return jnp.stack(forces)
+
+    def memory_rate(self, slack, d_dt, force, stiffness, layer: Layer) -> jax.Array:
+        """Rates (r, *b) [m/s] of the memories, from the rates d' (r, *b) and the forces (r, *b) of their elements."""
+        slope, rates = RAMPS[layer.ramp].slope, []
+        for s, rate, f, e in zip(slack, d_dt, force, self.memory, strict=True):
+            if self.kind[e] == OIL:
+                rates.append(f / self.leak[e] - jnp.maximum(0.0, -rate) * slope(-s / layer.eps))
+            else:
+                side, beyond = jnp.where(s > 0.0, 1.0, -1.0), jnp.abs(s) - self.slip[e] / stiffness[e]
+                rates.append(side * jnp.maximum(0.0, side * rate) * slope(beyond / layer.eps))
+        return jnp.stack(rates)
+
+    def bounds(self, slack: jax.Array, stiffness: jax.Array) -> jax.Array:
+        """Ways [m] (m, *b) beyond the bounds at which memories begin to move or oil to push: the middles of layers."""
+        ways = []
+        for s, e in zip(slack, self.memory, strict=True):
+            own = (s - self.travel[e], -s) if self.kind[e] == OIL else (jnp.abs(s) - self.slip[e] / stiffness[e],)
+            ways += own
+        return jnp.stack(ways)
+
     def _hertz(self, dtype) -> tuple[np.ndarray, np.ndarray]:
         """Indices of the hertz contacts and their exponents."""
         h = np.flatnonzero(np.array(self.kind) == HERTZ)
         return h, np.array(self.exponent)[h].astype(dtype)
 
     def _progressive(self) -> list[int]:
-        return [e for e, kind in enumerate(self.kind) if kind == PROGRESSIVE]
+        return self._of(PROGRESSIVE)
+
+    def _of(self, law: int) -> list[int]:
+        return [e for e, kind in enumerate(self.kind) if kind == law]
 
 
 def elastic_laws(laws: Laws, dtype) -> ElasticLaws:
     """The differentiable laws of a train."""
-    return ElasticLaws(
-        jnp.asarray(laws.table, dtype), tuple(map(int, laws.kind)), tuple(float(q) for q in laws.exponent)
-    )
+    numbers = (jnp.asarray(q, dtype) for q in (laws.table, laws.leak, laws.travel, laws.slip))
+    return ElasticLaws(*numbers, tuple(map(int, laws.kind)), tuple(float(q) for q in laws.exponent))
+
+
+def _ramp(r: jax.Array, layer: Layer | None) -> jax.Array:
+    """max(0, r), rounded over the width of a layer where there is one."""
+    return jnp.maximum(0.0, r) if layer is None else layer.eps * RAMPS[layer.ramp].value(r / layer.eps)
+
+
+def _on_lines(table: jax.Array, d: jax.Array, layer: Layer | None) -> jax.Array:
+    """Force [N] at the compression d [m] on the straight lines through a table's rows (q, 2)."""
+    c, force = table[:, 0], table[:, 1]
+    slope = jnp.diff(force) / jnp.diff(c)
+    bends = jnp.diff(slope) * _ramp(d - c[1:-1], layer)
+    return force[0] + slope[0] * (d - c[0]) + jnp.sum(bends)
+
+
+def _zero_of_lines(table: jax.Array) -> jax.Array:
+    """Compression [m] at which the straight lines through a table's rows, whose forces ascend, pass through zero."""
+    c, force = table[:, 0], table[:, 1]
+    i = jnp.clip(jnp.searchsorted(force, 0.0, side="right") - 1, 0, len(c) - 2)
+    return c[i] - force[i] * (c[i + 1] - c[i]) / (force[i + 1] - force[i])
 
 
 def _pieces(table: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:

@@ -50,7 +50,9 @@ def valve_acceleration(system: System, motion: SystemState) -> Float[Array, " k"
     valve = system.topology.valve
     on_valve = motion.force @ system.topology.incidence(system.mass.shape[0])[:, valve]
     drag = system.mass_damping[valve] * motion.v[:, valve]
-    return (system.mass_force[valve] - drag - on_valve) / system.mass[valve]
+    push = system.push(motion.angle)
+    load = system.mass_force[valve] if push is None else system.mass_force[valve] + push[:, valve]
+    return (load - drag - on_valve) / system.mass[valve]
 
 
 def time_to_fall(coefficients, level, most):

@@ -14,7 +14,7 @@ import numpy as np
 from camopt.scene.rest import rest_position
 from camopt.scene.shapes import Float
 from camopt.scene.train import Train
-from camopt.smooth.system import Array, System
+from camopt.smooth.system import Array, System, build_system
 
 MOST_CONTACT_SETS = 200
 """Largest number of Newton steps; ten are usual."""
@@ -87,9 +87,15 @@ def rest_positions(system: System) -> Float[Array, " n"]:
 
 
 def rest_state(train: Train, system: System | None = None) -> Float[Array, "2 n"]:
-    """State at rest on the base circle, of the train or of a `system` that takes its place.
+    """State (2, n + r) at rest on the base circle, of the train or of a `system` that takes its place.
 
-    Where there is no rest, a train raises InputError (see `camopt.scene.rest`) and a system gives NaN.
+    Where there is no rest, a train raises InputError (see `camopt.scene.rest`) and a system gives NaN. Every memory has
+    faded.
     """
     x = jnp.asarray(rest_position(train)) if system is None else rest_positions(system)
-    return jnp.stack([x, jnp.zeros_like(x)])
+    at_rest = jnp.stack([x, jnp.zeros_like(x)])
+    if not train.memory:
+        return at_rest
+    system = build_system(train) if system is None else system
+    z = system.compression(at_rest, 0.0, 0.0)[0][np.array(train.memory)]
+    return jnp.concatenate([at_rest, jnp.stack([z, jnp.zeros_like(z)])], axis=1)

@@ -62,7 +62,11 @@ class DrivenSystem(NamedTuple):
 
     def rate(self, y: Float[Array, "2 n"], theta, layer: Layer) -> Float[Array, "2 n"]:
         """Time derivative of the state y at the angle `theta` [rad]."""
-        return self.system.rate(y, *self.lift(theta), layer)
+        return self.system.rate(y, *self.lift(theta), layer, self.system.push(theta))
+
+    def cam(self, theta: Float[Array, " *shape"]) -> tuple:
+        """Lift [m], lift rate [m/s] and given forces [N] (None where there are none) at `theta` [rad]."""
+        return *self.lift(theta), self.system.push(theta)
 
 
 def forces_at(driven: DrivenSystem, angle, states, layer: Layer):
@@ -80,14 +84,20 @@ def combine(y, h, weights, slopes):
     return y + h * sum(w * k for w, k in zip(weights, slopes, strict=True) if w != 0.0)
 
 
-def stage_slopes(system: System, y, k1, h, lift, lift_dt, layer: Layer) -> list[jax.Array]:
+def at_stage(cam: tuple, i: int) -> tuple:
+    """What the cam does at stage i of a step, out of `cam` (6, ...)."""
+    return jax.tree.map(lambda q: q[i], cam)
+
+
+def stage_slopes(system: System, y, k1, h, cam: tuple, layer: Layer) -> list[jax.Array]:
     """The six slopes of a step of `h` [s] from the state y (2, n), whose first slope is k1.
 
-    `lift` [m] and `lift_dt` [m/s] (6) are those at the step's `NODES`.
+    `cam` is what `DrivenSystem.cam` gives at the step's `NODES`.
     """
     slopes = [k1]
     for i in range(1, 6):
-        slopes.append(system.rate(combine(y, h, STAGES[i], slopes), lift[i], lift_dt[i], layer))
+        lift, lift_dt, push = at_stage(cam, i)
+        slopes.append(system.rate(combine(y, h, STAGES[i], slopes), lift, lift_dt, layer, push))
     return slopes
 
 
@@ -97,8 +107,8 @@ def integrate(driven: DrivenSystem, y0, angle, layer: Layer, known=None) -> jax.
     Where `known` (k, 2, n) gives the states that were found with the grid, each step starts from these and the scan
     only carries the derivatives. Rounding that grows from contact to contact then cannot move the motion off its grid.
     """
-    lift, lift_dt = driven.lift(stage_angles(angle))
-    return integrate_stages(driven.system, jnp.diff(angle) / driven.cam_speed, lift, lift_dt, y0, layer, known)
+    cam = driven.cam(stage_angles(angle))
+    return integrate_stages(driven.system, jnp.diff(angle) / driven.cam_speed, cam, y0, layer, known)
 
 
 def stage_angles(angle: jax.Array) -> jax.Array:
@@ -106,21 +116,23 @@ def stage_angles(angle: jax.Array) -> jax.Array:
     return angle[:-1, None] + jnp.diff(angle)[:, None] * jnp.asarray(NODES, angle.dtype)[None, :]
 
 
-def integrate_stages(system: System, h, lift, lift_dt, y0, layer: Layer, known=None) -> jax.Array:
-    """The states of `integrate`, from steps h (k - 1) [s] and lift [m] and lift rate [m/s] (k - 1, 6) at the stages.
+def integrate_stages(system: System, h, cam: tuple, y0, layer: Layer, known=None) -> jax.Array:
+    """The states of `integrate`, from steps h (k - 1) [s] and lift [m], lift rate [m/s] (k - 1, 6) and given forces [N]
+    (k - 1, 6, n), or None, at the stages.
 
-    The axis of a batch comes last: h (k - 1, 1, 1, b), lift and lift_dt (k - 1, 6, b) and y0 (2, n, b) give states
-    (k, 2, n, b).
+    The axis of a batch comes last: h (k - 1, 1, 1, b), lift and its rate (k - 1, 6, b) and y0 (2, n, b) give states
+    (k, 2, n, b). The given forces are the same for all.
     """
 
     @partial(jax.checkpoint, prevent_cse=False)  # keeping the stages for the way back costs more than their repetition
     def step(y, inputs):
-        h, lift, lift_dt, end = inputs
-        k1 = system.rate(y, lift[0], lift_dt[0], layer)
-        y = combine(y, h, WEIGHTS, stage_slopes(system, y, k1, h, lift, lift_dt, layer))
+        h, cam, end = inputs
+        lift, lift_dt, push = at_stage(cam, 0)
+        k1 = system.rate(y, lift, lift_dt, layer, push)
+        y = combine(y, h, WEIGHTS, stage_slopes(system, y, k1, h, cam, layer))
         y = y if end is None else y + jax.lax.stop_gradient(end - y)
         return y, y
 
     ends = None if known is None else known[1:]
-    _, states = jax.lax.scan(step, y0, (h, lift, lift_dt, ends))
+    _, states = jax.lax.scan(step, y0, (h, cam, ends))
     return jnp.concatenate([y0[None], states])

@@ -9,13 +9,13 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.response import Response, Revolve, end_state, joined
+from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Train
 from camopt.smooth.adaptive import adaptive_states
 from camopt.smooth.contact import RAMPS, Layer
 from camopt.smooth.grid import equal_grid, refined_grid
-from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import DrivenSystem, forces_at, integrate, lift_at
-from camopt.smooth.system import SystemState, build_system
+from camopt.smooth.system import SystemState, build_system, stacked
 
 EPS = 2e-9
 """Default width of the contact's layer [m]. A width of 1e-7 makes gradients of bouncing motions of `kodama` wrong by up
@@ -70,7 +70,8 @@ def response_arrays(
         arrived = angle[-1] >= jnp.asarray(jnp.pi, y.dtype)
         states, force = (jnp.where(arrived, q, jnp.nan) for q in (states, force))
         lift, lift_dtheta = lift_at(driven.samples, angle)
-        return states[-1], SystemState(angle, lift, states[:, 0], states[:, 1], force, force_dtheta, lift_dtheta)
+        x, v, memory = driven.system.parts(states)
+        return states[-1], SystemState(angle, lift, x, v, force, force_dtheta, lift_dtheta, memory)
 
     _, motion = jax.lax.scan(revolve, y0, None, length=revolutions)
     turns = 2 * jnp.pi * jnp.arange(revolutions, dtype=y0.dtype)[:, None]
@@ -97,7 +98,7 @@ def prepare(
     tolerance: float = TOLERANCE,
     method: str = "scan",
 ) -> Revolve:
-    """One smoothed revolution as a function of its start state (2n: [m], then [m/s]); `cam_speed` is in rad/s.
+    """One smoothed revolution as a function of its start state (2n + r: [m], [m/s], [m]); `cam_speed` is in rad/s.
 
     The `method` "scan" refines its grid, or takes `steps_per_revolution` equal steps where they are given. Any other
     method is the name of a diffrax solver in lower case ("tsit5", "dopri8", "kvaerno5", ...). `layer` and `tolerance`
@@ -108,20 +109,21 @@ def prepare(
     driven = DrivenSystem(build_system(train), jnp.asarray(lift_samples(lift)), cam_speed)
 
     def one_revolution(state: np.ndarray) -> Response:
-        y0 = jnp.asarray(state).reshape(2, -1)
+        y0 = stacked(state, len(train.mass))
         if method == "scan":
             motion = _scanned(driven, y0, layer, tolerance, steps_per_revolution)
         else:
             angle = equal_grid(steps_per_revolution or LIFT_SAMPLES)
             motion = adaptive_states(driven, y0, angle, layer, tolerance, solver=method)
         angle, cam_lift, x, v, force = (np.asarray(q) for q in motion[:5])
+        memory = np.zeros((len(angle), 0)) if motion.memory is None else np.asarray(motion.memory)
         if not np.all(np.isfinite(x)):
             raise MotionRefused(
                 f"smooth path at {cam_speed * 30 / np.pi:g} cam r/min with eps = {layer.eps:g} m: no grid of the steps "
                 f"allowed resolves the motion; widen eps, loosen the tolerance, or take more steps"
             )
         distinct = np.append(True, np.diff(angle) > 0)
-        return Response(train, cam_speed, *(q[distinct] for q in (angle, cam_lift, x, v, force)))
+        return Response(train, cam_speed, *(q[distinct] for q in (angle, cam_lift, x, v, force, memory)))
 
     return one_revolution
 
@@ -160,7 +162,7 @@ def simulate_smooth(
     """Motion from rest on the base circle over `revolutions`, by the scan; `eps` [m] is the width of the layer, the
     other arguments and the errors are those of `prepare`."""
     revolve = prepare(train, lift, cam_speed, layer=Layer(eps), tolerance=tolerance)
-    records = [revolve(np.asarray(rest_state(train)).ravel())]
+    records = [revolve(state_at_rest(train))]
     for _ in range(revolutions - 1):
         records.append(revolve(end_state(records[-1])))
     return joined(records)

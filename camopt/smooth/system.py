@@ -27,6 +27,8 @@ class Topology(NamedTuple):
     valve: int
     seat: int
     cam_side: tuple[int, ...]
+    memory: tuple[int, ...] = ()  # elements
+    forced: tuple[int, ...] = ()  # masses of the forces by the cam angle
 
     @property
     def contacts(self) -> np.ndarray:
@@ -52,13 +54,15 @@ class SystemState(NamedTuple):
     force: Float[Array, "k e"]  # N
     force_dtheta: Float[Array, "k e"] | None = None  # N/rad, where it is known
     lift_dtheta: Float[Array, " k"] | None = None  # m/rad, where it is known
+    memory: Float[Array, "k r"] | None = None  # m, where there is one
 
 
 class System(eqx.Module):
     """A valve train as a pytree: every array may be differentiated with respect to.
 
-    States y have the shape (2, n), or (2, n, b) for b motions side by side. The axis of the batch comes last, where it
-    costs least. Lift and its rate are then scalars or (b).
+    States y have the shape (2, n + r): positions [m] and the memories [m] of r elements, and below them velocities
+    [m/s] and zeros. For b motions side by side the axis of the batch comes last, (2, n + r, b), where it costs least.
+    Lift and its rate are then scalars or (b).
     """
 
     mass: Float[Array, " n"]  # kg
@@ -70,13 +74,14 @@ class System(eqx.Module):
     gap: Float[Array, " e"]  # m
     topology: Topology = eqx.field(static=True)
     laws: ElasticLaws | None = None  # None: every law is linear
+    forcing: tuple[tuple[Array, Array], ...] = ()  # angle [rad] and force [N] of the rows of each
 
     def compression(
         self, y: Float[Array, "2 n *b"], lift, lift_dt
     ) -> tuple[Float[Array, " e *b"], Float[Array, " e *b"]]:
         """Compression of every element beyond the zero of its elastic force [m] and its rate [m/s]."""
-        rows = self._incidence(y.dtype)
-        d, d_dt = (jnp.matmul(rows, q, precision="highest") for q in (y[0], y[1]))
+        rows, n = self._incidence(y.dtype), self.mass.shape[0]
+        d, d_dt = (jnp.matmul(rows, q[:n], precision="highest") for q in (y[0], y[1]))
         drive = column(np.array(self.topology.cam_driven, dtype=y.dtype), d)
         lift, lift_dt = (jnp.reshape(q, (1,) * (d.ndim - jnp.ndim(q)) + jnp.shape(q)) for q in (lift, lift_dt))
         return d + drive * lift - column(self.gap + self.touch(), d), d_dt + drive * lift_dt
@@ -85,7 +90,10 @@ class System(eqx.Module):
         """Force of every element [N]; it pushes a towards -x and b towards +x."""
         u, u_dt = self.compression(y, lift, lift_dt)
         pushing = self.raw_force(u, u_dt, layer)
-        bilateral = self.elastic(u) + column(self.damping, u) * u_dt
+        bilateral = self.elastic(u, layer) + column(self.damping, u) * u_dt
+        if self.laws is not None and self.topology.memory:
+            remembered = self.laws.remembered(self.slack(y, u), column(self.stiffness, u), layer)
+            bilateral = bilateral.at[np.array(self.topology.memory)].set(remembered)
         return bilateral.at[self.topology.contacts].set(jnp.where(pushing > 0.0, pushing, 0.0))
 
     def raw_force(
@@ -96,25 +104,58 @@ class System(eqx.Module):
         damping = column(self.damping, u)
         if self.laws is None:
             return raw_force(u[pick], u_dt[pick], column(self.stiffness, u)[pick], damping[pick], layer)
-        return raw_force(u, u_dt, self.elastic, damping, layer)[pick]
+        return raw_force(u, u_dt, lambda pressed: self.elastic(pressed, layer), damping, layer)[pick]
+
+    def slack(self, y: Float[Array, "2 n *b"], u: Float[Array, " e *b"]) -> Float[Array, " r *b"]:
+        """Compression [m] of every element with a memory beyond that memory."""
+        return u[np.array(self.topology.memory)] - y[0, self.mass.shape[0] :]
 
     def touch(self) -> Float[Array, " e"]:
         """Compression at which each elastic force is zero [m]."""
         return -self.preload / self.stiffness if self.laws is None else self.laws.touch(self.stiffness, self.preload)
 
-    def elastic(self, u: Float[Array, " e *b"]) -> Float[Array, " e *b"]:
-        """Elastic force [N] of every element at the compression u [m] beyond its touch."""
+    def elastic(self, u: Float[Array, " e *b"], layer: Layer | None = None) -> Float[Array, " e *b"]:
+        """Elastic force [N] of every element at the compression u [m] beyond its touch; zero where it has a memory.
+
+        The corners of force tables are rounded over the width of the layer, and sharp without one.
+        """
         if self.laws is None:
             return column(self.stiffness, u) * u
-        force = self.laws.force if u.ndim == 1 else jax.vmap(self.laws.force, (-1, None, None), -1)
-        return force(u, self.stiffness, self.preload)
 
-    def rate(self, y: Float[Array, "2 n *b"], lift, lift_dt, layer: Layer) -> Float[Array, "2 n *b"]:
-        """Time derivative of the state y = (positions [m], velocities [m/s]) at lift [m] and lift rate [m/s]."""
+        def force(u):
+            return self.laws.force(u, self.stiffness, self.preload, layer)
+
+        return force(u) if u.ndim == 1 else jax.vmap(force, -1, -1)(u)
+
+    def push(self, theta: Float[Array, " *shape"]) -> Float[Array, " *shape n"] | None:
+        """Forces by the cam angle [N] on the masses at `theta` [rad]; None where there are none."""
+        if not self.forcing:
+            return None
+        turned = jnp.mod(theta + jnp.pi, 2 * jnp.pi) - jnp.pi
+        total = jnp.zeros((*jnp.shape(theta), self.mass.shape[0]), self.mass.dtype)
+        for on, (angle, force) in zip(self.topology.forced, self.forcing, strict=True):
+            total = total.at[..., on].add(jnp.interp(turned, angle, force))
+        return total
+
+    def rate(self, y: Float[Array, "2 n *b"], lift, lift_dt, layer: Layer, push=None) -> Float[Array, "2 n *b"]:
+        """Time derivative of the state y at lift [m] and lift rate [m/s], and under what `push` gives (n) [N]."""
+        n = self.mass.shape[0]
         force = self.force(y, lift, lift_dt, layer)
         on_mass = jnp.matmul(self._incidence(y.dtype).T, force, precision="highest")
         mass, drag, load = (column(q, on_mass) for q in (self.mass, self.mass_damping, self.mass_force))
-        return jnp.stack([y[1], (load - drag * y[1] - on_mass) / mass])
+        load, v = load if push is None else load + column(push, on_mass), y[1, :n]
+        acceleration = (load - drag * v - on_mass) / mass
+        if self.laws is None or not self.topology.memory:
+            return jnp.stack([v, acceleration])
+        u, u_dt = self.compression(y, lift, lift_dt)
+        kept = np.array(self.topology.memory)
+        moved = self.laws.memory_rate(self.slack(y, u), u_dt[kept], force[kept], column(self.stiffness, u), layer)
+        return jnp.stack([jnp.concatenate([v, moved]), jnp.concatenate([acceleration, jnp.zeros_like(moved)])])
+
+    def parts(self, states: Float[Array, "k 2 n *b"]) -> tuple:
+        """Positions (k, n, *b), velocities (k, n, *b) and memories (k, r, *b), or None, of states."""
+        n = self.mass.shape[0]
+        return states[:, 0, :n], states[:, 1, :n], states[:, 0, n:] if self.topology.memory else None
 
     def stiffest(self) -> jax.Array:
         """Largest frequency of a mass on its own elements [rad/s]: the scale of the fastest motion."""
@@ -140,6 +181,16 @@ def build_system(train: Train, dtype=jnp.float64) -> System:
         train.valve,
         train.seat,
         tuple(map(int, train.cam_side)),
+        train.memory,
+        tuple(int(f.on) for f in train.forcing),
     )
     laws = None if train.laws is None else elastic_laws(train.laws, dtype)
-    return System(**{k: jnp.asarray(v, dtype) for k, v in train.parameters.items()}, topology=topology, laws=laws)
+    forcing = tuple((jnp.asarray(f.angle, dtype), jnp.asarray(f.force, dtype)) for f in train.forcing)
+    numbers = {k: jnp.asarray(v, dtype) for k, v in train.parameters.items()}
+    return System(**numbers, topology=topology, laws=laws, forcing=forcing)
+
+
+def stacked(state: np.ndarray, n: int) -> jax.Array:
+    """The state y (2, n + r) of a system with n masses from a state (2n + r: [m], [m/s], [m]) of its train."""
+    x, v, z = jnp.split(jnp.asarray(state), (n, 2 * n))
+    return jnp.stack([jnp.concatenate([x, z]), jnp.concatenate([v, jnp.zeros_like(z)])])
