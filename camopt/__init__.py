@@ -18,6 +18,7 @@ Every name below belongs to `camopt` and is imported when it is first used; `hel
   `MeasuredLift`, `tradeoff` measures what accuracy costs.
 - Trains as built: `trains_as_built` draws them within a scene's tolerances, `manufacturing_yield` is the share of them
   that holds the limits with a cam.
+- Many tasks: `sweep` computes them on all cores or on a cluster and keeps a row for each in a store that resumes.
 - Beyond one design: `pareto` fronts, `joint_spring` for cam and spring together, `differentiable` cams for JAX.
 
 Bad input raises `camopt.scene.InputError`, whose text says what, where, what was expected, and the remedy. On the
@@ -52,6 +53,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr_
     from camopt.study.simulate.motion import simulate
     from camopt.study.tradeoff.tradeoff import tradeoff
     from camopt.study.yields.yields import manufacturing_yield
+    from camopt.tasks.sweep import sweep
     from camopt.verifier.accuracy import verify
 
 __version__ = version("camopt")
@@ -81,6 +83,7 @@ __all__ = [
     "read_lift_table",
     "reduce",
     "simulate",
+    "sweep",
     "tradeoff",
     "trains_as_built",
     "trapezoid",
@@ -115,6 +118,7 @@ _PUBLIC = {
     "joint_spring": "camopt.study.fronts",
     "trains_as_built": "camopt.measure.as_built",
     "manufacturing_yield": "camopt.study.yields.yields",
+    "sweep": "camopt.tasks.sweep",
 }
 
 
