@@ -19,7 +19,9 @@ from camopt.scene.train import TRAIN_PARAMETERS
 from camopt.verifier.accuracy import EFFORTS
 from camopt.verifier.methods import METHOD_NAMES, verdict_methods
 
-VERBS = "optimize verify simulate compare cam modes bound yield gradient tradeoff extremes reduce report scenes".split()
+VERBS = (
+    "optimize verify simulate compare cam modes bound yield sweep gradient tradeoff extremes reduce report scenes"
+).split()
 
 
 def run(capsys, *arguments: str) -> tuple[int, str, str]:

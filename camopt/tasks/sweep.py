@@ -30,7 +30,7 @@ def sweep(
     """Computes the tasks and keeps a row for each of them in the file `store`; returns all rows.
 
     A task is plain data (`camopt.tasks` says which); `tasks` may be a generator, of which a few are taken at a time, or
-    a `camopt.tasks.plan.Plan`. Rows that the store holds already are not computed again, so a sweep that was
+    a `camopt.tasks.plan.SweepPlan`. Rows that the store holds already are not computed again, so a sweep that was
     interrupted, or killed, goes on where it was; equal tasks have one row. A task that fails, or of which three
     workers died, has a row "failed" with the reason, and the sweep goes on.
 

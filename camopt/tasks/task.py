@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, TypeAdapter, ValidationError
 
@@ -74,7 +74,8 @@ class YieldTask(TaskOnScene):
 
 
 Task = RehearseTask | SettledTask | SimulateTask | YieldTask
-VERBS = ("settled", "simulate", "yield", "rehearse")
+Verb = Literal["settled", "simulate", "yield", "rehearse"]
+VERBS: tuple[str, ...] = get_args(Verb)
 _TASKS: TypeAdapter[Task] = TypeAdapter(Annotated[Task, Field(discriminator="verb")])
 
 
@@ -89,7 +90,7 @@ class FiledTask:
     def task(self) -> Task:
         """The task with its long texts."""
         data = json.loads(self.text)
-        return _TASKS.validate_python(_tuples({k: self._whole(v) for k, v in data.items()}))
+        return _TASKS.validate_python(as_tuples({k: self._whole(v) for k, v in data.items()}))
 
     def _whole(self, value: Any) -> Any:
         return self.parts[value] if isinstance(value, str) and value.startswith(PART) else value
@@ -106,7 +107,7 @@ def filed(task: Mapping[str, Any], version: str, where: str = "task") -> FiledTa
     try:
         if given.get("verb") != "rehearse":
             _fill_in(given)
-        checked = _TASKS.validate_python(_tuples(given))
+        checked = _TASKS.validate_python(as_tuples(given))
     except ValidationError as error:
         raise InputError("; ".join(f"{where}: {sentence}" for sentence in task_faults(error))) from None
     except InputError as error:
@@ -201,8 +202,8 @@ def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _tuples(value: Any) -> Any:
+def as_tuples(value: Any) -> Any:
     """Lists as tuples, which is what the frozen schema holds."""
     if isinstance(value, list | tuple):
-        return tuple(_tuples(v) for v in value)
-    return {k: _tuples(v) for k, v in value.items()} if isinstance(value, dict) else value
+        return tuple(as_tuples(v) for v in value)
+    return {k: as_tuples(v) for k, v in value.items()} if isinstance(value, dict) else value
