@@ -11,6 +11,7 @@ from camopt.scene import build_train, load_scene
 from camopt.scene.quantities import QUANTITIES
 from camopt.tasks.varied import scene_with
 from tests.tasks.tasks_of_tests import stored
+from tests.tasks.test_sweep import Killer
 
 SCENE = load_scene("motori-1")
 SPEEDS = (4000.0, 5000.0)
@@ -87,3 +88,16 @@ def test_a_lift_law_and_its_design_are_one_cam(tmp_path):
     metrics = settled_metrics([build_train(SCENE)], [as_written(cam)], [SCENE.cam_speed(5000)], workers=1)
     assert row["jump_mm_high"] == metrics.highest["jump_mm"][0, 0, 0]
     assert found.part(row["cam"]).startswith('{"family": "polydyne"')
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1200)
+def test_200_motions_with_killed_workers_are_those_of_the_serial_sweep(tmp_path):
+    speeds = np.linspace(3000.0, 6000.0, 200).tolist()
+    tasks = [{"verb": "settled", "scene": "motori-1", "cam": "polydyne", "speed_rpm": speed} for speed in speeds]
+    killer = Killer(tmp_path / "x", [20, 80, 140])
+    killer.start()
+    camopt.sweep(tasks, tmp_path / "x", workers=2)
+    assert len(killer.killed) == 3
+    camopt.sweep(tasks, tmp_path / "serial", workers=0)
+    assert stored(tmp_path / "x") == stored(tmp_path / "serial") and len(stored(tmp_path / "x")) == 200
