@@ -19,6 +19,8 @@ GUIDE = "".join(p.read_text(encoding="utf-8") for p in [ROOT / "README.md", *sor
 SIGNATURES = {
     "MeasuredLift": "speed_rpm, cam_angle_deg, valve_mm",
     "area_bound": "scene, knot_deg=2.0, margin_N=20.0",
+    "ascend": "objective, start, optimiser, steps=50, *, form='free', knot_deg=3.0, train=None, judge_every=5, "
+    "out=None, resume=False, progress=False",
     "compare": "scene, designs, out, *, accuracy='draft', baselines='plain', progress=False",
     "cycloidal": "scene",
     "differentiable": "scene, cam",
@@ -33,8 +35,11 @@ SIGNATURES = {
     "resume=False, progress=False",
     "modes": "scene, state='lifted'",
     "multi_pol": "scene, sections_deg=None, a12=None, *, a45=None, j34=None, j45=None, jerk=True",
+    "nearest_free_cam": "scene, cam, *, knot_deg=3.0",
     "new_design": "scene, sections_deg=None, a12=None, *, a34=None, j34=None, j23=None, start_ratio=None, "
     "quintic=False, jerk=True",
+    "objective": "scene, *, speeds_rpm=None, maximise='area_ratio', penalties=None, path='auto', revolutions=1, "
+    "trains=0, seed=0",
     "optimize": "scene, speeds='band', accuracy='standard', gradient='auto', out=None, seed=0, "
     "resume=False, progress=False, designed=<lambda>, *, compare=True",
     "pareto": "scene, against='bounce_max_mm', values=None, *, release=(), speeds='band', "
