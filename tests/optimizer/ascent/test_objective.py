@@ -113,3 +113,12 @@ def test_unusable_variables_of_the_train_are_sentences(bounds, words):
 def test_a_scene_without_design_has_no_objective():
     with pytest.raises(InputError, match="needs valve, seat"):
         camopt.objective(load_scene("ohv-3dof"))
+
+
+def test_both_paths_have_one_value():
+    """By a layer of a micrometre of contact, within a hundredth; the slopes are compared by the long test."""
+    values = []
+    for path in ("exact", "smooth"):
+        value = camopt.objective(MOTORI, speeds_rpm=(5500.0,), penalties=PENALTIES, path=path).of(CAM)
+        values.append(float(jax.jit(value)(value.parameters)))
+    assert values[1] == pytest.approx(values[0], rel=1e-2)
