@@ -82,6 +82,7 @@ sys.exit(f"code {code}, loaded {heavy}" if heavy or code != int(sys.argv[1]) els
         (0, "scenes"),
         (2, "verify none.toml --cam polydyne"),
         (2, "optimize none.toml"),
+        (2, "sweep none.toml --store x.sqlite"),
         (2, "verify kodama --cam none.csv"),
         (2, "optimize kodama --out /"),
         (2, "simulate kodama --cam polydyne --speed -1"),

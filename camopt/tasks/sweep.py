@@ -84,10 +84,15 @@ def _run(tasks: Iterable[Mapping[str, Any]], rows: TaskStore, engine: Engine, ba
 def _engine(executor: Executor | None, workers: int | None, made_by: str) -> Engine:
     if workers is not None and not 0 <= workers <= MOST_WORKERS:
         raise InputError(f"sweep: workers {workers}: expected a number from 0 to {MOST_WORKERS}")
-    count = len(os.sched_getaffinity(0)) if workers is None else workers
+    count = _cores() if workers is None else workers
     if executor is not None:
         return AnyExecutor(executor, workers or getattr(executor, "_max_workers", count), made_by)
     return LocalProcesses(count, made_by) if count else ThisProcess()
+
+
+def _cores() -> int:
+    """The cores that this process may use, where the system tells; else those of the machine."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _other_plan(rows: TaskStore, count: int) -> InputError:

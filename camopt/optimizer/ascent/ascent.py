@@ -27,6 +27,7 @@ from camopt.optimizer.ascent.variables import FREE, FamilyVariables, FreeVariabl
 from camopt.optimizer.search.judge import Judge
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
+from camopt.scene.train import build_train
 from camopt.storage import run_folder, run_identity, write_text
 
 FORMS = (FREE, "own")
@@ -59,14 +60,15 @@ def ascend(
     among those that hold every limit. With `out` a folder is written after every judged iterate; with `resume` it goes
     on there as if it had not been interrupted, and more steps may be asked for.
 
-    Raises InputError for unusable arguments, contradictory limits, a family without a member near `start` that holds
-    them, a motion that cannot be followed, and for a folder as `camopt.storage.run_folder` does.
+    Raises InputError for unusable arguments, laws that are not linear, contradictory limits, a family without a member
+    near `start` that holds them, a motion that cannot be followed, and for a folder as `camopt.storage.run_folder`.
     """
     if form not in FORMS or steps < 1 or judge_every < 1:
         raise InputError(
             f"ascend: form {form!r}, steps {steps}, judge_every {judge_every}: expected {' or '.join(FORMS)}, and "
             f"numbers from 1 on"
         )
+    build_train(objective.scene).require_linear("ascend, whose judge is event-exact,", "take a scene with linear laws")
     numbers = TrainVariables(objective.scene, dict(train or {}))
     cam = FreeVariables(objective.scene, start, knot_deg) if form == FREE else FamilyVariables(objective.scene, start)
     variables = Variables(cam, numbers)
