@@ -18,6 +18,9 @@ Every name below belongs to `camopt` and is imported when it is first used; `hel
   `MeasuredLift`, `tradeoff` measures what accuracy costs.
 - Trains as built: `trains_as_built` draws them within a scene's tolerances, `manufacturing_yield` is the share of them
   that holds the limits with a cam.
+- Gradient ascent of your own: `objective` is what it maximises, `ascend` climbs it from any cam by any optax
+  transformation within the limits on the shape, `nearest_free_cam` is where it starts.
+- Many tasks: `sweep` computes them on all cores or on a cluster and keeps a row for each in a store that resumes.
 - Beyond one design: `pareto` fronts, `joint_spring` for cam and spring together, `differentiable` cams for JAX.
 
 Bad input raises `camopt.scene.InputError`, whose text says what, where, what was expected, and the remedy. On the
@@ -41,6 +44,9 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr_
     from camopt.cam.read import read_cam
     from camopt.cam.tables.lift_table import read_lift_table
     from camopt.measure.as_built import trains_as_built
+    from camopt.optimizer.ascent.ascent import ascend
+    from camopt.optimizer.ascent.objective import objective
+    from camopt.optimizer.ascent.projection import nearest_free_cam
     from camopt.optimizer.baselines.comparison import compare
     from camopt.optimizer.bound.summary import area_bound
     from camopt.optimizer.run import optimize
@@ -52,6 +58,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr_
     from camopt.study.simulate.motion import simulate
     from camopt.study.tradeoff.tradeoff import tradeoff
     from camopt.study.yields.yields import manufacturing_yield
+    from camopt.tasks.sweep import sweep
     from camopt.verifier.accuracy import verify
 
 __version__ = version("camopt")
@@ -59,6 +66,7 @@ __version__ = version("camopt")
 __all__ = [
     "MeasuredLift",
     "area_bound",
+    "ascend",
     "compare",
     "cycloidal",
     "differentiable",
@@ -71,7 +79,9 @@ __all__ = [
     "manufacturing_yield",
     "modes",
     "multi_pol",
+    "nearest_free_cam",
     "new_design",
+    "objective",
     "optimize",
     "pareto",
     "polydyne",
@@ -81,6 +91,7 @@ __all__ = [
     "read_lift_table",
     "reduce",
     "simulate",
+    "sweep",
     "tradeoff",
     "trains_as_built",
     "trapezoid",
@@ -115,6 +126,10 @@ _PUBLIC = {
     "joint_spring": "camopt.study.fronts",
     "trains_as_built": "camopt.measure.as_built",
     "manufacturing_yield": "camopt.study.yields.yields",
+    "sweep": "camopt.tasks.sweep",
+    "objective": "camopt.optimizer.ascent.objective",
+    "ascend": "camopt.optimizer.ascent.ascent",
+    "nearest_free_cam": "camopt.optimizer.ascent.projection",
 }
 
 

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from camopt.scene.errors import InputError
 from camopt.scene.schema import AS_BUILT, Scene
@@ -29,14 +29,25 @@ def write_bytes(path: str | Path, content: bytes) -> None:
 
     A device or pipe (/dev/stdout) is written to as it is. Raises InputError where nothing can be written.
     """
+    with _whole_file(path) as file:
+        file.write(content)
+
+
+@contextmanager
+def _whole_file(path: str | Path) -> Iterator[BinaryIO]:
+    """The file to write to, under the promise of `write_bytes`."""
     path = Path(path)
     try:
         if path.exists() and not path.is_file() and not path.is_dir():
-            path.write_bytes(content)
+            with open(path, "wb") as file:
+                yield file
             return
         if path.is_dir():
             raise IsADirectoryError("it is a folder")
-        _replace(path.resolve(), content)
+        with _replacing(path.resolve()) as file:
+            yield file
+    except InputError:
+        raise
     except (OSError, ValueError) as error:  # a ValueError where a name holds a NUL
         reason = error.strerror or error if isinstance(error, OSError) else error
         raise InputError(
@@ -52,12 +63,13 @@ def check_file(path: str | Path) -> None:
         raise InputError(f"{path}: cannot be written ({reason}); name a file in an existing, writable folder")
 
 
-def _replace(path: Path, content: bytes) -> None:
+@contextmanager
+def _replacing(path: Path) -> Iterator[BinaryIO]:
     """Temporary file in the same folder (a rename across file systems is not atomic), then the rename."""
     temporary = path.with_name(f".camopt-{secrets.token_hex(8)}.tmp")
     try:
         with open(temporary, "xb") as file:
-            file.write(content)
+            yield file
             file.flush()
             os.fsync(file.fileno())
         os.replace(temporary, path)
@@ -93,6 +105,16 @@ def write_csv(path: str | Path, columns: Mapping[str, Any]) -> None:
     lists = [plain(column) for column in columns.values()]
     writer.writerows(zip(*lists, strict=True))
     write_text(path, text.getvalue())
+
+
+def write_csv_rows(path: str | Path, names: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    """Writes a table row by row, of any length; floats with every digit, None as an empty cell. See `write_bytes`."""
+    with _whole_file(path) as file:
+        text = io.TextIOWrapper(file, encoding="utf-8", newline="")
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(names)
+        writer.writerows(rows)
+        text.detach()
 
 
 def append_line(path: str | Path, line: str) -> None:

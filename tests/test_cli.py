@@ -19,7 +19,9 @@ from camopt.scene.train import TRAIN_PARAMETERS
 from camopt.verifier.accuracy import EFFORTS
 from camopt.verifier.methods import METHOD_NAMES, verdict_methods
 
-VERBS = "optimize verify simulate compare cam modes bound yield gradient tradeoff extremes reduce report scenes".split()
+VERBS = (
+    "optimize verify simulate compare cam modes bound yield sweep gradient tradeoff extremes reduce report scenes"
+).split()
 
 
 def run(capsys, *arguments: str) -> tuple[int, str, str]:
@@ -80,6 +82,7 @@ sys.exit(f"code {code}, loaded {heavy}" if heavy or code != int(sys.argv[1]) els
         (0, "scenes"),
         (2, "verify none.toml --cam polydyne"),
         (2, "optimize none.toml"),
+        (2, "sweep none.toml --store x.sqlite"),
         (2, "verify kodama --cam none.csv"),
         (2, "optimize kodama --out /"),
         (2, "simulate kodama --cam polydyne --speed -1"),

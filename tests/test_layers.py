@@ -26,7 +26,8 @@ MAY_IMPORT = {
     "verifier": {"cam", "measure", "programs"} | SUPPORT,
     "autodiff": {"cam", "smooth", "exact", "scene"},
     "optimizer": {"cam", "measure", "smooth", "exact", "verifier", "autodiff", "programs"} | SUPPORT,
-    "study": {"cam", "measure", "smooth", "exact", "verifier", "autodiff", "optimizer", "programs"} | SUPPORT,
+    "tasks": {"cam", "scene", "storage"},
+    "study": {"cam", "measure", "smooth", "exact", "verifier", "autodiff", "optimizer", "programs", "tasks"} | SUPPORT,
     "report": {"cam", "measure", "smooth", "exact", "verifier", "optimizer", "study"} | SUPPORT,
 }
 TOP = {"__init__", "__main__", "cli"}
@@ -34,8 +35,9 @@ WITHOUT_JAX = ("scene", "cam", "measure", "exact", "verifier", "plots", "storage
 JAX = {"jax", "jaxlib", "diffrax", "equinox", "optax"}
 VERDICT = "verifier/verdict.py"
 """The one file of the verifier that may compare with `exact`."""
-UPWARD = {VERDICT: {"exact"}, "cam/lift.py": {"plots"}}
-"""The two files that may import a layer above their own: the verdict, and a lift law, which can draw itself."""
+UPWARD = {VERDICT: {"exact"}, "cam/lift.py": {"plots"}, "tasks/compute.py": {"study"}}
+"""The three files that may import a layer above their own: the verdict, a lift law, which can draw itself, and what
+computes a task, which loads its verb."""
 
 
 def modules() -> list[Path]:

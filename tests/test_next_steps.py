@@ -23,6 +23,7 @@ COMMANDS = {
     "modes": ("modes", "kodama"),
     "bound": ("bound", "kodama"),
     "yield": ("yield", "kodama", *CAM, "--out", "run"),
+    "sweep": ("sweep", "plan.toml", "--store", "x.sqlite"),
     "gradient": ("gradient", "kodama", *CAM, "--speed", "6000"),
     "tradeoff": ("tradeoff", "kodama", "--out", "run"),
     "extremes": ("extremes", "kodama", "--out", "run"),

@@ -19,6 +19,8 @@ GUIDE = "".join(p.read_text(encoding="utf-8") for p in [ROOT / "README.md", *sor
 SIGNATURES = {
     "MeasuredLift": "speed_rpm, cam_angle_deg, valve_mm",
     "area_bound": "scene, knot_deg=2.0, margin_N=20.0",
+    "ascend": "objective, start, optimiser, steps=50, *, form='free', knot_deg=3.0, train=None, judge_every=5, "
+    "out=None, resume=False, progress=False",
     "compare": "scene, designs, out, *, accuracy='draft', baselines='plain', progress=False",
     "cycloidal": "scene",
     "differentiable": "scene, cam",
@@ -33,8 +35,11 @@ SIGNATURES = {
     "resume=False, progress=False",
     "modes": "scene, state='lifted'",
     "multi_pol": "scene, sections_deg=None, a12=None, *, a45=None, j34=None, j45=None, jerk=True",
+    "nearest_free_cam": "scene, cam, *, knot_deg=3.0",
     "new_design": "scene, sections_deg=None, a12=None, *, a34=None, j34=None, j23=None, start_ratio=None, "
     "quintic=False, jerk=True",
+    "objective": "scene, *, speeds_rpm=None, maximise='area_ratio', penalties=None, path='auto', revolutions=1, "
+    "trains=0, seed=0",
     "optimize": "scene, speeds='band', accuracy='standard', gradient='auto', out=None, seed=0, "
     "resume=False, progress=False, designed=<lambda>, *, compare=True",
     "pareto": "scene, against='bounce_max_mm', values=None, *, release=(), speeds='band', "
@@ -46,6 +51,7 @@ SIGNATURES = {
     "read_lift_table": "path, scene, table_angle=None, table_lift=None, table_ratio=None",
     "reduce": "scene, cam=None, speeds_rpm=None, *, tolerance_mm=0.01, smooth=True, workers=2",
     "simulate": "scene, cam, speed_rpm, method='event', *, revolutions=2, step_deg=0.1, parameters=None, accuracy=None",
+    "sweep": "tasks, store, executor=None, workers=None, *, progress=False",
     "tradeoff": "scene, out=None, resume=False, *, size='full', progress=False, cam=None",
     "trains_as_built": "scene, count, *, seed=0, first=0",
     "trapezoid": "scene, sections_deg=None, jerk=True",

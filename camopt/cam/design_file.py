@@ -47,7 +47,12 @@ def read_design(path: str | Path, scene: Scene) -> Lift:
     Raises InputError for a file that is no design: unreadable, not JSON, missing or misshapen pieces, pieces that do
     not cover -180 to 180 deg without gap or step in lift.
     """
-    data = _json_object(Path(path))
+    return lift_of_text(read_text(Path(path), MAX_FILE_BYTES, "design"), scene, path)
+
+
+def lift_of_text(text: str, scene: Scene, path: object) -> Lift:
+    """The lift law of the text of a `design.json`; `path` begins the sentences. Errors as of `read_design`."""
+    data = _json_object(text, path)
     try:
         pieces = data["pieces"]
         start, end = (np.array(pieces[k], dtype=float) for k in ("start_deg", "end_deg"))
@@ -103,8 +108,7 @@ def _scene_duration_deg(scene: Scene) -> float:
     return scene.design.duration_deg
 
 
-def _json_object(path: Path) -> dict:
-    text = read_text(path, MAX_FILE_BYTES, "design")
+def _json_object(text: str, path: object) -> dict:
     try:
         data = json.loads(text)
     except (json.JSONDecodeError, RecursionError) as error:

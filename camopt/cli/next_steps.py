@@ -15,6 +15,8 @@ def left_behind(args: Namespace) -> str:
 
     A folder that is still empty is taken away, so that the same command may be given again.
     """
+    if hasattr(args, "store"):
+        return _left_in_store(args)
     folder: Path | None = getattr(args, "folder", None)
     if folder is None or not folder.is_dir():
         return ""
@@ -29,6 +31,14 @@ def left_behind(args: Namespace) -> str:
         return f"{left}: delete it or name another --out"
     again = _camopt(args.command, *([args.scene] if args.scene else []), "--out", folder, "--resume")
     return f"{left}: {again} with the same options goes on there, or delete it"
+
+
+def _left_in_store(args: Namespace) -> str:
+    """What a sweep that did not end leaves, and how to go on; nothing where it had not begun."""
+    if not getattr(args, "begun", False):
+        return ""
+    again = _camopt("sweep", args.plan, "--store", args.store, "--resume")
+    return f"; {args.store} is left, with a row for each task that ended: {again} goes on"
 
 
 def _camopt(*words: object) -> str:
@@ -125,6 +135,13 @@ def _after_report(args: Namespace, code: int) -> str:
     return f"{_camopt('report', args.run, '--check')} judges every stated number anew"
 
 
+def _after_sweep(args: Namespace, code: int) -> str:
+    words = _camopt("sweep", args.plan, "--store", args.store, "--resume", "--csv", f"{args.store}.csv")
+    if args.csv is None:
+        return f"{words} writes the rows as a table" + (", with the reasons of those that failed" if code else "")
+    return f"{_camopt('scenes')} lists scenes for another plan"
+
+
 def _after_scenes(args: Namespace, code: int) -> str:
     if args.name is None:
         return "`camopt scenes kodama > mine.toml` writes one to edit"
@@ -147,5 +164,6 @@ _AFTER = {
     "extremes": _after_extremes,
     "reduce": _after_reduce,
     "report": _after_report,
+    "sweep": _after_sweep,
     "scenes": _after_scenes,
 }

@@ -6,6 +6,14 @@ from collections.abc import Callable
 from camopt.cli.values import ACCURACIES, accuracy, count, digits, picture_file, positive, seed, speeds, trains
 from camopt.verifier.methods import verdict_methods
 
+PLAN = """a plan (docs/sweeps.md tells all of it):
+  format = 1
+  verb = "settled"                  # settled, simulate, yield or rehearse
+  scenes = ["motori-1"]             # built-in scenes or TOML files
+  cams = ["polydyne"]
+  speeds_rpm = [4000, 5000]         # left out: each scene's listed speeds
+  [vary]                            # numbers of the scenes, every combination
+  spring.preload_N = [240, 250]"""
 Command = Callable[[str, str, str], argparse.ArgumentParser]
 
 
@@ -170,6 +178,22 @@ def _yield(command: Command) -> None:
     )
 
 
+def _sweep(command: Command) -> None:
+    c = command(
+        "sweep",
+        "compute many tasks, on all cores or on a cluster, with a row for each in a store that resumes",
+        "camopt sweep plan.toml --store plan.sqlite --csv plan.csv",
+    )
+    c.epilog = f"{PLAN}\n\n{c.epilog}"
+    c.add_argument("plan", metavar="PLAN", help="TOML file that says which tasks there are")
+    c.add_argument("--store", metavar="FILE", required=True, help="SQLite file of the rows, refused if it exists")
+    c.add_argument("--workers", type=count, metavar="N", help="worker processes (one for each core)")
+    c.add_argument("--scheduler", metavar="ADDRESS", help="dask scheduler, tcp://HOST:PORT or tls://HOST:PORT")
+    c.add_argument("--insecure", action="store_true", help="allow a scheduler beyond this machine without TLS")
+    c.add_argument("--resume", action="store_true", help="go on in the store")
+    c.add_argument("--csv", metavar="FILE", help="write the rows as a table")
+
+
 def _tradeoff(command: Command) -> None:
     c = command("tradeoff", "measure what accuracy costs on a scene: methods and job", "camopt tradeoff kodama")
     _scene(c)
@@ -242,5 +266,5 @@ def _table_options(c: argparse.ArgumentParser) -> None:
 
 
 DESIGNING = (_optimize, _verify, _simulate, _compare, _cam, _modes)
-STUDYING = (_bound, _yield, _gradient, _tradeoff, _extremes, _reduce, _report, _scenes)
+STUDYING = (_bound, _yield, _sweep, _gradient, _tradeoff, _extremes, _reduce, _report, _scenes)
 COMMANDS = (*DESIGNING, *STUDYING)

@@ -8,6 +8,7 @@ import tomllib
 from argparse import Namespace
 from pathlib import Path
 
+from camopt.cli.sweep_verb import sweep as sweep
 from camopt.scene import InputError, Scene, build_train, builtin_scenes, load_scene, scene_text
 from camopt.scene.notes import scene_notes, speed_notes
 from camopt.scene.spelling import did_you_mean
@@ -76,8 +77,6 @@ def verify(args: Namespace) -> int:
     lift = _cam_of(args, scene)
     from camopt.verifier.accuracy import verify as verdict_of
 
-    if args.energy:
-        build_train(scene).require_linear("--energy", "leave it out")
     report = verdict_of(scene, lift, speeds_rpm=args.speeds, methods=args.method, accuracy=args.accuracy)
     record, lines = report.as_dict(), []
     if args.energy or args.periodic:
@@ -154,11 +153,8 @@ def modes(args: Namespace) -> int:
     found = modes_of(scene, args.state)
     if args.json:
         write_json(args.json, found.as_dict())
-    print(
-        "\n".join(
-            [f"{scene.name}, {args.state}; closed contacts: {', '.join(found.closed) or 'none'}", *mode_lines(found)]
-        )
-    )
+    lines = [f"{scene.name}, {args.state}; closed contacts: {', '.join(found.closed) or 'none'}", *mode_lines(found)]
+    print("\n".join(lines))
     return 0
 
 

@@ -1,0 +1,191 @@
+"""`camopt.ascend`: steps of an optax transformation along an objective's gradient, within the limits on the shape.
+
+The transformation is given the gradient along the face of the limits on which the point lies (Rosen 1960), and its step
+is taken along that face too. So a transformation that scales each variable for itself, as Adam does, still climbs, and
+momentum does not press against a limit. The point that it leads to is replaced by the nearest one that holds every
+limit (Goldstein 1964; Levitin and Polyak 1966).
+"""
+
+import json
+from collections.abc import Mapping
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from tqdm import tqdm
+
+from camopt.cam.lift import Lift
+from camopt.measure.limits import broken_by_shape
+from camopt.optimizer.ascent.history import AscentHistory, Iterate, best_of, dataset_of
+from camopt.optimizer.ascent.objective import Objective
+from camopt.optimizer.ascent.train_variables import Names, TrainVariables
+from camopt.optimizer.ascent.variables import FREE, FamilyVariables, FreeVariables, Variables
+from camopt.optimizer.search.judge import Judge
+from camopt.scene.errors import InputError
+from camopt.scene.schema import Scene
+from camopt.scene.train import build_train
+from camopt.storage import run_folder, run_identity, write_text
+
+FORMS = (FREE, "own")
+STATE = "ascent.json"
+Point = dict[str, np.ndarray]
+
+
+def ascend(
+    objective: Objective,
+    start: Lift,
+    optimiser: optax.GradientTransformation,
+    steps: int = 50,
+    *,
+    form: str = FREE,
+    knot_deg: float = 3.0,
+    train: Mapping[Names, tuple[float, float]] | None = None,
+    judge_every: int = 5,
+    out: str | Path | None = None,
+    resume: bool = False,
+    progress: bool = False,
+) -> AscentHistory:
+    """Climbs an objective from a cam by `steps` steps of an optax transformation; returns every iterate.
+
+    With `form` "free" the free cam within the limits that is nearest to `start` varies (knots every `knot_deg`; a free
+    cam keeps its own), with "own" the parameters of the start's own family. `train` names numbers of the scene that
+    vary too, NAME.KEY or several that share one factor, with the bounds of that factor, as in
+    {("spring.preload_N", "seat.preload_N"): (0.9, 1.1)}. The variables are the coefficients of a free cam [mm/deg^2]
+    and factors on everything else. Every iterate holds the limits on the shape. Every `judge_every` iterates, and the
+    last, are judged by event-exact at the objective's speeds, settled; `history.best` is the one of the largest value
+    among those that hold every limit. With `out` a folder is written after every judged iterate; with `resume` it goes
+    on there as if it had not been interrupted, and more steps may be asked for.
+
+    Raises InputError for unusable arguments, laws that are not linear, contradictory limits, a family without a member
+    near `start` that holds them, a motion that cannot be followed, and for a folder as `camopt.storage.run_folder`.
+    """
+    if form not in FORMS or steps < 1 or judge_every < 1:
+        raise InputError(
+            f"ascend: form {form!r}, steps {steps}, judge_every {judge_every}: expected {' or '.join(FORMS)}, and "
+            f"numbers from 1 on"
+        )
+    build_train(objective.scene).require_linear("ascend, whose judge is event-exact,", "take a scene with linear laws")
+    numbers = TrainVariables(objective.scene, dict(train or {}))
+    cam = FreeVariables(objective.scene, start, knot_deg) if form == FREE else FamilyVariables(objective.scene, start)
+    variables = Variables(cam, numbers)
+    climb = Climb(objective, variables, optimiser)
+    identity = run_identity(
+        "ascend",
+        objective.scene,
+        **{name: value for name, value in vars(objective).items() if name != "scene"},
+        start=variables.start["cam"],
+        form=form,
+        train=dict(zip(numbers.names, numbers.bounds.values(), strict=True)),
+        optimiser=str(jax.tree.structure(climb.state)),
+        judge_every=judge_every,
+    )
+    with run_folder(out, identity, resume, [STATE]) if out is not None else nullcontext() as folder:
+        if folder is not None and (folder / STATE).exists():
+            climb.load(folder / STATE)
+        begun, bar = len(climb.iterates), tqdm(total=steps + 1, disable=None if progress else True, dynamic_ncols=True)
+        with bar:
+            bar.update(begun)
+            for number in range(begun, steps + 1):
+                climb.step(judged=number % judge_every == 0 or number == steps)
+                bar.update(1)
+                bar.set_description(str(climb.iterates[-1]), refresh=False)
+                if folder is not None and climb.iterates[-1].judged:
+                    climb.save(folder / STATE)
+        history = climb.history()
+        if folder is not None:
+            history.write(folder)
+    return history
+
+
+class Climb:
+    """An ascent under way: the point it has come to, the transformation's state, and the iterates until there."""
+
+    def __init__(self, objective: Objective, variables: Variables, optimiser: optax.GradientTransformation):
+        self.objective, self.variables = objective, variables
+        self.iterates: list[Iterate] = []
+        self._bound = objective.of(variables.cam.cam, variables.train)
+        self._optimiser = optax.with_extra_args_support(optimiser)
+        self.point: Point = variables.start
+        self.state = self._optimiser.init(_arrays(self.point))
+        self._slopes = jax.jit(jax.value_and_grad(self._value, has_aux=True))
+        self._moved = jax.jit(self._move)
+
+    def _value(self, point: Mapping[str, jax.Array]) -> tuple[jax.Array, dict[str, jax.Array]]:
+        return self._bound.value_and_terms(self.variables.parameters(point))
+
+    def _move(self, point, state, value, gradient, faces) -> tuple[Any, Any]:
+        """The transformation's change of a point along its faces, and its new state."""
+
+        def along(change):
+            return jax.tree.map(lambda face, part: face @ part, faces, change)
+
+        def loss(other):  # for a line search
+            apart = along(jax.tree.map(jnp.subtract, other, point))
+            return -self._value(self.variables.nearest_in_jax(jax.tree.map(jnp.add, point, apart)))[0]
+
+        downhill = jax.tree.map(jnp.negative, along(gradient))
+        change, state = self._optimiser.update(
+            downhill, state, point, value=-value, grad=downhill, value_fn=loss
+        )  # fmt: skip
+        return optax.apply_updates(point, along(change)), state
+
+    def step(self, judged: bool) -> None:
+        """Records the present point as an iterate, and goes to the next one."""
+        (value, terms), gradient = self._slopes(_arrays(self.point))
+        gradient = {name: np.asarray(part) for name, part in gradient.items()}
+        if not np.isfinite(value) or not all(np.all(np.isfinite(part)) for part in gradient.values()):
+            raise InputError(
+                f"ascend: the motion of iterate {len(self.iterates)} or its gradient cannot be followed on the "
+                f"{self.objective.path} path: take smaller steps, another start or the other path"
+            )
+        faces = self.variables.faces(self.point, gradient)
+        length = np.sqrt(sum(float(np.sum((faces[name] @ part) ** 2)) for name, part in gradient.items()))
+        share = self._judged_share() if judged else np.nan
+        found = {name: float(part) for name, part in terms.items()}
+        self.iterates.append(Iterate(float(value), found, length, share, self.point["cam"], self.point["train"]))
+        moved, self.state = self._moved(_arrays(self.point), self.state, value, _arrays(gradient), _arrays(faces))
+        self.point = self.variables.nearest(moved)
+
+    def _judged_share(self) -> float:
+        """The largest share of a limit that the settled motion uses by event-exact; infinite for a broken shape."""
+        scene, lift = self._scene(self.point["train"]), self.variables.cam.lift(self.point["cam"])
+        if broken_by_shape(lift, scene.design):
+            return np.inf
+        return float(Judge(scene, sorted(self.objective.speeds_rpm))(lift).share.max(initial=0.0))
+
+    def _scene(self, factors: np.ndarray) -> Scene:
+        return self.variables.train.scene_with(factors)
+
+    def history(self) -> AscentHistory:
+        """All iterates until now, with the best of them."""
+        best = best_of(self.iterates)
+        one = self.iterates[best]
+        names = self.variables.train.names
+        about = {"scene": self.objective.scene.name, "path": self.objective.path, "maximise": self.objective.maximise}
+        data = dataset_of(self.iterates, names).assign_attrs(about, best=best)
+        return AscentHistory(data, self.variables.cam.lift(one.cam), self._scene(one.train))
+
+    def save(self, path: Path) -> None:
+        """Writes the ascent, from which `load` goes on to the last digit."""
+        state = [np.asarray(leaf).tolist() for leaf in jax.tree.leaves(self.state)]
+        point = {name: part.tolist() for name, part in self.point.items()}
+        iterates = [one.as_dict() for one in self.iterates]
+        write_text(path, json.dumps({"iterates": iterates, "point": point, "state": state}))
+
+    def load(self, path: Path) -> None:
+        """Takes over what `save` wrote of the same ascent."""
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        leaves, tree = jax.tree.flatten(self.state)
+        known = zip(leaves, stored["state"], strict=True)
+        values = [jnp.asarray(value, dtype=leaf.dtype).reshape(leaf.shape) for leaf, value in known]
+        self.state = jax.tree.unflatten(tree, values)
+        self.point = {name: np.array(part, dtype=float) for name, part in stored["point"].items()}
+        self.iterates = [Iterate.of(one) for one in stored["iterates"]]
+
+
+def _arrays(point: Mapping[str, Any]) -> dict[str, jax.Array]:
+    return {name: jnp.asarray(part) for name, part in point.items()}

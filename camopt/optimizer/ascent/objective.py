@@ -1,0 +1,204 @@
+"""What gradient ascent maximises: area or a metric, less penalties, over several speeds and drawn trains.
+
+A metric that the scene limits is penalised by how much of its limit it uses beyond `AIM`; any other one by its value in
+its unit. Both are means over speeds and trains, times the penalty's weight.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from camopt.autodiff.exact_rule import exact_metrics
+from camopt.autodiff.families import DifferentiableCam, differentiable
+from camopt.autodiff.smooth_rule import differentiable_motion
+from camopt.cam.lift import Lift
+from camopt.measure.as_built import trains_as_built
+from camopt.measure.limits import MotionLimit, motion_limits
+from camopt.optimizer.ascent.train_variables import TrainVariables
+from camopt.optimizer.search.judge import USABLE_SHARE
+from camopt.optimizer.search.sensitivity import path_of
+from camopt.scene import QUANTITIES, InputError, Scene, Train, build_train
+from camopt.scene.spelling import did_you_mean
+from camopt.scene.train import TRAIN_PARAMETERS
+from camopt.scene.units import DEG, MM
+
+AREA_RATIO = "area_ratio"
+AIM = USABLE_SHARE
+"""Share of a limit from which a penalty counts, so that a cam that ends a little beyond it still holds the limit."""
+SMOOTH_STEPS = 8
+"""Samples per revolution of the smooth path's record, which nobody reads: its metrics come from its own steps."""
+PATHS = ("auto", "exact", "smooth")
+
+Terms = dict[str, jax.Array]
+"""Parts of the objective by name: what is maximised, and every penalised metric's mean over speeds and trains."""
+
+
+@dataclass(frozen=True, eq=False)  # hashed by identity, as jax.jit asks for
+class Objective:
+    """A number to maximise, of any cam of a scene. `of(cam)` makes it a function of that cam's parameters.
+
+    `path` is "exact" or "smooth", `revolutions` the number of the revolution from rest that is measured.
+    """
+
+    scene: Scene
+    speeds_rpm: tuple[float, ...]
+    maximise: str
+    penalties: Mapping[str, float]
+    path: str
+    revolutions: int = 1
+    trains: int = 0
+    seed: int = 0
+
+    def of(self, cam: Lift, train: TrainVariables | None = None) -> "BoundObjective":
+        """The objective as a function of the parameters of `cam`, a free cam or a family's member, and of a train's.
+
+        Raises InputError for a cam that belongs to no family.
+        """
+        return BoundObjective(self, cam, differentiable(self.scene, cam), train or TrainVariables(self.scene, {}))
+
+    @property
+    def metrics(self) -> tuple[str, ...]:
+        """The metrics of the motion that it takes."""
+        own = () if self.maximise == AREA_RATIO else (self.maximise,)
+        return tuple(dict.fromkeys([*own, *self.penalties]))
+
+    def penalty(self, metric: str, values: jax.Array) -> jax.Array:
+        """The penalty of a metric's values (t, s), weight and all."""
+        limit = next((m for m in motion_limits(self.scene.design).values() if m.metric == metric), None)
+        if limit is None:
+            each = -values if QUANTITIES[metric].less_is_worse else values
+        else:
+            each = jnp.maximum(_share(limit, values) - AIM, 0.0)
+        return self.penalties[metric] * jnp.mean(each)
+
+
+@dataclass(frozen=True, eq=False)
+class BoundObjective:
+    """The objective of one cam: a function of `parameters`, a dictionary of arrays, that JAX differentiates.
+
+    The parameters are those of `camopt.differentiable(scene, cam)`, and "train" the factors of a train's variables.
+    """
+
+    objective: Objective
+    template: Lift
+    cam: DifferentiableCam
+    train: TrainVariables
+
+    @property
+    def parameters(self) -> dict[str, jax.Array]:
+        """Their values now."""
+        return {**self.cam.parameters, **({"train": jnp.ones(len(self.train.names))} if self.train.names else {})}
+
+    def __call__(self, parameters: Mapping[str, Any]) -> jax.Array:
+        """The number to maximise."""
+        return self.value_and_terms(parameters)[0]
+
+    def value_and_terms(self, parameters: Mapping[str, Any]) -> tuple[jax.Array, Terms]:
+        """The number to maximise, and its parts."""
+        asked = self.objective
+        own = {name: jnp.asarray(value, dtype=float) for name, value in parameters.items()}
+        factors = own.pop("train", jnp.ones(len(self.train.names)))
+        design = asked.scene.design
+        assert design is not None, "objective() asks for [design]"
+        area = self.cam.area(own) / (design.max_lift_mm * MM * design.duration_deg * DEG)
+        terms = {AREA_RATIO: area}
+        found = self._metrics(own, factors) if asked.metrics else {}
+        terms |= {name: jnp.mean(values) for name, values in found.items()}
+        value = terms[asked.maximise]
+        for metric in asked.penalties:
+            value = value - asked.penalty(metric, found[metric])
+        return value, terms
+
+    def _metrics(self, own: Mapping[str, jax.Array], factors: jax.Array) -> dict[str, jax.Array]:
+        """The metrics (t, s) of every train at every speed."""
+        names, motion = self.objective.metrics, self._motion
+        moving = self.cam.motion_parameters(dict(own))
+
+        def one(case):
+            numbers, cam_speed = case
+            return motion(self.train.applied(numbers, factors) | moving, cam_speed, names)
+
+        cases = jax.tree.map(jnp.asarray, self._cases)
+        values = jax.vmap(one)(cases) if self.objective.path == "exact" else jax.lax.map(one, cases)
+        shape = -1, len(self.objective.speeds_rpm)
+        return {name: values[:, i].reshape(shape) for i, name in enumerate(names)}
+
+    @property
+    def _motion(self) -> Callable[[dict, Any, tuple[str, ...]], jax.Array]:
+        """Numbers of train and cam, cam speed [rad/s] and metrics' names to the metrics (l)."""
+        train, lift, measured = build_train(self.objective.scene), self.template, self.objective.revolutions
+
+        def exact(numbers, cam_speed, names):
+            turns = {"revolutions": measured + 1, "revolution": measured - 1}
+            return exact_metrics(train, lift, cam_speed, numbers, names, **turns)
+
+        def smooth(numbers, cam_speed, names):
+            slowest = self.objective.scene.cam_speed(min(self.objective.speeds_rpm))
+            found = differentiable_motion(train, lift, numbers, cam_speed, measured + 1, SMOOTH_STEPS, slowest)[1]
+            return jnp.stack([found[name][-1] for name in names])
+
+        return exact if self.objective.path == "exact" else smooth
+
+    @cached_property
+    def _cases(self) -> tuple[dict[str, np.ndarray], np.ndarray]:
+        """By case, a train at a speed: the train's numbers by name, and the cam speeds [rad/s]."""
+        asked = self.objective
+        speeds = [asked.scene.cam_speed(speed) for speed in asked.speeds_rpm]
+        trains: list[Train] = [build_train(asked.scene)]
+        if asked.trains:
+            trains = [one.train for one in trains_as_built(asked.scene, asked.trains, seed=asked.seed)]
+        varies = TRAIN_PARAMETERS if asked.trains or self.train.names else ()
+        numbers = {name: np.array([t.parameters[name] for t in trains for _ in speeds]) for name in varies}
+        return numbers, np.tile(speeds, len(trains))
+
+
+def objective(
+    scene: Scene,
+    *,
+    speeds_rpm: Sequence[float] | None = None,
+    maximise: str = AREA_RATIO,
+    penalties: Mapping[str, float] | None = None,
+    path: str = "auto",
+    revolutions: int = 1,
+    trains: int = 0,
+    seed: int = 0,
+) -> Objective:
+    """A number to maximise by `camopt.ascend`: the area ratio or a metric, less penalties, as JAX differentiates it.
+
+    `speeds_rpm` (s) are crankshaft speeds [r/min], by default the scene's listed ones. `maximise` is "area_ratio" or a
+    metric; `penalties` are weights by metric: of one that the scene limits, of the share of its limit that it uses
+    beyond 0.8; of any other one, of its value in its unit. Metrics are means over the speeds and over `trains`
+    drawn within the scene's tolerances by `seed` (0: the train as designed; grinding errors are left out), each in
+    the revolution of the number `revolutions` from rest. `path` is "exact", "smooth", or "auto": exact where the
+    train's laws are linear. `objective(...).of(cam)` is a function of that cam's parameters.
+
+    Raises InputError for unknown metrics and paths, speeds that are none, and scenes without valve, seat or [design].
+    """
+    known = {AREA_RATIO, *QUANTITIES}
+    weights = dict(penalties or {})
+    for name in (maximise, *weights):
+        if name not in known or (name in weights and name == AREA_RATIO):
+            raise InputError(
+                f"objective: {name!r}: expected one of {', '.join(sorted(known))}{did_you_mean(name, known)}"
+            )
+    if path not in PATHS:
+        raise InputError(f"objective: path {path!r}: expected one of {', '.join(PATHS)}")
+    if scene.design is None or scene.operation is None or scene.seat is None:
+        raise InputError(f"scene {scene.name}: an objective needs valve, seat, [operation] and [design]")
+    speeds = tuple(float(speed) for speed in (speeds_rpm if speeds_rpm is not None else scene.operation.speeds_rpm))
+    if not speeds or not all(np.isfinite(speed) and speed > 0 for speed in speeds):
+        raise InputError(f"objective: speeds_rpm {speeds_rpm}: crankshaft speeds above 0 r/min are needed")
+    if revolutions < 1 or trains < 0:
+        raise InputError(f"objective: revolutions {revolutions}, trains {trains}: at least 1 and 0 are needed")
+    chosen = path_of(path, build_train(scene))
+    return Objective(scene, speeds, maximise, weights, chosen, revolutions, trains, seed)
+
+
+def _share(limit: MotionLimit, values: jax.Array) -> jax.Array:
+    """`MotionLimit.share` in JAX, straight on beyond zero; NaN stays NaN, since it has no slope."""
+    return 1.0 + limit.share_slope * (values - limit.value)

@@ -1,0 +1,145 @@
+"""The nearest point that holds linear limits, and the free cam nearest to a given one.
+
+The nearest point of a polyhedron is a least distance problem, which a non-negative least-squares problem answers
+exactly (Lawson and Hanson 1974, ch. 23). Of thousands of rows only those take part that some answer breaks: each round
+adds the most broken ones, until none is left.
+"""
+
+from functools import cached_property
+
+import numpy as np
+from scipy.optimize import nnls
+
+from camopt.cam.families.free import FreeCam, free_cam
+from camopt.cam.lift import Lift
+from camopt.optimizer.program.kinematic import conflict, reached_in_the_middle
+from camopt.scene.errors import InputError
+from camopt.scene.schema import Design, Scene
+
+BROKEN = 1e-10
+"""Excess of a row over the distance unit at which it counts as broken; a free cam's limits are tightened by more."""
+DEPENDENT = 1e-9
+"""Part of a row, of length one, that others do not have already, below which it adds nothing to a face."""
+PROBE = 1e-4
+"""Size of the step, over that of the point, that shows which rows hold a direction back."""
+ADDED_PER_ROUND = 60
+MOST_ROUNDS = 60
+NO_POINT = 1e-9
+"""Residual of the least-squares problem below which the rows have no common point; where they do it is near 1."""
+
+
+class Empty(ArithmeticError):
+    """No point holds all rows."""
+
+
+class Polyhedron:
+    """The points x (m) with matrix (r, m) @ x <= bound (r)."""
+
+    def __init__(self, matrix: np.ndarray, bound: np.ndarray):
+        norm = np.linalg.norm(matrix, axis=1)
+        moving = norm > 1e-12 * norm.max()
+        if np.any(bound[~moving] < -BROKEN * np.abs(bound).max()):
+            raise Empty
+        self.matrix, self.bound = matrix[moving] / norm[moving, None], bound[moving] / norm[moving]
+        self._last = np.zeros(0, dtype=int)  # rows that took part last: the next answer is like the last one
+
+    def nearest(self, x: np.ndarray) -> np.ndarray:
+        """The nearest point to x (m); x itself where it holds all rows. Raises Empty where no point does."""
+        return self._nearest(x)[0]
+
+    def nearest_and_face(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The nearest point to x (m), and its derivative by x (m, m): the projector onto the face on which it lies.
+
+        Of the rows that hold the point those count whose multipliers are positive (Rosen 1960).
+        """
+        point, rows = self._nearest(x)
+        q, r = np.linalg.qr(self.matrix[rows].T)
+        q = q[:, np.abs(np.diag(r)) > DEPENDENT]
+        return point, np.eye(len(x)) - q @ q.T
+
+    def face(self, x: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """The projector (m, m) onto the directions in which one may leave x (m), a point within, along `direction`.
+
+        The face is that of the nearest point to x moved by `PROBE` times its size.
+        """
+        longest = max(float(np.abs(direction).max()), 1e-300)
+        return self.nearest_and_face(x + direction * (PROBE * float(np.abs(x).max()) / longest))[1]
+
+    def _nearest(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The nearest point and the rows that hold it there."""
+        level = BROKEN * max(float(np.abs(x).max()), 1e-300)
+        violation = float((self.matrix @ x - self.bound).max())
+        moved, rows, holding = x, self._last, np.zeros(0, dtype=int)
+        for _ in range(MOST_ROUNDS):
+            excess = self.matrix @ moved - self.bound
+            broken = np.flatnonzero(excess > level)
+            if not len(broken):
+                return moved, holding
+            worst = broken[np.argsort(-excess[broken])[:ADDED_PER_ROUND]]
+            if len(holding) and np.isin(worst, rows).all():
+                raise ArithmeticError("the nearest point still breaks rows that it was to hold")
+            rows = np.union1d(rows, worst)
+            step, multipliers = _least_step(self.matrix[rows], (self.bound[rows] - self.matrix[rows] @ x) / violation)
+            moved = x + violation * step
+            self._last = holding = rows[multipliers > 0]
+        raise ArithmeticError(f"the nearest point still breaks rows after {MOST_ROUNDS} rounds")
+
+
+def _least_step(matrix: np.ndarray, room: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The shortest u (m) with matrix (r, m) @ u <= room (r), and the rows' multipliers (r); raises Empty."""
+    target = np.zeros(matrix.shape[1] + 1)
+    target[-1] = 1.0
+    equations = np.vstack([-matrix.T, -room])
+    multipliers, length = nnls(equations, target, maxiter=50 * len(target))
+    if length < NO_POINT:
+        raise Empty
+    residual = equations @ multipliers - target
+    return -residual[:-1] / residual[-1], multipliers
+
+
+class ShapeLimits:
+    """The limits of a design on a free cam: the nearest coefficients that hold every one of them at every angle."""
+
+    def __init__(self, cam: FreeCam, design: Design):
+        self.cam, self.design = cam, design
+        limits = cam.limits(design)
+        self._rows = reached_in_the_middle(cam, design, limits.matrix, limits.bound)
+
+    @cached_property
+    def polyhedron(self) -> Polyhedron:
+        return Polyhedron(*self._rows)
+
+    def nearest(self, z: np.ndarray) -> np.ndarray:
+        """The nearest coefficients z (m). Raises InputError where the limits contradict each other."""
+        try:
+            return self.polyhedron.nearest(z)
+        except Empty:
+            raise InputError(conflict(self.design, self.cam)) from None
+
+    def nearest_to(self, lift: Lift) -> np.ndarray:
+        """The coefficients z (m) of the cam within the limits whose lift differs least in root mean square."""
+        theta = np.linspace(self.cam.breaks[0], self.cam.breaks[-1], SAMPLES_PER_KNOT * len(self.cam.breaks))[:-1]
+        basis, offset = self.cam.basis(theta)
+        q, r = np.linalg.qr(basis @ self.cam.Z)
+        wanted = q.T @ (lift(theta) - offset - basis @ self.cam.x_p)  # of y = r z, in which distance is that of lifts
+        matrix, bound = self._rows
+        try:
+            return np.linalg.solve(r, Polyhedron(np.linalg.solve(r.T, matrix.T).T, bound).nearest(wanted))
+        except Empty:
+            raise InputError(conflict(self.design, self.cam)) from None
+
+
+SAMPLES_PER_KNOT = 8
+
+
+def nearest_free_cam(scene: Scene, cam: Lift, *, knot_deg: float = 3.0) -> Lift:
+    """The free cam within the design's limits on the shape whose lift differs least from that of `cam`.
+
+    "Least" is the root mean square of the difference [m] over the duration; the limits hold at every angle. `knot_deg`
+    is the longest knot interval. Raises InputError where the limits contradict each other.
+    """
+    if scene.design is None:
+        raise InputError(f"scene {scene.name}: the nearest free cam needs [design]")
+    free = free_cam(scene.design, knot_deg)
+    limits = ShapeLimits(free, scene.design)
+    return free.lift(limits.nearest(limits.nearest_to(cam)))

@@ -1,0 +1,229 @@
+"""What an ascent moves: a free cam's coefficients or a family's own parameters, and factors on numbers of the train.
+
+Both kinds are arrays by name, "cam" (m) and "train" (k). Of a free cam they are its coefficients z [mm/deg^2]; of a
+family, factors on its own parameters, with the design conditions as they are. Every point of an ascent holds the
+design's limits on the shape: it is the nearest one that does.
+"""
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any, Protocol
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from camopt.autodiff.families import DifferentiableCam, differentiable
+from camopt.cam.families.free import free_cam
+from camopt.cam.families.registry import family_named
+from camopt.cam.lift import Lift
+from camopt.optimizer.ascent.projection import Empty, Polyhedron, ShapeLimits
+from camopt.optimizer.ascent.train_variables import TrainVariables
+from camopt.scene.errors import InputError
+from camopt.scene.schema import Design, Scene
+from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
+
+FREE = "free"
+NOSE_ANGLES = 41
+HELD = 1e-7
+"""Excess of a limit, over the limit, at which a family's member still counts as holding it in an ascent."""
+MOST_ROUNDS = 30
+
+
+class CamVariables(Protocol):
+    """The cam's part: a vector and what it means."""
+
+    cam: Lift  # the one that `parameters` belong to
+    start: np.ndarray  # (m)
+
+    def parameters(self, vector: Any) -> dict[str, Any]:
+        """Those of `camopt.differentiable(scene, cam)`, in JAX."""
+        ...
+
+    def lift(self, vector: np.ndarray) -> Lift:
+        """The cam."""
+        ...
+
+    def nearest(self, vector: np.ndarray) -> np.ndarray:
+        """The nearest vector whose cam holds the design's limits on the shape."""
+        ...
+
+    def nearest_and_face(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The same, and its derivative (m, m) by the vector."""
+        ...
+
+    def face(self, vector: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """The projector (m, m) onto the directions along which these limits still hold."""
+        ...
+
+
+class FreeVariables:
+    """The coefficients of the free cam nearest to a given cam, of a free one with its own knots."""
+
+    def __init__(self, scene: Scene, cam: Lift, knot_deg: float):
+        assert scene.design is not None, "objective() asks for [design]"
+        own = cam.family == FREE
+        self._free = free_cam(scene.design, cam.parameters["knot_deg"] if own else knot_deg)
+        self._limits = ShapeLimits(self._free, scene.design)
+        given = np.array(cam.parameters["coefficients_mm_per_deg2"]) if own else None
+        near = self._limits.nearest_to(cam) if given is None else self._free.Z.T @ (given - self._free.x_p)
+        self.start = self._limits.nearest(near)
+        self.cam = self.lift(self.start)
+
+    def parameters(self, vector: Any) -> dict[str, Any]:
+        return {"z": vector}
+
+    def lift(self, vector: np.ndarray) -> Lift:
+        return self._free.lift(vector)
+
+    def nearest(self, vector: np.ndarray) -> np.ndarray:
+        return self._limits.nearest(vector)
+
+    def nearest_and_face(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return self._limits.polyhedron.nearest_and_face(vector)
+
+    def face(self, vector: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        return self._limits.polyhedron.face(vector, direction)
+
+
+class FamilyVariables:
+    """Factors on the own parameters of a family's member.
+
+    The lift laws of other points have these parameters by the names of `camopt.differentiable`, and are no members by
+    name: a family's own function may take others, or fewer.
+    """
+
+    def __init__(self, scene: Scene, cam: Lift):
+        assert scene.design is not None, "objective() asks for [design]"
+        self._cam, self._design = differentiable(scene, cam), scene.design
+        construction = family_named(cam.family).construction
+        assert construction is not None, "differentiable() asks for it"
+        self._own = {name: self._cam.parameters[name] for name in construction(scene, cam)[0]}
+        count = sum(int(np.size(value)) for value in self._own.values())
+        if not count:
+            raise InputError(f"ascend: {cam.family} has no parameters of its own to vary: form='free' varies its shape")
+        self.cam, self.start = cam, np.ones(count)
+        self.start = self.nearest(self.start)
+
+    def parameters(self, vector: Any) -> dict[str, Any]:
+        found, at = dict(self._cam.parameters), 0
+        for name, value in self._own.items():
+            size = int(np.size(value))
+            found[name] = value * jnp.reshape(vector[at : at + size], np.shape(value))
+            at += size
+        return found
+
+    def lift(self, vector: np.ndarray) -> Lift:
+        parameters = self.parameters(vector)
+        borders, coefficients = (np.asarray(part) for part in self._cam.moving_pieces(parameters))
+        wide = np.diff(borders) > 0.0
+        own = {name: np.asarray(parameters[name]).tolist() for name in self._own}
+        half, family = float(self._cam.half_duration(parameters)), f"{self.cam.family} (ascended)"
+        return Lift(np.append(borders[:-1][wide], borders[-1]), coefficients[wide], half, family, own)
+
+    def nearest(self, vector: np.ndarray) -> np.ndarray:
+        """By rounds of the nearest point under the limits linearised at the last one."""
+        moved = vector
+        for _ in range(MOST_ROUNDS):
+            excess, slopes = self._excess(moved)
+            if np.all(excess <= HELD):
+                return moved
+            try:
+                moved = Polyhedron(slopes, slopes @ moved - excess).nearest(vector)
+            except (Empty, ArithmeticError):
+                break
+            if not np.all(np.isfinite(moved)) or np.abs(moved - self.start).max() > 1.0:
+                break
+        raise InputError(
+            f"ascend: no member of {self.cam.family} near this one holds the design's limits on the shape: take "
+            f"form='free', which varies the free cam nearest to it, or loosen the limits"
+        )
+
+    def nearest_and_face(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        moved = self.nearest(vector)
+        return moved, self.face(moved, vector - moved)
+
+    def face(self, vector: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        excess, slopes = self._excess(vector)
+        return Polyhedron(slopes, slopes @ vector - np.minimum(excess, 0.0)).face(vector, direction)
+
+    def _excess(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """How far each limit is broken, over the limit (r), and its slopes by the variables (r, m)."""
+        slopes, excess = self._compiled(jnp.asarray(vector))
+        return np.asarray(excess), np.asarray(slopes)
+
+    @cached_property
+    def _compiled(self):
+        def twice(vector):
+            excess = shape_excess(self._cam, self.parameters(vector), self._design)
+            return excess, excess
+
+        return jax.jit(jax.jacfwd(twice, has_aux=True))
+
+
+def shape_excess(cam: DifferentiableCam, parameters: Mapping[str, Any], design: Design) -> jax.Array:
+    """How far a cam breaks each limit on its shape, over the limit (r), in JAX; of the nose, over the lowest level."""
+    own = dict(parameters)
+    parts = [cam.peak(own) / (design.max_lift_mm * MM) - 1.0]
+    if design.reach_max_lift:
+        parts.append(1.0 - cam.peak(own) / (design.max_lift_mm * MM))
+    if (upper := design.acceleration_max_mm_per_deg2) is not None:
+        parts.append(cam.peak(own, 2) / (upper * MM_PER_DEG2) - 1.0)
+    if (lower := design.acceleration_min_mm_per_deg2) is not None:
+        parts.append(cam.peak(own, 2, lowest=True) / (lower * MM_PER_DEG2) - 1.0)
+    if (jerk := design.jerk_max_mm_per_deg3) is not None:
+        parts += [sign * cam.peak(own, 3, lowest=sign < 0) / (jerk * MM_PER_DEG3) - 1.0 for sign in (1.0, -1.0)]
+    if design.nose_deg:
+        theta = np.linspace(-design.nose_deg, design.nose_deg, NOSE_ANGLES) * DEG
+        parts.append(jnp.max(cam.lift(theta, own, 2)) / MM_PER_DEG2)
+    return jnp.stack(parts)
+
+
+class Variables:
+    """Everything that an ascent moves: arrays "cam" and, where numbers of the train vary, "train"."""
+
+    def __init__(self, cam: CamVariables, train: TrainVariables):
+        self.cam, self.train = cam, train
+
+    @property
+    def start(self) -> dict[str, np.ndarray]:
+        """Where an ascent begins."""
+        return {"cam": self.cam.start, "train": np.ones(len(self.train.names))}
+
+    def parameters(self, point: Mapping[str, Any]) -> dict[str, Any]:
+        """Those of a bound objective."""
+        return self.cam.parameters(point["cam"]) | ({"train": point["train"]} if self.train.names else {})
+
+    def nearest(self, point: Mapping[str, Any]) -> dict[str, np.ndarray]:
+        """The nearest point within all limits and bounds."""
+        factors = np.clip(np.asarray(point["train"], dtype=float), *self.train.limits)
+        return {"cam": self.cam.nearest(np.asarray(point["cam"], dtype=float)), "train": factors}
+
+    def faces(self, point: Mapping[str, np.ndarray], gradient: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Projectors onto the directions in which a point may move along its gradient."""
+        low, high = self.train.limits
+        factors, uphill = point["train"], gradient["train"]
+        held = ((factors <= low) & (uphill < 0)) | ((factors >= high) & (uphill > 0))
+        return {"cam": self.cam.face(point["cam"], gradient["cam"]), "train": np.diag(1.0 - held)}
+
+    def nearest_in_jax(self, point: Mapping[str, jax.Array]) -> dict[str, jax.Array]:
+        """`nearest` as a JAX function, with the derivative of the point on its face; for line searches."""
+        low, high = self.train.limits
+        return {"cam": _on_face(self.cam, point["cam"]), "train": jnp.clip(point["train"], low, high)}
+
+
+def _on_face(cam: CamVariables, vector: jax.Array) -> jax.Array:
+    """The nearest vector within the limits, differentiable by JAX: the host finds it."""
+    size = vector.shape[0]
+    shapes = jax.ShapeDtypeStruct((size,), float), jax.ShapeDtypeStruct((size, size), float)
+
+    def found(given):
+        point, face = cam.nearest_and_face(np.array(given, dtype=float))
+        return np.asarray(point), np.asarray(face)
+
+    @jax.custom_vjp
+    def nearest(given):
+        return jax.pure_callback(found, shapes, given)[0]
+
+    nearest.defvjp(lambda given: jax.pure_callback(found, shapes, given), lambda face, bar: (face @ bar,))
+    return nearest(vector)

@@ -1,0 +1,110 @@
+"""Computing one task, in whatever process: its state and its outcome as text.
+
+Nothing here raises: a task that cannot be computed ends as "failed" with its sentence. BLAS is held to one thread, and
+nothing is carried from one task to the next but what is the same for every process (scenes, cams, settled states of the
+train as designed, by their content), so that a row does not depend on who computed it.
+"""
+
+import json
+import os
+import signal
+import time
+from collections.abc import Callable
+from functools import cache
+from hashlib import sha256
+from importlib import import_module
+from importlib.metadata import version
+from multiprocessing import parent_process
+from typing import Any, NamedTuple
+
+from threadpoolctl import ThreadpoolController
+
+from camopt.scene.errors import InputError
+from camopt.storage import plain
+from camopt.tasks.task import FiledTask, RehearseTask, Task
+
+DONE, FAILED = "done", "failed"
+ON_SCENES = "camopt.study.task_verbs"
+"""Where the verbs stand that need a scene: the one module above this layer, named here and loaded when it is used."""
+LONGEST_REASON = 600
+
+
+class Outcome(NamedTuple):
+    """How a task ended: its `state`, and as JSON text what it returned, or the reason why it failed."""
+
+    state: str
+    text: str
+
+
+class OtherVersion(Exception):
+    """A worker has another version of camopt than the process that sends the tasks."""
+
+
+def failed(reason: str) -> Outcome:
+    """The outcome of a task that failed for a reason."""
+    return Outcome(FAILED, json.dumps({"reason": reason[:LONGEST_REASON]}))
+
+
+def compute(task: FiledTask) -> Outcome:
+    """The outcome of a task, computed in this process with one BLAS thread, whose limits are restored."""
+    with _controller(_module(task.task())).limit(limits=1):
+        return _outcome(task)
+
+
+def compute_at_worker(task: FiledTask, made_by: str) -> Outcome:
+    """The same in a process that computes nothing else; raises OtherVersion where camopt is not that of the sender."""
+    if (mine := _own_version()) != made_by:
+        raise OtherVersion(f"a worker has camopt {mine}, and the tasks are sent by camopt {made_by}")
+    _hold_threads(_module(task.task()))
+    return _outcome(task)
+
+
+def _outcome(filed: FiledTask) -> Outcome:
+    try:
+        task = filed.task()
+        found = _function(task)(task)
+        return Outcome(DONE, json.dumps(plain(found), separators=(",", ":"), allow_nan=False))
+    except InputError as error:
+        return failed(str(error))
+    except Exception as error:
+        return failed(f"{type(error).__name__}: {error}" if str(error) else type(error).__name__)
+
+
+def _module(task: Task) -> str:
+    """Where the function of a task's verb stands."""
+    return __name__ if task.verb == "rehearse" else ON_SCENES
+
+
+def _function(task: Task) -> Callable[[Any], dict]:
+    return rehearse if task.verb == "rehearse" else getattr(import_module(ON_SCENES), f"{task.verb}_task")
+
+
+@cache
+def _controller(module: str) -> ThreadpoolController:
+    """The thread pools that are there once a module, with all that it loads, is."""
+    import_module(module)
+    return ThreadpoolController()
+
+
+@cache
+def _hold_threads(module: str) -> None:
+    """Holds BLAS to one thread for the rest of this process."""
+    _controller(module).limit(limits=1)
+
+
+@cache
+def _own_version() -> str:
+    return version("camopt")
+
+
+def rehearse(task: RehearseTask) -> dict[str, float]:
+    """The verb "rehearse": waits, then returns a fraction that follows from the number, or ends as it is told."""
+    if task.seconds:
+        time.sleep(task.seconds)
+    if task.end == "die":
+        if parent_process() is None:
+            raise InputError("rehearse: dies in a worker process only, and this is none: ask for workers")
+        os.kill(os.getpid(), signal.SIGKILL)
+    if task.end == "raise":
+        raise InputError(f"rehearse: task {task.number} fails, as it was told to")
+    return {"fraction": int.from_bytes(sha256(str(task.number).encode()).digest()[:6], "big") / 2**48}

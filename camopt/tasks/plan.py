@@ -1,0 +1,217 @@
+"""Plans: a TOML file that says which tasks a sweep has, and the tasks themselves, one at a time.
+
+```toml
+format = 1
+verb = "yield"                    # settled | simulate | yield | rehearse (see `camopt.tasks`)
+scenes = ["motori-1"]             # built-in names or TOML files, beside this file unless they say otherwise
+cams = ["polydyne"]               # as the command line names a cam: a family, a table, a run folder
+speeds_rpm = [4000, 5000]         # crankshaft r/min; left out: each scene's listed speeds
+combine = "grid"                  # of [vary]: "grid" takes every combination, "list" the first of each, the second, ...
+
+[vary]                            # numbers of the scenes by NAME.KEY: a mass or an element, operation, design, geometry
+spring.preload_N = [240, 250, 260]
+spring.stiffness_N_per_m = [36000, 38000]
+
+[settings]                        # of the verb, see below
+trains = 1000
+```
+Settings: "simulate" has method, revolutions, step_deg; "yield" has trains, seed; "rehearse" has tasks, seconds.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+from math import prod
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationError, field_validator
+
+from camopt.cam.families.registry import FAMILIES
+from camopt.scene import builtin_scenes
+from camopt.scene.errors import InputError
+from camopt.scene.spelling import did_you_mean
+from camopt.scene.table import Positive, Table
+from camopt.scene.text_file import read_text, usable_path
+from camopt.scene.toml_text import toml_data
+from camopt.tasks.task import Count, Verb, as_tuples, cam_as_text, scene_as_text, scene_of_text, task_faults
+from camopt.tasks.varied import scene_with
+
+MOST_BYTES = 1_000_000
+Some = Field(min_length=1, max_length=100_000)
+
+
+class NoSettings(Table):
+    """The settings of a verb that has none."""
+
+
+class SimulateSettings(Table):
+    """How motions from rest are simulated, as in `camopt.simulate`."""
+
+    method: str = "event"
+    revolutions: Annotated[int, Field(ge=2, le=1000)] = 2
+    step_deg: Positive = 0.1
+
+
+class YieldSettings(Table):
+    """How many trains are drawn, and by which seed."""
+
+    trains: Annotated[int, Field(ge=1, le=10_000_000)] = 1000
+    seed: Count = 0
+
+
+class RehearseSettings(Table):
+    """How many stand-ins there are, and how long each of them waits."""
+
+    tasks: Annotated[int, Field(ge=1, le=10_000_000)] = 200
+    seconds: Annotated[float, Field(ge=0, le=3600)] = 0.0
+
+
+SETTINGS = {"settled": NoSettings, "simulate": SimulateSettings, "yield": YieldSettings, "rehearse": RehearseSettings}
+
+
+class PlanFile(Table):
+    """What a plan file may say."""
+
+    format: Literal[1]
+    verb: Verb
+    scenes: Annotated[tuple[str, ...], Some] | None = Field(default=None, validate_default=True)
+    cams: Annotated[tuple[str, ...], Some] | None = Field(default=None, validate_default=True)
+    speeds_rpm: Annotated[tuple[Positive, ...], Some] | None = None
+    combine: Literal["grid", "list"] = "grid"
+    vary: Annotated[dict[str, Annotated[tuple[float, ...], Some]], Field(default_factory=dict)]
+    settings: Annotated[dict[str, Any], Field(default_factory=dict)]
+
+    @field_validator("scenes", "cams")
+    @classmethod
+    def _given_where_needed(cls, names, info):
+        rehearsal = info.data.get("verb") == "rehearse"
+        if (names is None) != rehearsal:
+            raise ValueError('verb "rehearse" has none: leave it out' if rehearsal else "missing")
+        return names
+
+    @field_validator("vary")
+    @classmethod
+    def _equally_long_in_a_list(cls, vary, info):
+        lengths = {name: len(values) for name, values in vary.items()}
+        if info.data.get("combine") == "list" and len({*lengths.values()}) > 1:
+            said = ", ".join(f"{name} {length}" for name, length in lengths.items())
+            raise ValueError(f'combine = "list" needs as many values of each, and these are {said}')
+        return vary
+
+
+@dataclass(frozen=True, repr=False)
+class SweepPlan:
+    """The tasks of a plan, one at a time; it has a length, and a `digest` that says whether two are the same."""
+
+    file: PlanFile
+    settings: Table
+    scenes: tuple[str, ...]  # as texts of tasks
+    cams: tuple[tuple[str, ...], ...]  # by scene
+    speeds_rpm: tuple[tuple[float, ...], ...]  # by scene
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of all that the tasks follow from, the content of scenes and cams included."""
+        said = [self.file.verb, self.settings.model_dump(), self.scenes, self.cams, self.speeds_rpm]
+        said += [self.file.combine, self.file.vary]
+        return hashlib.sha256(json.dumps(said).encode()).hexdigest()
+
+    def __len__(self) -> int:
+        if isinstance(self.settings, RehearseSettings):
+            return self.settings.tasks
+        inner = (self.settings.trains,) * len(self.scenes) if isinstance(self.settings, YieldSettings) else ()
+        each = inner or tuple(map(len, self.speeds_rpm))
+        return self._combinations * sum(len(cams) * n for cams, n in zip(self.cams, each, strict=True))
+
+    @property
+    def _combinations(self) -> int:
+        lengths = [len(values) for values in self.file.vary.values()]
+        return prod(lengths) if self.file.combine == "grid" else max(lengths, default=1)
+
+    def _numbers(self) -> Iterator[dict[str, float]]:
+        """The numbers of the scene, combination by combination."""
+        vary = self.file.vary
+        together = (
+            product(*vary.values()) if self.file.combine == "grid" or not vary else zip(*vary.values(), strict=True)
+        )
+        return (dict(zip(vary, values, strict=True)) for values in together)
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        settings = self.settings
+        if isinstance(settings, RehearseSettings):
+            for number in range(settings.tasks):
+                yield {"verb": "rehearse", "number": number, "seconds": settings.seconds}
+            return
+        for scene, cams, speeds in zip(self.scenes, self.cams, self.speeds_rpm, strict=True):
+            for numbers, cam in product(self._numbers(), cams):
+                one = {"verb": self.file.verb, "scene": scene, "cam": cam, "vary": numbers}
+                if isinstance(settings, YieldSettings):
+                    drawn = one | {"speeds_rpm": speeds, "seed": settings.seed}
+                    yield from (drawn | {"train": i} for i in range(settings.trains))
+                else:
+                    yield from (one | {"speed_rpm": speed} | settings.model_dump() for speed in speeds)
+
+    def __repr__(self) -> str:
+        return f"SweepPlan({len(self)} tasks of the verb {self.file.verb})"
+
+
+def load_plan(path: str | Path) -> SweepPlan:
+    """The plan of a TOML file. Raises InputError with one line per fault, of its scenes and cams too."""
+    path = usable_path(path, "plan")
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; a plan is a TOML file, as `camopt sweep --help` shows")
+    data = toml_data(read_text(path, MOST_BYTES, "plan"), str(path))
+    if isinstance(data.get("vary"), dict):
+        data["vary"] = _flat(data["vary"])
+    try:
+        file = PlanFile.model_validate(as_tuples(data))
+        settings = SETTINGS[file.verb].model_validate(file.settings)
+    except ValidationError as error:
+        known = {*PlanFile.model_fields, *(key for table in SETTINGS.values() for key in table.model_fields)}
+        faults = (f"{fault}{did_you_mean(_key(fault), known - {_key(fault)})}" for fault in task_faults(error))
+        raise InputError("\n".join(f"{path}: {fault}" for fault in faults)) from None
+    try:
+        return _filled_in(file, settings, path.parent)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _key(fault: str) -> str:
+    """The key of a fault that is an unknown key, else nothing that any key is like."""
+    return fault.removesuffix(": unknown key").rpartition(".")[2] if fault.endswith(": unknown key") else ""
+
+
+def _flat(vary: dict[str, Any]) -> dict[str, Any]:
+    """`spring.preload_N = ...` as one key, quoted or not."""
+    found = {}
+    for name, value in vary.items():
+        inner = {f"{name}.{key}": one for key, one in value.items()} if isinstance(value, dict) else {name: value}
+        found |= inner
+    return found
+
+
+def _filled_in(file: PlanFile, settings: Table, folder: Path) -> SweepPlan:
+    """The plan with its scenes and cams read, and its first combination of numbers tried."""
+    if file.scenes is None or file.cams is None:
+        return SweepPlan(file, settings, (), (), ())
+    scenes = tuple(scene_as_text(_beside(name, folder, builtin_scenes())) for name in file.scenes)
+    cams = tuple(tuple(cam_as_text(_beside(cam, folder, FAMILIES), scene) for cam in file.cams) for scene in scenes)
+    speeds = tuple(file.speeds_rpm or _listed(scene) for scene in scenes)
+    plan = SweepPlan(file, settings, scenes, cams, speeds)
+    for scene in scenes:
+        scene_with(scene_of_text(scene), next(plan._numbers()))
+    return plan
+
+
+def _beside(name: str, folder: Path, known) -> str | Path:
+    """A file is looked for beside the plan; what is known by name is no file."""
+    return name if name.partition(":")[0] in known else folder / name
+
+
+def _listed(scene: str) -> tuple[float, ...]:
+    operation = scene_of_text(scene).operation
+    assert operation is not None, "every scene of a task has one"
+    return operation.speeds_rpm

@@ -1,0 +1,144 @@
+"""The store of a sweep: an SQLite file with one row for each task, written by the parent process alone.
+
+A row is written whole or not at all, survives the death of the process, and is never changed. Long texts that tasks
+share, scenes and cams, are kept once.
+"""
+
+import json
+import sqlite3
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from camopt.scene.errors import InputError
+from camopt.scene.text_file import usable_path
+from camopt.storage import check_file
+from camopt.tasks.compute import Outcome
+from camopt.tasks.task import FiledTask
+
+HEADER = b"SQLite format 3\0"
+MARK = 0x63616D6F
+"""`application_id` of the file: "camo"."""
+TABLES = (
+    "CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID",
+    "CREATE TABLE part (name TEXT PRIMARY KEY, text TEXT NOT NULL) WITHOUT ROWID",
+    "CREATE TABLE row (number INTEGER PRIMARY KEY, key TEXT NOT NULL UNIQUE, task TEXT NOT NULL, "
+    "state TEXT NOT NULL, outcome TEXT NOT NULL)",
+)
+
+
+class Row(NamedTuple):
+    """One task's row: its number in the plan, its key, its canonical JSON, how it ended, and the JSON of that."""
+
+    number: int
+    key: str
+    task: str
+    state: str
+    outcome: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """The row as one level of names: `task` (its number), `state`, the task's own keys, and what it returned."""
+        task = json.loads(self.task)
+        varied = {f"vary {name}": value for name, value in task.pop("vary", {}).items()}
+        return {"task": self.number, "state": self.state, **task, **varied, **json.loads(self.outcome)}
+
+
+class TaskStore:
+    """An open store; `with TaskStore(path, version, plan) as store`.
+
+    A file that is not there is made. Raises InputError for one that is no store of a sweep, that another version of
+    camopt began, or that belongs to another plan (where both have a digest); nothing in it is changed then.
+    """
+
+    def __init__(self, path: str | Path, version: str, plan: str = ""):
+        self.path = usable_path(path, "store")
+        check_file(self.path)
+        try:
+            _check_header(self.path)
+            self._db = sqlite3.connect(self.path, timeout=30.0, isolation_level=None)
+            self._begin(version, plan)
+        except (sqlite3.Error, OSError) as error:
+            raise InputError(f"{self.path}: cannot be used as the store of a sweep ({error}); name another") from error
+
+    def __enter__(self) -> "TaskStore":
+        return self
+
+    def __exit__(self, *exception) -> None:
+        self._db.close()
+
+    def _begin(self, version: str, plan: str) -> None:
+        """Makes the tables of a new file, or compares those of an old one."""
+        if self._db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
+            self._check(version, plan)
+        else:
+            self._db.execute("PRAGMA journal_mode = WAL")
+            with self._writing():
+                for table in TABLES:
+                    self._db.execute(table)
+                self._db.execute(f"PRAGMA application_id = {MARK}")
+                rows = (("version", version), ("plan", plan))
+                self._db.executemany("INSERT INTO about VALUES (?, ?)", rows)
+        self._db.execute("PRAGMA synchronous = NORMAL")  # a row survives the death of any process
+
+    def _check(self, version: str, plan: str) -> None:
+        if self._db.execute("PRAGMA application_id").fetchone()[0] != MARK:
+            raise InputError(f"{self.path}: a database, but not the store of a sweep; name another")
+        about = dict(self._db.execute("SELECT name, value FROM about"))
+        if about["version"] != version:
+            raise InputError(
+                f"{self.path}: its rows are of camopt {about['version']}, and this is camopt {version}, whose numbers "
+                f"may differ; nothing in it was changed: name another store"
+            )
+        if plan and about["plan"] and about["plan"] != plan:
+            raise InputError(
+                f"{self.path}: belongs to another plan, and nothing in it was changed: name another store for this one"
+            )
+
+    def _writing(self):
+        """A transaction: all of it, or nothing."""
+        self._db.execute("BEGIN IMMEDIATE")
+        return self._db
+
+    def holds(self, number: int, key: str) -> bool:
+        """Whether a task has its row. Raises InputError where this number is another task's: the plan is another."""
+        found = self._db.execute("SELECT number, key FROM row WHERE key = ? OR number = ?", (key, number)).fetchall()
+        if any(n == number and k != key for n, k in found):
+            raise InputError(
+                f"{self.path}: belongs to other tasks: its row {number} is not task {number} of this plan; nothing in "
+                f"it was changed: name another store"
+            )
+        return bool(found)
+
+    def record(self, ended: Iterable[tuple[int, FiledTask, Outcome]]) -> None:
+        """Writes the rows of tasks that ended, all at once, with the parts that they refer to; an old row stays."""
+        ended = list(ended)
+        with self._writing() as db:
+            parts = {name: text for _, task, _ in ended for name, text in task.parts.items()}
+            db.executemany("INSERT OR IGNORE INTO part VALUES (?, ?)", parts.items())
+            rows = ((number, task.key, task.text, *outcome) for number, task, outcome in ended)
+            db.executemany("INSERT OR IGNORE INTO row VALUES (?, ?, ?, ?, ?)", rows)
+
+    def rows(self) -> Iterator[Row]:
+        """The rows in the order of the plan, one at a time."""
+        query = "SELECT number, key, task, state, outcome FROM row ORDER BY number"
+        return (Row(*found) for found in self._db.execute(query))
+
+    def counts(self) -> dict[str, int]:
+        """How many rows ended in which state."""
+        return dict(self._db.execute("SELECT state, count(*) FROM row GROUP BY state ORDER BY state"))
+
+    def last_number(self) -> int:
+        """The largest number of a row, -1 where there is none."""
+        return self._db.execute("SELECT coalesce(max(number), -1) FROM row").fetchone()[0]
+
+    def part(self, name: str) -> str:
+        """A long text that tasks refer to by name."""
+        return self._db.execute("SELECT text FROM part WHERE name = ?", (name,)).fetchone()[0]
+
+
+def _check_header(path: Path) -> None:
+    """Raises sqlite3.DatabaseError for a file that is neither empty nor a database; SQLite takes a short one as new."""
+    if path.exists():
+        with open(path, "rb") as file:
+            if file.read(len(HEADER)) not in (b"", HEADER):
+                raise sqlite3.DatabaseError("file is not a database")

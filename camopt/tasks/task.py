@@ -1,0 +1,209 @@
+"""What a task may say, its plain form, and its key."""
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import Field, TypeAdapter, ValidationError
+
+from camopt.cam.design_file import design_record
+from camopt.cam.families.registry import FAMILIES
+from camopt.cam.lift import Lift
+from camopt.cam.read import read_cam
+from camopt.scene import Scene, builtin_scenes, load_scene, scene_text
+from camopt.scene.errors import InputError
+from camopt.scene.load import parse_scene
+from camopt.scene.table import Positive, Table
+from camopt.scene.text_file import excerpt
+from camopt.scene.toml_text import scene_toml
+from camopt.storage import plain
+
+NEEDED = ("valve", "seat", "operation", "design")
+"""The parts of a scene that every verb needs."""
+LONGEST_HERE = 200
+"""Characters of a scene or a cam that stand in the task itself; a longer one is a part with a name."""
+PART = "sha256:"
+Count = Annotated[int, Field(ge=0)]
+
+
+class RehearseTask(Table):
+    """A stand-in: waits `seconds`, then returns a fraction that follows from `number`, or ends as `end` says."""
+
+    verb: Literal["rehearse"]
+    number: Count
+    seconds: Annotated[float, Field(ge=0, le=3600)] = 0.0
+    end: Literal["", "raise", "die"] = ""
+
+
+class TaskOnScene(Table):
+    """What all tasks have that drive a scene's train by a cam; `vary` replaces numbers of the scene by NAME.KEY."""
+
+    scene: str
+    cam: str
+    vary: Annotated[dict[str, float], Field(default_factory=dict)]
+
+
+class SettledTask(TaskOnScene):
+    """The metrics of the settled motion by event-exact, at one crankshaft speed."""
+
+    verb: Literal["settled"]
+    speed_rpm: Positive
+
+
+class SimulateTask(TaskOnScene):
+    """One motion from rest at one crankshaft speed, with the arguments of `camopt.simulate`."""
+
+    verb: Literal["simulate"]
+    speed_rpm: Positive
+    method: str = "event"
+    revolutions: Annotated[int, Field(ge=2, le=1000)] = 2
+    step_deg: Positive = 0.1
+
+
+class YieldTask(TaskOnScene):
+    """The train of number `train` that is drawn by `seed` within the scene's tolerances."""
+
+    verb: Literal["yield"]
+    speeds_rpm: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=1000)]
+    train: Count
+    seed: Count = 0
+
+
+Task = RehearseTask | SettledTask | SimulateTask | YieldTask
+Verb = Literal["settled", "simulate", "yield", "rehearse"]
+VERBS: tuple[str, ...] = get_args(Verb)
+_TASKS: TypeAdapter[Task] = TypeAdapter(Annotated[Task, Field(discriminator="verb")])
+
+
+@dataclass(frozen=True)
+class FiledTask:
+    """A task as it is stored and sent: its `key`, its canonical JSON, and by name the long texts that it refers to."""
+
+    key: str
+    text: str
+    parts: dict[str, str]
+
+    def task(self) -> Task:
+        """The task with its long texts."""
+        data = json.loads(self.text)
+        return _TASKS.validate_python(as_tuples({k: self._whole(v) for k, v in data.items()}))
+
+    def _whole(self, value: Any) -> Any:
+        return self.parts[value] if isinstance(value, str) and value.startswith(PART) else value
+
+
+def filed(task: Mapping[str, Any], version: str, where: str = "task") -> FiledTask:
+    """The plain, checked form of a task; `where` begins the sentences.
+
+    Its key is the SHA-256 of camopt's version and of its canonical JSON, in which a long scene or cam is its own
+    SHA-256: two tasks have one key if they are the same computation. A cam that is a lift law or a file is taken as its
+    `design.json` holds it. Raises InputError for what is no task, and for a scene or a cam that cannot be read.
+    """
+    given = dict(task)
+    try:
+        if given.get("verb") != "rehearse":
+            _fill_in(given)
+        checked = _TASKS.validate_python(as_tuples(given))
+    except ValidationError as error:
+        raise InputError("; ".join(f"{where}: {sentence}" for sentence in task_faults(error))) from None
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+    data, parts = checked.model_dump(exclude_defaults=True), {}
+    for name in ("scene", "cam"):
+        if len(text := data.get(name, "")) > LONGEST_HERE:
+            data[name] = PART + _digest(text)
+            parts[data[name]] = text
+    text = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return FiledTask(_digest(f"{version}\n{text}"), text, parts)
+
+
+def task_faults(error: ValidationError) -> Iterable[str]:
+    """What is wrong, a sentence a fault, with its key."""
+    for fault in error.errors(include_url=False):
+        key = ".".join(str(part) for part in fault["loc"] if part not in VERBS)
+        if fault["type"] == "extra_forbidden":
+            yield f"{key}: unknown key"
+        elif fault["type"] in ("union_tag_invalid", "union_tag_not_found"):
+            yield f"verb: expected one of {', '.join(VERBS)}"
+        else:
+            shown = f" (given: {excerpt(repr(fault['input']))})" if fault["type"] != "missing" else ""
+            yield f"{key}: {fault['msg'].replace('Input should be', 'must be')}{shown}"
+
+
+def _fill_in(given: dict[str, Any]) -> None:
+    """Scene and cam of a task as texts, in place."""
+    if "scene" in given:
+        given["scene"] = scene_as_text(given["scene"])
+    if "cam" in given and "scene" in given:
+        given["cam"] = cam_as_text(given["cam"], given["scene"])
+
+
+def scene_as_text(scene: str | Path | Scene) -> str:
+    """A built-in scene by its name, any other as TOML text; InputError where it is neither scene, file nor text."""
+    if isinstance(scene, Scene):
+        return scene_toml(scene)
+    if not isinstance(scene, str | Path):
+        raise InputError(f"scene: {type(scene).__name__} given, expected a name, a file, a TOML text or a Scene")
+    return scene if isinstance(scene, str) and "\n" in scene else _named_scene(str(scene))
+
+
+@lru_cache(maxsize=256)
+def _named_scene(source: str) -> str:
+    """Checked once, where it is named; so a file that changes during a sweep changes no task."""
+    load_scene(source, NEEDED)
+    return source if source in builtin_scenes() else scene_text(source)
+
+
+def cam_as_text(cam: str | Path | Lift, scene: str) -> str:
+    """A member of a family as the command line names it, any other cam as the text of its `design.json`."""
+    if isinstance(cam, Lift):
+        return _record_text(SameLift(cam))
+    if not isinstance(cam, str | Path):
+        raise InputError(f"cam: {type(cam).__name__} given, expected a family, a file, the text of a design or a Lift")
+    if isinstance(cam, str) and (cam.startswith("{") or cam.partition(":")[0] in FAMILIES):
+        return cam
+    return _named_cam(str(cam), scene)
+
+
+@lru_cache(maxsize=256)
+def _named_cam(source: str, scene: str) -> str:
+    return _record_text(SameLift(read_cam(Path(source), scene_of_text(scene))))
+
+
+class SameLift:
+    """A lift as the key of a cache: by identity, since its arrays cannot be compared."""
+
+    def __init__(self, lift: Lift):
+        self.lift = lift
+
+    def __hash__(self) -> int:
+        return id(self.lift)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, SameLift) and other.lift is self.lift
+
+
+@lru_cache(maxsize=256)
+def _record_text(lift: SameLift) -> str:
+    return json.dumps(plain(design_record(lift.lift, lift.lift.max_lift)), allow_nan=False)
+
+
+@lru_cache(maxsize=64)
+def scene_of_text(text: str) -> Scene:
+    """The scene of a built-in name or a TOML text."""
+    return parse_scene(text, "the task's scene", NEEDED) if "\n" in text else load_scene(text, NEEDED)
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def as_tuples(value: Any) -> Any:
+    """Lists as tuples, which is what the frozen schema holds."""
+    if isinstance(value, list | tuple):
+        return tuple(as_tuples(v) for v in value)
+    return {k: as_tuples(v) for k, v in value.items()} if isinstance(value, dict) else value

@@ -1,0 +1,130 @@
+"""What does a sweep cost beside its tasks, how do tasks per second grow with workers, and does memory stay flat?
+
+Stand-ins that do nothing, and settled motions of `motori-1` at speeds drawn over its band, by one and two processes
+and, at full size and where dask is installed, by a cluster of two workers on the loopback interface. The times are
+those between two tasks of the plan being asked for, once every worker runs, so that the start, which is told apart,
+does not count. Then stand-ins in great number: the memory of the parent after a tenth of them and at the end, and the
+size of the store. On a shared machine the times by the clock are upper bounds; beside them stands the processor time
+of the parent.
+"""
+
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+import camopt
+from camopt.scene import load_scene
+from camopt.tasks.cluster import cluster
+from experiments.support.record import RESULTS, run_script, write_result
+
+EMPTY = {"small": (200, 1000), "full": (1000, 10_000)}
+SETTLED = {"small": (24, 72), "full": (200, 2000)}
+"""The task from which the clock runs, and how many there are."""
+MANY = {"small": (20_000, 0), "full": (1_000_000, 2)}
+"""Tasks, and the processes that compute them (0: the parent itself)."""
+PAGE_BYTES = 4096
+EARLY = 0.1
+"""The part of many tasks after which memory is first looked at."""
+
+
+@contextmanager
+def engines(size: str) -> Iterator[dict[str, dict]]:
+    """The arguments of `camopt.sweep` by what computes."""
+    local = {"one process": {"workers": 1}, "two processes": {"workers": 2}}
+    if size == "small" or find_spec("distributed") is None:
+        yield local
+        return
+    from distributed import LocalCluster
+
+    with LocalCluster(2, processes=True, threads_per_worker=1, dashboard_address=None, silence_logs=50) as scheduler:
+        with cluster(scheduler.scheduler_address) as (executor, workers):
+            yield {**local, "cluster of two": {"executor": executor, "workers": workers}}
+
+
+def empty(count: int) -> Iterator[dict]:
+    """Stand-ins that do nothing."""
+    return ({"verb": "rehearse", "number": i} for i in range(count))
+
+
+def settled(count: int) -> Iterator[dict]:
+    """Settled motions at drawn speeds."""
+    operation = load_scene("motori-1").operation
+    assert operation is not None
+    speeds = np.random.default_rng(0).uniform(*operation.band_rpm, count).tolist()
+    return ({"verb": "settled", "scene": "motori-1", "cam": "polydyne", "speed_rpm": speed} for speed in speeds)
+
+
+def timed(tasks: Iterator[dict], start: int, how: dict, store: Path) -> dict[str, float]:
+    """Times per task from task `start` on, and the seconds until then."""
+    seen = []
+
+    def watched() -> Iterator[dict]:
+        for i, task in enumerate(tasks):
+            if i >= start:
+                seen.append((time.perf_counter(), time.process_time()))
+            yield task
+
+    begin = time.perf_counter()
+    camopt.sweep(watched(), store, **how)
+    (first, processor_first), (last, processor_last), more = seen[0], seen[-1], len(seen) - 1
+    return {
+        "ms_per_task": 1e3 * (last - first) / more,
+        "parent_ms_per_task": 1e3 * (processor_last - processor_first) / more,
+        "tasks_per_second": more / (last - first),
+        "first_seconds": first - begin,
+    }
+
+
+def memory(count: int, workers: int, folder: Path) -> dict[str, float]:
+    """The parent's memory early and late in a sweep of many stand-ins, and the size of a row."""
+    seen = {}
+
+    def watched() -> Iterator[dict]:
+        for i, task in enumerate(empty(count)):
+            if i in (int(EARLY * count), count - 1):
+                seen[i] = int(Path("/proc/self/statm").read_text().split()[1]) * PAGE_BYTES / 1e6
+            yield task
+
+    begin = time.perf_counter()
+    found = camopt.sweep(watched(), folder / "many.sqlite", workers=workers)
+    early, late = seen.values()
+    assert found.counts == {"done": count}
+    return {
+        "tasks": count,
+        "early_MB": early,
+        "late_MB": late,
+        "bytes_per_row": (folder / "many.sqlite").stat().st_size / count,
+        "seconds": time.perf_counter() - begin,
+    }
+
+
+def main(size: str, folder=RESULTS) -> dict:
+    """Measures, prints and writes `sweep_scaling.json`."""
+    content: dict = {"empty": {}, "settled": {}}
+    with engines(size) as every, tempfile.TemporaryDirectory() as place:
+        for name, how in every.items():
+            for kind, tasks, (start, count) in (("empty", empty, EMPTY[size]), ("settled", settled, SETTLED[size])):
+                row = timed(tasks(count), start, how, Path(place) / f"{kind} {name}")
+                content[kind][name] = row
+                print(
+                    f"{kind}, {name}: {row['ms_per_task']:.2f} ms by the clock per task, "
+                    f"{row['parent_ms_per_task']:.2f} ms of the parent's processor time; begun after "
+                    f"{row['first_seconds']:.1f} s"
+                )
+    rates = {name: row["tasks_per_second"] for name, row in content["settled"].items()}
+    content["speedup"] = {name: rate / rates["one process"] for name, rate in rates.items()}
+    print("settled motions, times as many per second as one process:", content["speedup"])
+    with tempfile.TemporaryDirectory() as place:
+        content["many"] = memory(*MANY[size], Path(place))
+    print("many stand-ins:", content["many"])
+    write_result("sweep_scaling", size, content, {}, folder)
+    return content
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)

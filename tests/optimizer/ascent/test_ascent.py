@@ -1,0 +1,189 @@
+"""Ascents: every iterate holds the limits, the objective climbs, the judge decides, and a second start goes on."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import optax
+import pytest
+
+import camopt
+from camopt.cam.design_file import read_design
+from camopt.cam.families.free import free_cam
+from camopt.measure.limits import broken_by_shape
+from camopt.optimizer.ascent import ascent as climbing
+from camopt.optimizer.program.kinematic import kinematic_optimum
+from camopt.scene import InputError, load_scene
+from camopt.scene.units import MM_PER_DEG2
+
+MOTORI = load_scene("motori-1")
+assert MOTORI.design is not None
+START = camopt.polydyne(MOTORI, design_speed_rpm=6000)
+PENALTIES = {"bounce_mm": 1.0, "jump_mm": 1.0}
+EASY = camopt.objective(MOTORI, speeds_rpm=(4000, 5000), penalties=PENALTIES, path="exact")
+HARD = camopt.objective(MOTORI, speeds_rpm=(5000, 6000, 7000), penalties=PENALTIES, path="exact")
+PAGE = Path(__file__).parents[3] / "docs" / "ascent.md"
+
+
+def lifts(history, knot_deg):
+    return [free_cam(MOTORI.design, knot_deg).lift(z) for z in history["cam"].values]
+
+
+def low_start():
+    """A cam within the limits with much less area than they allow."""
+    cam = free_cam(MOTORI.design, 6.0)
+    return cam.lift(0.9 * kinematic_optimum(MOTORI.design, cam).z)
+
+
+@pytest.mark.parametrize(
+    ("optimiser", "steps"),
+    [(optax.adam(2e-4), 40), (optax.sgd(1e-4), 40), (optax.lbfgs(), 10)],
+    ids=["adam", "sgd", "lbfgs"],
+)
+def test_where_nothing_bounces_the_area_climbs_to_the_programs(optimiser, steps):
+    largest = kinematic_optimum(MOTORI.design, free_cam(MOTORI.design, 6.0)).area_ratio
+    history = camopt.ascend(EASY, low_start(), optimiser, steps, judge_every=steps // 2)
+    assert all(not broken_by_shape(lift, MOTORI.design) for lift in lifts(history, 6.0))
+    value = history["objective"].values
+    assert value[0] < largest - 0.005
+    assert largest - 0.003 < value.max() <= largest + 1e-9
+    assert history["judged"].values.nonzero()[0].tolist() == [0, steps // 2, steps]
+    assert history.confirmed and history.best.area_ratio(9.4e-3) == pytest.approx(
+        float(history["area_ratio"].max()), 1e-3
+    )
+
+
+def test_a_cam_that_bounces_far_beyond_its_limits_ends_in_one_that_the_judge_confirms():
+    history = camopt.ascend(HARD, START, optax.adam(1e-3), 60, knot_deg=6.0)
+    share = history["largest_share"].values
+    assert share[0] > 50 and history.confirmed and 0.35 < history.best.area_ratio(9.4e-3) < 0.5
+    best = history.dataset.attrs["best"]
+    holding = history["objective"].values[(share <= 1.0)]
+    assert share[best] <= 1.0 and history["objective"].values[best] == holding.max()
+    assert not broken_by_shape(history.best, MOTORI.design)
+    assert all(not broken_by_shape(lift, MOTORI.design) for lift in lifts(history, 6.0))
+    assert "step " in repr(history) and "holds every limit" in history._repr_html_()
+    assert len(history.plot().axes) == 3
+
+
+def test_numbers_of_the_train_vary_within_their_bounds():
+    """Less spring force is less contact force: both factors fall, that on the preload to its bound."""
+    spring, both = "spring.stiffness_N_per_m", ("spring.preload_N", "seat.preload_N")
+    train = {spring: (0.9, 1.1), both: (0.98, 1.02)}
+    objective = camopt.objective(MOTORI, speeds_rpm=(3000,), penalties={"contact_force_max_N": 1e-3}, path="exact")
+    history = camopt.ascend(objective, START, optax.adam(3e-3), 12, knot_deg=12.0, train=train, judge_every=12)
+    factors = history["train"]
+    assert list(factors["factor"].values) == [spring, "spring.preload_N = seat.preload_N"]
+    assert np.all(factors.values[0] == 1.0)
+    assert 1 - 12 * 0.003 < factors.values[-1, 0] < 0.99 and factors.values[-1, 1] == 0.98
+    changed = history.best_scene.element
+    assert history.dataset.attrs["best"] == 12 and history.confirmed
+    assert changed[1].stiffness_N_per_m == pytest.approx(38200.0 * float(factors[-1, 0]))
+    assert changed[1].preload_N == changed[2].preload_N == pytest.approx(245.0)
+
+
+class TestOwnParameters:
+    def test_a_members_own_parameters_climb_within_the_limits(self):
+        """The one limit is a hundredth beyond what the start has, so that it soon holds the climb back."""
+        highest = 1.01 * START.extremes(2)[1]
+        none = dict.fromkeys(("acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3", "nose_deg"))
+        limits = {**none, "acceleration_max_mm_per_deg2": highest / MM_PER_DEG2}
+        scene = MOTORI.model_copy(update={"design": MOTORI.design.model_copy(update=limits)})
+        objective = camopt.objective(scene, speeds_rpm=(4000,), path="exact")
+        history = camopt.ascend(objective, START, optax.sgd(1.0), 3, form="own", judge_every=1)
+        area, best = history["area_ratio"].values, history.best
+        assert area[0] == pytest.approx(START.area_ratio(9.4e-3)) and area.max() > area[0] + 1e-4
+        assert best.family == "polydyne (ascended)" and not broken_by_shape(best, scene.design)
+        again = camopt.polydyne(scene, (2, *best.parameters["exponents"]), best.parameters["speed_rpm"])
+        theta = np.linspace(-1.2, 1.2, 100)
+        assert np.abs(again(theta) - best(theta)).max() < 1e-9
+        assert best.extremes(2)[1] == pytest.approx(highest, rel=1e-3)
+
+    def test_a_family_without_a_member_near_is_a_sentence(self):
+        with pytest.raises(InputError, match="no member of polydyne near this one holds the design's limits"):
+            camopt.ascend(EASY, START, optax.adam(1e-3), 1, form="own")
+
+
+class TestFolder:
+    def test_an_ascent_that_was_interrupted_goes_on_to_the_last_digit(self, tmp_path, monkeypatch):
+        whole = camopt.ascend(HARD, START, optax.adam(1e-3), 8, knot_deg=12.0, judge_every=2, out=tmp_path / "whole")
+        step, broken = climbing.Climb.step, []
+
+        def interrupted(self, judged):
+            if len(self.iterates) == 5 and not broken:
+                broken.append(True)
+                raise KeyboardInterrupt
+            step(self, judged)
+
+        monkeypatch.setattr(climbing.Climb, "step", interrupted)
+        asked = HARD, START, optax.adam(1e-3), 8
+        with pytest.raises(KeyboardInterrupt):
+            camopt.ascend(*asked, knot_deg=12.0, judge_every=2, out=tmp_path / "x")
+        with pytest.raises(InputError, match="interrupted ascend run"):
+            camopt.ascend(*asked, knot_deg=12.0, judge_every=2, out=tmp_path / "x")
+        again = camopt.ascend(*asked, knot_deg=12.0, judge_every=2, out=tmp_path / "x", resume=True)
+        assert again.dataset.identical(whole.dataset)
+        names = {"ascent.json", "design.json", "history.csv", "run.json", "scene.toml", "figures"}
+        assert {path.name for path in (tmp_path / "x").iterdir()} == names
+        for name in names - {"run.json", "figures"}:
+            assert (tmp_path / "x" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+        best = read_design(tmp_path / "x" / "design.json", MOTORI)
+        assert best.coefficients == pytest.approx(again.best.coefficients, rel=1e-12)
+
+    def test_another_objective_is_refused(self, tmp_path):
+        camopt.ascend(EASY, START, optax.adam(1e-3), 1, knot_deg=12.0, out=tmp_path / "x")
+        with pytest.raises(InputError, match="its settings differ"):
+            camopt.ascend(HARD, START, optax.adam(1e-3), 1, knot_deg=12.0, out=tmp_path / "x", resume=True)
+
+
+@pytest.mark.parametrize(
+    "arguments", [{"form": "cam"}, {"steps": 0}, {"judge_every": 0}], ids=["form", "steps", "judge_every"]
+)
+def test_unusable_arguments_are_sentences(arguments):
+    with pytest.raises(InputError, match="expected free or own, and numbers from 1 on"):
+        camopt.ascend(EASY, START, optax.adam(1e-3), **arguments)
+
+
+def test_a_scene_that_the_judge_cannot_follow_is_refused_at_once():
+    scene = load_scene("kodama-hertz")
+    with pytest.raises(InputError, match="ascend, whose judge is event-exact, needs elements"):
+        camopt.ascend(camopt.objective(scene), START, optax.adam(1e-3))
+
+
+PROGRAMS = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+
+
+@pytest.mark.parametrize(
+    ("optimiser", "steps"),
+    [("optax.adam(1e-3)", 50), ("optax.lbfgs()", 4), pytest.param("optax.lbfgs()", 50, marks=pytest.mark.long)],
+)
+def test_the_lines_of_the_page_run_on_the_exact_path(optimiser, steps, capsys):
+    program = PROGRAMS[0].replace('path="smooth"', 'path="exact"').replace("optax.adam(1e-3)", optimiser)
+    program = program.replace("steps=50", f"steps={steps}")
+    assert 'path="exact"' in program and optimiser in program and f"steps={steps})" in program
+    exec(program, {})
+    assert "holds every limit" in capsys.readouterr().out
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1200)
+def test_the_lines_of_the_page_run_as_printed(capsys):
+    exec(PROGRAMS[0], {})
+    assert "smooth path, 50 steps" in capsys.readouterr().out
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1200)
+def test_the_other_lines_of_the_page_run_as_printed(capsys):
+    exec(PROGRAMS[1], {})
+    assert re.match(r"\[.*\d", capsys.readouterr().out)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1200)
+def test_both_paths_climb_alike():
+    values = {}
+    for path in ("exact", "smooth"):
+        objective = camopt.objective(MOTORI, speeds_rpm=(5500.0,), penalties=PENALTIES, path=path)
+        values[path] = camopt.ascend(objective, START, optax.adam(1e-3), 3, knot_deg=12.0)["objective"].values
+    assert values["smooth"] == pytest.approx(values["exact"], rel=1e-2)

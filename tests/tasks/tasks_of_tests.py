@@ -1,0 +1,16 @@
+"""Tasks and the reading of stores that the tests of sweeps share."""
+
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+
+
+def rehearsals(count: int, seconds: float = 0.0) -> Iterator[dict]:
+    """So many stand-ins."""
+    return ({"verb": "rehearse", "number": i, "seconds": seconds} for i in range(count))
+
+
+def stored(path: Path) -> list[tuple]:
+    """The rows of a store as its bytes are, by key."""
+    with sqlite3.connect(path) as db:
+        return db.execute("SELECT key, number, task, state, outcome FROM row ORDER BY key").fetchall()

@@ -1,0 +1,234 @@
+"""Sweeps: every task has its row, once, whatever computes it, and a store that belongs elsewhere is left alone."""
+
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from multiprocessing import active_children
+
+import numpy as np
+import pytest
+
+import camopt
+from camopt.scene import InputError
+from camopt.tasks import sweep as sweeping
+from camopt.tasks.engines import AHEAD, MOST_DEATHS
+from tests.tasks.tasks_of_tests import rehearsals, stored
+
+DIES = {"verb": "rehearse", "number": 10**6, "end": "die"}
+DIED = '{"reason": "3 workers that computed it died (killed by a signal, or out of memory)"}'
+KILLS = 3
+
+
+@pytest.fixture(scope="module")
+def serial(tmp_path_factory):
+    """The rows of 200 stand-ins computed one by one in this process."""
+    path = tmp_path_factory.mktemp("serial") / "x.sqlite"
+    assert camopt.sweep(rehearsals(200), path, workers=0).counts == {"done": 200}
+    return stored(path)
+
+
+class Killer(threading.Thread):
+    """Kills a random worker process of this one each time that so many more rows stand in the store."""
+
+    def __init__(self, path, after: list[int]):
+        super().__init__(daemon=True)
+        self.path, self.after, self.killed = path, after, []
+
+    def run(self):
+        random = np.random.default_rng(0)
+        for rows in self.after:
+            while not (self.path.exists() and self.count() >= rows):
+                time.sleep(0.005)
+            children = [child for child in active_children() if child.name.startswith("SpawnProcess")]
+            victim = children[random.integers(len(children))]
+            os.kill(victim.pid, signal.SIGKILL)
+            self.killed.append(victim.pid)
+
+    def count(self) -> int:
+        try:
+            with sqlite3.connect(self.path) as db:
+                return db.execute("SELECT count(*) FROM row").fetchone()[0]
+        except sqlite3.OperationalError:  # the parent is about to make the tables
+            return 0
+
+
+class TestWorkers:
+    def test_random_workers_that_are_killed_leave_no_trace(self, tmp_path, serial):
+        path, killer = tmp_path / "x.sqlite", Killer(tmp_path / "x.sqlite", [20, 80, 140])
+        killer.start()
+        found = camopt.sweep(rehearsals(200, 0.0), path, workers=2)
+        killer.join(20)
+        assert len(killer.killed) == KILLS
+        assert found.counts == {"done": 200} and stored(path) == serial
+
+    def test_a_task_that_always_dies_is_one_failed_row(self, tmp_path, serial):
+        tasks = [*rehearsals(30), DIES, *list(rehearsals(200))[30:], DIES]
+        found = camopt.sweep(tasks, tmp_path / "x.sqlite", workers=2)
+        assert found.counts == {"done": 200, "failed": 1}
+        (failed,) = found.failed()
+        assert (failed["task"], failed["reason"].startswith(f"{MOST_DEATHS} workers")) == (30, True)
+        rows = stored(tmp_path / "x.sqlite")
+        assert len({row[0] for row in rows}) == 201
+        others = [(key, *rest) for key, number, *rest in rows if number != 30]
+        assert others == [(key, *rest) for key, _, *rest in serial]
+        assert [outcome for *_, outcome in rows if outcome == DIED] == [DIED]
+
+    def test_workers_that_cannot_begin_are_said(self, tmp_path):
+        code = f"import camopt; camopt.sweep([{{'verb': 'rehearse', 'number': 1}}], {str(tmp_path / 'x')!r}, workers=1)"
+        (tmp_path / "script.py").write_text(code)
+        done = subprocess.run([sys.executable, tmp_path / "script.py"], capture_output=True, text=True, timeout=60)
+        assert done.returncode == 1
+        assert done.stderr.rstrip().splitlines()[-1].startswith("camopt.scene.errors.InputError: sweep: worker proc")
+        assert '`if __name__ == "__main__":`' in done.stderr
+
+
+PARENT = """
+import sys, camopt
+from tests.tasks.tasks_of_tests import rehearsals
+if __name__ == "__main__":
+    camopt.sweep(rehearsals(200, 0.01), sys.argv[1], workers=2)
+"""
+
+
+class TestParent:
+    @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+    def test_a_parent_that_ends_leaves_a_store_that_goes_on(self, tmp_path, serial, how):
+        path, script = tmp_path / "x.sqlite", tmp_path / "parent.py"
+        script.write_text(PARENT)
+        env = os.environ | {"PYTHONPATH": os.pathsep.join([os.getcwd(), os.environ.get("PYTHONPATH", "")])}
+        parent = subprocess.Popen([sys.executable, script, path], env=env, stderr=subprocess.PIPE, process_group=0)
+        reader = Killer(path, [])
+        while reader.count() < 20 if path.exists() else True:
+            assert parent.poll() is None
+            time.sleep(0.01)
+        parent.send_signal(how)
+        parent.communicate(timeout=30)
+        before = reader.count()
+        assert parent.returncode == -signal.SIGKILL if how == signal.SIGKILL else parent.returncode != 0
+        assert 20 <= before < 200
+        for _ in range(200):  # the orphans see that the parent is gone
+            try:
+                os.killpg(parent.pid, 0)
+            except ProcessLookupError:
+                break
+            time.sleep(0.05)
+        else:
+            pytest.fail("worker processes outlive their parent")
+        camopt.sweep(rehearsals(200, 0.01), path, workers=0)
+        assert [row[0] for row in stored(path)] == [filed_key(i) for i in by_key(0.01)]
+
+    def test_rows_that_are_there_are_not_computed_again(self, tmp_path, monkeypatch):
+        camopt.sweep(rehearsals(5), tmp_path / "x", workers=0)
+        before = stored(tmp_path / "x")
+        monkeypatch.setattr("camopt.tasks.engines.compute", lambda task: pytest.fail("computed again"))
+        assert camopt.sweep(rehearsals(5), tmp_path / "x", workers=0).counts == {"done": 5}
+        assert stored(tmp_path / "x") == before
+
+
+def filed_key(number: int) -> str:
+    from camopt.tasks.task import filed
+
+    return filed({"verb": "rehearse", "number": number, "seconds": 0.01}, camopt.__version__).key
+
+
+def by_key(seconds: float) -> list[int]:
+    return sorted(range(200), key=filed_key)
+
+
+class TestStores:
+    def refused(self, tasks, path) -> str:
+        before = stored(path) if path.exists() else None
+        with pytest.raises(InputError) as refused:
+            camopt.sweep(tasks, path, workers=0)
+        assert before is None or stored(path) == before
+        return str(refused.value)
+
+    def test_other_tasks(self, tmp_path):
+        path = tmp_path / "x"
+        camopt.sweep(rehearsals(5), path, workers=0)
+        assert "its row 0 is not task 0 of this plan" in self.refused(rehearsals(5, 0.01), path)
+        assert "these are 3 tasks" in self.refused(rehearsals(3), path)
+        assert "these are 3 tasks" in self.refused(list(rehearsals(3)), path)
+        assert camopt.sweep(rehearsals(7), path, workers=0).counts == {"done": 7}
+
+    def test_another_version(self, tmp_path, monkeypatch):
+        path = tmp_path / "x"
+        camopt.sweep(rehearsals(2), path, workers=0)
+        monkeypatch.setattr(sweeping, "version", lambda name: "9.9")
+        words = self.refused(rehearsals(2), path)
+        assert (
+            f"of camopt {camopt.__version__}, and this is camopt 9.9" in words and "nothing in it was changed" in words
+        )
+
+    @pytest.mark.parametrize("content", [b"no database at all, " * 99, b"x"])
+    def test_another_file(self, tmp_path, content):
+        (tmp_path / "x").write_bytes(content)
+        with pytest.raises(InputError, match="cannot be used as the store of a sweep"):
+            camopt.sweep(rehearsals(2), tmp_path / "x", workers=0)
+        assert (tmp_path / "x").read_bytes() == content
+
+    def test_another_database(self, tmp_path):
+        with sqlite3.connect(tmp_path / "x") as db:
+            db.execute("CREATE TABLE row (key, number, task, state, outcome)")
+        assert "a database, but not the store of a sweep" in self.refused(rehearsals(2), tmp_path / "x")
+
+    def test_no_folder(self, tmp_path):
+        assert "cannot be written" in self.refused(rehearsals(2), tmp_path / "none" / "x")
+
+
+def test_any_executor_with_at_most_four_tasks_for_each_worker(tmp_path, serial):
+    flying, most = set(), []
+    taken = iter(list(rehearsals(200)))
+
+    def watched():
+        for task in taken:
+            most.append(len(flying))
+            yield task
+
+    class Executor(ThreadPoolExecutor):
+        def submit(self, function, /, *args, **kwargs):
+            future = super().submit(function, *args, **kwargs)
+            flying.add(future)
+            future.add_done_callback(flying.discard)
+            return future
+
+    with Executor(2) as executor:
+        camopt.sweep(watched(), tmp_path / "x", executor)
+    assert stored(tmp_path / "x") == serial
+    assert max(most) <= 2 * AHEAD
+
+
+def test_an_executor_that_is_gone_and_a_worker_of_another_version_are_said(tmp_path, monkeypatch):
+    executor = ThreadPoolExecutor(1)
+    executor.shutdown()
+    with pytest.raises(InputError, match=r"the executor does not go on .*sweep again with the same store"):
+        camopt.sweep(rehearsals(2), tmp_path / "x", executor)
+    monkeypatch.setattr("camopt.tasks.compute._own_version", lambda: "9.9")
+    with ThreadPoolExecutor(1) as executor, pytest.raises(InputError, match=r"a worker has camopt 9\.9, and the tasks"):
+        camopt.sweep(rehearsals(2), tmp_path / "x", executor)
+
+
+def test_a_task_that_raises_is_a_failed_row_with_its_sentence(tmp_path):
+    tasks = [{"verb": "rehearse", "number": 3, "end": "raise"}, {"verb": "rehearse", "number": 3}, DIES]
+    found = camopt.sweep(tasks, tmp_path / "x", workers=0)
+    assert [row["state"] for row in found.rows()] == ["failed", "done", "failed"]
+    reasons = [row["reason"] for row in found.failed()]
+    assert reasons[0] == "rehearse: task 3 fails, as it was told to"
+    assert "worker process only" in reasons[1]
+    found.write_csv(tmp_path / "x.csv")
+    first, *lines = (tmp_path / "x.csv").read_text().splitlines()
+    assert first == "task,state,verb,end,number,reason,fraction" and len(lines) == 3
+    data = found.dataset()
+    assert data["fraction"].dims == ("task",) and np.isnan(data["fraction"][0]) and data["fraction"][1] > 0
+    assert repr(found).endswith("3 tasks: 1 done, 2 failed)") and found._repr_html_() == "3 tasks: 1 done, 2 failed"
+
+
+@pytest.mark.parametrize("workers", [-1, 2000])
+def test_workers_are_counted(tmp_path, workers):
+    with pytest.raises(InputError, match="expected a number from 0 to 1000"):
+        camopt.sweep(rehearsals(1), tmp_path / "x", workers=workers)

@@ -1,0 +1,103 @@
+"""What tasks on scenes compute: the numbers of the functions that they stand for, bit by bit in every process."""
+
+import numpy as np
+import pytest
+
+import camopt
+from camopt.cam.design_file import as_written
+from camopt.exact.settled import settled_metrics
+from camopt.measure.limits import motion_limits
+from camopt.scene import build_train, load_scene
+from camopt.scene.quantities import QUANTITIES
+from camopt.tasks.varied import scene_with
+from tests.tasks.tasks_of_tests import stored
+from tests.tasks.test_sweep import Killer
+
+SCENE = load_scene("motori-1")
+SPEEDS = (4000.0, 5000.0)
+TASKS = [
+    *({"verb": "settled", "scene": "motori-1", "cam": "polydyne", "speed_rpm": speed} for speed in SPEEDS),
+    {"verb": "settled", "scene": "motori-1", "cam": "polydyne", "speed_rpm": 5000, "vary": {"spring.preload_N": 300}},
+    {"verb": "simulate", "scene": "motori-1", "cam": "polydyne", "speed_rpm": 5000, "revolutions": 3},
+    *({"verb": "yield", "scene": SCENE, "cam": "polydyne", "speeds_rpm": SPEEDS, "train": i} for i in (3, 4)),
+    {"verb": "simulate", "scene": "motori-1", "cam": "polydyne", "speed_rpm": 5000, "method": "tmn"},
+    {"verb": "settled", "scene": "motori-1", "cam": "polydyne:exponents=2/10", "speed_rpm": 5000},
+]
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    return camopt.sweep(TASKS, tmp_path_factory.mktemp("verbs") / "x.sqlite", workers=0)
+
+
+@pytest.fixture(scope="module")
+def rows(swept):
+    return list(swept.rows())
+
+
+def test_settled_tasks_are_the_settled_metrics(rows):
+    cam, speeds = camopt.polydyne(SCENE), [SCENE.cam_speed(speed) for speed in SPEEDS]
+    for row, speed in zip(rows[:2], speeds, strict=True):
+        found = settled_metrics([build_train(SCENE)], [cam], [speed], workers=1)
+        for name in QUANTITIES:
+            assert row[f"{name}_low"] == found.lowest[name][0, 0, 0]
+            assert row[f"{name}_high"] == found.highest[name][0, 0, 0]
+        assert (row["periodic"], row["revolutions"]) == (found.periodic[0, 0, 0], found.revolutions[0, 0, 0])
+        limits = motion_limits(SCENE.design)
+        assert row["broken"] == [k for k, limit in limits.items() if limit.breaks(found.worst(limit.metric)[0, 0, 0])]
+
+
+def test_numbers_that_vary_are_those_of_the_train_and_of_its_cam(rows):
+    scene = scene_with(SCENE, {"spring.preload_N": 300.0})
+    found = settled_metrics([build_train(scene)], [camopt.polydyne(scene)], [scene.cam_speed(5000)], workers=1)
+    assert rows[2]["vary spring.preload_N"] == 300.0
+    assert rows[2]["contact_force_max_N_high"] == found.highest["contact_force_max_N"][0, 0, 0]
+    assert rows[2]["contact_force_max_N_high"] != rows[1]["contact_force_max_N_high"]
+
+
+def test_simulate_tasks_are_those_of_simulate(rows):
+    motion = camopt.simulate(SCENE, camopt.polydyne(SCENE), 5000, revolutions=3)
+    assert rows[3]["bounce_mm"] == motion["bounce_mm"].values.max()
+    assert rows[3]["contact_force_min_N"] == motion["contact_force_min_N"].values.min()
+    assert rows[3]["valve_max_mm"] == motion["position_mm"].values.max()
+
+
+def test_yield_tasks_are_the_trains_of_a_yield(rows):
+    found = camopt.manufacturing_yield(SCENE, camopt.polydyne(SCENE), 5, speeds_rpm=SPEEDS)
+    for row, number in zip(rows[4:6], (3, 4), strict=True):
+        used = np.array([row[f"used_{limit}"] for limit in found.used.limits])
+        assert np.array_equal(used, found.used.used[number])
+        assert row["holds"] == bool(found.used.holds[number]) and row["worst"] == used.max()
+
+
+def test_faults_that_show_only_then_are_failed_rows(rows):
+    assert [row["state"] for row in rows] == ["done"] * 6 + ["failed"] * 2
+    assert "method 'tmn'" in rows[6]["reason"] and rows[7]["reason"]
+
+
+def test_rows_are_the_same_in_other_processes(swept, tmp_path):
+    camopt.sweep(TASKS, tmp_path / "x.sqlite", workers=2)
+    assert stored(tmp_path / "x.sqlite") == stored(swept.store)
+
+
+def test_a_lift_law_and_its_design_are_one_cam(tmp_path):
+    cam = camopt.polydyne(SCENE)
+    tasks = [{"verb": "settled", "scene": SCENE, "cam": one, "speed_rpm": 5000} for one in (cam, as_written(cam))]
+    found = camopt.sweep(tasks[:1], tmp_path / "x", workers=0)
+    (row,) = found.rows()
+    metrics = settled_metrics([build_train(SCENE)], [as_written(cam)], [SCENE.cam_speed(5000)], workers=1)
+    assert row["jump_mm_high"] == metrics.highest["jump_mm"][0, 0, 0]
+    assert found.part(row["cam"]).startswith('{"family": "polydyne"')
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1200)
+def test_200_motions_with_killed_workers_are_those_of_the_serial_sweep(tmp_path):
+    speeds = np.linspace(3000.0, 6000.0, 200).tolist()
+    tasks = [{"verb": "settled", "scene": "motori-1", "cam": "polydyne", "speed_rpm": speed} for speed in speeds]
+    killer = Killer(tmp_path / "x", [20, 80, 140])
+    killer.start()
+    camopt.sweep(tasks, tmp_path / "x", workers=2)
+    assert len(killer.killed) == 3
+    camopt.sweep(tasks, tmp_path / "serial", workers=0)
+    assert stored(tmp_path / "x") == stored(tmp_path / "serial") and len(stored(tmp_path / "x")) == 200
