@@ -27,7 +27,6 @@ from camopt.optimizer.ascent.variables import FREE, FamilyVariables, FreeVariabl
 from camopt.optimizer.search.judge import Judge
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
-from camopt.scene.train import build_train
 from camopt.storage import run_folder, run_identity, write_text
 
 FORMS = (FREE, "own")
@@ -68,7 +67,6 @@ def ascend(
             f"ascend: form {form!r}, steps {steps}, judge_every {judge_every}: expected {' or '.join(FORMS)}, and "
             f"numbers from 1 on"
         )
-    build_train(objective.scene).require_linear("ascend, whose judge is event-exact,", "take a scene with linear laws")
     numbers = TrainVariables(objective.scene, dict(train or {}))
     cam = FreeVariables(objective.scene, start, knot_deg) if form == FREE else FamilyVariables(objective.scene, start)
     variables = Variables(cam, numbers)
