@@ -19,6 +19,7 @@ from camopt.storage import (
     run_identity,
     whole_lines,
     write_csv,
+    write_csv_rows,
     write_json,
     write_text,
 )
@@ -114,6 +115,23 @@ def test_csv_refuses_columns_of_different_length(tmp_path):
     with pytest.raises(ValueError, match="shorter"):
         write_csv(tmp_path / "a.csv", {"x": [1, 2], "y": [1]})
     assert os.listdir(tmp_path) == []
+
+
+def test_a_table_written_row_by_row_appears_whole_or_not_at_all(tmp_path):
+    file = tmp_path / "a.csv"
+    write_csv_rows(file, ["x", "y"], ([i / 3, None if i else "é"] for i in range(3)))
+    assert file.read_text(encoding="utf-8").splitlines() == ["x,y", "0.0,é", f"{1 / 3!r},", f"{2 / 3!r},"]
+
+    def interrupted():
+        yield [1, 2]
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_csv_rows(file, ["x", "y"], interrupted())
+    assert len(file.read_text(encoding="utf-8").splitlines()) == 4
+    assert os.listdir(tmp_path) == ["a.csv"]
+    with pytest.raises(InputError, match="cannot be written"):
+        write_csv_rows(tmp_path / "none" / "a.csv", ["x"], [])
 
 
 def contents(folder):

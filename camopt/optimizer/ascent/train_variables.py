@@ -58,7 +58,7 @@ class TrainVariables:
         name, _, key = text.rpartition(".")
         for rows, schema in ((self.scene.mass, Mass), (self.scene.element, Element)):
             for i, row in enumerate(rows):
-                if row.name == name and key in schema.model_fields and key in ARRAYS:
+                if row.name == name and key in ARRAYS and getattr(row, key, None) is not None:
                     array = "mass_damping" if schema is Mass and key == "damping_N_s_per_m" else ARRAYS[key]
                     return array, i
         known = [f"{row.name}.{key}" for row in self.scene.mass for key in ("mass_kg", "damping_N_s_per_m", "force_N")]
