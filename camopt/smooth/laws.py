@@ -112,8 +112,9 @@ class ElasticLaws(eqx.Module):
 
 def elastic_laws(laws: Laws, dtype) -> ElasticLaws:
     """The differentiable laws of a train."""
-    numbers = (jnp.asarray(q, dtype) for q in (laws.table, laws.leak, laws.travel, laws.slip))
-    return ElasticLaws(*numbers, tuple(map(int, laws.kind)), tuple(float(q) for q in laws.exponent))
+    table, leak, travel, slip = (jnp.asarray(q, dtype) for q in (laws.table, laws.leak, laws.travel, laws.slip))
+    kind, exponent = tuple(map(int, laws.kind)), tuple(float(q) for q in laws.exponent)
+    return ElasticLaws(table, leak, travel, slip, kind, exponent)
 
 
 def _ramp(r: jax.Array, layer: Layer | None) -> jax.Array:

@@ -119,11 +119,12 @@ class System(eqx.Module):
 
         The corners of force tables are rounded over the width of the layer, and sharp without one.
         """
-        if self.laws is None:
+        laws = self.laws
+        if laws is None:
             return column(self.stiffness, u) * u
 
         def force(u):
-            return self.laws.force(u, self.stiffness, self.preload, layer)
+            return laws.force(u, self.stiffness, self.preload, layer)
 
         return force(u) if u.ndim == 1 else jax.vmap(force, -1, -1)(u)
 

@@ -3,7 +3,8 @@
 Adding a verifier method
 ========================
 
-One file here and one line in `INDEPENDENT` below. The file has a function `prepare` that turns a train, a lift law, a
+One file here and one line in `INDEPENDENT` below; what of it is too long for one file stands in a folder `of_<method>`
+beside it, which no other method reads. The file has a function `prepare` that turns a train, a lift law, a
 cam speed [rad/s] and a number of steps into one revolution as a function of its start state. Import nothing of camopt
 but the names below: the method's own assembly is the point. `camopt/verifier/methods/semi_implicit_euler.py` would be
 
@@ -23,7 +24,10 @@ but the names below: the method's own assembly is the point. `camopt/verifier/me
         n, angle = len(train.mass), np.linspace(-np.pi, np.pi, steps_per_revolution + 1)
         rise, rate = lift(angle), lift(angle, 1) * cam_speed
         h = 2 * np.pi / cam_speed / steps_per_revolution
-        loads = train.mass, train.mass_damping, train.mass_force
+        load = np.tile(train.mass_force, (len(angle), 1))
+        for given in train.forcing:
+            load[:, given.on] += np.interp(angle, given.angle, given.force)
+        loads = train.mass, train.mass_damping, load
         elements = train.a, train.b, train.contact, train.cam_driven, train.stiffness, train.damping
         offsets = train.preload, train.gap
 
@@ -40,11 +44,11 @@ but the names below: the method's own assembly is the point. `camopt/verifier/me
     @njit(nogil=True)
     def _march(x, v, force, rise, rate, h, loads, elements, offsets):
         """All steps; element forces (e) at every sample."""
-        mass, mass_damping, mass_force = loads
+        mass, mass_damping, load = loads
         a, b, contact, driven, stiffness, damping = elements
         preload, gap = offsets
         for i in range(len(x)):
-            total = mass_force - mass_damping * v[i]
+            total = load[i] - mass_damping * v[i]
             for e in range(len(a)):
                 d, d_rate = driven[e] * rise[i] - gap[e], driven[e] * rate[i]
                 if a[e] != GROUND:
