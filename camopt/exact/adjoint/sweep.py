@@ -73,7 +73,7 @@ def lift_point_back(lift_bar, rate_bar, offset, cam_speed, q, by_piece):
         before, power = power, power * offset
 
 
-@compiled
+@borrowing
 def switch_back(s, trace, seeds, k, bars, seen):
     """Carries the cotangent bars.start from after the switching that ends segment k to before it; `seen` (2n + r + 2)
     is room for the cotangents by state, lift and lift velocity."""

@@ -67,14 +67,13 @@ class Inputs:
         count, q = len(by_pieces), by_pieces.shape[2] - 2 * len(self.forcing)
         if not self.forcing:
             return by_pieces, np.zeros((count, 0))
-        by_lift = np.zeros((count, len(self.lift_borders) - 1, q))
         moved = np.einsum("lmi,mij->lmj", by_pieces[:, :, :q], self._moved[:, :q, :q])
-        np.add.at(by_lift, (slice(None), self._piece), moved)
+        by_lift = np.einsum("lmj,mp->lpj", moved, np.eye(len(self.lift_borders) - 1)[self._piece])
         rows = []
         for j, (force, (i, share, width)) in enumerate(zip(self.forcing, self._rows, strict=True)):
             by_constant, by_slope = by_pieces[:, :, q + 2 * j], by_pieces[:, :, q + 2 * j + 1] / width
-            by_row = np.zeros((count, len(force.angle)))
-            np.add.at(by_row, (slice(None), i), by_constant * (1.0 - share) - by_slope)
-            np.add.at(by_row, (slice(None), i + 1), by_constant * share + by_slope)
-            rows.append(by_row)
+            row = np.eye(len(force.angle))
+            rows.append(
+                (by_constant * (1.0 - share) - by_slope) @ row[i] + (by_constant * share + by_slope) @ row[i + 1]
+            )
         return by_lift, np.concatenate(rows, axis=1)
