@@ -40,7 +40,8 @@ def cluster(address: str, insecure: bool = False) -> Iterator[tuple[Executor, in
             raise InputError(
                 f"--scheduler {address}: has no workers; start some with `dask worker {address}`"
             ) from None
-        yield client.get_executor(pure=False, retries=RETRIES), sum(client.nthreads().values())
+        threads: dict[str, int] = dict(client.nthreads())  # type: ignore[arg-type]  # a synchronous client answers
+        yield client.get_executor(pure=False, retries=RETRIES), sum(threads.values())
 
 
 def check_address(address: str, insecure: bool) -> None:

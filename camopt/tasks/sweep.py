@@ -1,7 +1,7 @@
 """`camopt.sweep`: many tasks, computed by processes or a cluster, with a row for each in a store that resumes."""
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sized
 from concurrent.futures import Executor
 from importlib.metadata import version
 from pathlib import Path
@@ -43,7 +43,7 @@ def sweep(
     """
     made_by = version("camopt")
     with TaskStore(store, made_by, getattr(tasks, "digest", "")) as rows:
-        total = len(tasks) if hasattr(tasks, "__len__") else None
+        total = len(tasks) if isinstance(tasks, Sized) else None
         if total is not None and rows.last_number() >= total:
             raise _other_plan(rows, total)
         with (

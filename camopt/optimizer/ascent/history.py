@@ -100,7 +100,7 @@ class AscentHistory:
         assert self.best_scene.design is not None, "objective() asks for [design]"
         write_design(folder / "design.json", self.best, self.best_scene.design.max_lift_mm * MM)
         write_text(folder / "scene.toml", scene_toml(self.best_scene))
-        flat = [name for name, values in self.dataset.data_vars.items() if values.dims == ("step",)]
+        flat = [str(name) for name, values in self.dataset.data_vars.items() if values.dims == ("step",)]
         write_csv(folder / "history.csv", {"step": self["step"].values, **{name: self[name].values for name in flat}})
         save(self.plot(), folder / "figures", "ascent")
 

@@ -195,8 +195,7 @@ def objective(
         raise InputError(f"objective: speeds_rpm {speeds_rpm}: crankshaft speeds above 0 r/min are needed")
     if revolutions < 1 or trains < 0:
         raise InputError(f"objective: revolutions {revolutions}, trains {trains}: at least 1 and 0 are needed")
-    chosen = path_of(path, build_train(scene))
-    return Objective(scene, speeds, maximise, weights, chosen, revolutions, trains, seed)
+    return Objective(scene, speeds, maximise, weights, path_of(path), revolutions, trains, seed)
 
 
 def _share(limit: MotionLimit, values: jax.Array) -> jax.Array:
