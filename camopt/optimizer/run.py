@@ -23,6 +23,7 @@ from camopt.optimizer.stage_clock import StageClock
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.toml_text import scene_toml
+from camopt.scene.train import build_train
 from camopt.scene.units import MM
 from camopt.storage import default_run_folder, run_folder, run_identity, write_json, write_text
 from camopt.verifier.verdict import Verdict, verdict_on
@@ -201,7 +202,7 @@ def full_verdict(scene: Scene, lift: Lift, speeds: str, effort: Accuracy) -> Ver
     """The verdict on a run's design: at the listed speeds and, with `speeds` "band", over the band."""
     asked = effort.verdict
     band_step = asked.band_step_rpm if speeds == "band" else None
-    return verdict_on(scene, lift, None, asked.methods, band_step, asked.demand)
+    return verdict_on(scene, lift, None, asked.methods_of(build_train(scene)), band_step, asked.demand)
 
 
 def confirmed_cam(

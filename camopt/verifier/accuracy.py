@@ -28,7 +28,7 @@ from camopt.cam.lift import Lift
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.settled import SETTLED_POSITION
-from camopt.scene.train import build_train
+from camopt.scene.train import Train, build_train
 from camopt.scene.units import UM
 from camopt.verifier.convergence import Demand
 from camopt.verifier.stored_curves import stored_curves
@@ -47,6 +47,10 @@ class Effort:
     band_step_rpm: float
     tolerance_um: float
     settled_um: float = SETTLED_POSITION / UM
+
+    def methods_of(self, train: Train) -> tuple[str, ...]:
+        """As many methods for a train as the effort has: its own, or those that carry the train's laws."""
+        return methods_for(train)[: len(self.methods)]
 
     @property
     def demand(self) -> Demand:

@@ -22,6 +22,7 @@ from camopt.optimizer.baselines.figures import draw
 from camopt.optimizer.baselines.largest_member import excess
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
+from camopt.scene.train import build_train
 from camopt.storage import run_folder, run_identity
 from camopt.verifier.accuracy import EFFORTS
 from camopt.verifier.convergence import Demand
@@ -173,7 +174,7 @@ def _write(folder: Path, scene: Scene, cams: Mapping[str, Lift], found: Mapping[
 
 
 def _judged(scene: Scene, lift: Lift, effort: Accuracy, band_step_rpm: float | None, to_the_end: bool = True) -> dict:
-    methods, demand = EFFORTS["draft"].methods, Demand(effort.verdict.tolerance_um, HALVINGS)
+    methods, demand = EFFORTS["draft"].methods_of(build_train(scene)), Demand(effort.verdict.tolerance_um, HALVINGS)
     return verdict_on(scene, lift, None, methods, band_step_rpm, demand, to_the_end).as_dict()
 
 
