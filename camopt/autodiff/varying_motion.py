@@ -6,12 +6,14 @@ by angle at speed', at velocities divided by r. So derivatives by the speed are 
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from camopt.cam.lift import Lift, lift_with
 from camopt.exact.adjoint.gradient import rest_back
 from camopt.exact.adjoint.motion import Slopes, TracedMotion
+from camopt.exact.adjoint.slopes import ByTrainAndLaws
 from camopt.exact.affine.lines import rest_of
 from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.shapes import Float, State
@@ -94,7 +96,7 @@ def by_speed(motion: TracedMotion, slopes: Slopes, start: State | None) -> Float
     assert by_train is not None
     total = 2 * by_train.mass @ train.mass + by_train.mass_damping @ train.mass_damping
     total = total + by_train.damping @ train.damping
-    if train.laws is not None and by_train.leak is not None:
+    if train.laws is not None and isinstance(by_train, ByTrainAndLaws):
         total = total + by_train.leak @ train.laws.leak
     if start is not None:
         n = len(train.mass)
@@ -105,7 +107,7 @@ def by_speed(motion: TracedMotion, slopes: Slopes, start: State | None) -> Float
 @lru_cache(maxsize=24)
 def varied(train: Train, changes: tuple[tuple[str, bytes], ...]) -> Train:
     """A train with other numbers: the same object for the same numbers, because propagators are kept per train."""
-    numbers = {name: np.frombuffer(data).copy() for name, data in changes}
+    numbers: dict[str, Any] = {name: np.frombuffer(data).copy() for name, data in changes}
     if train.laws is not None and "stiffness" in numbers:  # that of a law's coefficients, as in `Train.parameters`
         numbers["laws"] = laws = replace(train.laws, coefficient=numbers["stiffness"])
         numbers["stiffness"] = laws.stand_in()

@@ -188,7 +188,8 @@ class TracedMotion:
         if bars is not None:
             none = np.zeros((count, len(at), len(self.train.memory)))
             memory = bars.memory if isinstance(bars, SamplesWithMemory) else none
-            parts = bars.x, bars.v, memory, bars.lift[..., None], bars.lift_rate[..., None], bars.force
+            rise, rate = np.asarray(bars.lift)[..., None], np.asarray(bars.lift_rate)[..., None]
+            parts = bars.x, bars.v, memory, rise, rate, bars.force
             packed[:] = np.concatenate(parts, axis=2)
         room, seeds, instants = self._room(count), self._seeds(len(at) * (1 + e)), self._instants(at)
         if ends is not None:

@@ -103,13 +103,15 @@ def rest_of(train: Train) -> np.ndarray:
 
 def chord_error(train: Train, count: int = CHORDS, force: float = CHORD_FORCE) -> np.ndarray:
     """Largest error [N] of each element's force (e) under `count` chords, for hertz contacts up to a `force` [N]."""
-    error = np.zeros(len(train.a))
-    for e in range(len(error)) if train.laws is not None else ():
-        kind, m = train.laws.kind[e], train.laws.exponent[e]
+    error, laws = np.zeros(len(train.a)), train.laws
+    if laws is None:
+        return error
+    for e in range(len(error)):
+        kind, m = laws.kind[e], laws.exponent[e]
         if kind == HERTZ:
             error[e] = (m - 1.0) / (2.0 * m) * force / count**2
         elif kind == PROGRESSIVE:
-            rows = train.laws.table[e][: _filled(train.laws.table[e])]
+            rows = laws.table[e][: _filled(laws.table[e])]
             bent = np.abs(np.diff(rows[:, 1])) * np.diff(rows[:, 0]) / 8.0
             error[e] = np.max(bent / chords_per_row(rows, count) ** 2, initial=0.0)
     return error
