@@ -32,4 +32,7 @@ def test_gradients_by_laws_and_speed_are_those_of_the_adjoint():
     reference = differences(at_speed, STEPS)
     for i, metric in enumerate(METRICS):
         exact = np.asarray(by_speed)[i : i + 1] * speed
-        assert least_error(exact, reference[:, i : i + 1]) < 1e-5, metric
+        if np.any(exact):
+            assert least_error(exact, reference[:, i : i + 1]) < 1e-5, metric
+        else:
+            assert np.abs(reference[:, i]).max() < 1e-6, metric
