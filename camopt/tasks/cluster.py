@@ -27,7 +27,7 @@ def cluster(address: str, insecure: bool = False) -> Iterator[tuple[Executor, in
     check_address(address, insecure)
     if importlib.util.find_spec("distributed") is None:
         raise InputError("--scheduler: dask.distributed is not installed: pip install 'camopt[cluster]'")
-    from distributed import Client
+    from distributed import Client  # pyright: ignore[reportMissingImports]
 
     try:
         client = Client(address, timeout=WAIT_SECONDS, set_as_default=False)
