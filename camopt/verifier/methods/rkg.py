@@ -49,7 +49,7 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
     ends = train.a, train.b, train.contact, train.cam_driven
     numbers = train.damping, train.preload, train.gap, MAY_PULL[criterion]
     forced = np.array([f.on for f in train.forcing], dtype=int)
-    parts = _Parts(*masses, *ends, *_elastic_arrays(train), *numbers, *_memory_arrays(train), forced)
+    parts = _TrainAsRead(*masses, *ends, *_elastic_arrays(train), *numbers, *_memory_arrays(train), forced)
     push = np.zeros((2 * steps + 1, len(forced)))
     for j, f in enumerate(train.forcing):
         push[:, j] = np.interp(halves, f.angle, f.force)
@@ -65,7 +65,7 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
     return revolve
 
 
-class _Parts(NamedTuple):
+class _TrainAsRead(NamedTuple):
     """A train as the compiled code reads it."""
 
     mass: np.ndarray  # (n)
