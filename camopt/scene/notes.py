@@ -2,7 +2,8 @@
 
 from collections.abc import Iterable
 
-from camopt.scene.schema import Element, Scene
+from camopt.scene.element import Element
+from camopt.scene.schema import Scene
 from camopt.scene.table import Table
 from camopt.scene.train import build_train
 from camopt.scene.units import MM, UM

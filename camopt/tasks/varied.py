@@ -6,9 +6,10 @@ from functools import lru_cache
 import tomli_w
 
 from camopt.scene import Scene
+from camopt.scene.element import Element
 from camopt.scene.errors import InputError
 from camopt.scene.load import parse_scene
-from camopt.scene.schema import Element, Mass
+from camopt.scene.schema import Mass
 from camopt.scene.spelling import did_you_mean
 from camopt.scene.text_file import excerpt
 from camopt.tasks.task import NEEDED, scene_of_text

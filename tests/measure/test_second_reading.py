@@ -40,6 +40,9 @@ WITH_BOUNCE = {
     "pushrod-5mass": ("kurz", 7000),
     "kodama-hertz": ("polydyne", 6500),
 }
+NOT_READ = {"exhaust-gas", "finger-hydraulic", "pushrod-hydraulic", "race-nested"}
+"""The second reading's own equations know linear, hertz and progressive laws; event-exact, DOP853 and three methods of
+fixed steps meet on the elements of these in tests/verifier/test_real_scene.py and tests/exact/test_real_trains.py."""
 SHORT = ("motori-1",)
 """One mass: seconds. The other scenes are long."""
 
@@ -93,7 +96,7 @@ def first_method(name):
 
 def test_every_scene_with_a_dynamics_and_every_declared_metric_is_read():
     dynamic = {name for name in builtin_scenes() if load_scene(name).operation is not None}
-    assert set(WITHOUT_BOUNCE) == set(WITH_BOUNCE) == dynamic
+    assert set(WITHOUT_BOUNCE) == set(WITH_BOUNCE) == dynamic - NOT_READ
     assert set(second_reading("motori-1", *WITHOUT_BOUNCE["motori-1"], "event")) == set(QUANTITIES)
 
 

@@ -127,10 +127,9 @@ def test_animation_keeps_its_size(tmp_path, write, contents, polydyne):
     assert coarse["step_deg"] > 0.5 and count < 1.01 * MOST_NUMBERS
 
 
-def test_a_scene_without_event_exact_motion_says_so(polydyne):
+def test_a_scene_with_curved_laws_moves_by_chords(polydyne):
     data, left_out = animation(RunCams(load_scene("kodama-hertz"), {"design": polydyne}, []))
-    assert data is None
-    assert all("design at" in sentence and "linear" in sentence for sentence in left_out) and len(left_out) == 4
+    assert data is not None and not left_out
 
 
 def test_embedded_data_cannot_end_its_element():

@@ -112,10 +112,10 @@ def test_a_scene_without_limits_is_refused():
         camopt.manufacturing_yield(without, CAM, 3)
 
 
-def test_laws_that_are_not_linear_are_refused():
-    scene = load_scene("kodama-hertz")
-    with pytest.raises(InputError, match="linear"):
-        camopt.manufacturing_yield(scene, camopt.polydyne(scene), 2)
+def test_trains_with_an_adjuster_are_drawn_and_measured():
+    scene = load_scene("finger-hydraulic")
+    found = camopt.manufacturing_yield(scene, camopt.polydyne(scene), 3, speeds_rpm=(5000,))
+    assert found.share.trains == 3 and np.all(np.isfinite(found.used.used))
 
 
 def test_end_to_end(tmp_path, capsys):

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from camopt.scene.element import Element
 from camopt.scene.errors import InputError
-from camopt.scene.schema import Element, Mass, Scene
+from camopt.scene.schema import Mass, Scene
 from camopt.scene.spelling import did_you_mean
 from camopt.scene.text_file import excerpt
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 from camopt.cam.grinding import ground
 from camopt.cam.lift import Lift
 from camopt.optimizer.search.judge import Judge, Judged
+from camopt.scene.element import Element
 from camopt.scene.errors import InputError
-from camopt.scene.schema import Element, Scene
+from camopt.scene.schema import Scene
 
 PERTURBED_SHARE = 0.1
 """Share by which the spring's rate, its preload and the contacts' stiffness are off, one at a time."""

@@ -14,7 +14,8 @@ import numpy as np
 from scipy.linalg import eigh
 
 from camopt.scene import InputError, Scene, parse_scene
-from camopt.scene.schema import Element, Mass
+from camopt.scene.element import Element
+from camopt.scene.schema import Mass
 from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import MM
 
