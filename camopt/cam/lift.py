@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 JOINING = 1e-6
 """Step of lift or velocity at a border, relative to the largest there, that counts as rounding."""
 ROUNDING = 1e-9
+APART = 1e-12
+"""Angle [rad] within which two borders are one."""
 MOST_ROWS = 360_000
 """Rows of a lift table at most: 0.001 deg."""
 
@@ -148,6 +150,8 @@ class Lift:
     def shifted(self, error: "Lift") -> "Lift":
         """This lift plus a small lift `error` (a grinding error), on the union of both pieces."""
         borders = np.union1d(self.borders, error.borders)
+        borders = borders[np.append(np.diff(borders) > APART, True)]  # a piece of rounding's width follows no curve
+        borders[0] = -np.pi
         middles = 0.5 * (borders[1:] + borders[:-1])
         width = max(self.coefficients.shape[1], error.coefficients.shape[1])
         total = np.zeros((len(middles), width))

@@ -41,7 +41,6 @@ class Polyhedron:
         if np.any(bound[~moving] < -BROKEN * np.abs(bound).max()):
             raise Empty
         self.matrix, self.bound = matrix[moving] / norm[moving, None], bound[moving] / norm[moving]
-        self._last = np.zeros(0, dtype=int)  # rows that took part last: the next answer is like the last one
 
     def nearest(self, x: np.ndarray) -> np.ndarray:
         """The nearest point to x (m); x itself where it holds all rows. Raises Empty where no point does."""
@@ -66,10 +65,13 @@ class Polyhedron:
         return self.nearest_and_face(x + direction * (PROBE * float(np.abs(x).max()) / longest))[1]
 
     def _nearest(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The nearest point and the rows that hold it there."""
+        """The nearest point and the rows that hold it there.
+
+        It begins without any row, so that an answer hangs on no earlier one, to the last digit.
+        """
         level = BROKEN * max(float(np.abs(x).max()), 1e-300)
         violation = float((self.matrix @ x - self.bound).max())
-        moved, rows, holding = x, self._last, np.zeros(0, dtype=int)
+        moved, rows, holding = x, np.zeros(0, dtype=int), np.zeros(0, dtype=int)
         for _ in range(MOST_ROUNDS):
             excess = self.matrix @ moved - self.bound
             broken = np.flatnonzero(excess > level)
@@ -81,7 +83,7 @@ class Polyhedron:
             rows = np.union1d(rows, worst)
             step, multipliers = _least_step(self.matrix[rows], (self.bound[rows] - self.matrix[rows] @ x) / violation)
             moved = x + violation * step
-            self._last = holding = rows[multipliers > 0]
+            holding = rows[multipliers > 0]
         raise ArithmeticError(f"the nearest point still breaks rows after {MOST_ROUNDS} rounds")
 
 
