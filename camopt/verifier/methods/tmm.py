@@ -27,7 +27,7 @@ from camopt.verifier.methods.of_tmm.transition import Memories, exact, printed
 
 MAY_PULL = {"force": False, "displacement": True}
 """By separation criterion: whether a compressed contact stays closed while its force is below zero."""
-LINEAR, CURVED, TABLE, OIL, FRICTION = 0, (1, 2), 3, 4, 5
+LINEAR, TABLE, OIL, FRICTION = 0, 3, 4, 5
 MOST_SETS = 2**62
 """Sets of pieces are numbered in 64 bits."""
 CAM_INPUTS = 4
@@ -48,7 +48,7 @@ def prepare(
     opens by "force", or by "displacement" alone. Matrices are built for the sets of pieces that occur. The response has
     steps_per_revolution + 1 samples. Raises InputError for another criterion, or laws that are no straight lines.
     """
-    _require_lines(train)
+    train.require_straight("the transition matrix method", 'use method "dop853" or "rkg"')
     if criterion not in MAY_PULL:
         raise InputError(f"separation criterion {criterion!r}: expected {' or '.join(MAY_PULL)}")
     steps, n = steps_per_revolution, len(train.mass)
@@ -72,16 +72,6 @@ def prepare(
         return Response(train, cam_speed, angle, cam[:, 0], x, v, force, z)
 
     return revolve
-
-
-def _require_lines(train: Train) -> None:
-    """Raises InputError where the elastic force of an element is no straight lines."""
-    curved = [] if train.laws is None else np.flatnonzero(np.isin(train.laws.kind, CURVED))
-    if len(curved):
-        raise InputError(
-            f"the transition matrix method needs elements whose force follows straight lines, and these do not: "
-            f'{", ".join(train.element_names[e] for e in curved)}; use method "dop853" or "rkg"'
-        )
 
 
 class _Matrices(NamedTuple):

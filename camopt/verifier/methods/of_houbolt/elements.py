@@ -5,10 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from camopt.programs import compiled
-from camopt.scene.errors import InputError
 from camopt.scene.train import Train
 
-LINEAR, CURVED, TABLE, OIL, FRICTION = 0, (1, 2), 3, 4, 5
+LINEAR, TABLE, OIL, FRICTION = 0, 3, 4, 5
 
 
 class Elements(NamedTuple):
@@ -42,7 +41,7 @@ def elements_of(train: Train, h: float) -> Elements:
     e, laws = len(train.a), train.laws
     padded = np.eye(len(train.mass) + 1)[:, :-1]  # index -1 (ground) reads the row of zeros
     kind = np.zeros(e, dtype=int) if laws is None else laws.kind
-    _require_lines(train, kind)
+    train.require_straight("Houbolt's method", 'use method "dop853" or "rkg"')
     table = np.array([[[0.0, 0.0], [1.0, 0.0]]] * e) if laws is None else laws.table
     slope = np.diff(table[..., 1], append=1.0) / np.diff(table[..., 0], append=np.inf)
     pieces = {TABLE: table.shape[1] - 1, OIL: 2, FRICTION: 3}
@@ -60,15 +59,6 @@ def elements_of(train: Train, h: float) -> Elements:
         np.concatenate([table, slope[..., None]], axis=2),
         *(memory, reach, flow, np.array([f.on for f in train.forcing], dtype=int)),
     )
-
-
-def _require_lines(train: Train, kind: np.ndarray) -> None:
-    curved = np.flatnonzero(np.isin(kind, CURVED))
-    if len(curved):
-        raise InputError(
-            f"Houbolt's method needs elements whose force follows straight lines, and these do not: "
-            f'{", ".join(train.element_names[e] for e in curved)}; use method "dop853" or "rkg"'
-        )
 
 
 @compiled
