@@ -20,6 +20,7 @@ Every name below belongs to `camopt` and is imported when it is first used; `hel
   that holds the limits with a cam.
 - Gradient ascent of your own: `objective` is what it maximises, `ascend` climbs it from any cam by any optax
   transformation within the limits on the shape, `nearest_free_cam` is where it starts.
+- The program behind the designs: `linear_program` solves one under linear rows, as a function that JAX differentiates.
 - Many tasks: `sweep` computes them on all cores or on a cluster and keeps a row for each in a store that resumes.
 - Beyond one design: `pareto` fronts, `joint_spring` for cam and spring together, `differentiable` cams for JAX.
 
@@ -49,6 +50,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr_
     from camopt.optimizer.ascent.projection import nearest_free_cam
     from camopt.optimizer.baselines.comparison import compare
     from camopt.optimizer.bound.summary import area_bound
+    from camopt.optimizer.program.differentiable import linear_program
     from camopt.optimizer.run import optimize
     from camopt.scene import load_scene
     from camopt.study.fronts import joint_spring, pareto
@@ -75,6 +77,7 @@ __all__ = [
     "identify",
     "joint_spring",
     "kurz",
+    "linear_program",
     "load_scene",
     "manufacturing_yield",
     "modes",
@@ -130,6 +133,7 @@ _PUBLIC = {
     "objective": "camopt.optimizer.ascent.objective",
     "ascend": "camopt.optimizer.ascent.ascent",
     "nearest_free_cam": "camopt.optimizer.ascent.projection",
+    "linear_program": "camopt.optimizer.program.differentiable",
 }
 
 

@@ -30,6 +30,7 @@ SIGNATURES = {
     "joint_spring": "scene, rate=(0.9, 1.1), preload=(0.9, 1.1), *, speeds='band', accuracy='draft', "
     "margin_N=0.0, evaluations=30",
     "kurz": "scene, sections_deg=None, a23=None, *, jerk=True",
+    "linear_program": "objective, matrix, bound, *, size=None",
     "load_scene": "source, need=()",
     "manufacturing_yield": "scene, cam, trains=1000, *, speeds_rpm=None, seed=0, halve=False, out=None, "
     "resume=False, progress=False",
@@ -58,8 +59,8 @@ SIGNATURES = {
     "verify": "scene, lift, speeds_rpm=None, methods='all', accuracy='standard'",
 }
 """Public name -> its parameters with their defaults; those after the star go by name alone."""
-UNPROMISED = {"MeasuredLift", "cycloidal", "differentiable", "exponent", "joint_spring", "polynomial_345",
-              "polynomial_4567", "read_cam", "tradeoff"}  # fmt: skip
+UNPROMISED = {"MeasuredLift", "cycloidal", "differentiable", "exponent", "joint_spring", "linear_program",
+              "polynomial_345", "polynomial_4567", "read_cam", "tradeoff"}  # fmt: skip
 """Public names that the guide need not show."""
 
 

@@ -38,6 +38,10 @@ class GaveUp(ArithmeticError):
     """The solver ends without an answer."""
 
 
+class Unbounded(ArithmeticError):
+    """Points of any value satisfy the rows."""
+
+
 class Infeasible(Exception):
     """No point satisfies the rows; not a user's error by itself, the caller knows which limits the rows came from."""
 
@@ -112,6 +116,11 @@ class WarmModel:
         _succeeds(self._highs.deleteRows(len(out), out))
         self.held = np.delete(self.held, out)
 
+    def basis(self) -> np.ndarray:
+        """Indices of the rows that hold the last solution, as many as columns at a vertex: those outside the basis."""
+        status = self._highs.getBasis().row_status
+        return self.held[[one != HighsBasisStatus.kBasic for one in status]]
+
     def pose(self, cost: np.ndarray, level: np.ndarray) -> None:
         """Another objective (m) and right sides (r) on the rows in the model."""
         _succeeds(self._highs.changeColsCost(len(cost), self._columns, -cost))
@@ -149,8 +158,8 @@ def maximise(objective: np.ndarray, rows: Rows, bound: np.ndarray, working: np.n
     """The point z (m) with the largest objective @ z under rows.matrix @ z <= bound (r), z free in sign.
 
     `working` (w): row indices to begin with where these rows are new to the solver; else it goes on from where it
-    stands. Both decide the time taken, not the answer. Raises Infeasible, and ArithmeticError where the program is
-    unbounded or the solver gives up.
+    stands. Both decide the time taken, not the answer. Raises Infeasible, Unbounded, and ArithmeticError where the
+    solver gives up.
     """
     level, model = bound / rows.norm, rows.model
     cost = objective * rows.column
@@ -162,7 +171,7 @@ def maximise(objective: np.ndarray, rows: Rows, bound: np.ndarray, working: np.n
         u, multipliers = _solved(model, level)
         if u is None:
             if len(model.held) == len(level):
-                raise ArithmeticError("the linear program is unbounded")
+                raise Unbounded("the linear program is unbounded")
             model.add(np.arange(len(level)), level)  # unbounded on the working set only
             continue
         excess = rows.scaled @ u - level
