@@ -108,7 +108,7 @@ class Climb:
         self._bound = objective.of(variables.cam.cam, variables.train)
         self._optimiser = optax.with_extra_args_support(optimiser)
         self.point: Point = variables.start
-        self.state = self._optimiser.init(_arrays(self.point))
+        self.state = _typed(self._optimiser.init(_arrays(self.point)))
         self._slopes = jax.jit(jax.value_and_grad(self._value, has_aux=True))
         self._moved = jax.jit(self._move)
 
@@ -129,7 +129,7 @@ class Climb:
         change, state = self._optimiser.update(
             downhill, state, point, value=-value, grad=downhill, value_fn=loss
         )  # fmt: skip
-        return optax.apply_updates(point, along(change)), state
+        return optax.apply_updates(point, along(change)), _typed(state)
 
     def step(self, judged: bool) -> None:
         """Records the present point as an iterate, and goes to the next one."""
@@ -183,6 +183,11 @@ class Climb:
         self.state = jax.tree.unflatten(tree, values)
         self.point = {name: np.array(part, dtype=float) for name, part in stored["point"].items()}
         self.iterates = [Iterate.of(one) for one in stored["iterates"]]
+
+
+def _typed(state: Any) -> Any:
+    """A state whose numbers have their types for good: else the second step would be compiled anew."""
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.asarray(leaf).dtype), state)
 
 
 def _arrays(point: Mapping[str, Any]) -> dict[str, jax.Array]:

@@ -19,7 +19,7 @@ from camopt.optimizer.program.linear_program import ADDED_PER_ROUND, Infeasible,
 from camopt.scene.errors import InputError
 
 MOST_MODELS = 8
-"""Programs that stay in memory with their last basis: enough for a few in turn, and thousands of rows take megabytes."""
+"""Programs kept with their last basis: enough for a few in turn, and thousands of rows take megabytes."""
 
 
 class LinearOptimum(NamedTuple):

@@ -77,4 +77,4 @@ class TestNearestFreeCam:
     def test_limits_that_contradict_each_other_are_a_sentence(self):
         design = MOTORI.design.model_copy(update={"acceleration_max_mm_per_deg2": 1e-4, "reach_max_lift": True})
         with pytest.raises(InputError, match="the limits of the design contradict each other"):
-            nearest_free_cam(MOTORI.model_copy(update={"design": design}), camopt.polydyne(MOTORI))
+            nearest_free_cam(MOTORI.model_copy(update={"design": design}), camopt.polydyne(MOTORI), knot_deg=6.0)
