@@ -191,6 +191,7 @@ def _sweep(command: Command) -> None:
     c.add_argument("--scheduler", metavar="ADDRESS", help="dask scheduler, tcp://HOST:PORT or tls://HOST:PORT")
     c.add_argument("--insecure", action="store_true", help="allow a scheduler beyond this machine without TLS")
     c.add_argument("--resume", action="store_true", help="go on in the store")
+    c.add_argument("--retry-failed", action="store_true", help="with --resume: compute failed tasks once more")
     c.add_argument("--csv", metavar="FILE", help="write the rows as a table")
 
 

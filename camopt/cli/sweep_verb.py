@@ -20,6 +20,8 @@ def sweep(args: Namespace) -> int:
         raise InputError(f"{store}: is not there, so there is nothing to go on with: leave --resume out")
     if args.insecure and args.scheduler is None:
         raise InputError("--insecure: belongs to --scheduler, and only to it")
+    if args.retry_failed and not args.resume:
+        raise InputError("--retry-failed: computes the failed tasks of a store once more: add --resume")
     plan = load_plan(args.plan)
     from camopt.tasks.sweep import sweep as sweep_tasks
 
@@ -28,7 +30,9 @@ def sweep(args: Namespace) -> int:
             print(f"{args.plan}: {len(plan)} tasks into {store}", file=sys.stderr, flush=True)
         args.begun = True
         try:
-            found = sweep_tasks(plan, store, executor, args.workers or threads, progress=not args.quiet)
+            found = sweep_tasks(
+                plan, store, executor, args.workers or threads, retry_failed=args.retry_failed, progress=not args.quiet
+            )
         except InputError:
             args.begun = False  # its sentence says what became of the store
             raise

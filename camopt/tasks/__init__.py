@@ -11,6 +11,8 @@ those of the scene:
 - "yield" with `speeds_rpm`, `train` and `seed`: how much of each limit one drawn train uses, as in `camopt yield`;
 - "rehearse" with `number`, `seconds` and `end`: a stand-in without any scene, to rehearse a sweep. It waits, returns a
   fraction that follows from its number, and with `end` "raise" or "die" it fails or kills its process.
+- "call" with `function`, "package.module:name", and `arguments` by name: a function of one's own, which every worker
+  can import and which returns a dictionary of plain data. Only programs may ask for it, no plan.
 
 `camopt.sweep(tasks, "x.sqlite")` computes them and keeps a row for each of them.
 """

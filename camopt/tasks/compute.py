@@ -21,7 +21,7 @@ from threadpoolctl import ThreadpoolController
 
 from camopt.scene.errors import InputError
 from camopt.storage import plain
-from camopt.tasks.task import FiledTask, RehearseTask, Task
+from camopt.tasks.task import CallTask, FiledTask, RehearseTask, Task, function_of
 
 DONE, FAILED = "done", "failed"
 ON_SCENES = "camopt.study.task_verbs"
@@ -72,10 +72,14 @@ def _outcome(filed: FiledTask) -> Outcome:
 
 def _module(task: Task) -> str:
     """Where the function of a task's verb stands."""
+    if isinstance(task, CallTask):
+        return task.function.partition(":")[0]
     return __name__ if task.verb == "rehearse" else ON_SCENES
 
 
 def _function(task: Task) -> Callable[[Any], dict]:
+    if isinstance(task, CallTask):
+        return lambda task: function_of(task)(**task.arguments)
     return rehearse if task.verb == "rehearse" else getattr(import_module(ON_SCENES), f"{task.verb}_task")
 
 

@@ -36,7 +36,7 @@ from camopt.scene.spelling import did_you_mean
 from camopt.scene.table import Positive, Table
 from camopt.scene.text_file import read_text, usable_path
 from camopt.scene.toml_text import toml_data
-from camopt.tasks.task import Count, Verb, as_tuples, cam_as_text, scene_as_text, scene_of_text, task_faults
+from camopt.tasks.task import Count, PlanVerb, as_tuples, cam_as_text, scene_as_text, scene_of_text, task_faults
 from camopt.tasks.varied import scene_with
 
 MOST_BYTES = 1_000_000
@@ -76,7 +76,7 @@ class PlanFile(Table):
     """What a plan file may say."""
 
     format: Literal[1]
-    verb: Verb
+    verb: PlanVerb
     scenes: Annotated[tuple[str, ...], Some] | None = Field(default=None, validate_default=True)
     cams: Annotated[tuple[str, ...], Some] | None = Field(default=None, validate_default=True)
     speeds_rpm: Annotated[tuple[Positive, ...], Some] | None = None

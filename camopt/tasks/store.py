@@ -1,7 +1,7 @@
 """The store of a sweep: an SQLite file with one row for each task, written by the parent process alone.
 
-A row is written whole or not at all, survives the death of the process, and is never changed. Long texts that tasks
-share, scenes and cams, are kept once.
+A row is written whole or not at all, survives the death of the process, and is never changed, but for a failed one that
+is tried again. Long texts that tasks share, scenes and cams, are kept once.
 """
 
 import json
@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from camopt.scene.errors import InputError
 from camopt.scene.text_file import usable_path
 from camopt.storage import check_file
-from camopt.tasks.compute import Outcome
+from camopt.tasks.compute import FAILED, Outcome
 from camopt.tasks.task import FiledTask
 
 HEADER = b"SQLite format 3\0"
@@ -40,17 +40,18 @@ class Row(NamedTuple):
         """The row as one level of names: `task` (its number), `state`, the task's own keys, and what it returned."""
         task = json.loads(self.task)
         varied = {f"vary {name}": value for name, value in task.pop("vary", {}).items()}
-        return {"task": self.number, "state": self.state, **task, **varied, **json.loads(self.outcome)}
+        given = task.pop("arguments", {})
+        return {**given, "task": self.number, "state": self.state, **task, **varied, **json.loads(self.outcome)}
 
 
 class TaskStore:
-    """An open store; `with TaskStore(path, version, plan) as store`.
+    """An open store; `with TaskStore(path, version, plan) as store`. With `retry_failed` it does not hold failed rows.
 
     A file that is not there is made. Raises InputError for one that is no store of a sweep, that another version of
     camopt began, or that belongs to another plan (where both have a digest); nothing in it is changed then.
     """
 
-    def __init__(self, path: str | Path, version: str, plan: str = ""):
+    def __init__(self, path: str | Path, version: str, plan: str = "", *, retry_failed: bool = False):
         self.path = usable_path(path, "store")
         check_file(self.path)
         try:
@@ -59,6 +60,8 @@ class TaskStore:
             self._begin(version, plan)
         except (sqlite3.Error, OSError) as error:
             raise InputError(f"{self.path}: cannot be used as the store of a sweep ({error}); name another") from error
+        query = "SELECT key FROM row WHERE state = ?"
+        self._again = {key for (key,) in self._db.execute(query, (FAILED,))} if retry_failed else set()
 
     def __enter__(self) -> "TaskStore":
         return self
@@ -107,16 +110,26 @@ class TaskStore:
                 f"{self.path}: belongs to other tasks: its row {number} is not task {number} of this plan; nothing in "
                 f"it was changed: name another store"
             )
+        if key in self._again:
+            self._again.discard(key)
+            return False
         return bool(found)
 
     def record(self, ended: Iterable[tuple[int, FiledTask, Outcome]]) -> None:
-        """Writes the rows of tasks that ended, all at once, with the parts that they refer to; an old row stays."""
+        """Writes the rows of tasks that ended, all at once, with the parts that they refer to.
+
+        An old row stays, but for a failed one, which takes the new outcome.
+        """
         ended = list(ended)
         with self._writing() as db:
             parts = {name: text for _, task, _ in ended for name, text in task.parts.items()}
             db.executemany("INSERT OR IGNORE INTO part VALUES (?, ?)", parts.items())
             rows = ((number, task.key, task.text, *outcome) for number, task, outcome in ended)
-            db.executemany("INSERT OR IGNORE INTO row VALUES (?, ?, ?, ?, ?)", rows)
+            db.executemany(
+                "INSERT INTO row VALUES (?, ?, ?, ?, ?) ON CONFLICT DO UPDATE "
+                f"SET state = excluded.state, outcome = excluded.outcome WHERE row.state = '{FAILED}'",
+                rows,
+            )
 
     def rows(self) -> Iterator[Row]:
         """The rows in the order of the plan, one at a time."""

@@ -25,6 +25,7 @@ def sweep(
     executor: Executor | None = None,
     workers: int | None = None,
     *,
+    retry_failed: bool = False,
     progress: bool = False,
 ) -> SweptTasks:
     """Computes the tasks and keeps a row for each of them in the file `store`; returns all rows.
@@ -32,7 +33,8 @@ def sweep(
     A task is plain data (`camopt.tasks` says which); `tasks` may be a generator, of which a few are taken at a time, or
     a `camopt.tasks.plan.SweepPlan`. Rows that the store holds already are not computed again, so a sweep that was
     interrupted, or killed, goes on where it was; equal tasks have one row. A task that fails, or of which three
-    workers died, has a row "failed" with the reason, and the sweep goes on.
+    workers died, has a row "failed" with the reason, and the sweep goes on; with `retry_failed` such rows of the store
+    are computed once more.
 
     Tasks are computed by `workers` processes of this machine (one for each core where none are given, in this process
     where zero), or by any `executor` of `concurrent.futures` that computes `workers` tasks at once. What a row says
@@ -42,7 +44,7 @@ def sweep(
     cannot begin; what has ended by then is recorded.
     """
     made_by = version("camopt")
-    with TaskStore(store, made_by, getattr(tasks, "digest", "")) as rows:
+    with TaskStore(store, made_by, getattr(tasks, "digest", ""), retry_failed=retry_failed) as rows:
         total = len(tasks) if isinstance(tasks, Sized) else None
         if total is not None and rows.last_number() >= total:
             raise _other_plan(rows, total)

@@ -2,9 +2,10 @@
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
@@ -73,8 +74,18 @@ class YieldTask(TaskOnScene):
     seed: Count = 0
 
 
-Task = RehearseTask | SettledTask | SimulateTask | YieldTask
-Verb = Literal["settled", "simulate", "yield", "rehearse"]
+class CallTask(Table):
+    """A function of one's own, "package.module:name", called with `arguments` by name; it returns a dictionary."""
+
+    verb: Literal["call"]
+    function: Annotated[str, Field(pattern=r"^[A-Za-z_][\w.]*:[A-Za-z_]\w*$")]
+    arguments: Annotated[dict[str, Any], Field(default_factory=dict)]
+
+
+Task = RehearseTask | SettledTask | SimulateTask | YieldTask | CallTask
+PlanVerb = Literal["settled", "simulate", "yield", "rehearse"]
+"""What a plan, a file of data, may ask for; "call" runs any function, so only a program may."""
+Verb = Literal[PlanVerb, "call"]
 VERBS: tuple[str, ...] = get_args(Verb)
 _TASKS: TypeAdapter[Task] = TypeAdapter(Annotated[Task, Field(discriminator="verb")])
 
@@ -105,13 +116,15 @@ def filed(task: Mapping[str, Any], version: str, where: str = "task") -> FiledTa
     """
     given = dict(task)
     try:
-        if given.get("verb") != "rehearse":
+        if given.get("verb") not in ("rehearse", "call"):
             _fill_in(given)
         checked = _TASKS.validate_python(as_tuples(given))
     except ValidationError as error:
         raise InputError("; ".join(f"{where}: {sentence}" for sentence in task_faults(error))) from None
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
+    if isinstance(checked, CallTask):
+        _check_call(checked, where)
     data, parts = checked.model_dump(exclude_defaults=True), {}
     for name in ("scene", "cam"):
         if len(text := data.get(name, "")) > LONGEST_HERE:
@@ -119,6 +132,23 @@ def filed(task: Mapping[str, Any], version: str, where: str = "task") -> FiledTa
             parts[data[name]] = text
     text = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return FiledTask(_digest(f"{version}\n{text}"), text, parts)
+
+
+def function_of(task: CallTask) -> Callable[..., dict]:
+    """The function that a task calls; ImportError or AttributeError where it is not there."""
+    module, _, name = task.function.partition(":")
+    return getattr(import_module(module), name)
+
+
+def _check_call(task: CallTask, where: str) -> None:
+    """Raises InputError for a function that is not there, and for arguments that are no plain data."""
+    try:
+        function_of(task)
+        json.dumps(task.arguments, allow_nan=False)
+    except (ImportError, AttributeError) as error:
+        raise InputError(f"{where}: function {excerpt(task.function)}: cannot be imported ({error})") from None
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{where}: arguments: expected numbers, texts, lists and dictionaries ({error})") from None
 
 
 def task_faults(error: ValidationError) -> Iterable[str]:

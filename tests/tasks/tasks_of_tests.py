@@ -14,3 +14,10 @@ def stored(path: Path) -> list[tuple]:
     """The rows of a store as its bytes are, by key."""
     with sqlite3.connect(path) as db:
         return db.execute("SELECT key, number, task, state, outcome FROM row ORDER BY key").fetchall()
+
+
+def doubled(number: float, folder: str = "") -> dict:
+    """A function for the verb "call"; with `folder` it fails as long as that is not there."""
+    if folder and not Path(folder).exists():
+        raise FileNotFoundError(f"{folder} is not there")
+    return {"twice": 2 * number}

@@ -124,6 +124,7 @@ class TestCommand:
         [
             (("--resume",), "x.sqlite: is not there, so there is nothing to go on with"),
             (("--insecure",), "--insecure: belongs to --scheduler"),
+            (("--retry-failed",), "--retry-failed: computes the failed tasks of a store once more: add --resume"),
             (("--scheduler", "here"), "--scheduler 'here': expected tcp://HOST:PORT or tls://HOST:PORT"),
             (("--scheduler", "tcp://10.0.0.1:8786"), "use tls:// with certificates, or add --insecure"),
         ],

@@ -232,3 +232,20 @@ def test_a_task_that_raises_is_a_failed_row_with_its_sentence(tmp_path):
 def test_workers_are_counted(tmp_path, workers):
     with pytest.raises(InputError, match="expected a number from 0 to 1000"):
         camopt.sweep(rehearsals(1), tmp_path / "x", workers=workers)
+
+
+def test_failed_rows_are_computed_once_more_where_that_is_asked_for(tmp_path):
+    needed = tmp_path / "needed"
+    one = {"verb": "call", "function": "tests.tasks.tasks_of_tests:doubled", "arguments": {"number": 1}}
+    failing = one | {"arguments": {"number": 2, "folder": str(needed)}}
+    tasks = [one, failing, {"verb": "rehearse", "number": 7, "end": "raise"}, failing]
+    path = tmp_path / "x"
+    assert camopt.sweep(tasks, path, workers=0).counts == {"done": 1, "failed": 2}
+    before = stored(path)
+    needed.touch()
+    assert camopt.sweep(tasks, path, workers=0).counts == {"done": 1, "failed": 2} and stored(path) == before
+    found = camopt.sweep(tasks, path, workers=0, retry_failed=True)
+    assert found.counts == {"done": 2, "failed": 1}
+    after = stored(path)
+    assert [row[:3] for row in after] == [row[:3] for row in before]
+    assert sum(was != now for was, now in zip(before, after, strict=True)) == 1

@@ -7,8 +7,10 @@ import camopt
 from camopt.cam.design_file import as_written
 from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import motion_limits
-from camopt.scene import build_train, load_scene
+from camopt.scene import InputError, build_train, load_scene
 from camopt.scene.quantities import QUANTITIES
+from camopt.tasks.plan import load_plan
+from camopt.tasks.task import filed
 from camopt.tasks.varied import scene_with
 from tests.tasks.tasks_of_tests import stored
 from tests.tasks.test_sweep import Killer
@@ -101,3 +103,35 @@ def test_200_motions_with_killed_workers_are_those_of_the_serial_sweep(tmp_path)
     assert len(killer.killed) == 3
     camopt.sweep(tasks, tmp_path / "serial", workers=0)
     assert stored(tmp_path / "x") == stored(tmp_path / "serial") and len(stored(tmp_path / "x")) == 200
+
+
+class TestCall:
+    FUNCTION = "tests.tasks.tasks_of_tests:doubled"
+
+    def test_a_function_of_ones_own(self, tmp_path):
+        tasks = [{"verb": "call", "function": self.FUNCTION, "arguments": {"number": n}} for n in (1, 2.5, [3])]
+        found = {workers: camopt.sweep(tasks, tmp_path / str(workers), workers=workers) for workers in (0, 2)}
+        rows = list(found[0].rows())
+        assert [row["twice"] for row in rows] == [2, 5.0, [3, 3]] and rows[1]["number"] == 2.5
+        assert stored(tmp_path / "0") == stored(tmp_path / "2")
+
+    @pytest.mark.parametrize(
+        ("changes", "words"),
+        [
+            ({"function": "doubled"}, "function: String should match pattern"),
+            ({"function": "nowhere.at_all:doubled"}, "function 'nowhere.at_all:doubled': cannot be imported"),
+            ({"function": "tests.tasks.tasks_of_tests:tripled"}, "cannot be imported"),
+            ({"arguments": {"number": {1, 2}}}, "arguments: expected numbers, texts, lists and dictionaries"),
+            ({"arguments": {"number": float("nan")}}, "arguments: expected numbers"),
+        ],
+    )
+    def test_what_is_no_call_is_a_sentence(self, changes, words):
+        with pytest.raises(InputError) as refused:
+            filed({"verb": "call", "function": self.FUNCTION} | changes, "1")
+        assert words in str(refused.value)
+
+    def test_a_plan_may_not_ask_for_it(self, tmp_path):
+        path = tmp_path / "plan.toml"
+        path.write_text('format = 1\nverb = "call"\n')
+        with pytest.raises(InputError, match="verb: must be 'settled', 'simulate', 'yield' or 'rehearse'"):
+            load_plan(path)
