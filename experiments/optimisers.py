@@ -1,0 +1,109 @@
+"""Which optimiser reaches how much area within one budget of processor time, by which start and which gradients?
+
+    python -m experiments.optimisers [small|full]
+
+Problems times optimisers, three seeds each: on `motori-1` and `kodama` at their listed speeds, a free cam with knots
+every 6 deg (drawn about that by the seed). Ascents of the area with penalties by Adam, L-BFGS and plain gradient steps,
+projected on the limits on the shape, by exact and (on `motori-1`, first seed) smooth gradients, from the free cams
+nearest to a Polydyne and a Multi-Pol and from the linear program's cam; the program alone, camopt's search over its
+margins, CMA-ES (Hansen, pycma) and differential evolution (SciPy) over them; the same two on the cam's coefficients,
+and SLSQP (SciPy) with exact gradients. The cam of largest area under the limits on the shape is where these three start.
+Every method's every candidate holds the limits on the shape, one judge decides (event-exact, settled, share of each
+limit at most 1), and each has the same budget of processor time, in which its start and compilation do not count; what
+they took is told apart. A step under way when the budget ends is finished and not counted. It runs on `camopt.sweep`.
+"""
+
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+import camopt
+from experiments.support.optimiser_runs import METHODS, TRANSFORMATIONS
+from experiments.support.optimisers_figure import figure
+from experiments.support.record import RESULTS, run_script, write_result
+
+STARTS = ("polydyne", "multi-pol", "program")
+SCENES = {"small": ("motori-1",), "full": ("motori-1", "kodama")}
+SMOOTH = ("motori-1",)
+"""Scenes on which the smooth path is tried, whose steps take a second and more."""
+SEEDS = {"small": 1, "full": 3}
+SECONDS = {"small": 0.5, "full": 8.0}
+WORKERS = {"small": 0, "full": 2}
+FUNCTION = "experiments.support.optimiser_runs:run"
+FEW = {("L-BFGS", "exact", "program"), ("program alone", "exact", "shape"), ("CMA-ES, coefficients", "exact", "shape")}
+"""What the small size takes: method, path, start."""
+
+
+def cases(size: str, scene: str) -> Iterator[tuple[str, str, str, int]]:
+    """Method, path, start and seed."""
+    ascents = [(name, path, start) for path in ("exact", "smooth") for name in TRANSFORMATIONS for start in STARTS]
+    for name, path, start in [*ascents, *((name, "exact", "shape") for name in METHODS)]:
+        if (size == "small" and (name, path, start) not in FEW) or (path == "smooth" and scene not in SMOOTH):
+            continue
+        yield from ((name, path, start, seed) for seed in range(1 if path == "smooth" else SEEDS[size]))
+
+
+def tasks(size: str) -> Iterator[dict]:
+    """Those of the sweep."""
+    for scene in SCENES[size]:
+        for method, path, start, seed in cases(size, scene):
+            given = {"scene": scene, "method": method, "seed": seed, "path": path, "start": start}
+            yield {"verb": "call", "function": FUNCTION, "arguments": given | {"seconds": SECONDS[size]}}
+
+
+def name_of(row: dict) -> str:
+    """What a row's method is called."""
+    if row["method"] in TRANSFORMATIONS:
+        return f"{row['method']}, {row['path']} gradients, from {row['start']}"
+    return row["method"]
+
+
+def grouped(rows: list[dict]) -> dict[str, dict[str, list[dict]]]:
+    """The rows of all seeds by scene and method."""
+    found: dict[str, dict[str, list[dict]]] = {}
+    for row in rows:
+        found.setdefault(row["scene"], {}).setdefault(name_of(row), []).append(row)
+    return found
+
+
+def table(found: dict[str, dict[str, list[dict]]]) -> str:
+    """Area ratio by method and scene, in Markdown: the median of the seeds, least and largest, and how many reach one;
+    and the second of the last gain (median)."""
+    names = list(dict.fromkeys(name for methods in found.values() for name in methods))
+    lines = [f"| method | {' | '.join(found)} |", "|---" * (len(found) + 1) + "|"]
+    lines += [f"| {name} | {' | '.join(cell(found[scene].get(name, [])) for scene in found)} |" for name in names]
+    return "\n".join(lines)
+
+
+def cell(rows: list[dict]) -> str:
+    """One cell of the table."""
+    areas = [row["area_ratio"] for row in rows if row["area_ratio"] is not None]
+    if not rows:
+        return "not tried"
+    if not areas:
+        return "none confirmed"
+    seconds = np.median([row["stairs"][-1][0] for row in rows if row["stairs"]])
+    spread = f" ({min(areas):.4f} to {max(areas):.4f})" if len(areas) > 1 else ""
+    some = f", {len(areas)} of {len(rows)}" if len(areas) < len(rows) else ""
+    return f"{np.median(areas):.4f}{spread}{some}, {seconds:.1f} s"
+
+
+def main(size: str, folder: Path = RESULTS, store: Path | None = None) -> dict:
+    """Sweeps, prints the table, and writes `optimisers.json` and its figure."""
+    with tempfile.TemporaryDirectory() as made:
+        swept = camopt.sweep(list(tasks(size)), store or Path(made) / "x.sqlite", workers=WORKERS[size], progress=True)
+        rows = list(swept.rows())
+    if failed := [row for row in rows if row["state"] == "failed"]:
+        raise RuntimeError(f"{len(failed)} runs failed: {failed[0]['reason']}")
+    dropped = ("task", "state", "verb", "function", "seconds")
+    rows = [{key: value for key, value in row.items() if key not in dropped} for row in rows]
+    content = {"budget_s": SECONDS[size], "processor_s": sum(row["processor_s"] for row in rows), "runs": rows}
+    print(table(grouped(rows)))
+    write_result("optimisers", size, content, {"area": figure(grouped(rows), SECONDS[size])}, folder)
+    return content
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)
