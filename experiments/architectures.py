@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 import tomli_w
 from matplotlib.figure import Figure
-from tqdm import tqdm
 
 from camopt.optimizer.run import optimize
 from camopt.plots.style import RC
 from camopt.scene import InputError, Scene, parse_scene
 from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.sweeping import called
 
 SCENES = {"small": 1, "full": 10}
 SPEEDS = {"small": "nominal", "full": "band"}
@@ -143,6 +143,12 @@ def job(scene: Scene, folder: Path, speeds: str = "band") -> dict:
     }
 
 
+def one(number: int, speeds: str) -> dict:
+    """How the job ends on a drawn train."""
+    with tempfile.TemporaryDirectory() as runs:
+        return job(drawn(number), Path(runs) / "run", speeds)
+
+
 def _failed_families(folder: Path) -> dict[str, str]:
     """Families without a cam in the comparison, and why."""
     from pandas import read_csv
@@ -154,11 +160,9 @@ def _failed_families(folder: Path) -> dict[str, str]:
 
 def main(size: str, folder=RESULTS) -> dict:
     """Draws, runs the job on each, prints and writes `architectures.json`."""
-    rows = []
-    for number in tqdm(range(SCENES[size]), disable=size == "small"):
-        with tempfile.TemporaryDirectory() as runs:
-            rows.append(job(drawn(number), Path(runs) / "run", SPEEDS[size]))
-        print(rows[-1])
+    cases = ({"number": number, "speeds": SPEEDS[size]} for number in range(SCENES[size]))
+    rows = called("experiments.architectures:one", cases, size)
+    print(*rows, sep="\n")
     ends = {e: sum(r["ends"] == e for r in rows) for e in sorted({r["ends"] for r in rows})}
     content = {"trains": len(rows), "ends": ends, "rows": rows}
     write_result("architectures", size, content, {"areas": figure(rows)} if size == "full" else {}, folder)

@@ -9,15 +9,16 @@ is the same for all.
 
 import time
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
 
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.search.search import find_cam
 from camopt.scene import load_scene
 from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.sweeping import called
 
 PATHS = ("none", "smooth", "exact")
 SEEDS = {"small": 1, "full": 10}
@@ -25,27 +26,37 @@ FEW_DEG = 12.0
 STEPS = {"small": 2, "full": 16}
 
 
-def areas(scene, effort, path: str, seeds: int) -> dict:
-    """Area ratios of a path over seeds, and processor time without the first seed, whose compilation it bears."""
-    ratios, seconds = [], []
-    for seed in tqdm(range(seeds), desc=f"{path}, knots {effort.knot_deg:g} deg", disable=None):
-        started = time.process_time()
-        search, _ = find_cam(scene, "nominal", effort, path, seed=seed)
-        ratios.append(search.best.area_ratio)
-        seconds.append(time.process_time() - started)
+def searched(path: str, seed: int, gradient_steps: int, knot_deg: float) -> dict:
+    """Area ratio of one search, and its processor time; the first one in a process bears the compilation."""
+    effort = replace(ACCURACIES["draft"], gradient_steps=gradient_steps, knot_deg=knot_deg)
+    started = time.process_time()
+    search, _ = find_cam(load_scene("kodama"), "nominal", effort, path, seed=seed)
+    assert search.best is not None, "find_cam raises where it confirms none"
+    return {"area_ratio": search.best.area_ratio, "seconds": time.process_time() - started}
+
+
+def areas(rows: list[dict]) -> dict:
+    """Area ratios over seeds, and the median of their processor times."""
+    ratios = [row["area_ratio"] for row in rows]
     return {"area_ratio": ratios, "mean": float(np.mean(ratios)), "spread": float(np.std(ratios)),
-            "seconds": float(np.median(seconds))}  # fmt: skip
+            "seconds": float(np.median([row["seconds"] for row in rows]))}  # fmt: skip
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
     """Searches, prints the table and writes gradient_value.json into `folder`."""
-    scene, content = load_scene("kodama"), {}
-    draft = replace(ACCURACIES["draft"], gradient_steps=STEPS[size])
-    efforts = {"few coefficients": replace(draft, knot_deg=FEW_DEG)}
+    content, knots = {}, {"few coefficients": FEW_DEG}
     if size == "full":
-        efforts = {"draft": draft} | efforts
-    for name, effort in efforts.items():
-        content[name] = {path: areas(scene, effort, path, SEEDS[size]) for path in PATHS}
+        knots = {"draft": ACCURACIES["draft"].knot_deg} | knots
+    given = {"gradient_steps": STEPS[size]}
+    cases = [
+        {"path": path, "seed": seed, "knot_deg": knot, **given}
+        for knot, path, seed in product(knots.values(), PATHS, range(SEEDS[size]))
+    ]
+    rows = called("experiments.gradient_value:searched", cases, size)
+    for name, knot in knots.items():
+        content[name] = {
+            path: areas([row for row in rows if (row["knot_deg"], row["path"]) == (knot, path)]) for path in PATHS
+        }
         base = content[name]["none"]["area_ratio"]
         for path, found in content[name].items():
             found["gain"] = float(np.mean(np.array(found["area_ratio"]) - base))

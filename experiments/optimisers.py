@@ -7,50 +7,49 @@ every 6 deg (drawn about that by the seed). Ascents of the area with penalties b
 projected on the limits on the shape, by exact and (on `motori-1`, first seed) smooth gradients, from the free cams
 nearest to a Polydyne and a Multi-Pol and from the linear program's cam; the program alone, camopt's search over its
 margins, CMA-ES (Hansen, pycma) and differential evolution (SciPy) over them; the same two on the cam's coefficients,
-and SLSQP (SciPy) with exact gradients. The cam of largest area under the limits on the shape is where these three start.
+and SLSQP (SciPy) with exact gradients. These three start from the cam of largest area under the limits on the shape.
 Every method's every candidate holds the limits on the shape, one judge decides (event-exact, settled, share of each
 limit at most 1), and each has the same budget of processor time, in which its start and compilation do not count; what
 they took is told apart. A step under way when the budget ends is finished and not counted. It runs on `camopt.sweep`.
 """
 
-import tempfile
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 
-import camopt
 from experiments.support.optimiser_runs import METHODS, TRANSFORMATIONS
 from experiments.support.optimisers_figure import figure
 from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.sweeping import called
 
 STARTS = ("polydyne", "multi-pol", "program")
 SCENES = {"small": ("motori-1",), "full": ("motori-1", "kodama")}
 SMOOTH = ("motori-1",)
 """Scenes on which the smooth path is tried, whose steps take a second and more."""
-SEEDS = {"small": 1, "full": 3}
+SEEDS = {"small": (0,), "full": (0, 2, 3)}
+"""Of which the drawn numbers of knots differ."""
 SECONDS = {"small": 0.5, "full": 8.0}
-WORKERS = {"small": 0, "full": 2}
-FUNCTION = "experiments.support.optimiser_runs:run"
 FEW = {("L-BFGS", "exact", "program"), ("program alone", "exact", "shape"), ("CMA-ES, coefficients", "exact", "shape")}
 """What the small size takes: method, path, start."""
 
 
-def cases(size: str, scene: str) -> Iterator[tuple[str, str, str, int]]:
-    """Method, path, start and seed."""
+def cases(size: str, scene: str, seed: int) -> Iterator[tuple[str, str, str]]:
+    """Method, path and start."""
     ascents = [(name, path, start) for path in ("exact", "smooth") for name in TRANSFORMATIONS for start in STARTS]
     for name, path, start in [*ascents, *((name, "exact", "shape") for name in METHODS)]:
-        if (size == "small" and (name, path, start) not in FEW) or (path == "smooth" and scene not in SMOOTH):
+        if (size == "small" and (name, path, start) not in FEW) or (path == "smooth" and (seed or scene not in SMOOTH)):
             continue
-        yield from ((name, path, start, seed) for seed in range(1 if path == "smooth" else SEEDS[size]))
+        yield name, path, start
 
 
 def tasks(size: str) -> Iterator[dict]:
-    """Those of the sweep."""
-    for scene in SCENES[size]:
-        for method, path, start, seed in cases(size, scene):
+    """The arguments of every run."""
+    for seed, scene in product(SEEDS[size], SCENES[size]):
+        for method, path, start in cases(size, scene, seed):
             given = {"scene": scene, "method": method, "seed": seed, "path": path, "start": start}
-            yield {"verb": "call", "function": FUNCTION, "arguments": given | {"seconds": SECONDS[size]}}
+            yield given | {"seconds": SECONDS[size]}
 
 
 def name_of(row: dict) -> str:
@@ -92,13 +91,10 @@ def cell(rows: list[dict]) -> str:
 
 def main(size: str, folder: Path = RESULTS, store: Path | None = None) -> dict:
     """Sweeps, prints the table, and writes `optimisers.json` and its figure."""
-    with tempfile.TemporaryDirectory() as made:
-        swept = camopt.sweep(list(tasks(size)), store or Path(made) / "x.sqlite", workers=WORKERS[size], progress=True)
-        rows = list(swept.rows())
-    if failed := [row for row in rows if row["state"] == "failed"]:
-        raise RuntimeError(f"{len(failed)} runs failed: {failed[0]['reason']}")
-    dropped = ("task", "state", "verb", "function", "seconds")
-    rows = [{key: value for key, value in row.items() if key not in dropped} for row in rows]
+    rows = [
+        {key: value for key, value in row.items() if key != "seconds"}
+        for row in called("experiments.support.optimiser_runs:run", tasks(size), size, store)
+    ]
     content = {"budget_s": SECONDS[size], "processor_s": sum(row["processor_s"] for row in rows), "runs": rows}
     print(table(grouped(rows)))
     write_result("optimisers", size, content, {"area": figure(grouped(rows), SECONDS[size])}, folder)

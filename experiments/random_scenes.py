@@ -7,12 +7,13 @@ whatever looks wrong.
 """
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
-from tqdm import tqdm
 
 from camopt.cam.families.multi_pol import multi_pol
 from camopt.cam.families.polydyne import polydyne
+from camopt.cam.lift import Lift
 from camopt.exact import prepare as event_exact
 from camopt.scene import MotionRefused, build_train, load_scene
 from camopt.study.extremes.classification import (
@@ -31,23 +32,25 @@ from camopt.verifier.convergence import first_steps
 from camopt.verifier.methods import dop853
 from experiments.support.drawn_scenes import drawn
 from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.sweeping import called
 
 SCENES = {"small": 5, "full": 2000}
 DECIDED = {"small": 1, "full": 100}
 DOP853_STEPS = 7200
 """At least; the cube of the step [rad], 7e-10, is the error that DOP853 is permitted."""
 SHOWN = 20
+MOST_DOUBT = 1e12
+"""In place of an infinite one."""
 
 
 def main(size: str, folder=RESULTS) -> dict:
     """Draws, judges, decides, prints and writes `random_scenes.json`."""
-    kodama = load_scene("kodama")
-    cams = [polydyne(kodama), polydyne(kodama, (2, 4, 26, 30, 36))]
-    cams += [multi_pol(kodama)] if size == "full" else []  # found by a search of seconds
-    rows = [judged(number, cams) for number in tqdm(range(SCENES[size]), disable=size == "small")]
+    cams = 3 if size == "full" else 2
+    rows = called("experiments.random_scenes:judged", ({"number": n, "cams": cams} for n in range(SCENES[size])), size)
     doubtful = most_doubtful(rows)[: DECIDED[size]]
     suspects = [r for r in rows if r["verdict"] == WRONG and r not in doubtful]
-    decided = [{"number": r["number"], **against_dop853(r["number"], cams)} for r in tqdm(doubtful + suspects)]
+    cases = ({"number": row["number"], "cams": cams} for row in doubtful + suspects)
+    decided = called("experiments.random_scenes:against_dop853", cases, size)
     return keep(rows, decided, size, folder)
 
 
@@ -77,13 +80,22 @@ def keep(rows: list[dict], decided: list[dict], size: str, folder=RESULTS, **mor
     return content
 
 
-def problem(number: int, cams):
-    """Scene, speed [r/min], train, lift and cam speed [rad/s] of a number."""
+@cache
+def cam(number: int) -> Lift:
+    """The cams that take turns; the last is found by a search of seconds."""
+    kodama = load_scene("kodama")
+    if number == 2:
+        return multi_pol(kodama)
+    return polydyne(kodama, (2, 4, 26, 30, 36)) if number else polydyne(kodama)
+
+
+def problem(number: int, cams: int):
+    """Scene, speed [r/min], train, lift and cam speed [rad/s] of a number, with so many cams in turn."""
     scene, speed = drawn(np.random.default_rng([7, number]))
-    return scene, speed, build_train(scene), cams[number % len(cams)], scene.cam_speed(speed)
+    return scene, speed, build_train(scene), cam(number % cams), scene.cam_speed(speed)
 
 
-def judged(number: int, cams) -> dict:
+def judged(number: int, cams: int) -> dict:
     """One scene: how much event-exact's steps differ, and the verdict on one of the other methods."""
     scene, speed, *case = problem(number, cams)
     method = list(STEP_METHODS)[number % len(STEP_METHODS)]
@@ -96,14 +108,14 @@ def judged(number: int, cams) -> dict:
     verdict, error_of, error = judge(answer, true)
     return {
         **row,
-        "doubt": doubtful_figure(true)[1],
+        "doubt": min(doubtful_figure(true)[1], MOST_DOUBT),
         "verdict": verdict,
         "error_of": error_of,
         "error": error,
     }
 
 
-def against_dop853(number: int, cams) -> dict:
+def against_dop853(number: int, cams: int) -> dict:
     """Verdict on event-exact by DOP853; event-exact counts as converged where its own steps agree."""
     scene, speed, *case = problem(number, cams)
     try:

@@ -10,7 +10,6 @@ import time
 from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
 
 from camopt.optimizer.accuracy import accuracy_named
 from camopt.optimizer.baselines.comparison import plain_baselines
@@ -19,6 +18,7 @@ from camopt.optimizer.search.judge import Judge
 from camopt.optimizer.search.search import find_cam
 from camopt.scene import InputError, Scene, load_scene
 from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.sweeping import called
 
 SCENES = {
     "small": ("exhaust-gas",),
@@ -33,7 +33,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     content = {}
     for name in SCENES[size]:
         scene = load_scene(name)
-        content[name] = {**job(scene), "beside": beside(scene), **searches(scene, SEEDS[size])}
+        content[name] = {**job(scene), "beside": beside(scene), **searches(name, SEEDS[size], size)}
         print(name, content[name], flush=True)
     write_result("real_trains", size, content, {}, folder)
     return content
@@ -69,14 +69,18 @@ def beside(scene: Scene) -> dict:
     return found
 
 
-def searches(scene: Scene, seeds: int) -> dict:
+def searched(scene: str, seed: int) -> dict:
+    """The areas of one search: of the program's cam, and with the gradient stage."""
+    search, no_jump = find_cam(load_scene(scene), "nominal", accuracy_named("draft"), "exact", seed=seed)
+    assert search.best is not None, "find_cam raises where it confirms none"
+    return {"program": no_jump.area_ratio, "best": search.best.area_ratio}
+
+
+def searches(name: str, seeds: int, size: str) -> dict:
     """The areas of the program's cam and of the gradient stage's, over seeds."""
-    program, best = [], []
-    for seed in tqdm(range(seeds), desc=scene.name, disable=None):
-        search, no_jump = find_cam(scene, "nominal", accuracy_named("draft"), "exact", seed=seed)
-        assert search.best is not None, "find_cam raises where it confirms none"
-        program.append(no_jump.area_ratio)
-        best.append(search.best.area_ratio)
+    cases = ({"scene": name, "seed": seed} for seed in range(seeds))
+    rows = called("experiments.real_trains:searched", cases, size)
+    program, best = ([row[of] for row in rows] for of in ("program", "best"))
     gain = np.subtract(best, program)
     return {
         "program_area_ratio": program,

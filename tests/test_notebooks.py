@@ -12,6 +12,7 @@ from camopt.optimizer.baselines import comparison
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.py"))
 EXPECTED = {
     "bring your own valve train": "own_valve_train",
+    "a thousand valve trains": "thousand_trains",
     "compare": "compare_families",
     "first design": "first_design",
     "robust band": "robust_band",
