@@ -10,6 +10,12 @@ def rehearsals(count: int, seconds: float = 0.0) -> Iterator[dict]:
     return ({"verb": "rehearse", "number": i, "seconds": seconds} for i in range(count))
 
 
+def motions(count: int) -> Iterator[dict]:
+    """So many settled motions, from calm ones to some that bounce."""
+    one = {"verb": "settled", "scene": "motori-1", "cam": "polydyne"}
+    return (one | {"speed_rpm": 3000.0 + 3000.0 * i / count} for i in range(count))
+
+
 def stored(path: Path) -> list[tuple]:
     """The rows of a store as its bytes are, by key."""
     with sqlite3.connect(path) as db:

@@ -1,5 +1,7 @@
 """What tasks on scenes compute: the numbers of the functions that they stand for, bit by bit in every process."""
 
+import signal
+
 import numpy as np
 import pytest
 
@@ -12,8 +14,8 @@ from camopt.scene.quantities import QUANTITIES
 from camopt.tasks.plan import load_plan
 from camopt.tasks.task import filed
 from camopt.tasks.varied import scene_with
-from tests.tasks.tasks_of_tests import stored
-from tests.tasks.test_sweep import Killer
+from tests.tasks.tasks_of_tests import motions, stored
+from tests.tasks.test_sweep import Killer, rows_after_the_end
 
 SCENE = load_scene("motori-1")
 SPEEDS = (4000.0, 5000.0)
@@ -94,14 +96,14 @@ def test_a_lift_law_and_its_design_are_one_cam(tmp_path):
 
 @pytest.mark.long
 @pytest.mark.timeout(1200)
-def test_200_motions_with_killed_workers_are_those_of_the_serial_sweep(tmp_path):
-    speeds = np.linspace(3000.0, 6000.0, 200).tolist()
-    tasks = [{"verb": "settled", "scene": "motori-1", "cam": "polydyne", "speed_rpm": speed} for speed in speeds]
-    killer = Killer(tmp_path / "x", [20, 80, 140])
+def test_200_motions_with_killed_workers_and_a_killed_parent_are_those_of_the_serial_sweep(tmp_path):
+    path = tmp_path / "x"
+    assert 20 <= rows_after_the_end(tmp_path, path, "motions(200)", signal.SIGKILL) < 200
+    killer = Killer(path, [60, 100, 140])
     killer.start()
-    camopt.sweep(tasks, tmp_path / "x", workers=2)
+    camopt.sweep(motions(200), path, workers=2)
     assert len(killer.killed) == 3
-    camopt.sweep(tasks, tmp_path / "serial", workers=0)
+    camopt.sweep(motions(200), tmp_path / "serial", workers=0)
     assert stored(tmp_path / "x") == stored(tmp_path / "serial") and len(stored(tmp_path / "x")) == 200
 
 
