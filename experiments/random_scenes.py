@@ -15,7 +15,7 @@ from camopt.cam.families.multi_pol import multi_pol
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.exact import prepare as event_exact
-from camopt.scene import MotionRefused, build_train, load_scene
+from camopt.scene import MotionRefused, Scene, Train, build_train, load_scene
 from camopt.study.extremes.classification import (
     NOT_CONVERGED,
     RANGE,
@@ -89,15 +89,15 @@ def cam(number: int) -> Lift:
     return polydyne(kodama, (2, 4, 26, 30, 36)) if number else polydyne(kodama)
 
 
-def problem(number: int, cams: int):
-    """Scene, speed [r/min], train, lift and cam speed [rad/s] of a number, with so many cams in turn."""
+def problem(number: int, cams: int) -> tuple[Scene, float, tuple[Train, Lift, float]]:
+    """Scene and speed [r/min], and the train, lift and cam speed [rad/s], of a number, with so many cams in turn."""
     scene, speed = drawn(np.random.default_rng([7, number]))
-    return scene, speed, build_train(scene), cam(number % cams), scene.cam_speed(speed)
+    return scene, speed, (build_train(scene), cam(number % cams), scene.cam_speed(speed))
 
 
 def judged(number: int, cams: int) -> dict:
     """One scene: how much event-exact's steps differ, and the verdict on one of the other methods."""
-    scene, speed, *case = problem(number, cams)
+    scene, speed, case = problem(number, cams)
     method = list(STEP_METHODS)[number % len(STEP_METHODS)]
     row = {"number": number, "scene": scene.name, "speed_rpm": speed, "method": method, "doubt": None}
     try:
@@ -117,7 +117,7 @@ def judged(number: int, cams: int) -> dict:
 
 def against_dop853(number: int, cams: int) -> dict:
     """Verdict on event-exact by DOP853; event-exact counts as converged where its own steps agree."""
-    scene, speed, *case = problem(number, cams)
+    scene, speed, case = problem(number, cams)
     try:
         true = truth(event_exact, *case)
         other = first_answer(dop853.prepare, *case, halvings=0, steps=max(DOP853_STEPS, first_steps(case[0], case[2])))

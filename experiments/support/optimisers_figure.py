@@ -10,7 +10,7 @@ from camopt.plots.style import new_figure, styled
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#9A6A00", "#7A3B69", "#555555", "#CC3311")
 DASHES = {"Adam": "-", "L-BFGS": "--", "gradient": ":"}
-STARTS = dict(zip(("polydyne", "multi-pol", "program"), COLOURS, strict=False))
+STARTS: dict[str, str] = dict(zip(("polydyne", "multi-pol", "program"), COLOURS, strict=False))
 LINEAR = 1e-3
 """Difference of the area ratio up to which the scale is linear."""
 TICKS = (-0.3, -0.1, -0.03, -0.01, -0.003, -0.001, 0.0, 0.001, 0.003, 0.01, 0.03)
@@ -58,10 +58,10 @@ def course(axes: Axes, rows: list[dict], budget: float, **style) -> None:
     areas = np.array([held(row["gains"], time) for row in rows])
     if not np.isfinite(areas).any():
         return
-    everywhere = np.isfinite(areas).all(axis=0)
+    everywhere = np.flatnonzero(np.isfinite(areas).all(axis=0))
     some = f" ({sum(np.isfinite(one).any() for one in areas)} of {len(areas)})"
-    label = style["label"] if everywhere[-1] else style["label"] + some
-    if everywhere[-1]:
+    label = style["label"] if len(everywhere) else style["label"] + some
+    if len(everywhere):
         middle, low, high = (f(areas[:, everywhere], axis=0) for f in (np.median, np.min, np.max))
         axes.fill_between(time[everywhere], low, high, color=style["color"], alpha=0.15, linewidth=0)
         axes.plot(time[everywhere], middle, **style | {"label": label})

@@ -4,7 +4,9 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+pytest.importorskip("cma")  # of the extra `peers`
 from experiments import optimisers
 from experiments.support import optimisers_figure
 
