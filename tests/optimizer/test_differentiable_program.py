@@ -1,5 +1,8 @@
 """Linear programs in JAX: SciPy's answers, slopes as differences have them, and what happens where there are none."""
 
+import re
+from pathlib import Path
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -129,3 +132,10 @@ def test_slopes_of_the_area_by_a_limit_are_what_the_program_says_it_is_worth():
     value, slope = jax.value_and_grad(area)(1.0)
     worth = limit_worth(kinematic_optimum(design, free))["jerk_max_mm_per_deg3"]
     assert worth > 0 and float(slope / value) == pytest.approx(worth, rel=1e-6)
+
+
+def test_the_lines_of_the_page_run_as_printed(capsys):
+    page = (Path(__file__).parents[2] / "docs" / "ascent.md").read_text(encoding="utf-8")
+    (program,) = (p for p in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "linear_program" in p)
+    exec(program, {})
+    assert 0.0 < float(capsys.readouterr().out.split()[0]) < 1.0

@@ -93,8 +93,9 @@ def test_the_examples_of_plans_are_plans(tmp_path):
     from camopt.cli.options import PLAN
 
     page = Path("docs/sweeps.md").read_text(encoding="utf-8")
-    shown = re.findall(r"```toml\n(.*?)```", page + (plans.__doc__ or ""), re.DOTALL)
-    assert len(shown) >= 2
+    tutorial = Path("docs/thousand-trains.md").read_text(encoding="utf-8")
+    shown = re.findall(r"```toml\n(.*?)```", page + tutorial + (plans.__doc__ or ""), re.DOTALL)
+    assert len(shown) >= 3
     for text in [*shown, PLAN.partition("\n")[2].replace("\n  ", "\n").strip()]:
         assert len(load_plan(written(tmp_path, text))) > 0
     assert all(f"`{verb}`" in page or f'"{verb}"' in page for verb in VERBS)
