@@ -4,6 +4,7 @@ from functools import cached_property
 
 import numpy as np
 
+from camopt.programs import compiled
 from camopt.scene.shapes import Float
 
 BISECTIONS = 52
@@ -25,7 +26,7 @@ class Hermite:
         rise, m0, m1 = np.diff(y), slope[:-1] * self.step, slope[1:] * self.step
         self.c = np.stack([y[:-1], m0, 3 * rise - 2 * m0 - m1, m0 + m1 - 2 * rise])  # in powers of u = 0 to 1
         self.y = y
-        self._knots = self._with_stationary_points()
+        self._knots = with_stationary_points(self.angle, self.y, self.step, self.c)
 
     def __call__(self, angle) -> np.ndarray | np.floating:
         """Value at angles [rad]."""
@@ -75,31 +76,54 @@ class Hermite:
         c = self.c[:, i]
         return self.step[i] * u * (c[0] + u * (c[1] / 2 + u * (c[2] / 3 + u * c[3] / 4)))
 
-    def _with_stationary_points(self):
-        """Angles and values of the samples and of all stationary points between them, ascending."""
-        _, b, c, d = self.c
-        discriminant = np.sqrt(np.maximum(c * c - 3 * b * d, 0.0))
-        q = -(c + np.where(c >= 0, discriminant, -discriminant))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            u = np.stack([q / (3 * d), b / q])
-        i = np.broadcast_to(np.arange(len(self.step)), u.shape)
-        inside = (u > 0) & (u < 1) & (c * c > 3 * b * d)
-        angle = np.concatenate([self.angle, self.angle[i[inside]] + u[inside] * self.step[i[inside]]])
-        value = np.concatenate([self.y, self._value(i[inside], u[inside])])
-        order = np.argsort(angle, kind="stable")
-        return angle[order], value[order]
-
     @cached_property
     def _roots(self) -> tuple[np.ndarray, np.ndarray]:
         """Angles at which the sign changes, and whether the value falls there; between knots the cubic is monotone."""
-        angle, value = self._knots
-        above = value > 0
-        change = np.flatnonzero(above[1:] != above[:-1])
-        i, _ = self._locate(0.5 * (angle[change] + angle[change + 1]))
-        low, high = (np.clip((angle[k] - self.angle[i]) / self.step[i], 0.0, 1.0) for k in (change, change + 1))
-        falling, c = above[change], self.c[:, i]
+        return sign_changes(self.angle, self.step, self.c, *self._knots)
+
+
+@compiled(error_model="numpy")
+def with_stationary_points(angle, y, step, c):
+    """Angles and values of the samples y and of all stationary points between them, ascending; cubics c (4, k - 1)."""
+    found, value, count = np.empty(3 * len(y)), np.empty(3 * len(y)), 0
+    for i in range(len(y)):
+        found[count], value[count] = angle[i], y[i]
+        count += 1
+        if i == len(step) or not c[2, i] * c[2, i] > 3.0 * c[1, i] * c[3, i]:
+            continue
+        root = np.sqrt(c[2, i] * c[2, i] - 3.0 * c[1, i] * c[3, i])
+        q = -(c[2, i] + (root if c[2, i] >= 0.0 else -root))
+        one, other = q / (3.0 * c[3, i]), c[1, i] / q
+        for u in (min(one, other), max(one, other)):
+            if 0.0 < u < 1.0:
+                found[count] = angle[i] + u * step[i]
+                value[count] = c[0, i] + u * (c[1, i] + u * (c[2, i] + u * c[3, i]))
+                count += 1
+    return found[:count].copy(), value[:count].copy()
+
+
+@compiled
+def sign_changes(angle, step, c, knot, value):
+    """Angles [rad] at which the sign of cubics c (4, k - 1) changes, and whether the value falls there.
+
+    `knot` and `value` are those of `with_stationary_points`. A root is bracketed by BISECTIONS halvings.
+    """
+    at, falling, count, i = np.empty(len(knot)), np.empty(len(knot), np.bool_), 0, 0
+    for k in range(len(knot) - 1):
+        above = value[k] > 0.0
+        if (value[k + 1] > 0.0) == above:
+            continue
+        middle = 0.5 * (knot[k] + knot[k + 1])
+        while i < len(step) - 1 and angle[i + 1] <= middle:
+            i += 1
+        low = min(max((knot[k] - angle[i]) / step[i], 0.0), 1.0)
+        high = min(max((knot[k + 1] - angle[i]) / step[i], 0.0), 1.0)
         for _ in range(BISECTIONS):
             u = 0.5 * (low + high)
-            before = (c[0] + u * (c[1] + u * (c[2] + u * c[3])) > 0) == falling
-            low, high = np.where(before, u, low), np.where(before, high, u)
-        return self.angle[i] + high * self.step[i], falling
+            if (c[0, i] + u * (c[1, i] + u * (c[2, i] + u * c[3, i])) > 0.0) == above:
+                low = u
+            else:
+                high = u
+        at[count], falling[count] = angle[i] + high * step[i], above
+        count += 1
+    return at[:count].copy(), falling[:count].copy()
