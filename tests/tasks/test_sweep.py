@@ -81,7 +81,7 @@ class TestWorkers:
     def test_workers_that_cannot_begin_are_said(self, tmp_path):
         code = f"import camopt; camopt.sweep([{{'verb': 'rehearse', 'number': 1}}], {str(tmp_path / 'x')!r}, workers=1)"
         (tmp_path / "script.py").write_text(code)
-        done = subprocess.run([sys.executable, tmp_path / "script.py"], capture_output=True, text=True, timeout=60)
+        done = subprocess.run([sys.executable, tmp_path / "script.py"], capture_output=True, text=True, timeout=250)
         assert done.returncode == 1
         assert done.stderr.rstrip().splitlines()[-1].startswith("camopt.scene.errors.InputError: sweep: worker proc")
         assert '`if __name__ == "__main__":`' in done.stderr
