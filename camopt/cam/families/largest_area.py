@@ -228,7 +228,7 @@ def _polished(flank_program: Callable[[np.ndarray, int], Program], shares: np.nd
     """Shares (count - 1) of a local optimum near the given shares and levels z; the given ones where none is found."""
     count, rows = len(shares), 2 * len(flank_program(shares, FINE).bound)
 
-    @lru_cache(maxsize=2)  # SLSQP asks for the objective and both sets of conditions one after the other
+    @lru_cache(maxsize=64)  # SLSQP takes the slopes of the objective and of both sets of conditions at the same points
     def at(point: tuple[float, ...]) -> tuple[float, np.ndarray, np.ndarray]:
         linear, levels = flank_program(np.clip(point[:count], 0.0, 1.0), FINE), np.array(point[count:])
         slack = np.ones(rows)  # as many rows for all angles, whatever the nose takes in
