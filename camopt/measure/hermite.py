@@ -4,10 +4,8 @@ from functools import cached_property
 
 import numpy as np
 
+from camopt.measure.cubics import sign_changes, with_stationary_points
 from camopt.scene.shapes import Float
-
-BISECTIONS = 52
-"""Number of times that a step is halved to locate a root, which reaches the rounding of the angle."""
 
 
 class Hermite:
@@ -25,7 +23,7 @@ class Hermite:
         rise, m0, m1 = np.diff(y), slope[:-1] * self.step, slope[1:] * self.step
         self.c = np.stack([y[:-1], m0, 3 * rise - 2 * m0 - m1, m0 + m1 - 2 * rise])  # in powers of u = 0 to 1
         self.y = y
-        self._knots = self._with_stationary_points()
+        self._knots = with_stationary_points(self.angle, self.y, self.step, self.c)
 
     def __call__(self, angle) -> np.ndarray | np.floating:
         """Value at angles [rad]."""
@@ -75,31 +73,7 @@ class Hermite:
         c = self.c[:, i]
         return self.step[i] * u * (c[0] + u * (c[1] / 2 + u * (c[2] / 3 + u * c[3] / 4)))
 
-    def _with_stationary_points(self):
-        """Angles and values of the samples and of all stationary points between them, ascending."""
-        _, b, c, d = self.c
-        discriminant = np.sqrt(np.maximum(c * c - 3 * b * d, 0.0))
-        q = -(c + np.where(c >= 0, discriminant, -discriminant))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            u = np.stack([q / (3 * d), b / q])
-        i = np.broadcast_to(np.arange(len(self.step)), u.shape)
-        inside = (u > 0) & (u < 1) & (c * c > 3 * b * d)
-        angle = np.concatenate([self.angle, self.angle[i[inside]] + u[inside] * self.step[i[inside]]])
-        value = np.concatenate([self.y, self._value(i[inside], u[inside])])
-        order = np.argsort(angle, kind="stable")
-        return angle[order], value[order]
-
     @cached_property
     def _roots(self) -> tuple[np.ndarray, np.ndarray]:
         """Angles at which the sign changes, and whether the value falls there; between knots the cubic is monotone."""
-        angle, value = self._knots
-        above = value > 0
-        change = np.flatnonzero(above[1:] != above[:-1])
-        i, _ = self._locate(0.5 * (angle[change] + angle[change + 1]))
-        low, high = (np.clip((angle[k] - self.angle[i]) / self.step[i], 0.0, 1.0) for k in (change, change + 1))
-        falling, c = above[change], self.c[:, i]
-        for _ in range(BISECTIONS):
-            u = 0.5 * (low + high)
-            before = (c[0] + u * (c[1] + u * (c[2] + u * c[3])) > 0) == falling
-            low, high = np.where(before, u, low), np.where(before, high, u)
-        return self.angle[i] + high * self.step[i], falling
+        return sign_changes(self.angle, self.step, self.c, *self._knots)

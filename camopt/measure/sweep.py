@@ -24,8 +24,8 @@ START_RPM = 10.0
 """Accuracy with which the starting speeds are located."""
 CHUNK = 16
 """Speeds looked at together while the starting speeds are searched."""
-FINEST_RPM = 1.0
-"""Accuracy with which the speeds of maxima are located."""
+FINEST_RPM, FINEST_SHARE = 1.0, 0.05
+"""Accuracy with which the speeds of maxima are located: this, or this share of the band's step where that is more."""
 PEAKS = 3
 """Local maxima of each limited metric that are refined, the worst first."""
 
@@ -217,7 +217,8 @@ def sweep(
     refine: tuple[str, ...] = ("bounce_mm",),
     lightly_damped: Iterable[Resonance] = (),
 ) -> Band:
-    """The band in steps of `step_rpm` and at its resonances, then around the peaks of `refine` to FINEST_RPM.
+    """The band in steps of `step_rpm` and at its resonances, then around the peaks of `refine` to FINEST_RPM or
+    FINEST_SHARE of the step.
 
     The refinement quarters the step about the PEAKS worst local maxima of each metric found so far. Where the motion
     bounces, bounce against speed is rough: what is refined is the largest found, not proved to be the largest.
@@ -225,25 +226,27 @@ def sweep(
     low, high = swept.ends
     swept([*np.arange(low, high, step_rpm), high])
     swept({float(np.clip(s, low, high)) for r in lightly_damped for s in r.speeds_rpm()})
-    step = step_rpm
-    while refine and step > FINEST_RPM:
-        step = max(FINEST_RPM, round(step / 4))
+    step, finest = step_rpm, max(FINEST_RPM, FINEST_SHARE * step_rpm)
+    while refine and step > finest:
+        step = max(finest, round(step / 4))
         band = swept.band(step_rpm)
         peaks = {s for name in refine for s in band.peaks(name)[:PEAKS]}
         swept({float(s) for peak in peaks for s in np.clip(round(peak) + step * np.arange(-3, 4), low, high)})
     return swept.band(step_rpm)
 
 
-def first_exceeding(swept: Swept, limits: dict[str, float]) -> dict[str, float | None]:
+def first_exceeding(
+    swept: Swept, limits: dict[str, float], step_rpm: float = SEARCH_STEP_RPM
+) -> dict[str, float | None]:
     """The lowest speed [r/min] at which each metric exceeds its limit, to START_RPM.
 
-    The search goes upward from half the band's lowest speed to 1.5 times its highest, in steps of SEARCH_STEP_RPM and
-    at every speed that was looked at before; the first speed found is then refined by bisection. A valve that does not
+    The search goes upward from half the band's lowest speed to 1.5 times its highest, in steps of `step_rpm` and at
+    every speed that was looked at before; the first speed found is then refined by bisection. A valve that does not
     seat counts as exceeding. A metric that exceeds its limit at the lowest speed already gets that speed, and one that
     never does gets None.
     """
     low, high = swept.ends
-    grid = sorted({*np.arange(0.5 * low, 1.5 * high, SEARCH_STEP_RPM).tolist(), 1.5 * high, *swept.found})
+    grid = sorted({*np.arange(0.5 * low, 1.5 * high, step_rpm).tolist(), 1.5 * high, *swept.found})
     first: dict[str, float | None] = dict.fromkeys(limits)
     for begin in range(0, len(grid), CHUNK):
         missing = [name for name in limits if first[name] is None]

@@ -22,6 +22,7 @@ from camopt.scene.train import build_train
 from camopt.verifier.convergence import (
     MARGIN,
     RELATIVE,
+    WANDERING_REVOLUTIONS,
     Converged,
     Demand,
     Halving,
@@ -88,8 +89,12 @@ def judge_speed(case: Case, speed_rpm: float) -> SpeedVerdict:
     }
     near_to = partial(neighbours, case.methods[first], train, case.lift, cam_speed, many=case.many)
     try:
-        look = at_once(case.many, train, case.lift, cam_speed, rest) if case.many else halved[first].answer(FIRST_LOOK)
-        early = _plainly_broken(case, speed_rpm, look, halved, near_to)
+        if case.many:
+            look = at_once(case.many, train, case.lift, cam_speed, rest)
+            halved[first].go_on_from(look)
+        else:
+            look = halved[first].answer(FIRST_LOOK)
+        early = _plainly_broken(case, speed_rpm, look, near_to)
     except MotionRefused:
         early = None
     if early is not None:
@@ -110,22 +115,21 @@ def judge_speed(case: Case, speed_rpm: float) -> SpeedVerdict:
 
 
 def _plainly_broken(
-    case: Case,
-    speed_rpm: float,
-    look: Converged,
-    halved: Mapping[str, Halving],
-    near_to: Callable[[Converged], list[Figures]],
+    case: Case, speed_rpm: float, look: Converged, near_to: Callable[[Converged], list[Figures]]
 ) -> SpeedVerdict | None:
-    """A rejection for which the first two methods need not stand, or None; what they ran is not lost.
+    """A rejection for which the first two methods need not stand, or None.
 
     Every limit that it names is broken by both methods, and one of them at least far beyond every error estimate. The
-    first method says so in its first `look`; `near_to` gives the figures of the neighbourhood of an answer. Raises
+    first method says so in its first `look`, the second one at its first step, after WANDERING_REVOLUTIONS at most: a
+    motion far beyond its limits seldom settles. `near_to` gives the figures of the neighbourhood of an answer. Raises
     MotionRefused where a motion of the neighbourhood is refused.
     """
-    if len(halved) < 2 or not far_beyond(case.scene, [look.worst], look.error):
+    if len(case.methods) < 2 or not far_beyond(case.scene, [look.worst], look.error):
         return None
-    names = list(halved)[:2]
-    other = halved[names[1]].answer(1)
+    names, train = list(case.methods)[:2], build_train(case.scene)
+    prepare, demand = case.methods[names[1]], replace(case.demand, most=WANDERING_REVOLUTIONS)
+    cam_speed, rest = case.scene.cam_speed(speed_rpm), state_at_rest(train)
+    other = Halving(prepare, train, case.lift, cam_speed, rest, demand).answer(1)
     doubt = {name: error + apart(look.worst[name], other.worst[name]) for name, error in look.error.items()}
     if not far_beyond(case.scene, [look.worst, other.worst], doubt):
         return None

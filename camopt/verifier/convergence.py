@@ -102,6 +102,7 @@ class Demand:
     position: float = SETTLED_POSITION  # as of `settle`
     settled: bool = True  # else the first revolution from the start is measured
     steps: int | None = None  # per revolution to begin with; they then count as resolving the train
+    most: int | None = None  # revolutions to settle at the first step, at most
 
 
 def converge(
@@ -137,6 +138,12 @@ class Halving:
         self._runs: list[Figures] = []
         self._stood: list[bool] = []
         self._state, self._last, self._faded = self._start, None, False
+
+    def go_on_from(self, settled: "Converged") -> None:
+        """Begins in the motion to which the same method settled already, where it is periodic."""
+        if settled.periodic and settled.state is not None:
+            self._start = self._state = settled.state
+            self._revolutions, self._faded = settled.revolutions, True
 
     @property
     def ended(self) -> bool:
@@ -182,7 +189,7 @@ class Halving:
         if not self._demand.settled:
             first = first_revolution(revolve, self._start)
             return Measured(first.metrics(lift), end_state(first.response), 0, True)
-        most = None if self._last is None or self.periodic else WANDERING_REVOLUTIONS
+        most = self._demand.most if self._last is None or self.periodic else WANDERING_REVOLUTIONS
         return settle_and_measure(revolve, self._state, lift, most, position=self._demand.position, decay=self._decay)
 
     def _stands(self) -> bool:

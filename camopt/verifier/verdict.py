@@ -183,7 +183,7 @@ def _swept_band(
     limited = limited_metrics(scene.design)
     found, left_out = resonances(scene, lift, step_rpm)
     sweep(swept, step_rpm, limited if refined else (), found)
-    first = first_exceeding(swept, _starts(scene))
+    first = first_exceeding(swept, _starts(scene), max(SEARCH_STEP_RPM, step_rpm))
     band = replace(swept.band(step_rpm), resonances=tuple(found), resonances_left_out=left_out, refined=refined)
     suspects = {band.worst(name)[0] for name in limited}
     for metric, speed in first.items():

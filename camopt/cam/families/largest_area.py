@@ -14,8 +14,9 @@ from functools import cache, lru_cache
 from itertools import pairwise
 from math import comb, perm
 
+import highspy
 import numpy as np
-from scipy.optimize import differential_evolution, linprog, minimize
+from scipy.optimize import differential_evolution, minimize
 from scipy.stats import qmc
 
 from camopt.cam.bernstein import from_powers
@@ -34,7 +35,13 @@ HAIR = 1e-9
 """Relative tightening of every limit, so that round-off in the solver cannot break it."""
 STRETCH_PRICE = 50.0
 """Price, in area ratio, of stretching all limits by their own size."""
-TOLERANCES = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-9}
+OPTIONS = {
+    "output_flag": False,
+    "presolve": "off",  # five columns: it takes longer than the solution
+    "parallel": "off",
+    "primal_feasibility_tolerance": 1e-10,
+    "dual_feasibility_tolerance": 1e-9,
+}
 MARGIN = 1e-7
 """Relative margin to every limit in the polish, so that the linear program of the levels still has a point there."""
 POPULATION, GENERATIONS, POLISH_STEPS, SEED = 32, 8, 60, 0
@@ -128,19 +135,36 @@ def program(table: SectionTable, one: Flank, design: Design, ramp: Ramp, jerk: b
 
 
 def solved(one: Program, family: str, kept: Sequence[float | None]) -> tuple[np.ndarray, float]:
-    """(best z (m), stretch of the limits, which is 0 if they can be met); numbers in `kept` are values that z keeps."""
-    result = linprog(
-        np.append(-one.area, STRETCH_PRICE),
-        A_ub=np.column_stack([one.rows, -np.ones(len(one.rows))]),
-        b_ub=one.bound,
-        A_eq=np.column_stack([one.ends, np.zeros(len(one.ends))]),
-        b_eq=one.wanted,
-        bounds=[*((k, k) for k in kept), (0.0, None)],
-        options=TOLERANCES,
-    )
-    if result.x is None:
-        raise ArithmeticError(f"{family}: the linear program of the levels failed: {result.message}")
-    return result.x[:-1], float(result.x[-1])
+    """(best z (m), stretch of the limits, which is 0 if they can be met); numbers in `kept` are values that z keeps.
+
+    A search asks for hundreds of these small programs, of which `scipy.optimize.linprog` would spend three quarters on
+    what surrounds the same solver.
+    """
+    count, limits = len(one.area) + 1, len(one.rows)
+    matrix = np.zeros((limits + len(one.ends), count))
+    matrix[:limits, :-1], matrix[:limits, -1], matrix[limits:, :-1] = one.rows, -1.0, one.ends
+    model = highspy.HighsLp()
+    model.num_col_, model.num_row_ = count, len(matrix)
+    model.col_cost_ = np.append(-one.area, STRETCH_PRICE)
+    model.col_lower_ = np.array([*(-np.inf if k is None else k for k in kept), 0.0])
+    model.col_upper_ = np.array([*(np.inf if k is None else k for k in kept), np.inf])
+    model.row_lower_ = np.append(np.full(limits, -np.inf), one.wanted)
+    model.row_upper_ = np.append(one.bound, one.wanted)
+    model.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
+    model.a_matrix_.start_ = np.arange(len(matrix) + 1) * count
+    model.a_matrix_.index_ = np.tile(np.arange(count), len(matrix))
+    model.a_matrix_.value_ = matrix.ravel()
+    solver = highspy.Highs()
+    for name, value in OPTIONS.items():
+        solver.setOptionValue(name, value)
+    solver.passModel(model)
+    solver.run()
+    status = solver.getModelStatus()
+    if status != highspy.HighsModelStatus.kOptimal:
+        says = solver.modelStatusToString(status)
+        raise ArithmeticError(f"{family}: the linear program of the levels failed: {says}")
+    found = np.array(solver.getSolution().col_value)
+    return found[:-1], float(found[-1])
 
 
 def best_levels(
@@ -204,7 +228,7 @@ def _polished(flank_program: Callable[[np.ndarray, int], Program], shares: np.nd
     """Shares (count - 1) of a local optimum near the given shares and levels z; the given ones where none is found."""
     count, rows = len(shares), 2 * len(flank_program(shares, FINE).bound)
 
-    @lru_cache(maxsize=2)  # SLSQP asks for the objective and both sets of conditions one after the other
+    @lru_cache(maxsize=64)  # SLSQP takes the slopes of the objective and of both sets of conditions at the same points
     def at(point: tuple[float, ...]) -> tuple[float, np.ndarray, np.ndarray]:
         linear, levels = flank_program(np.clip(point[:count], 0.0, 1.0), FINE), np.array(point[count:])
         slack = np.ones(rows)  # as many rows for all angles, whatever the nose takes in

@@ -9,7 +9,7 @@ runs on arrays of NumPy, and on those of JAX for `camopt.autodiff.families`.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from math import perm
 
 import numpy as np
@@ -100,7 +100,7 @@ class Flank:
     borders: np.ndarray
     pieces: np.ndarray
 
-    @property
+    @cached_property
     def relative(self) -> np.ndarray:
         """Coefficients (p, q, n) by the angle relative to each piece's width."""
         widths = np.diff(self.borders)[:, None] ** np.arange(self.pieces.shape[1])

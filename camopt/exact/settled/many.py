@@ -87,6 +87,8 @@ def settled_metrics(
     *,
     starts: np.ndarray | None = None,
     decay: float | None = None,
+    most: int = settled.PLAIN_REVOLUTIONS,
+    measured: int = settled.MEASURED,
     workers: int = 2,
 ) -> SettledMetrics:
     """Every declared metric of the settled motion of each train with each cam at each speed [rad/s].
@@ -94,8 +96,9 @@ def settled_metrics(
     The trains have states of one size. `starts`, of a shape that broadcasts to (t, c, s, 2n + r), are the states at
     -pi from which the motions settle, [m], [m/s], [m]; without them they start from rest. `decay` is by what power of e
     disturbances are taken to die out over a revolution, infinite for a train without slow modes; by default it follows
-    from each train's slowest mode. `workers` threads share the work. Raises InputError for a train without valve, seat
-    or contact between cam and valve.
+    from each train's slowest mode. A motion without slow modes settles for at most `most` revolutions, and `measured`
+    of them are measured where it is periodic. `workers` threads share the work. Raises InputError for a train without
+    valve, seat or contact between cam and valve.
     """
     speeds = np.asarray(cam_speeds, dtype=float)
     cams = {forcing: _cams(lifts, forcing) for forcing in {train.forcing for train in trains}}
@@ -108,14 +111,15 @@ def settled_metrics(
     def one_job(job: Job) -> None:
         room = rooms.get()
         try:
-            _run(job, cams[trains[job.t].forcing], room)
+            _run(job, cams[trains[job.t].forcing], room, measured)
         finally:
             rooms.put(room)
         job.write(found)
 
     def one_train(t: int) -> list[Job]:
         start = None if begin is None else begin[t]
-        return _jobs(trains, t, len(lifts), speeds, start, decay, 1 if len(trains) >= workers else PARTS * workers)
+        parts = 1 if len(trains) >= workers else PARTS * workers
+        return _jobs(trains, t, len(lifts), speeds, start, (decay, most), parts)
 
     def all_of(t: int) -> None:
         for job in one_train(t):
@@ -190,9 +194,9 @@ def _cams(lifts: Sequence[Lift], forcing: tuple[Forcing, ...]) -> stages.Cams:
     )
 
 
-def _jobs(trains, t: int, cams: int, speeds, starts, decay: float | None, parts: int) -> list[Job]:
-    """The motions of a train, those that share tables together, in about so many parts."""
-    train = trains[t]
+def _jobs(trains, t: int, cams: int, speeds, starts, how: tuple[float | None, int], parts: int) -> list[Job]:
+    """The motions of a train, those that share tables together, in about so many parts; `how` is (decay, most)."""
+    train, (decay, most) = trains[t], how
     if train.seat < 0 or not train.cam_side:
         raise InputError("metrics need a valve on a seat and a contact between cam and valve: name them in the scene")
     tables_of = propagators if len(trains) == 1 else Propagators
@@ -207,20 +211,22 @@ def _jobs(trains, t: int, cams: int, speeds, starts, decay: float | None, parts:
         for part in (mine[i::parts] for i in range(min(parts, len(mine)))):
             c, s = cam[part], speed[part]
             decays = np.full(len(part), decay) if rate is None else rate / speeds[s]
-            jobs.append(Job(t, tables, c, s, _motions(c, speeds[s], decays, np.ascontiguousarray(begin[c, s]))))
+            jobs.append(Job(t, tables, c, s, _motions(c, speeds[s], decays, np.ascontiguousarray(begin[c, s]), most)))
     return jobs
 
 
-def _motions(cam: np.ndarray, speed: np.ndarray, decays: np.ndarray, start: np.ndarray) -> stages.SettlingMotions:
-    """Motions that have yet to settle."""
+def _motions(
+    cam: np.ndarray, speed: np.ndarray, decays: np.ndarray, start: np.ndarray, most: int
+) -> stages.SettlingMotions:
+    """Motions that have yet to settle, those without slow modes over `most` revolutions at most."""
     needed = np.array([settled.revolutions_needed(decay) for decay in decays])
-    most = np.where(needed > settled.PLAIN_REVOLUTIONS, np.minimum(needed, settled.MOST_REVOLUTIONS), 0)
+    slow = np.where(needed > settled.PLAIN_REVOLUTIONS, np.minimum(needed, settled.MOST_REVOLUTIONS), 0)
     m = len(cam)
     return stages.SettlingMotions(
         cam,
         speed,
         np.array([settled.way_left(decay) for decay in decays]),
-        np.maximum(most, settled.PLAIN_REVOLUTIONS),
+        np.where(slow, slow, most),
         start,
         np.full(m, stages.SETTLING),
         np.zeros(m, dtype=np.int64),
@@ -229,7 +235,7 @@ def _motions(cam: np.ndarray, speed: np.ndarray, decays: np.ndarray, start: np.n
     )
 
 
-def _run(job: Job, cams: stages.Cams, room: Room) -> None:
+def _run(job: Job, cams: stages.Cams, room: Room, turns: int) -> None:
     """Runs all motions of a job; tables and room in the trace are made where they are missing."""
     tables, train = job.tables, job.tables.train
     sides, cam = np.array(train.cam_side, dtype=np.int64), CamArrays(cams.borders, cams.pieces, 0.0)
@@ -237,7 +243,7 @@ def _run(job: Job, cams: stages.Cams, room: Room) -> None:
         settled.SETTLED_POSITION,
         settled.SETTLED_VELOCITY,
         settled.UNBOUND,
-        settled.MEASURED,
+        turns,
         settled.APERIODIC,
         MOST_SWITCHINGS,
     )

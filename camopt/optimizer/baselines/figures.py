@@ -130,7 +130,8 @@ def _beside_the_band(scene: Scene, found: dict, top_rpm: float) -> np.ndarray:
     assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
     low, high = scene.operation.band_rpm
     bottom = low - BEYOND_BAND * (high - low)
-    grid = np.array([bottom, *np.arange(0.5 * low, 1.5 * high, SEARCH_STEP_RPM), top_rpm])
+    step = max(SEARCH_STEP_RPM, (found.get("band") or {}).get("step_rpm", 0.0))
+    grid = np.array([bottom, *np.arange(0.5 * low, 1.5 * high, step), top_rpm])
     begins = np.array([s for s in _starts(found).values() if s is not None])
     speeds = np.concatenate([grid[(grid < low) | (grid > high)], begins - START_RPM, begins])
     return np.unique(speeds[(speeds >= bottom) & (speeds <= top_rpm)])

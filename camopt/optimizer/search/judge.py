@@ -10,10 +10,15 @@ from camopt.measure.limits import MotionLimit, motion_limits
 from camopt.scene.quantities import LESS_IS_WORSE
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
+from camopt.scene.settled import PLAIN_REVOLUTIONS
 from camopt.scene.train import build_train
 
 USABLE_SHARE = 0.8
 """Part of every limit on the motion that a search may use: the rest is for speeds and neighbours it did not see."""
+SETTLES, MEASURES = 16, 1
+"""Revolutions that a motion may take to settle from the state of the cam judged before, and how many of a settled one
+are measured: what repeats to a micrometre need not be measured four times before the verdict does. A train with
+memories settles as everywhere else, since its oil leaks over more revolutions."""
 CRITICAL = 2
 """Speeds judged before all others where only the answer counts: one per thread."""
 
@@ -98,7 +103,16 @@ class Judge:
             return {}
         names = dict.fromkeys(("bounce_mm", *(n for n, _ in motion_limits(self.scene.design).values())))
         speeds = [self.scene.cam_speed(s) for s in self.speeds_rpm[at]]
-        starts = self._states[at]
-        found = settled_metrics([self._train], [lift], speeds, starts=starts, decay=np.inf, workers=self._workers)
+        most = PLAIN_REVOLUTIONS if self._train.memory else SETTLES
+        found = settled_metrics(
+            [self._train],
+            [lift],
+            speeds,
+            starts=self._states[at],
+            decay=np.inf,
+            most=most,
+            measured=MEASURES,
+            workers=self._workers,
+        )
         worst = {name: found.worst(name)[0, 0] for name in names}
         return {int(i): ({n: float(worst[n][k]) for n in names}, found.states[0, 0, k]) for k, i in enumerate(at)}
