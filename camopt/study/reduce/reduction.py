@@ -22,8 +22,9 @@ from camopt.study.reduce.reduced_models import Smaller, smaller_models
 from camopt.study.timing import fastest
 from camopt.verifier.convergence import first_steps
 from camopt.verifier.methods import rkg, tmm
-from camopt.verifier.verdict import SWEEP_REFINEMENT
 
+REFINEMENT = 4
+"""Runge-Kutta-Gill's steps where laws are curved, as a multiple of the first ones: its bounce is right to some um."""
 COMPARED = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s", "contact_force_max_N")
 """Metrics whose error is told, beside that of the lift."""
 WITHIN = ("bounce_mm", "jump_mm", "lift_mm")
@@ -237,7 +238,7 @@ def _truth(train: Train, cam: Lift, cam_speed: float) -> tuple:
     """Event-exact, or Runge-Kutta-Gill at the step of the verifier's sweeps where laws are nonlinear."""
     if train.straight:
         return engine.prepare, train, cam, cam_speed
-    return rkg.prepare, train, cam, cam_speed, SWEEP_REFINEMENT * first_steps(train, cam_speed)
+    return rkg.prepare, train, cam, cam_speed, REFINEMENT * first_steps(train, cam_speed)
 
 
 def path_times(model: LeftOut, train: Train, cam: Lift, cam_speed: float) -> dict[str, float]:
