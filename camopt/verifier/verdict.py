@@ -200,13 +200,13 @@ def event_exact(train: Train, lift: Lift, cam_speed: float, steps_per_revolution
 
     Halving the step then halves the chords, too, so that the error estimate includes theirs.
     """
-    from camopt import exact
-    from camopt.exact.affine.lines import CHORDS
+    from camopt.exact import engine
+    from camopt.exact.affine.lines import CHORDS, with_chords
 
     if not train.straight:
         share = max(1.0, steps_per_revolution / first_steps(train, cam_speed))
-        train = exact.with_chords(train, round(CHORDS * share))
-    return exact.prepare(train, lift, cam_speed, steps_per_revolution)
+        train = with_chords(train, round(CHORDS * share))
+    return engine.prepare(train, lift, cam_speed, steps_per_revolution)
 
 
 def _settled_metrics() -> SettledMany:

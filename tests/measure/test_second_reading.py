@@ -46,8 +46,8 @@ WITH_BOUNCE = {
     "pushrod-5mass": ("kurz", 7000),
     "kodama-hertz": ("polydyne", 6500),
     "exhaust-gas": ("polydyne", 7000),
-    "finger-hydraulic": ("polydyne", 10500),
-    "pushrod-hydraulic": ("polydyne", 7500),
+    "finger-hydraulic": ("polydyne", 9300),
+    "pushrod-hydraulic": ("polydyne", 5000),
     "race-nested": ("polydyne", 9500),
 }
 SHORT = ("motori-1",)
