@@ -196,16 +196,17 @@ def method_named(name: str) -> Prepare:
 
 
 def event_exact(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int) -> Revolve:
-    """Event-exact as a verdict asks it: a curved law has as many more chords as there are steps than at first.
+    """Event-exact as a verdict asks it: where laws are curved, chords grow with the root of the steps.
 
-    Halving the step then halves the chords, too, so that the error estimate includes theirs.
+    The error of their force falls with the square of their number, so that halving the step halves it, and the error
+    estimate includes it.
     """
     from camopt.exact import engine
     from camopt.exact.affine.lines import CHORDS, with_chords
 
     if not train.straight:
-        share = max(1.0, steps_per_revolution / first_steps(train, cam_speed))
-        train = with_chords(train, round(CHORDS * share))
+        finer = max(1.0, steps_per_revolution / first_steps(train, cam_speed))
+        train = with_chords(train, round(CHORDS * finer**0.5))
     return engine.prepare(train, lift, cam_speed, steps_per_revolution)
 
 

@@ -36,7 +36,7 @@ WITHOUT_BOUNCE = {
     "kodama-hertz": ("polydyne", 5000),
     "exhaust-gas": ("polydyne", 4000),
     "finger-hydraulic": ("polydyne", 6000),
-    "pushrod-hydraulic": ("polydyne", 3500),
+    "pushrod-hydraulic": ("polydyne", 6000),
     "race-nested": ("polydyne", 6000),
 }
 WITH_BOUNCE = {
@@ -48,7 +48,7 @@ WITH_BOUNCE = {
     "exhaust-gas": ("polydyne", 7000),
     "finger-hydraulic": ("polydyne", 9300),
     "pushrod-hydraulic": ("polydyne", 5000),
-    "race-nested": ("polydyne", 9500),
+    "race-nested": ("polydyne", 11000),
 }
 SHORT = ("motori-1",)
 """One mass: seconds. The other scenes are long."""

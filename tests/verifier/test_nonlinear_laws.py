@@ -147,13 +147,13 @@ def test_a_method_that_cannot_carry_the_laws_is_refused_by_the_verdict():
 
 
 def test_chords_are_refined_with_the_steps():
-    """So that what halving moves includes the error of the chords."""
+    """With their root, so that a halved step halves the error of the chords, too."""
     scene, parts, _ = hertz()
     lift, cam_speed = polydyne(scene), scene.cam_speed(5000)
     first = first_steps(parts, cam_speed)
     counts = [len(verdict.event_exact(parts, lift, cam_speed, steps).train.laws.table[1]) - 1
               for steps in (first // 2, first, 2 * first + 1, 4 * first + 2)]  # fmt: skip
-    assert counts == [CHORDS, CHORDS, 2 * CHORDS, 4 * CHORDS]
+    assert counts == [CHORDS, CHORDS, round(CHORDS * 2**0.5), 2 * CHORDS]
     linear = build_train(load_scene("kodama"))
     assert verdict.event_exact(linear, lift, cam_speed, 1440).train is linear
 

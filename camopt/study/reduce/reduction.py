@@ -261,10 +261,10 @@ def smooth_times(train: Train, cam: Lift, cam_speed: float) -> dict[str, float]:
 
     from camopt.smooth.scan import DrivenSystem
     from camopt.smooth.simulate import lift_samples, response_arrays
-    from camopt.smooth.system import build_system
+    from camopt.smooth.system import build_system, stacked
 
     steps, samples = first_steps(train, cam_speed), jnp.asarray(lift_samples(cam))
-    system, rest = build_system(train), jnp.asarray(state_at_rest(train)).reshape(2, -1)
+    system, rest = build_system(train), stacked(state_at_rest(train), len(train.mass))
 
     def end(speed):
         return response_arrays(DrivenSystem(system, samples, speed), rest, steps=steps, refine=False).x[-1]
