@@ -38,7 +38,7 @@ DOP853_STEPS = 7200
 """At least; the cube of the step [rad], 7e-10, is the error that DOP853 is permitted."""
 SHOWN = 20
 REAL = 10_000
-"""Numbers from here on stand for trains of real elements (`experiments.random_real_scenes`)."""
+"""Numbers from here on stand for trains of real elements, which the small size of the tests draws."""
 
 
 def main(size: str, folder=RESULTS) -> dict:
@@ -58,8 +58,8 @@ def most_doubtful(rows: list[dict]) -> list[dict]:
     return sorted((r for r in rows if r["doubt"] is not None), key=lambda r: -r["doubt"])
 
 
-def keep(rows: list[dict], decided: list[dict], size: str, folder=RESULTS, name="random_scenes") -> dict:
-    """Counts, prints and writes `<name>.json`."""
+def keep(rows: list[dict], decided: list[dict], size: str, folder=RESULTS) -> dict:
+    """Counts, prints and writes `random_scenes.json`."""
     wrong = [r for r in rows if r["verdict"] == WRONG] + [d for d in decided if d["verdict"] == WRONG]
     shown = ("number", "scene", "speed_rpm", "doubt")
     content = {
@@ -74,7 +74,7 @@ def keep(rows: list[dict], decided: list[dict], size: str, folder=RESULTS, name=
         "wrong_without_warning": wrong,
     }
     print({k: v for k, v in content.items() if k != "event_exact"})
-    write_result(name, size, content, {}, folder)
+    write_result("random_scenes", size, content, {}, folder)
     return content
 
 
