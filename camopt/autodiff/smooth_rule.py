@@ -16,7 +16,8 @@ from camopt.scene.response import Response
 from camopt.scene.shapes import Float
 from camopt.scene.train import TRAIN_PARAMETERS, Train
 from camopt.smooth.grid import LARGEST_PHASE, equal_grid
-from camopt.smooth.metrics import at_angle, revolution_metrics
+from camopt.smooth.interpolation import at_angle
+from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import EPS, LIFT_SAMPLES, STEPS, response_arrays, touch_layer

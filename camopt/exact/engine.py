@@ -51,13 +51,13 @@ class EventExact:
         n, at, e = len(self.train.mass), self.train.state_size, len(self.train.a)
         if self._rows is None:
             samples = int(self.period / self.step) + len(self._cam.borders) + 2 * MOST_SWITCHINGS + 16
-            self._rows = np.empty((samples, 2 + at + e))
+            self._rows = np.empty((samples, at + 2 + e + 2))
         count, _ = self._revolve(np.array(state, dtype=float), self._rows, self._tables(self._per_sample))
         done = self._rows[:count].copy()
-        angle = done[:, 0] * self.cam_speed - np.pi
+        angle = done[:, -2] * self.cam_speed - np.pi
         angle[-1] = np.pi
-        x, v, z, force = np.split(done[:, 2:], [n, 2 * n, at], axis=1)
-        return Response(self.train, self.cam_speed, angle, done[:, 1], x, v, force, z)
+        x, v, z = done[:, :n], done[:, n : 2 * n], done[:, 2 * n : at]
+        return Response(self.train, self.cam_speed, angle, done[:, at], x, v, done[:, at + 2 : -2], z)
 
     def advance(self, state: State, revolutions: int = 1) -> State:
         """State after whole revolutions from a state at -pi; several times faster than a sampled motion.
@@ -65,7 +65,7 @@ class EventExact:
         Raises MotionRefused for endless switching or a motion without bound.
         """
         after, tables = np.array(state, dtype=float), self._tables(AT_ONCE)
-        nothing = np.empty((0, 2 + self.train.state_size + len(self.train.a)))
+        nothing = np.empty((0, 0))
         for _ in range(revolutions):
             self._revolve(after, nothing, tables)
         return after

@@ -39,7 +39,9 @@ class _Curves:
     def __init__(self, response: Response, lift: Lift):
         train, angle, speed = response.train, response.angle, response.cam_speed
         self.angle, self.speed, self.lift = angle, speed, lift
-        self.nominal_closing = lift.closing_angle(train.lash)
+        self.lash = train.lash
+        oil = [train.memory.index(e) for e in train.adjusters]
+        self.shortening = response.memory[:, oil].sum(axis=1) if oil else None
         self.forces = response.force[:, list(train.cam_side)]
         rate = lift(angle, 1)
         s, s_rate = response.seat_separation(), response.v[:, train.valve] / speed
@@ -76,11 +78,19 @@ class _Curves:
         touches = self.seat.falls_through_zero(float(self.seat.angle[peak]), foot)
         if len(touches) == 0:
             return dict.fromkeys(names, np.nan)
-        start = min(touches[0], nose + self.nominal_closing)
+        start = min(touches[0], nose + self._nominal_closing(nose, touches[0]))
         impacts = np.abs(self.seat.slope(self.seat.falls_through_zero(start, foot))) * self.speed
         bounce = max((self.seat.maximum(*hop) for hop in self.seat.positive_spans(start, foot)), default=0.0) / MM
         seating = abs(float(self.seat.slope(touches[0]))) * self.speed
         return dict(zip(names, (bounce, seating, float(np.max(impacts))), strict=True))
+
+    def _nominal_closing(self, nose: float, touch: float) -> float:
+        """Angle from the nose [rad] at which the lift has fallen to the lash and what the adjusters have leaked, from
+        the opening foot to the touch, by which they are shorter."""
+        if self.shortening is None:
+            return self.lift.closing_angle(self.lash)
+        before, after = np.interp([nose + self.lift.opening_foot, touch], self.angle, self.shortening)
+        return self.lift.closing_angle(self.lash + max(0.0, after - before))
 
     def _excess(self, start: float, end: float) -> float:
         """Largest s - max(0, lift - lash) [m], taken separately where the lift is above and below the lash."""

@@ -25,10 +25,7 @@ from camopt.scene.settled import (
 )
 from camopt.scene.shapes import Float, State
 from camopt.scene.train import Train
-from camopt.scene.vibration import acting_elements, assembled, slowest_decay
-
-SEATED_SHARE = 0.5
-"""Share of a revolution for which the valve is seated at least."""
+from camopt.scene.vibration import slowest_rate
 
 
 @dataclass(frozen=True, repr=False)
@@ -211,27 +208,7 @@ def settled_from_rest(prepare: Callable[..., Revolve], train: Train, lift: Lift,
 def decay_per_revolution(train: Train, cam_speed: float) -> float:
     """Number of e-folds by which the slowest of a train's modes and leaks decays over a revolution at `cam_speed`
     [rad/s]."""
-    return min(slowest_decay(train), slowest_leak(train)) * 2 * np.pi / cam_speed
-
-
-def slowest_leak(train: Train) -> float:
-    """Least rate [1/s] at which what the oil of an adjuster carries too much leaks away; infinite without oil.
-
-    While the valve is seated, the column of stiffness k stands between cam and seat, whose compliance it feels too, and
-    its force decays at the rate 1 / (leak (1/k + compliance)). The valve is taken to be seated for SEATED_SHARE of a
-    revolution; while it is lifted, the springs keep the force up, and little of it is lost.
-    """
-    if train.laws is None:
-        return np.inf
-    acting = acting_elements(train, "seated")
-    acting[list(train.memory)] = False
-    _, stiffness = assembled(train, acting)
-    rates = []
-    for e in np.flatnonzero(train.laws.leak > 0.0):
-        row = train.compression(np.eye(len(train.mass)), 0.0)[:, e] + train.gap[e]
-        compliance = row @ np.linalg.lstsq(stiffness, row)[0]
-        rates.append(SEATED_SHARE / (train.laws.leak[e] * (1.0 / train.laws.coefficient[e] + compliance)))
-    return float(min(rates, default=np.inf))
+    return slowest_rate(train) * 2 * np.pi / cam_speed
 
 
 def first_revolution(revolve: Revolve, state: State) -> Settled:

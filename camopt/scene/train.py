@@ -7,7 +7,7 @@ import numpy as np
 
 from camopt.scene.errors import InputError
 from camopt.scene.laws import CURVED, LINEAR, TABLE, Laws
-from camopt.scene.parts import laws_of, parts_of
+from camopt.scene.parts import OIL_OF, laws_of, parts_of
 from camopt.scene.schema import Scene
 from camopt.scene.units import DEG
 
@@ -60,6 +60,7 @@ class Train:
     element_names: tuple[str, ...]
     laws: Laws | None = None  # None: every law is linear
     forcing: tuple[Forcing, ...] = ()
+    adjusters: tuple[int, ...] = ()  # oil columns between cam and valve
 
     @cached_property
     def memory(self) -> tuple[int, ...]:
@@ -128,7 +129,9 @@ def build_train(scene: Scene) -> Train:
     cam_driven = np.array([e.cam_driven for e in elements])
     valve = index[scene.valve] if scene.valve else -1
     names = tuple(e.name for e in elements)
-    plunger = np.array([e.plunger for e in elements])
+    way = _way_from_cam_to_valve(a, b, contact, cam_driven, valve)
+    plungers = [e for e in way if elements[e].plunger]
+    oil = [e for e, part in enumerate(elements) if part.law == "oil"]
     laws = laws_of(elements)
     preload = np.array([e.preload for e in elements])
     return Train(
@@ -145,18 +148,19 @@ def build_train(scene: Scene) -> Train:
         gap=np.array([e.gap for e in elements]),
         valve=valve,
         seat=names.index(scene.seat) if scene.seat else -1,
-        cam_side=_contacts_between_cam_and_valve(a, b, contact, cam_driven, valve, plunger),
+        cam_side=tuple(e for e in way if contact[e] and e not in plungers),
         mass_names=tuple(m.name for m in masses),
         element_names=names,
         laws=laws if np.any(laws.kind != LINEAR) else None,
         forcing=tuple(Forcing(index[f.on], *(np.array(f.table) * (DEG, 1.0)).T) for f in scene.force),
+        adjusters=tuple(e for e in oil if elements[e].name in [OIL_OF.format(names[p]) for p in plungers]),
     )
 
 
-def _contacts_between_cam_and_valve(a, b, contact, cam_driven, valve, plunger) -> tuple[int, ...]:
-    """Contacts on the way from the cam-driven element to the valve; no way leads over the ground.
+def _way_from_cam_to_valve(a, b, contact, cam_driven, valve) -> tuple[int, ...]:
+    """Elements on the way from the cam-driven one to the valve; no way leads over the ground.
 
-    An adjuster's plunger is on the way and not among them: it follows what it pushes.
+    Of its contacts an adjuster's plunger parts from nothing: it follows what it pushes.
     """
     if valve < 0:
         return ()
@@ -166,7 +170,7 @@ def _contacts_between_cam_and_valve(a, b, contact, cam_driven, valve, plunger) -
         while ways:
             mass, path = ways.pop(0)
             if mass == valve:
-                return tuple(e for e in path if contact[e] and not plunger[e])
+                return path
             seen.add(mass)
             for e in range(len(a)):
                 if e in path or mass not in ((a[e],) if contact[e] else (a[e], b[e])):

@@ -12,6 +12,8 @@ from camopt.scene.rest import rest_position
 from camopt.scene.train import Train
 
 State = Literal["lifted", "seated"]
+SEATED_SHARE = 0.5
+"""Share of a revolution for which the valve is seated at least."""
 OVERDAMPED = 1e-9
 """Imaginary part of an eigenvalue, relative to its magnitude, below which it belongs to no oscillation."""
 
@@ -71,6 +73,31 @@ def slowest_decay(train: Train) -> float:
         damping, stiffness = assembled(train, acting_elements(train, state))
         rates.append(-np.real(np.linalg.eigvals(_state_matrix(train.mass, damping, stiffness))).max())
     return max(0.0, float(min(rates)))
+
+
+def slowest_leak(train: Train) -> float:
+    """Least rate [1/s] at which what the oil of an adjuster carries too much leaks away; infinite without oil.
+
+    While the valve is seated, the column of stiffness k stands between cam and seat, whose compliance it feels too, and
+    its force decays at the rate 1 / (leak (1/k + compliance)). The valve is taken to be seated for SEATED_SHARE of a
+    revolution; while it is lifted, the springs keep the force up, and little of it is lost.
+    """
+    if train.laws is None:
+        return np.inf
+    acting = acting_elements(train, "seated")
+    acting[list(train.memory)] = False
+    _, stiffness = assembled(train, acting)
+    rates = []
+    for e in np.flatnonzero(train.laws.leak > 0.0):
+        row = train.compression(np.eye(len(train.mass)), 0.0)[:, e] + train.gap[e]
+        compliance = row @ np.linalg.lstsq(stiffness, row)[0]
+        rates.append(SEATED_SHARE / (train.laws.leak[e] * (1.0 / train.laws.coefficient[e] + compliance)))
+    return float(min(rates, default=np.inf))
+
+
+def slowest_rate(train: Train) -> float:
+    """Least rate [1/s] at which a disturbance of a train's modes or of its adjusters dies out."""
+    return min(slowest_decay(train), slowest_leak(train))
 
 
 def _state_matrix(mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarray) -> np.ndarray:

@@ -28,6 +28,7 @@ class Topology(NamedTuple):
     seat: int
     cam_side: tuple[int, ...]
     memory: tuple[int, ...] = ()  # elements
+    adjusters: tuple[int, ...] = ()  # numbers of the memories of the oil between cam and valve
     forced: tuple[int, ...] = ()  # masses of the forces by the cam angle
 
     @property
@@ -183,6 +184,7 @@ def build_system(train: Train, dtype=jnp.float64) -> System:
         train.seat,
         tuple(map(int, train.cam_side)),
         train.memory,
+        tuple(train.memory.index(e) for e in train.adjusters),
         tuple(int(f.on) for f in train.forcing),
     )
     laws = None if train.laws is None else elastic_laws(train.laws, dtype)
@@ -192,6 +194,6 @@ def build_system(train: Train, dtype=jnp.float64) -> System:
 
 
 def stacked(state: np.ndarray, n: int) -> jax.Array:
-    """The state y (2, n + r) of a system with n masses from a state (2n + r: [m], [m/s], [m]) of its train."""
-    x, v, z = jnp.split(jnp.asarray(state), (n, 2 * n))
-    return jnp.stack([jnp.concatenate([x, z]), jnp.concatenate([v, jnp.zeros_like(z)])])
+    """States y (..., 2, n + r) of a system with n masses from states (..., 2n + r: [m], [m/s], [m]) of its train."""
+    x, v, z = jnp.split(jnp.asarray(state), (n, 2 * n), axis=-1)
+    return jnp.stack([jnp.concatenate([x, z], -1), jnp.concatenate([v, jnp.zeros_like(z)], -1)], axis=-2)

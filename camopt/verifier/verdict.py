@@ -3,7 +3,7 @@
 The only file of this package that reaches for the event-exact method, and only when it is asked for.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -19,20 +19,18 @@ from camopt.scene.train import Train, build_train
 from camopt.verifier.accuracy_statement import stated
 from camopt.verifier.at_speed import Case, SpeedVerdict, judge_speed
 from camopt.verifier.convergence import Demand, Prepare, first_steps
-from camopt.verifier.methods import INDEPENDENT, rkg, verdict_methods
+from camopt.verifier.methods import INDEPENDENT, verdict_methods
 from camopt.verifier.record import verification, why_not_confirmed
 
 METHODS = ("event", "rkg", "tmm", "houbolt")
 """Methods for a train whose laws are straight lines in pieces; of which event-exact is the first."""
-NONLINEAR_METHODS = ("dop853", "rkg")
-"""Methods for a train with Hertz or progressive laws; DOP853 carries all others too."""
+NONLINEAR_METHODS = ("event", "rkg", "dop853")
+"""Methods for a train with Hertz or progressive laws, in whose place event-exact has chords."""
 ROUNDS = 2
 """How often the worst speeds of a band are judged: where a motion is erratic the judged figure is not the sweep's, and
 another speed is the worst then."""
 WORKERS = 2
 """Threads over the speeds of a verdict."""
-SWEEP_REFINEMENT = 4
-"""Runge-Kutta-Gill's steps in a sweep, as a multiple of the first ones: where its bounce is right to some um."""
 DEMAND = Demand()
 """What a verdict asks of every method, where nothing else is said."""
 ORDER = ("confirmed", "sensitive", "not converged", "rejected")
@@ -104,10 +102,10 @@ def verdict_on(
     `methods` are "event" or names of INDEPENDENT, by default the first two for the scene's laws; the first one's
     figures are reported and its neighbourhood is searched; two at least are needed for an agreement, so a single
     method ends as "not converged". `band_step_rpm` None leaves the band and the starting speeds out; they are swept
-    with event-exact (Runge-Kutta-Gill for laws that it does not take), also where a lightly damped mode resonates
-    between its steps, and all methods look at the worst speed of every limited metric and at the starting speeds inside
-    the band. Bounce and jump "start" where they exceed the scene's limit, or 0.05 mm where it sets none. `demand` says
-    how far every method is asked to go; its limited metrics are the scene's. Without `to_the_end` a cam that is
+    with event-exact, also where a lightly damped mode resonates between its steps, and all methods look at the worst
+    speed of every limited metric and at the starting speeds inside the band. Bounce and jump "start" where they exceed
+    the scene's limit, or 0.05 mm where it sets none. `demand` says how far every method is asked to go; its limited
+    metrics are the scene's. Without `to_the_end` a cam that is
     rejected at `speeds_rpm` is swept in steps of at least SEARCH_STEP_RPM, and no method looks at the worst of them:
     the answer stands. Raises InputError for a scene without valve or operation, or an unknown method.
     """
@@ -115,7 +113,7 @@ def verdict_on(
         raise InputError(f"scene {scene.name!r}: a verdict needs valve, seat and [operation]")
     methods = _known_methods(scene, methods)
     demand = replace(demand, limited=limited_metrics(scene.design))
-    many = _at_once(build_train(scene))[1] if methods[0] == "event" else None
+    many = _settled_metrics() if methods[0] == "event" and build_train(scene).straight else None
     case = Case(scene, lift, {name: method_named(name) for name in methods}, demand, many)
     at_speeds = _judged(case, scene.operation.speeds_rpm if speeds_rpm is None else speeds_rpm)
     band, worst, first = None, (), {"bounce_mm": None, "jump_mm": None}
@@ -163,10 +161,6 @@ def _known_methods(scene: Scene, methods: tuple[str, ...] | None) -> tuple[str, 
     known = verdict_methods()
     if not asked or (unknown := [m for m in asked if m not in known]):
         raise InputError(f"methods {asked}: give names out of {', '.join(known)}" + f"; not {unknown}" * bool(asked))
-    if "event" in asked:
-        build_train(scene).require_straight(
-            "event-exact, whose chords no verdict can judge,", 'ask for "dop853", "rkg" or all'
-        )
     return asked
 
 
@@ -178,8 +172,7 @@ def _swept_band(
     These are the worst speed of every limited metric and a start that lies inside the band although the metric is
     limited: what a search of its own has found may not be left out.
     """
-    train = build_train(scene)
-    swept = Swept(_sweeping(train), scene, lift, WORKERS, *_at_once(train))
+    swept = Swept(event_exact, scene, lift, WORKERS, "event", _settled_metrics())
     limited = limited_metrics(scene.design)
     found, left_out = resonances(scene, lift, step_rpm)
     sweep(swept, step_rpm, limited if refined else (), found)
@@ -199,31 +192,29 @@ def methods_for(train: Train) -> tuple[str, ...]:
 
 def method_named(name: str) -> Prepare:
     """The `prepare` of one of `verdict_methods`; event-exact is imported on demand."""
-    if name == "event":
-        from camopt.exact import engine
-
-        return engine.prepare
-    return import_module(INDEPENDENT[name]).prepare
+    return event_exact if name == "event" else import_module(INDEPENDENT[name]).prepare
 
 
-def _at_once(train: Train) -> tuple[str, SettledMany | None]:
-    """The name of the method of sweeps, and what measures many of its motions together, if anything does."""
-    if train.straight:
-        from camopt.exact.settled import settled_metrics
+def event_exact(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int) -> Revolve:
+    """Event-exact as a verdict asks it: where laws are curved, chords grow with the root of the steps.
 
-        return "event", settled_metrics
-    return "rkg", None
+    The error of their force falls with the square of their number, so that halving the step halves it, and the error
+    estimate includes it.
+    """
+    from camopt.exact import engine
+    from camopt.exact.affine.lines import CHORDS, with_chords
+
+    if not train.straight:
+        finer = max(1.0, steps_per_revolution / first_steps(train, cam_speed))
+        train = with_chords(train, round(CHORDS * finer**0.5))
+    return engine.prepare(train, lift, cam_speed, steps_per_revolution)
 
 
-def _sweeping(train: Train) -> Callable[[Train, Lift, float], Revolve]:
-    """The method of sweeps: event-exact at its own step, the same at all speeds, where it carries the train."""
-    if train.straight:
-        from camopt.exact import engine
+def _settled_metrics() -> SettledMany:
+    """What measures many of event-exact's motions together; a curved law has its default chords there."""
+    from camopt.exact.settled import settled_metrics
 
-        return engine.prepare
-    return lambda train, lift, cam_speed: rkg.prepare(
-        train, lift, cam_speed, SWEEP_REFINEMENT * first_steps(train, cam_speed)
-    )
+    return settled_metrics
 
 
 def _starts(scene: Scene) -> dict[str, float]:

@@ -12,6 +12,8 @@ from camopt.scene import InputError, Scene, build_train, load_scene, parse_scene
 from camopt.verifier.convergence import FINEST_STEPS, first_steps
 
 BASES = ("kodama", "motori-1", "motori-2", "pushrod-5mass")
+REAL_BASES = ("exhaust-gas", "finger-hydraulic", "pushrod-hydraulic", "race-nested")
+"""Trains with springs by tables, adjusters, friction and forces by the cam angle."""
 MASS_KG = 1e-4, 1.0
 STIFF_N_PER_M = 1e6, 1e10
 SPRING_N_PER_M = 1e4, 1e6
@@ -26,10 +28,13 @@ UNDAMPED = 0.15
 NO_GAP = 0.2
 
 
-def drawn(rng: np.random.Generator) -> tuple[Scene, float]:
-    """A scene that loads, and a crankshaft speed [r/min]; draws that nothing holds at rest are drawn again."""
+def drawn(rng: np.random.Generator, real: bool = False) -> tuple[Scene, float]:
+    """A scene that loads, and a crankshaft speed [r/min]; draws that nothing holds at rest are drawn again.
+
+    A `real` one is one of REAL_BASES moved.
+    """
     while True:
-        data = moved(rng) if rng.random() < 0.4 else chain(rng)
+        data = moved(rng, REAL_BASES) if real else moved(rng) if rng.random() < 0.4 else chain(rng)
         try:
             scene, speed = parse_scene(tomli_w.dumps(data), data["name"]), between(rng, SPEED_RPM)
         except InputError:
@@ -48,15 +53,19 @@ def damper(rng: np.random.Generator, stiffness: float, mass: float) -> float:
     return 0.0 if rng.random() < UNDAMPED else 2 * between(rng, DAMPING_RATIO) * float(np.sqrt(stiffness * mass))
 
 
-def moved(rng: np.random.Generator) -> dict:
-    """A built-in train with masses, stiffnesses, dampings, gaps and preloads multiplied by drawn factors."""
-    scene = load_scene(str(rng.choice(BASES)))
+def moved(rng: np.random.Generator, bases: tuple[str, ...] = BASES) -> dict:
+    """A built-in train with masses, stiffnesses, dampings, gaps and preloads multiplied by drawn factors, and with them
+    leakage, slip, and the forces of tables and by the cam angle."""
+    scene = load_scene(str(rng.choice(bases)))
     data = scene.model_dump(exclude_none=True, mode="json")
     preload = between(rng, (0.2, 5.0))
     for mass in data["mass"]:
         mass["mass_kg"] = float(np.clip(mass["mass_kg"] * between(rng, FACTOR), *MASS_KG))
     lightest = min(mass["mass_kg"] for mass in data["mass"])
     for element in data["element"]:
+        if element["law"] != "linear" or element["kind"] in ("adjuster", "friction"):
+            law_moved(element, rng, preload)
+            continue
         stiff = element["stiffness_N_per_m"] > SPRING_N_PER_M[1]
         ends = STIFF_N_PER_M if stiff else SPRING_N_PER_M
         element["stiffness_N_per_m"] = float(np.clip(element["stiffness_N_per_m"] * between(rng, FACTOR), *ends))
@@ -65,7 +74,23 @@ def moved(rng: np.random.Generator) -> dict:
         if element["cam_driven"] or element["gap_mm"] == 0.0:
             continue
         element["gap_mm"] = 0.0 if rng.random() < NO_GAP else between(rng, GAP_MM)
+    for force in data["force"]:
+        push = between(rng, (0.2, 2.0))
+        force["table"] = [(angle, push * value) for angle, value in force["table"]]
     return {**data, "name": f"{scene.name}-moved"}
+
+
+def law_moved(element: dict, rng: np.random.Generator, preload: float) -> None:
+    """Multiplies the numbers of an element whose law is not linear; forces under preload all by the same `preload`."""
+    for key, ends in (("stiffness_N_per_m", FACTOR), ("leak_N_s_per_m", FACTOR), ("slip_N", (0.1, 2.0))):
+        if element.get(key) is not None:
+            element[key] *= between(rng, ends)
+    if element["law"] != "linear":
+        element["preload_N"] *= preload
+        element["damping_N_s_per_m"] *= between(rng, (0.1, 10.0))
+    for key, factor in (("stiffness_table", between(rng, (0.3, 3.0))), ("force_table", preload)):
+        if element.get(key) is not None:
+            element[key] = [(at, factor * value) for at, value in element[key]]
 
 
 def chain(rng: np.random.Generator) -> dict:

@@ -15,8 +15,8 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.exact import prepare as event_exact
 from camopt.scene import Response, Train, build_train, load_scene, parse_scene
+from camopt.scene.rest import state_at_rest
 from camopt.study.extremes.cases import fast_mode
-from camopt.study.extremes.classification import at_rest
 
 REFERENCE_STEPS = 7200
 MICROMETRE = 1e-6
@@ -108,7 +108,7 @@ def valve(name: str, speed_rpm: float, frequency_Hz: float | None = None) -> Set
     scene = load_scene(name)
     changed = scene if frequency_Hz is None else fast_mode(frequency_Hz)(scene)
     train = build_train(changed)
-    return Setting(train, polydyne(scene), scene.cam_speed(speed_rpm), at_rest(train), train.valve)
+    return Setting(train, polydyne(scene), scene.cam_speed(speed_rpm), state_at_rest(train), train.valve)
 
 
 def micrometres(**by_method: float) -> dict[str, float]:

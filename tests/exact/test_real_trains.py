@@ -12,7 +12,9 @@ from camopt.exact import prepare, settled_metrics
 from camopt.exact.adjoint.gradient import periodic_value_and_gradient, value_and_gradient
 from camopt.exact.adjoint.motion import SamplesWithMemory, TracedMotion
 from camopt.exact.batch import value_and_gradient_many
+from camopt.measure.metrics import measure
 from camopt.scene import build_train, parse_scene
+from camopt.scene.response import end_state, joined
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import MM
 from tests.exact.gradient_problems import by_train, differences, least_error
@@ -180,6 +182,44 @@ def test_a_periodic_motion_carries_its_memories():
         after = prepare(train, lift, speed).advance(state)
         state = state + np.linalg.lstsq(np.eye(len(state)) - jacobian, after - state, rcond=1e-9)[0]
     assert np.abs(prepare(train, lift, speed).advance(state) - state).max() < 1e-9
+
+
+def sinks():
+    """The train with an adjuster that leaks fast and whose plunger spring hardly pushes, and a valve that comes down
+    late at 5000 r/min: at the touch the adjuster is still shorter than at the opening foot."""
+    weak = {"preload_N": 0.5, "spring_N_per_m": 10.0, "leak_N_s_per_m": 1.0e5}
+    elements = tuple(e.model_copy(update=weak) if e.kind == "adjuster" else e for e in SCENE.element)
+    train = build_train(SCENE.model_copy(update={"element": elements}))
+    return replace(train, mass_damping=train.mass_damping + np.array([0.0, 100.0])), SCENE.cam_speed(5000)
+
+
+def test_the_nominal_closing_counts_what_has_leaked():
+    """The valve is where the compiled metric has it at the nominal closing, and so is that of the sampled record."""
+    (train, speed), lift = sinks(), real()[1]
+    found = value_and_gradient(train, lift, speed, ["bounce_mm"])
+    revolve = prepare(train, lift, speed, 7200)
+    first = revolve(state_at_rest(train))
+    record = joined([first, revolve(end_state(first))])
+    s, z = first.seat_separation(), first.memory[:, train.memory.index(train.adjusters[0])]
+    touch = first.angle[np.argmax((s <= 0.0) & (first.angle > first.angle[np.argmax(s)]))]
+    leaked = np.interp(touch, first.angle, z) - np.interp(lift.opening_foot, first.angle, z)
+    assert leaked > 5e-6 and touch > lift.closing_angle(leaked) + 0.03
+    assert found.values[0] * MM == pytest.approx(np.interp(lift.closing_angle(leaked), first.angle, s), rel=1e-3)
+    assert measure(record, lift)["bounce_mm"][0] == pytest.approx(found.values[0], rel=1e-5)
+
+
+@pytest.mark.parametrize("name", ["mass", "stiffness", "leak", "gap", "forcing"])
+def test_a_bounce_at_the_nominal_closing_by_the_numbers(name):
+    (train, speed), lift = sinks(), real()[1]
+    found = value_and_gradient(train, lift, speed, ["bounce_mm"], mechanical=True)
+    value, move = number(train, name), direction(train, name)
+    exact = np.array([np.sum(getattr(by_train(found), name) * move)])
+
+    def values(h):
+        moved = with_numbers(train, name, value + h * move)
+        return TracedMotion(moved, lift, speed, state_at_rest(moved), 2).values(["bounce_mm"])
+
+    assert least_error(exact, differences(values, STEPS)) < 1e-5
 
 
 def test_the_settled_path_measures_what_a_traced_motion_does():

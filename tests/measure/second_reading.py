@@ -40,7 +40,7 @@ class Reading:
         t = np.atleast_1d(t)
         y = stretch.motion(t)
         cam = np.array([self.equations.cam(stretch.piece, u) for u in t]).T
-        return *self.equations.surfaces(y, *cam), cam[0], y
+        return *self.equations.surfaces(y, *cam)[:2], cam[0], y
 
     def opening_foot(self) -> float:
         """The angle at which the lift leaves zero [rad]."""
@@ -52,11 +52,20 @@ class Reading:
             low, high = (low, middle) if self.equations.lift(middle) > 0 else (middle, high)
         return high
 
-    def nominal_closing(self) -> float:
-        """The angle at which the lift has fallen to the lash on the closing side [rad]."""
-        grid = np.linspace(0.0, np.pi, 20_001)
-        last = int(np.flatnonzero(self.equations.lift(grid) > self.lash)[-1])
-        return brentq(lambda angle: float(self.equations.lift(angle)) - self.lash, grid[last], grid[last + 1])
+    def leaked(self, touch: float) -> float:
+        """By how much adjusters between masses are shorter at the time of the touch than at the opening foot [m]."""
+        equations, ends = self.equations, []
+        for t in (self.time(self.opening_foot()), touch):
+            stretch = next(s for s in self.stretches if s.begin <= t <= s.end)
+            ends.append(stretch.motion(t)[2 * len(equations.mass) :])
+        way = [equations.scene.element[i].kind == "adjuster" for i in equations.memory]
+        return max(0.0, float(np.dot(ends[1] - ends[0], way)))
+
+    def nominal_closing(self, touch: float) -> float:
+        """The angle at which the lift has fallen, on the closing side, to the lash and what adjusters leaked [rad]."""
+        grid, level = np.linspace(0.0, np.pi, 20_001), self.lash + self.leaked(touch)
+        last = int(np.flatnonzero(self.equations.lift(grid) > level)[-1])
+        return brentq(lambda angle: float(self.equations.lift(angle)) - level, grid[last], grid[last + 1])
 
     def largest(self, value, low: float, high: float, phase: tuple[int, int] | None = None) -> float:
         """Largest `value(stretch, times)` between two angles [rad], in stretches in which a contact has a phase."""
@@ -89,7 +98,8 @@ class Reading:
         found = []
         for before, after in zip(self.stretches[:-1], self.stretches[1:], strict=True):
             if before.phase[self.seat] == APART and after.phase[self.seat] == PUSHING:
-                velocities = after.motion(after.begin)[len(self.equations.mass) :]
+                n = len(self.equations.mass)
+                velocities = after.motion(after.begin)[n : 2 * n]
                 found.append((after.begin, float(self.equations.rows[self.seat] @ velocities)))
         return found
 
@@ -106,7 +116,7 @@ class Reading:
         later = [(t, v) for t, v in self.closings() if when < t <= self.time(foot)]
         if not later:
             return dict.fromkeys(names, np.nan)
-        start = min(later[0][0], self.time(self.nominal_closing()))
+        start = min(later[0][0], self.time(self.nominal_closing(later[0][0])))
         bounce = self.largest(self.distance, start * self.equations.omega - np.pi, foot)
         impacts = [v for t, v in later if t >= start]
         return dict(zip(names, (max(0.0, bounce) / MM, abs(later[0][1]), max(impacts)), strict=True))

@@ -10,25 +10,21 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.measure.hermite import Hermite
 from camopt.measure.metrics import measure
 from camopt.scene import QUANTITIES, Response, load_scene
+from camopt.scene.laws import LINEAR, OIL
 from camopt.scene.train import GROUND
 from camopt.scene.units import DEG, MM
-from tests.verifier.trains import train
+from tests.verifier.trains import laws, train
 
 TURN = 2 * np.pi
 SPEED = 300.0  # rad/s
 LASH = 0.1 * MM
 TOUCH = 2e-6  # position of the valve at which the seat touches: preload over stiffness
-TRAIN = train(
-    [0.1, 0.1],
-    [
-        (GROUND, 0, True, True, 1e8, 50.0, 0.0, 0.0),
-        (0, 1, True, False, 1e8, 50.0, 0.0, LASH),
-        (GROUND, 1, True, False, 1e8, 500.0, 200.0, 0.0),
-    ],
-    valve=1,
-    seat=2,
-    cam_side=(0, 1),
-)
+ELEMENTS = [
+    (GROUND, 0, True, True, 1e8, 50.0, 0.0, 0.0),
+    (0, 1, True, False, 1e8, 50.0, 0.0, LASH),
+    (GROUND, 1, True, False, 1e8, 500.0, 200.0, 0.0),
+]
+TRAIN = train([0.1, 0.1], ELEMENTS, valve=1, seat=2, cam_side=(0, 1))
 
 
 @cache
@@ -124,6 +120,22 @@ def test_a_late_touch_counts_from_the_nominal_closing():
     figures = measure(hops(2, [event(0, late)]), lift())
     assert figures["bounce_mm"] == pytest.approx([8 * (1 - (nominal / late) ** 2)], rel=1e-6)
     assert figures["seating_velocity_m_per_s"] == pytest.approx([2 * 8 * MM / late * SPEED], rel=1e-6)
+
+
+@pytest.mark.parametrize("leaked", [0.05 * MM, -0.05 * MM])
+def test_what_an_adjuster_has_leaked_is_lash_at_the_nominal_closing(leaked):
+    """An adjuster that has filled instead leaves the nominal closing where the lash has it."""
+    elements = [*ELEMENTS, (0, 1, False, False, 1e7, 0.0, 0.0, 0.0)]
+    law = laws([LINEAR] * 3 + [OIL], [e[4] for e in elements], leak=[0.0, 0.0, 0.0, 1e6])
+    hydraulic = replace(train([0.1, 0.1], elements, valve=1, seat=2, cam_side=(0, 1)), laws=law, adjusters=(3,))
+    nominal = lift().closing_angle(LASH + max(0.0, leaked))
+    late = nominal + 0.2
+    motion = hops(2, [event(0, late)])
+    since_opening = np.interp(motion.angle, [lift().opening_foot + 0.1, 0.0, np.pi, 3.5], [0.0, 1.0, 1.0, 0.0])
+    force = np.pad(motion.force, ((0, 0), (0, 1)))
+    motion = replace(motion, train=hydraulic, force=force, memory=3e-4 + leaked * since_opening[:, None])
+    figures = measure(motion, lift())
+    assert figures["bounce_mm"] == pytest.approx([8 * (1 - (nominal / late) ** 2)], rel=1e-5)
 
 
 def test_a_hop_before_the_greatest_lift_is_no_touch():

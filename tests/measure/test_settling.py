@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from camopt.measure.settling import Figures, settle, slowest_leak
+from camopt.measure.settling import Figures, settle
 from camopt.scene import MotionRefused, Response
 from camopt.scene.laws import LINEAR, OIL
 from camopt.scene.train import GROUND
+from camopt.scene.vibration import slowest_leak
 from tests.verifier.trains import ball_on_seat, laws, train
 
 TRAIN = ball_on_seat(1e5, 1.0)

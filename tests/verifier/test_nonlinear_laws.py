@@ -8,7 +8,7 @@ from scipy.integrate import quad
 from scipy.special import gamma
 
 from camopt.cam.families.polydyne import polydyne
-from camopt.exact import engine
+from camopt.exact.affine.lines import CHORDS
 from camopt.scene import InputError, MotionRefused, build_train, load_scene
 from camopt.scene.laws import HERTZ, PROGRESSIVE
 from camopt.scene.rest import state_at_rest
@@ -16,7 +16,7 @@ from camopt.scene.train import GROUND
 from camopt.scene.units import MM
 from camopt.verifier import verdict
 from camopt.verifier.accuracy import verify
-from camopt.verifier.convergence import Demand
+from camopt.verifier.convergence import Demand, first_steps
 from camopt.verifier.methods import dop853, houbolt, rkg, tmm
 from tests.verifier.trains import laws, no_lift, train
 
@@ -126,7 +126,7 @@ def test_methods_of_constant_matrices_refuse(method):
 
 def test_a_verdict_asks_the_methods_that_carry_the_laws(monkeypatch):
     scene, parts, _ = hertz()
-    assert verdict.methods_for(parts) == ("dop853", "rkg")
+    assert verdict.methods_for(parts) == ("event", "rkg", "dop853")
     assert verdict.methods_for(build_train(load_scene("kodama"))) == verdict.METHODS
 
     def asked(case, speed_rpm):
@@ -134,22 +134,38 @@ def test_a_verdict_asks_the_methods_that_carry_the_laws(monkeypatch):
 
     monkeypatch.setattr(verdict, "judge_speed", asked)
     lift = polydyne(scene)
-    for judge in (verdict.verdict_on, verify):  # the programmer's default, and the command line's "all"
-        with pytest.raises(LookupError, match=r"\('dop853', 'rkg'\)"):
-            judge(scene, lift, (5000.0,))
+    with pytest.raises(LookupError, match=r"^\('event', 'rkg'\)$"):  # the programmer's default
+        verdict.verdict_on(scene, lift, (5000.0,))
+    with pytest.raises(LookupError, match=r"^\('event', 'rkg', 'dop853'\)$"):  # the command line's "all"
+        verify(scene, lift, (5000.0,))
 
 
 def test_a_method_that_cannot_carry_the_laws_is_refused_by_the_verdict():
     scene, _, _ = hertz()
     with pytest.raises(InputError, match="needs elements whose force follows straight lines"):
-        verify(scene, polydyne(scene), (5000.0,), "event")
+        verify(scene, polydyne(scene), (5000.0,), "tmm")
 
 
-def test_the_band_of_a_nonlinear_train_is_swept_with_a_method_that_carries_it():
+def test_chords_are_refined_with_the_steps():
+    """With their root, so that a halved step halves the error of the chords, too."""
+    scene, parts, _ = hertz()
+    lift, cam_speed = polydyne(scene), scene.cam_speed(5000)
+    first = first_steps(parts, cam_speed)
+    counts = [len(verdict.event_exact(parts, lift, cam_speed, steps).train.laws.table[1]) - 1
+              for steps in (first // 2, first, 2 * first + 1, 4 * first + 2)]  # fmt: skip
+    assert counts == [CHORDS, CHORDS, round(CHORDS * 2**0.5), 2 * CHORDS]
+    linear = build_train(load_scene("kodama"))
+    assert verdict.event_exact(linear, lift, cam_speed, 1440).train is linear
+
+
+def test_event_exact_with_chords_is_the_curved_motion():
     scene, parts, start = hertz()
-    response = verdict._sweeping(parts)(parts, polydyne(scene), scene.cam_speed(5000))(start)
-    assert len(response.angle) > 10_000 and np.ptp(response.x[:, parts.valve]) > 8 * MM
-    assert verdict._sweeping(build_train(load_scene("kodama"))) is engine.prepare
+    lift, cam_speed = polydyne(load_scene("kodama")), scene.cam_speed(5000)
+    true = dop853.prepare(parts, lift, cam_speed, 1440)(start)
+    steps, at = 1440 * 4, np.linspace(-np.pi, np.pi, 361)
+    valve = [np.interp(at, r.angle, r.x[:, parts.valve]) for r in
+             (true, verdict.event_exact(parts, lift, cam_speed, steps)(start))]  # fmt: skip
+    assert np.abs(valve[0] - valve[1]).max() < 2e-4 * MM
 
 
 @pytest.mark.long  # two minutes: DOP853 settles and looks at six neighbours; the small sizes are above
@@ -158,6 +174,6 @@ def test_the_verdict_on_kodama_hertz_at_5000_is_an_agreement():
     judged = verdict.verdict_on(scene, polydyne(scene), (5000.0,), band_step_rpm=None, demand=Demand(halvings=2))
     (found,) = judged.speeds
     assert found.verdict == "confirmed"
-    assert list(found.methods) == ["dop853", "rkg"]
+    assert list(found.methods) == ["event", "rkg"]
     for method in found.methods.values():
         assert method.worst["seating_velocity_m_per_s"] == pytest.approx(0.1490, abs=1e-3)

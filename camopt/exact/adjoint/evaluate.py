@@ -49,12 +49,12 @@ def closings_margin(s, trace):
 @compiled
 def sample(s, trace, segments, lengths, rows):
     """Fills rows (m, 2n + r + 2 + e) with x, v, z, lift, lift velocity and the elements' forces at m instants."""
-    train, at = s.train, s.tables.sizes.state
+    at = s.tables.sizes.state
     for i in range(len(segments)):
-        y, pieces = state_at(s, trace, segments[i], lengths[i]), s.tables.pieces[trace.slot[segments[i]]]
+        y = state_at(s, trace, segments[i], lengths[i])
         rows[i, : at + 1] = y[: at + 1]
         rows[i, at + 1] = y[at + 1] / s.step
-        element_forces(train, pieces - train.first[:-1], s.step, y, rows[i, at + 2 :])
+    element_forces(s.train, s.tables.pieces, trace.slot[segments], rows)
 
 
 @compiled

@@ -33,6 +33,7 @@ class TrainArrays(NamedTuple):
     cam_driven: np.ndarray  # (e) bool
     gap: np.ndarray  # (e)
     memory: np.ndarray  # (e) number of the element's memory, -1 for none
+    adjusters: np.ndarray  # (o) where the state has the memories of the oil between cam and valve
     reach: np.ndarray  # (r, 2) bounds of d - z of the elements with a memory
     place: np.ndarray  # (e) what one piece further adds to the number of a combination of pieces
     first: np.ndarray  # (e + 1) first piece of each element
@@ -72,6 +73,7 @@ def train_arrays(train: Train) -> TrainArrays:
         cam_driven=train.cam_driven,
         gap=train.gap,
         memory=memory,
+        adjusters=2 * len(train.mass) + memory[list(train.adjusters)].astype(np.int64),
         reach=np.array([parts[e].reach for e in train.memory]).reshape(-1, 2),
         place=_places(parts),
         first=first,

@@ -47,24 +47,27 @@ def value(form, d, rate, z):
 
 
 @borrowing
-def element_forces(train, status, h, y, force):
-    """Writes to force (e) the forces [N] that the elements exert; where a contact lets go, rounding may be left.
+def element_forces(train, pieces, slots, rows):
+    """Writes the forces [N] that the elements exert to rows (k, 2n + r + 2 + e or more) of x, v, z, lift, lift velocity
+    and forces; where a contact lets go, rounding may be left.
 
-    `status` (e) are the numbers, within their elements, of the pieces that hold.
+    `pieces` (s, e) are those of each combination, `slots` (k) the combinations of the rows. An element at a time: what
+    the loop over the rows reads of it is read once.
     """
     n, at, law = len(train.mass), lift_at(train), train.law
     for e in range(len(train.a)):
-        d, rate = closeness(train.a[e], train.b[e], train.gap[e], n, y)
-        if train.cam_driven[e]:
-            d += y[at]
-            rate += y[at + 1] / h
-        piece = train.first[e] + status[e]
-        f = law[piece, 0] + law[piece, 1] * d + law[piece, 2] * rate
-        force[e] = 0.0 if f < 0.0 and train.contact[e] else f
-    if len(train.reach) > 0:
-        for e in range(len(train.a)):
-            if train.memory[e] >= 0:
-                force[e] += law[train.first[e] + status[e], 3] * y[2 * n + train.memory[e]]
+        a, b, gap, driven, contact = train.a[e], train.b[e], train.gap[e], train.cam_driven[e], train.contact[e]
+        z = 2 * n + train.memory[e] if train.memory[e] >= 0 else -1
+        for i in range(len(rows)):
+            row, piece = rows[i], pieces[int(slots[i]), e]
+            d, rate = closeness(a, b, gap, n, row)
+            if driven:
+                d += row[at]
+                rate += row[at + 1]
+            f = law[piece, 0] + law[piece, 1] * d + law[piece, 2] * rate
+            if z >= 0:
+                f += law[piece, 3] * row[z]
+            row[at + 2 + e] = 0.0 if f < 0.0 and contact else f
 
 
 @compiled

@@ -29,7 +29,7 @@ def state_at(s, trace, k, length):
 
 @borrowing
 def acceleration(s, slot, y, mass):
-    """Acceleration of a mass [m/s^2] in a combination of pieces."""
+    """Acceleration of a mass [m/s^2] in a combination of pieces; from n on, the rate of a memory [m/s]."""
     sizes, motion = s.tables.sizes, s.tables.motion[slot]
     at, total = sizes.state, motion[len(motion) - 1, mass]
     for j in range(at + 1):

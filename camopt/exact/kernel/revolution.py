@@ -6,7 +6,7 @@ import numpy as np
 
 from camopt.exact.kernel.advance import advance, apply, copy
 from camopt.exact.kernel.borrowing import borrowing
-from camopt.exact.kernel.elements import classify, element_forces, find, lift_at
+from camopt.exact.kernel.elements import classify, element_forces, find
 from camopt.exact.kernel.leap import leap_over, settles
 from camopt.exact.kernel.switching import SAMPLES, TICK, first_suspect, next_switch
 from camopt.exact.kernel.tables import TERMS
@@ -45,15 +45,12 @@ def inputs_at(piece, forces, offset, scale, u):
 
 
 @borrowing
-def record(rows, count, t, train, status, y, h):
-    """Appends one sample: time, lift, x, v, z, force."""
-    at = lift_at(train)
-    row = rows[count]
-    row[0], row[1] = t, y[at]
-    for i in range(at):
-        row[2 + i] = y[i]
-    element_forces(train, status, h, y, row[2 + at :])
-    return count + 1
+def record(row, at, t, slot, y, h):
+    """Writes one sample but for its forces: x, v, z, lift, lift velocity; time and slot of the tables in the end."""
+    for i in range(at + 1):
+        row[i] = y[i]
+    row[at + 1] = y[at + 1] / h
+    row[-2], row[-1] = t, slot
 
 
 @borrowing
@@ -117,6 +114,8 @@ def revolve(train, cam, h, tables, state, rows, trace, most):
     classify(train, h, y, status)
     code, count, switchings = turn(train, cam, h, tables, work, (rows, trace), most)
     if code == DONE:
+        if len(rows) > 0:
+            element_forces(train, tables.pieces, rows[:count, -1], rows[:count])
         state[:] = y[:at]
         code = DONE if np.all(np.isfinite(state)) else NOT_FINITE
     return code, count, switchings
@@ -132,11 +131,12 @@ def turn(train, cam, h, tables, work, room, most):
     t, piece, step, count, switchings = 0.0, 0, 0, 0, 0
     columns = at + inputs_at(cam.pieces[0], forces, 0.0, scale, y[at:])
     slot, key = find(tables.keys, work.status, train.place)
+    if slot < 0:
+        return NEED_TABLES, key, switchings
     if sampled:
-        count = record(rows, count, t, train, work.status, y, h)
+        record(rows[count], at, t, slot, y, h)
+        count += 1
     while t < period:
-        if slot < 0:
-            return NEED_TABLES, key, switchings
         if columns == at and key == tables.leap.key[0] and not (sampled or traced):
             end = next_stop(cam, piece, t, period, h)[2]
             if end - t > span and settles(tables.leap, y[:at], work.modes, work.size):
@@ -167,15 +167,19 @@ def turn(train, cam, h, tables, work, room, most):
         if sampled:
             if count + 2 >= len(rows):
                 return CHATTER, count, switchings
-            count = record(rows, count, t, train, work.status, y, h)
+            record(rows[count], at, t, slot, y, h)
+            count += 1
         if watch >= 0:
             work.status[tables.element[slot, watch]] = train.then[tables.watch[slot, watch]]
             slot, key = find(tables.keys, work.status, train.place)
             switchings += 1
             if switchings > most:
                 return CHATTER, count, switchings
+            if slot < 0:
+                return NEED_TABLES, key, switchings
             if sampled:
-                count = record(rows, count, t, train, work.status, y, h)
+                record(rows[count], at, t, slot, y, h)
+                count += 1
         elif end == target:
             step += 1
     return DONE, count, switchings

@@ -30,7 +30,7 @@ from camopt.scene import settled
 from camopt.scene.errors import InputError
 from camopt.scene.quantities import LESS_IS_WORSE
 from camopt.scene.train import Forcing, Train
-from camopt.scene.vibration import slowest_decay
+from camopt.scene.vibration import slowest_rate
 
 ERRORS = {
     "bounce_mm": 1e-3,
@@ -96,7 +96,7 @@ def settled_metrics(
     The trains have states of one size. `starts`, of a shape that broadcasts to (t, c, s, 2n + r), are the states at
     -pi from which the motions settle, [m], [m/s], [m]; without them they start from rest. `decay` is by what power of e
     disturbances are taken to die out over a revolution, infinite for a train without slow modes; by default it follows
-    from each train's slowest mode. A motion without slow modes settles for at most `most` revolutions, and `measured`
+    from each train's slowest mode or leak. A motion without slow modes settles for at most `most` revolutions, and `measured`
     of them are measured where it is periodic. `workers` threads share the work. Raises InputError for a train without
     valve, seat or contact between cam and valve.
     """
@@ -201,7 +201,7 @@ def _jobs(trains, t: int, cams: int, speeds, starts, how: tuple[float | None, in
         raise InputError("metrics need a valve on a seat and a contact between cam and valve: name them in the scene")
     tables_of = propagators if len(trains) == 1 else Propagators
     steps = np.array([free_step(train, speed) for speed in speeds])
-    rate = slowest_decay(train) * 2 * np.pi if decay is None else None
+    rate = slowest_rate(train) * 2 * np.pi if decay is None else None
     shape = cams, len(speeds)
     begin = np.broadcast_to(rest_of(train), (*shape, train.state_size)) if starts is None else starts
     cam, speed = (each.ravel() for each in np.indices(shape))

@@ -6,7 +6,7 @@ from camopt.cam.lift import Lift
 from camopt.exact.engine import prepare
 from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpOptimum, NoJumpProgram
 from camopt.optimizer.program.periodic import Angles
-from camopt.optimizer.program.tangents import tangents_along
+from camopt.optimizer.program.tangents import HELD_N, tangents_along
 from camopt.scene.response import Response, end_state
 from camopt.scene.rest import state_at_rest
 from camopt.scene.standing_in import is_linear
@@ -14,8 +14,6 @@ from camopt.scene.train import Train
 
 REVOLUTIONS = 8
 """Revolutions from rest before the angles are read: surge decays by half or more in each."""
-MARGIN_N = 20.0
-"""Contact force that the program's cam keeps while its tangents are looked for."""
 SHORTFALL = 1.01
 """Factor on a shortfall, so that the margins below it are surely held."""
 STANDS = 1e-5
@@ -84,7 +82,7 @@ def relocate(program: NoJumpProgram, lift: Lift, revolutions: int = REVOLUTIONS)
     return program.relocated(angles)
 
 
-def standing(program: NoJumpProgram, margin_N: float = MARGIN_N) -> NoJumpProgram:
+def standing(program: NoJumpProgram, margin_N: float = HELD_N) -> NoJumpProgram:
     """The program with the tangents along the motions of its own cam, solved again with them until its area stands.
 
     The margin on all contact forces falls by as much as no cam can hold. A program whose trains are linear is given

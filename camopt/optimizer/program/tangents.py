@@ -10,11 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camopt.scene.laws import FRICTION, HERTZ, LINEAR, OIL, PROGRESSIVE
+from camopt.scene.laws import FRICTION, HERTZ, LINEAR, OIL, PROGRESSIVE, STAND_IN_FORCE
 from camopt.scene.response import Response
 from camopt.scene.standing_in import is_linear
 from camopt.scene.train import Train
 
+HELD_N = 20.0
+"""Contact force that the program's cam keeps while its tangents are looked for. No tangent of a Hertz contact is softer
+than there: along a motion that parts, tangents without stiffness would let the motion of closed contacts grow."""
 LEVELS = 20
 """Tangents of curved laws are rounded to so many levels in each factor of e, so that steps share their exponentials."""
 
@@ -63,7 +66,9 @@ def _lines(train: Train, response: Response, e: int, d: np.ndarray) -> tuple[np.
         stiffness = np.where(np.abs(force) < laws.slip[e] * (1.0 - 1e-9), laws.coefficient[e], 0.0)
         return stiffness, force - stiffness * d
     force, stiffness = laws.along(e, d, train.preload[e])
+    if laws.kind[e] == HERTZ:  # it has no stiffness where it only just touches
+        least = train.stiffness[e] * (HELD_N / STAND_IN_FORCE) ** (1.0 - 1.0 / laws.exponent[e])
+        stiffness = np.maximum(stiffness, least)
     if laws.kind[e] in (HERTZ, PROGRESSIVE):
-        least = 1e-3 * train.stiffness[e]  # a Hertz contact has no stiffness where it only just touches
-        stiffness = np.exp(np.round(np.log(np.maximum(stiffness, least)) * LEVELS) / LEVELS)
+        stiffness = np.exp(np.round(np.log(stiffness) * LEVELS) / LEVELS)
     return stiffness, force - stiffness * d

@@ -15,14 +15,14 @@ from camopt.smooth.grid import equal_grid
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import EPS, LIFT_SAMPLES, response_arrays, touch_layer
-from camopt.smooth.system import build_system
+from camopt.smooth.system import build_system, stacked
 
 
 class SmoothSensitivity:
     """Values and gradients of metrics by z on the smooth path, at a fixed number of speeds (one compilation)."""
 
     def __init__(self, scene: Scene, cam: FreeCam, names: tuple[str, ...], width: int):
-        self.scene, self.width = scene, width
+        self.scene, self.width, self.masses = scene, width, len(scene.mass)
         theta = equal_grid(LIFT_SAMPLES)
         parts = [cam.basis(theta, k) for k in (0, 1)]
         matrix = np.stack([m @ cam.Z for m, _ in parts], axis=1)  # (k, 2, m)
@@ -46,6 +46,6 @@ class SmoothSensitivity:
         """Metrics (r, l) and gradients (r, l, m) at the judged speeds `rows` (r <= width)."""
         filled = np.resize(rows, self.width)  # a fixed width: one compilation
         speeds = np.array([self.scene.cam_speed(s) for s in judged.speeds_rpm[filled]])
-        states = judged.states[filled].reshape(self.width, 2, -1)
-        values, slopes = self._compiled(jnp.asarray(z), jnp.asarray(speeds), jnp.asarray(states))
+        states = stacked(judged.states[filled], self.masses)
+        values, slopes = self._compiled(jnp.asarray(z), jnp.asarray(speeds), states)
         return np.asarray(values)[: len(rows)], np.asarray(slopes)[: len(rows)]

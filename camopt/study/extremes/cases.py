@@ -89,6 +89,30 @@ def mass_ratio(ratio: float) -> Change:
     return changed
 
 
+def times(key: str, factor: float) -> Change:
+    """Multiplies a number of every element that has it."""
+
+    def changed(scene: Scene) -> Scene:
+        elements = [
+            e if getattr(e, key) is None else e.model_copy(update={key: factor * getattr(e, key)})
+            for e in scene.element
+        ]
+        return scene.model_copy(update={"element": tuple(elements)})
+
+    return changed
+
+
+def pushing(factor: float) -> Change:
+    """Multiplies every force by the cam angle."""
+
+    def changed(scene: Scene) -> Scene:
+        tables = [tuple((angle, factor * force) for angle, force in f.table) for f in scene.force]
+        forces = [f.model_copy(update={"table": t}) for f, t in zip(scene.force, tables, strict=True)]
+        return scene.model_copy(update={"force": tuple(forces)})
+
+    return changed
+
+
 def _stiffest(scene: Scene) -> tuple[int, float]:
     """The mass with the highest k/m, and the sum of its elements' stiffnesses [N/m]."""
     train = build_train(scene)
@@ -113,6 +137,16 @@ CHANGES: dict[str, dict[str, Change | float]] = {
 }
 """Changes of the scene, or crankshaft speeds [r/min], by their kind; two of a kind are not combined."""
 
+OF_ELEMENTS: dict[str, dict[str, Change]] = {
+    "leak_N_s_per_m": {
+        "leaks a thousand times as fast": times("leak_N_s_per_m", 1e-3),
+        "hardly leaks": times("leak_N_s_per_m", 1e3),
+    },
+    "slip_N": {"slips at a thousandth": times("slip_N", 1e-3), "slips at three times": times("slip_N", 3.0)},
+    "force": {"forces three times": pushing(3.0), "forces of the other sign": pushing(-1.0)},
+}
+"""Changes of what only some scenes have, by the key of an element or, for forces by the cam angle, of the scene."""
+
 
 def cases(scene: Scene) -> Iterator[ExtremeCase]:
     """The scene as it is at its highest listed speed, then with every single change, and on COMBINED with every two."""
@@ -122,6 +156,10 @@ def cases(scene: Scene) -> Iterator[ExtremeCase]:
     for kind in CHANGES:
         for name in CHANGES[kind]:
             yield _changed(scene, top, {name: CHANGES[kind][name]})
+    for key, changes in OF_ELEMENTS.items():
+        if getattr(scene, key, None) or any(getattr(e, key, None) is not None for e in scene.element):
+            for name, change in changes.items():
+                yield _changed(scene, top, {name: change})
     if scene.name == COMBINED:
         for one, other in combinations(CHANGES.values(), 2):
             for a, b in product(one, other):

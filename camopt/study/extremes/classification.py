@@ -12,7 +12,8 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.measure.settling import first_revolution
-from camopt.scene import Train, rest_position
+from camopt.scene import Train
+from camopt.scene.rest import state_at_rest
 from camopt.verifier.convergence import (
     FINEST_STEPS,
     RELATIVE,
@@ -62,17 +63,11 @@ class Truth:
         return self.spread[name] > SENSITIVE * self.allowed[name]
 
 
-def at_rest(train: Train) -> np.ndarray:
-    """State (2n) at rest on the base circle."""
-    position = rest_position(train)
-    return np.concatenate([position, np.zeros_like(position)])
-
-
 def first_answer(
     prepare: Prepare, train: Train, lift: Lift, cam_speed: float, halvings: int = 4, steps: int | None = None
 ) -> Converged:
     """A method's figures of the first revolution from rest; `cam_speed` is in rad/s, `steps` as for `converge`."""
-    start = at_rest(train)
+    start = state_at_rest(train)
     demand = Demand(TOLERANCE_UM, halvings, settled=False, steps=steps)
     return converge(prepare, train, lift, cam_speed, start, demand)
 
@@ -82,14 +77,15 @@ def truth(prepare: Prepare, train: Train, lift: Lift, cam_speed: float) -> Truth
     count = samples(first_steps(train, cam_speed))
     answer = first_answer(prepare, train, lift, cam_speed, 2, count)
     revolve = prepare(train, lift, cam_speed, count)
-    start, n = at_rest(train), len(train.mass)
+    start, n = state_at_rest(train), len(train.mass)
     rng = np.random.default_rng(0)
     figures = {name: answer.worst[name] for name in tolerances(TOLERANCE_UM)}
     still = first_revolution(revolve, start).metrics(lift)
     spread = dict.fromkeys(figures, 0.0)
     for _ in range(DISTURBED):
-        away = np.append(DISTURBANCE * rng.choice([-1.0, 1.0], n), np.zeros(n))
-        moved = first_revolution(revolve, start + away).metrics(lift)
+        moved = start.copy()
+        moved[:n] += DISTURBANCE * rng.choice([-1.0, 1.0], n)
+        moved = first_revolution(revolve, moved).metrics(lift)
         spread = {name: max(spread[name], apart(moved.worst(name), still.worst(name))) for name in figures}
     allowed = {name: t + RELATIVE * abs(np.nan_to_num(figures[name])) for name, t in tolerances(TOLERANCE_UM).items()}
     return Truth(figures, allowed, spread, answer, train)

@@ -1,7 +1,7 @@
 """`camopt extremes`: every method at the extremes, a verdict each; a wrong number without a warning is a defect.
 
 One revolution from rest with the scene's Polydyne, changed as `extreme_cases` lists; the truth is event-exact (DOP853
-where laws are not linear), each method halves its step until its figures stand, and
+where laws are curved), each method halves its step until its figures stand, and
 `camopt.study.extremes.classification` compares.
 """
 
@@ -35,6 +35,7 @@ from camopt.study.extremes.classification import (
 )
 from camopt.study.extremes.step_methods import DIAL, LOCATING, SMOOTH, STEP_METHODS, smooth
 from camopt.verifier.convergence import Converged, Prepare, first_steps
+from camopt.verifier.verdict import event_exact
 
 COLUMNS = ("case", "method", "setting", "error", "error_of", "seconds", "converged", "verdict")
 FILE = "extremes.csv"
@@ -78,7 +79,9 @@ def methods(case: ExtremeCase, train: Train) -> dict[tuple[str, str], Method]:
     past the stability limit and for layers of the smooth contact on their way to zero."""
     first = first_steps(train, case.scene.cam_speed(case.speed_rpm))
     found = {(case.name, name): _stepping(prepare) for name, prepare in STEP_METHODS.items()}
-    if train.laws is None and first <= DOP853_STEPS:
+    if not train.straight:
+        found[case.name, REFERENCE] = _stepping(event_exact)
+    elif first <= DOP853_STEPS:
         found[case.name, "dop853"] = _stepping(LOCATING["dop853"], 2, samples(first))
     if " + " not in case.name:
         found |= {(case.name, name): _stepping(prepare, 2, DIAL) for name, prepare in SMOOTH.items()}
@@ -97,7 +100,10 @@ def _stepping(prepare: Prepare, halvings: int = 4, steps: int | None = None) -> 
 
 
 def _rows(scene: Scene, case: ExtremeCase, have: set[tuple[str, str]]) -> Iterator[dict]:
-    """The rows of one case that are not there yet: the reference first, which the others need."""
+    """The rows of one case that are not there yet: the reference first, which the others need.
+
+    Where laws are curved DOP853 is the reference, and event-exact with its chords one of those that are judged.
+    """
     reference, train = (f"{scene.name}: {case.name}", REFERENCE), build_train(case.scene)
     asked = {(f"{scene.name}: {label}", method): run for (label, method), run in methods(case, train).items()}
     asked = {key: run for key, run in asked.items() if key not in have}
@@ -106,13 +112,13 @@ def _rows(scene: Scene, case: ExtremeCase, have: set[tuple[str, str]]) -> Iterat
     lift, begin = polydyne(scene), time.perf_counter()
     row = {"case": reference[0], "error": None, "error_of": "", "seconds": 0.0, "converged": False}
     try:
-        locating = LOCATING["event" if train.laws is None else "dop853"]
+        locating = LOCATING[REFERENCE if train.straight else "dop853"]
         true = truth(locating, train, lift, case.scene.cam_speed(case.speed_rpm))
     except InputError as refusal:
         for name, method in {reference: None, **asked}:
             yield {**row, "case": name, "method": method, "setting": str(refusal), "verdict": REFUSED}
         return
-    if reference not in have:
+    if train.straight and reference not in have:
         yield _reference_row(row, true, time.perf_counter() - begin)
     for (name, method), run in asked.items():
         yield {**row, "case": name, "method": method, **_answered(run, method, case, lift, true)}
@@ -133,10 +139,7 @@ def _answered(run: Method, method: str, case: ExtremeCase, lift: Lift, true: Tru
 
 
 def _reference_row(row: dict, true: Truth, seconds: float) -> dict:
-    """Event-exact beside its own finer steps; for other laws DOP853, event-exact refusing them."""
-    if true.train.laws is not None:
-        return {**row, "method": REFERENCE, "setting": "laws are not linear; DOP853 is the reference",
-                "verdict": REFUSED}  # fmt: skip
+    """Event-exact beside its own finer steps."""
     name, share = doubtful_figure(true)
     verdict = WITHIN if share <= 1.0 else RANGE if true.sensitive(name) else NOT_CONVERGED
     return {**row, "method": REFERENCE, "setting": f"{true.answer.steps_per_revolution} samples",

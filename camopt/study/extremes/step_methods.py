@@ -48,7 +48,7 @@ def smooth_float32(train: Train, lift: Lift, cam_speed: float, dial: int) -> Rev
     from camopt.smooth.contact import Layer
     from camopt.smooth.scan import DrivenSystem
     from camopt.smooth.simulate import STEPS, compiled_response, lift_samples
-    from camopt.smooth.system import build_system
+    from camopt.smooth.system import build_system, stacked
 
     single, wide = jnp.float32, 4 * DIAL / dial
     samples = jnp.asarray(lift_samples(lift), single)
@@ -56,14 +56,15 @@ def smooth_float32(train: Train, lift: Lift, cam_speed: float, dial: int) -> Rev
     eps, tolerance = (jnp.asarray(wide * q, single) for q in (SINGLE_EPS, SINGLE_TOLERANCE))
 
     def revolve(state: np.ndarray) -> Response:
-        y0 = jnp.asarray(state, single).reshape(2, -1)
+        y0 = stacked(state, len(train.mass)).astype(single)
         motion = compiled_response(driven, y0, Layer(eps), tolerance, steps=4 * STEPS)
         angle, rise, x, v, force = (np.asarray(q, dtype=float) for q in motion[:5])
+        memory = np.zeros((len(angle), 0)) if motion.memory is None else np.asarray(motion.memory, dtype=float)
         if not np.all(np.isfinite(x)):
             raise MotionRefused("smooth path in single precision: no grid of the steps allowed resolves the motion")
         distinct = np.append(True, np.diff(angle) > 0)
         angle[-1] = np.pi  # its rounding to single precision lies beyond
-        return Response(train, cam_speed, *(q[distinct] for q in (angle, rise, x, v, force)))
+        return Response(train, cam_speed, *(q[distinct] for q in (angle, rise, x, v, force, memory)))
 
     return revolve
 

@@ -30,7 +30,7 @@ from camopt.smooth.contact import Layer
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import MOST_GRID_STEPS, TOLERANCE, lift_samples, response_arrays, touch_layer
-from camopt.smooth.system import build_system
+from camopt.smooth.system import build_system, stacked
 from camopt.study.timing import fastest
 from camopt.verifier.methods.dop853 import prepare as prepare_dop853
 
@@ -59,7 +59,7 @@ class Problem:
     lift: Lift
     directions: np.ndarray  # (m, p, q)
     cam_speed: float  # rad/s
-    start: np.ndarray  # (2n) at -pi, held
+    start: np.ndarray  # (2n + r) at -pi, held
     settled: bool
 
     @property
@@ -134,7 +134,7 @@ def smooth_gradients(p: Problem) -> Callable[[float], Found]:
     parts = (
         np.stack([lift_samples(moved(p.lift, p.directions, e)) for e in units], axis=-1) - np.asarray(base)[..., None]
     )
-    shape, y0 = (p.lift.half_duration, p.lift.opening_foot), jnp.asarray(p.start).reshape(2, -1)
+    shape, y0 = (p.lift.half_duration, p.lift.opening_foot), stacked(p.start, len(p.train.mass))
 
     def metrics(heights, eps, steps: int):
         driven = DrivenSystem(system, base + jnp.asarray(parts) @ heights, p.cam_speed)

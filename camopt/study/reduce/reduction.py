@@ -22,8 +22,9 @@ from camopt.study.reduce.reduced_models import Smaller, smaller_models
 from camopt.study.timing import fastest
 from camopt.verifier.convergence import first_steps
 from camopt.verifier.methods import rkg, tmm
-from camopt.verifier.verdict import SWEEP_REFINEMENT
 
+REFINEMENT = 4
+"""Runge-Kutta-Gill's steps where laws are curved, as a multiple of the first ones: its bounce is right to some um."""
 COMPARED = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s", "contact_force_max_N")
 """Metrics whose error is told, beside that of the lift."""
 WITHIN = ("bounce_mm", "jump_mm", "lift_mm")
@@ -237,7 +238,7 @@ def _truth(train: Train, cam: Lift, cam_speed: float) -> tuple:
     """Event-exact, or Runge-Kutta-Gill at the step of the verifier's sweeps where laws are nonlinear."""
     if train.straight:
         return engine.prepare, train, cam, cam_speed
-    return rkg.prepare, train, cam, cam_speed, SWEEP_REFINEMENT * first_steps(train, cam_speed)
+    return rkg.prepare, train, cam, cam_speed, REFINEMENT * first_steps(train, cam_speed)
 
 
 def path_times(model: LeftOut, train: Train, cam: Lift, cam_speed: float) -> dict[str, float]:
@@ -260,10 +261,10 @@ def smooth_times(train: Train, cam: Lift, cam_speed: float) -> dict[str, float]:
 
     from camopt.smooth.scan import DrivenSystem
     from camopt.smooth.simulate import lift_samples, response_arrays
-    from camopt.smooth.system import build_system
+    from camopt.smooth.system import build_system, stacked
 
     steps, samples = first_steps(train, cam_speed), jnp.asarray(lift_samples(cam))
-    system, rest = build_system(train), jnp.asarray(state_at_rest(train)).reshape(2, -1)
+    system, rest = build_system(train), stacked(state_at_rest(train), len(train.mass))
 
     def end(speed):
         return response_arrays(DrivenSystem(system, samples, speed), rest, steps=steps, refine=False).x[-1]

@@ -8,8 +8,9 @@ import numpy as np
 import xarray as xr
 
 from camopt.cam.lift import Lift, lift_with
-from camopt.scene import InputError, Response, Scene, Train, build_train, rest_position
+from camopt.scene import InputError, Response, Scene, Train, build_train
 from camopt.scene.response import end_state, joined
+from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG
 from camopt.scene.vibration import highest_rate
 from camopt.study.simulate.dataset import motion_dataset, recorded_metrics
@@ -196,8 +197,7 @@ def _motion(train: Train, cam: Lift, cam_speed: float, method: str, revolutions:
     if method == "smooth":  # at steps of its own: equal ones would miss its layers
         return import_module(SMOOTH).simulate_smooth(train, cam, cam_speed, revolutions)
     revolve = method_named(method)(train, cam, cam_speed, steps)
-    position = rest_position(train)
-    state, parts = np.concatenate([position, np.zeros_like(position)]), []
+    state, parts = state_at_rest(train), []
     for _ in range(revolutions):
         parts.append(revolve(state))
         state = end_state(parts[-1])

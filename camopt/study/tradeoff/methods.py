@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 from camopt.cam.lift import Lift
 from camopt.scene import Response, Scene, Train
+from camopt.scene.standing_in import is_linear
 from camopt.scene.vibration import highest_rate
 from camopt.study.tradeoff.case import RevolutionCase, valve_lift
 from camopt.study.tradeoff.dormand_prince import dormand_prince, problem, right_hand_side
@@ -61,14 +62,14 @@ def _event(case: RevolutionCase, steps: int | None):
 
 
 def _reference(case: RevolutionCase) -> list[Measurement]:
-    """Event-exact at fine samples with its adjoint's gradient; located DOP853 where laws are not linear."""
-    linear = case.train.laws is None
-    method = METHOD_NAMES["event"] if linear else "DOP853, located"
+    """Event-exact at fine samples with its adjoint's gradient; located DOP853 where laws are curved."""
+    straight = case.train.straight
+    method = METHOD_NAMES["event"] if straight else "DOP853, located"
 
     def reference() -> dict:
-        prepare = _event if linear else lambda c, steps: dop853.prepare(c.train, c.cam, c.cam_speed, steps)
+        prepare = _event if straight else lambda c, steps: dop853.prepare(c.train, c.cam, c.cam_speed, steps)
         figures = case.figures(case.two(prepare(case, REFERENCE_STEPS)))
-        return {"figures": {**figures, **({"gradient": exact_gradient(case)} if linear else {})}}
+        return {"figures": {**figures, **({"gradient": exact_gradient(case)} if straight else {})}}
 
     return [Measurement(case.name, REFERENCE, f"{method}, {REFERENCE_STEPS} samples", reference)]
 
@@ -80,13 +81,13 @@ def exact_gradient(case: RevolutionCase) -> np.ndarray:
     motion = TracedMotion(case.train, case.cam, case.cam_speed, case.rest, 1, mechanical=True)
     slopes = motion.gradient(("seating_velocity_m_per_s",)).by_train
     assert slopes is not None, "asked for by mechanical"
-    return slopes.stiffness[0] * case.train.stiffness
+    return slopes.stiffness[0] * case.train.parameters["stiffness"]
 
 
 def _fixed_steps(case: RevolutionCase, size: str) -> list[Measurement]:
     """Event-exact, Runge-Kutta-Gill, both transition matrix methods, Houbolt, located DOP853."""
     arguments, work = (case.train, case.cam, case.cam_speed), []
-    linear = case.train.laws is None
+    straight = case.train.straight
 
     def add(method: str, setting: str, prepare: Callable):
         def run() -> dict:
@@ -95,12 +96,12 @@ def _fixed_steps(case: RevolutionCase, size: str) -> list[Measurement]:
 
         work.append(Measurement(case.name, method, setting, run))
 
-    for steps in EVENT_STEPS[size] if linear else ():
+    for steps in EVENT_STEPS[size] if straight else ():
         add(METHOD_NAMES["event"], f"{steps} samples", partial(_event, case, steps))
-    if linear and size == "full":
+    if straight and size == "full":
         work.append(Measurement(case.name, "event-exact, adjoint", "default step", lambda: _timed_gradient(case)))
     methods = {METHOD_NAMES["rkg"]: rkg.prepare}
-    if linear:
+    if straight:
         methods |= {
             METHOD_NAMES["tmm"]: tmm.prepare,
             "transition matrix, exponential": partial(tmm.prepare, exponential=True),
@@ -123,7 +124,7 @@ def _timed_gradient(case: RevolutionCase) -> dict:
 
 def _peers(case: RevolutionCase, size: str) -> list[Measurement]:
     """What a user would take instead, on one compiled right-hand side."""
-    if case.train.laws is not None:
+    if not is_linear(case.train):
         return []
     return [
         Measurement(case.name, name, f"rtol {rtol:g}", lambda n=name, r=rtol: case.measured(lambda: peer(case, n, r)))
@@ -173,7 +174,7 @@ def _response(train: Train, cam: Lift, cam_speed: float, times: np.ndarray, stat
 
 def _side_by_side(case: RevolutionCase, size: str) -> list[Measurement]:
     """Many speeds just below the highest: lifts of all, time per revolution of one."""
-    name, linear = f"{SIDE_BY_SIDE} speeds side by side up to {case.speed_rpm:g} r/min", case.train.laws is None
+    name, straight = f"{SIDE_BY_SIDE} speeds side by side up to {case.speed_rpm:g} r/min", case.train.straight
     cam_speeds = np.linspace(0.95, 1.0, SIDE_BY_SIDE) * case.cam_speed
 
     def loop(prepare: Callable, steps: int) -> dict:
@@ -187,9 +188,9 @@ def _side_by_side(case: RevolutionCase, size: str) -> list[Measurement]:
         return loop(engine.prepare, steps)
 
     fixed = {s: partial(loop, rkg.prepare, s) for s in (2880, 11_520)}
-    truth = partial(exact, REFERENCE_STEPS) if linear else partial(loop, dop853.prepare, 5760)
+    truth = partial(exact, REFERENCE_STEPS) if straight else partial(loop, dop853.prepare, 5760)
     work = [Measurement(name, REFERENCE, "fine samples", truth)]
-    if linear:
+    if straight:
         work.append(Measurement(name, METHOD_NAMES["event"], "1440 samples", partial(exact, 1440)))
     work += [Measurement(name, METHOD_NAMES["rkg"], f"{steps} steps", run) for steps, run in fixed.items()]
     if size == "full":

@@ -14,7 +14,7 @@ from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import lift_samples, prepare, response_arrays, touch_layer
-from camopt.smooth.system import build_system
+from camopt.smooth.system import SystemState, build_system, stacked
 from camopt.study.tradeoff.case import RevolutionCase, valve_lift
 from camopt.study.tradeoff.measurement import Measurement, timed
 
@@ -47,7 +47,7 @@ def smooth_work(case: RevolutionCase) -> list[Measurement]:
             for eps in EQUAL_EPS:
                 setting, run = f"{steps} steps, eps {eps:g} m", partial(_equal, case, name, steps, eps)
                 work.append(Measurement(case.name, f"smooth, equal steps, {name}", setting, run))
-    if case.train.laws is None:  # the reference of gradients is the exact adjoint
+    if case.train.straight:  # the reference of gradients is the exact adjoint
         for eps in GRADIENT_EPS:
             run = partial(_gradient, case, eps)
             work.append(Measurement(case.name, "smooth, refined grid, reverse mode", f"eps {eps:g} m", run))
@@ -55,12 +55,13 @@ def smooth_work(case: RevolutionCase) -> list[Measurement]:
 
 
 def equal_steps(case: RevolutionCase, precision: str, steps: int, cam_speeds: np.ndarray):
-    """A compiled function from (states (2, n, b), eps) to one revolution of b motions, and the states at rest."""
+    """A compiled function from (states (2, n + r, b), eps) to one revolution of b motions, and the states at rest."""
     dtype = PRECISIONS[precision]
     system, width = build_system(case.train, dtype), len(cam_speeds)
     stages = jnp.broadcast_to(jnp.asarray(stage_lifts(case.cam, steps), dtype)[..., None], (2, steps, 6, width))
     speeds = jnp.asarray(cam_speeds, dtype)
-    rest = jnp.broadcast_to(jnp.asarray(rest_state(case.train), dtype)[..., None], (2, len(case.train.mass), width))
+    rest = jnp.asarray(rest_state(case.train), dtype)
+    rest = jnp.broadcast_to(rest[..., None], (*rest.shape, width))
     run = jax.jit(lambda y, eps: batch_motion(system, stages, speeds, y, eps))
     return (lambda y, eps: jax.block_until_ready(run(y, jnp.asarray(eps, dtype)))), rest
 
@@ -69,15 +70,20 @@ def _equal(case: RevolutionCase, precision: str, steps: int, eps: float) -> dict
     run, rest = equal_steps(case, precision, steps, np.array([case.cam_speed]))
 
     def revolve(state: np.ndarray) -> Response:
-        y = jnp.asarray(state.reshape(2, -1, 1), rest.dtype)
-        motion = run(y, eps)
-        # the record's own angles and velocities are doubles: only the integration is judged
-        lift, x, v, force = (np.asarray(q[0], dtype=float) for q in motion[1:5])
+        y = stacked(state, len(case.train.mass))[..., None].astype(rest.dtype)
+        lift, x, v, force, memory = (q[0] for q in recorded(run(y, eps)))
         if not np.all(np.isfinite(x)):
             raise MotionRefused("the motion has no bound: the step is past the method's stability limit")
-        return Response(case.train, case.cam_speed, np.linspace(-np.pi, np.pi, steps + 1), lift, x, v, force)
+        return Response(case.train, case.cam_speed, np.linspace(-np.pi, np.pi, steps + 1), lift, x, v, force, memory)
 
     return case.measured(lambda: case.two(revolve))
+
+
+def recorded(motion: SystemState) -> list[np.ndarray]:
+    """Lift (b, k), x, v (b, k, n), force (b, k, e) and memory (b, k, r) of b motions, as doubles: the integration alone
+    is judged."""
+    memory = np.zeros((*motion.lift.shape, 0)) if motion.memory is None else motion.memory
+    return [np.asarray(q, dtype=float) for q in (*motion[1:5], memory)]
 
 
 def _gradient(case: RevolutionCase, eps: float) -> dict:
@@ -107,10 +113,9 @@ def batch_work(name: str, case: RevolutionCase, cam_speeds: np.ndarray) -> list[
     def run(precision: str, steps: int, eps: float) -> dict:
         batch, rest = equal_steps(case, precision, steps, cam_speeds)
         times, motion = timed(lambda: batch(rest, eps), len(cam_speeds))
-        lift, x, v, force = (np.asarray(q, dtype=float) for q in motion[1:5])
         angle = np.linspace(-np.pi, np.pi, steps + 1)
         records = [
-            Response(case.train, s, angle, *parts) for s, *parts in zip(cam_speeds, lift, x, v, force, strict=True)
+            Response(case.train, s, angle, *parts) for s, *parts in zip(cam_speeds, *recorded(motion), strict=True)
         ]
         return {**times, "figures": {"lift_mm": np.array([valve_lift(r) for r in records])}}
 

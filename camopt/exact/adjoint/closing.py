@@ -1,0 +1,124 @@
+"""How the valve comes down in a revolution of a traced motion: touch, nominal closing, bounce window."""
+
+import numpy as np
+
+from camopt.exact.adjoint.seeds import observe
+from camopt.exact.kernel.borrowing import borrowing
+from camopt.exact.kernel.elements import closeness, touch_line
+from camopt.exact.kernel.instants import acceleration, state_at
+from camopt.exact.kernel.switching import _value_and_slope
+from camopt.exact.kernel.tables import SEPARATED, TERMS
+from camopt.programs import compiled
+
+SAME_ANGLE = 1e-9
+"""Angle [rad] within which a segment begins at the opening foot."""
+
+
+@borrowing
+def closes(s, trace, k, e):
+    """Whether segment k ends where contact e closes."""
+    slot, watch = trace.slot[k], trace.watch[k]
+    return watch >= 0 and s.tables.element[slot, watch] == e and s.tables.states[slot, e] == SEPARATED
+
+
+@borrowing
+def touch(s, trace, turn):
+    """(the segment that ends with the touch of a revolution, -1 for no touch; whether the valve opened)."""
+    top, peak, e, states, train = 0.0, -1, s.seat, s.tables.states, s.train
+    for k in range(len(trace.length)):
+        if abs(trace.angle[k] - 2 * np.pi * turn) <= np.pi and states[trace.slot[k], e] == SEPARATED:
+            pressed = closeness(train.a[e], train.b[e], train.gap[e], len(train.mass), trace.y[k])[0]
+            constant, slope = touch_line(train, e)
+            height = -pressed - constant / slope
+            if height >= top:
+                top, peak = height, k
+    if peak < 0:
+        return -1, False
+    for k in range(peak, len(trace.length)):
+        if closes(s, trace, k, s.seat):
+            return k, True
+    return -1, True
+
+
+@borrowing
+def leaked(s, trace, turn, touched):
+    """(by how much [m] the adjusters between cam and valve are shorter at the touch, which ends segment `touched`, than
+    at the opening foot of that revolution, and never below zero; the segment that begins there)."""
+    foot = 0
+    while foot < touched and trace.angle[foot] < 2 * np.pi * turn + s.opening_foot - SAME_ANGLE:
+        foot += 1
+    total = 0.0
+    for z in s.train.adjusters:
+        total += trace.y[touched + 1, z] - trace.y[foot, z]
+    return max(0.0, total), foot
+
+
+@compiled
+def nominal_closing(s, trace, turn, touched):
+    """(segment, length [steps]) where the lift of a revolution, whose touch ends segment `touched`, falls for the last
+    time to the lash and what the adjusters have leaked; -1 for never."""
+    lash, at, q, w = leaked(s, trace, turn, touched)[0], s.tables.sizes.state, s.tables.sizes.lift, np.zeros(TERMS + 1)
+    for e in s.cam_side:
+        lash += s.train.gap[e]
+    for k in range(len(trace.length) - 1, -1, -1):
+        if abs(0.5 * (trace.angle[k] + trace.angle[k + 1]) - 2 * np.pi * turn) > np.pi:
+            continue
+        if trace.y[k, at] > lash >= trace.y[k + 1, at]:
+            w[:q] = trace.y[k, at : at + q]
+            low, high = 0.0, trace.length[k]
+            for _ in range(60):
+                middle = 0.5 * (low + high)
+                if _value_and_slope(w, middle)[0] > lash:
+                    low = middle
+                else:
+                    high = middle
+            return k, 0.5 * (low + high)
+    return -1, 0.0
+
+
+@compiled
+def closed_window(s, trace, turn):
+    """The window in which bounce and impacts are sought, in a revolution.
+
+    Returns (segment of the touch, whether the valve opened, start [rad], end [rad], segment of the nominal closing if
+    the window starts there and -1 otherwise, its length [steps]).
+    """
+    k, opened = touch(s, trace, turn)
+    end = 2 * np.pi * (turn + 1) + s.opening_foot
+    if k < 0:
+        return k, opened, 0.0, end, -1, 0.0
+    start = trace.angle[k + 1]
+    nominal, length = nominal_closing(s, trace, turn, k)
+    if nominal >= 0 and trace.angle[nominal] + length * s.cam.speed * s.step < start:
+        return k, opened, trace.angle[nominal] + length * s.cam.speed * s.step, end, nominal, length
+    return k, opened, start, end, -1, 0.0
+
+
+@compiled
+def seed_nominal(s, trace, seeds, k, length, slope):
+    """Adds the cotangents of a value at the nominal closing through the time of that closing.
+
+    The value changes by `slope` per second; the time solves lift(time) = lash, the sum of the gaps and of what the
+    adjusters have leaked. Returns the cotangent of this lash.
+    """
+    at = s.tables.sizes.state
+    rate = state_at(s, trace, k, length)[at + 1] / s.step
+    slope *= seeds.weight[0]
+    observe(seeds, k, length)[at] -= slope / rate
+    for e in s.cam_side:
+        seeds.gap[e] += slope / rate
+    return slope / rate
+
+
+@compiled
+def seed_leaked(s, trace, seeds, turn, touched, weight):
+    """Adds the cotangents of weight * (what the adjusters have leaked at the touch, which ends segment `touched`)."""
+    total, foot = leaked(s, trace, turn, touched)
+    if total == 0.0:
+        return
+    before, after = observe(seeds, foot, 0.0), observe(seeds, touched, trace.length[touched])
+    for z in s.train.adjusters:
+        before[z] -= weight
+        after[z] += weight
+        rate = acceleration(s, trace.slot[touched], trace.y[touched + 1], z - len(s.train.mass))
+        seeds.time[touched] += weight * rate

@@ -1,0 +1,123 @@
+"""What do chords of curved laws leave of force and motion, what do they cost, and what do tables cost a linear train?
+
+Event-exact lays N chords under every Hertz contact and every progressive spring. For each N: the largest error of the
+force, beside the one that is predicted (for a Hertz contact F / (6 N^2)); by what figures of a settled motion differ
+from those of twice the finest N; and the time of a revolution. Then `kodama` beside itself with its springs written
+as tables of one straight line: the time of a revolution, sampled and not, and of a gradient, in turn in one run.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from camopt.cam.families.polydyne import polydyne
+from camopt.cam.lift import Lift
+from camopt.exact import chord_error, prepare, settled_metrics, with_chords
+from camopt.exact.adjoint.motion import TracedMotion
+from camopt.exact.affine.lines import CHORD_FORCE
+from camopt.scene import build_train, load_scene
+from camopt.scene.laws import CURVED, HERTZ, LINEAR, TABLE, Laws
+from camopt.scene.rest import state_at_rest
+from camopt.scene.train import Train
+from experiments.support.record import RESULTS, run_script, write_result
+
+MOTIONS = {"kodama-hertz": 5500.0, "race-nested": 6000.0}
+"""Crankshaft speeds [r/min] of the scenes with curved laws."""
+CHORDS = {"small": (8, 16), "full": (8, 16, 32, 64)}
+REPEATS = {"small": 3, "full": 200}
+FIGURES = "contact_force_max_N", "seating_velocity_m_per_s", "jump_mm"
+GRID = 20_001
+LONG = 1e-3
+"""Half the length [m] of a spring's table: its straight line goes on beyond."""
+
+
+def main(size: str = "full", folder=RESULTS) -> dict:
+    """Errors and times against N, and the price of tables."""
+    chords = {name: of_scene(name, CHORDS[size], REPEATS[size]) for name in MOTIONS}
+    content = {"chords": chords, "tables_over_linear": price_of_tables(REPEATS[size])}
+    print(content)
+    write_result("chords", size, content, {}, folder)
+    return content
+
+
+def of_scene(name: str, counts: tuple[int, ...], repeats: int) -> list[dict]:
+    """A row for each number of chords."""
+    scene = load_scene(name)
+    train, lift, speed = build_train(scene), polydyne(scene), scene.cam_speed(MOTIONS[name])
+    finest, rows = settled(with_chords(train, 2 * counts[-1]), lift, speed), []
+    for count in counts:
+        own = with_chords(train, count)
+        figures, begin = settled(own, lift, speed), state_at_rest(own)
+        revolve = prepare(own, lift, speed)
+        off = {key: abs(figures[key] - finest[key]) for key in FIGURES}
+        (seconds,) = least([partial(revolve.advance, begin)], repeats)
+        row = {"chords": count, "force_error_N": force_error(train, own), "off": off}
+        rows.append(row | {"predicted_N": float(chord_error(train, count).max()), "revolution_ms": 1e3 * seconds})
+    return rows
+
+
+def settled(train: Train, lift: Lift, speed: float) -> dict[str, float]:
+    """The worst FIGURES of the settled motion."""
+    found = settled_metrics([train], [lift], [speed], workers=1)
+    return {name: float(found.worst(name)[0, 0, 0]) for name in FIGURES}
+
+
+def force_error(curved: Train, chorded: Train) -> float:
+    """Largest difference [N] of an element's force between its law and its chords, up to CHORD_FORCE."""
+    worst = 0.0
+    assert curved.laws is not None and chorded.laws is not None
+    for e in np.flatnonzero(np.isin(curved.laws.kind, CURVED)):
+        rows = curved.laws.table[e] if curved.laws.kind[e] != HERTZ else chorded.laws.table[e]
+        d = np.linspace(rows[0, 0], rows[rows[:, 0] < rows[0, 0] + 0.5, 0].max(), GRID)
+        true, lines = (t.laws.along(e, d, t.preload[e])[0] for t in (curved, chorded))
+        inside = np.abs(true) <= CHORD_FORCE
+        worst = max(worst, float(np.abs(true - lines)[inside].max()))
+    return worst
+
+
+def price_of_tables(repeats: int) -> dict[str, float]:
+    """Times with springs by tables of one line over times with linear springs, on `kodama`'s Polydyne at 7000 r/min."""
+    scene = load_scene("kodama")
+    linear, lift, speed = build_train(scene), polydyne(scene), scene.cam_speed(7000.0)
+    work: dict[str, list[Callable[[], object]]] = {"end state": [], "sampled": [], "gradient": []}
+    for train in (linear, by_tables(linear)):
+        revolve, start = prepare(train, lift, speed), state_at_rest(train)
+        work["end state"].append(partial(revolve.advance, start))
+        work["sampled"].append(partial(revolve, start))
+        work["gradient"].append(partial(gradient, train, lift, speed, start))
+    return {name: float(np.divide(*reversed(least(runs, repeats)))) for name, runs in work.items()}
+
+
+def gradient(train: Train, lift: Lift, speed: float, start: np.ndarray):
+    """Seating velocity of a revolution with its gradient by the cam."""
+    return TracedMotion(train, lift, speed, start).gradient(["seating_velocity_m_per_s"])
+
+
+def by_tables(train: Train) -> Train:
+    """A linear train with every spring written as a table of one straight line."""
+    e, none = len(train.a), np.zeros(len(train.a))
+    ends = train.preload[:, None] + train.stiffness[:, None] * np.array([-LONG, LONG])
+    table = np.stack([np.broadcast_to([-LONG, LONG], (e, 2)), ends], axis=2)
+    kind = np.where(train.contact, LINEAR, TABLE)
+    laws = Laws(kind, train.stiffness, np.ones(e), table, leak=none, travel=none, slip=none)
+    return replace(train, laws=laws)
+
+
+def least(runs: list[Callable[[], object]], repeats: int) -> list[float]:
+    """Least processor times [s] of calls that are made in turn; a first one of each, not counted, builds its tables."""
+    for run in runs:
+        run()
+    seconds = np.full((repeats, len(runs)), np.inf)
+    for i in range(repeats):
+        for j, run in enumerate(runs):
+            begin = time.process_time()
+            run()
+            seconds[i, j] = time.process_time() - begin
+    return seconds.min(axis=0).tolist()
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)
