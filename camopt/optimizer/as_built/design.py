@@ -37,7 +37,7 @@ class YieldEffort:
 
 EFFORTS = {
     "draft": YieldEffort((100, 100), (6, 0), 200, 11),
-    "standard": YieldEffort((150, 400), (16, 6), 1000, 21),
+    "standard": YieldEffort((200, 400), (24, 8), 1000, 21),
     "fine": YieldEffort((500, 1000), (40, 16), 2000, 41),
 }
 

@@ -28,23 +28,25 @@ OVERSPEED_FALL_N = 15.0
 """By how much the common margin falls from each of them to the next."""
 AIM = 0.75
 """Part of a limit beyond which a train falls short."""
+REFUSED = 10.0
+"""What a train whose valve never seats counts as: it has no part of a limit."""
 WATCHED = 0.6
 """A train at a speed where it last used more of a limit is judged with every cam; others, with a cam that holds."""
 FIRST_MARGIN_N, FIRST_STEP_N, LAST_STEP_N = 60.0, 20.0, 2.5
 """Where the search for the common margin begins, its step until it is bisected, and where it ends."""
 SLACK = 1.01
 """Factor on a shortfall of the program, so that margins below it are surely held."""
-RATE_N = 3.0
+RATE_N = 4.0
 """Adam's step on a margin."""
 STEEPEST = 1500.0
 """Longest slope that is believed: that of a contact that hammers is beyond all measure, and its direction is left."""
 WEIGHT, WEIGHT_STEP = 1.0, 1.25
-"""Area ratio that a shortfall of one costs, and the factor by which it rises or falls as trains fail or hold."""
+"""Area ratio that a shortfall of one costs at first, and by what factor it rises or falls at most from cam to cam."""
+BUDGET = 0.4
+"""Expected shortfall that a cam may have, per share of trains that may be lost. A count of few failing trains is a
+rough measure, and a search that goes by it alone ends at a cam that suits its own draws."""
 RESOLUTION = 2e-4
 """Area ratio by which a cam must exceed the best one to be worth judging everywhere."""
-LOST = 0.6
-"""Part of the trains that the wanted share may lose which may fail in the search, since it favours cams that suit its
-own draws."""
 
 
 @dataclass
@@ -68,7 +70,17 @@ class YieldSearch:
     @property
     def allowed(self) -> int:
         """Trains of those drawn that may fail."""
-        return int(LOST * (1.0 - self.wanted) * len(self.drawn.trains) + 1e-9)
+        return int((1.0 - self.wanted) * len(self.drawn.trains) + 1e-9)
+
+    @property
+    def budget(self) -> float:
+        """Expected shortfall that a cam may have."""
+        return BUDGET * (1.0 - self.wanted)
+
+    @property
+    def holds(self) -> bool:
+        """Whether enough of the trains hold the last cam, as far as they were judged."""
+        return self.drawn.failing <= self.allowed and self.shortfall <= self.budget
 
     def consider(self, stage: str, found: NoJumpOptimum) -> bool:
         """Judges a cam, keeps it if it is the largest that enough trains hold, and reports the step."""
@@ -77,7 +89,7 @@ class YieldSearch:
         if not self.log.recalled(self.steps, found.z, drawn):
             self._judge(found, larger)
             self.log.keep(self.steps, found.z, drawn)
-        holds = drawn.failing <= self.allowed
+        holds = self.holds
         if holds and larger:
             self.held.append(found)
         line = {
@@ -101,13 +113,13 @@ class YieldSearch:
         watched = drawn.used.max(axis=1) > WATCHED
         watched[:, -1] = True
         drawn.judge(found.lift, watched)
-        if larger and drawn.failing <= self.allowed:
+        if larger and self.holds:
             drawn.judge(found.lift, drawn.all & ~watched)
 
     @property
     def shortfall(self) -> float:
         """The expected shortfall of the last cam."""
-        return float(np.mean(np.maximum(np.minimum(self.drawn.worst, 4.0) - AIM, 0.0)))
+        return float(np.mean(np.maximum(np.nan_to_num(self.drawn.worst, posinf=REFUSED) - AIM, 0.0)))
 
     def common_margin(self) -> np.ndarray:
         """Bisects the common margin to the lowest one that holds; returns that one's margins (3, s) [N].
@@ -141,7 +153,7 @@ class YieldSearch:
         """So many steps of Adam on the margins (3, s) [N]; those of the last cam."""
         import optax  # loads JAX
 
-        adam, weight = optax.adam(RATE_N, b1=0.7, b2=0.9), WEIGHT
+        adam, weight = optax.adam(RATE_N, b1=0.8, b2=0.95), WEIGHT
         state, found = adam.init(margins), self.program.solve(Margins(*margins))
         self.consider("margins by gradient", found)
         for _ in range(steps):
@@ -154,8 +166,8 @@ class YieldSearch:
                 moved = moved - SLACK * short.shortfall_N
                 found = self.program.solve(Margins(*moved))
             margins = moved
-            holds = self.consider("margins by gradient", found)
-            weight = weight / WEIGHT_STEP if holds else weight * WEIGHT_STEP
+            self.consider("margins by gradient", found)
+            weight *= float(np.clip(self.shortfall / self.budget, 1.0 / WEIGHT_STEP, WEIGHT_STEP))
         return margins
 
     def slope(self, found: NoJumpOptimum, weight: float) -> np.ndarray:
