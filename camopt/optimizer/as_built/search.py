@@ -36,11 +36,11 @@ FIRST_MARGIN_N, FIRST_STEP_N, LAST_STEP_N = 60.0, 20.0, 2.5
 """Where the search for the common margin begins, its step until it is bisected, and where it ends."""
 SLACK = 1.01
 """Factor on a shortfall of the program, so that margins below it are surely held."""
-RATE_N = 4.0
+RATE_N = 2.0
 """Adam's step on a margin."""
 STEEPEST = 1500.0
 """Longest slope that is believed: that of a contact that hammers is beyond all measure, and its direction is left."""
-WEIGHT, WEIGHT_STEP = 1.0, 1.25
+WEIGHT, WEIGHT_STEP = 1.0, 1.1
 """Area ratio that a shortfall of one costs at first, and by what factor it rises or falls at most from cam to cam."""
 BUDGET = 0.4
 """Expected shortfall that a cam may have, per share of trains that may be lost. A count of few failing trains is a
@@ -153,7 +153,7 @@ class YieldSearch:
         """So many steps of Adam on the margins (3, s) [N]; those of the last cam."""
         import optax  # loads JAX
 
-        adam, weight = optax.adam(RATE_N, b1=0.8, b2=0.95), WEIGHT
+        adam, weight = optax.adam(RATE_N, b1=0.7, b2=0.9), WEIGHT
         state, found = adam.init(margins), self.program.solve(Margins(*margins))
         self.consider("margins by gradient", found)
         for _ in range(steps):
