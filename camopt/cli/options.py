@@ -32,6 +32,8 @@ def _optimize(command: Command) -> None:
         default="auto",
         help="gradients of the dynamics (auto: exact where the train allows it)",
     )
+    words = "share of the trains as built, drawn within the scene's tolerances, in which the cam must hold, as in 0.99"
+    c.add_argument("--yield", type=positive, dest="wanted_yield", metavar="SHARE", help=words)
     c.add_argument("--no-compare", action="store_true", help="leave out the comparison with the literature's cams")
     c.add_argument("--out", metavar="DIR", help="run folder, refused if it exists (runs/<scene>-<UTC time>)")
     c.add_argument("--seed", type=seed, default=0, metavar="N", help="seed of the searches (0)")

@@ -42,6 +42,7 @@ def optimize(args: Namespace) -> int:
         progress=not args.quiet,
         designed=designed,
         compare=not args.no_compare,
+        wanted_yield=args.wanted_yield,
     )
     page = write_report(result.folder)
     print(f"run folder: {result.folder}, report: {page}")

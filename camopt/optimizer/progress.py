@@ -51,11 +51,12 @@ class Progress:
         best = line["best_area_ratio"]
         self._stage = "gradient" if "gradient" in line["stage"] else self._stage
         self._bar.set_description(line["stage"], refresh=False)
-        self._bar.set_postfix_str(
-            ("no confirmed cam yet" if best is None else f"best area ratio {best:.4f}")
-            + f", bounce {line['worst_bounce_mm']:.3f} mm, worst at {line['worst_speed_rpm']:.0f} r/min",
-            refresh=False,
-        )
+        if "failing" in line:
+            last = f"{line['failing']} of {line['trains']} trains fail"
+        else:
+            last = f"bounce {line['worst_bounce_mm']:.3f} mm, worst at {line['worst_speed_rpm']:.0f} r/min"
+        known = "no confirmed cam yet" if best is None else f"best area ratio {best:.4f}"
+        self._bar.set_postfix_str(f"{known}, {last}", refresh=False)
         self._update(1)
 
     def advance(self, share: float) -> None:

@@ -12,6 +12,7 @@ from camopt.cam.families.free import free_cam
 from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import write_lift_table
 from camopt.optimizer.accuracy import Accuracy, accuracy_named
+from camopt.optimizer.as_built.wanted import check_wanted
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.first_run import compile_programs, programs_missing
 from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_worth
@@ -76,6 +77,7 @@ def optimize(
     designed: Callable[[Path], object] = lambda folder: None,
     *,
     compare: bool = True,
+    wanted_yield: float | None = None,
 ) -> Run:
     """Design the cam of largest area that a scene's limits allow, and have it verified and compared.
 
@@ -85,13 +87,17 @@ def optimize(
     `camopt.report` makes from it. With `resume` an interrupted run in `out` goes on and ends in the same design.
     `seed`, where it is not zero, draws the knots to start from. `designed` is called with the folder once the design,
     its verdict and its provenance are written, before the comparison, which can cost none of them; without `compare`
-    there is none. Raises InputError for unknown words, contradictory limits, an unusable folder or one of another run,
-    and a scene without a confirmed cam.
+    there is none. With `wanted_yield`, a share such as 0.99, the cam must hold in that share of the trains that the
+    scene's tolerances allow, over its band; "confirmed" then says so of fresh draws.
+
+    Raises InputError for unknown words, contradictory limits, an unusable folder or one of another run, and a scene
+    without a confirmed cam.
     """
     settings = {"speeds": speeds, "accuracy": accuracy, "gradient": gradient, "seed": seed}
+    settings |= {} if wanted_yield is None else {"yield": wanted_yield}
     effort, design = _understood(scene, settings), scene.design
     assert design is not None, "load_scene(..., need=...) guarantees it"
-    job = _OpenRun(scene, settings, effort, StageClock())
+    job = _OpenRun(scene, settings, effort, StageClock(), compare)
     with job.clock.stage("bound"):
         kinematic = kinematic_optimum(design, free_cam(design, effort.knot_deg))  # contradictory limits end here
         bound = area_ratio_bound(design).bound
@@ -108,7 +114,7 @@ def optimize(
                 _compared(folder, scene, lift, verdict, effort if compare else None, shown)
             shown.end()
         job.write_provenance(folder)
-    return Run(folder, lift, verdict, record, 0 if verdict.verdict == "confirmed" else 3)
+    return Run(folder, lift, verdict, record, 0 if verdict.verdict == "confirmed" and job.yield_confirmed else 3)
 
 
 def _understood(scene: Scene, settings: dict) -> Accuracy:
@@ -117,6 +123,8 @@ def _understood(scene: Scene, settings: dict) -> Accuracy:
     for name, known in (("speeds", SPEEDS), ("gradient", GRADIENTS)):
         if settings[name] not in known:
             raise InputError(f"{name} {settings[name]!r}: expected one of {', '.join(known)}")
+    if "yield" in settings:
+        check_wanted(scene, settings["yield"], settings["speeds"])
     return effort
 
 
@@ -128,7 +136,9 @@ class _OpenRun:
     settings: dict
     effort: Accuracy
     clock: StageClock
+    compare: bool = True
     found: dict = field(default_factory=dict)  # of the search, for the provenance
+    yield_confirmed: bool = True  # where one was wanted
 
     def make_programs(self, shown: Progress) -> None:
         """On the first run of an installation: the compiled programs."""
@@ -141,18 +151,15 @@ class _OpenRun:
         self, folder: Path, shown: Progress, kinematic: KinematicOptimum, bound: float
     ) -> tuple[Lift, Verdict, dict]:
         """The cam, its verdict and the content of design.json, all of them written into the folder."""
-        scene, effort, clock, gradient = self.scene, self.effort, self.clock, self.settings["gradient"]
+        scene, effort, clock = self.scene, self.effort, self.clock
         assert scene.design is not None, "load_scene(..., need=...) guarantees it"
         shown.begin("search")
-        log = Logbook(Journal(folder), shown.step, clock)
-        search, no_jump = find_cam(
-            scene, self.settings["speeds"], effort, gradient, log=log, seed=self.settings["seed"]
-        )
-        self.found = {"cams_judged": search.judge.calls, "gradient_ended": search.gradient_ended}
+        candidates, no_jump = self._cams_for_yield(folder, shown) if self.wanted else self._cams(folder, shown)
         shown.begin("verdict")
         with clock.stage("verdict"):
-            chosen, verdict, refused = confirmed_cam(scene, search.confirmed, self.settings["speeds"], effort)
+            chosen, verdict, refused = confirmed_cam(scene, candidates, self.settings["speeds"], effort)
         lift = as_written(chosen.lift)
+        verification = verdict.as_dict() | (self._yield_of(lift) if self.wanted else {})
         record = design_record(
             chosen.lift,
             scene.design.max_lift_mm * MM,
@@ -165,9 +172,64 @@ class _OpenRun:
         )
         write_json(folder / "design.json", record)
         write_lift_table(folder / "lift.csv", lift)
-        write_json(folder / "verification.json", verdict.as_dict())
+        write_json(folder / "verification.json", verification)
         self.write_provenance(folder)
         return lift, verdict, record
+
+    @property
+    def wanted(self) -> float | None:
+        """The yield that is wanted, if one is."""
+        return self.settings.get("yield")
+
+    def _cams(self, folder: Path, shown: Progress) -> tuple[list[NoJumpOptimum], NoJumpOptimum]:
+        """The confirmed cams of the search, each larger than the one before, and the best of the program alone."""
+        asked, log = self.settings, Logbook(Journal(folder), shown.step, self.clock)
+        search, no_jump = find_cam(
+            self.scene, asked["speeds"], self.effort, asked["gradient"], log=log, seed=asked["seed"]
+        )
+        self.found = {"cams_judged": search.judge.calls, "gradient_ended": search.gradient_ended}
+        return search.confirmed, no_jump
+
+    def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[list[NoJumpOptimum], NoJumpOptimum]:
+        """The same of the search for yield; the program alone is that with one common margin."""
+        from camopt.optimizer.as_built.design import EFFORTS, yield_search
+        from camopt.optimizer.as_built.journal import TrainsLog
+
+        asked = self.settings
+        with self.clock.stage("yield_search"):
+            search = yield_search(
+                self.scene,
+                asked["yield"],
+                EFFORTS[asked["accuracy"]],
+                gradient=asked["gradient"] != "none",
+                seed=asked["seed"],
+                log=TrainsLog(folder),
+                show=shown.step,
+            )
+        self.found = {"cams_judged": search.steps, "trains_drawn": len(search.drawn.trains)}
+        assert search.common is not None, "a search that ends has one"
+        return search.held, search.common
+
+    def _yield_of(self, lift: Lift) -> dict:
+        """verification.json's "yield": by fresh trains, beside the baselines where the run compares."""
+        from camopt.optimizer.as_built.design import EFFORTS
+        from camopt.optimizer.as_built.statement import yield_statement
+        from camopt.optimizer.baselines.comparison import NO_JERK, plain_baselines
+
+        asked, effort = self.settings, EFFORTS[self.settings["accuracy"]]
+        with self.clock.stage("yield"):
+            baselines = plain_baselines(self.scene) if self.compare else {}
+            stated = yield_statement(
+                self.scene,
+                lift,
+                asked["yield"],
+                trains=effort.stated_trains,
+                speeds=effort.stated_speeds,
+                seed=asked["seed"],
+                baselines={name: cam for name, cam in baselines.items() if NO_JERK not in name},
+            )
+        self.yield_confirmed = stated.confirmed
+        return {"yield": stated.as_dict()}
 
     def write_provenance(self, folder: Path) -> None:
         """provenance.json as far as the run has come."""

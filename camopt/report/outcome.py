@@ -61,7 +61,8 @@ def outcome_lines(run: RunFolder) -> list[str]:
     verdict, broken = run.verification.get("verdict", "not verified"), broken_limits(run)
     reason = run.verification.get("reason")
     why = f". {reason}" if isinstance(reason, str) and reason else ""
-    return [*lines, f"verdict: {verdict}" + (f" (broken: {'; '.join(broken)})" if broken else why)]
+    verdict_line = f"verdict: {verdict}" + (f" (broken: {'; '.join(broken)})" if broken else why)
+    return [*lines, verdict_line, *yield_sentences(run)]
 
 
 def gain_sentences(run: RunFolder) -> list[str]:
@@ -88,6 +89,37 @@ def gain_sentences(run: RunFolder) -> list[str]:
             f"that it refused has an area ratio of {shown(refused, 5)}."
         )
     return sentences
+
+
+def yield_rows(run: RunFolder) -> list[dict]:
+    """By cam the share of trains as built that hold, with its interval in per cent; empty where none was wanted."""
+    found = run.verification.get("yield")
+    if not isinstance(found, dict):
+        return []
+    others = found.get("baselines")
+    cams = {"design": found, **(others if isinstance(others, dict) else {})}
+    keys = ("share", "low", "high")
+    return [
+        {"cam": name, "trains": one["trains"], **{key: 100 * one[key] for key in keys}}
+        for name, one in cams.items()
+        if isinstance(one, dict) and all(is_number(one.get(key)) for key in ("trains", *keys))
+    ]
+
+
+def yield_sentences(run: RunFolder) -> list[str]:
+    """What the run says of trains as built: a line for each cam, and whether the wanted yield is confirmed."""
+    rows, found = yield_rows(run), run.verification.get("yield")
+    if not rows or not isinstance(found, dict):
+        return []
+    lines = [
+        f"trains as built, {row['cam']}: {row['share']:.1f} % of {row['trains']} hold every limit "
+        f"(95 % interval {row['low']:.1f} to {row['high']:.1f} %)"
+        for row in rows
+    ]
+    word = "confirmed" if found.get("confirmed") else "not confirmed"
+    sample = found.get("independent")
+    judged = len(sample) if isinstance(sample, list) else 0
+    return [*lines, f"yield of {100 * found['wanted']:g} %: {word}; independent methods judged {judged} of the trains"]
 
 
 def contact_sentence(run: RunFolder) -> list[str]:

@@ -24,8 +24,10 @@ VALUES = {
     "bounce_max_mm": (0.005, 0.02, 0.05, 0.1, 0.2),
     "jump_max_mm": (0.0, 0.02, 0.05, 0.1, 0.2),
     "jerk_max_mm_per_deg3": (0.0015, 0.002, 0.003, 0.005, 0.01),
+    "yield": (0.99, 0.95, 0.9, 0.8, 0.5),
 }
 """Values tried where none are given."""
+YIELD = "yield"
 SHORTFALL = 1e-3
 """Area ratio that stands for one newton that a margin is short of, where no cam keeps it."""
 
@@ -57,29 +59,44 @@ def pareto(
     speeds: str = "band",
     accuracy: str = "draft",
     gradient: str = "none",
+    seed: int = 0,
     out: Path | str | None = None,
     progress: bool = False,
 ) -> Front:
     """Largest area ratio that the event-exact judge confirms, for each value of the design's limit `against`.
+
+    Against "yield" the values are shares of the trains as built that the cam must hold, over the band; then `seed`
+    draws the search's trains; how fresh ones fare `manufacturing_yield` tells.
 
     `values` (k) in the limit's own units (default: `VALUES`), tried from tight to loose: a cam found within a tighter
     limit counts within a looser one too. `release` names limits to leave out, since a tight jump limit hides what
     bounce costs. With `out` each point is stored as it is found, and a second call goes on from there.
     Raises InputError for an unknown limit or accuracy. A value without a confirmed cam is NaN.
     """
-    if scene.design is None or against not in type(scene.design).model_fields or (against not in VALUES and not values):
+    of_yield = against == YIELD
+    known = of_yield or (scene.design is not None and against in type(scene.design).model_fields)
+    if scene.design is None or not known or (against not in VALUES and not values):
         raise InputError(f"pareto: {against!r}: expected a limit of [design] such as {', '.join(VALUES)}, with values")
     asked = {"against": against, "release": sorted(release), "speeds": speeds, "accuracy": accuracy} | {
         "gradient": gradient,
-        "scene": scene.model_dump(mode="json", exclude_none=True, exclude_defaults=True, exclude=AS_BUILT),
+        "scene": scene.model_dump(
+            mode="json", exclude_none=True, exclude_defaults=True, exclude=None if of_yield else AS_BUILT
+        ),
     }
+    asked |= {"seed": seed} if of_yield else {}
     stored = _stored(out, asked)
     rows, effort, best = [], accuracy_named(accuracy), {"area_ratio": None}
-    carried = "_max" in against or "_min" in against
-    for value in tqdm(sorted(values or VALUES[against], key=abs), disable=None if progress else True, desc=against):
+    carried = of_yield or "_max" in against or "_min" in against
+    tight_first = sorted(values or VALUES[against], key=lambda value: -value if of_yield else abs(value))
+    for value in tqdm(tight_first, disable=None if progress else True, desc=against):
         key = repr(float(value))
         if key not in stored:
-            stored[key] = _point(_changed(scene, {against: value} | dict.fromkeys(release)), speeds, effort, gradient)
+            if of_yield:
+                held = _changed(scene, dict.fromkeys(release)) if release else scene
+                stored[key] = _yield_point(held, value, accuracy, gradient, seed)
+            else:
+                changed = _changed(scene, {against: value} | dict.fromkeys(release))
+                stored[key] = _point(changed, speeds, effort, gradient)
             if out is not None:
                 write_json(out, {"asked": asked, "points": stored})
         if not carried or (stored[key]["area_ratio"] or 0.0) > (best["area_ratio"] or 0.0):
@@ -102,6 +119,19 @@ def _stored(out: Path | str | None, asked: dict) -> dict:
 def _changed(scene: Scene, limits: dict) -> Scene:
     assert scene.design is not None
     return scene.model_copy(update={"design": scene.design.model_copy(update=limits)})
+
+
+def _yield_point(scene: Scene, wanted: float, accuracy: str, gradient: str, seed: int) -> dict:
+    """The largest area ratio that this share of the search's drawn trains holds, None without a cam."""
+    from camopt.optimizer.as_built.design import EFFORTS, yield_search
+    from camopt.optimizer.as_built.wanted import check_wanted
+
+    check_wanted(scene, wanted, "band")
+    try:
+        found = yield_search(scene, wanted, EFFORTS[accuracy], gradient=gradient != "none", seed=seed)
+    except InputError:
+        return {"area_ratio": None}
+    return {"area_ratio": found.held[-1].area_ratio, "trains": len(found.drawn.trains), "cams": found.steps}
 
 
 def _point(scene: Scene, speeds: str, effort, gradient: str) -> dict:

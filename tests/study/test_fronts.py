@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -45,3 +46,20 @@ def test_more_preload_within_limits_carries_more_area():
     assert 1.0 < found.preload <= 1.05 and found.rate == 1.0
     seat = next(e for e in found.scene.element if e.name == KODAMA.seat)
     assert seat.preload_N == pytest.approx(197.0 * found.preload)
+
+
+def test_area_against_yield_never_rises_with_the_share(tmp_path, monkeypatch):
+    areas, asked = {0.99: 0.45, 0.9: 0.44, 0.5: 0.5}, []  # the search found less at 0.9 than what holds at 0.99 already
+
+    def searched(scene, wanted, effort, **more):
+        asked.append(wanted)
+        cam = SimpleNamespace(area_ratio=areas[wanted])
+        return SimpleNamespace(held=[cam], drawn=SimpleNamespace(trains=[0] * 100), steps=3)
+
+    monkeypatch.setattr("camopt.optimizer.as_built.design.yield_search", searched)
+    front = pareto(KODAMA, "yield", (0.5, 0.9, 0.99), out=tmp_path / "front.json")
+    assert asked == [0.99, 0.9, 0.5]
+    assert front.table["area_ratio"].values.tolist() == [0.45, 0.45, 0.5]
+    assert front.table["limit"].values.tolist() == asked
+    with pytest.raises(InputError, match=r"a share from 0\.5"):
+        pareto(KODAMA, "yield", (1.0,))

@@ -8,6 +8,7 @@ from scipy.stats import norm
 
 import camopt
 from camopt.cli.parser import main
+from camopt.measure.limits import motion_limits
 from camopt.scene import InputError, load_scene, parse_scene
 from camopt.study.yields import measurement
 from camopt.study.yields.yields import JOURNAL, SUMMARY, yield_lines
@@ -32,7 +33,7 @@ def heavy_ones_break(monkeypatch):
         return np.stack([0.5 * heavy, heavy], axis=-1)[:, None, :].repeat(LIMITS, axis=1)
 
     def no_track(scene, lift, speeds_rpm):
-        return measurement.Track(lift, (), np.zeros(0), measurement.motion_limits(scene.design))
+        return measurement.Track(lift, (), np.zeros(0), motion_limits(scene.design))
 
     monkeypatch.setattr(measurement.Track, "used", used)
     monkeypatch.setattr("camopt.study.yields.yields.track", no_track)

@@ -14,13 +14,14 @@ from camopt.cam.lift import Lift
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import broken_by_shape, motion_limits
 from camopt.measure.yields import Share, UsedLimits, blame, counted, share_of
+from camopt.optimizer.as_built.track import track
 from camopt.plots import save
 from camopt.scene.as_built import GRINDING
 from camopt.scene.errors import InputError
 from camopt.scene.schema import AS_BUILT, Scene
 from camopt.scene.toml_text import scene_toml
 from camopt.storage import plain, run_folder, run_identity, write_json, write_text
-from camopt.study.yields.measurement import TrainsJournal, measure_trains, track
+from camopt.study.yields.measurement import TrainsJournal, measure_trains
 
 TRAINS, SPEEDS = 1000, 11
 """How many trains are drawn, and at how many speeds of the band they are judged, where nothing else is said."""

@@ -1,0 +1,92 @@
+"""The search for yield of a scene, without a run folder around it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from camopt.cam.families.free import free_cam
+from camopt.optimizer.as_built.drawn import DrawnTrains
+from camopt.optimizer.as_built.journal import TrainsLog
+from camopt.optimizer.as_built.search import FIRST_MARGIN_N, OVERSPEED, YieldSearch
+from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpProgram, no_jump_program
+from camopt.optimizer.program.relocation import relocate, standing
+from camopt.scene.errors import InputError
+from camopt.scene.schema import Scene
+from camopt.scene.train import build_train
+
+KNOT_DEG = 3.0
+"""Knot interval of the free cam. Finer ones let the program answer the train as designed with ripples of its own
+frequency, which no other train shares."""
+BAND_SPEEDS = 7
+"""Speeds of the program within the band."""
+DRAWS_SEED = 1_000_003
+"""Added to the seed for the draws of the search, which those of the final statement never meet."""
+
+
+@dataclass(frozen=True)
+class YieldEffort:
+    """How many trains a search draws at first and at last, its gradient steps on either, and the final statement."""
+
+    trains: tuple[int, int]
+    gradient_steps: tuple[int, int]
+    stated_trains: int
+    stated_speeds: int
+
+
+EFFORTS = {
+    "draft": YieldEffort((100, 100), (6, 0), 200, 11),
+    "standard": YieldEffort((200, 400), (24, 8), 1000, 21),
+    "fine": YieldEffort((500, 1000), (40, 16), 2000, 41),
+}
+
+
+@threadpool_limits.wrap(limits=1, user_api="blas")  # the matrices are small, and the judge has threads of its own
+def yield_search(
+    scene: Scene,
+    wanted: float,
+    effort: YieldEffort,
+    *,
+    gradient: bool = True,
+    seed: int = 0,
+    log: TrainsLog | None = None,
+    show: Callable[[dict], None] = lambda line: None,
+) -> YieldSearch:
+    """The search for the cam of largest area that `wanted` of the trains as built hold over the scene's band.
+
+    `held` of the answer has the cams, each larger than the one before; `seed` draws the trains. Raises InputError where
+    no cam holds.
+    """
+    drawn = DrawnTrains(scene, seed + DRAWS_SEED)
+    search = YieldSearch(drawn, _program(scene), wanted, log or TrainsLog(None), show)
+    first = search.program.solve(Margins(*[FIRST_MARGIN_N] * 3))
+    drawn.settle(first.lift)
+    drawn.draw(effort.trains[0])
+    margins = search.common_margin()
+    for trains, steps in zip(effort.trains, effort.gradient_steps, strict=True):
+        if trains > len(drawn.trains):
+            search.more_trains(trains)
+        if gradient and steps:
+            margins = search.by_gradient(margins, steps)
+    if search.best is None:
+        raise InputError(
+            f"{scene.name}: no cam was found that {100 * wanted:g} % of {len(drawn.trains)} drawn trains hold: ask for "
+            f"a smaller yield, relax the limits on the motion or make the tolerances narrower; `camopt yield` says "
+            f"which is to blame"
+        )
+    return search
+
+
+def _program(scene: Scene) -> NoJumpProgram:
+    """The no-jump program of the train as designed over the band and a little beyond, at the angles of its own cam."""
+    design, operation = scene.design, scene.operation
+    assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
+    low, high = operation.band_rpm
+    speeds = [*np.linspace(low, high, BAND_SPEEDS), *(high * factor for factor in OVERSPEED)]
+    cam_speeds = [scene.cam_speed(speed) for speed in speeds]
+    program = standing(no_jump_program(build_train(scene), design, free_cam(design, KNOT_DEG), cam_speeds))
+    try:
+        return relocate(program, program.solve(Margins(*[FIRST_MARGIN_N] * 3)).lift)
+    except NoCamHoldsContact:
+        return program

@@ -1,0 +1,146 @@
+"""Drawn trains with a cam: how much of the limits each uses at each of its speeds.
+
+Every train has its own numbers, its own ground cam and its own speeds: neighbours in the list stand at neighbouring
+speeds, so that the trains together see the band more finely than each alone. A train remembers what it used and where
+it settled, so that of the next cam, which differs little, only what matters need be judged, and settles sooner.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from camopt.cam.families.free import FreeCam
+from camopt.cam.lift import Lift, recentred
+from camopt.exact.batch import value_and_gradient_many
+from camopt.exact.settled import settled_metrics
+from camopt.measure.as_built import TrainAsBuilt, trains_as_built
+from camopt.measure.limits import MotionLimit, motion_limits
+from camopt.optimizer.as_built.track import WORKERS
+from camopt.scene.rest import state_at_rest
+from camopt.scene.schema import Scene
+from camopt.scene.train import build_train
+
+SPEEDS, STAGGER = 11, 4
+"""Speeds at which a train is judged, and after how many trains the same speeds come again."""
+REVOLUTIONS = 2
+"""Revolutions from the settled state, of which the last one is differentiated."""
+
+
+@dataclass
+class DrawnTrains:
+    """Trains (t) drawn for a search, each at its speeds (s) of the scene's band, and what they used of the limits (l).
+
+    `used` (t, l, s) is one at the limit and more beyond it, `states` (t, s, 2n + r) is where the motions settled.
+    """
+
+    scene: Scene
+    seed: int
+    trains: list[TrainAsBuilt] = field(default_factory=list)
+    motions: int = 0  # judged so far, a train at a speed being one
+    used: np.ndarray = field(init=False)
+    states: np.ndarray = field(init=False)
+
+    def __post_init__(self):
+        rest = state_at_rest(build_train(self.scene))
+        self._nominal = np.tile(rest, (STAGGER, SPEEDS, 1))
+        self.used = np.zeros((0, len(self.limits), SPEEDS))
+        self.states = np.zeros((0, SPEEDS, len(rest)))
+
+    @cached_property
+    def limits(self) -> tuple[MotionLimit, ...]:
+        """The limits on the motion (l)."""
+        return tuple(motion_limits(self.scene.design).values())
+
+    @cached_property
+    def _cam_speeds(self) -> np.ndarray:
+        """Cam speeds [rad/s] by place in the stagger and number (STAGGER, s)."""
+        assert self.scene.operation is not None, "load_scene(..., need=...) guarantees it"
+        fine = np.linspace(*self.scene.operation.band_rpm, STAGGER * SPEEDS)
+        return np.array([self.scene.cam_speed(rpm) for rpm in fine]).reshape(SPEEDS, STAGGER).T
+
+    def speeds(self, train: int) -> np.ndarray:
+        """Cam speeds (s) [rad/s] of the train of a number."""
+        return self._cam_speeds[train % STAGGER]
+
+    @property
+    def worst(self) -> np.ndarray:
+        """The largest part of a limit that each train uses (t), as far as it was judged."""
+        return self.used.max(axis=(1, 2), initial=0.0)
+
+    @property
+    def failing(self) -> int:
+        """How many trains break a limit, as far as they were judged."""
+        return int(np.sum(self.worst > 1.0))
+
+    @property
+    def all(self) -> np.ndarray:
+        """Every train at every speed (t, s: bool)."""
+        return np.ones((len(self.trains), SPEEDS), dtype=bool)
+
+    def settle(self, lift: Lift) -> None:
+        """Lets every train that is drawn from now on begin where the train as designed settles with this cam."""
+        found = settled_metrics([build_train(self.scene)], [lift], self._cam_speeds.ravel()).states[0, 0]
+        self._nominal = np.where(np.isfinite(found).reshape(self._nominal.shape), found.reshape(self._nominal.shape),
+                                 self._nominal)  # fmt: skip
+
+    def draw(self, count: int) -> None:
+        """Draws trains until there are so many."""
+        first = len(self.trains)
+        self.trains += trains_as_built(self.scene, count - first, seed=self.seed, first=first)
+        new = np.arange(first, count)
+        self.states = np.concatenate([self.states, self._nominal[new % STAGGER]])
+        self.used = np.concatenate([self.used, np.zeros((len(new), len(self.limits), SPEEDS))])
+
+    def judge(self, lift: Lift, wanted: np.ndarray) -> None:
+        """Judges a cam with the trains at the speeds that are `wanted` (t, s: bool)."""
+        rows = np.flatnonzero(wanted.any(axis=1))
+        self.motions += int(wanted.sum())
+        with ThreadPoolExecutor(WORKERS) as pool:
+            list(pool.map(lambda t: self._one(lift, int(t), np.flatnonzero(wanted[t])), rows))
+
+    def _one(self, lift: Lift, t: int, at: np.ndarray) -> None:
+        one, starts = self.trains[t], self.states[t, at]
+        found = settled_metrics(
+            [one.train], [one.cam(lift)], self.speeds(t)[at], starts=starts, decay=np.inf, workers=1
+        )
+        states = found.states[0, 0]
+        self.states[t, at] = np.where(np.isfinite(states), states, self._nominal[t % STAGGER, at])
+        self.used[t][:, at] = [limit.share(found.worst(limit.metric)[0, 0]) for limit in self.limits]
+
+    def slopes(self, cam: FreeCam, z: np.ndarray, above: float) -> tuple[np.ndarray, np.ndarray]:
+        """Trains (k) whose worst part of a limit is larger than `above`, and its slope by the cam's z (k, m).
+
+        By the event-exact adjoint, from where the motions settled. A train whose motion is refused has slope zero.
+        """
+        lift, found = cam.lift(z), np.flatnonzero(self.worst > above)
+        if not len(found):
+            return found, np.zeros((0, len(z)))
+        basis = ground_basis(cam, self.trains[found[0]].cam(lift))
+        with ThreadPoolExecutor(WORKERS) as pool:
+            return found, np.array(list(pool.map(lambda t: self._slope(lift, basis, int(t)), found)))
+
+    def _slope(self, lift: Lift, basis: np.ndarray, t: int) -> np.ndarray:
+        one, (l, s) = self.trains[t], np.unravel_index(np.argmax(self.used[t]), self.used[t].shape)
+        gradient = value_and_gradient_many(
+            one.train, [one.cam(lift)], [self.speeds(t)[s]], [self.limits[l].metric], self.states[t, s : s + 1],
+            workers=1, revolutions=REVOLUTIONS + 1, revolution=REVOLUTIONS - 1,
+        )[0]  # fmt: skip
+        if gradient is None:
+            return np.zeros(basis.shape[2])
+        by_z = np.tensordot(gradient.by_coefficients[0], basis, axes=2)
+        return np.nan_to_num(by_z * self.limits[l].share_slope)
+
+
+def ground_basis(cam: FreeCam, ground: Lift) -> np.ndarray:
+    """The derivative (p, q, m) of a ground cam's coefficients [m/rad^k] by the free cam's z; its errors do not count.
+
+    The borders of a grinding error do not hang on its seed, so that all ground cams of a free one share them.
+    """
+    matrix, _ = cam.piece_basis()
+    plain = cam.lift(np.zeros(matrix.shape[2]))
+    piece = np.searchsorted(plain.borders, 0.5 * (ground.borders[1:] + ground.borders[:-1])) - 1
+    units = [Lift(plain.borders, part, plain.half_duration) for part in np.moveaxis(matrix, 2, 0)]
+    basis = np.stack([recentred(unit, piece, ground.borders[:-1]) for unit in units], axis=-1)
+    return np.pad(basis, ((0, 0), (0, ground.coefficients.shape[1] - basis.shape[1]), (0, 0)))
