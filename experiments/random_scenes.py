@@ -108,7 +108,13 @@ def judged(number: int, cams: int) -> dict:
     try:
         answer = first_answer(STEP_METHODS[method], *case, halvings=3)
     except InputError:  # laws that the method does not carry
-        return {**row, "doubt": min(doubtful_figure(true)[1], MOST_DOUBT), "verdict": REFUSED, "error_of": "", "error": None}
+        return {
+            **row,
+            "doubt": min(doubtful_figure(true)[1], MOST_DOUBT),
+            "verdict": REFUSED,
+            "error_of": "",
+            "error": None,
+        }
     verdict, error_of, error = judge(answer, true)
     return {
         **row,

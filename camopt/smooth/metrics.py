@@ -97,7 +97,7 @@ def leaked(system: System, motion: SystemState, touch, opening_foot, revolution:
     return jnp.maximum(0.0, at_angle(motion.angle, shortening, touch) - before)
 
 
-def nominal_closing(system: System, motion: SystemState, revolution: int, shorter=0.0):
+def nominal_closing(system: System, motion: SystemState, revolution: int, shorter: jax.Array | float = 0.0):
     """Angle [rad] at which the cam lift has fallen to the lash and what the adjusters are `shorter` [m]: a cubic inside
     a step, or linear without its slope."""
     lash = shorter + sum(system.gap[e] for e in system.topology.cam_side)

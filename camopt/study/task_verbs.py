@@ -9,10 +9,10 @@ from camopt.exact.settled import settled_metrics
 from camopt.exact.settled.figures import NAMES
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import motion_limits
+from camopt.optimizer.as_built.track import Track, track
 from camopt.scene import Scene, build_train
 from camopt.scene.quantities import LESS_IS_WORSE
 from camopt.study.simulate.motion import simulate
-from camopt.study.yields.measurement import Track, track
 from camopt.tasks.task import SettledTask, SimulateTask, TaskOnScene, YieldTask
 from camopt.tasks.varied import varied_scene
 

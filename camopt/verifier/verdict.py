@@ -172,7 +172,7 @@ def _swept_band(
     These are the worst speed of every limited metric and a start that lies inside the band although the metric is
     limited: what a search of its own has found may not be left out.
     """
-    swept = Swept(event_exact, scene, lift, WORKERS, "event", _settled_metrics())
+    swept = Swept(_at_first_steps, scene, lift, WORKERS, "event", _settled_metrics())
     limited = limited_metrics(scene.design)
     found, left_out = resonances(scene, lift, step_rpm)
     sweep(swept, step_rpm, limited if refined else (), found)
@@ -208,6 +208,10 @@ def event_exact(train: Train, lift: Lift, cam_speed: float, steps_per_revolution
         finer = max(1.0, steps_per_revolution / first_steps(train, cam_speed))
         train = with_chords(train, round(CHORDS * finer**0.5))
     return engine.prepare(train, lift, cam_speed, steps_per_revolution)
+
+
+def _at_first_steps(train: Train, lift: Lift, cam_speed: float) -> Revolve:
+    return event_exact(train, lift, cam_speed, first_steps(train, cam_speed))
 
 
 def _settled_metrics() -> SettledMany:

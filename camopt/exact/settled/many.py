@@ -96,9 +96,9 @@ def settled_metrics(
     The trains have states of one size. `starts`, of a shape that broadcasts to (t, c, s, 2n + r), are the states at
     -pi from which the motions settle, [m], [m/s], [m]; without them they start from rest. `decay` is by what power of e
     disturbances are taken to die out over a revolution, infinite for a train without slow modes; by default it follows
-    from each train's slowest mode or leak. A motion without slow modes settles for at most `most` revolutions, and `measured`
-    of them are measured where it is periodic. `workers` threads share the work. Raises InputError for a train without
-    valve, seat or contact between cam and valve.
+    from each train's slowest mode or leak. A motion without slow modes settles for at most `most` revolutions, and
+    `measured` of them are measured where it is periodic. `workers` threads share the work. Raises InputError for a
+    train without valve, seat or contact between cam and valve.
     """
     speeds = np.asarray(cam_speeds, dtype=float)
     cams = {forcing: _cams(lifts, forcing) for forcing in {train.forcing for train in trains}}

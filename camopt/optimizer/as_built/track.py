@@ -39,7 +39,7 @@ class Track:
         return np.array([limit.share(found.worst(limit.metric)[0, 0]) for limit in self.limits.values()])
 
 
-def track(scene: Scene, lift: Lift, speeds_rpm: Sequence[float]) -> Track:
+def track(scene: Scene, lift: Lift, speeds_rpm: Sequence[float] | np.ndarray) -> Track:
     """The track of a scene's cam at crankshaft speeds (s) [r/min]."""
     train, speeds = build_train(scene), tuple(scene.cam_speed(speed) for speed in speeds_rpm)
     states = settled_metrics([train], [lift], speeds).states[0, 0]
