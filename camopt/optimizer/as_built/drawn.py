@@ -81,7 +81,7 @@ class DrawnTrains:
 
     def settle(self, lift: Lift) -> None:
         """Lets every train that is drawn from now on begin where the train as designed settles with this cam."""
-        found = settled_metrics([build_train(self.scene)], [lift], self._cam_speeds.ravel()).states[0, 0]
+        found = settled_metrics([build_train(self.scene)], [lift], self._cam_speeds.ravel().tolist()).states[0, 0]
         self._nominal = np.where(np.isfinite(found).reshape(self._nominal.shape), found.reshape(self._nominal.shape),
                                  self._nominal)  # fmt: skip
 
@@ -103,7 +103,7 @@ class DrawnTrains:
     def _one(self, lift: Lift, t: int, at: np.ndarray) -> None:
         one, starts = self.trains[t], self.states[t, at]
         found = settled_metrics(
-            [one.train], [one.cam(lift)], self.speeds(t)[at], starts=starts, decay=np.inf, workers=1
+            [one.train], [one.cam(lift)], self.speeds(t)[at].tolist(), starts=starts, decay=np.inf, workers=1
         )
         states = found.states[0, 0]
         self.states[t, at] = np.where(np.isfinite(states), states, self._nominal[t % STAGGER, at])
