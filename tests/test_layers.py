@@ -20,7 +20,7 @@ MAY_IMPORT = {
     "scene": set(),
     "plots": {"scene", "cam", "storage"},  # the colours of cam families; otherwise its arguments are arrays
     "cam": {"scene", "storage"},
-    "measure": {"cam"} | SUPPORT,
+    "measure": {"cam", "programs"} | SUPPORT,
     "smooth": {"cam", "scene", "cache"},
     "exact": {"cam", "programs"} | SUPPORT,
     "verifier": {"cam", "measure", "programs"} | SUPPORT,

@@ -262,6 +262,6 @@ def first_exceeding(
 
 def _bisect(swept: Swept, name: str, limit: float, below: float, above: float) -> float:
     while above - below > START_RPM:
-        middle = 0.5 * (below + above)
+        middle = float(round(0.5 * (below + above)))
         below, above = (below, middle) if not swept([middle])[0][name] <= limit else (middle, above)
     return float(above)
