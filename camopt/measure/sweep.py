@@ -24,8 +24,8 @@ START_RPM = 10.0
 """Accuracy with which the starting speeds are located."""
 CHUNK = 16
 """Speeds looked at together while the starting speeds are searched."""
-FINEST_RPM, FINEST_SHARE = 1.0, 0.05
-"""Accuracy with which the speeds of maxima are located: this, or this share of the band's step where that is more."""
+FINEST_RPM = 1.0
+"""Accuracy with which the speeds of maxima are located."""
 PEAKS = 3
 """Local maxima of each limited metric that are refined, the worst first."""
 
@@ -217,8 +217,7 @@ def sweep(
     refine: tuple[str, ...] = ("bounce_mm",),
     lightly_damped: Iterable[Resonance] = (),
 ) -> Band:
-    """The band in steps of `step_rpm` and at its resonances, then around the peaks of `refine` to FINEST_RPM or
-    FINEST_SHARE of the step.
+    """The band in steps of `step_rpm` and at its resonances, then around the peaks of `refine` to FINEST_RPM.
 
     The refinement quarters the step about the PEAKS worst local maxima of each metric found so far. Where the motion
     bounces, bounce against speed is rough: what is refined is the largest found, not proved to be the largest.
@@ -226,9 +225,9 @@ def sweep(
     low, high = swept.ends
     swept([*np.arange(low, high, step_rpm), high])
     swept({float(np.clip(s, low, high)) for r in lightly_damped for s in r.speeds_rpm()})
-    step, finest = step_rpm, max(FINEST_RPM, FINEST_SHARE * step_rpm)
-    while refine and step > finest:
-        step = max(finest, round(step / 4))
+    step = step_rpm
+    while refine and step > FINEST_RPM:
+        step = max(FINEST_RPM, round(step / 4))
         band = swept.band(step_rpm)
         peaks = {s for name in refine for s in band.peaks(name)[:PEAKS]}
         swept({float(s) for peak in peaks for s in np.clip(round(peak) + step * np.arange(-3, 4), low, high)})
