@@ -60,7 +60,7 @@ class Lift:
         from scipy.interpolate import PPoly  # bad input is answered before SciPy loads
 
         lift = PPoly(self.coefficients[:, ::-1].T, self.borders)
-        return [lift, *(lift.derivative(k) for k in range(1, 5))]
+        return [lift, *(lift.derivative(k) for k in range(1, 6))]
 
     def __call__(self, theta, order: int = 0) -> np.ndarray:
         """Lift (order 0) or its derivative by angle up to the fourth at angles `theta` [rad], any shape."""

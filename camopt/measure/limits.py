@@ -11,7 +11,7 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.scene.quantities import QUANTITIES
 from camopt.scene.schema import Design
-from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3
+from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 
 ROUNDING = 1e-9
 """Relative slack of a limit on the shape. It allows for the rounding of a cam that is designed to touch its limit."""
@@ -87,7 +87,8 @@ def broken_by_shape(lift: Lift, design: Design | None) -> list[str]:
     They are keys of the design, and "continuous_lift" and "continuous_velocity", which no scene has to ask for. Every
     limit holds at every angle, as the exact extremes of the cam's pieces show. A step in velocity breaks the limits on
     the acceleration too, and a step in acceleration that on the jerk. The one exception is the outer end of a ramp to
-    which the scene gives no foot. `_outside` says what is asked of the duration and the ramps.
+    which the scene gives no foot. The limit on the snap counts between the ramps, at whose ends every cam's jerk steps.
+    `_outside` says what is asked of the duration and the ramps.
     """
     if design is None:
         return []
@@ -114,6 +115,12 @@ def broken_by_shape(lift: Lift, design: Design | None) -> list[str]:
         steepest = np.abs(lift.extremes(3)).max()
         if kink or bend or steepest > jerk * MM_PER_DEG3 * (1 + ROUNDING):
             broken.append("jerk_max_mm_per_deg3")
+    if design.snap_max_mm_per_deg4 is not None:
+        half = lift.half_duration
+        largest = np.abs(lift.extremes(4, -half, half)).max()
+        stepped = kink or bend or _has_step(lift, design, 3, within=half)
+        if stepped or largest > design.snap_max_mm_per_deg4 * MM_PER_DEG4 * (1 + ROUNDING):
+            broken.append("snap_max_mm_per_deg4")
     if design.nose_deg:
         nose = design.nose_deg * DEG
         if lift.extremes(2, -nose, nose)[1] > ROUNDING * max(-lowest, highest):
@@ -173,8 +180,10 @@ def _above(lift: Lift, sign: int, half: float) -> float:
     return lift.extremes(0, *sorted((sign * half, sign * np.pi)))[1]
 
 
-def _has_step(lift: Lift, design: Design, order: int) -> bool:
-    """Whether the derivative `order` jumps at any border of the pieces, the ends of the revolution included.
+def _has_step(lift: Lift, design: Design, order: int, within: float = np.inf) -> bool:
+    """Whether the derivative `order` jumps at a border of the pieces nearer to the nose than `within` [rad].
+
+    Without such a limit the ends of the revolution are included.
 
     Where the scene's ramps have no foot, the velocity may jump by that of the ramp as the lift leaves and meets zero.
     """
@@ -189,4 +198,5 @@ def _has_step(lift: Lift, design: Design, order: int) -> bool:
         flat = np.all(lift.coefficients == 0, axis=1)
         fastest = max(velocity for _, velocity, _ in design.ramps()) * MM_PER_DEG
         allowed += np.where(flat != np.roll(flat, 1), fastest * (1 + RAMP_VELOCITY), 0.0)
-    return bool(np.any(steps > allowed))
+    inner = np.abs(lift.borders[:-1]) < within * (1 - ROUNDING)
+    return bool(np.any(inner & (steps > allowed)))

@@ -86,6 +86,7 @@ class Design(Table):
     acceleration_max_mm_per_deg2: Positive | None = None
     acceleration_min_mm_per_deg2: Annotated[float, Field(lt=0), Usable] | None = None
     jerk_max_mm_per_deg3: Positive | None = None
+    snap_max_mm_per_deg4: Positive | None = None
     nose_deg: NonNegative | None = None
     bounce_max_mm: NonNegative | None = None
     jump_max_mm: NonNegative | None = None

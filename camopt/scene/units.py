@@ -14,5 +14,7 @@ MM_PER_DEG2 = MM / DEG**2
 """Acceleration by cam angle, m/rad^2 in a mm/deg^2."""
 MM_PER_DEG3 = MM / DEG**3
 """Jerk by cam angle, m/rad^3 in a mm/deg^3."""
+MM_PER_DEG4 = MM / DEG**4
+"""Snap by cam angle, m/rad^4 in a mm/deg^4."""
 RPM = 2.0 * math.pi / 60.0
 """rad/s in a revolution per minute."""

@@ -88,6 +88,8 @@ def _limits(scene: Scene, lift: Lift) -> list[str]:
         ("acceleration", 2, design.acceleration_min_mm_per_deg2, design.acceleration_max_mm_per_deg2),
         ("jerk", 3, design.jerk_max_mm_per_deg3 and -design.jerk_max_mm_per_deg3, design.jerk_max_mm_per_deg3),
     )
+    snap = design.snap_max_mm_per_deg4
+    limits += (("snap", 4, -snap, snap),) if snap is not None else ()
     for name, order, low, high in limits:
         least, most = (value * DEG**order / MM for value in lift.extremes(order))
         limit = f"limits {'none' if low is None else f'{low:g}'} to {'none' if high is None else f'{high:g}'}"

@@ -24,6 +24,7 @@ VALUES = {
     "bounce_max_mm": (0.005, 0.02, 0.05, 0.1, 0.2),
     "jump_max_mm": (0.0, 0.02, 0.05, 0.1, 0.2),
     "jerk_max_mm_per_deg3": (0.0015, 0.002, 0.003, 0.005, 0.01),
+    "snap_max_mm_per_deg4": (0.0005, 0.001, 0.002, 0.004),
     "yield": (0.99, 0.95, 0.9, 0.8, 0.5),
 }
 """Values tried where none are given."""

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.free import free_cam
-from camopt.optimizer.program.kinematic import first_working, spline_rows
+from camopt.measure.limits import broken_by_shape
+from camopt.optimizer.program.kinematic import first_working, kinematic_optimum, spline_rows
 from camopt.optimizer.program.linear_program import maximise
-from camopt.scene import load_scene
-from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3
+from camopt.scene import InputError, load_scene
+from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 
 KODAMA = load_scene("kodama").design
 SKEW = KODAMA.model_copy(update={"closing_ramp_height_mm": 0.35, "closing_ramp_velocity_mm_per_deg": 0.02})
@@ -84,6 +85,23 @@ def test_limits_hold_at_every_angle_and_are_reached(design, seed):
     assert lift.extremes(2)[1] / MM_PER_DEG2 <= 0.015
     assert np.max(np.abs(lift.extremes(3, -72 * DEG, 72 * DEG))) / MM_PER_DEG3 <= 0.003 * (1 + 1e-9)
     assert np.abs(jerk).max() > 0.9 * 0.003  # a corner of the limits, so the rows are not idle
+
+
+@pytest.mark.parametrize("knot_deg", [3.0, 2.0])
+def test_a_limit_on_the_snap_holds_at_every_angle_and_would_be_broken_without(knot_deg):
+    snaps = {}
+    for most in (None, 0.0005):
+        design = KODAMA.model_copy(update={"snap_max_mm_per_deg4": most})
+        found = kinematic_optimum(design, free_cam(design, knot_deg))
+        theta = np.arange(-72.0, 72.0005, 0.001) * DEG
+        steps = np.diff(found.lift(theta, 2)) / (0.001 * DEG)  # by the acceleration alone: its mean slope is the jerk
+        snaps[most] = np.abs(np.diff(steps)).max() / (0.001 * DEG) / MM_PER_DEG4
+        assert broken_by_shape(found.lift, design) == []
+    assert snaps[0.0005] == pytest.approx(0.0005, rel=1e-3)
+    assert snaps[None] > 1.5 * 0.0005
+    with pytest.raises(InputError, match="snap_max_mm_per_deg4 would have to rise from 1e-05 to"):
+        low = design.model_copy(update={"snap_max_mm_per_deg4": 1e-5, "reach_max_lift": True})
+        kinematic_optimum(low, free_cam(low, knot_deg))
 
 
 def test_lift_control_points_are_tight():

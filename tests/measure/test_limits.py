@@ -10,7 +10,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.measure.limits import MOTION_LIMITS, MotionLimit, broken_by_shape, duration_words, motion_limits
 from camopt.scene import load_scene
-from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
+from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 
 SCENE = load_scene("kodama")
 LIFT = polydyne(SCENE)
@@ -28,6 +28,7 @@ EXTREMES = {
     "acceleration_max_mm_per_deg2": LIFT.extremes(2)[1] / MM_PER_DEG2,
     "acceleration_min_mm_per_deg2": LIFT.extremes(2)[0] / MM_PER_DEG2,
     "jerk_max_mm_per_deg3": np.abs(LIFT.extremes(3)).max() / MM_PER_DEG3,
+    "snap_max_mm_per_deg4": np.abs(LIFT.extremes(4, -LIFT.half_duration, LIFT.half_duration)).max() / MM_PER_DEG4,
 }
 
 

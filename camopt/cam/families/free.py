@@ -19,7 +19,7 @@ from camopt.cam.lift import Lift, with_ramps
 from camopt.cam.ramps import Ramp, scene_ramps
 from camopt.scene import InputError, Scene
 from camopt.scene.schema import Design
-from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
+from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 
 DEGREE = 3
 """Polynomial degree of the acceleration."""
@@ -157,7 +157,7 @@ class FreeCam:
         return matrix, offset + points @ self.x_p
 
     def limits(self, design: Design) -> Limits:
-        """The design's acceleration, jerk, lift and nose limits as rows on z that hold at every angle."""
+        """The design's acceleration, jerk, snap, lift and nose limits as rows on z that hold at every angle."""
         parts = _LimitRows(self, design)
         ends = self.breaks[[0, -1]]
         if design.acceleration_max_mm_per_deg2 is not None:
@@ -166,6 +166,8 @@ class FreeCam:
             parts.add("acceleration_min_mm_per_deg2", MM_PER_DEG2, 2, ends, (-1,))
         if design.jerk_max_mm_per_deg3 is not None:
             parts.add("jerk_max_mm_per_deg3", MM_PER_DEG3, 3, ends, (1, -1))
+        if design.snap_max_mm_per_deg4 is not None:
+            parts.add("snap_max_mm_per_deg4", MM_PER_DEG4, 4, ends, (1, -1))
         if design.nose_deg:
             nose = np.array([-1.0, 1.0]) * design.nose_deg * DEG
             parts.add("nose_deg", DEG, 2, nose, (1,))
@@ -183,7 +185,7 @@ class _LimitRows:
         self.parts: list[tuple] = []
 
     def add(self, name: str, unit: float, order: int, edges, signs) -> None:
-        """Adds the rows sign * lift^(order) <= sign * limit on control points; a jerk limit binds both signs."""
+        """Adds the rows sign * lift^(order) <= sign * limit on control points; jerk and snap bind both signs."""
         matrix, offset = self.cam.control_points(order, np.asarray(edges))
         limit = getattr(self.design, name) * unit
         nose = name == "nose_deg"

@@ -21,7 +21,7 @@ from camopt.optimizer.ascent.projection import Empty, Polyhedron, ShapeLimits
 from camopt.optimizer.ascent.train_variables import TrainVariables
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Design, Scene
-from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
+from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 
 FREE = "free"
 NOSE_ANGLES = 41
@@ -173,6 +173,8 @@ def shape_excess(cam: DifferentiableCam, parameters: Mapping[str, Any], design: 
         parts.append(cam.peak(own, 2, lowest=True) / (lower * MM_PER_DEG2) - 1.0)
     if (jerk := design.jerk_max_mm_per_deg3) is not None:
         parts += [sign * cam.peak(own, 3, lowest=sign < 0) / (jerk * MM_PER_DEG3) - 1.0 for sign in (1.0, -1.0)]
+    if (snap := design.snap_max_mm_per_deg4) is not None:
+        parts += [sign * cam.peak(own, 4, lowest=sign < 0) / (snap * MM_PER_DEG4) - 1.0 for sign in (1.0, -1.0)]
     if design.nose_deg:
         theta = np.linspace(-design.nose_deg, design.nose_deg, NOSE_ANGLES) * DEG
         parts.append(jnp.max(cam.lift(theta, own, 2)) / MM_PER_DEG2)
