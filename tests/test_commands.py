@@ -342,6 +342,7 @@ class TestVerbsThatSearch:
             "gradient": "none",
             "out": tmp_path / "run",
             "seed": 7,
+            "wanted_yield": None,
             "resume": False,
             "progress": True,
             "compare": False,

@@ -89,11 +89,7 @@ def judge_speed(case: Case, speed_rpm: float) -> SpeedVerdict:
     }
     near_to = partial(neighbours, case.methods[first], train, case.lift, cam_speed, many=case.many)
     try:
-        if case.many:
-            look = at_once(case.many, train, case.lift, cam_speed, rest)
-            halved[first].go_on_from(look)
-        else:
-            look = halved[first].answer(FIRST_LOOK)
+        look = at_once(case.many, train, case.lift, cam_speed, rest) if case.many else halved[first].answer(FIRST_LOOK)
         early = _plainly_broken(case, speed_rpm, look, near_to)
     except MotionRefused:
         early = None

@@ -139,12 +139,6 @@ class Halving:
         self._stood: list[bool] = []
         self._state, self._last, self._faded = self._start, None, False
 
-    def go_on_from(self, settled: "Converged") -> None:
-        """Begins in the motion to which the same method settled already, where it is periodic."""
-        if settled.periodic and settled.state is not None:
-            self._start = self._state = settled.state
-            self._revolutions, self._faded = settled.revolutions, True
-
     @property
     def ended(self) -> bool:
         """Whether the answer stands, or no finer step is left."""
