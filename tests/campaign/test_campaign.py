@@ -13,6 +13,7 @@ import pytest
 from tests.campaign.fuzz import outcomes, table
 from tests.campaign.inputs import KINDS, drawn
 from tests.campaign.kills import COMMANDS, digest, killings, torn
+from tests.campaign.soak import grown, soaked
 from tests.campaign.starved import QUICK, bare, camopt, least_files, mounted, refused
 from tests.campaign.worker import verdict
 
@@ -66,6 +67,17 @@ class TestKills:
         for name, seconds in {"a.json": 1, "b.json": 2}.items():
             (tmp_path / name).write_text(f'{{"area": 1, "rows": [{{"seconds": {seconds}}}]}}')
         assert digest(tmp_path / "a.json") == digest(tmp_path / "b.json")
+
+
+class TestSoak:
+    def test_verdicts_leave_nothing_behind(self):
+        begin, *_, end = soaked(40, 10)
+        assert not grown(begin, end), (begin, end)
+
+    @pytest.mark.parametrize("key", ["memory_MB", "threads", "files"])
+    def test_growth_is_noticed(self, key):
+        held = {"memory_MB": 500.0, "threads": 3, "files": 9}
+        assert not grown(held, held) and grown(held, held | {key: held[key] * 2})
 
 
 class TestStarved:
