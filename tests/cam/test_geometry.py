@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.multi_pol import multi_pol
-from camopt.cam.geometry import contact, crossing, durations, pitch_radius
+from camopt.cam.followers.circle import signed_radius
+from camopt.cam.geometry import contact, crossing, durations
 from camopt.cam.lift import Lift
 from camopt.scene import InputError, load_scene
 from camopt.scene.schema import Geometry
@@ -72,6 +73,11 @@ class TestCircleAboutAnotherCentre:
     def test_crossings(self):
         opening, closing = crossing(cam_of(eccentric_flat), 5 * MM)
         assert (opening, closing) == pytest.approx((-np.arccos(0.25), np.arccos(0.25)), abs=1e-9)
+
+
+def pitch_radius(r, first, second):
+    """That of a polar curve r(theta), whose derivatives are (r', r) and (r'' - r, 2 r') along and across its ray."""
+    return signed_radius(np.stack([first, r], axis=1), np.stack([second - r, 2 * first], axis=1))
 
 
 def test_concave_and_straight_pitch_curves():
