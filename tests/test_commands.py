@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import sys
 from types import ModuleType, SimpleNamespace
 
@@ -173,8 +174,9 @@ class TestCamWithFollower:
     CAM = ("--cam", "polydyne")
 
     def scene(self, tmp_path, geometry: str, name: str = "kodama") -> str:
+        """The built-in scene with this [geometry] for its own."""
         file = tmp_path / f"{name}.toml"
-        file.write_text(scene_text(name) + geometry)
+        file.write_text(re.sub(r"\[geometry\].*?(?=\n\[\[)", "", scene_text(name), flags=re.DOTALL) + geometry)
         return str(file)
 
     def test_contact_and_stress(self, capsys, tmp_path):
@@ -199,6 +201,17 @@ class TestCamWithFollower:
         assert float(standing[2]) == pytest.approx(by_hand, rel=5e-3)
         assert float(moving[4]) > 1.02 * by_hand
         assert "(event-exact)" in out
+
+    def test_surfaces_and_oil_film(self, capsys):
+        code, out, _ = run(capsys, "cam", "kodama", *self.CAM, "--speed", "4000")
+        assert code == 0
+        assert "finger with a pad of radius 15 mm on a base circle of radius 18 mm" in out
+        shown = {line[2:26].strip(): line.split() for line in out.splitlines() if line.startswith("  ")}
+        found = contact(polydyne(KODAMA := load_scene("kodama")), KODAMA.geometry)
+        assert float(shown["sliding velocity, most"][-2]) == pytest.approx(
+            found.sliding.max() * KODAMA.cam_speed(4000), abs=2e-3
+        )
+        assert 0.1 < float(shown["film thickness ratio"][-4]) < 5
 
     def test_laws_that_event_exact_refuses(self, capsys, tmp_path):
         where = self.scene(tmp_path, GEOMETRY, "kodama-hertz")
@@ -246,7 +259,7 @@ class TestCamWithFollower:
         ],
     )
     def test_wrong_use(self, capsys, words, says):
-        code, _, err = run(capsys, "cam", "kodama", *self.CAM, *words)
+        code, _, err = run(capsys, "cam", "motori-1", *self.CAM, *words)
         assert (code, says in err) == (2, True)
 
 

@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from camopt.cam.exports import write_contour, write_rounded_table
+from camopt.cam.film import film_ratio
 from camopt.cam.geometry import DURATION_LIFTS_MM, Contact, contact, crossing
 from camopt.cam.hertz import HertzStress, contact_width, hertz_stress
 from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import write_lift_table
 from camopt.scene import InputError, MotionRefused, Scene, Train, build_train
+from camopt.scene.geometry import SWINGING
 from camopt.scene.rest import static_forces
 from camopt.scene.schema import Design, Geometry
 from camopt.scene.units import DEG, MM
@@ -31,7 +33,10 @@ LABELS = {
     "eccentricity_min_mm": "eccentricity, smallest",
     "face_width_needed_mm": "face width needed",
     "pressure_angle_max_deg": "largest pressure angle",
+    "valve_ratio_min": "valve over contact, least",
+    "valve_ratio_max": "valve over contact, most",
 }
+"""Figures of a contact, and what they are called; their unit ends the key where they have one."""
 
 
 def export(
@@ -62,7 +67,8 @@ def export(
 
 
 def sheet(scene: Scene, lift: Lift, speed_rpm: float | None = None) -> list[str]:
-    """Lines of text: limits, durations, and with [geometry] the contact and, at a speed, the Hertz stress."""
+    """Lines of text: limits, durations, and with [geometry] the contact and, at a speed, Hertz stress, velocities and
+    oil film."""
     lines = _limits(scene, lift)
     if scene.geometry is not None:
         found = contact(lift, scene.geometry)
@@ -129,14 +135,13 @@ def remarks(lift: Lift, design: Design) -> list[str]:
 def _contact(lift: Lift, found: Contact) -> list[str]:
     """The contact's figures and faults, and the durations at the usual lifts."""
     geometry = found.geometry
-    roller = "" if geometry.roller_radius_mm is None else f" of radius {geometry.roller_radius_mm:g} mm"
-    lines = [f"{geometry.follower} follower{roller} on a base circle of radius {geometry.base_radius_mm:g} mm"]
+    lines = [f"{_follower(geometry)} on a base circle of radius {geometry.base_radius_mm:g} mm"]
     if geometry.assumed:
         lines.append(f"  assumed: {', '.join(geometry.assumed)}")
     for key, value in found.figures().items():
-        unit = key.rpartition("_")[2]
+        unit = key.rpartition("_")[2] if key.endswith(("_mm", "_deg")) else ""
         if value is not None:
-            lines.append(f"  {LABELS[key]:<24} {value:10.4f} {unit}")
+            lines.append(f"  {LABELS[key]:<24} {value:10.4f} {unit}".rstrip())
         elif key == "smallest_concave_radius_mm":
             lines.append(f"  {LABELS[key]:<24} {'none':>10}")
     for name, height in DURATION_LIFTS_MM.items():
@@ -147,6 +152,15 @@ def _contact(lift: Lift, found: Contact) -> list[str]:
         opening, closing = (angle / DEG for angle in crossing(lift, height * MM))
         lines.append(f"  {label:<24} {opening:10.4f} to {closing:.4f} deg, {closing - opening:.4f} deg long")
     return lines + [f"  fault: {sentence}" for sentence in found.faults()]
+
+
+def _follower(geometry: Geometry) -> str:
+    """The follower in words."""
+    radius = geometry.contact_radius_mm
+    of_radius = "" if radius is None else f" of radius {radius:g} mm"
+    if geometry.follower not in SWINGING:
+        return f"{geometry.follower} follower{of_radius}"
+    return f"{geometry.follower} with a {'pad' if geometry.roller_radius_mm is None else 'roller'}{of_radius}"
 
 
 def _stress(scene: Scene, lift: Lift, geometry: Geometry, speed_rpm: float) -> list[str]:
@@ -163,7 +177,34 @@ def _stress(scene: Scene, lift: Lift, geometry: Geometry, speed_rpm: float) -> l
             f"  {name:<24} {f['hertz_stress_MPa']:10.1f} MPa at {f['cam_angle_deg']:.1f} deg, "
             f"normal force {f['normal_force_N']:.1f} N"
         )
+    return [*_surfaces(scene, lift, moving, speed_rpm), *lines]
+
+
+def _surfaces(scene: Scene, lift: Lift, moving: HertzStress, speed_rpm: float) -> list[str]:
+    """Velocities of the two surfaces at their contact, and the oil film where the scene states an oil."""
+    assert scene.geometry is not None, "the caller asks for it"
+    cam_speed = scene.cam_speed(speed_rpm)
+    along = contact(lift, scene.geometry, moving.theta)
+    entrained = along.entrainment * cam_speed
+    lines = [
+        f"surfaces at {speed_rpm:g} r/min",
+        f"  {'entrainment velocity':<24} {entrained.min():10.3f} to {entrained.max():.3f} m/s",
+        f"  {'sliding velocity, most':<24} {np.abs(along.sliding).max() * cam_speed:10.3f} m/s",
+    ]
+    ratio = film_ratio(along, cam_speed, moving.force)
+    if ratio is not None:
+        on_flanks = np.where(np.isfinite(ratio), ratio, 0.0)
+        at, top = int(np.argmax(on_flanks)), int(np.argmax(lift(moving.theta)))
+        lines.append(
+            f"  {'film thickness ratio':<24} {on_flanks[at]:10.2f} at most, at "
+            f"{_within_turn(moving.theta[at]):.1f} deg, {ratio[top]:.2f} at the nose"
+        )
     return lines
+
+
+def _within_turn(theta: float) -> float:
+    """An angle [rad] as degrees from -180 to 180."""
+    return float(np.mod(theta / DEG + 180, 360) - 180)
 
 
 def dynamic_stress(scene: Scene, train: Train, lift: Lift, speed_rpm: float) -> tuple[HertzStress, str]:
