@@ -10,6 +10,7 @@ from beartype import beartype
 MODULES = [
     "camopt.cam.bernstein",
     "camopt.cam.bumps",
+    "camopt.cam.card",
     "camopt.cam.conversion",
     "camopt.cam.exports",
     "camopt.cam.followers.touch",

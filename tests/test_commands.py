@@ -250,12 +250,34 @@ class TestCamWithFollower:
         assert row == "-180,-30.00000,0.00000,-180.0000000,30.00000"
         assert table.read_text().splitlines()[361] == "0,9.4000,7.8333"
 
+    def test_card(self, capsys, tmp_path):
+        """The card on the crank with an overlap, as text and as a table."""
+        file = tmp_path / "card.csv"
+        words = ("--centre-deg", "108", "--exhaust", "exponent", "--exhaust-centre-deg", "-112", "--lifts-mm", "1,1.27")
+        code, out, _ = run(capsys, "cam", "kodama", *self.CAM, *words, "--card-csv", str(file), "--lobes-deg", "0,90")
+        with open(file, newline="") as text:
+            rows = list(csv.DictReader(text))
+        cams = [polydyne(load_scene("kodama")), read_cam("exponent", load_scene("kodama"))]
+        assert code == 0
+        assert [row["cam"] for row in rows] == ["intake, polydyne"] * 2 + ["exhaust, exponent"] * 2
+        (_, closing), (opening, _) = (np.degrees(crossing(cam, 1e-3)) for cam in cams[::-1])
+        expected = (2 * closing - 112) - (2 * opening + 108)
+        assert float(rows[0]["overlap_crank_deg"]) == pytest.approx(expected)
+        assert f"overlap {expected:.2f} deg" in out
+        assert "torque of 2 lobes standing still" in out
+
     @pytest.mark.parametrize(
         ("words", "says"),
         [
             (("--contour", "c.csv"), "--contour needs [geometry]"),
             (("--speed", "6000"), "--speed needs [geometry]"),
+            (("--dxf", "c.dxf"), "--dxf needs [geometry]"),
             (("--digits", "13"), "an integer from 0 to 12"),
+            (("--exhaust", "polydyne", "--centre-deg", "108"), "add --centre-deg and --exhaust-centre-deg"),
+            (("--exhaust-centre-deg", "-110"), "belongs to --exhaust"),
+            (("--centre-deg", "1e9"), "expected an angle from -720 to 720"),
+            (("--lifts-mm", "1,x"), "'x': expected a number above 0"),
+            (("--lifts-mm", "12"), "12 mm is not below the maximum lift"),
         ],
     )
     def test_wrong_use(self, capsys, words, says):

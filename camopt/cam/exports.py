@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from camopt.cam.geometry import contact
+from camopt.cam.geometry import Contact, contact
 from camopt.cam.lift import Lift, angles_deg
 from camopt.scene import InputError
 from camopt.scene.schema import Geometry
@@ -43,11 +43,7 @@ def write_contour(path: str | Path, lift: Lift, geometry: Geometry, step_deg: fl
     sense). `digits` are the lift's; lengths carry one more, the polar angle three more. Raises InputError where no
     contour gives this lift to this follower.
     """
-    degrees = angles_deg(step_deg)
-    fault = contact(lift, geometry).contour_fault
-    if fault is not None:
-        raise InputError(f"contour: {fault}")
-    points = contact(lift, geometry, degrees * DEG)
+    points, degrees = made_contour(lift, geometry, step_deg), angles_deg(step_deg)
     x, y = points.contour.T
     angle, radius = points.polar
     columns = {
@@ -58,6 +54,14 @@ def write_contour(path: str | Path, lift: Lift, geometry: Geometry, step_deg: fl
         "radius_mm": rounded(radius / MM, digits + 1),
     }
     write_csv(path, columns)
+
+
+def made_contour(lift: Lift, geometry: Geometry, step_deg: float) -> Contact:
+    """The contact at every step of the cam angle from -180 to 180 deg; InputError where no contour gives this lift."""
+    fault = contact(lift, geometry).contour_fault
+    if fault is not None:
+        raise InputError(f"contour: {fault}")
+    return contact(lift, geometry, angles_deg(step_deg) * DEG)
 
 
 def rounded(values: Float[np.ndarray, " k"], digits: int) -> list[str]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from camopt.cam.followers.registry import follower_of
 from camopt.cam.followers.touch import turned
-from camopt.cam.lift import Lift, mirrored_pieces
+from camopt.cam.lift import Lift
 from camopt.scene import InputError
 from camopt.scene.geometry import SWINGING
 from camopt.scene.schema import Geometry
@@ -149,9 +149,8 @@ def crossing(lift: Lift, height: float) -> tuple[float, float]:
         raise InputError(
             f"duration: {height / MM:g} mm is not below the maximum lift, {lift.max_lift / MM:g} mm, and above zero"
         )
-    pieces = mirrored_pieces(lift.coefficients, np.diff(lift.borders))
-    mirror = Lift(-lift.borders[::-1], pieces, lift.half_duration)
-    return -mirror.closing_angle(height), lift.closing_angle(height)
+    roots = lift.roots(0, height)
+    return float(roots.min()), float(roots.max())
 
 
 def _sampled(lift: Lift) -> tuple[np.ndarray, ...]:

@@ -1,27 +1,18 @@
-"""A cam as `camopt cam` shows it: against the scene's limits and its follower, with its Hertz stress; its exports."""
-
-from contextlib import suppress
-from pathlib import Path
+"""A cam as `camopt cam` shows it: against the scene's limits and its follower, with its Hertz stress."""
 
 import numpy as np
 
-from camopt.cam.exports import write_contour, write_rounded_table
 from camopt.cam.film import film_ratio
 from camopt.cam.geometry import DURATION_LIFTS_MM, Contact, contact, crossing
 from camopt.cam.hertz import HertzStress, contact_width, hertz_stress
 from camopt.cam.lift import Lift
-from camopt.cam.tables.lift_table import write_lift_table
-from camopt.scene import InputError, MotionRefused, Scene, Train, build_train
+from camopt.scene import InputError, Scene, Train, build_train
 from camopt.scene.geometry import SWINGING
 from camopt.scene.rest import static_forces
 from camopt.scene.schema import Design, Geometry
 from camopt.scene.units import DEG, MM
-from camopt.storage import write_bytes
+from camopt.study.cam_force import settled_force
 
-CONTOUR_DIGITS = 6
-REVOLUTIONS = 6
-"""From rest to the revolution that is read: five to six are usually taken as settled (Wagstaff 1967, as MOTORI 2004
-quotes)."""
 STATIC_STEP_DEG = 0.5
 SAME_DURATION_DEG = 1e-3
 SAME_LIFT = 1e-6
@@ -37,33 +28,6 @@ LABELS = {
     "valve_ratio_max": "valve over contact, most",
 }
 """Figures of a contact, and what they are called; their unit ends the key where they have one."""
-
-
-def export(
-    scene: Scene,
-    lift: Lift,
-    table: str | None,
-    contour: str | None,
-    step_deg: float,
-    digits: int | None,
-    figure: str | None = None,
-) -> None:
-    """Writes the lift table (every digit where `digits` is None), the contour, and the figure, where files are named.
-
-    The figure, PNG or SVG by its suffix, shows lift, velocity, acceleration and jerk with the scene's limits.
-    """
-    geometry = scene.geometry
-    if table and digits is None:
-        write_lift_table(table, lift, step_deg)
-    elif table and digits is not None:
-        write_rounded_table(table, lift, step_deg, digits, geometry.rocker_ratio if geometry else 1.0)
-    if contour:
-        assert geometry is not None, "the verb asks for it"
-        write_contour(Path(contour), lift, geometry, step_deg, CONTOUR_DIGITS if digits is None else digits)
-    if figure:
-        from camopt.plots.style import picture
-
-        write_bytes(figure, picture(lift.plot(scene.design), Path(figure).suffix[1:].lower()))
 
 
 def sheet(scene: Scene, lift: Lift, speed_rpm: float | None = None) -> list[str]:
@@ -210,21 +174,11 @@ def _within_turn(theta: float) -> float:
 def dynamic_stress(scene: Scene, train: Train, lift: Lift, speed_rpm: float) -> tuple[HertzStress, str]:
     """The stress over one cam revolution under way, and the method: event-exact, or rkg where that refuses.
 
-    Event-exact is not asked where the train's laws are beyond it. Raises InputError as `hertz_stress` and
-    `camopt.study.simulate.motion.simulate` do.
+    Raises InputError as `hertz_stress` and `camopt.study.cam_force.settled_force` do.
     """
-    from camopt.study.simulate.motion import simulate
-
     assert scene.geometry is not None, "the caller asks for it"
-    motion, method = None, "event-exact"
-    if train.straight:
-        with suppress(MotionRefused):
-            motion = simulate(scene, lift, speed_rpm, "event", revolutions=REVOLUTIONS)
-    if motion is None:
-        motion, method = simulate(scene, lift, speed_rpm, "rkg", revolutions=REVOLUTIONS), "rkg"
-    last = motion.isel(sample=motion["revolution"].values == REVOLUTIONS)
-    force = last["force_N"].values[:, int(np.argmax(train.cam_driven))]
-    return hertz_stress(lift, scene.geometry, last["cam_angle_deg"].values * DEG, force), method
+    theta, force, method = settled_force(scene, train, lift, speed_rpm)
+    return hertz_stress(lift, scene.geometry, theta, force), method
 
 
 def static_stress(scene: Scene, train: Train, lift: Lift) -> HertzStress:

@@ -25,7 +25,7 @@ def cam_of(law) -> Lift:
     width = borders[1] - borders[0]
     local = 0.5 * width * (u + 1)
     pieces = [np.polynomial.Polynomial.fit(local, law(start + local), 9).convert().coef for start in borders[:-1]]
-    return Lift(borders, np.array(pieces), np.pi / 2)
+    return Lift(borders, np.array([np.pad(c, (0, 10 - len(c))) for c in pieces]), np.pi / 2)
 
 
 def eccentric_flat(theta):
