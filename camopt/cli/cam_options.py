@@ -32,9 +32,10 @@ def table_options(c: argparse.ArgumentParser) -> None:
 def exchange_options(c: argparse.ArgumentParser) -> None:
     """What `camopt cam` writes."""
     c.add_argument("--step-deg", type=positive, default=0.1, metavar="DEG", help="step of what is written (0.1)")
-    c.add_argument(
-        "--digits", type=digits, metavar="N", help="decimals of the lift in mm (table: every digit; contour: 6)"
-    )
+    words = "lift table by the crank's angle at this step, as in 0.5 or 1"
+    c.add_argument("--step-crank-deg", type=positive, metavar="DEG", help=words)
+    words = "decimals of the lift in mm (table by cam angle: every digit; by crank angle, and contour: 6)"
+    c.add_argument("--digits", type=digits, metavar="N", help=words)
     c.add_argument("--csv", metavar="FILE", help="write the lift table")
     c.add_argument("--contour", metavar="FILE", help="with [geometry]: write the contour, Cartesian and polar")
     c.add_argument("--dxf", metavar="FILE", help="with [geometry]: write the contour as a drawing (extra dxf)")

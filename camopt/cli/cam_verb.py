@@ -25,7 +25,8 @@ def cam(args: Namespace) -> int:
     from camopt.study.cam_exports import Files, export
     from camopt.study.cam_sheet import sheet
 
-    said = export(scene, lift, Files(args.csv, args.contour, args.dxf, args.figure), args.step_deg, args.digits)
+    pitch = {name: getattr(args, name) for name in ("step_deg", "step_crank_deg", "digits")}
+    said = export(scene, lift, Files(args.csv, args.contour, args.dxf, args.figure, **pitch))
     speed = args.speed if scene.geometry is not None else None
     print("\n".join([*sheet(scene, lift, speed), *said]))
     if any(getattr(args, name) for name in CARD):
@@ -45,6 +46,8 @@ def _check(args: Namespace, scene: Scene) -> None:
         asked.remove("--speed")
     if asked and scene.geometry is None:
         raise InputError(f"scene {scene.name}: {' and '.join(asked)} needs [geometry]: follower and base radius")
+    if args.step_crank_deg is not None and args.csv is None:
+        raise InputError("--step-crank-deg: is the step of the lift table: add --csv FILE")
     if args.exhaust is not None and (args.centre_deg is None or args.exhaust_centre_deg is None):
         raise InputError(
             "--exhaust: an overlap needs the crank angle of both cams: add --centre-deg and --exhaust-centre-deg"
