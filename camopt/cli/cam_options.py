@@ -2,7 +2,7 @@
 
 import argparse
 
-from camopt.cli.values import angle, angles, digits, lifts, picture_file, positive
+from camopt.cli.values import angle, angles, digits, lifts, picture_file, positive, probe
 
 
 def cam_options(c: argparse.ArgumentParser, default: str | None = None) -> None:
@@ -24,9 +24,13 @@ def table_options(c: argparse.ArgumentParser) -> None:
         "--table-ratio",
         type=positive,
         metavar="R",
-        help="valve lift over the table's lift, where that is tappet lift (1); all three may also stand in the table's "
+        help="valve lift over the table's lift, where that is tappet lift (1); all may also stand in the table's "
         "header, as in '# table-angle = crank'",
     )
+    words = (
+        "radius of the ball that felt the cam itself, flat for a flat probe: its lift becomes the scene's follower's"
+    )
+    c.add_argument("--table-probe-mm", type=probe, metavar="R", help=words)
 
 
 def exchange_options(c: argparse.ArgumentParser) -> None:

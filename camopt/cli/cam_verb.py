@@ -59,14 +59,13 @@ def _check(args: Namespace, scene: Scene) -> None:
 def _cards(args: Namespace, scene: Scene, lift: "Lift") -> list["CamCard"]:
     """The card of the cam, and of the other one where there is one."""
     from camopt.cam.card import LIFTS_MM, CrankTiming, cam_card
-    from camopt.cam.read import read_cam
 
     assert scene.operation is not None, "scene_of asks for it"
     per_crank, lifts = scene.operation.cam_per_crank, args.lifts_mm or LIFTS_MM
     timing = None if args.centre_deg is None else CrankTiming(args.centre_deg, per_crank)
     if args.exhaust is None:
         return [cam_card(lift, lifts, timing=timing)]
-    other = read_cam(args.exhaust, scene, args.table_angle, args.table_lift, args.table_ratio)
+    other = cam_of(args, scene, args.exhaust)
     its = cam_card(
         other, lifts, name=f"exhaust, {other.family}", timing=CrankTiming(args.exhaust_centre_deg, per_crank)
     )

@@ -2,9 +2,15 @@
 
 import sys
 from argparse import Namespace
+from typing import TYPE_CHECKING
 
 from camopt.scene import Scene, load_scene
 from camopt.scene.notes import scene_notes, speed_notes
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from camopt.cam.lift import Lift
 
 SIMULATED = ("valve", "seat", "operation", "design")
 """What a scene needs for a simulation."""
@@ -31,7 +37,9 @@ def print_area_words(lift, scene, whose: str = "") -> None:
         print(f"note: {whose}{sentence}")
 
 
-def cam_of(args: Namespace, scene):
+def cam_of(args: Namespace, scene: Scene, cam: "str | Path | None" = None) -> "Lift":
+    """The cam that a command names, or another that is read as that one is."""
     from camopt.cam.read import read_cam
 
-    return read_cam(args.cam, scene, args.table_angle, args.table_lift, args.table_ratio)
+    given = args.cam if cam is None else cam
+    return read_cam(given, scene, args.table_angle, args.table_lift, args.table_ratio, args.table_probe_mm)

@@ -48,6 +48,11 @@ def lifts(text: str) -> tuple[float, ...]:
     return tuple(positive(part) for part in text.split(","))
 
 
+def probe(text: str) -> float:
+    """Radius [mm] of a probe's ball, infinite for the word flat."""
+    return math.inf if text == "flat" else positive(text)
+
+
 def angle(text: str) -> float:
     """An angle [deg] of two turns at most, either way."""
     try:

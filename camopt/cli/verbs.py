@@ -118,12 +118,9 @@ def simulate(args: Namespace) -> int:
 def compare(args: Namespace) -> int:
     scene = _scene_of(args)
     folder = _run_folder(args, scene.name)
-    from camopt.cam.read import read_cam
     from camopt.cli.comparison_lines import comparison_lines
 
-    designs = {
-        str(Path(d)): read_cam(Path(d), scene, args.table_angle, args.table_lift, args.table_ratio) for d in args.design
-    }
+    designs = {str(Path(d)): _cam_of(args, scene, Path(d)) for d in args.design}
     from camopt.optimizer.baselines.comparison import compare as comparison
 
     comparison(scene, designs, folder, baselines=args.baselines, progress=not args.quiet)

@@ -48,9 +48,7 @@ def export(scene: Scene, lift: Lift, files: Files) -> list[str]:
         assert geometry is not None, "the verb asks for it"
         write_dxf(files.dxf, lift, geometry, files.step_deg)
         missed = chord_error(lift, geometry, files.step_deg)
-        said.append(
-            f"drawing: its chords, every {files.step_deg:g} cam deg, miss the contour by at most {missed:.1e} mm"
-        )
+        said.append(f"drawing: its chords, every {files.step_deg:g} cam deg, miss it by at most {missed:.1e} mm")
     if files.figure:
         from camopt.plots.style import picture
 
@@ -74,6 +72,6 @@ def _table(scene: Scene, lift: Lift, files: Files) -> list[str]:
     off = table_error(lift, step, digits)
     every = f"a row every {files.step_crank_deg or step:g} {unit} deg, {digits} decimals"
     return [
-        f"lift table: {every}: off by at most {off.rows:.1e} mm at its rows; between them by {off.spline:.1e} mm along a "
-        f"cubic spline, by {off.lines:.1e} mm along straight lines"
+        f"lift table: {every}: off by at most {off.rows:.1e} mm at its rows; between them by {off.spline:.1e} mm along "
+        f"a cubic spline, by {off.lines:.1e} mm along straight lines"
     ]

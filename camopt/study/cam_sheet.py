@@ -49,7 +49,7 @@ def _limits(scene: Scene, lift: Lift) -> list[str]:
     assert design is not None, "the verb asks for it"
     ratio = lift.area_ratio_in(design)
     lines = [
-        f"{lift.family}: " + ", ".join(f"{k} = {v}" for k, v in lift.parameters.items()),
+        f"{lift.family}: " + ", ".join(f"{k} = {v}" for k, v in lift.parameters.items() if k != "mended"),
         f"duration       {2 * lift.half_duration / DEG:.4f} deg (scene: {design.duration_deg:g})",
         f"maximum lift   {lift.max_lift / MM:.6f} mm (limit {design.max_lift_mm:g})",
         f"area           {lift.area / MM / DEG:.4f} mm deg, area ratio {ratio:.6f}",
@@ -81,6 +81,10 @@ def remarks(lift: Lift, design: Design) -> list[str]:
             f"Its lift exceeds the scene's max_lift_mm of {design.max_lift_mm:g}, by which the area ratio is divided: "
             f"the ratio may pass one."
         )
+    said += [f"Of its table: {sentence}." for sentence in lift.parameters.get("mended", [])]
+    if lift.parameters.get("outlier_lines"):
+        lines = ", ".join(map(str, lift.parameters["outlier_lines"]))
+        said.append(f"Of its table: rows that stand out from their neighbours were set aside: lines {lines}.")
     added = lift.parameters.get("added_lift_mm")
     if added is not None:
         said.append(
