@@ -24,12 +24,12 @@ def write_dxf(path: str | Path, lift: Lift, geometry: Geometry, step_deg: float)
     follower, and where ezdxf is not installed.
     """
     try:
-        import ezdxf
         from ezdxf import units
+        from ezdxf.filemanagement import new
     except ImportError:
         raise InputError("--dxf: needs the package ezdxf: pip install 'camopt[dxf]'") from None
     points = made_contour(lift, geometry, step_deg)
-    drawing = ezdxf.new("R2010", units=units.MM)
+    drawing = new("R2010", units=units.MM)
     for layer, colour in ((CONTOUR, 7), (BASE_CIRCLE, 8), (AXES, 1)):
         drawing.layers.add(layer, color=colour)
     space = drawing.modelspace()

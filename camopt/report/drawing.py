@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from camopt.report.followers import Room
+from camopt.report.followers import FollowerRoom
 from camopt.scene.train import GROUND, Train
 from camopt.scene.units import MM
 
@@ -48,7 +48,7 @@ class Strokes:
         return cls(np.maximum(d.max(axis=0), 0.0), np.where(train.cam_driven, 0.0, np.ptp(squeezed, axis=0)))
 
 
-def drawing(train: Train, strokes: Strokes, room: Room) -> dict:
+def drawing(train: Train, strokes: Strokes, room: FollowerRoom) -> dict:
     """Masses and elements in pixels, with that room for cam and follower.
 
     Keys: width, height, scale; masses: name, kind (mass, valve, small, hub: the cam's centre), x, y, left, right,
@@ -203,7 +203,7 @@ def _edges(train: Train, i: int, x: list[float], middle: float, kind: str) -> tu
     return float(min([*own, middle]) - pad), float(max([*own, middle]) + pad)
 
 
-def _framed(masses: list[dict], elements: list[dict], room: Room) -> dict:
+def _framed(masses: list[dict], elements: list[dict], room: FollowerRoom) -> dict:
     """Shifted so that everything, the turning cam included, lies inside, with room for words at the sides."""
     cams = [(e["x"], masses[e["a"]]["y"] if e["a"] != GROUND else e["top"]) for e in elements if e["look"] == "cam"]
     grounds = [e[end] for e in elements for end in ("top", "bottom") if e[end] is not None]

@@ -17,7 +17,7 @@ SWING_MM = 12.0
 
 
 @dataclass(frozen=True)
-class Room:
+class FollowerRoom:
     """How far cam and follower reach from the cam's axis on the base circle [mm], and where across, from there, the
     valve's train stands."""
 
@@ -63,17 +63,17 @@ def drawn_follower(geometry: Geometry | None) -> dict:
     }
 
 
-def room_for(drawn: dict, radius_mm: float) -> Room:
+def room_for(drawn: dict, radius_mm: float) -> FollowerRoom:
     """The room of a follower that `drawn_follower` tells of, about cams of a largest radius."""
     arm = drawn["arm"]
     if arm is None:
         below = drawn["base_radius_mm"] + 2 * drawn["roller_radius_mm"]
-        return Room(radius_mm, radius_mm, radius_mm, below)
+        return FollowerRoom(radius_mm, radius_mm, radius_mm, below)
     places = np.array([arm["pivot"], arm["centre"], arm["valve"]])
     reach = np.array([PIVOT_MM, arm["radius"], PIVOT_MM])
     right, below = np.maximum((places + reach[:, None]).max(axis=0), radius_mm)
     left, above = np.maximum((reach[:, None] - places).max(axis=0), radius_mm)
-    return Room(left, right, above + (SWING_MM if arm["centre"][1] < 0 else 0.0), below, arm["valve"][0])
+    return FollowerRoom(left, right, above + (SWING_MM if arm["centre"][1] < 0 else 0.0), below, arm["valve"][0])
 
 
 def _right_and_down(point: np.ndarray, turn: int) -> list[float]:

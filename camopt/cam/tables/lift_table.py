@@ -10,7 +10,7 @@ from camopt.cam.conversion import converted
 from camopt.cam.lift import Lift, lift_table
 from camopt.cam.ramps import Ramp, scene_ramps
 from camopt.cam.tables.interpolation import centred, event_borders, own_pieces, spline_pieces
-from camopt.cam.tables.mending import Rows, mended
+from camopt.cam.tables.mending import TableRows, mended
 from camopt.cam.tables.smoothing import check_between_rows, smoothed
 from camopt.cam.tables.text import TableText, parsed
 from camopt.scene import InputError, Scene
@@ -80,7 +80,7 @@ def read_lift_table(
     return Lift(borders, coefficients, 0.5 * (end - start), "table", report)
 
 
-def _own(where: str, table: TableText, given: dict) -> Rows:
+def _own(where: str, table: TableText, given: dict) -> TableRows:
     """The rows of a table that camopt wrote."""
     named = given["angle"] not in (None, "cam") or given["lift"] not in (None, "mm")
     if named or given["ratio"] is not None or given["probe"] is not None:
@@ -90,10 +90,10 @@ def _own(where: str, table: TableText, given: dict) -> Rows:
         raise InputError(
             f"{where}: cam_angle_deg runs from {degrees[0]:g} to {degrees[-1]:g} and must run from -180 to 180"
         )
-    return Rows(degrees, height, table.lines)
+    return TableRows(degrees, height, table.lines)
 
 
-def _own_pieces(where: str, table: TableText, rows: Rows) -> PPoly:
+def _own_pieces(where: str, table: TableText, rows: TableRows) -> PPoly:
     """Pieces [rad, m] over one turn of a table that camopt wrote, with or without the derivatives beside the lift."""
     if not set(DERIVATIVES) <= set(table.names):
         return spline_pieces(where, rows.degrees * DEG, rows.height * MM)
@@ -103,7 +103,7 @@ def _own_pieces(where: str, table: TableText, rows: Rows) -> PPoly:
     return own_pieces(where, rows.degrees * DEG, rows.height * MM, velocity, acceleration, table.lines)
 
 
-def _foreign(where: str, table: TableText, given: dict, scene: Scene) -> Rows:
+def _foreign(where: str, table: TableText, given: dict, scene: Scene) -> TableRows:
     """The rows of a table from elsewhere."""
     if given["angle"] not in ANGLE_KINDS or given["lift"] not in LIFT_UNITS_MM:
         raise InputError(
@@ -120,7 +120,7 @@ def _foreign(where: str, table: TableText, given: dict, scene: Scene) -> Rows:
     assert scene.operation is not None
     per_unit = scene.operation.cam_per_crank if given["angle"] == "crank" else 1.0
     height = table.rows[:, 1] * LIFT_UNITS_MM[given["lift"]] * ratio
-    return Rows(table.rows[:, 0] * per_unit, height, table.lines, table.said)
+    return TableRows(table.rows[:, 0] * per_unit, height, table.lines, table.said)
 
 
 def _positive(text: str) -> float:
@@ -152,7 +152,7 @@ def _followed(where: str, pieces: PPoly, given: dict, scene: Scene) -> PPoly:
     return PPoly(law.coefficients[:, ::-1].T, law.borders)
 
 
-def _measured(where: str, rows: Rows, ramps: tuple[Ramp, Ramp]) -> tuple[PPoly, dict]:
+def _measured(where: str, rows: TableRows, ramps: tuple[Ramp, Ramp]) -> tuple[PPoly, dict]:
     """Pieces [rad, m] over one turn of a table from elsewhere, and what was done to it."""
     degrees, height = rows.degrees, rows.height
     found = smoothed(where, degrees, height, rows.lines, ramps)
@@ -175,7 +175,7 @@ def _check_duration(where: str, found_deg: float, scene_deg: float) -> None:
         )
 
 
-def _check(where: str, rows: Rows, max_lift_mm: float) -> None:
+def _check(where: str, rows: TableRows, max_lift_mm: float) -> None:
     degrees, height = rows.degrees, rows.height
     if len(degrees) < FEWEST_ROWS:
         raise InputError(f"{where}: {len(degrees)} rows, and at least {FEWEST_ROWS} are needed for a lift")

@@ -15,7 +15,7 @@ MOST_GAPS = 5
 
 
 @dataclass(frozen=True)
-class Rows:
+class TableRows:
     """Cam angles [deg] and lifts [mm] of a table's rows, their line numbers, and what was mended, a sentence each."""
 
     degrees: np.ndarray = field(repr=False)
@@ -24,7 +24,7 @@ class Rows:
     said: tuple[str, ...] = ()
 
 
-def mended(rows: Rows) -> Rows:
+def mended(rows: TableRows) -> TableRows:
     """The rows in ascending order over one turn at most where they say how, half a lobe as a whole one.
 
     What cannot be told (angles that repeat or jump) is left as it is, for the check of the rows to refuse.
@@ -32,14 +32,14 @@ def mended(rows: Rows) -> Rows:
     return _gaps_named(_whole_lobe(_unwrapped(_ascending(rows))))
 
 
-def _ascending(rows: Rows) -> Rows:
+def _ascending(rows: TableRows) -> TableRows:
     if len(rows.degrees) < 2 or np.any(np.diff(rows.degrees) >= 0):
         return rows
     said = "its angles descend throughout: the rows are read from the last to the first"
-    return Rows(rows.degrees[::-1], rows.height[::-1], rows.lines[::-1], (*rows.said, said))
+    return TableRows(rows.degrees[::-1], rows.height[::-1], rows.lines[::-1], (*rows.said, said))
 
 
-def _unwrapped(rows: Rows) -> Rows:
+def _unwrapped(rows: TableRows) -> TableRows:
     """A table that passes from the end of a turn to its begin, once."""
     drops = np.flatnonzero(np.diff(rows.degrees) < 0)
     if len(drops) != 1:
@@ -54,10 +54,10 @@ def _unwrapped(rows: Rows) -> Rows:
     if shared:  # the row that closes a turn and the one that begins it
         degrees, height, lines = np.delete(degrees, at), np.delete(height, at), [*lines[:at], *lines[at + 1 :]]
         said += f", line {rows.lines[at]} as the one before"
-    return Rows(degrees, height, lines, (*rows.said, said))
+    return TableRows(degrees, height, lines, (*rows.said, said))
 
 
-def _whole_lobe(rows: Rows) -> Rows:
+def _whole_lobe(rows: TableRows) -> TableRows:
     """Half a lobe from nose to base circle, or the other way round, mirrored about its nose."""
     degrees, height = rows.degrees, rows.height
     if len(degrees) < 2 or np.any(np.diff(degrees) <= 0) or degrees[-1] - degrees[0] > TURN / 2 + 1e-9:
@@ -74,10 +74,10 @@ def _whole_lobe(rows: Rows) -> Rows:
     if whole[0][-1] - whole[0][0] > TURN - 1e-9:  # the base circle's last row is met from both sides
         whole = whole[0][:-1], whole[1][:-1], whole[2][:-1]
     said = f"it is half a lobe, from line {rows.lines[nose]} at its nose: the other half is taken as its mirror image"
-    return Rows(*whole, (*rows.said, said))
+    return TableRows(*whole, (*rows.said, said))
 
 
-def _gaps_named(rows: Rows) -> Rows:
+def _gaps_named(rows: TableRows) -> TableRows:
     """Steps that are longer than both their neighbours, as rows left out make them."""
     steps = np.diff(rows.degrees)
     if len(steps) < 3 or np.any(steps <= 0):
@@ -91,4 +91,4 @@ def _gaps_named(rows: Rows) -> Rows:
     ]
     if len(long) > MOST_GAPS:
         said.append(f"rows are missing at {len(long) - MOST_GAPS} places more")
-    return Rows(rows.degrees, rows.height, rows.lines, (*rows.said, *said))
+    return TableRows(rows.degrees, rows.height, rows.lines, (*rows.said, *said))
