@@ -12,6 +12,8 @@ Every name below belongs to `camopt` and is imported when it is first used; `hel
 - To begin with: `load_scene`, and `read_cam` for a cam as the command line names it: a family, a lift table, a run.
 - Cams of the literature: `polydyne`, `multi_pol`, `new_design`, `exponent`, `kurz`, `trapezoid`, `cycloidal`,
   `polynomial_345`, `polynomial_4567`; from free coefficients `free_cam`; from a measured table `read_lift_table`.
+- On paper: `cam_card` says when a cam opens and closes at any lift, with a `CrankTiming` on the crank and with overlap;
+  `camshaft_torque` is what a shaft of such cams takes; `converted` is the lift that another follower has on a cam.
 - To judge a cam: `simulate` its motion, `verify` it by independent methods, `compare` it with others.
 - To design one: `area_bound` says how much area any cam can have, `optimize` designs the largest within the limits.
 - About the train: `modes` are its natural frequencies, `reduce` finds a smaller model, `identify` fits it to a
@@ -34,6 +36,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr__`
     from camopt.autodiff.families import differentiable
+    from camopt.cam.card import CrankTiming, cam_card
+    from camopt.cam.conversion import converted
     from camopt.cam.families.dwell import cycloidal, polynomial_345, polynomial_4567
     from camopt.cam.families.exponent import exponent
     from camopt.cam.families.free import free_cam
@@ -53,6 +57,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr_
     from camopt.optimizer.program.differentiable import linear_program
     from camopt.optimizer.run import optimize
     from camopt.scene import load_scene
+    from camopt.study.camshaft import camshaft_torque
     from camopt.study.fronts import joint_spring, pareto
     from camopt.study.identify.identification import MeasuredLift, identify
     from camopt.study.modes import modes
@@ -66,10 +71,14 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr_
 __version__ = version("camopt")
 
 __all__ = [
+    "CrankTiming",
     "MeasuredLift",
     "area_bound",
     "ascend",
+    "cam_card",
+    "camshaft_torque",
     "compare",
+    "converted",
     "cycloidal",
     "differentiable",
     "exponent",
@@ -117,6 +126,10 @@ _PUBLIC = {
     "differentiable": "camopt.autodiff.families",
     "read_cam": "camopt.cam.read",
     "read_lift_table": "camopt.cam.tables.lift_table",
+    "cam_card": "camopt.cam.card",
+    "CrankTiming": "camopt.cam.card",
+    "converted": "camopt.cam.conversion",
+    "camshaft_torque": "camopt.study.camshaft",
     "simulate": "camopt.study.simulate.motion",
     "modes": "camopt.study.modes",
     "reduce": "camopt.study.reduce.reduction",

@@ -10,7 +10,10 @@ from beartype import beartype
 MODULES = [
     "camopt.cam.bernstein",
     "camopt.cam.bumps",
+    "camopt.cam.card",
+    "camopt.cam.conversion",
     "camopt.cam.exports",
+    "camopt.cam.followers.touch",
     "camopt.cam.geometry",
     "camopt.cam.hertz",
     "camopt.cam.lift",

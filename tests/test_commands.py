@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import sys
 from types import ModuleType, SimpleNamespace
 
@@ -173,8 +174,9 @@ class TestCamWithFollower:
     CAM = ("--cam", "polydyne")
 
     def scene(self, tmp_path, geometry: str, name: str = "kodama") -> str:
+        """The built-in scene with this [geometry] for its own."""
         file = tmp_path / f"{name}.toml"
-        file.write_text(scene_text(name) + geometry)
+        file.write_text(re.sub(r"\[geometry\].*?(?=\n\[\[)", "", scene_text(name), flags=re.DOTALL) + geometry)
         return str(file)
 
     def test_contact_and_stress(self, capsys, tmp_path):
@@ -199,6 +201,17 @@ class TestCamWithFollower:
         assert float(standing[2]) == pytest.approx(by_hand, rel=5e-3)
         assert float(moving[4]) > 1.02 * by_hand
         assert "(event-exact)" in out
+
+    def test_surfaces_and_oil_film(self, capsys):
+        code, out, _ = run(capsys, "cam", "kodama", *self.CAM, "--speed", "4000")
+        assert code == 0
+        assert "finger with a pad of radius 15 mm on a base circle of radius 18 mm" in out
+        shown = {line[2:26].strip(): line.split() for line in out.splitlines() if line.startswith("  ")}
+        found = contact(polydyne(KODAMA := load_scene("kodama")), KODAMA.geometry)
+        assert float(shown["sliding velocity, most"][-2]) == pytest.approx(
+            found.sliding.max() * KODAMA.cam_speed(4000), abs=2e-3
+        )
+        assert 0.1 < float(shown["film thickness ratio"][-4]) < 5
 
     def test_laws_that_event_exact_refuses(self, capsys, tmp_path):
         where = self.scene(tmp_path, GEOMETRY, "kodama-hertz")
@@ -237,16 +250,47 @@ class TestCamWithFollower:
         assert row == "-180,-30.00000,0.00000,-180.0000000,30.00000"
         assert table.read_text().splitlines()[361] == "0,9.4000,7.8333"
 
+    def test_what_is_written_is_said_to_be_off_by(self, capsys, tmp_path):
+        files = ("--csv", str(tmp_path / "lift.csv"), "--step-crank-deg", "1", "--digits", "4")
+        code, out, _ = run(capsys, "cam", self.scene(tmp_path, GEOMETRY), *self.CAM, *files)
+        assert code == 0
+        assert "lift table: a row every 1 crank deg, 4 decimals: off by at most 4.9e-05 mm at its rows" in out
+        assert len((tmp_path / "lift.csv").read_text().splitlines()) == 721 + 3
+
+    def test_card(self, capsys, tmp_path):
+        """The card on the crank with an overlap, as text and as a table."""
+        file = tmp_path / "card.csv"
+        words = ("--centre-deg", "108", "--exhaust", "exponent", "--exhaust-centre-deg", "-112", "--lifts-mm", "1,1.27")
+        code, out, _ = run(capsys, "cam", "kodama", *self.CAM, *words, "--card-csv", str(file), "--lobes-deg", "0,90")
+        with open(file, newline="") as text:
+            rows = list(csv.DictReader(text))
+        cams = [polydyne(load_scene("kodama")), read_cam("exponent", load_scene("kodama"))]
+        assert code == 0
+        assert [row["cam"] for row in rows] == ["intake, polydyne"] * 2 + ["exhaust, exponent"] * 2
+        (_, closing), (opening, _) = (np.degrees(crossing(cam, 1e-3)) for cam in cams[::-1])
+        expected = (2 * closing - 112) - (2 * opening + 108)
+        assert float(rows[0]["overlap_crank_deg"]) == pytest.approx(expected)
+        assert f"overlap {expected:.2f} deg" in out
+        assert "torque of 2 lobes standing still" in out
+
     @pytest.mark.parametrize(
         ("words", "says"),
         [
             (("--contour", "c.csv"), "--contour needs [geometry]"),
             (("--speed", "6000"), "--speed needs [geometry]"),
+            (("--dxf", "c.dxf"), "--dxf needs [geometry]"),
             (("--digits", "13"), "an integer from 0 to 12"),
+            (("--step-crank-deg", "1"), "add --csv FILE"),
+            (("--step-crank-deg", "0.7", "--csv", "t.csv"), "a step that divides 360 deg"),
+            (("--exhaust", "polydyne", "--centre-deg", "108"), "add --centre-deg and --exhaust-centre-deg"),
+            (("--exhaust-centre-deg", "-110"), "belongs to --exhaust"),
+            (("--centre-deg", "1e9"), "expected an angle from -720 to 720"),
+            (("--lifts-mm", "1,x"), "'x': expected a number above 0"),
+            (("--lifts-mm", "12"), "12 mm is not below the maximum lift"),
         ],
     )
     def test_wrong_use(self, capsys, words, says):
-        code, _, err = run(capsys, "cam", "kodama", *self.CAM, *words)
+        code, _, err = run(capsys, "cam", "motori-1", *self.CAM, *words)
         assert (code, says in err) == (2, True)
 
 

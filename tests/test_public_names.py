@@ -17,11 +17,15 @@ import camopt
 ROOT = Path(__file__).parents[1]
 GUIDE = "".join(p.read_text(encoding="utf-8") for p in [ROOT / "README.md", *sorted((ROOT / "notebooks").glob("*.py"))])
 SIGNATURES = {
+    "CrankTiming": "centre_deg, cam_per_crank=0.5",
     "MeasuredLift": "speed_rpm, cam_angle_deg, valve_mm",
     "area_bound": "scene, knot_deg=2.0, margin_N=20.0",
     "ascend": "objective, start, optimiser, steps=50, *, form='free', knot_deg=3.0, train=None, judge_every=5, "
     "out=None, resume=False, progress=False",
+    "cam_card": "cam, lifts_mm=(1.0, 1.27), *, name='', timing=None, other=None",
+    "camshaft_torque": "scene, cam, phases_deg=(0.0,), speed_rpm=None",
     "compare": "scene, designs, out, *, accuracy='draft', baselines='plain', progress=False",
+    "converted": "lift, measured_by, follower",
     "cycloidal": "scene",
     "differentiable": "scene, cam",
     "exponent": "scene, exponents=(2, 10, 18, 26, 34)",
@@ -48,8 +52,8 @@ SIGNATURES = {
     "polydyne": "scene, exponents=(2, 10, 18, 26, 34), design_speed_rpm=None, *, ramp_height_mm=None, dynamic=None",
     "polynomial_345": "scene",
     "polynomial_4567": "scene",
-    "read_cam": "spec, scene, table_angle=None, table_lift=None, table_ratio=None",
-    "read_lift_table": "path, scene, table_angle=None, table_lift=None, table_ratio=None",
+    "read_cam": "spec, scene, table_angle=None, table_lift=None, table_ratio=None, table_probe_mm=None",
+    "read_lift_table": "path, scene, table_angle=None, table_lift=None, table_ratio=None, table_probe_mm=None",
     "reduce": "scene, cam=None, speeds_rpm=None, *, tolerance_mm=0.01, smooth=True, workers=2",
     "simulate": "scene, cam, speed_rpm, method='event', *, revolutions=2, step_deg=0.1, parameters=None, accuracy=None",
     "sweep": "tasks, store, executor=None, workers=None, *, retry_failed=False, progress=False",
@@ -59,8 +63,9 @@ SIGNATURES = {
     "verify": "scene, lift, speeds_rpm=None, methods='all', accuracy='standard'",
 }
 """Public name -> its parameters with their defaults; those after the star go by name alone."""
-UNPROMISED = {"MeasuredLift", "cycloidal", "differentiable", "exponent", "joint_spring", "linear_program",
-              "polynomial_345", "polynomial_4567", "read_cam", "tradeoff"}  # fmt: skip
+UNPROMISED = {"CrankTiming", "MeasuredLift", "cam_card", "camshaft_torque", "converted", "cycloidal", "differentiable",
+              "exponent", "joint_spring", "linear_program", "polynomial_345", "polynomial_4567", "read_cam",
+              "tradeoff"}  # fmt: skip
 """Public names that the guide need not show."""
 
 

@@ -7,19 +7,23 @@ with its cam angle, nothing need be interpolated to rebuild the lift there: the 
 follower) or the roller laid on them meets it within half a unit of the lift's last digit.
 """
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from camopt.cam.geometry import contact
+from camopt.cam.followers.touch import cross
+from camopt.cam.geometry import Contact, contact
 from camopt.cam.lift import Lift, angles_deg
 from camopt.scene import InputError
 from camopt.scene.schema import Geometry
 from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM
-from camopt.storage import write_csv
+from camopt.storage import write_csv, write_text
 
 MOST_DIGITS = 12
+BETWEEN = 8
+"""Places between two rows at which an interpolation is looked at."""
 
 
 def write_rounded_table(path: str | Path, lift: Lift, step_deg: float, digits: int, rocker_ratio: float = 1.0) -> None:
@@ -36,6 +40,53 @@ def write_rounded_table(path: str | Path, lift: Lift, step_deg: float, digits: i
     write_csv(path, columns)
 
 
+def write_crank_table(path: str | Path, lift: Lift, step_crank_deg: float, digits: int, cam_per_crank: float) -> None:
+    """Writes crank_angle_deg, zero at the middle of the duration, and lift_mm over the crank's turns of one of the cam.
+
+    A # header names the units, so that `camopt.cam.tables.lift_table.read_lift_table` reads it back as any other
+    table. Raises InputError for a step that does not divide the cam's turn.
+    """
+    degrees = angles_deg(step_crank_deg * cam_per_crank)
+    cells = zip(_angle_cells(degrees / cam_per_crank), rounded(lift(degrees * DEG) / MM, digits), strict=True)
+    head = ["# table-angle = crank", "# table-lift = mm", "crank_angle_deg,lift_mm"]
+    write_text(path, "\n".join([*head, *map(",".join, cells)]) + "\n")
+
+
+@dataclass(frozen=True)
+class TableError:
+    """What a lift table is off by [mm]: at its `rows`, and between them along straight `lines` and along the periodic
+    cubic `spline` through them."""
+
+    rows: float
+    lines: float
+    spline: float
+
+
+def table_error(lift: Lift, step_deg: float, digits: int | None) -> TableError:
+    """The largest errors of a table in steps of cam degrees with this many decimals, every digit where None."""
+    from scipy.interpolate import CubicSpline  # brings SciPy's splines, which nothing else here needs
+
+    degrees = angles_deg(step_deg)
+    true = lift(degrees * DEG) / MM
+    table = true if digits is None else np.round(true, digits)
+    table[-1] = table[0]
+    between = np.linspace(-180.0, 180.0, BETWEEN * (len(degrees) - 1) + 1)
+    there = lift(between * DEG) / MM
+    curves = np.interp(between, degrees, table), CubicSpline(degrees, table, bc_type="periodic")(between)
+    lines, spline = (float(np.abs(curve - there).max()) for curve in curves)
+    return TableError(float(np.abs(table - true).max()), lines, spline)
+
+
+def chord_error(lift: Lift, geometry: Geometry, step_deg: float) -> float:
+    """Largest distance [mm] of the contour from the chords between its points at every step of the cam angle."""
+    ends = contact(lift, geometry, angles_deg(step_deg) * DEG).contour
+    middle = contact(lift, geometry, (angles_deg(step_deg)[:-1] + step_deg / 2) * DEG).contour
+    chord, away = np.diff(ends, axis=0), middle - ends[:-1]
+    length = np.hypot(*chord.T)
+    distance = np.abs(cross(chord, away))
+    return float(np.max(np.divide(distance, length, out=np.zeros_like(length), where=length > 0))) / MM
+
+
 def write_contour(path: str | Path, lift: Lift, geometry: Geometry, step_deg: float, digits: int) -> None:
     """Writes the contour by cam angle: x_mm, y_mm, polar_angle_deg and radius_mm of the point of contact.
 
@@ -43,11 +94,7 @@ def write_contour(path: str | Path, lift: Lift, geometry: Geometry, step_deg: fl
     sense). `digits` are the lift's; lengths carry one more, the polar angle three more. Raises InputError where no
     contour gives this lift to this follower.
     """
-    degrees = angles_deg(step_deg)
-    fault = contact(lift, geometry).contour_fault
-    if fault is not None:
-        raise InputError(f"contour: {fault}")
-    points = contact(lift, geometry, degrees * DEG)
+    points, degrees = made_contour(lift, geometry, step_deg), angles_deg(step_deg)
     x, y = points.contour.T
     angle, radius = points.polar
     columns = {
@@ -58,6 +105,14 @@ def write_contour(path: str | Path, lift: Lift, geometry: Geometry, step_deg: fl
         "radius_mm": rounded(radius / MM, digits + 1),
     }
     write_csv(path, columns)
+
+
+def made_contour(lift: Lift, geometry: Geometry, step_deg: float) -> Contact:
+    """The contact at every step of the cam angle from -180 to 180 deg; InputError where no contour gives this lift."""
+    fault = contact(lift, geometry).contour_fault
+    if fault is not None:
+        raise InputError(f"contour: {fault}")
+    return contact(lift, geometry, angles_deg(step_deg) * DEG)
 
 
 def rounded(values: Float[np.ndarray, " k"], digits: int) -> list[str]:

@@ -3,9 +3,9 @@
 With P the force per length of the line, R the radii's and E* the moduli's combination, the largest pressure, in the
 middle of the contact, is (Johnson, Contact Mechanics, 1985, Eq. (4.45))
     p_0 = sqrt(P E* / (pi R)),   1/R = 1/R_cam + 1/R_follower,   1/E* = (1 - nu_cam^2)/E_cam + (1 - nu_f^2)/E_f.
-A flat face has 1/R_follower = 0; a concave flank counts with a negative radius. The force in the line of the follower
-is the simulated one, which acts on the valve's axis, times the rocker ratio; the normal force that of it over the
-cosine of the pressure angle. Friction, edges and lubrication are left out.
+A flat face has 1/R_follower = 0; a concave flank counts with a negative radius. The force along the way of what rides
+on the cam is the simulated one, which acts on the valve's axis, times the ratio of the valve's velocity to its own; the
+normal force that of it over the cosine of the pressure angle. Friction, edges and lubrication are left out.
 """
 
 from dataclasses import dataclass
@@ -76,27 +76,27 @@ def hertz_stress(
     """The stress under a `force` [N] on the valve's axis at cam angles `theta` [rad], any turn.
 
     Raises InputError where the scene gives no width of the contact, and where the contour cannot carry the follower
-    along a line: a cusp or concave flank under a flat face, an undercut under a roller.
+    along a line: a cusp or concave flank under a flat face, an undercut under a roller or pad.
     """
     width, along = contact_width(geometry), contact(lift, geometry, theta)
-    curvature = _combined_curvature(along)
+    curvature = combined_curvature(along)
     if np.any(curvature <= 0):
         at = theta[int(np.argmax(curvature <= 0))] / DEG
         raise InputError(
             f"[geometry]: no line contact at {at:.1f} deg: "
             "the contour has a cusp, an undercut or too concave a flank there; change the base radius"
         )
-    normal = force * geometry.rocker_ratio / np.cos(along.pressure_angle)
+    normal = force * along.ratio / np.cos(along.pressure_angle)
     stress = line_pressure(normal / width, 1 / curvature, contact_modulus(geometry))
     return HertzStress(theta, normal, stress)
 
 
-def _combined_curvature(along: Contact) -> np.ndarray:
+def combined_curvature(along: Contact) -> np.ndarray:
     """1/R (k) [1/m] of cam and follower; -inf where the cam has a cusp."""
-    roller = along.geometry.roller_radius_mm
+    radius = along.geometry.contact_radius_mm
     own = along.radius_of_curvature
     cam = np.divide(1.0, own, out=np.full_like(own, -np.inf), where=own != 0)
-    if roller is None:
+    if radius is None:
         return cam
-    undercut = (own <= 0) & (own >= -roller * MM)
-    return np.where(undercut, -np.inf, cam + 1 / (roller * MM))
+    undercut = (own <= 0) & (own >= -radius * MM)
+    return np.where(undercut, -np.inf, cam + 1 / (radius * MM))

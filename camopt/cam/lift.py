@@ -66,14 +66,18 @@ class Lift:
         """Lift (order 0) or its derivative by angle up to the fourth at angles `theta` [rad], any shape."""
         return self._derivatives[order](np.mod(np.asarray(theta) + np.pi, 2 * np.pi) - np.pi)
 
+    def roots(self, order: int, value: float = 0.0) -> Float[np.ndarray, " k"]:
+        """Angles [rad] at which the derivative `order` is `value`; where a piece is so throughout, its start."""
+        found = self._derivatives[order].solve(value, discontinuity=False, extrapolate=False)
+        return found[np.isfinite(found)]
+
     def extremes(self, order: int, low: float = -np.pi, high: float = np.pi) -> tuple[float, float]:
         """Exact smallest and largest value of the derivative `order` over [low, high], from the roots of the next.
 
         One-sided values at piece borders count, so a step shows with both its sides.
         """
-        values = self._derivatives[order]
-        roots = self._derivatives[order + 1].roots(discontinuity=False, extrapolate=False)
-        inside = roots[np.isfinite(roots) & (roots >= low) & (roots <= high)]
+        values, roots = self._derivatives[order], self.roots(order + 1)
+        inside = roots[(roots >= low) & (roots <= high)]
         samples = [*values(np.concatenate([inside, [low, high]]))]
         for i, (start, end) in enumerate(zip(self.borders[:-1], self.borders[1:], strict=True)):
             if start < high and end > low:
@@ -108,8 +112,7 @@ class Lift:
 
     def closing_angle(self, height: float) -> float:
         """Angle on the closing side at which the lift has fallen to `height` [m] (the lash: nominal closing)."""
-        roots = self._derivatives[0].solve(height, discontinuity=False, extrapolate=False)
-        roots = roots[np.isfinite(roots)]
+        roots = self.roots(0, height)
         if height <= 0.0 and np.any(self.coefficients):
             last = np.flatnonzero(np.any(self.coefficients != 0, axis=1))[-1]
             return float(self.borders[last + 1])

@@ -23,6 +23,7 @@ def read_cam(
     table_angle: str | None = None,
     table_lift: str | None = None,
     table_ratio: float | None = None,
+    table_probe_mm: float | None = None,
 ) -> Lift:
     """The lift law that `spec` names, under a scene with [operation] and [design].
 
@@ -47,7 +48,7 @@ def read_cam(
         return read_design(path, scene)
     from camopt.cam.tables.lift_table import read_lift_table  # brings SciPy's splines, which nothing else here needs
 
-    return read_lift_table(path, scene, table_angle, table_lift, table_ratio)
+    return read_lift_table(path, scene, table_angle, table_lift, table_ratio, table_probe_mm)
 
 
 def _member(spec: str, scene: Scene) -> Lift:

@@ -3,7 +3,10 @@
 import argparse
 from collections.abc import Callable
 
-from camopt.cli.values import ACCURACIES, accuracy, count, digits, picture_file, positive, seed, speeds, trains
+from camopt.cli.cam_options import cam_options as _cam_options
+from camopt.cli.cam_options import card_options, exchange_options
+from camopt.cli.cam_options import table_options as _table_options
+from camopt.cli.values import ACCURACIES, accuracy, count, positive, seed, speeds, trains
 from camopt.verifier.methods import verdict_methods
 
 PLAN = """a plan (docs/sweeps.md tells all of it):
@@ -110,13 +113,8 @@ def _cam(command: Command) -> None:
     _scene(c)
     _cam_options(c)
     c.add_argument("--speed", type=positive, metavar="RPM", help="with [geometry]: Hertz stress at crankshaft r/min")
-    c.add_argument("--step-deg", type=positive, default=0.1, metavar="DEG", help="step of what is written (0.1)")
-    c.add_argument(
-        "--digits", type=digits, metavar="N", help="decimals of the lift in mm (table: every digit; contour: 6)"
-    )
-    c.add_argument("--csv", metavar="FILE", help="write the lift table")
-    c.add_argument("--contour", metavar="FILE", help="with [geometry]: write the contour, Cartesian and polar")
-    c.add_argument("--figure", type=picture_file, metavar="FILE", help="draw it with the scene's limits, .png or .svg")
+    exchange_options(c)
+    card_options(c)
 
 
 def _modes(command: Command) -> None:
@@ -242,30 +240,6 @@ def _scene(c: argparse.ArgumentParser, default: str | None = None) -> None:
         c.add_argument("scene", metavar="SCENE", help=text)
     else:
         c.add_argument("scene", metavar="SCENE", nargs="?", default=default, help=f"{text} ({default})")
-
-
-def _cam_options(c: argparse.ArgumentParser, default: str | None = None) -> None:
-    c.add_argument(
-        "--cam",
-        required=default is None,
-        default=default,
-        metavar="CAM",
-        help="family (polydyne, or polydyne:exponents=2/10/18/26/34,speed_rpm=6000), lift table, run folder or its "
-        "design.json" + (f" ({default})" if default else ""),
-    )
-    _table_options(c)
-
-
-def _table_options(c: argparse.ArgumentParser) -> None:
-    c.add_argument("--table-angle", choices=("cam", "crank"), help="angle of a lift table from elsewhere")
-    c.add_argument("--table-lift", choices=("mm", "m", "inch"), help="unit of the lift in such a table")
-    c.add_argument(
-        "--table-ratio",
-        type=positive,
-        metavar="R",
-        help="valve lift over the table's lift, where that is tappet lift (1); all three may also stand in the table's "
-        "header, as in '# table-angle = crank'",
-    )
 
 
 DESIGNING = (_optimize, _verify, _simulate, _compare, _cam, _modes)

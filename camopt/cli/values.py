@@ -9,6 +9,7 @@ from camopt.scene.text_file import excerpt
 
 ACCURACIES = ("draft", "standard", "fine")
 MOST_SPEEDS = 10_000
+MOST_DEG = 720
 
 
 def speeds(text: str) -> tuple[float, ...]:
@@ -40,6 +41,32 @@ def positive(text: str) -> float:
     if not SMALLEST <= value <= LARGEST:
         raise argparse.ArgumentTypeError(f"{excerpt(text)}: expected a number from {SMALLEST:g} to {LARGEST:g}")
     return value
+
+
+def lifts(text: str) -> tuple[float, ...]:
+    """Lifts [mm], as in 0.1,1,1.27."""
+    return tuple(positive(part) for part in text.split(","))
+
+
+def probe(text: str) -> float:
+    """Radius [mm] of a probe's ball, infinite for the word flat."""
+    return math.inf if text == "flat" else positive(text)
+
+
+def angle(text: str) -> float:
+    """An angle [deg] of two turns at most, either way."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not -MOST_DEG <= value <= MOST_DEG:
+        raise argparse.ArgumentTypeError(f"{excerpt(text)}: expected an angle from -{MOST_DEG} to {MOST_DEG} degrees")
+    return value
+
+
+def angles(text: str) -> tuple[float, ...]:
+    """Angles [deg], as in 0,90,180,270."""
+    return tuple(angle(part) for part in text.split(","))
 
 
 def count(text: str) -> int:

@@ -8,14 +8,16 @@ import tomllib
 from argparse import Namespace
 from pathlib import Path
 
+from camopt.cli.cam_verb import cam as cam
+from camopt.cli.given import SIMULATED
+from camopt.cli.given import cam_of as _cam_of
+from camopt.cli.given import print_area_words as _print_area_words
+from camopt.cli.given import scene_of as _scene_of
 from camopt.cli.sweep_verb import sweep as sweep
-from camopt.scene import InputError, Scene, build_train, builtin_scenes, load_scene, scene_text
-from camopt.scene.notes import scene_notes, speed_notes
+from camopt.scene import InputError, build_train, builtin_scenes, load_scene, scene_text
 from camopt.scene.spelling import did_you_mean
 from camopt.scene.text_file import excerpt
 from camopt.storage import check_run_folder, default_run_folder, write_csv, write_json
-
-SIMULATED = ("valve", "seat", "operation", "design")
 
 
 def optimize(args: Namespace) -> int:
@@ -116,12 +118,9 @@ def simulate(args: Namespace) -> int:
 def compare(args: Namespace) -> int:
     scene = _scene_of(args)
     folder = _run_folder(args, scene.name)
-    from camopt.cam.read import read_cam
     from camopt.cli.comparison_lines import comparison_lines
 
-    designs = {
-        str(Path(d)): read_cam(Path(d), scene, args.table_angle, args.table_lift, args.table_ratio) for d in args.design
-    }
+    designs = {str(Path(d)): _cam_of(args, scene, Path(d)) for d in args.design}
     from camopt.optimizer.baselines.comparison import compare as comparison
 
     comparison(scene, designs, folder, baselines=args.baselines, progress=not args.quiet)
@@ -129,20 +128,6 @@ def compare(args: Namespace) -> int:
     for name, lift in designs.items():
         _print_area_words(lift, scene, f"{name}: ")
     print(f"comparison: {folder}")
-    return 0
-
-
-def cam(args: Namespace) -> int:
-    asked = tuple(f"--{name}" for name in ("speed", "contour") if getattr(args, name) is not None)
-    scene = _scene_of(args, SIMULATED if args.speed else ("operation", "design"))
-    if asked and scene.geometry is None:
-        raise InputError(f"scene {scene.name}: {' and '.join(asked)} needs [geometry]: follower and base radius")
-    lift = _cam_of(args, scene)
-    from camopt.study.cam_sheet import export, sheet
-
-    export(scene, lift, args.csv, args.contour, args.step_deg, args.digits, args.figure)
-    print("\n".join(sheet(scene, lift, args.speed)))
-    _print_area_words(lift, scene)
     return 0
 
 
@@ -260,19 +245,6 @@ def scenes(args: Namespace) -> int:
     return 0
 
 
-def _scene_of(args: Namespace, need: tuple[str, ...] = SIMULATED) -> Scene:
-    """The scene that a command names; what is unusual about it or about the speeds asked is noted."""
-    scene = load_scene(args.scene, need)
-    notes = [f"{args.scene}: {note}" for note in scene_notes(scene)]
-    if (speed := getattr(args, "speed", None)) is not None:
-        notes += speed_notes("--speed", [speed])
-    if isinstance(speeds := getattr(args, "speeds", None), tuple):
-        notes += speed_notes("--speeds", speeds)
-    for note in notes:
-        print(f"camopt: note: {note}", file=sys.stderr)
-    return scene
-
-
 def _run_folder(args: Namespace, name: str) -> Path:
     """The folder that a command is to write, known to be free or to be resumed; `args.folder` from here on."""
     resume = getattr(args, "resume", False)
@@ -282,17 +254,3 @@ def _run_folder(args: Namespace, name: str) -> Path:
     check_run_folder(folder, resume)
     args.folder = folder
     return folder
-
-
-def _print_area_words(lift, scene, whose: str = "") -> None:
-    """What must be said of a cam's duration and area ratio, a line each."""
-    from camopt.optimizer.bound.area_words import area_words
-
-    for sentence in area_words(lift, scene.design):
-        print(f"note: {whose}{sentence}")
-
-
-def _cam_of(args: Namespace, scene):
-    from camopt.cam.read import read_cam
-
-    return read_cam(args.cam, scene, args.table_angle, args.table_lift, args.table_ratio)

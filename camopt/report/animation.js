@@ -82,8 +82,10 @@
     if (e.look === "cam") {
       part.wheel = make(layer.cam, "g");
       part.contour = make(part.wheel, "path", { class: "contour" });
-      part.mark = make(part.wheel, "path", { class: "nose", d: line(0, 0, 0, 0.6 * scale * data.base_radius_mm) });
+      const nose = data.arm?.centre ?? [0, 1], long = (0.6 * scale * data.base_radius_mm) / Math.hypot(...nose);
+      make(part.wheel, "path", { class: "nose", d: line(0, 0, long * nose[0], long * nose[1]) });
       if (e.a < 0) make(part.wheel, "circle", { class: "mass", r: 6 });
+      if (data.arm) part.arm = swingingArm(group, data.arm, e.x, e.a < 0 ? e.top : drawing.masses[e.a].y);
     }
     return part;
   });
@@ -100,7 +102,8 @@
     let top = part.a < 0 || look === "cam" ? above : above + m[part.a].height / 2;
     let face = below;
     if (look === "cam") {
-      part.wheel.setAttribute("transform", `translate(${x} ${above}) rotate(${angle()})`);
+      part.wheel.setAttribute("transform", `translate(${x} ${above}) rotate(${data.turn * angle()})`);
+      if (part.arm) return swing(part, gap, below);
       top = above + scale * (data.base_radius_mm + cam.lift_um[state.index] / 1000);
       face = top + gap;
       part.body.setAttribute("d", follower(part, x, face, below));
@@ -113,14 +116,15 @@
       part.body.setAttribute("d", body + plate(face - gap - 1.5) + plate(face + 1.5) + line(x, face, x, below));
       top = face - gap;
     }
-    if (k >= 0) {
-      const open = isOpen(k);
-      part.light.setAttribute("y", top - 6);
-      part.light.setAttribute("height", Math.max(12, face - top + 12));
-      part.light.classList.toggle("on", open);
-      part.word.setAttribute("y", (top + face) / 2 + 4);
-      part.word.style.display = open ? "" : "none";
-    }
+    if (k >= 0) showOpen(part, top, face);
+  }
+  function showOpen(part, top, face) {
+    const open = isOpen(part.k);
+    part.light.setAttribute("y", top - 6);
+    part.light.setAttribute("height", Math.max(12, face - top + 12));
+    part.light.classList.toggle("on", open);
+    part.word.setAttribute("y", (top + face) / 2 + 4);
+    part.word.style.display = open ? "" : "none";
   }
   function follower(part, x, face, below) {
     if (data.follower === "flat") return line(x - 30, face, x + 30, face) + line(x, face, x, below);
@@ -129,6 +133,35 @@
     const centre = face + scale * data.roller_radius_mm;
     part.roller.setAttribute("cy", centre);
     return line(x, centre, x, below);
+  }
+
+  // ---- a finger or rocker: a body about its pivot, drawn with the valve shut and turned by the valve's lift
+  function turned([x, y], by) {
+    return [x * Math.cos(by) - y * Math.sin(by), x * Math.sin(by) + y * Math.cos(by)];
+  }
+  function swingingArm(group, arm, x, y) {
+    const [pivot, centre, valve] = [arm.pivot, arm.centre, arm.valve].map((at) => at.map((mm) => scale * mm));
+    const radius = scale * arm.radius, toCam = centre.map((c) => (-c * radius) / Math.hypot(...centre));
+    const rim = (by, share = 1) => turned(toCam, by).map((v, i) => centre[i] + share * v);
+    const held = make(group, "g", { transform: `translate(${x} ${y})` }), body = make(held, "g");
+    make(held, "path", { class: "ground", d: ground(pivot[0], pivot[1] + 12, 1) + `M${pivot}v12` });
+    make(body, "path", { class: "arm", d: `M${pivot}L${arm.rolls ? centre : rim(0, 1 - 5 / radius)}L${valve}` });
+    if (arm.rolls) make(body, "circle", { class: "mass", cx: centre[0], cy: centre[1], r: radius });
+    else make(body, "path", { class: "pad", d: `M${rim(-0.5)}A${radius} ${radius} 0 0 1 ${rim(0.5)}` });
+    for (const at of [pivot, valve]) make(body, "circle", { class: "mass", cx: at[0], cy: at[1], r: 5 });
+    return { ...arm, body, pivot, centre, valve, radius, x, y };
+  }
+  function swing({ arm, body, light, word, words, k }, gap, below) {
+    const shut = (arm.shut_deg * Math.PI) / 180, lift = cam.lift_um[state.index] / 1000 + gap / scale;
+    const by = arm.side * (Math.asin(Math.min(1, Math.sin(shut) + lift / arm.valve_arm_mm)) - shut);
+    const moved = (at) => turned(at.map((v, i) => v - arm.pivot[i]), by).map((v, i) => v + arm.pivot[i]);
+    arm.body.setAttribute("transform", `rotate(${(by * 180) / Math.PI} ${arm.pivot})`);
+    const centre = moved(arm.centre), reach = 1 - arm.radius / Math.hypot(...centre);
+    const tip = arm.x + arm.valve[0], tipY = arm.y + moved(arm.valve)[1] + 5, y = arm.y + reach * centre[1];
+    body.setAttribute("d", line(tip - 10, tipY, tip + 10, tipY) + line(tip, tipY, tip, below));
+    light.setAttribute("x", arm.x + reach * centre[0] - 18);
+    word.setAttribute("x", arm.x + reach * centre[0] + 22 * words);
+    showOpen({ light, word, k }, y, y);
   }
 
   // ---- the chart above the slider: valve lift, and when each contact is open

@@ -6,6 +6,7 @@ from camopt.cam.geometry import Contact, contact
 from camopt.plots.style import DESIGN, cam_line
 from camopt.report.motion import RunCams
 from camopt.report.wording import label_and_unit, shown
+from camopt.scene import InputError
 from camopt.scene.units import DEG, MM
 
 WIDTH = 320.0
@@ -15,11 +16,19 @@ WIDTH = 320.0
 def geometry(cams: RunCams) -> dict | None:
     """Figures and faults per cam and a drawing of the design's contour; None where the scene has no [geometry].
 
-    The tightest spot is where the contour's radius of curvature is smallest, convex or concave.
+    `none` has a sentence for each cam that the follower cannot run on. The tightest spot is where the contour's radius
+    of curvature is smallest, convex or concave.
     """
     if cams.scene is None or cams.scene.geometry is None or not cams.lifts:
         return None
-    contacts = {name: contact(lift, cams.scene.geometry) for name, lift in cams.lifts.items()}
+    contacts, none = {}, []
+    for name, lift in cams.lifts.items():
+        try:
+            contacts[name] = contact(lift, cams.scene.geometry)
+        except InputError as error:
+            none.append(f"{name}: {error}")
+    if not contacts:
+        return {"none": none}
     keys = [key for key, value in next(iter(contacts.values())).figures().items() if value is not None]
     keys = [key for key in keys if any(c.figures()[key] is not None for c in contacts.values())]
     rows = [
@@ -27,9 +36,10 @@ def geometry(cams: RunCams) -> dict | None:
          "tightest": shown(c.theta[tightest(c)] / DEG, 3), "faults": "; ".join(c.faults()) or "none"}
         for name, c in contacts.items()
     ]  # fmt: skip
-    heads = [f"{label} [{unit}]" for label, unit in map(label_and_unit, keys)]
+    heads = [f"{label} [{unit}]" if unit else label for label, unit in map(label_and_unit, keys)]
     chosen = DESIGN if DESIGN in contacts else next(iter(contacts))
-    return {"columns": heads, "rows": rows, "drawing": _drawing(contacts[chosen], chosen), "cam": chosen}
+    return {"columns": heads, "rows": rows, "drawing": _drawing(contacts[chosen], chosen), "cam": chosen,
+            "none": none}  # fmt: skip
 
 
 def tightest(c: Contact) -> int:

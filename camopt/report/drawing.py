@@ -10,6 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from camopt.report.followers import FollowerRoom
 from camopt.scene.train import GROUND, Train
 from camopt.scene.units import MM
 
@@ -47,9 +48,8 @@ class Strokes:
         return cls(np.maximum(d.max(axis=0), 0.0), np.where(train.cam_driven, 0.0, np.ptp(squeezed, axis=0)))
 
 
-def drawing(train: Train, strokes: Strokes, follower_mm: float, radius_mm: float) -> dict:
-    """Masses and elements in pixels; `follower_mm` is the distance from the cam's centre to the far side of what runs
-    on the base circle (its radius, and a roller's diameter), `radius_mm` the cam's largest radius.
+def drawing(train: Train, strokes: Strokes, room: FollowerRoom) -> dict:
+    """Masses and elements in pixels, with that room for cam and follower.
 
     Keys: width, height, scale; masses: name, kind (mass, valve, small, hub: the cam's centre), x, y, left, right,
     height; elements: name, look (coil, rod, cam), contact, a, b (-1: ground), x, top, bottom: y of an end on the
@@ -60,16 +60,18 @@ def drawing(train: Train, strokes: Strokes, follower_mm: float, radius_mm: float
         "cam" if c else "coil" if s > COIL_MM else "rod" for c, s in zip(train.cam_driven, strokes.span, strict=True)
     ]
     half = np.array([HEIGHT[k] / 2 for k in kinds])
-    need = [_need(train, e, looks[e], strokes.approach[e], follower_mm) for e in range(len(train.a))]
+    need = [_need(train, e, looks[e], strokes.approach[e], room.below) for e in range(len(train.a))]
     y = _heights(train, need, half)
     column = _columns(train, y)
     offset, lanes = _lanes(train, column, y)
     widths = [max((abs(o) for e, o in enumerate(offset) if lanes[e] == c), default=0) for c in range(max(column) + 1)]
     centre = np.cumsum([0.0, *(LANE * (a + b + 1.15) for a, b in pairwise(widths))])
-    x = [float(centre[lanes[e]] + LANE * offset[e]) for e in range(len(train.a))]
+    beside = {e: room.train * SCALE for e in _about_the_cam(train)}
+    x = [float(centre[lanes[e]] + LANE * offset[e]) - beside.get(e, 0.0) for e in range(len(train.a))]
+    hubs = _hubs(train)
     masses = []
     for i, (name, kind) in enumerate(zip(train.mass_names, kinds, strict=True)):
-        middle = float(centre[column[i]])
+        middle = float(centre[column[i]]) - (room.train * SCALE if i in hubs else 0.0)
         left, right = _edges(train, i, x, middle, kind)
         masses.append({"name": name, "kind": kind, "x": middle, "y": float(y[i]), "left": left, "right": right,
                        "height": 2 * float(half[i])})  # fmt: skip
@@ -80,19 +82,31 @@ def drawing(train: Train, strokes: Strokes, follower_mm: float, radius_mm: float
         bottom = None if b != GROUND else float(y[a] + half[a] + need[e])
         elements.append({"name": name, "look": looks[e], "contact": bool(train.contact[e]), "a": a, "b": b,
                          "x": x[e], "top": top, "bottom": bottom, "words": -1 if offset[e] < 0 else 1})  # fmt: skip
-    return _framed(masses, elements, radius_mm * SCALE)
+    return _framed(masses, elements, room)
 
 
 def _kinds(train: Train) -> list[str]:
     """The valve, the hub that carries the cam, small masses (a spring's coils) and the others."""
-    hubs = {int(train.a[e]) for e in np.flatnonzero(train.cam_driven)}
-    named = [*hubs - {GROUND}, train.valve]
+    named = [*_hubs(train), train.valve]
     small = 0.5 * train.mass[train.valve]
     path = _path(train)
     return [
         "valve" if i == train.valve else "hub" if i in named else "small" if m < small and i not in path else "mass"
         for i, m in enumerate(train.mass)
     ]
+
+
+def _hubs(train: Train) -> set[int]:
+    """Masses that carry the cam."""
+    return {int(train.a[e]) for e in np.flatnonzero(train.cam_driven)} - {GROUND}
+
+
+def _about_the_cam(train: Train) -> list[int]:
+    """Elements that stand where the cam does: driven by it, or between what carries it and the ground."""
+    carriers = _hubs(train) | {GROUND}
+    ends = zip(train.a.tolist(), train.b.tolist(), strict=True)
+    held = [a in carriers and b in carriers for a, b in ends]
+    return np.flatnonzero(np.array(held) | train.cam_driven).tolist()
 
 
 def _path(train: Train) -> list[int]:
@@ -189,13 +203,15 @@ def _edges(train: Train, i: int, x: list[float], middle: float, kind: str) -> tu
     return float(min([*own, middle]) - pad), float(max([*own, middle]) + pad)
 
 
-def _framed(masses: list[dict], elements: list[dict], radius: float) -> dict:
+def _framed(masses: list[dict], elements: list[dict], room: FollowerRoom) -> dict:
     """Shifted so that everything, the turning cam included, lies inside, with room for words at the sides."""
     cams = [(e["x"], masses[e["a"]]["y"] if e["a"] != GROUND else e["top"]) for e in elements if e["look"] == "cam"]
     grounds = [e[end] for e in elements for end in ("top", "bottom") if e[end] is not None]
-    left = min([m["left"] for m in masses] + [x - radius for x, _ in cams] + [e["x"] - WORDS for e in elements])
-    right = max([m["right"] + WORDS for m in masses] + [x + radius for x, _ in cams])
-    top = min([m["y"] - m["height"] for m in masses] + [y - radius for _, y in cams] + grounds)
+    left = min(
+        [m["left"] for m in masses] + [x - room.left * SCALE for x, _ in cams] + [e["x"] - WORDS for e in elements]
+    )
+    right = max([m["right"] + WORDS for m in masses] + [x + room.right * SCALE for x, _ in cams])
+    top = min([m["y"] - m["height"] for m in masses] + [y - room.above * SCALE for _, y in cams] + grounds)
     low = max([m["y"] + m["height"] + STROKE_MM * SCALE for m in masses] + grounds)
     dx, dy = MARGIN - left, MARGIN - top
     for m in masses:

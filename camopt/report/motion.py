@@ -15,6 +15,7 @@ from camopt.optimizer.baselines.figures import settled_motion, stated_periodic
 from camopt.plots.style import DESIGN, cam_line, family_of
 from camopt.report.drawing import Strokes, drawing
 from camopt.report.folder import RunFolder
+from camopt.report.followers import BASE_MM, drawn_follower, room_for
 from camopt.report.wording import as_number, is_number, shown
 from camopt.scene import InputError, Scene, Train, build_train, load_scene
 from camopt.scene.errors import MotionRefused
@@ -30,8 +31,6 @@ STORED = re.compile(r"[\w.,=:+ ()-]+")
 """Names of cams that may name a file `cams/<name>.json`: no separators, so none leads out of the folder."""
 QUICK = "polydyne"
 """The family that a bare name rebuilds at once, without a search for its largest-area member."""
-BASE_MM = 16.0
-"""Base circle radius that is drawn where the scene has no [geometry]."""
 UM = 1e-6
 
 
@@ -104,16 +103,12 @@ def animation(cams: RunCams) -> tuple[dict | None, list[str]]:
     if not entries:
         return None, left_out
     x = np.concatenate([np.array(m["position_um"]).T for c in entries for m in c["motions"]]) * UM / MM
-    geometry = scene.geometry
-    base = geometry.base_radius_mm if geometry else BASE_MM
-    roller = (geometry.roller_radius_mm if geometry else None) or 0.0
     radius = max(np.hypot(*np.array(c["contour_mm"]).T).max() for c in entries)
+    follower = drawn_follower(scene.geometry)
     data = {
         "step_deg": step,
-        "drawing": drawing(train, Strokes.of(train, x), base + 2 * roller, float(radius)),
-        "follower": geometry.follower if geometry else "point",
-        "roller_radius_mm": roller,
-        "base_radius_mm": base,
+        "drawing": drawing(train, Strokes.of(train, x), room_for(follower, float(radius))),
+        **follower,
         "contacts": contacts,
         "seat": contacts.index(train.seat),
         "cams": entries,
@@ -130,6 +125,11 @@ def _moved(
     step = next((s for s in STEPS_DEG if per_sample * 360 / s <= MOST_NUMBERS), STEPS_DEG[-1])
     entries = []
     for name, lift in cams.lifts.items():
+        try:
+            cam = _cam(name, lift, scene, step)
+        except InputError as error:
+            left_out.append(f"{name} is not shown: {error}")
+            continue
         motions, stated = [], cams.stated.get(name, {})
         for speed in speeds:
             try:
@@ -138,7 +138,7 @@ def _moved(
             except (MotionRefused, InputError) as error:
                 left_out.append(f"{name} at {shown(speed)} r/min is not shown: {error}")
         if motions:
-            entries.append({"name": name, **_cam(name, lift, scene, step), "motions": motions})
+            entries.append({"name": name, **cam, "motions": motions})
     return entries, step
 
 
@@ -160,7 +160,8 @@ def motion(
 
 def _cam(name: str, lift: Lift, scene: Scene, step_deg: float) -> dict:
     """A cam's line, its lift [um] by angle and its contour [mm], the nose towards +y, seen with the angle growing to
-    the right of it; without [geometry] that of a pointed follower on a base circle of BASE_MM."""
+    the right of it (or its mirror image, as `turn` says); without [geometry] that of a pointed follower on a base
+    circle of BASE_MM."""
     line = cam_line(name)
     theta = np.linspace(-180, 180, round(360 / step_deg) + 1) * DEG
     if scene.geometry is None:
@@ -170,6 +171,7 @@ def _cam(name: str, lift: Lift, scene: Scene, step_deg: float) -> dict:
     else:
         points = contact(lift, scene.geometry).contour[:, ::-1] / MM
         contour = points[np.linspace(0, len(points) - 1, 721).round().astype(int)]
+        contour[:, 0] *= drawn_follower(scene.geometry)["turn"]
     dashes = line["linestyle"]
     return {
         "colour": line["color"],

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from camopt.report.card import cards
 from camopt.report.contact import geometry
 from camopt.report.figures import CAPTIONS, inline_svg, ordered
 from camopt.report.folder import RunFolder, read_run_folder
@@ -36,8 +37,8 @@ from camopt.storage import write_text
 HERE = Path(__file__).parent
 SECTIONS = (
     ("limits", "Limits"), ("area", "Area"), ("motion", "Animation"), ("cams", "Cams"), ("motions", "Motion and forces"),
-    ("band", "Band"), ("worth", "Worth of limits"), ("search", "Search"), ("geometry", "Geometry"),
-    ("accuracy", "Accuracy"), ("verification", "Verification"), ("provenance", "Provenance"),
+    ("band", "Band"), ("worth", "Worth of limits"), ("search", "Search"), ("card", "Cam card"),
+    ("geometry", "Geometry"), ("accuracy", "Accuracy"), ("verification", "Verification"), ("provenance", "Provenance"),
 )  # fmt: skip
 PLACED = ("profiles", "valve_motion", "bounce_against_speed", "convergence")
 """Figures that stand in a section of their own; any others follow before the tables."""
@@ -93,6 +94,7 @@ def render(run: RunFolder, cams: RunCams) -> str:
             comparison=comparison_table(run),
             floats=floats(run),
             worth=worth_rows(run),
+            cards=cards(cams),
             geometry=geometry(cams),
             speeds=speed_rows(run),
             speed_columns=[heading(c) for c in SPEED_COLUMNS],

@@ -27,7 +27,8 @@ duplicate or dangling names. A unit always stands in the key.
 - `[operation]`: listed speeds and band in crankshaft r/min; `cam_per_crank` is 0.5 for a four-stroke engine, 1 where
   the speeds are camshaft speeds.
 - `[design]`: duration (cam degrees between the ramp tops), maximum lift, ramps, limits; a limit left out limits
-  nothing. `[geometry]` (optional): flat or roller follower, for curvature, contour and Hertz stress.
+  nothing. `[geometry]` (optional): the follower (flat, roller, finger or rocker, with its pivot and arms) and the base
+  circle, for curvature, contour, Hertz stress and oil film.
 - `[[tolerance]]` (optional) says how a number scatters from train to train, for `camopt yield`: `of` is NAME.KEY of a
   mass or an element ("*" as NAME: each whose number is not zero, with its own draw; an array: one draw moves them
   together), `relative` or `plus_minus` (in the key's unit) how far, `distribution` how: "normal" (a standard deviation,

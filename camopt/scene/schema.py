@@ -6,13 +6,13 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from camopt.scene.element import Element
+from camopt.scene.geometry import Geometry as Geometry
 from camopt.scene.table import Name, NonNegative, Positive, Table, Usable
 from camopt.scene.tolerances import Grinding, Tolerance
 
 MOST_ROWS = {"mass": 200, "element": 400, "force": 20, "tolerance": 200}
 AS_BUILT = {"tolerance", "grinding"}
 """The tables of a scene that say how trains differ: whoever takes the train as given reads none of them."""
-PoissonRatio = Annotated[float, Field(ge=0, le=0.5)]
 
 
 class Mass(Table):
@@ -129,36 +129,6 @@ class Design(Table):
         height = self.closing_ramp_height_mm or self.ramp_height_mm
         velocity = self.closing_ramp_velocity_mm_per_deg or self.ramp_velocity_mm_per_deg
         return (self.ramp_height_mm, self.ramp_velocity_mm_per_deg, "opening"), (height, velocity, "closing")
-
-
-class Geometry(Table):
-    """Follower and cam body, for curvature, contact and stress along the cam.
-
-    `rocker_ratio` is valve lift over follower lift. `face_width_mm` is the flat face's extent across the cam's axis;
-    `contact_width_mm`, along it, is the length of the line of contact, by default the face width. The moduli and
-    Poisson's ratios default to steel's.
-    """
-
-    follower: Literal["flat", "roller"]
-    base_radius_mm: Positive
-    face_width_mm: Positive | None = None
-    roller_radius_mm: Positive | None = Field(default=None, validate_default=True)
-    rocker_ratio: Positive = 1.0
-    contact_width_mm: Positive | None = None
-    cam_modulus_GPa: Positive = 210.0
-    cam_poisson_ratio: PoissonRatio = 0.3
-    follower_modulus_GPa: Positive = 210.0
-    follower_poisson_ratio: PoissonRatio = 0.3
-    assumed: tuple[str, ...] = ()
-    source: str = ""
-
-    @field_validator("roller_radius_mm")
-    @classmethod
-    def _of_a_roller(cls, radius, info: ValidationInfo):
-        follower = info.data.get("follower")
-        if follower is not None and (follower == "roller") != (radius is not None):
-            raise ValueError("missing; a roller has one" if radius is None else "belongs to rollers only: leave it out")
-        return radius
 
 
 class Scene(Table):

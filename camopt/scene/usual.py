@@ -75,10 +75,17 @@ USUAL = {
     "geometry.base_radius_mm": Usual(3, 150, "from a model engine to a large gas engine", _LENGTH),
     "geometry.face_width_mm": Usual(2, 150, "from a model engine to a large gas engine", _LENGTH),
     "geometry.roller_radius_mm": Usual(2, 150, "from a model engine to a large gas engine", _LENGTH),
+    "geometry.pad_radius_mm": Usual(2, 1000, "from a model engine to a nearly flat pad", _LENGTH),
+    "geometry.pivot_mm": Usual(0.5, 500, "from a model engine to a large gas engine", _LENGTH),
+    "geometry.arm_mm": Usual(4, 500, "from a model engine to a large gas engine", _LENGTH),
+    "geometry.valve_arm_mm": Usual(4, 500, "from a model engine to a large gas engine", _LENGTH),
     "geometry.contact_width_mm": Usual(1, 150, "from a model engine to a large gas engine", _LENGTH),
     "geometry.rocker_ratio": Usual(0.4, 3, "valve lift over follower lift", {}),
     "geometry.cam_modulus_GPa": _MODULUS,
     "geometry.follower_modulus_GPa": _MODULUS,
+    "geometry.oil_viscosity_mPa_s": Usual(1, 200, "of engine oils from hot to cold", {"Pa s": 1e3}),
+    "geometry.oil_pressure_viscosity_per_GPa": Usual(5, 40, "of oils", {"1/Pa": 1e9}),
+    "geometry.roughness_um": Usual(0.02, 3, "from polished to coarsely ground", {"mm": 1e3, "m": 1e6}),
     "grinding.error_um": Usual(0.05, 50, "from a finely ground master cam to a worn grinder", {"mm": 1e3, "m": 1e6}),
 }
 """Table.key of a scene -> what is usual there."""

@@ -1,25 +1,18 @@
-"""A cam as `camopt cam` shows it: against the scene's limits and its follower, with its Hertz stress; its exports."""
-
-from contextlib import suppress
-from pathlib import Path
+"""A cam as `camopt cam` shows it: against the scene's limits and its follower, with its Hertz stress."""
 
 import numpy as np
 
-from camopt.cam.exports import write_contour, write_rounded_table
+from camopt.cam.film import film_ratio
 from camopt.cam.geometry import DURATION_LIFTS_MM, Contact, contact, crossing
 from camopt.cam.hertz import HertzStress, contact_width, hertz_stress
 from camopt.cam.lift import Lift
-from camopt.cam.tables.lift_table import write_lift_table
-from camopt.scene import InputError, MotionRefused, Scene, Train, build_train
+from camopt.scene import InputError, Scene, Train, build_train
+from camopt.scene.geometry import SWINGING
 from camopt.scene.rest import static_forces
 from camopt.scene.schema import Design, Geometry
 from camopt.scene.units import DEG, MM
-from camopt.storage import write_bytes
+from camopt.study.cam_force import settled_force
 
-CONTOUR_DIGITS = 6
-REVOLUTIONS = 6
-"""From rest to the revolution that is read: five to six are usually taken as settled (Wagstaff 1967, as MOTORI 2004
-quotes)."""
 STATIC_STEP_DEG = 0.5
 SAME_DURATION_DEG = 1e-3
 SAME_LIFT = 1e-6
@@ -31,38 +24,15 @@ LABELS = {
     "eccentricity_min_mm": "eccentricity, smallest",
     "face_width_needed_mm": "face width needed",
     "pressure_angle_max_deg": "largest pressure angle",
+    "valve_ratio_min": "valve over contact, least",
+    "valve_ratio_max": "valve over contact, most",
 }
-
-
-def export(
-    scene: Scene,
-    lift: Lift,
-    table: str | None,
-    contour: str | None,
-    step_deg: float,
-    digits: int | None,
-    figure: str | None = None,
-) -> None:
-    """Writes the lift table (every digit where `digits` is None), the contour, and the figure, where files are named.
-
-    The figure, PNG or SVG by its suffix, shows lift, velocity, acceleration and jerk with the scene's limits.
-    """
-    geometry = scene.geometry
-    if table and digits is None:
-        write_lift_table(table, lift, step_deg)
-    elif table and digits is not None:
-        write_rounded_table(table, lift, step_deg, digits, geometry.rocker_ratio if geometry else 1.0)
-    if contour:
-        assert geometry is not None, "the verb asks for it"
-        write_contour(Path(contour), lift, geometry, step_deg, CONTOUR_DIGITS if digits is None else digits)
-    if figure:
-        from camopt.plots.style import picture
-
-        write_bytes(figure, picture(lift.plot(scene.design), Path(figure).suffix[1:].lower()))
+"""Figures of a contact, and what they are called; their unit ends the key where they have one."""
 
 
 def sheet(scene: Scene, lift: Lift, speed_rpm: float | None = None) -> list[str]:
-    """Lines of text: limits, durations, and with [geometry] the contact and, at a speed, the Hertz stress."""
+    """Lines of text: limits, durations, and with [geometry] the contact and, at a speed, Hertz stress, velocities and
+    oil film."""
     lines = _limits(scene, lift)
     if scene.geometry is not None:
         found = contact(lift, scene.geometry)
@@ -79,7 +49,7 @@ def _limits(scene: Scene, lift: Lift) -> list[str]:
     assert design is not None, "the verb asks for it"
     ratio = lift.area_ratio_in(design)
     lines = [
-        f"{lift.family}: " + ", ".join(f"{k} = {v}" for k, v in lift.parameters.items()),
+        f"{lift.family}: " + ", ".join(f"{k} = {v}" for k, v in lift.parameters.items() if k != "mended"),
         f"duration       {2 * lift.half_duration / DEG:.4f} deg (scene: {design.duration_deg:g})",
         f"maximum lift   {lift.max_lift / MM:.6f} mm (limit {design.max_lift_mm:g})",
         f"area           {lift.area / MM / DEG:.4f} mm deg, area ratio {ratio:.6f}",
@@ -111,6 +81,10 @@ def remarks(lift: Lift, design: Design) -> list[str]:
             f"Its lift exceeds the scene's max_lift_mm of {design.max_lift_mm:g}, by which the area ratio is divided: "
             f"the ratio may pass one."
         )
+    said += [f"Of its table: {sentence}." for sentence in lift.parameters.get("mended", [])]
+    if lift.parameters.get("outlier_lines"):
+        lines = ", ".join(map(str, lift.parameters["outlier_lines"]))
+        said.append(f"Of its table: rows that stand out from their neighbours were set aside: lines {lines}.")
     added = lift.parameters.get("added_lift_mm")
     if added is not None:
         said.append(
@@ -129,14 +103,13 @@ def remarks(lift: Lift, design: Design) -> list[str]:
 def _contact(lift: Lift, found: Contact) -> list[str]:
     """The contact's figures and faults, and the durations at the usual lifts."""
     geometry = found.geometry
-    roller = "" if geometry.roller_radius_mm is None else f" of radius {geometry.roller_radius_mm:g} mm"
-    lines = [f"{geometry.follower} follower{roller} on a base circle of radius {geometry.base_radius_mm:g} mm"]
+    lines = [f"{_follower(geometry)} on a base circle of radius {geometry.base_radius_mm:g} mm"]
     if geometry.assumed:
         lines.append(f"  assumed: {', '.join(geometry.assumed)}")
     for key, value in found.figures().items():
-        unit = key.rpartition("_")[2]
+        unit = key.rpartition("_")[2] if key.endswith(("_mm", "_deg")) else ""
         if value is not None:
-            lines.append(f"  {LABELS[key]:<24} {value:10.4f} {unit}")
+            lines.append(f"  {LABELS[key]:<24} {value:10.4f} {unit}".rstrip())
         elif key == "smallest_concave_radius_mm":
             lines.append(f"  {LABELS[key]:<24} {'none':>10}")
     for name, height in DURATION_LIFTS_MM.items():
@@ -147,6 +120,15 @@ def _contact(lift: Lift, found: Contact) -> list[str]:
         opening, closing = (angle / DEG for angle in crossing(lift, height * MM))
         lines.append(f"  {label:<24} {opening:10.4f} to {closing:.4f} deg, {closing - opening:.4f} deg long")
     return lines + [f"  fault: {sentence}" for sentence in found.faults()]
+
+
+def _follower(geometry: Geometry) -> str:
+    """The follower in words."""
+    radius = geometry.contact_radius_mm
+    of_radius = "" if radius is None else f" of radius {radius:g} mm"
+    if geometry.follower not in SWINGING:
+        return f"{geometry.follower} follower{of_radius}"
+    return f"{geometry.follower} with a {'pad' if geometry.roller_radius_mm is None else 'roller'}{of_radius}"
 
 
 def _stress(scene: Scene, lift: Lift, geometry: Geometry, speed_rpm: float) -> list[str]:
@@ -163,27 +145,44 @@ def _stress(scene: Scene, lift: Lift, geometry: Geometry, speed_rpm: float) -> l
             f"  {name:<24} {f['hertz_stress_MPa']:10.1f} MPa at {f['cam_angle_deg']:.1f} deg, "
             f"normal force {f['normal_force_N']:.1f} N"
         )
+    return [*_surfaces(scene, lift, moving, speed_rpm), *lines]
+
+
+def _surfaces(scene: Scene, lift: Lift, moving: HertzStress, speed_rpm: float) -> list[str]:
+    """Velocities of the two surfaces at their contact, and the oil film where the scene states an oil."""
+    assert scene.geometry is not None, "the caller asks for it"
+    cam_speed = scene.cam_speed(speed_rpm)
+    along = contact(lift, scene.geometry, moving.theta)
+    entrained = along.entrainment * cam_speed
+    lines = [
+        f"surfaces at {speed_rpm:g} r/min",
+        f"  {'entrainment velocity':<24} {entrained.min():10.3f} to {entrained.max():.3f} m/s",
+        f"  {'sliding velocity, most':<24} {np.abs(along.sliding).max() * cam_speed:10.3f} m/s",
+    ]
+    ratio = film_ratio(along, cam_speed, moving.force)
+    if ratio is not None:
+        on_flanks = np.where(np.isfinite(ratio), ratio, 0.0)
+        at, top = int(np.argmax(on_flanks)), int(np.argmax(lift(moving.theta)))
+        lines.append(
+            f"  {'film thickness ratio':<24} {on_flanks[at]:10.2f} at most, at "
+            f"{_within_turn(moving.theta[at]):.1f} deg, {ratio[top]:.2f} at the nose"
+        )
     return lines
+
+
+def _within_turn(theta: float) -> float:
+    """An angle [rad] as degrees from -180 to 180."""
+    return float(np.mod(theta / DEG + 180, 360) - 180)
 
 
 def dynamic_stress(scene: Scene, train: Train, lift: Lift, speed_rpm: float) -> tuple[HertzStress, str]:
     """The stress over one cam revolution under way, and the method: event-exact, or rkg where that refuses.
 
-    Event-exact is not asked where the train's laws are beyond it. Raises InputError as `hertz_stress` and
-    `camopt.study.simulate.motion.simulate` do.
+    Raises InputError as `hertz_stress` and `camopt.study.cam_force.settled_force` do.
     """
-    from camopt.study.simulate.motion import simulate
-
     assert scene.geometry is not None, "the caller asks for it"
-    motion, method = None, "event-exact"
-    if train.straight:
-        with suppress(MotionRefused):
-            motion = simulate(scene, lift, speed_rpm, "event", revolutions=REVOLUTIONS)
-    if motion is None:
-        motion, method = simulate(scene, lift, speed_rpm, "rkg", revolutions=REVOLUTIONS), "rkg"
-    last = motion.isel(sample=motion["revolution"].values == REVOLUTIONS)
-    force = last["force_N"].values[:, int(np.argmax(train.cam_driven))]
-    return hertz_stress(lift, scene.geometry, last["cam_angle_deg"].values * DEG, force), method
+    theta, force, method = settled_force(scene, train, lift, speed_rpm)
+    return hertz_stress(lift, scene.geometry, theta, force), method
 
 
 def static_stress(scene: Scene, train: Train, lift: Lift) -> HertzStress:

@@ -5,7 +5,7 @@ import csv
 import numpy as np
 import pytest
 
-from camopt.cam.exports import write_contour, write_rounded_table
+from camopt.cam.exports import chord_error, table_error, write_contour, write_crank_table, write_rounded_table
 from camopt.cam.families.exponent import exponent
 from camopt.cam.families.kurz import kurz
 from camopt.cam.families.multi_pol import multi_pol
@@ -108,6 +108,46 @@ def test_rebuilt_lift_sees_a_change_of_the_contour(tmp_path, geometry):
     grown = points * (1 + 1 * MM / np.hypot(*points.T))[:, None]
     ratio = geometry.rocker_ratio
     assert lift_from_contour(grown, geometry, theta[:1]) == pytest.approx(lift(theta[:1]) + ratio * MM, rel=1e-6)
+
+
+@pytest.mark.parametrize(("step", "digits"), [(0.5, 4), (1.0, 5), (2.0, 6)])
+def test_crank_table(tmp_path, step, digits):
+    """Read back without a word about its units: the header has them; at its rows within half a unit, then smoothed."""
+    lift, path = CAMS["multi-pol"], tmp_path / "lift.csv"
+    write_crank_table(path, lift, step, digits, 0.5)
+    rows = np.loadtxt(path, delimiter=",", skiprows=3)
+    assert rows[:, 0] == pytest.approx(np.linspace(-360, 360, round(720 / step) + 1))
+    assert np.abs(rows[:, 1] - lift(rows[:, 0] / 2 * DEG) / MM).max() <= 0.5 * 10.0**-digits + ROUND_OFF
+    read = read_lift_table(path, KODAMA)
+    assert read.parameters["angle"] == "crank"
+    theta = np.linspace(-60, 60, 241) * DEG
+    assert np.abs(read(theta) - lift(theta)).max() / MM < 10.0**-digits + 2e-4
+
+
+@pytest.mark.parametrize("digits", [3, 5, None])
+def test_stated_errors_of_a_table(digits):
+    """Against sums of their own: rows by rounding, lines by a grid ten times finer than the one they are found on."""
+    lift, step = CAMS["polydyne"], 1.0
+    found = table_error(lift, step, digits)
+    degrees = np.arange(-180.0, 180.5, step)
+    exact = lift(degrees * DEG) / MM
+    table = exact if digits is None else np.array([round(float(v), digits) for v in exact])
+    assert found.rows == pytest.approx(np.abs(table - exact).max(), abs=1e-12)
+    assert found.rows <= (0.0 if digits is None else 0.5 * 10.0**-digits + ROUND_OFF)
+    fine = np.linspace(-180, 180, 36_001)
+    lines = np.abs(np.interp(fine, degrees, table) - lift(fine * DEG) / MM).max()
+    assert found.lines == pytest.approx(lines, rel=0.05)
+    assert found.spline < found.lines
+    bend = max(map(abs, lift.extremes(2))) * DEG**2 / MM
+    assert lines <= bend * step**2 / 8 + found.rows + ROUND_OFF
+
+
+@pytest.mark.parametrize("geometry", [FLAT, ROLLS], ids=["flat", "roller"])
+def test_chords_miss_the_contour_by_the_step_squared(geometry):
+    lift = CAMS["multi-pol"]
+    coarse, fine = (chord_error(lift, geometry, step) for step in (1.0, 0.5))
+    assert coarse / fine == pytest.approx(4.0, rel=0.05)
+    assert geometry.base_radius_mm * DEG**2 / 8 < coarse < 400 * DEG**2 / 8
 
 
 def test_bad_exports(tmp_path):

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.multi_pol import multi_pol
-from camopt.cam.geometry import contact, crossing, durations, pitch_radius
+from camopt.cam.followers.circle import signed_radius
+from camopt.cam.geometry import contact, crossing, durations
 from camopt.cam.lift import Lift
 from camopt.scene import InputError, load_scene
 from camopt.scene.schema import Geometry
@@ -24,7 +25,7 @@ def cam_of(law) -> Lift:
     width = borders[1] - borders[0]
     local = 0.5 * width * (u + 1)
     pieces = [np.polynomial.Polynomial.fit(local, law(start + local), 9).convert().coef for start in borders[:-1]]
-    return Lift(borders, np.array(pieces), np.pi / 2)
+    return Lift(borders, np.array([np.pad(c, (0, 10 - len(c))) for c in pieces]), np.pi / 2)
 
 
 def eccentric_flat(theta):
@@ -72,6 +73,11 @@ class TestCircleAboutAnotherCentre:
     def test_crossings(self):
         opening, closing = crossing(cam_of(eccentric_flat), 5 * MM)
         assert (opening, closing) == pytest.approx((-np.arccos(0.25), np.arccos(0.25)), abs=1e-9)
+
+
+def pitch_radius(r, first, second):
+    """That of a polar curve r(theta), whose derivatives are (r', r) and (r'' - r, 2 r') along and across its ray."""
+    return signed_radius(np.stack([first, r], axis=1), np.stack([second - r, 2 * first], axis=1))
 
 
 def test_concave_and_straight_pitch_curves():

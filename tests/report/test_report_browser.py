@@ -44,7 +44,8 @@ def report(tmp_path_factory, lifts, new_contents, write_into):
     write_design(folder / "design.json", lifts["design"], 9.4 * MM, **further)
     text = (folder / "scene.toml").read_text(encoding="utf-8")
     geometry = '[geometry]\nfollower = "roller"\nbase_radius_mm = 18\nroller_radius_mm = 8\n\n[[mass]]'
-    text = re.sub('title = ".*"', f'title = "{EVIL}"', text).replace("[[mass]]", geometry, 1)
+    text = re.sub(r"\[geometry\].*?\[\[mass\]\]", geometry, text, count=1, flags=re.DOTALL)
+    text = re.sub('title = ".*"', f'title = "{EVIL}"', text)
     (folder / "scene.toml").write_text(text, encoding="utf-8")
     return write_report(folder)
 

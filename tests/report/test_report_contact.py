@@ -14,7 +14,7 @@ LIFT = read_cam("polydyne", SCENE)
 
 
 def test_without_geometry_there_is_no_section():
-    assert geometry(RunCams(SCENE, {"design": LIFT}, [])) is None
+    assert geometry(RunCams(SCENE.model_copy(update={"geometry": None}), {"design": LIFT}, [])) is None
     assert geometry(RunCams(None, {}, [])) is None
 
 
@@ -38,3 +38,10 @@ def test_the_spot_lies_where_the_radius_is_smallest(follower):
         assert "face" in found["rows"][0]["faults"] and "face width needed [mm]" in found["columns"]
     else:
         assert found["rows"][0]["faults"] == "none"
+
+
+def test_a_follower_that_cannot_follow_is_said():
+    short = SCENE.geometry.model_copy(update={"valve_arm_mm": 8.0})
+    found = geometry(RunCams(SCENE.model_copy(update={"geometry": short}), {"design": LIFT}, []))
+    assert found is not None and "drawing" not in found
+    assert found["none"][0].startswith("design: [geometry]: a valve arm of 8 mm does not lift the valve")

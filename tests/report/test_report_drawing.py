@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 
 from camopt.report.drawing import LENGTH, SCALE, Strokes, drawing
+from camopt.report.followers import BASE_MM, drawn_follower, room_for
 from camopt.scene import build_train, load_scene
 from camopt.scene.load import parse_scene, scene_text
 from camopt.scene.train import GROUND
 
 LIFT_MM = np.linspace(0.0, 9.4, 24)
-BASE_MM = 16.0
 
 
 def moved(train) -> np.ndarray:
@@ -22,7 +22,7 @@ def moved(train) -> np.ndarray:
 def drawn(scene):
     train = build_train(scene)
     x = moved(train)
-    return x, drawing(train, Strokes.of(train, x), BASE_MM, BASE_MM + 9.4)
+    return x, drawing(train, Strokes.of(train, x), room_for(drawn_follower(scene.geometry), BASE_MM + 9.4))
 
 
 def edges(picture, x_mm):
@@ -50,11 +50,14 @@ def test_nothing_collides_while_the_valve_opens(name):
 
 @pytest.mark.parametrize("name", ["kodama", "motori-1", "pushrod-5mass"])
 def test_elements_meet_their_masses(name):
-    _, picture = drawn(load_scene(name))
+    scene = load_scene(name)
+    _, picture = drawn(scene)
+    arm = drawn_follower(scene.geometry)["arm"]
     for e in picture["elements"]:
-        for end in (e["a"], e["b"]):
+        reach = SCALE * arm["valve"][0] if arm and e["look"] == "cam" else 0.0  # a finger bridges it
+        for end, x in ((e["a"], e["x"]), (e["b"], e["x"] + reach)):
             if end != GROUND:
-                assert picture["masses"][end]["left"] <= e["x"] <= picture["masses"][end]["right"]
+                assert picture["masses"][end]["left"] <= x <= picture["masses"][end]["right"]
 
 
 def test_kodama_reads_as_an_engine_does():
@@ -63,7 +66,10 @@ def test_kodama_reads_as_an_engine_does():
     elements = {e["name"]: e for e in picture["elements"]}
     way = ["camshaft", "follower", "valve_tip", "valve_stem", "valve_head"]
     assert [masses[n]["y"] for n in way] == sorted(masses[n]["y"] for n in way)
-    assert len({masses[n]["x"] for n in way}) == 1  # one axis, and the spring beside it
+    assert len({masses[n]["x"] for n in way[1:]}) == 1  # one axis, and the spring beside it
+    valve_mm = drawn_follower(load_scene("kodama").geometry)["arm"]["valve"][0]
+    assert masses["follower"]["x"] - masses["camshaft"]["x"] == pytest.approx(SCALE * valve_mm)
+    assert elements["cam_follower"]["x"] == masses["camshaft"]["x"]
     assert masses["spring_1"]["x"] > masses["valve_tip"]["x"]
     assert elements["seat"]["top"] < masses["valve_head"]["y"]
     assert elements["coil_6"]["bottom"] > masses["spring_5"]["y"]

@@ -105,7 +105,8 @@ def _profile(
     if length > LONGEST * ramp.length / DEG:
         return None
     borders, pieces = own.opening_pieces(0.0)
-    law = PPoly(pieces[:, ::-1].T, borders)
+    kept = np.diff(borders) > 0  # a ramp that is no higher than its foot rises has no straight piece
+    law = PPoly(pieces[kept, ::-1].T, np.append(borders[:-1][kept], borders[-1]))
 
     def curve(away: np.ndarray) -> np.ndarray:
         share = np.clip(away / blend, 0.0, 1.0) if blend > 0 else np.ones_like(away)

@@ -6,12 +6,15 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import PPoly
 
+from camopt.cam.conversion import converted
 from camopt.cam.lift import Lift, lift_table
 from camopt.cam.ramps import Ramp, scene_ramps
 from camopt.cam.tables.interpolation import centred, event_borders, own_pieces, spline_pieces
+from camopt.cam.tables.mending import TableRows, mended
 from camopt.cam.tables.smoothing import check_between_rows, smoothed
 from camopt.cam.tables.text import TableText, parsed
 from camopt.scene import InputError, Scene
+from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM
 from camopt.storage import write_csv
 
@@ -38,33 +41,38 @@ def read_lift_table(
     table_angle: str | None = None,
     table_lift: str | None = None,
     table_ratio: float | None = None,
+    table_probe_mm: float | None = None,
 ) -> Lift:
     """The lift law of a table: camopt's own unsmoothed, any other smoothed within its noise.
 
     A table with the columns cam_angle_deg and lift_mm (camopt's own) needs no more: the law passes through every row,
     and meets velocity and acceleration where they stand beside the lift. Any other needs `table_angle` (cam, crank) and
     `table_lift` (mm, m, inch), here or as keys in its # header; `table_ratio` (1) turns tappet lift into the valve lift
-    that the scene counts. Its first two columns are angle [deg] and lift, it covers a turn or one event that begins and
-    ends on the base circle, and the middle of its duration becomes angle zero. What was done to it (noise, outliers,
-    largest shift of a row, lift added where a ramp is missing, error of the acceleration) is in the lift's
-    `parameters`; see `camopt.cam.tables.smoothing`. The duration of every table lies between the scene's ramp heights.
-    Raises InputError with file and line for anything else.
+    that the scene counts; `table_probe_mm` says that a ball probe of this radius felt the cam itself (infinite: a flat
+    one), whose lift is turned into that of the scene's follower. Its first two columns are angle [deg] and lift, it
+    covers a turn, one event that begins and ends on the base circle, or half a lobe from its nose, and the middle of
+    its duration becomes angle zero. What was done to it (mends, noise, outliers, largest shift of a row, lift added
+    where a ramp is missing, error of the acceleration) is in the lift's `parameters`; see `camopt.cam.tables.mending`
+    and `smoothing`. The duration of every table lies between the scene's ramp heights. Raises InputError with file and
+    line for anything else.
     """
     assert scene.design is not None and scene.operation is not None, "load_scene(..., need=...) guarantees both"
     where, table = str(path), parsed(Path(path))
-    given = {"angle": table_angle, "lift": table_lift, "ratio": None if table_ratio is None else str(table_ratio)}
-    given = {key: value or table.keys.get(key) for key, value in given.items()}
+    options = {"angle": table_angle, "lift": table_lift, "ratio": table_ratio, "probe": table_probe_mm}
+    given = {key: table.keys.get(key) if value is None else str(value) for key, value in options.items()}
+    rows = _own(where, table, given) if table.own else mended(_foreign(where, table, given, scene))
+    _check(where, rows, scene.design.max_lift_mm)
+    report = {"file": Path(path).name, "rows": len(rows.degrees)}
     if table.own:
-        degrees, height = _own(where, table, given)
+        pieces = _own_pieces(where, table, rows)
     else:
-        degrees, height = _foreign(where, table, given, scene)
-    _check(where, table, degrees, height, scene.design.max_lift_mm)
-    report = {"file": Path(path).name, "rows": len(degrees)}
-    if table.own:
-        pieces = _own_pieces(where, table, degrees, height)
-    else:
-        pieces, done = _measured(where, table, degrees, height, scene_ramps(scene.design))
+        pieces, done = _measured(where, rows, scene_ramps(scene.design))
         report |= {"angle": given["angle"], "lift": given["lift"], "ratio": float(given["ratio"] or 1), **done}
+        if rows.said:
+            report["mended"] = list(rows.said)
+    if given["probe"] is not None:
+        pieces = _followed(where, pieces, given, scene)
+        report["probe_mm"] = given["probe"]
     opening, closing = (h * MM for h, _, _ in scene.design.ramps())
     start, end = event_borders(where, pieces, opening, closing)
     _check_duration(where, (end - start) / DEG, scene.design.duration_deg)
@@ -72,39 +80,37 @@ def read_lift_table(
     return Lift(borders, coefficients, 0.5 * (end - start), "table", report)
 
 
-def _own(where: str, table: TableText, given: dict) -> tuple[np.ndarray, np.ndarray]:
-    """Cam angle [deg] and lift [mm] of a table that camopt wrote."""
-    if given["angle"] not in (None, "cam") or given["lift"] not in (None, "mm") or given["ratio"] is not None:
+def _own(where: str, table: TableText, given: dict) -> TableRows:
+    """The rows of a table that camopt wrote."""
+    named = given["angle"] not in (None, "cam") or given["lift"] not in (None, "mm")
+    if named or given["ratio"] is not None or given["probe"] is not None:
         raise InputError(f"{where}: its columns are named cam_angle_deg and lift_mm, against the units given for it")
     degrees, height = (table.rows[:, table.names.index(n)] for n in ("cam_angle_deg", "lift_mm"))
     if abs(degrees[0] + 180) > 1e-9 or abs(degrees[-1] - 180) > 1e-9:
         raise InputError(
             f"{where}: cam_angle_deg runs from {degrees[0]:g} to {degrees[-1]:g} and must run from -180 to 180"
         )
-    return degrees, height
+    return TableRows(degrees, height, table.lines)
 
 
-def _own_pieces(where: str, table: TableText, degrees: np.ndarray, height: np.ndarray) -> PPoly:
+def _own_pieces(where: str, table: TableText, rows: TableRows) -> PPoly:
     """Pieces [rad, m] over one turn of a table that camopt wrote, with or without the derivatives beside the lift."""
     if not set(DERIVATIVES) <= set(table.names):
-        return spline_pieces(where, degrees * DEG, height * MM)
+        return spline_pieces(where, rows.degrees * DEG, rows.height * MM)
     velocity, acceleration = (
         table.rows[:, table.names.index(name)] * MM / DEG**order for name, order in DERIVATIVES.items()
     )
-    return own_pieces(where, degrees * DEG, height * MM, velocity, acceleration, table.lines)
+    return own_pieces(where, rows.degrees * DEG, rows.height * MM, velocity, acceleration, table.lines)
 
 
-def _foreign(where: str, table: TableText, given: dict, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Cam angle [deg] and lift [mm] of a table from elsewhere."""
+def _foreign(where: str, table: TableText, given: dict, scene: Scene) -> TableRows:
+    """The rows of a table from elsewhere."""
     if given["angle"] not in ANGLE_KINDS or given["lift"] not in LIFT_UNITS_MM:
         raise InputError(
             f"{where}: not a table that camopt wrote, so its units must be named: "
             f"--table-angle {'|'.join(ANGLE_KINDS)} --table-lift {'|'.join(LIFT_UNITS_MM)}"
         )
-    try:
-        ratio = float(given["ratio"] or 1)
-    except ValueError:
-        ratio = math.nan
+    ratio = _positive(given["ratio"] or "1")
     if not (math.isfinite(ratio) and ratio > 0):
         raise InputError(
             f"{where}: the ratio is {given['ratio']!r}; valve lift over the table's lift must be a number above 0"
@@ -113,19 +119,48 @@ def _foreign(where: str, table: TableText, given: dict, scene: Scene) -> tuple[n
         raise InputError(f"{where}: {len(table.rows)} rows, more than {MOST_ROWS}: give every n-th row")
     assert scene.operation is not None
     per_unit = scene.operation.cam_per_crank if given["angle"] == "crank" else 1.0
-    return table.rows[:, 0] * per_unit, table.rows[:, 1] * LIFT_UNITS_MM[given["lift"]] * ratio
+    height = table.rows[:, 1] * LIFT_UNITS_MM[given["lift"]] * ratio
+    return TableRows(table.rows[:, 0] * per_unit, height, table.lines, table.said)
 
 
-def _measured(
-    where: str, table: TableText, degrees: np.ndarray, height: np.ndarray, ramps: tuple[Ramp, Ramp]
-) -> tuple[PPoly, dict]:
+def _positive(text: str) -> float:
+    """A number above zero, infinite ones included; NaN for anything else."""
+    try:
+        value = float(text)
+    except ValueError:
+        return math.nan
+    return value if value > 0 else math.nan
+
+
+def _followed(where: str, pieces: PPoly, given: dict, scene: Scene) -> PPoly:
+    """The pieces [rad, m] of the scene's follower on the cam that a probe felt with these pieces."""
+    radius = _positive(given["probe"])
+    if math.isnan(radius) or given["ratio"] is not None:
+        raise InputError(
+            f"{where}: the probe is {given['probe']!r}; expected the radius of its ball in mm or inf for a flat one, "
+            f"and no ratio beside it: the scene's [geometry] has that"
+        )
+    if scene.geometry is None:
+        raise InputError(f"{where}: a probe's lift becomes a follower's by [geometry], which the scene does not have")
+    probe = Geometry(follower="flat", base_radius_mm=scene.geometry.base_radius_mm)
+    if math.isfinite(radius):
+        probe = Geometry(follower="roller", base_radius_mm=scene.geometry.base_radius_mm, roller_radius_mm=radius)
+    try:
+        law = converted(Lift(*centred(pieces, 0.0), np.pi), probe, scene.geometry)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+    return PPoly(law.coefficients[:, ::-1].T, law.borders)
+
+
+def _measured(where: str, rows: TableRows, ramps: tuple[Ramp, Ramp]) -> tuple[PPoly, dict]:
     """Pieces [rad, m] over one turn of a table from elsewhere, and what was done to it."""
-    found = smoothed(where, degrees, height, table.lines, ramps)
+    degrees, height = rows.degrees, rows.height
+    found = smoothed(where, degrees, height, rows.lines, ramps)
     if found.pieces is None:
         pieces = spline_pieces(where, degrees * DEG, height * MM)
         first = pieces.x[0]
         check_between_rows(
-            where, lambda at: pieces(np.mod(at * DEG - first, 2 * np.pi) + first) / MM, degrees, height, table.lines
+            where, lambda at: pieces(np.mod(at * DEG - first, 2 * np.pi) + first) / MM, degrees, height, rows.lines
         )
         return pieces, found.report
     powers = np.arange(len(found.pieces.c))[::-1, None]
@@ -140,14 +175,15 @@ def _check_duration(where: str, found_deg: float, scene_deg: float) -> None:
         )
 
 
-def _check(where: str, table: TableText, degrees: np.ndarray, height: np.ndarray, max_lift_mm: float) -> None:
+def _check(where: str, rows: TableRows, max_lift_mm: float) -> None:
+    degrees, height = rows.degrees, rows.height
     if len(degrees) < FEWEST_ROWS:
         raise InputError(f"{where}: {len(degrees)} rows, and at least {FEWEST_ROWS} are needed for a lift")
     bad = np.flatnonzero(np.diff(degrees) <= 0)
     if len(bad):
         i = int(bad[0])
         kind = "is repeated" if degrees[i + 1] == degrees[i] else "decreases"
-        raise InputError(f"{where}: line {table.lines[i + 1]}: the angle {kind}; angles must ascend from row to row")
+        raise InputError(f"{where}: line {rows.lines[i + 1]}: the angle {kind}; angles must ascend from row to row")
     if degrees[-1] - degrees[0] > 360 + 1e-9:
         raise InputError(
             f"{where}: the table covers {degrees[-1] - degrees[0]:g} cam degrees, more than one turn: "

@@ -35,6 +35,8 @@ limited or not. More than one, as a cam is no random function: its jerk or its a
 INVENTED_SHARE = 0.01
 """Largest distance of the law from a straight line between two rows, over the maximum lift: more is not in the table.
 At a step of 4 deg a cam of 0.015 mm/deg^2 has a third of that."""
+SHORTEST_DEG = 20.0
+"""Shortest event that is a valve's: on less than five knots, 5 deg, no spline stands."""
 KNOTS_DEG = (0.5, 1.0)
 """Finest and coarsest knots; between them, half a row step."""
 
@@ -55,6 +57,11 @@ def smoothed(where: str, degrees: np.ndarray, lift: np.ndarray, lines: list[int]
     too many outliers, negative lift, rows that fix no usable acceleration, or gaps in which the law would be invented.
     """
     event = completed(where, find_event(where, degrees, lift), lift, lines, ramps)
+    if event.start is not None and event.end is not None and event.end - event.start < SHORTEST_DEG:
+        raise InputError(
+            f"{where}: line {lines[int(event.rows[0])]}: the lift leaves the base circle for "
+            f"{event.end - event.start:.3g} cam degrees only: check --table-angle, and that all columns are read"
+        )
     _off_base_circle(where, event, lift, event.noise, lines)  # before such rows spoil the fit
     kept, outliers = _without_outliers(where, event, lift)
     angles, height, count, free, given = _arguments(kept, lift)

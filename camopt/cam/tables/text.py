@@ -1,4 +1,7 @@
-"""The text of a lift table: any common delimiter, at most one line of column names, and keys in a # header."""
+"""The text of a lift table: any common delimiter, at most one line of column names, and keys in a # header.
+
+A comma between digits is a decimal sign where semicolons, tabs or blanks part the columns.
+"""
 
 import re
 from dataclasses import dataclass
@@ -10,7 +13,12 @@ from camopt.scene import InputError
 from camopt.scene.text_file import read_text
 
 MAX_FILE_BYTES = 20_000_000
-_HEADER_KEY = re.compile(r"\btable[-_](angle|lift|ratio)\s*[=:]\s*([\w.+-]+)")
+_HEADER_KEY = re.compile(r"\btable[-_](angle|lift|ratio|probe)\s*[=:]\s*([\w.+-]+)")
+
+_WITH_COMMA = re.compile(r"[+-]?\d+(,\d+)?([eE][+-]?\d+)?")
+"""A number whose decimal sign, if any, is a comma."""
+_TORN = re.compile(r"[+-]?\d+,\d+,[+-]?\d+,\d+([eE][+-]?\d+)?")
+"""Two such numbers with a comma between them."""
 
 
 @dataclass(frozen=True)
@@ -21,6 +29,7 @@ class TableText:
     keys: dict[str, str]
     rows: np.ndarray  # (r, c)
     lines: list[int]  # line number of each row
+    said: tuple[str, ...] = ()  # what was mended in reading it
 
     @property
     def own(self) -> bool:
@@ -56,15 +65,33 @@ def parsed(path: Path) -> TableText:
         lines.append(number)
     if not rows:
         raise InputError(f"{path}: holds no numbers; a lift table has an angle and a lift in each row")
-    return TableText(names, keys, np.array(rows), lines)
+    if not names and len(rows[0]) == 4 and all(map(_TORN.fullmatch, text.split())):
+        raise InputError(
+            f"{path}: line {lines[0]}: commas stand between its columns and in its numbers: part the columns by "
+            f"semicolons, or write the numbers with points"
+        )
+    said = ("its commas are read as decimal signs",) if any(map(_decimal_commas, text.splitlines())) else ()
+    return TableText(names, keys, np.array(rows), lines, said)
 
 
 def _cells(line: str) -> list[str]:
-    """A line split at its delimiter; beside semicolons or tabs a comma is a decimal sign."""
+    """A line split at its delimiter; beside semicolons, tabs or blanks a comma between digits is a decimal sign."""
+    if _decimal_commas(line):
+        line = line.replace(",", ".")
     for delimiter in (";", "\t"):
         if delimiter in line:
-            return [cell.strip().replace(",", ".") for cell in line.split(delimiter)]
+            return [cell.strip() for cell in line.split(delimiter)]
     return [cell.strip() for cell in line.split(",")] if "," in line else line.split()
+
+
+def _decimal_commas(line: str) -> bool:
+    """Whether a line has commas in numbers that something else parts."""
+    if "," not in line or line.lstrip().startswith("#"):
+        return False
+    if ";" in line or "\t" in line:
+        return True
+    cells = line.split()
+    return len(cells) > 1 and all(map(_WITH_COMMA.fullmatch, cells))
 
 
 def _number(cell: str) -> float | None:

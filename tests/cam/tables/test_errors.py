@@ -8,6 +8,7 @@ from camopt.cam.families.multi_pol import multi_pol
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import scene_ramps
 from camopt.cam.read import read_cam
+from camopt.cam.tables.completion import _profile
 from camopt.cam.tables.smoothing import smoothed
 from camopt.cam.tables.smoothing_spline import PENALTY_ORDERS, _log_determinant, _penalty, _scale, fitted_non_negative
 from camopt.scene import InputError, load_scene
@@ -118,6 +119,25 @@ def test_a_table_that_is_nowhere_above_the_base_circle_ends():
     lift = np.where((np.abs(degrees) >= 74) & (np.abs(degrees) <= 76), 0.5, hollow)
     with pytest.raises(InputError, match="no lift above the base circle is left"):
         smoothed("table", degrees, lift, list(range(1, len(lift) + 1)), RAMPS)
+
+
+@pytest.mark.parametrize("half_deg", [0.5, 0.8, 1.2])
+def test_an_event_of_a_few_degrees_is_no_valve_s(half_deg):
+    """On so few knots no spline stands: it once ended as an error about an empty sequence."""
+    degrees = np.arange(-180.0, 180.01, 0.1)
+    degrees[1:-1] += np.random.default_rng(421).uniform(-0.045, 0.045, len(degrees) - 2)
+    lift = np.where(np.abs(degrees) < half_deg, 0.1, 0.0)
+    with pytest.raises(InputError, match=r"line \d+: the lift leaves the base circle for [\d.]+ cam degrees only"):
+        smoothed("table", degrees, lift, list(range(1, len(lift) + 1)), RAMPS)
+
+
+def test_a_completion_that_is_all_foot():
+    """The flank ends no higher than the foot of the ramp rises, which leaves the ramp no straight piece."""
+    found = _profile(0.01, 0.002, RAMPS[0], 0.001, gentler=False)
+    assert found is not None
+    length, curve = found
+    assert curve(np.array([0.0, length])) == pytest.approx([0.01, 0.0], abs=1e-12)
+    assert np.all(np.diff(curve(np.linspace(0, length, 50))) <= 0)
 
 
 @pytest.mark.parametrize("order", PENALTY_ORDERS)

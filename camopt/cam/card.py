@@ -1,0 +1,168 @@
+"""The cam card: when a valve opens and closes at stated lifts, for how long, about which centre, and with what overlap.
+
+Events are the true crossings of the lift, from the roots of its pieces: on asymmetric cams neither lies half a duration
+from the centre. Crank angles count from the top dead centre of the gas exchange, at which intake and exhaust overlap.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from camopt.cam.geometry import DURATION_LIFTS_MM, crossing
+from camopt.cam.lift import Lift
+from camopt.scene import InputError
+from camopt.scene.units import DEG, MM
+
+LIFTS_MM = tuple(DURATION_LIFTS_MM.values())
+MOST_LIFTS = 1000
+SAME_TOP = 1e-12
+"""Difference from the largest lift, over it, that is rounding."""
+COLUMNS = (
+    "cam", "lift_mm", "opening_deg", "closing_deg", "duration_deg", "centre_deg",
+    "opening_crank_deg", "closing_crank_deg", "duration_crank_deg", "overlap_crank_deg",
+)  # fmt: skip
+"""Columns of a card as a table; those of crank angles are None where the card has no crank."""
+
+
+@dataclass(frozen=True)
+class ValveEvent:
+    """A valve above `lift_mm`: cam angles of opening and closing, from the middle of the cam's duration."""
+
+    lift_mm: float
+    opening_deg: float
+    closing_deg: float
+
+    @property
+    def duration_deg(self) -> float:
+        return self.closing_deg - self.opening_deg
+
+    @property
+    def centre_deg(self) -> float:
+        """The middle between opening and closing."""
+        return (self.closing_deg + self.opening_deg) / 2
+
+
+@dataclass(frozen=True)
+class CrankTiming:
+    """How a cam stands to the crank: `centre_deg` is the crank angle after top dead centre of the cam's angle zero, the
+    middle of its duration; the cam turns at `cam_per_crank` of the crank."""
+
+    centre_deg: float
+    cam_per_crank: float = 0.5
+
+    def crank_deg(self, cam_deg: float) -> float:
+        """Crank angle after top dead centre at a cam angle."""
+        return self.centre_deg + cam_deg / self.cam_per_crank
+
+
+@dataclass(frozen=True)
+class CamCard:
+    """A cam's events at stated lifts; `str(card)` is the card as text, `rows()` as a table.
+
+    `name` of the cam; `max_lift_mm` and `max_lift_deg`, the cam angle of the largest lift (middle of a dwell there);
+    `timing` to the crank, or None, and `tdc_lift_mm`, the lift at top dead centre; `overlaps`: crank degrees of overlap
+    with another cam's card, one for each event.
+    """
+
+    name: str
+    max_lift_mm: float
+    max_lift_deg: float
+    events: tuple[ValveEvent, ...]
+    timing: CrankTiming | None = None
+    tdc_lift_mm: float | None = None
+    overlaps: tuple[float, ...] = ()
+
+    def rows(self) -> list[list]:
+        """A row of `COLUMNS` for every event."""
+        overlaps = self.overlaps or [None] * len(self.events)
+        return [
+            [self.name, e.lift_mm, e.opening_deg, e.closing_deg, e.duration_deg, e.centre_deg, *self._crank(e), overlap]
+            for e, overlap in zip(self.events, overlaps, strict=True)
+        ]
+
+    def _crank(self, event: ValveEvent) -> list[float | None]:
+        if self.timing is None:
+            return [None] * 3
+        opening, closing = (self.timing.crank_deg(a) for a in (event.opening_deg, event.closing_deg))
+        return [opening, closing, closing - opening]
+
+    def __str__(self) -> str:
+        lines = [
+            f"cam card of {self.name}: cam degrees from the middle of the duration",
+            f"  largest lift {self.max_lift_mm:.4f} mm at {self.max_lift_deg:z.4f}",
+        ]
+        for event in self.events:
+            lines.append(
+                f"  {event.lift_mm:9.4f} mm  {event.opening_deg:10.4f} to {event.closing_deg:9.4f}, "
+                f"{event.duration_deg:.4f} long, centre {event.centre_deg:z.4f}"
+            )
+        if self.timing is None:
+            return "\n".join(lines)
+        centre = self.timing.centre_deg
+        lines.append(
+            f"  on the crank, the middle {abs(centre):g} deg {'before' if centre < 0 else 'after'} TDC, "
+            f"where the lift is {self.tdc_lift_mm:z.4f} mm"
+        )
+        for event, overlap in zip(self.events, self.overlaps or [None] * len(self.events), strict=True):
+            opening, closing, duration = self._crank(event)
+            shared = "" if overlap is None else f", overlap {max(overlap, 0.0):.2f} deg"
+            lines.append(
+                f"  {event.lift_mm:9.4f} mm  opens {dead_centre_words(opening)}, closes {dead_centre_words(closing)}, "
+                f"{duration:.2f} deg{shared}"
+            )
+        return "\n".join(lines)
+
+
+def cam_card(
+    cam: Lift,
+    lifts_mm: Sequence[float] = LIFTS_MM,
+    *,
+    name: str = "",
+    timing: CrankTiming | None = None,
+    other: "CamCard | None" = None,
+) -> CamCard:
+    """The card of a cam at these lifts [mm], by default 1 mm and 0.050 in; with a `timing`, also on the crank.
+
+    With the card of the `other` cam of a cylinder, which needs the same lifts and a timing too, the overlap: crank
+    degrees from the later opening to the earlier closing about top dead centre, negative where both are below the lift
+    in between. Raises InputError for a lift that the cam does not pass, and for cards that do not match.
+    """
+    if not 0 < len(lifts_mm) <= MOST_LIFTS:
+        raise InputError(f"cam card: {len(lifts_mm)} lifts: from 1 to {MOST_LIFTS} can be listed")
+    events = []
+    for height in lifts_mm:
+        opening, closing = crossing(cam, height * MM)
+        events.append(ValveEvent(float(height), opening / DEG, closing / DEG))
+    at_tdc = None if timing is None else float(cam(-timing.centre_deg * timing.cam_per_crank * DEG)) / MM
+    card = CamCard(name or cam.family, cam.max_lift / MM, top_angle(cam) / DEG, tuple(events), timing, at_tdc)
+    if other is None:
+        return card
+    if timing is None or other.timing is None:
+        raise InputError("cam card: an overlap needs the crank angle of both cams' centres")
+    if [e.lift_mm for e in other.events] != [e.lift_mm for e in events]:
+        raise InputError("cam card: an overlap needs both cams' events at the same lifts")
+    turn = 360 / timing.cam_per_crank
+    nearest = turn * round((timing.centre_deg - other.timing.centre_deg) / turn)
+    overlaps = []
+    for own, its in zip(card.rows(), other.rows(), strict=True):
+        (opening, closing), (its_opening, its_closing) = own[6:8], its[6:8]
+        overlaps.append(min(closing, its_closing + nearest) - max(opening, its_opening + nearest))
+    return replace(card, overlaps=tuple(overlaps))
+
+
+def top_angle(cam: Lift) -> float:
+    """Cam angle [rad] of the largest lift; the middle where the cam dwells there."""
+    angles = np.concatenate([cam.borders, cam.roots(1)])
+    heights = cam(angles)
+    top = angles[heights >= heights.max() * (1 - SAME_TOP)]
+    return float(top.min() + top.max()) / 2
+
+
+def dead_centre_words(crank_deg: float | None) -> str:
+    """A crank angle after top dead centre as `12.00 deg before TDC`; the nearer dead centre is named."""
+    assert crank_deg is not None, "a card with a timing"
+    half_turns = round(crank_deg / 180)
+    away = crank_deg - 180 * half_turns
+    side = "before" if away < 0 else "after"
+    return f"{abs(away):.2f} deg {side} {'BDC' if half_turns % 2 else 'TDC'}"

@@ -1,0 +1,51 @@
+"""From one follower to another: the lift that a follower has on the contour that another one has felt.
+
+Each point of the contour, with its normal, is touched by the other follower at one cam angle and with one lift, both in
+closed form. Where these angles do not ascend the follower would bridge a hollow, and its velocity would step there.
+"""
+
+import numpy as np
+
+from camopt.cam.followers.registry import follower_of
+from camopt.cam.geometry import Contact, contact
+from camopt.cam.lift import Lift
+from camopt.cam.tables.interpolation import centred, spline_pieces
+from camopt.scene import InputError
+from camopt.scene.schema import Geometry
+from camopt.scene.shapes import Float
+from camopt.scene.units import DEG
+
+STEP_DEG = 0.1
+"""Spacing of the points that are carried over; between them quintic pieces are within 1e-9 mm where the lift has no
+step in its jerk, and within 1e-7 mm where it has."""
+
+
+def lift_along(found: Contact, geometry: Geometry) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Ascending cam angles [rad] at which the follower of `geometry` touches the points of a contour, and its valve
+    lift [m] there; InputError where it bridges a hollow."""
+    theta, lift = follower_of(geometry).lift_on(found.contour, found.normal)
+    theta = np.unwrap(theta)
+    theta += 2 * np.pi * np.round((found.theta[0] - theta[0]) / (2 * np.pi))
+    back = np.flatnonzero(np.diff(theta) < -1e-9 * np.diff(found.theta))
+    if len(back):
+        raise InputError(
+            f"conversion: at {theta[back[0]] / DEG:.1f} deg the {geometry.follower} follower would bridge a hollow of "
+            f"the contour: it needs a contour that is convex, or as hollow as its own radius at most"
+        )
+    return theta, lift
+
+
+def converted(lift: Lift, measured_by: Geometry, follower: Geometry) -> Lift:
+    """The valve lift of a scene's `follower` on the cam that gives the follower `measured_by` this lift.
+
+    The cam angle stays that of the engine in which either follower runs. Raises InputError where the one has no contour
+    or the other cannot follow it.
+    """
+    degrees = np.linspace(-180.0, 180.0, round(360 / STEP_DEG) + 1)
+    felt = contact(lift, measured_by)
+    if felt.contour_fault is not None:
+        raise InputError(f"conversion: {felt.contour_fault}")
+    theta, height = lift_along(contact(lift, measured_by, degrees * DEG), follower)
+    pieces = spline_pieces("conversion", theta, height)
+    borders, coefficients = centred(pieces, 0.0)
+    return Lift(borders, coefficients, lift.half_duration, lift.family, lift.parameters)

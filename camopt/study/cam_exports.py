@@ -1,0 +1,77 @@
+"""The files that `camopt cam` writes: lift table, contour, drawing, figure."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from camopt.cam.dxf import write_dxf
+from camopt.cam.exports import chord_error, table_error, write_contour, write_crank_table, write_rounded_table
+from camopt.cam.lift import Lift
+from camopt.cam.tables.lift_table import write_lift_table
+from camopt.scene import Scene
+from camopt.storage import write_bytes
+
+USUAL_DIGITS = 6
+"""Decimals of the lift where none are asked for, in tables that have no more columns to tell it by."""
+
+
+@dataclass(frozen=True)
+class Files:
+    """Where each is written, None where it is not asked for: the lift `table`, the `contour` as a table, its `dxf`, and
+    the `figure`, PNG or SVG by its suffix: lift, velocity, acceleration and jerk with the scene's limits.
+
+    Lifts have `digits` decimals, every digit where None. What is written has a row every `step_deg` of the cam, the
+    table every `step_crank_deg` of the crank where that is given.
+    """
+
+    table: str | None = None
+    contour: str | None = None
+    dxf: str | None = None
+    figure: str | None = None
+    step_deg: float = 0.1
+    step_crank_deg: float | None = None
+    digits: int | None = None
+
+
+def export(scene: Scene, lift: Lift, files: Files) -> list[str]:
+    """Writes the files that are asked for, and says in a sentence each what they are off by.
+
+    Raises InputError where no contour gives this lift to the scene's follower, and for steps that divide no turn.
+    """
+    said = _table(scene, lift, files) if files.table else []
+    geometry = scene.geometry
+    if files.contour:
+        assert geometry is not None, "the verb asks for it"
+        write_contour(
+            files.contour, lift, geometry, files.step_deg, USUAL_DIGITS if files.digits is None else files.digits
+        )
+    if files.dxf:
+        assert geometry is not None, "the verb asks for it"
+        write_dxf(files.dxf, lift, geometry, files.step_deg)
+        missed = chord_error(lift, geometry, files.step_deg)
+        said.append(f"drawing: its chords, every {files.step_deg:g} cam deg, miss it by at most {missed:.1e} mm")
+    if files.figure:
+        from camopt.plots.style import picture
+
+        write_bytes(files.figure, picture(lift.plot(scene.design), Path(files.figure).suffix[1:].lower()))
+    return said
+
+
+def _table(scene: Scene, lift: Lift, files: Files) -> list[str]:
+    """Writes the lift table; what it is off by, where it is rounded or in steps of the crank."""
+    assert files.table and scene.operation, "the verb asks for both"
+    digits, step, unit = files.digits, files.step_deg, "cam"
+    if files.step_crank_deg is not None:
+        digits, unit = USUAL_DIGITS if digits is None else digits, "crank"
+        step = files.step_crank_deg * scene.operation.cam_per_crank
+        write_crank_table(files.table, lift, files.step_crank_deg, digits, scene.operation.cam_per_crank)
+    elif digits is None:
+        write_lift_table(files.table, lift, step)
+        return []
+    else:
+        write_rounded_table(files.table, lift, step, digits, scene.geometry.rocker_ratio if scene.geometry else 1.0)
+    off = table_error(lift, step, digits)
+    every = f"a row every {files.step_crank_deg or step:g} {unit} deg, {digits} decimals"
+    return [
+        f"lift table: {every}: off by at most {off.rows:.1e} mm at its rows; between them by {off.spline:.1e} mm along "
+        f"a cubic spline, by {off.lines:.1e} mm along straight lines"
+    ]
