@@ -127,15 +127,17 @@ def conflict(design: Design, cam: FreeCam) -> str:
         lowered = name == "max_lift_mm" and design.reach_max_lift  # a lift that must be reached resolves by falling
         rows = np.array([len(bound) - 1]) if lowered else limits.rows(name)
         give[rows] = limits.unit[g] if name != "nose_deg" else 1.0
-        size = abs(getattr(design, name)) if name != "nose_deg" else TYPICAL * MM_PER_DEG2
+        size = abs(limits.value[g]) if name != "nose_deg" else TYPICAL * MM_PER_DEG2
         relaxed = least_relaxation(spline, bound, give, size, working)
         if relaxed is None:
             continue
         if name == "nose_deg":
             remedies.append(f"nose_deg would have to be smaller than {design.nose_deg:g} or be left out")
             continue
-        value = getattr(design, name)
-        needed = value + (-relaxed if lowered else np.sign(value) * relaxed)
+        value = limits.value[g]
+        needed = value + (-relaxed if lowered else limits.sign[g] * relaxed)
+        if needed * value <= 0:
+            continue  # no number of this limit would do
         verb = "fall" if needed < value else "rise"
         remedies.append(f"{name} would have to {verb} from {value:g} to {_rounded(needed, up=needed > value)}")
     if not remedies:
