@@ -69,7 +69,6 @@ class Design(Table):
     duration_at: Windows = ()
     piston: Piston | None = None
     nose_radius_min_mm: Positive | None = None
-    concave_radius_min_mm: Positive | None = None
     entrainment_min_m_per_s: Positive | None = None
     bounce_max_mm: NonNegative | None = None
     jump_max_mm: NonNegative | None = None
@@ -107,15 +106,13 @@ class Design(Table):
         """Sentences on limits whose geometry or operation the scene does not state."""
         follower = None if self._geometry is None else self._geometry.follower
         faults = []
-        for key in ("nose_radius_min_mm", "concave_radius_min_mm", "entrainment_min_m_per_s"):
+        for key in ("nose_radius_min_mm", "entrainment_min_m_per_s"):
             if getattr(self, key) is not None and follower is None:
                 faults.append(f"{key} needs [geometry] with the follower and the base circle's radius")
-        if self.entrainment_min_m_per_s is not None and follower not in (None, "flat"):
-            faults.append(f"entrainment_min_m_per_s is for a flat follower, and this one is a {follower}: leave it out")
-        if self.concave_radius_min_mm is not None and follower == "flat":
-            faults.append(
-                "concave_radius_min_mm is for rollers: a flat follower needs a convex cam, nose_radius_min_mm"
-            )
+            elif getattr(self, key) is not None and follower != "flat":
+                faults.append(
+                    f"{key} is for flat followers, and the follower of [geometry] is {follower}: leave it out"
+                )
         if (self.piston or self.entrainment_min_m_per_s) and self._operation is None:
             faults.append("piston and entrainment_min_m_per_s need [operation] with the speeds and cam_per_crank")
         return faults

@@ -98,15 +98,19 @@ def test_a_limit_holds_at_every_angle_and_would_be_broken_without(key):
 
 
 def test_a_least_duration_and_a_least_lift_are_held():
-    """A cam that is to dwell little at its nose and still to be open long at mid lift."""
-    narrow = scene_with(lift_at=((0.0, 8.0, 8.6),))
-    free = kinematic_optimum(narrow.design, free_cam(narrow.design, 2.0)).lift
-    asked = duration_deg(free, 5.0) + 0.2
-    longer = scene_with(lift_at=((0.0, 8.0, 8.6),), duration_at=((5.0, asked, 143.0),))
-    held = kinematic_optimum(longer.design, program_cam(longer.design, 2.0)).lift
-    assert broken_by_shape(free, longer.design) == ["duration_at"]
-    assert broken_by_shape(held, longer.design) == []
-    assert duration_deg(held, 5.0) == pytest.approx(asked, abs=2.1e-3)
+    """A cam that is to be short at 5 mm and still long at 2 mm, and high away from the middle."""
+    short = (5.0, 0.0, 80.0)
+    narrow = scene_with(duration_at=(short,)).design
+    free = kinematic_optimum(narrow, free_cam(narrow, 3.0)).lift
+    asked, high = duration_deg(free, 2.0) + 0.5, mm(free, 0)[74_000]
+    longer = scene_with(duration_at=(short, (2.0, asked, 143.0))).design
+    held = kinematic_optimum(longer, free_cam(longer, 3.0)).lift
+    assert broken_by_shape(free, longer) == ["duration_at"]
+    assert broken_by_shape(held, longer) == []
+    assert duration_deg(held, 2.0) == pytest.approx(asked, abs=2.1e-3)
+    higher = scene_with(duration_at=(short,), lift_at=((2.0, high + 0.01, 9.4),)).design
+    assert broken_by_shape(free, higher) == ["lift_at"]
+    assert broken_by_shape(kinematic_optimum(higher, free_cam(higher, 3.0)).lift, higher) == []
 
 
 def test_a_duration_of_unequal_flanks_is_held_about_its_own_centre():
@@ -127,7 +131,7 @@ def test_a_duration_of_unequal_flanks_is_held_about_its_own_centre():
         ({"nose_radius_min_mm": 26.0}, "nose_radius_min_mm would have to fall from 26 to "),
         ({"duration_at": ((5.0, 100.0, 130.0),)}, "at least 100 deg would have to fall from 5 to "),
         (
-            {"piston": PISTON.model_copy(update={"gap_at_top_mm": 1.1})},
+            {"piston": PISTON.model_copy(update={"gap_at_top_mm": 1.3, "lobe_centre_deg": 100.0})},
             "piston.clearance_mm would have to fall from 1 ",
         ),
     ],

@@ -20,10 +20,14 @@ if TYPE_CHECKING:
 
 CAP_INTERVAL = 0.5 * DEG
 """Longest interval between lift control nets: control points then exceed the lift by less than 1e-4 mm."""
+INTERVALS = (CAP_INTERVAL, 1.0 * DEG, np.inf)
+"""Longest interval between control nets by the highest derivative that is limited, infinite for a knot interval: where
+the lift's second derivative counts, closer nets nearly repeat each other, on which a linear program may founder."""
 HAIR = 1e-9
 """Relative tightening of every limit, so that round-off in the solver and in the pieces cannot break it."""
-NEGLIGIBLE = 1e-12
-"""Size of a row, over the largest, below which it is fixed by the ramps, to round-off."""
+
+HUGE = 1.0
+"""A free coefficient [mm/deg^2] that no cam has: a hundred times a usual acceleration."""
 
 
 @dataclass(frozen=True)
@@ -141,17 +145,19 @@ def linear_rows(cam: "FreeCam", limit: LinearLimit) -> tuple[np.ndarray, np.ndar
     marks = np.concatenate([[low, high], cam.breaks, level.borders])
     marks = np.unique(np.clip(marks, low, high))
     marks = marks[np.append(np.diff(marks) > 1e-9, True)]
-    shares = [np.linspace(a, b, int(np.ceil((b - a) / CAP_INTERVAL)) + 1)[:-1] for a, b in pairwise(marks)]
+    longest = INTERVALS[len(limit.weights) - 1]
+    shares = [np.linspace(a, b, max(1, int(np.ceil((b - a) / longest))) + 1)[:-1] for a, b in pairwise(marks)]
     start = np.concatenate(shares)
     width = np.diff(np.append(start, marks[-1]))
     matrix, offset = cam.weighted_points(limit.weights, start, width)
     upper = _level_points(limit, start, width)
     matrix, bound = matrix.reshape(-1, matrix.shape[2]), (upper - offset).ravel() - level.error
-    matrix[np.abs(matrix).max(axis=1) < NEGLIGIBLE * np.abs(matrix).max()] = 0.0
     if level.low < first and level.high > last:  # the ramps are given: they hold it or no cam does
         outside = [limit.excess(cam.without_spline, *ends) for ends in ((level.low, first), (last, level.high))]
         matrix, bound = np.vstack([matrix, np.zeros(matrix.shape[1])]), np.append(bound, -max(outside))
-    return matrix, bound
+    given = np.abs(bound) > np.abs(matrix).sum(axis=1) * HUGE  # near the ramps, which give what hardly moves
+    matrix[given] = 0.0
+    return matrix[~given | (bound < 0)], bound[~given | (bound < 0)]
 
 
 def _level_points(limit: LinearLimit, start: np.ndarray, width: np.ndarray) -> np.ndarray:

@@ -91,7 +91,7 @@ class Certificate:
         if further is not None:
             constant += further.constant
             p = piecewise_sum(p, further.kernel)
-        free = _largest_by_acceleration(self.design, p) if jerk is None else jerk * MM_PER_DEG3 * _absolute(p)
+        free = _largest_by_acceleration(self.design, p) if jerk is None else jerk * MM_PER_DEG3 * absolute_integral(p)
         full = self.design.max_lift_mm * MM * (self.grid[-1] - self.grid[0])
         return min(1.0, (constant + free) / full + ROUNDING)  # the lift cap alone allows no more than 1
 
@@ -191,8 +191,8 @@ def _parts(p: PPoly, breaks=()) -> tuple[np.ndarray, np.ndarray]:
     return np.diff(p.antiderivative()(cuts)), 0.5 * (cuts[1:] + cuts[:-1])
 
 
-def _absolute(p: PPoly) -> float:
-    """Integral of |p|."""
+def absolute_integral(p: PPoly) -> float:
+    """Integral of |p| over the angles of its pieces."""
     return float(np.abs(_parts(p)[0]).sum())
 
 

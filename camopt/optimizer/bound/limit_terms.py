@@ -29,7 +29,7 @@ def left_out(design: Design) -> list[str]:
 
 
 def cells(limit: LinearLimit, grid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Begin and end (k) [rad] of the cell of every mass: one angle's own, or half an interval about every grid angle."""
+    """Begin and end (k) [rad] of the cell of every mass: one angle, or half an interval to both sides of each angle."""
     low, high = limit.level.low, limit.level.high
     if low == high:
         return np.array([low]), np.array([low])
