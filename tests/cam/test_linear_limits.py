@@ -102,13 +102,13 @@ def test_a_least_duration_and_a_least_lift_are_held():
     short = (5.0, 0.0, 80.0)
     narrow = scene_with(duration_at=(short,)).design
     free = kinematic_optimum(narrow, free_cam(narrow, 3.0)).lift
-    asked, high = duration_deg(free, 2.0) + 0.5, mm(free, 0)[74_000]
+    asked, high = duration_deg(free, 2.0) + 0.5, mm(free, 0)[102_000]
     longer = scene_with(duration_at=(short, (2.0, asked, 143.0))).design
     held = kinematic_optimum(longer, free_cam(longer, 3.0)).lift
     assert broken_by_shape(free, longer) == ["duration_at"]
     assert broken_by_shape(held, longer) == []
     assert duration_deg(held, 2.0) == pytest.approx(asked, abs=2.1e-3)
-    higher = scene_with(duration_at=(short,), lift_at=((2.0, high + 0.01, 9.4),)).design
+    higher = scene_with(duration_at=(short,), lift_at=((30.0, high + 0.02, 9.4),)).design
     assert broken_by_shape(free, higher) == ["lift_at"]
     assert broken_by_shape(kinematic_optimum(higher, free_cam(higher, 3.0)).lift, higher) == []
 
