@@ -8,7 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from camopt.cam.geometry import crossing
 from camopt.cam.lift import Lift
+from camopt.cam.linear_limits import linear_limits
 from camopt.scene.quantities import QUANTITIES
 from camopt.scene.schema import Design
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
@@ -125,7 +127,27 @@ def broken_by_shape(lift: Lift, design: Design | None) -> list[str]:
         nose = design.nose_deg * DEG
         if lift.extremes(2, -nose, nose)[1] > ROUNDING * max(-lowest, highest):
             broken.append("nose_deg")
-    return broken
+    drawn = drawing_excess(lift, design)
+    return broken + [key for key, over in drawn.items() if over > ROUNDING]
+
+
+def drawing_excess(lift: Lift, design: Design) -> dict[str, float]:
+    """By how much a cam exceeds each limit of `linear_limits`, by key and relative to the limit's size.
+
+    It is negative where the limit is kept. A duration at a lift lies between the outermost angles at which the cam has
+    that lift, and is zero where it never does; its excess is relative to the scene's duration.
+    """
+    found: dict[str, float] = {}
+    for limit in linear_limits(design):
+        if not limit.chosen:
+            over = limit.excess(lift) / max(limit.level.size, MM)
+            found[limit.key] = max(over, found.get(limit.key, -np.inf))
+    for height, least, most in design.duration_at:
+        opening, closing = crossing(lift, height * MM) if height * MM < lift.max_lift else (0.0, 0.0)
+        long = (closing - opening) / DEG
+        over = max(least - long, long - most) / design.duration_deg
+        found["duration_at"] = max(over, found.get("duration_at", -np.inf))
+    return found
 
 
 def duration_words(lift: Lift, design: Design) -> str:

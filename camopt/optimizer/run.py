@@ -8,7 +8,6 @@ from importlib.metadata import version
 from pathlib import Path
 
 from camopt.cam.design_file import as_written, design_record
-from camopt.cam.families.free import free_cam
 from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import write_lift_table
 from camopt.optimizer.accuracy import Accuracy, accuracy_named
@@ -17,6 +16,7 @@ from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.first_run import compile_programs, programs_missing
 from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_worth
 from camopt.optimizer.program.no_jump import NoJumpOptimum
+from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.progress import Progress
 from camopt.optimizer.search.journal import Journal
 from camopt.optimizer.search.search import Logbook, find_cam
@@ -99,7 +99,7 @@ def optimize(
     assert design is not None, "load_scene(..., need=...) guarantees it"
     job = _OpenRun(scene, settings, effort, StageClock(), compare)
     with job.clock.stage("bound"):
-        kinematic = kinematic_optimum(design, free_cam(design, effort.knot_deg))  # contradictory limits end here
+        kinematic = kinematic_optimum(design, program_cam(design, effort.knot_deg))  # contradictory limits end here
         bound = area_ratio_bound(design).bound
     identity = run_identity("optimize", scene, **settings)
     with run_folder(out or default_run_folder(scene.name), identity, resume, ["design.json"]) as folder:

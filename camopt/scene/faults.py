@@ -130,20 +130,23 @@ def _sentence(error: dict[str, Any]) -> str:
 
 def tables() -> dict[str, type[Table]]:
     """The tables of a scene by key: [design] as "design", the rows [[mass]] as "mass"."""
-
-    def inside(annotation: Any) -> list[type[Table]]:
-        if isinstance(annotation, type):
-            return [annotation] if issubclass(annotation, Table) else []
-        return [table for part in get_args(annotation) for table in inside(part)]
-
-    found = {key: inside(field.annotation) for key, field in Scene.model_fields.items()}
+    found = {key: _inside(field.annotation) for key, field in Scene.model_fields.items()}
     return {key: tables[0] for key, tables in found.items() if tables}
+
+
+def _inside(annotation: Any) -> list[type[Table]]:
+    """The tables in the type of a key."""
+    if isinstance(annotation, type):
+        return [annotation] if issubclass(annotation, Table) else []
+    return [table for part in get_args(annotation) for table in _inside(part)]
 
 
 def _unknown_key(loc: tuple) -> str:
     """An unknown key, with the known one that was probably meant, or the table to which it belongs."""
     key, by_name = loc[-1], tables()
     own = by_name[loc[0]].model_fields if len(loc) > 1 else Scene.model_fields
+    if len(loc) > 2 and isinstance(loc[1], str):  # a table within a table
+        own = _inside(own[loc[1]].annotation)[0].model_fields
     homes = [name for name, table in by_name.items() if key in table.model_fields]
     if homes:
         headings = [f"[[{name}]]" if name in MOST_ROWS else f"[{name}]" for name in homes]

@@ -1,13 +1,15 @@
 """What a scene file may say: masses, elements, operation, design limits and geometry, in the field's units."""
 
+from collections.abc import Mapping
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator
 
+from camopt.scene.design import Design
 from camopt.scene.element import Element
 from camopt.scene.geometry import Geometry as Geometry
-from camopt.scene.table import Name, NonNegative, Positive, Table, Usable
+from camopt.scene.table import Name, NonNegative, Positive, Table
 from camopt.scene.tolerances import Grinding, Tolerance
 
 MOST_ROWS = {"mass": 200, "element": 400, "force": 20, "tolerance": 200}
@@ -72,65 +74,6 @@ class Operation(Table):
         return band
 
 
-class Design(Table):
-    """Design conditions and limits of the cam; a limit that is left out does not limit."""
-
-    duration_deg: Annotated[float, Field(gt=0, lt=300), Usable]
-    max_lift_mm: Positive
-    reach_max_lift: bool = False
-    ramp_height_mm: Positive
-    ramp_velocity_mm_per_deg: Positive
-    ramp_foot_deg: NonNegative = 10.0
-    closing_ramp_height_mm: Positive | None = None
-    closing_ramp_velocity_mm_per_deg: Positive | None = None
-    acceleration_max_mm_per_deg2: Positive | None = None
-    acceleration_min_mm_per_deg2: Annotated[float, Field(lt=0), Usable] | None = None
-    jerk_max_mm_per_deg3: Positive | None = None
-    snap_max_mm_per_deg4: Positive | None = None
-    nose_deg: NonNegative | None = None
-    bounce_max_mm: NonNegative | None = None
-    jump_max_mm: NonNegative | None = None
-    jump_max_deg: NonNegative | None = None
-    seating_velocity_max_m_per_s: Positive | None = None
-    contact_force_min_N: Positive | None = None
-    contact_force_max_N: Positive | None = None
-
-    @field_validator("nose_deg")
-    @classmethod
-    def _within_the_duration(cls, nose, info: ValidationInfo):
-        duration = info.data.get("duration_deg")
-        if nose is not None and duration is not None and nose >= duration / 2:
-            raise ValueError("must be below half of duration_deg")
-        return nose
-
-    @model_validator(mode="after")
-    def _consistent(self):
-        faults = []
-        least, most = self.contact_force_min_N, self.contact_force_max_N
-        if least is not None and most is not None and least >= most:
-            faults.append("contact_force_min_N must be below contact_force_max_N")
-        for height, velocity, side in self.ramps():
-            if height >= self.max_lift_mm:
-                faults.append(f"the {side} ramp height must be below max_lift_mm")
-            if height < velocity * self.ramp_foot_deg / 2:
-                faults.append(
-                    f"the {side} ramp is too low for its foot: the height must be at least "
-                    f"velocity * ramp_foot_deg / 2 = {velocity * self.ramp_foot_deg / 2:g} mm"
-                )
-            length = self.duration_deg / 2 + height / velocity + self.ramp_foot_deg / 2
-            if length >= 180:
-                faults.append(f"the {side} side is {length:.1f} deg long and must end before 180 deg")
-        if faults:
-            raise ValueError("; ".join(faults))
-        return self
-
-    def ramps(self) -> tuple[tuple[float, float, str], tuple[float, float, str]]:
-        """Height [mm], velocity [mm/deg] and name of the opening and the closing ramp."""
-        height = self.closing_ramp_height_mm or self.ramp_height_mm
-        velocity = self.closing_ramp_velocity_mm_per_deg or self.ramp_velocity_mm_per_deg
-        return (self.ramp_height_mm, self.ramp_velocity_mm_per_deg, "opening"), (height, velocity, "closing")
-
-
 class Scene(Table):
     """A valve train with its operation and design conditions, as a scene file states them."""
 
@@ -141,13 +84,30 @@ class Scene(Table):
     valve: str | None = None
     seat: str | None = None
     operation: Operation | None = None
-    design: Design | None = None
     geometry: Geometry | None = None
+    design: Design | None = None
     mass: Annotated[tuple[Mass, ...], Field(min_length=1, max_length=MOST_ROWS["mass"])]
     element: Annotated[tuple[Element, ...], Field(min_length=1, max_length=MOST_ROWS["element"])]
     force: Annotated[tuple[Force, ...], Field(max_length=MOST_ROWS["force"])] = ()
     tolerance: Annotated[tuple[Tolerance, ...], Field(max_length=MOST_ROWS["tolerance"])] = ()
     grinding: Grinding | None = None
+
+    @field_validator("design")
+    @classmethod
+    def _in_its_scene(cls, design, info: ValidationInfo):
+        if design is None or not {"operation", "geometry"} <= info.data.keys():  # a faulty table hides nothing
+            return design
+        design = design.within(info.data["geometry"], info.data["operation"])
+        if faults := design.missing():
+            raise ValueError("; ".join(faults))
+        return design
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy with some tables replaced; its design refers to the copy's own geometry and operation."""
+        copy = super().model_copy(update=update, deep=deep)
+        if copy.design is not None:
+            copy.__dict__["design"] = copy.design.within(copy.geometry, copy.operation)
+        return copy
 
     def cam_speed(self, speed_rpm: float) -> float:
         """Cam speed [rad/s] at a crankshaft speed [r/min]."""

@@ -6,6 +6,7 @@ from camopt.cam.film import film_ratio
 from camopt.cam.geometry import DURATION_LIFTS_MM, Contact, contact, crossing
 from camopt.cam.hertz import HertzStress, contact_width, hertz_stress
 from camopt.cam.lift import Lift
+from camopt.measure.limits import broken_by_shape, drawing_excess
 from camopt.scene import InputError, Scene, Train, build_train
 from camopt.scene.geometry import SWINGING
 from camopt.scene.rest import static_forces
@@ -64,6 +65,8 @@ def _limits(scene: Scene, lift: Lift) -> list[str]:
         least, most = (value * DEG**order / MM for value in lift.extremes(order))
         limit = f"limits {'none' if low is None else f'{low:g}'} to {'none' if high is None else f'{high:g}'}"
         lines.append(f"{name:<14} {least:.6f} to {most:.6f} mm/deg^{order} ({limit})")
+    broken = set(broken_by_shape(lift, design))
+    lines += [f"{key}: {'broken' if key in broken else 'kept'}" for key in drawing_excess(lift, design)]
     return lines + remarks(lift, design)
 
 

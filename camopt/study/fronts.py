@@ -10,9 +10,9 @@ import xarray as xr
 from scipy.optimize import minimize
 from tqdm import tqdm
 
-from camopt.cam.families.free import free_cam
 from camopt.optimizer.accuracy import accuracy_named, design_speeds
 from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, no_jump_program
+from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.search.robust import with_spring
 from camopt.optimizer.search.search import find_cam
 from camopt.scene.errors import InputError
@@ -176,7 +176,7 @@ def joint_spring(
     """
     effort, design = accuracy_named(accuracy), scene.design
     assert design is not None and scene.operation is not None, "load_scene(..., need=...) guarantees both"
-    cam, (listed, _) = free_cam(design, effort.knot_deg), design_speeds(scene.operation, speeds, effort)
+    cam, (listed, _) = program_cam(design, effort.knot_deg), design_speeds(scene.operation, speeds, effort)
     cam_speeds = [scene.cam_speed(s) for s in listed]
 
     def area(factors) -> float:

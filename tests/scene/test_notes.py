@@ -81,6 +81,8 @@ def test_every_number_of_a_scene_has_its_usual_range():
         "design.ramp_foot_deg": "any foot that fits the ramp is usual; the schema holds it to that",
         "design.nose_deg": "the schema holds it below half the duration",
         "geometry.valve_arm_deg": "the schema holds it between -80 and 80",
+        "design.lift_at": "its rows mix angles and lifts; the schema holds both to the event",
+        "design.duration_at": "its rows mix lifts and angles; the schema holds both to the event",
         "geometry.cam_poisson_ratio": "the schema holds it between 0 and 0.5",
         "geometry.follower_poisson_ratio": "the schema holds it between 0 and 0.5",
         "tolerance.relative": "the schema holds it below 1",

@@ -14,47 +14,24 @@ import numpy as np
 from scipy.interpolate import BSpline, PPoly
 
 from camopt.cam.bernstein import from_powers
+from camopt.cam.families.free_limits import About, Limits, free_limits
 from camopt.cam.families.record import Event, Family, Parameters
 from camopt.cam.lift import Lift, with_ramps
 from camopt.cam.ramps import Ramp, scene_ramps
 from camopt.scene import InputError, Scene
 from camopt.scene.schema import Design
-from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
+from camopt.scene.units import DEG, MM_PER_DEG2
 
 DEGREE = 3
 """Polynomial degree of the acceleration."""
-CAP_INTERVAL = 0.5 * DEG
-"""Longest interval between lift control nets: control points then exceed the lift by less than 1e-4 mm."""
-HAIR = 1e-9
-"""Relative tightening of every limit, so that round-off in the solver and in the pieces cannot break it."""
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Linear limits `matrix @ z <= bound` on a free cam; row r comes from the design's limit `names[group[r]]`.
-
-    `size` (per name) is the magnitude of the limit in SI and `slope[r]` is d bound[r] / d size; both are zero for the
-    nose, whose rows bound a sign and no value. `unit` is the unit of the scene file in SI.
-    """
-
-    matrix: np.ndarray  # (r, m)
-    bound: np.ndarray  # (r)
-    slope: np.ndarray  # (r)
-    group: np.ndarray  # (r) int
-    names: tuple[str, ...]
-    size: np.ndarray  # (g)
-    unit: np.ndarray  # (g)
-
-    def rows(self, name: str) -> np.ndarray:
-        """Indices of the rows of one limit; empty where the design does not set it."""
-        return np.flatnonzero(self.group == self.names.index(name)) if name in self.names else np.zeros(0, int)
 
 
 @dataclass(frozen=True)
 class FreeCam:
     """A spline cam between two ramps: spline coefficients x = x_p + Z z (n) [mm/deg^2], free coefficients z (m).
 
-    `breaks` (k + 1) [rad] are the knots, equally spaced over the duration; Z (n, m) has orthonormal columns.
+    `breaks` (k + 1) [rad] are the knots, equally spaced over the duration; Z (n, m) has orthonormal columns. Limits
+    that are not linear in the lift are taken `about` a cam.
     """
 
     breaks: np.ndarray = field(repr=False)
@@ -62,6 +39,7 @@ class FreeCam:
     closing: Ramp
     x_p: np.ndarray = field(repr=False)
     Z: np.ndarray = field(repr=False)
+    about: About = field(default_factory=About)
 
     @property
     def knot_deg(self) -> float:
@@ -77,11 +55,11 @@ class FreeCam:
     @cached_property
     def _ramps(self) -> tuple[PPoly, ...]:
         """The ramps' lift and its first six derivatives."""
-        lift = PPoly(self._without_spline.coefficients[:, ::-1].T, self._without_spline.borders)
+        lift = PPoly(self.without_spline.coefficients[:, ::-1].T, self.without_spline.borders)
         return lift, *(lift.derivative(k) for k in range(1, 7))
 
     @cached_property
-    def _without_spline(self) -> Lift:
+    def without_spline(self) -> Lift:
         """The ramps, with the opening ramp's straight line in place of the spline."""
         line = np.array([[self.opening.height, self.opening.velocity]])
         return with_ramps(self.breaks[[0, -1]], line, self.opening, self.closing, "free", {})
@@ -124,7 +102,7 @@ class FreeCam:
     def area(self) -> tuple[np.ndarray, float]:
         """Row (m) and constant with area = row @ z + constant [m rad]."""
         row = self._bases[0].antiderivative()(self.breaks[-1])
-        constant = self._without_spline.area
+        constant = self.without_spline.area
         return row @ self.Z, float(constant + row @ self.x_p)
 
     def control_points(self, order: int, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -156,58 +134,29 @@ class FreeCam:
         matrix[size < 1e-12 * size.max()] = 0.0  # fixed by the ramps, to round-off
         return matrix, offset + points @ self.x_p
 
+    def weighted_points(
+        self, weights: tuple[float, ...], start: np.ndarray, width: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Control points of sum_k weights[k] * lift^(k), of degree five, from `start` (k) [rad] over `width` (k).
+
+        Returns matrix (k, 6, m) and offset (k, 6); no knot may lie inside an interval.
+        """
+        degree = DEGREE + 2
+        inside = start + 1e-9 * width  # a derivative that steps at a knot is that of the interval
+        taylor = np.zeros((degree + 1, len(start), len(self.x_p)))
+        ramp = np.zeros((degree + 1, len(start)))
+        for order, weight in enumerate(weights):
+            for k in range(degree + 1 - order if weight else 0):
+                factor = weight * width**k / factorial(k)
+                taylor[k] += self._bases[order + k](inside) * factor[:, None]
+                ramp[k] += self._ramps[order + k](inside) * factor
+        points = np.einsum("ik,ken->ein", from_powers(degree), taylor)
+        offset = np.einsum("ik,ke->ei", from_powers(degree), ramp)
+        return points @ self.Z, offset + points @ self.x_p
+
     def limits(self, design: Design) -> Limits:
-        """The design's acceleration, jerk, snap, lift and nose limits as rows on z that hold at every angle."""
-        parts = _LimitRows(self, design)
-        ends = self.breaks[[0, -1]]
-        if design.acceleration_max_mm_per_deg2 is not None:
-            parts.add("acceleration_max_mm_per_deg2", MM_PER_DEG2, 2, ends, (1,))
-        if design.acceleration_min_mm_per_deg2 is not None:
-            parts.add("acceleration_min_mm_per_deg2", MM_PER_DEG2, 2, ends, (-1,))
-        if design.jerk_max_mm_per_deg3 is not None:
-            parts.add("jerk_max_mm_per_deg3", MM_PER_DEG3, 3, ends, (1, -1))
-        if design.snap_max_mm_per_deg4 is not None:
-            parts.add("snap_max_mm_per_deg4", MM_PER_DEG4, 4, ends, (1, -1))
-        if design.nose_deg:
-            nose = np.array([-1.0, 1.0]) * design.nose_deg * DEG
-            parts.add("nose_deg", DEG, 2, nose, (1,))
-        count = int(np.ceil((self.breaks[1] - self.breaks[0]) / CAP_INTERVAL))
-        fine = np.linspace(ends[0], ends[1], count * (len(self.breaks) - 1) + 1)
-        parts.add("max_lift_mm", MM, 0, fine, (1,))
-        return parts.limits()
-
-
-class _LimitRows:
-    """The rows of `Limits`, collected one limit at a time."""
-
-    def __init__(self, cam: FreeCam, design: Design):
-        self.cam, self.design = cam, design
-        self.parts: list[tuple] = []
-
-    def add(self, name: str, unit: float, order: int, edges, signs) -> None:
-        """Adds the rows sign * lift^(order) <= sign * limit on control points; jerk and snap bind both signs."""
-        matrix, offset = self.cam.control_points(order, np.asarray(edges))
-        limit = getattr(self.design, name) * unit
-        nose = name == "nose_deg"
-        for sign in signs:
-            level = 0.0 if nose else abs(limit)
-            tight = HAIR * (MM_PER_DEG2 * 0.01 if nose else level)  # the nose has no level: a usual acceleration
-            slope = 0.0 if nose else 1.0
-            bound = level - tight - sign * offset
-            self.parts.append((sign * matrix, bound, np.full(len(bound), slope), name, level, unit))
-
-    def limits(self) -> Limits:
-        names = tuple(dict.fromkeys(p[3] for p in self.parts))
-        first = {p[3]: p for p in reversed(self.parts)}
-        return Limits(
-            matrix=np.concatenate([p[0] for p in self.parts]),
-            bound=np.concatenate([p[1] for p in self.parts]),
-            slope=np.concatenate([p[2] for p in self.parts]),
-            group=np.concatenate([np.full(len(p[1]), names.index(p[3])) for p in self.parts]),
-            names=names,
-            size=np.array([first[n][4] for n in names]),
-            unit=np.array([first[n][5] for n in names]),
-        )
+        """The design's limits on the shape as rows on z that hold at every angle."""
+        return free_limits(self, design)
 
 
 def free_cam(design: Design, knot_deg: float = 3.0) -> FreeCam:

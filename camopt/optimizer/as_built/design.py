@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from camopt.cam.families.free import free_cam
 from camopt.optimizer.as_built.drawn import DrawnTrains
 from camopt.optimizer.as_built.journal import TrainsLog
 from camopt.optimizer.as_built.search import FIRST_MARGIN_N, OVERSPEED, YieldSearch
 from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpProgram, no_jump_program
+from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import relocate, standing
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
@@ -85,7 +85,7 @@ def _program(scene: Scene) -> NoJumpProgram:
     low, high = operation.band_rpm
     speeds = [*np.linspace(low, high, BAND_SPEEDS), *(high * factor for factor in OVERSPEED)]
     cam_speeds = [scene.cam_speed(speed) for speed in speeds]
-    program = standing(no_jump_program(build_train(scene), design, free_cam(design, KNOT_DEG), cam_speeds))
+    program = standing(no_jump_program(build_train(scene), design, program_cam(design, KNOT_DEG), cam_speeds))
     try:
         return relocate(program, program.solve(Margins(*[FIRST_MARGIN_N] * 3)).lift)
     except NoCamHoldsContact:

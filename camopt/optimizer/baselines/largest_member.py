@@ -21,7 +21,7 @@ from tqdm import tqdm
 from camopt.cam.families.record import Space
 from camopt.cam.lift import Lift
 from camopt.exact.engine import prepare
-from camopt.measure.limits import broken_by_shape
+from camopt.measure.limits import broken_by_shape, drawing_excess
 from camopt.measure.settling import settle
 from camopt.optimizer.baselines.family_spaces import family_space
 from camopt.scene.errors import InputError, MotionRefused
@@ -151,7 +151,7 @@ def excess(lift: Lift, design: Design) -> float:
     if design.jerk_max_mm_per_deg3 is not None:
         steepest = float(np.abs(lift.extremes(3)).max())
         values["jerk_max_mm_per_deg3"] = steepest, design.jerk_max_mm_per_deg3 * MM_PER_DEG3
-    over = {name: value / limit - 1 for name, (value, limit) in values.items()}
+    over = {name: value / limit - 1 for name, (value, limit) in values.items()} | drawing_excess(lift, design)
     return max(over[name] if over.get(name, 0.0) > 0 else 1.0 for name in broken)
 
 

@@ -27,6 +27,7 @@ from scipy.interpolate import PPoly
 
 from camopt.cam.ramps import scene_ramps
 from camopt.optimizer.bound.fine_program import Discretised, equal_grid
+from camopt.optimizer.bound.limit_terms import limit_terms
 from camopt.scene.schema import Design
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
 
@@ -54,8 +55,8 @@ class Certificate:
     `lift_cap` (k) are point masses at the grid. `acceleration_max`, `acceleration_min` and `nose` (k) are masses that
     are spread evenly over half an interval to either side of their angle (within the duration and the nose), which
     makes p continuous. `closing` (3) belongs to the conditions on lift, velocity and acceleration at the closing ramp
-    top. The multipliers of a limit that the design does not set are zero. All multiply SI quantities and give an area
-    in m rad.
+    top. The multipliers of a limit that the design does not set are zero. `drawing` has an array of masses for every
+    limit of `bounded_limits`. All multiply SI quantities and give an area in m rad.
     """
 
     design: Design
@@ -65,6 +66,7 @@ class Certificate:
     acceleration_min: np.ndarray
     nose: np.ndarray
     closing: np.ndarray
+    drawing: tuple[np.ndarray, ...] = ()
 
     @cached_property
     def bound(self) -> float:
@@ -80,10 +82,16 @@ class Certificate:
         jerk = self.design.jerk_max_mm_per_deg3
         constant = _constant(self, jerk is not None)
         p = _switching_function(self, jerk is not None)
+        if self.drawing:
+            more, kernel = limit_terms(
+                self.design, self.grid, self.drawing, scene_ramps(self.design)[0], 2 if jerk is None else 3
+            )
+            constant += more
+            p = piecewise_sum(p, kernel)
         if further is not None:
             constant += further.constant
             p = piecewise_sum(p, further.kernel)
-        free = _largest_by_acceleration(self.design, p) if jerk is None else jerk * MM_PER_DEG3 * _absolute(p)
+        free = _largest_by_acceleration(self.design, p) if jerk is None else jerk * MM_PER_DEG3 * absolute_integral(p)
         full = self.design.max_lift_mm * MM * (self.grid[-1] - self.grid[0])
         return min(1.0, (constant + free) / full + ROUNDING)  # the lift cap alone allows no more than 1
 
@@ -96,6 +104,8 @@ def _check_signs(c: Certificate) -> None:
         limit = {"lift_cap": "max_lift_mm", "nose": "nose_deg"}.get(name, name + "_mm_per_deg2")
         if getattr(c.design, limit) is None and np.any(values != 0):
             raise ValueError(f"the multipliers {name} of a certificate belong to a limit that the design does not set")
+    if not all(np.all(masses >= 0) for masses in c.drawing):
+        raise ValueError("the multipliers drawing of a certificate must be >= 0")
     if c.design.nose_deg and np.any(c.nose[np.abs(c.grid) > c.design.nose_deg * DEG + 1e-12] != 0):
         raise ValueError("the multipliers nose of a certificate must vanish outside the nose")
 
@@ -181,8 +191,8 @@ def _parts(p: PPoly, breaks=()) -> tuple[np.ndarray, np.ndarray]:
     return np.diff(p.antiderivative()(cuts)), 0.5 * (cuts[1:] + cuts[:-1])
 
 
-def _absolute(p: PPoly) -> float:
-    """Integral of |p|."""
+def absolute_integral(p: PPoly) -> float:
+    """Integral of |p| over the angles of its pieces."""
     return float(np.abs(_parts(p)[0]).sum())
 
 

@@ -5,10 +5,12 @@ from math import factorial
 
 import numpy as np
 from scipy.optimize import linprog
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, vstack
 
 from camopt.cam.families.free import free_cam
+from camopt.cam.linear_limits import LinearLimit
 from camopt.cam.ramps import scene_ramps
+from camopt.optimizer.bound.limit_terms import bounded_limits
 from camopt.optimizer.program.kinematic import conflict
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Design
@@ -82,14 +84,51 @@ class Discretised:
                 box[self.column(state, node)] = value / self.unit[state]
         return box
 
+    def drawing(self) -> list[tuple[coo_array, np.ndarray, float]]:
+        """Rows, right sides and the rows' factor for every limit of `bounded_limits`, at the grid angles it covers."""
+        return [self._limit_rows(limit) for limit in bounded_limits(self.design)]
+
+    def _limit_rows(self, limit: LinearLimit) -> tuple[coo_array, np.ndarray, float]:
+        level, one = limit.level, limit.level.low == limit.level.high
+        at = np.array([level.low]) if one else self.grid
+        held = np.flatnonzero((at >= level.low - 1e-12) & (at <= level.high + 1e-12))
+        node = np.clip(np.searchsorted(self.grid, at[held] + 1e-12) - 1, 0, self.nodes - 2)
+        ahead = (at[held] - self.grid[node]) / self.half
+        factor = 1 / max(abs(w) * u for w, u in zip(limit.weights, self.unit, strict=False))
+        rows, columns, values = [], [], []
+        for order, weight in enumerate(limit.weights):
+            for state in range(order, self.order + 1 if weight else 0):
+                rows.append(np.arange(len(held)))
+                columns.append(self.column(state, node))
+                power = ahead ** (state - order) / factorial(state - order)
+                values.append(factor * weight * self.unit[order] * power)
+        shape = (len(held), self.order * self.nodes + self.nodes - 1)
+        matrix = coo_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=shape)
+        upper = level.taylor(at[held], np.clip(at[held], level.low, level.high))[:, 0]
+        return matrix, factor * upper, factor
+
+    def _masses(self, drawing: list[tuple[coo_array, np.ndarray, float]], duals: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Multipliers in SI, per limit at every angle of the grid, or one where the limit has one angle."""
+        found, first = [], 0
+        for limit, (_, level, factor) in zip(bounded_limits(self.design), drawing, strict=True):
+            own = np.maximum(duals[first : first + len(level)], 0.0) * factor * self.unit[0] * self.half
+            first += len(level)
+            if limit.level.low < limit.level.high:
+                inside = (self.grid >= limit.level.low - 1e-12) & (self.grid <= limit.level.high + 1e-12)
+                own, every = np.zeros(self.nodes), own
+                own[inside] = every
+            found.append(own)
+        return tuple(found)
+
     def multipliers(self, control_worth: np.ndarray | None = None):
         """Multipliers in SI: of lift cap, acceleration maximum and minimum and nose (k each), and of the closing (3).
 
         `control_worth` (k - 1) [m rad] is what a unit of control over each interval is worth besides the area.
-        Raises InputError where the limits have no common cam.
+        Last, a tuple of the multipliers of every limit of `bounded_limits`. Raises InputError where the limits have no
+        common cam.
         """
         n = self.nodes
-        motion = self.motion()
+        motion, drawing = self.motion(), self.drawing()
         columns = self.order * n + n - 1
         cost = np.zeros(columns)
         for state in range(self.order + 1):
@@ -98,12 +137,19 @@ class Discretised:
             full = self.unit[0] * self.half
             cost[self.column(self.order, np.arange(n - 1))] -= control_worth * self.unit[self.order] / full
         answer = linprog(
-            cost, A_eq=motion, b_eq=np.zeros(self.order * (n - 1)), bounds=self.bounds(), method="highs-ipm"
+            cost,
+            A_ub=vstack([rows for rows, _, _ in drawing]) if drawing else None,
+            b_ub=np.concatenate([level for _, level, _ in drawing]) if drawing else None,
+            A_eq=motion,
+            b_eq=np.zeros(self.order * (n - 1)),
+            bounds=self.bounds(),
+            method="highs-ipm",
         )
         if answer.status == 2:
             raise InputError(conflict(self.design, free_cam(self.design)))
         if answer.status != 0:
             raise ArithmeticError(f"the program for the bound was not solved: {answer.message}")
+        masses = self._masses(drawing, -answer["ineqlin"]["marginals"]) if drawing else ()
         upper, lower = -answer["upper"]["marginals"], answer["lower"]["marginals"]
         nodes = np.arange(n)
         inner = (nodes > 0) & (nodes < n - 1)  # both ends are fixed by the ramps
@@ -113,8 +159,8 @@ class Discretised:
             last = self.column(state, n - 1)
             closing[state] = (lower[last] - upper[last]) * self.half ** (state + 1)
         if self.order == 2:
-            return lift_cap, np.zeros(n), np.zeros(n), np.zeros(n), closing
+            return lift_cap, np.zeros(n), np.zeros(n), np.zeros(n), closing, masses
         acceleration = self.column(2, nodes)
         push = np.where(inner, np.maximum(upper[acceleration], 0.0), 0.0) * self.half**3
         pull = np.where(inner, np.maximum(lower[acceleration], 0.0), 0.0) * self.half**3
-        return lift_cap, np.where(self.on_nose, 0.0, push), pull, np.where(self.on_nose, push, 0.0), closing
+        return lift_cap, np.where(self.on_nose, 0.0, push), pull, np.where(self.on_nose, push, 0.0), closing, masses

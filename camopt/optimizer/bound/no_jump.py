@@ -13,11 +13,12 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import PPoly
 
-from camopt.cam.families.free import FreeCam, free_cam
+from camopt.cam.families.free import FreeCam
 from camopt.optimizer.bound.certificate import INTERVALS, Certificate, Further, control_is_limited, piecewise_sum
 from camopt.optimizer.bound.fine_program import Discretised, equal_grid
 from camopt.optimizer.program.no_jump import PEAK, SEAT, Margins, NoJumpProgram, SpeedRows, speed_rows
 from camopt.optimizer.program.periodic import exact_steps, incidence, sample_cam, velocity_scale
+from camopt.optimizer.program.program_cam import program_cam
 from camopt.scene.units import DEG, MM
 
 STEP = 0.05 * DEG
@@ -62,7 +63,7 @@ def no_jump_bound(program: NoJumpProgram, margins: Margins, knot_deg: float = KN
     if not control_is_limited(design):
         return None
     angles = [block.angles for block in program.blocks]
-    cam = free_cam(design, knot_deg)
+    cam = program_cam(design, knot_deg)
     capped = design.model_copy(update={"reach_max_lift": False})  # a cap bounds what must be reached, too
     fine = replace(program, design=capped, cam=cam).relocated(angles)
     found = fine.solve(margins)

@@ -1,10 +1,11 @@
 """What a scene allows, before any search: the certified bound, the kinematic optimum, the no-jump optimum."""
 
-from camopt.cam.families.free import free_cam
 from camopt.optimizer.bound.certificate import area_ratio_bound
+from camopt.optimizer.bound.limit_terms import left_out
 from camopt.optimizer.bound.no_jump import no_jump_bound
 from camopt.optimizer.program.kinematic import kinematic_optimum, limit_worth
 from camopt.optimizer.program.no_jump import Margins, no_jump_program
+from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import standing
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
@@ -18,7 +19,8 @@ MARGIN_N = 20.0
 def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float = MARGIN_N) -> dict:
     """Area ratios that a scene allows, as `bound --json` prints them.
 
-    `area_ratio_bound`: no cam under the design's limits has more, spline or not; `area_ratio_feasible`: a free cam
+    `area_ratio_bound`: no cam under the design's limits has more, spline or not; `bound_leaves_out`: keys of limits
+    that it does not count on, so that it holds with them but is less tight; `area_ratio_feasible`: a free cam
     that reaches this; `area_ratio_no_jump`: the largest of a free cam whose contacts keep `margin_N` at the listed
     speeds under the linear model, null where none does; `area_ratio_no_jump_bound`: what no cam, spline or not, exceeds
     under that linear model, its margins and its switching angles (the first bound where that is smaller, as both hold);
@@ -27,7 +29,7 @@ def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float = MARGI
     """
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
-    cam = free_cam(design, knot_deg)
+    cam = program_cam(design, knot_deg)
     feasible = kinematic_optimum(design, cam)
     speeds = [scene.cam_speed(s) for s in operation.speeds_rpm]
     bound = float(area_ratio_bound(design).bound)
@@ -44,6 +46,7 @@ def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float = MARGI
         says = str(error)
     return {
         "area_ratio_bound": bound,
+        "bound_leaves_out": left_out(design),
         "area_ratio_feasible": feasible.area_ratio,
         "area_ratio_no_jump": no_jump,
         "area_ratio_no_jump_bound": no_jump_bounded,

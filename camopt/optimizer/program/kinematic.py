@@ -63,9 +63,12 @@ def spline_rows(matrix: np.ndarray) -> Rows:
 
 
 def first_working(limits: Limits) -> np.ndarray:
-    """Row indices to begin with: every limit but the lift cap, of which every tenth row is enough to begin with."""
-    cap = limits.rows("max_lift_mm")
-    return np.union1d(np.setdiff1d(np.arange(len(limits.bound)), cap), cap[::10])
+    """Row indices to begin with: of the lift cap and of the limits of a drawing every tenth, of the others all.
+
+    Their rows lie close together and nearly repeat each other, of which a basis takes few.
+    """
+    dense = limits.group >= limits.names.index("max_lift_mm")
+    return np.union1d(np.flatnonzero(~dense), np.flatnonzero(dense)[::10])
 
 
 def reach(cam: FreeCam, design: Design, objective, rows: Rows, bound, working) -> Optimum:
@@ -127,15 +130,17 @@ def conflict(design: Design, cam: FreeCam) -> str:
         lowered = name == "max_lift_mm" and design.reach_max_lift  # a lift that must be reached resolves by falling
         rows = np.array([len(bound) - 1]) if lowered else limits.rows(name)
         give[rows] = limits.unit[g] if name != "nose_deg" else 1.0
-        size = abs(getattr(design, name)) if name != "nose_deg" else TYPICAL * MM_PER_DEG2
+        size = abs(limits.value[g]) if name != "nose_deg" else TYPICAL * MM_PER_DEG2
         relaxed = least_relaxation(spline, bound, give, size, working)
         if relaxed is None:
             continue
         if name == "nose_deg":
             remedies.append(f"nose_deg would have to be smaller than {design.nose_deg:g} or be left out")
             continue
-        value = getattr(design, name)
-        needed = value + (-relaxed if lowered else np.sign(value) * relaxed)
+        value = limits.value[g]
+        needed = value + (-relaxed if lowered else limits.sign[g] * relaxed)
+        if needed * value <= 0:
+            continue  # no number of this limit would do
         verb = "fall" if needed < value else "rise"
         remedies.append(f"{name} would have to {verb} from {value:g} to {_rounded(needed, up=needed > value)}")
     if not remedies:

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from camopt.cam.families.free import free_cam
 from camopt.optimizer.accuracy import Accuracy, design_speeds
 from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
+from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import standing
 from camopt.optimizer.search.journal import Journal
 from camopt.optimizer.search.judge import Judge
@@ -62,7 +62,7 @@ def find_cam(
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
     log, path = log or Logbook(), path_of(gradient)
-    cam = free_cam(design, knot_interval_deg(effort, seed))
+    cam = program_cam(design, knot_interval_deg(effort, seed))
     program_speeds, judged_speeds = design_speeds(operation, speeds, effort)
     cam_speeds = [scene.cam_speed(s) for s in program_speeds]
     with log.clock.stage("no_jump"):

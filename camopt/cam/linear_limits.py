@@ -1,0 +1,142 @@
+"""Limits of an engineer's drawing that are linear in the lift: each is declared here once, for all that read it.
+
+A limit says that a weighted sum of the lift and its derivatives by the cam angle stays below a level, at every angle
+of a range. The programs hold it on control points, the bound gives it multipliers, the verdict takes the exact
+extremes of the cam's pieces. With the base circle's radius R, the follower's lift y = lift / rocker ratio, and the cam
+speed w, a flat follower has (Norton, Cam Design and Manufacturing Handbook, 2009, ch. 7; Dowson, Taylor and Zhu 1992
+for the entrainment velocity)
+
+    radius of curvature     R + y + y''
+    face width needed       twice the largest |y'|
+    entrainment velocity    w |(R + y) / 2 + y''|
+
+The entrainment velocity is positive on the base circle and continuous, so it keeps away from zero at every angle only
+without changing its sign: that limit, too, is linear.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from camopt.cam.level import Level, flat_level
+from camopt.cam.lift import APART, Lift
+from camopt.cam.piston import piston_room
+from camopt.scene.design import Design
+from camopt.scene.units import DEG, MM
+
+
+@dataclass(frozen=True)
+class LinearLimit:
+    """sum_k weights[k] * lift^(k) <= level at every angle of the level.
+
+    `key` is the design's or the geometry's. `name` tells it from others and `value` is the number that it states, in
+    its key's unit; `rate` is by how much that number changes per SI unit of the level. Where `chosen`, the limit is one
+    way of several to hold what the key asks, and no cam has to hold it: no bound may use it.
+    """
+
+    key: str
+    name: str
+    weights: tuple[float, ...]
+    level: Level
+    value: float
+    rate: float
+    chosen: bool = False
+
+    def excess(self, lift: Lift, low: float = -np.pi, high: float = np.pi) -> float:
+        """The largest amount [SI] by which the cam exceeds the level between two angles; negative where it keeps it."""
+        low, high = max(low, self.level.low), min(high, self.level.high)
+        sums = weighted_sum(lift, self.weights)
+        if len(self.level.coefficients) == 1:
+            most = float(sums(np.array(low))) if low == high else sums.extremes(0, low, high)[1]
+            return most - float(self.level.coefficients[0, 0])
+        return less_level(sums, self.level).extremes(0, low, high)[1] + self.level.error
+
+
+def linear_limits(design: Design, centres: tuple[float, ...] = ()) -> list[LinearLimit]:
+    """The limits of a design that are linear; `centres` [rad] has the middle of each duration, by default zero.
+
+    A duration of at least D at a lift: both ends of an interval D have that lift. At most D: what lies outside such an
+    interval stays below it. In its middle the interval is free, so that a cam may hold the duration about another one.
+    """
+    half = design.duration_deg / 2 * DEG
+    found = []
+    for angle, least, most in design.lift_at:
+        at = flat_level(1.0, angle * DEG, angle * DEG)
+        if least > 0:
+            name = f"lift_at's least lift at {angle:g} deg"
+            found.append(LinearLimit("lift_at", name, (-1.0,), _scaled(at, -least * MM), least, -1 / MM))
+        if most < design.max_lift_mm:
+            name = f"lift_at's largest lift at {angle:g} deg"
+            found.append(LinearLimit("lift_at", name, (1.0,), _scaled(at, most * MM), most, 1 / MM))
+    for i, row in enumerate(design.duration_at):
+        found += _durations(row, centres[i] if centres else 0.0, half)
+    if design.piston is not None:
+        assert design.cam_per_crank is not None, "the scene asks for it"
+        room = piston_room(design.piston, design.cam_per_crank, np.pi)
+        clearance = design.piston.clearance_mm
+        found.append(LinearLimit("piston", "piston.clearance_mm", (1.0,), room, clearance, -1 / MM))
+    return found + _of_a_flat_follower(design, half)
+
+
+def _durations(row: tuple[float, float, float], centre: float, half: float) -> list[LinearLimit]:
+    """The limits on the duration at one lift, about one centre [rad]."""
+    height, least, most = row
+    found = []
+    for sign in (-1, 1):
+        at = np.clip(centre + sign * least * DEG / 2, -half, half)
+        if least > 0:
+            name = f"duration_at's lift for a duration of at least {least:g} deg"
+            level = flat_level(-height * MM, at, at)
+            found.append(LinearLimit("duration_at", name, (-1.0,), level, height, -1 / MM, chosen=True))
+        begins = np.clip(centre + sign * most * DEG / 2, -half, half)
+        if abs(begins) < half:
+            name = f"duration_at's lift for a duration of at most {most:g} deg"
+            level = flat_level(height * MM, *sorted((begins, sign * half)))
+            found.append(LinearLimit("duration_at", name, (1.0,), level, height, 1 / MM, chosen=True))
+    return found
+
+
+def _of_a_flat_follower(design: Design, half: float) -> list[LinearLimit]:
+    geometry = design.geometry
+    if geometry is None or geometry.follower != "flat":
+        return []
+    y, base, found = 1 / geometry.rocker_ratio, geometry.base_radius_mm * MM, []
+
+    def add(key: str, weights: tuple[float, ...], level: float, value: float, rate: float) -> None:
+        found.append(LinearLimit(key, key, weights, flat_level(level, -half, half), value, rate))
+
+    if (radius := design.nose_radius_min_mm) is not None:
+        add("nose_radius_min_mm", (-y, 0.0, -y), base - radius * MM, radius, -1 / MM)
+    if (width := geometry.face_width_mm) is not None:
+        for sign in (1, -1):  # the opening flank, the closing one
+            add("face_width_mm", (0.0, sign * y), width / 2 * MM, width, 2 / MM)
+    if (velocity := design.entrainment_min_m_per_s) is not None:
+        assert design.slowest is not None, "the scene asks for it"
+        level = base / 2 - velocity / design.slowest
+        add("entrainment_min_m_per_s", (-y / 2, 0.0, -y), level, velocity, -design.slowest)
+    return found
+
+
+def _scaled(level: Level, factor: float) -> Level:
+    return Level(level.borders, factor * level.coefficients, abs(factor) * level.error)
+
+
+def weighted_sum(lift: Lift, weights: tuple[float, ...]) -> Lift:
+    """sum_k weights[k] * lift^(k), as a lift law."""
+    total, c = np.zeros_like(lift.coefficients), lift.coefficients
+    for weight in weights:
+        total = total + weight * c
+        c = np.pad(c[:, 1:] * np.arange(1, c.shape[1]), ((0, 0), (0, 1)))
+    return Lift(lift.borders, total, lift.half_duration)
+
+
+def less_level(lift: Lift, level: Level) -> Lift:
+    """A lift law less a level over the whole turn."""
+    edges = np.union1d(lift.borders, level.borders)
+    edges = edges[np.append(True, np.diff(edges) > APART)]
+    edges[-1] = lift.borders[-1]
+    start, middle = edges[:-1], 0.5 * (edges[1:] + edges[:-1])
+    own, other = Level(lift.borders, lift.coefficients).taylor(start, middle), level.taylor(start, middle)
+    total = np.pad(own, ((0, 0), (0, max(0, other.shape[1] - own.shape[1]))))
+    total[:, : other.shape[1]] -= other
+    return Lift(edges, total, lift.half_duration)

@@ -1,0 +1,175 @@
+"""The design conditions and limits of a cam, as [design] of a scene states them."""
+
+from typing import TYPE_CHECKING, Annotated, Self
+
+from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
+
+from camopt.scene.table import NonNegative, Positive, Table, Usable
+from camopt.scene.units import RPM
+
+if TYPE_CHECKING:
+    from camopt.scene.schema import Geometry, Operation
+
+MOST_WINDOWS = 20
+"""Rows of a table of windows."""
+NARROWEST = 1e-3
+"""Least width of a window, in mm or deg: below it no cam can be ground."""
+Window = tuple[float, float, float]
+Windows = Annotated[tuple[Window, ...], Field(max_length=MOST_WINDOWS)]
+
+
+class Piston(Table):
+    """The piston that the valve must keep clear of, driven by a crank and a rod.
+
+    `gap_at_top_mm` is the distance between the closed valve and the piston's pocket where the piston is highest,
+    along the valve's axis, as `clearance_mm` is, the least distance that must be left. `valve_angle_deg` lies between
+    the valve's axis and the cylinder's. `lobe_centre_deg` is the cam's angle zero in crank degrees after the piston is
+    highest, negative before. `pin_offset_mm` is that of the cylinder's axis from the crank's, positive to the side
+    to which the crank leans in the quarter turn after the top; `stroke_mm` is twice the crank's radius.
+    """
+
+    stroke_mm: Positive
+    rod_mm: Positive
+    gap_at_top_mm: Positive
+    clearance_mm: NonNegative
+    lobe_centre_deg: Annotated[float, Field(ge=-360, le=360)]
+    pin_offset_mm: float = 0.0
+    valve_angle_deg: Annotated[float, Field(ge=0, lt=90)] = 0.0
+
+    @model_validator(mode="after")
+    def _turns(self):
+        if self.rod_mm <= self.stroke_mm / 2 + abs(self.pin_offset_mm):
+            raise ValueError("the rod must be longer than half of stroke_mm and pin_offset_mm together")
+        if self.gap_at_top_mm <= self.clearance_mm:
+            raise ValueError("gap_at_top_mm must exceed clearance_mm: the closed valve comes nearer than it may")
+        return self
+
+
+class Design(Table):
+    """Design conditions and limits of the cam; a limit that is left out does not limit.
+
+    `lift_at` has rows of [angle_deg, min_mm, max_mm]: the lift at a cam angle. `duration_at` has rows of
+    [lift_mm, min_deg, max_deg]: the cam degrees between the first and the last angle at which the lift is that high.
+    """
+
+    duration_deg: Annotated[float, Field(gt=0, lt=300), Usable]
+    max_lift_mm: Positive
+    reach_max_lift: bool = False
+    ramp_height_mm: Positive
+    ramp_velocity_mm_per_deg: Positive
+    ramp_foot_deg: NonNegative = 10.0
+    closing_ramp_height_mm: Positive | None = None
+    closing_ramp_velocity_mm_per_deg: Positive | None = None
+    acceleration_max_mm_per_deg2: Positive | None = None
+    acceleration_min_mm_per_deg2: Annotated[float, Field(lt=0), Usable] | None = None
+    jerk_max_mm_per_deg3: Positive | None = None
+    snap_max_mm_per_deg4: Positive | None = None
+    nose_deg: NonNegative | None = None
+    lift_at: Windows = ()
+    duration_at: Windows = ()
+    piston: Piston | None = None
+    nose_radius_min_mm: Positive | None = None
+    entrainment_min_m_per_s: Positive | None = None
+    bounce_max_mm: NonNegative | None = None
+    jump_max_mm: NonNegative | None = None
+    jump_max_deg: NonNegative | None = None
+    seating_velocity_max_m_per_s: Positive | None = None
+    contact_force_min_N: Positive | None = None
+    contact_force_max_N: Positive | None = None
+    _geometry: "Geometry | None" = PrivateAttr(None)
+    _operation: "Operation | None" = PrivateAttr(None)
+
+    @property
+    def geometry(self) -> "Geometry | None":
+        """Cam body and follower of the scene, to which radii and widths refer."""
+        return self._geometry
+
+    @property
+    def cam_per_crank(self) -> float | None:
+        """Turns of the cam in one of the crank, None without [operation]."""
+        return None if self._operation is None else self._operation.cam_per_crank
+
+    @property
+    def slowest(self) -> float | None:
+        """The slowest cam speed [rad/s] of the scene's listed speeds and its band, None without [operation]."""
+        if self._operation is None:
+            return None
+        return min(*self._operation.speeds_rpm, *self._operation.band_rpm) * self._operation.cam_per_crank * RPM
+
+    def within(self, geometry: "Geometry | None", operation: "Operation | None") -> Self:
+        """The design as part of a scene with these tables."""
+        design = self.model_copy()
+        design._geometry, design._operation = geometry, operation
+        return design
+
+    def missing(self) -> list[str]:
+        """Sentences on limits whose geometry or operation the scene does not state."""
+        follower = None if self._geometry is None else self._geometry.follower
+        faults = []
+        for key in ("nose_radius_min_mm", "entrainment_min_m_per_s"):
+            if getattr(self, key) is not None and follower is None:
+                faults.append(f"{key} needs [geometry] with the follower and the base circle's radius")
+            elif getattr(self, key) is not None and follower != "flat":
+                faults.append(
+                    f"{key} is for flat followers, and the follower of [geometry] is {follower}: leave it out"
+                )
+        if (self.piston or self.entrainment_min_m_per_s) and self._operation is None:
+            faults.append("piston and entrainment_min_m_per_s need [operation] with the speeds and cam_per_crank")
+        return faults
+
+    @field_validator("nose_deg")
+    @classmethod
+    def _within_the_duration(cls, nose, info: ValidationInfo):
+        duration = info.data.get("duration_deg")
+        if nose is not None and duration is not None and nose >= duration / 2:
+            raise ValueError("must be below half of duration_deg")
+        return nose
+
+    @field_validator("lift_at", "duration_at")
+    @classmethod
+    def _ordered_windows(cls, rows, info: ValidationInfo):
+        lift, duration = info.data.get("max_lift_mm"), info.data.get("duration_deg")
+        if lift is None or duration is None:
+            return rows
+        at_angle = info.field_name == "lift_at"
+        for at, least, most in rows:
+            if not 0 <= least <= most - NARROWEST:
+                raise ValueError(f"the row of {at:g} needs a least value of 0 or more, and a largest one above it")
+            if at_angle and (abs(at) >= duration / 2 or least > lift):
+                raise ValueError(
+                    f"the row of {at:g} deg must lie within duration_deg, and its least lift in max_lift_mm"
+                )
+            if not at_angle and (not 0 < at < lift or least >= duration):
+                raise ValueError(f"the row of {at:g} mm must lie below max_lift_mm, its least duration in duration_deg")
+        return rows
+
+    @model_validator(mode="after")
+    def _consistent(self):
+        faults = [
+            f"duration_at: its lift of {at:g} mm must be above both ramps"
+            for at, _, _ in self.duration_at
+            if at <= max(height for height, _, _ in self.ramps())
+        ]
+        least, most = self.contact_force_min_N, self.contact_force_max_N
+        if least is not None and most is not None and least >= most:
+            faults.append("contact_force_min_N must be below contact_force_max_N")
+        for height, velocity, side in self.ramps():
+            if height >= self.max_lift_mm:
+                faults.append(f"the {side} ramp height must be below max_lift_mm")
+            if height < velocity * self.ramp_foot_deg / 2:
+                faults.append(
+                    f"the {side} ramp is too low for its foot: the height must be at least "
+                    f"velocity * ramp_foot_deg / 2 = {velocity * self.ramp_foot_deg / 2:g} mm"
+                )
+            length = self.duration_deg / 2 + height / velocity + self.ramp_foot_deg / 2
+            if length >= 180:
+                faults.append(f"the {side} side is {length:.1f} deg long and must end before 180 deg")
+        if faults:
+            raise ValueError("; ".join(faults))
+        return self
+
+    def ramps(self) -> tuple[tuple[float, float, str], tuple[float, float, str]]:
+        """Height [mm], velocity [mm/deg] and name of the opening and the closing ramp."""
+        height = self.closing_ramp_height_mm or self.ramp_height_mm
+        velocity = self.closing_ramp_velocity_mm_per_deg or self.ramp_velocity_mm_per_deg
+        return (self.ramp_height_mm, self.ramp_velocity_mm_per_deg, "opening"), (height, velocity, "closing")

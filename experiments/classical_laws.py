@@ -1,0 +1,97 @@
+"""What do the classical laws of dwell-rise-dwell cams leave on the table at their own jerk?
+
+Each rises by one in unit time. Its peak acceleration stands beside the least one that its own largest jerk allows, from
+the program and from the bound that no motion is below.
+"""
+
+from math import pi
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from camopt.optimizer.program.dwell_rise import DwellRise, least_acceleration, least_peak
+from camopt.plots.style import new_figure
+from experiments.support.record import RESULTS, run_script, write_result
+
+INTERVALS = {"small": 500, "full": 4000}
+SAMPLES = 200_001
+"""Odd, so that the middle is among them."""
+ORDERS = (2, 3, 4, 5)
+
+
+def modified_trapezoid(t: np.ndarray) -> np.ndarray:
+    """Acceleration of sine quarters of an eighth each and flats of a quarter (Neklutin 1952)."""
+    peak = 8 * pi / (2 + pi)
+    first = np.where(t < 0.5, t, 1.0 - t)
+    falling = np.where(first < 3 / 8, 1.0, np.sin(4 * pi * (first - 1 / 4)))
+    shape = np.where(first < 1 / 8, np.sin(4 * pi * first), falling)
+    return peak * shape * np.where(t < 0.5, 1.0, -1.0)
+
+
+def modified_sine(t: np.ndarray) -> np.ndarray:
+    """Acceleration of sine waves of periods 1/2 at the ends and 3/2 between them (Schmidt 1960)."""
+    peak = 4 * pi**2 / (pi + 4)
+    first = np.where(t < 0.5, t, 1.0 - t)
+    shape = np.where(first < 1 / 8, np.sin(4 * pi * first), np.sin(pi / 3 + 4 * pi / 3 * first))
+    return peak * shape * np.where(t < 0.5, 1.0, -1.0)
+
+
+def polynomial(*coefficients: float):
+    """Acceleration of the lift sum_k c_k t^k."""
+    return np.polynomial.Polynomial(coefficients).deriv(2)
+
+
+LAWS = {
+    "modified trapezoid": modified_trapezoid,
+    "modified sine": modified_sine,
+    "3-4-5": polynomial(0, 0, 0, 10, -15, 6),
+    "cycloidal": lambda t: 2 * pi * np.sin(2 * pi * t),
+    "4-5-6-7": polynomial(0, 0, 0, 0, 35, -84, 70, -20),
+}
+
+
+def main(size: str, folder=RESULTS) -> dict:
+    """The laws, and the least peaks of derivatives two to five."""
+    t = np.linspace(0.0, 1.0, SAMPLES)
+    rows, best = [], {}
+    for name, law in LAWS.items():
+        row, best[name] = law_row(name, law(t), t, INTERVALS[size])
+        rows.append(row)
+    peaks = [{"order": m, "peak": one.peak, "bound": one.bound} for m in ORDERS for one in [least_peak(m)]]
+    content = {"laws": rows, "least_peaks": peaks}
+    write_result("classical_laws", size, content, {"acceleration": draw(t, best)}, folder)
+    return content
+
+
+def law_row(name: str, acceleration: np.ndarray, t: np.ndarray, intervals: int) -> tuple[dict, DwellRise]:
+    """A law's peaks, the rise that it makes, and the least peak acceleration at its jerk with the bound."""
+    jerk = float(np.abs(np.gradient(acceleration, t, edge_order=2)).max())
+    best = least_acceleration(jerk, intervals)
+    peak = float(np.abs(acceleration).max())
+    row = {
+        "law": name,
+        "rise": float(np.trapezoid((1 - t) * acceleration, t)),
+        "peak_acceleration": peak,
+        "peak_jerk": jerk,
+        "least_acceleration": best.peak,
+        "bound": best.bound,
+        "possible_gain_percent": 100 * (1 - best.peak / peak),
+    }
+    return row, best
+
+
+def draw(t: np.ndarray, best: dict[str, DwellRise]) -> Figure:
+    """The laws' accelerations, and the best ones at the same jerk."""
+    figure = new_figure(7.0, 9.0)
+    axes = figure.subplots(len(LAWS), sharex=True)
+    for ax, (name, law) in zip(axes, LAWS.items(), strict=True):
+        ax.plot(t, law(t), label=name)
+        ax.plot(np.linspace(0, 1, len(best[name].derivative)), best[name].derivative, "--", label="least at this jerk")
+        ax.set_ylabel("acceleration")
+        ax.legend(loc="upper right")
+    axes[-1].set_xlabel("time over that of the rise")
+    return figure
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)

@@ -1,0 +1,113 @@
+"""What does each limit of an engineer's drawing cost in area, and does it hold at every angle?
+
+Each limit is set by a step beyond what the cam of largest area without it reaches, so that this cam breaks it. The
+bound stands beside every area. The trains have no geometry of their own: what is taken here is assumed.
+"""
+
+import numpy as np
+
+from camopt.cam.geometry import contact, crossing
+from camopt.cam.lift import Lift
+from camopt.cam.piston import piston_drop
+from camopt.measure.limits import broken_by_shape
+from camopt.optimizer.bound.certificate import area_ratio_bound
+from camopt.optimizer.bound.limit_terms import left_out
+from camopt.optimizer.program.kinematic import kinematic_optimum
+from camopt.optimizer.program.program_cam import program_cam
+from camopt.scene import Scene, load_scene
+from camopt.scene.design import Piston
+from camopt.scene.schema import Geometry
+from camopt.scene.units import DEG, MM
+from experiments.support.record import RESULTS, run_script, write_result
+
+GEOMETRY = {
+    "kodama": Geometry(follower="flat", base_radius_mm=22.0, assumed=("follower", "base_radius_mm")),
+    "pushrod-5mass": Geometry(
+        follower="flat", base_radius_mm=20.0, rocker_ratio=1.5, assumed=("follower", "base_radius_mm", "rocker_ratio")
+    ),
+}
+PISTON = Piston(stroke_mm=86.0, rod_mm=143.0, gap_at_top_mm=4.0, clearance_mm=1.0, lobe_centre_deg=108.0)
+LIFT_AT_DEG = -54.0
+"""The piston's highest place in cam degrees: 108 crank degrees before the lobe's centre."""
+DURATION_AT_MM = 5.0
+STEP = {"lift_at": -0.3, "duration_at": -3.0, "piston": 0.4, "nose_radius_min_mm": 3.0, "face_width_mm": -2.0}
+"""How far each limit goes beyond the cam without it: mm, deg, mm, mm, mm."""
+ENTRAINMENT_M_PER_S = 0.2
+"""The least entrainment velocity that is asked; without the limit it passes through zero."""
+LIMITS = (*STEP, "entrainment_min_m_per_s")
+KNOT_DEG = {"small": 4.0, "full": 2.0}
+GRID_DEG = 0.001
+
+
+def main(size: str, folder=RESULTS) -> dict:
+    """A row per limit and train."""
+    names = list(GEOMETRY)[: 1 if size == "small" else None]
+    rows = [row for name in names for row in rows_of(name, KNOT_DEG[size])]
+    content = {"geometry": {n: GEOMETRY[n].model_dump() for n in names}, "piston": PISTON.model_dump(), "rows": rows}
+    write_result("drawing_limits", size, content, {}, folder)
+    return content
+
+
+def rows_of(name: str, knot_deg: float) -> list[dict]:
+    """The limits on one train."""
+    scene = load_scene(name).model_copy(update={"geometry": GEOMETRY[name]})
+    free = kinematic_optimum(scene.design, program_cam(scene.design, knot_deg))
+    rows = []
+    for key in LIMITS:
+        reached = value_of(key, free.lift, scene)
+        asked = reached + STEP[key] if key in STEP else ENTRAINMENT_M_PER_S
+        limited = with_limit(scene, key, asked)
+        held = kinematic_optimum(limited.design, program_cam(limited.design, knot_deg))
+        rows.append(
+            {
+                "scene": name,
+                "limit": key,
+                "value_without": reached,
+                "value_asked": asked,
+                "value_with": value_of(key, held.lift, limited),
+                "broken_without": broken_by_shape(free.lift, limited.design),
+                "broken_with": broken_by_shape(held.lift, limited.design),
+                "area_ratio_without": free.area_ratio,
+                "area_ratio_with": held.area_ratio,
+                "bound": area_ratio_bound(limited.design).bound,
+                "bound_leaves_out": left_out(limited.design),
+                "price_percent": 100 * (1 - held.area_ratio / free.area_ratio),
+            }
+        )
+    return rows
+
+
+def with_limit(scene: Scene, key: str, value: float) -> Scene:
+    """The scene with one limit of the drawing."""
+    if key == "face_width_mm":
+        return scene.model_copy(update={"geometry": scene.geometry.model_copy(update={key: value})})
+    limit = {
+        "lift_at": ((LIFT_AT_DEG, 0.0, value),),
+        "duration_at": ((DURATION_AT_MM, 0.0, value),),
+        "piston": PISTON.model_copy(update={"clearance_mm": value}),
+    }.get(key, value)
+    return scene.model_copy(update={"design": scene.design.model_copy(update={key: limit})})
+
+
+def value_of(key: str, lift: Lift, scene: Scene) -> float:
+    """What a cam has of a limited quantity, on a grid of 0.001 deg, in the limit's unit."""
+    half = scene.design.duration_deg / 2
+    theta = np.arange(-half, half + GRID_DEG / 2, GRID_DEG) * DEG
+    if key == "lift_at":
+        return float(lift(LIFT_AT_DEG * DEG)) / MM
+    if key == "duration_at":
+        return float(np.ptp(crossing(lift, DURATION_AT_MM * MM))) / DEG
+    if key == "piston":
+        drop = piston_drop(PISTON, PISTON.lobe_centre_deg * DEG + theta / scene.operation.cam_per_crank)
+        return float((PISTON.gap_at_top_mm * MM + drop - lift(theta)).min()) / MM
+    if key == "entrainment_min_m_per_s":
+        y, bend = (lift(theta, k) / scene.geometry.rocker_ratio for k in (0, 2))
+        return scene.design.slowest * float(((scene.geometry.base_radius_mm * MM + y) / 2 + bend).min())
+    touching = contact(lift, scene.geometry, theta)
+    if key == "face_width_mm":
+        return touching.face_width / MM
+    return float(touching.radius_of_curvature.min()) / MM
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)

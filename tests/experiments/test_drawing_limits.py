@@ -1,0 +1,42 @@
+"""The experiment on the limits of a drawing: every cam would break its limit without it, and holds it with it."""
+
+import numpy as np
+import pytest
+
+from camopt.cam.families.free import free_cam
+from camopt.optimizer.program.kinematic import kinematic_optimum
+from camopt.scene import load_scene
+from camopt.scene.units import DEG, MM
+from experiments import drawing_limits
+
+
+def test_every_limit_is_broken_without_and_held_with(tmp_path):
+    rows = drawing_limits.main("small", tmp_path)["rows"]
+    assert [row["limit"] for row in rows] == list(drawing_limits.LIMITS)
+    for row in rows:
+        assert row["broken_without"] == [row["limit"]] and row["broken_with"] == []
+        assert row["value_with"] == pytest.approx(row["value_asked"], abs=3e-3)
+        assert row["area_ratio_with"] < row["area_ratio_without"]
+        assert row["area_ratio_with"] < row["bound"] < 0.62
+        assert row["price_percent"] > 0
+        assert row["bound_leaves_out"] == (["duration_at"] if row["limit"] == "duration_at" else [])
+
+
+def test_the_values_are_those_of_formulas_written_again():
+    scene = load_scene("kodama").model_copy(update={"geometry": drawing_limits.GEOMETRY["kodama"]})
+    lift = kinematic_optimum(scene.design, free_cam(scene.design, 4.0)).lift
+    t = np.arange(-72.0, 72.0005, 0.001)
+    s, v, a = (lift(t * DEG, k) / MM for k in range(3))
+    phi = np.deg2rad(108.0 + 2.0 * t)
+    piston = 43.0 * (1 - np.cos(phi)) + 143.0 - np.sqrt(143.0**2 - (43.0 * np.sin(phi)) ** 2)
+    open_at = t[s >= 5.0]
+    expected = {
+        "lift_at": s[18_000],
+        "duration_at": open_at[-1] - open_at[0],
+        "piston": (4.0 + piston - s).min(),
+        "nose_radius_min_mm": (22.0 + s + a).min(),
+        "face_width_mm": 2 * np.abs(v).max(),
+        "entrainment_min_m_per_s": 5000 * np.pi / 60 * ((22.0 + s) / 2 + a).min() * 1e-3,
+    }
+    found = {key: drawing_limits.value_of(key, lift, scene) for key in drawing_limits.LIMITS}
+    assert found == pytest.approx(expected, rel=3e-5)
