@@ -8,11 +8,14 @@ from camopt.cam.linear_limits import linear_limits
 from camopt.cam.piston import largest_fourth_derivative, piston_drop, piston_room
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.bound.certificate import area_ratio_bound
+from camopt.optimizer.bound.no_jump import no_jump_bound
 from camopt.optimizer.program.kinematic import kinematic_optimum
+from camopt.optimizer.program.no_jump import Margins, no_jump_program
 from camopt.optimizer.program.program_cam import centres, program_cam
 from camopt.scene import InputError, load_scene
 from camopt.scene.design import Piston
 from camopt.scene.schema import Geometry
+from camopt.scene.train import build_train
 from camopt.scene.units import DEG, MM
 
 KODAMA = load_scene("kodama")
@@ -168,3 +171,17 @@ def test_rocker_ratio_turns_valve_lift_into_follower_lift():
     lift = free_cam(KODAMA.design, 3.0).lift(np.zeros(47))
     smallest = (18.0 + (mm(lift, 0) + mm(lift, 2) / DEG**2) / 1.5).min()
     assert limit.excess(lift) / MM == pytest.approx(6.0 - smallest, abs=1e-5)
+
+
+def test_the_no_jump_program_and_its_bound_hold_the_limits_too():
+    margins = Margins(20.0, 20.0, 20.0)
+    scene = scene_with(nose_radius_min_mm=6.0, piston=PISTON)
+    train, speeds = build_train(scene), [scene.cam_speed(6000.0)]
+    program = no_jump_program(train, scene.design, program_cam(scene.design, 3.0), speeds)
+    held = program.solve(margins)
+    free = no_jump_program(train, KODAMA.design, free_cam(KODAMA.design, 3.0), speeds).solve(margins)
+    assert broken_by_shape(free.lift, scene.design) == ["piston", "nose_radius_min_mm"]
+    assert broken_by_shape(held.lift, scene.design) == []
+    bound = float(no_jump_bound(program, margins).bound)
+    assert held.area_ratio < bound < area_ratio_bound(scene.design).bound
+    assert bound < free.area_ratio
