@@ -2,6 +2,8 @@
 
 import inspect
 import re
+from importlib import import_module
+from textwrap import dedent
 
 import camopt
 
@@ -24,9 +26,20 @@ def _signature(what) -> str:
     return re.sub(r"<function .*?>", "<function>", text)
 
 
+def docstring(content: str) -> str:
+    """The page that a package has as its docstring, without its first sentence and titles."""
+    text = inspect.getdoc(import_module(content.strip())) or ""
+    return _markdown(re.sub(r"^.*\n=+\n", "", text.partition("\n\n")[2], flags=re.MULTILINE), "python")
+
+
 def _body(what) -> str:
+    return _markdown(inspect.getdoc(what) or "", "text")
+
+
+def _markdown(text: str, language: str) -> str:
     """A docstring as Markdown: sentences as they stand, its indented blocks as code."""
-    text = inspect.getdoc(what) or ""
-    return re.sub(
-        r"(?:^ {4}.*\n?)+", lambda block: f"```text\n{inspect.cleandoc(block[0])}\n```\n", text, flags=re.MULTILINE
-    )
+
+    def fenced(block: re.Match) -> str:
+        return f"\n```{language}\n{dedent(block[1]).strip()}\n```\n"
+
+    return re.sub(r"\n((?: {4}.*\n|\n+(?= {4}))+)", fenced, f"{text}\n")

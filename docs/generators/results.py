@@ -92,5 +92,5 @@ def number(text: str, folder: Path = RESULTS) -> str:
 
 
 def filled_numbers(text: str, folder: Path = RESULTS) -> str:
-    """A text with the number of every role in it."""
-    return ROLE.sub(lambda role: number(role[1], folder), text)
+    """A text with the number of every role in it; a per cent sign does not begin a line, where it begins a comment."""
+    return re.sub(r"\n *%", " %", ROLE.sub(lambda role: number(role[1], folder), text))

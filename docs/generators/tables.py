@@ -4,7 +4,7 @@ import tomllib
 from collections.abc import Iterable
 from importlib import import_module
 
-from docs.generators.results import FUNCTIONS, RESULTS, stored, wrapped
+from docs.generators.results import FUNCTIONS, RESULTS, Rows, stored, wrapped
 
 OWN = {
     "cam_families": ("experiments.support.cam_families_table", lambda m, found: "\n".join(m.markdown(found["cams"]))),
@@ -46,7 +46,16 @@ def markdown(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 def _cell(cell: str, key: object, row: object) -> str:
     expression, _, form = cell.rpartition("|")
     value = eval(expression.strip(), {"__builtins__": {}, **FUNCTIONS, "row": wrapped(row), "key": key})
+    if isinstance(value, Rows):  # a list of numbers
+        return ", ".join(format(one, form.strip()) for one in value)
     return "–" if value is None else format(value, form.strip()).replace("|", "\\|")
+
+
+def origin(content: str) -> str:
+    """Where a stored result comes from, in a sentence; the block's content is the result's name."""
+    found = provenance(content.strip())
+    versions = ", ".join(f"{name} {number}" for name, number in found["versions"].items())
+    return f"*Measured on {found['date_utc']} ({found['machine']}; {versions}) by* `{found['command']}`.\n"
 
 
 def provenance(name: str) -> dict:

@@ -1,6 +1,5 @@
 """Optimisers at one judge: a few of them at small size, and the table of the README is that of the stored result."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -29,8 +28,3 @@ def test_the_figure_holds_the_last_area():
     time = np.array([0.0, 1.0, 2.0, 3.0])
     found = optimisers_figure.held([[1.0, 0.5], [2.5, 0.6]], time)
     np.testing.assert_array_equal(found, [np.nan, 0.5, 0.5, 0.6])
-
-
-def test_the_table_of_the_index_is_that_of_the_stored_result():
-    rows = json.loads(STORED.read_text())["runs"]
-    assert optimisers.table(optimisers.grouped(rows)) in (STORED.parents[1] / "README.md").read_text()
