@@ -18,6 +18,7 @@ html_title = "camopt"
 extensions = ["myst_nb", "sphinx.ext.doctest", "docs.generators"]
 exclude_patterns = ["*.py", "generators", "_build"]
 nitpicky = True
+smartquotes = False  # d' is a derivative, and --out an option
 
 myst_enable_extensions = ["deflist", "colon_fence", "attrs_block"]
 myst_heading_anchors = 4

@@ -40,4 +40,5 @@ def _called(action: argparse.Action) -> str:
 def _text(words: str | None) -> str:
     """Help as Markdown: in one line, with what a table or HTML would take for its own set apart."""
     line = re.sub(r"\s+", " ", words or "").replace("%%", "%").replace("|", "\\|")
-    return re.sub(r"(?<!`)(<[^>`]+>)(?!`)", r"`\1`", line)
+    line = re.sub(r"(?<![\w`-])(--[a-z][a-z-]*)", r"`\1`", line)
+    return re.sub(r"(?<![`<])([\w/.-]*(?:<[^>`]+>[\w/.-]*)+)(?!`)", r"`\1`", line)

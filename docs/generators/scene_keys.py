@@ -1,8 +1,10 @@
 """The tables and keys of a scene file as their schema declares them."""
 
 import re
+import tomllib
 import types
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
@@ -12,6 +14,7 @@ from camopt.scene.schema import Scene
 from camopt.scene.usual import USUAL
 from docs.generators.tables import markdown
 
+MEANINGS = Path(__file__).parents[1] / "scene_keys.toml"
 TOP = {"mass", "element", "force", "tolerance", "operation", "design", "geometry", "grinding"}
 
 
@@ -24,6 +27,11 @@ def scene_keys(content: str) -> str:
             title = f"`[[{name}]]`" if repeats else f"`[{name}]`"
             sections.append(_section(title, model, name))
     return "\n".join(sections)
+
+
+def meanings() -> dict[str, dict[str, str]]:
+    """A sentence by table and key."""
+    return tomllib.loads(MEANINGS.read_text(encoding="utf-8"))
 
 
 def _model(annotation: Any) -> tuple[type[BaseModel], bool]:
@@ -41,14 +49,15 @@ def _parts(annotation: Any) -> Iterator[Any]:
 
 
 def _section(title: str, model: type[BaseModel], table: str, skip: frozenset | set = frozenset()) -> str:
+    meaning = meanings().get(table or "scene", {})
     rows = [
-        (f"`{key}`", _type(field.annotation), _default(field), _usual(f"{table}.{key}"))
+        (f"`{key}`", meaning.get(key, ""), _type(field.annotation), _default(field), _usual(f"{table}.{key}"))
         for key, field in model.model_fields.items()
         if key not in skip
     ]
     anchor = f"(scene-{table})=\n" if table else ""
     words = re.sub(r"^ {4}", "", model.__doc__ or "", flags=re.MULTILINE)
-    return f"{anchor}## {title}\n\n{words}\n\n" + markdown(("key", "is", "default", "usual"), rows)
+    return f"{anchor}## {title}\n\n{words}\n\n" + markdown(("key", "meaning", "type", "default", "usual"), rows)
 
 
 def _type(annotation: Any) -> str:

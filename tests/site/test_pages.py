@@ -1,5 +1,6 @@
 """What the pages print works as printed: commands, scenes and Python, and the example of a gradient that lies."""
 
+import doctest
 import json
 import re
 import shlex
@@ -70,3 +71,12 @@ def test_a_gradient_lies_where_a_switching_moves_and_the_exact_one_does_not(caps
     slope, difference = float(names["slope"]), float(names["difference"])
     assert slope == pytest.approx(difference, rel=1e-5)  # the difference's own error at this step
     assert f"{slope:.0f} 1/s" in PYTHON[exact]
+
+
+def test_what_a_doctest_shows_is_so():
+    shown = re.findall(r"```\{doctest\}\n(.*?)```", (DOCS / "reference" / "python.md").read_text(encoding="utf-8"), re.DOTALL)
+    assert shown
+    for text in shown:
+        runner = doctest.DocTestRunner(verbose=False)
+        runner.run(doctest.DocTestParser().get_doctest(text, {}, "python.md", None, None))
+        assert runner.summarize(verbose=False).failed == 0
