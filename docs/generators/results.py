@@ -35,6 +35,10 @@ class Keys:
     def __len__(self):
         return len(self._content)
 
+    def get(self, key: str, otherwise=None):
+        """What stands under a key, or something else where nothing does."""
+        return wrapped(self._content.get(key, otherwise))
+
     def values(self):
         """The values, which may be numbers, rows or objects again."""
         return [wrapped(value) for value in self._content.values()]

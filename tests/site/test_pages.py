@@ -74,7 +74,9 @@ def test_a_gradient_lies_where_a_switching_moves_and_the_exact_one_does_not(caps
 
 
 def test_what_a_doctest_shows_is_so():
-    shown = re.findall(r"```\{doctest\}\n(.*?)```", (DOCS / "reference" / "python.md").read_text(encoding="utf-8"), re.DOTALL)
+    shown = re.findall(
+        r"```\{doctest\}\n(.*?)```", (DOCS / "reference" / "python.md").read_text(encoding="utf-8"), re.DOTALL
+    )
     assert shown
     for text in shown:
         runner = doctest.DocTestRunner(verbose=False)
