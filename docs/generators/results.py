@@ -78,12 +78,12 @@ def stored(path: Path) -> Any:
 class Names(dict):
     """Results by the name of their file in a folder, as the names of an expression."""
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, known: dict):
         super().__init__()
-        self._folder = folder
+        self._folder, self._known = folder, known
 
     def __missing__(self, name: str):
-        if name in FUNCTIONS:  # what is missing here is looked up among the globals next
+        if name in self._known:  # what is missing here is looked up among the globals next
             raise KeyError(name)
         return wrapped(stored(self._folder / f"{name}.json"))
 
@@ -91,7 +91,8 @@ class Names(dict):
 def number(text: str, folder: Path = RESULTS) -> str:
     """What `expression | format` gives by the results in a folder; raises for what is not there."""
     expression, _, form = text.rpartition("|")
-    value = eval(expression.strip(), {"__builtins__": {}, **FUNCTIONS}, Names(folder))
+    known = {"__builtins__": {}, **FUNCTIONS}
+    value = eval(expression.strip(), known, Names(folder, known))
     return format(value, form.strip()).replace("-", "−")
 
 

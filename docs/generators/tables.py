@@ -4,7 +4,7 @@ import tomllib
 from collections.abc import Iterable
 from importlib import import_module
 
-from docs.generators.results import FUNCTIONS, RESULTS, Rows, stored, wrapped
+from docs.generators.results import FUNCTIONS, RESULTS, Names, Rows, stored, wrapped
 
 OWN = {
     "cam_families": ("experiments.support.cam_families_table", lambda m, found: "\n".join(m.markdown(found["cams"]))),
@@ -25,7 +25,7 @@ def rows_table(content: str) -> str:
     """A table with a row for each row of a stored list or object.
 
     The block's content is TOML: `of` the file's name, `at` the keys that lead to the list or object, and `columns`,
-    rows of [heading, expression | format] in which the row is called `row`, and its key, where it has one, `key`.
+    rows of [heading, expression | format] in which the row is called `row`, and its key or number `key`.
     """
     asked = tomllib.loads(content)
     found = stored(RESULTS / f"{asked['of']}.json")
@@ -45,7 +45,8 @@ def markdown(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 def _cell(cell: str, key: object, row: object) -> str:
     expression, _, form = cell.rpartition("|")
-    value = eval(expression.strip(), {"__builtins__": {}, **FUNCTIONS, "row": wrapped(row), "key": key})
+    known = {"__builtins__": {}, **FUNCTIONS, "row": wrapped(row), "key": key}
+    value = eval(expression.strip(), known, Names(RESULTS, known))
     if isinstance(value, Rows):  # a list of numbers
         return ", ".join(format(one, form.strip()) for one in value)
     return "–" if value is None else format(value, form.strip()).replace("|", "\\|")
