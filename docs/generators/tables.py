@@ -7,18 +7,17 @@ from importlib import import_module
 from docs.generators.results import FUNCTIONS, RESULTS, Names, Rows, stored, wrapped
 
 OWN = {
-    "cam_families": ("experiments.support.cam_families_table", lambda m, found: "\n".join(m.markdown(found["cams"]))),
-    "optimiser": ("experiments.optimiser", lambda m, found: m.table(found["rows"])),
-    "optimisers": ("experiments.optimisers", lambda m, found: m.table(m.grouped(found["runs"]))),
+    "cam_families": ("cam_families_table", lambda m, found: "\n".join(m.markdown(found["cams"]))),
+    "optimisers": ("optimisers_table", lambda m, found: m.table(m.grouped(found["runs"]))),
 }
-"""Results whose experiment makes a table of its own."""
+"""Results whose experiment makes a table of its own, by a module of `experiments.support`."""
 
 
 def result_table(content: str) -> str:
     """The table that an experiment makes of its stored result; the block's content is the result's name."""
     name = content.strip()
     module, table = OWN[name]
-    return table(import_module(module), stored(RESULTS / f"{name}.json"))
+    return table(import_module(f"experiments.support.{module}"), stored(RESULTS / f"{name}.json"))
 
 
 def rows_table(content: str) -> str:

@@ -1,20 +1,16 @@
-"""Optimisers at one judge: a few of them at small size, and the table of the README is that of the stored result."""
-
-from pathlib import Path
+"""Optimisers at one judge: a few of them at small size, and what the figure draws."""
 
 import numpy as np
 import pytest
 
 pytest.importorskip("cma")  # of the extra `peers`
 from experiments import optimisers
-from experiments.support import optimisers_figure
-
-STORED = Path(optimisers.__file__).parent / "results" / "optimisers.json"
+from experiments.support import optimisers_figure, optimisers_table
 
 
 def test_a_few_at_small_size(tmp_path):
     content = optimisers.main("small", tmp_path)
-    rows = {optimisers.name_of(row): row for row in content["runs"]}
+    rows = {optimisers_table.name_of(row): row for row in content["runs"]}
     assert len(rows) == len(optimisers.FEW)
     program, climbed = rows["program alone"], rows["L-BFGS, exact gradients, from program"]
     assert 0.5 < program["area_ratio"] <= climbed["area_ratio"] < 0.7
