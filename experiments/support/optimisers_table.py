@@ -1,4 +1,4 @@
-"""The table of `experiments.optimisers`: its stored runs by method and scene, read without the optimisers themselves."""
+"""The table of `experiments.optimisers`: its stored runs by method and scene, without the optimisers themselves."""
 
 import numpy as np
 
