@@ -4,6 +4,7 @@ Pages hold commands in blocks ```` ```{generated} terminal ````. They run in the
 of its own with the scenes beside the pages in it; `docs.generators.terminal` shows them with what they printed.
 """
 
+import os
 import shutil
 import subprocess
 import sys
@@ -28,7 +29,8 @@ def commands_of(page: Path) -> list[str]:
 def printed(command: str, folder: Path) -> dict:
     """Exit code and standard output of a command of camopt in a folder."""
     words = [sys.executable, "-m", "camopt", *command.split()[1:]]
-    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+    here = os.environ | {"PYTHONPATH": str(PAGES.parents[1])}  # camopt as this checkout has it
+    done = subprocess.run(words, cwd=folder, env=here, capture_output=True, text=True, check=False)
     return {
         "exit_code": done.returncode,
         "output": [part for line in done.stdout.splitlines() for part in folded(line)],
