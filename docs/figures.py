@@ -1,9 +1,10 @@
-"""Draws the figure of docs/model.md: `python -m docs.figures` writes docs/model-metrics.png.
+"""Draws the figures of docs/model.md: `python -m docs.figures` writes docs/model-metrics.png and docs/model-train.png.
 
-Everything in it is computed: the cam is the scene's Polydyne, the motion is the settled event-exact one, and the angles
-and values that the figure names are those that the metrics use.
+Everything in the first is computed: the cam is the scene's Polydyne, the motion is the settled event-exact one, and the
+angles and values that the figure names are those that the metrics use. The second is a sketch.
 """
 
+import io
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,10 +23,11 @@ from camopt.scene.rest import rest_position
 from camopt.scene.train import build_train
 from camopt.scene.units import DEG, MM
 from camopt.storage import write_bytes
+from docs.train_figure import model_train
 
 SCENE, SPEED_RPM = "motori-1", 6000
 """At this speed the scene's Polydyne jumps and bounces by amounts that can be seen."""
-PICTURE = Path(__file__).with_name("model-metrics.png")
+PICTURE, TRAIN = (Path(__file__).with_name(f"model-{name}.png") for name in ("metrics", "train"))
 CAM, VALVE = "#9A6A00", "#0072B2"
 EVENT, WINDOW = "#e8eef4", "#f6ecd9"
 
@@ -149,13 +151,12 @@ def _closing(axes: Axes, drawn: Drawn) -> None:
 
 
 def main() -> None:
-    """Writes the picture."""
-    import io
-
-    content = io.BytesIO()
-    model_metrics(motion()).savefig(content, format="png", dpi=130)
-    write_bytes(PICTURE, content.getvalue())
-    print(PICTURE)
+    """Writes the pictures."""
+    for path, figure in ((PICTURE, model_metrics(motion())), (TRAIN, model_train())):
+        content = io.BytesIO()
+        figure.savefig(content, format="png", dpi=130)
+        write_bytes(path, content.getvalue())
+        print(path)
 
 
 if __name__ == "__main__":

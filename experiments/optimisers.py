@@ -17,10 +17,9 @@ from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
 
-import numpy as np
-
 from experiments.support.optimiser_runs import METHODS, TRANSFORMATIONS, Problem
 from experiments.support.optimisers_figure import figure
+from experiments.support.optimisers_table import grouped, table
 from experiments.support.record import RESULTS, run_script, write_result
 from experiments.support.sweeping import called
 
@@ -52,21 +51,6 @@ def tasks(size: str) -> Iterator[dict]:
             yield given | {"seconds": SECONDS[size]}
 
 
-def name_of(row: dict) -> str:
-    """What a row's method is called."""
-    if row["method"] in TRANSFORMATIONS:
-        return f"{row['method']}, {row['path']} gradients, from {row['start']}"
-    return row["method"]
-
-
-def grouped(rows: list[dict]) -> dict[str, dict[str, list[dict]]]:
-    """The rows of all seeds by scene and method."""
-    found: dict[str, dict[str, list[dict]]] = {}
-    for row in rows:
-        found.setdefault(row["scene"], {}).setdefault(name_of(row), []).append(row)
-    return found
-
-
 def gains(rows: list[dict]) -> list[dict]:
     """The rows with `gain`, their area beyond that of the linear program's cam on the same knots, and `gains`, the same
     for their stairs."""
@@ -83,28 +67,6 @@ def program_area(scene: str, seed: int) -> float:
     """Area ratio of the linear program's cam without margins, which the judge need not confirm."""
     problem = Problem(scene, seed, 0.0)
     return problem.area(problem.start("program"))
-
-
-def table(found: dict[str, dict[str, list[dict]]]) -> str:
-    """In Markdown by method and scene: area ratio (median of the seeds), its gain over the program's cam (least to
-    largest), how many seeds reach a confirmed cam, and the second of the last gain (median)."""
-    names = list(dict.fromkeys(name for methods in found.values() for name in methods))
-    lines = [f"| method | {' | '.join(found)} |", "|---" * (len(found) + 1) + "|"]
-    lines += [f"| {name} | {' | '.join(cell(found[scene].get(name, [])) for scene in found)} |" for name in names]
-    return "\n".join(lines)
-
-
-def cell(rows: list[dict]) -> str:
-    """One cell of the table."""
-    areas = [row["area_ratio"] for row in rows if row["area_ratio"] is not None]
-    if not rows:
-        return "not tried"
-    if not areas:
-        return "none confirmed"
-    seconds = np.median([row["stairs"][-1][0] for row in rows if row["stairs"]])
-    over = sorted({f"{row['gain']:+.4f}" for row in rows if row["gain"] is not None}, key=float)
-    some = f", {len(areas)} of {len(rows)} seeds" if len(areas) < len(rows) else ""
-    return f"{np.median(areas):.4f} ({' to '.join(dict.fromkeys((over[0], over[-1])))}){some}, {seconds:.1f} s"
 
 
 def main(size: str, folder: Path = RESULTS, store: Path | None = None) -> dict:

@@ -11,7 +11,7 @@ import camopt
 from camopt.scene.quantities import QUANTITIES
 
 ROOT = Path(__file__).parents[1]
-PAGES = sorted((ROOT / "docs").glob("*.md"))
+PAGES = sorted(p for p in (ROOT / "docs").rglob("*.md") if "site" not in p.parts)
 OPEN = {"parameters", "limit_worth", "versions", "scene"}
 """Keys whose content has names of its own: parameters of a family, limits, packages, scenes."""
 NAMED = {"event", "rkg", "tmm", "houbolt", "dop853"}
@@ -77,17 +77,19 @@ def test_the_model_defines_every_metric():
     assert rows == {q.name: q.unit for q in QUANTITIES.values()}
 
 
-@pytest.mark.parametrize("page", [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *PAGES], ids=lambda p: p.name)
+@pytest.mark.parametrize(
+    "page", [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *PAGES], ids=lambda p: str(p.relative_to(ROOT))
+)
 def test_links_lead_to_files(page):
     links = [link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8"))]
-    assert links
     assert not [link for link in links if link and "://" not in link and not (page.parent / link).exists()]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_files_and_modules_that_a_page_names_exist(page):
     words = WORDS.findall(page.read_text(encoding="utf-8"))
     paths = [w for w in words if w.startswith(("camopt/", "tests/")) and not (ROOT / w).exists()]
-    modules = [w for w in words if re.fullmatch(r"camopt(\.\w+)+", w)]
+    named = [re.sub(r"\.[A-Z]\w*$", "", w) for w in words if re.fullmatch(r"camopt(\.\w+)+", w)]
+    modules = [name for name in named if name.partition(".")[2] not in camopt.__all__]
     lost = [m for m in modules if not any((ROOT / f"{m.replace('.', '/')}{end}").exists() for end in (".py", "/"))]
     assert not paths and not lost

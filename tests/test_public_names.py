@@ -1,4 +1,4 @@
-"""The names that README and notebooks promise: each exists, says shapes, units and errors, and is in the guide."""
+"""The names that README, pages and notebooks promise: each exists, says shapes, units and errors, and is shown."""
 
 import ast
 import inspect
@@ -15,7 +15,8 @@ import pytest
 import camopt
 
 ROOT = Path(__file__).parents[1]
-GUIDE = "".join(p.read_text(encoding="utf-8") for p in [ROOT / "README.md", *sorted((ROOT / "notebooks").glob("*.py"))])
+PAGES = [ROOT / "README.md", ROOT / "docs" / "reference" / "python.md", *sorted((ROOT / "notebooks").glob("*.py"))]
+GUIDE = "".join(p.read_text(encoding="utf-8") for p in PAGES)
 SIGNATURES = {
     "CrankTiming": "centre_deg, cam_per_crank=0.5",
     "MeasuredLift": "speed_rpm, cam_angle_deg, valve_mm",

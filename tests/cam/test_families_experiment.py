@@ -1,7 +1,6 @@
 """The experiment on the cam families at its small size."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,9 +10,8 @@ from camopt.cam.families.new_design import new_design
 from camopt.cam.lift import Lift
 from camopt.scene import load_scene
 from experiments import cam_families
-from experiments.support.cam_families_table import markdown, orders_of_continuity
+from experiments.support.cam_families_table import orders_of_continuity
 
-README = Path(__file__).parents[2] / "README.md"
 STORED = json.loads((cam_families.RESULTS / "cam_families.json").read_text())["cams"]
 
 
@@ -34,10 +32,6 @@ def test_small_size(tmp_path, capsys):
     assert [b["speed_rpm"] for b in trapezoid["bounce"]] == [5000.0]
     assert "`trapezoid`" in capsys.readouterr().out
     assert (tmp_path / "cam_families-small.png").stat().st_size > 10_000
-
-
-def test_readme_has_the_stored_table():
-    assert "\n".join(markdown(STORED)) in README.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

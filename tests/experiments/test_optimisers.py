@@ -1,21 +1,16 @@
-"""Optimisers at one judge: a few of them at small size, and the table of the README is that of the stored result."""
-
-import json
-from pathlib import Path
+"""Optimisers at one judge: a few of them at small size, and what the figure draws."""
 
 import numpy as np
 import pytest
 
 pytest.importorskip("cma")  # of the extra `peers`
 from experiments import optimisers
-from experiments.support import optimisers_figure
-
-STORED = Path(optimisers.__file__).parent / "results" / "optimisers.json"
+from experiments.support import optimisers_figure, optimisers_table
 
 
 def test_a_few_at_small_size(tmp_path):
     content = optimisers.main("small", tmp_path)
-    rows = {optimisers.name_of(row): row for row in content["runs"]}
+    rows = {optimisers_table.name_of(row): row for row in content["runs"]}
     assert len(rows) == len(optimisers.FEW)
     program, climbed = rows["program alone"], rows["L-BFGS, exact gradients, from program"]
     assert 0.5 < program["area_ratio"] <= climbed["area_ratio"] < 0.7
@@ -29,8 +24,3 @@ def test_the_figure_holds_the_last_area():
     time = np.array([0.0, 1.0, 2.0, 3.0])
     found = optimisers_figure.held([[1.0, 0.5], [2.5, 0.6]], time)
     np.testing.assert_array_equal(found, [np.nan, 0.5, 0.5, 0.6])
-
-
-def test_the_table_of_the_index_is_that_of_the_stored_result():
-    rows = json.loads(STORED.read_text())["runs"]
-    assert optimisers.table(optimisers.grouped(rows)) in (STORED.parents[1] / "README.md").read_text()

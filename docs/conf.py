@@ -1,0 +1,39 @@
+"""Sphinx reads this file: `python -m sphinx -W -b html docs site` builds the site, offline, with the extra `docs`."""
+
+import os
+import sys
+from importlib import metadata
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT))  # camopt as this checkout has it, and docs.generators
+os.environ["PYTHONPATH"] = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])  # of the kernels
+os.environ.setdefault("CAMOPT_NOTEBOOK_SIZE", "small")
+
+project = "camopt"
+author = "the camopt developers"
+version = release = metadata.version("camopt")
+html_title = "camopt"
+
+extensions = ["myst_nb", "sphinx.ext.doctest", "docs.generators"]
+exclude_patterns = ["*.py", "generators", "_build"]
+nitpicky = True
+smartquotes = False  # d' is a derivative, and --out an option
+
+myst_enable_extensions = ["deflist", "colon_fence", "attrs_block"]
+myst_heading_anchors = 4
+suppress_warnings = ["misc.highlighting_failure"]  # a terminal's output is no language
+
+nb_custom_formats = {".py": "docs.generators.notebook.notebook"}
+nb_execution_mode = "cache"
+nb_execution_in_temp = True
+nb_execution_timeout = 300
+nb_execution_raise_on_error = True
+nb_ipywidgets_js = {}  # no page of ours has a live widget, and the scripts would come from a foreign address
+
+html_theme = "furo"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_copyright = False
+pygments_style = "default"

@@ -1,0 +1,48 @@
+"""A Sphinx extension that fills pages before they are parsed, so that nothing generated lies in the repository.
+
+A page may hold two things that Markdown does not have:
+
+- `{number}` followed by an expression in backquotes, which becomes a number of a stored result
+  (`docs.generators.results`);
+- a fenced block ```` ```{generated} KIND ```` , which becomes what the function of that kind makes of its content
+  (`docs.generators.expansion`).
+
+Both are text replaced by text. The tests call the same functions without Sphinx.
+"""
+
+import re
+from pathlib import Path
+
+from docs.generators.expansion import expanded
+from docs.generators.results import RESULTS
+
+NOTEBOOK_LINK = re.compile(r"\]\(\.\./((?:\.\./)*)notebooks/")
+"""A link from a page to a notebook of the repository; within the site they are beside each other."""
+DATA = Path(__file__).parents[1] / "claims.toml"
+
+
+def setup(app) -> dict:
+    """Called by Sphinx."""
+    _bring_notebooks(Path(app.srcdir))
+    app.connect("source-read", _fill)
+    return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _bring_notebooks(docs: Path) -> None:
+    """Copies the repository's notebooks below the pages, where Sphinx looks for them; what did not change stays."""
+    (docs / "notebooks").mkdir(exist_ok=True)
+    for path in (docs.parent / "notebooks").glob("*.py"):
+        copy, text = docs / "notebooks" / path.name, path.read_text(encoding="utf-8")
+        if not copy.exists() or copy.read_text(encoding="utf-8") != text:
+            copy.write_text(text, encoding="utf-8")
+
+
+def _fill(app, page: str, source: list[str]) -> None:
+    """Replaces a page's text; a page that changed by it is read again when results or claims have changed."""
+    if page.startswith("notebooks/"):
+        return
+    filled = expanded(source[0])
+    if filled != source[0]:
+        for path in (DATA, *RESULTS.glob("*.json")):
+            app.env.note_dependency(str(path))
+    source[0] = NOTEBOOK_LINK.sub(r"](\1notebooks/", filled)

@@ -1,0 +1,45 @@
+"""The public names of camopt with their signatures and docstrings, as objects that Sphinx can link and index."""
+
+import inspect
+import re
+from importlib import import_module
+from textwrap import dedent
+
+import camopt
+
+
+def python_names(content: str) -> str:
+    """An entry for each name of the block's content, or for every public name where it is empty."""
+    return "\n".join(_entry(name) for name in content.split() or camopt.__all__)
+
+
+def _entry(name: str) -> str:
+    what = getattr(camopt, name)
+    kind = "class" if inspect.isclass(what) else "function"
+    return f"````{{py:{kind}}} camopt.{name}{_signature(what)}\n{_body(what)}\n````\n"
+
+
+def _signature(what) -> str:
+    """Parameters and defaults; types stand in the words below."""
+    bare = [p.replace(annotation=inspect.Parameter.empty) for p in inspect.signature(what).parameters.values()]
+    text = str(inspect.Signature(bare))
+    return re.sub(r"<function .*?>", "<function>", text)
+
+
+def docstring(content: str) -> str:
+    """The page that a package has as its docstring, without its first sentence and titles."""
+    text = inspect.getdoc(import_module(content.strip())) or ""
+    return _markdown(re.sub(r"^.*\n=+\n", "", text.partition("\n\n")[2], flags=re.MULTILINE), "python")
+
+
+def _body(what) -> str:
+    return _markdown(inspect.getdoc(what) or "", "text")
+
+
+def _markdown(text: str, language: str) -> str:
+    """A docstring as Markdown: sentences as they stand, its indented blocks as code."""
+
+    def fenced(block: re.Match) -> str:
+        return f"\n```{language}\n{dedent(block[1]).strip()}\n```\n"
+
+    return re.sub(r"\n((?: {4}.*\n|\n+(?= {4}))+)", fenced, f"{text}\n")

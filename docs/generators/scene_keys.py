@@ -1,0 +1,94 @@
+"""The tables and keys of a scene file as their schema declares them."""
+
+import re
+import tomllib
+import types
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from camopt.scene.schema import Scene
+from camopt.scene.usual import USUAL
+from docs.generators.tables import markdown
+
+MEANINGS = Path(__file__).parents[1] / "scene_keys.toml"
+TOP = {"mass", "element", "force", "tolerance", "operation", "design", "geometry", "grinding"}
+
+
+def scene_keys(content: str) -> str:
+    """A section for each table of a scene: its docstring, and its keys with type, default and usual range."""
+    sections = [_section("The top of the file", Scene, "", skip=TOP)]
+    for name in Scene.model_fields:
+        if name in TOP:
+            model, repeats = _model(Scene.model_fields[name].annotation)
+            title = f"`[[{name}]]`" if repeats else f"`[{name}]`"
+            sections.append(_section(title, model, name))
+    return "\n".join(sections)
+
+
+def meanings() -> dict[str, dict[str, str]]:
+    """A sentence by table and key."""
+    return tomllib.loads(MEANINGS.read_text(encoding="utf-8"))
+
+
+def _model(annotation: Any) -> tuple[type[BaseModel], bool]:
+    """The model inside an annotation, and whether there may be several of it."""
+    for part in _parts(annotation):
+        if isinstance(part, type) and issubclass(part, BaseModel):
+            return part, "tuple" in str(annotation)
+    raise TypeError(f"no table in {annotation}")
+
+
+def _parts(annotation: Any) -> Iterator[Any]:
+    yield annotation
+    for part in get_args(annotation):
+        yield from _parts(part)
+
+
+def _section(title: str, model: type[BaseModel], table: str, skip: frozenset | set = frozenset()) -> str:
+    meaning = meanings().get(table or "scene", {})
+    rows = [
+        (f"`{key}`", meaning.get(key, ""), _type(field.annotation), _default(field), _usual(f"{table}.{key}"))
+        for key, field in model.model_fields.items()
+        if key not in skip
+    ]
+    anchor = f"(scene-{table})=\n" if table else ""
+    words = re.sub(r"^ {4}", "", model.__doc__ or "", flags=re.MULTILINE)
+    return f"{anchor}## {title}\n\n{words}\n\n" + markdown(("key", "meaning", "type", "default", "usual"), rows)
+
+
+def _type(annotation: Any) -> str:
+    origin = get_origin(annotation)
+    if origin is Annotated:
+        return _type(get_args(annotation)[0])
+    if origin is Literal:
+        return ", ".join(f"`{value!r}`".replace("'", '"') for value in get_args(annotation))
+    if origin in (Union, types.UnionType):
+        return " or ".join(_type(part) for part in get_args(annotation) if part is not types.NoneType)
+    if origin is tuple:
+        inside = get_args(annotation)
+        if inside[-1] is Ellipsis:
+            return f"list of {_plural(_type(inside[0]))}"
+        return f"[{', '.join(_type(part) for part in inside)}]"
+    return {float: "number", int: "whole number", str: "text", bool: "true or false"}[annotation]
+
+
+def _plural(words: str) -> str:
+    return f"{words}s" if re.fullmatch(r"[a-z ]+", words) else words
+
+
+def _default(field: FieldInfo) -> str:
+    if field.is_required():
+        return "required"
+    value = field.default
+    if value is None or value in ("", ()):
+        return "–"
+    return f"`{str(value).lower() if isinstance(value, bool) else value}`"
+
+
+def _usual(path: str) -> str:
+    usual = USUAL.get(path)
+    return f"{usual.low:g} to {usual.high:g}" if usual else ""

@@ -1,0 +1,63 @@
+"""Tables of stored results as Markdown."""
+
+import tomllib
+from collections.abc import Iterable
+from importlib import import_module
+
+from docs.generators.results import FUNCTIONS, RESULTS, Names, Rows, stored, wrapped
+
+OWN = {
+    "cam_families": ("cam_families_table", lambda m, found: "\n".join(m.markdown(found["cams"]))),
+    "optimisers": ("optimisers_table", lambda m, found: m.table(m.grouped(found["runs"]))),
+}
+"""Results whose experiment makes a table of its own, by a module of `experiments.support`."""
+
+
+def result_table(content: str) -> str:
+    """The table that an experiment makes of its stored result; the block's content is the result's name."""
+    name = content.strip()
+    module, table = OWN[name]
+    return table(import_module(f"experiments.support.{module}"), stored(RESULTS / f"{name}.json"))
+
+
+def rows_table(content: str) -> str:
+    """A table with a row for each row of a stored list or object.
+
+    The block's content is TOML: `of` the file's name, `at` the keys that lead to the list or object, and `columns`,
+    rows of [heading, expression | format] in which the row is called `row`, and its key or number `key`.
+    """
+    asked = tomllib.loads(content)
+    found = stored(RESULTS / f"{asked['of']}.json")
+    for key in asked.get("at", []):
+        found = found[key]
+    pairs = found.items() if isinstance(found, dict) else enumerate(found)
+    rows = [[_cell(cell, key, row) for _, cell in asked["columns"]] for key, row in pairs if key != "provenance"]
+    return markdown([heading for heading, _ in asked["columns"]], rows)
+
+
+def markdown(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """A table in Markdown."""
+    headings = list(headings)
+    lines = [headings, ["---"] * len(headings), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+
+
+def _cell(cell: str, key: object, row: object) -> str:
+    expression, _, form = cell.rpartition("|")
+    known = {"__builtins__": {}, **FUNCTIONS, "row": wrapped(row), "key": key}
+    value = eval(expression.strip(), known, Names(RESULTS, known))
+    if isinstance(value, Rows):  # a list of numbers
+        return ", ".join(format(one, form.strip()) for one in value)
+    return "–" if value is None else format(value, form.strip()).replace("|", "\\|")
+
+
+def origin(content: str) -> str:
+    """Where a stored result comes from, in a sentence; the block's content is the result's name."""
+    found = provenance(content.strip())
+    versions = ", ".join(f"{name} {number}" for name, number in found["versions"].items())
+    return f"*Measured on {found['date_utc']} ({found['machine']}; {versions}) by* `{found['command']}`.\n"
+
+
+def provenance(name: str) -> dict:
+    """Command, versions, machine and date of a stored result."""
+    return stored(RESULTS / f"{name}.json")["provenance"]

@@ -1,0 +1,63 @@
+"""Records what the commands of the tutorials print: `python -m docs.record` writes docs/tutorials/recorded.json.
+
+Pages hold commands in blocks ```` ```{generated} terminal ````. They run in their order, each page in a folder
+of its own with the scenes beside the pages in it; `docs.generators.terminal` shows them with what they printed.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import textwrap
+from pathlib import Path
+
+from camopt.storage import write_json
+from docs.generators.terminal import BLOCK, RECORDED
+from experiments.support.provenance import provenance
+
+PAGES = RECORDED.parent
+WIDTH, LONGEST = 100, 600
+"""Columns of a line, and how much of a longer one is shown."""
+
+
+def commands_of(page: Path) -> list[str]:
+    """The commands of a page's terminal blocks, in their order."""
+    return [line for block in BLOCK.findall(page.read_text(encoding="utf-8")) for line in block.strip().splitlines()]
+
+
+def printed(command: str, folder: Path) -> dict:
+    """Exit code and standard output of a command of camopt in a folder."""
+    words = [sys.executable, "-m", "camopt", *command.split()[1:]]
+    here = os.environ | {"PYTHONPATH": str(PAGES.parents[1])}  # camopt as this checkout has it
+    done = subprocess.run(words, cwd=folder, env=here, capture_output=True, text=True, check=False)
+    return {
+        "exit_code": done.returncode,
+        "output": [part for line in done.stdout.splitlines() for part in folded(line)],
+    }
+
+
+def folded(line: str) -> list[str]:
+    """A line as it is shown: folded where it is long, cut off where it is very long."""
+    if len(line) > LONGEST:
+        return [f"{line[:WIDTH]} ..."]
+    return textwrap.wrap(line, WIDTH, subsequent_indent="    ") if len(line) > WIDTH else [line]
+
+
+def main() -> None:
+    """Runs every page's commands and writes what they printed."""
+    found = {}
+    for page in sorted(PAGES.glob("*.md")):
+        with tempfile.TemporaryDirectory() as name:
+            for file in PAGES.glob("*.toml"):
+                shutil.copy(file, name)
+            for command in commands_of(page):
+                found[command] = printed(command, Path(name))
+                print(command, found[command]["exit_code"], flush=True)
+    write_json(
+        RECORDED, {"provenance": provenance("record", "") | {"command": "python -m docs.record"}, "printed": found}
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,45 @@
+"""The generated parts of the reference have every command, key and name."""
+
+import re
+
+import camopt
+from camopt.cli.parser import parser
+from camopt.scene.element import Element
+from camopt.scene.schema import Design, Force, Geometry, Mass, Operation, Scene
+from camopt.scene.tolerances import Grinding, Tolerance
+from docs.generators.commands import commands
+from docs.generators.python_names import python_names
+from docs.generators.scene_keys import meanings, scene_keys
+
+
+def test_every_command_with_every_option():
+    text = commands("")
+    top = parser()
+    assert set(re.findall(r"^## `camopt (\w+)`$", text, re.MULTILINE)) == set(top.verbs)
+    assert "| `--speeds {band,nominal}` | speeds the cam must hold at (band) |" in text
+    assert "| `--no-compare` |" in text and "(`runs/<scene>-<UTC time>`)" in text
+
+
+def test_every_key_of_a_scene():
+    text = scene_keys("")
+    for model in (Scene, Mass, Element, Operation, Design, Geometry, Tolerance, Grinding):
+        for key in model.model_fields:
+            assert f"`{key}`" in text or f"`[{key}]`" in text or f"`[[{key}]]`" in text, key
+    assert '| `kind` | what it is | `"spring"`, `"contact"`, `"adjuster"`, `"friction"` | required |' in text
+    assert "to angle zero | number | – |" in text and "must get there | true or false | `false` |" in text
+    assert "of the crankshaft | list of numbers | required | 100 to 20000 |" in text
+
+
+def test_meanings_are_those_of_keys_that_exist():
+    tables = {"mass": Mass, "element": Element, "operation": Operation, "design": Design, "geometry": Geometry}
+    tables |= {"scene": Scene, "force": Force, "tolerance": Tolerance, "grinding": Grinding}
+    for table, keys in meanings().items():
+        assert keys.keys() <= tables[table].model_fields.keys(), table
+
+
+def test_every_public_name():
+    text = python_names("")
+    assert re.findall(r"camopt\.(\w+)\(", "\n".join(re.findall(r"^````\{py:\w+\} (.*)$", text, re.MULTILINE))) == list(
+        camopt.__all__
+    )
+    assert "<function" not in text.replace("<function>", "")

@@ -1,0 +1,64 @@
+"""Numbers of the pages come from the stored results: every expression is found, and another result shows."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from docs.generators.results import RESULTS, ROLE, filled_numbers, number, stored
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted((ROOT / "docs").rglob("*.md"))
+TEXTS = {str(page.relative_to(ROOT)): page.read_text(encoding="utf-8") for page in [*PAGES, ROOT / "docs/claims.toml"]}
+
+
+@pytest.mark.parametrize("page", [name for name, text in TEXTS.items() if ROLE.search(text)])
+def test_every_number_of_a_page_is_found(page):
+    for expression in ROLE.findall(TEXTS[page]):
+        assert re.fullmatch(r"−?\d+(\.\d+)?", number(expression)), expression
+
+
+def test_a_page_shows_what_its_result_says(tmp_path):
+    """The number changes with the file, so that a page cannot tell another one."""
+    content = json.loads((RESULTS / "optimiser.json").read_text(encoding="utf-8"))
+    page = "It has {number}`optimiser.rows['kodama, band'].area_ratio | .4f`."
+    (row,) = [row for row in content["rows"] if row["case"] == "kodama, band"]
+    assert filled_numbers(page) == f"It has {row['area_ratio']:.4f}."
+    row["area_ratio"] = 0.1234
+    (tmp_path / "optimiser.json").write_text(json.dumps(content), encoding="utf-8")
+    assert filled_numbers(page, tmp_path) == "It has 0.1234."
+
+
+@pytest.fixture
+def folder(tmp_path):
+    rows = [{"cam": "a", "limits": "all", "x": 1.0}, {"cam": "a", "limits": "none", "x": -2.5}, {"cam": "b", "x": 4}]
+    (tmp_path / "found.json").write_text(json.dumps({"rows": rows, "by name": {"c": 3}}), encoding="utf-8")
+    stored.cache_clear()
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("expression", "shown"),
+    [
+        ("found.rows['a', 'none'].x | .1f", "−2.5"),
+        ("found.rows['b'].x | d", "4"),
+        ("100 * found.rows[0].x / found['by name'].c | .1f", "33.3"),
+        ("max(r.x for r in found.rows if r.cam == 'a') | .0f", "1"),
+        ("len(found.rows) | d", "3"),
+    ],
+)
+def test_expressions(folder, expression, shown):
+    assert number(expression, folder) == shown
+
+
+@pytest.mark.parametrize(
+    "expression", ["found.rows['a'].x | .1f", "found.other | d", "lost.rows[0] | d", "open('x') | s"]
+)
+def test_what_is_not_there_is_an_error(folder, expression):
+    with pytest.raises((KeyError, ValueError, NameError, FileNotFoundError)):
+        number(expression, folder)
+
+
+def test_a_per_cent_sign_begins_no_line(folder):
+    assert filled_numbers("It is\n{number}`found.rows['b'].x | d`\n% more.", folder) == "It is\n4 % more."

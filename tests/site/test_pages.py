@@ -1,0 +1,102 @@
+"""What the pages print works as printed: commands, scenes and Python, and the example of a gradient that lies."""
+
+import doctest
+import json
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import pytest
+
+import camopt
+from camopt.cli.parser import parser
+from docs.generators.terminal import RECORDED
+from docs.record import commands_of, printed
+
+DOCS = Path(__file__).parents[2] / "docs"
+PAGES = [
+    DOCS / "index.md",
+    *(p for part in ("tutorials", "how-to", "explanation") for p in sorted((DOCS / part).glob("*.md"))),
+]
+BLOCKS = {
+    (p.stem, i): block
+    for p in PAGES
+    for i, block in enumerate(re.findall(r"```(\w+)\n(.*?)```", p.read_text(), re.DOTALL))
+}
+COMMANDS = sorted(
+    {line for kind, text in BLOCKS.values() if kind == "sh" for line in text.splitlines() if line.startswith("camopt ")}
+)
+TERMINAL = [command for page in PAGES for command in commands_of(page)]
+PYTHON = {f"{page}-{i}": text for (page, i), (kind, text) in BLOCKS.items() if kind == "python"}
+SLOW = {"certificates-0"}
+GRADIENTS = [name for name in PYTHON if name.startswith("gradients")]
+
+
+@pytest.mark.parametrize("command", [*COMMANDS, *TERMINAL])
+def test_commands_parse(command):
+    assert parser().parse_args(shlex.split(command)[1:]).command
+
+
+def test_every_command_with_its_output_is_recorded():
+    found = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"]
+    assert sorted(found) == sorted(TERMINAL)
+    for command, one in found.items():
+        assert one["exit_code"] in (0, 3) and one["output"], command
+    assert "verdict: confirmed" in found["camopt verify tappet.toml --cam runs/tappet"]["output"]
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1200)
+def test_the_recorded_commands_still_end_so(tmp_path):
+    """Digits may differ from machine to machine; how a command ends, and the verdict, may not."""
+    found = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"]
+    for page in PAGES:
+        folder = tmp_path / page.stem
+        folder.mkdir()
+        shutil.copy(DOCS / "tutorials" / "tappet.toml", folder)
+        for command in commands_of(page):
+            again = printed(command, folder)
+            verdicts = [
+                [li for li in one["output"] if li.startswith("verdict: con")] for one in (again, found[command])
+            ]
+            assert again["exit_code"] == found[command]["exit_code"] and verdicts[0] == verdicts[1], command
+
+
+def test_the_scene_of_the_tutorial_is_a_scene():
+    scene = camopt.load_scene(DOCS / "tutorials" / "tappet.toml", need=("operation", "design"))
+    assert scene.geometry is not None and scene.mass[0].mass_kg == 0.125
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.long] * (n in SLOW)) for n in sorted(PYTHON.keys() - {*GRADIENTS})]
+)
+def test_python_runs(name, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    exec(compile(PYTHON[name], name, "exec"), {})
+    assert capsys.readouterr().out
+
+
+def test_a_gradient_lies_where_a_switching_moves_and_the_exact_one_does_not(capsys):
+    """The example of diffrax #729, and the same question to event-exact."""
+    lying, exact = GRADIENTS
+    names: dict = {}
+    exec(compile(PYTHON[lying], lying, "exec"), names)
+    value, slope = names["distance"](0.98), names["jax"].grad(names["distance"])(0.98)
+    assert value == pytest.approx(0.98, abs=1e-6) and slope == 0.0  # the truth is 1
+    names = {}
+    exec(compile(PYTHON[exact], exact, "exec"), names)
+    slope, difference = float(names["slope"]), float(names["difference"])
+    assert slope == pytest.approx(difference, rel=1e-5)  # the difference's own error at this step
+    assert f"{slope:.0f} 1/s" in PYTHON[exact]
+
+
+def test_what_a_doctest_shows_is_so():
+    shown = re.findall(
+        r"```\{doctest\}\n(.*?)```", (DOCS / "reference" / "python.md").read_text(encoding="utf-8"), re.DOTALL
+    )
+    assert shown
+    for text in shown:
+        runner = doctest.DocTestRunner(verbose=False)
+        runner.run(doctest.DocTestParser().get_doctest(text, {}, "python.md", None, None))
+        assert runner.summarize(verbose=False).failed == 0

@@ -1,0 +1,87 @@
+"""The site builds without a warning, asks no foreign address for anything, and no link within it is dead."""
+
+import os
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+pytest.importorskip("sphinx", reason="the extra `docs` is not installed; .ci/run installs it")
+ROOT = Path(__file__).parents[2]
+LOADING = {"script": "src", "img": "src", "iframe": "src", "link": "href", "source": "src"}
+"""Elements that a browser loads by itself, and the attribute that says from where."""
+
+
+class Page(HTMLParser):
+    """Anchors, links and what is loaded, of one page."""
+
+    def __init__(self, text: str):
+        super().__init__()
+        self.anchors, self.links, self.loads = set(), set(), set()
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        given = {name: value or "" for name, value in attrs}
+        self.anchors |= {given[name] for name in ("id", "name") if name in given}
+        if tag == "a" and "href" in given:
+            self.links.add(given["href"])
+        if tag in LOADING and LOADING[tag] in given:
+            self.loads.add(given[LOADING[tag]])
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The site, with notebooks as they stand: they are executed in tests/test_notebooks.py and in .ci/run."""
+    out = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-D", "nb_execution_mode=off", "-b", "html"]
+    done = subprocess.run(
+        [*command, "-d", str(out / "doctrees"), "docs", str(out / "html")],
+        cwd=ROOT,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=280,
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    return out / "html"
+
+
+@pytest.fixture(scope="module")
+def pages(site):
+    return {path: Page(path.read_text(encoding="utf-8")) for path in sorted(site.rglob("*.html"))}
+
+
+def test_nothing_is_loaded_from_elsewhere(site, pages):
+    foreign = {(path.name, url) for path, page in pages.items() for url in page.loads if urlsplit(url).netloc}
+    assert not foreign
+    for path in [*site.rglob("*.css"), *site.rglob("*.js")]:
+        text = path.read_text(encoding="utf-8", errors="replace")
+        assert not re.search(r"@import\s+(url\()?[\"']?(https?:)?//|url\([\"']?(https?:)?//", text), path
+
+
+def test_no_link_within_the_site_is_dead(site, pages):
+    dead = []
+    for path, page in pages.items():
+        for link in page.links | page.loads:
+            parts = urlsplit(link)
+            if parts.scheme or parts.netloc:
+                continue
+            there = (path.parent / unquote(parts.path)).resolve() if parts.path else path
+            lost = parts.fragment and there in pages and unquote(parts.fragment) not in pages[there].anchors
+            if not there.exists() or (lost and path.name not in ("genindex.html", "search.html")):
+                dead.append((path.relative_to(site), link))
+    assert not dead
+
+
+def test_what_is_generated_is_in_the_pages(site):
+    def text(page):
+        return re.sub(r"<[^>]+>", "", (site / page).read_text(encoding="utf-8"))
+
+    assert "camopt tradeoff" in text("reference/commands.html")
+    assert "acceleration_min_mm_per_deg2" in text("reference/scene.html")
+    assert "camopt.manufacturing_yield" in text("reference/python.html")
+    assert "{number}" not in "".join(text(page.relative_to(site)) for page in site.rglob("*.html"))
