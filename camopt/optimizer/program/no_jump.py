@@ -17,6 +17,7 @@ from camopt.optimizer.program.kinematic import area_ratio_row, first_working, re
 from camopt.optimizer.program.linear_program import Infeasible, Optimum, Rows, least_relaxation
 from camopt.optimizer.program.periodic import (
     LIFTED,
+    SAMPLE,
     SEATED,
     Angles,
     CamSamples,
@@ -51,13 +52,15 @@ class Window:
     """Where the force rows hold [rad]. The impacts that close lash and seat ring for a while: no cam can help it.
 
     Cam side: from `after_top` behind the opening ramp top to `before_seat` ahead of the seat's closing. Seat: from
-    `after_seat` behind the seat's closing to `before_lash` ahead of the lash's closing in the next revolution.
+    `after_seat` behind the seat's closing to `before_lash` ahead of the lash's closing in the next revolution. `step`
+    is the longest one between two rows.
     """
 
     after_top: float = 2 * DEG
     before_seat: float = 4 * DEG
     after_seat: float = 12 * DEG
     before_lash: float = 6 * DEG
+    step: float = SAMPLE
 
 
 @dataclass(frozen=True)
@@ -245,6 +248,16 @@ class NoJumpProgram:
             needed,
         )
 
+    def under(self, design: Design) -> "NoJumpProgram":
+        """This program under other values of the limits: where no row's left side changes, the solver keeps its basis.
+
+        Duration, ramps and train are as they were, and so is whether the largest contact force is limited.
+        """
+        other = replace(self, design=design)
+        if np.array_equal(other.limits.matrix, self.limits.matrix):
+            vars(other)["rows"] = self.rows
+        return other
+
     def extended(self, speeds: Sequence[float] | np.ndarray, train: Train | None = None) -> "NoJumpProgram":
         """This program with further cam speeds [rad/s] at the angles of static load transfer.
 
@@ -279,6 +292,6 @@ def _blocks(train, design, cam, speeds, angles, window) -> tuple[SpeedRows, ...]
     sampled: dict[Angles, CamSamples] = {}
     for a in angles:
         if a not in sampled:
-            sampled[a] = sample_cam(cam, a)
+            sampled[a] = sample_cam(cam, a, window.step)
     pairs = zip(speeds, angles, strict=True)
     return tuple(speed_rows(train, design, sampled[a], float(w), a, window) for w, a in pairs)
