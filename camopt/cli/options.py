@@ -3,7 +3,7 @@
 import argparse
 from collections.abc import Callable
 
-from camopt.cli.values import ACCURACIES, accuracy, count, digits, picture_file, positive, seed, speeds, trains
+from camopt.cli.values import ACCURACIES, accuracy, count, digits, picture_file, port, positive, seed, speeds, trains
 from camopt.verifier.methods import verdict_methods
 
 PLAN = """a plan (docs/sweeps.md tells all of it):
@@ -38,6 +38,16 @@ def _optimize(command: Command) -> None:
     c.add_argument("--out", metavar="DIR", help="run folder, refused if it exists (runs/<scene>-<UTC time>)")
     c.add_argument("--seed", type=seed, default=0, metavar="N", help="seed of the searches (0)")
     c.add_argument("--resume", action="store_true", help="go on in the run folder named by --out")
+
+
+def _design(command: Command) -> None:
+    c = command(
+        "design",
+        "a page on this machine that answers while a limit is dragged: cam, forces, bounce, area, yield",
+        "camopt design kodama --port 8642",
+    )
+    _scene(c)
+    c.add_argument("--port", type=port, default=0, metavar="N", help="port of the page's address (a free one)")
 
 
 def _verify(command: Command) -> None:
@@ -268,6 +278,6 @@ def _table_options(c: argparse.ArgumentParser) -> None:
     )
 
 
-DESIGNING = (_optimize, _verify, _simulate, _compare, _cam, _modes)
+DESIGNING = (_optimize, _design, _verify, _simulate, _compare, _cam, _modes)
 STUDYING = (_bound, _yield, _sweep, _gradient, _tradeoff, _extremes, _reduce, _report, _scenes)
 COMMANDS = (*DESIGNING, *STUDYING)

@@ -8,6 +8,7 @@ import tomllib
 from argparse import Namespace
 from pathlib import Path
 
+from camopt.cli.design_verb import design as design
 from camopt.cli.sweep_verb import sweep as sweep
 from camopt.scene import InputError, Scene, build_train, builtin_scenes, load_scene, scene_text
 from camopt.scene.notes import scene_notes, speed_notes

@@ -14,7 +14,7 @@ from camopt.designer.saving import save_run, save_scene
 from camopt.designer.session import QUICK, Session
 from camopt.designer.slow_parts import PARTS
 from camopt.designer.verification import Verification
-from camopt.designer.worker import Stopped, Worker
+from camopt.designer.worker import SlowProcess, Stopped
 from camopt.scene.errors import InputError
 from camopt.scene.text_file import excerpt
 from camopt.storage import plain
@@ -28,7 +28,7 @@ class Desk:
 
     def __init__(self, session: Session, folder: Path | None = None):
         self.session, self.folder = session, folder
-        self.slow, self.verification = Worker(), Verification()
+        self.slow, self.verification = SlowProcess(), Verification()
         self._one_at_a_time, self._newest_lock = Lock(), Lock()
         self._newest: OrderedDict[str, float] = OrderedDict()
         self._kinds: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {

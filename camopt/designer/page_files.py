@@ -17,8 +17,9 @@ def module_text() -> str:
 
 @cache
 def style_text() -> str:
-    """The page's style sheet."""
-    return (resources.files("camopt.designer") / "page" / "live.css").read_text(encoding="utf-8")
+    """The style sheet: the animation's, and the page's own."""
+    animation = (resources.files("camopt.report") / "animation.css").read_text(encoding="utf-8")
+    return animation + (resources.files("camopt.designer") / "page" / "live.css").read_text(encoding="utf-8")
 
 
 @cache

@@ -56,7 +56,7 @@ class Session:
         self.controls = {control.key: control for control in controls(scene)}
         self._cams = CamFinder()
         self._train: tuple[tuple, Train] | None = None
-        self._designs: OrderedDict[str, Design] = OrderedDict()
+        self._designs: OrderedDict[str, Edited] = OrderedDict()
 
     def start(self) -> dict[str, Any]:
         """What a page needs once: the scene's name and title, and the controls."""

@@ -7,7 +7,7 @@ from typing import Any
 
 from camopt.cam.lift import Lift
 from camopt.designer.slow_parts import VERDICTS
-from camopt.designer.worker import Stopped, Worker
+from camopt.designer.worker import SlowProcess, Stopped
 from camopt.scene.schema import Scene
 
 STAGES = {
@@ -21,7 +21,7 @@ assert STAGES.keys() == VERDICTS.keys()
 class Verification:
     """The verdict of one designer: none, running, or ended; `subject` is what the page calls what is judged."""
 
-    worker: Worker = field(default_factory=Worker)
+    worker: SlowProcess = field(default_factory=SlowProcess)
     _lock: Lock = field(default_factory=Lock)
     _state: dict[str, Any] = field(default_factory=lambda: {"state": "none"})
     _begun: float = 0.0

@@ -21,7 +21,7 @@ class Stopped(Exception):
     """The process was stopped, or ended by itself, before it had answered."""
 
 
-class Worker:
+class SlowProcess:
     """One process, started when it is first asked; it answers one question at a time."""
 
     def __init__(self) -> None:
