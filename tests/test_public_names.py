@@ -31,6 +31,7 @@ SIGNATURES = {
     "margin_N=0.0, evaluations=30",
     "kurz": "scene, sections_deg=None, a23=None, *, jerk=True",
     "linear_program": "objective, matrix, bound, *, size=None",
+    "live": "scene",
     "load_scene": "source, need=()",
     "manufacturing_yield": "scene, cam, trains=1000, *, speeds_rpm=None, seed=0, halve=False, out=None, "
     "resume=False, progress=False",
@@ -60,7 +61,7 @@ SIGNATURES = {
 }
 """Public name -> its parameters with their defaults; those after the star go by name alone."""
 UNPROMISED = {"MeasuredLift", "cycloidal", "differentiable", "exponent", "joint_spring", "linear_program",
-              "polynomial_345", "polynomial_4567", "read_cam", "tradeoff"}  # fmt: skip
+              "live", "polynomial_345", "polynomial_4567", "read_cam", "tradeoff"}  # fmt: skip
 """Public names that the guide need not show."""
 
 

@@ -16,7 +16,7 @@ from camopt.designer.controls import KINEMATIC, NO_JUMP
 from camopt.designer.edits import Asked
 from camopt.optimizer.accuracy import ACCURACIES, design_speeds
 from camopt.optimizer.program.kinematic import kinematic_optimum, limit_worth, unexplained_optimum, worth_of
-from camopt.optimizer.program.linear_program import Infeasible
+from camopt.optimizer.program.linear_program import GaveUp, Infeasible
 from camopt.optimizer.program.no_jump import PEAK, Margins, NoJumpOptimum, NoJumpProgram, Window, no_jump_program
 from camopt.optimizer.program.relocation import standing
 from camopt.scene.errors import InputError
@@ -70,7 +70,11 @@ class CamFinder:
         if asked.program == KINEMATIC:
             return self._kinematic(scene, coarse)
         try:
-            return self._no_jump(scene, train, asked.margin_N, coarse, wanted)
+            try:
+                return self._no_jump(scene, train, asked.margin_N, coarse, wanted)
+            except GaveUp:  # from the basis of another program; without any it is decided
+                self.kept.clear()
+                return self._no_jump(scene, train, asked.margin_N, coarse, wanted)
         except InputError as error:
             return self._kinematic(scene, coarse, f"No cam keeps contact, so this is the kinematic one: {error}.")
 
@@ -120,7 +124,7 @@ def _begin_like(known: NoJumpProgram, new: NoJumpProgram) -> None:
     """Lets the solver begin a program where it ended on another one, if that has as many rows and columns."""
     if known.rows.matrix.shape == new.rows.matrix.shape and len(known.blocks) == len(new.blocks):
         level = new.bound(Margins().table(len(new.blocks))) / new.rows.norm
-        new.rows.model.begin_like(known.rows.model, level)
+        new.rows.model.begin_like(known.rows.model, level, new.first_working())
 
 
 def program_speeds_rpm(scene: Scene) -> np.ndarray:

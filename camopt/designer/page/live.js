@@ -41,7 +41,7 @@ class Designer {
     this.showStatus();
   }
   saving(start) {
-    this.name = h("input", { id: "camopt-name", type: "text", value: `${start.name}-edited`, pattern: "[A-Za-z0-9][A-Za-z0-9_-]*", maxlength: 64 });
+    this.name = h("input", { id: "camopt-name", type: "text", value: `${start.name}-edited`, maxlength: 64 });
     this.saved = h("p", { class: "saved", "aria-live": "polite" });
     const save = (what) => () => this.save(what);
     return h("section", { class: "saving", "aria-label": "Save" }, h("h2", {}, "Save"), h("label", { for: "camopt-name" }, "Name"), this.name,

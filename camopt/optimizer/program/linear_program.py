@@ -109,12 +109,15 @@ class WarmModel:
         _succeeds(self._highs.addRows(len(rows), lowest, level[rows], len(entries), starts, columns, entries))
         self.held = np.concatenate([self.held, rows])
 
-    def begin_like(self, other: "WarmModel", level: np.ndarray) -> None:
-        """Hold the rows of the same numbers as a model of as many rows and columns, and begin from its basis."""
-        self.add(other.held, level)
+    def begin_like(self, other: "WarmModel", level: np.ndarray, working: np.ndarray) -> None:
+        """Hold the rows of the same numbers as a model of as many rows and columns, and begin from its basis.
+
+        The rows `working` are held too: what bounds one program may leave another one that differs unbounded.
+        """
+        self.add(np.union1d(other.held, working), level)
         basis = other._highs.getBasis()
         status = dict(zip(other.held.tolist(), basis.row_status, strict=True))
-        basis.row_status = [status[row] for row in self.held.tolist()]
+        basis.row_status = [status.get(row, HighsBasisStatus.kBasic) for row in self.held.tolist()]
         _succeeds(self._highs.setBasis(basis))
 
     def keep(self, rows: np.ndarray) -> None:
