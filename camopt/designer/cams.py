@@ -15,7 +15,7 @@ from camopt.cam.lift import Lift
 from camopt.designer.controls import KINEMATIC, NO_JUMP
 from camopt.designer.edits import Asked
 from camopt.optimizer.accuracy import ACCURACIES, design_speeds
-from camopt.optimizer.program.kinematic import kinematic_optimum, limit_worth, unexplained_optimum, worth_of
+from camopt.optimizer.program.kinematic import limit_worth, unexplained_optimum, worth_of
 from camopt.optimizer.program.linear_program import GaveUp, Infeasible
 from camopt.optimizer.program.no_jump import PEAK, Margins, NoJumpOptimum, NoJumpProgram, Window, no_jump_program
 from camopt.optimizer.program.relocation import standing
@@ -29,7 +29,8 @@ EFFORT = ACCURACIES["draft"]
 """Knots and speeds of the program: those with which `camopt optimize --accuracy draft` begins."""
 COARSE_SPEEDS, COARSE_STEP = 3, 1.0 * DEG
 """Speeds and step of the rows while a hand is dragging."""
-CONTRADICTION = "No cam holds these limits together; what would have to change is said once the hand rests."
+CONTRADICTION = "no cam holds these limits together"
+"""What would have to change takes seconds to find: `camopt.designer.slow_parts.why_none`."""
 RAMPS = ("ramp_height_mm", "ramp_velocity_mm_per_deg", "ramp_foot_deg")
 GEOMETRY = ("duration_deg", *RAMPS, *(f"closing_{key}" for key in RAMPS[:2]))
 """Keys of the design on which the left side of every row hangs."""
@@ -68,7 +69,7 @@ class CamFinder:
         each other, and Superseded between two steps once it is not `wanted` any more.
         """
         if asked.program == KINEMATIC:
-            return self._kinematic(scene, coarse)
+            return self._kinematic(scene)
         try:
             try:
                 return self._no_jump(scene, train, asked.margin_N, coarse, wanted)
@@ -76,16 +77,16 @@ class CamFinder:
                 self.kept.clear()
                 return self._no_jump(scene, train, asked.margin_N, coarse, wanted)
         except InputError as error:
-            return self._kinematic(scene, coarse, f"No cam keeps contact, so this is the kinematic one: {error}.")
+            return self._kinematic(scene, f"No cam keeps contact, so this is the kinematic one: {error}.")
 
-    def _kinematic(self, scene: Scene, coarse: bool, says: str = "") -> FoundCam:
+    def _kinematic(self, scene: Scene, says: str = "") -> FoundCam:
         design = scene.design
         assert design is not None, "an edited scene has one"
         try:
-            found = (unexplained_optimum if coarse else kinematic_optimum)(design, free_cam(design, EFFORT.knot_deg))
+            found = unexplained_optimum(design, free_cam(design, EFFORT.knot_deg))
         except Infeasible:
             raise InputError(CONTRADICTION) from None
-        return FoundCam(found.lift, KINEMATIC, found.area_ratio, limit_worth(found), None, coarse, says)
+        return FoundCam(found.lift, KINEMATIC, found.area_ratio, limit_worth(found), None, False, says)
 
     def _no_jump(
         self, scene: Scene, train: Train, margin_N: float, coarse: bool, wanted: Callable[[], bool]

@@ -8,6 +8,7 @@ from camopt.optimizer.search.robust import valve_spring
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Design, Scene
 from camopt.scene.tolerances import Tolerance
+from camopt.scene.train import build_train
 
 NO_JUMP, KINEMATIC = "no-jump", "kinematic"
 PROGRAMS = (NO_JUMP, KINEMATIC)
@@ -101,15 +102,15 @@ def _of_train(scene: Scene) -> list[Control]:
     if spring:
         label = "Spring preload, with the seat's"
         found.append(Control("spring_preload_percent", label, "% of the scene's", "Train", 100.0, *_about(100.0)))
-    gap = widest_gap(scene)
+    gap = scene.element[lash_element(scene)].gap_mm
     if gap > 0:
         found.append(Control("lash_mm", "Lash", "mm", "Train", gap, *_about(gap)))
     return found
 
 
-def widest_gap(scene: Scene) -> float:
-    """The largest gap of an element [mm]: the lash."""
-    return max(e.gap_mm for e in scene.element)
+def lash_element(scene: Scene) -> int:
+    """Number of the element with the lash: the widest gap among the contacts between cam and valve."""
+    return max(build_train(scene).cam_side, key=lambda e: scene.element[e].gap_mm)
 
 
 def _of_tolerance(tolerance: Tolerance) -> Control:

@@ -12,7 +12,7 @@ from camopt.designer.cams import Superseded
 from camopt.designer.edits import Refused
 from camopt.designer.saving import save_run, save_scene
 from camopt.designer.session import QUICK, Session
-from camopt.designer.slow_parts import PARTS
+from camopt.designer.slow_parts import PARTS, WHY
 from camopt.designer.verification import Verification
 from camopt.designer.worker import SlowProcess, Stopped
 from camopt.scene.errors import InputError
@@ -83,10 +83,14 @@ class Desk:
         raise InputError(f"part {excerpt(str(part))}: expected one of {', '.join((*QUICK, *PARTS))}")
 
     def _slow_answer(self, part: str, message: Mapping[str, Any]) -> dict[str, Any]:
+        values = _values(message)
         try:
-            with self._one_at_a_time:
-                design = self.session.design(_values(message), part == "few trains")
-            found = self.slow.ask(part, design.scene, design.cam.lift)
+            if part == WHY:
+                found = self.slow.ask(part, self.session.edited(values), None)
+            else:
+                with self._one_at_a_time:
+                    design = self.session.design(values, part == "few trains")
+                found = self.slow.ask(part, design.scene, design.cam.lift)
         except Refused as refused:
             return {"state": "refused", "faults": refused.faults}
         except (InputError, Stopped) as error:

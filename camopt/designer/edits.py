@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from camopt.designer.controls import DESIGN, NO_JUMP, Control, tolerance_key, widest_gap
+from camopt.designer.controls import DESIGN, NO_JUMP, Control, lash_element, tolerance_key
 from camopt.optimizer.search.robust import with_spring
 from camopt.scene.errors import InputError
 from camopt.scene.faults import checked
@@ -45,7 +45,8 @@ def read_values(controls: Mapping[str, Control], values: object) -> dict[str, An
         sentence = _fault(control, value)
         if sentence:
             faults[key] = sentence
-        found[key] = float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+        else:
+            found[key] = float(value) if isinstance(value, int) and not isinstance(value, bool) else value
     if faults:
         raise Refused(faults)
     return found
@@ -98,10 +99,9 @@ def _with_train(scene: Scene, values: Mapping[str, Any]) -> Scene:
     factors = [values.get(f"spring_{number}_percent", 100.0) / 100.0 for number in ("rate", "preload")]
     if factors != [1.0, 1.0]:
         scene = with_spring(scene, *factors)
-    gap = widest_gap(scene)
-    if values.get("lash_mm", gap) == gap:
+    at = lash_element(scene)
+    if "lash_mm" not in values or values["lash_mm"] == scene.element[at].gap_mm:
         return scene
-    at = next(i for i, e in enumerate(scene.element) if e.gap_mm == gap)
     elements = list(scene.element)
     elements[at] = elements[at].model_copy(update={"gap_mm": values["lash_mm"]})
     return scene.model_copy(update={"element": tuple(elements)})

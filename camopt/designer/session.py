@@ -90,6 +90,10 @@ class Session:
             found = self._cam_answer(design, asked)
         return {"part": part, "state": "ok", **plain(found)}
 
+    def edited(self, values: Mapping[str, Any]) -> Scene:
+        """The scene with the values; raises Refused for values that are none."""
+        return edited_scene(self.scene, read_values(self.controls, values))
+
     def design(
         self, values: Mapping[str, Any], coarse: bool = False, wanted: Callable[[], bool] = lambda: True
     ) -> Edited:

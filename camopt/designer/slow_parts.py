@@ -8,13 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from camopt.cam.families.free import free_cam
 from camopt.cam.lift import Lift
+from camopt.designer.cams import EFFORT
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import broken_by_shape, motion_limits
 from camopt.measure.yields import UsedLimits, counted, share_of
 from camopt.optimizer.as_built.track import track
 from camopt.optimizer.baselines.comparison import member_or_sentence
 from camopt.optimizer.bound.certificate import area_ratio_bound
+from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.verifier.accuracy import verify
@@ -76,6 +79,16 @@ def trains_of(scene: Scene, lift: Lift, count: int) -> dict[str, Any]:
     return {"share": share.share, "low": share.low, "high": share.high, "trains": count, "first_broken": broken}
 
 
+def why_none(scene: Scene, lift: None) -> dict[str, Any]:
+    """Which limits would have to change, and by how much, before any cam holds them together."""
+    assert scene.design is not None, "an edited scene has one"
+    try:
+        kinematic_optimum(scene.design, free_cam(scene.design, EFFORT.knot_deg))
+    except InputError as error:
+        return {"says": str(error)}
+    return {"says": ""}
+
+
 def draft_verdict(scene: Scene, lift: Lift) -> dict[str, Any]:
     """verification.json of a verdict at accuracy "draft"."""
     return _verified(scene, lift, "draft")
@@ -91,7 +104,9 @@ def _verified(scene: Scene, lift: Lift, accuracy: str) -> dict[str, Any]:
     return {"verification": found.as_dict(), "reason": found.reason}
 
 
-PARTS: dict[str, Callable[[Scene, Lift], dict[str, Any]]] = {
+WHY = "why"
+PARTS: dict[str, Callable[[Scene, Any], dict[str, Any]]] = {
+    WHY: why_none,
     "bound": bound_part,
     "baselines": baselines_part,
     "few trains": few_trains_part,

@@ -29,7 +29,7 @@ class SlowProcess:
         self._process: SpawnProcess | None = None
         self._connection: Connection | None = None
 
-    def ask(self, part: str, scene: Scene, lift: Lift) -> dict[str, Any]:
+    def ask(self, part: str, scene: Scene, lift: Lift | None) -> dict[str, Any]:
         """One part of the answer, as JSON knows it; whoever asks meanwhile waits. Raises InputError as the part does,
         and Stopped."""
         with self._asking:

@@ -137,13 +137,13 @@ class Designer {
   }
   async slow() {
     const part = this.slowPart();
-    if (this.slowBusy || !part || !this.answer || this.answer.state !== "ok") return;
+    if (this.slowBusy || !part) return;
     this.slowBusy = true;
     const { sequence } = this, shape = this.shape();
     try {
       const found = await this.request(part, sequence);
       this.done[part] = part === "bound" || part === "baselines" ? shape : sequence;
-      if (found.state === "ok" && (part !== "trains" || sequence === this.sequence)) this.receivedSlow(part, found, shape);
+      if (found.state === "ok" && (!["trains", "why"].includes(part) || sequence === this.sequence)) this.receivedSlow(part, found, shape);
     } catch (error) {
       this.done[part] = sequence;
       this.failed(error);
@@ -152,6 +152,7 @@ class Designer {
     this.slow();
   }
   slowPart() {
+    if (!this.answer) return this.contradicted && this.rested === this.sequence && this.done.why !== this.sequence ? "why" : null;
     const of = { "few trains": this.sequence, bound: this.shape(), baselines: this.shape(), trains: this.sequence };
     const parts = this.resting && this.rested === this.sequence ? Object.keys(of) : this.dirty || this.busy ? [] : ["few trains"];
     return parts.find((part) => this.done[part] !== of[part] && !(part === "few trains" && this.done.trains === this.sequence));
@@ -167,6 +168,7 @@ class Designer {
     this.root.dataset.state = answer.state;
     if (answer.state !== "ok") {
       this.answer = null;
+      this.contradicted = answer.state === "no cam";
       const says = answer.says ?? Object.values(answer.faults).join("; ");
       this.result.textContent = answer.state === "no cam" ? `No cam: ${says}` : `These numbers make no scene: ${says}`;
       this.root.classList.add("stale");
@@ -204,6 +206,10 @@ class Designer {
     this.painted(band, asked);
   }
   receivedSlow(part, found, shape) {
+    if (part === "why") {
+      if (this.contradicted && found.says) this.result.textContent = `No cam: ${found.says}`;
+      return;
+    }
     if (part.endsWith("trains")) {
       this.panels.showTrains(found, part === "trains");
       return;

@@ -19,6 +19,9 @@ SMALLEST = 1e-12
 """Entries of scaled rows that are left out: the least size that HiGHS takes."""
 NOTHING = 1e-100
 """Entries that count as zero: what is left of a force long after the cam has passed, at low speeds and high damping."""
+FARTHEST = 1e15
+"""Distance from zero, in typical columns, to which no row may ask a point to go: a row of almost nothing whose right
+side is below zero. HiGHS refuses such numbers."""
 OPTIONS = {
     "output_flag": False,
     "presolve": "off",  # it would throw the basis away
@@ -173,6 +176,8 @@ def maximise(objective: np.ndarray, rows: Rows, bound: np.ndarray, working: np.n
     solver gives up.
     """
     level, model = bound / rows.norm, rows.model
+    if level.min(initial=0.0) < -FARTHEST:
+        raise Infeasible("a row of almost nothing is to be below zero")
     cost = objective * rows.column
     cost_scale = np.abs(cost).max() or 1.0
     model.pose(cost / cost_scale, level)
