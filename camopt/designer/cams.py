@@ -98,7 +98,10 @@ class CamFinder:
             raise Superseded
         if not coarse and not is_linear(train):
             program = standing(program, margin_N)
-        found = program.solve(Margins(margin_N, margin_N, margin_N))
+        try:
+            found = program.unexplained(Margins(margin_N, margin_N, margin_N))
+        except Infeasible:
+            raise InputError(f"no free cam keeps {margin_N:g} N at all of the program's speeds") from None
         self.kept[coarse] = shape, program
         price = float(found.margin_prices.sum())
         return FoundCam(found.lift, NO_JUMP, found.area_ratio, _worth(found), price, coarse)

@@ -13,26 +13,19 @@ CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", 
 
 
 class Served:
-    """A server of a scene in a thread, which can be stopped and started again on its port."""
+    """A server of a scene in a thread."""
 
     def __init__(self, scene, folder):
         self.desk = Desk(Session(scene), folder)
-        self.port = 0
-        self.start()
-
-    def start(self):
-        self.server = DesignServer(self.desk, self.port)
-        self.port, self.address = self.server.port, self.server.address
+        self.server = DesignServer(self.desk)
+        self.address = self.server.address
         self._thread = threading.Thread(target=self.server.serve_forever)
         self._thread.start()
 
-    def stop(self):
+    def end(self):
         self.server.shutdown()
         self._thread.join()
         self.server.server_close()
-
-    def end(self):
-        self.stop()
         self.desk.stop()
 
 

@@ -1,6 +1,8 @@
 """The designer's page in a real browser: its numbers, its keys, its troubles, and who can use it."""
 
 import json
+import subprocess
+import sys
 import time
 
 import pytest
@@ -237,21 +239,37 @@ def test_a_phone_shows_all_without_sideways_scrolling(open_page):
         assert box["x"] >= 0 and box["x"] + box["width"] <= 376, part
 
 
-def test_a_killed_server_is_said_and_the_page_goes_on_after_it(browser, serve, tmp_path):
-    own = serve(SCENE, tmp_path)
+def started(folder, port: int) -> tuple[subprocess.Popen, str]:
+    """The command itself in a process of its own, and the address that it prints."""
+    words = [sys.executable, "-m", "camopt", "design", "motori-1", "--port", str(port)]
+    process = subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, text=True)
+    line = process.stdout.readline()
+    return process, line.split("open ")[1].split()[0]
+
+
+def killed(process: subprocess.Popen) -> None:
+    process.kill()
+    process.communicate()
+
+
+def test_a_killed_server_is_said_and_the_page_goes_on_after_it(browser, tmp_path, session):
+    process, address = started(tmp_path, 0)
     page = browser.new_page()
-    page.goto(own.address)
-    rest(page)
-    own.stop()
-    number(page, "max_lift_mm").fill("8.9")
-    wait(page, lambda: page.locator(".trouble").is_visible())
-    assert "does not answer any more" in page.locator(".trouble").inner_text()
-    own.start()
-    wait(page, lambda: not page.locator(".trouble").is_visible())
-    rest(page)
-    expected = Session(SCENE).answer({"max_lift_mm": 8.9})["area_ratio"]
-    assert area_shown(page) == pytest.approx(expected, abs=5e-6)
-    page.close()
+    try:
+        page.goto(address)
+        rest(page)
+        killed(process)
+        number(page, "max_lift_mm").fill("8.9")
+        wait(page, lambda: page.locator(".trouble").is_visible())
+        assert "does not answer any more" in page.locator(".trouble").inner_text()
+        process, again = started(tmp_path, int(address.rstrip("/").rpartition(":")[2]))
+        assert again == address
+        wait(page, lambda: not page.locator(".trouble").is_visible())
+        rest(page)
+        assert area_shown(page) == pytest.approx(session.answer({"max_lift_mm": 8.9})["area_ratio"], abs=5e-6)
+    finally:
+        page.close()
+        killed(process)
 
 
 def test_texts_of_the_scene_stay_text(browser, serve, tmp_path):

@@ -216,14 +216,16 @@ class NoJumpProgram:
 
         Raises NoCamHoldsContact where no cam keeps the margins.
         """
-        table = (margins or Margins()).table(len(self.blocks))
-        bound = self.bound(table)
-        row, constant = area_ratio_row(self.design, self.cam)
-        begin = self.first_working()
         try:
-            optimum = reach(self.cam, self.design, row, self.rows, bound, begin)
+            return self.unexplained(margins)
         except Infeasible:
-            raise self._shortfall(bound, begin) from None
+            raise self._shortfall(self.bound((margins or Margins()).table(len(self.blocks)))) from None
+
+    def unexplained(self, margins: Margins | None = None) -> NoJumpOptimum:
+        """`solve` for a caller who cannot wait for by how much the margins are too large; raises Infeasible instead."""
+        table = (margins or Margins()).table(len(self.blocks))
+        row, constant = area_ratio_row(self.design, self.cam)
+        optimum = reach(self.cam, self.design, row, self.rows, self.bound(table), self.first_working())
         return NoJumpOptimum(self, table, optimum.z, optimum.value + constant, optimum)
 
     def first_working(self) -> np.ndarray:
@@ -231,11 +233,11 @@ class NoJumpProgram:
         first = len(self.limits.bound)
         return np.union1d(first_working(self.limits), np.arange(first, first + len(self.kind), 40))
 
-    def _shortfall(self, bound: np.ndarray, working: np.ndarray) -> NoCamHoldsContact:
+    def _shortfall(self, bound: np.ndarray) -> NoCamHoldsContact:
         matrix, bound = reached_in_the_middle(self.cam, self.design, self.rows.matrix, bound)
         give = np.zeros(len(bound))
         give[len(self.limits.bound) :][: len(self.kind)] = self.kind != PEAK
-        begin = np.union1d(working, np.arange(len(self.rows.norm), len(bound)))
+        begin = np.union1d(self.first_working(), np.arange(len(self.rows.norm), len(bound)))
         needed = least_relaxation(spline_rows(matrix), bound, give, 100.0, begin)
         if needed is None:
             return NoCamHoldsContact(
