@@ -21,7 +21,7 @@ assert STAGES.keys() == VERDICTS.keys()
 class Verification:
     """The verdict of one designer: none, running, or ended; `subject` is what the page calls what is judged."""
 
-    worker: SlowProcess = field(default_factory=SlowProcess)
+    worker: SlowProcess = field(default_factory=lambda: SlowProcess(niceness=0))  # somebody waits for it
     _lock: Lock = field(default_factory=Lock)
     _state: dict[str, Any] = field(default_factory=lambda: {"state": "none"})
     _begun: float = 0.0

@@ -22,9 +22,10 @@ class Stopped(Exception):
 
 
 class SlowProcess:
-    """One process, started when it is first asked; it answers one question at a time."""
+    """One process, started when it is first asked; it answers one question at a time, at this niceness."""
 
-    def __init__(self) -> None:
+    def __init__(self, niceness: int = NICENESS) -> None:
+        self._niceness = niceness
         self._asking, self._starting = Lock(), Lock()
         self._process: SpawnProcess | None = None
         self._connection: Connection | None = None
@@ -63,17 +64,17 @@ class SlowProcess:
             if self._process is None or not self._process.is_alive():
                 context = get_context("spawn")
                 self._connection, theirs = context.Pipe()
-                self._process = context.Process(target=answer_all, args=(theirs,), daemon=True)
+                self._process = context.Process(target=answer_all, args=(theirs, self._niceness), daemon=True)
                 self._process.start()
                 theirs.close()
             assert self._connection is not None, "made with the process"
             return self._connection
 
 
-def answer_all(connection: Connection) -> None:
+def answer_all(connection: Connection, niceness: int) -> None:
     """The process: answers questions until nobody is there to ask any more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the keyboard's interrupt is the designer's business
-    os.nice(NICENESS)
+    os.nice(niceness)
     from threadpoolctl import threadpool_limits
 
     from camopt.designer.slow_parts import PARTS, VERDICTS

@@ -1,6 +1,7 @@
 """The designer's answers without a page: the numbers of camopt's own functions for the edited scene."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -208,6 +209,27 @@ def test_an_answer_that_is_not_wanted_any_more_ends(session):
         session.answer({"duration_deg": 141.5}, "cam", lambda: False)
     with pytest.raises(Superseded):
         session.answer({}, "band", lambda: False)
+
+
+def resident_MB() -> float:
+    return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * 4096 / 1000**2
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="only Linux tells a process's memory so")
+@pytest.mark.parametrize("changes", [60, pytest.param(2000, marks=pytest.mark.long)])
+def test_memory_stays_flat_over_many_changes(changes):
+    session = Session(SCENE)
+
+    def change(i: int) -> None:
+        values = {"max_lift_mm": 9.0 + 0.001 * (i % 97), "lash_mm": 0.1 + 0.001 * (i % 11)}
+        assert session.answer(values, "sketch")["state"] == "ok"
+
+    for i in range(40):  # caches fill
+        change(i)
+    before = resident_MB()
+    for i in range(changes):
+        change(i)
+    assert resident_MB() < before + 0.15 * before
 
 
 @pytest.mark.parametrize("name", sorted(builtin_scenes()))

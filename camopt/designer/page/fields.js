@@ -64,8 +64,8 @@ class Field {
       this.main.value = "";
       return;
     }
-    this.slider.min = Math.min(this.slider.min, value); // a typed number may lie beyond the slider
-    this.slider.max = Math.max(this.slider.max, value);
+    this.slider.min = Math.min(this.control.low, value); // a typed number may lie beyond the slider's range
+    this.slider.max = Math.max(this.control.high, value);
     if (keep !== this.slider) this.slider.value = value;
     if (keep !== this.main) this.main.value = Number(value.toPrecision(12));
   }

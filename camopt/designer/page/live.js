@@ -183,6 +183,7 @@ class Designer {
   }
   paint(answer) {
     const used = this.bandOf === this.sequence ? this.band : null;
+    this.panels.bandIsOf(!used);
     this.panels.show(answer, this.values, this.pinned);
     if (JSON.parse(this.furtherShape ?? "null") === null || this.furtherShape !== this.shape()) this.further = {};
     this.panels.showAreas(answer, this.further, this.pinned);

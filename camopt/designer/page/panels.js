@@ -89,7 +89,11 @@ class Panels {
     if (this.animate) this.animate(a);
     else this.animate = trainAnimation(this.train.parentElement, a);
   }
+  bandIsOf(before) { // while the hand moves, the curves over the band are of the numbers before
+    for (const chart of [this.charts.bounce, this.charts.jump]) chart.node.classList.toggle("before", before);
+  }
   band(band, values, pinned) {
+    this.bandIsOf(false);
     const x = { label: "crankshaft speed [r/min]", low: band.speeds_rpm[0], high: band.speeds_rpm.at(-1) };
     const places = [{ x: Math.min(x.high, Math.max(x.low, values.speed_rpm)), name: "speed shown" }];
     for (const [key, chart, limit] of [["bounce_mm", "bounce", values.bounce_max_mm], ["jump_mm", "jump", values.jump_max_mm]]) {
