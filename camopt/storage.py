@@ -7,8 +7,9 @@ import math
 import os
 import secrets
 import shutil
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -63,9 +64,20 @@ def check_file(path: str | Path) -> None:
         raise InputError(f"{path}: cannot be written ({reason}); name a file in an existing, writable folder")
 
 
+LEFT_BEHIND = 3600.0
+"""Age [s] from which a temporary file belongs to a process that was killed: writing one takes seconds."""
+
+
 @contextmanager
 def _replacing(path: Path) -> Iterator[BinaryIO]:
-    """Temporary file in the same folder (a rename across file systems is not atomic), then the rename."""
+    """Temporary file in the same folder (a rename across file systems is not atomic), then the rename.
+
+    What killed processes left there of theirs goes.
+    """
+    for old in path.parent.glob(".camopt-????????????????.tmp"):
+        with suppress(OSError):
+            if time.time() - old.stat().st_mtime > LEFT_BEHIND:
+                old.unlink()
     temporary = path.with_name(f".camopt-{secrets.token_hex(8)}.tmp")
     try:
         with open(temporary, "xb") as file:
@@ -207,6 +219,10 @@ def run_folder(
     try:
         yield folder
     except Exception as error:
+        if not folder.is_dir():
+            raise InputError(
+                f"{folder}: was taken away while the run wrote to it: run again in a folder that stays"
+            ) from error
         if made and not any((folder / name).exists() for name in worth):
             shutil.rmtree(folder)
         else:

@@ -4,7 +4,6 @@ import os
 import pty
 import subprocess
 import sys
-from functools import cache
 
 import pytest
 
@@ -18,6 +17,8 @@ ANSWERS = {
 }
 BUSIEST_S = 0.3
 """Processor time of a whole command that ends in help or an input error, JAX and numba not loaded."""
+PAIRS = 5
+"""Measurements at most, each beside NumPy's: what a command needs is the least of them."""
 MEASURE = """
 import resource, subprocess, sys
 code = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode
@@ -26,20 +27,16 @@ print(code, used.ru_utime + used.ru_stime)
 """
 
 
-def processor_time(*command: str, runs: int = 2) -> tuple[int, float]:
-    """Exit code and least processor time [s] of some runs: unlike the clock it does not feel the neighbours."""
-    least, code = float("inf"), -1
-    for _ in range(runs):
-        words = [sys.executable, "-c", MEASURE, *command]
-        done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60)
-        code, seconds = (float(word) for word in done.stdout.split())
-        least = min(least, seconds)
-    return int(code), least
+def processor_time(*command: str) -> tuple[int, float]:
+    """Exit code and processor time [s] of a run."""
+    words = [sys.executable, "-c", MEASURE, *command]
+    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60)
+    code, seconds = (float(word) for word in done.stdout.split())
+    return int(code), seconds
 
 
-@cache
 def allowed() -> float:
-    """What an answer may take [s]: more only on a machine that is slow to start Python with NumPy too."""
+    """What an answer may take [s]: more only where starting Python with NumPy takes longer too, at this moment."""
     return max(BUSIEST_S, 4 * processor_time(sys.executable, "-c", "import numpy")[1])
 
 
@@ -47,13 +44,16 @@ def allowed() -> float:
 def test_answers_at_once(answer, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     code, words = ANSWERS[answer]
-    found, seconds = processor_time(sys.executable, "-m", "camopt", *words)
-    assert found == code
-    assert seconds < allowed()
+    pairs = []
+    while not pairs or (pairs[-1][0] >= pairs[-1][1] and len(pairs) < PAIRS):
+        found, seconds = processor_time(sys.executable, "-m", "camopt", *words)
+        assert found == code
+        pairs.append((seconds, allowed()))
+    assert pairs[-1][0] < pairs[-1][1], pairs
 
 
 def test_jax_would_be_noticed():
-    assert processor_time(sys.executable, "-c", "import jax", runs=1)[1] > allowed()
+    assert processor_time(sys.executable, "-c", "import jax")[1] > allowed()
 
 
 def on_a_terminal(*words: str, **environment: str) -> bytes:

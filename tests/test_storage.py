@@ -50,6 +50,16 @@ def test_a_failure_on_the_way_keeps_the_old_file(tmp_path, monkeypatch):
     assert os.listdir(tmp_path) == ["a.txt"]
 
 
+def test_what_a_killed_process_left_goes_with_the_next_writing(tmp_path):
+    old, new, foreign = (tmp_path / f".camopt-{name}.tmp" for name in ("0" * 16, "1" * 16, "mine"))
+    for file in (old, new, foreign):
+        file.touch()
+    for file in (old, foreign):
+        os.utime(file, (0, 0))
+    write_text(tmp_path / "a.txt", "x")
+    assert set(os.listdir(tmp_path)) == {new.name, foreign.name, "a.txt"}
+
+
 def test_written_content_is_flushed_before_the_rename(tmp_path, monkeypatch):
     calls = []
     fsync, replace = os.fsync, os.replace

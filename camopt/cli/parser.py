@@ -37,7 +37,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 check_file(getattr(args, option))
         commands = import_module("camopt.cli.verbs")
         code = getattr(commands, verb_named(args.command))(args)
-        sys.stdout.flush()
+        if sys.stdout is not None:  # where a shell closed it, there is none
+            sys.stdout.flush()
         if not args.quiet:
             print(f"next: {next_step(args, code)}", file=sys.stderr)
         return code

@@ -8,7 +8,7 @@ adds the most broken ones, until none is left.
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import nnls
+from scipy.optimize import lsq_linear, nnls
 
 from camopt.cam.families.free import FreeCam, free_cam
 from camopt.cam.lift import Lift
@@ -24,6 +24,8 @@ PROBE = 1e-4
 """Size of the step, over that of the point, that shows which rows hold a direction back."""
 ADDED_PER_ROUND = 60
 MOST_ROUNDS = 60
+NOT_LEAST = 1e-12
+"""Slope of the squared residual by a multiplier, or share of the largest one, that counts as more than rounding."""
 NO_POINT = 1e-9
 """Residual of the least-squares problem below which the rows have no common point; where they do it is near 1."""
 
@@ -70,7 +72,7 @@ class Polyhedron:
         It begins without any row, so that an answer hangs on no earlier one, to the last digit.
         """
         level = BROKEN * max(float(np.abs(x).max()), 1e-300)
-        violation = float((self.matrix @ x - self.bound).max())
+        far = float((self.matrix @ x - self.bound).max())  # unit of the steps: how far the point is, as known so far
         moved, rows, holding = x, np.zeros(0, dtype=int), np.zeros(0, dtype=int)
         for _ in range(MOST_ROUNDS):
             excess = self.matrix @ moved - self.bound
@@ -81,22 +83,31 @@ class Polyhedron:
             if len(holding) and np.isin(worst, rows).all():
                 raise ArithmeticError("the nearest point still breaks rows that it was to hold")
             rows = np.union1d(rows, worst)
-            step, multipliers = _least_step(self.matrix[rows], (self.bound[rows] - self.matrix[rows] @ x) / violation)
-            moved = x + violation * step
-            holding = rows[multipliers > 0]
+            holding = rows[_multipliers(self.matrix[rows], (self.bound[rows] - self.matrix[rows] @ x) / far) > 0]
+            face = self.matrix[holding]
+            moved = x + np.linalg.lstsq(face, self.bound[holding] - face @ x, rcond=None)[0]
+            far = max(far, float(np.linalg.norm(moved - x)))
         raise ArithmeticError(f"the nearest point still breaks rows after {MOST_ROUNDS} rounds")
 
 
-def _least_step(matrix: np.ndarray, room: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The shortest u (m) with matrix (r, m) @ u <= room (r), and the rows' multipliers (r); raises Empty."""
+def _multipliers(matrix: np.ndarray, room: np.ndarray) -> np.ndarray:
+    """The rows' multipliers (r) of the shortest u (m) with matrix (r, m) @ u <= room (r); raises Empty.
+
+    u itself follows from the rows that hold it to every digit; from the residual only for lengths near 1.
+    """
     target = np.zeros(matrix.shape[1] + 1)
     target[-1] = 1.0
     equations = np.vstack([-matrix.T, -room])
-    multipliers, length = nnls(equations, target, maxiter=50 * len(target))
-    if length < NO_POINT:
+    multipliers, _ = nnls(equations, target, maxiter=50 * len(target))
+    left = target - equations @ multipliers
+    if (
+        equations.T @ left
+    ).max() > NOT_LEAST:  # SciPy's may stop early (scipy #25389); this one takes ten times as long
+        multipliers = lsq_linear(equations, target, (0, np.inf), "bvls", tol=1e-14).x
+        left = target - equations @ multipliers
+    if np.linalg.norm(left) < NO_POINT:
         raise Empty
-    residual = equations @ multipliers - target
-    return -residual[:-1] / residual[-1], multipliers
+    return np.where(multipliers > NOT_LEAST * multipliers.max(), multipliers, 0.0)
 
 
 class ShapeLimits:

@@ -57,6 +57,13 @@ def test_the_nearest_coefficients_hold_and_are_the_nearest(size):
     assert (x - p) @ (inside - p) <= 1e-9 * np.linalg.norm(x - p)  # nothing within lies on the far side
 
 
+def test_least_squares_that_stop_early_are_noticed(monkeypatch):
+    """SciPy's non-negative least squares may return a point that is not the least, without a word (scipy #25389)."""
+    monkeypatch.setattr("camopt.optimizer.ascent.projection.nnls", lambda a, b, maxiter: (np.zeros(a.shape[1]), 1.0))
+    for x, nearest in (((3.0, 0.5), (1.0, 0.5)), ((5.0, 9.0), (1.0, 1.0)), ((-2.0, -2.0), (0.0, 0.0))):
+        assert BOX.nearest(np.array(x)) == pytest.approx(np.array(nearest), abs=1e-12)
+
+
 class TestNearestFreeCam:
     def test_a_cam_within_the_limits_is_met_as_knots_grow_finer(self):
         cam = free_cam(MOTORI.design, 6.0)

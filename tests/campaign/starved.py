@@ -1,0 +1,53 @@
+"""Commands that lack what they take for granted: room on the disk, rights, a home, a reader, a folder that stays."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+QUICK = ("cam", "kodama", "--cam", "polydyne")
+
+
+def camopt(*words: str, **options) -> subprocess.CompletedProcess:
+    """One command in a process of its own."""
+    command = [sys.executable, "-m", "camopt", *words]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, errors="replace", **options)
+
+
+def refused(done: subprocess.CompletedProcess) -> bool:
+    """Whether a command ended with exit code 2 and a sentence."""
+    said = done.stderr
+    return done.returncode == 2 and "camopt: " in said and "Traceback" not in said and "a defect" not in said
+
+
+@contextmanager
+def mounted(folder: Path, options: str) -> Iterator[Path]:
+    """A file system in memory with these mount options; skips where mounting is not allowed."""
+    import pytest
+
+    folder.mkdir()
+    done = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(folder)], capture_output=True, check=False
+    )
+    if done.returncode:
+        pytest.skip("mounting a file system is not allowed here")
+    try:
+        yield folder
+    finally:
+        subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+def least_files() -> None:
+    """Limits the files of the process about to start to 4 kB each."""
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+
+
+def bare(**further: str) -> dict[str, str]:
+    """An environment with a path and nothing else, and what is given."""
+    known = {key: os.environ[key] for key in ("PATH", "PYTHONPATH", "LD_LIBRARY_PATH") if key in os.environ}
+    return known | further
