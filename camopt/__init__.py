@@ -15,7 +15,8 @@ Every name below belongs to `camopt` and is imported when it is first used; `hel
 - On paper: `cam_card` says when a cam opens and closes at any lift, with a `CrankTiming` on the crank and with overlap;
   `camshaft_torque` is what a shaft of such cams takes; `converted` is the lift that another follower has on a cam.
 - To judge a cam: `simulate` its motion, `verify` it by independent methods, `compare` it with others.
-- To design one: `area_bound` says how much area any cam can have, `optimize` designs the largest within the limits.
+- To design one: `live` answers in a notebook while limits are dragged, `area_bound` says how much area any cam can
+  have, `optimize` designs the largest within the limits.
 - About the train: `modes` are its natural frequencies, `reduce` finds a smaller model, `identify` fits it to a
   `MeasuredLift`, `tradeoff` measures what accuracy costs.
 - Trains as built: `trains_as_built` draws them within a scene's tolerances, `manufacturing_yield` is the share of them
@@ -48,6 +49,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr_
     from camopt.cam.families.trapezoid import trapezoid
     from camopt.cam.read import read_cam
     from camopt.cam.tables.lift_table import read_lift_table
+    from camopt.designer.notebook import live
     from camopt.measure.as_built import trains_as_built
     from camopt.optimizer.ascent.ascent import ascend
     from camopt.optimizer.ascent.objective import objective
@@ -87,6 +89,7 @@ __all__ = [
     "joint_spring",
     "kurz",
     "linear_program",
+    "live",
     "load_scene",
     "manufacturing_yield",
     "modes",
@@ -147,6 +150,7 @@ _PUBLIC = {
     "ascend": "camopt.optimizer.ascent.ascent",
     "nearest_free_cam": "camopt.optimizer.ascent.projection",
     "linear_program": "camopt.optimizer.program.differentiable",
+    "live": "camopt.designer.notebook",
 }
 
 

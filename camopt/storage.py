@@ -101,6 +101,8 @@ def plain(value: Any) -> Any:
     if hasattr(value, "tolist"):  # NumPy and JAX arrays and scalars
         return plain(value.tolist())
     if isinstance(value, list | tuple):
+        if {*map(type, value)} <= {int, float} and all(map(math.isfinite, value)):
+            return list(value)  # at once: most of what is stored is long lists of numbers
         return [plain(v) for v in value]
     if isinstance(value, float):
         return value if math.isfinite(value) else None

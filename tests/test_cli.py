@@ -20,7 +20,8 @@ from camopt.verifier.accuracy import EFFORTS
 from camopt.verifier.methods import METHOD_NAMES, verdict_methods
 
 VERBS = (
-    "optimize verify simulate compare cam modes bound yield sweep gradient tradeoff extremes reduce report scenes"
+    "optimize design verify simulate compare cam modes bound yield sweep gradient tradeoff extremes reduce report "
+    "scenes"
 ).split()
 
 

@@ -29,6 +29,7 @@ MAY_IMPORT = {
     "tasks": {"cam", "scene", "storage"},
     "study": {"cam", "measure", "smooth", "exact", "verifier", "autodiff", "optimizer", "programs", "tasks"} | SUPPORT,
     "report": {"cam", "measure", "smooth", "exact", "verifier", "optimizer", "study"} | SUPPORT,
+    "designer": {"cam", "measure", "exact", "verifier", "optimizer", "report"} | SUPPORT,
 }
 TOP = {"__init__", "__main__", "cli"}
 WITHOUT_JAX = ("scene", "cam", "measure", "exact", "verifier", "plots", "storage")

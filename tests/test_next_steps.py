@@ -16,6 +16,7 @@ from tests.test_cli import VERBS, run
 CAM = ("--cam", "polydyne")
 COMMANDS = {
     "optimize": ("optimize", "kodama", "--out", "run"),
+    "design": ("design", "kodama"),
     "verify": ("verify", "kodama", *CAM),
     "simulate": ("simulate", "kodama", *CAM, "--speed", "6000"),
     "compare": ("compare", "kodama", "--out", "run"),

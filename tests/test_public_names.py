@@ -36,6 +36,7 @@ SIGNATURES = {
     "margin_N=0.0, evaluations=30",
     "kurz": "scene, sections_deg=None, a23=None, *, jerk=True",
     "linear_program": "objective, matrix, bound, *, size=None",
+    "live": "scene",
     "load_scene": "source, need=()",
     "manufacturing_yield": "scene, cam, trains=1000, *, speeds_rpm=None, seed=0, halve=False, out=None, "
     "resume=False, progress=False",
@@ -65,7 +66,7 @@ SIGNATURES = {
 }
 """Public name -> its parameters with their defaults; those after the star go by name alone."""
 UNPROMISED = {"CrankTiming", "MeasuredLift", "cam_card", "camshaft_torque", "converted", "cycloidal", "differentiable",
-              "exponent", "joint_spring", "linear_program", "polynomial_345", "polynomial_4567", "read_cam",
+              "exponent", "joint_spring", "linear_program", "live", "polynomial_345", "polynomial_4567", "read_cam",
               "tradeoff"}  # fmt: skip
 """Public names that the guide need not show."""
 

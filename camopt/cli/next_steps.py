@@ -59,6 +59,10 @@ def _after_optimize(args: Namespace, code: int) -> str:
     return f"{_camopt('cam', args.scene, '--cam', args.folder, '--csv', 'lift.csv')} writes the cam's lift table"
 
 
+def _after_design(args: Namespace, code: int) -> str:
+    return f"{_camopt('optimize', args.scene)} searches for the largest cam, and has it confirmed; so for a saved scene"
+
+
 def _after_verify(args: Namespace, code: int) -> str:
     if code:
         return f"{_camopt('optimize', args.scene)} designs a cam that holds the limits"
@@ -153,6 +157,7 @@ def _after_scenes(args: Namespace, code: int) -> str:
 
 _AFTER = {
     "optimize": _after_optimize,
+    "design": _after_design,
     "verify": _after_verify,
     "simulate": _after_simulate,
     "compare": _after_compare,

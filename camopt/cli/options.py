@@ -6,7 +6,7 @@ from collections.abc import Callable
 from camopt.cli.cam_options import cam_options as _cam_options
 from camopt.cli.cam_options import card_options, exchange_options
 from camopt.cli.cam_options import table_options as _table_options
-from camopt.cli.values import ACCURACIES, accuracy, count, positive, seed, speeds, trains
+from camopt.cli.values import ACCURACIES, accuracy, count, port, positive, seed, speeds, trains
 from camopt.verifier.methods import verdict_methods
 
 PLAN = """a plan (docs/sweeps.md tells all of it):
@@ -41,6 +41,16 @@ def _optimize(command: Command) -> None:
     c.add_argument("--out", metavar="DIR", help="run folder, refused if it exists (runs/<scene>-<UTC time>)")
     c.add_argument("--seed", type=seed, default=0, metavar="N", help="seed of the searches (0)")
     c.add_argument("--resume", action="store_true", help="go on in the run folder named by --out")
+
+
+def _design(command: Command) -> None:
+    c = command(
+        "design",
+        "a page on this machine that answers while a limit is dragged: cam, forces, bounce, area, yield",
+        "camopt design kodama --port 8642",
+    )
+    _scene(c)
+    c.add_argument("--port", type=port, default=0, metavar="N", help="port of the page's address (a free one)")
 
 
 def _verify(command: Command) -> None:
@@ -242,6 +252,6 @@ def _scene(c: argparse.ArgumentParser, default: str | None = None) -> None:
         c.add_argument("scene", metavar="SCENE", nargs="?", default=default, help=f"{text} ({default})")
 
 
-DESIGNING = (_optimize, _verify, _simulate, _compare, _cam, _modes)
+DESIGNING = (_optimize, _design, _verify, _simulate, _compare, _cam, _modes)
 STUDYING = (_bound, _yield, _sweep, _gradient, _tradeoff, _extremes, _reduce, _report, _scenes)
 COMMANDS = (*DESIGNING, *STUDYING)

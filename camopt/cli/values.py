@@ -81,6 +81,10 @@ def digits(text: str) -> int:
     return _integer(text, 0, 12)
 
 
+def port(text: str) -> int:
+    return _integer(text, 0, 65_535)
+
+
 def picture_file(text: str) -> str:
     if not text.lower().endswith((".png", ".svg")):
         raise argparse.ArgumentTypeError(f"{text!r}: expected a file that ends in .png or .svg")

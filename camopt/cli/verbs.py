@@ -9,6 +9,7 @@ from argparse import Namespace
 from pathlib import Path
 
 from camopt.cli.cam_verb import cam as cam
+from camopt.cli.design_verb import design as design
 from camopt.cli.given import SIMULATED
 from camopt.cli.given import cam_of as _cam_of
 from camopt.cli.given import print_area_words as _print_area_words

@@ -1,16 +1,13 @@
-// The valve train in motion: draws what camopt/report/motion.py embedded; asks for nothing from outside.
+// The valve train in motion: draws what camopt/report/motion.py gives; asks for nothing from outside.
 "use strict";
-(() => {
-  const $ = (id) => document.getElementById(id);
-  const data = JSON.parse($("train-motion").textContent);
-  const { drawing, step_deg: step } = data;
-  const scale = drawing.scale; // pixels per millimetre
-  const steps = Math.round(360 / step);
+function trainAnimation(page, first) { // page: what holds the elements; returns a function that takes other data
+  const $ = (id) => page.querySelector(`#${id}`);
+  let data, drawing, step, scale, steps; // scale: pixels per millimetre
   const ROOM = 16; // pixels that a gap may be drawn wider than it is
   const STUB = 7; // pixels from a contact's face to the mass that it stands on
   const still = matchMedia("(prefers-reduced-motion: reduce)");
-  const state = { index: Math.round(140 / step), playing: false, last: 0, rest: 0 };
-  let cam, motion;
+  const state = { index: 0, playing: false, last: 0, rest: 0 };
+  let cam, motion, masses, parts, rows;
 
   function make(parent, name, attributes = {}, words) {
     const node = document.createElementNS("http://www.w3.org/2000/svg", name);
@@ -38,11 +35,16 @@
   }
 
   // ---- the train: parts are made once, `place` moves them
-  const svg = $("train-drawing");
-  svg.setAttribute("viewBox", `0 0 ${Math.ceil(drawing.width)} ${Math.ceil(drawing.height)}`);
-  svg.style.maxWidth = `${Math.ceil(1.15 * drawing.width)}px`;
-  const layer = { cam: make(svg, "g"), lines: make(svg, "g"), masses: make(svg, "g") };
-  const masses = drawing.masses.map((m) => {
+  function build() {
+    const svg = $("train-drawing");
+    svg.replaceChildren();
+    svg.setAttribute("viewBox", `0 0 ${Math.ceil(drawing.width)} ${Math.ceil(drawing.height)}`);
+    svg.style.maxWidth = `${Math.ceil(1.15 * drawing.width)}px`;
+    const layer = { cam: make(svg, "g"), lines: make(svg, "g"), masses: make(svg, "g") };
+    masses = drawing.masses.map((m) => builtMass(layer, m));
+    parts = drawing.elements.map((e, index) => builtPart(layer, e, index));
+  }
+  function builtMass(layer, m) {
     const group = make(layer.masses, "g");
     make(group, "title", {}, m.name);
     const name = m.name.length > 14 ? `${m.name.slice(0, 13)}…` : m.name;
@@ -60,8 +62,8 @@
     const place = inside ? { x: (m.left + m.right) / 2, "text-anchor": "middle" } : { x: m.right + 5 };
     make(group, "text", { ...place, y: m.y + 4, class: inside ? "name" : "name small" }, name);
     return group;
-  });
-  const parts = drawing.elements.map((e, index) => {
+  }
+  function builtPart(layer, e, index) {
     const k = data.contacts.indexOf(index); // -1: a bilateral spring
     const group = make(layer.lines, "g");
     make(group, "title", {}, e.name);
@@ -88,7 +90,7 @@
       if (data.arm) part.arm = swingingArm(group, data.arm, e.x, e.a < 0 ? e.top : drawing.masses[e.a].y);
     }
     return part;
-  });
+  }
 
   function drawnGap(k, magnification) {
     const gap = scale * separation(k);
@@ -211,11 +213,15 @@
   }
 
   // ---- numbers, controls
-  const rows = data.contacts.map((element) => {
-    const row = $("train-numbers").insertRow();
-    row.insertCell().textContent = drawing.elements[element].name;
-    return [row.insertCell(), row.insertCell(), row.insertCell()];
-  });
+  function buildRows() {
+    const table = $("train-numbers");
+    while (table.rows.length > 1) table.deleteRow(1);
+    rows = data.contacts.map((element) => {
+      const row = table.insertRow();
+      row.insertCell().textContent = drawing.elements[element].name;
+      return [row.insertCell(), row.insertCell(), row.insertCell()];
+    });
+  }
   function show() {
     const magnification = Number($("train-gaps").value);
     masses.forEach((group, i) => group.setAttribute("transform", `translate(0 ${shift(i)})`));
@@ -272,12 +278,25 @@
     }
     requestAnimationFrame(frame);
   }
-  $("train-cam").replaceChildren(...data.cams.map((c, i) => new Option(c.name, i)));
+  function take(next) {
+    const angleBefore = data ? angle() : -40;
+    data = next;
+    ({ drawing, step_deg: step } = data);
+    scale = drawing.scale;
+    steps = Math.round(360 / step);
+    state.index = Math.round((angleBefore + 180) / step);
+    const chosen = $("train-cam").value;
+    $("train-cam").replaceChildren(...data.cams.map((c, i) => new Option(c.name, i)));
+    $("train-cam").value = chosen in data.cams ? chosen : 0;
+    $("train-angle").max = steps;
+    build();
+    buildRows();
+    choose();
+  }
   $("train-cam").addEventListener("change", choose);
   $("train-speed").addEventListener("change", choose);
   $("train-gaps").addEventListener("change", show);
   $("train-play").addEventListener("click", () => play(!state.playing));
-  $("train-angle").max = steps;
   $("train-angle").addEventListener("input", (event) => {
     play(false);
     state.index = Number(event.target.value);
@@ -288,10 +307,11 @@
     event.preventDefault();
     play(!state.playing);
   });
-  choose();
+  take(first);
   new ResizeObserver(() => {
     if (chart.parentElement.clientWidth === drawnWidth) return;
     drawChart();
     show();
   }).observe(chart.parentElement);
-})();
+  return take;
+}

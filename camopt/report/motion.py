@@ -10,6 +10,7 @@ from camopt.cam.design_file import read_design
 from camopt.cam.geometry import contact
 from camopt.cam.lift import Lift
 from camopt.cam.read import read_cam
+from camopt.measure.settling import Settled
 from camopt.optimizer.baselines.comparison_table import verdicts_in
 from camopt.optimizer.baselines.figures import settled_motion, stated_periodic
 from camopt.plots.style import DESIGN, cam_line, family_of
@@ -100,20 +101,23 @@ def animation(cams: RunCams) -> tuple[dict | None, list[str]]:
     train = build_train(scene)
     contacts = np.flatnonzero(train.contact).tolist()
     entries, step = _moved(cams, scene, train, contacts, left_out)
-    if not entries:
-        return None, left_out
+    return (animated(scene, train, entries, step) if entries else None), left_out
+
+
+def animated(scene: Scene, train: Train, entries: list[dict], step_deg: float) -> dict:
+    """What `animation.js` draws of cams with motions, `entries`; see `animation`."""
+    contacts = np.flatnonzero(train.contact).tolist()
     x = np.concatenate([np.array(m["position_um"]).T for c in entries for m in c["motions"]]) * UM / MM
     radius = max(np.hypot(*np.array(c["contour_mm"]).T).max() for c in entries)
     follower = drawn_follower(scene.geometry)
-    data = {
-        "step_deg": step,
+    return {
+        "step_deg": step_deg,
         "drawing": drawing(train, Strokes.of(train, x), room_for(follower, float(radius))),
         **follower,
         "contacts": contacts,
         "seat": contacts.index(train.seat),
         "cams": entries,
     }
-    return data, left_out
 
 
 def _moved(
@@ -126,7 +130,7 @@ def _moved(
     entries = []
     for name, lift in cams.lifts.items():
         try:
-            cam = _cam(name, lift, scene, step)
+            cam = cam_entry(name, lift, scene, step)
         except InputError as error:
             left_out.append(f"{name} is not shown: {error}")
             continue
@@ -146,8 +150,13 @@ def motion(
     train: Train, lift: Lift, cam_speed: float, step_deg: float, contacts: list[int], stated: bool | None = None
 ) -> dict:
     """One revolution on a grid of `step_deg`, settled where the verdict `stated` so; see `animation`."""
+    settled = settled_motion(train, lift, cam_speed, stated, round(360 / step_deg))
+    return last_revolution_numbers(settled, step_deg, contacts)
+
+
+def last_revolution_numbers(settled: Settled, step_deg: float, contacts: list[int]) -> dict:
+    """The last revolution of a motion on a grid of `step_deg`, as numbers that are rounded to what can be drawn."""
     steps = round(360 / step_deg)
-    settled = settled_motion(train, lift, cam_speed, stated, steps)
     record = resampled(settled.response, steps * settled.response.revolutions)
     last = slice(-steps - 1, None)
     return {
@@ -158,7 +167,7 @@ def motion(
     }
 
 
-def _cam(name: str, lift: Lift, scene: Scene, step_deg: float) -> dict:
+def cam_entry(name: str, lift: Lift, scene: Scene, step_deg: float) -> dict:
     """A cam's line, its lift [um] by angle and its contour [mm], the nose towards +y, seen with the angle growing to
     the right of it (or its mirror image, as `turn` says); without [geometry] that of a pointed follower on a base
     circle of BASE_MM."""

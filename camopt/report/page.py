@@ -40,6 +40,8 @@ SECTIONS = (
     ("band", "Band"), ("worth", "Worth of limits"), ("search", "Search"), ("card", "Cam card"),
     ("geometry", "Geometry"), ("accuracy", "Accuracy"), ("verification", "Verification"), ("provenance", "Provenance"),
 )  # fmt: skip
+START = 'trainAnimation(document, JSON.parse(document.getElementById("train-motion").textContent));'
+"""What the page's script ends with: the animation of the data that the page embeds."""
 PLACED = ("profiles", "valve_motion", "bounce_against_speed", "convergence")
 """Figures that stand in a section of their own; any others follow before the tables."""
 
@@ -115,7 +117,7 @@ def _moving(cams: RunCams) -> dict:
     data, left_out = animation(cams)
     if data is None:
         return {"animation": "", "script": "", "script_hash": "", "motion_note": "", "motion_left_out": left_out}
-    script = (HERE / "animation.js").read_text(encoding="utf-8")
+    script = (HERE / "animation.js").read_text(encoding="utf-8") + START
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     circle = f"a base circle of {shown(data['base_radius_mm'])} mm"
     if data["follower"] == "point":

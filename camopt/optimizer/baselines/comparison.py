@@ -68,12 +68,17 @@ def compare(
 
 def plain_baselines(scene: Scene, progress: bool = False) -> dict[str, Lift | str]:
     """Polydyne, Multi-Pol and New Design by name; a sentence where a family has no member."""
-    cams: dict[str, Lift | str] = {"polydyne": _member(scene, lambda: polydyne(scene))}
+    cams: dict[str, Lift | str] = {"polydyne": member_or_sentence(scene, "polydyne")}
     for name in SECTIONED:
-        cams[name] = _member(scene, lambda name=name: read_cam(name, scene))
+        cams[name] = member_or_sentence(scene, name)
         if _jerk_limited(scene):
             cams[name + NO_JERK] = _member(scene, lambda name=name: read_cam(f"{name}:jerk=no", scene))
     return cams
+
+
+def member_or_sentence(scene: Scene, family: str) -> Lift | str:
+    """A family's largest-area member under all limits of the scene, or why there is none to compare with."""
+    return _member(scene, lambda: polydyne(scene) if family == "polydyne" else read_cam(family, scene))
 
 
 def best_baselines(scene: Scene, progress: bool = False) -> dict[str, Lift | str]:

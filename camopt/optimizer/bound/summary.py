@@ -1,5 +1,7 @@
 """What a scene allows, before any search: the certified bound, the kinematic optimum, the no-jump optimum."""
 
+from threadpoolctl import threadpool_limits
+
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.bound.limit_terms import left_out
 from camopt.optimizer.bound.no_jump import no_jump_bound
@@ -16,6 +18,7 @@ KNOT_DEG = 2.0
 MARGIN_N = 20.0
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")  # the matrices are small: threads would wait for each other
 def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float = MARGIN_N) -> dict:
     """Area ratios that a scene allows, as `bound --json` prints them.
 

@@ -41,12 +41,20 @@ def kinematic_optimum(design: Design, cam: FreeCam) -> KinematicOptimum:
 
     Raises InputError where the limits contradict each other, naming what would have to change and by how much.
     """
-    limits = cam.limits(design)
-    row, constant = area_ratio_row(design, cam)
     try:
-        optimum = reach(cam, design, row, spline_rows(limits.matrix), limits.bound, first_working(limits))
+        return unexplained_optimum(design, cam)
     except Infeasible:
         raise InputError(conflict(design, cam)) from None
+
+
+def unexplained_optimum(design: Design, cam: FreeCam) -> KinematicOptimum:
+    """`kinematic_optimum` for a caller who cannot wait for a sentence on limits that contradict each other.
+
+    Raises Infeasible in its place.
+    """
+    limits = cam.limits(design)
+    row, constant = area_ratio_row(design, cam)
+    optimum = reach(cam, design, row, spline_rows(limits.matrix), limits.bound, first_working(limits))
     return KinematicOptimum(cam, design, optimum.z, optimum.value + constant, optimum, limits)
 
 
@@ -100,19 +108,25 @@ def reach(cam: FreeCam, design: Design, objective, rows: Rows, bound, working) -
 
 
 def limit_worth(found: KinematicOptimum) -> dict[str, float]:
-    """Per cent more area that one per cent more of each limit buys, from the duals, keyed by the limit's name.
+    """`worth_of` the limits of the kinematic problem."""
+    duals = found.optimum.duals
+    return worth_of(found.limits, duals, duals[len(found.limits.bound) :], found.area_ratio)
 
-    First-order and at this spline; the nose, which is an angle, is left out.
+
+def worth_of(limits: Limits, duals: np.ndarray, reaching: np.ndarray, area_ratio: float) -> dict[str, float]:
+    """Per cent more area that one per cent more of each limit buys, from a program's duals, keyed by the limit's name.
+
+    `duals` (r, ...) begin with those of the limits' rows; `reaching` are those of the row that the maximum lift is to
+    be reached, if there is one. First-order and at this spline; the nose, which is an angle, is left out.
     """
-    limits, duals = found.limits, found.optimum.duals
     worth = {}
     for g, name in enumerate(limits.names):
         rows = limits.rows(name)
         if name != "nose_deg":
             gain = float(duals[rows] @ limits.slope[rows] * limits.size[g])
             if name == "max_lift_mm":  # area itself, not the ratio to a maximum lift that grows with it
-                gain -= float(duals[len(limits.bound) :].sum()) * limits.size[g]
-            worth[name] = float(gain / found.area_ratio)
+                gain -= float(reaching.sum()) * limits.size[g]
+            worth[name] = float(gain / area_ratio)
     return worth
 
 

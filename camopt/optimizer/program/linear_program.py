@@ -19,6 +19,9 @@ SMALLEST = 1e-12
 """Entries of scaled rows that are left out: the least size that HiGHS takes."""
 NOTHING = 1e-100
 """Entries that count as zero: what is left of a force long after the cam has passed, at low speeds and high damping."""
+FARTHEST = 1e15
+"""Distance from zero, in typical columns, to which no row may ask a point to go: a row of almost nothing whose right
+side is below zero. HiGHS refuses such numbers."""
 OPTIONS = {
     "output_flag": False,
     "presolve": "off",  # it would throw the basis away
@@ -109,6 +112,17 @@ class WarmModel:
         _succeeds(self._highs.addRows(len(rows), lowest, level[rows], len(entries), starts, columns, entries))
         self.held = np.concatenate([self.held, rows])
 
+    def begin_like(self, other: "WarmModel", level: np.ndarray, working: np.ndarray) -> None:
+        """Hold the rows of the same numbers as a model of as many rows and columns, and begin from its basis.
+
+        The rows `working` are held too: what bounds one program may leave another one that differs unbounded.
+        """
+        self.add(np.union1d(other.held, working), level)
+        basis = other._highs.getBasis()
+        status = dict(zip(other.held.tolist(), basis.row_status, strict=True))
+        basis.row_status = [status.get(row, HighsBasisStatus.kBasic) for row in self.held.tolist()]
+        _succeeds(self._highs.setBasis(basis))
+
     def keep(self, rows: np.ndarray) -> None:
         """Leave out the slack rows that are not among `rows`; a basis without them stays one."""
         slack = [status == HighsBasisStatus.kBasic for status in self._highs.getBasis().row_status]
@@ -162,6 +176,8 @@ def maximise(objective: np.ndarray, rows: Rows, bound: np.ndarray, working: np.n
     solver gives up.
     """
     level, model = bound / rows.norm, rows.model
+    if level.min(initial=0.0) < -FARTHEST:
+        raise Infeasible("a row of almost nothing is to be below zero")
     cost = objective * rows.column
     cost_scale = np.abs(cost).max() or 1.0
     model.pose(cost / cost_scale, level)

@@ -17,6 +17,7 @@ from camopt.optimizer.program.kinematic import area_ratio_row, first_working, re
 from camopt.optimizer.program.linear_program import Infeasible, Optimum, Rows, least_relaxation
 from camopt.optimizer.program.periodic import (
     LIFTED,
+    SAMPLE,
     SEATED,
     Angles,
     CamSamples,
@@ -51,13 +52,15 @@ class Window:
     """Where the force rows hold [rad]. The impacts that close lash and seat ring for a while: no cam can help it.
 
     Cam side: from `after_top` behind the opening ramp top to `before_seat` ahead of the seat's closing. Seat: from
-    `after_seat` behind the seat's closing to `before_lash` ahead of the lash's closing in the next revolution.
+    `after_seat` behind the seat's closing to `before_lash` ahead of the lash's closing in the next revolution. `step`
+    is the longest one between two rows.
     """
 
     after_top: float = 2 * DEG
     before_seat: float = 4 * DEG
     after_seat: float = 12 * DEG
     before_lash: float = 6 * DEG
+    step: float = SAMPLE
 
 
 @dataclass(frozen=True)
@@ -213,14 +216,16 @@ class NoJumpProgram:
 
         Raises NoCamHoldsContact where no cam keeps the margins.
         """
-        table = (margins or Margins()).table(len(self.blocks))
-        bound = self.bound(table)
-        row, constant = area_ratio_row(self.design, self.cam)
-        begin = self.first_working()
         try:
-            optimum = reach(self.cam, self.design, row, self.rows, bound, begin)
+            return self.unexplained(margins)
         except Infeasible:
-            raise self._shortfall(bound, begin) from None
+            raise self._shortfall(self.bound((margins or Margins()).table(len(self.blocks)))) from None
+
+    def unexplained(self, margins: Margins | None = None) -> NoJumpOptimum:
+        """`solve` for a caller who cannot wait for by how much the margins are too large; raises Infeasible instead."""
+        table = (margins or Margins()).table(len(self.blocks))
+        row, constant = area_ratio_row(self.design, self.cam)
+        optimum = reach(self.cam, self.design, row, self.rows, self.bound(table), self.first_working())
         return NoJumpOptimum(self, table, optimum.z, optimum.value + constant, optimum)
 
     def first_working(self) -> np.ndarray:
@@ -228,11 +233,11 @@ class NoJumpProgram:
         first = len(self.limits.bound)
         return np.union1d(first_working(self.limits), np.arange(first, first + len(self.kind), 40))
 
-    def _shortfall(self, bound: np.ndarray, working: np.ndarray) -> NoCamHoldsContact:
+    def _shortfall(self, bound: np.ndarray) -> NoCamHoldsContact:
         matrix, bound = reached_in_the_middle(self.cam, self.design, self.rows.matrix, bound)
         give = np.zeros(len(bound))
         give[len(self.limits.bound) :][: len(self.kind)] = self.kind != PEAK
-        begin = np.union1d(working, np.arange(len(self.rows.norm), len(bound)))
+        begin = np.union1d(self.first_working(), np.arange(len(self.rows.norm), len(bound)))
         needed = least_relaxation(spline_rows(matrix), bound, give, 100.0, begin)
         if needed is None:
             return NoCamHoldsContact(
@@ -244,6 +249,16 @@ class NoJumpProgram:
             f"of the {len(self.blocks)} speeds: every margin would have to fall by {needed:.3g} N",
             needed,
         )
+
+    def under(self, design: Design) -> "NoJumpProgram":
+        """This program under other values of the limits: where no row's left side changes, the solver keeps its basis.
+
+        Duration, ramps and train are as they were, and so is whether the largest contact force is limited.
+        """
+        other = replace(self, design=design)
+        if np.array_equal(other.limits.matrix, self.limits.matrix):
+            vars(other)["rows"] = self.rows
+        return other
 
     def extended(self, speeds: Sequence[float] | np.ndarray, train: Train | None = None) -> "NoJumpProgram":
         """This program with further cam speeds [rad/s] at the angles of static load transfer.
@@ -279,6 +294,6 @@ def _blocks(train, design, cam, speeds, angles, window) -> tuple[SpeedRows, ...]
     sampled: dict[Angles, CamSamples] = {}
     for a in angles:
         if a not in sampled:
-            sampled[a] = sample_cam(cam, a)
+            sampled[a] = sample_cam(cam, a, window.step)
     pairs = zip(speeds, angles, strict=True)
     return tuple(speed_rows(train, design, sampled[a], float(w), a, window) for w, a in pairs)

@@ -1,0 +1,157 @@
+"""The cam of largest area of an edited scene, by the linear programs that the optimiser's search begins with.
+
+What a program is made of is kept from one answer to the next. Where only the sizes of limits change, its rows stay and
+the solver goes on from its last basis. Where the train, the duration or the ramps change, rows are made again: few and
+far apart while a hand is dragging, all of them once it rests.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from camopt.cam.families.free import free_cam
+from camopt.cam.lift import Lift
+from camopt.designer.controls import KINEMATIC, NO_JUMP
+from camopt.designer.edits import Asked
+from camopt.optimizer.accuracy import ACCURACIES, design_speeds
+from camopt.optimizer.program.kinematic import limit_worth, unexplained_optimum, worth_of
+from camopt.optimizer.program.linear_program import GaveUp, Infeasible
+from camopt.optimizer.program.no_jump import PEAK, Margins, NoJumpOptimum, NoJumpProgram, Window, no_jump_program
+from camopt.optimizer.program.relocation import standing
+from camopt.scene.errors import InputError
+from camopt.scene.schema import Scene
+from camopt.scene.standing_in import is_linear
+from camopt.scene.train import Train
+from camopt.scene.units import DEG
+
+EFFORT = ACCURACIES["draft"]
+"""Knots and speeds of the program: those with which `camopt optimize --accuracy draft` begins."""
+COARSE_SPEEDS, COARSE_STEP = 3, 1.0 * DEG
+"""Speeds and step of the rows while a hand is dragging."""
+CONTRADICTION = "no cam holds these limits together"
+"""What would have to change takes seconds to find: `camopt.designer.slow_parts.why_none`."""
+RAMPS = ("ramp_height_mm", "ramp_velocity_mm_per_deg", "ramp_foot_deg")
+GEOMETRY = ("duration_deg", *RAMPS, *(f"closing_{key}" for key in RAMPS[:2]))
+"""Keys of the design on which the left side of every row hangs."""
+
+
+class Superseded(Exception):
+    """Somebody has asked for something newer, so that this answer is not wanted any more."""
+
+
+@dataclass(frozen=True)
+class FoundCam:
+    """A cam and the program that it is the largest of; `says` is why it is not the one asked for, if it is not."""
+
+    lift: Lift
+    program: str
+    area_ratio: float
+    worth: dict[str, float]
+    margin_price: float | None  # d area ratio / d margin [1/N], of all margins together
+    coarse: bool
+    says: str = ""
+
+
+@dataclass
+class CamFinder:
+    """The cams of one designer's edited scenes; remembers the last programs."""
+
+    kept: dict[bool, tuple[tuple, NoJumpProgram]] = field(default_factory=dict)  # by whether they are coarse
+
+    def largest(
+        self, scene: Scene, train: Train, asked: Asked, coarse: bool, wanted: Callable[[], bool] = lambda: True
+    ) -> FoundCam:
+        """The cam of largest area that the scene's limits allow, under the program that is asked for.
+
+        Where no cam keeps contact it is that of the kinematic program, which says why. With `coarse` the force rows
+        may be few, unless all of them are there from the last answer. Raises InputError for limits that contradict
+        each other, and Superseded between two steps once it is not `wanted` any more.
+        """
+        if asked.program == KINEMATIC:
+            return self._kinematic(scene)
+        try:
+            try:
+                return self._no_jump(scene, train, asked.margin_N, coarse, wanted)
+            except GaveUp:  # from the basis of another program; without any it is decided
+                self.kept.clear()
+                return self._no_jump(scene, train, asked.margin_N, coarse, wanted)
+        except InputError as error:
+            return self._kinematic(scene, f"No cam keeps contact, so this is the kinematic one: {error}.")
+
+    def _kinematic(self, scene: Scene, says: str = "") -> FoundCam:
+        design = scene.design
+        assert design is not None, "an edited scene has one"
+        try:
+            found = unexplained_optimum(design, free_cam(design, EFFORT.knot_deg))
+        except Infeasible:
+            raise InputError(CONTRADICTION) from None
+        return FoundCam(found.lift, KINEMATIC, found.area_ratio, limit_worth(found), None, False, says)
+
+    def _no_jump(
+        self, scene: Scene, train: Train, margin_N: float, coarse: bool, wanted: Callable[[], bool]
+    ) -> FoundCam:
+        shape = _shape(scene, train)
+        coarse = coarse and self.kept.get(False, (None,))[0] != shape  # all rows are there, so few are not needed
+        program = self._program(scene, train, shape, coarse)
+        if not wanted():
+            raise Superseded
+        if not coarse and not is_linear(train):
+            program = standing(program, margin_N)
+        try:
+            found = program.unexplained(Margins(margin_N, margin_N, margin_N))
+        except Infeasible:
+            raise InputError(f"no free cam keeps {margin_N:g} N at all of the program's speeds") from None
+        self.kept[coarse] = shape, program
+        price = float(found.margin_prices.sum())
+        return FoundCam(found.lift, NO_JUMP, found.area_ratio, _worth(found), price, coarse)
+
+    def _program(self, scene: Scene, train: Train, shape: tuple, coarse: bool) -> NoJumpProgram:
+        """The program of a scene: the last one under other limits, where nothing else has changed."""
+        design, operation = scene.design, scene.operation
+        assert design is not None and operation is not None, "an edited scene has both"
+        known, program = self.kept.get(coarse, (None, None))
+        if program is not None and known == shape and is_linear(train):
+            return program.under(design)
+        speeds = program_speeds_rpm(scene)
+        if coarse:
+            speeds = np.linspace(speeds[0], speeds[-1], COARSE_SPEEDS)
+        cam = free_cam(design, EFFORT.knot_deg)
+        window = Window(step=COARSE_STEP) if coarse else None
+        new = no_jump_program(train, design, cam, [scene.cam_speed(s) for s in speeds], window=window)
+        if program is not None:
+            _begin_like(program, new)
+        return new
+
+
+def _begin_like(known: NoJumpProgram, new: NoJumpProgram) -> None:
+    """Lets the solver begin a program where it ended on another one, if that has as many rows and columns."""
+    if known.rows.matrix.shape == new.rows.matrix.shape and len(known.blocks) == len(new.blocks):
+        level = new.bound(Margins().table(len(new.blocks))) / new.rows.norm
+        new.rows.model.begin_like(known.rows.model, level, new.first_working())
+
+
+def program_speeds_rpm(scene: Scene) -> np.ndarray:
+    """Crankshaft speeds at which the program keeps contact."""
+    assert scene.operation is not None, "an edited scene has speeds"
+    return design_speeds(scene.operation, "band", EFFORT)[0]
+
+
+def _shape(scene: Scene, train: Train) -> tuple:
+    """What the left sides of a program's force rows hang on; a train is told apart from others by its identity."""
+    design, operation = scene.design, scene.operation
+    assert design is not None and operation is not None, "an edited scene has both"
+    limited = design.contact_force_max_N is not None
+    return (id(train), *(getattr(design, key) for key in GEOMETRY), limited, operation)
+
+
+def _worth(found: NoJumpOptimum) -> dict[str, float]:
+    """What each limit on the shape, and the largest contact force, is worth in the no-jump program, in % per %."""
+    program, duals = found.program, found.optimum.duals
+    first, forces = len(program.limits.bound), len(program.kind)
+    worth = worth_of(program.limits, duals, duals[first + forces :], found.area_ratio)
+    most = program.design.contact_force_max_N
+    if most is not None:
+        peak = program.kind == PEAK
+        worth["contact_force_max_N"] = float(duals[first : first + forces][peak].sum() * most / found.area_ratio)
+    return worth

@@ -1,0 +1,151 @@
+"""The numbers of a scene that the designer lets a hand drag: each with its name, unit, range and place in the page."""
+
+from dataclasses import asdict, dataclass
+from math import floor, log10
+from typing import Any
+
+from camopt.optimizer.search.robust import valve_spring
+from camopt.scene.errors import InputError
+from camopt.scene.schema import Design, Scene
+from camopt.scene.tolerances import Tolerance
+from camopt.scene.train import build_train
+
+NO_JUMP, KINEMATIC = "no-jump", "kinematic"
+PROGRAMS = (NO_JUMP, KINEMATIC)
+"""The linear programs that may design the cam."""
+STEPS = 200
+"""Steps of a slider, at least."""
+
+
+@dataclass(frozen=True)
+class Control:
+    """One number that may be dragged; `value` is the scene's, None where it sets none, and `key` is its name."""
+
+    key: str
+    label: str
+    unit: str
+    group: str
+    value: Any
+    low: float = 0.0
+    high: float = 0.0
+    step: float = 0.0
+    optional: bool = False
+    usual: float | None = None  # what an optional number begins with when it is switched on
+    choices: tuple[str, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """The control as JSON knows it."""
+        return asdict(self) | {"choices": list(self.choices)}
+
+
+DESIGN = {
+    "duration_deg": ("Duration", "deg", "Cam", 144.0),
+    "max_lift_mm": ("Maximum lift", "mm", "Cam", 9.4),
+    "ramp_height_mm": ("Ramp height", "mm", "Ramps", 0.25),
+    "ramp_velocity_mm_per_deg": ("Ramp velocity", "mm/deg", "Ramps", 0.011),
+    "ramp_foot_deg": ("Ramp foot", "deg", "Ramps", 10.0),
+    "closing_ramp_height_mm": ("Closing ramp height", "mm", "Ramps", 0.25),
+    "closing_ramp_velocity_mm_per_deg": ("Closing ramp velocity", "mm/deg", "Ramps", 0.011),
+    "acceleration_max_mm_per_deg2": ("Acceleration, largest", "mm/deg²", "Limits on the cam", 0.015),
+    "acceleration_min_mm_per_deg2": ("Acceleration, smallest", "mm/deg²", "Limits on the cam", -0.008),
+    "jerk_max_mm_per_deg3": ("Jerk", "mm/deg³", "Limits on the cam", 0.003),
+    "snap_max_mm_per_deg4": ("Snap", "mm/deg⁴", "Limits on the cam", 0.001),
+    "nose_deg": ("Nose without positive acceleration", "± deg", "Limits on the cam", 40.0),
+    "bounce_max_mm": ("Bounce", "mm", "Limits on the motion", 0.05),
+    "jump_max_mm": ("Jump", "mm", "Limits on the motion", 0.05),
+    "jump_max_deg": ("Jump angle", "deg", "Limits on the motion", 10.0),
+    "seating_velocity_max_m_per_s": ("Seating velocity", "m/s", "Limits on the motion", 0.8),
+    "contact_force_min_N": ("Contact force, least", "N", "Limits on the motion", 20.0),
+    "contact_force_max_N": ("Contact force, largest", "N", "Limits on the motion", 4000.0),
+}
+"""By key of the design: label, unit, group, and what is usual where the scene sets none."""
+
+
+def controls(scene: Scene) -> tuple[Control, ...]:
+    """What may be dragged of a scene, in the order of the page."""
+    design, operation = scene.design, scene.operation
+    assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
+    low, high = operation.band_rpm
+    middle = float(sorted(operation.speeds_rpm)[len(operation.speeds_rpm) // 2])
+    view = [
+        Control("program", "Linear program", "", "Cam", NO_JUMP, choices=PROGRAMS),
+        Control("margin_N", "Contact force that the program keeps", "N", "Cam", 0.0, -200.0, 200.0, 1.0),
+    ]
+    shape = [_of_design(design, key) for key in DESIGN]
+    reach = Control("reach_max_lift", "Maximum lift must be reached", "", "Cam", design.reach_max_lift)
+    speeds = [
+        Control("speed_rpm", "Speed shown", "r/min", "Speed", middle, *_ranged(low * 0.5, high * 1.2)),
+        Control("band_low_rpm", "Band from", "r/min", "Speed", float(low), *_about(low)),
+        Control("band_high_rpm", "Band to", "r/min", "Speed", float(high), *_about(high)),
+    ]
+    tolerances = [_of_tolerance(tolerance) for tolerance in scene.tolerance]
+    return (*view, *shape[:2], reach, *shape[2:], *speeds, *_of_train(scene), *tolerances, *_of_grinding(scene))
+
+
+def _of_design(design: Design, key: str) -> Control:
+    label, unit, group, usual = DESIGN[key]
+    value = getattr(design, key)
+    optional = not Design.model_fields[key].is_required() and key != "ramp_foot_deg"
+    number = usual if value is None else value
+    return Control(key, label, unit, group, value, *_about(number or usual), optional=optional, usual=number)
+
+
+def _of_train(scene: Scene) -> list[Control]:
+    """Rate and preload of the valve spring in per cent of the scene's, and the lash."""
+    found = []
+    try:
+        spring = valve_spring(scene)
+    except InputError:
+        spring = []
+    if any(e.stiffness_N_per_m for e in scene.element if e.name in spring):
+        found.append(Control("spring_rate_percent", "Spring rate", "% of the scene's", "Train", 100.0, *_about(100.0)))
+    if spring:
+        label = "Spring preload, with the seat's"
+        found.append(Control("spring_preload_percent", label, "% of the scene's", "Train", 100.0, *_about(100.0)))
+    gap = scene.element[lash_element(scene)].gap_mm
+    if gap > 0:
+        found.append(Control("lash_mm", "Lash", "mm", "Train", gap, *_about(gap)))
+    return found
+
+
+def lash_element(scene: Scene) -> int:
+    """Number of the element with the lash: the widest gap among the contacts between cam and valve."""
+    return max(build_train(scene).cam_side, key=lambda e: scene.element[e].gap_mm)
+
+
+def _of_tolerance(tolerance: Tolerance) -> Control:
+    key = "relative" if tolerance.relative is not None else "plus_minus"
+    value = getattr(tolerance, key)
+    unit = "of the number" if key == "relative" else "in its unit"
+    label, low_high = f"Tolerance: {tolerance.label}", _about(value)
+    return Control(tolerance_key(tolerance), label, unit, "Tolerances", value, *low_high, optional=True, usual=value)
+
+
+def tolerance_key(tolerance: Tolerance) -> str:
+    """The key of a tolerance's control."""
+    return f"tolerance.{tolerance.label}"
+
+
+def _of_grinding(scene: Scene) -> list[Control]:
+    if scene.grinding is None:
+        return []
+    error = scene.grinding.error_um
+    about = _about(error)
+    return [
+        Control("grinding_error_um", "Grinding error", "µm", "Tolerances", error, *about, optional=True, usual=error)
+    ]
+
+
+def _about(value: float) -> tuple[float, float, float]:
+    """Low, high and step of a slider about a number: from its half to its double."""
+    return _ranged(*sorted((0.5 * value, 2.0 * value)))
+
+
+def _ranged(low: float, high: float) -> tuple[float, float, float]:
+    """The range widened to whole steps, and a step of 1, 2 or 5 of some power of ten."""
+    rough = (high - low) / STEPS
+    power = 10.0 ** floor(log10(rough))
+    step = next(power * digit for digit in (5.0, 2.0, 1.0) if power * digit <= rough * (1 + 1e-9))
+    steps = floor(low / step + 1e-9), -floor(-high / step + 1e-9)
+    first, last, width = (float(f"{number:.12g}") for number in (steps[0] * step, steps[1] * step, step))
+    return first, last, width

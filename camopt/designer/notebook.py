@@ -1,0 +1,31 @@
+"""`camopt.live`: the designer in a notebook, with the extra `interactive`."""
+
+from typing import TYPE_CHECKING
+
+from camopt.scene.errors import InputError
+from camopt.scene.schema import Scene
+
+if TYPE_CHECKING:
+    from camopt.designer.widget import LiveWidget
+
+
+def live(scene: Scene) -> "LiveWidget":
+    """The live designer of a scene as a widget for Jupyter, VS Code or marimo; its `value` is the cam (a Lift).
+
+    Limits, duration, lift, ramps, spring, lash and tolerances are sliders; the page answers while they are dragged, as
+    `camopt design` does in a browser. The widget's `scene` is the scene with the page's numbers, for `camopt.verify`
+    and `camopt.optimize`. Raises InputError for a scene without valve, seat, speeds or design, and where the extra
+    `interactive` is not installed.
+    """
+    missing = [name for name in ("valve", "seat", "operation", "design") if getattr(scene, name) is None]
+    if missing:
+        raise InputError(f"scene {scene.name}: live needs {', '.join(missing)}")
+    try:
+        from camopt.designer.widget import LiveWidget
+    except ModuleNotFoundError as error:
+        if (error.name or "").startswith("camopt"):
+            raise
+        raise InputError(
+            f"live: {error.name} is not installed: pip install 'camopt[interactive]', or `camopt design` in a browser"
+        ) from error
+    return LiveWidget(scene)

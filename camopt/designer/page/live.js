@@ -1,0 +1,338 @@
+// The designer: keeps the values, asks for answers (the newest question wins), shows them, and says what is wrong.
+const REST_MS = 150; // a hand that has not moved for so long rests
+const POLL_MS = 400, BEAT_MS = 4000;
+const SHAPE_GROUPS = ["Cam", "Ramps", "Limits on the cam"];
+
+class Designer {
+  constructor(root, send, beat) {
+    Object.assign(this, { root, send, beat, sequence: 0, shownSequence: -1, busy: false, slowBusy: false, further: {},
+      done: {}, undone: [], redone: [], pinned: null, band: null, answer: null, verdict: { state: "none" }, client: String(Math.random()).slice(2) });
+  }
+  async begin() {
+    const start = await this.send({ kind: "start" });
+    this.controls = start.controls;
+    this.initial = Object.fromEntries(start.controls.map((c) => [c.key, c.value]));
+    this.values = { ...this.initial };
+    this.committed = JSON.stringify(this.values);
+    this.fields = new Fields(start.controls, (key, value, settled) => this.changed(key, value, settled));
+    this.panels = new Panels();
+    this.layout(start);
+    this.fields.show(this.values);
+    this.ask(true);
+    if (this.beat) this.heart = setInterval(() => this.listen(), BEAT_MS);
+  }
+  layout(start) {
+    const button = (id, words, act) => (this[id] = h("button", { type: "button", on: { click: act } }, words));
+    this.status = h("p", { class: "status" });
+    this.result = h("p", { class: "result", "aria-live": "polite" });
+    this.trouble = h("p", { class: "trouble", role: "alert", hidden: true });
+    const tools = h("div", { class: "tools" },
+      button("undo", "Undo", () => this.back()), button("redo", "Redo", () => this.forth()),
+      button("reset", "Reset", () => this.take({ ...this.initial })), button("pin", "Pin to compare", () => this.togglePin()));
+    if (start.files) {
+      tools.append(button("verify", "Verify", () => this.startVerdict()), button("cancel", "Cancel", () => this.endVerdict()));
+      this.cancel.hidden = true;
+      this.progress = h("progress", { max: 1, value: 0, hidden: true, "aria-label": "verdict" });
+      tools.append(this.progress);
+    }
+    this.root.replaceChildren(h("header", {}, h("h1", {}, start.title), this.status, tools, this.trouble, this.result),
+      h("div", { class: "columns" }, h("aside", { "aria-label": "Numbers" }, this.fields.node, start.files ? this.saving(start) : ""), this.panels.node));
+    this.buttons();
+    this.showStatus();
+  }
+  saving(start) {
+    this.name = h("input", { id: "camopt-name", type: "text", value: `${start.name}-edited`, maxlength: 64 });
+    this.saved = h("p", { class: "saved", "aria-live": "polite" });
+    const save = (what) => () => this.save(what);
+    return h("section", { class: "saving", "aria-label": "Save" }, h("h2", {}, "Save"), h("label", { for: "camopt-name" }, "Name"), this.name,
+      h("div", { class: "tools" }, h("button", { type: "button", on: { click: save("scene") } }, "Save scene"),
+        h("button", { type: "button", on: { click: save("run") } }, "Save run folder")), this.saved);
+  }
+
+  // ---- values: changed by a hand, taken back, taken as a whole
+  changed(key, value, settled) {
+    this.values = { ...this.values, [key]: value };
+    this.last = key;
+    if (settled) this.commit();
+    this.ask(false);
+  }
+  commit() {
+    const now = JSON.stringify(this.values);
+    if (now === this.committed) return;
+    this.undone.push(this.committed);
+    if (this.undone.length > 200) this.undone.shift();
+    this.redone = [];
+    this.committed = now;
+    this.buttons();
+  }
+  take(values) {
+    this.values = values;
+    this.commit();
+    this.fields.show(values);
+    this.ask(true);
+  }
+  back() { this.move(this.undone, this.redone); }
+  forth() { this.move(this.redone, this.undone); }
+  move(from, to) {
+    if (!from.length) return;
+    to.push(this.committed);
+    this.committed = from.pop();
+    this.values = JSON.parse(this.committed);
+    this.fields.show(this.values);
+    this.buttons();
+    this.ask(true);
+  }
+  buttons() {
+    this.undo.disabled = !this.undone.length;
+    this.redo.disabled = !this.redone.length;
+  }
+  togglePin() {
+    this.pinned = this.pinned ? null : { answer: this.answer, band: this.band };
+    this.pin.textContent = this.pinned ? "Unpin" : "Pin to compare";
+    this.pin.setAttribute("aria-pressed", Boolean(this.pinned));
+    if (this.answer) this.paint(this.answer);
+    if (this.band) this.panels.band(this.band, this.values, this.pinned);
+  }
+
+  // ---- questions: one in flight; what was asked meanwhile is asked as its newest state
+  ask(resting) {
+    this.sequence += 1;
+    this.asked = performance.now();
+    this.dirty = true;
+    this.resting = false;
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => { this.resting = true; this.pump(); }, resting ? 0 : REST_MS);
+    this.root.dataset.sequence = this.sequence;
+    this.showStatus();
+    this.pump();
+  }
+  async pump() {
+    if (this.busy) return;
+    const parts = this.dirty ? "sketch" : this.resting && this.rested !== this.sequence ? "cam" : null;
+    if (!parts) return;
+    this.busy = true;
+    const { sequence, asked } = this;
+    this.dirty = false;
+    try {
+      const answer = await this.request(parts, sequence);
+      if (answer.state !== "superseded") this.received(answer, asked);
+      if (parts === "cam" && answer.state === "ok" && sequence === this.sequence) {
+        const band = await this.request("band", sequence);
+        if (band.state === "ok") this.receivedBand(band, asked);
+      }
+      if (parts === "cam" && answer.state !== "superseded") this.rested = sequence;
+    } catch (error) {
+      this.failed(error);
+      this.rested = sequence; // it is asked again once the server answers
+    }
+    this.busy = false;
+    this.slow();
+    this.pump();
+  }
+  request(part, sequence) {
+    return this.send({ kind: "answer", client: this.client, sequence, part, values: this.values }).then((reply) => {
+      this.alive();
+      return reply;
+    });
+  }
+  async slow() {
+    const part = this.slowPart();
+    if (this.slowBusy || !part) return;
+    this.slowBusy = true;
+    const { sequence } = this, shape = this.shape();
+    try {
+      const found = await this.request(part, sequence);
+      this.done[part] = part === "bound" || part === "baselines" ? shape : sequence;
+      if (found.state === "ok" && (!["trains", "why"].includes(part) || sequence === this.sequence)) this.receivedSlow(part, found, shape);
+    } catch (error) {
+      this.done[part] = sequence;
+      this.failed(error);
+    }
+    this.slowBusy = false;
+    this.slow();
+  }
+  slowPart() {
+    if (!this.answer) return this.contradicted && this.rested === this.sequence && this.done.why !== this.sequence ? "why" : null;
+    const of = { "few trains": this.sequence, bound: this.shape(), baselines: this.shape(), trains: this.sequence };
+    const parts = this.resting && this.rested === this.sequence ? Object.keys(of) : this.dirty || this.busy ? [] : ["few trains"];
+    return parts.find((part) => this.done[part] !== of[part] && !(part === "few trains" && this.done.trains === this.sequence));
+  }
+  shape() { // what bound and baselines hang on
+    const keys = this.controls.filter((c) => SHAPE_GROUPS.includes(c.group)).map((c) => c.key);
+    return JSON.stringify(keys.filter((k) => k !== "program" && k !== "margin_N").map((k) => this.values[k]));
+  }
+
+  // ---- answers
+  received(answer, asked) {
+    this.fields.faults(answer.faults, this.last);
+    this.root.dataset.state = answer.state;
+    if (answer.state !== "ok") {
+      this.answer = null;
+      this.contradicted = answer.state === "no cam";
+      const says = answer.says ?? Object.values(answer.faults).join("; ");
+      this.result.textContent = answer.state === "no cam" ? `No cam: ${says}` : `These numbers make no scene: ${says}`;
+      this.root.classList.add("stale");
+      this.painted(answer, asked);
+      return;
+    }
+    this.root.classList.remove("stale");
+    if (answer.part === "sketch" || !this.bandOf) this.bandOf = null;
+    this.answer = answer;
+    this.paint(answer);
+    this.painted(answer, asked);
+  }
+  paint(answer) {
+    const used = this.bandOf === this.sequence ? this.band : null;
+    this.panels.bandIsOf(!used);
+    this.panels.show(answer, this.values, this.pinned);
+    if (JSON.parse(this.furtherShape ?? "null") === null || this.furtherShape !== this.shape()) this.further = {};
+    this.panels.showAreas(answer, this.further, this.pinned);
+    this.panels.compare(answer, used, this.pinned);
+    this.fields.worths(answer, used);
+    this.result.textContent = this.sentence(answer);
+  }
+  sentence(answer) {
+    const m = answer.motion.metrics, at = shown(answer.motion.speed_rpm, 5);
+    const how = answer.coarse ? "≈ " : "";
+    const motion = m ? ` At ${at} r/min: bounce ${shown(m.bounce_mm, 3)} mm, jump ${shown(m.jump_mm, 3)} mm, seating ${shown(m.seating_velocity_m_per_s, 3)} m/s.` : ` ${answer.motion.says}`;
+    const broken = answer.broken_by_shape.length ? ` Breaks ${answer.broken_by_shape.join(", ")}.` : "";
+    return `Area ratio ${how}${shown(answer.area_ratio, 5)} by the ${answer.program} program.${motion}${broken}${answer.says ? ` ${answer.says}` : ""}`;
+  }
+  receivedBand(band, asked) {
+    this.band = band;
+    this.bandOf = this.sequence;
+    this.panels.band(band, this.values, this.pinned);
+    this.fields.worths(this.answer, band);
+    this.panels.compare(this.answer, band, this.pinned);
+    this.painted(band, asked);
+  }
+  receivedSlow(part, found, shape) {
+    if (part === "why") {
+      if (this.contradicted && found.says) this.result.textContent = `No cam: ${found.says}`;
+      return;
+    }
+    if (part.endsWith("trains")) {
+      this.panels.showTrains(found, part === "trains");
+      return;
+    }
+    if (this.furtherShape !== shape) this.further = {};
+    this.furtherShape = shape;
+    if (part === "bound") this.further.bound = found.area_ratio_bound;
+    else this.further.baselines = found.baselines;
+    if (this.answer) this.panels.showAreas(this.answer, this.further, this.pinned);
+  }
+  painted(answer, asked) { // after the frame that shows it
+    requestAnimationFrame(() => setTimeout(() => {
+      const detail = { part: answer.part, sequence: answer.sequence, latency_ms: performance.now() - asked };
+      this.root.dataset[answer.part] = answer.sequence;
+      this.root.dispatchEvent(new CustomEvent("camopt-painted", { detail }));
+    }));
+  }
+
+  // ---- verdict and files
+  subject() { return JSON.stringify({ ...this.values, speed_rpm: null }); }
+  async startVerdict() {
+    this.verdictOf = this.subject();
+    await this.told({ kind: "verify", values: this.values });
+  }
+  async endVerdict() { await this.told({ kind: "cancel" }); }
+  async told(message) {
+    try {
+      this.verdict = await this.send(message);
+      this.alive();
+    } catch (error) {
+      this.failed(error);
+      return;
+    }
+    this.showStatus();
+    if (this.verdict.state === "running") setTimeout(() => this.told({ kind: "verification" }), POLL_MS);
+  }
+  showStatus() {
+    const v = this.verdict, mine = this.verdictOf === this.subject();
+    let words = "event-exact only, not confirmed", look = "doubt";
+    const stage = v.verdict ? ` So far: ${v.verdict}.` : "";
+    if (v.state === "running") words += `; verdict running, stage ${v.stage ?? 1} of ${v.stages}: ${v.says ?? ""}, ${Math.round(v.seconds ?? 0)} s.${stage}`;
+    if (v.state === "failed") words += `; the verdict failed: ${v.says}`;
+    if (v.state === "cancelled") words += "; the verdict was cancelled";
+    if (v.state === "done" && !mine) words += "; the last verdict was of other numbers";
+    if (v.state === "done" && mine) {
+      [words, look] = v.verdict === "confirmed" ? ["✓ confirmed by independent methods", "good"] : [`✗ ${v.verdict}. ${v.reason}`, "bad"];
+    }
+    this.status.textContent = words;
+    this.status.className = `status ${look}`;
+    this.root.dataset.verdict = mine && v.state === "done" ? v.verdict : v.state;
+    if (!this.progress) return;
+    const running = v.state === "running";
+    this.cancel.hidden = this.progress.hidden = !running;
+    this.verify.hidden = running;
+    if (running) this.progress.value = ((v.stage ?? 1) - 0.5) / v.stages;
+  }
+  async save(what) {
+    try {
+      const found = await this.send({ kind: "save", what, name: this.name.value, values: this.values });
+      const next = what === "run" ? `camopt report ${found.saved}` : `camopt optimize ${found.saved}`;
+      this.saved.textContent = `Saved as ${found.saved} in the folder that the designer was started in. Next: ${next}`;
+      this.alive();
+    } catch (error) {
+      if (error.says) this.saved.textContent = error.says;
+      else this.failed(error);
+    }
+  }
+
+  // ---- troubles
+  failed(error) {
+    this.dead = !error.says;
+    this.trouble.hidden = false;
+    this.trouble.textContent = error.says ?? "The designer's server does not answer any more. Start `camopt design` again with the same --port: this page keeps its numbers and goes on by itself.";
+    this.root.dataset.server = this.dead ? "dead" : "refused";
+  }
+  alive() {
+    if (this.root.dataset.server === "alive") return;
+    this.root.dataset.server = "alive";
+    this.trouble.hidden = true;
+    if (this.dead) {
+      this.dead = false;
+      this.done = {};
+      this.ask(true);
+    }
+  }
+  async listen() {
+    if (!this.root.isConnected) { clearInterval(this.heart); return; }
+    try {
+      await this.beat();
+      this.alive();
+    } catch (error) {
+      this.failed(error);
+    }
+  }
+}
+
+async function overHttp(message) {
+  const reply = await fetch("/ask", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(message) });
+  const content = await reply.json();
+  if (!reply.ok) throw { says: content.says };
+  return content;
+}
+function overKernel(model) { // a notebook's messages, each with its number
+  const waiting = new Map();
+  let number = 0;
+  model.on("msg:custom", ({ number: at, reply, says }) => {
+    const { resolve, reject } = waiting.get(at) ?? {};
+    waiting.delete(at);
+    if (says) reject?.({ says });
+    else resolve?.(reply);
+  });
+  return (message) => new Promise((resolve, reject) => {
+    number += 1;
+    waiting.set(number, { resolve, reject });
+    model.send({ number, message });
+  });
+}
+function render({ model, el }) {
+  const root = h("div", { class: "camopt-live notebook" });
+  el.append(root);
+  new Designer(root, overKernel(model)).begin();
+}
+const served = document.getElementById("camopt-live");
+if (served) new Designer(served, overHttp, () => fetch("/alive")).begin();
+export default { render };

@@ -1,0 +1,148 @@
+// What an answer looks like: charts, areas, trains, the comparison with a pinned design.
+const FORCE_LOOKS = ["first", "second", "third", "fourth"];
+
+function trainMarkup() { // what trainAnimation fills
+  const option = (value, words, selected) => h("option", { value, selected }, words);
+  return h("section", { id: "train", "aria-label": "Animation of the valve train" },
+    h("div", { class: "controls" },
+      h("label", { hidden: true }, "cam ", h("select", { id: "train-cam" })),
+      h("label", { hidden: true }, "speed ", h("select", { id: "train-speed" })),
+      h("label", {}, "gaps drawn ", h("select", { id: "train-gaps" }, option(1, "true size"), option(10, "10 times"),
+        option(50, "50 times", true), option(200, "200 times"))),
+      h("label", {}, "pace ", h("select", { id: "train-pace" }, option(6, "6 deg/s"), option(20, "20 deg/s", true),
+        option(60, "60 deg/s"))),
+      h("button", { type: "button", id: "train-play", "aria-pressed": "false" }, "Play")),
+    h("p", { id: "train-caption" }),
+    h("div", { class: "stage" }, svgWith("train-drawing", "Cam, masses, springs and contacts at the chosen angle"),
+      h("div", {}, svgWith("train-chart", "Valve lift against cam angle, and where each contact is open"),
+        h("input", { type: "range", id: "train-angle", min: 0, max: 360, step: 1, "aria-label": "cam angle" }),
+        h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Contacts at the chosen angle" },
+          h("table", { id: "train-numbers" }, h("tr", {}, h("th", { scope: "col" }, "contact"), h("th", { scope: "col" }, "state"),
+            h("th", { scope: "col" }, "force [N]"), h("th", { scope: "col" }, "separation [mm]")))))));
+}
+function svgWith(id, label) {
+  const svg = document.createElementNS(SVG, "svg");
+  svg.id = id;
+  svg.setAttribute("role", "img");
+  svg.setAttribute("aria-label", label);
+  return svg;
+}
+
+class Panels {
+  constructor() {
+    this.charts = {
+      lift: new Chart("Cam lift", "mm"),
+      acceleration: new Chart("Acceleration", "mm/deg²"),
+      jerk: new Chart("Jerk", "mm/deg³"),
+      valve: new Chart("Valve lift", "mm"),
+      force: new Chart("Contact forces", "N"),
+      bounce: new Chart("Bounce over the band", "mm"),
+      jump: new Chart("Jump over the band", "mm"),
+    };
+    this.areas = h("div", { class: "areas" });
+    this.trains = h("p", { class: "trains" }, "Yield: not drawn yet.");
+    this.compared = h("div", { class: "compared" });
+    this.train = trainMarkup();
+    this.animate = null;
+    const charts = Object.values(this.charts).map((c) => c.node);
+    this.node = h("div", { class: "panels" },
+      h("section", { class: "chart-grid", "aria-label": "Charts" }, ...charts),
+      h("section", { class: "beside", "aria-label": "Area and yield" },
+        h("h2", {}, "Area under these limits"), this.areas, h("h2", {}, "Trains as built"), this.trains, this.compared),
+      h("section", { class: "moving" }, h("h2", {}, "The valve train in motion"), this.train));
+  }
+  show(answer, values, pinned) {
+    const c = answer.curves, d = pinned?.answer.curves, x = { label: "cam angle [deg]", low: -110, high: 110, ticks: [-90, -45, 0, 45, 90] };
+    const lines = (key) => [...(d ? [{ name: "pinned", x: d.angle_deg, y: d[key], look: "pinned" }] : []),
+      { name: "design", x: c.angle_deg, y: c[key], look: "design" }];
+    const limit = (...keys) => keys.filter((k) => values[k] !== null && values[k] !== undefined)
+      .flatMap((k) => (k === "jerk_max_mm_per_deg3" ? [values[k], -values[k]] : [values[k]]))
+      .map((value) => ({ value, name: `limit ${shown(value)}` }));
+    const range = (key) => `from ${shown(Math.min(...c[key]))} to ${shown(Math.max(...c[key]))}`;
+    this.charts.lift.show({ x, lines: lines("lift_mm"), limits: limit("max_lift_mm"), include: [0],
+      says: `largest ${shown(answer.max_lift_mm)} mm` });
+    this.charts.acceleration.show({ x, lines: lines("acceleration_mm_per_deg2"), says: range("acceleration_mm_per_deg2"),
+      limits: limit("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2") });
+    this.charts.jerk.show({ x, lines: lines("jerk_mm_per_deg3"), limits: limit("jerk_max_mm_per_deg3"), says: range("jerk_mm_per_deg3") });
+    this.motion(answer, values, pinned);
+  }
+  motion(answer, values, pinned) {
+    const m = answer.motion;
+    this.train.hidden = !m.animation;
+    if (!m.animation) {
+      for (const chart of [this.charts.valve, this.charts.force]) chart.words.textContent = m.says;
+      return;
+    }
+    const a = m.animation, one = a.cams[0].motions[0], old = pinned?.answer.motion.animation;
+    const angles = one.force_N[0].map((_, i) => -180 + i * a.step_deg), x = { label: "cam angle [deg]", low: -180, high: 180, ticks: [-180, -90, 0, 90, 180] };
+    const mm = (motion, seat) => motion.separation_um[seat].map((v) => v / 1000);
+    const settled = m.periodic ? "" : "; has not settled, one revolution of many";
+    this.charts.valve.show({ x, limits: [], says: `above its seat at ${shown(m.speed_rpm, 5)} r/min${settled}`, lines: [
+      ...(old ? [{ name: "pinned", x: angles, y: mm(old.cams[0].motions[0], old.seat), look: "pinned" }] : []),
+      { name: "cam less lash", x: angles, y: kinematic(a, values), look: "faint" },
+      { name: "valve", x: angles, y: mm(one, a.seat), look: "design" }] });
+    const names = a.contacts.map((e) => a.drawing.elements[e].name);
+    const forces = names.map((name, k) => ({ name, x: angles, y: one.force_N[k], look: FORCE_LOOKS[k % 4] }));
+    const tops = one.force_N.map((row) => Math.max(...row));
+    this.charts.force.show({ x, lines: forces, include: [0], says: names.map((n, k) => `${["━", "╍", "┅", "·"][k % 4]} ${n} up to ${shown(tops[k], 4)} N`).join(", "),
+      limits: values.contact_force_max_N ? [{ value: values.contact_force_max_N, name: "limit" }] : [] });
+    if (this.animate) this.animate(a);
+    else this.animate = trainAnimation(this.train.parentElement, a);
+  }
+  bandIsOf(before) { // while the hand moves, the curves over the band are of the numbers before
+    for (const chart of [this.charts.bounce, this.charts.jump]) chart.node.classList.toggle("before", before);
+  }
+  band(band, values, pinned) {
+    this.bandIsOf(false);
+    const x = { label: "crankshaft speed [r/min]", low: band.speeds_rpm[0], high: band.speeds_rpm.at(-1) };
+    const places = [{ x: Math.min(x.high, Math.max(x.low, values.speed_rpm)), name: "speed shown" }];
+    for (const [key, chart, limit] of [["bounce_mm", "bounce", values.bounce_max_mm], ["jump_mm", "jump", values.jump_max_mm]]) {
+      const y = band.curves[key], most = Math.max(...y.filter((v) => v !== null)), at = band.speeds_rpm[y.indexOf(most)];
+      const never = y.some((v) => v === null) ? "; does not seat at some speeds" : "";
+      const old = pinned?.band ? [{ name: "pinned", x: pinned.band.speeds_rpm, y: pinned.band.curves[key], look: "pinned" }] : [];
+      this.charts[chart].show({ x, places, lines: [...old, { name: "design", x: band.speeds_rpm, y, look: "design" }],
+        limits: limit === null || limit === undefined ? [] : [{ value: limit, name: `limit ${shown(limit)}` }],
+        says: `largest ${shown(most, 3)} mm at ${shown(at, 5)} r/min${never}` });
+    }
+  }
+  showAreas(answer, further, pinned) {
+    const rows = [{ label: "Certified bound", area: further.bound, look: "bound" },
+      { label: `Design (${answer.program})`, area: answer.area_ratio, look: "design" }];
+    if (pinned) rows.push({ label: "Pinned", area: pinned.answer.area_ratio, look: "pinned" });
+    for (const b of further.baselines ?? []) rows.push({ label: b.label, area: b.area_ratio, look: "other", says: b.says });
+    const most = Math.max(...rows.map((r) => r.area ?? 0));
+    this.areas.replaceChildren(h("table", {}, h("tr", {}, h("th", { scope: "col" }, "cam"), h("th", { scope: "col" }, "area ratio"), h("td")),
+      ...rows.map((r) => {
+        const bar = document.createElementNS(SVG, "svg");
+        bar.setAttribute("viewBox", "0 0 100 8");
+        bar.setAttribute("aria-hidden", "true");
+        const rect = document.createElementNS(SVG, "rect");
+        for (const [k, v] of Object.entries({ class: r.look, width: (100 * (r.area ?? 0)) / most, height: 8 })) rect.setAttribute(k, v);
+        bar.append(rect);
+        const words = r.area === undefined ? "…" : shown(r.area, 5);
+        return h("tr", {}, h("th", { scope: "row", title: r.says ?? "" }, r.label + (r.says ? " *" : "")), h("td", {}, words), h("td", { class: "bar" }, bar));
+      })), h("p", { class: "note" }, "The bound and the literature's cams know nothing of the motion; the no-jump design keeps contact at the program's speeds."),
+      ...rows.filter((r) => r.says).map((r) => h("p", { class: "note" }, `* ${r.label}: ${r.says}`)));
+  }
+  showTrains(found, resting) {
+    if (found.says) { this.trains.textContent = found.says; return; }
+    const broken = Object.entries(found.first_broken).map(([k, n]) => `${k.replaceAll("_", " ")} in ${n}`).join(", ");
+    this.trains.textContent = `${Math.round(100 * found.share)} % of ${found.trains} drawn trains hold every limit on the motion ` +
+      `(95 % interval ${Math.round(100 * found.low)} to ${Math.round(100 * found.high)} %)${broken ? `; breaks first: ${broken}` : ""}.` +
+      (resting ? "" : " Few trains while you drag.");
+  }
+  compare(answer, band, pinned) {
+    if (!pinned) { this.compared.replaceChildren(); return; }
+    const rows = [["area ratio", answer.area_ratio, pinned.answer.area_ratio]];
+    const names = { bounce_mm: "bounce [mm]", jump_mm: "jump [mm]", seating_velocity_m_per_s: "seating velocity [m/s]", contact_force_max_N: "peak force [N]" };
+    for (const [key, label] of Object.entries(names)) rows.push([`${label} here`, answer.motion.metrics?.[key], pinned.answer.motion.metrics?.[key]]);
+    const top = (b, key) => (b ? Math.max(...b.curves[key].map((v) => v ?? Infinity)) : null);
+    for (const key of ["bounce_mm", "jump_mm"]) rows.push([`${names[key]} over the band`, top(band, key), top(pinned.band, key)]);
+    this.compared.replaceChildren(h("h2", {}, "Against the pinned design"), h("table", {},
+      h("tr", {}, h("td"), h("th", { scope: "col" }, "design"), h("th", { scope: "col" }, "pinned")),
+      ...rows.map(([label, now, then]) => h("tr", {}, h("th", { scope: "row" }, label), h("td", {}, shown(now)), h("td", {}, shown(then))))));
+  }
+}
+function kinematic(animation, values) { // what the cam alone would do to the valve [mm]
+  return animation.cams[0].lift_um.map((um) => Math.max(0, um / 1000 - (values.lash_mm ?? 0)));
+}

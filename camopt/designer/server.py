@@ -1,0 +1,170 @@
+"""The designer's page and its messages over HTTP, for browsers on this machine alone.
+
+It listens on the loopback interface only. A request that names another host, or that another site's page makes, is
+refused, so that no page of the network can ask through a browser of this machine (DNS rebinding, cross-site requests).
+Addresses are a fixed table: none leads to a file.
+"""
+
+import json
+import sys
+import traceback
+from collections.abc import Mapping
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+from camopt.designer.desk import Desk
+from camopt.designer.page_files import module_text, page_text, style_text
+from camopt.scene.errors import InputError
+
+HOST = "127.0.0.1"
+NAMES = (HOST, "localhost")
+MOST_BYTES = 64_000
+"""Longest message: what the page sends is a tenth of it."""
+QUIET_S = 120.0
+"""Seconds after which a connection without requests is closed."""
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+HEADERS = {
+    "Content-Security-Policy": POLICY,
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+
+
+class DesignServer(ThreadingHTTPServer):
+    """The server of one desk; `port` 0 takes a free one. Raises InputError where the port cannot be had."""
+
+    daemon_threads = True
+
+    def __init__(self, desk: Desk, port: int = 0):
+        self.desk = desk
+        self.pages = {
+            "/": ("text/html; charset=utf-8", page_text()),
+            "/live.js": ("text/javascript; charset=utf-8", module_text()),
+            "/live.css": ("text/css; charset=utf-8", style_text()),
+        }
+        try:
+            super().__init__((HOST, port), Handler)
+        except OSError as error:
+            raise InputError(
+                f"--port {port}: cannot be listened on ({error.strerror}): give another one, or leave it out"
+            ) from error
+
+    @property
+    def port(self) -> int:
+        """The port it listens on."""
+        return self.server_address[1]
+
+    @property
+    def address(self) -> str:
+        """What a browser is given."""
+        return f"http://{HOST}:{self.port}/"
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A browser that closed its connection is none of our business; a defect is."""
+        if not isinstance(sys.exc_info()[1], ConnectionError | TimeoutError):
+            super().handle_error(request, client_address)
+
+
+class Handler(BaseHTTPRequestHandler):
+    """One connection: fixed pages by GET, messages by POST /ask."""
+
+    server: DesignServer
+    protocol_version = "HTTP/1.1"
+    timeout = QUIET_S
+
+    def version_string(self) -> str:
+        """Says no more of itself than it must."""
+        return "camopt"
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Nothing: the terminal is the user's."""
+
+    def do_GET(self) -> None:
+        """A page of the fixed table."""
+        if self._is_foreign():
+            return
+        if self.path == "/alive":
+            self._send_json(200, {"alive": True})
+        elif self.path in self.server.pages:
+            self._send(200, *self.server.pages[self.path])
+        else:
+            self._send_json(404, {"says": "there is no such page"})
+
+    def do_POST(self) -> None:
+        """A message, as JSON, to /ask."""
+        if self._is_foreign():
+            return
+        if self.path != "/ask":
+            self._refuse(404, "messages go to /ask")
+            return
+        message = self._message()
+        if message is None:
+            return
+        try:
+            self._send_json(200, self.server.desk.reply(message))
+        except InputError as error:
+            self._send_json(400, {"says": str(error)})
+        except ConnectionError:
+            raise
+        except Exception as error:
+            traceback.print_exc()
+            self._send_json(500, {"says": f"a defect of camopt ({type(error).__name__}: {error})"})
+
+    def _is_foreign(self) -> bool:
+        """Refuses what does not come from this server's own page."""
+        hosts = {f"{name}:{self.server.port}" for name in NAMES}
+        host, origin = self.headers.get("Host"), self.headers.get("Origin")
+        cross = self.headers.get("Sec-Fetch-Site", "same-origin") not in ("same-origin", "none")
+        known = host in hosts and (origin is None or origin in {f"http://{name}" for name in hosts})
+        if known and not (cross and self.command == "POST"):
+            return False
+        self._refuse(403, "only this machine's own page may ask")
+        return True
+
+    def _message(self) -> Mapping[str, Any] | None:
+        """The body as a JSON object; where it is none, that is answered, and None returned."""
+        length = self.headers.get("Content-Length", "")
+        if not (length.isascii() and length.isdigit() and len(length) < 12):
+            self._refuse(411, "a message says how long it is")
+        elif int(length) > MOST_BYTES:
+            self._refuse(413, f"a message has at most {MOST_BYTES} bytes")
+        elif self.headers.get_content_type() != "application/json":
+            self._refuse(415, "a message is application/json")
+        else:
+            try:
+                found = json.loads(self.rfile.read(int(length)), parse_constant=_no_constant)
+            except (ValueError, RecursionError):
+                found = None
+            if isinstance(found, dict):
+                return found
+            self._send_json(400, {"says": "the message is no JSON object"})
+        return None
+
+    def _refuse(self, status: int, says: str) -> None:
+        """Answers and closes: whatever else was sent is not read."""
+        self.close_connection = True
+        self._send_json(status, {"says": says})
+
+    def _send_json(self, status: int, content: Mapping[str, Any]) -> None:
+        text = json.dumps(content, separators=(",", ":"), allow_nan=False)
+        self._send(status, "application/json", text)
+
+    def _send(self, status: int, kind: str, text: str) -> None:
+        body = text.encode()
+        self.send_response(status)
+        for name, value in {"Content-Type": kind, "Content-Length": str(len(body)), **HEADERS}.items():
+            self.send_header(name, value)
+        if self.close_connection:
+            self.send_header("Connection", "close")
+        self.end_headers()
+        self.wfile.write(body)
+
+
+def _no_constant(name: str) -> None:
+    raise ValueError(f"{name} is no number of JSON")

@@ -1,0 +1,147 @@
+"""What the designer answers to the numbers of an edited scene, without any page or server around it.
+
+An answer has parts, which are asked for one by one, the quick ones first: "sketch" while a hand is dragging, "cam" and
+"band" once it rests, and then what takes seconds ("bound", "baselines", "trains"), of which a server lets another
+process take care. Every number is the one that camopt's own functions give for the edited scene.
+"""
+
+import json
+from collections import OrderedDict
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from camopt.cam.lift import Lift
+from camopt.designer.cams import CamFinder, FoundCam, program_speeds_rpm
+from camopt.designer.controls import controls
+from camopt.designer.edits import Asked, Refused, asked_of, edited_scene, read_values
+from camopt.designer.motion import band_of, motion_at
+from camopt.measure.limits import broken_by_shape
+from camopt.scene.errors import InputError
+from camopt.scene.schema import Scene
+from camopt.scene.train import Train, build_train
+from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3
+from camopt.storage import plain
+
+QUICK = ("sketch", "cam", "band")
+"""The parts of an answer that a session gives itself; the others are `camopt.designer.slow_parts`."""
+CURVE_STEP_DEG = 0.5
+REMEMBERED = 4
+"""CamFinder of the last values that are remembered."""
+DERIVATIVES = {
+    "lift_mm": MM,
+    "velocity_mm_per_deg": MM_PER_DEG,
+    "acceleration_mm_per_deg2": MM_PER_DEG2,
+    "jerk_mm_per_deg3": MM_PER_DEG3,
+}
+
+
+@dataclass(frozen=True)
+class Edited:
+    """An edited scene with its train and the cam found for it."""
+
+    scene: Scene
+    train: Train
+    cam: FoundCam
+
+
+class Session:
+    """A scene under somebody's hand: answers values by key, and remembers what the next answer can use."""
+
+    def __init__(self, scene: Scene):
+        self.scene = scene
+        self.controls = {control.key: control for control in controls(scene)}
+        self._cams = CamFinder()
+        self._train: tuple[tuple, Train] | None = None
+        self._designs: OrderedDict[str, Edited] = OrderedDict()
+
+    def start(self) -> dict[str, Any]:
+        """What a page needs once: the scene's name and title, and the controls."""
+        title = self.scene.title or self.scene.name
+        listed = [control.as_dict() for control in self.controls.values()]
+        return {"name": self.scene.name, "title": title, "controls": listed}
+
+    def values(self) -> dict[str, Any]:
+        """The scene's own values by key."""
+        return {key: control.value for key, control in self.controls.items()}
+
+    def answer(
+        self, values: Mapping[str, Any], part: str = "cam", wanted: Callable[[], bool] = lambda: True
+    ) -> dict[str, Any]:
+        """One of the QUICK parts of the answer to values by key, as JSON knows it; a value left out is the scene's.
+
+        "state" is "ok", "refused" with `faults` (sentences by key), or "no cam" with the sentence `says`. Raises
+        Superseded on the way once it is not `wanted` any more.
+        """
+        try:
+            read = read_values(self.controls, values)
+            asked = asked_of(read)
+            design = self.design(values, part == "sketch", wanted)
+        except Refused as refused:
+            return {"part": part, "state": "refused", "faults": refused.faults}
+        except InputError as error:
+            return {"part": part, "state": "no cam", "says": str(error)}
+        if part == "band":
+            found = band_of(design.scene, design.train, design.cam.lift, wanted)
+        else:
+            found = self._cam_answer(design, asked)
+        return {"part": part, "state": "ok", **plain(found)}
+
+    def edited(self, values: Mapping[str, Any]) -> Scene:
+        """The scene with the values; raises Refused for values that are none."""
+        return edited_scene(self.scene, read_values(self.controls, values))
+
+    def design(
+        self, values: Mapping[str, Any], coarse: bool = False, wanted: Callable[[], bool] = lambda: True
+    ) -> Edited:
+        """The edited scene, its train and its cam; raises Refused for values that are none, and InputError where the
+        limits contradict each other."""
+        read = read_values(self.controls, values)
+        asked = asked_of(read)
+        key = json.dumps([coarse, {k: v for k, v in read.items() if k != "speed_rpm"}])
+        if key in self._designs:
+            self._designs.move_to_end(key)
+            return self._designs[key]
+        scene = edited_scene(self.scene, read)
+        train = self._train_of(scene)
+        with threadpool_limits(limits=1, user_api="blas"):  # small matrices: threads would only wait for each other
+            cam = self._cams.largest(scene, train, asked, coarse, wanted)
+        self._designs[key] = Edited(scene, train, cam)
+        while len(self._designs) > REMEMBERED:
+            self._designs.popitem(last=False)
+        return self._designs[key]
+
+    def _train_of(self, scene: Scene) -> Train:
+        """The scene's train: the last one itself where nothing of it was edited, with all that is kept of it."""
+        made_of = (scene.valve, scene.seat, scene.mass, scene.element, scene.force)
+        if self._train is None or self._train[0] != made_of:
+            self._train = made_of, build_train(scene)
+        return self._train[1]
+
+    def _cam_answer(self, design: Edited, asked: Asked) -> dict[str, Any]:
+        scene, cam = design.scene, design.cam
+        assert scene.design is not None, "an edited scene has one"
+        return {
+            "coarse": cam.coarse,
+            "program": cam.program,
+            "says": cam.says,
+            "speeds_rpm": program_speeds_rpm(scene),
+            "area_ratio": cam.area_ratio,
+            "area_mm_deg": cam.lift.area / MM / DEG,
+            "max_lift_mm": cam.lift.max_lift / MM,
+            "worth": cam.worth,
+            "margin_price": cam.margin_price,
+            "broken_by_shape": broken_by_shape(cam.lift, scene.design),
+            "curves": curves(cam.lift),
+            "motion": motion_at(scene, design.train, cam.lift, asked.speed_rpm),
+        }
+
+
+def curves(lift: Lift) -> dict[str, np.ndarray]:
+    """Lift and its derivatives by cam angle, from -180 to 180 deg."""
+    angle = np.linspace(-180.0, 180.0, round(360 / CURVE_STEP_DEG) + 1)
+    found = {name: lift(angle * DEG, order) / unit for order, (name, unit) in enumerate(DERIVATIVES.items())}
+    return {"angle_deg": angle, **found}

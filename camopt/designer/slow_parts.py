@@ -1,0 +1,117 @@
+"""The parts of an answer that take seconds: the certified bound, the literature's cams, and trains as built.
+
+They are functions of an edited scene and its cam alone, so that another process may compute them.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from camopt.cam.families.free import free_cam
+from camopt.cam.lift import Lift
+from camopt.designer.cams import EFFORT
+from camopt.measure.as_built import trains_as_built
+from camopt.measure.limits import broken_by_shape, motion_limits
+from camopt.measure.yields import UsedLimits, counted, share_of
+from camopt.optimizer.as_built.track import track
+from camopt.optimizer.baselines.comparison import member_or_sentence
+from camopt.optimizer.bound.certificate import area_ratio_bound
+from camopt.optimizer.program.kinematic import kinematic_optimum
+from camopt.scene.errors import InputError
+from camopt.scene.schema import Scene
+from camopt.verifier.accuracy import verify
+
+FAMILIES = {"polydyne": "Polydyne", "multi-pol": "Multi-Pol"}
+"""The literature's cams that stand beside the design, and what the page calls them."""
+FEW, MANY = 8, 100
+"""Trains drawn while a hand is dragging, and once it rests."""
+YIELD_SPEEDS = 5
+"""Speeds of the band at which the drawn trains are judged."""
+
+
+def bound_part(scene: Scene, lift: Lift) -> dict[str, Any]:
+    """The certified bound on the area ratio of every cam under the design's limits."""
+    assert scene.design is not None, "an edited scene has one"
+    return {"area_ratio_bound": float(area_ratio_bound(scene.design).bound)}
+
+
+def baselines_part(scene: Scene, lift: Lift) -> dict[str, Any]:
+    """Area ratio of the literature's cams under the same limits, or why a family has no member there."""
+    assert scene.design is not None, "an edited scene has one"
+    rows = []
+    for family, label in FAMILIES.items():
+        found = member_or_sentence(scene, family)
+        if isinstance(found, str):
+            rows.append({"label": label, "area_ratio": None, "says": found})
+            continue
+        broken = broken_by_shape(found, scene.design)
+        says = f"breaks {', '.join(broken)}" if broken else ""
+        rows.append({"label": label, "area_ratio": float(found.area_ratio_in(scene.design)), "says": says})
+    return {"baselines": rows}
+
+
+def few_trains_part(scene: Scene, lift: Lift) -> dict[str, Any]:
+    """`trains_of` for FEW trains."""
+    return trains_of(scene, lift, FEW)
+
+
+def many_trains_part(scene: Scene, lift: Lift) -> dict[str, Any]:
+    """`trains_of` for MANY trains."""
+    return trains_of(scene, lift, MANY)
+
+
+def trains_of(scene: Scene, lift: Lift, count: int) -> dict[str, Any]:
+    """The share of the first `count` drawn trains that hold the limits on the motion, and what others break first."""
+    if not motion_limits(scene.design):
+        return {"says": "The scene limits nothing of the motion, so every train holds."}
+    if not scene.tolerance and scene.grinding is None:
+        return {"says": "The scene states no tolerances, so all trains are alike."}
+    assert scene.operation is not None, "an edited scene has a band"
+    speeds = np.linspace(*scene.operation.band_rpm, YIELD_SPEEDS)
+    try:
+        way = track(scene, lift, speeds)
+        used = UsedLimits(tuple(way.limits), speeds, way.used(trains_as_built(scene, count)))
+    except InputError as error:
+        return {"says": str(error)}
+    share = share_of(used.holds)
+    broken = {limit: entry["trains"] for limit, entry in counted(used).items()}
+    return {"share": share.share, "low": share.low, "high": share.high, "trains": count, "first_broken": broken}
+
+
+def why_none(scene: Scene, lift: None) -> dict[str, Any]:
+    """Which limits would have to change, and by how much, before any cam holds them together."""
+    assert scene.design is not None, "an edited scene has one"
+    try:
+        kinematic_optimum(scene.design, free_cam(scene.design, EFFORT.knot_deg))
+    except InputError as error:
+        return {"says": str(error)}
+    return {"says": ""}
+
+
+def draft_verdict(scene: Scene, lift: Lift) -> dict[str, Any]:
+    """verification.json of a verdict at accuracy "draft"."""
+    return _verified(scene, lift, "draft")
+
+
+def full_verdict(scene: Scene, lift: Lift) -> dict[str, Any]:
+    """verification.json of the verdict that `camopt verify` gives."""
+    return _verified(scene, lift, "standard")
+
+
+def _verified(scene: Scene, lift: Lift, accuracy: str) -> dict[str, Any]:
+    found = verify(scene, lift, accuracy=accuracy)
+    return {"verification": found.as_dict(), "reason": found.reason}
+
+
+WHY = "why"
+PARTS: dict[str, Callable[[Scene, Any], dict[str, Any]]] = {
+    WHY: why_none,
+    "bound": bound_part,
+    "baselines": baselines_part,
+    "few trains": few_trains_part,
+    "trains": many_trains_part,
+}
+"""By name, the slow parts of an answer."""
+VERDICTS = {"draft verdict": draft_verdict, "verdict": full_verdict}
+"""By name, the stages of a verdict: a first one that is soon there, and the one that counts."""

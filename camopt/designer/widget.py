@@ -1,0 +1,52 @@
+"""The designer as a widget of a notebook: the same module as the served page, whose messages go to the kernel."""
+
+from typing import Any
+
+import anywidget
+
+from camopt.cam.lift import Lift
+from camopt.designer.desk import Desk
+from camopt.designer.page_files import module_text, style_text
+from camopt.designer.session import Session
+from camopt.scene.errors import InputError
+from camopt.scene.schema import Scene
+
+
+class LiveWidget(anywidget.AnyWidget):
+    """The designer of one scene; `values` are the page's numbers by key, `scene` is the scene with them."""
+
+    _esm = module_text()
+    _css = style_text()
+
+    def __init__(self, scene: Scene):
+        super().__init__()
+        self.desk = Desk(Session(scene))
+        self.values: dict[str, Any] = self.desk.session.values()
+        self.on_msg(self.hear)
+
+    @property
+    def value(self) -> Lift:
+        """The cam of the page's numbers; raises InputError where they allow none."""
+        return self.desk.session.design(self.values).cam.lift
+
+    @property
+    def scene(self) -> Scene:
+        """The scene with the page's numbers; raises InputError where they make none."""
+        return self.desk.session.design(self.values).scene
+
+    def hear(self, widget: Any, content: dict[str, Any], buffers: Any) -> None:
+        """A message of the page: its number comes back with the reply, or with why there is none."""
+        message = content["message"]
+        try:
+            reply = self.desk.reply(message)
+        except InputError as error:
+            self.send({"number": content["number"], "says": str(error)})
+            return
+        if reply.get("state") == "ok" and reply.get("part") in ("sketch", "cam"):
+            self.values = dict(message["values"])
+        self.send({"number": content["number"], "reply": reply})
+
+    def close(self) -> None:
+        """Ends the widget and its process."""
+        self.desk.stop()
+        super().close()

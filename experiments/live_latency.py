@@ -1,0 +1,157 @@
+"""How soon does the designer's page show an answer while a hand drags, and the band's curve once it rests?
+
+    python -m experiments.live_latency [small|full]
+
+`camopt design` in a process of its own and Chromium by Playwright. Sliders are moved by keys, a step every 50 ms:
+limits of the cam, whose rows stay, and duration, ramp, spring and lash, for which rows are made again. The latency is
+from the input to the frame after the one that shows its answer, by the page's own clock; inputs that a newer one
+overtook have none. "Rest" is from the last input to the painted curve of the band. The targets are for two idle cores.
+So that runs on busy machines can be read, a fixed loop of arithmetic is timed by the clock before every slider: on an
+idle core its clock and its processor time are the same, and `p95_per_loop` are latencies in units of it. Memory is the
+server's, over `changes` further answers. The small size is `motori-1` with few steps.
+"""
+
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from camopt.scene import load_scene
+from experiments.job_time import arithmetic_loop
+from experiments.support.record import RESULTS, run_script, write_result
+
+SIZES = {"small": ("motori-1", 6, 20), "full": ("kodama", 40, 2000)}
+"""Scene, steps of each slider, and changes over which memory is watched."""
+SLIDERS = {
+    "limits": ("jerk_max_mm_per_deg3", "acceleration_max_mm_per_deg2", "max_lift_mm"),
+    "shape": ("duration_deg", "ramp_height_mm", "spring_rate_percent", "lash_mm"),
+}
+STEP_MS = 50
+TARGETS_MS = {"drag_p95": 300.0, "rest_p95": 1000.0}
+ROOT = "document.getElementById('camopt-live')"
+LISTEN = f"window.found = []; {ROOT}.addEventListener('camopt-painted', (e) => window.found.push(e.detail))"
+
+
+def dragged(page, key: str, steps: int) -> list[dict]:
+    """Every painted answer while a slider is moved by keys and then left alone."""
+    slider = page.locator(f"[data-key={key}] input[type=range]")
+    if slider.count() == 0 or slider.is_disabled():
+        return []
+    page.evaluate("window.found.length = 0")
+    slider.focus()
+    for i in range(steps):
+        page.keyboard.press("ArrowRight" if i % 10 < 5 else "ArrowLeft")
+        page.wait_for_timeout(STEP_MS)
+    for _ in range(600):
+        now = page.evaluate(f"({{...{ROOT}.dataset}})")
+        if now["band"] == now["sequence"] or now["state"] != "ok":
+            break
+        page.wait_for_timeout(100)
+    return page.evaluate("window.found")
+
+
+def timed_loop() -> tuple[float, float]:
+    """Clock and processor time of the fixed loop [s]."""
+    begun = time.perf_counter()
+    processor = arithmetic_loop()
+    return time.perf_counter() - begun, processor
+
+
+def percentiles(values: list[float]) -> dict:
+    """How many, and the percentiles [ms]."""
+    p50, p95, most = np.percentile(values, (50, 95, 100)).round(1).tolist() if values else (None, None, None)
+    return {"answers": len(values), "p50_ms": p50, "p95_ms": p95, "largest_ms": most}
+
+
+def resident_MB(process: subprocess.Popen) -> float:
+    """Memory of a process; Linux alone tells it so."""
+    pages = int(Path(f"/proc/{process.pid}/statm").read_text(encoding="ascii").split()[1])
+    return pages * 4096 / 1000**2
+
+
+def watched(page, process: subprocess.Popen, changes: int) -> dict:
+    """The server's memory after a tenth and after all of so many changes of four numbers."""
+    ask = """async (values) => (await (await fetch('/ask', {
+        method: 'POST', headers: {'Content-Type': 'application/json'},
+        body: JSON.stringify({kind: 'answer', part: 'sketch', client: 'm', sequence: 1, values})})).json()).state"""
+    rows, states = [], {}
+    for i in range(changes):
+        values = {"max_lift_mm": 9.0 + 0.001 * (i % 97), "duration_deg": 140.0 + 0.05 * (i % 41)}
+        values |= {"spring_rate_percent": 100.0 + 0.1 * (i % 53)} if i % 3 == 0 else {}
+        state = page.evaluate(ask, values)
+        states[state] = states.get(state, 0) + 1
+        if i + 1 in (changes // 10, changes // 2, changes):
+            rows.append({"changes": i + 1, "resident_MB": round(resident_MB(process), 1)})
+    return {"states": states, "memory": rows}
+
+
+def measured(size: str, page, process: subprocess.Popen) -> dict:
+    """Latencies by kind of slider, rest, and memory."""
+    _, steps, changes = SIZES[size]
+    found: dict[str, list[dict]] = {kind: [] for kind in SLIDERS}
+    loops = []
+    for kind, keys in SLIDERS.items():
+        for key in keys:
+            loops.append(timed_loop())
+            found[kind] += dragged(page, key, steps)
+    sketches = {kind: [a["latency_ms"] for a in every if a["part"] == "sketch"] for kind, every in found.items()}
+    return {
+        "loop_clock_s": float(np.mean([clock for clock, _ in loops])),
+        "loop_processor_s": float(np.min([processor for _, processor in loops])),
+        "drag": {kind: percentiles(values) for kind, values in sketches.items()},
+        "drag_all": percentiles([value for values in sketches.values() for value in values]),
+        "rest": percentiles([a["latency_ms"] for every in found.values() for a in every if a["part"] == "band"]),
+        "over_changes": watched(page, process, changes),
+    }
+
+
+def main(size: str = "full", folder: Path = RESULTS) -> dict:
+    """Drags every slider, prints a table and writes live_latency.json into `folder`."""
+    from playwright.sync_api import sync_playwright
+
+    scene, chromium = SIZES[size][0], next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))))
+    assert load_scene(scene).design is not None
+    with tempfile.TemporaryDirectory() as held, sync_playwright() as driver:
+        words = [sys.executable, "-m", "camopt", "design", scene]
+        process = subprocess.Popen(words, cwd=held, stdout=subprocess.PIPE, text=True)
+        try:
+            assert process.stdout is not None
+            address = process.stdout.readline().split("open ")[1].split()[0]
+            browser = driver.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+            page = browser.new_page(viewport={"width": 1366, "height": 768})
+            page.goto(address)
+            page.wait_for_selector("#camopt-live[data-band]", timeout=120_000)
+            time.sleep(1.0 if size == "small" else 20.0)  # until the first slow parts are done
+            page.evaluate(LISTEN)
+            content = measured(size, page, process)
+            browser.close()
+        finally:
+            process.terminate()
+            process.communicate()
+    content = {"scene": scene, "targets_ms": TARGETS_MS, **content}
+    per_loop = {"drag": content["drag_all"]["p95_ms"], "rest": content["rest"]["p95_ms"]}
+    content["p95_per_loop"] = {key: ms and ms / 1000 / content["loop_clock_s"] for key, ms in per_loop.items()}
+    content["p95_ms_were_the_loop_alone"] = {
+        key: ratio and 1000 * ratio * content["loop_processor_s"] for key, ratio in content["p95_per_loop"].items()
+    }
+    print(table(content))
+    write_result("live_latency", size, content, {}, folder)
+    return content
+
+
+def table(content: dict) -> str:
+    """The latencies as Markdown."""
+    rows = {**{f"drag, {kind}": row for kind, row in content["drag"].items()}, "rest, band": content["rest"]}
+    lines = [
+        f"| {content['scene']}, loop {content['loop_s']:.2f} s | answers | p50 ms | p95 ms | largest ms |",
+        "|---" * 5 + "|",
+    ]
+    return "\n".join([*lines, *(f"| {name} | {' | '.join(map(str, row.values()))} |" for name, row in rows.items())])
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)

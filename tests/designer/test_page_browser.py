@@ -1,0 +1,283 @@
+"""The designer's page in a real browser: its numbers, its keys, its troubles, and who can use it."""
+
+import json
+import subprocess
+import sys
+import time
+
+import pytest
+
+from camopt.designer.session import Session
+from camopt.scene import load_scene
+
+SCENE = load_scene("motori-1")
+ROOT = "document.getElementById('camopt-live')"
+PATIENCE_S = 60.0
+"""How long a page may take on a machine that is busy with others."""
+
+
+@pytest.fixture(scope="module")
+def served(serve, tmp_path_factory):
+    return serve(SCENE, tmp_path_factory.mktemp("page"))
+
+
+@pytest.fixture(scope="module")
+def session():
+    """The Python API beside the page."""
+    return Session(SCENE)
+
+
+@pytest.fixture
+def open_page(browser, served):
+    """Opens the page; at the end nothing may have been said, thrown or fetched from elsewhere."""
+    contexts, faults, foreign = [], [], []
+
+    def opened(**settings):
+        context = browser.new_context(**{"viewport": {"width": 1366, "height": 768}} | settings)
+        contexts.append(context)
+        page = context.new_page()
+        page.on("console", lambda message: faults.append(message.text))
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        page.on(
+            "request", lambda request: foreign.append(request.url) if not request.url.startswith(served.address) else 0
+        )
+        page.goto(served.address)
+        rest(page)
+        return page
+
+    yield opened
+    for context in contexts:
+        context.close()
+    assert faults == []
+    assert foreign == []
+
+
+def wait(page, reached) -> None:
+    """Until the condition, a function without arguments, holds."""
+    begun = time.monotonic()
+    while not reached():
+        assert time.monotonic() - begun < PATIENCE_S, page.evaluate(f"({{...{ROOT}.dataset}})")
+        page.wait_for_timeout(50)
+
+
+def data(page) -> dict:
+    return page.evaluate(f"({{...{ROOT}.dataset}})")
+
+
+def rest(page) -> None:
+    """Until the band of the newest values is there, or there is none."""
+
+    def done() -> bool:
+        now = data(page)
+        newest = now.get("sequence")
+        return newest is not None and (now.get("band") == newest or (now.get("cam") == newest and now["state"] != "ok"))
+
+    wait(page, done)
+
+
+def area_shown(page) -> float:
+    return float(page.locator(".result").inner_text().split("Area ratio ")[1].split()[0])
+
+
+def slider(page, key):
+    return page.locator(f"[data-key={key}] input[type=range]")
+
+
+def number(page, key):
+    return page.locator(f"[data-key={key}] input[type=number]")
+
+
+def test_typed_and_dragged_values_give_the_numbers_of_python(open_page, session):
+    page = open_page()
+    assert area_shown(page) == pytest.approx(session.answer({})["area_ratio"], abs=5e-6)
+    number(page, "max_lift_mm").fill("9.0")
+    rest(page)
+    values = {"max_lift_mm": 9.0}
+    assert area_shown(page) == pytest.approx(session.answer(values)["area_ratio"], abs=5e-6)
+    slider(page, "duration_deg").focus()
+    for _ in range(4):
+        page.keyboard.press("ArrowRight")
+    rest(page)
+    values["duration_deg"] = float(number(page, "duration_deg").input_value())
+    assert values["duration_deg"] > SCENE.design.duration_deg
+    found, band = session.answer(values), session.answer(values, "band")
+    assert area_shown(page) == pytest.approx(found["area_ratio"], abs=5e-6)
+    assert f"bounce {found['motion']['metrics']['bounce_mm']:.3g}"[:9] in page.locator(".result").inner_text()
+    worst = band["worst"]["bounce_max_mm"]
+    words = page.locator("[data-key=bounce_max_mm] .worth").inner_text()
+    assert f"{round(100 * worst['used'])} % at {worst['speed_rpm']:g} r/min" in words
+    assert page.locator("[data-key=max_lift_mm] .worth").inner_text().startswith("▲ active")
+
+
+def test_fifty_rapid_inputs_end_in_the_right_state(open_page, session):
+    page = open_page()
+    page.evaluate(
+        "() => { const s = document.querySelector('[data-key=max_lift_mm] input[type=range]');"
+        "for (let i = 0; i < 50; i++) { s.value = 8 + 0.02 * i; s.dispatchEvent(new Event('input')); }"
+        "s.dispatchEvent(new Event('change')); }"
+    )
+    rest(page)
+    lift = float(number(page, "max_lift_mm").input_value())
+    assert lift == pytest.approx(8.98, abs=0.03)
+    assert area_shown(page) == pytest.approx(session.answer({"max_lift_mm": lift})["area_ratio"], abs=5e-6)
+    assert data(page)["cam"] == data(page)["sequence"]
+
+
+def test_undo_redo_reset_and_pin(open_page):
+    page = open_page()
+    first = page.locator(".result").inner_text()
+    assert page.get_by_role("button", name="Undo").is_disabled()
+    page.get_by_role("button", name="Pin to compare").click()
+    number(page, "max_lift_mm").fill("8.5")
+    number(page, "max_lift_mm").press("Tab")
+    rest(page)
+    second = page.locator(".result").inner_text()
+    assert first != second and page.locator(".line.pinned").count() >= 4
+    assert "Against the pinned design" in page.locator(".compared").inner_text()
+    page.get_by_role("button", name="Undo").click()
+    rest(page)
+    assert page.locator(".result").inner_text() == first
+    page.get_by_role("button", name="Redo").click()
+    rest(page)
+    assert page.locator(".result").inner_text() == second
+    page.get_by_role("button", name="Reset").click()
+    rest(page)
+    assert page.locator(".result").inner_text() == first
+    page.get_by_role("button", name="Unpin").click()
+    assert page.locator(".line.pinned").count() == 0
+
+
+def test_a_bad_number_is_answered_beside_its_field(open_page):
+    page = open_page()
+    number(page, "max_lift_mm").fill("-3")
+    wait(page, lambda: "greater than 0" in page.locator("[data-key=max_lift_mm] .fault").inner_text())
+    assert number(page, "max_lift_mm").get_attribute("aria-invalid") == "true"
+    assert "no scene" in page.locator(".result").inner_text()
+    number(page, "max_lift_mm").fill("")
+    assert "expected a number" in page.locator("[data-key=max_lift_mm] .fault").inner_text()
+    number(page, "max_lift_mm").fill("9")
+    rest(page)
+    assert page.locator("[data-key=max_lift_mm] .fault").inner_text() == ""
+    assert number(page, "max_lift_mm").get_attribute("aria-invalid") is None
+
+
+def test_limits_without_a_cam_are_said(open_page):
+    page = open_page()
+    page.locator("[data-key=reach_max_lift] input").check()
+    number(page, "max_lift_mm").fill("30")
+    wait(page, lambda: page.locator(".result").inner_text().startswith("No cam: "))
+    assert "stale" in page.locator("#camopt-live").get_attribute("class")
+    page.get_by_role("button", name="Reset").click()
+    rest(page)
+    assert "stale" not in page.locator("#camopt-live").get_attribute("class")
+
+
+def test_it_says_that_nothing_is_confirmed_and_a_verdict_can_be_cancelled(open_page):
+    page = open_page()
+    status = page.locator(".status")
+    assert status.inner_text() == "event-exact only, not confirmed"
+    page.get_by_role("button", name="Verify").click()
+    wait(page, lambda: "verdict running" in status.inner_text())
+    page.get_by_role("button", name="Cancel").click()
+    wait(page, lambda: "was cancelled" in status.inner_text())
+    assert status.inner_text().startswith("event-exact only, not confirmed")
+
+
+def test_a_scene_is_saved_from_the_page(open_page, served):
+    page = open_page()
+    number(page, "max_lift_mm").fill("8.7")
+    rest(page)
+    page.locator("#camopt-name").fill("../out")
+    page.evaluate("window.before = document.querySelector('.saved').textContent")
+    page.locator("#camopt-name").fill("from-page")
+    page.get_by_role("button", name="Save scene").click()
+    wait(page, lambda: "Saved as from-page.toml" in page.locator(".saved").inner_text())
+    assert load_scene(served.desk.folder / "from-page.toml").design.max_lift_mm == 8.7
+
+
+def test_every_control_can_be_reached_and_moved_by_keys(open_page):
+    page = open_page()
+    page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+    reached = set()
+    page.evaluate("document.body.focus()")
+    for _ in range(200):
+        page.keyboard.press("Tab")
+        key = page.evaluate("document.activeElement.closest('[data-key]')?.dataset.key ?? document.activeElement.id")
+        reached.add(key)
+        style = page.evaluate("getComputedStyle(document.activeElement).outlineStyle")
+        assert style != "none" or key in ("", None)
+    wanted = {c.key for c in Session(SCENE).controls.values()}
+    assert wanted <= reached
+    assert {"train-play", "train-angle", "camopt-name"} <= reached
+
+
+def test_the_valve_train_moves_with_the_angle(open_page):
+    page = open_page()
+    page.locator("#train-angle").focus()
+    before = page.locator("#train-caption").inner_text()
+    page.keyboard.press("ArrowRight")
+    assert page.locator("#train-caption").inner_text() != before
+    assert page.locator("#train-drawing .contour").count() == 1
+
+
+def test_nothing_serious_for_those_who_cannot_see_or_point(open_page):
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
+    page = open_page(bypass_csp=True)  # axe is a script of its own
+    page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+    found = axe.Axe().run(page).response["violations"]
+    serious = [
+        (v["id"], [n["target"] for n in v["nodes"]][:4]) for v in found if v["impact"] in ("serious", "critical")
+    ]
+    assert serious == []
+
+
+def test_a_phone_shows_all_without_sideways_scrolling(open_page):
+    page = open_page(viewport={"width": 375, "height": 812})
+    assert page.evaluate("document.documentElement.scrollWidth") == 375
+    for part in (".result", ".chart >> nth=0", "#train-drawing", ".areas table"):
+        box = page.locator(part).bounding_box()
+        assert box["x"] >= 0 and box["x"] + box["width"] <= 376, part
+
+
+def started(folder, port: int) -> tuple[subprocess.Popen, str]:
+    """The command itself in a process of its own, and the address that it prints."""
+    words = [sys.executable, "-m", "camopt", "design", "motori-1", "--port", str(port)]
+    process = subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, text=True)
+    line = process.stdout.readline()
+    return process, line.split("open ")[1].split()[0]
+
+
+def killed(process: subprocess.Popen) -> None:
+    process.kill()
+    process.communicate()
+
+
+def test_a_killed_server_is_said_and_the_page_goes_on_after_it(browser, tmp_path, session):
+    process, address = started(tmp_path, 0)
+    page = browser.new_page()
+    try:
+        page.goto(address)
+        rest(page)
+        killed(process)
+        number(page, "max_lift_mm").fill("8.9")
+        wait(page, lambda: page.locator(".trouble").is_visible())
+        assert "does not answer any more" in page.locator(".trouble").inner_text()
+        process, again = started(tmp_path, int(address.rstrip("/").rpartition(":")[2]))
+        assert again == address
+        wait(page, lambda: not page.locator(".trouble").is_visible())
+        rest(page)
+        assert area_shown(page) == pytest.approx(session.answer({"max_lift_mm": 8.9})["area_ratio"], abs=5e-6)
+    finally:
+        page.close()
+        killed(process)
+
+
+def test_texts_of_the_scene_stay_text(browser, serve, tmp_path):
+    evil = "<img src=x onerror=\"document.title='changed'\">"
+    own = serve(SCENE.model_copy(update={"title": evil}), tmp_path)
+    page = browser.new_page()
+    page.goto(own.address)
+    rest(page)
+    assert page.locator("h1").inner_text() == evil and page.title() == "camopt design"
+    assert json.loads(page.evaluate("JSON.stringify(document.querySelectorAll('img').length)")) == 0
+    page.close()
