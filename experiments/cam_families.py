@@ -28,7 +28,7 @@ from camopt.measure.limits import broken_by_shape
 from camopt.plots.cams import profiles
 from camopt.plots.style import save
 from camopt.scene import Scene, load_scene
-from camopt.scene.schema import Design
+from camopt.scene.design import Design
 from camopt.scene.units import DEG, MM
 from camopt.storage import write_json
 from camopt.verifier.convergence import Demand

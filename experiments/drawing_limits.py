@@ -16,7 +16,7 @@ from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.scene import Scene, load_scene
 from camopt.scene.design import Piston
-from camopt.scene.schema import Geometry
+from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM
 from experiments.support.record import RESULTS, run_script, write_result
 

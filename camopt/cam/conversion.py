@@ -11,7 +11,7 @@ from camopt.cam.geometry import Contact, contact
 from camopt.cam.lift import Lift
 from camopt.cam.tables.interpolation import centred, spline_pieces
 from camopt.scene import InputError
-from camopt.scene.schema import Geometry
+from camopt.scene.geometry import Geometry
 from camopt.scene.shapes import Float
 from camopt.scene.units import DEG
 

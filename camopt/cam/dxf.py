@@ -7,7 +7,7 @@ from camopt.cam.exports import made_contour
 from camopt.cam.geometry import Contact
 from camopt.cam.lift import Lift
 from camopt.scene import InputError
-from camopt.scene.schema import Geometry
+from camopt.scene.geometry import Geometry
 from camopt.scene.units import MM
 from camopt.storage import write_text
 

@@ -16,7 +16,7 @@ from camopt.cam.followers.touch import cross
 from camopt.cam.geometry import Contact, contact
 from camopt.cam.lift import Lift, angles_deg
 from camopt.scene import InputError
-from camopt.scene.schema import Geometry
+from camopt.scene.geometry import Geometry
 from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM
 from camopt.storage import write_csv, write_text

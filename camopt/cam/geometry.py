@@ -13,8 +13,7 @@ from camopt.cam.followers.registry import follower_of
 from camopt.cam.followers.touch import turned
 from camopt.cam.lift import Lift
 from camopt.scene import InputError
-from camopt.scene.geometry import SWINGING
-from camopt.scene.schema import Geometry
+from camopt.scene.geometry import SWINGING, Geometry
 from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM
 

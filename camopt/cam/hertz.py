@@ -15,7 +15,7 @@ import numpy as np
 from camopt.cam.geometry import Contact, contact
 from camopt.cam.lift import Lift
 from camopt.scene import InputError
-from camopt.scene.schema import Geometry
+from camopt.scene.geometry import Geometry
 from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM
 

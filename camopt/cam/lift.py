@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from scipy.interpolate import PPoly
 
-    from camopt.scene.schema import Design
+    from camopt.scene.design import Design
 
 JOINING = 1e-6
 """Step of lift or velocity at a border, relative to the largest there, that counts as rounding."""

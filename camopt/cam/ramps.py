@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from camopt.scene.design import Design
 from camopt.scene.errors import InputError
-from camopt.scene.schema import Design, Scene
+from camopt.scene.schema import Scene
 from camopt.scene.units import DEG, MM, MM_PER_DEG
 
 FOOT_VELOCITY = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])

@@ -5,8 +5,9 @@ from math import floor, log10
 from typing import Any
 
 from camopt.optimizer.search.robust import valve_spring
+from camopt.scene.design import Design
 from camopt.scene.errors import InputError
-from camopt.scene.schema import Design, Scene
+from camopt.scene.schema import Scene
 from camopt.scene.tolerances import Tolerance
 from camopt.scene.train import build_train
 

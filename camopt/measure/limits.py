@@ -11,8 +11,8 @@ import numpy as np
 from camopt.cam.geometry import crossing
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import linear_limits
+from camopt.scene.design import Design
 from camopt.scene.quantities import QUANTITIES
-from camopt.scene.schema import Design
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 
 ROUNDING = 1e-9

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from camopt.plots.style import BASE, SHADE, cam_line, draw_limit, legend_above, new_figure, quoted, styled
-from camopt.scene.schema import Design
+from camopt.scene.design import Design
 
 Table = Mapping[str, np.ndarray]
 CURVES = (

@@ -18,8 +18,8 @@ from camopt.plots.style import (
     quoted,
     styled,
 )
+from camopt.scene.design import Design
 from camopt.scene.response import Response
-from camopt.scene.schema import Design
 from camopt.scene.units import DEG, MM
 
 MOVING_MM = 0.002

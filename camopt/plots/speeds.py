@@ -18,8 +18,8 @@ from camopt.plots.style import (
     styled,
     zero_and_decades,
 )
+from camopt.scene.design import Design
 from camopt.scene.quantities import QUANTITIES
-from camopt.scene.schema import Design
 
 FINEST_MM = 0.01
 """The axis is linear below this value and logarithmic above it, because a bounce or jump of zero must be seen."""

@@ -8,7 +8,8 @@ from camopt.scene.table import NonNegative, Positive, Table, Usable
 from camopt.scene.units import RPM
 
 if TYPE_CHECKING:
-    from camopt.scene.schema import Geometry, Operation
+    from camopt.scene.geometry import Geometry
+    from camopt.scene.schema import Operation
 
 MOST_WINDOWS = 20
 """Rows of a table of windows."""

@@ -8,9 +8,9 @@ from camopt.cam.hertz import HertzStress, contact_width, hertz_stress
 from camopt.cam.lift import Lift
 from camopt.measure.limits import broken_by_shape, drawing_excess
 from camopt.scene import InputError, Scene, Train, build_train
-from camopt.scene.geometry import SWINGING
+from camopt.scene.design import Design
+from camopt.scene.geometry import SWINGING, Geometry
 from camopt.scene.rest import static_forces
-from camopt.scene.schema import Design, Geometry
 from camopt.scene.units import DEG, MM
 from camopt.study.cam_force import settled_force
 

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from camopt.scene.design import Piston
 from camopt.scene.schema import Scene
 from camopt.scene.usual import USUAL
 from docs.generators.tables import markdown
@@ -26,6 +27,8 @@ def scene_keys(content: str) -> str:
             model, repeats = _model(Scene.model_fields[name].annotation)
             title = f"`[[{name}]]`" if repeats else f"`[{name}]`"
             sections.append(_section(title, model, name))
+            if name == "design":
+                sections.append(_section("`[design.piston]`", Piston, "piston"))
     return "\n".join(sections)
 
 

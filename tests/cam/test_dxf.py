@@ -10,7 +10,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.geometry import contact
 from camopt.cam.lift import angles_deg
 from camopt.scene import InputError, load_scene
-from camopt.scene.schema import Geometry
+from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM
 from tests.cam.test_followers import FOLLOWERS, resting
 

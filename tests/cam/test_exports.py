@@ -13,7 +13,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.families.trapezoid import trapezoid
 from camopt.cam.tables.lift_table import read_lift_table
 from camopt.scene import InputError, load_scene
-from camopt.scene.schema import Geometry
+from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM
 
 KODAMA = load_scene("kodama")

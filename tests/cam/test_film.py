@@ -5,7 +5,7 @@ import pytest
 
 from camopt.cam.film import film_ratio
 from camopt.cam.geometry import contact
-from camopt.scene.schema import Geometry
+from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM, RPM
 from tests.cam.test_geometry import CAM
 

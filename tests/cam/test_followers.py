@@ -11,7 +11,7 @@ from camopt.cam.geometry import contact
 from camopt.cam.hertz import line_pressure
 from camopt.cam.lift import Lift
 from camopt.scene import InputError, load_scene
-from camopt.scene.schema import Geometry
+from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM
 from tests.cam.test_geometry import OFFSET, RADIUS, cam_of
 

@@ -8,7 +8,7 @@ from camopt.cam.followers.circle import signed_radius
 from camopt.cam.geometry import contact, crossing, durations
 from camopt.cam.lift import Lift
 from camopt.scene import InputError, load_scene
-from camopt.scene.schema import Geometry
+from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM
 
 RADIUS, OFFSET, ROLLER = 20 * MM, 4 * MM, 8 * MM

@@ -7,8 +7,8 @@ from camopt.cam.geometry import contact
 from camopt.cam.hertz import contact_modulus, contact_width, hertz_stress, line_pressure
 from camopt.cam.lift import Lift
 from camopt.scene import InputError, build_train, load_scene
+from camopt.scene.geometry import Geometry
 from camopt.scene.rest import rest_position, static_forces
-from camopt.scene.schema import Geometry
 from camopt.scene.units import MM
 from tests.cam.test_geometry import CAM, OFFSET, RADIUS, ROLLER, cam_of, eccentric_flat, eccentric_roller
 

@@ -14,7 +14,7 @@ from camopt.optimizer.program.no_jump import Margins, no_jump_program
 from camopt.optimizer.program.program_cam import centres, program_cam
 from camopt.scene import InputError, load_scene
 from camopt.scene.design import Piston
-from camopt.scene.schema import Geometry
+from camopt.scene.geometry import Geometry
 from camopt.scene.train import build_train
 from camopt.scene.units import DEG, MM
 

@@ -6,7 +6,7 @@ from camopt.cam.read import read_cam
 from camopt.report.contact import geometry, tightest
 from camopt.report.motion import RunCams
 from camopt.scene import load_scene
-from camopt.scene.schema import Geometry
+from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM
 
 SCENE = load_scene("kodama")

@@ -6,7 +6,7 @@ import pytest
 from camopt.cam.followers.arm import Arm
 from camopt.report.followers import drawn_follower, room_for
 from camopt.scene import load_scene
-from camopt.scene.schema import Geometry
+from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM
 
 FINGER = load_scene("kodama").geometry

@@ -4,8 +4,10 @@ import re
 
 import camopt
 from camopt.cli.parser import parser
+from camopt.scene.design import Design
 from camopt.scene.element import Element
-from camopt.scene.schema import Design, Force, Geometry, Mass, Operation, Scene
+from camopt.scene.geometry import Geometry
+from camopt.scene.schema import Force, Mass, Operation, Scene
 from camopt.scene.tolerances import Grinding, Tolerance
 from docs.generators.commands import commands
 from docs.generators.python_names import python_names

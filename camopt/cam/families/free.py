@@ -19,7 +19,7 @@ from camopt.cam.families.record import Event, Family, Parameters
 from camopt.cam.lift import Lift, with_ramps
 from camopt.cam.ramps import Ramp, scene_ramps
 from camopt.scene import InputError, Scene
-from camopt.scene.schema import Design
+from camopt.scene.design import Design
 from camopt.scene.units import DEG, MM_PER_DEG2
 
 DEGREE = 3

@@ -12,7 +12,7 @@ import numpy as np
 
 from camopt.cam.bernstein import from_powers
 from camopt.cam.linear_limits import LinearLimit, linear_limits
-from camopt.scene.schema import Design
+from camopt.scene.design import Design
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 
 if TYPE_CHECKING:

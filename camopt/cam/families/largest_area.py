@@ -23,7 +23,7 @@ from camopt.cam.bernstein import from_powers
 from camopt.cam.families.sections import Flank, SectionTable, closed, flank
 from camopt.cam.ramps import Ramp
 from camopt.scene import InputError
-from camopt.scene.schema import Design
+from camopt.scene.design import Design
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
 
 SHORTEST = 2.0 * DEG

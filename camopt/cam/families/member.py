@@ -9,7 +9,7 @@ from camopt.cam.families.sections import Flank, SectionTable, closed, flank
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import Ramp, symmetric_conditions
 from camopt.scene import InputError, Scene
-from camopt.scene.schema import Design
+from camopt.scene.design import Design
 from camopt.scene.units import DEG, MM
 
 STRETCH_ROUND_OFF = 1e-8

@@ -17,7 +17,7 @@ from camopt.cam.families.sections import SectionTable, closed, flank
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import Ramp, symmetric_conditions
 from camopt.scene import Scene
-from camopt.scene.schema import Design
+from camopt.scene.design import Design
 from camopt.scene.units import DEG, MM
 
 LEAST_USE = 0.3

@@ -13,8 +13,9 @@ from scipy.optimize import lsq_linear, nnls
 from camopt.cam.families.free import FreeCam, free_cam
 from camopt.cam.lift import Lift
 from camopt.optimizer.program.kinematic import conflict, reached_in_the_middle
+from camopt.scene.design import Design
 from camopt.scene.errors import InputError
-from camopt.scene.schema import Design, Scene
+from camopt.scene.schema import Scene
 
 BROKEN = 1e-10
 """Excess of a row over the distance unit at which it counts as broken; a free cam's limits are tightened by more."""

@@ -19,8 +19,9 @@ from camopt.cam.families.registry import family_named
 from camopt.cam.lift import Lift
 from camopt.optimizer.ascent.projection import Empty, Polyhedron, ShapeLimits
 from camopt.optimizer.ascent.train_variables import TrainVariables
+from camopt.scene.design import Design
 from camopt.scene.errors import InputError
-from camopt.scene.schema import Design, Scene
+from camopt.scene.schema import Scene
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 
 FREE = "free"

@@ -24,9 +24,10 @@ from camopt.exact.engine import prepare
 from camopt.measure.limits import broken_by_shape, drawing_excess
 from camopt.measure.settling import settle
 from camopt.optimizer.baselines.family_spaces import family_space
+from camopt.scene.design import Design
 from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.rest import state_at_rest
-from camopt.scene.schema import Design, Scene
+from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 from camopt.scene.units import MM, MM_PER_DEG2, MM_PER_DEG3
 from camopt.storage import append_line, run_identity, whole_lines, write_text

@@ -3,8 +3,8 @@
 from camopt.cam.lift import Lift
 from camopt.measure.limits import broken_by_shape, duration_words
 from camopt.optimizer.bound.certificate import area_ratio_bound
+from camopt.scene.design import Design
 from camopt.scene.errors import InputError
-from camopt.scene.schema import Design
 
 
 def area_words(lift: Lift, design: Design) -> list[str]:

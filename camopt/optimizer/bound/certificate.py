@@ -28,7 +28,7 @@ from scipy.interpolate import PPoly
 from camopt.cam.ramps import scene_ramps
 from camopt.optimizer.bound.fine_program import Discretised, equal_grid
 from camopt.optimizer.bound.limit_terms import limit_terms
-from camopt.scene.schema import Design
+from camopt.scene.design import Design
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
 
 INTERVALS = 1440

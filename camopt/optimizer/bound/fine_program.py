@@ -12,8 +12,8 @@ from camopt.cam.linear_limits import LinearLimit
 from camopt.cam.ramps import scene_ramps
 from camopt.optimizer.bound.limit_terms import bounded_limits
 from camopt.optimizer.program.kinematic import conflict
+from camopt.scene.design import Design
 from camopt.scene.errors import InputError
-from camopt.scene.schema import Design
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
 
 

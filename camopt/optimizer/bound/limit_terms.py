@@ -15,7 +15,7 @@ from scipy.interpolate import PPoly
 from camopt.cam.level import Level
 from camopt.cam.linear_limits import LinearLimit, linear_limits
 from camopt.cam.ramps import Ramp
-from camopt.scene.schema import Design
+from camopt.scene.design import Design
 
 
 def bounded_limits(design: Design) -> list[LinearLimit]:

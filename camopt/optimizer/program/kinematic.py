@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camopt.cam.families.free import FreeCam, Limits
+from camopt.cam.families.free import FreeCam
+from camopt.cam.families.free_limits import Limits
 from camopt.cam.lift import Lift
 from camopt.optimizer.program.linear_program import Infeasible, Optimum, Rows, least_relaxation, maximise
+from camopt.scene.design import Design
 from camopt.scene.errors import InputError
-from camopt.scene.schema import Design
 from camopt.scene.units import DEG, MM, MM_PER_DEG2
 
 REACH = 1e-5

@@ -11,7 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
-from camopt.cam.families.free import FreeCam, Limits
+from camopt.cam.families.free import FreeCam
+from camopt.cam.families.free_limits import Limits
 from camopt.cam.lift import Lift
 from camopt.optimizer.program.kinematic import area_ratio_row, first_working, reach, reached_in_the_middle, spline_rows
 from camopt.optimizer.program.linear_program import Infeasible, Optimum, Rows, least_relaxation
@@ -25,8 +26,8 @@ from camopt.optimizer.program.periodic import (
     sample_cam,
     static_angles,
 )
+from camopt.scene.design import Design
 from camopt.scene.errors import InputError
-from camopt.scene.schema import Design
 from camopt.scene.train import Train
 from camopt.scene.units import DEG, RPM
 

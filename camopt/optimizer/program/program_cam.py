@@ -15,7 +15,7 @@ from camopt.cam.families.free import FreeCam, free_cam
 from camopt.cam.families.free_limits import About
 from camopt.optimizer.program.kinematic import area_ratio_row, first_working, reach, spline_rows
 from camopt.optimizer.program.linear_program import Infeasible
-from camopt.scene.schema import Design
+from camopt.scene.design import Design
 from camopt.scene.units import DEG
 
 COARSE_DEG = 4.0

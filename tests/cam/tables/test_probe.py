@@ -9,7 +9,7 @@ from camopt.cam.geometry import contact
 from camopt.cam.read import read_cam
 from camopt.cam.tables.lift_table import read_lift_table
 from camopt.scene import InputError, load_scene
-from camopt.scene.schema import Geometry
+from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM
 from tests.test_cli import run
 

@@ -15,7 +15,7 @@ from camopt.cam.ramps import scene_ramps
 from camopt.cam.read import read_cam
 from camopt.cam.tables.lift_table import read_lift_table, write_lift_table
 from camopt.scene import InputError, load_scene
-from camopt.scene.schema import Geometry
+from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM
 
 KODAMA = load_scene("kodama")
