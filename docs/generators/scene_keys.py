@@ -76,6 +76,8 @@ def _type(annotation: Any) -> str:
         if inside[-1] is Ellipsis:
             return f"list of {_plural(_type(inside[0]))}"
         return f"[{', '.join(_type(part) for part in inside)}]"
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return "table"
     return {float: "number", int: "whole number", str: "text", bool: "true or false"}[annotation]
 
 
