@@ -106,7 +106,7 @@ class Scene(Table):
         """A copy with some tables replaced; its design refers to the copy's own geometry and operation."""
         copy = super().model_copy(update=update, deep=deep)
         if copy.design is not None:
-            copy.__dict__["design"] = copy.design.within(copy.geometry, copy.operation)
+            object.__setattr__(copy, "design", copy.design.within(copy.geometry, copy.operation))  # it is frozen
         return copy
 
     def cam_speed(self, speed_rpm: float) -> float:

@@ -25,6 +25,7 @@ class Worker:
 
     def _started(self) -> subprocess.Popen:
         if self.process is None or self.process.poll() is not None:
+            self.stop()
             words = [sys.executable, "-m", "tests.campaign.worker"]
             pipe = subprocess.PIPE
             self.process = subprocess.Popen(
@@ -63,8 +64,8 @@ class Worker:
     def stop(self) -> None:
         """Ends the process."""
         if self.process is not None:
-            self.process.kill()
-            self.process.wait()
+            with self.process:  # closes its pipes
+                self.process.kill()
 
 
 def _watched(process: subprocess.Popen, done: Event) -> None:

@@ -13,6 +13,8 @@ from camopt.scene import InputError
 from camopt.scene.text_file import read_text
 
 MAX_FILE_BYTES = 20_000_000
+LARGEST = 1e9
+"""Of any number in a table: products with a unit stay far from overflow."""
 _HEADER_KEY = re.compile(r"\btable[-_](angle|lift|ratio|probe)\s*[=:]\s*([\w.+-]+)")
 
 _WITH_COMMA = re.compile(r"[+-]?\d+(,\d+)?([eE][+-]?\d+)?")
@@ -59,6 +61,8 @@ def parsed(path: Path) -> TableText:
         finite = [v for v in values if v is not None and np.isfinite(v)]
         if len(finite) != len(cells):
             raise InputError(f"{path}: line {number}: expected finite numbers, found {line[:60]!r}")
+        if max(map(abs, finite)) > LARGEST:
+            raise InputError(f"{path}: line {number}: larger than any angle or lift, whatever its unit: {line[:60]!r}")
         if len(finite) < 2 or (rows and len(finite) != len(rows[0])) or (names and len(finite) != len(names)):
             raise InputError(f"{path}: line {number}: {len(finite)} columns; each row needs angle and lift, all alike")
         rows.append(finite)

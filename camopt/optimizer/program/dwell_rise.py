@@ -11,7 +11,7 @@ from math import factorial
 import numpy as np
 from scipy.interpolate import PPoly
 from scipy.optimize import linprog
-from scipy.sparse import csr_array, diags_array, hstack, vstack
+from scipy.sparse import csr_array, eye_array, hstack, vstack
 
 from camopt.optimizer.bound.certificate import absolute_integral
 from camopt.scene.errors import InputError
@@ -49,10 +49,9 @@ def least_peak(order: int, intervals: int = PEAK_INTERVALS) -> DwellRise:
     rows = ends[1:] / size[1:, None]
     answer = linprog(-ends[0] / size[0], A_eq=rows, b_eq=np.zeros(order - 1), bounds=(-1.0, 1.0), method="highs-ds")
     multipliers = np.append(1.0, answer["eqlin"]["marginals"] * size[0] / size[1:])
-    p = sum(
-        m * np.polynomial.Polynomial([1.0, -1.0]) ** (order - 1 - k) / factorial(order - 1 - k)
-        for k, m in enumerate(multipliers)
-    )
+    left = np.polynomial.Polynomial([1.0, -1.0])
+    terms = (m * left ** (order - 1 - k) / factorial(order - 1 - k) for k, m in enumerate(multipliers))
+    p = sum(terms, start=np.polynomial.Polynomial([0.0]))
     coefficients = np.pad(p.coef, (0, order - len(p.coef)))
     highest = absolute_integral(PPoly(coefficients[::-1, None], [0.0, 1.0]))
     rise = -float(answer["fun"]) * size[0]
@@ -74,8 +73,8 @@ def least_acceleration(jerk: float, intervals: int = JERK_INTERVALS) -> DwellRis
     weight[[0, -1]] = h / 2
     rise = weight * (1 - t)
     rise[0], rise[-1] = h / 2 - h**2 / 6, h**2 / 6
-    identity = diags_array([np.ones(n + 1)], offsets=[0])
-    slope = diags_array([-np.ones(n), np.ones(n)], offsets=[0, 1], shape=(n, n + 1))
+    identity = eye_array(n + 1)
+    slope = eye_array(n, n + 1, k=1) - eye_array(n, n + 1)
     peak, none = csr_array(-np.ones((n + 1, 1))), csr_array((n, 1))
     rows = vstack([hstack([sign * m, c]) for m, c in ((identity, peak), (slope, none)) for sign in (1, -1)])
     level = np.concatenate([np.zeros(2 * (n + 1)), np.full(2 * n, jerk * h)])

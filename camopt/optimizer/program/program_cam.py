@@ -7,6 +7,7 @@ of the event only where that brings area, so that a symmetric design stays symme
 
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -31,7 +32,9 @@ ROUNDS = 2
 def program_cam(design: Design, knot_deg: float) -> FreeCam:
     """The free cam of a design with knots about every `knot_deg`, for the programs."""
     cam = free_cam(design, knot_deg)
-    return replace(cam, about=About(centres(design))) if design.duration_at else cam
+    if not design.duration_at:
+        return cam
+    return replace(cam, about=About(centres(design)))  # pyright: ignore[reportArgumentType]  # frozen, so it has a hash
 
 
 @lru_cache(maxsize=64)
@@ -54,7 +57,7 @@ def centres(design: Design) -> tuple[float, ...]:
             trial = [_with(best, i, x) for x in np.linspace(-1, 1, 9) * FARTHEST_DEG * DEG]
             start = max(trial, key=area)
             width = FARTHEST_DEG * DEG / 4
-            found = minimize_scalar(
+            found: Any = minimize_scalar(
                 lambda x, i=i, best=best: -area(_with(best, i, x)),
                 bounds=(start[i] - width, start[i] + width),
                 method="bounded",
