@@ -24,8 +24,8 @@ def write_dxf(path: str | Path, lift: Lift, geometry: Geometry, step_deg: float)
     follower, and where ezdxf is not installed.
     """
     try:
-        from ezdxf import units
-        from ezdxf.filemanagement import new
+        from ezdxf import units  # pyright: ignore[reportMissingImports]  # an extra
+        from ezdxf.filemanagement import new  # pyright: ignore[reportMissingImports]  # an extra
     except ImportError:
         raise InputError("--dxf: needs the package ezdxf: pip install 'camopt[dxf]'") from None
     points = made_contour(lift, geometry, step_deg)

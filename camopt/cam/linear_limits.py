@@ -12,6 +12,15 @@ for the entrainment velocity)
 
 The entrainment velocity is positive on the base circle and continuous, so it keeps away from zero at every angle only
 without changing its sign: that limit, too, is linear.
+
+A roller's centre runs on the polar curve P = R + r + y with the roller's radius r, whose curvature is
+(P^2 + 2 P'^2 - P P'') / (P^2 + P'^2)^(3/2) (Norton 2009, ch. 7). The cam's radius is at least rho where it is convex if
+this is at most 1 / p with p = rho + r, and where it is concave if it is at least -1 / d with d = rho - r:
+
+    convex      P'' >= P - P^2 / p,    for which it suffices that P exceeds 4 p / 3
+    concave     P'' <= P + P^2 / d
+
+leave P'^2 out to the safe side, and the tangent of P^2 at any P0 makes both linear, to the safe side too.
 """
 
 from dataclasses import dataclass
@@ -23,6 +32,9 @@ from camopt.cam.lift import APART, Lift
 from camopt.cam.piston import piston_room
 from camopt.scene.design import Design
 from camopt.scene.units import DEG, MM
+
+FLANK = 0.25
+"""Share of the lift at which cams are most concave; elsewhere the limit is held with room."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +87,7 @@ def linear_limits(design: Design, centres: tuple[float, ...] = ()) -> list[Linea
         room = piston_room(design.piston, design.cam_per_crank, np.pi)
         clearance = design.piston.clearance_mm
         found.append(LinearLimit("piston", "piston.clearance_mm", (1.0,), room, clearance, -1 / MM))
-    return found + _of_a_flat_follower(design, half)
+    return found + _of_a_flat_follower(design, half) + _of_a_roller(design, half)
 
 
 def _durations(row: tuple[float, float, float], centre: float, half: float) -> list[LinearLimit]:
@@ -114,6 +126,29 @@ def _of_a_flat_follower(design: Design, half: float) -> list[LinearLimit]:
         assert design.slowest is not None, "the scene asks for it"
         level = base / 2 - velocity / design.slowest
         add("entrainment_min_m_per_s", (-y / 2, 0.0, -y), level, velocity, -design.slowest)
+    return found
+
+
+def _of_a_roller(design: Design, half: float) -> list[LinearLimit]:
+    geometry = design.geometry
+    if geometry is None or geometry.roller_radius_mm is None or geometry.follower != "roller":
+        return []
+    y, roller = 1 / geometry.rocker_ratio, geometry.roller_radius_mm * MM
+    base, rise = geometry.base_radius_mm * MM + roller, design.max_lift_mm * MM * y
+
+    def limit(key: str, radius: float, sign: float, at: float) -> LinearLimit:
+        """sign P'' <= sign P + (2 at P - at^2) / size, with P = base + y lift."""
+        size = radius * MM - sign * roller
+        weights = (-y * (sign + 2 * at / size), 0.0, sign * y)
+        square = 2 * at * base - at**2
+        level = flat_level(sign * base + square / size, -half, half)
+        return LinearLimit(key, key, weights, level, radius, -(size**2) / square / MM, chosen=True)
+
+    found = []
+    if (nose := design.nose_radius_min_mm) is not None:
+        found.append(limit("nose_radius_min_mm", nose, -1.0, base + rise))
+    if (concave := design.concave_radius_min_mm) is not None:
+        found.append(limit("concave_radius_min_mm", concave, 1.0, base + FLANK * rise))
     return found
 
 

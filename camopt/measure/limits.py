@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from camopt.cam.geometry import crossing
+from camopt.cam.geometry import contact, crossing
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import linear_limits
 from camopt.scene.design import Design
@@ -17,6 +17,8 @@ from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3, MM
 
 ROUNDING = 1e-9
 """Relative slack of a limit on the shape. It allows for the rounding of a cam that is designed to touch its limit."""
+SAMPLED = 1e-6
+"""The same for radii under a roller, which are sampled; `camopt.cam.geometry.STEP` says how much that misses."""
 STEP_ROUNDING = 1e-6
 """A jump at a border that is no larger than this share of the largest value counts as rounding. Solving for the
 coefficients of high powers loses a few digits more than evaluating them, and a designed step is orders larger."""
@@ -147,7 +149,19 @@ def drawing_excess(lift: Lift, design: Design) -> dict[str, float]:
         long = (closing - opening) / DEG
         over = max(least - long, long - most) / design.duration_deg
         found["duration_at"] = max(over, found.get("duration_at", -np.inf))
-    return found
+    return found | _of_a_roller(lift, design)
+
+
+def _of_a_roller(lift: Lift, design: Design) -> dict[str, float]:
+    """By how much the cam's radii under a roller are too small, relative to the limits; `contact` says how exactly."""
+    asked = {"nose_radius_min_mm": design.nose_radius_min_mm, "concave_radius_min_mm": design.concave_radius_min_mm}
+    geometry = design.geometry
+    if geometry is None or geometry.follower != "roller" or not any(asked.values()):
+        return {}
+    found = contact(lift, geometry)
+    concave = np.inf if found.smallest_concave is None else found.smallest_concave
+    radii = {"nose_radius_min_mm": found.smallest_convex, "concave_radius_min_mm": concave}
+    return {key: 1 - radii[key] / (least * MM) - SAMPLED for key, least in asked.items() if least}
 
 
 def duration_words(lift: Lift, design: Design) -> str:

@@ -15,6 +15,12 @@ MOST_WINDOWS = 20
 """Rows of a table of windows."""
 NARROWEST = 1e-3
 """Least width of a window, in mm or deg: below it no cam can be ground."""
+DRAWN_FOR = {
+    "nose_radius_min_mm": ("flat", "roller"),
+    "concave_radius_min_mm": ("roller",),
+    "entrainment_min_m_per_s": ("flat",),
+}
+"""Limits that depend on the follower, and the followers that have them."""
 Window = tuple[float, float, float]
 Windows = Annotated[tuple[Window, ...], Field(max_length=MOST_WINDOWS)]
 
@@ -70,6 +76,7 @@ class Design(Table):
     duration_at: Windows = ()
     piston: Piston | None = None
     nose_radius_min_mm: Positive | None = None
+    concave_radius_min_mm: Positive | None = None
     entrainment_min_m_per_s: Positive | None = None
     bounce_max_mm: NonNegative | None = None
     jump_max_mm: NonNegative | None = None
@@ -107,15 +114,27 @@ class Design(Table):
         """Sentences on limits whose geometry or operation the scene does not state."""
         follower = None if self._geometry is None else self._geometry.follower
         faults = []
-        for key in ("nose_radius_min_mm", "entrainment_min_m_per_s"):
+        for key, followers in DRAWN_FOR.items():
             if getattr(self, key) is not None and follower is None:
                 faults.append(f"{key} needs [geometry] with the follower and the base circle's radius")
-            elif getattr(self, key) is not None and follower != "flat":
-                faults.append(
-                    f"{key} is for flat followers, and the follower of [geometry] is {follower}: leave it out"
-                )
+            elif getattr(self, key) is not None and follower not in followers:
+                kinds = " and ".join(followers)
+                faults.append(f"{key} is for {kinds} followers, and that of [geometry] is {follower}: leave it out")
+        if self._geometry is not None and follower == "roller":
+            faults += self._beyond_the_roller(self._geometry)
         if (self.piston or self.entrainment_min_m_per_s) and self._operation is None:
             faults.append("piston and entrainment_min_m_per_s need [operation] with the speeds and cam_per_crank")
+        return faults
+
+    def _beyond_the_roller(self, geometry: "Geometry") -> list[str]:
+        """Sentences on radii of the cam that a roller of this size cannot be held to."""
+        assert geometry.roller_radius_mm is not None, "by its schema"
+        faults, roller, nose = [], geometry.roller_radius_mm, self.nose_radius_min_mm
+        if self.concave_radius_min_mm is not None and self.concave_radius_min_mm <= roller:
+            faults.append(f"concave_radius_min_mm must exceed roller_radius_mm = {roller:g}, or the roller undercuts")
+        if nose is not None and 4 / 3 * (nose + roller) > geometry.base_radius_mm + roller:
+            largest = 3 / 4 * (geometry.base_radius_mm + roller) - roller
+            faults.append(f"nose_radius_min_mm must be at most {largest:g} on this base circle and roller")
         return faults
 
     @field_validator("nose_deg")

@@ -65,6 +65,7 @@ USUAL = {
     "design.jerk_max_mm_per_deg3": Usual(1e-5, 0.2, "of cams that are ground", {"um/deg^3": 1e-3}),
     "design.snap_max_mm_per_deg4": Usual(1e-6, 0.1, "of cams that are ground", {"um/deg^4": 1e-3}),
     "design.nose_radius_min_mm": Usual(0.5, 200, "of noses that are ground", _LENGTH),
+    "design.concave_radius_min_mm": Usual(5, 2000, "of grinding wheels", _LENGTH),
     "design.entrainment_min_m_per_s": Usual(0.01, 20, "of flat followers", {"mm/s": 1e-3}),
     "design.bounce_max_mm": Usual(1e-4, 1, "from what can be measured to what breaks a seat", _LENGTH),
     "design.jump_max_mm": Usual(1e-4, 1, "from what can be measured to what breaks a follower", _LENGTH),

@@ -1,5 +1,7 @@
 """The limits of an engineer's drawing: a cam that would break one without it holds it with it, at every angle."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from camopt.cam.linear_limits import linear_limits
 from camopt.cam.piston import largest_fourth_derivative, piston_drop, piston_room
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.bound.certificate import area_ratio_bound
+from camopt.optimizer.bound.limit_terms import left_out
 from camopt.optimizer.bound.no_jump import no_jump_bound
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import Margins, no_jump_program
@@ -98,6 +101,58 @@ def test_a_limit_holds_at_every_angle_and_would_be_broken_without(key):
         assert held.area_ratio < free.area_ratio < area_ratio_bound(KODAMA.design).bound
         assert bound - held.area_ratio < 0.01
         assert bound < free.area_ratio  # so that the bound counts on the limit
+
+
+ROLLER = Geometry(follower="roller", base_radius_mm=18.0, roller_radius_mm=9.0)
+
+
+def cam_radii_mm(lift):
+    """Signed radii of the cam under a roller of 9 mm, by differences of the path of its centre."""
+    path = (27.0 + mm(lift, 0)) * np.exp(1j * GRID * DEG)
+    chord = np.diff(path)
+    turning = np.angle(chord[1:] / chord[:-1])
+    return 0.5 * (np.abs(chord[1:]) + np.abs(chord[:-1])) / turning - 9.0
+
+
+def smallest_concave(lift):
+    radii = cam_radii_mm(lift)
+    return -radii[radii < 0].max(initial=-1e9)
+
+
+def smallest_convex(lift):
+    radii = cam_radii_mm(lift)
+    return radii[radii > 0].min()
+
+
+@pytest.mark.parametrize(
+    ("key", "least", "smallest"),
+    [("nose_radius_min_mm", 11.2, smallest_convex), ("concave_radius_min_mm", 80.0, smallest_concave)],
+)
+def test_radii_under_a_roller_are_held_to_the_safe_side(key, least, smallest):
+    """The linear limits are stricter than the radii: at most by a tenth of the radius here."""
+    free = kinematic_optimum(KODAMA.design, free_cam(KODAMA.design, 2.0))
+    scene = scene_with(ROLLER, **{key: least})
+    held = kinematic_optimum(scene.design, program_cam(scene.design, 2.0))
+    assert smallest(free.lift) < 0.95 * least
+    assert broken_by_shape(free.lift, scene.design) == [key]
+    assert least < smallest(held.lift) < 1.1 * least
+    assert broken_by_shape(held.lift, scene.design) == []
+    assert held.area_ratio < free.area_ratio < area_ratio_bound(scene.design).bound
+    assert left_out(scene.design) == [key]
+
+
+@pytest.mark.parametrize(
+    ("geometry", "limits", "says"),
+    [
+        (ROLLER, {"concave_radius_min_mm": 9.0}, "must exceed roller_radius_mm = 9"),
+        (ROLLER, {"nose_radius_min_mm": 11.3}, "must be at most 11.25 on this base circle and roller"),
+        (FLAT, {"concave_radius_min_mm": 50.0}, "is for roller followers, and that of"),
+        (None, {"concave_radius_min_mm": 50.0}, "needs .geometry."),
+    ],
+)
+def test_radii_that_a_follower_cannot_be_held_to(geometry, limits, says):
+    (fault,) = scene_with(geometry, **limits).design.missing()
+    assert re.search(says, fault)
 
 
 def test_a_least_duration_and_a_least_lift_are_held():
