@@ -13,6 +13,7 @@ function h(name, attributes = {}, ...children) { // an HTML element
 }
 function shown(value, digits = 4) { // a number as the page writes it
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  if (Math.abs(value) < 1e-5) return "0"; // a hundredth of a micrometre, far below what any unit here resolves
   return String(Number(value.toPrecision(digits))).replace("-", "−");
 }
 function ticks(low, high, most) { // round numbers in a range
@@ -55,7 +56,7 @@ class Chart {
     if (spec.most !== undefined) high = Math.min(high, spec.most); // what goes beyond is cut, and said so
     const room = 0.12 * (high - low || Math.abs(high) || 1); // for the names of limits, too
     [low, high] = [low < 0 ? low - room : low, high + room];
-    const box = { left: 52, right: width - 10, top: 8, bottom: height - 34 };
+    const box = { left: 52, right: width - 18, top: 8, bottom: height - 34 };
     this.across = (x) => box.left + ((box.right - box.left) * (x - spec.x.low)) / (spec.x.high - spec.x.low);
     this.up = (y) => box.bottom - ((box.bottom - box.top) * (y - low)) / (high - low);
     this.box = box;
