@@ -56,6 +56,15 @@ def test_infeasible_right_sides_leave_the_rows_usable():
         maximise(objective, Rows(rows.matrix, rows.column), apart, FEW)  # and from the start
 
 
+def test_a_simplex_method_that_goes_round_is_left_for_another_one(monkeypatch):
+    objective, rows, bound, _ = random_program(3)
+    expected = maximise(objective, rows, bound, FEW)
+    assert rows.model.pivots > 20
+    monkeypatch.setitem(linear_program.OPTIONS, "simplex_iteration_limit", 10)
+    found = maximise(objective, Rows(rows.matrix, rows.column), bound, FEW)
+    assert found.value == pytest.approx(expected.value, abs=1e-8)
+
+
 def test_unbounded_on_the_working_set_is_no_answer_unbounded_on_all_rows_an_error():
     objective, rows, bound, _ = random_program(8)
     assert maximise(objective, rows, bound, np.zeros(0, int)).value == pytest.approx(-cold(objective, rows, bound).fun)

@@ -29,6 +29,7 @@ OPTIONS = {
     "primal_feasibility_tolerance": FEASIBILITY,
     "dual_feasibility_tolerance": 1e-9,
     "small_matrix_value": SMALLEST,
+    "simplex_iteration_limit": 5000,  # ordinary programs take hundreds; near a contradiction it may go round
 }
 ADDED_PER_ROUND = 400
 """Most violated rows added in one round."""
