@@ -58,10 +58,10 @@ def closing(speed_rpm: float):
 
 
 try:
-    from ipywidgets import FloatSlider, interact
+    from ipywidgets import FloatSlider, interactive
 
     slider = FloatSlider(6500, min=4000, max=8000, step=50, description="r/min", continuous_update=False)
-    live = interact(closing, speed_rpm=slider)
+    live = interactive(closing, speed_rpm=slider)
 except ImportError:
     live = closing(6500)
 live

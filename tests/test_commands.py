@@ -238,7 +238,7 @@ class TestCamWithFollower:
         assert code == 0
         assert "fault: a flat follower needs a contour without cusp" in out
         assert "fault: the contact needs a face" in out
-        assert out.splitlines()[-1].startswith("Hertz stress: none without a contour")
+        assert any(line.startswith("Hertz stress: none without a contour") for line in out.splitlines())
 
     def test_exports(self, capsys, tmp_path):
         table, contour = tmp_path / "lift.csv", tmp_path / "contour.csv"

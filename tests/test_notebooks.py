@@ -78,4 +78,4 @@ def test_a_cell_that_fails_or_shows_nothing_is_seen():
 
 def test_there_is_a_live_slider():
     text = "".join(path.read_text(encoding="utf-8") for path in NOTEBOOKS)
-    assert "interact(" in text and "except ImportError" in text
+    assert "interactive(" in text and "except ImportError" in text

@@ -1,8 +1,6 @@
 """Commands that lack what they take for granted: room on the disk, rights, a home, a reader, a folder that stays."""
 
 import os
-import resource
-import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -12,9 +10,9 @@ from pathlib import Path
 QUICK = ("cam", "kodama", "--cam", "polydyne")
 
 
-def camopt(*words: str, **options) -> subprocess.CompletedProcess:
-    """One command in a process of its own."""
-    command = [sys.executable, "-m", "camopt", *words]
+def camopt(*words: str, through: tuple[str, ...] = (), **options) -> subprocess.CompletedProcess:
+    """One command in a process of its own, behind the words `through`."""
+    command = [*through, sys.executable, "-m", "camopt", *words]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, errors="replace", **options)
 
 
@@ -41,10 +39,8 @@ def mounted(folder: Path, options: str) -> Iterator[Path]:
         subprocess.run(["umount", "-l", str(folder)], check=True)
 
 
-def least_files() -> None:
-    """Limits the files of the process about to start to 4 kB each."""
-    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+LEAST_FILES = ("bash", "-c", "trap '' XFSZ; ulimit -f 4; exec \"$@\"", "camopt")
+"""Words before a command that limit its files to 4 kB each."""
 
 
 def bare(**further: str) -> dict[str, str]:

@@ -14,7 +14,7 @@ from tests.campaign.fuzz import outcomes, table
 from tests.campaign.inputs import KINDS, drawn
 from tests.campaign.kills import COMMANDS, digest, killings, torn
 from tests.campaign.soak import grown, soaked
-from tests.campaign.starved import QUICK, bare, camopt, least_files, mounted, refused
+from tests.campaign.starved import LEAST_FILES, QUICK, bare, camopt, mounted, refused
 from tests.campaign.worker import verdict
 
 LONG = pytest.mark.long
@@ -94,7 +94,7 @@ class TestStarved:
             assert camopt(*QUICK, cwd=folder, env=bare(HOME=str(folder))).returncode == 0
 
     def test_files_of_limited_size(self, tmp_path):
-        assert refused(camopt(*QUICK, "--csv", "lift.csv", cwd=tmp_path, preexec_fn=least_files))
+        assert refused(camopt(*QUICK, "--csv", "lift.csv", cwd=tmp_path, through=LEAST_FILES))
         assert not list(tmp_path.iterdir())
 
     @pytest.mark.parametrize("home", [None, *(pytest.param(n, marks=LONG) for n in ("/nonexistent", "/dev/null"))])

@@ -4,7 +4,7 @@ import re
 
 import camopt
 from camopt.cli.parser import parser
-from camopt.scene.design import Design
+from camopt.scene.design import Design, Piston
 from camopt.scene.element import Element
 from camopt.scene.geometry import Geometry
 from camopt.scene.schema import Force, Mass, Operation, Scene
@@ -34,7 +34,7 @@ def test_every_key_of_a_scene():
 
 def test_meanings_are_those_of_keys_that_exist():
     tables = {"mass": Mass, "element": Element, "operation": Operation, "design": Design, "geometry": Geometry}
-    tables |= {"scene": Scene, "force": Force, "tolerance": Tolerance, "grinding": Grinding}
+    tables |= {"scene": Scene, "force": Force, "tolerance": Tolerance, "grinding": Grinding, "piston": Piston}
     for table, keys in meanings().items():
         assert keys.keys() <= tables[table].model_fields.keys(), table
 
