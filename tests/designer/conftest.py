@@ -1,6 +1,5 @@
 """A served designer and a browser, for the tests of the page."""
 
-import shutil
 import threading
 
 import pytest
@@ -8,8 +7,7 @@ import pytest
 from camopt.designer.desk import Desk
 from camopt.designer.server import DesignServer
 from camopt.designer.session import Session
-
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+from tests.browser import started_browser
 
 
 class Served:
@@ -43,14 +41,8 @@ def serve():
         one.end()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser():
-    """Chromium by Playwright; tests that want it are skipped where either is missing."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-    if CHROMIUM is None:
-        pytest.skip("no Chromium on this machine")
-    with playwright.sync_playwright() as driver:
-        # root in a container has no sandbox; the page is this test's own
-        started = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+    """Chromium for the tests of one file: as long as it runs, no other may start in its thread."""
+    with started_browser() as started:
         yield started
-        started.close()

@@ -9,6 +9,7 @@ import pytest
 
 from camopt.designer.session import Session
 from camopt.scene import load_scene
+from tests.browser import watched_pages
 
 SCENE = load_scene("motori-1")
 ROOT = "document.getElementById('camopt-live')"
@@ -30,26 +31,17 @@ def session():
 @pytest.fixture
 def open_page(browser, served):
     """Opens the page; at the end nothing may have been said, thrown or fetched from elsewhere."""
-    contexts, faults, foreign = [], [], []
+    requests = []
+    with watched_pages(browser, requests) as new_page:
 
-    def opened(**settings):
-        context = browser.new_context(**{"viewport": {"width": 1366, "height": 768}} | settings)
-        contexts.append(context)
-        page = context.new_page()
-        page.on("console", lambda message: faults.append(message.text))
-        page.on("pageerror", lambda error: faults.append(str(error)))
-        page.on(
-            "request", lambda request: foreign.append(request.url) if not request.url.startswith(served.address) else 0
-        )
-        page.goto(served.address)
-        rest(page)
-        return page
+        def opened(**settings):
+            page = new_page(**settings)
+            page.goto(served.address)
+            rest(page)
+            return page
 
-    yield opened
-    for context in contexts:
-        context.close()
-    assert faults == []
-    assert foreign == []
+        yield opened
+    assert [url for url in requests if not url.startswith(served.address)] == []
 
 
 def wait(page, reached) -> None:

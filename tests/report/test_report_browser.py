@@ -1,7 +1,6 @@
 """The page in a real browser: it opens without error or request, and its controls draw the run's motion."""
 
 import re
-import shutil
 
 import numpy as np
 import pytest
@@ -15,10 +14,8 @@ from camopt.report import write_report
 from camopt.scene import build_train, load_scene
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM
+from tests.browser import started_browser, watched_pages
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
 SCENE = load_scene("kodama")
 EVIL = "</script><script>document.title='changed'</script>"
 
@@ -52,33 +49,23 @@ def report(tmp_path_factory, lifts, new_contents, write_into):
 
 @pytest.fixture(scope="module")
 def browser():
-    with playwright.sync_playwright() as driver:
-        # root in a container has no sandbox; the page is this test's own file
-        started = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+    with started_browser() as started:
         yield started
-        started.close()
 
 
 @pytest.fixture
 def open_page(browser, report):
     """Opens the report in a window of its own; at the end nothing may have been said, thrown or fetched."""
-    contexts, faults, requests = [], [], []
+    pages, requests = [], []
+    with watched_pages(browser, requests) as new_page:
 
-    def opened(**settings):
-        context = browser.new_context(**{"viewport": {"width": 1366, "height": 768}} | settings)
-        contexts.append(context)
-        page = context.new_page()
-        page.on("console", lambda message: faults.append(message.text))
-        page.on("pageerror", lambda error: faults.append(str(error)))
-        page.on("request", lambda request: requests.append(request.url))
-        page.goto(report.as_uri())
-        return page
+        def opened(**settings):
+            pages.append(new_page(**settings))
+            pages[-1].goto(report.as_uri())
+            return pages[-1]
 
-    yield opened
-    for context in contexts:
-        context.close()
-    assert faults == []
-    assert requests == [report.as_uri()] * len(contexts)
+        yield opened
+    assert requests == [report.as_uri()] * len(pages)
 
 
 def picture(page) -> str:
