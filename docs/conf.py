@@ -1,14 +1,11 @@
 """Sphinx reads this file: `python -m sphinx -W -b html docs site` builds the site, offline, with the extra `docs`."""
 
-import os
 import sys
 from importlib import metadata
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))  # camopt as this checkout has it, and docs.generators
-os.environ["PYTHONPATH"] = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])  # of the kernels
-os.environ.setdefault("CAMOPT_NOTEBOOK_SIZE", "small")
 
 project = "camopt"
 author = "the camopt developers"
@@ -25,10 +22,7 @@ myst_heading_anchors = 4
 suppress_warnings = ["misc.highlighting_failure"]  # a terminal's output is no language
 
 nb_custom_formats = {".py": "docs.generators.notebook.notebook"}
-nb_execution_mode = "cache"
-nb_execution_in_temp = True
-nb_execution_timeout = 300
-nb_execution_raise_on_error = True
+nb_execution_mode = "off"  # the outputs are stored: `python -m docs.record_notebooks`
 nb_ipywidgets_js = {}  # no page of ours has a live widget, and the scripts would come from a foreign address
 
 html_theme = "furo"
