@@ -14,7 +14,7 @@ from typing import Any
 
 RESULTS = Path(__file__).parents[2] / "experiments" / "results"
 ROLE = re.compile(r"\{number\}`([^`]+)`")
-FUNCTIONS = {f.__name__: f for f in (min, max, len, sum, abs, sorted)}
+FUNCTIONS = {f.__name__: f for f in (min, max, len, sum, abs, sorted, zip)}
 
 
 class Keys:
@@ -92,8 +92,22 @@ def number(text: str, folder: Path = RESULTS) -> str:
     """What `expression | format` gives by the results in a folder; raises for what is not there."""
     expression, _, form = text.rpartition("|")
     known = {"__builtins__": {}, **FUNCTIONS}
-    value = eval(expression.strip(), known, Names(folder, known))
-    return format(value, form.strip()).replace("-", "−")
+    return shown(eval(expression.strip(), known, Names(folder, known)), form.strip())
+
+
+def shown(value: Any, form: str) -> str:
+    """A value in a format of Python's: a list with commas, minus signs as signs, 1e-09 as 1e−9, 5e+01 as 50.
+
+    None is a dash.
+    """
+    if isinstance(value, Rows):
+        return ", ".join(shown(one, form) for one in value)
+    if value is None or isinstance(value, str):
+        return value or "–"
+    text = format(value, form)
+    if re.search(r"e\+0[1-5]$", text):
+        text = f"{float(text):.0f}"
+    return re.sub(r"e(−?)\+?0*", r"e\1", text.replace("-", "−"))
 
 
 def filled_numbers(text: str, folder: Path = RESULTS) -> str:

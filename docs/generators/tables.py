@@ -4,7 +4,7 @@ import tomllib
 from collections.abc import Iterable
 from importlib import import_module
 
-from docs.generators.results import FUNCTIONS, RESULTS, Names, Rows, stored, wrapped
+from docs.generators.results import FUNCTIONS, RESULTS, Names, shown, stored, wrapped
 
 OWN = {
     "cam_families": ("cam_families_table", lambda m, found: "\n".join(m.markdown(found["cams"]))),
@@ -23,15 +23,17 @@ def result_table(content: str) -> str:
 def rows_table(content: str) -> str:
     """A table with a row for each row of a stored list or object.
 
-    The block's content is TOML: `of` the file's name, `at` the keys that lead to the list or object, and `columns`,
-    rows of [heading, expression | format] in which the row is called `row`, and its key or number `key`.
+    The block's content is TOML: `of` the file's name, `at` the keys that lead to the list or object, `where` a
+    condition on the rows that are shown, and `columns`, rows of [heading, expression | format]. In every expression
+    the row is called `row`, and its key or number `key`.
     """
     asked = tomllib.loads(content)
     found = stored(RESULTS / f"{asked['of']}.json")
     for key in asked.get("at", []):
         found = found[key]
     pairs = found.items() if isinstance(found, dict) else enumerate(found)
-    rows = [[_cell(cell, key, row) for _, cell in asked["columns"]] for key, row in pairs if key != "provenance"]
+    kept = [(key, row) for key, row in pairs if key != "provenance" and _value(asked.get("where", "True"), key, row)]
+    rows = [[_cell(cell, key, row) for _, cell in asked["columns"]] for key, row in kept]
     return markdown([heading for heading, _ in asked["columns"]], rows)
 
 
@@ -44,11 +46,12 @@ def markdown(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 def _cell(cell: str, key: object, row: object) -> str:
     expression, _, form = cell.rpartition("|")
+    return shown(_value(expression, key, row), form.strip()).replace("|", "\\|")
+
+
+def _value(expression: str, key: object, row: object) -> object:
     known = {"__builtins__": {}, **FUNCTIONS, "row": wrapped(row), "key": key}
-    value = eval(expression.strip(), known, Names(RESULTS, known))
-    if isinstance(value, Rows):  # a list of numbers
-        return ", ".join(format(one, form.strip()) for one in value)
-    return "–" if value is None else format(value, form.strip()).replace("|", "\\|")
+    return eval(expression.strip(), known, Names(RESULTS, known))
 
 
 def origin(content: str) -> str:

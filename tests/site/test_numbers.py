@@ -10,13 +10,14 @@ from docs.generators.results import RESULTS, ROLE, filled_numbers, number, store
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
+NUMBER = r"−?\d+(\.\d+)?(e−?\d+)?"
 TEXTS = {str(page.relative_to(ROOT)): page.read_text(encoding="utf-8") for page in [*PAGES, ROOT / "docs/claims.toml"]}
 
 
 @pytest.mark.parametrize("page", [name for name, text in TEXTS.items() if ROLE.search(text)])
 def test_every_number_of_a_page_is_found(page):
     for expression in ROLE.findall(TEXTS[page]):
-        assert re.fullmatch(r"−?\d+(\.\d+)?", number(expression)), expression
+        assert re.fullmatch(rf"{NUMBER}(, {NUMBER})*", number(expression)), expression
 
 
 def test_a_page_shows_what_its_result_says(tmp_path):
@@ -33,7 +34,9 @@ def test_a_page_shows_what_its_result_says(tmp_path):
 @pytest.fixture
 def folder(tmp_path):
     rows = [{"cam": "a", "limits": "all", "x": 1.0}, {"cam": "a", "limits": "none", "x": -2.5}, {"cam": "b", "x": 4}]
-    (tmp_path / "found.json").write_text(json.dumps({"rows": rows, "by name": {"c": 3}}), encoding="utf-8")
+    (tmp_path / "found.json").write_text(
+        json.dumps({"rows": rows, "by name": {"c": 3}, "list": [1.0, 20.0, 3e-7]}), encoding="utf-8"
+    )
     stored.cache_clear()
     return tmp_path
 
@@ -46,6 +49,9 @@ def folder(tmp_path):
         ("100 * found.rows[0].x / found['by name'].c | .1f", "33.3"),
         ("max(r.x for r in found.rows if r.cam == 'a') | .0f", "1"),
         ("len(found.rows) | d", "3"),
+        ("found.list | g", "1, 20, 3e−7"),
+        ("found.list[1] | .0e", "20"),
+        ("max(a for a, r in zip(found.list, found.rows) if r.x > 0) | g", "1"),
     ],
 )
 def test_expressions(folder, expression, shown):
