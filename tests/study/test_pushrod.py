@@ -6,30 +6,7 @@ import pytest
 from camopt.scene import build_train, load_scene, parse_scene, rest_position
 from camopt.scene.rest import static_matrices
 from camopt.study.modes import modes
-
-POUND, INCH = 0.45359237, 0.0254
-POUND_PER_INCH = POUND * 9.80665 / INCH
-RATIO = 1.7
-TWO_MASSES = f"""
-format = 1
-name = "handbook"
-[[mass]]
-name = "cam_side"
-mass_kg = {(0.270 + 0.114 / 2) * POUND}
-[[mass]]
-name = "valve_side"
-mass_kg = {(0.114 / 2 + 0.132 / 0.875**2 + (0.251 + 0.153 / 3) * RATIO**2) * POUND}
-[[element]]
-name = "pushrod"
-kind = "spring"
-between = ["cam_side", "valve_side"]
-stiffness_N_per_m = {3.0e5 * POUND_PER_INCH}
-[[element]]
-name = "spring"
-kind = "spring"
-between = ["valve_side", "ground"]
-stiffness_N_per_m = {660 * POUND_PER_INCH}
-"""
+from experiments.handbook import POUND, POUND_PER_INCH, RATIO, TWO_MASSES
 
 
 def test_two_mass_form_has_the_printed_masses_and_frequencies():
