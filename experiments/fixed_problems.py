@@ -7,7 +7,9 @@ revolution against a formula, or event-exact at finer samples. Steps grow tenfol
 import time
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from camopt.plots.style import new_figure, styled
 from camopt.scene.units import UM
 from camopt.study.extremes.step_methods import LOCATING, STEP_METHODS
 from experiments.support.problems import PROBLEMS, Problem, position
@@ -55,8 +57,23 @@ def main(size: str, folder=RESULTS) -> dict:
             shown = " ".join(f"{e:9.2g}" for e in row["error_um"])
             print(f"{problem.name:<18}{method:<18}{shown} um  {row['power_of_step'] or 0:5.2f}")
     content = {"rows": rows}
-    write_result("fixed_problems", size, content, {}, folder)
+    write_result("fixed_problems", size, content, {"error": draw(content["rows"])}, folder)
     return content
+
+
+@styled
+def draw(rows: list[dict]) -> Figure:
+    """Error against the number of steps, a panel for each problem and a line for each method."""
+    problems = list(dict.fromkeys(row["problem"] for row in rows))
+    figure = new_figure(10.0, 3.4)
+    panels = figure.subplots(1, len(problems), sharey=True)
+    for axes, problem in zip(panels, problems, strict=True):
+        for row in (row for row in rows if row["problem"] == problem):
+            axes.loglog(row["steps"], row["error_um"], "o-", markersize=3, label=row["method"])
+        axes.set(title=problem, xlabel="steps in a revolution")
+    panels[0].set_ylabel("error [um]")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=7)
+    return figure
 
 
 if __name__ == "__main__":
