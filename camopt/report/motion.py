@@ -42,7 +42,7 @@ class RunCams:
     scene: Scene | None
     lifts: dict[str, Lift]
     left_out: list[str]
-    stated: dict[str, dict[float, bool]] = field(default_factory=dict)  # cam, speed [r/min] -> periodic in its verdict
+    verdicts: dict[str, dict] = field(default_factory=dict)  # by cam, as verification.json has the design's
 
 
 def cams_of(folder: Path, run: RunFolder) -> RunCams:
@@ -69,7 +69,7 @@ def cams_of(folder: Path, run: RunFolder) -> RunCams:
             if name == DESIGN:
                 break  # other cams alone would pass for the run's motion
     found = {DESIGN: run.verification} | verdicts_in(folder)
-    return RunCams(scene, lifts, left_out, {name: stated_periodic(one) for name, one in found.items()})
+    return RunCams(scene, lifts, left_out, found)
 
 
 def _rebuilt(name: str, area: float | None, folder: Path, scene: Scene) -> Lift:
@@ -134,7 +134,7 @@ def _moved(
         except InputError as error:
             left_out.append(f"{name} is not shown: {error}")
             continue
-        motions, stated = [], cams.stated.get(name, {})
+        motions, stated = [], stated_periodic(cams.verdicts.get(name, {}))
         for speed in speeds:
             try:
                 found = motion(train, lift, scene.cam_speed(speed), step, contacts, stated.get(speed))
