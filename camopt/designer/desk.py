@@ -50,6 +50,10 @@ class Desk:
             raise InputError(f"kind {excerpt(str(kind))}: expected one of {', '.join(self._kinds)}")
         return self._kinds[kind](message)
 
+    def verified(self, values: Mapping[str, Any]) -> dict[str, Any] | None:
+        """verification.json of values whose verdict has ended, else None."""
+        return self.verification.verified(_subject(values))
+
     def stop(self) -> None:
         """End all processes."""
         self.verification.cancel()
@@ -111,7 +115,7 @@ class Desk:
         if what == "scene":
             path = save_scene(self.folder, message.get("name"), design)
         elif what == "run":
-            path = save_run(self.folder, message.get("name"), design, self.verification.verified(_subject(values)))
+            path = save_run(self.folder, message.get("name"), design, self.verified(values))
         else:
             raise InputError(f"what {excerpt(str(what))}: expected scene or run")
         return plain({"state": "ok", "saved": path.name})

@@ -38,11 +38,11 @@ def test_keys_read_values_and_look_closer(open_page):
     figure.locator("> svg").focus()
     page.keyboard.press("ArrowRight")
     assert "design" in figure.locator(".values").inner_text()
-    before = figure.locator("text").all_inner_texts()
+    before = figure.locator("text").all_text_contents()
     page.keyboard.press("+")
-    assert figure.locator("text").all_inner_texts() != before
+    assert figure.locator("text").all_text_contents() != before
     page.get_by_role("button", name="whole axis").click()
-    assert figure.locator("text").all_inner_texts() == before
+    assert figure.locator("text").all_text_contents() == before
 
 
 def test_a_dragged_part_of_the_axis_is_looked_at(open_page):
