@@ -65,6 +65,8 @@ class Desk:
         client, sequence, part = str(message.get("client", ""))[:64], message.get("sequence", 0), message.get("part")
         if isinstance(sequence, bool) or not isinstance(sequence, int):
             raise InputError(f"sequence {excerpt(str(sequence))}: expected an integer")
+        if not isinstance(part, str) or part not in (*QUICK, *PARTS):
+            raise InputError(f"part {excerpt(str(part))}: expected one of {', '.join((*QUICK, *PARTS))}")
         with self._newest_lock:
             self._newest[client] = max(sequence, self._newest.pop(client, sequence))
             while len(self._newest) > MOST_CLIENTS:
@@ -80,11 +82,9 @@ class Desk:
                     if not wanted():
                         raise Superseded
                     return told | self.session.answer(_values(message), part, wanted)
-            if part in PARTS:
-                return told | self._slow_answer(part, message)
+            return told | self._slow_answer(part, message)
         except Superseded:
             return told | {"state": "superseded"}
-        raise InputError(f"part {excerpt(str(part))}: expected one of {', '.join((*QUICK, *PARTS))}")
 
     def _slow_answer(self, part: str, message: Mapping[str, Any]) -> dict[str, Any]:
         values = _values(message)
