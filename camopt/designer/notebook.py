@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from camopt.designer.widget import LiveWidget
 
 
-def live(scene: Scene, folder: Path | str | None = None) -> "LiveWidget":
+def live(scene: Scene, *, folder: Path | str | None = None) -> "LiveWidget":
     """The live designer of a scene as a widget for Jupyter, VS Code or marimo; its `value` is the cam (a Lift).
 
     Limits, duration, lift, ramps, spring, lash and tolerances are sliders; the page answers while they are dragged, as

@@ -47,7 +47,7 @@ def test_it_neither_saves_nor_verifies(widget):
 
 
 def test_with_a_folder_it_saves_there_and_verifies(tmp_path, monkeypatch):
-    found = camopt.live(SCENE, tmp_path / "designs")
+    found = camopt.live(SCENE, folder=tmp_path / "designs")
     sent = []
     monkeypatch.setattr(found, "send", sent.append)
 

@@ -28,6 +28,7 @@ def drawn(**limits):
         update={"follower": "flat", "base_radius_mm": 40.0, "face_width_mm": 60.0}
         | dict.fromkeys(("pad_radius_mm", "pivot_mm", "arm_mm", "valve_arm_mm"))
     )
+    assert SCENE.design is not None
     design = SCENE.design.model_copy(update=limits)
     return design.within(flat, SCENE.operation)
 
