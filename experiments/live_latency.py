@@ -24,7 +24,7 @@ from camopt.scene import load_scene
 from experiments.job_time import arithmetic_loop
 from experiments.support.record import RESULTS, run_script, write_result
 
-SIZES = {"small": ("motori-1", 6, 20), "full": ("kodama", 15, 100)}
+SIZES = {"small": ("motori-1", 6, 20), "full": ("kodama", 40, 2000)}
 """Scene, steps of each slider, and changes over which memory is watched."""
 SLIDERS = {
     "limits": ("jerk_max_mm_per_deg3", "acceleration_max_mm_per_deg2", "max_lift_mm"),

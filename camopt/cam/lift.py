@@ -78,12 +78,14 @@ class Lift:
         """
         values, roots = self._derivatives[order], self.roots(order + 1)
         inside = roots[(roots >= low) & (roots <= high)]
-        samples = [*values(np.concatenate([inside, [low, high]]))]
-        for i, (start, end) in enumerate(zip(self.borders[:-1], self.borders[1:], strict=True)):
-            if start < high and end > low:
-                local = np.clip([low, high], start, end) - start
-                samples += [*np.polyval(values.c[:, i], local)]
-        return float(np.min(samples)), float(np.max(samples))
+        start, end = self.borders[:-1], self.borders[1:]
+        within = (start < high) & (end > low)
+        local = np.clip([[low], [high]], start[within], end[within]) - start[within]
+        at_ends = np.zeros_like(local)
+        for c in values.c[:, within]:
+            at_ends = at_ends * local + c
+        samples = np.concatenate([values(np.concatenate([inside, [low, high]])), at_ends.ravel()])
+        return float(samples.min()), float(samples.max())
 
     @cached_property
     def area(self) -> float:

@@ -50,6 +50,10 @@ class Desk:
             raise InputError(f"kind {excerpt(str(kind))}: expected one of {', '.join(self._kinds)}")
         return self._kinds[kind](message)
 
+    def verified(self, values: Mapping[str, Any]) -> dict[str, Any] | None:
+        """verification.json of values whose verdict has ended, else None."""
+        return self.verification.verified(_subject(values))
+
     def stop(self) -> None:
         """End all processes."""
         self.verification.cancel()
@@ -61,6 +65,8 @@ class Desk:
         client, sequence, part = str(message.get("client", ""))[:64], message.get("sequence", 0), message.get("part")
         if isinstance(sequence, bool) or not isinstance(sequence, int):
             raise InputError(f"sequence {excerpt(str(sequence))}: expected an integer")
+        if not isinstance(part, str) or part not in (*QUICK, *PARTS):
+            raise InputError(f"part {excerpt(str(part))}: expected one of {', '.join((*QUICK, *PARTS))}")
         with self._newest_lock:
             self._newest[client] = max(sequence, self._newest.pop(client, sequence))
             while len(self._newest) > MOST_CLIENTS:
@@ -76,11 +82,9 @@ class Desk:
                     if not wanted():
                         raise Superseded
                     return told | self.session.answer(_values(message), part, wanted)
-            if part in PARTS:
-                return told | self._slow_answer(part, message)
+            return told | self._slow_answer(part, message)
         except Superseded:
             return told | {"state": "superseded"}
-        raise InputError(f"part {excerpt(str(part))}: expected one of {', '.join((*QUICK, *PARTS))}")
 
     def _slow_answer(self, part: str, message: Mapping[str, Any]) -> dict[str, Any]:
         values = _values(message)
@@ -111,7 +115,7 @@ class Desk:
         if what == "scene":
             path = save_scene(self.folder, message.get("name"), design)
         elif what == "run":
-            path = save_run(self.folder, message.get("name"), design, self.verification.verified(_subject(values)))
+            path = save_run(self.folder, message.get("name"), design, self.verified(values))
         else:
             raise InputError(f"what {excerpt(str(what))}: expected scene or run")
         return plain({"state": "ok", "saved": path.name})

@@ -14,6 +14,8 @@ from camopt.scene.table import LARGEST
 from camopt.scene.text_file import excerpt
 
 NEEDED = ("valve", "seat", "operation", "design")
+LONGEST_KEY = 80
+"""Letters of an unknown key that are said again."""
 BAND = ("band_low_rpm", "band_high_rpm")
 
 
@@ -38,7 +40,7 @@ def read_values(controls: Mapping[str, Control], values: object) -> dict[str, An
     """Every control's value by key: those given, else the scene's. Raises Refused, with a sentence by key."""
     if not isinstance(values, Mapping):
         raise Refused({"": f"values: expected an object of numbers by key (given: {excerpt(str(values))})"})
-    faults = {str(key): "unknown key" for key in values if key not in controls}
+    faults = {str(key)[:LONGEST_KEY]: "unknown key" for key in values if key not in controls}
     found = {}
     for key, control in controls.items():
         value = values.get(key, control.value)

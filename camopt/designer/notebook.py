@@ -1,5 +1,6 @@
 """`camopt.live`: the designer in a notebook, with the extra `interactive`."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from camopt.scene.errors import InputError
@@ -9,13 +10,14 @@ if TYPE_CHECKING:
     from camopt.designer.widget import LiveWidget
 
 
-def live(scene: Scene) -> "LiveWidget":
+def live(scene: Scene, *, folder: Path | str | None = None) -> "LiveWidget":
     """The live designer of a scene as a widget for Jupyter, VS Code or marimo; its `value` is the cam (a Lift).
 
     Limits, duration, lift, ramps, spring, lash and tolerances are sliders; the page answers while they are dragged, as
     `camopt design` does in a browser. The widget's `scene` is the scene with the page's numbers, for `camopt.verify`
-    and `camopt.optimize`. Raises InputError for a scene without valve, seat, speeds or design, and where the extra
-    `interactive` is not installed.
+    and `camopt.optimize`. With a `folder`, made where there is none, the widget verifies too, and saves scenes and run
+    folders there and nowhere else; its `verification` is then what the last verdict on the page's numbers found. Raises
+    InputError for a scene without valve, seat, speeds or design, and where the extra `interactive` is not installed.
     """
     missing = [name for name in ("valve", "seat", "operation", "design") if getattr(scene, name) is None]
     if missing:
@@ -28,4 +30,4 @@ def live(scene: Scene) -> "LiveWidget":
         raise InputError(
             f"live: {error.name} is not installed: pip install 'camopt[interactive]', or `camopt design` in a browser"
         ) from error
-    return LiveWidget(scene)
+    return LiveWidget(scene, None if folder is None else Path(folder))

@@ -101,7 +101,10 @@ class Session:
         limits contradict each other."""
         read = read_values(self.controls, values)
         asked = asked_of(read)
-        key = json.dumps([coarse, {k: v for k, v in read.items() if k != "speed_rpm"}])
+        subject = {k: v for k, v in read.items() if k != "speed_rpm"}
+        key, exact = json.dumps([coarse, subject]), json.dumps([False, subject])
+        if exact in self._designs:
+            key = exact
         if key in self._designs:
             self._designs.move_to_end(key)
             return self._designs[key]
@@ -109,10 +112,10 @@ class Session:
         train = self._train_of(scene)
         with threadpool_limits(limits=1, user_api="blas"):  # small matrices: threads would only wait for each other
             cam = self._cams.largest(scene, train, asked, coarse, wanted)
-        self._designs[key] = Edited(scene, train, cam)
+        found = self._designs[key if cam.coarse or cam.says else exact] = Edited(scene, train, cam)
         while len(self._designs) > REMEMBERED:
             self._designs.popitem(last=False)
-        return self._designs[key]
+        return found
 
     def _train_of(self, scene: Scene) -> Train:
         """The scene's train: the last one itself where nothing of it was edited, with all that is kept of it."""

@@ -1,5 +1,6 @@
 """The designer as a widget of a notebook: the same module as the served page, whose messages go to the kernel."""
 
+from pathlib import Path
 from typing import Any
 
 import anywidget
@@ -18,9 +19,11 @@ class LiveWidget(anywidget.AnyWidget):
     _esm = module_text()
     _css = style_text()
 
-    def __init__(self, scene: Scene):
+    def __init__(self, scene: Scene, folder: Path | None = None):
         super().__init__()
-        self.desk = Desk(Session(scene))
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+        self.desk = Desk(Session(scene), folder)
         self.values: dict[str, Any] = self.desk.session.values()
         self.on_msg(self.hear)
 
@@ -33,6 +36,11 @@ class LiveWidget(anywidget.AnyWidget):
     def scene(self) -> Scene:
         """The scene with the page's numbers; raises InputError where they make none."""
         return self.desk.session.design(self.values).scene
+
+    @property
+    def verification(self) -> dict[str, Any] | None:
+        """verification.json of the page's numbers; None where no verdict on them has ended."""
+        return self.desk.verified(self.values)
 
     def hear(self, widget: Any, content: dict[str, Any], buffers: Any) -> None:
         """A message of the page: its number comes back with the reply, or with why there is none."""

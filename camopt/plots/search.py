@@ -9,10 +9,25 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from camopt.plots.speeds import FINEST_MM
-from camopt.plots.style import BASE, DESIGN, INK, cam_line, draw_limit, new_figure, quoted, styled, zero_and_decades
+from camopt.plots.style import (
+    BASE,
+    DESIGN,
+    INK,
+    LIMIT,
+    cam_line,
+    draw_limit,
+    new_figure,
+    quoted,
+    styled,
+    zero_and_decades,
+)
 
 NAME_WIDTH = 0.0105
 """Width of a letter of a stage's name as a share of the axes."""
+
+
+NEAR_BOUND = 1.0
+"""A bound that lies further above the steps than this multiple of their range is not drawn as a line."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +49,8 @@ def convergence(
     bounce_max_mm: float | None = None,
     delivered: tuple[float, str] | None = None,
 ) -> Figure:
-    """Area ratio and worst bounce of every step, filled where it holds the limits, with the certified bound as a line.
+    """Area ratio and worst bounce of every step, filled where it holds the limits, with the certified bound as a line
+    where it is near.
 
     `bound` is the area ratio that no cam of the kinematic problem exceeds, `no_jump` what the no-jump linear program
     reached under its linear model, `delivered` the area ratio of the cam that the verdict chose, and its verdict.
@@ -59,7 +75,8 @@ def convergence(
     if delivered is not None:
         value, verdict = delivered
         area.plot(len(step), value, "D", color=INK, markersize=6, label=f"delivered, {verdict}: {value:.4f}", zorder=4)
-    draw_limit(area, bound, f"certified\nbound\n{bound:.4f}" if bound is not None else "", va="bottom")
+    if bound is not None:
+        _bound(area, bound)
     draw_limit(area, no_jump, f"no-jump\nprogram\n{no_jump:.4f}" if no_jump is not None else "", va="top")
     area.set_ylabel("area ratio [-]")
     area.margins(y=0.12)
@@ -71,6 +88,17 @@ def convergence(
     bounce.xaxis.set_major_locator(MaxNLocator(integer=True))
     _stages(area, bounce, history.stage)
     return figure
+
+
+def _bound(area: Axes, bound: float) -> None:
+    """Draws the certified bound where it is near the steps; a far one, which would flatten them, is said in words."""
+    seen = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in area.lines])
+    low, high = np.nanmin(seen), np.nanmax(seen)
+    if bound - high <= NEAR_BOUND * (high - low):
+        draw_limit(area, bound, f"certified\nbound\n{bound:.4f}", va="bottom")
+        return
+    words = f"certified bound {bound:.4f}, above this axis ↑"
+    area.annotate(words, (0.99, 0.985), xycoords="axes fraction", ha="right", va="top", color=LIMIT, fontsize=BASE - 1)
 
 
 def _places(words: Sequence[str], begins: Sequence[int], steps: int) -> list[tuple[int, bool]]:

@@ -20,6 +20,8 @@ def cards(cams: RunCams) -> list[dict]:
         card = cam_card(lift, lifts)
         for event in card.events:
             values = (event.lift_mm, event.opening_deg, event.closing_deg, event.duration_deg)
-            cells = [shown(v, DIGITS) for v in (*values, round(event.centre_deg, 6) + 0.0, round(card.max_lift_deg, 6))]
+            cells = [
+                shown(v, DIGITS) for v in (*values, round(event.centre_deg, 6) + 0.0, round(card.max_lift_deg, 6) + 0.0)
+            ]
             rows.append({"cam": name, "colour": cam_line(name)["color"], "cells": cells})
     return rows

@@ -2,26 +2,38 @@
 
 from collections.abc import Iterable
 
+from camopt.cam.lift import Lift
 from camopt.plots.style import DESIGN, family_of
 from camopt.report.folder import RunFolder
+from camopt.report.shape import EVERYWHERE, Reached, reached_by_shape
 from camopt.report.wording import as_number, is_number, label_and_unit, shown
 from camopt.report.worst import JUDGED, worst_of
+from camopt.scene.design import Design
 from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES
 from camopt.verifier.verdict import ORDER
 
 ROUND_OFF = 1e-6
 """Share of a limit by which a cam may pass it: the linear programs hold their rows to 1e-7."""
+NOTHING = 1e-3
+"""What stands for the size of a limit of zero, in the limit's unit."""
 CAM_LIMITS = ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3")
 BROKEN = "verification.json broken"
 STATES = {True: ("good", "✓ held"), False: ("bad", "✗ broken"), None: ("doubt", "? not known")}
 
 
-def limit_rows(run: RunFolder) -> list[dict]:
+def limit_rows(run: RunFolder, shape: tuple[Lift, Design] | None = None) -> list[dict]:
     """A row per limit of the scene's design, and per other condition that the verdict found broken: what was reached,
-    where, whether that holds, and where it is recorded."""
+    where, whether that holds, and where it is recorded.
+
+    `shape` is the run's cam with the design that it is held to: with it every limit on the shape has a row, too.
+    """
     design = run.scene.get("design")
     design = design if isinstance(design, dict) else {}
     rows = [_cam_row(run, key, design[key]) for key in CAM_LIMITS if is_number(design.get(key))]
+    if shape is not None:
+        recorded = {row["key"] for row in rows if row["held"] is not None}
+        rows = [row for row in rows if row["key"] in recorded]
+        rows += [_shape_row(run, found) for found in reached_by_shape(*shape) if found.key not in recorded]
     for quantity in QUANTITIES.values():
         limit = design.get(quantity.limit or "")
         if is_number(limit):
@@ -50,10 +62,16 @@ def _cam_row(run: RunFolder, key: str, limit: float) -> dict:
     mine = [r for r in run.comparison if family_of(r["cam"]) == DESIGN]
     values = [v for v in (as_number(r.get(key, "")) for r in mine) if v is not None]
     worst = max(values, key=lambda v: v / limit) if values else None  # a negative limit is passed by a lower value
-    row = _row(key, key, limit, limit < 0, worst, "the cam, at every angle", f"comparison.csv {key}")
+    row = _row(key, key, limit, limit < 0, worst, EVERYWHERE, f"comparison.csv {key}")
     if row["held"] is not False and key in _broken(run):  # the judge of the shape knows of steps, which have no value
         row |= _state(False) | {"where": "at a step of the cam's velocity or acceleration", "source": BROKEN}
     return row
+
+
+def _shape_row(run: RunFolder, found: Reached) -> dict:
+    row = _row(found.key, found.key, found.limit, found.least, found.value, found.where, "design.json pieces")
+    row |= {"label": found.label, "unit": found.unit}
+    return row | _state(False) if found.key in _broken(run) else row
 
 
 def _motion_row(run: RunFolder, name: str, key: str, limit: float) -> dict:
@@ -67,18 +85,26 @@ def _motion_row(run: RunFolder, name: str, key: str, limit: float) -> dict:
 def _other_row(key: str, where: str) -> dict:
     label, unit = label_and_unit(key)
     words = {"key": key, "label": label, "unit": unit, "limit": "–", "reached": "–", "where": where, "source": BROKEN}
-    return words | _state(False)
+    return words | {"share": None} | _state(False)
 
 
 def _row(key: str, name: str, limit: float, least: bool, worst: float | None, where: str, source: str) -> dict:
     label, unit = label_and_unit(name)
     held = None
     if worst is not None:
-        slack = abs(limit) * ROUND_OFF
+        slack = max(abs(limit), NOTHING) * ROUND_OFF
         held = worst >= limit - slack if least else worst <= limit + slack
     asked, reached = f"at {'least' if least else 'most'} {shown(limit)}", shown(worst)
     words = {"key": key, "label": label, "unit": unit, "limit": asked, "reached": reached, "where": where}
-    return words | {"source": source} | _state(held)
+    return words | {"source": source, "share": share_of(limit, least, worst)} | _state(held)
+
+
+def share_of(limit: float, least: bool, value: float | None) -> float | None:
+    """How much of a limit a value uses, one at the limit, as `camopt.measure.limits.MotionLimit.share` has it; None
+    where nothing is known, or the limit is zero."""
+    if value is None or not limit:
+        return None
+    return max(2 - value / limit, 0.0) if least and limit > 0 else value / limit
 
 
 def _state(held: bool | None) -> dict:

@@ -42,7 +42,7 @@ class RunCams:
     scene: Scene | None
     lifts: dict[str, Lift]
     left_out: list[str]
-    stated: dict[str, dict[float, bool]] = field(default_factory=dict)  # cam, speed [r/min] -> periodic in its verdict
+    verdicts: dict[str, dict] = field(default_factory=dict)  # by cam, as verification.json has the design's
 
 
 def cams_of(folder: Path, run: RunFolder) -> RunCams:
@@ -69,7 +69,7 @@ def cams_of(folder: Path, run: RunFolder) -> RunCams:
             if name == DESIGN:
                 break  # other cams alone would pass for the run's motion
     found = {DESIGN: run.verification} | verdicts_in(folder)
-    return RunCams(scene, lifts, left_out, {name: stated_periodic(one) for name, one in found.items()})
+    return RunCams(scene, lifts, left_out, found)
 
 
 def _rebuilt(name: str, area: float | None, folder: Path, scene: Scene) -> Lift:
@@ -134,7 +134,7 @@ def _moved(
         except InputError as error:
             left_out.append(f"{name} is not shown: {error}")
             continue
-        motions, stated = [], cams.stated.get(name, {})
+        motions, stated = [], stated_periodic(cams.verdicts.get(name, {}))
         for speed in speeds:
             try:
                 found = motion(train, lift, scene.cam_speed(speed), step, contacts, stated.get(speed))
@@ -178,8 +178,7 @@ def cam_entry(name: str, lift: Lift, scene: Scene, step_deg: float) -> dict:
         radius = BASE_MM + lift(angle) / MM
         contour = np.stack([radius * np.sin(angle), radius * np.cos(angle)], axis=1)
     else:
-        points = contact(lift, scene.geometry).contour[:, ::-1] / MM
-        contour = points[np.linspace(0, len(points) - 1, 721).round().astype(int)]
+        contour = contact(lift, scene.geometry, np.linspace(-np.pi, np.pi, 721)).contour[:, ::-1] / MM
         contour[:, 0] *= drawn_follower(scene.geometry)["turn"]
     dashes = line["linestyle"]
     return {
@@ -191,7 +190,6 @@ def cam_entry(name: str, lift: Lift, scene: Scene, step_deg: float) -> dict:
 
 
 def _rounded(values: np.ndarray, digits: int) -> list:
-    """Nested lists of rounded numbers, whole ones without a decimal point."""
-    if np.ndim(values) > 1:
-        return [_rounded(row, digits) for row in values]
-    return [int(v) if v == int(v) else v for v in np.round(values, digits).tolist()]
+    """Nested lists of rounded numbers, without a decimal point where none is asked for."""
+    found = np.round(values, digits) + 0.0  # no negative zeros
+    return (found if digits else found.astype(int)).tolist()

@@ -1,5 +1,7 @@
 """What a run came to, in a table and a few sentences: the same for the page's head and for the command line's end."""
 
+from collections.abc import Iterable
+
 from camopt.report.folder import RunFolder
 from camopt.report.limits import demanded
 from camopt.report.wording import in_words, is_number, label_and_unit, shown
@@ -139,9 +141,14 @@ def contact_sentence(run: RunFolder) -> list[str]:
 
 
 def broken_limits(run: RunFolder) -> list[str]:
-    """What the verdict names as broken, each limit once with all its speeds: `bounce max at 6000 and 7000 r/min`."""
+    """What the verdict names as broken, as `broken_words` has it."""
+    return broken_words(run.verification.get("broken") or [])
+
+
+def broken_words(broken: Iterable) -> list[str]:
+    """What is named as broken, each limit once with all its speeds: `bounce at 6000 and 7000 r/min`."""
     places: dict[str, list[str]] = {}
-    for entry in run.verification.get("broken") or []:
+    for entry in broken:
         key, _, where = str(entry).partition(" at ")
         places.setdefault(key, []).append(where.removesuffix(" r/min"))
     lines = []

@@ -8,16 +8,20 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from camopt.cam.lift import Lift
+from camopt.plots.style import DESIGN
 from camopt.report.card import cards
 from camopt.report.contact import geometry
+from camopt.report.curves import curves
 from camopt.report.figures import CAPTIONS, inline_svg, ordered
 from camopt.report.folder import RunFolder, read_run_folder
 from camopt.report.limits import disagreements, limit_rows
+from camopt.report.matrix import matrix
 from camopt.report.motion import RunCams, animation, cams_of
-from camopt.report.outcome import broken_limits, contact_sentence, gain_sentences, outcome_rows
+from camopt.report.outcome import broken_limits, contact_sentence, gain_sentences, outcome_rows, yield_rows
+from camopt.report.summary import facts, next_steps, sketch
 from camopt.report.tables import (
     COSTS,
-    LIMITS,
     SPEED_COLUMNS,
     area_rows,
     comparison_groups,
@@ -30,18 +34,25 @@ from camopt.report.tables import (
     worst_rows,
     worth_rows,
 )
+from camopt.report.train import train_tables
 from camopt.report.wording import NO_VERDICT, VERDICTS, in_words, is_number, shown
 from camopt.report.worst import bounce_error_um, judged_speeds, worst_of
+from camopt.scene.design import Design
 from camopt.storage import write_text
 
 HERE = Path(__file__).parent
 SECTIONS = (
     ("limits", "Limits"), ("area", "Area"), ("motion", "Animation"), ("cams", "Cams"), ("motions", "Motion and forces"),
-    ("band", "Band"), ("worth", "Worth of limits"), ("search", "Search"), ("card", "Cam card"),
-    ("geometry", "Geometry"), ("accuracy", "Accuracy"), ("verification", "Verification"), ("provenance", "Provenance"),
+    ("band", "Band"), ("search", "Search"), ("card", "Cam card"), ("geometry", "Geometry"), ("train-data", "Train"),
+    ("accuracy", "Accuracy"), ("verification", "Verification"), ("provenance", "Provenance"),
 )  # fmt: skip
-START = 'trainAnimation(document, JSON.parse(document.getElementById("train-motion").textContent));'
-"""What the page's script ends with: the animation of the data that the page embeds."""
+SCRIPTS = ("animation.js", "charts.js", "curves.js")
+START = """
+const data = JSON.parse(document.getElementById("run-data").textContent);
+trainAnimation(document, data.animation);
+new ReportCharts(document, data.curves, data.animation);
+"""
+"""What the page's script ends with: animation and charts of the data that the page embeds."""
 PLACED = ("profiles", "valve_motion", "bounce_against_speed", "convergence")
 """Figures that stand in a section of their own; any others follow before the tables."""
 
@@ -73,7 +84,7 @@ def _environment() -> Environment:
 
 def render(run: RunFolder, cams: RunCams) -> str:
     """The page of a run folder's data and cams; every text from the folder is escaped."""
-    limits = limit_rows(run)
+    limits = limit_rows(run, _shape(cams))
     verdict = run.verification.get("verdict")
     kind, mark, meaning = VERDICTS.get(verdict, NO_VERDICT) if isinstance(verdict, str) else NO_VERDICT
     return (
@@ -90,12 +101,17 @@ def render(run: RunFolder, cams: RunCams) -> str:
             limits=limits,
             outcome=outcome_rows(run),
             worst=worst_rows(run),
+            yields=yield_rows(run),
             areas=area_rows(run),
             groups=comparison_groups(run),
-            limit_names=LIMITS,
             comparison=comparison_table(run),
             floats=floats(run),
             worth=worth_rows(run),
+            facts=facts(run, cams),
+            sketch=_sketch(cams),
+            steps=next_steps(run),
+            matrix=matrix(run, limits),
+            train=train_tables(cams),
             cards=cards(cams),
             geometry=geometry(cams),
             speeds=speed_rows(run),
@@ -107,17 +123,28 @@ def render(run: RunFolder, cams: RunCams) -> str:
             provenance=provenance_rows({k: v for k, v in run.provenance.items() if k != "stages"}),
             figures=figures(run),
             placed=PLACED,
-            **_moving(cams),
+            **_moving(run, cams),
         )
     )
 
 
-def _moving(cams: RunCams) -> dict:
+def _shape(cams: RunCams) -> tuple[Lift, Design] | None:
+    """The design's cam with what it is held to."""
+    lift, design = cams.lifts.get(DESIGN), cams.scene.design if cams.scene else None
+    return (lift, design) if lift is not None and design is not None else None
+
+
+def _sketch(cams: RunCams) -> dict | None:
+    shape = _shape(cams)
+    return None if shape is None else sketch(shape[0], shape[1].duration_deg)
+
+
+def _moving(run: RunFolder, cams: RunCams) -> dict:
     """The animation's part of the page: data and script, or the sentences that say why there is none."""
     data, left_out = animation(cams)
     if data is None:
         return {"animation": "", "script": "", "script_hash": "", "motion_note": "", "motion_left_out": left_out}
-    script = (HERE / "animation.js").read_text(encoding="utf-8") + START
+    script = "\n".join((HERE / name).read_text(encoding="utf-8") for name in SCRIPTS) + START
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     circle = f"a base circle of {shown(data['base_radius_mm'])} mm"
     if data["follower"] == "point":
@@ -128,7 +155,7 @@ def _moving(cams: RunCams) -> dict:
         f"scale, the cam with {circle}; gaps are drawn larger, as far as there is room. Yellow: an open contact."
     )
     return {
-        "animation": embedded(data),
+        "animation": embedded({"animation": data, "curves": curves(run, cams)}),
         "script": script,
         "script_hash": f"sha256-{digest}",
         "motion_note": note,

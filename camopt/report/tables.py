@@ -5,8 +5,8 @@ from itertools import groupby
 from camopt.optimizer.baselines.comparison_table import FAILED, NO_JERK
 from camopt.plots.style import DESIGN, cam_line, family_of
 from camopt.report.folder import RunFolder
-from camopt.report.outcome import broken_limits
-from camopt.report.wording import VERDICTS, as_number, broken_words, cell, is_number, label_and_unit, shown
+from camopt.report.outcome import broken_limits, broken_words
+from camopt.report.wording import VERDICTS, as_number, cell, is_number, label_and_unit, shown
 from camopt.report.worst import bounce_error_um, judged_speeds, worst_of
 from camopt.scene.quantities import QUANTITIES
 from camopt.verifier.methods import METHOD_NAMES
@@ -22,7 +22,6 @@ METHOD_ROWS = (
 )  # fmt: skip
 DESIGN_CELLS = {"bounce": "bounce_mm", "jump": "jump_mm", "seating": "seating_velocity_m_per_s"}
 WORST_FIRST = (FAILED, *reversed(ORDER))
-LIMITS = {"all": "under all limits of the scene", "no-jerk": "without the jerk limit"}
 
 
 def heading(key: str) -> str:
@@ -31,39 +30,46 @@ def heading(key: str) -> str:
     return f"{label} [{unit}]" if unit else label
 
 
-def area_rows(run: RunFolder) -> list[dict]:
-    """Area ratios: certified bound, no-jump program, design, and the cams compared, largest first.
-
-    The bound says nothing about cams beyond its limits, so they have no share of it.
-    """
+def area_rows(run: RunFolder) -> tuple[list[dict], list[dict]]:
+    """Area ratios: the design, the certified bound and what else keeps the limits on the cam, largest first; and apart
+    from them those cams that do not, of which the bound says nothing."""
     bound = run.design.get("area_ratio_bound")
-    entries = [
-        ("certified bound", bound, "", "#888888", True),
-        ("no-jump linear program", run.design.get("area_ratio_no_jump"), "", "#bbbbbb", True),
-        (DESIGN, run.design.get("area_ratio"), run.verification.get("verdict", ""), cam_line(DESIGN)["color"], True),
+    verdict = run.verification.get("verdict", "")
+    within = [
+        ("certified bound", bound, "", "#888888"),
+        ("no-jump linear program", run.design.get("area_ratio_no_jump"), "", "#bbbbbb"),
     ]
+    beyond = []
     for c in comparison_groups(run):
-        if family_of(c["cam"]) != DESIGN:
-            label = c["cam"]
-            if c["limits"] != "all":
-                label = f"{label.removesuffix(NO_JERK)} (without the jerk limit)"
-            elif not c["legal"]:
-                label = f"{label} (breaks limits on the cam)"
-            within = c["limits"] == "all" and c["legal"]
-            entries.append((label, c["area"], c["verdict"], cam_line(c["cam"])["color"], within))
-    known = [e for e in entries if is_number(e[1])]
-    largest = max((e[1] for e in known), default=1.0)
+        if family_of(c["cam"]) == DESIGN:
+            continue
+        without = "" if c["limits"] == "all" else " (without the jerk limit)"
+        row = (c["cam"].removesuffix(NO_JERK) + without, c["area"], c["verdict"], cam_line(c["cam"])["color"])
+        (within if c["within"] else beyond).append(row)
+    design = (DESIGN, run.design.get("area_ratio"), verdict, cam_line(DESIGN)["color"])
+    tables = [design, *_largest_first(within)], _largest_first(beyond)
+    largest = max((row[1] for rows in tables for row in rows if is_number(row[1])), default=1.0)
+    shares = bound if is_number(bound) and bound > 0 else None
+    return _area_rows(tables[0], largest, shares), _area_rows(tables[1], largest, None)
+
+
+def _largest_first(rows: list[tuple]) -> list[tuple]:
+    return sorted((row for row in rows if is_number(row[1])), key=lambda row: -row[1])
+
+
+def _area_rows(rows: list[tuple], largest: float, bound: float | None) -> list[dict]:
     return [
         {
             "label": label,
             "area": f"{area:.4f}",
-            "share": f"{100 * area / bound:.1f} %" if within and is_number(bound) and bound > 0 else "–",
+            "share": f"{100 * area / bound:.1f} %" if bound else "–",
             "verdict": verdict,
             "kind": VERDICTS[verdict][0] if verdict in VERDICTS else "",
             "width": round(100 * max(area, 0.0) / largest, 1) if largest > 0 else 0,
             "colour": colour,
         }
-        for label, area, verdict, colour, within in sorted(known, key=lambda e: -e[1])
+        for label, area, verdict, colour in rows
+        if is_number(area)
     ]
 
 
@@ -79,10 +85,11 @@ def worth_rows(run: RunFolder) -> list[dict]:
 def comparison_groups(run: RunFolder) -> list[dict]:
     """One entry per cam and set of limits: its worst figures over the speeds, and its verdict over all of them.
 
-    What is said of the design is what verification.json says; `legal` is whether a cam keeps the limits on its shape.
+    What is said of the design is what verification.json says; it comes first. `within` is whether a cam was made under
+    all limits of the scene and keeps those on its shape.
     """
     groups = []
-    ordered = sorted(run.comparison, key=lambda r: (r.get("limits", ""), r["cam"]))
+    ordered = sorted(run.comparison, key=lambda r: (r["cam"] != DESIGN, r.get("limits", ""), r["cam"]))
     for (limits, cam), rows in groupby(ordered, key=lambda r: (r.get("limits", ""), r["cam"])):
         rows = list(rows)
         lost = [r for r in rows if as_number(r.get("bounce_mm", "")) is None]
@@ -99,14 +106,19 @@ def comparison_groups(run: RunFolder) -> list[dict]:
             "seating": _largest([as_number(r.get("seating_velocity_m_per_s", "")) for r in rows]),
             "jerk": _largest([as_number(r.get("jerk_max_mm_per_deg3", "")) for r in rows]),
             "verdict": next((v for v in WORST_FIRST if v in verdicts), ""),
-            "broken": "; ".join(broken_words(word) for word in broken) or "–",
-            "legal": all(" at " in word or word in QUANTITIES for word in broken),
+            "broken": "; ".join(broken if FAILED in verdicts else broken_words(broken)) or "–",
+            "within": limits == "all" and (FAILED in verdicts or all(_of_the_motion(word) for word in broken)),
             "colour": cam_line(cam)["color"],
         }
         if cam == DESIGN and run.verification.get("verdict"):
             group |= _as_verified(run)
         groups.append(group | {"kind": VERDICTS[group["verdict"]][0] if group["verdict"] in VERDICTS else ""})
     return groups
+
+
+def _of_the_motion(word: str) -> bool:
+    """Whether what is named as broken is a limit on the motion."""
+    return " at " in word or word in QUANTITIES
 
 
 def _words_of(row: dict[str, str]) -> list[str]:

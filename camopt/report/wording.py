@@ -49,12 +49,6 @@ def label_and_unit(key: str) -> tuple[str, str]:
     return key.replace("_", " "), ""
 
 
-def broken_words(text: str) -> str:
-    """`jump_max_mm at 6000 r/min` -> `jump max at 6000 r/min`."""
-    key, at, where = text.partition(" at ")
-    return label_and_unit(key)[0] + at + where
-
-
 def is_number(value) -> TypeGuard[float]:
     """True for a real, finite number; False for everything else that a file may hold."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -1,7 +1,8 @@
 """The campaign at any size, with a table of what came of it.
 
 `python -m tests.campaign inputs --cases 100000` runs hostile inputs by number, `kills --cases 200` kills commands that
-write, in turn, and lets them go on, and `soak --cases 10000` gives that many verdicts in one process.
+write, in turn, and lets them go on, `soak --cases 10000` gives that many verdicts in one process, and
+`messages --cases 20000` sends hostile messages to the designer's server.
 """
 
 import argparse
@@ -13,6 +14,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from camopt.storage import write_json
+from tests.campaign import messages
 from tests.campaign.fuzz import outcomes, table
 from tests.campaign.kills import COMMANDS, killings
 from tests.campaign.soak import grown, soaked
@@ -72,7 +74,18 @@ def soak(args: argparse.Namespace) -> list[dict]:
     return [found[-1]] if grown(found[0], found[-1]) else []
 
 
-PARTS = {"inputs": inputs, "kills": kills, "soak": soak}
+def asked(args: argparse.Namespace) -> list[dict]:
+    """The messages to the designer that got no answer or a wrong one."""
+    found = list(tqdm(messages.outcomes(range(args.seed, args.seed + args.cases)), total=args.cases, disable=None))
+    for status, count in sorted(Counter(one["status"] for one in found).items()):
+        print(f"status {status} {count:7d}")
+    wrong = [one for one in found if one["wrong"]]
+    for one in wrong[:20]:
+        print(one)
+    return wrong
+
+
+PARTS = {"inputs": inputs, "kills": kills, "soak": soak, "messages": asked}
 
 if __name__ == "__main__":
     sys.exit(main())

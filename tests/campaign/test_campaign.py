@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.campaign import messages
 from tests.campaign.fuzz import outcomes, table
 from tests.campaign.inputs import KINDS, drawn
 from tests.campaign.kills import COMMANDS, digest, killings, torn
@@ -45,6 +46,30 @@ class TestInputs:
     )
     def test_what_counts_as_wrong(self, code, said, wrong):
         assert verdict(code, said) == wrong
+
+
+class TestMessages:
+    def test_every_message_to_the_designer_is_answered(self):
+        found = list(messages.outcomes(range(60)))
+        assert {200, 400} <= {one["status"] for one in found}
+        assert not [one for one in found if one["wrong"]]
+
+    @LONG
+    def test_many_messages_to_the_designer_are_answered(self):
+        assert not [one for one in messages.outcomes(range(1000, 2500)) if one["wrong"]]
+
+    @pytest.mark.parametrize(
+        ("status", "text", "wrong"),
+        [
+            (200, '{"state": "ok"}', ""),
+            (400, '{"says": "expected an object"}', ""),
+            (400, "{}", "no sentence"),
+            (500, '{"says": "a defect"}', "status 500"),
+            (200, "<html>", "no JSON"),
+        ],
+    )
+    def test_what_counts_as_wrong(self, status, text, wrong):
+        assert messages.wrong_with(status, text) == wrong
 
 
 class TestKills:

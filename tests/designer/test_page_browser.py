@@ -175,6 +175,40 @@ def test_it_says_that_nothing_is_confirmed_and_a_verdict_can_be_cancelled(open_p
     assert status.inner_text().startswith("event-exact only, not confirmed")
 
 
+@pytest.mark.long
+def test_a_verdict_is_carried_to_its_end_and_goes_into_the_run_folder(open_page, served):
+    page = open_page()
+    status = page.locator(".status")
+    page.get_by_role("button", name="Verify").click()
+    wait(page, lambda: "So far: " in status.inner_text() or data(page)["verdict"] not in ("running", "none"))
+    wait(page, lambda: data(page)["verdict"] != "running")
+    verdict = data(page)["verdict"]
+    sign = "✓ confirmed by independent methods" if verdict == "confirmed" else f"✗ {verdict}."
+    assert status.inner_text().startswith(sign)
+    page.locator("#camopt-name").fill("verdict-run")
+    page.get_by_role("button", name="Save run folder").click()
+    wait(page, lambda: "Saved as verdict-run" in page.locator(".saved").inner_text())
+    stored = json.loads((served.desk.folder / "verdict-run" / "verification.json").read_text())
+    assert stored["verdict"] == verdict
+    number(page, "max_lift_mm").fill("8.8")
+    wait(page, lambda: "the last verdict was of other numbers" in status.inner_text())
+
+
+def test_a_chart_is_looked_at_closer_and_keeps_that_while_numbers_change(open_page):
+    page = open_page()
+    figure = page.locator("figure.chart").filter(has_text="Cam lift")
+    figure.locator("> svg").focus()
+    page.keyboard.press("+")
+    closer = figure.locator("text").all_text_contents()
+    number(page, "max_lift_mm").fill("9.1")
+    rest(page)
+    assert figure.locator("button").is_visible()
+    assert [t for t in figure.locator("text").all_text_contents() if "−90" in t] == [] and closer
+    page.keyboard.press("Tab")
+    figure.locator("button").click()
+    assert not figure.locator("button").is_visible()
+
+
 def test_a_scene_is_saved_from_the_page(open_page, served):
     page = open_page()
     number(page, "max_lift_mm").fill("8.7")

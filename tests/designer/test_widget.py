@@ -46,6 +46,26 @@ def test_it_neither_saves_nor_verifies(widget):
     assert widget.sent[-1]["reply"]["files"] is False
 
 
+def test_with_a_folder_it_saves_there_and_verifies(tmp_path, monkeypatch):
+    found = camopt.live(SCENE, folder=tmp_path / "designs")
+    sent = []
+    monkeypatch.setattr(found, "send", sent.append)
+
+    def tell(message):
+        found.hear(found, {"number": 1, "message": message}, [])
+        return sent[-1].get("reply", sent[-1])
+
+    try:
+        assert tell({"kind": "start"})["files"] is True and found.verification is None
+        assert tell({"kind": "save", "what": "scene", "name": "mine", "values": {}})["saved"] == "mine.toml"
+        assert [path.name for path in (tmp_path / "designs").iterdir()] == ["mine.toml"]
+        assert "expected letters" in tell({"kind": "save", "what": "scene", "name": "../out", "values": {}})["says"]
+        assert tell({"kind": "verify", "values": {}})["state"] == "running"
+        assert tell({"kind": "cancel"})["state"] == "cancelled" and found.verification is None
+    finally:
+        found.close()
+
+
 def test_its_module_is_the_page_s(widget):
     assert "export default { render }" in widget._esm and "function trainAnimation" in widget._esm
     assert "http://" not in widget._esm.replace("http://www.w3.org/2000/svg", "") and "https://" not in widget._esm

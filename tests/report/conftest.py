@@ -2,12 +2,21 @@
 
 import csv
 import json
+import re
 import shutil
 
 import pytest
 
+from camopt.cam.design_file import write_design
+from camopt.cam.read import read_cam
 from camopt.plots.style import new_figure, save, styled
+from camopt.report import write_report
+from camopt.scene import load_scene
 from camopt.scene.load import scene_text
+from camopt.scene.units import MM
+from tests.browser import started_browser, watched_pages
+
+EVIL_TITLE = "</script><script>document.title='changed'</script>"
 
 SPEEDS = (5000, 6000, 6500, 7000)
 COLUMNS = (
@@ -168,3 +177,52 @@ def write(tmp_path, write_into):
         return folder
 
     return write_folder
+
+
+@pytest.fixture(scope="session")
+def lifts():
+    scene = load_scene("kodama")
+    return {
+        "design": read_cam("polydyne:exponents=2/10/18/26/34,speed_rpm=4000", scene),
+        "polydyne": read_cam("polydyne", scene),
+    }
+
+
+@pytest.fixture(scope="session")
+def report(tmp_path_factory, lifts, new_contents, write_into):
+    """The page of a run folder of kodama whose title would break out of the page if it could."""
+    folder = tmp_path_factory.mktemp("browser") / "run"
+    data = new_contents()
+    data["comparison"] = [row for row in data["comparison"] if row["cam"] in lifts]
+    for row in data["comparison"]:
+        row["area_ratio"] = lifts[row["cam"]].area_ratio(9.4 * MM)
+    write_into(folder, data, "kodama")
+    further = {k: data["design"][k] for k in ("area_ratio_bound", "area_gap_percent")}
+    write_design(folder / "design.json", lifts["design"], 9.4 * MM, **further)
+    text = (folder / "scene.toml").read_text(encoding="utf-8")
+    geometry = '[geometry]\nfollower = "roller"\nbase_radius_mm = 18\nroller_radius_mm = 8\n\n[[mass]]'
+    text = re.sub(r"\[geometry\].*?\[\[mass\]\]", geometry, text, count=1, flags=re.DOTALL)
+    text = re.sub('title = ".*"', f'title = "{EVIL_TITLE}"', text)
+    (folder / "scene.toml").write_text(text, encoding="utf-8")
+    return write_report(folder)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with started_browser() as started:
+        yield started
+
+
+@pytest.fixture
+def open_page(browser, report):
+    """Opens the report in a window of its own; at the end nothing may have been said, thrown or fetched."""
+    pages, requests = [], []
+    with watched_pages(browser, requests) as new_page:
+
+        def opened(**settings):
+            pages.append(new_page(**settings))
+            pages[-1].goto(report.as_uri())
+            return pages[-1]
+
+        yield opened
+    assert requests == [report.as_uri()] * len(pages)

@@ -5,67 +5,15 @@ import re
 import numpy as np
 import pytest
 
-from camopt.cam.design_file import write_design
-from camopt.cam.read import read_cam
 from camopt.exact.engine import prepare
 from camopt.measure.settling import settle
 from camopt.plots.style import cam_line
-from camopt.report import write_report
 from camopt.scene import build_train, load_scene
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM
-from tests.browser import started_browser, watched_pages
+from tests.report.conftest import EVIL_TITLE
 
 SCENE = load_scene("kodama")
-EVIL = "</script><script>document.title='changed'</script>"
-
-
-@pytest.fixture(scope="module")
-def lifts():
-    return {
-        "design": read_cam("polydyne:exponents=2/10/18/26/34,speed_rpm=4000", SCENE),
-        "polydyne": read_cam("polydyne", SCENE),
-    }
-
-
-@pytest.fixture(scope="module")
-def report(tmp_path_factory, lifts, new_contents, write_into):
-    """The page of a run folder of kodama whose title would break out of the page if it could."""
-    folder = tmp_path_factory.mktemp("browser") / "run"
-    data = new_contents()
-    data["comparison"] = [row for row in data["comparison"] if row["cam"] in lifts]
-    for row in data["comparison"]:
-        row["area_ratio"] = lifts[row["cam"]].area_ratio(9.4 * MM)
-    write_into(folder, data, "kodama")
-    further = {k: data["design"][k] for k in ("area_ratio_bound", "area_gap_percent")}
-    write_design(folder / "design.json", lifts["design"], 9.4 * MM, **further)
-    text = (folder / "scene.toml").read_text(encoding="utf-8")
-    geometry = '[geometry]\nfollower = "roller"\nbase_radius_mm = 18\nroller_radius_mm = 8\n\n[[mass]]'
-    text = re.sub(r"\[geometry\].*?\[\[mass\]\]", geometry, text, count=1, flags=re.DOTALL)
-    text = re.sub('title = ".*"', f'title = "{EVIL}"', text)
-    (folder / "scene.toml").write_text(text, encoding="utf-8")
-    return write_report(folder)
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with started_browser() as started:
-        yield started
-
-
-@pytest.fixture
-def open_page(browser, report):
-    """Opens the report in a window of its own; at the end nothing may have been said, thrown or fetched."""
-    pages, requests = [], []
-    with watched_pages(browser, requests) as new_page:
-
-        def opened(**settings):
-            pages.append(new_page(**settings))
-            pages[-1].goto(report.as_uri())
-            return pages[-1]
-
-        yield opened
-    assert requests == [report.as_uri()] * len(pages)
 
 
 def picture(page) -> str:
@@ -100,8 +48,8 @@ def wait_for(page, reached) -> None:
 
 def test_texts_of_the_run_stay_text(open_page):
     page = open_page()
-    assert page.locator("h1").inner_text() == EVIL
-    assert page.title() == f"confirmed: {EVIL}"
+    assert page.locator("h1").inner_text() == EVIL_TITLE
+    assert page.title() == f"confirmed: {EVIL_TITLE}"
     assert page.locator("script").count() == 2
 
 

@@ -158,10 +158,10 @@ def test_start_and_end_are_physical(write, contents):
 def test_areas_stand_against_the_certified_bound(write, contents):
     for row in contents["comparison"]:
         row["cam"] = row["cam"].replace("multi-pol", "multi-pol (no jerk limit)")  # as `compare` names it
-    rows = page_of(write(contents)).table("cam")
-    other = "multi-pol (without the jerk limit)"
-    assert list(rows) == ["certified bound", other, "design", "no-jump linear program", "polydyne"]
-    assert rows[other]["area ratio"] == "0.6021" and rows[other]["of the bound"] == "–"
+    within, beyond = (t for t in page_of(write(contents)).tables if t[0][:2] == ["cam", "area ratio"])
+    rows = {row[0]: dict(zip(within[0], row, strict=True)) for row in within[1:]}
+    assert list(rows) == ["design", "certified bound", "no-jump linear program", "polydyne"]
+    assert [row[:3] for row in beyond[1:]] == [["multi-pol (without the jerk limit)", "0.6021", "–"]]
     assert rows["polydyne"]["area ratio"] == "0.5434" and rows["polydyne"]["of the bound"] == "87.8 %"
     assert rows["design"]["verdict"] == "confirmed" and rows["polydyne"]["verdict"] == "rejected"
 

@@ -1,7 +1,7 @@
 // Sliders with number fields: one for each control, with its limit's worth and what is wrong with its value.
 class Field {
   constructor(control, changed) {
-    Object.assign(this, { control, changed });
+    Object.assign(this, { control, changed, unread: "" });
     const id = `camopt-${control.key.replace(/[^\w-]/g, "_")}`;
     this.worth = h("span", { class: "worth" });
     this.fault = h("p", { class: "fault", id: `${id}-fault` });
@@ -41,12 +41,14 @@ class Field {
   typed(settled) {
     const text = this.main.value.trim();
     if (text === "" || !Number.isFinite(Number(text))) {
-      this.say("expected a number");
+      this.unread = "expected a number"; // and stays said, whatever the last number is answered with
+      this.say(this.unread);
       return;
     }
     this.tell(Number(text), settled);
   }
   tell(value, settled) {
+    this.unread = "";
     this.say("");
     this.show(value, document.activeElement);
     this.changed(this.control.key, value, settled);
@@ -92,7 +94,7 @@ class Fields {
     for (const [key, field] of Object.entries(this.byKey)) field.show(values[key]);
   }
   faults(byKey, lastKey) { // sentences that belong to no field stand beside the one that was moved last
-    for (const [key, field] of Object.entries(this.byKey)) field.say(byKey?.[key] ?? "");
+    for (const [key, field] of Object.entries(this.byKey)) field.say(field.unread || (byKey?.[key] ?? ""));
     const general = byKey?.[""];
     if (general && lastKey) this.byKey[lastKey].say(general);
     for (const key of Object.keys(byKey ?? {})) this.byKey[key || lastKey]?.node.closest("details").setAttribute("open", "");

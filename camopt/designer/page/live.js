@@ -106,21 +106,23 @@ class Designer {
     this.showStatus();
     this.pump();
   }
+  step() { // what is to be asked next: a sketch of the newest state; at rest its cam, if the sketch was coarse, and the band
+    if (this.dirty) return "sketch";
+    if (!this.resting || this.rested === this.sequence) return null;
+    return this.exact === this.sequence ? "band" : "cam";
+  }
   async pump() {
-    if (this.busy) return;
-    const parts = this.dirty ? "sketch" : this.resting && this.rested !== this.sequence ? "cam" : null;
-    if (!parts) return;
+    const step = this.busy ? null : this.step();
+    if (!step) return;
     this.busy = true;
     const { sequence, asked } = this;
     this.dirty = false;
     try {
-      const answer = await this.request(parts, sequence);
-      if (answer.state !== "superseded") this.received(answer, asked);
-      if (parts === "cam" && answer.state === "ok" && sequence === this.sequence) {
-        const band = await this.request("band", sequence);
-        if (band.state === "ok") this.receivedBand(band, asked);
-      }
-      if (parts === "cam" && answer.state !== "superseded") this.rested = sequence;
+      const answer = await this.request(step, sequence);
+      if (answer.state === "ok" && (step === "cam" || (step === "sketch" && !answer.coarse && !answer.says))) this.exact = sequence;
+      if (answer.state !== "superseded" && step !== "band") this.received(answer, asked);
+      else if (answer.state === "ok") this.receivedBand(answer, asked);
+      if (step === "band" || (step === "cam" && answer.state !== "ok")) this.rested = sequence;
     } catch (error) {
       this.failed(error);
       this.rested = sequence; // it is asked again once the server answers
@@ -200,7 +202,7 @@ class Designer {
   }
   receivedBand(band, asked) {
     this.band = band;
-    this.bandOf = this.sequence;
+    this.bandOf = band.sequence;
     this.panels.band(band, this.values, this.pinned);
     this.fields.worths(this.answer, band);
     this.panels.compare(this.answer, band, this.pinned);
@@ -225,6 +227,7 @@ class Designer {
     requestAnimationFrame(() => setTimeout(() => {
       const detail = { part: answer.part, sequence: answer.sequence, latency_ms: performance.now() - asked };
       this.root.dataset[answer.part] = answer.sequence;
+      if (this.exact === answer.sequence) this.root.dataset.cam = answer.sequence;
       this.root.dispatchEvent(new CustomEvent("camopt-painted", { detail }));
     }));
   }

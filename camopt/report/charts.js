@@ -1,0 +1,188 @@
+// Charts as SVG: lines over an axis, limits, a marked place, the values under the pointer, and a closer look.
+const SVG = "http://www.w3.org/2000/svg";
+
+function h(name, attributes = {}, ...children) { // an HTML element
+  const node = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (key === "on") for (const [event, act] of Object.entries(value)) node.addEventListener(event, act);
+    else if (value === true) node.setAttribute(key, "");
+    else if (value !== false && value !== null && value !== undefined) node.setAttribute(key, value);
+  }
+  node.append(...children);
+  return node;
+}
+function shown(value, digits = 4) { // a number as the page writes it
+  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  if (Math.abs(value) < 1e-5) return "0"; // a hundredth of a micrometre, far below what any unit here resolves
+  return String(Number(value.toPrecision(digits))).replace("-", "−");
+}
+function ticks(low, high, most) { // round numbers in a range
+  const rough = (high - low) / most || 1, power = 10 ** Math.floor(Math.log10(rough));
+  const step = [1, 2, 5, 10].map((d) => d * power).find((s) => s >= rough);
+  const found = [];
+  for (let n = Math.ceil(low / step - 1e-9); n * step <= high + 1e-9 * step; n++) found.push(n * step);
+  return found;
+}
+
+class Chart {
+  // spec: x {label, low, high}, lines [{name, x, y, look or colour and dashes, dots}], limits [{value, name}],
+  // places [{x, name}], include (values that the axis shows), most (where the axis ends at the latest), says
+  constructor(title, unit, height = 170) {
+    Object.assign(this, { title, unit, height, spec: null, zoom: null, grip: null });
+    this.svg = document.createElementNS(SVG, "svg");
+    this.svg.setAttribute("role", "img");
+    this.svg.setAttribute("tabindex", "0");
+    this.words = h("span");
+    this.whole = h("button", { type: "button", hidden: true, on: { click: () => this.show(this.spec, null) } }, "whole axis");
+    this.values = h("p", { class: "values" });
+    this.node = h("figure", { class: "chart" }, h("figcaption", {}, this.words, " ", this.whole), this.svg, this.values);
+    const listen = { pointermove: this.hover, pointerleave: this.leave, pointerdown: this.take, pointerup: this.drop,
+      pointercancel: this.leave, keydown: this.key, blur: this.leave, dblclick: () => this.show(this.spec, null) };
+    for (const [event, act] of Object.entries(listen)) this.svg.addEventListener(event, act.bind(this));
+    new ResizeObserver(() => this.spec && this.width !== this.node.clientWidth && this.draw()).observe(this.node);
+  }
+  show(spec, zoom = this.zoom) { // the part of the axis that is looked at stays while the whole axis does
+    const same = this.spec && this.spec.x.low === spec.x.low && this.spec.x.high === spec.x.high;
+    this.spec = spec;
+    this.zoom = same ? zoom : null;
+    this.whole.hidden = !this.zoom;
+    this.draw();
+  }
+  make(name, attributes, words, inside = this.svg) {
+    const node = document.createElementNS(SVG, name);
+    for (const [key, value] of Object.entries(attributes)) if (value !== undefined) node.setAttribute(key, value);
+    if (words !== undefined) node.textContent = words;
+    return inside.appendChild(node);
+  }
+  draw() {
+    const { spec, height } = this, width = Math.max(240, this.node.clientWidth || 300);
+    this.width = this.node.clientWidth;
+    this.x = this.zoom ?? spec.x;
+    const [low, high] = this.levels();
+    const box = { left: 52, right: width - 18, top: 8, bottom: height - 34 };
+    this.across = (x) => box.left + ((box.right - box.left) * (x - this.x.low)) / (this.x.high - this.x.low);
+    this.up = (y) => box.bottom - ((box.bottom - box.top) * (y - low)) / (high - low);
+    this.box = box;
+    this.svg.replaceChildren();
+    this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    this.svg.setAttribute("aria-label", `${this.title} [${this.unit}] against ${spec.x.label}. ${spec.says}`);
+    this.words.replaceChildren(h("b", {}, `${this.title} [${this.unit}] `), h("span", {}, spec.says));
+    this.axes(spec, box, low, high, height);
+    spec.limits.filter((l) => l.value >= low && l.value <= high).forEach((limit) => this.limit(limit, box));
+    for (const place of (spec.places ?? []).filter((p) => p.x >= this.x.low && p.x <= this.x.high)) {
+      this.make("path", { class: "place", d: `M${this.across(place.x)} ${box.top}V${box.bottom}` });
+    }
+    const frame = { x: box.left, y: box.top, width: box.right - box.left, height: box.bottom - box.top };
+    const port = this.make("svg", { ...frame, viewBox: Object.values(frame).join(" "), class: "port" });
+    spec.lines.forEach((line) => this.line(line, port));
+    this.cursor = this.make("path", { class: "cursor" });
+    this.taken = this.make("rect", { class: "taken", y: box.top, height: box.bottom - box.top, width: 0 });
+  }
+  levels() { // lower and upper end of the axis
+    const { spec } = this, { low: from, high: to } = this.x;
+    const inside = (line) => line.y.filter((v, i) => v !== null && Number.isFinite(v) && line.x[i] >= from && line.x[i] <= to);
+    const limits = this.zoom ? [] : spec.limits.map((l) => l.value);
+    let levels = [...spec.lines.flatMap(inside), ...limits, ...(this.zoom ? [] : spec.include ?? [])];
+    if (!levels.length) levels = [0];
+    let low = Math.min(...levels), high = Math.max(...levels);
+    if (spec.most !== undefined) high = Math.max(low, Math.min(high, spec.most)); // what goes beyond is cut, and said so
+    const room = 0.12 * (high - low || Math.abs(high) || 1); // for the names of limits, too
+    return [low < 0 || this.zoom ? low - room : low, high + room];
+  }
+  axes(spec, box, low, high, height) {
+    for (const y of ticks(low, high, 4)) {
+      this.make("path", { class: "grid", d: `M${box.left} ${this.up(y)}H${box.right}` });
+      this.make("text", { x: box.left - 5, y: this.up(y) + 4, "text-anchor": "end" }, shown(y));
+    }
+    for (const x of (!this.zoom && spec.x.ticks) || ticks(this.x.low, this.x.high, 5)) {
+      this.make("path", { class: "tick", d: `M${this.across(x)} ${box.bottom}v4` });
+      this.make("text", { x: this.across(x), y: box.bottom + 16, "text-anchor": "middle" }, shown(x, 6));
+    }
+    const middle = (box.left + box.right) / 2;
+    this.make("text", { class: "axis", x: middle, y: height - 4, "text-anchor": "middle" }, spec.x.label);
+  }
+  limit(limit, box) {
+    const y = this.up(limit.value);
+    this.make("path", { class: "limit", d: `M${box.left} ${y}H${box.right}` });
+    const above = limit.value >= 0 ? y - 5 : y + 13;
+    this.make("text", { class: "limit-name", x: box.right - 2, y: above, "text-anchor": "end" }, limit.name);
+  }
+  line(line, port) {
+    let path = "", open = false;
+    const look = { class: `line ${line.look ?? ""}`, stroke: line.colour, "stroke-dasharray": line.dashes?.join(" ") || undefined };
+    line.x.forEach((x, i) => {
+      const y = line.y[i], { low, high } = this.x;
+      if (y === null || !Number.isFinite(y) || x < low || x > high) { open = false; return; }
+      path += `${open ? "L" : "M"}${this.across(x).toFixed(1)} ${this.up(y).toFixed(1)}`;
+      open = true;
+    });
+    this.make("path", { ...look, d: path || "M0 0" }, undefined, port);
+    (line.dots ?? []).forEach((full, i) => {
+      if (line.y[i] === null || line.x[i] < this.x.low || line.x[i] > this.x.high) return;
+      const at = { cx: this.across(line.x[i]), cy: this.up(line.y[i]) };
+      this.make("circle", { class: "dots", ...at, r: 3, stroke: line.colour, fill: full ? line.colour : "#fff" }, undefined, port);
+    });
+  }
+
+  // ---- values under the pointer, and the part of the axis that is looked at
+  place(event) { // on the axis, under the pointer
+    const { left, width } = this.svg.getBoundingClientRect(), { box } = this;
+    const pixel = ((event.clientX - left) * this.svg.viewBox.baseVal.width) / width;
+    const share = Math.min(1, Math.max(0, (pixel - box.left) / (box.right - box.left)));
+    return this.x.low + share * (this.x.high - this.x.low);
+  }
+  hover(event) {
+    if (!this.spec) return;
+    const x = this.place(event);
+    if (this.grip !== null) {
+      const [a, b] = [this.across(this.grip), this.across(x)];
+      this.taken.setAttribute("x", Math.min(a, b));
+      this.taken.setAttribute("width", Math.abs(b - a));
+    }
+    this.read(x);
+  }
+  read(x) {
+    const { spec, box } = this;
+    const read = spec.lines.filter((line) => line.x.length).map((line) => {
+      let best = 0;
+      line.x.forEach((v, i) => { if (Math.abs(v - x) < Math.abs(line.x[best] - x)) best = i; });
+      return { at: line.x[best], words: `${line.name} ${shown(line.y[best])}` };
+    });
+    if (!read.length) return;
+    this.at = x;
+    this.cursor.setAttribute("d", `M${this.across(read[0].at)} ${box.top}V${box.bottom}`);
+    this.values.textContent = `${spec.x.label.replace(/ \[.*/, "")} ${shown(read[0].at, 5)}: ${read.map((r) => r.words).join(", ")}`;
+  }
+  leave() {
+    this.grip = null;
+    this.taken?.setAttribute("width", 0);
+    this.cursor?.setAttribute("d", "");
+    this.values.textContent = "";
+  }
+  take(event) {
+    if (this.spec && event.button === 0) this.grip = this.place(event);
+  }
+  drop(event) {
+    if (this.grip === null) return;
+    const [low, high] = [this.grip, this.place(event)].sort((a, b) => a - b);
+    this.leave();
+    this.look(low, high, 0.02);
+  }
+  look(low, high, least) { // at a part of the axis, no smaller than `least` of what is seen
+    const whole = this.spec.x;
+    if (high - low < least * (this.x.high - this.x.low) || high - low < 1e-3 * (whole.high - whole.low)) return;
+    const all = low <= whole.low && high >= whole.high;
+    this.show(this.spec, all ? null : { ...whole, low: Math.max(low, whole.low), high: Math.min(high, whole.high) });
+  }
+  key(event) {
+    if (!this.spec || event.ctrlKey || event.altKey || event.metaKey) return;
+    const { low, high } = this.x, at = this.at ?? (low + high) / 2, step = (high - low) / 100;
+    const half = { "+": 0.25, "-": 1 }[event.key] * (high - low);
+    if (half) this.look(at - half, at + half, 0);
+    else if (event.key === "0" || event.key === "Escape") this.show(this.spec, null);
+    else if (!event.key.startsWith("Arrow") || event.key.length < 9) return; // left and right
+    const to = event.key === "ArrowLeft" ? at - step : event.key === "ArrowRight" ? at + step : at;
+    this.read(Math.min(this.x.high, Math.max(this.x.low, to)));
+    event.preventDefault();
+  }
+}

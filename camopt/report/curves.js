@@ -1,0 +1,154 @@
+// The report's charts: the cams' laws, the motion at a speed, bounce, jump and forces over the band, and the search.
+const CHART_HEIGHT = 210;
+
+class ReportCharts {
+  constructor(root, data, moving) {
+    Object.assign(this, { root, data, moving, drawn: [] });
+    this.on = new Set(data.cams.filter((c) => c.place !== "beyond").map((c) => c.name));
+    this.switches();
+    this.laws();
+    this.motion();
+    this.band();
+    this.search();
+    this.show();
+    root.documentElement.classList.add("live");
+    new ResizeObserver(() => this.reachable()).observe(root.body);
+  }
+  reachable() { // by keys: what scrolls sideways at this width
+    for (const box of this.root.querySelectorAll(".scroll")) {
+      if (box.scrollWidth > box.clientWidth) box.setAttribute("tabindex", "0");
+      else box.removeAttribute("tabindex");
+    }
+  }
+  shown() { return this.data.cams.filter((c) => this.on.has(c.name)); }
+  leading(cams) { // those that the axes are made for: what a rejected cam does would flatten them
+    const found = cams.filter((c) => c.place === "design" || (c.place === "within" && c.verdict === "confirmed"));
+    return found.length ? found : cams;
+  }
+  at(id) { return this.root.getElementById(id); }
+  place(id, title, unit, spec) { // a chart that is made again whenever cams or speed change
+    const chart = new Chart(title, unit, CHART_HEIGHT);
+    this.at(id).append(chart.node);
+    this.drawn.push(() => {
+      const found = spec();
+      chart.node.hidden = !found;
+      if (found) chart.show(found);
+    });
+  }
+  show() { this.drawn.forEach((draw) => draw()); }
+
+  // ---- which cams are shown
+  switches() {
+    const groups = [["design", "The design"], ["within", "Under the same limits"], ["beyond", "Beyond limits on the cam"]];
+    for (const [place, words] of groups) {
+      const members = this.data.cams.filter((c) => c.place === place);
+      if (members.length) this.at("cam-switches").append(h("div", {}, h("span", {}, words), ...members.map((c) => this.switch(c))));
+    }
+  }
+  switch(cam) {
+    const swatch = this.root.createElementNS(SVG, "svg"), line = this.root.createElementNS(SVG, "path");
+    swatch.setAttribute("viewBox", "0 0 34 8");
+    swatch.setAttribute("aria-hidden", "true");
+    const look = { d: "M0 4H34", stroke: cam.colour, "stroke-width": 2.5, "stroke-dasharray": cam.dashes.join(" ") };
+    for (const [key, value] of Object.entries(look)) line.setAttribute(key, value);
+    swatch.append(line);
+    const box = h("input", { type: "checkbox", on: { change: () => this.toggle(cam.name, box.checked) } });
+    box.checked = this.on.has(cam.name);
+    const verdict = cam.verdict === "confirmed" ? "" : ` (${cam.verdict})`;
+    return h("label", {}, box, swatch, cam.name + verdict);
+  }
+  toggle(name, on) {
+    if (on) this.on.add(name);
+    else this.on.delete(name);
+    this.show();
+  }
+
+  // ---- lines over an axis, ended for the leading cams, with what is cut said in words
+  lines(x, values, x_of = null) {
+    return this.shown().filter(values).map((c) => ({ name: c.name, x: x_of ? x_of(c) : x, y: values(c), colour: c.colour, dashes: c.dashes }));
+  }
+  spec(axis, lines, limits, { include = [0], sign = false, far = 3 } = {}) {
+    if (!lines.length) return null;
+    const top = (line) => Math.max(...line.y.filter((v) => v !== null));
+    const leading = new Set(this.leading(this.shown()).map((c) => c.name));
+    const led = lines.filter((l) => leading.has(l.name)), largest = Math.max(...(led.length ? led : lines).map(top));
+    const near = limits.filter((v) => v <= far * largest || largest <= 0), most = 1.15 * Math.max(largest, ...near, ...include);
+    const beyond = lines.filter((l) => top(l) > most).map((l) => `${l.name} to ${shown(top(l), 3)}`);
+    const own = lines.find((l) => l.name === "design") ?? lines[0];
+    const says = `${own.name}: largest ${shown(top(own))}` + (sign ? `, least ${shown(Math.min(...own.y.filter((v) => v !== null)))}` : "");
+    return { x: axis, lines, include, most: beyond.length ? most : undefined,
+      limits: near.map((value) => ({ value, name: `limit ${shown(value)}` })),
+      says: says + (beyond.length ? `; beyond this axis: ${beyond.join(", ")}` : "") };
+  }
+  laws() {
+    const { data } = this;
+    const n = data.cams[0].lift_mm.length, angles = Array.from({ length: n }, (_, i) => data.from_deg + i * data.step_deg);
+    const x = { label: "cam angle [deg]", low: angles[0], high: angles.at(-1) };
+    const places = [-1, 1].map((s) => ({ x: (s * data.duration_deg) / 2, name: "duration" }));
+    for (const law of data.laws) {
+      this.place("charts-cams", law.title, law.unit, () => {
+        const spec = this.spec(x, this.lines(angles, (c) => c[law.key]), law.limits, { sign: law.key !== "lift_mm" });
+        return spec && { ...spec, places, include: [0, ...law.limits] };
+      });
+    }
+  }
+
+  // ---- the motion at one speed
+  motion() {
+    const speeds = [...new Set(this.moving.cams.flatMap((c) => c.motions.map((m) => m.speed_rpm)))].sort((a, b) => a - b);
+    const chosen = h("select", { on: { change: () => this.show() } }, ...speeds.map((s) => h("option", { value: s }, `${s} r/min`)));
+    chosen.value = speeds.at(-1);
+    this.at("motion-speed").append(h("label", {}, "speed ", chosen));
+    const of = (cam) => this.moving.cams.find((c) => c.name === cam.name)?.motions.find((m) => String(m.speed_rpm) === chosen.value);
+    const n = Math.round(360 / this.moving.step_deg) + 1, angles = Array.from({ length: n }, (_, i) => -180 + i * this.moving.step_deg);
+    const x = { label: "cam angle [deg]", low: this.data.from_deg, high: -this.data.from_deg }, half = this.data.duration_deg / 2;
+    const places = [-half, half].map((at) => ({ x: at, name: "duration" }));
+    const valve = (cam) => of(cam)?.separation_um[this.moving.seat].map((um) => um / 1000);
+    const chart = (title, unit, axis, values, limits, settings) => this.place("charts-motion", title, unit, () => {
+      const spec = this.spec(axis, this.lines(angles, values), limits, settings);
+      return spec && { ...spec, places };
+    });
+    chart("Valve lift", "mm", x, valve, []);
+    const bounce = this.data.quantities.find((q) => q.key === "bounce_mm").limits;
+    const closing = { label: "cam angle [deg], closing", low: half - 8, high: Math.min(180, half + 40) };
+    this.place("charts-motion", "Valve above its seat, closing", "mm", () => {
+      const top = 4 * (bounce[0] || 0.02), lines = this.lines(angles, valve);
+      return lines.length ? { x: closing, lines, include: [0, top], most: top, places, says: `up to ${shown(top)} mm`,
+        limits: bounce.map((value) => ({ value, name: `bounce limit ${shown(value)}` })) } : null;
+    });
+    const force = this.data.quantities.find((q) => q.key === "contact_force_max_N").limits;
+    this.moving.contacts.forEach((e, k) => {
+      if (k !== this.moving.seat) chart(`Force of ${this.moving.drawing.elements[e].name}`, "N", x, (c) => of(c)?.force_N[k], force);
+    });
+  }
+
+  // ---- over the band
+  band() {
+    const x_of = (c) => c.band.speed_rpm, all = this.data.cams.filter((c) => c.band).flatMap(x_of);
+    if (!all.length) return;
+    const x = { label: "crankshaft speed [r/min]", low: Math.min(...all), high: Math.max(...all) };
+    const places = [...new Set(this.moving.cams.flatMap((c) => c.motions.map((m) => m.speed_rpm)))].map((s) => ({ x: s, name: "listed" }));
+    for (const q of this.data.quantities) {
+      this.place("charts-band", q.title, q.unit, () => {
+        const spec = this.spec(x, this.lines(null, (c) => c.band?.[q.key], x_of), q.limits, { far: q.unit === "mm" ? Infinity : 3, sign: q.least });
+        return spec && { ...spec, places };
+      });
+    }
+  }
+
+  // ---- the search
+  search() {
+    const { search } = this.data, steps = search.area_ratio.map((_, i) => i + 1);
+    if (steps.length < 2) return;
+    const x = { label: "step of the search", low: 0.5, high: steps.length + 0.5 };
+    const places = steps.filter((i) => i > 1 && search.stage[i - 1] !== search.stage[i - 2]).map((i) => ({ x: i - 0.5, name: search.stage[i - 1] }));
+    const line = (y, more = {}) => ({ x: steps, y, colour: "#0072B2", ...more });
+    const stages = [...new Set(search.stage)].join(", ");
+    this.place("charts-search", "Area ratio", "–", () => ({ x, places, limits: [],
+      lines: [line(search.area_ratio, { name: "step", dots: search.confirmed, dashes: [2, 3] }), line(search.best_area_ratio, { name: "best that holds" })],
+      says: `delivered ${shown(search.delivered)}${search.bound === null ? "" : `; certified bound ${shown(search.bound)}, beyond this axis`}; stages: ${stages}` }));
+    const bounce = this.data.quantities.find((q) => q.key === "bounce_mm").limits;
+    this.place("charts-search", "Worst bounce", "mm", () => ({ x, places, include: [0, ...bounce], limits: bounce.map((value) => ({ value, name: `limit ${shown(value)}` })),
+      lines: [line(search.worst_bounce_mm, { name: "step", dots: search.confirmed, dashes: [2, 3] })], says: "filled: every limit holds at the searched speeds" }));
+  }
+}

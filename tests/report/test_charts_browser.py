@@ -1,0 +1,105 @@
+"""The report's charts and its first screen in a real browser: values under the pointer, a closer look, cams on and off,
+nothing cut, nothing fetched, nothing serious for those who cannot see or point."""
+
+import pytest
+
+from camopt.scene.units import DEG, MM
+
+
+def chart(page, place: str, title: str):
+    return page.locator(f"#{place} figure.chart").filter(has_text=title)
+
+
+def middle(page, figure) -> tuple[float, float]:
+    """The middle of a chart in pixels, once it is in view."""
+    figure.scroll_into_view_if_needed()
+    box = figure.locator("> svg").bounding_box()
+    return box["x"] + 52 + (box["width"] - 70) / 2, box["y"] + box["height"] / 2
+
+
+def test_the_pointer_reads_the_value_of_every_cam(open_page, lifts):
+    page = open_page()
+    figure = chart(page, "charts-cams", "Cam lift")
+    x, y = middle(page, figure)
+    page.mouse.move(x, y)
+    words = figure.locator(".values").inner_text()
+    angle = float(words.split(":")[0].split()[-1].replace("−", "-"))
+    assert abs(angle) <= 1.0  # the middle of the axis
+    for name, lift in lifts.items():
+        shown = float(words.split(f"{name} ")[1].split(",")[0])
+        assert shown == pytest.approx(float(lift(angle * DEG)) / MM, abs=2e-3)
+    page.mouse.move(2, 2)
+    assert figure.locator(".values").inner_text() == ""
+
+
+def test_keys_read_values_and_look_closer(open_page):
+    page = open_page()
+    figure = chart(page, "charts-motion", "Valve lift")
+    figure.locator("> svg").focus()
+    page.keyboard.press("ArrowRight")
+    assert "design" in figure.locator(".values").inner_text()
+    before = figure.locator("text").all_text_contents()
+    page.keyboard.press("+")
+    assert figure.locator("text").all_text_contents() != before
+    page.get_by_role("button", name="whole axis").click()
+    assert figure.locator("text").all_text_contents() == before
+
+
+def test_a_dragged_part_of_the_axis_is_looked_at(open_page):
+    page = open_page()
+    figure = chart(page, "charts-cams", "Acceleration")
+    x, y = middle(page, figure)
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 80, y)
+    page.mouse.up()
+    assert page.get_by_role("button", name="whole axis").is_visible()
+    page.mouse.dblclick(x, y)
+    assert not page.get_by_role("button", name="whole axis").is_visible()
+
+
+def test_cams_are_switched_on_and_off(open_page):
+    page = open_page()
+    figure = chart(page, "charts-cams", "Jerk")
+    assert figure.locator(".line").count() == 2
+    page.get_by_role("checkbox", name="polydyne").uncheck()
+    assert figure.locator(".line").count() == 1
+    page.get_by_role("checkbox", name="design").uncheck()
+    assert not figure.is_visible()
+    page.get_by_role("checkbox", name="polydyne").check()
+    assert figure.locator(".line").count() == 1
+
+
+def test_another_speed_changes_the_motion(open_page):
+    page = open_page()
+    figure = chart(page, "charts-motion", "Force of cam_follower")
+    before = figure.locator(".line").first.get_attribute("d")
+    page.locator("#motion-speed select").select_option("5000")
+    assert figure.locator(".line").first.get_attribute("d") != before
+
+
+def test_the_first_screen_says_verdict_cam_price_and_what_next(open_page):
+    page = open_page()
+    for part in (".verdict strong", ".sketch", "#worth", "#next", "#matrix", ".matrix tr >> nth=3"):
+        box = page.locator(part).bounding_box()
+        assert box["y"] + box["height"] <= 768, part
+    assert "worst" in page.locator(".matrix").inner_text()
+
+
+@pytest.mark.parametrize("width", [1366, 1920])
+def test_no_table_is_cut_off(open_page, width):
+    page = open_page(viewport={"width": width, "height": 768})
+    cut = page.locator(".scroll").evaluate_all(
+        "boxes => boxes.filter((b) => b.scrollWidth > b.clientWidth + 1).map((b) => b.innerText.slice(0, 40))"
+    )
+    assert cut == [] and page.evaluate("document.documentElement.scrollWidth") == width
+
+
+def test_nothing_serious_for_those_who_cannot_see_or_point(open_page):
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
+    page = open_page(bypass_csp=True)  # axe is a script of its own
+    found = axe.Axe().run(page).response["violations"]
+    serious = [
+        (v["id"], [n["target"] for n in v["nodes"]][:4]) for v in found if v["impact"] in ("serious", "critical")
+    ]
+    assert serious == []

@@ -1,0 +1,104 @@
+"""What a cam reaches of the limits on its shape, against the same figures found on a dense grid."""
+
+import numpy as np
+import pytest
+
+from camopt.cam.read import read_cam
+from camopt.measure.limits import broken_by_shape
+from camopt.report.folder import read_run_folder
+from camopt.report.limits import limit_rows, share_of
+from camopt.report.matrix import matrix
+from camopt.report.shape import reached_by_shape
+from camopt.report.summary import next_steps
+from camopt.scene import load_scene
+from camopt.scene.design import Piston
+from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2
+
+SCENE = load_scene("motori-1")
+LIFT = read_cam("polydyne", SCENE)
+GRID = np.linspace(-np.pi, np.pi, 200_001)
+PISTON = Piston(stroke_mm=80, rod_mm=140, gap_at_top_mm=9, clearance_mm=1, lobe_centre_deg=110)
+
+
+def drawn(**limits):
+    """The scene's design with further limits, on a flat follower of 30 mm."""
+    geometry = load_scene("kodama").geometry
+    assert geometry is not None
+    flat = geometry.model_copy(
+        update={"follower": "flat", "base_radius_mm": 40.0, "face_width_mm": 60.0}
+        | dict.fromkeys(("pad_radius_mm", "pivot_mm", "arm_mm", "valve_arm_mm"))
+    )
+    assert SCENE.design is not None
+    design = SCENE.design.model_copy(update=limits)
+    return design.within(flat, SCENE.operation)
+
+
+def test_figures_of_the_drawing_are_those_of_a_dense_grid():
+    design = drawn(piston=PISTON, nose_radius_min_mm=1.0, entrainment_min_m_per_s=0.1, lift_at=((-30.0, 2.0, 9.0),))
+    found = {row.label: row.value for row in reached_by_shape(LIFT, design)}
+    lift, slope, bend = (LIFT(GRID, order) for order in range(3))
+    assert found["largest lift"] == pytest.approx(lift.max() / MM, abs=1e-6)
+    assert found["acceleration max"] == pytest.approx(bend.max() / MM_PER_DEG2, rel=1e-5)
+    assert found["smallest convex radius"] == pytest.approx((40 * MM + lift + bend).min() / MM, rel=1e-5)
+    assert found["face width needed"] == pytest.approx(2 * np.abs(slope).max() / MM, rel=1e-5)
+    entrained = design.slowest * ((40 * MM + lift) / 2 + bend).min()
+    assert found["entrainment velocity"] == pytest.approx(entrained, rel=1e-4)
+    assert found["lift at an angle"] == pytest.approx(float(LIFT(-30 * DEG)) / MM, rel=1e-9)
+    outside = np.abs(GRID) >= design.duration_deg / 2 * DEG
+    ramps = max(found["opening ramp velocity"], found["closing ramp velocity"])
+    assert ramps == pytest.approx(np.abs(slope[outside]).max() / MM_PER_DEG, rel=1e-3)
+
+
+def test_the_clearance_to_the_piston_is_that_of_crank_and_rod():
+    found = next(row for row in reached_by_shape(LIFT, drawn(piston=PISTON)) if row.key == "piston")
+    crank = PISTON.lobe_centre_deg * DEG + GRID / 0.5
+    height = 40 * np.cos(crank) + np.sqrt(140**2 - (40 * np.sin(crank)) ** 2)
+    clearance = PISTON.gap_at_top_mm + (180 - height) - LIFT(GRID) / MM
+    assert found.value == pytest.approx(clearance.min(), abs=1e-4) and found.least
+
+
+def test_rows_are_held_where_the_judge_of_the_shape_says_so(write, contents):
+    design = drawn(piston=PISTON, lift_at=((0.0, 0.0, 1.0),), duration_at=((2.0, 10.0, 20.0),))
+    run = read_run_folder(write(contents, "motori-1"))
+    rows = limit_rows(run, (LIFT, design))
+    broken = {row["key"] for row in rows if row["held"] is False}
+    judged = set(broken_by_shape(LIFT, design))
+    assert {"lift_at", "duration_at"} <= broken and broken & {"piston", "max_lift_mm"} == judged & {
+        "piston",
+        "max_lift_mm",
+    }
+    named = {row["label"]: row for row in matrix(run, rows)["rows"]}
+    assert named["lift at an angle"]["shape"]["kind"] == "bad"
+
+
+def test_shares_count_to_the_bad_side():
+    assert share_of(0.05, False, 0.04) == pytest.approx(0.8)
+    assert share_of(50.0, True, 60.0) == pytest.approx(0.8)
+    assert share_of(-0.008, True, -0.004) == pytest.approx(0.5)
+    assert share_of(0.0, False, 1.0) is None and share_of(1.0, False, None) is None
+
+
+def test_the_matrix_marks_the_worst_speed_of_each_limit(write, contents):
+    contents["verification"]["speeds"][2]["ranges"]["bounce_mm"] = [0.01, 0.0501]
+    run = read_run_folder(write(contents))
+    found = matrix(run, limit_rows(run))
+    assert found["speeds"] == ["5000", "6000", "6500", "7000", "band"]
+    bounce = next(row for row in found["rows"] if row["label"] == "bounce")
+    assert [cell["worst"] for cell in bounce["cells"]] == [False, False, True, False, False]
+    assert bounce["cells"][2]["words"] == "✗ 100 %" and bounce["cells"][2]["kind"] == "bad"
+
+
+@pytest.mark.parametrize(
+    ("verdict", "command"),
+    [
+        ("confirmed", "camopt cam kodama-run/scene.toml --cam kodama-run --csv lift.csv"),
+        ("rejected", "camopt optimize kodama-run/scene.toml --accuracy standard"),
+        ("sensitive", "camopt optimize kodama-run/scene.toml --accuracy standard"),
+        ("not converged", "camopt verify kodama-run/scene.toml --cam kodama-run --accuracy fine"),
+        (None, "camopt verify kodama-run/scene.toml --cam kodama-run"),
+    ],
+)
+def test_every_verdict_has_a_next_step(write, contents, verdict, command):
+    contents["verification"]["verdict"] = verdict or "unheard of"
+    steps = next_steps(read_run_folder(write(contents)))
+    assert steps[0]["command"] == command
