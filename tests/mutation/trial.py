@@ -89,10 +89,8 @@ def _forked(test: str, folder: Path, plain: bool) -> int:
         for name in [n for n in sys.modules if n.split(".")[0] in ("tests", "camopt", "experiments")]:
             del sys.modules[name]
         if plain:
-            import numba
-
             os.environ["NUMBA_DISABLE_JIT"] = "1"
-            numba.config.DISABLE_JIT = 1
+            importlib.import_module("numba").config.DISABLE_JIT = 1
         import pytest
 
         # what is imported already cannot be rewritten, which costs a message only
