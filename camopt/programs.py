@@ -9,6 +9,7 @@ compiled anew, an older installation finds its own again, and copies of one vers
 import shutil
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -16,7 +17,7 @@ from typing import Any
 
 import numba
 from numba.core import config
-from numba.core.caching import _CacheLocator
+from numba.core.caching import FunctionCache, _CacheLocator
 
 from camopt.cache import cache_folder
 
@@ -42,9 +43,31 @@ def compiled(function: Callable | None = None, **options: Any) -> Any:
     before = settings.CACHE_LOCATOR_CLASSES
     settings.CACHE_LOCATOR_CLASSES = f"{__name__}.{ProgramFolder.__name__}"
     try:
-        return numba.njit(cache=True, nogil=True, **options)(function)
+        program: Any = numba.njit(nogil=True, **options)(function)
+        if program is not function:  # numba was told to compile nothing
+            program._cache = KeptPrograms(function)  # what `cache=True` does, with numba's own
+        return program
     finally:
         settings.CACHE_LOCATOR_CLASSES = before
+
+
+class KeptPrograms(FunctionCache):
+    """The programs of one function on disk. numba stops at files that are torn or cannot be written; here the program
+    is compiled anew, and kept if it can be."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The program for a signature; None where there is none, or where its files are torn: these go."""
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # whatever reading a torn pickle raises
+            with suppress(OSError):
+                self.flush()
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keeps a program, unless the disk is full or its folder is gone or not ours to write to."""
+        with suppress(Exception):  # a torn index may still be there
+            super().save_overload(sig, data)
 
 
 class ProgramFolder(_CacheLocator):
@@ -106,5 +129,8 @@ def _folder(file: Path) -> Path | None:
         for old in above.glob(f"{kind}-*"):
             if time.time() - old.stat().st_mtime > KEPT_DAYS * 86400:
                 shutil.rmtree(old, ignore_errors=True)
-        folder.mkdir(mode=0o700, exist_ok=True)
+        try:
+            folder.mkdir(mode=0o700, exist_ok=True)
+        except OSError:  # no room
+            return None
     return folder

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ import camopt
 from camopt import programs
 from camopt.cache import cache_folder
 from camopt.programs import CONSTANTS, PACKAGE, TOGETHER, compiled, digest, sources
+from tests.campaign.starved import mounted
 
 CODE = "from camopt.exact.kernel.advance import split as f; f(1.5, 4); "
 SAY = "print(sum(f.stats.cache_hits.values()), sum(f.stats.cache_misses.values()), f.stats.cache_path)"
@@ -34,6 +36,28 @@ def test_a_second_process_finds_the_program_of_the_first(tmp_path):
     hits, misses, folder = fresh(CODE + SAY, tmp_path)
     assert (hits, misses) == ("1", "0")
     assert Path(folder).is_relative_to(tmp_path) and Path(folder).stat().st_mode & 0o077 == 0
+
+
+@pytest.mark.parametrize(("kind", "left"), [("*.nbi", 0), ("*.nbc", 20)])
+def test_torn_files_are_made_anew(tmp_path, kind, left):
+    fresh(CODE, tmp_path)
+    for file in tmp_path.rglob(kind):
+        os.truncate(file, left)
+    assert fresh(CODE + SAY, tmp_path)[:2] == ["0", "1"]
+    assert fresh(CODE + SAY, tmp_path)[:2] == ["1", "0"]
+
+
+@pytest.mark.parametrize("options", ["size=4k", "nr_inodes=3"])
+def test_a_full_disk_keeps_nothing(tmp_path, options):
+    with mounted(tmp_path / "disk", options) as folder:
+        assert fresh(CODE + SAY, folder)[:2] == ["0", "1"]
+
+
+def test_several_processes_fill_one_folder(tmp_path):
+    with ThreadPoolExecutor(3) as pool:
+        for hits, misses, _ in pool.map(fresh, [CODE + SAY] * 3, [tmp_path] * 3):
+            assert int(hits) + int(misses) == 1
+    assert fresh(CODE + SAY, tmp_path)[:2] == ["1", "0"]
 
 
 def test_without_a_folder_every_process_compiles(tmp_path):

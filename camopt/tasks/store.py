@@ -37,11 +37,19 @@ class Row(NamedTuple):
     outcome: str
 
     def as_dict(self) -> dict[str, Any]:
-        """The row as one level of names: `task` (its number), `state`, the task's own keys, and what it returned."""
-        task = json.loads(self.task)
-        varied = {f"vary {name}": value for name, value in task.pop("vary", {}).items()}
-        given = task.pop("arguments", {})
-        return {**given, "task": self.number, "state": self.state, **task, **varied, **json.loads(self.outcome)}
+        """The row as one level of names: `task` (its number), `state`, the task's own keys, and what it returned.
+
+        Raises InputError for a row that was damaged.
+        """
+        try:
+            task = json.loads(self.task)
+            varied = {f"vary {name}": value for name, value in task.pop("vary", {}).items()}
+            given = task.pop("arguments", {})
+            return {**given, "task": self.number, "state": self.state, **task, **varied, **json.loads(self.outcome)}
+        except (ValueError, TypeError, AttributeError) as error:
+            raise InputError(
+                f"row {self.number} of the sweep's store is damaged ({error}): name another store"
+            ) from error
 
 
 class TaskStore:
@@ -58,16 +66,22 @@ class TaskStore:
             _check_header(self.path)
             self._db = sqlite3.connect(self.path, timeout=30.0, isolation_level=None)
             self._begin(version, plan)
+            query = "SELECT key FROM row WHERE state = ?"
+            self._again = {key for (key,) in self._db.execute(query, (FAILED,))} if retry_failed else set()
         except (sqlite3.Error, OSError) as error:
             raise InputError(f"{self.path}: cannot be used as the store of a sweep ({error}); name another") from error
-        query = "SELECT key FROM row WHERE state = ?"
-        self._again = {key for (key,) in self._db.execute(query, (FAILED,))} if retry_failed else set()
 
     def __enter__(self) -> "TaskStore":
         return self
 
-    def __exit__(self, *exception) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        """Closes the file. Raises InputError where SQLite could not go on with it: it is torn, or the disk is full."""
         self._db.close()
+        if isinstance(error, sqlite3.Error):
+            raise InputError(
+                f"{self.path}: cannot be read or written any further ({error}): make room on its disk and go on with "
+                f"--resume, or, where the file is damaged, name another store"
+            ) from error
 
     def _begin(self, version: str, plan: str) -> None:
         """Makes the tables of a new file, or compares those of an old one."""
@@ -87,12 +101,13 @@ class TaskStore:
         if self._db.execute("PRAGMA application_id").fetchone()[0] != MARK:
             raise InputError(f"{self.path}: a database, but not the store of a sweep; name another")
         about = dict(self._db.execute("SELECT name, value FROM about"))
-        if about["version"] != version:
+        if about.get("version") != version:
+            began = about.get("version", "unknown")
             raise InputError(
-                f"{self.path}: its rows are of camopt {about['version']}, and this is camopt {version}, whose numbers "
+                f"{self.path}: its rows are of camopt {began}, and this is camopt {version}, whose numbers "
                 f"may differ; nothing in it was changed: name another store"
             )
-        if plan and about["plan"] and about["plan"] != plan:
+        if plan and about.get("plan") not in (None, "", plan):
             raise InputError(
                 f"{self.path}: belongs to another plan, and nothing in it was changed: name another store for this one"
             )

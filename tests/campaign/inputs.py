@@ -1,4 +1,4 @@
-"""Grammar of hostile inputs: scenes, cam names, lift tables, design files, sweep plans and command lines.
+"""Grammar of hostile inputs: scenes, cam names, lift tables, design files, sweep plans, earlier runs, command lines.
 
 A case is what a user could have: some files in a folder and one command there.
 """
@@ -17,7 +17,10 @@ import tomli_w
 from camopt.scene import builtin_scenes, scene_text
 from tests.campaign.values import FACTORS, NUMBERS, TEXTS, spoiled, torn
 
-DESIGN = Path(__file__).parents[1] / "data" / "kodama-design.json"
+DATA = Path(__file__).parents[1] / "data"
+DESIGN = DATA / "kodama-design.json"
+EARLIER = DATA / "version-0.1.0"
+"""What a released version left: a run folder, a yield, a sweep's store."""
 SCENES = tuple(builtin_scenes())
 POLYDYNE = "polydyne"
 
@@ -183,15 +186,40 @@ def command_case(draw: Random, seed: int) -> Case:
     return Case("command", seed, [w for w in words if "\0" not in w])
 
 
+def folder_case(draw: Random, seed: int) -> Case:
+    """A folder or store of an earlier run with one file torn, edited or gone."""
+    files = {p.relative_to(EARLIER).as_posix(): p.read_bytes() for p in sorted(EARLIER.rglob("*")) if p.is_file()}
+    words = draw.choice(
+        (
+            ["cam", "motori-1", "--cam", "run", "--csv", "lift.csv"],
+            ["report", "run", "--check"],
+            ["optimize", "motori-1", "--speeds", "nominal", "--accuracy", "draft", "--out", "run", "--resume"],
+            ["yield", "motori-1", "--cam", "polydyne", "--trains", "10", "--out", "yield", "--resume"],
+            ["sweep", "plan.toml", "--store", "sweep.sqlite", "--resume", "--workers", "1"],
+        )
+    )
+    part = next((word for word in ("run", "yield", "sweep") if word in words), "")
+    name = draw.choice([name for name in files if name.startswith(part)])
+    kind = draw.randrange(3)
+    if kind == 0:
+        del files[name]
+    elif kind == 1 and name.endswith(".json"):
+        files[name] = json.dumps(spoiled(json.loads(files[name]), draw)).encode(errors="replace")
+    else:
+        files[name] = torn(files[name], draw)
+    return Case("folder", seed, words, files)
+
+
 KINDS: dict[str, Callable[[Random, int], Case]] = {
     "scene": scene_case,
     "cam": cam_case,
     "table": table_case,
     "design": design_case,
     "plan": plan_case,
+    "folder": folder_case,
     "command": command_case,
 }
-WEIGHTS = {"scene": 40, "cam": 15, "table": 15, "design": 15, "plan": 1, "command": 14}
+WEIGHTS = {"scene": 40, "cam": 15, "table": 15, "design": 15, "plan": 1, "folder": 1, "command": 13}
 
 
 def drawn(seed: int) -> Case:

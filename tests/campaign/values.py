@@ -71,9 +71,9 @@ def _spoil(holder: Any, key: Any, draw: Random) -> None:
         holder[draw.choice((*TEXTS[:9], f"{key}s", f"{key}".upper()))] = holder.pop(key)
 
 
-def torn(text: str, draw: Random) -> bytes:
+def torn(text: str | bytes, draw: Random) -> bytes:
     """The bytes of a text, cut, doubled, or with some bytes changed."""
-    data = bytearray(text.encode())
+    data = bytearray(text if isinstance(text, bytes) else text.encode())
     kind = draw.randrange(4)
     at = draw.randrange(len(data) + 1)
     if kind == 0:
@@ -82,6 +82,6 @@ def torn(text: str, draw: Random) -> bytes:
         return bytes(data[:at] + data)
     if kind == 2:
         return bytes(data[:at]) + draw.randbytes(draw.randrange(1, 40)) + bytes(data[at:])
-    for _ in range(draw.randint(1, 8)):
+    for _ in range(draw.randint(1, 8) if data else 0):
         data[draw.randrange(len(data))] = draw.randrange(256)
     return bytes(data)

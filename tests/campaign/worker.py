@@ -19,6 +19,7 @@ LONGEST = 1500
 def run(case: Case, folder: Path) -> tuple[object, str]:
     """Exit code and stderr of a case in a folder of its own."""
     for name, content in case.files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(content)
     said = io.StringIO()
     with chdir(folder), redirect_stdout(io.StringIO()), redirect_stderr(said):

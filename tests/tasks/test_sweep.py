@@ -17,6 +17,7 @@ import camopt
 from camopt.scene import InputError
 from camopt.tasks import sweep as sweeping
 from camopt.tasks.engines import AHEAD, MOST_DEATHS
+from tests.campaign.starved import mounted
 from tests.tasks.tasks_of_tests import rehearsals, stored
 
 DIES = {"verb": "rehearse", "number": 10**6, "end": "die"}
@@ -182,6 +183,37 @@ class TestStores:
         with sqlite3.connect(tmp_path / "x") as db:
             db.execute("CREATE TABLE row (key, number, task, state, outcome)")
         assert "a database, but not the store of a sweep" in self.refused(rehearsals(2), tmp_path / "x")
+
+    def test_a_torn_page(self, tmp_path):
+        path = tmp_path / "x"
+        camopt.sweep(rehearsals(200), path, workers=0)
+        data = bytearray(path.read_bytes())
+        data[20_000:24_000] = b"\x7f" * 4000  # behind the pages that opening it reads
+        path.write_bytes(data)
+        with pytest.raises(InputError, match="cannot be read or written any further"):
+            camopt.sweep(rehearsals(200), path, workers=0).write_csv(tmp_path / "x.csv")
+        assert not (tmp_path / "x.csv").exists()
+
+    @pytest.mark.parametrize("column", ["task", "outcome"])
+    def test_an_edited_row(self, tmp_path, column):
+        path = tmp_path / "x"
+        found = camopt.sweep(rehearsals(3), path, workers=0)
+        with sqlite3.connect(path) as db:
+            db.execute(f"UPDATE row SET {column} = '[1' WHERE number = 1")
+        with pytest.raises(InputError, match="row 1 of the sweep's store is damaged"):
+            found.columns()
+
+    def test_a_store_that_says_no_version(self, tmp_path):
+        camopt.sweep(rehearsals(3), tmp_path / "x", workers=0)
+        with sqlite3.connect(tmp_path / "x") as db:
+            db.execute("DELETE FROM about")
+        assert "of camopt unknown" in self.refused(rehearsals(3), tmp_path / "x")
+
+    def test_a_disk_that_fills_up(self, tmp_path):
+        with mounted(tmp_path / "disk", "size=100k") as folder:
+            with pytest.raises(InputError, match="make room on its disk"):
+                camopt.sweep(rehearsals(1000), folder / "x", workers=0)
+            assert len(stored(folder / "x")) > 0
 
     def test_no_folder(self, tmp_path):
         assert "cannot be written" in self.refused(rehearsals(2), tmp_path / "none" / "x")

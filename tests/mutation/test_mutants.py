@@ -1,0 +1,45 @@
+"""The mutants are drawn as their seed says and each is a fault."""
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("cosmic_ray")
+
+from tests.mutation import mutants as drawing
+from tests.mutation.mutants import Mutant
+from tests.mutation.trial import DIGITS, chosen
+
+
+@pytest.fixture
+def small(tmp_path, monkeypatch) -> Path:
+    """A tree with one file."""
+    path = tmp_path / "camopt/measure/a.py"
+    path.parent.mkdir(parents=True)
+    path.write_text("def f(x: int | None) -> int | None:\n    return 2 * x\n")
+    monkeypatch.setattr(drawing, "ROOT", tmp_path)
+    return path
+
+
+def test_a_seed_draws_one_order_of_all_places(small):
+    found = drawing.mutants(0)
+    assert found == drawing.mutants(0) and len({m.key for m in found}) == len(found)
+    assert {m.file for m in found} == {"camopt/measure/a.py"}
+    assert sorted(m.key for m in found) == sorted(m.key for m in drawing.mutants(1))
+
+
+def test_every_mutant_is_a_fault(small):
+    texts = [m.text() for m in drawing.mutants(0)]
+    assert len({*texts}) == len(texts) > 5
+    assert all("2 * x" not in text and "(x: int | None) -> int | None" in text for text in texts)
+
+
+def test_a_place_that_is_not_there_is_said(small):
+    with pytest.raises(ValueError, match="no such place"):
+        Mutant("camopt/measure/a.py", "NumberReplacer", 99).text()
+
+
+def test_tests_are_those_that_name_the_module():
+    assert chosen("camopt/exact/kernel/leap.py") == [DIGITS]
+    found = chosen("camopt/measure/energy.py")
+    assert "tests/measure/test_energy.py" in found and found[-1] == DIGITS

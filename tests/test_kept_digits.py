@@ -1,0 +1,23 @@
+"""Figures of small motions stay what they were, in every method: digits change only where a change is meant.
+
+The reference of these figures is the other tests; this one is quick enough to notice any change at once.
+"""
+
+import json
+
+import numpy as np
+import pytest
+
+from tests.kept_digits import FIGURES, FILE
+
+KEPT = json.loads(FILE.read_text(encoding="utf-8"))
+
+
+def test_all_of_them_are_kept():
+    assert list(KEPT) == list(FIGURES)
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_the_figures_are_those_that_were_kept(name):
+    known = np.array(KEPT[name], dtype=float)  # null is not a number
+    np.testing.assert_allclose(FIGURES[name](), known, rtol=1e-7, atol=1e-12)
