@@ -24,8 +24,10 @@ from camopt.cache import cache_folder
 PACKAGE = Path(__file__).parent
 TOGETHER = ("exact", "verifier/methods")
 """Folders whose functions call each other; a compiled file elsewhere stands alone."""
-CONSTANTS = (PACKAGE / "scene/units.py",)
-"""Modules elsewhere whose numbers are compiled into the programs."""
+CONSTANTS = (PACKAGE / "scene/units.py", PACKAGE / "by_address.py")
+"""Files elsewhere whose numbers and types are compiled into the programs."""
+OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+"""How everything is compiled: divisions as NumPy's, whose infinities end in a refused motion, and no entry for C."""
 KEPT_DAYS = 60
 """Programs of other versions go when they were not compiled for so long."""
 
@@ -37,18 +39,25 @@ def compiled(function: Callable | None = None, **options: Any) -> Any:
     """
     if function is None:
         return lambda f: compiled(f, **options)
+    options = OPTIONS | options
     if _folder(Path(function.__code__.co_filename)) is None:
-        return numba.njit(nogil=True, **options)(function)
+        return numba.njit(**options)(function)
     settings: Any = config  # whose type does not list what it holds
     before = settings.CACHE_LOCATOR_CLASSES
     settings.CACHE_LOCATOR_CLASSES = f"{__name__}.{ProgramFolder.__name__}"
     try:
-        program: Any = numba.njit(nogil=True, **options)(function)
+        program: Any = numba.njit(**options)(function)
         if program is not function:  # numba was told to compile nothing
             program._cache = KeptPrograms(function)  # what `cache=True` does, with numba's own
         return program
     finally:
         settings.CACHE_LOCATOR_CLASSES = before
+
+
+def inner(function: Callable | None = None, **options: Any) -> Any:
+    """`compiled` for a function that only compiled functions call. It has no entry for Python, which takes as long to
+    compile as many a function itself; a call from Python would end the process (tests/test_programs.py looks)."""
+    return compiled(function, no_cpython_wrapper=True, **options)
 
 
 class KeptPrograms(FunctionCache):
@@ -110,8 +119,8 @@ def kept(folder: str) -> bool | None:
 
 @cache
 def digest(file: Path) -> str:
-    """SHA-256 of the sources of a file's programs and of their names."""
-    found = sha256()
+    """SHA-256 of the sources of a file's programs, of their names, and of how they are compiled."""
+    found = sha256(repr(OPTIONS).encode())
     for path in sources(file):
         found.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
     return found.hexdigest()

@@ -16,13 +16,14 @@ SUPPORT = {"scene", "storage", "plots"}
 MAY_IMPORT = {
     "cache": set(),
     "programs": {"cache"},
+    "by_address": set(),
     "storage": {"scene"},
     "scene": set(),
     "plots": {"scene", "cam", "storage"},  # the colours of cam families; otherwise its arguments are arrays
     "cam": {"scene", "storage"},
     "measure": {"cam", "programs"} | SUPPORT,
     "smooth": {"cam", "scene", "cache"},
-    "exact": {"cam", "programs"} | SUPPORT,
+    "exact": {"cam", "programs", "by_address"} | SUPPORT,
     "verifier": {"cam", "measure", "programs"} | SUPPORT,
     "autodiff": {"cam", "smooth", "exact", "scene"},
     "optimizer": {"cam", "measure", "smooth", "exact", "verifier", "autodiff", "programs"} | SUPPORT,

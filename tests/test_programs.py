@@ -2,6 +2,7 @@
 
 import ast
 import os
+import re
 import subprocess
 import sys
 import time
@@ -16,7 +17,7 @@ from camopt.cache import cache_folder
 from camopt.programs import CONSTANTS, PACKAGE, TOGETHER, compiled, digest, sources
 from tests.campaign.starved import mounted
 
-CODE = "from camopt.exact.kernel.advance import split as f; f(1.5, 4); "
+CODE = "import numpy as np; from camopt.exact.kernel.switching import first_suspect as f; f(np.ones(9), 1, 1, 2); "
 SAY = "print(sum(f.stats.cache_hits.values()), sum(f.stats.cache_misses.values()), f.stats.cache_path)"
 
 
@@ -28,7 +29,8 @@ def fresh(code: str, folder: Path) -> list[str]:
 
 
 def files_that_compile() -> list[Path]:
-    return [p for p in sorted(PACKAGE.rglob("*.py")) if "from camopt.programs import compiled" in p.read_text()]
+    imported = re.compile("from camopt.programs import (compiled|inner)")
+    return [p for p in sorted(PACKAGE.rglob("*.py")) if imported.search(p.read_text())]
 
 
 def test_a_second_process_finds_the_program_of_the_first(tmp_path):
@@ -120,6 +122,51 @@ def test_everything_that_is_compiled_in_is_among_the_sources(path):
         ]  # of the format, -1 for ever
         if constants or (file.exists() and file in files_that_compile()):
             assert file in listed, f"{path.name} compiles in what {node.module} holds"
+
+
+def compiled_as(node: ast.AST) -> tuple[str, bool] | None:
+    """By what decorator a function is compiled, and whether Python may call it; None for one that is not compiled."""
+    for decorator in node.decorator_list if isinstance(node, ast.FunctionDef) else []:
+        call = decorator if isinstance(decorator, ast.Call) else None
+        name = ast.unparse(call.func if call else decorator)
+        if name in ("compiled", "inner", "borrowing"):
+            options = {word.arg for word in call.keywords} if call else set()
+            return name, name == "compiled" or "from_python" in options
+    return None
+
+
+def uncompiled_names(node: ast.AST):
+    """Names that are read outside compiled functions, with their lines."""
+    for part in ast.iter_child_nodes(node):
+        if compiled_as(part):
+            continue
+        if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Load):
+            yield part.id, part.lineno
+        yield from uncompiled_names(part)
+
+
+def test_python_calls_no_function_that_only_compiled_code_may_call():
+    """Such a function has no entry for Python: the call would end the process."""
+    folders = PACKAGE, PACKAGE.parent / "tests", PACKAGE.parent / "experiments"
+    trees = {file: ast.parse(file.read_text()) for folder in folders for file in folder.rglob("*.py")}
+    modules = {".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts): tree for file, tree in trees.items()}
+    inner = {
+        (module, node.name)
+        for module, tree in modules.items()
+        for node in tree.body
+        if (found := compiled_as(node)) and not found[1]
+    }
+    assert len(inner) > 50
+    for module, tree in modules.items():
+        imported = {
+            alias.asname or alias.name: (node.module, alias.name)
+            for node in ast.walk(tree)
+            if isinstance(node, ast.ImportFrom)
+            for alias in node.names
+        }
+        own = {name: (module, name) for where, name in inner if where == module}
+        for name, line in uncompiled_names(tree):
+            assert (imported | own).get(name) not in inner, f"{module}, line {line}: {name}"
 
 
 def test_the_folders_that_stand_together_exist():

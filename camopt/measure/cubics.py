@@ -8,7 +8,7 @@ BISECTIONS = 52
 """Number of times that a step is halved to locate a root, which reaches the rounding of the angle."""
 
 
-@compiled(error_model="numpy")
+@compiled
 def with_stationary_points(angle, y, step, c):
     """Angles and values of the samples y and of all stationary points between them, ascending; cubics c (4, k - 1)."""
     found, value, count = np.empty(3 * len(y)), np.empty(3 * len(y)), 0

@@ -20,12 +20,13 @@ class Accuracy:
     gradient_steps: int
     margin_draws: int  # number of judged cams whose margins are drawn apart
     verdict: Effort  # effort of the final verdict
+    without_jerk_limit: bool  # whether the comparison shows the families without it as well
 
 
 ACCURACIES = {
-    "draft": Accuracy(3.0, 5, 47, 4, 6, 0, EFFORTS["draft"]),
-    "standard": Accuracy(2.0, 9, 187, 4, 16, 96, EFFORTS["standard"]),
-    "fine": Accuracy(1.5, 17, 373, 8, 30, 160, EFFORTS["fine"]),
+    "draft": Accuracy(3.0, 5, 47, 4, 6, 0, EFFORTS["draft"], False),
+    "standard": Accuracy(2.0, 9, 187, 4, 16, 96, EFFORTS["standard"], True),
+    "fine": Accuracy(1.5, 17, 373, 8, 30, 160, EFFORTS["fine"], True),
 }
 
 BEYOND = 1e-3

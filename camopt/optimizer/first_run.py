@@ -50,9 +50,9 @@ def gradient_programs() -> None:
 
     train, lift, cam_speed, metrics = _motion()
     rest = state_at_rest(train)
-    value_and_gradient_many(train, [lift], [cam_speed], metrics, np.array([rest]), workers=1)
-    for method in EFFORTS["standard"].methods:
+    for method in EFFORTS["standard"].methods:  # first, so that the other process has the kernel's programs ready
         method_named(method)(train, lift, cam_speed, FEWEST_STEPS)(rest)
+    value_and_gradient_many(train, [lift], [cam_speed], metrics, np.array([rest]), workers=1)
 
 
 PARTS: dict[str, Callable[[], None]] = {"settled": settled_programs, "gradient": gradient_programs}

@@ -1,13 +1,15 @@
 """No NaN and no silent zero, whatever the gaps and the scene; and a wrong saltation does not go unseen."""
 
+import sys
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from numba.core.dispatcher import Dispatcher
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
-from camopt.exact.adjoint import motion
+from camopt.exact.adjoint import integrals, motion, seeds
 from camopt.exact.adjoint import sweep as adjoint
 from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.metrics import METRICS
@@ -90,8 +92,27 @@ def test_a_flat_lift_stays_at_rest():
     assert found.values[0] == 0.0 and found.values[1] == pytest.approx(1e3 * lash.max())
 
 
+def interpret(monkeypatch) -> None:
+    """Has the sweep and all that it calls run by Python, in which a function can be replaced.
+
+    Those that only compiled code calls have no entry for Python, so that none of them may stay compiled.
+    """
+    called = [m for name, m in sys.modules.items() if name.startswith("camopt.exact.kernel.")]
+    for module in (*called, adjoint, integrals, seeds):
+        for name, value in list(vars(module).items()):
+            if isinstance(value, Dispatcher):
+                monkeypatch.setattr(module, name, value.py_func)
+
+
 def taylor_slope(share: float, monkeypatch) -> float:
     """Order of the remainder after the first derivative, the saltation multiplied by `share`."""
+    scene, train = kodama()
+    lift, bumps = cam_with_bumps("polydyne", 20)
+    speed, direction = scene.cam_speed(6000), np.tensordot(np.cos(np.arange(20.0)), bumps, 1)
+    start, metric = state_at_rest(train), ["seating_velocity_m_per_s"]
+    moving, steps = TracedMotion(train, lift, speed, start), np.array([2e-7, 5e-8])
+    after = [from_rest(train, moved(lift, h * direction), speed, metric, start)[0] for h in steps]
+    interpret(monkeypatch)
     original = adjoint.switch_back
 
     def switch_back(s, trace, seeds, k, bars, room):
@@ -101,15 +122,10 @@ def taylor_slope(share: float, monkeypatch) -> float:
             part[:] = old + share * (part - old)
 
     monkeypatch.setattr(adjoint, "switch_back", switch_back)
-    monkeypatch.setattr(motion, "sweep", adjoint.sweep.py_func)
-    scene, train = kodama()
-    lift, bumps = cam_with_bumps("polydyne", 20)
-    speed, direction = scene.cam_speed(6000), np.tensordot(np.cos(np.arange(20.0)), bumps, 1)
-    start, metric = state_at_rest(train), ["seating_velocity_m_per_s"]
-    values, slopes = TracedMotion(train, lift, speed, start).swept(metric)
-    slope, steps = np.sum(slopes.by_coefficients * direction), np.array([2e-7, 5e-8])
-    rests = [abs(from_rest(train, moved(lift, h * direction), speed, metric, start)[0] - values[0, 0] - h * slope)
-             for h in steps]  # fmt: skip
+    monkeypatch.setattr(motion, "sweep", adjoint.sweep)
+    values, slopes = moving.swept(metric)
+    slope = np.sum(slopes.by_coefficients * direction)
+    rests = [abs(found - values[0, 0] - h * slope) for found, h in zip(after, steps, strict=True)]
     return float(np.diff(np.log(rests))[0] / np.diff(np.log(steps))[0])
 
 

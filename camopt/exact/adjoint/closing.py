@@ -8,7 +8,7 @@ from camopt.exact.kernel.elements import closeness, touch_line
 from camopt.exact.kernel.instants import acceleration, state_at
 from camopt.exact.kernel.switching import _value_and_slope
 from camopt.exact.kernel.tables import SEPARATED, TERMS
-from camopt.programs import compiled
+from camopt.programs import compiled, inner
 
 SAME_ANGLE = 1e-9
 """Angle [rad] within which a segment begins at the opening foot."""
@@ -76,7 +76,7 @@ def nominal_closing(s, trace, turn, touched):
     return -1, 0.0
 
 
-@compiled
+@inner
 def closed_window(s, trace, turn):
     """The window in which bounce and impacts are sought, in a revolution.
 
@@ -94,7 +94,7 @@ def closed_window(s, trace, turn):
     return k, opened, start, end, -1, 0.0
 
 
-@compiled
+@inner
 def seed_nominal(s, trace, seeds, k, length, slope):
     """Adds the cotangents of a value at the nominal closing through the time of that closing.
 
@@ -110,7 +110,7 @@ def seed_nominal(s, trace, seeds, k, length, slope):
     return slope / rate
 
 
-@compiled
+@inner
 def seed_leaked(s, trace, seeds, turn, touched, weight):
     """Adds the cotangents of weight * (what the adjusters have leaked at the touch, which ends segment `touched`)."""
     total, foot = leaked(s, trace, turn, touched)

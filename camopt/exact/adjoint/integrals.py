@@ -8,7 +8,7 @@ from camopt.exact.kernel.borrowing import borrowing
 from camopt.exact.kernel.elements import touch_line
 from camopt.exact.kernel.instants import series_at, watch_of
 from camopt.exact.kernel.tables import TERMS
-from camopt.programs import compiled
+from camopt.programs import inner
 
 
 @borrowing
@@ -30,7 +30,7 @@ def distance_integral(s, trace, k, w, there):
     return total
 
 
-@compiled
+@inner
 def square_integral(s, trace, k, w, there):
     """Integral of the squared seat's distance over segment k [m^2 steps], in which the seat must be apart."""
     total, watch = 0.0, watch_of(s, trace.slot[k], s.seat)
@@ -44,7 +44,7 @@ def square_integral(s, trace, k, w, there):
     return total / touch_line(s.train, s.seat)[1] ** 2
 
 
-@compiled
+@inner
 def _add_square(w, weight, width, p):
     """Adds to p, for every power of t, weight times the integral of the series w times that power over [0, width]."""
     powers = np.empty(2 * TERMS + 2)
@@ -58,7 +58,7 @@ def _add_square(w, weight, width, p):
         p[k] += weight * total
 
 
-@compiled
+@inner
 def seed_integral(s, trace, seeds, k, weight):
     """Adds the cotangents of weight times the integral of the seat's distance over segment k [m steps]."""
     weight *= seeds.weight[0]
@@ -66,7 +66,7 @@ def seed_integral(s, trace, seeds, k, weight):
     touch_back(s.train, s.seat, weight * trace.length[k], seeds)
 
 
-@compiled
+@inner
 def seed_square(s, trace, seeds, k, weight, w, there):
     """Adds the cotangents of weight times the integral of the squared seat's distance over segment k [m^2 steps]."""
     weight *= seeds.weight[0]
@@ -74,7 +74,7 @@ def seed_square(s, trace, seeds, k, weight, w, there):
     touch_back(s.train, s.seat, 2.0 * weight * distance_integral(s, trace, k, w, there), seeds)
 
 
-@compiled(fastmath={"contract", "reassoc"})
+@inner(fastmath={"contract", "reassoc"})
 def integrals_back(s, slot, y, length, linear, square, out):
     """Adds to out (c - 1) the cotangent of y (c - 1) by the integrals over the next `length` steps.
 

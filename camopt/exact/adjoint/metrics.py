@@ -13,7 +13,7 @@ from camopt.exact.kernel.borrowing import borrowing
 from camopt.exact.kernel.elements import touch_line
 from camopt.exact.kernel.instants import acceleration, largest
 from camopt.exact.kernel.tables import ACTING, SEPARATED, TERMS
-from camopt.programs import compiled
+from camopt.programs import inner
 from camopt.scene.units import DEG, MM
 
 METRICS = (
@@ -31,7 +31,7 @@ METRICS = (
 NONE = -np.inf
 
 
-@compiled
+@inner
 def measure(metric, s, trace, seeds, turn):
     """(value, runner-up) of metric number `metric` in revolution `turn`; its cotangents are added to `seeds`."""
     if metric == 0:
@@ -51,7 +51,7 @@ def measure(metric, s, trace, seeds, turn):
     return closed_integral(s, trace, seeds, turn)
 
 
-@compiled
+@inner
 def bounce(s, trace, seeds, turn):
     touched, opened, start, end, nominal, _ = closed_window(s, trace, turn)
     if touched < 0:
@@ -76,7 +76,7 @@ def event(s, turn):
     return 2 * np.pi * turn - s.half_duration, 2 * np.pi * turn + s.half_duration
 
 
-@compiled
+@inner
 def jump_height(s, trace, seeds, turn):
     best, where, at, slope, contact, second = 0.0, -1, 0.0, 0.0, -1, NONE
     low, high = event(s, turn)
@@ -92,7 +92,7 @@ def jump_height(s, trace, seeds, turn):
     return best, second
 
 
-@compiled
+@inner
 def contact_force(s, trace, seeds, turn, sign):
     """The largest (sign 1) or smallest (sign -1) contact force [N]; a contact that does not push has the force zero."""
     best, where, at, slope, contact, second = NONE, -1, 0.0, 0.0, -1, NONE
@@ -113,7 +113,7 @@ def contact_force(s, trace, seeds, turn, sign):
     return sign * best, sign * second
 
 
-@compiled
+@inner
 def jump_angle(s, trace, seeds, turn):
     low, high = event(s, turn)
     best, second, contact = 0.0, NONE, -1
@@ -134,7 +134,7 @@ def jump_angle(s, trace, seeds, turn):
     return best / DEG, second / DEG
 
 
-@compiled
+@inner
 def seed_speed(s, trace, seeds, k):
     """The speed [m/s] at which the valve falls onto its seat at the end of segment k, with its cotangents."""
     n, y = len(s.train.mass), trace.y[k + 1]
@@ -143,7 +143,7 @@ def seed_speed(s, trace, seeds, k):
     return -y[n + s.valve]
 
 
-@compiled
+@inner
 def seating_velocity(s, trace, seeds, turn):
     k, opened = touch(s, trace, turn)
     if k < 0:
@@ -151,7 +151,7 @@ def seating_velocity(s, trace, seeds, turn):
     return seed_speed(s, trace, seeds, k), NONE
 
 
-@compiled
+@inner
 def impact_velocity(s, trace, seeds, turn):
     touched, opened, start, end, _, _ = closed_window(s, trace, turn)
     if touched < 0:
@@ -166,7 +166,7 @@ def impact_velocity(s, trace, seeds, turn):
     return (seed_speed(s, trace, seeds, where) if where >= 0 else 0.0), second
 
 
-@compiled
+@inner
 def dynamic_area(s, trace, seeds, turn):
     """Integral of the valve's distance from its seat touch over the time at which it is open [mm deg]."""
     total, unit = 0.0, s.cam.speed * s.step / (MM * DEG)
@@ -179,7 +179,7 @@ def dynamic_area(s, trace, seeds, turn):
     return total * unit, NONE
 
 
-@compiled
+@inner
 def closed_integral(s, trace, seeds, turn):
     """Integral by angle of the squared distance from the seat, from the touch to the next opening foot.
 

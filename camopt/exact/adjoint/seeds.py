@@ -7,13 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from camopt.by_address import by_address
 from camopt.exact.kernel.arrays import TrainArrays
 from camopt.exact.kernel.borrowing import borrowing
 from camopt.exact.kernel.elements import compression, lift_at, memory_of, touch_line
 from camopt.exact.kernel.instants import state_at
-from camopt.programs import compiled
+from camopt.programs import inner
 
 
+@by_address
 class Seeds(NamedTuple):
     """Cotangents of one number. An observation is an instant at which the number depends on the state.
 
@@ -59,7 +61,7 @@ def clear(seeds, segments):
     seeds.law[:], seeds.gap[:] = 0.0, 0.0
 
 
-@compiled
+@inner
 def observe(seeds, k, length):
     """Adds an observation of segment k, `length` steps from its start; returns its row of `bar`, which is zero."""
     i = seeds.used[0]
@@ -70,7 +72,7 @@ def observe(seeds, k, length):
     return seeds.bar[i]
 
 
-@compiled
+@inner
 def seed_force(s, trace, seeds, k, length, e, weight):
     """Adds the cotangents of weight * (force of element e) at an instant."""
     y, piece = state_at(s, trace, k, length), s.tables.pieces[trace.slot[k], e]
@@ -106,7 +108,7 @@ def law_back(train, e, row, form, where, weight, by_law, by_gap):
     by_gap[e] -= weight * form[1]
 
 
-@compiled
+@inner
 def seed_separation(s, seeds, k, length, e, weight):
     """Adds the cotangents of weight * separation of contact e at an instant; it is -d - constant / slope of the line on
     which its elastic force begins."""
@@ -131,7 +133,7 @@ def touch_back(train, e, weight, seeds):
     seeds.gap[e] += weight
 
 
-@compiled
+@inner
 def seed_end(s, trace, seeds, k, length, slope):
     """Adds the cotangent of an extreme at the end of a segment by the time of the switching there.
 

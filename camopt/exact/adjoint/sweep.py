@@ -20,7 +20,7 @@ from camopt.exact.kernel.borrowing import borrowing
 from camopt.exact.kernel.elements import compression, memory_of, value
 from camopt.exact.kernel.instants import state_at
 from camopt.exact.kernel.tables import ACTING
-from camopt.programs import compiled
+from camopt.programs import compiled, inner
 
 MOST_POINTS = 14
 """Largest number of Gauss points in one segment."""
@@ -154,7 +154,7 @@ def rates_back(s, slot, y, bar, share, bars):
             law_back(train, e, flow, train.law[flow], where, push, bars.law, bars.gap)
 
 
-@compiled
+@inner
 def parameters_back(s, trace, k, length, bar, weights, bars, work):
     """Adds what the numbers of the train contribute between the start of segment k and the instant `length` steps
     later.

@@ -11,7 +11,7 @@ ORDER = 7
 """Highest power of the series that follows a fine node: its remainder is below 1e-15 of the highest mode's motion."""
 
 
-@borrowing(fastmath={"contract"})
+@borrowing(from_python=True, fastmath={"contract"})
 def apply(matrix, y, columns, used, out):
     """Writes to out (used) the first rows of a transposed matrix times the first `columns` of y, plus its constant."""
     constant = matrix[len(y)]
@@ -103,7 +103,7 @@ def copy(source, target):
         target[i] = source[i]
 
 
-@borrowing
+@borrowing(from_python=True)
 def advance(tables, slot, h, columns, length, y, work):
     """Advances y, of which the first `columns` may differ from zero, by `length` steps within a span."""
     there, term, rates = work

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from camopt.by_address import by_address
 from camopt.cam.lift import Lift
 from camopt.exact.affine.inputs import Inputs
 from camopt.exact.affine.pieces import Parts, forms_of, numbers_of, parts_of
@@ -15,6 +16,7 @@ MOST_COMBINATIONS = 2**63 - 1
 """Combinations of pieces are numbered in 64 bits."""
 
 
+@by_address
 class TrainArrays(NamedTuple):
     """A train of n masses, e elements in p pieces with w watches, r memories and f forces by the cam angle, SI units.
 

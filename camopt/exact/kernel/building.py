@@ -4,7 +4,7 @@ import numpy as np
 
 from camopt.exact.kernel.elements import form_row, lift_at, touch_line
 from camopt.exact.kernel.tables import FINE, SEPARATED, TERMS
-from camopt.programs import compiled
+from camopt.programs import compiled, inner
 
 ORDERS = 16
 """Powers in the series of an exponential whose matrix has a spectral radius below 0.1."""
@@ -35,7 +35,7 @@ def linear_system(train, status):
     return motion
 
 
-@compiled
+@inner
 def by_state(row, h, sizes, out):
     """Writes to out (c) the row by y and 1 that belongs to a row of `linear_system`; h [s] is the step."""
     at, q = sizes.state, sizes.lift
@@ -48,7 +48,7 @@ def by_state(row, h, sizes, out):
     out[-1] = row[-1]
 
 
-@compiled
+@inner
 def per_step(motion, h, sizes):
     """d/dtau of (x, v, z, u, 1), shape (c, c), from `linear_system`; tau is the time in steps h [s]."""
     at, q = sizes.state, sizes.lift
@@ -63,7 +63,7 @@ def per_step(motion, h, sizes):
     return system
 
 
-@compiled(fastmath={"contract"})
+@inner(fastmath={"contract"})
 def product(left, right, out):
     """Writes left @ right to out; zeros on the left, of which the lift's rows have many, cost nothing."""
     out[:] = 0.0
@@ -75,7 +75,7 @@ def product(left, right, out):
                     out[i, j] += share * right[k, j]
 
 
-@compiled
+@inner
 def exponential(matrix):
     """exp(matrix) by its plain power series, for a spectral radius below 0.1.
 
@@ -90,7 +90,7 @@ def exponential(matrix):
     return total
 
 
-@compiled
+@inner
 def powers(leap, most):
     """leap^i for i = 0 to most, each from two halves, so that rounding grows with the logarithm of `most` only."""
     found = np.empty((most + 1, len(leap), len(leap)))
@@ -101,7 +101,7 @@ def powers(leap, most):
     return found
 
 
-@compiled
+@inner
 def watches(train, h, tables, slot, rows):
     """Writes what is watched in a combination of pieces: rows (w, c), their elements and numbers."""
     count, row = 0, np.empty(tables.motion.shape[1])
@@ -116,7 +116,7 @@ def watches(train, h, tables, slot, rows):
     return count
 
 
-@compiled
+@inner
 def seat_row(train, seat, sizes, row):
     """Writes the row (c) of the signed distance [m] of the valve from its seat touch."""
     row[:] = 0.0
@@ -128,7 +128,7 @@ def seat_row(train, seat, sizes, row):
     by_state(one, 1.0, sizes, row)
 
 
-@compiled
+@inner
 def write_looks(rows, system, steps, count, at, out):
     """Writes values and slopes by the step of `count` rows at every step to the columns of out from `at` on."""
     both = np.empty((2 * count, len(system)))
@@ -174,7 +174,7 @@ def fill(train, seat, h, tables, slot, key):
     tables.keys[slot] = key
 
 
-@compiled
+@inner
 def write_integral(train, seat, tables, slot):
     """Writes the seat's distance, integrated over so many steps: from its power series while the seat is apart, step
     by step, and zero otherwise."""

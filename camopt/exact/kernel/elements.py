@@ -120,7 +120,7 @@ def touch_line(train, e):
     return form[0], form[1]
 
 
-@borrowing
+@borrowing(from_python=True)
 def form_row(train, e, form, row):
     """Writes the row (2n + r + 3 + f) of an affine form of element e by x, v, z, lift, lift velocity, the forces by the
     cam angle and 1."""

@@ -6,7 +6,7 @@ from camopt.exact.kernel.advance import advance, apply
 from camopt.exact.kernel.borrowing import borrowing
 from camopt.exact.kernel.revolution import inputs_at
 from camopt.exact.kernel.tables import SEPARATED, TERMS
-from camopt.programs import compiled
+from camopt.programs import inner
 
 LOOKS = 8
 """A crest is sought in this many intervals of a step: the highest mode turns by less than 0.2 rad in one."""
@@ -14,7 +14,7 @@ TIE = 1e-3
 """The runner-up of a crest is looked for within this relative difference of it."""
 
 
-@compiled
+@inner
 def state_at(s, trace, k, length):
     """y, that is x, v, z and the inputs, at `length` steps from the start of segment k."""
     at, (inputs, rates) = s.tables.sizes.state, s.tables.motion.shape[1:]
@@ -123,7 +123,7 @@ def _highest_look(s, trace, e, status, sign, low, high):
     return best
 
 
-@compiled
+@inner
 def largest(s, trace, e, status, sign, low, high):
     """Largest sign * watch of element e at angles in [low, high] [rad] at which its contact has the state `status`.
 
@@ -166,7 +166,7 @@ def _bound(looks, k, at, count, sign):
     return max(max(f0, f1), max(f0 + g0, f1 - g1))
 
 
-@compiled
+@inner
 def nearest_miss(s, trace, e):
     """How close contact e came to closing: its smallest watch [N] where it turned back while apart; inf for never."""
     least, looks, states = np.inf, trace.looks, s.tables.states

@@ -25,7 +25,7 @@ def suspect(out, at, w, count):
     return before < 0.0 or after < 0.0 or before + out[at + count + w] < 0.0 or after - out[at + 3 * count + w] < 0.0
 
 
-@borrowing
+@borrowing(from_python=True)
 def first_suspect(out, at, count, steps):
     """The first of the steps in which any watch is suspect; `steps` if there is none."""
     low = 0
@@ -43,7 +43,7 @@ def first_suspect(out, at, count, steps):
     return steps
 
 
-@borrowing
+@borrowing(from_python=True)
 def next_switch(tables, slot, y, columns, out, length, tick, scratch):
     """The first switching in (0, length] steps, as (whole steps before it, rest [steps], watch).
 

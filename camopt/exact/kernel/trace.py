@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from camopt.exact.kernel.borrowing import borrowing
-from camopt.programs import compiled
+from camopt.programs import compiled, inner
 
 
 class Trace(NamedTuple):
@@ -60,7 +60,7 @@ def end_segment(trace, k, length, watch, angle, y):
         row[i] = y[i]
 
 
-@compiled
+@inner
 def later(trace, k):
     """The trace without its first k rows (views)."""
     return Trace(

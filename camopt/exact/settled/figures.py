@@ -12,7 +12,7 @@ from camopt.exact.kernel.advance import apply
 from camopt.exact.kernel.borrowing import borrowing
 from camopt.exact.kernel.elements import closeness, touch_line
 from camopt.exact.kernel.tables import SEPARATED
-from camopt.programs import compiled
+from camopt.programs import inner
 from camopt.scene.units import DEG, MM
 
 AT_INSTANTS = METRICS[:7]
@@ -22,7 +22,7 @@ NAMES = (*AT_INSTANTS, "dynamic_area_mm_deg", "excess_lift_mm")
 HALVINGS = 40
 
 
-@compiled
+@inner
 def figures(s, trace, seeds, turn, row):
     """Writes the metrics (9) of revolution `turn` to row; the trace reaches to the end of the next one."""
     clear(seeds, len(trace.length))
@@ -31,7 +31,7 @@ def figures(s, trace, seeds, turn, row):
     row[7], row[8] = area_and_excess(s, trace, turn)
 
 
-@compiled
+@inner
 def area_and_excess(s, trace, turn):
     """(dynamic area [mm deg], excess lift [mm]) of a revolution."""
     lash, steps, begin = 0.0, s.tables.steps.shape[1] - 1, s.tables.sizes.state

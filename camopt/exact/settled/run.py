@@ -9,7 +9,7 @@ from camopt.exact.kernel.revolution import CHATTER, DONE, NOT_FINITE, revolve
 from camopt.exact.kernel.setting import Setting
 from camopt.exact.kernel.trace import first, later
 from camopt.exact.settled.figures import NAMES, figures
-from camopt.programs import compiled
+from camopt.programs import compiled, inner
 
 SETTLING, PERIODIC, APERIODIC, REFUSED = 0, 1, 2, 3
 """How far a motion has come: it still settles; it repeats; it did not settle; it cannot be followed."""
@@ -72,7 +72,7 @@ def run(s, plan, cams, motions, room, begin):
     return len(motions.cam), DONE, 0
 
 
-@compiled
+@inner
 def went_on(motions, i, code):
     """Whether the motions can go on after a code; one that cannot be followed is marked."""
     if code == DONE:
@@ -83,7 +83,7 @@ def went_on(motions, i, code):
     return False
 
 
-@compiled
+@inner
 def of_motion(s, cams, motions, i):
     """The setting of motion i."""
     j = motions.cam[i]
@@ -93,7 +93,7 @@ def of_motion(s, cams, motions, i):
     return Setting(s.train, cam, s.step, s.tables, s.valve, s.seat, s.cam_side, half, foot)
 
 
-@compiled
+@inner
 def turned(s, plan, room, state, trace):
     """One revolution of `state` (2n + r), changed in place: (code, segments or missing key), code < 0 for refusals."""
     code, count, _ = revolve(s.train, s.cam, s.step, s.tables, state, room[0], trace, plan.switchings)
@@ -102,7 +102,7 @@ def turned(s, plan, room, state, trace):
     return (-code if code in (CHATTER, NOT_FINITE) else code), count
 
 
-@compiled
+@inner
 def settle(s, plan, motions, room, i):
     """Revolutions until the way that is left is short enough, or there have been the most: (code, missing key)."""
     after, n = motions.state[i].copy(), len(s.train.mass)
@@ -123,7 +123,7 @@ def settle(s, plan, motions, room, i):
     return DONE, 0
 
 
-@compiled
+@inner
 def measured(s, plan, motions, room, i):
     """The metrics of the measured revolutions and one more for the last bounce window: (code, missing key)."""
     turns = plan.measured if motions.stage[i] == PERIODIC else plan.aperiodic

@@ -66,12 +66,13 @@ def compare(
     return folder
 
 
-def plain_baselines(scene: Scene, progress: bool = False) -> dict[str, Lift | str]:
-    """Polydyne, Multi-Pol and New Design by name; a sentence where a family has no member."""
+def plain_baselines(scene: Scene, progress: bool = False, *, without_jerk_limit: bool = True) -> dict[str, Lift | str]:
+    """Polydyne, Multi-Pol and New Design by name, the latter two without the scene's jerk limit too; a sentence where a
+    family has no member."""
     cams: dict[str, Lift | str] = {"polydyne": member_or_sentence(scene, "polydyne")}
     for name in SECTIONED:
         cams[name] = member_or_sentence(scene, name)
-        if _jerk_limited(scene):
+        if without_jerk_limit and _jerk_limited(scene):
             cams[name + NO_JERK] = _member(scene, lambda name=name: read_cam(f"{name}:jerk=no", scene))
     return cams
 
@@ -142,11 +143,13 @@ def compare_in(
 
     `judged` is told after each baseline what share of the work it was.
 
-    `baselines` as `plain_baselines`, which is the default, gives them; one that has no member gets a row that says why.
-    They are judged at the listed speeds and, unless a given verdict is without one, over the band in the same steps as
-    the design. Cams and verdicts are kept in the folder's `cams` and `verdicts`, for the report and for `--cam`.
+    `baselines` as `plain_baselines` gives them, by default as the effort asks; one that has no member gets a row that
+    says why. They are judged at the listed speeds and, unless a given verdict is without one, over the band in the same
+    steps as the design. Cams and verdicts are kept in the folder's `cams` and `verdicts`, for the report and for
+    `--cam`.
     """
-    baselines = plain_baselines(scene) if baselines is None else baselines
+    if baselines is None:
+        baselines = plain_baselines(scene, without_jerk_limit=effort.without_jerk_limit)
     band_step = None if any(v.band is None for v in verdicts.values()) else effort.verdict.band_step_rpm
     cams = dict(designs)
     found = {name: verdicts[name].as_dict() if name in verdicts else _judged(scene, lift, effort, band_step)
