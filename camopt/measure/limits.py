@@ -11,6 +11,7 @@ import numpy as np
 from camopt.cam.geometry import contact, crossing
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import linear_limits
+from camopt.cam.waves import sign_changes
 from camopt.scene.design import Design
 from camopt.scene.quantities import QUANTITIES
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
@@ -129,6 +130,8 @@ def broken_by_shape(lift: Lift, design: Design | None) -> list[str]:
         nose = design.nose_deg * DEG
         if lift.extremes(2, -nose, nose)[1] > ROUNDING * max(-lowest, highest):
             broken.append("nose_deg")
+    if design.waves_max is not None and len(sign_changes(lift)) > design.waves_max:
+        broken.append("waves_max")
     drawn = drawing_excess(lift, design)
     return broken + [key for key, over in drawn.items() if over > ROUNDING]
 

@@ -14,7 +14,7 @@ from camopt.report.figures import CAPTIONS, inline_svg, ordered
 from camopt.report.folder import RunFolder, read_run_folder
 from camopt.report.limits import disagreements, limit_rows
 from camopt.report.motion import RunCams, animation, cams_of
-from camopt.report.outcome import broken_limits, contact_sentence, gain_sentences, outcome_rows
+from camopt.report.outcome import broken_limits, contact_sentence, gain_sentences, lift_sentence, outcome_rows
 from camopt.report.tables import (
     COSTS,
     LIMITS,
@@ -154,7 +154,7 @@ def headline(run: RunFolder) -> list[str]:
             else ""
         )
         sentences.append(f"Area ratio {shown(d['area_ratio'])}{below}.")
-    sentences += gain_sentences(run)
+    sentences += lift_sentence(run) + gain_sentences(run)
     band, bounce = v.get("band") or {}, worst_of(run, "bounce_mm")
     speeds = [s.get("speed_rpm") for s in v.get("speeds") or []]
     if band and bounce:

@@ -15,6 +15,8 @@ MOST_WINDOWS = 20
 """Rows of a table of windows."""
 NARROWEST = 1e-3
 """Least width of a window, in mm or deg: below it no cam can be ground."""
+FEWEST_WAVES = 3
+"""Sign changes of the jerk that no cam between two ramps can do without."""
 DRAWN_FOR = {
     "nose_radius_min_mm": ("flat", "roller"),
     "concave_radius_min_mm": ("roller",),
@@ -55,6 +57,8 @@ class Piston(Table):
 class Design(Table):
     """Design conditions and limits of the cam; a limit that is left out does not limit.
 
+    `waves_max` is how often the jerk may change its sign inside the duration: 3 times without a ripple of the
+    acceleration, and each ripple adds two.
     `lift_at` has rows of [angle_deg, min_mm, max_mm]: the lift at a cam angle. `duration_at` has rows of
     [lift_mm, min_deg, max_deg]: the cam degrees between the first and the last angle at which the lift is that high.
     """
@@ -72,6 +76,7 @@ class Design(Table):
     jerk_max_mm_per_deg3: Positive | None = None
     snap_max_mm_per_deg4: Positive | None = None
     nose_deg: NonNegative | None = None
+    waves_max: Annotated[int, Field(ge=FEWEST_WAVES, le=99)] | None = None
     lift_at: Windows = ()
     duration_at: Windows = ()
     piston: Piston | None = None

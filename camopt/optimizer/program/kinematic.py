@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from camopt.cam.families.free import FreeCam
-from camopt.cam.families.free_limits import Limits
+from camopt.cam.families.free_limits import SIGNS, Limits
 from camopt.cam.lift import Lift
 from camopt.optimizer.program.linear_program import Infeasible, Optimum, Rows, least_relaxation, maximise
 from camopt.scene.design import Design
@@ -118,12 +118,12 @@ def worth_of(limits: Limits, duals: np.ndarray, reaching: np.ndarray, area_ratio
     """Per cent more area that one per cent more of each limit buys, from a program's duals, keyed by the limit's name.
 
     `duals` (r, ...) begin with those of the limits' rows; `reaching` are those of the row that the maximum lift is to
-    be reached, if there is one. First-order and at this spline; the nose, which is an angle, is left out.
+    be reached, if there is one. First-order and at this spline; limits on a sign, such as the nose, are left out.
     """
     worth = {}
     for g, name in enumerate(limits.names):
         rows = limits.rows(name)
-        if name != "nose_deg":
+        if name not in SIGNS:
             gain = float(duals[rows] @ limits.slope[rows] * limits.size[g])
             if name == "max_lift_mm":  # area itself, not the ratio to a maximum lift that grows with it
                 gain -= float(reaching.sum()) * limits.size[g]
@@ -144,13 +144,14 @@ def conflict(design: Design, cam: FreeCam) -> str:
         give = np.zeros(len(bound))
         lowered = name == "max_lift_mm" and design.reach_max_lift  # a lift that must be reached resolves by falling
         rows = np.array([len(bound) - 1]) if lowered else limits.rows(name)
-        give[rows] = limits.unit[g] if name != "nose_deg" else 1.0
-        size = abs(limits.value[g]) if name != "nose_deg" else TYPICAL * MM_PER_DEG2
+        give[rows] = limits.unit[g] if name not in SIGNS else 1.0
+        size = abs(limits.value[g]) if name not in SIGNS else TYPICAL * MM_PER_DEG2
         relaxed = least_relaxation(spline, bound, give, size, working)
         if relaxed is None:
             continue
-        if name == "nose_deg":
-            remedies.append(f"nose_deg would have to be smaller than {design.nose_deg:g} or be left out")
+        if name in SIGNS:
+            value = getattr(design, name)
+            remedies.append(f"{name} would have to be {SIGNS[name]} than {value:g} or be left out")
             continue
         value = limits.value[g]
         needed = value + (-relaxed if lowered else limits.sign[g] * relaxed)
