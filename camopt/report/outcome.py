@@ -2,9 +2,9 @@
 
 from camopt.report.folder import RunFolder
 from camopt.report.limits import demanded
-from camopt.report.wording import in_words, is_number, label_and_unit, shown
+from camopt.report.wording import in_words, label_and_unit, shown
 from camopt.report.worst import worst_of
-from camopt.scene.quantities import QUANTITIES
+from camopt.scene.quantities import QUANTITIES, is_number
 
 LIFT = "highest_lift_mm"
 OF_THE_CAM = ("area_ratio", "area_mm_deg", LIFT)

@@ -30,8 +30,9 @@ from camopt.report.tables import (
     worst_rows,
     worth_rows,
 )
-from camopt.report.wording import NO_VERDICT, VERDICTS, in_words, is_number, shown
+from camopt.report.wording import NO_VERDICT, VERDICTS, in_words, shown
 from camopt.report.worst import bounce_error_um, judged_speeds, worst_of
+from camopt.scene.quantities import is_number
 from camopt.storage import write_text
 
 HERE = Path(__file__).parent

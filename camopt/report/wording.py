@@ -1,7 +1,6 @@
 """Numbers, units and names of the run folder's keys as a reader is shown them."""
 
 import math
-from typing import TypeGuard
 
 from camopt.scene.quantities import QUANTITIES
 
@@ -53,11 +52,6 @@ def broken_words(text: str) -> str:
     """`jump_max_mm at 6000 r/min` -> `jump max at 6000 r/min`."""
     key, at, where = text.partition(" at ")
     return label_and_unit(key)[0] + at + where
-
-
-def is_number(value) -> TypeGuard[float]:
-    """True for a real, finite number; False for everything else that a file may hold."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def as_number(text: str) -> float | None:

@@ -1,5 +1,8 @@
 """The nearest point within linear limits, by its optimality conditions, and the nearest free cam."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.optimize import nnls
@@ -14,7 +17,6 @@ from camopt.optimizer.ascent.variables import drawing_excess as excess_in_jax
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.scene import InputError, load_scene
 from camopt.scene.geometry import Geometry
-from camopt.scene.units import MM
 
 MOTORI = load_scene("motori-1")
 assert MOTORI.design is not None
@@ -94,13 +96,11 @@ class TestNearestFreeCam:
 
 def test_how_far_a_family_breaks_limits_of_a_drawing_is_what_the_pieces_say_and_never_less():
     start = camopt.polydyne(MOTORI, design_speed_rpm=6000)
-    flat = Geometry(follower="flat", base_radius_mm=18.0, face_width_mm=20.0)
-    design = MOTORI.design.model_copy(update={"lift_at": ((-45.0, 0.0, 3.0),), "nose_radius_min_mm": 4.0})
-    design = design.within(flat, MOTORI.operation)
-    cam = camopt.differentiable(MOTORI, start)
-    exact = drawing_excess(start, design)
-    for limit in linear_limits(design):
-        found = float(excess_in_jax(cam, cam.parameters, limit))
-        own = limit.excess(start) / max(limit.level.size, MM)
-        assert -1e-12 < found - own < ROOM + 1e-12
-        assert own <= exact[limit.key]
+    flat = Geometry(follower="flat", base_radius_mm=18.0)
+    design = MOTORI.design.model_copy(update={"nose_radius_min_mm": 4.0}).within(flat, MOTORI.operation)
+    (limit,) = linear_limits(design)
+    cam: Any = SimpleNamespace(lift=lambda theta, _, order: start(theta, order))  # JAX takes ten seconds to compile one
+    found = float(excess_in_jax(cam, {}, limit))
+    own = limit.excess(start) / limit.level.size
+    assert own == drawing_excess(start, design)["nose_radius_min_mm"]
+    assert -1e-12 < found - own < ROOM + 1e-12
