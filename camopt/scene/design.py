@@ -27,6 +27,19 @@ Window = tuple[float, float, float]
 Windows = Annotated[tuple[Window, ...], Field(max_length=MOST_WINDOWS)]
 
 
+def _instead(key: str) -> str:
+    """What to do about a limit that camopt cannot hold for the follower."""
+    if "radius" not in key:
+        return "leave it out"
+    smaller = (
+        "acceleration_min_mm_per_deg2 nearer to zero" if key.startswith("nose") else "a smaller largest acceleration"
+    )
+    return (
+        f"leave it out, read the design's smallest radii with `camopt cam`, and where they are too small give "
+        f"{smaller} or a larger base_radius_mm"
+    )
+
+
 class Piston(Table):
     """The piston that the valve must keep clear of, driven by a crank and a rod.
 
@@ -124,7 +137,7 @@ class Design(Table):
                 faults.append(f"{key} needs [geometry] with the follower and the base circle's radius")
             elif getattr(self, key) is not None and follower not in followers:
                 kinds = " and ".join(followers)
-                faults.append(f"{key} is for {kinds} followers, and that of [geometry] is {follower}: leave it out")
+                faults.append(f"{key} is for {kinds} followers, and that of [geometry] is {follower}: {_instead(key)}")
         if self._geometry is not None and follower == "roller":
             faults += self._beyond_the_roller(self._geometry)
         if (self.piston or self.entrainment_min_m_per_s) and self._operation is None:
