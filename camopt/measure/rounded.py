@@ -33,7 +33,7 @@ EVALUATED = 1e-12
 """Error of a lift's evaluation, over the largest."""
 
 
-class Rows:
+class RoundedRows:
     """The rows of a table, as the law's own values at equal steps, each within `error` [m] of the cam's lift."""
 
     def __init__(self, lift: Lift, error: float, step: float):
@@ -74,15 +74,15 @@ class Rows:
         return most
 
 
-def rows_of(lift: Lift) -> Rows | None:
+def rows_of(lift: Lift) -> RoundedRows | None:
     """The rows of a cam whose parameters say that a table gives it with a row error; None for others."""
     error, step = lift.parameters.get("row_error_mm"), lift.parameters.get("step_deg")
     if lift.family != "table" or not is_number(error) or not is_number(step) or step <= 0:
         return None
-    return Rows(lift, error * MM, step * DEG)
+    return RoundedRows(lift, error * MM, step * DEG)
 
 
-def surely_broken(broken: list[str], rows: Rows, design: Design) -> list[str]:
+def surely_broken(broken: list[str], rows: RoundedRows, design: Design) -> list[str]:
     """Of the limits that the law through the rows breaks, those that no cam within the rows' error keeps."""
     half = design.duration_deg / 2 * DEG
     drawn = {limit.key for limit in linear_limits(design)}
@@ -93,7 +93,7 @@ def surely_broken(broken: list[str], rows: Rows, design: Design) -> list[str]:
     ]
 
 
-def _broken(rows: Rows, design: Design, key: str, half: float) -> bool:
+def _broken(rows: RoundedRows, design: Design, key: str, half: float) -> bool:
     """Whether one limit is surely broken; true for those that the rounding of a table does not touch."""
     value = getattr(design, key, None)
     if key in ORDERS and value is not None:
@@ -119,7 +119,7 @@ def _broken(rows: Rows, design: Design, key: str, half: float) -> bool:
     return True
 
 
-def _drawing_broken(rows: Rows, design: Design, key: str) -> bool:
+def _drawing_broken(rows: RoundedRows, design: Design, key: str) -> bool:
     """Whether a limit that is linear in the lift is surely broken: the mean of its sum is more than the level."""
     *_, (_, bends, _) = rows.means(2)
     bend = 2 * float(np.abs(bends).max())  # the largest acceleration may be more than the means

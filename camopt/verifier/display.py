@@ -48,10 +48,8 @@ def text(verdict: "Verdict") -> str:
     if verdict.band is not None:
         record = verdict.as_dict()
         worst = {name: worst_in(record, name) for name in TEXT if name != "speed_rpm"}
-        lines.append(
-            f"worst over {verdict.band.from_rpm:g} to {verdict.band.to_rpm:g} r/min, of neighbouring speeds, lifts and "
-            f"states too, as the limits judge it; each at a speed of its own"
-        )
+        ends = f"{verdict.band.from_rpm:g} to {verdict.band.to_rpm:g} r/min"
+        lines.append(f"worst over {ends}, neighbouring speeds, lifts and states included, each at its speed")
         lines.append(_line({name: one and one.value for name, one in worst.items()}))
         lines.append(_line({name: one and one.speed_rpm for name, one in worst.items()}, "r/min"))
     reason = f". {verdict.reason}" if verdict.reason else ""

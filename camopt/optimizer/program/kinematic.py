@@ -7,7 +7,7 @@ import numpy as np
 from camopt.cam.families.free import FreeCam
 from camopt.cam.families.free_limits import SIGNS, Limits
 from camopt.cam.lift import Lift
-from camopt.optimizer.program.linear_program import Infeasible, Optimum, Rows, least_relaxation, maximise
+from camopt.optimizer.program.linear_program import GaveUp, Infeasible, Optimum, Rows, least_relaxation, maximise
 from camopt.scene.design import Design
 from camopt.scene.errors import InputError
 from camopt.scene.units import DEG, MM, MM_PER_DEG2
@@ -96,13 +96,13 @@ def reach(cam: FreeCam, design: Design, objective, rows: Rows, bound, working) -
     peaks = np.arange(-4, 5) * PEAK_STEP
     lift, offset = cam.basis(peaks)
     for at, constant in zip(lift, offset + lift @ cam.x_p, strict=True):
-        if known and maximise(at @ cam.Z, rows, bound, working).value + constant < lowest:
+        if known and _highest(at @ cam.Z, rows, bound, working) + constant < lowest:
             continue  # a contradiction takes the solver far longer to see than how high the lift gets
         reaching = spline_rows(np.vstack([rows.matrix, -(at @ cam.Z)]))
         levels = np.append(bound, constant - lowest)
         try:
             found = maximise(objective, reaching, levels, np.append(working, len(bound)))
-        except Infeasible:
+        except (Infeasible, GaveUp):
             known = True
             continue
         if best is None or found.value > best.value:
@@ -111,6 +111,14 @@ def reach(cam: FreeCam, design: Design, objective, rows: Rows, bound, working) -
     if best is None:
         raise Infeasible("the maximum lift cannot be reached within 6 degrees of the middle")
     return best
+
+
+def _highest(row: np.ndarray, rows: Rows, bound: np.ndarray, working: np.ndarray) -> float:
+    """The largest row @ z; infinite where the solver does not decide it."""
+    try:
+        return maximise(row, rows, bound, working).value
+    except ArithmeticError:
+        return np.inf
 
 
 def limit_worth(found: KinematicOptimum) -> dict[str, float]:
@@ -153,7 +161,10 @@ def conflict(design: Design, cam: FreeCam) -> str:
         size = abs(limits.value[g]) if name not in SIGNS else TYPICAL * MM_PER_DEG2
         if not _holds_without(spline, bound, rows, working):
             continue
-        relaxed = least_relaxation(spline, bound, give, size, working)
+        try:
+            relaxed = least_relaxation(spline, bound, give, size, working)
+        except ArithmeticError:  # as in `_holds_without`
+            continue
         if relaxed is None:
             continue
         if name in SIGNS:
@@ -185,7 +196,10 @@ def _holds_without(spline: Rows, bound: np.ndarray, left_out: np.ndarray, workin
     """
     give, level = spline.norm.copy(), bound.copy()
     give[left_out], level[left_out] = 0.0, np.inf
-    stretch = least_relaxation(spline, level, give, 1.0, np.setdiff1d(working, left_out))
+    try:
+        stretch = least_relaxation(spline, level, give, 1.0, np.setdiff1d(working, left_out))
+    except ArithmeticError:
+        return False  # a remedy that no solver sees is not named
     return stretch is not None and stretch <= STRETCH
 
 

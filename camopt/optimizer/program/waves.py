@@ -42,7 +42,7 @@ Switches = tuple[float, ...]
 
 
 @dataclass(frozen=True)
-class _Elastic:
+class _Priced:
     """A program that always has a solution: rows of the group `give` (r) may be broken by s >= 0, which costs area."""
 
     rows: Rows
@@ -50,7 +50,7 @@ class _Elastic:
     working: np.ndarray
 
     @classmethod
-    def of(cls, matrix: np.ndarray, give: np.ndarray, row: np.ndarray, cost: float, size: float, working) -> "_Elastic":
+    def of(cls, matrix: np.ndarray, give: np.ndarray, row: np.ndarray, cost: float, size: float, working) -> "_Priced":
         """Of rows (r, m), what each gives for s = 1, the area's row (m), what s costs and its typical size."""
         last = np.append(np.zeros(matrix.shape[1]), -1.0)
         column = np.append(spline_rows(matrix).column, size)
@@ -83,7 +83,7 @@ def kinematic_switches(design: Design, cam: FreeCam) -> Switches:
     give[signed] = 1.0
     row, _ = area_ratio_row(design, cam)
     jerk = (design.jerk_max_mm_per_deg3 or 1e-3) * MM_PER_DEG3
-    program = _Elastic.of(matrix, give, row, SHORT_OF_JERK, jerk, _working(first, len(matrix)))
+    program = _Priced.of(matrix, give, row, SHORT_OF_JERK, jerk, _working(first, len(matrix)))
 
     value = _value(program, cam, bound, signed)
     return max((_climbed(value, start, cells(cam)) for start in sorted(starts)), key=value)
@@ -104,7 +104,7 @@ def with_switches(program: NoJumpProgram, margin_N: float) -> NoJumpProgram:
     give = np.zeros(len(matrix))
     give[first : first + len(program.kind)] = program.kind != PEAK
     row, _ = area_ratio_row(design, cam)
-    elastic = _Elastic.of(matrix, give, row, SHORT_OF_FORCE, 100.0, _working(program.limits, len(matrix)))
+    elastic = _Priced.of(matrix, give, row, SHORT_OF_FORCE, 100.0, _working(program.limits, len(matrix)))
     value = _value(elastic, cam, bound, program.limits.rows("waves_max"))
     starts = [cam.about.switches]
     try:
@@ -115,7 +115,7 @@ def with_switches(program: NoJumpProgram, margin_N: float) -> NoJumpProgram:
     return replace(program, cam=_about(cam, _climbed(value, max(starts, key=value), cells(cam))))
 
 
-def _value(program: _Elastic, cam: FreeCam, bound: np.ndarray, signed: np.ndarray) -> Callable[[Switches], float]:
+def _value(program: _Priced, cam: FreeCam, bound: np.ndarray, signed: np.ndarray) -> Callable[[Switches], float]:
     """The program's value as a function of the switches, which change the right sides of the rows `signed`."""
 
     def value(switches: Switches) -> float:
