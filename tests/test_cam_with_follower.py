@@ -122,7 +122,7 @@ class TestCamWithFollower:
         assert [row["cam"] for row in rows] == ["intake, polydyne"] * 2 + ["exhaust, exponent"] * 2
         (_, closing), (opening, _) = (np.degrees(crossing(cam, 1e-3)) for cam in cams[::-1])
         expected = (2 * closing - 112) - (2 * opening + 108)
-        assert float(rows[0]["overlap_crank_deg"]) == pytest.approx(expected)
+        assert float(rows[0]["overlap_crank_deg"]) == pytest.approx(expected, abs=5.1e-5)  # the file has four decimals
         assert f"overlap {expected:.2f} deg" in out
         assert "torque of 2 lobes standing still" in out
 
