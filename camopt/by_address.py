@@ -9,7 +9,7 @@ call. Compiled functions read its fields; they can neither make nor return such 
 from typing import Any, TypeVar
 
 from numba.core import cgutils, imputils, types
-from numba.core.datamodel import PrimitiveModel
+from numba.core.datamodel.models import PrimitiveModel
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import (
     NativeValue,
@@ -26,12 +26,12 @@ T = TypeVar("T")
 class ByAddress(types.Type):
     """The type of a pointer to a named tuple of type `held`."""
 
-    def __init__(self, held: types.BaseNamedTuple) -> None:
+    def __init__(self, held: types.NamedTuple) -> None:
         self.held = held
         super().__init__(f"ByAddress({held})")
 
     @property
-    def key(self) -> types.BaseNamedTuple:
+    def key(self) -> types.NamedTuple:
         """What tells two of these types apart."""
         return self.held
 

@@ -1,15 +1,16 @@
 """What do the classical laws of dwell-rise-dwell cams leave on the table at their own jerk?
 
 Each rises by one in unit time. Its peak acceleration stands beside the least one that its own largest jerk allows, from
-the program and from the bound that no motion is below.
+the program and from the bound that no motion is below. Beside them stands the least peak jerk of a motion through all
+numbers of Table 5.4 of Rothbart's Cam Design Handbook (2004), a rise, a fall and a dwell.
 """
 
-from math import pi
+from math import pi, radians
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from camopt.optimizer.program.dwell_rise import DwellRise, least_acceleration, least_peak
+from camopt.optimizer.program.dwell_rise import DwellRise, least_acceleration, least_peak, least_peak_through
 from camopt.plots.style import new_figure
 from experiments.support.record import RESULTS, run_script, write_result
 
@@ -17,6 +18,13 @@ INTERVALS = {"small": 500, "full": 4000}
 SAMPLES = 200_001
 """Odd, so that the middle is among them."""
 ORDERS = (2, 3, 4, 5)
+TABLE_5_4 = (
+    (45, 0, 1.02), (90, 0, 2.0), (90, 1, 0.0), (90, 2, 0.0), (135, 0, 1.81), (135, 2, -1.17), (150, 0, 1.61),
+    (180, 0, 1.0), (180, 1, -1.2), (180, 2, 0.0), (210, 0, 0.39), (225, 0, 0.2), (225, 2, 1.2),
+    (270, 0, 0.0), (270, 1, 0.0), (270, 2, 0.0),
+)  # fmt: skip
+"""Cam angle [deg], order of the derivative, value [cm/rad^order]; at 0 deg all three are zero."""
+TABLE_INTERVALS = {"small": 540, "full": 2160}
 
 
 def modified_trapezoid(t: np.ndarray) -> np.ndarray:
@@ -58,7 +66,10 @@ def main(size: str, folder=RESULTS) -> dict:
         row, best[name] = law_row(name, law(t), t, INTERVALS[size])
         rows.append(row)
     peaks = [{"order": m, "peak": one.peak, "bound": one.bound} for m in ORDERS for one in [least_peak(m)]]
-    content = {"laws": rows, "least_peaks": peaks}
+    conditions = [(radians(angle), order, value) for angle, order, value in TABLE_5_4]
+    table = least_peak_through(conditions, 3, TABLE_INTERVALS[size])
+    handbook = {"least_jerk_cm_per_rad3": table.peak, "bound_cm_per_rad3": table.bound}
+    content = {"laws": rows, "least_peaks": peaks, "table_5_4": handbook}
     write_result("classical_laws", size, content, {"acceleration": draw(t, best)}, folder)
     return content
 

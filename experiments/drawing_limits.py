@@ -30,13 +30,22 @@ PISTON = Piston(stroke_mm=86.0, rod_mm=143.0, gap_at_top_mm=4.0, clearance_mm=1.
 LIFT_AT_DEG = -54.0
 """The piston's highest place in cam degrees: 108 crank degrees before the lobe's centre."""
 DURATION_AT_MM = 5.0
-STEP = {"lift_at": -0.3, "duration_at": -3.0, "piston": 0.4, "nose_radius_min_mm": 3.0, "face_width_mm": -2.0}
-"""How far each limit goes beyond the cam without it: mm, deg, mm, mm, mm."""
+STEP = {
+    "lift_at": -0.3,
+    "duration_at": -3.0,
+    "piston": 0.4,
+    "nose_radius_min_mm": 3.0,
+    "face_width_mm": -2.0,
+    "waves_max": -2,
+}
+"""How far each limit goes beyond the cam without it: mm, deg, mm, mm, mm, sign changes of the jerk."""
 ENTRAINMENT_M_PER_S = 0.2
 """The least entrainment velocity that is asked; without the limit it passes through zero."""
 LIMITS = (*STEP, "entrainment_min_m_per_s")
 KNOT_DEG = {"small": 4.0, "full": 2.0}
 GRID_DEG = 0.001
+NO_JERK = 1e-5
+"""Share of the largest jerk below which differences on the grid are rounding."""
 
 
 def main(size: str, folder=RESULTS) -> dict:
@@ -100,6 +109,9 @@ def value_of(key: str, lift: Lift, scene: Scene) -> float:
     if key == "piston":
         drop = piston_drop(PISTON, PISTON.lobe_centre_deg * DEG + theta / scene.operation.cam_per_crank)
         return float((PISTON.gap_at_top_mm * MM + drop - lift(theta)).min()) / MM
+    if key == "waves_max":
+        jerk = np.diff(lift(theta, 2))
+        return int(np.count_nonzero(np.diff(np.sign(jerk[np.abs(jerk) > NO_JERK * np.abs(jerk).max()]))))
     if key == "entrainment_min_m_per_s":
         y, bend = (lift(theta, k) / scene.geometry.rocker_ratio for k in (0, 2))
         return scene.design.slowest * float(((scene.geometry.base_radius_mm * MM + y) / 2 + bend).min())

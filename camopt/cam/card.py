@@ -16,6 +16,8 @@ from camopt.scene.units import DEG, MM
 
 LIFTS_MM = tuple(DURATION_LIFTS_MM.values())
 MOST_LIFTS = 1000
+DECIMALS = 4
+"""Of an angle [deg] in a file: a third of a second of arc, far below what a shaft is ground to."""
 SAME_TOP = 1e-12
 """Difference from the largest lift, over it, that is rounding."""
 COLUMNS = (
@@ -79,6 +81,13 @@ class CamCard:
         return [
             [self.name, e.lift_mm, e.opening_deg, e.closing_deg, e.duration_deg, e.centre_deg, *self._crank(e), overlap]
             for e, overlap in zip(self.events, overlaps, strict=True)
+        ]
+
+    def cells(self) -> list[list[str | None]]:
+        """The rows as a file has them: angles with as many decimals as the text, lifts as they were asked."""
+        return [
+            [name, f"{lift:.10g}", *(None if angle is None else f"{angle:z.{DECIMALS}f}" for angle in angles)]
+            for name, lift, *angles in self.rows()
         ]
 
     def _crank(self, event: ValveEvent) -> list[float | None]:

@@ -25,6 +25,7 @@ def design_record(lift: Lift, max_lift: float, **further: object) -> dict:
         "family": lift.family,
         "parameters": lift.parameters,
         "duration_deg": 2 * lift.half_duration / DEG,
+        "highest_lift_mm": lift.max_lift / MM,
         "area_mm_deg": lift.area / MM / DEG,
         "area_ratio": lift.area_ratio(max_lift),
         **further,

@@ -77,5 +77,5 @@ def _show_cards(args: Namespace, cards: list["CamCard"]) -> None:
     from camopt.storage import write_csv_rows
 
     if args.card_csv:
-        write_csv_rows(args.card_csv, COLUMNS, [row for card in cards for row in card.rows()])
+        write_csv_rows(args.card_csv, COLUMNS, [row for card in cards for row in card.cells()])
     print("\n".join(map(str, cards)))

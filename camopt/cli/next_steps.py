@@ -56,7 +56,8 @@ def _cam_of(args: Namespace) -> list[object]:
 def _after_optimize(args: Namespace, code: int) -> str:
     if code:
         return f"{_camopt('verify', args.scene, '--cam', args.folder)} shows at which speeds it breaks which limit"
-    return f"{_camopt('cam', args.scene, '--cam', args.folder, '--csv', 'lift.csv')} writes the cam's lift table"
+    table = _camopt("cam", args.scene, "--cam", args.folder, "--csv", "lift.csv", "--digits", 5)
+    return f"{table} writes the cam's lift table for the grinder; the run folder has one with every digit"
 
 
 def _after_design(args: Namespace, code: int) -> str:

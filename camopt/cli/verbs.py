@@ -147,13 +147,13 @@ def modes(args: Namespace) -> int:
 
 def bound(args: Namespace) -> int:
     scene = _scene_of(args)
+    from camopt.cli.bound_lines import bound_lines
     from camopt.optimizer.bound.summary import area_bound
 
     content = area_bound(scene)
     if args.json:
         write_json(args.json, content)
-    for name, value in content.items():
-        print(f"{name}: {value}")
+    print("\n".join(bound_lines(content)))
     return 0
 
 

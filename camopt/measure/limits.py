@@ -11,6 +11,8 @@ import numpy as np
 from camopt.cam.geometry import contact, crossing
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import linear_limits
+from camopt.cam.waves import sign_changes
+from camopt.measure.rounded import RAMP_VELOCITY, rows_of, surely_broken
 from camopt.scene.design import Design
 from camopt.scene.quantities import QUANTITIES
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
@@ -25,9 +27,6 @@ coefficients of high powers loses a few digits more than evaluating them, and a 
 RAMP_LIFT = 1e-6
 """Lift above the ramp's height that counts as none [m]. One micrometre is what an ordinary ramp rises in a tenth of a
 degree, and about what a lift table is measured to."""
-RAMP_VELOCITY = 0.01
-"""Relative excess over the ramp's velocity that counts as none. It amounts to a micrometre over the ten degrees of a
-ramp."""
 MOTION_LIMITS = {q.limit: q.name for q in QUANTITIES.values() if q.limit is not None}
 """The metric that each limit on the motion limits, by the limit's key in the design."""
 LEAST_LIMIT = 1e-6
@@ -92,7 +91,8 @@ def broken_by_shape(lift: Lift, design: Design | None) -> list[str]:
     limit holds at every angle, as the exact extremes of the cam's pieces show. A step in velocity breaks the limits on
     the acceleration too, and a step in acceleration that on the jerk. The one exception is the outer end of a ramp to
     which the scene gives no foot. The limit on the snap counts between the ramps, at whose ends every cam's jerk steps.
-    `_outside` says what is asked of the duration and the ramps.
+    `_outside` says what is asked of the duration and the ramps. Of a cam that a rounded table gives, those limits are
+    named that no cam within the rounding keeps (`camopt.measure.rounded`).
     """
     if design is None:
         return []
@@ -129,8 +129,11 @@ def broken_by_shape(lift: Lift, design: Design | None) -> list[str]:
         nose = design.nose_deg * DEG
         if lift.extremes(2, -nose, nose)[1] > ROUNDING * max(-lowest, highest):
             broken.append("nose_deg")
-    drawn = drawing_excess(lift, design)
-    return broken + [key for key, over in drawn.items() if over > ROUNDING]
+    if design.waves_max is not None and len(sign_changes(lift)) > design.waves_max:
+        broken.append("waves_max")
+    broken += [key for key, over in drawing_excess(lift, design).items() if over > ROUNDING]
+    rows = rows_of(lift)
+    return broken if rows is None else surely_broken(broken, rows, design)
 
 
 def drawing_excess(lift: Lift, design: Design) -> dict[str, float]:

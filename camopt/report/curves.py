@@ -8,9 +8,8 @@ from camopt.cam.lift import Lift
 from camopt.plots.style import DESIGN, cam_line
 from camopt.report.folder import RunFolder
 from camopt.report.motion import RunCams
-from camopt.report.wording import is_number
 from camopt.scene.design import Design
-from camopt.scene.quantities import QUANTITIES
+from camopt.scene.quantities import QUANTITIES, is_number
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3
 
 STEP_DEG = 0.5

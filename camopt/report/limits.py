@@ -6,11 +6,12 @@ from camopt.cam.lift import Lift
 from camopt.plots.style import DESIGN, family_of
 from camopt.report.folder import RunFolder
 from camopt.report.shape import EVERYWHERE, Reached, reached_by_shape
-from camopt.report.wording import as_number, is_number, label_and_unit, shown
-from camopt.report.worst import JUDGED, worst_of
+from camopt.report.wording import as_number, label_and_unit, shown
+from camopt.report.worst import worst_of
 from camopt.scene.design import Design
-from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES
+from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES, is_number
 from camopt.verifier.verdict import ORDER
+from camopt.verifier.worst import JUDGED
 
 ROUND_OFF = 1e-6
 """Share of a limit by which a cam may pass it: the linear programs hold their rows to 1e-7."""

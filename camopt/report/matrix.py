@@ -2,9 +2,9 @@
 
 from camopt.report.folder import RunFolder
 from camopt.report.limits import share_of
-from camopt.report.wording import is_number, shown
-from camopt.report.worst import judged_speeds, upper_end
-from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES
+from camopt.report.wording import shown
+from camopt.report.worst import judged_speeds
+from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES, is_number
 
 NEAR = 0.9
 """Share of a limit from which a cell says that it is near."""

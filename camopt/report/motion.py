@@ -17,9 +17,10 @@ from camopt.plots.style import DESIGN, cam_line, family_of
 from camopt.report.drawing import Strokes, drawing
 from camopt.report.folder import RunFolder
 from camopt.report.followers import BASE_MM, drawn_follower, room_for
-from camopt.report.wording import as_number, is_number, shown
+from camopt.report.wording import as_number, shown
 from camopt.scene import InputError, Scene, Train, build_train, load_scene
 from camopt.scene.errors import MotionRefused
+from camopt.scene.quantities import is_number
 from camopt.scene.units import DEG, MM
 from camopt.study.simulate.motion import resampled
 

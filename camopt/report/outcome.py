@@ -4,15 +4,18 @@ from collections.abc import Iterable
 
 from camopt.report.folder import RunFolder
 from camopt.report.limits import demanded
-from camopt.report.wording import in_words, is_number, label_and_unit, shown
+from camopt.report.wording import in_words, label_and_unit, shown
 from camopt.report.worst import worst_of
-from camopt.scene.quantities import QUANTITIES
+from camopt.scene.quantities import QUANTITIES, is_number
 
-AREAS = ("area_ratio", "area_mm_deg")
+LIFT = "highest_lift_mm"
+OF_THE_CAM = ("area_ratio", "area_mm_deg", LIFT)
 MOTION = ("bounce_mm", "jump_mm", "jump_deg", "contact_force_min_N", "contact_force_max_N", "seating_velocity_m_per_s")
 """Metrics of the table, each at its worst."""
 BACK = ("candidates_judged", "largest_refused_area_ratio")
 """Keys of `verdict_fell_back` in design.json."""
+LOW_MM = 0.005
+"""A lift that stays below its limit by less than this is at it, for who reads a lift."""
 LEAST_GAIN = 5e-6
 """A smaller difference of area ratios is none: it would not show in their printed digits."""
 
@@ -25,10 +28,11 @@ def outcome_rows(run: RunFolder) -> list[dict]:
     first = next((step for step in run.history if is_number(step.get("area_ratio"))), {})
     design = run.scene.get("design")
     design = design if isinstance(design, dict) else {}
-    rows = []
-    for key in AREAS:
+    rows, cap = [], design.get("max_lift_mm")
+    for key in OF_THE_CAM:
         if is_number(run.design.get(key)):
-            rows.append(_row(key, first.get(key), run.design[key], "", "", f"design.json {key}"))
+            limit = f"at most {shown(cap)}" if key == LIFT and is_number(cap) else ""
+            rows.append(_row(key, first.get(key), run.design[key], limit, "", f"design.json {key}"))
     for name in MOTION:
         found = worst_of(run, name)
         if found is None:
@@ -59,12 +63,24 @@ def outcome_lines(run: RunFolder) -> list[str]:
         words.append(f"certified bound {d['area_ratio_bound']:.5f}{gap}")
     if is_number(d.get("area_ratio_no_jump")):
         words.append(f"no-jump program {d['area_ratio_no_jump']:.5f}")
-    lines += [", ".join(words)] * bool(words) + gain_sentences(run)
+    lines += [", ".join(words)] * bool(words) + lift_sentence(run) + gain_sentences(run)
     verdict, broken = run.verification.get("verdict", "not verified"), broken_limits(run)
     reason = run.verification.get("reason")
     why = f". {reason}" if isinstance(reason, str) and reason else ""
     verdict_line = f"verdict: {verdict}" + (f" (broken: {'; '.join(broken)})" if broken else why)
     return [*lines, verdict_line, *yield_sentences(run)]
+
+
+def lift_sentence(run: RunFolder) -> list[str]:
+    """That the highest lift stays below the scene's limit, and what would change that; empty where it is reached."""
+    design, reached = run.scene.get("design"), run.design.get(LIFT)
+    cap = design.get("max_lift_mm") if isinstance(design, dict) else None
+    if not is_number(reached) or not is_number(cap) or reached > cap - LOW_MM:
+        return []
+    return [
+        f"The highest lift of {shown(reached, 5)} mm stays {shown(cap - reached, 3)} mm below max_lift_mm: more costs "
+        f"area under the scene's limits; reach_max_lift = true would ask for it."
+    ]
 
 
 def gain_sentences(run: RunFolder) -> list[str]:

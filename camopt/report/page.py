@@ -18,7 +18,14 @@ from camopt.report.folder import RunFolder, read_run_folder
 from camopt.report.limits import disagreements, limit_rows
 from camopt.report.matrix import matrix
 from camopt.report.motion import RunCams, animation, cams_of
-from camopt.report.outcome import broken_limits, contact_sentence, gain_sentences, outcome_rows, yield_rows
+from camopt.report.outcome import (
+    broken_limits,
+    contact_sentence,
+    gain_sentences,
+    lift_sentence,
+    outcome_rows,
+    yield_rows,
+)
 from camopt.report.summary import facts, next_steps, sketch
 from camopt.report.tables import (
     COSTS,
@@ -35,9 +42,10 @@ from camopt.report.tables import (
     worth_rows,
 )
 from camopt.report.train import train_tables
-from camopt.report.wording import NO_VERDICT, VERDICTS, in_words, is_number, shown
+from camopt.report.wording import NO_VERDICT, VERDICTS, in_words, shown
 from camopt.report.worst import bounce_error_um, judged_speeds, worst_of
 from camopt.scene.design import Design
+from camopt.scene.quantities import is_number
 from camopt.storage import write_text
 
 HERE = Path(__file__).parent
@@ -181,7 +189,7 @@ def headline(run: RunFolder) -> list[str]:
             else ""
         )
         sentences.append(f"Area ratio {shown(d['area_ratio'])}{below}.")
-    sentences += gain_sentences(run)
+    sentences += lift_sentence(run) + gain_sentences(run)
     band, bounce = v.get("band") or {}, worst_of(run, "bounce_mm")
     speeds = [s.get("speed_rpm") for s in v.get("speeds") or []]
     if band and bounce:

@@ -94,6 +94,8 @@ def _judged_anew(run: RunFolder, folder: Path, scene: Scene) -> RunFolder:
     ratio, bound = lift.area_ratio_in(design), area_ratio_bound(design).bound
     areas = {"area_ratio": ratio, "area_mm_deg": lift.area / MM / DEG, "area_ratio_bound": bound,
              "area_gap_percent": 100 * (bound - ratio) / bound}  # fmt: skip
+    if "highest_lift_mm" in run.design:  # runs of before camopt wrote it are judged too
+        areas["highest_lift_mm"] = lift.max_lift / MM
     return replace(run, verification=plain(verdict.as_dict()), design=run.design | areas)
 
 

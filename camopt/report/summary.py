@@ -9,7 +9,8 @@ from camopt.plots.style import DESIGN
 from camopt.report.folder import RunFolder
 from camopt.report.motion import RunCams
 from camopt.report.tables import comparison_groups
-from camopt.report.wording import is_number, label_and_unit, shown
+from camopt.report.wording import label_and_unit, shown
+from camopt.scene.quantities import is_number
 from camopt.scene.units import DEG, MM
 
 WIDTH, HEIGHT = 300.0, 96.0

@@ -6,9 +6,9 @@ from camopt.optimizer.baselines.comparison_table import FAILED, NO_JERK
 from camopt.plots.style import DESIGN, cam_line, family_of
 from camopt.report.folder import RunFolder
 from camopt.report.outcome import broken_limits, broken_words
-from camopt.report.wording import VERDICTS, as_number, cell, is_number, label_and_unit, shown
+from camopt.report.wording import VERDICTS, as_number, cell, label_and_unit, shown
 from camopt.report.worst import bounce_error_um, judged_speeds, worst_of
-from camopt.scene.quantities import QUANTITIES
+from camopt.scene.quantities import QUANTITIES, is_number
 from camopt.verifier.methods import METHOD_NAMES
 from camopt.verifier.verdict import ORDER
 

@@ -1,7 +1,6 @@
 """Numbers, units and names of the run folder's keys as a reader is shown them."""
 
 import math
-from typing import TypeGuard
 
 from camopt.scene.quantities import QUANTITIES
 
@@ -47,11 +46,6 @@ def label_and_unit(key: str) -> tuple[str, str]:
         if key.endswith(ending):
             return key.removesuffix(ending).replace("_", " "), unit
     return key.replace("_", " "), ""
-
-
-def is_number(value) -> TypeGuard[float]:
-    """True for a real, finite number; False for everything else that a file may hold."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def as_number(text: str) -> float | None:

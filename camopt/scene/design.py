@@ -15,6 +15,8 @@ MOST_WINDOWS = 20
 """Rows of a table of windows."""
 NARROWEST = 1e-3
 """Least width of a window, in mm or deg: below it no cam can be ground."""
+FEWEST_WAVES = 3
+"""Sign changes of the jerk that no cam between two ramps can do without."""
 DRAWN_FOR = {
     "nose_radius_min_mm": ("flat", "roller"),
     "concave_radius_min_mm": ("roller",),
@@ -23,6 +25,19 @@ DRAWN_FOR = {
 """Limits that depend on the follower, and the followers that have them."""
 Window = tuple[float, float, float]
 Windows = Annotated[tuple[Window, ...], Field(max_length=MOST_WINDOWS)]
+
+
+def _instead(key: str) -> str:
+    """What to do about a limit that camopt cannot hold for the follower."""
+    if "radius" not in key:
+        return "leave it out"
+    smaller = (
+        "acceleration_min_mm_per_deg2 nearer to zero" if key.startswith("nose") else "a smaller largest acceleration"
+    )
+    return (
+        f"leave it out, read the design's smallest radii with `camopt cam`, and where they are too small give "
+        f"{smaller} or a larger base_radius_mm"
+    )
 
 
 class Piston(Table):
@@ -55,6 +70,8 @@ class Piston(Table):
 class Design(Table):
     """Design conditions and limits of the cam; a limit that is left out does not limit.
 
+    `waves_max` is how often the jerk may change its sign inside the duration: 3 times without a ripple of the
+    acceleration, and each ripple adds two.
     `lift_at` has rows of [angle_deg, min_mm, max_mm]: the lift at a cam angle. `duration_at` has rows of
     [lift_mm, min_deg, max_deg]: the cam degrees between the first and the last angle at which the lift is that high.
     """
@@ -72,6 +89,7 @@ class Design(Table):
     jerk_max_mm_per_deg3: Positive | None = None
     snap_max_mm_per_deg4: Positive | None = None
     nose_deg: NonNegative | None = None
+    waves_max: Annotated[int, Field(ge=FEWEST_WAVES, le=99)] | None = None
     lift_at: Windows = ()
     duration_at: Windows = ()
     piston: Piston | None = None
@@ -119,7 +137,7 @@ class Design(Table):
                 faults.append(f"{key} needs [geometry] with the follower and the base circle's radius")
             elif getattr(self, key) is not None and follower not in followers:
                 kinds = " and ".join(followers)
-                faults.append(f"{key} is for {kinds} followers, and that of [geometry] is {follower}: leave it out")
+                faults.append(f"{key} is for {kinds} followers, and that of [geometry] is {follower}: {_instead(key)}")
         if self._geometry is not None and follower == "roller":
             faults += self._beyond_the_roller(self._geometry)
         if (self.piston or self.entrainment_min_m_per_s) and self._operation is None:

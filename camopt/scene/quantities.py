@@ -4,7 +4,9 @@ The formulas are written once per side (`camopt.measure.metrics` in NumPy, `camo
 feeds both sides the same response.
 """
 
+import math
 from dataclasses import dataclass
+from typing import TypeGuard
 
 
 @dataclass(frozen=True)
@@ -87,3 +89,8 @@ QUANTITIES = {
 }
 LESS_IS_WORSE = frozenset(q.name for q in QUANTITIES.values() if q.less_is_worse)
 """Metrics whose worst value is the smallest one."""
+
+
+def is_number(value: object) -> TypeGuard[float]:
+    """True for a real, finite number; False for everything else that a file may hold."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -6,6 +6,7 @@ from camopt.cam.film import film_ratio
 from camopt.cam.geometry import DURATION_LIFTS_MM, Contact, contact, crossing
 from camopt.cam.hertz import HertzStress, contact_width, hertz_stress
 from camopt.cam.lift import Lift
+from camopt.cam.waves import sign_changes
 from camopt.measure.limits import broken_by_shape, drawing_excess
 from camopt.scene import InputError, Scene, Train, build_train
 from camopt.scene.design import Design
@@ -18,6 +19,8 @@ STATIC_STEP_DEG = 0.5
 SAME_DURATION_DEG = 1e-3
 SAME_LIFT = 1e-6
 """Differences in duration, and in lift over the maximum, that rounding of a table leaves."""
+MOST_SHOWN = 8
+"""Numbers of one parameter that the first line shows: the exponents and powers of every family."""
 LABELS = {
     "smallest_convex_radius_mm": "smallest convex radius",
     "smallest_concave_radius_mm": "smallest concave radius",
@@ -50,7 +53,7 @@ def _limits(scene: Scene, lift: Lift) -> list[str]:
     assert design is not None, "the verb asks for it"
     ratio = lift.area_ratio_in(design)
     lines = [
-        f"{lift.family}: " + ", ".join(f"{k} = {v}" for k, v in lift.parameters.items() if k != "mended"),
+        f"{lift.family}: " + ", ".join(f"{k} = {_brief(v)}" for k, v in lift.parameters.items() if k != "mended"),
         f"duration       {2 * lift.half_duration / DEG:.4f} deg (scene: {design.duration_deg:g})",
         f"maximum lift   {lift.max_lift / MM:.6f} mm (limit {design.max_lift_mm:g})",
         f"area           {lift.area / MM / DEG:.4f} mm deg, area ratio {ratio:.6f}",
@@ -65,9 +68,18 @@ def _limits(scene: Scene, lift: Lift) -> list[str]:
         least, most = (value * DEG**order / MM for value in lift.extremes(order))
         limit = f"limits {'none' if low is None else f'{low:g}'} to {'none' if high is None else f'{high:g}'}"
         lines.append(f"{name:<14} {least:.6f} to {most:.6f} mm/deg^{order} ({limit})")
+    if design.waves_max is not None:
+        lines.append(f"waves          {len(sign_changes(lift))} sign changes of the jerk (limit {design.waves_max})")
     broken = set(broken_by_shape(lift, design))
     lines += [f"{key}: {'broken' if key in broken else 'kept'}" for key in drawing_excess(lift, design)]
     return lines + remarks(lift, design)
+
+
+def _brief(value: object) -> str:
+    """A parameter in few words; long lists of numbers are in the files that the verb writes."""
+    if isinstance(value, list | tuple) and len(value) > MOST_SHOWN:
+        return f"{len(value)} numbers, in design.json"
+    return str(value)
 
 
 def remarks(lift: Lift, design: Design) -> list[str]:

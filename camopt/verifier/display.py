@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from camopt.verifier.worst import worst_in
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -44,12 +46,15 @@ def text(verdict: "Verdict") -> str:
     if len(rows) > MOST_LINES:
         lines.append(f"and {len(rows) - MOST_LINES} more speeds")
     if verdict.band is not None:
-        band = verdict.as_dict()["band"]
-        lines.append(f"worst over {band['from_rpm']:g} to {band['to_rpm']:g} r/min, each at a speed of its own")
-        lines.append(_line({name: band["worst"][name]["value"] for name in TEXT if name != "speed_rpm"}))
-        lines.append(_line({name: band["worst"][name]["speed_rpm"] for name in TEXT if name != "speed_rpm"}, "r/min"))
+        record = verdict.as_dict()
+        worst = {name: worst_in(record, name) for name in TEXT if name != "speed_rpm"}
+        ends = f"{verdict.band.from_rpm:g} to {verdict.band.to_rpm:g} r/min"
+        lines.append(f"worst over {ends}, neighbouring speeds, lifts and states included, each at its speed")
+        lines.append(_line({name: one and one.value for name, one in worst.items()}))
+        lines.append(_line({name: one and one.speed_rpm for name, one in worst.items()}, "r/min"))
     reason = f". {verdict.reason}" if verdict.reason else ""
-    return "\n".join([*lines, verdict.accuracy["statement"], f"verdict: {verdict.verdict}{reason}"])
+    says = [f"{verdict.shape_says}."] * bool(verdict.shape_says)
+    return "\n".join([*lines, verdict.accuracy["statement"], *says, f"verdict: {verdict.verdict}{reason}"])
 
 
 def _line(row: dict, last: str = "") -> str:

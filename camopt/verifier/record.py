@@ -30,6 +30,7 @@ def verification(verdict: "Verdict") -> dict:
         "band": None if verdict.band is None else band_record(verdict.band),
         "limits": {"first_jump_rpm": verdict.first_jump_rpm, "first_bounce_rpm": verdict.first_bounce_rpm},
         "accuracy": verdict.accuracy,
+        **({"shape_says": verdict.shape_says} if verdict.shape_says else {}),
     }
 
 

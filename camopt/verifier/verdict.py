@@ -11,6 +11,7 @@ from importlib import import_module
 from camopt.cam.lift import Lift
 from camopt.measure.limits import broken_by_shape, limited_metrics, motion_limits
 from camopt.measure.resonance import resonances
+from camopt.measure.rounded import rounding_sentence
 from camopt.measure.sweep import SEARCH_STEP_RPM, STARTS_MM, Band, SettledMany, Swept, first_exceeding, sweep
 from camopt.scene.errors import InputError
 from camopt.scene.response import Revolve
@@ -52,6 +53,7 @@ class Verdict:
     asked: str | float | None = None  # the accuracy by name or in micrometres, where there was one
     scene: Scene | None = None  # what was judged, and which cam: for the figure alone
     cam: str = "cam"
+    shape_says: str = ""  # how exactly a rounded table tells the shape; empty for other cams
 
     @property
     def accuracy(self) -> dict:
@@ -128,7 +130,18 @@ def verdict_on(
     overall = max([*(s.verdict for s in every), "rejected" if shape else "confirmed"], key=ORDER.index)
     starts = first["jump_mm"], first["bounce_mm"]
     tolerance_um = demand.tolerance_um
-    return Verdict(overall, tuple(broken), at_speeds, band, worst, *starts, tolerance_um, scene=scene, cam=lift.family)
+    return Verdict(
+        overall,
+        tuple(broken),
+        at_speeds,
+        band,
+        worst,
+        *starts,
+        tolerance_um,
+        scene=scene,
+        cam=lift.family,
+        shape_says=rounding_sentence(lift),
+    )
 
 
 def _judged(case: Case, speeds_rpm: Iterable[float]) -> tuple[SpeedVerdict, ...]:

@@ -6,10 +6,11 @@ import pytest
 from camopt.cam.families.exponent import exponent
 from camopt.cam.families.kurz import TABLE as KURZ
 from camopt.cam.families.kurz import kurz
-from camopt.cam.families.largest_area import FINE, best_levels, control_points, program
+from camopt.cam.families.largest_area import FINE, best_levels, program
 from camopt.cam.families.multi_pol import TABLE_1, multi_pol
 from camopt.cam.families.new_design import new_design
 from camopt.cam.families.powers import event_pieces
+from camopt.cam.families.section_limits import control_points
 from camopt.cam.families.sections import flank
 from camopt.cam.families.trapezoid import trapezoid
 from camopt.cam.lift import Lift

@@ -1,6 +1,8 @@
 """The limits of an engineer's drawing: a cam that would break one without it holds it with it, at every angle."""
 
 import re
+from pathlib import Path
+from time import process_time
 
 import numpy as np
 import pytest
@@ -240,3 +242,15 @@ def test_the_no_jump_program_and_its_bound_hold_the_limits_too():
     bound = float(no_jump_bound(program, margins).bound)
     assert held.area_ratio < bound < area_ratio_bound(scene.design).bound
     assert bound < free.area_ratio
+
+
+def test_a_contradiction_with_a_lift_that_must_be_reached_is_named_within_seconds():
+    """Proving that a program has no solution took the solver a minute; how far it is from one takes it none."""
+    scene = load_scene(Path(__file__).parents[2] / "docs" / "tutorials" / "tappet.toml")
+    design = scene.design.model_copy(update={"lift_at": ((-42.0, 0.0, 1.6),), "reach_max_lift": True})
+    cam, begun = free_cam(design, 3.0), process_time()
+    with pytest.raises(
+        InputError, match=r"max_lift_mm would have to fall.*lift_at's largest lift at -42 deg would have"
+    ):
+        kinematic_optimum(design, cam)
+    assert process_time() - begun < 5.0

@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.interpolate import PPoly
 
+from camopt.optimizer.program.dwell_rise import least_peak_through
 from experiments import classical_laws
 
 EXPECTED = {
@@ -30,3 +32,24 @@ def test_the_laws_have_their_known_peaks_and_leave_their_known_gain(tmp_path):
         assert row["possible_gain_percent"] == pytest.approx(gain, abs=0.06)
     assert [row["peak"] for row in found["least_peaks"]] == pytest.approx([4, 32, 384, 6144], rel=1e-6)
     assert (tmp_path / "classical_laws-acceleration.png").exists()
+    table = found["table_5_4"]
+    assert table["bound_cm_per_rad3"] <= 17.0121 <= table["least_jerk_cm_per_rad3"] * (1 + 1e-6)
+    assert table["least_jerk_cm_per_rad3"] <= table["bound_cm_per_rad3"] * (1 + 2e-4)
+
+
+def test_the_motion_through_the_handbooks_table_meets_every_number_of_it():
+    count = classical_laws.TABLE_INTERVALS["small"]
+    conditions = [(np.deg2rad(angle), order, value) for angle, order, value in classical_laws.TABLE_5_4]
+    jerk = least_peak_through(conditions, 3, count).derivative
+    edges = np.linspace(0.0, np.deg2rad(270.0), count + 1)
+    motion = PPoly(jerk[None], edges)
+    laws = [motion.antiderivative(3 - k) for k in range(3)]
+    for angle, order, value in conditions:
+        assert float(laws[order](angle)) == pytest.approx(value, abs=1e-9)
+
+
+def test_the_least_jerk_of_a_rise_is_the_closed_form_of_the_same_conditions():
+    found = least_peak_through([(1.0, 0, 1.0), (1.0, 1, 0.0), (1.0, 2, 0.0)], 3, 400)
+    assert found.peak == pytest.approx(32.0, rel=1e-9)
+    assert found.bound == pytest.approx(32.0, rel=1e-4)
+    assert found.bound <= found.peak

@@ -19,7 +19,7 @@ def test_every_limit_is_broken_without_and_held_with(tmp_path):
         assert row["area_ratio_with"] < row["area_ratio_without"]
         assert row["area_ratio_with"] < row["bound"] < 0.62
         assert row["price_percent"] > 0
-        assert row["bound_leaves_out"] == (["duration_at"] if row["limit"] == "duration_at" else [])
+        assert row["bound_leaves_out"] == [key for key in ("duration_at", "waves_max") if key == row["limit"]]
 
 
 def test_the_values_are_those_of_formulas_written_again():
@@ -38,5 +38,7 @@ def test_the_values_are_those_of_formulas_written_again():
         "face_width_mm": 2 * np.abs(v).max(),
         "entrainment_min_m_per_s": 5000 * np.pi / 60 * ((22.0 + s) / 2 + a).min() * 1e-3,
     }
+    jerk = np.diff(a)
+    expected["waves_max"] = np.count_nonzero(np.diff(np.sign(jerk[np.abs(jerk) > 1e-5 * np.abs(jerk).max()])))
     found = {key: drawing_limits.value_of(key, lift, scene) for key in drawing_limits.LIMITS}
     assert found == pytest.approx(expected, rel=3e-5)

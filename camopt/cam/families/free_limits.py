@@ -12,6 +12,7 @@ import numpy as np
 
 from camopt.cam.bernstein import from_powers
 from camopt.cam.linear_limits import LinearLimit, linear_limits
+from camopt.cam.waves import sign_rows
 from camopt.scene.design import Design
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 
@@ -30,11 +31,20 @@ HUGE = 1.0
 """A free coefficient [mm/deg^2] that no cam has: a hundred times a usual acceleration."""
 
 
+SIGNS = {"nose_deg": "smaller", "waves_max": "larger"}
+"""Limits on a sign: of the acceleration, of the jerk; and which numbers of them allow more."""
+
+
 @dataclass(frozen=True)
 class About:
-    """Where limits that are not linear in the lift are taken: `centres` [rad] of the design's durations, in order."""
+    """Where limits that are not linear in the lift are taken.
+
+    `centres` [rad] are those of the design's durations, in order; at `switches` [rad] the jerk may change its sign.
+    Without switches the number of its changes is not limited.
+    """
 
     centres: tuple[float, ...] = ()
+    switches: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -43,7 +53,7 @@ class Limits:
 
     `value` (per name) is the number that the scene states, in the unit `unit` [SI], and it grows by `sign` times as
     much as the bound; `size` is its magnitude in SI and `slope[r]` is d bound[r] / d size. Size and slope are zero for
-    the nose, whose rows bound a sign and no value.
+    the limits of `SIGNS`, whose rows bound a sign and no value.
     """
 
     matrix: np.ndarray  # (r, m)
@@ -79,6 +89,8 @@ def free_limits(cam: "FreeCam", design: Design) -> Limits:
     count = int(np.ceil((cam.breaks[1] - cam.breaks[0]) / CAP_INTERVAL))
     fine = np.linspace(ends[0], ends[1], count * (len(cam.breaks) - 1) + 1)
     parts.add("max_lift_mm", MM, 0, fine, (1,))
+    if design.waves_max is not None and cam.about.switches:
+        parts.add_signs(design.waves_max)
     for limit in linear_limits(design, cam.about.centres):
         parts.add_linear(limit)
     return parts.limits()
@@ -112,6 +124,11 @@ class _LimitRows:
         self._keep(
             matrix, bound, 1.0, limit.name, (limit.value * per_value, abs(per_value), limit.value, np.sign(limit.rate))
         )
+
+    def add_signs(self, most: int) -> None:
+        """Adds the rows that let the jerk change its sign at the cam's switches alone."""
+        matrix, bound = sign_rows(self.cam, self.cam.about.switches)
+        self._keep(matrix, bound, 0.0, "waves_max", (0.0, MM_PER_DEG3, most, 1.0))
 
     def _keep(self, matrix, bound, slope: float, name: str, stated: tuple) -> None:
         self.parts.append((matrix, bound, np.full(len(bound), slope), name, stated))

@@ -1,38 +1,33 @@
 """The largest-area member of a sectioned family under a scene's limits.
 
-For fixed section angles the levels solve a linear program: the area is linear in them, and so is every limit on the
-Bernstein control points of a section (Farin, Curves and Surfaces for CAGD, 2002, ch. 5), which bound it at every
-angle. The angles are searched around it. The best value for given angles is continuous in them, because limits that
-cannot be met are stretched at a price instead of failing, but it has several maxima: hence a population search
-(differential evolution, Storn and Price 1997). Its best is polished in angles and levels together, where the problem is
-smooth, by sequential quadratic programs (SLSQP, Kraft 1988).
+For fixed section angles the levels solve a linear program: the area is linear in them, and so is every limit
+(`section_limits`). The angles are searched around it. The best value for given angles is continuous in them, because
+limits that cannot be met are stretched at a price instead of failing, but it has several maxima: hence a population
+search (differential evolution, Storn and Price 1997). Its best is polished in angles and levels together, where the
+problem is smooth, by sequential quadratic programs (SLSQP, Kraft 1988).
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
-from itertools import pairwise
-from math import comb, perm
+from functools import lru_cache
 
 import highspy
 import numpy as np
 from scipy.optimize import differential_evolution, minimize
 from scipy.stats import qmc
 
-from camopt.cam.bernstein import from_powers
+from camopt.cam.families.section_limits import limit_rows
 from camopt.cam.families.sections import Flank, SectionTable, closed, flank
 from camopt.cam.ramps import Ramp
 from camopt.scene import InputError
 from camopt.scene.design import Design
-from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
+from camopt.scene.units import DEG, MM
 
 SHORTEST = 2.0 * DEG
 """Shortest section of a searched member [rad]: without a jerk limit some sections shrink as far as they may."""
 FINE, COARSE = 60, 20
 """Number of parts of a flank that have control points of their own. The control points exceed the acceleration by about
 1e-3 (fine) or 1e-2 (coarse) of it, so that a coarse program errs on the safe side of a fine one, in half the time."""
-HAIR = 1e-9
-"""Relative tightening of every limit, so that round-off in the solver cannot break it."""
 STRETCH_PRICE = 50.0
 """Price, in area ratio, of stretching all limits by their own size."""
 OPTIONS = {
@@ -45,56 +40,6 @@ OPTIONS = {
 MARGIN = 1e-7
 """Relative margin to every limit in the polish, so that the linear program of the levels still has a point there."""
 POPULATION, GENERATIONS, POLISH_STEPS, SEED = 32, 8, 60, 0
-
-
-@cache
-def to_bernstein(degree: int, edges: tuple[float, ...]) -> np.ndarray:
-    """Matrix (parts * (degree + 1), degree + 1) from power coefficients on [0, 1] to control points between edges."""
-    k = np.arange(degree + 1)
-    binomial = np.array([[comb(i, j) for i in k] for j in k], dtype=float)
-    parts = []
-    for start, end in pairwise(edges):
-        taylor = binomial * float(start) ** np.maximum(k - k[:, None], 0)
-        parts.append(from_powers(degree) @ ((end - start) ** k[:, None] * taylor))
-    return np.concatenate(parts)
-
-
-def control_points(one: Flank, order: int, parts: int, start: float = 0.0) -> np.ndarray:
-    """Rows (c, n) of the control points of the derivative `order` from the angle `start` [rad] to the nose."""
-    degree = one.pieces.shape[1] - 1 - order
-    factor = np.array([perm(k + order, order) for k in range(degree + 1)], dtype=float)
-    shares = np.linspace(0.0, 1.0, max(1, parts // len(one.pieces)) + 1)
-    widths = np.diff(one.borders)
-    found = []
-    for low, width, piece in zip(one.borders[:-1], widths, one.relative, strict=True):
-        first = max(0.0, (start - low) / width)
-        if first < 1.0:
-            matrix = to_bernstein(degree, tuple(shares))
-            if first > 0.0:
-                matrix = to_bernstein.__wrapped__(degree, tuple(first + (1.0 - first) * shares))
-            found.append(matrix @ (factor[:, None] * piece[order:]) / width**order)
-    return np.concatenate(found)
-
-
-def limit_rows(one: Flank, design: Design, jerk: bool, parts: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rows (r, n) and bounds (r) of the design's limits, rows @ x <= bound, each relative to the limit's own size."""
-    half = one.borders[-1]
-    groups = []
-    acceleration = control_points(one, 2, parts)
-    if design.acceleration_max_mm_per_deg2 is not None:
-        groups.append((acceleration / (design.acceleration_max_mm_per_deg2 * MM_PER_DEG2), 1.0))
-    if design.acceleration_min_mm_per_deg2 is not None:
-        groups.append((acceleration / (design.acceleration_min_mm_per_deg2 * MM_PER_DEG2), 1.0))
-    if jerk and design.jerk_max_mm_per_deg3 is not None:
-        found = control_points(one, 3, parts) / (design.jerk_max_mm_per_deg3 * MM_PER_DEG3)
-        groups += [(found, 1.0), (-found, 1.0)]
-    lift = control_points(one, 0, 1)[:-2]  # the last two are the end lift itself
-    groups.append((lift / (design.max_lift_mm * MM), 1.0))
-    if design.nose_deg:  # last, and from the nose outwards: sections that leave it drop rows at the end only
-        usual = design.max_lift_mm * MM / half**2
-        groups.append((control_points(one, 2, parts, half - design.nose_deg * DEG)[::-1] / usual, 0.0))
-    bounds = [np.full(len(matrix), bound - HAIR) for matrix, bound in groups]
-    return np.concatenate([matrix for matrix, _ in groups]), np.concatenate(bounds)
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,8 @@ def _largest(
     if stretch > STRETCH_ROUND_OFF:
         raise InputError(
             f"{table.family}: no member found within the limits of [design]; the best breaks one by "
-            f"{100 * stretch:.2g} %: loosen the acceleration or jerk limits, or the maximum lift"
+            f"{100 * stretch:.2g} %: loosen the limits on acceleration and jerk, those of the drawing, or the maximum "
+            f"lift"
         )
     return x
 

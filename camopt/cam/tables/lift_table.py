@@ -24,6 +24,8 @@ DERIVATIVES = {"velocity_mm_per_deg": 1, "acceleration_mm_per_deg2": 2}
 """Columns of camopt's own tables that are read beside the lift, and their order."""
 LIFT_UNITS_MM = {"mm": 1.0, "m": 1e3, "inch": 25.4}
 ANGLE_KINDS = ("cam", "crank")
+MOST_DECIMALS = 12
+"""Decimals of a table's lifts in mm beyond which they are taken as unrounded."""
 PLAUSIBLE = 10.0
 """Largest ratio, either way, of a table's lift to the scene's maximum lift: beyond it the unit is taken to be wrong."""
 PLAUSIBLE_DURATION = 1.8
@@ -70,6 +72,7 @@ def read_lift_table(
         report |= {"angle": given["angle"], "lift": given["lift"], "ratio": float(given["ratio"] or 1), **done}
         if rows.said:
             report["mended"] = list(rows.said)
+    report |= _row_error(rows, report)
     if given["probe"] is not None:
         pieces = _followed(where, pieces, given, scene)
         report["probe_mm"] = given["probe"]
@@ -165,6 +168,19 @@ def _measured(where: str, rows: TableRows, ramps: tuple[Ramp, Ramp]) -> tuple[PP
         return pieces, found.report
     powers = np.arange(len(found.pieces.c))[::-1, None]
     return PPoly(found.pieces.c * MM / DEG**powers, found.pieces.x * DEG), found.report
+
+
+def _row_error(rows: TableRows, report: dict) -> dict:
+    """By how much the law may be off at the rows of a table with equal steps whose error is its rounding, and the step.
+
+    Empty for tables that were measured, or whose steps differ.
+    """
+    step, decimals = float(np.median(np.diff(rows.degrees))), range(MOST_DECIMALS + 1)
+    unit = next((10.0**-d for d in decimals if np.array_equal(np.round(rows.height, d), rows.height)), 0.0)
+    equal = np.abs(np.diff(rows.degrees) - step).max() < 1e-6 * step and abs(round(360 / step) - 360 / step) < 1e-6
+    if not equal or report.get("outliers") or report.get("noise_um", 0.0) > unit / 2 * 1e3:
+        return {}
+    return {"row_error_mm": unit / 2 + report.get("largest_shift_um", 0.0) * 1e-3, "step_deg": round(step, 9)}
 
 
 def _check_duration(where: str, found_deg: float, scene_deg: float) -> None:

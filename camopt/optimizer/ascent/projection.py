@@ -10,9 +10,10 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import lsq_linear, nnls
 
-from camopt.cam.families.free import FreeCam, free_cam
+from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
 from camopt.optimizer.program.kinematic import conflict, reached_in_the_middle
+from camopt.optimizer.program.program_cam import program_cam
 from camopt.scene.design import Design
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
@@ -154,6 +155,6 @@ def nearest_free_cam(scene: Scene, cam: Lift, *, knot_deg: float = 3.0) -> Lift:
     """
     if scene.design is None:
         raise InputError(f"scene {scene.name}: the nearest free cam needs [design]")
-    free = free_cam(scene.design, knot_deg)
+    free = program_cam(scene.design, knot_deg)
     limits = ShapeLimits(free, scene.design)
     return free.lift(limits.nearest(limits.nearest_to(cam)))

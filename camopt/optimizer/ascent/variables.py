@@ -14,11 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from camopt.autodiff.families import DifferentiableCam, differentiable
-from camopt.cam.families.free import free_cam
 from camopt.cam.families.registry import family_named
 from camopt.cam.lift import Lift
+from camopt.cam.linear_limits import LinearLimit, linear_limits
 from camopt.optimizer.ascent.projection import Empty, Polyhedron, ShapeLimits
 from camopt.optimizer.ascent.train_variables import TrainVariables
+from camopt.optimizer.program.program_cam import program_cam
 from camopt.scene.design import Design
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
@@ -29,6 +30,9 @@ NOSE_ANGLES = 41
 HELD = 1e-7
 """Excess of a limit, over the limit, at which a family's member still counts as holding it in an ascent."""
 MOST_ROUNDS = 30
+DRAWING_STEP = 0.25 * DEG
+ROOM = 1e-4
+"""Part of a limit of the drawing that an ascent leaves: between two angles lies a few 1e-5 of it at most."""
 
 
 class CamVariables(Protocol):
@@ -64,7 +68,7 @@ class FreeVariables:
     def __init__(self, scene: Scene, cam: Lift, knot_deg: float):
         assert scene.design is not None, "objective() asks for [design]"
         own = cam.family == FREE
-        self._free = free_cam(scene.design, cam.parameters["knot_deg"] if own else knot_deg)
+        self._free = program_cam(scene.design, cam.parameters["knot_deg"] if own else knot_deg)
         self._limits = ShapeLimits(self._free, scene.design)
         given = np.array(cam.parameters["coefficients_mm_per_deg2"]) if own else None
         near = self._limits.nearest_to(cam) if given is None else self._free.Z.T @ (given - self._free.x_p)
@@ -179,7 +183,17 @@ def shape_excess(cam: DifferentiableCam, parameters: Mapping[str, Any], design: 
     if design.nose_deg:
         theta = np.linspace(-design.nose_deg, design.nose_deg, NOSE_ANGLES) * DEG
         parts.append(jnp.max(cam.lift(theta, own, 2)) / MM_PER_DEG2)
-    return jnp.stack(parts)
+    return jnp.stack(parts + [drawing_excess(cam, own, limit) for limit in linear_limits(design)])
+
+
+def drawing_excess(cam: DifferentiableCam, parameters: Mapping[str, Any], limit: LinearLimit) -> jax.Array:
+    """The same of one limit of the drawing, over its size, at angles so close that `ROOM` covers what lies between."""
+    level = limit.level
+    theta = np.linspace(level.low, level.high, 1 + int(np.ceil((level.high - level.low) / DRAWING_STEP)))
+    most = level.taylor(theta, theta)[:, 0] - level.error
+    total = sum(w * cam.lift(theta, dict(parameters), k) for k, w in enumerate(limit.weights) if w)
+    size, room = max(level.size, MM), ROOM if len(theta) > 1 else 0.0
+    return jnp.max(total - most) / size + room
 
 
 class Variables:

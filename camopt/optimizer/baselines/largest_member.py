@@ -20,6 +20,7 @@ from tqdm import tqdm
 
 from camopt.cam.families.record import Space
 from camopt.cam.lift import Lift
+from camopt.cam.waves import sign_changes
 from camopt.exact.engine import prepare
 from camopt.measure.limits import broken_by_shape, drawing_excess
 from camopt.measure.settling import settle
@@ -152,6 +153,8 @@ def excess(lift: Lift, design: Design) -> float:
     if design.jerk_max_mm_per_deg3 is not None:
         steepest = float(np.abs(lift.extremes(3)).max())
         values["jerk_max_mm_per_deg3"] = steepest, design.jerk_max_mm_per_deg3 * MM_PER_DEG3
+    if design.waves_max is not None:
+        values["waves_max"] = float(len(sign_changes(lift))), float(design.waves_max)
     over = {name: value / limit - 1 for name, (value, limit) in values.items()} | drawing_excess(lift, design)
     return max(over[name] if over.get(name, 0.0) > 0 else 1.0 for name in broken)
 

@@ -25,8 +25,8 @@ def bounded_limits(design: Design) -> list[LinearLimit]:
 
 def left_out(design: Design) -> list[str]:
     """The keys of the limits on the shape that the bound leaves out: it holds with them too, only less tightly."""
-    snap = ["snap_max_mm_per_deg4"] if design.snap_max_mm_per_deg4 else []
-    return snap + list(dict.fromkeys(limit.key for limit in linear_limits(design) if limit.chosen))
+    shape = [key for key in ("snap_max_mm_per_deg4", "waves_max") if getattr(design, key)]
+    return shape + list(dict.fromkeys(limit.key for limit in linear_limits(design) if limit.chosen))
 
 
 def cells(limit: LinearLimit, grid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

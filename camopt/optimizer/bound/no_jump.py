@@ -63,8 +63,8 @@ def no_jump_bound(program: NoJumpProgram, margins: Margins, knot_deg: float = KN
     if not control_is_limited(design):
         return None
     angles = [block.angles for block in program.blocks]
-    cam = program_cam(design, knot_deg)
-    capped = design.model_copy(update={"reach_max_lift": False})  # a cap bounds what must be reached, too
+    capped = design.model_copy(update={"reach_max_lift": False, "waves_max": None})  # a cap bounds, too
+    cam = program_cam(capped, knot_deg)
     fine = replace(program, design=capped, cam=cam).relocated(angles)
     found = fine.solve(margins)
     full = design.max_lift_mm * MM * design.duration_deg * DEG

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from camopt.cam.families.free import FreeCam
-from camopt.cam.families.free_limits import Limits
+from camopt.cam.families.free_limits import SIGNS, Limits
 from camopt.cam.lift import Lift
-from camopt.optimizer.program.linear_program import Infeasible, Optimum, Rows, least_relaxation, maximise
+from camopt.optimizer.program.linear_program import GaveUp, Infeasible, Optimum, Rows, least_relaxation, maximise
 from camopt.scene.design import Design
 from camopt.scene.errors import InputError
 from camopt.scene.units import DEG, MM, MM_PER_DEG2
@@ -16,6 +16,8 @@ REACH = 1e-5
 """Relative slack in reaching the maximum lift (0.1 um of 9.4 mm): the cap's control points lie that far above it."""
 TYPICAL = 0.01
 """Typical free coefficient [mm/deg^2], for the solver's scaling: the size of the acceleration limits."""
+STRETCH = 1e-9
+"""Stretch of scaled rows that is rounding."""
 PEAK_STEP = 1.5 * DEG
 """Step of the peak angles that are tried when the design wants its maximum lift reached."""
 
@@ -90,15 +92,18 @@ def reach(cam: FreeCam, design: Design, objective, rows: Rows, bound, working) -
     lowest = design.max_lift_mm * MM * (1 - REACH)
     if not design.reach_max_lift or cam.lift(capped.z).max_lift >= lowest:
         return capped
-    best, working = None, capped.working
+    best, working, known = None, capped.working, False
     peaks = np.arange(-4, 5) * PEAK_STEP
     lift, offset = cam.basis(peaks)
     for at, constant in zip(lift, offset + lift @ cam.x_p, strict=True):
+        if known and _highest(at @ cam.Z, rows, bound, working) + constant < lowest:
+            continue  # a contradiction takes the solver far longer to see than how high the lift gets
         reaching = spline_rows(np.vstack([rows.matrix, -(at @ cam.Z)]))
         levels = np.append(bound, constant - lowest)
         try:
             found = maximise(objective, reaching, levels, np.append(working, len(bound)))
-        except Infeasible:
+        except (Infeasible, GaveUp):
+            known = True
             continue
         if best is None or found.value > best.value:
             best = found
@@ -106,6 +111,14 @@ def reach(cam: FreeCam, design: Design, objective, rows: Rows, bound, working) -
     if best is None:
         raise Infeasible("the maximum lift cannot be reached within 6 degrees of the middle")
     return best
+
+
+def _highest(row: np.ndarray, rows: Rows, bound: np.ndarray, working: np.ndarray) -> float:
+    """The largest row @ z; infinite where the solver does not decide it."""
+    try:
+        return maximise(row, rows, bound, working).value
+    except ArithmeticError:
+        return np.inf
 
 
 def limit_worth(found: KinematicOptimum) -> dict[str, float]:
@@ -118,12 +131,12 @@ def worth_of(limits: Limits, duals: np.ndarray, reaching: np.ndarray, area_ratio
     """Per cent more area that one per cent more of each limit buys, from a program's duals, keyed by the limit's name.
 
     `duals` (r, ...) begin with those of the limits' rows; `reaching` are those of the row that the maximum lift is to
-    be reached, if there is one. First-order and at this spline; the nose, which is an angle, is left out.
+    be reached, if there is one. First-order and at this spline; limits on a sign, such as the nose, are left out.
     """
     worth = {}
     for g, name in enumerate(limits.names):
         rows = limits.rows(name)
-        if name != "nose_deg":
+        if name not in SIGNS:
             gain = float(duals[rows] @ limits.slope[rows] * limits.size[g])
             if name == "max_lift_mm":  # area itself, not the ratio to a maximum lift that grows with it
                 gain -= float(reaching.sum()) * limits.size[g]
@@ -144,13 +157,19 @@ def conflict(design: Design, cam: FreeCam) -> str:
         give = np.zeros(len(bound))
         lowered = name == "max_lift_mm" and design.reach_max_lift  # a lift that must be reached resolves by falling
         rows = np.array([len(bound) - 1]) if lowered else limits.rows(name)
-        give[rows] = limits.unit[g] if name != "nose_deg" else 1.0
-        size = abs(limits.value[g]) if name != "nose_deg" else TYPICAL * MM_PER_DEG2
-        relaxed = least_relaxation(spline, bound, give, size, working)
+        give[rows] = limits.unit[g] if name not in SIGNS else 1.0
+        size = abs(limits.value[g]) if name not in SIGNS else TYPICAL * MM_PER_DEG2
+        if not _holds_without(spline, bound, rows, working):
+            continue
+        try:
+            relaxed = least_relaxation(spline, bound, give, size, working)
+        except ArithmeticError:  # as in `_holds_without`
+            continue
         if relaxed is None:
             continue
-        if name == "nose_deg":
-            remedies.append(f"nose_deg would have to be smaller than {design.nose_deg:g} or be left out")
+        if name in SIGNS:
+            value = getattr(design, name)
+            remedies.append(f"{name} would have to be {SIGNS[name]} than {value:g} or be left out")
             continue
         value = limits.value[g]
         needed = value + (-relaxed if lowered else limits.sign[g] * relaxed)
@@ -167,6 +186,21 @@ def conflict(design: Design, cam: FreeCam) -> str:
         f"the limits of the design contradict each other for {asked} and knots every {cam.knot_deg:g} deg: "
         + ", or ".join(remedies)
     )
+
+
+def _holds_without(spline: Rows, bound: np.ndarray, left_out: np.ndarray, working: np.ndarray) -> bool:
+    """Whether the other rows have a point in common.
+
+    The least stretch of them all is asked, which always has an answer: a solver takes a hundred times longer to see
+    that a program has none.
+    """
+    give, level = spline.norm.copy(), bound.copy()
+    give[left_out], level[left_out] = 0.0, np.inf
+    try:
+        stretch = least_relaxation(spline, level, give, 1.0, np.setdiff1d(working, left_out))
+    except ArithmeticError:
+        return False  # a remedy that no solver sees is not named
+    return stretch is not None and stretch <= STRETCH
 
 
 def reached_in_the_middle(cam: FreeCam, design: Design, matrix, bound) -> tuple[np.ndarray, np.ndarray]:

@@ -7,6 +7,7 @@ from camopt.exact.engine import prepare
 from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpOptimum, NoJumpProgram
 from camopt.optimizer.program.periodic import Angles
 from camopt.optimizer.program.tangents import HELD_N, tangents_along
+from camopt.optimizer.program.waves import with_switches
 from camopt.scene.response import Response, end_state
 from camopt.scene.rest import state_at_rest
 from camopt.scene.standing_in import is_linear
@@ -85,9 +86,11 @@ def relocate(program: NoJumpProgram, lift: Lift, revolutions: int = REVOLUTIONS)
 def standing(program: NoJumpProgram, margin_N: float = HELD_N) -> NoJumpProgram:
     """The program with the tangents along the motions of its own cam, solved again with them until its area stands.
 
-    The margin on all contact forces falls by as much as no cam can hold. A program whose trains are linear is given
+    Before that come the angles at which the jerk changes its sign, for a design that limits how often it does. The
+    margin on all contact forces falls by as much as no cam can hold. A program whose trains are linear is given
     back as it is. Raises NoCamHoldsContact where the limits on the shape allow no cam.
     """
+    program = with_switches(program, margin_N)
     if all(is_linear(block.train) for block in program.blocks):
         return program
     area = -np.inf

@@ -1,15 +1,22 @@
 """The nearest point within linear limits, by its optimality conditions, and the nearest free cam."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.optimize import nnls
 
 import camopt
 from camopt.cam.families.free import free_cam
-from camopt.measure.limits import broken_by_shape
+from camopt.cam.linear_limits import linear_limits
+from camopt.measure.limits import broken_by_shape, drawing_excess
 from camopt.optimizer.ascent.projection import Empty, Polyhedron, ShapeLimits, nearest_free_cam
+from camopt.optimizer.ascent.variables import ROOM
+from camopt.optimizer.ascent.variables import drawing_excess as excess_in_jax
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.scene import InputError, load_scene
+from camopt.scene.geometry import Geometry
 
 MOTORI = load_scene("motori-1")
 assert MOTORI.design is not None
@@ -85,3 +92,15 @@ class TestNearestFreeCam:
         design = MOTORI.design.model_copy(update={"acceleration_max_mm_per_deg2": 1e-4, "reach_max_lift": True})
         with pytest.raises(InputError, match="the limits of the design contradict each other"):
             nearest_free_cam(MOTORI.model_copy(update={"design": design}), camopt.polydyne(MOTORI), knot_deg=6.0)
+
+
+def test_how_far_a_family_breaks_limits_of_a_drawing_is_what_the_pieces_say_and_never_less():
+    start = camopt.polydyne(MOTORI, design_speed_rpm=6000)
+    flat = Geometry(follower="flat", base_radius_mm=18.0)
+    design = MOTORI.design.model_copy(update={"nose_radius_min_mm": 4.0}).within(flat, MOTORI.operation)
+    (limit,) = linear_limits(design)
+    cam: Any = SimpleNamespace(lift=lambda theta, _, order: start(theta, order))  # JAX takes ten seconds to compile one
+    found = float(excess_in_jax(cam, {}, limit))
+    own = limit.excess(start) / limit.level.size
+    assert own == drawing_excess(start, design)["nose_radius_min_mm"]
+    assert -1e-12 < found - own < ROOM + 1e-12

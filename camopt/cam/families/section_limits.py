@@ -1,0 +1,125 @@
+"""The limits of a design on the flank of a sectioned cam, as rows on its levels that hold at every angle.
+
+They stand on the Bernstein control points of the sections' parts, between which a polynomial lies (Farin, Curves and
+Surfaces for CAGD, 2002, ch. 5). The cam is symmetric: what a limit says of the closing flank it says of the opening
+one's mirror image.
+"""
+
+from functools import cache, lru_cache
+from itertools import pairwise
+from math import comb, perm
+
+import numpy as np
+
+from camopt.cam.bernstein import from_powers
+from camopt.cam.families.sections import Flank
+from camopt.cam.level import Level
+from camopt.cam.linear_limits import LinearLimit, linear_limits
+from camopt.scene.design import Design
+from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
+
+HAIR = 1e-9
+"""Relative tightening of every limit, so that round-off in the solver cannot break it."""
+NOWHERE = 1e3
+"""What stands, relative to a limit's size, where it says nothing: beyond all that a cam has."""
+
+
+@cache
+def to_bernstein(degree: int, edges: tuple[float, ...]) -> np.ndarray:
+    """Matrix (parts * (degree + 1), degree + 1) from power coefficients on [0, 1] to control points between edges."""
+    k = np.arange(degree + 1)
+    binomial = np.array([[comb(i, j) for i in k] for j in k], dtype=float)
+    parts = []
+    for start, end in pairwise(edges):
+        taylor = binomial * float(start) ** np.maximum(k - k[:, None], 0)
+        parts.append(from_powers(degree) @ ((end - start) ** k[:, None] * taylor))
+    return np.concatenate(parts)
+
+
+def control_points(one: Flank, order: int, parts: int, start: float = 0.0) -> np.ndarray:
+    """Rows (c, n) of the control points of the derivative `order` from the angle `start` [rad] to the nose."""
+    degree = one.pieces.shape[1] - 1 - order
+    factor = np.array([perm(k + order, order) for k in range(degree + 1)], dtype=float)
+    shares = np.linspace(0.0, 1.0, max(1, parts // len(one.pieces)) + 1)
+    widths = np.diff(one.borders)
+    found = []
+    for low, width, piece in zip(one.borders[:-1], widths, one.relative, strict=True):
+        first = max(0.0, (start - low) / width)
+        if first < 1.0:
+            matrix = to_bernstein(degree, tuple(shares))
+            if first > 0.0:
+                matrix = to_bernstein.__wrapped__(degree, tuple(first + (1.0 - first) * shares))
+            found.append(matrix @ (factor[:, None] * piece[order:]) / width**order)
+    return np.concatenate(found)
+
+
+def limit_rows(one: Flank, design: Design, jerk: bool, parts: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows (r, n) and bounds (r) of the design's limits, rows @ x <= bound, each relative to the limit's own size."""
+    half = one.borders[-1]
+    groups = []
+    acceleration = control_points(one, 2, parts)
+    if design.acceleration_max_mm_per_deg2 is not None:
+        groups.append((acceleration / (design.acceleration_max_mm_per_deg2 * MM_PER_DEG2), 1.0))
+    if design.acceleration_min_mm_per_deg2 is not None:
+        groups.append((acceleration / (design.acceleration_min_mm_per_deg2 * MM_PER_DEG2), 1.0))
+    if jerk and design.jerk_max_mm_per_deg3 is not None:
+        found = control_points(one, 3, parts) / (design.jerk_max_mm_per_deg3 * MM_PER_DEG3)
+        groups += [(found, 1.0), (-found, 1.0)]
+    lift = control_points(one, 0, 1)[:-2]  # the last two are the end lift itself
+    groups.append((lift / (design.max_lift_mm * MM), 1.0))
+    for limit in _drawn(design):
+        groups += [drawing_rows(one, limit, side, parts) for side in sides(limit)]
+    if design.nose_deg:  # last, and from the nose outwards: sections that leave it drop rows at the end only
+        usual = design.max_lift_mm * MM / half**2
+        groups.append((control_points(one, 2, parts, half - design.nose_deg * DEG)[::-1] / usual, 0.0))
+    bounds = [np.broadcast_to(bound, len(matrix)) - HAIR for matrix, bound in groups]
+    return np.concatenate([matrix for matrix, _ in groups]), np.concatenate(bounds)
+
+
+@lru_cache(maxsize=16)
+def _drawn(design: Design) -> tuple[LinearLimit, ...]:
+    return tuple(linear_limits(design))
+
+
+def sides(limit: LinearLimit) -> tuple[int, ...]:
+    """On which flanks a limit differs: 1 the opening one, -1 the closing one."""
+    level = limit.level
+    if level.low == level.high:
+        return (1 if level.low <= 0 else -1,)
+    mirrored = len(level.coefficients) == 1 and level.low == -level.high
+    return (1,) if mirrored and not any(limit.weights[1::2]) else (1, -1)
+
+
+def drawing_rows(one: Flank, limit: LinearLimit, side: int, parts: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows (c, n) and bounds (c) of a limit of the drawing on one flank, relative to its size."""
+    weights = [w * side**k for k, w in enumerate(limit.weights)]
+    half, size = one.borders[-1], max(limit.level.size, MM)
+    degree = one.pieces.shape[1] - 1
+    widths = np.diff(one.borders)
+    powers = np.zeros_like(one.relative)  # of the weighted sum, by the angle relative to each piece's width
+    for k, weight in enumerate(weights):
+        factor = np.array([perm(i + k, k) for i in range(degree + 1 - k)], dtype=float)
+        powers[:, : degree + 1 - k] += weight * factor[:, None] * one.relative[:, k:] / widths[:, None, None] ** k
+    if limit.level.low == limit.level.high:
+        at = half - abs(limit.level.low)
+        piece = min(int(np.searchsorted(one.borders, at, side="right")) - 1, len(powers) - 1)
+        row = ((at - one.borders[piece]) / widths[piece]) ** np.arange(degree + 1) @ powers[piece]
+        return row[None] / size, limit.level.coefficients[0] / size
+    shares = np.linspace(0.0, 1.0, max(1, parts // len(powers)) + 1)
+    matrix = to_bernstein(degree, tuple(shares)) @ powers
+    edges = (one.borders[:-1, None] + widths[:, None] * shares - half) * side  # cam angles
+    begin, end = np.sort([edges[:, :-1].ravel(), edges[:, 1:].ravel()], axis=0)
+    bound = np.repeat(_least(limit.level, begin, end), degree + 1)
+    return matrix.reshape(-1, matrix.shape[2]) / size, np.minimum(bound / size, NOWHERE)
+
+
+def _least(level: Level, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """A number below the level between `begin` and `end` (k) [rad], from the pieces there; infinite outside it."""
+    width = np.diff(level.borders)[:, None] ** np.arange(level.coefficients.shape[1])
+    least = (level.coefficients * width @ from_powers(level.coefficients.shape[1] - 1).T).min(axis=1) - level.error
+    count = len(least)
+    first = np.clip(np.searchsorted(level.borders, begin, side="right") - 1, 0, count - 1)
+    last = np.clip(np.searchsorted(level.borders, end, side="left"), first + 1, count)
+    reaching = np.minimum.reduceat(np.append(least, np.inf), np.column_stack([first, last]).ravel())[::2]
+    outside = (end <= level.low + 1e-12) | (begin >= level.high - 1e-12)
+    return np.where(outside, np.inf, reaching)

@@ -1,0 +1,154 @@
+"""Limits on the shape of a cam that a rounded table gives: broken where no cam within the rounding keeps them.
+
+A row with an error of up to q may stand for any lift within q of it, and derivatives of the law through the rows carry
+q / step^k. Differences over wider steps do not: the k-th difference of a lift over steps H, by H^k, is a mean of its
+k-th derivative over k H (de Boor, A Practical Guide to Splines, 1978, ch. 1), so that it keeps what the derivative
+keeps, and it is wrong by at most 2^k q / H^k. Nor has it more changes of sign (Schoenberg's variation diminution).
+"""
+
+from collections.abc import Iterator
+from math import comb
+
+import numpy as np
+
+from camopt.cam.lift import Lift
+from camopt.cam.linear_limits import linear_limits
+from camopt.scene.design import Design
+from camopt.scene.quantities import is_number
+from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
+
+WIDEST = 2.0 * DEG
+"""Widest step of a difference [rad]: its mean then spans a few degrees, and the rounding of 5 decimals is none."""
+ORDERS = {
+    "acceleration_max_mm_per_deg2": (2, MM_PER_DEG2, False, False),
+    "acceleration_min_mm_per_deg2": (2, MM_PER_DEG2, False, False),
+    "jerk_max_mm_per_deg3": (3, MM_PER_DEG3, True, False),
+    "snap_max_mm_per_deg4": (4, MM_PER_DEG4, True, True),
+}
+"""By key: order, unit, whether both signs are limited, whether between the ramps alone."""
+RAMP_VELOCITY = 0.01
+"""Relative excess over the ramp's velocity that counts as none. It amounts to a micrometre over the ten degrees of a
+ramp."""
+EVALUATED = 1e-12
+"""Error of a lift's evaluation, over the largest."""
+
+
+class RoundedRows:
+    """The rows of a table, as the law's own values at equal steps, each within `error` [m] of the cam's lift."""
+
+    def __init__(self, lift: Lift, error: float, step: float):
+        self.lift, self.step = lift, step
+        self.error = error + EVALUATED * lift.max_lift
+        count = round(2 * np.pi / step)
+        self.theta = np.linspace(-np.pi, np.pi, count + 1)[:-1]
+        self.height = lift(self.theta)
+
+    def means(self, order: int) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
+        """Begin of each mean [rad], its value, and its largest error, for steps that double up to `WIDEST`."""
+        every = 1
+        while every * self.step <= WIDEST * (1 + 1e-9):
+            width = every * self.step
+            terms = [(-1) ** (order - j) * comb(order, j) * np.roll(self.height, -j * every) for j in range(order + 1)]
+            yield self.theta, np.sum(terms, axis=0) / width**order, 2**order * self.error / width**order
+            every *= 2
+
+    def resolution(self, order: int) -> float:
+        """The least error of the means of a derivative [m/rad^order]."""
+        return min(error for _, _, error in self.means(order))
+
+    def exceeds(self, order: int, level: float, low: float = -np.pi, high: float = np.pi) -> bool:
+        """Whether a derivative surely exceeds a level between two angles [rad]; for a negative one, is below it."""
+        sign = -1.0 if level < 0 else 1.0
+        for every, (begin, mean, error) in enumerate(self.means(order)):
+            inside = (begin >= low - 1e-12) & (begin + order * self.step * 2**every <= high + 1e-12)
+            if np.any(sign * mean[inside] > abs(level) + error):
+                return True
+        return False
+
+    def waves(self, half: float) -> int:
+        """Sign changes of the jerk that the cam has at least, between -half and half [rad]."""
+        most = 0
+        for every, (begin, mean, error) in enumerate(self.means(3)):
+            inside = (begin >= -half) & (begin + 3 * self.step * 2**every <= half) & (np.abs(mean) > error)
+            most = max(most, int(np.count_nonzero(np.diff(np.sign(mean[inside])))))
+        return most
+
+
+def rows_of(lift: Lift) -> RoundedRows | None:
+    """The rows of a cam whose parameters say that a table gives it with a row error; None for others."""
+    error, step = lift.parameters.get("row_error_mm"), lift.parameters.get("step_deg")
+    if lift.family != "table" or not is_number(error) or not is_number(step) or step <= 0:
+        return None
+    return RoundedRows(lift, error * MM, step * DEG)
+
+
+def surely_broken(broken: list[str], rows: RoundedRows, design: Design) -> list[str]:
+    """Of the limits that the law through the rows breaks, those that no cam within the rows' error keeps."""
+    half = design.duration_deg / 2 * DEG
+    drawn = {limit.key for limit in linear_limits(design)}
+    return [
+        key
+        for key in broken
+        if (_drawing_broken(rows, design, key) if key in drawn - {"duration_at"} else _broken(rows, design, key, half))
+    ]
+
+
+def _broken(rows: RoundedRows, design: Design, key: str, half: float) -> bool:
+    """Whether one limit is surely broken; true for those that the rounding of a table does not touch."""
+    value = getattr(design, key, None)
+    if key in ORDERS and value is not None:
+        order, unit, both, within = ORDERS[key]
+        levels = (value * unit, -value * unit) if both else (value * unit,)
+        ends = (-half, half) if within else (-np.pi, np.pi)
+        return any(rows.exceeds(order, level, *ends) for level in levels)
+    if key == "max_lift_mm":
+        return rows.lift.max_lift > design.max_lift_mm * MM + rows.error
+    if key == "reach_max_lift":
+        return rows.lift.max_lift < design.max_lift_mm * MM - 2 * rows.error
+    if key == "nose_deg":
+        return rows.exceeds(2, 0.0, -(design.nose_deg or 0.0) * DEG, (design.nose_deg or 0.0) * DEG)
+    if key == "waves_max":
+        return rows.waves(half) > (design.waves_max or 0)
+    if key.endswith("ramp_velocity_mm_per_deg"):
+        sides = [(np.array([-np.pi, -half]), design.ramps()[0][1]), (np.array([half, np.pi]), design.ramps()[1][1])]
+        return any(
+            rows.exceeds(1, sign * velocity * (1 + RAMP_VELOCITY) * MM_PER_DEG, *ends)
+            for ends, velocity in sides
+            for sign in (-1, 1)
+        )
+    return True
+
+
+def _drawing_broken(rows: RoundedRows, design: Design, key: str) -> bool:
+    """Whether a limit that is linear in the lift is surely broken: the mean of its sum is more than the level."""
+    *_, (_, bends, _) = rows.means(2)
+    bend = 2 * float(np.abs(bends).max())  # the largest acceleration may be more than the means
+    for limit in linear_limits(design):
+        order, lifts = len(limit.weights) - 1, limit.weights[0]
+        if limit.key != key or limit.chosen:
+            continue
+        if order == 0 and limit.excess(rows.lift) > rows.error * abs(lifts):
+            return True
+        most = float(limit.level.coefficients[:, 0].max()) + limit.level.error
+        for every, (begin, mean, error) in enumerate(rows.means(order) if order else ()):
+            step = rows.step * 2**every
+            inside = (begin >= limit.level.low) & (begin + order * step <= limit.level.high)
+            middle = begin[inside] + order * step / 2  # of a mean whose variance is order step^2 / 12
+            slack = abs(limit.weights[order]) * error + abs(lifts) * (rows.error + bend * order * step**2 / 24)
+            if np.any(limit.weights[order] * mean[inside] + lifts * rows.lift(middle) > most + slack):
+                return True
+    return False
+
+
+def rounding_sentence(lift: Lift) -> str:
+    """How exactly a table tells its derivatives, empty for a cam that is no rounded table."""
+    rows = rows_of(lift)
+    if rows is None:
+        return ""
+    units = (MM_PER_DEG2, MM_PER_DEG3)
+    acceleration, jerk = (rows.resolution(order) / unit for order, unit in zip((2, 3), units, strict=True))
+    return (
+        f"The table's rows are off by up to {rows.error / MM:.1g} mm: the limits on the shape are judged by means over "
+        f"a few degrees, which tell the acceleration to {acceleration:.1g} mm/deg^2 and the jerk to {jerk:.1g} "
+        f"mm/deg^3; what a table does between its rows, no table tells"
+    )

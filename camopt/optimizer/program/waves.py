@@ -1,0 +1,165 @@
+"""Where the jerk may change its sign, for designs that limit how often it does.
+
+With given angles of the changes the limit is linear; which angles allow most area is searched. The pattern of the cam
+without the limit loses its smallest ripples until it has few enough changes; then one angle after another is moved by
+steps that shrink, as long as that helps (Hooke and Jeeves 1961, without their pattern moves). What the search finds is
+a cam that holds the limit and no proof that none is larger; the bound leaves the limit out.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from camopt.cam.families.free import FreeCam
+from camopt.cam.families.free_limits import About, Limits
+from camopt.cam.lift import Lift
+from camopt.cam.waves import cells, sign_changes, sign_rows
+from camopt.optimizer.program.kinematic import (
+    area_ratio_row,
+    first_working,
+    reached_in_the_middle,
+    spline_rows,
+    unexplained_optimum,
+)
+from camopt.optimizer.program.linear_program import Infeasible, Rows, maximise
+from camopt.optimizer.program.no_jump import PEAK, Margins, NoJumpProgram
+from camopt.scene.design import Design
+from camopt.scene.units import MM_PER_DEG3
+
+FEW = 5
+"""Sign changes of a cam with one ripple, from which the search starts too: with many it may stop at a lesser cam."""
+STEPS = (6, 3, 1)
+"""Cells by which an angle is moved, one after another."""
+WORTH = 1e-6
+"""Gain in area ratio below which an angle stays."""
+SHORT_OF_JERK = 10.0 / (1e-3 * MM_PER_DEG3)
+"""Area ratio that a jerk of the wrong sign costs in the search [1/(m/rad^3)]: more than any cam gains by it."""
+SHORT_OF_FORCE = 1e-2
+"""The same for a newton that the margins are short of."""
+
+Switches = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class _Priced:
+    """A program that always has a solution: rows of the group `give` (r) may be broken by s >= 0, which costs area."""
+
+    rows: Rows
+    objective: np.ndarray
+    working: np.ndarray
+
+    @classmethod
+    def of(cls, matrix: np.ndarray, give: np.ndarray, row: np.ndarray, cost: float, size: float, working) -> "_Priced":
+        """Of rows (r, m), what each gives for s = 1, the area's row (m), what s costs and its typical size."""
+        last = np.append(np.zeros(matrix.shape[1]), -1.0)
+        column = np.append(spline_rows(matrix).column, size)
+        rows = Rows(np.vstack([np.column_stack([matrix, -give]), last]), column)
+        return cls(rows, np.append(row, -cost), np.append(working, len(matrix)))
+
+    def value(self, bound: np.ndarray) -> float:
+        """Area ratio, less what breaking rows costs; minus infinity where the other rows contradict each other."""
+        try:
+            return maximise(self.objective, self.rows, np.append(bound, 0.0), self.working).value
+        except (Infeasible, ArithmeticError):  # of a pattern that the solver does not decide, too
+            return -np.inf
+
+
+def kinematic_switches(design: Design, cam: FreeCam) -> Switches:
+    """The angles [rad] at which the jerk changes its sign with the largest area that the limits on the shape allow.
+
+    Empty where these limits contradict each other even without a limit on the changes.
+    """
+    assert design.waves_max is not None, "only such designs have switches"
+    try:
+        unlimited = unexplained_optimum(design, _about(cam, ())).lift
+    except Infeasible:
+        return ()
+    starts = {_fewer(unlimited, cam, most) for most in (design.waves_max, min(design.waves_max, FEW))}
+    first = _about(cam, next(iter(starts))).limits(design)
+    matrix, bound = reached_in_the_middle(cam, design, first.matrix, first.bound)
+    signed = first.rows("waves_max")
+    give = np.zeros(len(matrix))
+    give[signed] = 1.0
+    row, _ = area_ratio_row(design, cam)
+    jerk = (design.jerk_max_mm_per_deg3 or 1e-3) * MM_PER_DEG3
+    program = _Priced.of(matrix, give, row, SHORT_OF_JERK, jerk, _working(first, len(matrix)))
+
+    value = _value(program, cam, bound, signed)
+    return max((_climbed(value, start, cells(cam)) for start in sorted(starts)), key=value)
+
+
+def with_switches(program: NoJumpProgram, margin_N: float) -> NoJumpProgram:
+    """The program with the angles at which the jerk changes its sign with the largest area for a common margin.
+
+    The margins may fall where no cam keeps them with as few changes. Raises NoCamHoldsContact where the limits on the
+    shape allow no cam. A program whose design does not limit the changes is given back as it is.
+    """
+    design, cam = program.design, program.cam
+    if design.waves_max is None or not cam.about.switches:
+        return program
+    first, margins = len(program.limits.bound), Margins(margin_N, margin_N, margin_N)
+    at_margins = program.bound(margins.table(len(program.blocks)))
+    matrix, bound = reached_in_the_middle(cam, design, program.rows.matrix, at_margins)
+    give = np.zeros(len(matrix))
+    give[first : first + len(program.kind)] = program.kind != PEAK
+    row, _ = area_ratio_row(design, cam)
+    elastic = _Priced.of(matrix, give, row, SHORT_OF_FORCE, 100.0, _working(program.limits, len(matrix)))
+    value = _value(elastic, cam, bound, program.limits.rows("waves_max"))
+    starts = [cam.about.switches]
+    try:
+        unlimited = replace(program, cam=_about(cam, ())).unexplained(margins)
+        starts.append(_fewer(unlimited.lift, cam, design.waves_max))
+    except Infeasible:
+        pass
+    return replace(program, cam=_about(cam, _climbed(value, max(starts, key=value), cells(cam))))
+
+
+def _value(program: _Priced, cam: FreeCam, bound: np.ndarray, signed: np.ndarray) -> Callable[[Switches], float]:
+    """The program's value as a function of the switches, which change the right sides of the rows `signed`."""
+
+    def value(switches: Switches) -> float:
+        other = bound.copy()
+        other[signed] = sign_rows(cam, switches)[1]
+        return program.value(other)
+
+    return value
+
+
+def _about(cam: FreeCam, switches: Switches) -> FreeCam:
+    return replace(cam, about=About(cam.about.centres, switches))
+
+
+def _working(limits: Limits, count: int) -> np.ndarray:
+    """Row indices to begin with, of so many rows: those of the limits, and every fortieth of the others."""
+    return np.union1d(first_working(limits), np.arange(len(limits.bound), count, 40))
+
+
+def _fewer(lift: Lift, cam: FreeCam, most: int) -> Switches:
+    """The angles of a cam's changes, at the nearest cells, without its smallest ripples where there are too many."""
+    marks, angles = cells(cam), sign_changes(lift)
+    while len(angles) > most:
+        ends = lift(angles, 2)
+        smallest = int(np.argmin(np.abs(np.diff(ends))))  # the least rise or fall between two changes
+        angles = np.delete(angles, [smallest, smallest + 1])
+    nearest = np.clip(np.round((angles - marks[0]) / (marks[1] - marks[0])).astype(int), 1, len(marks) - 2)
+    return tuple(float(marks[i]) for i in np.unique(nearest))
+
+
+def _climbed(value: Callable[[Switches], float], start: Switches, marks: np.ndarray) -> Switches:
+    """The angles from `start` on that no step along `marks` improves any more."""
+    best, at = value(start), np.searchsorted(marks, np.array(start) - 1e-9)
+    for step in STEPS:
+        moving = True
+        while moving:
+            moving = False
+            for i in range(len(at)):
+                for way in (-step, step):
+                    trial = at.copy()
+                    trial[i] += way
+                    if np.any(np.diff(np.concatenate([[0], trial, [len(marks) - 1]])) < 1):
+                        continue
+                    reached = value(tuple(marks[trial]))
+                    if reached > best + WORTH:
+                        at, best, moving = trial, reached, True
+    return tuple(float(x) for x in marks[at])
