@@ -24,6 +24,8 @@ from camopt.scene.train import build_train
 
 SPEEDS, STAGGER = 11, 4
 """Speeds at which a train is judged, and after how many trains the same speeds come again."""
+UNJUDGED = 0.99
+"""Part of a limit that a train counts as using before it is judged, so that it is."""
 REVOLUTIONS = 2
 """Revolutions from the settled state, of which the last one is differentiated."""
 
@@ -55,10 +57,12 @@ class DrawnTrains:
 
     @cached_property
     def _cam_speeds(self) -> np.ndarray:
-        """Cam speeds [rad/s] by place in the stagger and number (STAGGER, s)."""
+        """Cam speeds [rad/s] by place in the stagger and number (STAGGER, s); the last one is the top of the band."""
         assert self.scene.operation is not None, "load_scene(..., need=...) guarantees it"
         fine = np.linspace(*self.scene.operation.band_rpm, STAGGER * SPEEDS)
-        return np.array([self.scene.cam_speed(rpm) for rpm in fine]).reshape(SPEEDS, STAGGER).T
+        found = np.array([self.scene.cam_speed(rpm) for rpm in fine]).reshape(SPEEDS, STAGGER).T
+        found[:, -1] = found[-1, -1]  # where most of them fail
+        return found
 
     def speeds(self, train: int) -> np.ndarray:
         """Cam speeds (s) [rad/s] of the train of a number."""
@@ -91,7 +95,7 @@ class DrawnTrains:
         self.trains += trains_as_built(self.scene, count - first, seed=self.seed, first=first)
         new = np.arange(first, count)
         self.states = np.concatenate([self.states, self._nominal[new % STAGGER]])
-        self.used = np.concatenate([self.used, np.zeros((len(new), len(self.limits), SPEEDS))])
+        self.used = np.concatenate([self.used, np.full((len(new), len(self.limits), SPEEDS), UNJUDGED)])
 
     def judge(self, lift: Lift, wanted: np.ndarray) -> None:
         """Judges a cam with the trains at the speeds that are `wanted` (t, s: bool)."""

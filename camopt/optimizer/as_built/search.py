@@ -30,10 +30,12 @@ AIM = 0.75
 """Part of a limit beyond which a train falls short."""
 REFUSED = 10.0
 """What a train whose valve never seats counts as: it has no part of a limit."""
-WATCHED = 0.6
-"""A train at a speed where it last used more of a limit is judged with every cam; others, with a cam that holds."""
-FIRST_MARGIN_N, FIRST_STEP_N, LAST_STEP_N = 60.0, 20.0, 2.5
-"""Where the search for the common margin begins, its step until it is bisected, and where it ends."""
+WATCHED, CALM = 0.6, 0.3
+"""A train at a speed where it last used more of a limit than the first part is judged with every cam; one between the
+two parts, with a cam that holds; one below both is far from its limits with every cam that a search meets later."""
+FIRST_MARGIN_N, FIRST_STEP_N, MORE_STEP_N, LAST_STEP_N = 40.0, 10.0, 4.0, 1.5
+"""Where the search for the common margin begins, its step until it is bisected, that after more trains are drawn, and
+where both end."""
 SLACK = 1.01
 """Factor on a shortfall of the program, so that margins below it are surely held."""
 RATE_N = 2.0
@@ -108,13 +110,15 @@ class YieldSearch:
         return holds
 
     def _judge(self, found: NoJumpOptimum, larger: bool) -> None:
-        """Judges where limits were used most and, where enough trains hold there and the cam is larger, everywhere."""
+        """Judges where limits were used most and, where enough trains hold there and the cam is larger, wherever it may
+        matter."""
         drawn = self.drawn
-        watched = drawn.used.max(axis=1) > WATCHED
+        used = drawn.used.max(axis=1)
+        watched = used > WATCHED
         watched[:, -1] = True
         drawn.judge(found.lift, watched)
         if larger and self.holds:
-            drawn.judge(found.lift, drawn.all & ~watched)
+            drawn.judge(found.lift, ~watched & (used > CALM))
 
     @property
     def shortfall(self) -> float:
@@ -122,26 +126,34 @@ class YieldSearch:
         return float(np.mean(np.maximum(np.nan_to_num(self.drawn.worst, posinf=REFUSED) - AIM, 0.0)))
 
     def common_margin(self) -> np.ndarray:
-        """Bisects the common margin to the lowest one that holds; returns that one's margins (3, s) [N].
+        """Finds the lowest common margin that holds; returns that one's margins (3, s) [N].
 
         Raises InputError where none of those tried holds.
         """
-        low, high = -np.inf, np.inf
-        level = FIRST_MARGIN_N
+        found = self.lowest("common margin", self._common(FIRST_MARGIN_N), FIRST_STEP_N)
+        self.common = self.best
+        return found
+
+    def lowest(self, stage: str, margins: np.ndarray, step_N: float) -> np.ndarray:
+        """Moves all `margins` (3, s) [N] by one amount, bisected to the lowest that holds; returns what they become.
+
+        Raises InputError where none of those tried holds.
+        """
+        low, high, shift = -np.inf, np.inf, 0.0
         while high - low > LAST_STEP_N:
             try:
-                held = self.consider("common margin", self.program.solve(Margins(*self._common(level))))
+                found = self.program.solve(Margins(*(margins + shift)))
             except NoCamHoldsContact as short:
                 raise InputError(
                     f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: {short}"
                 ) from short
-            low, high = (low, level) if held else (level, high)
+            held = self.consider(stage, found) and self.best is found  # margins that bind no more make no cam larger
+            low, high = (low, shift) if held else (shift, high)
             if np.isfinite(low) and np.isfinite(high):
-                level = 0.5 * (low + high)
+                shift = 0.5 * (low + high)
             else:
-                level += -FIRST_STEP_N if held else FIRST_STEP_N
-        self.common = self.best
-        return self._common(high)
+                shift += -step_N if held else step_N
+        return margins + high
 
     def _common(self, level: float) -> np.ndarray:
         """Margins (3, s) [N] of one level within the band, falling beyond it."""
@@ -178,12 +190,12 @@ class YieldSearch:
         by_z = slopes.sum(axis=0) / len(self.drawn.trains)
         return weight * np.einsum("m,mks->ks", by_z, found.jacobian()) - found.margin_prices
 
-    def more_trains(self, count: int) -> None:
-        """Draws trains until there are so many; of the cams that held, those stay, the largest first, that still do."""
-        self.drawn.settle(self.program.cam.lift(self.held[-1].z))
+    def more_trains(self, count: int) -> np.ndarray:
+        """Draws trains until there are so many, of which the cams that held may suit too few, and moves the margins of
+        the largest one until enough hold again; returns these (3, s) [N]."""
+        assert self.best is not None, "a common margin comes first"
+        margins = self.best.margins
+        self.drawn.settle(self.best.lift)
         self.drawn.draw(count)
-        held, self.held = self.held, []
-        for found in held[::-1]:
-            self.consider("more trains", found)
-            if self.held:
-                break
+        self.held.clear()
+        return self.lowest("more trains", margins, MORE_STEP_N)
