@@ -20,8 +20,8 @@ KNOT_DEG = 2.5
 """Knot interval of the free cam. Finer ones let the program answer the train as designed with ripples of its own
 frequency, which no other train shares, and coarser ones lack what a closing flank needs."""
 BAND_SPEEDS, NEAR_TOP = 7, (0.943, 0.964, 0.986, 1.0)
-"""Speeds of the program within the band, equally spaced, and in place of its two highest ones these shares of the top:
-at it most of the drawn trains fail, and a spring's surge meets a cam's harmonics in less than a hundredth of a speed."""
+"""Speeds of the program within the band, equally spaced, and in place of its two highest ones these shares of the top,
+at which most of the drawn trains fail: a spring's surge meets a harmonic of the cam within a hundredth of a speed."""
 DRAWS_SEED = 1_000_003
 """Added to the seed for the draws of the search, which those of the final statement never meet."""
 
@@ -38,7 +38,7 @@ class YieldEffort:
 
 EFFORTS = {
     "draft": YieldEffort((100, 100), (6, 0), 200, 11),
-    "standard": YieldEffort((300, 1000), (10, 0), 1000, 21),
+    "standard": YieldEffort((300, 1000), (8, 0), 1000, 21),
     "fine": YieldEffort((500, 2000), (30, 0), 2000, 41),
 }
 

@@ -113,12 +113,12 @@ class DrawnTrains:
         self.states[t, at] = np.where(np.isfinite(states), states, self._nominal[t % STAGGER, at])
         self.used[t][:, at] = [limit.share(found.worst(limit.metric)[0, 0]) for limit in self.limits]
 
-    def slopes(self, cam: FreeCam, z: np.ndarray, above: float) -> tuple[np.ndarray, np.ndarray]:
-        """Trains (k) whose worst part of a limit is larger than `above`, and its slope by the cam's z (k, m).
+    def slopes(self, cam: FreeCam, z: np.ndarray, between: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+        """Trains (k) whose worst part of a limit lies `between` the two, and its slope by the cam's z (k, m).
 
         By the event-exact adjoint, from where the motions settled. A train whose motion is refused has slope zero.
         """
-        lift, found = cam.lift(z), np.flatnonzero(self.worst > above)
+        lift, found = cam.lift(z), np.flatnonzero((self.worst > between[0]) & (self.worst < between[1]))
         if not len(found):
             return found, np.zeros((0, len(z)))
         basis = ground_basis(cam, self.trains[found[0]].cam(lift))
