@@ -24,6 +24,8 @@ from camopt.scene.train import build_train
 
 SPEEDS, STAGGER = 11, 4
 """Speeds at which a train is judged, and after how many trains the same speeds come again."""
+UNJUDGED = 0.99
+"""Part of a limit that a train counts as using before it is judged, so that it is."""
 REVOLUTIONS = 2
 """Revolutions from the settled state, of which the last one is differentiated."""
 
@@ -55,10 +57,12 @@ class DrawnTrains:
 
     @cached_property
     def _cam_speeds(self) -> np.ndarray:
-        """Cam speeds [rad/s] by place in the stagger and number (STAGGER, s)."""
+        """Cam speeds [rad/s] by place in the stagger and number (STAGGER, s); the last one is the top of the band."""
         assert self.scene.operation is not None, "load_scene(..., need=...) guarantees it"
         fine = np.linspace(*self.scene.operation.band_rpm, STAGGER * SPEEDS)
-        return np.array([self.scene.cam_speed(rpm) for rpm in fine]).reshape(SPEEDS, STAGGER).T
+        found = np.array([self.scene.cam_speed(rpm) for rpm in fine]).reshape(SPEEDS, STAGGER).T
+        found[:, -1] = found[-1, -1]  # where most of them fail
+        return found
 
     def speeds(self, train: int) -> np.ndarray:
         """Cam speeds (s) [rad/s] of the train of a number."""
@@ -91,7 +95,7 @@ class DrawnTrains:
         self.trains += trains_as_built(self.scene, count - first, seed=self.seed, first=first)
         new = np.arange(first, count)
         self.states = np.concatenate([self.states, self._nominal[new % STAGGER]])
-        self.used = np.concatenate([self.used, np.zeros((len(new), len(self.limits), SPEEDS))])
+        self.used = np.concatenate([self.used, np.full((len(new), len(self.limits), SPEEDS), UNJUDGED)])
 
     def judge(self, lift: Lift, wanted: np.ndarray) -> None:
         """Judges a cam with the trains at the speeds that are `wanted` (t, s: bool)."""
@@ -109,12 +113,12 @@ class DrawnTrains:
         self.states[t, at] = np.where(np.isfinite(states), states, self._nominal[t % STAGGER, at])
         self.used[t][:, at] = [limit.share(found.worst(limit.metric)[0, 0]) for limit in self.limits]
 
-    def slopes(self, cam: FreeCam, z: np.ndarray, above: float) -> tuple[np.ndarray, np.ndarray]:
-        """Trains (k) whose worst part of a limit is larger than `above`, and its slope by the cam's z (k, m).
+    def slopes(self, cam: FreeCam, z: np.ndarray, between: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+        """Trains (k) whose worst part of a limit lies `between` the two, and its slope by the cam's z (k, m).
 
         By the event-exact adjoint, from where the motions settled. A train whose motion is refused has slope zero.
         """
-        lift, found = cam.lift(z), np.flatnonzero(self.worst > above)
+        lift, found = cam.lift(z), np.flatnonzero((self.worst > between[0]) & (self.worst < between[1]))
         if not len(found):
             return found, np.zeros((0, len(z)))
         basis = ground_basis(cam, self.trains[found[0]].cam(lift))

@@ -3,12 +3,13 @@
 Every cam is the largest one of the no-jump program under some margins, so that all limits on its shape hold at every
 angle. A common margin that enough of the drawn trains hold comes first. Then Adam moves the margins of opening flank,
 closing flank and seat at every speed apart, along the slope of area less expected shortfall: the mean, over the drawn
-trains, of what the worst part of a limit exceeds `AIM` by. Yield itself is a count without slope. The shortfall has
-one, by the exact adjoint through every train's contacts and through the program's own active rows. The draws are the
-same for every cam (common random numbers); once a cam holds, more are drawn.
+trains, of what the worst part of a limit exceeds `AIM` by, up to `GIVEN_UP`. Yield itself is a count without slope. The
+shortfall has one, by the exact adjoint through every train's contacts and through the program's own active rows. The
+draws are the same for every cam (common random numbers); once a cam holds, more are drawn, and all its margins move
+together until enough of these hold too.
 
 A train whose spring is a little soft meets at the top speed what the train as designed meets beyond it. So the
-program's speeds reach beyond the band.
+program's speeds reach beyond the band, where the margins fall: as far as the softest springs that a yield must hold.
 """
 
 from collections.abc import Callable
@@ -22,18 +23,19 @@ from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpO
 from camopt.scene.errors import InputError
 from camopt.scene.units import DEG, MM
 
-OVERSPEED = (1.007, 1.014)
-"""Speeds beyond the band's top, as shares of it."""
-OVERSPEED_FALL_N = 15.0
-"""By how much the common margin falls from each of them to the next."""
+OVERSPEED, OVERSPEED_FALL_N = (1.007, 1.014, 1.023), (15.0, 30.0, 50.0)
+"""Speeds beyond the band's top, as shares of it, and by how much less the common margin is there."""
 AIM = 0.75
 """Part of a limit beyond which a train falls short."""
-REFUSED = 10.0
-"""What a train whose valve never seats counts as: it has no part of a limit."""
-WATCHED = 0.6
-"""A train at a speed where it last used more of a limit is judged with every cam; others, with a cam that holds."""
-FIRST_MARGIN_N, FIRST_STEP_N, LAST_STEP_N = 60.0, 20.0, 2.5
-"""Where the search for the common margin begins, its step until it is bisected, and where it ends."""
+GIVEN_UP = 1.25
+"""Part of a limit beyond which a train falls no further short: it is one of those that a yield may lose, and by how
+much it fails is nobody's loss. A few soft springs in a thousand would otherwise make the whole cam."""
+WATCHED, CALM = 0.6, 0.3
+"""A train at a speed where it last used more of a limit than the first part is judged with every cam; one between the
+two parts, with a cam that holds; one below both is far from its limits with every cam that a search meets later."""
+FIRST_MARGIN_N, FIRST_STEP_N, MORE_STEP_N, LAST_STEP_N = 40.0, 10.0, 4.0, 1.5
+"""Where the search for the common margin begins, its step until it is bisected, that after more trains are drawn, and
+where both end."""
 SLACK = 1.01
 """Factor on a shortfall of the program, so that margins below it are surely held."""
 RATE_N = 2.0
@@ -108,46 +110,55 @@ class YieldSearch:
         return holds
 
     def _judge(self, found: NoJumpOptimum, larger: bool) -> None:
-        """Judges where limits were used most and, where enough trains hold there and the cam is larger, everywhere."""
+        """Judges where limits were used most and, where enough trains hold there and the cam is larger, wherever it may
+        matter."""
         drawn = self.drawn
-        watched = drawn.used.max(axis=1) > WATCHED
+        used = drawn.used.max(axis=1)
+        watched = used > WATCHED
         watched[:, -1] = True
         drawn.judge(found.lift, watched)
         if larger and self.holds:
-            drawn.judge(found.lift, drawn.all & ~watched)
+            drawn.judge(found.lift, ~watched & (used > CALM))
 
     @property
     def shortfall(self) -> float:
         """The expected shortfall of the last cam."""
-        return float(np.mean(np.maximum(np.nan_to_num(self.drawn.worst, posinf=REFUSED) - AIM, 0.0)))
+        return float(np.mean(np.clip(self.drawn.worst, AIM, GIVEN_UP) - AIM))
 
     def common_margin(self) -> np.ndarray:
-        """Bisects the common margin to the lowest one that holds; returns that one's margins (3, s) [N].
+        """Finds the lowest common margin that holds; returns that one's margins (3, s) [N].
 
         Raises InputError where none of those tried holds.
         """
-        low, high = -np.inf, np.inf
-        level = FIRST_MARGIN_N
+        found = self.lowest("common margin", self._common(FIRST_MARGIN_N), FIRST_STEP_N)
+        self.common = self.best
+        return found
+
+    def lowest(self, stage: str, margins: np.ndarray, step_N: float) -> np.ndarray:
+        """Moves all `margins` (3, s) [N] by one amount, bisected to the lowest that holds; returns what they become.
+
+        Raises InputError where none of those tried holds.
+        """
+        low, high, shift = -np.inf, np.inf, 0.0
         while high - low > LAST_STEP_N:
             try:
-                held = self.consider("common margin", self.program.solve(Margins(*self._common(level))))
+                found = self.program.solve(Margins(*(margins + shift)))
             except NoCamHoldsContact as short:
                 raise InputError(
                     f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: {short}"
                 ) from short
-            low, high = (low, level) if held else (level, high)
+            held = self.consider(stage, found) and self.best is found  # margins that bind no more make no cam larger
+            low, high = (low, shift) if held else (shift, high)
             if np.isfinite(low) and np.isfinite(high):
-                level = 0.5 * (low + high)
+                shift = 0.5 * (low + high)
             else:
-                level += -FIRST_STEP_N if held else FIRST_STEP_N
-        self.common = self.best
-        return self._common(high)
+                shift += -step_N if held else step_N
+        return margins + high
 
     def _common(self, level: float) -> np.ndarray:
         """Margins (3, s) [N] of one level within the band, falling beyond it."""
-        speeds = len(self.program.blocks)
-        beyond = np.maximum(np.arange(speeds) - (speeds - 1 - len(OVERSPEED)), 0)
-        return np.tile(level - OVERSPEED_FALL_N * beyond, (3, 1))
+        within = len(self.program.blocks) - len(OVERSPEED)
+        return np.tile(level - np.array([0.0] * within + [*OVERSPEED_FALL_N]), (3, 1))
 
     def by_gradient(self, margins: np.ndarray, steps: int) -> np.ndarray:
         """So many steps of Adam on the margins (3, s) [N]; those of the last cam."""
@@ -172,18 +183,18 @@ class YieldSearch:
 
     def slope(self, found: NoJumpOptimum, weight: float) -> np.ndarray:
         """d (weight * shortfall - area ratio) / d margins [1/N] of the cam that was just judged, (3, s)."""
-        _, slopes = self.drawn.slopes(self.program.cam, found.z, AIM)
+        _, slopes = self.drawn.slopes(self.program.cam, found.z, (AIM, GIVEN_UP))
         length = np.linalg.norm(slopes, axis=1, keepdims=True)
         slopes = slopes * np.minimum(1.0, STEEPEST / np.maximum(length, 1e-12))
         by_z = slopes.sum(axis=0) / len(self.drawn.trains)
         return weight * np.einsum("m,mks->ks", by_z, found.jacobian()) - found.margin_prices
 
-    def more_trains(self, count: int) -> None:
-        """Draws trains until there are so many; of the cams that held, those stay, the largest first, that still do."""
-        self.drawn.settle(self.program.cam.lift(self.held[-1].z))
+    def more_trains(self, count: int) -> np.ndarray:
+        """Draws trains until there are so many, of which the cams that held may suit too few, and moves the margins of
+        the largest one until enough hold again; returns these (3, s) [N]."""
+        assert self.best is not None, "a common margin comes first"
+        margins = self.best.margins
+        self.drawn.settle(self.best.lift)
         self.drawn.draw(count)
-        held, self.held = self.held, []
-        for found in held[::-1]:
-            self.consider("more trains", found)
-            if self.held:
-                break
+        self.held.clear()
+        return self.lowest("more trains", margins, MORE_STEP_N)

@@ -9,6 +9,7 @@ from camopt.cli.parser import main
 from camopt.measure.yields import UsedLimits, share_of
 from camopt.optimizer.as_built import search as search_module
 from camopt.optimizer.as_built.design import YieldEffort, yield_search
+from camopt.optimizer.as_built.drawn import DrawnTrains
 from camopt.optimizer.as_built.journal import FOLDER, HISTORY, TrainsLog
 from camopt.optimizer.as_built.statement import YieldStatement, sampled
 from camopt.optimizer.as_built.wanted import check_wanted
@@ -56,6 +57,33 @@ def test_the_objective_has_the_slope_of_its_differences(found, monkeypatch):
     slope = found.slope(cam, 1.0)
     expected = (objective(0.02) - objective(-0.02)) / 0.04
     assert np.sum(slope * direction) == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize("least", [3.3, -17.0, -1e9])
+def test_margins_move_together_to_the_lowest_that_hold(monkeypatch, least):
+    """Cams grow as the margins fall, but for the last case, in which margins bind no more below 0 N."""
+    floor = 0.0 if least < -1e6 else -np.inf
+
+    class Program:
+        def solve(self, margins):
+            return float(-max(margins.opening[0], floor))
+
+    search = search_module.YieldSearch(DrawnTrains(SCENE, 0), Program(), 0.9)
+
+    def consider(stage, area):
+        if -area >= least and (not search.held or area > search.held[-1]):
+            search.held.append(area)
+        return -area >= least
+
+    monkeypatch.setattr(search, "consider", consider)
+    margins = search.lowest("common margin", np.zeros((3, 2)), 10.0)
+    assert margins.shape == (3, 2) and least <= margins[0, 0] <= max(least + search_module.LAST_STEP_N, 0.0)
+
+
+def test_every_train_is_judged_at_the_top_of_the_band():
+    drawn = DrawnTrains(SCENE, 0)
+    top = SCENE.cam_speed(SCENE.operation.band_rpm[1])
+    assert [drawn.speeds(t)[-1] for t in range(5)] == pytest.approx([top] * 5)
 
 
 def test_a_resumed_search_judges_nothing_twice(tmp_path, monkeypatch):
