@@ -5,6 +5,7 @@ from camopt.report.limits import share_of
 from camopt.report.wording import shown
 from camopt.report.worst import judged_speeds
 from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES, is_number
+from camopt.verifier.worst import upper_end
 
 NEAR = 0.9
 """Share of a limit from which a cell says that it is near."""
