@@ -67,7 +67,7 @@ def limit_rows(one: Flank, design: Design, jerk: bool, parts: int) -> tuple[np.n
         groups += [(found, 1.0), (-found, 1.0)]
     lift = control_points(one, 0, 1)[:-2]  # the last two are the end lift itself
     groups.append((lift / (design.max_lift_mm * MM), 1.0))
-    for limit in _drawn(design):
+    for limit in _drawn(design):  # pyright: ignore[reportArgumentType]  (frozen, and so hashable)
         groups += [drawing_rows(one, limit, side, parts) for side in sides(limit)]
     if design.nose_deg:  # last, and from the nose outwards: sections that leave it drop rows at the end only
         usual = design.max_lift_mm * MM / half**2
