@@ -26,7 +26,8 @@ OILED = Geometry(
     follower="flat", base_radius_mm=25, contact_width_mm=12, oil_viscosity_mPa_s=10, roughness_um=0.2 * np.sqrt(2)
 )
 FITTED = {"sections_deg": (7.5, 11.5, 7.5, 22.7, 22.8), "a12": 0.0114, "j34": -0.00175, "j45": -0.00014}
-"""Neither oil, speed nor cam are published with the film: these are ordinary ones, and the Multi-Pol of Table 5."""
+"""Neither oil, speed nor cam are published with the film. Oil and speed are ordinary ones; the cam is the Multi-Pol of
+Table 5, one of six that were tried, whose film lies in the published range. So the film validates nothing."""
 
 
 def entrainment(nose_mm: float) -> float:
