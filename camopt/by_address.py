@@ -74,4 +74,11 @@ def _field(context: Any, builder: Any, pointer: ByAddress, value: Any, name: str
 def _laid_out(pointer: ByAddress, record: Any, c: Any) -> NativeValue:
     by_value = c.unbox(pointer.held, record)
     address = cgutils.alloca_once_value(c.builder, by_value.value)
-    return NativeValue(address, cleanup=by_value.cleanup, is_error=by_value.is_error)
+
+    def cleanup() -> None:  # what numba does for a tuple by value, and not for a pointer
+        if by_value.cleanup is not None:
+            by_value.cleanup()
+        if c.context.enable_nrt:
+            c.context.nrt.decref(c.builder, pointer.held, c.builder.load(address))
+
+    return NativeValue(address, cleanup=cleanup, is_error=by_value.is_error)
