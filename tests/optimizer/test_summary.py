@@ -70,4 +70,4 @@ def test_the_command_prints_the_sentence(capsys, tmp_path):
     text = "\n".join(line for line in scene_text("motori-1").splitlines() if not line.startswith("damping"))
     (tmp_path / "undamped.toml").write_text(text, encoding="utf-8")
     assert main(["bound", str(tmp_path / "undamped.toml")]) == 0
-    assert "no_jump_says: the motion with closed contacts does not die away" in capsys.readouterr().out
+    assert "  the motion with closed contacts does not die away" in capsys.readouterr().out
