@@ -12,7 +12,8 @@ from experiments import drawing_limits
 
 def test_every_limit_is_broken_without_and_held_with(tmp_path):
     rows = drawing_limits.main("small", tmp_path)["rows"]
-    assert [row["limit"] for row in rows] == list(drawing_limits.LIMITS)
+    assert [row["limit"] for row in rows] == [*drawing_limits.LIMITS, "nose_radius_min_mm"]
+    assert [row["follower"] for row in rows] == ["flat"] * len(drawing_limits.LIMITS) + ["finger"]
     for row in rows:
         assert row["broken_without"] == [row["limit"]] and row["broken_with"] == []
         if row["limit"] == "waves_max":  # a count leaps by pairs of sign changes, so that it need not reach its limit
@@ -22,7 +23,8 @@ def test_every_limit_is_broken_without_and_held_with(tmp_path):
         assert row["area_ratio_with"] < row["area_ratio_without"]
         assert row["area_ratio_with"] < row["bound"] < 0.62
         assert row["price_percent"] > 0
-        assert row["bound_leaves_out"] == [key for key in ("duration_at", "waves_max") if key == row["limit"]]
+        searched = ("duration_at", "waves_max", *["nose_radius_min_mm"] * (row["follower"] != "flat"))
+        assert row["bound_leaves_out"] == [key for key in searched if key == row["limit"]]
 
 
 def test_the_values_are_those_of_formulas_written_again():
