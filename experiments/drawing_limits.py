@@ -18,7 +18,7 @@ from camopt.optimizer.program.program_cam import program_cam
 from camopt.scene import Scene, load_scene
 from camopt.scene.design import Piston
 from camopt.scene.geometry import Geometry
-from camopt.scene.units import DEG, MM
+from camopt.scene.units import DEG, MM, MM_PER_DEG4
 from experiments.support.record import RESULTS, run_script, write_result
 
 GEOMETRY = {
@@ -54,7 +54,9 @@ STEP = {
 CONCAVE_STEP_MM = 20.0
 ENTRAINMENT_M_PER_S = 0.2
 """The least entrainment velocity that is asked; without the limit it passes through zero."""
-LIMITS = (*STEP, "entrainment_min_m_per_s")
+SNAP_SHARE = 0.5
+"""The largest snap that is asked, of that of the cam without the limit."""
+LIMITS = (*STEP, "snap_max_mm_per_deg4", "entrainment_min_m_per_s")
 KNOT_DEG = {"small": 4.0, "full": 2.0}
 GRID_DEG = 0.001
 NO_JERK = 1e-5
@@ -78,8 +80,7 @@ def rows_of(name: str, knot_deg: float) -> list[dict]:
     rows = []
     for scene, key in [*((flat, key) for key in LIMITS), *((circle, key) for key in CIRCLES[name][1])]:
         reached = value_of(key, free.lift, scene)
-        step = CONCAVE_STEP_MM if key == "concave_radius_min_mm" else STEP.get(key)
-        asked = ENTRAINMENT_M_PER_S if step is None else reached + step
+        asked = asked_for(key, reached)
         limited = with_limit(scene, key, asked)
         held = kinematic_optimum(limited.design, program_cam(limited.design, knot_deg))
         rows.append(
@@ -100,6 +101,15 @@ def rows_of(name: str, knot_deg: float) -> list[dict]:
             }
         )
     return rows
+
+
+def asked_for(key: str, reached: float) -> float:
+    """What is asked of a limit where the cam without it reaches so much."""
+    if key == "snap_max_mm_per_deg4":
+        return SNAP_SHARE * reached
+    if key == "entrainment_min_m_per_s":
+        return ENTRAINMENT_M_PER_S
+    return reached + (CONCAVE_STEP_MM if key == "concave_radius_min_mm" else STEP[key])
 
 
 def with_limit(scene: Scene, key: str, value: float) -> Scene:
@@ -125,6 +135,8 @@ def value_of(key: str, lift: Lift, scene: Scene) -> float:
     if key == "piston":
         drop = piston_drop(PISTON, PISTON.lobe_centre_deg * DEG + theta / scene.operation.cam_per_crank)
         return float((PISTON.gap_at_top_mm * MM + drop - lift(theta)).min()) / MM
+    if key == "snap_max_mm_per_deg4":
+        return float(np.abs(lift(theta[1:-1], 4)).max()) / MM_PER_DEG4
     if key == "waves_max":
         jerk = np.diff(lift(theta, 2))
         return int(np.count_nonzero(np.diff(np.sign(jerk[np.abs(jerk) > NO_JERK * np.abs(jerk).max()]))))
