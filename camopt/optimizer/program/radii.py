@@ -30,7 +30,7 @@ from camopt.scene.units import MM_PER_DEG2
 
 WIDTHS = (1 / 4, 1 / 8, 1 / 16)
 """Shares of lift and velocity by which a cam may differ from the last one: with the smallest one the limits are
-stricter than the radii by about a micrometre."""
+stricter than the radii by less than a thousandth of them."""
 STANDS = 1e-5
 """Change of the area ratio below which a cam stands."""
 MOST_SOLUTIONS = 20
