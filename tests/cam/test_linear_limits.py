@@ -139,7 +139,8 @@ def test_linear_limits_hold_radii_under_a_roller_to_the_safe_side(key, least, sm
     assert broken_by_shape(free.lift, scene.design) == [key]
     assert least < smallest(held.lift) < 1.1 * least
     assert broken_by_shape(held.lift, scene.design) == []
-    assert held.area_ratio < free.area_ratio < area_ratio_bound(scene.design).bound
+    near = kinematic_optimum(scene.design, program_cam(scene.design, 2.0))
+    assert held.area_ratio + 0.003 < near.area_ratio < free.area_ratio < area_ratio_bound(scene.design).bound
     assert left_out(scene.design) == [key]
 
 
