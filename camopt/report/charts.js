@@ -39,7 +39,7 @@ class Chart {
     const listen = { pointermove: this.hover, pointerleave: this.leave, pointerdown: this.take, pointerup: this.drop,
       pointercancel: this.leave, keydown: this.key, blur: this.leave, dblclick: () => this.show(this.spec, null) };
     for (const [event, act] of Object.entries(listen)) this.svg.addEventListener(event, act.bind(this));
-    new ResizeObserver(() => this.spec && this.width !== this.node.clientWidth && this.draw()).observe(this.node);
+    new ResizeObserver(([entry]) => this.resized(entry.contentRect.width)).observe(this.node);
   }
   show(spec, zoom = this.zoom) { // the part of the axis that is looked at stays while the whole axis does
     const same = this.spec && this.spec.x.low === spec.x.low && this.spec.x.high === spec.x.high;
@@ -48,15 +48,18 @@ class Chart {
     this.whole.hidden = !this.zoom;
     this.draw();
   }
+  resized(width) {
+    if (this.spec && width !== this.width) this.draw(width);
+    this.width = width;
+  }
   make(name, attributes, words, inside = this.svg) {
     const node = document.createElementNS(SVG, name);
     for (const [key, value] of Object.entries(attributes)) if (value !== undefined) node.setAttribute(key, value);
     if (words !== undefined) node.textContent = words;
     return inside.appendChild(node);
   }
-  draw() {
-    const { spec, height } = this, width = Math.max(240, this.node.clientWidth || 300);
-    this.width = this.node.clientWidth;
+  draw(space = this.width ?? this.node.clientWidth) { // a width that is known costs no layout of the page
+    const { spec, height } = this, width = Math.max(240, space || 300);
     this.x = this.zoom ?? spec.x;
     const [low, high] = this.levels();
     const box = { left: 52, right: width - 18, top: 8, bottom: height - 34 };
