@@ -1,6 +1,7 @@
 """The settled motion of an edited scene at one speed, and bounce and jump over its band, as plain numbers."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,8 @@ class Mover:
         start, decay = self._end, decay_per_revolution(train, cam_speed)
         if start is None or len(start) != train.state_size:
             start = state_at_rest(train)
-        return settle(prepare(train, lift, cam_speed), start, FEW_REVOLUTIONS, 1, 1, decay=decay)
+        found = settle(prepare(train, lift, cam_speed), start, FEW_REVOLUTIONS, 1, 1, decay=decay)
+        return replace(found, periodic=True)  # whether it settles is said at rest
 
 
 def shown_motion(scene: Scene, train: Train, lift: Lift, speed_rpm: float, settled: Settled) -> dict[str, Any]:

@@ -33,7 +33,7 @@ class Chart {
     this.svg.setAttribute("role", "img");
     this.svg.setAttribute("tabindex", "0");
     this.words = h("span");
-    this.whole = h("button", { type: "button", hidden: true, on: { click: () => this.show(this.spec, null) } }, "whole axis");
+    this.whole = h("button", { type: "button", hidden: true, on: { click: () => this.unzoom() } }, "whole axis");
     this.values = h("p", { class: "values" });
     this.node = h("figure", { class: "chart" }, h("figcaption", {}, this.words, " ", this.whole), this.svg, this.values);
     const listen = { pointermove: this.hover, pointerleave: this.leave, pointerdown: this.take, pointerup: this.drop,
@@ -47,6 +47,10 @@ class Chart {
     this.zoom = same ? zoom : null;
     this.whole.hidden = !this.zoom;
     this.draw();
+  }
+  unzoom() { // the button goes, and the focus with it, if nobody takes it
+    this.show(this.spec, null);
+    this.svg.focus();
   }
   resized(width) {
     if (this.spec && width !== this.width) this.draw(width);

@@ -8,6 +8,7 @@ class ReportCharts {
     this.switches();
     this.laws();
     this.motion();
+    this.phases();
     this.band();
     this.search();
     this.show();
@@ -116,10 +117,40 @@ class ReportCharts {
       return lines.length ? { x: closing, lines, include: [0, top], most: top, places, says: `up to ${shown(top)} mm`,
         limits: bounce.map((value) => ({ value, name: `bounce limit ${shown(value)}` })) } : null;
     });
+    this.phasePlane(of, bounce[0]);
     const force = this.data.quantities.find((q) => q.key === "contact_force_max_N").limits;
     this.moving.contacts.forEach((e, k) => {
       if (k !== this.moving.seat) chart(`Force of ${this.moving.drawing.elements[e].name}`, "N", x, (c) => of(c)?.force_N[k], force);
     });
+  }
+
+  // ---- phases of the motion: its phase plane at one speed, and where they change from speed to speed
+  phasePlane(of, bounce) {
+    const most = Math.max(...this.moving.cams.flatMap((c) => c.motions.flatMap((m) => m.separation_um[this.moving.seat]))) / 1000;
+    const near = 4 * (bounce || 0.02);
+    for (const [title, high] of [["Phase plane", 1.02 * most], ["Phase plane, close to the seat", near]]) {
+      this.place("charts-motion", `${title}: velocity of the valve`, "m/s", () => {
+        const lines = this.shown().filter(of).map((c) => ({ name: c.name, colour: c.colour, dashes: c.dashes,
+          x: of(c).separation_um[this.moving.seat].map((um) => um / 1000), y: of(c).valve_mm_per_s.map((v) => v / 1000) }));
+        const x = { label: "valve above its seat [mm]", low: 0, high };
+        return lines.length ? { x, lines, limits: [], include: [0], says: "above zero it opens, below zero it closes; a loop at the seat is a bounce" } : null;
+      });
+    }
+  }
+  phases() {
+    const { step_deg: step, seat, cams } = this.moving, speeds = cams.flatMap((c) => c.motions.map((m) => m.speed_rpm));
+    const x = { label: "crankshaft speed [r/min]", low: Math.min(...speeds), high: Math.max(...speeds) };
+    if (!(x.high > x.low)) return;
+    const found = new Map(cams.map((c) => [c.name, c.motions.map((m) => ({ speed: m.speed_rpm, ...turns(m.separation_um[seat], step) }))]));
+    const charts = [["the valve opens", ["opens"]], ["the valve touches its seat, and rests there", ["touches", "rests"]]];
+    for (const [title, keys] of charts) {
+      this.place("charts-band", `Cam angle at which ${title}`, "deg", () => {
+        const lines = this.shown().filter((c) => found.has(c.name)).flatMap((c) => keys.map((key) => ({
+          name: keys.length > 1 ? `${c.name} ${key}` : c.name, colour: c.colour, dashes: key === "rests" ? [1, 4] : c.dashes,
+          x: found.get(c.name).map((at) => at.speed), y: found.get(c.name).map((at) => at[key]), dots: found.get(c.name).map(() => key !== "rests") })));
+        return lines.length ? { x, lines, limits: [], says: keys.length > 1 ? "dotted: after its last bounce" : "at the listed speeds" } : null;
+      });
+    }
   }
 
   // ---- over the band
@@ -151,4 +182,19 @@ class ReportCharts {
     this.place("charts-search", "Worst bounce", "mm", () => ({ x, places, include: [0, ...bounce], limits: bounce.map((value) => ({ value, name: `limit ${shown(value)}` })),
       lines: [line(search.worst_bounce_mm, { name: "step", dots: search.confirmed, dashes: [2, 3] })], says: "filled: every limit holds at the searched speeds" }));
   }
+}
+
+function turns(separation, step) { // cam angles [deg] at which the valve opens, touches its seat first, and last; null: never
+  const top = separation.indexOf(Math.max(...separation)), end = separation.length - 1;
+  if (!(separation[top] > 0)) return { opens: null, touches: null, rests: null };
+  const crossed = (open, inside) => { // between the closed sample before `open` and it, along the line of the two within
+    const slope = separation[open + inside] - separation[open];
+    return open - inside * Math.min(1, slope > 0 ? separation[open] / slope : 1);
+  };
+  let first = top, last = top, final = end;
+  while (first > 0 && separation[first - 1] > 0) first -= 1;
+  while (last < end && separation[last + 1] > 0) last += 1;
+  while (final > last && !(separation[final] > 0)) final -= 1;
+  const angle = (i) => -180 + step * i;
+  return { opens: angle(crossed(first, 1)), touches: last === end ? null : angle(crossed(last, -1)), rests: final === end ? null : angle(crossed(final, -1)) };
 }

@@ -168,10 +168,11 @@ def test_a_sketch_keeps_the_dearest_speeds_and_its_knots():
 
 def test_a_row_finds_its_counterpart_in_a_program_of_other_angles():
     session = Session(SCENE)
-    for values in ({"lash_mm": 0.1}, {"lash_mm": 0.13}):
-        session.answer(values, "sketch")
-        program = session._cams.kept[True][1]
-        known = program if values["lash_mm"] == 0.1 else known
+    programs = []
+    for lash in (0.1, 0.13):
+        session.answer({"lash_mm": lash}, "sketch")
+        programs.append(session._cams.kept[True][1])
+    known, program = programs
     like, first = counterparts(known, program), len(known.limits.bound)
     np.testing.assert_array_equal(like[:first], np.arange(first))
     there = like[first:] - len(program.limits.bound)
