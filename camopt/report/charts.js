@@ -26,7 +26,7 @@ function ticks(low, high, most) { // round numbers in a range
 
 class Chart {
   // spec: x {label, low, high}, lines [{name, x, y, look or colour and dashes, dots}], limits [{value, name}],
-  // places [{x, name}], include (values that the axis shows), most (where the axis ends at the latest), says
+  // places [{x, name}], include (values that the axis shows), most and least (where the axis ends at the latest), says
   constructor(title, unit, height = 170) {
     Object.assign(this, { title, unit, height, spec: null, zoom: null, grip: null });
     this.svg = document.createElementNS(SVG, "svg");
@@ -93,8 +93,9 @@ class Chart {
     if (!levels.length) levels = [0];
     let low = Math.min(...levels), high = Math.max(...levels);
     if (spec.most !== undefined) high = Math.max(low, Math.min(high, spec.most)); // what goes beyond is cut, and said so
+    if (spec.least !== undefined) low = Math.min(high, Math.max(low, spec.least));
     const room = 0.12 * (high - low || Math.abs(high) || 1); // for the names of limits, too
-    return [low < 0 || this.zoom ? low - room : low, high + room];
+    return [low < 0 || this.zoom || spec.least !== undefined ? low - room : low, high + room];
   }
   axes(spec, box, low, high, height) {
     for (const y of ticks(low, high, 4)) {

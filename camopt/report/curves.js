@@ -125,32 +125,39 @@ class ReportCharts {
   }
 
   // ---- phases of the motion: its phase plane at one speed, and where they change from speed to speed
+  led({ x, lines, says, ...spec }) { // the axis made for the leading cams; which others are cut there is said
+    if (!lines.length) return null;
+    const leading = new Set(this.leading(this.shown()).map((c) => c.name));
+    const inside = (line) => line.y.filter((v, i) => v !== null && line.x[i] >= x.low && line.x[i] <= x.high);
+    const levels = lines.filter((l) => leading.has(l.cam)).flatMap(inside), least = Math.min(...levels), most = Math.max(...levels);
+    if (!levels.length) return { x, lines, limits: [], says, ...spec };
+    const cut = new Set(lines.filter((l) => inside(l).some((v) => v < least || v > most)).map((l) => l.cam));
+    return { x, lines, limits: [], least, most, says: says + (cut.size ? `; cut at this axis: ${[...cut].join(", ")}` : ""), ...spec };
+  }
   phasePlane(of, bounce) {
-    const most = Math.max(...this.moving.cams.flatMap((c) => c.motions.flatMap((m) => m.separation_um[this.moving.seat]))) / 1000;
-    const near = 4 * (bounce || 0.02);
+    const { seat, cams } = this.moving, near = 4 * (bounce || 0.02);
+    const most = Math.max(...cams.flatMap((c) => c.motions.flatMap((m) => m.separation_um[seat]))) / 1000;
     for (const [title, high] of [["Phase plane", 1.02 * most], ["Phase plane, close to the seat", near]]) {
-      this.place("charts-motion", `${title}: velocity of the valve`, "m/s", () => {
-        const lines = this.shown().filter(of).map((c) => ({ name: c.name, colour: c.colour, dashes: c.dashes,
-          x: of(c).separation_um[this.moving.seat].map((um) => um / 1000), y: of(c).valve_mm_per_s.map((v) => v / 1000) }));
-        const x = { label: "valve above its seat [mm]", low: 0, high };
-        return lines.length ? { x, lines, limits: [], include: [0], says: "above zero it opens, below zero it closes; a loop at the seat is a bounce" } : null;
-      });
+      const x = { label: "valve above its seat [mm]", low: 0, high };
+      this.place("charts-motion", `${title}: velocity of the valve`, "m/s", () => this.led({ x, include: [0],
+        says: "opening above zero, closing below; a loop at the seat is a bounce",
+        lines: this.shown().filter(of).map((c) => ({ name: c.name, cam: c.name, colour: c.colour, dashes: c.dashes,
+          x: of(c).separation_um[seat].map((um) => um / 1000), y: of(c).valve_mm_per_s.map((v) => v / 1000) })) }));
     }
   }
   phases() {
     const { step_deg: step, seat, cams } = this.moving, speeds = cams.flatMap((c) => c.motions.map((m) => m.speed_rpm));
-    const x = { label: "crankshaft speed [r/min]", low: Math.min(...speeds), high: Math.max(...speeds) };
-    if (!(x.high > x.low)) return;
+    const low = Math.min(...speeds), high = Math.max(...speeds), room = 0.03 * (high - low);
+    if (!room) return;
+    const x = { label: "crankshaft speed [r/min]", low: low - room, high: high + room };
     const found = new Map(cams.map((c) => [c.name, c.motions.map((m) => ({ speed: m.speed_rpm, ...turns(m.separation_um[seat], step) }))]));
-    const charts = [["the valve opens", ["opens"]], ["the valve touches its seat, and rests there", ["touches", "rests"]]];
-    for (const [title, keys] of charts) {
-      this.place("charts-band", `Cam angle at which ${title}`, "deg", () => {
-        const lines = this.shown().filter((c) => found.has(c.name)).flatMap((c) => keys.map((key) => ({
-          name: keys.length > 1 ? `${c.name} ${key}` : c.name, colour: c.colour, dashes: key === "rests" ? [1, 4] : c.dashes,
-          x: found.get(c.name).map((at) => at.speed), y: found.get(c.name).map((at) => at[key]), dots: found.get(c.name).map(() => key !== "rests") })));
-        return lines.length ? { x, lines, limits: [], says: keys.length > 1 ? "dotted: after its last bounce" : "at the listed speeds" } : null;
-      });
-    }
+    const line = (c, key, name, dashes) => ({ name, cam: c.name, colour: c.colour, dashes, x: found.get(c.name).map((at) => at.speed),
+      y: found.get(c.name).map((at) => at[key]), dots: found.get(c.name).map(() => key !== "rests") });
+    const place = (title, says, lines) => this.place("charts-band", title, "deg", () => this.led({ x, says,
+      lines: this.shown().filter((c) => found.has(c.name)).flatMap(lines) }));
+    place("Cam angle at which the valve opens", "at the listed speeds", (c) => [line(c, "opens", c.name, c.dashes)]);
+    place("Cam angle at which the valve touches its seat, and rests there", "dotted: after its last bounce",
+      (c) => [line(c, "touches", `${c.name} touches`, c.dashes), line(c, "rests", `${c.name} rests`, [1, 4])]);
   }
 
   // ---- over the band
