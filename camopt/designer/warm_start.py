@@ -33,8 +33,8 @@ def counterparts(known: NoJumpProgram, new: NoJumpProgram) -> np.ndarray:
 def runs(program: NoJumpProgram) -> dict[tuple, tuple[int, int]]:
     """The first row and the number of rows of every limit, and of every kind of force by speed and contact."""
     limits, element = program.limits, np.concatenate([block.element for block in program.blocks])
-    names = [(limits.names[group],) for group in limits.group]
-    names += zip(program.speed.tolist(), program.kind.tolist(), element.tolist(), strict=True)
+    names: list[tuple] = [(limits.names[group],) for group in limits.group.tolist()]
+    names.extend(zip(program.speed.tolist(), program.kind.tolist(), element.tolist(), strict=True))
     found: dict[tuple, tuple[int, int]] = {}
     for row, name in enumerate(names):  # the rows of a name lie together
         first, count = found.get(name, (row, 0))
