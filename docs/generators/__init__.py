@@ -18,6 +18,7 @@ from docs.generators.results import RESULTS
 
 NOTEBOOK_LINK = re.compile(r"\]\(\.\./((?:\.\./)*)notebooks/")
 """A link from a page to a notebook of the repository; within the site they are beside each other."""
+CODE = re.compile(r'(?<=<span class="pre">)[^<]+')
 DATA = Path(__file__).parents[1] / "claims.toml"
 
 
@@ -25,6 +26,7 @@ def setup(app) -> dict:
     """Called by Sphinx."""
     _bring_notebooks(Path(app.srcdir))
     app.connect("source-read", _fill)
+    app.connect("html-page-context", _let_names_break)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
 
 
@@ -46,3 +48,9 @@ def _fill(app, page: str, source: list[str]) -> None:
         for path in (DATA, *RESULTS.glob("*.json")):
             app.env.note_dependency(str(path))
     source[0] = NOTEBOOK_LINK.sub(r"](\1notebooks/", filled)
+
+
+def _let_names_break(app, page: str, template: str, context: dict, tree) -> None:
+    """Allows a line to break after an underscore of a name, which the style sheet uses in tables on narrow screens."""
+    if "body" in context:
+        context["body"] = CODE.sub(lambda name: name[0].replace("_", "_<wbr>"), context["body"])
