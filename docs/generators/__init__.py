@@ -19,6 +19,7 @@ from docs.generators.results import RESULTS
 NOTEBOOK_LINK = re.compile(r"\]\(\.\./((?:\.\./)*)notebooks/")
 """A link from a page to a notebook of the repository; within the site they are beside each other."""
 CODE = re.compile(r'(?<=<span class="pre">)[^<]+')
+"""A word that is set as code, in HTML."""
 DATA = Path(__file__).parents[1] / "claims.toml"
 
 
@@ -51,6 +52,6 @@ def _fill(app, page: str, source: list[str]) -> None:
 
 
 def _let_names_break(app, page: str, template: str, context: dict, tree) -> None:
-    """Allows a line to break after an underscore of a name, which the style sheet uses in tables on narrow screens."""
+    """Allows a line to break inside names and choices, which the style sheet uses in tables on narrow screens."""
     if "body" in context:
-        context["body"] = CODE.sub(lambda name: name[0].replace("_", "_<wbr>"), context["body"])
+        context["body"] = CODE.sub(lambda word: re.sub("[_,]", r"\g<0><wbr>", word[0]), context["body"])
