@@ -18,6 +18,9 @@ from docs.generators.results import RESULTS
 
 NOTEBOOK_LINK = re.compile(r"\]\(\.\./((?:\.\./)*)notebooks/")
 """A link from a page to a notebook of the repository; within the site they are beside each other."""
+FIGURE = re.compile(r"^!\[([^\]]+)\]\(.*\)$", re.MULTILINE)
+"""A figure of a result on a line of its own, whose description is shown below it as well."""
+WITH_CAPTIONS = ("results/", "validation/")
 CODE = re.compile(r'(?<=<span class="pre">)[^<]+')
 """A word that is set as code, in HTML."""
 DATA = Path(__file__).parents[1] / "claims.toml"
@@ -48,6 +51,8 @@ def _fill(app, page: str, source: list[str]) -> None:
     if filled != source[0]:
         for path in (DATA, *RESULTS.glob("*.json")):
             app.env.note_dependency(str(path))
+    if page.startswith(WITH_CAPTIONS):
+        filled = FIGURE.sub(r"\g<0>\n\n*\1.*", filled)
     source[0] = NOTEBOOK_LINK.sub(r"](\1notebooks/", filled)
 
 
