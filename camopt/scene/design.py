@@ -33,11 +33,13 @@ Windows = Annotated[tuple[Window, ...], Field(max_length=MOST_WINDOWS)]
 class Piston(Table):
     """The piston that the valve must keep clear of, driven by a crank and a rod.
 
-    `gap_at_top_mm` is the distance between the closed valve and the piston's pocket where the piston is highest,
-    along the valve's axis, as `clearance_mm` is, the least distance that must be left. `valve_angle_deg` lies between
-    the valve's axis and the cylinder's. `lobe_centre_deg` is the cam's angle zero in crank degrees after the piston is
-    highest, negative before. `pin_offset_mm` is that of the cylinder's axis from the crank's, positive to the side
-    to which the crank leans in the quarter turn after the top; `stroke_mm` is twice the crank's radius.
+    `gap_at_top_mm` is the distance between the closed valve and the piston's pocket where the piston is highest, and
+    `clearance_mm` the least distance that must be left; both are along the valve's axis. `valve_angle_deg` lies between
+    the valve's axis and the cylinder's.
+
+    `lobe_centre_deg` says how many crank degrees after the piston's highest position the cam's angle zero comes; it is
+    negative before. `pin_offset_mm` is the distance of the cylinder's axis from the crank's, positive to the side to
+    which the crank leans in the quarter turn after the top. `stroke_mm` is twice the crank's radius.
     """
 
     stroke_mm: Positive
@@ -62,8 +64,10 @@ class Design(Table):
 
     `waves_max` is how often the jerk may change its sign inside the duration: 3 times without a ripple of the
     acceleration, and each ripple adds two.
-    `lift_at` has rows of [angle_deg, min_mm, max_mm]: the lift at a cam angle. `duration_at` has rows of
-    [lift_mm, min_deg, max_deg]: the cam degrees between the first and the last angle at which the lift is that high.
+
+    `lift_at` has rows of [angle_deg, min_mm, max_mm]: the least and the largest lift at a cam angle. `duration_at` has
+    rows of [lift_mm, min_deg, max_deg]: the fewest and the most cam degrees between the first and the last angle at
+    which the lift is that high.
     """
 
     duration_deg: Annotated[float, Field(gt=0, lt=300), Usable]
