@@ -47,6 +47,8 @@ class Effort:
     band_step_rpm: float
     tolerance_um: float
     settled_um: float = SETTLED_POSITION / UM
+    everywhere: bool = True
+    stands: int = 2
 
     def methods_of(self, train: Train) -> tuple[str, ...]:
         """As many methods for a train as the effort has: its own, or those that carry the train's laws."""
@@ -55,11 +57,11 @@ class Effort:
     @property
     def demand(self) -> Demand:
         """What is asked of every method."""
-        return Demand(self.tolerance_um, position=self.settled_um * UM)
+        return Demand(self.tolerance_um, position=self.settled_um * UM, everywhere=self.everywhere, stands=self.stands)
 
 
 EFFORTS = {
-    "draft": Effort(("event", "rkg"), 100.0, 5.0),
+    "draft": Effort(("event", "rkg"), 100.0, 5.0, everywhere=False, stands=1),
     "standard": Effort(("event", "rkg", "tmm"), 20.0, 2.0),
     "fine": Effort(METHODS, 5.0, 1.0),
 }
