@@ -8,6 +8,7 @@ limited metric and of the peak force, and at both ends. The verdict of every oth
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from camopt.verifier.at_speed import (
     judge_speed,
     plainly_broken,
 )
-from camopt.verifier.convergence import MARGIN, Halving, apart, at_once
+from camopt.verifier.convergence import MARGIN, WANDERING_REVOLUTIONS, Halving, apart, at_once
 from camopt.verifier.neighbourhood import OTHER_STARTS, neighbours
 
 PEAK_FORCE = "contact_force_max_N"
@@ -53,7 +54,8 @@ def event_alone(case: Case, speed_rpm: float) -> SpeedVerdict:
     assert case.many is not None, "`allows` says so"
     try:
         look = at_once(case.many, train, case.lift, cam_speed, state_at_rest(train))
-        near = neighbours(case.methods[first], train, case.lift, cam_speed, look, case.many)
+        many = case.many if look.periodic else partial(case.many, most=WANDERING_REVOLUTIONS)
+        near = neighbours(case.methods[first], train, case.lift, cam_speed, look, many)
     except MotionRefused:
         return judge_speed(case, speed_rpm)
     error = dict(look.error)

@@ -122,7 +122,7 @@ def verdict_on(
     if band_step_rpm is not None:
         refined = to_the_end or all(s.verdict != "rejected" for s in at_speeds)
         step_rpm = band_step_rpm if refined else max(band_step_rpm, SEARCH_STEP_RPM)
-        swept, first, suspects = _swept_band(scene, lift, step_rpm, refined)
+        swept, first, suspects = _swept_band(scene, lift, step_rpm, refined, coarsely=few)
         band, worst = _judged_band(case, swept, suspects if refined else [], at_speeds, few)
     if few:
         checked = spot_checked(case, (*at_speeds, *worst))
@@ -185,7 +185,7 @@ def _known_methods(scene: Scene, methods: tuple[str, ...] | None) -> tuple[str, 
 
 
 def _swept_band(
-    scene: Scene, lift: Lift, step_rpm: float, refined: bool
+    scene: Scene, lift: Lift, step_rpm: float, refined: bool, *, coarsely: bool
 ) -> tuple[Band, dict[str, float | None], list[float]]:
     """The swept band, where bounce and jump start, and the speeds [r/min] that all methods must look at.
 
@@ -195,7 +195,7 @@ def _swept_band(
     swept = Swept(_at_first_steps, scene, lift, WORKERS, "event", _settled_metrics())
     limited = limited_metrics(scene.design)
     found, left_out = resonances(scene, lift, step_rpm)
-    sweep(swept, step_rpm, limited if refined else (), found)
+    sweep(swept, step_rpm, limited if refined else (), found, coarsely=coarsely)
     first = first_exceeding(swept, _starts(scene), max(SEARCH_STEP_RPM, step_rpm))
     band = replace(swept.band(step_rpm), resonances=tuple(found), resonances_left_out=left_out, refined=refined)
     suspects = {band.worst(name)[0] for name in limited}
