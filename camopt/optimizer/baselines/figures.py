@@ -9,7 +9,7 @@ import numpy as np
 from camopt.cam.lift import Lift, lift_table
 from camopt.exact.engine import prepare
 from camopt.exact.settled import settled_metrics
-from camopt.measure.settling import Settled, first_revolution, settled_from_rest
+from camopt.measure.settling import Settled, first_revolution
 from camopt.measure.sweep import SEARCH_STEP_RPM, START_RPM, Swept, at_speeds, sweep
 from camopt.plots import (
     DrawnMotion,
@@ -24,11 +24,10 @@ from camopt.plots import (
 )
 from camopt.plots.style import DESIGN, family_of
 from camopt.scene.errors import MotionRefused
-from camopt.scene.response import end_state
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
-from camopt.verifier.convergence import Demand, Halving
+from camopt.verifier.convergence import Demand, Halving, at_once
 
 FIGURE_SPEEDS = 60
 """Steps of the figure's own sweep of a band that the verdict was not asked about."""
@@ -98,12 +97,12 @@ def settled_motion(
     """Two revolutions by event-exact where the motion at `cam_speed` [rad/s] has settled, or has not.
 
     `stated` is whether the verdict found it periodic, None where none was asked; it then is not for this picture to say
-    otherwise. A verdict that halves its step may settle after more revolutions than one step runs: its search is
+    otherwise. A verdict that halves its step may settle after more revolutions than are run here: its search is
     followed then. `samples` per revolution, event-exact's own where None. Raises MotionRefused.
     """
-    steps = () if samples is None else (samples,)
-    once = settled_from_rest(prepare, train, lift, cam_speed, *steps)
-    state, periodic = end_state(once.response), once.periodic if stated is None else stated
+    once = at_once(settled_metrics, train, lift, cam_speed, state_at_rest(train))
+    assert once.state is not None, "else it is refused"
+    state, periodic = once.state, once.periodic if stated is None else stated
     if periodic and not once.periodic:
         rest = state_at_rest(train)
         search = Halving(prepare, train, lift, cam_speed, rest, Demand(halvings=HALVINGS))
@@ -111,6 +110,7 @@ def settled_motion(
             search.refine()
         answer = search.answer(0)
         state = state if answer.state is None else answer.state
+    steps = () if samples is None else (samples,)
     return replace(first_revolution(prepare(train, lift, cam_speed, *steps), state), periodic=periodic)
 
 
