@@ -14,10 +14,10 @@ from functools import lru_cache
 import highspy
 import numpy as np
 from scipy.optimize import differential_evolution, minimize
-from scipy.stats import qmc
 
 from camopt.cam.families.section_limits import limit_rows
 from camopt.cam.families.sections import Flank, SectionTable, closed, flank
+from camopt.cam.families.sobol import sobol
 from camopt.cam.ramps import Ramp
 from camopt.scene import InputError
 from camopt.scene.design import Design
@@ -153,7 +153,7 @@ def best_angles(
         z, stretch = solved(linear, table.family, [None] * len(table.levels))
         return STRETCH_PRICE * stretch - float(linear.area @ z) - linear.constant
 
-    first = qmc.Sobol(count - 1, scramble=False).random(POPULATION)
+    first = sobol(POPULATION, count - 1)
     for i, start in enumerate(starts):
         first[i] = angle_shares(np.array(start) * half, half)
     found = differential_evolution(

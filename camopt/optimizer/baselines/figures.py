@@ -1,6 +1,7 @@
 """The figures of a run folder, from its cams and their verdicts as verification.json has them."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,8 +44,17 @@ UNLAWFUL = " (breaks limits on the cam)"
 """Ending of a name in the figures: what carries it is no cam that these limits allow."""
 
 
-def draw(folder: Path, scene: Scene, cams: dict[str, Lift], found: dict[str, dict]) -> None:
-    """The figures of a run folder, into its folder `figures`; `found` holds the verdict of each cam."""
+def draw(
+    folder: Path,
+    scene: Scene,
+    cams: dict[str, Lift],
+    found: dict[str, dict],
+    speeds_rpm: Sequence[float] | None = None,
+) -> None:
+    """The figures of a run folder, into its folder `figures`; `found` holds the verdict of each cam.
+
+    The valve's motion is drawn at `speeds_rpm`, by default all that the scene lists.
+    """
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
     figures = folder / "figures"
@@ -52,7 +62,8 @@ def draw(folder: Path, scene: Scene, cams: dict[str, Lift], found: dict[str, dic
     named = {name: name if _lawful(found[name]) else name + UNLAWFUL for name in cams}
     tables = [(named[name], lift_table(lift, TABLE_STEP_DEG)) for name, lift in cams.items()]
     save(profiles(tables, design), figures, "profiles")
-    motions = [m for name, lift in cams.items() for m in settled_motions(scene, named[name], lift, found[name])]
+    speeds = operation.speeds_rpm if speeds_rpm is None else speeds_rpm
+    motions = [m for name, lift in cams.items() for m in settled_motions(scene, named[name], lift, found[name], speeds)]
     if motions:
         save(valve_motion(motions, design), figures, "valve_motion")
     top = _top(scene, found.get(DESIGN, {}))
@@ -73,11 +84,11 @@ def _lawful(found: dict) -> bool:
     return all(" at " in word for word in found.get("broken", []))
 
 
-def settled_motions(scene: Scene, name: str, lift: Lift, found: dict) -> list[DrawnMotion]:
-    """A settled revolution at each listed speed; a speed at which the motion is refused is left out."""
+def settled_motions(scene: Scene, name: str, lift: Lift, found: dict, speeds_rpm: Sequence[float]) -> list[DrawnMotion]:
+    """A settled revolution at each speed [r/min]; one at which the motion is refused is left out."""
     train, stated = build_train(scene), stated_periodic(found)
     motions = []
-    for speed in scene.operation.speeds_rpm if scene.operation else ():
+    for speed in speeds_rpm:
         try:
             response = settled_motion(train, lift, scene.cam_speed(speed), stated.get(speed)).response
         except MotionRefused:
