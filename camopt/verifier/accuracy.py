@@ -3,8 +3,10 @@
 Choosing an accuracy
 ====================
 
-- **draft** while you try things: two methods, the band in steps of 100 r/min, a verdict within seconds to a minute. A
-  cam that draft rejects is rejected; one that draft confirms may still be caught between its speeds.
+- **draft** while you try things: the band in steps of 100 r/min and a verdict within seconds. Event-exact looks at
+  every speed, a second method where a limit is nearest: at the worst speed of each limited figure and of the peak
+  force, and at both ends; its step is halved once. The verdict says at which speeds. A cam that draft rejects is
+  rejected; one that draft confirms may still be caught between its speeds.
 - **standard** for what you keep: every method (the optimiser asks three), 20 r/min, halved steps may move 2 um.
 - **fine** before anything is ground: every method, 5 r/min, 1 um. Minutes.
 - A number of micrometres, for `verify`, is `standard` with that tolerance: below 1 it takes long where

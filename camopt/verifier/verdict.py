@@ -15,7 +15,7 @@ from camopt.scene.errors import InputError
 from camopt.scene.response import Revolve
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
-from camopt.verifier.accuracy_statement import stated
+from camopt.verifier.accuracy_statement import stated, who_looked
 from camopt.verifier.at_speed import Case, SpeedVerdict, judge_speed
 from camopt.verifier.convergence import Demand, Prepare, first_steps
 from camopt.verifier.methods import INDEPENDENT, verdict_methods
@@ -55,7 +55,9 @@ class Verdict:
     @property
     def accuracy(self) -> dict:
         """What was asked and what was delivered: verification.json's "accuracy"."""
-        return stated((*self.speeds, *self.worst_in_band), self.tolerance_um, self.asked)
+        every = *self.speeds, *self.worst_in_band
+        found = stated(every, self.tolerance_um, self.asked)
+        return found | {"statement": found["statement"] + who_looked(every)}
 
     @property
     def reason(self) -> str:
