@@ -27,7 +27,15 @@ from camopt.verifier.at_speed import (
     judge_speed,
     plainly_broken,
 )
-from camopt.verifier.convergence import MARGIN, WANDERING_REVOLUTIONS, Halving, apart, at_once
+from camopt.verifier.convergence import (
+    MARGIN,
+    RELATIVE,
+    WANDERING_REVOLUTIONS,
+    Halving,
+    apart,
+    at_once,
+    tolerances,
+)
 from camopt.verifier.neighbourhood import OTHER_STARTS, neighbours
 
 PEAK_FORCE = "contact_force_max_N"
@@ -44,11 +52,12 @@ def at_every(judge: Callable[[Case, float], SpeedVerdict], case: Case, speeds_rp
 
 
 def event_alone(case: Case, speed_rpm: float) -> SpeedVerdict:
-    """The verdict of event-exact without another method; of all methods where event-exact refuses a motion.
+    """The verdict of event-exact without another method; of all methods where event-exact refuses a motion, or where
+    its answer does not stand.
 
-    Its error is what the method states or, where that is more, MARGIN times the distance of a periodic motion to those
-    that settle from other states near by: where contacts part they multiply what settling leaves. A motion that never
-    repeats has its range.
+    A periodic motion stands where those that settle from other states near by have the same figures within the
+    tolerances of a halved step: contacts that part multiply what settling leaves. Its error is what the method states
+    or, where that is more, MARGIN times the distance of these figures. A motion that never repeats has its range.
     """
     train, cam_speed, first = build_train(case.scene), case.scene.cam_speed(speed_rpm), next(iter(case.methods))
     assert case.many is not None, "`allows` says so"
@@ -58,9 +67,12 @@ def event_alone(case: Case, speed_rpm: float) -> SpeedVerdict:
         near = neighbours(case.methods[first], train, case.lift, cam_speed, look, many)
     except MotionRefused:
         return judge_speed(case, speed_rpm)
-    error = dict(look.error)
+    error, allowed = dict(look.error), tolerances(case.demand.tolerance_um, case.demand.limited)
     for name in error if look.periodic else ():
-        error[name] = max(error[name], *(MARGIN * apart(near[i].worst(name), look.worst[name]) for i in OTHER_STARTS))
+        moved = max(apart(near[i].worst(name), look.worst[name]) for i in OTHER_STARTS)
+        if name in allowed and moved > allowed[name] + RELATIVE * np.nan_to_num(abs(look.worst[name])):
+            return judge_speed(case, speed_rpm)
+        error[name] = max(error[name], MARGIN * moved)
     look = replace(look, error=error, converged=True)
     return replace(held(case, speed_rpm, {first: look}, near, agree=True, decided_after=ALONE), near=tuple(near))
 
