@@ -176,7 +176,7 @@ def laid_out(figure: Figure) -> Iterator[None]:
     layout, dpi = figure.get_layout_engine(), figure.dpi
     with matplotlib.rc_context(RC):
         figure.set_dpi(DPI)
-        if layout is not None:
+        if layout is not None and figure.axes:
             layout.execute(figure)
         figure.set_layout_engine(None)
     try:
