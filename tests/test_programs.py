@@ -40,7 +40,7 @@ def test_a_second_process_finds_the_program_of_the_first(tmp_path):
     assert Path(folder).is_relative_to(tmp_path) and Path(folder).stat().st_mode & 0o077 == 0
 
 
-@pytest.mark.parametrize(("kind", "left"), [("*.nbi", 0), ("*.nbc", 20)])
+@pytest.mark.parametrize(("kind", "left"), [pytest.param("*.nbi", 0, marks=pytest.mark.long), ("*.nbc", 20)])
 def test_torn_files_are_made_anew(tmp_path, kind, left):
     fresh(CODE, tmp_path)
     for file in tmp_path.rglob(kind):
@@ -49,7 +49,7 @@ def test_torn_files_are_made_anew(tmp_path, kind, left):
     assert fresh(CODE + SAY, tmp_path)[:2] == ["1", "0"]
 
 
-@pytest.mark.parametrize("options", ["size=4k", "nr_inodes=3"])
+@pytest.mark.parametrize("options", ["size=4k", pytest.param("nr_inodes=3", marks=pytest.mark.long)])
 def test_a_full_disk_keeps_nothing(tmp_path, options):
     with mounted(tmp_path / "disk", options) as folder:
         assert fresh(CODE + SAY, folder)[:2] == ["0", "1"]

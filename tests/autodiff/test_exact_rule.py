@@ -119,11 +119,13 @@ def test_chain_from_the_free_coefficients_of_a_cam():
     assert least_error(found, differences) < 1e-6
 
 
+@pytest.mark.long
 def test_chain_from_the_parameters_of_a_polydyne():
     for found, differences in chain(differentiable(SCENE, polydyne()), {"exponents": 1e-3, "speed_rpm": 1.0}):
         assert least_error(found, differences) < 1e-6
 
 
+@pytest.mark.long
 def test_chain_from_section_angles_moves_the_borders():
     cam = differentiable(SCENE, camopt.trapezoid(SCENE, sections_deg=(5.0, 8.0, 13.0, 46.0)))
     ((found, differences),) = chain(cam, {"sections_deg": 1e-3})

@@ -163,6 +163,7 @@ def test_every_parameter_of_the_command_line_is_one_to_differentiate_by(family):
     assert {"duration_deg", "max_lift_mm", "ramp_height_mm", "ramp_velocity_mm_per_deg"} <= set(found)
 
 
+@pytest.mark.long
 def test_reverse_mode_of_many_cams_at_once():
     cam = differentiable(KODAMA, start("trapezoid"))
     sections = cam.parameters["sections_deg"] + jnp.array([[0.0, 0.0, 0.0], [1.0, -0.5, 0.0]])

@@ -46,6 +46,7 @@ def exact(name: str, values: np.ndarray) -> np.ndarray:
     return TracedMotion(train, lift, SCENE.cam_speed(RPM), state_at_rest(train), 2).values(METRICS)
 
 
+@pytest.mark.long
 def test_values_are_those_of_event_exact():
     values, positions, _ = slopes()
     truth = camopt.simulate(SCENE, CAM, RPM, step_deg=5.0)
@@ -94,6 +95,7 @@ def test_unusable_parameters(options, says):
         camopt.simulate(SCENE, CAM, RPM, **({"method": "smooth"} | options))
 
 
+@pytest.mark.long
 def test_a_traced_speed_of_a_stiff_train():
     """At the highest mode of this train a revolution takes 9000 steps, more than are offered to a soft one."""
     scene = load_scene("motori-1")

@@ -230,6 +230,7 @@ def test_rocker_ratio_turns_valve_lift_into_follower_lift():
     assert limit.excess(lift) / MM == pytest.approx(6.0 - smallest, abs=1e-5)
 
 
+@pytest.mark.long
 def test_the_no_jump_program_and_its_bound_hold_the_limits_too():
     margins = Margins(20.0, 20.0, 20.0)
     scene = scene_with(nose_radius_min_mm=6.0, piston=PISTON)

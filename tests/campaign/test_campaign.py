@@ -73,7 +73,7 @@ class TestMessages:
 
 
 class TestKills:
-    @pytest.mark.parametrize("name", ["cam", "sweep"])
+    @pytest.mark.parametrize("name", ["cam", pytest.param("sweep", marks=LONG)])
     def test_a_killed_command_goes_on(self, tmp_path, name):
         assert [found["wrong"] for found in killings(name, tmp_path, 2)] == ["", ""]
 

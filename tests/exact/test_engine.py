@@ -28,7 +28,9 @@ def from_rest(scene, lift, rpm, steps):
     return prepare(train, lift, scene.cam_speed(rpm), steps)(start)
 
 
-@pytest.mark.parametrize("name", ["kodama", "motori-1", "motori-2", "pushrod-5mass"])
+@pytest.mark.parametrize(
+    "name", ["kodama", "motori-1", *(pytest.param(n, marks=pytest.mark.long) for n in ("motori-2", "pushrod-5mass"))]
+)
 def test_first_revolution_agrees_with_located_dop853(name):
     scene = load_scene(name)
     lift = polydyne(scene)

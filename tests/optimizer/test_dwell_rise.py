@@ -21,7 +21,7 @@ def test_the_least_peak_of_a_derivative(order, least):
     assert turns == pytest.approx(expected, abs=1e-3)
 
 
-@pytest.mark.parametrize("jerk", [36.0, 39.48, 60.0, 69.47])
+@pytest.mark.parametrize("jerk", [39.48, *(pytest.param(j, marks=pytest.mark.long) for j in (36.0, 60.0, 69.47))])
 def test_the_least_peak_acceleration_under_a_jerk(jerk):
     least = jerk / 4 * (1 - np.sqrt(1 - 32 / jerk))
     found = least_acceleration(jerk)

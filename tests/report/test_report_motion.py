@@ -127,6 +127,7 @@ def test_animation_keeps_its_size(tmp_path, write, contents, polydyne):
     assert coarse["step_deg"] > 0.5 and count < 1.01 * MOST_NUMBERS
 
 
+@pytest.mark.long
 def test_a_scene_with_curved_laws_moves_by_chords(polydyne):
     data, left_out = animation(RunCams(load_scene("kodama-hertz"), {"design": polydyne}, []))
     assert data is not None and not left_out

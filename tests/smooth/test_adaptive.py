@@ -38,6 +38,7 @@ def scanned(ramp: str) -> float:
     return float(CubicHermiteSpline(angle, motion.x[first, 0], motion.v[first, 0] / SPEED)(np.pi / 3))
 
 
+@pytest.mark.long
 def test_reverse_and_forward_mode_agree_across_solvers():
     value, forward = jax.jit(
         lambda s: jax.jvp(lambda q: end(q, "dopri8", "forward"), (s,), (jnp.ones_like(s),))

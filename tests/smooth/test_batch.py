@@ -40,6 +40,7 @@ def batch(system, height, speeds, eps):
     return jnp.stack([found[name] for name in METRICS])
 
 
+@pytest.mark.long
 def test_each_of_a_batch_is_what_it_is_alone():
     system, samples, y0 = build_system(TRAIN), jnp.asarray(lift_samples(LIFT)), rest_state(TRAIN)
     many = jax.jit(batch_motion)(system, jnp.asarray(STAGES), jnp.asarray(SPEEDS), y0, EPS)
@@ -82,7 +83,7 @@ def test_the_taylor_remainder_falls_with_the_square_of_the_step(metric):
     assert np.all((rate > 1.7) | (remainder[-1] < 1e-4 * np.abs(change[-1])))  # or linear but for rounding
 
 
-@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+@pytest.mark.parametrize("dtype", [jnp.float32, pytest.param(jnp.float64, marks=pytest.mark.long)])
 def test_precision_is_that_of_the_stages(dtype):
     system = build_system(TRAIN, dtype)
     motion = jax.jit(batch_motion)(

@@ -23,6 +23,7 @@ def final_state(system, x, v):
     return motion.x[-1], motion.v[-1]
 
 
+@pytest.mark.long
 def test_an_elastic_collision_conserves_energy_and_knows_its_derivative_by_mass():
     m1, m2, v1, v2 = 0.05, 0.03, 1.2, 0.2
     system = build_system(collision(m1, m2, 8e7))
@@ -60,7 +61,7 @@ def restitution(mass, stiffness, damping) -> tuple[float, float, float]:
     return release, -depth(release), -rate(release)
 
 
-@pytest.mark.parametrize("damping", [0.0, 300.0, 857.0])
+@pytest.mark.parametrize("damping", [300.0, *(pytest.param(d, marks=pytest.mark.long) for d in (0.0, 857.0))])
 def test_a_damped_bounce_and_its_derivatives_by_height_and_speed(damping):
     """The jump of the force at closing makes the derivative jump (saltation): dropping it misses by the damping."""
     mass, stiffness, height, speed, duration = 0.05, 7e7, 1e-3, 1.0, 4e-3
@@ -84,6 +85,7 @@ def test_a_damped_bounce_and_its_derivatives_by_height_and_speed(damping):
     assert abs(by_height[1]) < 1e-3 * ratio / duration  # the rebound speed does not depend on the height
 
 
+@pytest.mark.long
 def test_no_nan_over_initial_gaps_and_speeds():
     system = build_system(ball(0.05, 7e7, 857.0))
     gaps = jnp.asarray([-1e-6, -EPS, -EPS / 2, 0.0, EPS / 2, EPS, 1e-6, 1e-4])

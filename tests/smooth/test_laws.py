@@ -39,6 +39,7 @@ def test_force_and_touch_are_those_of_the_scene():
     np.testing.assert_allclose(ours.stand_in(jnp.asarray(MIXED.coefficient))[1], MIXED.stand_in()[1])
 
 
+@pytest.mark.long
 def test_derivatives_of_force_and_touch_are_central_differences():
     def both(u, stiffness, preload, table):
         ours = eqx.tree_at(lambda q: q.table, elastic_laws(MIXED, jnp.float64), table)
@@ -52,6 +53,7 @@ def test_derivatives_of_force_and_touch_are_central_differences():
     np.testing.assert_allclose(slope, (high - low) / 2, rtol=1e-6)
 
 
+@pytest.mark.long
 def test_an_unloaded_hertz_contact_has_finite_derivatives():
     hertz = replace(ball(0.05, 1e8, 0.0), laws=laws([HERTZ], 3e10, 1.5, ROWS))
     system = build_system(hertz)
@@ -65,6 +67,7 @@ def test_an_unloaded_hertz_contact_has_finite_derivatives():
     assert gradient[1][0] == 0.0
 
 
+@pytest.mark.long
 def test_hertz_collision_presses_and_lasts_as_known():
     """Hertz: m v^2 / 2 = k d^2.5 / 2.5, contact time 2.9432 d / v."""
     mass, speed, coefficient = 0.05, 1.2, 3e10
@@ -108,6 +111,7 @@ def apart(one, other) -> float:
     )
 
 
+@pytest.mark.long
 def test_three_paths_agree_on_kodama_hertz():
     train, lift, cam_speed, state, located = hertz(5000)
     gill = rkg.prepare(train, lift, cam_speed, 115_200)(state)

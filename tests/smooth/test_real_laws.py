@@ -58,6 +58,7 @@ def test_rest_has_faded_memories():
         np.testing.assert_allclose(rest_state(train, system), stacked(start, len(train.mass)), rtol=1e-9, atol=1e-15)
 
 
+@pytest.mark.long
 def test_the_motion_tends_to_dop853_as_the_layer_narrows():
     train, lift, cam_speed, start = case()
     located = dop853.prepare(train, lift, cam_speed, 28_800)(start)

@@ -14,13 +14,17 @@ from camopt.smooth.system import build_system
 from tests.smooth.trains import ball
 
 
-@pytest.mark.parametrize("name", ["kodama", "kodama-hertz", "motori-1", "pushrod-5mass"])
+@pytest.mark.parametrize(
+    "name",
+    ["kodama-hertz", "motori-1", *(pytest.param(n, marks=pytest.mark.long) for n in ("kodama", "pushrod-5mass"))],
+)
 def test_rest_is_that_of_the_scene(name):
     train = build_train(load_scene(name))
     expected = rest_position(train)
     np.testing.assert_allclose(rest_positions(build_system(train)), expected, rtol=1e-9, atol=1e-15)
 
 
+@pytest.mark.long
 def test_rest_over_gaps_changes_its_contacts_and_stays_finite():
     """Lash from -0.1 to 0.1 mm, zero among them: where it is negative the valve hangs on the cam's side."""
     train = build_train(load_scene("kodama"))

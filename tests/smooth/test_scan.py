@@ -66,6 +66,7 @@ def test_the_scan_and_diffrax_agree_and_both_meet_the_exact_motion():
     assert np.max(scan.force[:, 1]) == pytest.approx(np.max(exact.force[:, 1]), rel=5e-3)  # sampled peaks
 
 
+@pytest.mark.long
 def test_equal_steps_come_near_the_refined_motion():
     """Steps that run over the layers are of first order only, however high the order between events."""
     scene, train, lift = kodama()
@@ -78,6 +79,7 @@ def test_equal_steps_come_near_the_refined_motion():
     assert errors[1] < 1e-3
 
 
+@pytest.mark.long
 def test_a_batch_of_speeds_is_what_each_gives_alone():
     scene, train, lift = kodama()
     system, samples, y0 = build_system(train), jnp.asarray(lift_samples(lift)), rest_state(train)
@@ -88,6 +90,7 @@ def test_a_batch_of_speeds_is_what_each_gives_alone():
         assert np.max(np.abs(many.x[i, -1] - alone.x[-1])) < 1e-9  # rounding, grown by the contacts
 
 
+@pytest.mark.long
 def test_two_revolutions_are_one_after_the_other():
     scene, train, lift = kodama()
     record = simulate_smooth(train, lift, scene.cam_speed(5000), revolutions=2)

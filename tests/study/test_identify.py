@@ -69,6 +69,7 @@ def test_without_noise_the_truth_comes_back():
     np.testing.assert_allclose(ends, (1.5e8, 0.1), rtol=1e-5)
 
 
+@pytest.mark.long
 def test_intervals_hold_the_truth_as_often_as_they_say():
     """Ten noises, four parameters: of 40 intervals of 95 % at least 34 hold it. Were all independent, fewer would be
     a chance of 0.003 (binomial); at half the width about 27 would hold, at a tenth 6."""
@@ -106,6 +107,7 @@ def deviations(found, truth):
     return np.log(found.table["estimate"].values / values) / found.table["relative_error"].values
 
 
+@pytest.mark.long
 def test_a_bouncing_valve_leads_to_no_local_minimum():
     """From the same start a fit of all samples at once ends at a residual of 60 um, and at values 10 % off."""
     measured, start = bouncing(np.zeros(3), 0)

@@ -68,7 +68,10 @@ def test_step_of_the_result_does_not_change_the_motion():
     np.testing.assert_allclose(coarse["position_mm"], fine["position_mm"], atol=1e-6)
 
 
-@pytest.mark.parametrize(("method", "within_mm"), [("rkg", 1e-4), ("tmm", 1e-3), ("houbolt", 1e-3), ("smooth", 1e-4)])
+@pytest.mark.parametrize(
+    ("method", "within_mm"),
+    [("rkg", 1e-4), ("tmm", 1e-3), ("houbolt", 1e-3), pytest.param("smooth", 1e-4, marks=pytest.mark.long)],
+)
 def test_every_method_gives_the_motion_of_event_exact(method, within_mm):
     """One step for all (0.3 rad of the highest mode), so errors differ; measured 1.3e-5, 2.8e-4, 2.1e-4, 2.0e-5 mm."""
     options = {"speed_rpm": 5000.0, "revolutions": 1, "step_deg": 0.5}
@@ -161,7 +164,7 @@ def test_unusable_arguments(options, says):
         simulate(KODAMA, POLYDYNE, **({"speed_rpm": 6000.0} | options))
 
 
-@pytest.mark.parametrize("method", ["event", "rkg", "smooth"])
+@pytest.mark.parametrize("method", ["event", "rkg", pytest.param("smooth", marks=pytest.mark.long)])
 def test_every_motion_has_its_metrics(method):
     """With parameters or without, one rule: every declared metric over the revolutions but the last."""
     scene = load_scene("motori-1")

@@ -42,6 +42,7 @@ def test_equal_steps_of_the_smooth_path_carry_memories():
     assert memory.shape == (1, 5761, 2) and np.all(np.isfinite(memory))
 
 
+@pytest.mark.long
 def test_single_precision_carries_memories():
     scene, train, lift = hydraulic()
     motion = smooth_float32(train, lift, scene.cam_speed(RPM), 4096)(state_at_rest(train))

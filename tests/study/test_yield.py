@@ -56,6 +56,7 @@ def test_a_known_yield_and_what_half_of_its_cause_buys(heavy_ones_break):
     assert result.table.sizes == {"train": 500, "limit": LIMITS, "speed_rpm": 2}
 
 
+@pytest.mark.long
 def test_a_resumed_run_has_the_rows_of_an_unbroken_one(heavy_ones_break, tmp_path, monkeypatch):
     found(50, out=tmp_path / "whole")
     add, wrote = measurement.TrainsJournal.add, []

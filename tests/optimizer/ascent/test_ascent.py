@@ -37,8 +37,11 @@ def low_start():
 
 @pytest.mark.parametrize(
     ("optimiser", "steps"),
-    [(optax.adam(2e-4), 40), (optax.sgd(1e-4), 40), (optax.lbfgs(), 10)],
-    ids=["adam", "sgd", "lbfgs"],
+    [
+        pytest.param(optax.adam(2e-4), 40, id="adam"),
+        pytest.param(optax.sgd(1e-4), 40, id="sgd", marks=pytest.mark.long),
+        pytest.param(optax.lbfgs(), 10, id="lbfgs", marks=pytest.mark.long),
+    ],
 )
 def test_where_nothing_bounces_the_area_climbs_to_the_programs(optimiser, steps):
     largest = kinematic_optimum(MOTORI.design, free_cam(MOTORI.design, 6.0)).area_ratio
@@ -99,12 +102,14 @@ class TestOwnParameters:
         assert np.abs(again(theta) - best(theta)).max() < 1e-9
         assert best.extremes(2)[1] == pytest.approx(highest, rel=1e-3)
 
+    @pytest.mark.long
     def test_a_family_without_a_member_near_is_a_sentence(self):
         with pytest.raises(InputError, match="no member of polydyne near this one holds the design's limits"):
             camopt.ascend(EASY, START, optax.adam(1e-3), 1, form="own")
 
 
 class TestFolder:
+    @pytest.mark.long
     def test_an_ascent_that_was_interrupted_goes_on_to_the_last_digit(self, tmp_path, monkeypatch):
         whole = camopt.ascend(HARD, START, optax.adam(1e-3), 8, knot_deg=12.0, judge_every=2, out=tmp_path / "whole")
         step, broken = climbing.Climb.step, []

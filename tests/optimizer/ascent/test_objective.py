@@ -35,7 +35,7 @@ def penalty(rows) -> float:
     return total
 
 
-@pytest.mark.parametrize("revolutions", [1, 2])
+@pytest.mark.parametrize("revolutions", [pytest.param(1, marks=pytest.mark.long), 2])
 def test_value_and_terms_are_those_of_event_exact(revolutions):
     objective = camopt.objective(MOTORI, speeds_rpm=SPEEDS, penalties=PENALTIES, revolutions=revolutions).of(CAM)
     rows = [metrics(build_train(MOTORI), CAM, speed, revolutions) for speed in SPEEDS]
@@ -115,6 +115,7 @@ def test_a_scene_without_design_has_no_objective():
         camopt.objective(load_scene("ohv-3dof"))
 
 
+@pytest.mark.long
 def test_both_paths_have_one_value():
     """By a layer of a micrometre of contact, within a hundredth; the slopes are compared by the long test."""
     values = []
