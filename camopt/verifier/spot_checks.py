@@ -13,9 +13,11 @@ from functools import partial
 import numpy as np
 
 from camopt.measure.limits import motion_limits
+from camopt.measure.settling import decay_per_revolution
 from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import LESS_IS_WORSE
 from camopt.scene.rest import state_at_rest
+from camopt.scene.settled import MOST_REVOLUTIONS, revolutions_needed
 from camopt.scene.train import build_train
 from camopt.verifier.at_speed import (
     ALONE,
@@ -52,8 +54,8 @@ def at_every(judge: Callable[[Case, float], SpeedVerdict], case: Case, speeds_rp
 
 
 def event_alone(case: Case, speed_rpm: float) -> SpeedVerdict:
-    """The verdict of event-exact without another method; of all methods where event-exact refuses a motion, or where
-    its answer does not stand.
+    """The verdict of event-exact without another method; of all methods where event-exact refuses a motion, where its
+    answer does not stand, or where the train's slowest mode had no time to die out.
 
     A periodic motion stands where those that settle from other states near by have the same figures within the
     tolerances of a halved step: contacts that part multiply what settling leaves. Its error is what the method states
@@ -66,6 +68,8 @@ def event_alone(case: Case, speed_rpm: float) -> SpeedVerdict:
         many = case.many if look.periodic else partial(case.many, most=WANDERING_REVOLUTIONS)
         near = neighbours(case.methods[first], train, case.lift, cam_speed, look, many)
     except MotionRefused:
+        return judge_speed(case, speed_rpm)
+    if not look.periodic and revolutions_needed(decay_per_revolution(train, cam_speed)) > MOST_REVOLUTIONS:
         return judge_speed(case, speed_rpm)
     error, allowed = dict(look.error), tolerances(case.demand.tolerance_um, case.demand.limited)
     for name in error if look.periodic else ():
