@@ -29,10 +29,10 @@ COLUMNS = {
 TEXT = {
     "speed_rpm": ("r/min", 8),
     "bounce_mm": ("bounce mm", 10),
-    "jump_mm": ("jump mm", 8),
-    "jump_deg": ("jump deg", 8),
-    "contact_force_min_N": ("least N", 8),
-    "contact_force_max_N": ("peak N", 8),
+    "jump_mm": ("jump mm", 10),
+    "jump_deg": ("jump deg", 10),
+    "contact_force_min_N": ("least N", 10),
+    "contact_force_max_N": ("peak N", 10),
     "seating_velocity_m_per_s": ("seating m/s", 11),
 }
 MOST_LINES = 20

@@ -22,13 +22,18 @@ MARGIN_N = 20.0
 def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float = MARGIN_N) -> dict:
     """Area ratios that a scene allows, as `bound --json` prints them.
 
-    `area_ratio_bound`: no cam under the design's limits has more, spline or not; `bound_leaves_out`: keys of limits
-    that it does not count on, so that it holds with them but is less tight; `area_ratio_feasible`: a free cam
-    that reaches this; `area_ratio_no_jump`: the largest of a free cam whose contacts keep `margin_N` at the listed
-    speeds under the linear model, null where none does; `area_ratio_no_jump_bound`: what no cam, spline or not, exceeds
-    under that linear model, its margins and its switching angles (the first bound where that is smaller, as both hold);
-    `no_jump_says`: why one of these two is not there, null where both are; `speeds_rpm` (k); `worth_percent`: what
-    1 % more of each limit buys. Raises InputError for contradictory limits.
+    - `area_ratio_bound`: no cam under the design's limits has more, spline or not.
+    - `bound_leaves_out`: keys of limits that it does not count on, so that it holds with them but is less tight.
+    - `area_ratio_feasible`: a free cam has so much.
+    - `area_ratio_no_jump`: the largest of a free cam whose contacts keep `margin_N` at the listed speeds under the
+      linear model, null where none does.
+    - `area_ratio_no_jump_bound`: what no cam, spline or not, exceeds under that linear model, its margins and its
+      switching angles. Where the first bound is smaller it stands here, as both hold.
+    - `no_jump_says`: why one of these two is not there, null where both are.
+    - `speeds_rpm` (k) and `margins_N`: the speeds and the force of these two.
+    - `worth_percent`: what 1 % more of each limit buys.
+
+    Raises InputError for contradictory limits.
     """
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
