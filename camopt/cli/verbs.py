@@ -33,7 +33,8 @@ def optimize(args: Namespace) -> int:
     def designed(folder: Path) -> None:
         _print_outcome(folder)
         sys.stdout.flush()
-        write_report(folder)
+        if args.accuracy != "draft":  # whose comparison hardly takes longer than the page
+            write_report(folder)
 
     result = run(
         scene,

@@ -22,12 +22,14 @@ STARTS_MM = 0.05
 SEARCH_STEP_RPM = 40.0
 START_RPM = 10.0
 """Accuracy with which the starting speeds are located."""
-CHUNK = 16
-"""Speeds looked at together while the starting speeds are searched."""
+CHUNK = 4
+"""Speeds looked at together while the starting speeds are searched. Beyond the first of them a motion costs most."""
 FINEST_RPM = 1.0
 """Accuracy with which the speeds of maxima are located."""
 PEAKS = 3
 """Local maxima of each limited metric that are refined, the worst first."""
+COARSELY = 10.0, 1
+"""FINEST_RPM and PEAKS of a coarse refinement."""
 
 AtSpeed = Callable[[Train, Lift, float], Revolve]
 """The sweeping method: train, lift, cam speed [rad/s]."""
@@ -216,20 +218,24 @@ def sweep(
     step_rpm: float,
     refine: tuple[str, ...] = ("bounce_mm",),
     lightly_damped: Iterable[Resonance] = (),
+    *,
+    coarsely: bool = False,
 ) -> Band:
     """The band in steps of `step_rpm` and at its resonances, then around the peaks of `refine` to FINEST_RPM.
 
-    The refinement quarters the step about the PEAKS worst local maxima of each metric found so far. Where the motion
-    bounces, bounce against speed is rough: what is refined is the largest found, not proved to be the largest.
+    The refinement quarters the step about the PEAKS worst local maxima of each metric found so far; `coarsely` has
+    COARSELY in their places. Where the motion bounces, bounce against speed is rough: what is refined is the largest
+    found, not proved to be the largest.
     """
+    finest, most = COARSELY if coarsely else (FINEST_RPM, PEAKS)
     low, high = swept.ends
     swept([*np.arange(low, high, step_rpm), high])
     swept({float(np.clip(s, low, high)) for r in lightly_damped for s in r.speeds_rpm()})
     step = step_rpm
-    while refine and step > FINEST_RPM:
-        step = max(FINEST_RPM, round(step / 4))
+    while refine and step > finest:
+        step = max(finest, round(step / 4))
         band = swept.band(step_rpm)
-        peaks = {s for name in refine for s in band.peaks(name)[:PEAKS]}
+        peaks = {s for name in refine for s in band.peaks(name)[:most]}
         swept({float(s) for peak in peaks for s in np.clip(round(peak) + step * np.arange(-3, 4), low, high)})
     return swept.band(step_rpm)
 

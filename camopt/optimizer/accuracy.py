@@ -21,10 +21,11 @@ class Accuracy:
     margin_draws: int  # number of judged cams whose margins are drawn apart
     verdict: Effort  # effort of the final verdict
     without_jerk_limit: bool  # whether the comparison shows the families without it as well
+    every_speed_drawn: bool = True  # whether the valve's motion is drawn at every listed speed, or at both ends alone
 
 
 ACCURACIES = {
-    "draft": Accuracy(3.0, 5, 47, 4, 6, 0, EFFORTS["draft"], False),
+    "draft": Accuracy(3.0, 5, 47, 4, 6, 0, EFFORTS["draft"], False, False),
     "standard": Accuracy(2.0, 9, 187, 4, 16, 96, EFFORTS["standard"], True),
     "fine": Accuracy(1.5, 17, 373, 8, 30, 160, EFFORTS["fine"], True),
 }
@@ -52,3 +53,9 @@ def design_speeds(operation: Operation, speeds: str, accuracy: Accuracy) -> tupl
     low, high = operation.band_rpm
     program = np.linspace(low, high, accuracy.program_speeds)
     return program, np.linspace(low * (1 - BEYOND), high * (1 + BEYOND), accuracy.judged_speeds)
+
+
+def drawn_speeds(operation: Operation, accuracy: Accuracy) -> tuple[float, ...]:
+    """Listed speeds [r/min] at which the valve's motion is drawn."""
+    listed = operation.speeds_rpm
+    return tuple(listed) if accuracy.every_speed_drawn else tuple(dict.fromkeys((min(listed), max(listed))))

@@ -2,6 +2,8 @@
 
 import io
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ LIMIT = "#8a1c1c"
 SHADE = "#eeeeee"
 BASE = 9.0
 """Font size of the text [pt]."""
+DPI = 160
 
 DESIGN = "design"
 DESIGN_LINE = "#0072B2", "-"
@@ -160,12 +163,27 @@ def save(figure: Figure, folder: Path | str, name: str) -> tuple[Path, Path]:
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    paths, layout = (folder / f"{name}.png", folder / f"{name}.svg"), figure.get_layout_engine()
-    for path in paths:
-        write_bytes(path, picture(figure, path.suffix[1:]))
-        figure.set_layout_engine("none")  # it stands: to find it once more costs as much as the drawing
-    figure.set_layout_engine(layout)
+    paths = folder / f"{name}.png", folder / f"{name}.svg"
+    with laid_out(figure):
+        for path in paths:
+            write_bytes(path, picture(figure, path.suffix[1:]))
     return paths
+
+
+@contextmanager
+def laid_out(figure: Figure) -> Iterator[None]:
+    """Finds the figure's layout once. Each file would find it anew, and draw the figure a second time to do so."""
+    layout, dpi = figure.get_layout_engine(), figure.dpi
+    with matplotlib.rc_context(RC):
+        figure.set_dpi(DPI)
+        if layout is not None and figure.axes:
+            layout.execute(figure)
+        figure.set_layout_engine(None)
+    try:
+        yield
+    finally:
+        figure.set_dpi(dpi)
+        figure.set_layout_engine(layout)
 
 
 def picture(figure: Figure, kind: str) -> bytes:
@@ -173,5 +191,5 @@ def picture(figure: Figure, kind: str) -> bytes:
     metadata = {"png": {"Software": None}, "svg": {"Date": None, "Creator": "camopt"}}
     buffer = io.BytesIO()
     with matplotlib.rc_context(RC):
-        figure.savefig(buffer, format=kind, dpi=160, metadata=metadata[kind])
+        figure.savefig(buffer, format=kind, dpi=DPI, metadata=metadata[kind])
     return buffer.getvalue()

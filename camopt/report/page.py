@@ -48,6 +48,7 @@ from camopt.report.worst import bounce_error_um, judged_speeds, worst_of
 from camopt.scene.design import Design
 from camopt.scene.quantities import is_number
 from camopt.storage import write_text
+from camopt.verifier.at_speed import ALONE
 
 HERE = Path(__file__).parent
 SECTIONS = (
@@ -225,6 +226,9 @@ def accuracy(run: RunFolder) -> list[str]:
         )
     else:
         sentences.append("No error estimate was delivered.")
+    alone = [s.get("speed_rpm") for s in speeds if s.get("decided_after") == ALONE]
+    if alone:
+        sentences.append(f"At {in_words(alone)} r/min event-exact looked alone, at the other speeds all methods did.")
     without = [s.get("speed_rpm") for s in speeds if bounce_error_um(s) is None]
     if errors and without:
         sentences.append(f"There is no error estimate at {in_words(without)} r/min.")

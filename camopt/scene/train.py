@@ -1,7 +1,7 @@
 """The valve train as SI arrays, which are data only: each path has its own equations and its own contact law."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -120,7 +120,29 @@ class Train:
 
 
 def build_train(scene: Scene) -> Train:
-    """The SI arrays of a scene; names must already be checked (see `camopt.scene.load`)."""
+    """The SI arrays of a scene; names must already be checked (see `camopt.scene.load`).
+
+    The same scene gives the same train: what is kept by train, such as propagators, is made once for it.
+    """
+    return _built(_SceneKey(scene))
+
+
+class _SceneKey:
+    """A scene as the key of a cache: by identity, since comparing all its numbers takes longer than building."""
+
+    def __init__(self, scene: Scene):
+        self.scene = scene
+
+    def __hash__(self) -> int:
+        return id(self.scene)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _SceneKey) and other.scene is self.scene
+
+
+@lru_cache(maxsize=16)
+def _built(key: _SceneKey) -> Train:
+    scene = key.scene
     masses, elements = scene.mass, parts_of(scene.element)
     index = {m.name: i for i, m in enumerate(masses)} | {"ground": GROUND}
     a = np.array([index[e.between[0]] for e in elements])

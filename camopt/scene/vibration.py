@@ -3,6 +3,7 @@
 Laws that are not linear count with their stand-ins, `train.stiffness`.
 """
 
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -95,6 +96,7 @@ def slowest_leak(train: Train) -> float:
     return float(min(rates, default=np.inf))
 
 
+@lru_cache(maxsize=256)
 def slowest_rate(train: Train) -> float:
     """Least rate [1/s] at which a disturbance of a train's modes or of its adjusters dies out."""
     return min(slowest_decay(train), slowest_leak(train))

@@ -20,14 +20,14 @@ def settled_force(scene: Scene, train: Train, lift: Lift, speed_rpm: float) -> t
     Event-exact is not asked where the train's laws are beyond it. Raises InputError as
     `camopt.study.simulate.motion.simulate` does.
     """
-    from camopt.study.simulate.motion import simulate
+    from camopt.study.simulate.motion import recorded
 
     motion, method = None, "event-exact"
     if train.straight:
         with suppress(MotionRefused):
-            motion = simulate(scene, lift, speed_rpm, "event", revolutions=REVOLUTIONS)
+            motion = recorded(scene, lift, speed_rpm, "event", revolutions=REVOLUTIONS)
     if motion is None:
-        motion, method = simulate(scene, lift, speed_rpm, "rkg", revolutions=REVOLUTIONS), "rkg"
-    last = motion.isel(sample=motion["revolution"].values == REVOLUTIONS)
-    force = last["force_N"].values[:, int(np.argmax(train.cam_driven))]
-    return last["cam_angle_deg"].values * DEG, force, method
+        motion, method = recorded(scene, lift, speed_rpm, "rkg", revolutions=REVOLUTIONS), "rkg"
+    steps = (len(motion.angle) - 1) // REVOLUTIONS
+    force = motion.force[-steps - 1 :, int(np.argmax(train.cam_driven))]
+    return (np.arange(steps + 1) * (360.0 / steps) - 180.0) * DEG, force, method

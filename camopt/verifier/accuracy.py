@@ -3,8 +3,10 @@
 Choosing an accuracy
 ====================
 
-- **draft** while you try things: two methods, the band in steps of 100 r/min, a verdict within seconds to a minute. A
-  cam that draft rejects is rejected; one that draft confirms may still be caught between its speeds.
+- **draft** while you try things: the band in steps of 100 r/min and a verdict within seconds. Event-exact looks at
+  every speed, a second method where a limit is nearest: at the worst speed of each limited figure and of the peak
+  force, and at both ends; its step is halved once. The verdict says at which speeds. A cam that draft rejects is
+  rejected; one that draft confirms may still be caught between its speeds.
 - **standard** for what you keep: every method (the optimiser asks three), 20 r/min, halved steps may move 2 um.
 - **fine** before anything is ground: every method, 5 r/min, 1 um. Minutes.
 - A number of micrometres, for `verify`, is `standard` with that tolerance: below 1 it takes long where
@@ -47,6 +49,8 @@ class Effort:
     band_step_rpm: float
     tolerance_um: float
     settled_um: float = SETTLED_POSITION / UM
+    everywhere: bool = True
+    stands: int = 2
 
     def methods_of(self, train: Train) -> tuple[str, ...]:
         """As many methods for a train as the effort has: its own, or those that carry the train's laws."""
@@ -55,11 +59,11 @@ class Effort:
     @property
     def demand(self) -> Demand:
         """What is asked of every method."""
-        return Demand(self.tolerance_um, position=self.settled_um * UM)
+        return Demand(self.tolerance_um, position=self.settled_um * UM, everywhere=self.everywhere, stands=self.stands)
 
 
 EFFORTS = {
-    "draft": Effort(("event", "rkg"), 100.0, 5.0),
+    "draft": Effort(("event", "rkg"), 100.0, 5.0, everywhere=False, stands=1),
     "standard": Effort(("event", "rkg", "tmm"), 20.0, 2.0),
     "fine": Effort(METHODS, 5.0, 1.0),
 }

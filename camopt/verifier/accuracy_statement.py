@@ -6,6 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from camopt.scene.units import MM, UM
+from camopt.verifier.at_speed import ALONE, SpeedVerdict
 from camopt.verifier.convergence import FINEST, Converged
 
 
@@ -55,6 +56,16 @@ def stated(speeds: Iterable[AtSpeed], asked_um: float, asked: str | float | None
         "reached": bool(delivered <= asked_um),
         "statement": words,
     }
+
+
+def who_looked(verdicts: Iterable[SpeedVerdict]) -> str:
+    """At which speeds [r/min] all methods looked, for the end of the statement; empty where they did at every one."""
+    every = {v.speed_rpm: v.decided_after == ALONE for v in verdicts}
+    looked = ", ".join(f"{rpm:g}" for rpm in sorted(every) if not every[rpm])
+    others = sum(every.values())
+    if not others:
+        return ""
+    return f"; all methods looked at {looked} r/min, event-exact alone at {others} other speed{'s' * (others > 1)}"
 
 
 def _range(values: tuple[float, float]) -> str:

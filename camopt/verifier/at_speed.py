@@ -39,8 +39,9 @@ FAR = 3.0
 distance of the two methods together."""
 FIRST_LOOK = 2
 """Steps after which a first method with samples has an error estimate."""
-HALVED, ONE_STEP = "halving", "one step"
-"""After what a verdict was decided: its methods were halved until they stood (or could not), or one step showed it."""
+HALVED, ONE_STEP, ALONE = "halving", "one step", "event-exact alone"
+"""After what a verdict was decided: its methods were halved until they stood (or could not), one step showed it, or no
+other method was asked at that speed (`camopt.verifier.spot_checks`)."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,7 @@ class SpeedVerdict:
     ranges: dict[str, tuple[float, float]]  # of every metric, over measured revolutions and neighbours
     methods: dict[str, Converged]
     decided_after: str = HALVED
+    near: tuple[Figures, ...] = ()  # of the first method's neighbourhood, where it alone was asked
 
     @property
     def bounce_range_mm(self) -> tuple[float, float]:
@@ -90,7 +92,7 @@ def judge_speed(case: Case, speed_rpm: float) -> SpeedVerdict:
     near_to = partial(neighbours, case.methods[first], train, case.lift, cam_speed, many=case.many)
     try:
         look = at_once(case.many, train, case.lift, cam_speed, rest) if case.many else halved[first].answer(FIRST_LOOK)
-        early = _plainly_broken(case, speed_rpm, look, near_to)
+        early = plainly_broken(case, speed_rpm, look, near_to)
     except MotionRefused:
         early = None
     if early is not None:
@@ -102,15 +104,29 @@ def judge_speed(case: Case, speed_rpm: float) -> SpeedVerdict:
         near = near_to(answers[first])
     except MotionRefused:
         return SpeedVerdict(speed_rpm, "not converged", (), (), answers[first].range, answers)
-    broken, straddled = against_limits(case.scene, speed_rpm, answers[first], near)
-    ranges = _ranges(answers[first], near)
-    if not agreement(list(answers.values()), case.demand.tolerance_um, case.demand.limited):
-        return SpeedVerdict(speed_rpm, "not converged", (), straddled, ranges, answers)
+    agree = agreement(list(answers.values()), case.demand.tolerance_um, case.demand.limited)
+    return held(case, speed_rpm, answers, near, agree=agree)
+
+
+def held(
+    case: Case,
+    speed_rpm: float,
+    answers: dict[str, Converged],
+    near: list[Figures],
+    *,
+    agree: bool,
+    decided_after: str = HALVED,
+) -> SpeedVerdict:
+    """What follows from the methods' answers, whether they agree, and the first one's neighbourhood."""
+    first = next(iter(answers.values()))
+    broken, straddled = against_limits(case.scene, speed_rpm, first, near)
     verdict = "rejected" if broken else "sensitive" if straddled else "confirmed"
-    return SpeedVerdict(speed_rpm, verdict, broken, straddled, ranges, answers)
+    if not agree:
+        verdict, broken = "not converged", ()
+    return SpeedVerdict(speed_rpm, verdict, broken, straddled, ranges_of(first, near), answers, decided_after)
 
 
-def _plainly_broken(
+def plainly_broken(
     case: Case, speed_rpm: float, look: Converged, near_to: Callable[[Converged], list[Figures]]
 ) -> SpeedVerdict | None:
     """A rejection for which the first two methods need not stand, or None.
@@ -133,9 +149,8 @@ def _plainly_broken(
     every = [look.worst, other.worst, *({name: f.worst(name) for name in doubt} for f in near)]
     if not far_beyond(case.scene, every, doubt):
         return None
-    broken, straddled = against_limits(case.scene, speed_rpm, first, near)
     answers = dict(zip(names, (first, other), strict=True))
-    return SpeedVerdict(speed_rpm, "rejected", broken, straddled, _ranges(first, near), answers, ONE_STEP)
+    return held(case, speed_rpm, answers, near, agree=True, decided_after=ONE_STEP)
 
 
 def far_beyond(scene: Scene, figures: list[dict[str, float]], doubt: dict[str, float]) -> bool:
@@ -150,7 +165,7 @@ def far_beyond(scene: Scene, figures: list[dict[str, float]], doubt: dict[str, f
     return False
 
 
-def _ranges(answer: Converged, near: list[Figures]) -> dict[str, tuple[float, float]]:
+def ranges_of(answer: Converged, near: list[Figures]) -> dict[str, tuple[float, float]]:
     """Smallest and largest value of every metric over the measured revolutions and the neighbourhood."""
     every = {name: np.array([own, *(f.range(name) for f in near)]) for name, own in answer.range.items()}
     return {name: (float(values.min()), float(values.max())) for name, values in every.items()}

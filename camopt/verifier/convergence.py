@@ -93,7 +93,7 @@ def first_steps(train: Train, cam_speed: float) -> int:
 
 @dataclass(frozen=True)
 class Demand:
-    """What is asked of a method at one speed."""
+    """What is asked of the methods of a verdict."""
 
     tolerance_um: float = 2.0  # by how much a halved step may still move bounce and jump
     halvings: int = 6
@@ -103,6 +103,8 @@ class Demand:
     settled: bool = True  # else the first revolution from the start is measured
     steps: int | None = None  # per revolution to begin with; they then count as resolving the train
     most: int | None = None  # revolutions to settle at the first step, at most
+    stands: int = 2  # halved steps in a row that must leave the figures where they are
+    everywhere: bool = True  # all methods look at every speed, else where `camopt.verifier.spot_checks` has them look
 
 
 def converge(
@@ -175,7 +177,7 @@ class Halving:
             return Converged(self._steps, False, nothing, spread, nothing, 0, False, None)
         worst = {name: self._runs[-1].worst(name) for name in QUANTITIES}
         spread = {name: self._runs[-1].range(name) for name in QUANTITIES}
-        converged = self._faded and self._stood_twice()
+        converged = self._faded and self._stood_enough()
         errors = _errors(self._runs)
         return Converged(self._steps, converged, worst, spread, errors, self._revolutions, self.periodic, self._state)
 
@@ -187,13 +189,14 @@ class Halving:
         return settle_and_measure(revolve, self._state, lift, most, position=self._demand.position, decay=self._decay)
 
     def _stands(self) -> bool:
-        if not self._stood_twice():
+        if not self._stood_enough():
             return False
         asks = self._demand.certain and self.periodic
         return not (asks and _errors(self._runs)["bounce_mm"] > self._allowed["bounce_mm"])
 
-    def _stood_twice(self) -> bool:
-        return self._steps >= self._enough and len(self._stood) > 1 and all(self._stood[-2:])
+    def _stood_enough(self) -> bool:
+        last = self._stood[-self._demand.stands :]
+        return self._steps >= self._enough and len(last) == self._demand.stands and all(last)
 
     def _too_fine(self) -> bool:
         return self._taken > 2 and self._first << self._taken > FINEST_STEPS

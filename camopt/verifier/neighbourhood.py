@@ -15,6 +15,8 @@ from camopt.verifier.convergence import WANDERING_REVOLUTIONS, Converged, Prepar
 
 SPEED_NEIGHBOUR = 1e-3
 LIFT_NEIGHBOUR = 1e-7  # m, at the largest lift
+OTHER_STARTS = (2, 5)
+"""Which of the neighbours have the speed and the lift themselves, and begin in another state."""
 STATE_NEIGHBOUR = (1e-6, 1e-3)  # m (and m of a memory), m/s: as far apart as two states that count as settled
 
 

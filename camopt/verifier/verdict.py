@@ -3,8 +3,6 @@
 The only file of this package that reaches for the event-exact method, and only when it is asked for.
 """
 
-from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from importlib import import_module
 
@@ -17,11 +15,12 @@ from camopt.scene.errors import InputError
 from camopt.scene.response import Revolve
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
-from camopt.verifier.accuracy_statement import stated
+from camopt.verifier.accuracy_statement import stated, who_looked
 from camopt.verifier.at_speed import Case, SpeedVerdict, judge_speed
 from camopt.verifier.convergence import Demand, Prepare, first_steps
 from camopt.verifier.methods import INDEPENDENT, verdict_methods
 from camopt.verifier.record import verification, why_not_confirmed
+from camopt.verifier.spot_checks import WORKERS, Verdicts, allows, at_every, event_alone, spot_checked, until_broken
 
 METHODS = ("event", "rkg", "tmm", "houbolt")
 """Methods for a train whose laws are straight lines in pieces; of which event-exact is the first."""
@@ -30,8 +29,6 @@ NONLINEAR_METHODS = ("event", "rkg", "dop853")
 ROUNDS = 2
 """How often the worst speeds of a band are judged: where a motion is erratic the judged figure is not the sweep's, and
 another speed is the worst then."""
-WORKERS = 2
-"""Threads over the speeds of a verdict."""
 DEMAND = Demand()
 """What a verdict asks of every method, where nothing else is said."""
 ORDER = ("confirmed", "sensitive", "not converged", "rejected")
@@ -58,7 +55,9 @@ class Verdict:
     @property
     def accuracy(self) -> dict:
         """What was asked and what was delivered: verification.json's "accuracy"."""
-        return stated((*self.speeds, *self.worst_in_band), self.tolerance_um, self.asked)
+        every = *self.speeds, *self.worst_in_band
+        found = stated(every, self.tolerance_um, self.asked)
+        return found | {"statement": found["statement"] + who_looked(every)}
 
     @property
     def reason(self) -> str:
@@ -106,10 +105,11 @@ def verdict_on(
     method ends as "not converged". `band_step_rpm` None leaves the band and the starting speeds out; they are swept
     with event-exact, also where a lightly damped mode resonates between its steps, and all methods look at the worst
     speed of every limited metric and at the starting speeds inside the band. Bounce and jump "start" where they exceed
-    the scene's limit, or 0.05 mm where it sets none. `demand` says how far every method is asked to go; its limited
-    metrics are the scene's. Without `to_the_end` a cam that is
-    rejected at `speeds_rpm` is swept in steps of at least SEARCH_STEP_RPM, and no method looks at the worst of them:
-    the answer stands. Raises InputError for a scene without valve or operation, or an unknown method.
+    the scene's limit, or 0.05 mm where it sets none. `demand` says how far every method is asked to go, and whether
+    all of them look at every speed; its limited metrics are the scene's. Without `to_the_end` a cam is rejected as
+    soon as the answer stands: all methods look at the one speed of `speeds_rpm` where it is broken far beyond a limit,
+    and the band is swept in steps of at least SEARCH_STEP_RPM. Raises InputError for a scene without valve or
+    operation, or an unknown method.
     """
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name!r}: a verdict needs valve, seat and [operation]")
@@ -117,13 +117,18 @@ def verdict_on(
     demand = replace(demand, limited=limited_metrics(scene.design))
     many = _settled_metrics() if methods[0] == "event" and build_train(scene).straight else None
     case = Case(scene, lift, {name: method_named(name) for name in methods}, demand, many)
-    at_speeds = _judged(case, scene.operation.speeds_rpm if speeds_rpm is None else speeds_rpm)
+    few = allows(case) and not demand.everywhere
+    listed = [float(s) for s in (scene.operation.speeds_rpm if speeds_rpm is None else speeds_rpm)]
+    at_speeds = _judged(case, listed, few, to_the_end)
     band, worst, first = None, (), {"bounce_mm": None, "jump_mm": None}
     if band_step_rpm is not None:
         refined = to_the_end or all(s.verdict != "rejected" for s in at_speeds)
         step_rpm = band_step_rpm if refined else max(band_step_rpm, SEARCH_STEP_RPM)
-        swept, first, suspects = _swept_band(scene, lift, step_rpm, refined)
-        band, worst = _judged_band(case, swept, suspects if refined else [], at_speeds)
+        swept, first, suspects = _swept_band(scene, lift, step_rpm, refined, coarsely=few)
+        band, worst = _judged_band(case, swept, suspects if refined else [], at_speeds, few)
+    if few:
+        checked = spot_checked(case, (*at_speeds, *worst))
+        at_speeds, worst = (tuple(checked.get(s.speed_rpm, s) for s in some) for some in (at_speeds, worst))
     shape = broken_by_shape(lift, scene.design)
     every = (*at_speeds, *worst)
     broken = dict.fromkeys([*shape, *(name for s in every for name in s.broken)])
@@ -144,24 +149,28 @@ def verdict_on(
     )
 
 
-def _judged(case: Case, speeds_rpm: Iterable[float]) -> tuple[SpeedVerdict, ...]:
-    """The verdicts at crankshaft speeds [r/min], some of them side by side."""
-    with ThreadPoolExecutor(WORKERS) as pool:
-        return tuple(pool.map(lambda speed: judge_speed(case, float(speed)), speeds_rpm))
+def _judged(case: Case, speeds_rpm: list[float], few: bool, to_the_end: bool) -> Verdicts:
+    """The verdicts at the crankshaft speeds [r/min] that are asked for; with `few`, of event-exact alone."""
+    if (to_the_end and not few) or not allows(case):
+        return at_every(judge_speed, case, speeds_rpm)
+    alone = at_every(event_alone, case, speeds_rpm)
+    stopped = None if to_the_end else until_broken(case, alone)
+    return stopped or (alone if few else at_every(judge_speed, case, speeds_rpm))
 
 
 def _judged_band(
-    case: Case, swept: Band, suspects: list[float], at_speeds: tuple[SpeedVerdict, ...]
-) -> tuple[Band, tuple[SpeedVerdict, ...]]:
+    case: Case, swept: Band, suspects: list[float], at_speeds: Verdicts, few: bool
+) -> tuple[Band, Verdicts]:
     """The band with the first method's figures at all judged speeds, and the verdicts at its worst speeds [r/min].
 
-    All methods look at the `suspects` of the sweep, and again at what is then the worst speed of a limited metric.
-    Without suspects they look at none.
+    All methods look at the `suspects` of the sweep, and again at what is then the worst speed of a limited metric;
+    event-exact alone with `few`. Without suspects they look at none.
     """
     worst, method = (), next(iter(case.methods))
     band = swept.with_judged(method, {s.speed_rpm: s.methods[method].worst for s in at_speeds})
     for _ in range(ROUNDS if suspects else 0):
-        worst += _judged(case, [s for s in suspects if s not in [w.speed_rpm for w in worst]])
+        new = [s for s in suspects if s not in [w.speed_rpm for w in worst]]
+        worst += at_every(event_alone if few else judge_speed, case, new)
         judged = {s.speed_rpm: s.methods[method].worst for s in (*at_speeds, *worst)}
         band = swept.with_judged(method, judged)
         suspects = [band.worst(name)[0] for name in case.demand.limited]
@@ -178,7 +187,7 @@ def _known_methods(scene: Scene, methods: tuple[str, ...] | None) -> tuple[str, 
 
 
 def _swept_band(
-    scene: Scene, lift: Lift, step_rpm: float, refined: bool
+    scene: Scene, lift: Lift, step_rpm: float, refined: bool, *, coarsely: bool
 ) -> tuple[Band, dict[str, float | None], list[float]]:
     """The swept band, where bounce and jump start, and the speeds [r/min] that all methods must look at.
 
@@ -188,7 +197,7 @@ def _swept_band(
     swept = Swept(_at_first_steps, scene, lift, WORKERS, "event", _settled_metrics())
     limited = limited_metrics(scene.design)
     found, left_out = resonances(scene, lift, step_rpm)
-    sweep(swept, step_rpm, limited if refined else (), found)
+    sweep(swept, step_rpm, limited if refined else (), found, coarsely=coarsely)
     first = first_exceeding(swept, _starts(scene), max(SEARCH_STEP_RPM, step_rpm))
     band = replace(swept.band(step_rpm), resonances=tuple(found), resonances_left_out=left_out, refined=refined)
     suspects = {band.worst(name)[0] for name in limited}

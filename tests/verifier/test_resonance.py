@@ -63,7 +63,7 @@ def test_a_cam_that_bounces_between_the_speeds_of_the_grid_is_not_confirmed():
 def test_what_the_search_for_the_first_bounce_finds_inside_the_band_is_judged(monkeypatch):
     scene = coil_scene(**BOUNCE_ALONE)
     monkeypatch.setattr(verdict, "resonances", lambda *_: ([], 0))
-    monkeypatch.setattr(verdict, "sweep", lambda swept, *_: swept([6065.0, 6245.0]))  # a band that sees nothing
+    monkeypatch.setattr(verdict, "sweep", lambda swept, *_, **__: swept([6065.0, 6245.0]))  # a band that sees nothing
     monkeypatch.setattr(verdict, "first_exceeding", lambda *_: {"bounce_mm": 6155.0, "jump_mm": 6160.0})
     result = verdict_on(
         scene, polydyne(scene), (6065.0,), ("event", "rkg"), band_step_rpm=20.0, demand=Demand(halvings=3)
@@ -94,5 +94,6 @@ def test_a_motion_that_had_no_time_to_settle_is_not_converged():
     none = {"damping_N_s_per_m": 0.0}
     undamped = tuple(e.model_copy(update=none if "spring" in e.name else {}) for e in scene.element)
     scene = scene.model_copy(update={"element": undamped})
-    result = verdict_on(scene, polydyne(scene), (6065.0,), band_step_rpm=None, demand=Demand(halvings=2))
-    assert result.verdict == "not converged"
+    for demand in (Demand(halvings=2), Demand(halvings=2, everywhere=False, stands=1)):
+        result = verdict_on(scene, polydyne(scene), (6065.0,), band_step_rpm=None, demand=demand)
+        assert result.verdict == "not converged"

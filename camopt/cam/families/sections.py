@@ -150,7 +150,9 @@ def flank(table: SectionTable, angles: np.ndarray) -> Flank:
         borders.append(borders[-1][-1] + angle * u[1:])
         pieces.append(unit / angle ** np.arange(unit.shape[1])[:, None] @ coefficients)
     widest = max(p.shape[1] for p in pieces)
-    padded = [xp.pad(p, ((0, 0), (0, widest - p.shape[1]), (0, 0))) for p in pieces]
+    # padding costs NumPy more than the section's own equations
+    short = [widest - p.shape[1] for p in pieces]
+    padded = [xp.pad(p, ((0, 0), (0, n), (0, 0))) if n else p for p, n in zip(pieces, short, strict=True)]
     return Flank(xp.concatenate(borders), xp.concatenate(padded))
 
 

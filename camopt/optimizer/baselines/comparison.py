@@ -8,7 +8,7 @@ from camopt.cam.families.registry import FAMILIES
 from camopt.cam.lift import Lift
 from camopt.cam.read import read_cam
 from camopt.measure.limits import broken_by_shape
-from camopt.optimizer.accuracy import Accuracy, accuracy_named
+from camopt.optimizer.accuracy import Accuracy, accuracy_named, drawn_speeds
 from camopt.optimizer.baselines.comparison_table import (
     FAILED,
     NO_JERK,
@@ -161,7 +161,8 @@ def compare_in(
             cams[name] = lift
     others = {name: one for name, one in found.items() if name not in designs}
     keep(folder, scene, {name: cams[name] for name in others if name in cams}, others)
-    _write(folder, scene, cams, found)
+    assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
+    _write(folder, scene, cams, found, drawn_speeds(scene.operation, effort))
 
 
 def compare_again(folder: Path, scene: Scene) -> None:
@@ -175,10 +176,16 @@ def compare_again(folder: Path, scene: Scene) -> None:
     _write(folder, scene, *kept(folder, scene))
 
 
-def _write(folder: Path, scene: Scene, cams: Mapping[str, Lift], found: Mapping[str, dict]) -> None:
+def _write(
+    folder: Path,
+    scene: Scene,
+    cams: Mapping[str, Lift],
+    found: Mapping[str, dict],
+    speeds_rpm: tuple[float, ...] | None = None,
+) -> None:
     write_table(folder, scene, cams, found)
     shown = {name: lift for name, lift in cams.items() if not name.endswith(NO_JERK)}
-    draw(folder, scene, shown, {name: found[name] for name in shown})
+    draw(folder, scene, shown, {name: found[name] for name in shown}, speeds_rpm)
 
 
 def _judged(scene: Scene, lift: Lift, effort: Accuracy, band_step_rpm: float | None, to_the_end: bool = True) -> dict:

@@ -1,6 +1,7 @@
 """The figures of a run folder, from its cams and their verdicts as verification.json has them."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import numpy as np
 from camopt.cam.lift import Lift, lift_table
 from camopt.exact.engine import prepare
 from camopt.exact.settled import settled_metrics
-from camopt.measure.settling import Settled, first_revolution, settled_from_rest
+from camopt.measure.settling import Settled, first_revolution
 from camopt.measure.sweep import SEARCH_STEP_RPM, START_RPM, Swept, at_speeds, sweep
 from camopt.plots import (
     DrawnMotion,
@@ -24,11 +25,10 @@ from camopt.plots import (
 )
 from camopt.plots.style import DESIGN, family_of
 from camopt.scene.errors import MotionRefused
-from camopt.scene.response import end_state
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
-from camopt.verifier.convergence import Demand, Halving
+from camopt.verifier.convergence import Demand, Halving, at_once
 
 FIGURE_SPEEDS = 60
 """Steps of the figure's own sweep of a band that the verdict was not asked about."""
@@ -44,8 +44,17 @@ UNLAWFUL = " (breaks limits on the cam)"
 """Ending of a name in the figures: what carries it is no cam that these limits allow."""
 
 
-def draw(folder: Path, scene: Scene, cams: dict[str, Lift], found: dict[str, dict]) -> None:
-    """The figures of a run folder, into its folder `figures`; `found` holds the verdict of each cam."""
+def draw(
+    folder: Path,
+    scene: Scene,
+    cams: dict[str, Lift],
+    found: dict[str, dict],
+    speeds_rpm: Sequence[float] | None = None,
+) -> None:
+    """The figures of a run folder, into its folder `figures`; `found` holds the verdict of each cam.
+
+    The valve's motion is drawn at `speeds_rpm`, by default all that the scene lists.
+    """
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
     figures = folder / "figures"
@@ -53,7 +62,8 @@ def draw(folder: Path, scene: Scene, cams: dict[str, Lift], found: dict[str, dic
     named = {name: name if _lawful(found[name]) else name + UNLAWFUL for name in cams}
     tables = [(named[name], lift_table(lift, TABLE_STEP_DEG)) for name, lift in cams.items()]
     save(profiles(tables, design), figures, "profiles")
-    motions = [m for name, lift in cams.items() for m in settled_motions(scene, named[name], lift, found[name])]
+    speeds = operation.speeds_rpm if speeds_rpm is None else speeds_rpm
+    motions = [m for name, lift in cams.items() for m in settled_motions(scene, named[name], lift, found[name], speeds)]
     if motions:
         save(valve_motion(motions, design), figures, "valve_motion")
     top = _top(scene, found.get(DESIGN, {}))
@@ -74,11 +84,11 @@ def _lawful(found: dict) -> bool:
     return all(" at " in word for word in found.get("broken", []))
 
 
-def settled_motions(scene: Scene, name: str, lift: Lift, found: dict) -> list[DrawnMotion]:
-    """A settled revolution at each listed speed; a speed at which the motion is refused is left out."""
+def settled_motions(scene: Scene, name: str, lift: Lift, found: dict, speeds_rpm: Sequence[float]) -> list[DrawnMotion]:
+    """A settled revolution at each speed [r/min]; one at which the motion is refused is left out."""
     train, stated = build_train(scene), stated_periodic(found)
     motions = []
-    for speed in scene.operation.speeds_rpm if scene.operation else ():
+    for speed in speeds_rpm:
         try:
             response = settled_motion(train, lift, scene.cam_speed(speed), stated.get(speed)).response
         except MotionRefused:
@@ -98,12 +108,12 @@ def settled_motion(
     """Two revolutions by event-exact where the motion at `cam_speed` [rad/s] has settled, or has not.
 
     `stated` is whether the verdict found it periodic, None where none was asked; it then is not for this picture to say
-    otherwise. A verdict that halves its step may settle after more revolutions than one step runs: its search is
+    otherwise. A verdict that halves its step may settle after more revolutions than are run here: its search is
     followed then. `samples` per revolution, event-exact's own where None. Raises MotionRefused.
     """
-    steps = () if samples is None else (samples,)
-    once = settled_from_rest(prepare, train, lift, cam_speed, *steps)
-    state, periodic = end_state(once.response), once.periodic if stated is None else stated
+    once = at_once(settled_metrics, train, lift, cam_speed, state_at_rest(train))
+    assert once.state is not None, "else it is refused"
+    state, periodic = once.state, once.periodic if stated is None else stated
     if periodic and not once.periodic:
         rest = state_at_rest(train)
         search = Halving(prepare, train, lift, cam_speed, rest, Demand(halvings=HALVINGS))
@@ -111,6 +121,7 @@ def settled_motion(
             search.refine()
         answer = search.answer(0)
         state = state if answer.state is None else answer.state
+    steps = () if samples is None else (samples,)
     return replace(first_revolution(prepare(train, lift, cam_speed, *steps), state), periodic=periodic)
 
 

@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 from scipy.optimize import differential_evolution
-from scipy.stats import qmc
 from tqdm import tqdm
 
 from camopt.cam.families.record import Space
@@ -236,6 +235,8 @@ class _MemberSearch:
 
 def _first_population(space: Space, seed: int) -> np.ndarray:
     """Vectors (POPULATION, d): the known ones, as many near them as to make up half, and the rest anywhere."""
+    from scipy.stats import qmc  # which loads longer than a plain comparison takes
+
     low, high = np.array(space.bounds).T
     unit = qmc.Sobol(len(low), rng=np.random.default_rng(seed)).random(POPULATION)
     first = low + (high - low) * unit

@@ -1,15 +1,18 @@
 """A motion as a labelled dataset, with its metrics."""
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from camopt.cam.lift import Lift
 from camopt.measure.metrics import measure
 from camopt.scene import Response, Scene
 from camopt.scene.quantities import QUANTITIES
 from camopt.scene.units import MM
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def recorded_metrics(response: Response, cam: Lift) -> dict[str, np.ndarray]:
@@ -22,8 +25,12 @@ def recorded_metrics(response: Response, cam: Lift) -> dict[str, np.ndarray]:
     return measure(response, cam)
 
 
-def motion_dataset(scene: Scene, cam: Lift, speed_rpm, method: str, response: Response, metrics: Mapping) -> xr.Dataset:
+def motion_dataset(
+    scene: Scene, cam: Lift, speed_rpm, method: str, response: Response, metrics: Mapping
+) -> "xr.Dataset":
     """A record on a regular grid with metrics of its revolutions but the last, as `simulate` returns it."""
+    import xarray as xr  # loads pandas, which motions without labels have no need of
+
     train, steps = response.train, (len(response.angle) - 1) // response.revolutions
     sample = np.arange(len(response.angle))
     revolution = np.minimum(sample // steps, response.revolutions - 1)  # the last sample closes the last revolution

@@ -5,7 +5,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from camopt.cam.lift import Lift, lift_with
 from camopt.scene import InputError, Response, Scene, Train, build_train
@@ -18,6 +17,8 @@ from camopt.verifier.methods import verdict_methods
 from camopt.verifier.verdict import method_named
 
 if TYPE_CHECKING:
+    import xarray as xr  # loads pandas, which a job has no need of
+
     from camopt.study.simulate.accuracy_control import Delivered, Run
 
 SMOOTH = "camopt.smooth.simulate"
@@ -46,7 +47,7 @@ def simulate(
     step_deg: float = 0.1,
     parameters: Mapping[str, Any] | None = None,
     accuracy: str | float | None = None,
-) -> xr.Dataset:
+) -> "xr.Dataset":
     """Motion of the valve train from rest at -180 degrees, `revolutions` of the cam at a crankshaft speed [r/min].
 
     Returned is a dataset over `sample`, every `step_deg` [cam degrees, which must divide 360], with coordinates
@@ -61,17 +62,11 @@ def simulate(
 
     Raises InputError for unusable arguments, a motion that the method refuses, or a record that would be too large.
     """
-    steps = _steps_per_revolution(speed_rpm, method, revolutions, step_deg)
-    if scene.operation is None or scene.seat is None:
-        raise InputError(f"scene {scene.name}: simulate needs valve, seat and [operation]")
-    train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
+    train, cam_speed, steps, finer = _planned(scene, speed_rpm, method, revolutions, step_deg)
     if parameters is not None:
         _check_parameters(train, cam, method, parameters)
-    known_speed = scene.cam_speed(known_rpm(scene, speed_rpm))
-    finer = max(1, int(np.ceil(highest_rate(train) * step_deg * DEG / known_speed / LARGEST_PHASE)))
-    _check_price(train, speed_rpm, steps * finer * revolutions)
-    if parameters is not None:
         rule = import_module(DIFFERENTIABLE[method]).differentiable_motion
+        known_speed = scene.cam_speed(known_rpm(scene, speed_rpm))
         shown, metrics = rule(train, cam, parameters, cam_speed, revolutions, steps, known_speed)
         return motion_dataset(scene, cam, speed_rpm, method, shown, metrics)
     if accuracy is not None:
@@ -81,6 +76,25 @@ def simulate(
         response, said = _motion(train, cam, cam_speed, method, revolutions, steps * finer), {}
     shown, metrics = resampled(response, steps * revolutions), recorded_metrics(response, cam)
     return motion_dataset(scene, cam, speed_rpm, method, shown, metrics).assign_attrs(said)
+
+
+def recorded(
+    scene: Scene, cam: Lift, speed_rpm: float, method: str = "event", *, revolutions: int = 2, step_deg: float = 0.1
+) -> Response:
+    """The motion that `simulate` labels, every `step_deg`, as plain arrays; InputError as of `simulate`."""
+    train, cam_speed, steps, finer = _planned(scene, speed_rpm, method, revolutions, step_deg)
+    return resampled(_motion(train, cam, cam_speed, method, revolutions, steps * finer), steps * revolutions)
+
+
+def _planned(scene: Scene, speed_rpm, method, revolutions, step_deg) -> tuple[Train, Any, int, int]:
+    """Train, cam speed [rad/s], steps of the result in a revolution, and the method's own steps in each of these."""
+    steps = _steps_per_revolution(speed_rpm, method, revolutions, step_deg)
+    if scene.operation is None or scene.seat is None:
+        raise InputError(f"scene {scene.name}: simulate needs valve, seat and [operation]")
+    train, known_speed = build_train(scene), scene.cam_speed(known_rpm(scene, speed_rpm))
+    finer = max(1, int(np.ceil(highest_rate(train) * step_deg * DEG / known_speed / LARGEST_PHASE)))
+    _check_price(train, speed_rpm, steps * finer * revolutions)
+    return train, scene.cam_speed(speed_rpm), steps, finer
 
 
 def concrete(number) -> float | None:
@@ -224,7 +238,7 @@ def resampled(response: Response, steps: int) -> Response:
     return Response(response.train, response.cam_speed, grid, lift, x, v, force)
 
 
-def motion_lines(motion: xr.Dataset, scene: Scene) -> list[str]:
+def motion_lines(motion: "xr.Dataset", scene: Scene) -> list[str]:
     """By revolution the largest valve position and the forces of the contacts, a line each."""
     lines = []
     for revolution, part in motion.groupby("revolution"):
@@ -236,7 +250,7 @@ def motion_lines(motion: xr.Dataset, scene: Scene) -> list[str]:
     return lines
 
 
-def motion_table(motion: xr.Dataset) -> Mapping[str, np.ndarray]:
+def motion_table(motion: "xr.Dataset") -> Mapping[str, np.ndarray]:
     """Columns of `simulate --csv`: revolution, cam_angle_deg, time_s, then every mass and every element."""
     columns = {name: motion[name].values for name in ("revolution", "cam_angle_deg", "time_s")}
     for variable, dimension, unit in (

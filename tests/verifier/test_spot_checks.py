@@ -1,0 +1,88 @@
+"""Verdicts in which one method looks at every speed and the others where a limit is nearest."""
+
+from dataclasses import replace
+
+import pytest
+
+from camopt.cam.families.polydyne import polydyne
+from camopt.scene import load_scene
+from camopt.verifier import neighbourhood, spot_checks
+from camopt.verifier.accuracy import EFFORTS
+from camopt.verifier.at_speed import ALONE, HALVED, ONE_STEP
+from camopt.verifier.verdict import verdict_on
+
+SCENE = load_scene("motori-1")
+SPEEDS = (3000.0, 3500.0, 4000.0, 4500.0, 5000.0)
+BOTH = ("event", "rkg")
+DRAFT = EFFORTS["draft"].demand
+
+
+@pytest.fixture(scope="module")
+def cam():
+    return polydyne(SCENE)
+
+
+@pytest.fixture(scope="module")
+def draft(cam):
+    return verdict_on(SCENE, cam, SPEEDS, BOTH, None, DRAFT)
+
+
+def test_all_methods_look_at_both_ends_and_at_the_worst_speeds(draft):
+    by_speed = {s.speed_rpm: s for s in draft.speeds}
+    assert by_speed[3000.0].decided_after == by_speed[5000.0].decided_after == HALVED
+    for name in ("bounce_mm", "jump_mm", "seating_velocity_m_per_s", "contact_force_max_N"):
+        worst = max(s.ranges[name][1] for s in draft.speeds)
+        assert any(s.ranges[name][1] == worst and len(s.methods) == 2 for s in draft.speeds), name
+    alone = [s for s in draft.speeds if s.decided_after == ALONE]
+    assert alone and all(list(s.methods) == ["event"] and s.verdict == "confirmed" for s in alone)
+
+
+def test_the_statement_says_where(draft):
+    looked = ", ".join(f"{s.speed_rpm:g}" for s in draft.speeds if len(s.methods) == 2)
+    alone = sum(s.decided_after == ALONE for s in draft.speeds)
+    assert f"all methods looked at {looked} r/min, event-exact alone at {alone} other speed" in str(draft)
+
+
+def test_a_draft_s_figures_are_those_of_all_methods_within_its_error(draft, cam):
+    full = verdict_on(SCENE, cam, SPEEDS[1:2], BOTH, None, replace(DRAFT, everywhere=True, stands=2))
+    for name in ("bounce_mm", "jump_mm", "contact_force_max_N"):
+        one, other = draft.speeds[1].methods["event"], full.speeds[0].methods["event"]
+        assert one.worst[name] == pytest.approx(other.worst[name], abs=one.error[name] + other.error[name])
+
+
+def test_a_rejected_baseline_is_rejected_at_its_worst_speed_alone(cam):
+    speeds = (4000.0, 6000.0, 7000.0)
+    found = verdict_on(SCENE, cam, speeds, BOTH, None, replace(DRAFT, everywhere=True), False)
+    assert found.verdict == "rejected" and "bounce_max_mm at 7000 r/min" in found.broken
+    assert sorted(s.decided_after for s in found.speeds) == sorted([ALONE, ALONE, ONE_STEP])
+
+
+def test_a_wrong_event_exact_is_found_out_where_a_limit_is_nearest(monkeypatch, cam):
+    """Its peak force is a tenth too high at every speed: no limit breaks, but the other method does not agree."""
+    real = spot_checks.at_once
+
+    def wrong(*case):
+        look = real(*case)
+        name = "contact_force_max_N"
+        low, high = look.range[name]
+        return replace(
+            look, worst=look.worst | {name: 1.1 * look.worst[name]}, range=look.range | {name: (1.1 * low, 1.1 * high)}
+        )
+
+    for module in (spot_checks, neighbourhood):
+        monkeypatch.setattr(module, "at_once", wrong)
+    assert verdict_on(SCENE, cam, SPEEDS[::4], BOTH, None, DRAFT).speeds[0].verdict == "not converged"
+
+
+def test_a_motion_that_hangs_on_its_start_is_judged_by_halving(monkeypatch, cam):
+    """Motions from other states near by have another peak force: event-exact's one look does not stand."""
+    real = neighbourhood.at_once
+
+    def other(*case):
+        near = real(*case)
+        name = "contact_force_max_N"
+        return replace(near, range=near.range | {name: tuple(1.1 * end for end in near.range[name])})
+
+    monkeypatch.setattr(neighbourhood, "at_once", other)
+    (found,) = verdict_on(SCENE, cam, SPEEDS[:1], BOTH, None, DRAFT).speeds
+    assert found.methods["event"].steps_per_revolution > 0
