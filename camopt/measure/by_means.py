@@ -37,8 +37,8 @@ def by_means(lift: Lift) -> tuple[Lift, str]:
     acceleration, jerk = 4 * rows.error / width**2 / MM_PER_DEG2, 8 * rows.error / width**3 / MM_PER_DEG3
     return law, (
         f"The table's rows are off by up to {rows.error / MM:.1g} mm: acceleration, jerk, waves and contact are given "
-        f"by means over {MEANS * width / DEG:.2g} deg, which tell the acceleration to {acceleration:.1g} mm/deg^2 and the "
-        f"jerk to {jerk:.1g} mm/deg^3"
+        f"by means over {MEANS * width / DEG:.2g} deg, which tell the acceleration to {acceleration:.1g} mm/deg^2 and "
+        f"the jerk to {jerk:.1g} mm/deg^3"
     )
 
 
