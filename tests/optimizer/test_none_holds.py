@@ -1,4 +1,4 @@
-"""What is said where no cam is confirmed: the limit at fault, the nearest cam, and what the program can hold at most."""
+"""What is said where no cam is confirmed: the limit at fault, the nearest cam, and what the program holds at most."""
 
 from types import SimpleNamespace
 

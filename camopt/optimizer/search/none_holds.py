@@ -22,7 +22,8 @@ def why_none_holds(judged: Sequence[Judged], program: NoJumpProgram) -> str:
     reached = f"{metric} of {value:.3g}" if np.isfinite(value) else f"no {metric}"
     said = (
         f"no cam of the no-jump program holds the scene's limits on the motion at the judged speeds: the nearest one "
-        f"has {reached} at {speed:.4g} r/min against {key} = {nearest.limit[row]:g}, of which a search keeps a fifth free"
+        f"has {reached} at {speed:.4g} r/min against {key} = {nearest.limit[row]:g}, of which a search keeps a fifth "
+        f"free"
     )
     broken = nearest.speeds_rpm[nearest.share.max(axis=0) > USABLE_SHARE]
     below = nearest.speeds_rpm[nearest.speeds_rpm < broken.min()]
