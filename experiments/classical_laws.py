@@ -9,6 +9,7 @@ from math import pi, radians
 
 import numpy as np
 from matplotlib.figure import Figure
+from scipy.interpolate import PPoly
 
 from camopt.optimizer.program.dwell_rise import DwellRise, least_acceleration, least_peak, least_peak_through
 from camopt.plots.style import new_figure
@@ -70,7 +71,8 @@ def main(size: str, folder=RESULTS) -> dict:
     table = least_peak_through(conditions, 3, TABLE_INTERVALS[size])
     handbook = {"least_jerk_cm_per_rad3": table.peak, "bound_cm_per_rad3": table.bound}
     content = {"laws": rows, "least_peaks": peaks, "table_5_4": handbook}
-    write_result("classical_laws", size, content, {"acceleration": draw(t, best)}, folder)
+    figures = {"acceleration": draw(t, best), "table-5-4": draw_table(table)}
+    write_result("classical_laws", size, content, figures, folder)
     return content
 
 
@@ -101,6 +103,22 @@ def draw(t: np.ndarray, best: dict[str, DwellRise]) -> Figure:
         ax.set_ylabel("acceleration")
         ax.legend(loc="upper right")
     axes[-1].set_xlabel("time over that of the rise")
+    return figure
+
+
+def draw_table(table: DwellRise) -> Figure:
+    """Lift, velocity and acceleration of the motion through Table 5.4, and the numbers that the table asks for."""
+    figure = new_figure(7.0, 6.0)
+    axes = figure.subplots(3, sharex=True)
+    angle = np.linspace(0.0, TABLE_5_4[-1][0], len(table.derivative) + 1)
+    jerk = PPoly(table.derivative[None], np.radians(angle))
+    for order, (ax, unit) in enumerate(zip(axes, ("cm", "cm/rad", "cm/rad²"), strict=True)):
+        asked = [(at, value) for at, of, value in TABLE_5_4 if of == order]
+        ax.plot(angle, jerk.antiderivative(3 - order)(np.radians(angle)), label="motion of least peak jerk")
+        ax.plot(*zip(*asked, strict=True), "o", label="asked for by the table")
+        ax.set_ylabel(f"{('lift', 'velocity', 'acceleration')[order]} [{unit}]")
+    axes[0].legend(loc="lower center")
+    axes[-1].set_xlabel("cam angle [deg]")
     return figure
 
 

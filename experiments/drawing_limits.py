@@ -1,7 +1,8 @@
 """What does each limit of an engineer's drawing cost in area, and does it hold at every angle?
 
 Each limit is set by a step beyond what the cam of largest area without it reaches, so that this cam breaks it. The
-bound stands beside every area. The trains have no geometry of their own: what is taken here is assumed.
+bound stands beside every area. The trains' sources have no geometry: what is taken here is assumed, a flat follower for
+most limits. Radii under a roller or pad stand apart: under the finger that the scene `kodama` assumes, and a roller.
 """
 
 import numpy as np
@@ -17,7 +18,7 @@ from camopt.optimizer.program.program_cam import program_cam
 from camopt.scene import Scene, load_scene
 from camopt.scene.design import Piston
 from camopt.scene.geometry import Geometry
-from camopt.scene.units import DEG, MM
+from camopt.scene.units import DEG, MM, MM_PER_DEG4
 from experiments.support.record import RESULTS, run_script, write_result
 
 GEOMETRY = {
@@ -26,6 +27,17 @@ GEOMETRY = {
         follower="flat", base_radius_mm=20.0, rocker_ratio=1.5, assumed=("follower", "base_radius_mm", "rocker_ratio")
     ),
 }
+CIRCLES = {
+    "kodama": (load_scene("kodama").geometry, ("nose_radius_min_mm",)),  # its cam is nowhere concave
+    "pushrod-5mass": (
+        Geometry(
+            follower="roller", base_radius_mm=15.0, roller_radius_mm=8.0, rocker_ratio=1.5,
+            assumed=("follower", "base_radius_mm", "roller_radius_mm", "rocker_ratio"),
+        ),
+        ("nose_radius_min_mm", "concave_radius_min_mm"),
+    ),
+}  # fmt: skip
+"""Followers that touch the cam with a circle, and the radii that are asked under them."""
 PISTON = Piston(stroke_mm=86.0, rod_mm=143.0, gap_at_top_mm=4.0, clearance_mm=1.0, lobe_centre_deg=108.0)
 LIFT_AT_DEG = -54.0
 """The piston's highest place in cam degrees: 108 crank degrees before the lobe's centre."""
@@ -39,9 +51,12 @@ STEP = {
     "waves_max": -2,
 }
 """How far each limit goes beyond the cam without it: mm, deg, mm, mm, mm, sign changes of the jerk."""
+CONCAVE_STEP_MM = 20.0
 ENTRAINMENT_M_PER_S = 0.2
 """The least entrainment velocity that is asked; without the limit it passes through zero."""
-LIMITS = (*STEP, "entrainment_min_m_per_s")
+SNAP_SHARE = 0.5
+"""The largest snap that is asked, of that of the cam without the limit."""
+LIMITS = (*STEP, "snap_max_mm_per_deg4", "entrainment_min_m_per_s")
 KNOT_DEG = {"small": 4.0, "full": 2.0}
 GRID_DEG = 0.001
 NO_JERK = 1e-5
@@ -52,25 +67,27 @@ def main(size: str, folder=RESULTS) -> dict:
     """A row per limit and train."""
     names = list(GEOMETRY)[: 1 if size == "small" else None]
     rows = [row for name in names for row in rows_of(name, KNOT_DEG[size])]
-    content = {"geometry": {n: GEOMETRY[n].model_dump() for n in names}, "piston": PISTON.model_dump(), "rows": rows}
+    geometry = {n: [one.model_dump() for one in (GEOMETRY[n], CIRCLES[n][0])] for n in names}
+    content = {"geometry": geometry, "piston": PISTON.model_dump(), "rows": rows}
     write_result("drawing_limits", size, content, {}, folder)
     return content
 
 
 def rows_of(name: str, knot_deg: float) -> list[dict]:
     """The limits on one train."""
-    scene = load_scene(name).model_copy(update={"geometry": GEOMETRY[name]})
-    free = kinematic_optimum(scene.design, program_cam(scene.design, knot_deg))
+    flat, circle = (load_scene(name).model_copy(update={"geometry": g}) for g in (GEOMETRY[name], CIRCLES[name][0]))
+    free = kinematic_optimum(flat.design, program_cam(flat.design, knot_deg))
     rows = []
-    for key in LIMITS:
+    for scene, key in [*((flat, key) for key in LIMITS), *((circle, key) for key in CIRCLES[name][1])]:
         reached = value_of(key, free.lift, scene)
-        asked = reached + STEP[key] if key in STEP else ENTRAINMENT_M_PER_S
+        asked = asked_for(key, reached)
         limited = with_limit(scene, key, asked)
         held = kinematic_optimum(limited.design, program_cam(limited.design, knot_deg))
         rows.append(
             {
                 "scene": name,
                 "limit": key,
+                "follower": scene.geometry.follower,
                 "value_without": reached,
                 "value_asked": asked,
                 "value_with": value_of(key, held.lift, limited),
@@ -84,6 +101,15 @@ def rows_of(name: str, knot_deg: float) -> list[dict]:
             }
         )
     return rows
+
+
+def asked_for(key: str, reached: float) -> float:
+    """What is asked of a limit where the cam without it reaches so much."""
+    if key == "snap_max_mm_per_deg4":
+        return SNAP_SHARE * reached
+    if key == "entrainment_min_m_per_s":
+        return ENTRAINMENT_M_PER_S
+    return reached + (CONCAVE_STEP_MM if key == "concave_radius_min_mm" else STEP[key])
 
 
 def with_limit(scene: Scene, key: str, value: float) -> Scene:
@@ -109,6 +135,8 @@ def value_of(key: str, lift: Lift, scene: Scene) -> float:
     if key == "piston":
         drop = piston_drop(PISTON, PISTON.lobe_centre_deg * DEG + theta / scene.operation.cam_per_crank)
         return float((PISTON.gap_at_top_mm * MM + drop - lift(theta)).min()) / MM
+    if key == "snap_max_mm_per_deg4":
+        return float(np.abs(lift(theta[1:-1], 4)).max()) / MM_PER_DEG4
     if key == "waves_max":
         jerk = np.diff(lift(theta, 2))
         return int(np.count_nonzero(np.diff(np.sign(jerk[np.abs(jerk) > NO_JERK * np.abs(jerk).max()]))))
@@ -118,7 +146,10 @@ def value_of(key: str, lift: Lift, scene: Scene) -> float:
     touching = contact(lift, scene.geometry, theta)
     if key == "face_width_mm":
         return touching.face_width / MM
-    return float(touching.radius_of_curvature.min()) / MM
+    if key == "concave_radius_min_mm":
+        return np.inf if touching.smallest_concave is None else touching.smallest_concave / MM
+    flat = scene.geometry.follower == "flat"
+    return float(touching.radius_of_curvature.min() if flat else touching.smallest_convex) / MM
 
 
 if __name__ == "__main__":

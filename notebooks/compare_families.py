@@ -38,8 +38,8 @@ cams["polydyne"]
 profiles([(name, lift_table(cam, 0.2)) for name, cam in cams.items()], scene.design)
 
 # %% [markdown]
-# The motion of the valve near its closing, event-exact, in the second revolution from rest. With ipywidgets the speed
-# is a live slider; without, the figure stands at one speed.
+# The next figure has the motion of the valve near its closing, event-exact, in the second revolution from rest. With
+# ipywidgets the speed is a live slider; without, the figure stands at one speed.
 
 
 # %%
@@ -67,7 +67,7 @@ except ImportError:
 live
 
 # %% [markdown]
-# The verdict on each: independent methods must agree on the motion, and every limit must hold. Families
+# Each cam gets a verdict: independent methods must agree on the motion, and every limit must hold. Families
 # that leave a limit out, as Polydyne leaves the jerk, are rejected by name of that limit.
 
 # %%

@@ -17,7 +17,7 @@ SMALL = SIZE == "small"
 scene = camopt.load_scene("motori-1" if SMALL else "kodama")
 
 # %% [markdown]
-# What is asked: limits on the shape, limits on the motion, and the speeds at which they must hold.
+# The scene asks for limits on the shape, limits on the motion, and the speeds at which they must hold.
 
 # %%
 scene.design.model_dump(exclude_none=True)
@@ -30,8 +30,9 @@ scene.design.model_dump(exclude_none=True)
 camopt.area_bound(scene, knot_deg=4.0 if SMALL else 2.0)
 
 # %% [markdown]
-# The design: a linear program over the periodic response finds the region, gradients go on from there, and only cams
-# that event-exact simulation confirms count. `gradient="none"` leaves the gradients out, which saves JAX's compilation.
+# The design comes in stages: a linear program over the periodic response finds the region, gradients go on from there,
+# and only cams that event-exact simulation confirms count. `gradient="none"` leaves the gradients out, which saves
+# JAX's compilation.
 
 # %%
 run = camopt.optimize(
@@ -43,7 +44,7 @@ run = camopt.optimize(
 run
 
 # %% [markdown]
-# The cam with the scene's limits drawn, and its bounce and jump against speed.
+# The figures show the cam with the scene's limits drawn, and its bounce and jump against speed.
 
 # %%
 run.lift.plot(scene.design)

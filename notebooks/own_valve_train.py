@@ -8,6 +8,7 @@ import os
 import tempfile
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 
 import camopt
@@ -17,8 +18,9 @@ SIZE = os.environ.get("CAMOPT_NOTEBOOK_SIZE", "full")
 folder = Path(tempfile.mkdtemp())
 
 # %% [markdown]
-# Two masses, a tappet and a valve: the cam drives the tappet through a contact, the tappet pushes the valve through
-# another with the lash, and the spring holds the valve on its seat. `help(camopt.scene)` explains the keys.
+# This train has two masses, a tappet and a valve: the cam drives the tappet through a contact, the tappet pushes the
+# valve through another with the lash, and the spring holds the valve on its seat. `help(camopt.scene)` explains the
+# keys.
 
 # %%
 MINE = """
@@ -108,8 +110,8 @@ except InputError as fault:
     print(fault)
 
 # %% [markdown]
-# A first look: natural frequencies with the valve lifted. If they are far from what was measured, a mass or a stiffness
-# is wrong.
+# The natural frequencies with the valve lifted are a first look. If they are far from what was measured, a mass or a
+# stiffness is wrong.
 
 # %%
 found = camopt.modes(scene, "lifted")
@@ -119,8 +121,8 @@ found
 found.plot()
 
 # %% [markdown]
-# A measured cam. Here a table is made from a Polydyne, in steps of 1 deg of the crank with 2 um of noise, so that the
-# truth is known. The header names angle and unit; a table without one needs `table_angle` and `table_lift`.
+# A measured cam is a table. Here one is made from a Polydyne, in steps of 1 deg of the crank with 2 um of noise, so
+# that the truth is known. The header names angle and unit; a table without one needs `table_angle` and `table_lift`.
 
 # %%
 truth = camopt.polydyne(scene)
@@ -145,14 +147,16 @@ print(f"acceleration: {100 * error:.1f} % of its peak off, root mean square")
 cam.plot(scene.design)
 
 # %% [markdown]
-# The motion, labelled, and the verdict.
+# The motion is a labelled dataset, and the verdict judges it.
 
 # %%
 motion = camopt.simulate(scene, cam, 4500)
 motion
 
 # %%
-motion.position_mm.sel(mass=scene.valve).plot(x="time_s")[0].figure
+(line,) = motion.position_mm.sel(mass=scene.valve).plot(x="time_s")
+plt.close(line.figure)
+line.figure
 
 # %%
 camopt.verify(scene, cam, speeds_rpm=(4000.0,), accuracy="draft")

@@ -54,9 +54,8 @@ pandas.DataFrame(rows)
 
 # %% [markdown]
 # To design against all of it, `camopt.optimizer.search.search.find_cam(..., perturbations=perturbations(scene))` asks
-# that the
-# limits hold under each. Band sweeps with all methods come with every verdict: `verify` looks for the worst speeds of
-# the band and lets every method judge there.
+# that the limits hold under each. Every verdict sweeps the band too: `verify` looks for its worst speeds and lets every
+# method judge there.
 
 # %%
 verdict = camopt.verify(scene, cam, (low,) if SMALL else None, accuracy="draft")

@@ -20,8 +20,8 @@ scene = camopt.load_scene("motori-1" if SMALL else "kodama")
 cam = camopt.polydyne(scene)
 
 # %% [markdown]
-# One motion. Event-exact locates every opening and closing, so its step does not matter; Runge-Kutta-Gill and Houbolt
-# step over them, and their error at a contact falls with the first power of the step.
+# First comes one motion. Event-exact locates every opening and closing, so its step does not matter; Runge-Kutta-Gill
+# and Houbolt step over them, and their error at a contact falls with the first power of the step.
 
 
 # %%
@@ -71,8 +71,9 @@ for accuracy in ("draft",) if SMALL else ("draft", "standard"):
 verdicts["draft"]
 
 # %% [markdown]
-# A smaller model: every combination of fewer spring masses and condensed masses, with its error and its time; the
-# cheapest within the tolerance is proposed, and a contact left out as idle is watched.
+# A smaller model is faster and wrong by some amount. `reduce` tries every combination of fewer spring masses and
+# condensed masses, and tells its error and its time. It proposes the cheapest within the tolerance, and watches a
+# contact that is left out as idle.
 
 # %%
 camopt.reduce(scene, cam, speeds_rpm=(5000,), tolerance_mm=0.02, smooth=not SMALL)

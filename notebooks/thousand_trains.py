@@ -56,6 +56,7 @@ for limit in [name for name in rows[0] if name.startswith("used_")]:
 axes.axvline(1.0, color="#8a1c1c")
 axes.set(xlabel="share of the limit used at the worst speed [-]", ylabel="share of trains [-]", xscale="log")
 axes.legend()
+plt.close(figure)
 figure
 
 # %% [markdown]

@@ -43,15 +43,15 @@ def value(s: float) -> float:
 
 
 # %% [markdown]
-# Central differences over a range of steps: too small and round-off speaks, too large and the curve does. Where they
-# agree over decades there is a slope to speak of.
+# Central differences are taken over a range of steps. With too small a step round-off speaks, with too large a one the
+# curve does. Where they agree over decades there is a slope to speak of.
 
 # %%
 steps = 10.0 ** np.arange(-7, -2.9, 0.5)
 differences = np.array([(value(h) - value(-h)) / (2 * h) for h in steps])
 
 # %% [markdown]
-# The exact gradient: the discrete adjoint of the event-exact motion, with the jump of the adjoint wherever a contact
+# The exact gradient is the discrete adjoint of the event-exact motion, with the jump of the adjoint wherever a contact
 # opens or closes.
 
 # %%
@@ -61,8 +61,9 @@ print(f"seating velocity {exact.values[0]:.6f} m/s, slope {by_adjoint:.9f} (adjo
 print(f"central differences {differences.min():.9f} to {differences.max():.9f}")
 
 # %% [markdown]
-# The smooth path: the contact law is rounded within a thin layer, and JAX differentiates the time stepping. `simulate`
-# is differentiable as it stands: by the cam's pieces, masses, stiffnesses, dampings, preloads, gaps and the speed.
+# On the smooth path the contact law is rounded within a thin layer, and JAX differentiates the time stepping.
+# `simulate` is differentiable as it stands: by the cam's pieces, masses, stiffnesses, dampings, preloads, gaps and the
+# speed.
 
 # %%
 lift = motion_parameters(scene, cam)["lift"]

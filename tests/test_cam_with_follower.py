@@ -10,7 +10,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.geometry import contact, crossing
 from camopt.cam.read import read_cam
 from camopt.scene import MotionRefused, load_scene, scene_text
-from tests.test_commands import run
+from tests.test_cli import run
 
 GEOMETRY = """
 [geometry]

@@ -20,7 +20,7 @@ from camopt.verifier.accuracy import EFFORTS
 from camopt.verifier.methods import METHOD_NAMES, verdict_methods
 
 VERBS = (
-    "optimize design verify simulate compare cam modes bound yield sweep gradient tradeoff extremes reduce report "
+    "optimize design verify simulate compare cam modes bound rise yield sweep gradient tradeoff extremes reduce report "
     "scenes"
 ).split()
 

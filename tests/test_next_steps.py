@@ -23,6 +23,7 @@ COMMANDS = {
     "cam": ("cam", "kodama", *CAM, "--csv", "lift.csv"),
     "modes": ("modes", "kodama"),
     "bound": ("bound", "kodama"),
+    "rise": ("rise", "--rise-mm", "10", "--over-deg", "60"),
     "yield": ("yield", "kodama", *CAM, "--out", "run"),
     "sweep": ("sweep", "plan.toml", "--store", "x.sqlite"),
     "gradient": ("gradient", "kodama", *CAM, "--speed", "6000"),

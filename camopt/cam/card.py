@@ -133,9 +133,9 @@ def cam_card(
 ) -> CamCard:
     """The card of a cam at these lifts [mm], by default 1 mm and 0.050 in; with a `timing`, also on the crank.
 
-    With the card of the `other` cam of a cylinder, which needs the same lifts and a timing too, the overlap: crank
-    degrees from the later opening to the earlier closing about top dead centre, negative where both are below the lift
-    in between. Raises InputError for a lift that the cam does not pass, and for cards that do not match.
+    With the card of the `other` cam of a cylinder, which needs the same lifts and a timing too, it has the overlap: the
+    crank degrees from the later opening to the earlier closing about top dead centre, negative where both are below the
+    lift in between. Raises InputError for a lift that the cam does not pass, and for cards that do not match.
     """
     if not 0 < len(lifts_mm) <= MOST_LIFTS:
         raise InputError(f"cam card: {len(lifts_mm)} lifts: from 1 to {MOST_LIFTS} can be listed")

@@ -20,7 +20,8 @@ this is at most 1 / p with p = rho + r, and where it is concave if it is at leas
     convex      P'' >= P - P^2 / p,    for which it suffices that P exceeds 4 p / 3
     concave     P'' <= P + P^2 / d
 
-leave P'^2 out to the safe side, and the tangent of P^2 at any P0 makes both linear, to the safe side too.
+leave P'^2 out to the safe side, and the tangent of P^2 at any P0 makes both linear, to the safe side too. The free
+cam's programs come nearer to the radii (`camopt.cam.families.radius_rows`); these limits are for all others.
 """
 
 from dataclasses import dataclass

@@ -1,5 +1,6 @@
 """The verb `design` of the command line: the live designer, until it is interrupted."""
 
+import gc
 import signal
 import sys
 from argparse import Namespace
@@ -26,6 +27,7 @@ def design(args: Namespace) -> int:
         desk.slow.start()
         for part in QUICK:  # loads the programs, so that the page's first answers are as quick as all others
             desk.session.answer({}, part)
+        gc.freeze()  # else an answer now and then waits for a walk through all that was loaded
         print(f"{scene.name}: open {server.address} in a browser on this machine; Ctrl-C ends it", flush=True)
         server.serve_forever()
     except KeyboardInterrupt:

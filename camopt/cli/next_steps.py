@@ -110,6 +110,13 @@ def _after_bound(args: Namespace, code: int) -> str:
     return f"{_camopt('optimize', args.scene, '--accuracy', 'draft')} designs a cam towards this bound"
 
 
+def _after_rise(args: Namespace, code: int) -> str:
+    asked = ["--rise-mm", f"{args.rise_mm:g}", "--over-deg", f"{args.over_deg:g}"]
+    if not args.csv:
+        return f"{_camopt('rise', *asked, '--csv', 'rise.csv')} writes the motion of least jerk"
+    return f"{_camopt('rise', *asked, '--least', 'acceleration')} says how much lower its acceleration may be"
+
+
 def _after_gradient(args: Namespace, code: int) -> str:
     return f"{_camopt('optimize', args.scene)} designs a cam with such gradients"
 
@@ -177,6 +184,7 @@ _AFTER = {
     "cam": _after_cam,
     "modes": _after_modes,
     "bound": _after_bound,
+    "rise": _after_rise,
     "gradient": _after_gradient,
     "yield": _after_yield,
     "tradeoff": _after_tradeoff,

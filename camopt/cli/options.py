@@ -6,6 +6,7 @@ from collections.abc import Callable
 from camopt.cli.cam_options import cam_options as _cam_options
 from camopt.cli.cam_options import card_options, exchange_options
 from camopt.cli.cam_options import table_options as _table_options
+from camopt.cli.rise_verb import rise_options
 from camopt.cli.values import ACCURACIES, accuracy, count, port, positive, seed, speeds, trains
 from camopt.verifier.methods import verdict_methods
 
@@ -253,5 +254,5 @@ def _scene(c: argparse.ArgumentParser, default: str | None = None) -> None:
 
 
 DESIGNING = (_optimize, _design, _verify, _simulate, _compare, _cam, _modes)
-STUDYING = (_bound, _yield, _sweep, _gradient, _tradeoff, _extremes, _reduce, _report, _scenes)
+STUDYING = (_bound, rise_options, _yield, _sweep, _gradient, _tradeoff, _extremes, _reduce, _report, _scenes)
 COMMANDS = (*DESIGNING, *STUDYING)

@@ -14,6 +14,7 @@ from camopt.cli.given import SIMULATED
 from camopt.cli.given import cam_of as _cam_of
 from camopt.cli.given import print_area_words as _print_area_words
 from camopt.cli.given import scene_of as _scene_of
+from camopt.cli.rise_verb import rise as rise
 from camopt.cli.sweep_verb import sweep as sweep
 from camopt.scene import InputError, build_train, builtin_scenes, load_scene, scene_text
 from camopt.scene.spelling import did_you_mean

@@ -14,11 +14,13 @@ from camopt.cam.families.free import free_cam
 from camopt.cam.lift import Lift
 from camopt.designer.controls import KINEMATIC, NO_JUMP
 from camopt.designer.edits import Asked
+from camopt.designer.warm_start import begin_like
 from camopt.optimizer.accuracy import ACCURACIES, design_speeds
 from camopt.optimizer.program.kinematic import limit_worth, unexplained_optimum, worth_of
 from camopt.optimizer.program.linear_program import GaveUp, Infeasible
 from camopt.optimizer.program.no_jump import PEAK, Margins, NoJumpOptimum, NoJumpProgram, Window, no_jump_program
 from camopt.optimizer.program.relocation import standing
+from camopt.scene.design import Design
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.standing_in import is_linear
@@ -27,8 +29,10 @@ from camopt.scene.units import DEG
 
 EFFORT = ACCURACIES["draft"]
 """Knots and speeds of the program: those with which `camopt optimize --accuracy draft` begins."""
-COARSE_SPEEDS, COARSE_STEP = 3, 1.0 * DEG
-"""Speeds and step of the rows while a hand is dragging."""
+COARSE_SPEEDS, COARSE_STEP = 2, 1.5 * DEG
+"""Speeds and step of the rows while a hand is dragging: of all the speeds those that cost most area."""
+SAME_KNOTS = 1.25
+"""Largest change of the knots' usual distance by which their number stays while a hand drags the duration."""
 CONTRADICTION = "no cam holds these limits together"
 """What would have to change takes seconds to find: `camopt.designer.slow_parts.why_none`."""
 RAMPS = ("ramp_height_mm", "ramp_velocity_mm_per_deg", "ramp_foot_deg")
@@ -58,6 +62,7 @@ class CamFinder:
     """The cams of one designer's edited scenes; remembers the last programs."""
 
     kept: dict[bool, tuple[tuple, NoJumpProgram]] = field(default_factory=dict)  # by whether they are coarse
+    dearest: tuple[int, ...] = (0, -1)  # indices of the speeds that the coarse programs keep
 
     def largest(
         self, scene: Scene, train: Train, asked: Asked, coarse: bool, wanted: Callable[[], bool] = lambda: True
@@ -93,6 +98,8 @@ class CamFinder:
     ) -> FoundCam:
         shape = _shape(scene, train)
         coarse = coarse and self.kept.get(False, (None,))[0] != shape  # all rows are there, so few are not needed
+        if coarse:
+            shape = (*shape, self.dearest)
         program = self._program(scene, train, shape, coarse)
         if not wanted():
             raise Superseded
@@ -103,32 +110,38 @@ class CamFinder:
         except Infeasible:
             raise InputError(f"no free cam keeps {margin_N:g} N at all of the program's speeds") from None
         self.kept[coarse] = shape, program
+        if not coarse:
+            prices = found.margin_prices.sum(axis=0)
+            self.dearest = tuple(sorted(np.argsort(prices, kind="stable")[:COARSE_SPEEDS].tolist()))
         price = float(found.margin_prices.sum())
         return FoundCam(found.lift, NO_JUMP, found.area_ratio, _worth(found), price, coarse)
 
     def _program(self, scene: Scene, train: Train, shape: tuple, coarse: bool) -> NoJumpProgram:
-        """The program of a scene: the last one under other limits, where nothing else has changed."""
-        design, operation = scene.design, scene.operation
-        assert design is not None and operation is not None, "an edited scene has both"
-        known, program = self.kept.get(coarse, (None, None))
+        """The program of a scene, made from the last one: under other limits alone its rows stay."""
+        design = scene.design
+        assert design is not None, "an edited scene has one"
+        known, program = self.kept.get(coarse, ((), None))
         if program is not None and known == shape and is_linear(train):
             return program.under(design)
-        speeds = program_speeds_rpm(scene)
-        if coarse:
-            speeds = np.linspace(speeds[0], speeds[-1], COARSE_SPEEDS)
-        cam = free_cam(design, EFFORT.knot_deg)
-        window = Window(step=COARSE_STEP) if coarse else None
-        new = no_jump_program(train, design, cam, [scene.cam_speed(s) for s in speeds], window=window)
+        if program is not None and coarse and known[1:] == shape[1:] and program.design == design:
+            new = program.with_train(train)
+        else:
+            speeds, window, cam = program_speeds_rpm(scene), None, free_cam(design, EFFORT.knot_deg)
+            if coarse:
+                speeds, window = speeds[list(self.dearest)], Window(step=COARSE_STEP)
+                cam = free_cam(design, _knot_deg(design, program))
+            new = no_jump_program(train, design, cam, [scene.cam_speed(s) for s in speeds], window=window)
         if program is not None:
-            _begin_like(program, new)
+            begin_like(program, new)
         return new
 
 
-def _begin_like(known: NoJumpProgram, new: NoJumpProgram) -> None:
-    """Lets the solver begin a program where it ended on another one, if that has as many rows and columns."""
-    if known.rows.matrix.shape == new.rows.matrix.shape and len(known.blocks) == len(new.blocks):
-        level = new.bound(Margins().table(len(new.blocks))) / new.rows.norm
-        new.rows.model.begin_like(known.rows.model, level, new.first_working())
+def _knot_deg(design: Design, known: NoJumpProgram | None) -> float:
+    """The distance of the knots of a coarse program, as many of them as the last one had where that is about usual."""
+    if known is None:
+        return EFFORT.knot_deg
+    same = design.duration_deg / (len(known.cam.breaks) - 1)
+    return same if 1 / SAME_KNOTS <= same / EFFORT.knot_deg <= SAME_KNOTS else EFFORT.knot_deg
 
 
 def program_speeds_rpm(scene: Scene) -> np.ndarray:

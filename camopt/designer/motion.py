@@ -1,6 +1,7 @@
 """The settled motion of an edited scene at one speed, and bounce and jump over its band, as plain numbers."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,27 +11,55 @@ from camopt.designer.cams import Superseded
 from camopt.exact.engine import prepare
 from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import motion_limits
-from camopt.measure.settling import settled_from_rest
+from camopt.measure.settling import Settled, decay_per_revolution, settle, settled_from_rest
 from camopt.plots.style import DESIGN
 from camopt.report.motion import animated, cam_entry, last_revolution_numbers
 from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.quantities import QUANTITIES
+from camopt.scene.response import end_state
+from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train
 
 STEP_DEG = 1.0
 """Step of the shown motion."""
+FEW_REVOLUTIONS = 6
+"""Most revolutions that a sketch of the motion runs before the one that is shown."""
 BAND_SPEEDS, AT_ONCE = 41, 12
 """Speeds of the band's curve, and how many of them are computed between two looks at whether they are still wanted."""
 
 
-def motion_at(scene: Scene, train: Train, lift: Lift, speed_rpm: float) -> dict[str, Any]:
-    """One settled revolution at a crankshaft speed with its metrics, the part of every limit that it uses, and what
-    the animation draws; a sentence in place of all of these where the motion is refused."""
-    try:
-        settled = settled_from_rest(prepare, train, lift, scene.cam_speed(speed_rpm))
-    except (MotionRefused, InputError) as error:
-        return {"speed_rpm": speed_rpm, "says": f"The motion is refused: {error}"}
+class Mover:
+    """The settled motion of one designer's edited scenes; a sketch of it begins where the last motion ended."""
+
+    def __init__(self) -> None:
+        self._end: np.ndarray | None = None
+
+    def motion_at(self, scene: Scene, train: Train, lift: Lift, speed_rpm: float, sketch: bool) -> dict[str, Any]:
+        """One revolution at a crankshaft speed with its metrics, the part of every limit that it uses, and what the
+        animation draws; a sentence in place of all of these where the motion is refused. It is settled, but that of a
+        `sketch`, which runs at most FEW_REVOLUTIONS before."""
+        cam_speed = scene.cam_speed(speed_rpm)
+        try:
+            settled = (
+                self._sketched(train, lift, cam_speed) if sketch else settled_from_rest(prepare, train, lift, cam_speed)
+            )
+        except (MotionRefused, InputError) as error:
+            self._end = None
+            return {"speed_rpm": speed_rpm, "says": f"The motion is refused: {error}"}
+        self._end = end_state(settled.response)
+        return shown_motion(scene, train, lift, speed_rpm, settled)
+
+    def _sketched(self, train: Train, lift: Lift, cam_speed: float) -> Settled:
+        start, decay = self._end, decay_per_revolution(train, cam_speed)
+        if start is None or len(start) != train.state_size:
+            start = state_at_rest(train)
+        found = settle(prepare(train, lift, cam_speed), start, FEW_REVOLUTIONS, 1, 1, decay=decay)
+        return replace(found, periodic=True)  # whether it settles is said at rest
+
+
+def shown_motion(scene: Scene, train: Train, lift: Lift, speed_rpm: float, settled: Settled) -> dict[str, Any]:
+    """What the page shows of a motion."""
     figures, contacts = settled.metrics(lift), np.flatnonzero(train.contact).tolist()
     metrics = {name: figures.worst(name) for name in QUANTITIES}
     numbers = {"speed_rpm": speed_rpm, **last_revolution_numbers(settled, STEP_DEG, contacts)}

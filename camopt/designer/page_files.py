@@ -5,7 +5,7 @@ from importlib import resources
 
 SHARED = ("animation", "charts")
 """Scripts and style sheets of the report that come first: the moving train, and the charts."""
-SCRIPTS = ("fields.js", "panels.js", "live.js")
+SCRIPTS = ("fields.js", "panels.js", "verdict.js", "saving.js", "live.js", "start.js")
 """Parts of the module in the order in which they stand in it, after the shared ones."""
 
 

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from camopt.cam.lift import Lift
 from camopt.designer.cams import CamFinder, FoundCam, program_speeds_rpm
 from camopt.designer.controls import controls
 from camopt.designer.edits import Asked, Refused, asked_of, edited_scene, read_values
-from camopt.designer.motion import band_of, motion_at
+from camopt.designer.motion import Mover, band_of
 from camopt.measure.limits import broken_by_shape
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
@@ -29,6 +29,7 @@ from camopt.storage import plain
 QUICK = ("sketch", "cam", "band")
 """The parts of an answer that a session gives itself; the others are `camopt.designer.slow_parts`."""
 CURVE_STEP_DEG = 0.5
+THREADS = ThreadpoolController()  # to look for the libraries' threads takes milliseconds
 REMEMBERED = 4
 """CamFinder of the last values that are remembered."""
 DERIVATIVES = {
@@ -54,7 +55,7 @@ class Session:
     def __init__(self, scene: Scene):
         self.scene = scene
         self.controls = {control.key: control for control in controls(scene)}
-        self._cams = CamFinder()
+        self._cams, self._mover = CamFinder(), Mover()
         self._train: tuple[tuple, Train] | None = None
         self._designs: OrderedDict[str, Edited] = OrderedDict()
 
@@ -110,7 +111,7 @@ class Session:
             return self._designs[key]
         scene = edited_scene(self.scene, read)
         train = self._train_of(scene)
-        with threadpool_limits(limits=1, user_api="blas"):  # small matrices: threads would only wait for each other
+        with THREADS.limit(limits=1, user_api="blas"):  # small matrices: threads would only wait for each other
             cam = self._cams.largest(scene, train, asked, coarse, wanted)
         found = self._designs[key if cam.coarse or cam.says else exact] = Edited(scene, train, cam)
         while len(self._designs) > REMEMBERED:
@@ -139,7 +140,7 @@ class Session:
             "margin_price": cam.margin_price,
             "broken_by_shape": broken_by_shape(cam.lift, scene.design),
             "curves": curves(cam.lift),
-            "motion": motion_at(scene, design.train, cam.lift, asked.speed_rpm),
+            "motion": self._mover.motion_at(scene, design.train, cam.lift, asked.speed_rpm, cam.coarse),
         }
 
 

@@ -8,19 +8,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from camopt.cam.geometry import contact, crossing
+from camopt.cam.geometry import crossing, smallest_radii
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import linear_limits
 from camopt.cam.waves import sign_changes
 from camopt.measure.rounded import RAMP_VELOCITY, rows_of, surely_broken
-from camopt.scene.design import Design
+from camopt.scene.design import RADII, Design
+from camopt.scene.errors import InputError
 from camopt.scene.quantities import QUANTITIES
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 
 ROUNDING = 1e-9
 """Relative slack of a limit on the shape. It allows for the rounding of a cam that is designed to touch its limit."""
 SAMPLED = 1e-6
-"""The same for radii under a roller, which are sampled; `camopt.cam.geometry.STEP` says how much that misses."""
+"""The same for radii under a roller or pad, whose extremes are looked for between samples."""
 STEP_ROUNDING = 1e-6
 """A jump at a border that is no larger than this share of the largest value counts as rounding. Solving for the
 coefficients of high powers loses a few digits more than evaluating them, and a designed step is orders larger."""
@@ -152,19 +153,24 @@ def drawing_excess(lift: Lift, design: Design) -> dict[str, float]:
         long = (closing - opening) / DEG
         over = max(least - long, long - most) / design.duration_deg
         found["duration_at"] = max(over, found.get("duration_at", -np.inf))
-    return found | _of_a_roller(lift, design)
+    return found | _of_a_circle(lift, design)
 
 
-def _of_a_roller(lift: Lift, design: Design) -> dict[str, float]:
-    """By how much the cam's radii under a roller are too small, relative to the limits; `contact` says how exactly."""
-    asked = {"nose_radius_min_mm": design.nose_radius_min_mm, "concave_radius_min_mm": design.concave_radius_min_mm}
+def _of_a_circle(lift: Lift, design: Design) -> dict[str, float]:
+    """By how much the cam's radii under a roller or pad are too small, relative to the limits.
+
+    Infinite for a cam that the follower cannot follow.
+    """
+    asked = {key: least for key in RADII if (least := getattr(design, key)) is not None}
     geometry = design.geometry
-    if geometry is None or geometry.follower != "roller" or not any(asked.values()):
+    if geometry is None or geometry.contact_radius_mm is None or not asked:
         return {}
-    found = contact(lift, geometry)
-    concave = np.inf if found.smallest_concave is None else found.smallest_concave
-    radii = {"nose_radius_min_mm": found.smallest_convex, "concave_radius_min_mm": concave}
-    return {key: 1 - radii[key] / (least * MM) - SAMPLED for key, least in asked.items() if least}
+    try:
+        convex, concave = smallest_radii(lift, geometry)
+    except InputError:
+        return dict.fromkeys(asked, np.inf)
+    radii = {"nose_radius_min_mm": convex, "concave_radius_min_mm": np.inf if concave is None else concave}
+    return {key: 1 - radii[key] / (least * MM) - SAMPLED for key, least in asked.items()}
 
 
 def duration_words(lift: Lift, design: Design) -> str:

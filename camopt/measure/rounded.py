@@ -13,7 +13,7 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import linear_limits
-from camopt.scene.design import Design
+from camopt.scene.design import RADII, Design
 from camopt.scene.quantities import is_number
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 
@@ -85,7 +85,7 @@ def rows_of(lift: Lift) -> RoundedRows | None:
 def surely_broken(broken: list[str], rows: RoundedRows, design: Design) -> list[str]:
     """Of the limits that the law through the rows breaks, those that no cam within the rows' error keeps."""
     half = design.duration_deg / 2 * DEG
-    drawn = {limit.key for limit in linear_limits(design)}
+    drawn = {limit.key for limit in linear_limits(design)} | set(RADII)
     return [
         key
         for key in broken

@@ -170,9 +170,8 @@ function trainAnimation(page, first) { // page: what holds the elements; returns
   const chart = $("train-chart");
   const LEFT = 40, RIGHT = 10, TOP = 16, HIGH = 110, ROW = 30;
   let cursor, across, drawnWidth;
-  function drawChart() {
-    const width = Math.max(280, chart.parentElement.clientWidth), n = data.contacts.length;
-    drawnWidth = chart.parentElement.clientWidth;
+  function drawChart() { // a width that is known costs no layout of the page
+    const width = Math.max(280, drawnWidth ?? chart.parentElement.clientWidth), n = data.contacts.length;
     const bottom = TOP + HIGH, end = bottom + 8 + n * ROW;
     chart.replaceChildren();
     chart.setAttribute("viewBox", `0 0 ${width} ${end + 34}`);
@@ -308,8 +307,9 @@ function trainAnimation(page, first) { // page: what holds the elements; returns
     play(!state.playing);
   });
   take(first);
-  new ResizeObserver(() => {
-    if (chart.parentElement.clientWidth === drawnWidth) return;
+  new ResizeObserver(([entry]) => {
+    if (entry.contentRect.width === drawnWidth) return;
+    drawnWidth = entry.contentRect.width;
     drawChart();
     show();
   }).observe(chart.parentElement);

@@ -26,20 +26,20 @@ function ticks(low, high, most) { // round numbers in a range
 
 class Chart {
   // spec: x {label, low, high}, lines [{name, x, y, look or colour and dashes, dots}], limits [{value, name}],
-  // places [{x, name}], include (values that the axis shows), most (where the axis ends at the latest), says
+  // places [{x, name}], include (values that the axis shows), most and least (where the axis ends at the latest), says
   constructor(title, unit, height = 170) {
     Object.assign(this, { title, unit, height, spec: null, zoom: null, grip: null });
     this.svg = document.createElementNS(SVG, "svg");
     this.svg.setAttribute("role", "img");
     this.svg.setAttribute("tabindex", "0");
     this.words = h("span");
-    this.whole = h("button", { type: "button", hidden: true, on: { click: () => this.show(this.spec, null) } }, "whole axis");
+    this.whole = h("button", { type: "button", hidden: true, on: { click: () => this.unzoom() } }, "whole axis");
     this.values = h("p", { class: "values" });
     this.node = h("figure", { class: "chart" }, h("figcaption", {}, this.words, " ", this.whole), this.svg, this.values);
     const listen = { pointermove: this.hover, pointerleave: this.leave, pointerdown: this.take, pointerup: this.drop,
       pointercancel: this.leave, keydown: this.key, blur: this.leave, dblclick: () => this.show(this.spec, null) };
     for (const [event, act] of Object.entries(listen)) this.svg.addEventListener(event, act.bind(this));
-    new ResizeObserver(() => this.spec && this.width !== this.node.clientWidth && this.draw()).observe(this.node);
+    new ResizeObserver(([entry]) => this.resized(entry.contentRect.width)).observe(this.node);
   }
   show(spec, zoom = this.zoom) { // the part of the axis that is looked at stays while the whole axis does
     const same = this.spec && this.spec.x.low === spec.x.low && this.spec.x.high === spec.x.high;
@@ -48,15 +48,22 @@ class Chart {
     this.whole.hidden = !this.zoom;
     this.draw();
   }
+  unzoom() { // the button goes, and the focus with it, if nobody takes it
+    this.show(this.spec, null);
+    this.svg.focus();
+  }
+  resized(width) {
+    if (this.spec && width !== this.width) this.draw(width);
+    this.width = width;
+  }
   make(name, attributes, words, inside = this.svg) {
     const node = document.createElementNS(SVG, name);
     for (const [key, value] of Object.entries(attributes)) if (value !== undefined) node.setAttribute(key, value);
     if (words !== undefined) node.textContent = words;
     return inside.appendChild(node);
   }
-  draw() {
-    const { spec, height } = this, width = Math.max(240, this.node.clientWidth || 300);
-    this.width = this.node.clientWidth;
+  draw(space = this.width ?? this.node.clientWidth) { // a width that is known costs no layout of the page
+    const { spec, height } = this, width = Math.max(240, space || 300);
     this.x = this.zoom ?? spec.x;
     const [low, high] = this.levels();
     const box = { left: 52, right: width - 18, top: 8, bottom: height - 34 };
@@ -86,8 +93,9 @@ class Chart {
     if (!levels.length) levels = [0];
     let low = Math.min(...levels), high = Math.max(...levels);
     if (spec.most !== undefined) high = Math.max(low, Math.min(high, spec.most)); // what goes beyond is cut, and said so
+    if (spec.least !== undefined) low = Math.min(high, Math.max(low, spec.least));
     const room = 0.12 * (high - low || Math.abs(high) || 1); // for the names of limits, too
-    return [low < 0 || this.zoom ? low - room : low, high + room];
+    return [low < 0 || this.zoom || spec.least !== undefined ? low - room : low, high + room];
   }
   axes(spec, box, low, high, height) {
     for (const y of ticks(low, high, 4)) {

@@ -8,6 +8,7 @@ class ReportCharts {
     this.switches();
     this.laws();
     this.motion();
+    this.phases();
     this.band();
     this.search();
     this.show();
@@ -116,10 +117,47 @@ class ReportCharts {
       return lines.length ? { x: closing, lines, include: [0, top], most: top, places, says: `up to ${shown(top)} mm`,
         limits: bounce.map((value) => ({ value, name: `bounce limit ${shown(value)}` })) } : null;
     });
+    this.phasePlane(of, bounce[0]);
     const force = this.data.quantities.find((q) => q.key === "contact_force_max_N").limits;
     this.moving.contacts.forEach((e, k) => {
       if (k !== this.moving.seat) chart(`Force of ${this.moving.drawing.elements[e].name}`, "N", x, (c) => of(c)?.force_N[k], force);
     });
+  }
+
+  // ---- phases of the motion: its phase plane at one speed, and where they change from speed to speed
+  led({ x, lines, says, ...spec }) { // the axis made for the leading cams; which others are cut there is said
+    if (!lines.length) return null;
+    const leading = new Set(this.leading(this.shown()).map((c) => c.name));
+    const inside = (line) => line.y.filter((v, i) => v !== null && line.x[i] >= x.low && line.x[i] <= x.high);
+    const levels = lines.filter((l) => leading.has(l.cam)).flatMap(inside), least = Math.min(...levels), most = Math.max(...levels);
+    if (!levels.length) return { x, lines, limits: [], says, ...spec };
+    const cut = new Set(lines.filter((l) => inside(l).some((v) => v < least || v > most)).map((l) => l.cam));
+    return { x, lines, limits: [], least, most, says: says + (cut.size ? `; cut at this axis: ${[...cut].join(", ")}` : ""), ...spec };
+  }
+  phasePlane(of, bounce) {
+    const { seat, cams } = this.moving, near = 4 * (bounce || 0.02);
+    const most = Math.max(...cams.flatMap((c) => c.motions.flatMap((m) => m.separation_um[seat]))) / 1000;
+    for (const [title, high] of [["Phase plane", 1.02 * most], ["Phase plane, close to the seat", near]]) {
+      const x = { label: "valve above its seat [mm]", low: 0, high };
+      this.place("charts-motion", `${title}: velocity of the valve`, "m/s", () => this.led({ x, include: [0],
+        says: "opening above zero, closing below; a loop at the seat is a bounce",
+        lines: this.shown().filter(of).map((c) => ({ name: c.name, cam: c.name, colour: c.colour, dashes: c.dashes,
+          x: of(c).separation_um[seat].map((um) => um / 1000), y: of(c).valve_mm_per_s.map((v) => v / 1000) })) }));
+    }
+  }
+  phases() {
+    const { step_deg: step, seat, cams } = this.moving, speeds = cams.flatMap((c) => c.motions.map((m) => m.speed_rpm));
+    const low = Math.min(...speeds), high = Math.max(...speeds), room = 0.03 * (high - low);
+    if (!room) return;
+    const x = { label: "crankshaft speed [r/min]", low: low - room, high: high + room };
+    const found = new Map(cams.map((c) => [c.name, c.motions.map((m) => ({ speed: m.speed_rpm, ...turns(m.separation_um[seat], step) }))]));
+    const line = (c, key, name, dashes) => ({ name, cam: c.name, colour: c.colour, dashes, x: found.get(c.name).map((at) => at.speed),
+      y: found.get(c.name).map((at) => at[key]), dots: found.get(c.name).map(() => key !== "rests") });
+    const place = (title, says, lines) => this.place("charts-band", title, "deg", () => this.led({ x, says,
+      lines: this.shown().filter((c) => found.has(c.name)).flatMap(lines) }));
+    place("Cam angle at which the valve opens", "at the listed speeds", (c) => [line(c, "opens", c.name, c.dashes)]);
+    place("Cam angle at which the valve touches its seat, and rests there", "dotted: after its last bounce",
+      (c) => [line(c, "touches", `${c.name} touches`, c.dashes), line(c, "rests", `${c.name} rests`, [1, 4])]);
   }
 
   // ---- over the band
@@ -151,4 +189,19 @@ class ReportCharts {
     this.place("charts-search", "Worst bounce", "mm", () => ({ x, places, include: [0, ...bounce], limits: bounce.map((value) => ({ value, name: `limit ${shown(value)}` })),
       lines: [line(search.worst_bounce_mm, { name: "step", dots: search.confirmed, dashes: [2, 3] })], says: "filled: every limit holds at the searched speeds" }));
   }
+}
+
+function turns(separation, step) { // cam angles [deg] at which the valve opens, touches its seat first, and last; null: never
+  const top = separation.indexOf(Math.max(...separation)), end = separation.length - 1;
+  if (!(separation[top] > 0)) return { opens: null, touches: null, rests: null };
+  const crossed = (open, inside) => { // between the closed sample before `open` and it, along the line of the two within
+    const slope = separation[open + inside] - separation[open];
+    return open - inside * Math.min(1, slope > 0 ? separation[open] / slope : 1);
+  };
+  let first = top, last = top, final = end;
+  while (first > 0 && separation[first - 1] > 0) first -= 1;
+  while (last < end && separation[last + 1] > 0) last += 1;
+  while (final > last && !(separation[final] > 0)) final -= 1;
+  const angle = (i) => -180 + step * i;
+  return { opens: angle(crossed(first, 1)), touches: last === end ? null : angle(crossed(last, -1)), rests: final === end ? null : angle(crossed(final, -1)) };
 }

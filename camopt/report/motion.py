@@ -93,8 +93,8 @@ def animation(cams: RunCams) -> tuple[dict | None, list[str]]:
     """What the page's script draws (None without a motion), and sentences on what is left out.
 
     `drawing` is the train's; `cams` holds contour, lift and motions of each cam. A motion: position_um (mass by angle),
-    force_N and separation_um (contact by angle), from -180 to 180 deg, by event-exact, settled or the last revolution
-    that was run (`periodic`).
+    valve_mm_per_s (by angle), force_N and separation_um (contact by angle), from -180 to 180 deg, by event-exact,
+    settled or the last revolution that was run (`periodic`).
     """
     scene, left_out = cams.scene, list(cams.left_out)
     if scene is None or not cams.lifts:
@@ -126,7 +126,7 @@ def _moved(
 ) -> tuple[list[dict], float]:
     """The cams with their motions and the step [deg] between samples; what is refused goes into `left_out`."""
     speeds = scene.operation.speeds_rpm if scene.operation else ()
-    per_sample = (len(train.mass) + 2 * len(contacts)) * len(cams.lifts) * len(speeds)
+    per_sample = (len(train.mass) + 1 + 2 * len(contacts)) * len(cams.lifts) * len(speeds)
     step = next((s for s in STEPS_DEG if per_sample * 360 / s <= MOST_NUMBERS), STEPS_DEG[-1])
     entries = []
     for name, lift in cams.lifts.items():
@@ -163,6 +163,7 @@ def last_revolution_numbers(settled: Settled, step_deg: float, contacts: list[in
     return {
         "periodic": settled.periodic,
         "position_um": _rounded(record.x[last].T / UM, 0),
+        "valve_mm_per_s": _rounded(record.v[last, record.train.valve] / MM, 0),
         "force_N": _rounded(record.force[last][:, contacts].T, 1),
         "separation_um": _rounded(np.array([record.separation(e)[last] for e in contacts]) / UM, 1),
     }

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 
+from camopt.measure.reserve import reserve_sentences
 from camopt.report.folder import RunFolder
 from camopt.report.limits import demanded
 from camopt.report.wording import in_words, label_and_unit, shown
@@ -68,7 +69,17 @@ def outcome_lines(run: RunFolder) -> list[str]:
     reason = run.verification.get("reason")
     why = f". {reason}" if isinstance(reason, str) and reason else ""
     verdict_line = f"verdict: {verdict}" + (f" (broken: {'; '.join(broken)})" if broken else why)
-    return [*lines, verdict_line, *yield_sentences(run)]
+    return [*lines, verdict_line, *reserve(run), *yield_sentences(run)]
+
+
+def reserve(run: RunFolder) -> list[str]:
+    """Sentences on the speeds at which the design's jump and bounce exceed their limits; none where nobody looked."""
+    starts, band = (run.verification.get(key) for key in ("limits", "band"))
+    design, operation = (run.scene.get(key) for key in ("design", "operation"))
+    ends = operation.get("band_rpm") if isinstance(operation, dict) else None
+    if not band or not isinstance(starts, dict) or not isinstance(ends, list):
+        return []  # null then says that nobody looked, not that there is none
+    return reserve_sentences(starts, design if isinstance(design, dict) else {}, (ends[0], ends[1]))
 
 
 def lift_sentence(run: RunFolder) -> list[str]:
@@ -78,8 +89,8 @@ def lift_sentence(run: RunFolder) -> list[str]:
     if not is_number(reached) or not is_number(cap) or reached > cap - LOW_MM:
         return []
     return [
-        f"The highest lift of {shown(reached, 5)} mm stays {shown(cap - reached, 3)} mm below max_lift_mm: more costs "
-        f"area under the scene's limits; reach_max_lift = true would ask for it."
+        f"The highest lift of {shown(reached, 5)} mm stays {shown(cap - reached, 3)} mm below max_lift_mm: under the "
+        f"scene's limits a higher nose would leave less area. reach_max_lift = true asks for the whole lift."
     ]
 
 

@@ -24,6 +24,7 @@ from camopt.report.outcome import (
     gain_sentences,
     lift_sentence,
     outcome_rows,
+    reserve,
     yield_rows,
 )
 from camopt.report.summary import facts, next_steps, sketch
@@ -113,7 +114,7 @@ def render(run: RunFolder, cams: RunCams) -> str:
             areas=area_rows(run),
             groups=comparison_groups(run),
             comparison=comparison_table(run),
-            floats=floats(run),
+            reserve=reserve(run),
             worth=worth_rows(run),
             facts=facts(run, cams),
             sketch=_sketch(cams),
@@ -202,21 +203,7 @@ def headline(run: RunFolder) -> list[str]:
         sentences.append(
             f"Verified at {in_words(speeds)} r/min and at no speed between: the band was not asked for (--speeds band)."
         )
-    return sentences + contact_sentence(run) + floats(run)
-
-
-def floats(run: RunFolder) -> list[str]:
-    """Sentences on the speeds at which the design's jump and bounce begin; none where they were not sought."""
-    starts = run.verification.get("limits") or {}
-    if not run.verification.get("band"):
-        return []  # null then says that nobody looked, not that there is none
-    sentences = []
-    for key, word in (("first_jump_rpm", "Jump"), ("first_bounce_rpm", "Bounce")):
-        if key in starts:
-            at = starts[key]
-            where = f"begins at {shown(at)} r/min" if is_number(at) else "does not begin below 1.5 times the band's top"
-            sentences.append(f"{word} {where}.")
-    return sentences
+    return sentences + contact_sentence(run) + reserve(run)
 
 
 def accuracy(run: RunFolder) -> list[str]:

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camopt.cam.geometry import contact, crossing
+from camopt.cam.geometry import crossing, smallest_radii
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import linear_limits
-from camopt.scene.design import Design
+from camopt.scene.design import RADII, Design
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 
 LABELS = {
@@ -75,7 +75,7 @@ def _lift_and_ramps(lift: Lift, design: Design) -> Iterator[Reached]:
 
 
 def _drawn(lift: Lift, design: Design) -> Iterator[Reached]:
-    """The limits of an engineer's drawing: those that are linear, the durations at a lift, and a roller's radii."""
+    """The limits of a drawing: those that are linear, the durations at a lift, the radii under a roller or pad."""
     found: dict[str, Reached] = {}
     for linear in linear_limits(design):
         if linear.chosen:
@@ -93,12 +93,10 @@ def _drawn(lift: Lift, design: Design) -> Iterator[Reached]:
         for bound, is_least in ((least_deg, True), (most_deg, False)):
             yield Reached("duration_at", f"duration at {height:g} mm", "deg", long, bound, is_least, "the crossings")
     geometry = design.geometry
-    if geometry is not None and geometry.follower == "roller":
-        radii = contact(lift, geometry)
-        concave = radii.smallest_concave
-        sizes = {"nose_radius_min_mm": radii.smallest_convex, "concave_radius_min_mm": concave}
-        for key, size in sizes.items():
-            if getattr(design, key) is not None and size is not None:
+    asked = [key for key in RADII if getattr(design, key) is not None]
+    if asked and geometry is not None and geometry.contact_radius_mm is not None:
+        for key, size in zip(RADII, smallest_radii(lift, geometry), strict=True):
+            if key in asked and size is not None:
                 yield Reached(key, *LABELS[key], size / MM, getattr(design, key), least=True)
 
 

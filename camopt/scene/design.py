@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Annotated, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
+from camopt.scene.geometry import SWINGING
 from camopt.scene.table import NonNegative, Positive, Table, Usable
 from camopt.scene.units import RPM
 
@@ -17,9 +18,11 @@ NARROWEST = 1e-3
 """Least width of a window, in mm or deg: below it no cam can be ground."""
 FEWEST_WAVES = 3
 """Sign changes of the jerk that no cam between two ramps can do without."""
+RADII = ("nose_radius_min_mm", "concave_radius_min_mm")
+"""Limits on the cam's radius of curvature, where it is convex and where it is concave."""
 DRAWN_FOR = {
-    "nose_radius_min_mm": ("flat", "roller"),
-    "concave_radius_min_mm": ("roller",),
+    "nose_radius_min_mm": ("flat", "roller", *SWINGING),
+    "concave_radius_min_mm": ("roller", *SWINGING),
     "entrainment_min_m_per_s": ("flat",),
 }
 """Limits that depend on the follower, and the followers that have them."""
@@ -27,27 +30,16 @@ Window = tuple[float, float, float]
 Windows = Annotated[tuple[Window, ...], Field(max_length=MOST_WINDOWS)]
 
 
-def _instead(key: str) -> str:
-    """What to do about a limit that camopt cannot hold for the follower."""
-    if "radius" not in key:
-        return "leave it out"
-    smaller = (
-        "acceleration_min_mm_per_deg2 nearer to zero" if key.startswith("nose") else "a smaller largest acceleration"
-    )
-    return (
-        f"leave it out, read the design's smallest radii with `camopt cam`, and where they are too small give "
-        f"{smaller} or a larger base_radius_mm"
-    )
-
-
 class Piston(Table):
     """The piston that the valve must keep clear of, driven by a crank and a rod.
 
-    `gap_at_top_mm` is the distance between the closed valve and the piston's pocket where the piston is highest,
-    along the valve's axis, as `clearance_mm` is, the least distance that must be left. `valve_angle_deg` lies between
-    the valve's axis and the cylinder's. `lobe_centre_deg` is the cam's angle zero in crank degrees after the piston is
-    highest, negative before. `pin_offset_mm` is that of the cylinder's axis from the crank's, positive to the side
-    to which the crank leans in the quarter turn after the top; `stroke_mm` is twice the crank's radius.
+    `gap_at_top_mm` is the distance between the closed valve and the piston's pocket where the piston is highest, and
+    `clearance_mm` the least distance that must be left; both are along the valve's axis. `valve_angle_deg` lies between
+    the valve's axis and the cylinder's.
+
+    `lobe_centre_deg` says how many crank degrees after the piston's highest position the cam's angle zero comes; it is
+    negative before. `pin_offset_mm` is the distance of the cylinder's axis from the crank's, positive to the side to
+    which the crank leans in the quarter turn after the top. `stroke_mm` is twice the crank's radius.
     """
 
     stroke_mm: Positive
@@ -72,8 +64,10 @@ class Design(Table):
 
     `waves_max` is how often the jerk may change its sign inside the duration: 3 times without a ripple of the
     acceleration, and each ripple adds two.
-    `lift_at` has rows of [angle_deg, min_mm, max_mm]: the lift at a cam angle. `duration_at` has rows of
-    [lift_mm, min_deg, max_deg]: the cam degrees between the first and the last angle at which the lift is that high.
+
+    `lift_at` has rows of [angle_deg, min_mm, max_mm]: the least and the largest lift at a cam angle. `duration_at` has
+    rows of [lift_mm, min_deg, max_deg]: the fewest and the most cam degrees between the first and the last angle at
+    which the lift is that high.
     """
 
     duration_deg: Annotated[float, Field(gt=0, lt=300), Usable]
@@ -136,23 +130,22 @@ class Design(Table):
             if getattr(self, key) is not None and follower is None:
                 faults.append(f"{key} needs [geometry] with the follower and the base circle's radius")
             elif getattr(self, key) is not None and follower not in followers:
-                kinds = " and ".join(followers)
-                faults.append(f"{key} is for {kinds} followers, and that of [geometry] is {follower}: {_instead(key)}")
-        if self._geometry is not None and follower == "roller":
-            faults += self._beyond_the_roller(self._geometry)
+                kinds = ", ".join(followers[:-1]) + " and " * (len(followers) > 1) + followers[-1]
+                faults.append(f"{key} is for {kinds} followers, and that of [geometry] is {follower}: leave it out")
+        if self._geometry is not None and self._geometry.contact_radius_mm is not None:
+            faults += self._beyond_the_circle(self._geometry, self._geometry.contact_radius_mm)
         if (self.piston or self.entrainment_min_m_per_s) and self._operation is None:
             faults.append("piston and entrainment_min_m_per_s need [operation] with the speeds and cam_per_crank")
         return faults
 
-    def _beyond_the_roller(self, geometry: "Geometry") -> list[str]:
-        """Sentences on radii of the cam that a roller of this size cannot be held to."""
-        assert geometry.roller_radius_mm is not None, "by its schema"
-        faults, roller, nose = [], geometry.roller_radius_mm, self.nose_radius_min_mm
-        if self.concave_radius_min_mm is not None and self.concave_radius_min_mm <= roller:
-            faults.append(f"concave_radius_min_mm must exceed roller_radius_mm = {roller:g}, or the roller undercuts")
-        if nose is not None and 4 / 3 * (nose + roller) > geometry.base_radius_mm + roller:
-            largest = 3 / 4 * (geometry.base_radius_mm + roller) - roller
-            faults.append(f"nose_radius_min_mm must be at most {largest:g} on this base circle and roller")
+    def _beyond_the_circle(self, geometry: "Geometry", circle: float) -> list[str]:
+        """Sentences on radii of the cam that a roller or pad of this radius [mm] cannot be held to."""
+        faults, nose, base = [], self.nose_radius_min_mm, geometry.base_radius_mm
+        what = "roller" if geometry.roller_radius_mm is not None else "pad"
+        if self.concave_radius_min_mm is not None and self.concave_radius_min_mm <= circle:
+            faults.append(f"concave_radius_min_mm must exceed {what}_radius_mm = {circle:g}, or the {what} undercuts")
+        if nose is not None and nose > base:
+            faults.append(f"nose_radius_min_mm must be at most base_radius_mm = {base:g}, which every cam has")
         return faults
 
     @field_validator("nose_deg")

@@ -51,19 +51,25 @@ ForceTable = Annotated[tuple[tuple[float, float], ...], Field(min_length=2, max_
 class Element(Table):
     """What stands between two masses, or a mass and the ground: a spring, a contact, an adjuster or a friction element.
 
-    A "spring" acts both ways and a "contact" pushes, never pulls. `law` says how their elastic force grows with the
-    compression (see `camopt.scene.laws`). Under "linear" it grows by `stiffness_N_per_m`. Under "hertz", which only
-    contacts may have, it grows with the power `exponent` (1.5 where left out) of the compression, and
-    `stiffness_N_per_m` is its factor [N/m^exponent]. Under "progressive" the stiffness itself follows
-    `stiffness_table`, rows of [compression_mm, stiffness_N_per_m]. Under "table" the force follows `force_table`, rows
-    of [compression_mm, force_N] joined by straight lines, whose ends go on. Rows ascend. `preload_N` is the elastic
-    force at compression zero.
+    A "spring" pushes and pulls; a "contact" pushes and never pulls. `preload_N` is the elastic force at compression
+    zero. `law` says how the elastic force grows with the compression (see `camopt.scene.laws`):
 
-    An "adjuster" is a hydraulic lash adjuster, installed in the middle of its `stroke_mm`: a plunger spring of
-    `spring_N_per_m` with `preload_N`, and beside it an oil column of `stiffness_N_per_m` that leaks, with the force
+    - Under "linear" it grows by `stiffness_N_per_m`.
+    - Under "hertz", which only contacts may have, it grows with the power `exponent` (1.5 where left out) of the
+      compression, and `stiffness_N_per_m` is its factor [N/m^exponent].
+    - Under "progressive" the stiffness itself follows `stiffness_table`, rows of [compression_mm, stiffness_N_per_m].
+    - Under "table" the force follows `force_table`, rows of [compression_mm, force_N] joined by straight lines, whose
+      ends go on.
+
+    The rows of a table ascend.
+
+    An "adjuster" is a hydraulic lash adjuster, installed in the middle of its `stroke_mm`. It has a plunger spring of
+    `spring_N_per_m` with `preload_N`, and beside it an oil column of `stiffness_N_per_m`. The oil leaks, with the force
     `leak_N_s_per_m` for each m/s, and refills without force; the ball of its valve travels by `check_travel_mm` before
-    it shuts. Its stops are as stiff as the oil. A "friction" element sticks, with the stiffness `stiffness_N_per_m`,
-    until its force reaches `slip_N`, and then slides (Jenkins 1962).
+    it shuts. The stops of the plunger are as stiff as the oil.
+
+    A "friction" element sticks, with the stiffness `stiffness_N_per_m`, until its force reaches `slip_N`, and then
+    slides (Jenkins 1962).
     """
 
     name: Name

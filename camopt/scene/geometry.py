@@ -23,19 +23,23 @@ BELONGS = {
 class Geometry(Table):
     """Follower and cam body, for curvature, contact, stress and oil film along the cam.
 
-    A flat face or a roller moves along the valve's axis, through the cam's; `rocker_ratio` is valve lift over follower
-    lift. A finger or rocker swings about `pivot_mm` = [across, along]: coordinates from the cam's axis, along the
-    valve's axis and positive where the valve opens to, across it and positive against the way in which the cam's
-    surface runs where it faces the opening. `arm_mm` is the distance from the pivot to the centre of the roller or of
-    the pad's circle that rides on the cam; `valve_arm_mm` that to the centre of the pad on the flat valve tip, and
-    `valve_arm_deg` the angle of that arm against the square to the valve's axis with the valve shut, positive where it
-    points the way the valve opens. Seen from the pivot the valve lies on the cam's side for a finger, on the other for
-    a rocker.
+    A flat face or a roller moves along the valve's axis, which passes through the cam's. `rocker_ratio` is valve lift
+    over follower lift.
 
-    `face_width_mm` is the flat face's extent across the cam's axis; `contact_width_mm`, along it, is the length of the
-    line of contact, by default the face width. The moduli and Poisson's ratios default to steel's. The oil film needs
-    `oil_viscosity_mPa_s` at the temperature of the contact, `oil_pressure_viscosity_per_GPa` and `roughness_um`, root
-    mean square of cam and follower together.
+    A finger or rocker swings about `pivot_mm` = [across, along], in coordinates from the cam's axis. Along the valve's
+    axis they are positive the way the valve opens. Across it they are positive against the way in which the cam's
+    surface runs on the side to which the valve opens.
+
+    `arm_mm` is the distance from the pivot to the centre of the roller, or of the circle of the pad, that rides on the
+    cam. `valve_arm_mm` is the distance from the pivot to the centre of the pad on the flat valve tip. `valve_arm_deg`
+    is the angle of that arm against the square to the valve's axis with the valve shut, positive where it points the
+    way the valve opens. Seen from the pivot the valve lies on the cam's side for a finger, on the other for a rocker.
+
+    `face_width_mm` is the flat face's extent across the cam's axis. `contact_width_mm`, along it, is the length of the
+    line of contact, by default the face width. The moduli and Poisson's ratios default to steel's.
+
+    The oil film needs `oil_viscosity_mPa_s` at the temperature of the contact, `oil_pressure_viscosity_per_GPa` and
+    `roughness_um`, the root mean square of cam and follower together.
     """
 
     follower: Literal["flat", "roller", "finger", "rocker"]

@@ -18,7 +18,10 @@ AS_BUILT = {"tolerance", "grinding"}
 
 
 class Mass(Table):
-    """A mass on the valve axis; `damping_N_s_per_m` acts to ground, `force_N` is constant and positive opens."""
+    """A mass on the valve's axis.
+
+    `damping_N_s_per_m` is a damper to ground. `force_N` is a constant force; a positive one opens the valve.
+    """
 
     name: Name
     mass_kg: Positive
@@ -32,7 +35,7 @@ class Force(Table):
     """A force on a mass that repeats with the cam angle, such as that of the gas on a valve.
 
     `table` has rows of [cam_angle_deg, force_N], joined by straight lines, from -180 to 180 with the same force at
-    both; positive opens.
+    both. A positive force opens the valve.
     """
 
     on: str

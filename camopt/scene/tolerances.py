@@ -41,11 +41,12 @@ class Tolerance(Table):
     """How one number, or several, scatter from train to train.
 
     `of` is NAME.KEY of a mass or an element; with "*" as NAME it is each of them whose number under the key is not
-    zero, every one with a draw of its own. Where `of` is an array, one draw moves all its numbers together. A draw
-    adds to the number its share `relative`, or `plus_minus` in the key's own unit: the standard deviation under
-    "normal", which is cut off at `camopt.scene.as_built.REACH` of them, and half the width under "uniform". Under
-    "lognormal" it multiplies the number by exp(relative * a standard normal draw). `name` is what results call the
-    tolerance, by default `of` itself.
+    zero, every one with a draw of its own. Where `of` is an array, one draw moves all its numbers together.
+
+    How far a draw moves the number is given as its share `relative`, or as `plus_minus` in the key's own unit. Either
+    is the standard deviation under "normal", which is cut off at `camopt.scene.as_built.REACH` of them, and half the
+    width under "uniform". Under "lognormal" a draw multiplies the number by exp(relative * a standard normal draw).
+    `name` is what results call the tolerance, by default `of` itself.
     """
 
     of: Annotated[str | tuple[str, ...], BeforeValidator(_text_or_texts)]

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from camopt.measure.reserve import reserve_sentences
 from camopt.verifier.worst import worst_in
 
 if TYPE_CHECKING:
@@ -29,10 +30,10 @@ COLUMNS = {
 TEXT = {
     "speed_rpm": ("r/min", 8),
     "bounce_mm": ("bounce mm", 10),
-    "jump_mm": ("jump mm", 8),
-    "jump_deg": ("jump deg", 8),
-    "contact_force_min_N": ("least N", 8),
-    "contact_force_max_N": ("peak N", 8),
+    "jump_mm": ("jump mm", 10),
+    "jump_deg": ("jump deg", 10),
+    "contact_force_min_N": ("least N", 10),
+    "contact_force_max_N": ("peak N", 10),
     "seating_velocity_m_per_s": ("seating m/s", 11),
 }
 MOST_LINES = 20
@@ -55,7 +56,17 @@ def text(verdict: "Verdict") -> str:
         lines.append(_line({name: one and one.speed_rpm for name, one in worst.items()}, "r/min"))
     reason = f". {verdict.reason}" if verdict.reason else ""
     says = [f"{verdict.shape_says}."] * bool(verdict.shape_says)
-    return "\n".join([*lines, verdict.accuracy["statement"], *says, f"verdict: {verdict.verdict}{reason}"])
+    return "\n".join(
+        [*lines, verdict.accuracy["statement"], *says, f"verdict: {verdict.verdict}{reason}", *_reserve(verdict)]
+    )
+
+
+def _reserve(verdict: "Verdict") -> list[str]:
+    """How far beyond the scene's band the cam keeps its limits, where a band was swept."""
+    scene, limits = verdict.scene, verdict.as_dict()["limits"]
+    if verdict.band is None or scene is None or scene.operation is None:
+        return []
+    return reserve_sentences(limits, scene.design.model_dump() if scene.design else {}, scene.operation.band_rpm)
 
 
 def _judged_speeds(band: "Band", rows: list[dict]) -> str:

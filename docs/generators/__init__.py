@@ -18,6 +18,11 @@ from docs.generators.results import RESULTS
 
 NOTEBOOK_LINK = re.compile(r"\]\(\.\./((?:\.\./)*)notebooks/")
 """A link from a page to a notebook of the repository; within the site they are beside each other."""
+FIGURE = re.compile(r"^!\[([^\]]+)\]\(.*\)$", re.MULTILINE)
+"""A figure of a result on a line of its own, whose description is shown below it as well."""
+WITH_CAPTIONS = ("results/", "validation/")
+CODE = re.compile(r'(?<=<span class="pre">)[^<]+')
+"""A word that is set as code, in HTML."""
 DATA = Path(__file__).parents[1] / "claims.toml"
 
 
@@ -25,6 +30,7 @@ def setup(app) -> dict:
     """Called by Sphinx."""
     _bring_notebooks(Path(app.srcdir))
     app.connect("source-read", _fill)
+    app.connect("html-page-context", _let_names_break)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
 
 
@@ -45,4 +51,12 @@ def _fill(app, page: str, source: list[str]) -> None:
     if filled != source[0]:
         for path in (DATA, *RESULTS.glob("*.json")):
             app.env.note_dependency(str(path))
+    if page.startswith(WITH_CAPTIONS):
+        filled = FIGURE.sub(r"\g<0>\n\n*\1.*", filled)
     source[0] = NOTEBOOK_LINK.sub(r"](\1notebooks/", filled)
+
+
+def _let_names_break(app, page: str, template: str, context: dict, tree) -> None:
+    """Allows a line to break inside names and choices, which the style sheet uses in tables on narrow screens."""
+    if "body" in context:
+        context["body"] = CODE.sub(lambda word: re.sub("[_,]", r"\g<0><wbr>", word[0]), context["body"])

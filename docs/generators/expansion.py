@@ -6,6 +6,7 @@ from collections.abc import Callable
 from docs.generators.claims import claims
 from docs.generators.commands import commands
 from docs.generators.python_names import docstring, python_names
+from docs.generators.questions import questions
 from docs.generators.results import filled_numbers
 from docs.generators.scene_keys import scene_keys
 from docs.generators.tables import origin, result_table, rows_table
@@ -17,6 +18,7 @@ KINDS: dict[str, Callable[[str], str]] = {
     "docstring": docstring,
     "origin": origin,
     "python": python_names,
+    "questions": questions,
     "scene-keys": scene_keys,
     "result-table": result_table,
     "rows": rows_table,

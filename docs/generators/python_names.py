@@ -23,7 +23,7 @@ def _signature(what) -> str:
     """Parameters and defaults; types stand in the words below."""
     bare = [p.replace(annotation=inspect.Parameter.empty) for p in inspect.signature(what).parameters.values()]
     text = str(inspect.Signature(bare))
-    return re.sub(r"<function .*?>", "<function>", text)
+    return re.sub(r"<function .*? at 0x[0-9a-f]+>", "<function>", text)
 
 
 def docstring(content: str) -> str:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from camopt import load_scene, multi_pol
+from camopt.cam.geometry import smallest_radii
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.baselines.comparison import member_or_sentence
 from camopt.scene import InputError
@@ -64,3 +65,27 @@ def test_a_family_that_cannot_hold_a_limit_says_so_and_polydyne_is_named_as_brea
     said = member_or_sentence(scene, "polydyne")
     assert isinstance(said, str)
     assert "nose_radius_min_mm" in said
+
+
+FINGER = KODAMA.geometry
+
+
+@pytest.mark.parametrize("limit", [{"snap_max_mm_per_deg4": 5e-4}, {"waves_max": 3}, {"nose_radius_min_mm": 11.0}])
+def test_a_limit_that_a_familys_search_does_not_hold_is_named_as_broken(limit):
+    """Snap, waves, radii under a finger: the member is that without the limit, and is no baseline beyond 10 %."""
+    scene, (key,) = scene_with(FINGER, **limit), limit
+    member = multi_pol(scene, SECTIONS)
+    assert member.coefficients == pytest.approx(multi_pol(scene_with(FINGER), SECTIONS).coefficients)
+    assert broken_by_shape(member, scene.design) == [key]
+    said = member_or_sentence(scene, f"multi-pol:sections_deg={'/'.join(map(str, SECTIONS))}")
+    assert isinstance(said, str) and f"its member breaks {key} by up to" in said
+    assert said.startswith("multi-pol: no cam to compare with")
+
+
+def test_a_member_that_nearly_holds_a_radius_is_compared_and_named_as_breaking_it():
+    scene = scene_with(FINGER)
+    reached = smallest_radii(multi_pol(scene, SECTIONS), FINGER)[0] / MM
+    asked = scene_with(FINGER, nose_radius_min_mm=1.02 * reached)
+    member = member_or_sentence(asked, f"multi-pol:sections_deg={'/'.join(map(str, SECTIONS))}")
+    assert not isinstance(member, str)
+    assert broken_by_shape(member, asked.design) == ["nose_radius_min_mm"]

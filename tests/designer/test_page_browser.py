@@ -126,10 +126,10 @@ def test_undo_redo_reset_and_pin(open_page):
     second = page.locator(".result").inner_text()
     assert first != second and page.locator(".line.pinned").count() >= 4
     assert "Against the pinned design" in page.locator(".compared").inner_text()
-    page.get_by_role("button", name="Undo").click()
+    page.get_by_role("button", name="Undo").press("Enter")
     rest(page)
     assert page.locator(".result").inner_text() == first
-    page.get_by_role("button", name="Redo").click()
+    page.keyboard.press("Enter")  # Undo is disabled, and the focus has gone on to Redo
     rest(page)
     assert page.locator(".result").inner_text() == second
     page.get_by_role("button", name="Reset").click()
@@ -168,9 +168,9 @@ def test_it_says_that_nothing_is_confirmed_and_a_verdict_can_be_cancelled(open_p
     page = open_page()
     status = page.locator(".status")
     assert status.inner_text() == "event-exact only, not confirmed"
-    page.get_by_role("button", name="Verify").click()
+    page.get_by_role("button", name="Verify").press("Enter")
     wait(page, lambda: "verdict running" in status.inner_text())
-    page.get_by_role("button", name="Cancel").click()
+    page.keyboard.press("Enter")  # Verify is hidden, and the focus has gone on to Cancel
     wait(page, lambda: "was cancelled" in status.inner_text())
     assert status.inner_text().startswith("event-exact only, not confirmed")
 

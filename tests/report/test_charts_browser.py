@@ -1,9 +1,15 @@
 """The report's charts and its first screen in a real browser: values under the pointer, a closer look, cams on and off,
 nothing cut, nothing fetched, nothing serious for those who cannot see or point."""
 
+import numpy as np
 import pytest
 
+from camopt.exact.engine import prepare
+from camopt.measure.settling import settled_from_rest
+from camopt.scene import build_train, load_scene
 from camopt.scene.units import DEG, MM
+
+SCENE = load_scene("kodama")
 
 
 def chart(page, place: str, title: str):
@@ -76,6 +82,40 @@ def test_another_speed_changes_the_motion(open_page):
     before = figure.locator(".line").first.get_attribute("d")
     page.locator("#motion-speed select").select_option("5000")
     assert figure.locator(".line").first.get_attribute("d") != before
+
+
+def slowest(page, title: str) -> dict[str, float]:
+    """What a chart over the speeds says at their lowest one, by its lines."""
+    figure = chart(page, "charts-band", title)
+    figure.scroll_into_view_if_needed()
+    box = figure.locator("> svg").bounding_box()
+    page.mouse.move(box["x"] + 53, box["y"] + box["height"] / 2)
+    where, words = figure.locator(".values").inner_text().replace("−", "-").split(": ")
+    assert where == f"crankshaft speed {min(SCENE.operation.speeds_rpm):g}"
+    return {name: float(value) for name, value in (row.rsplit(" ", 1) for row in words.split(", "))}
+
+
+def test_phases_by_speed_are_those_of_the_motion(open_page, lifts):
+    page, train = open_page(), build_train(SCENE)
+    opens, touches = slowest(page, "the valve opens"), slowest(page, "touches its seat")
+    for name, lift in lifts.items():
+        record = settled_from_rest(prepare, train, lift, SCENE.cam_speed(min(SCENE.operation.speeds_rpm))).response
+        last = record.angle >= record.angle[-1] - 2 * np.pi
+        angle, apart = record.angle[last] - record.angle[-1] + np.pi, record.seat_separation()[last]
+        closed, top = np.flatnonzero(apart <= 0), np.argmax(apart)
+        assert opens[name] == pytest.approx(angle[closed[closed < top][-1]] / DEG, abs=0.3)
+        assert touches[f"{name} touches"] == pytest.approx(angle[closed[closed > top][0]] / DEG, abs=0.3)
+        assert touches[f"{name} rests"] >= touches[f"{name} touches"] - 1e-9
+
+
+def test_the_phase_plane_is_that_of_the_chosen_speed(open_page):
+    page = open_page()
+    figure = chart(page, "charts-motion", "Phase plane: velocity")
+    before = figure.locator(".line").first.get_attribute("d")
+    assert before.count("L") > 200  # points while the valve is open
+    page.locator("#motion-speed select").select_option("5000")
+    assert figure.locator(".line").first.get_attribute("d") != before
+    assert chart(page, "charts-motion", "close to the seat").is_visible()
 
 
 def test_the_first_screen_says_verdict_cam_price_and_what_next(open_page):

@@ -36,6 +36,8 @@ def test_motion_is_the_settled_one_of_event_exact(polydyne):
         at = middle + (-180 + 0.5 * i) * DEG
         x = np.interp(at, record.angle, record.x[:, 0])
         assert found["position_um"][0][i] == pytest.approx(1e6 * x, abs=1.5)  # rounded to 1 um, chords of the record
+        v = np.interp(at, record.angle, record.v[:, train.valve])
+        assert found["valve_mm_per_s"][i] == pytest.approx(1e3 * v, rel=0.02, abs=2.0)
         for e in range(4):
             assert found["separation_um"][e][i] == pytest.approx(
                 1e6 * np.interp(at, record.angle, record.separation(e)), abs=1.0

@@ -64,8 +64,8 @@ def test_verdict_comes_first_in_words(write, contents):
         "every limit holds at the upper end of its range",
         "Area ratio 0.5618, 9.23 % below the certified bound 0.6189.",
         "Largest bounce over 5000 to 7000 r/min in steps of 20 r/min: 0.0413 mm, at 6980 r/min.",
-        "Jump begins at 7060 r/min.",
-        "Bounce does not begin below 1.5 times the band's top.",
+        "Jump exceeds 0.05 mm from 7060 r/min on, 0.9 % above the band.",
+        "Bounce does not exceed 0.05 mm below 1.5 times the band's top.",
         "Asked for: standard.",
         "Delivered: bounce to ±0.08 µm or better, the largest estimate at 7000 r/min.",
     ):
@@ -85,7 +85,7 @@ def test_other_verdicts_are_not_green(write, contents, verdict):
 def test_without_a_band_nothing_is_said_about_floating(write, contents):
     contents["verification"] |= {"band": None, "limits": {"first_jump_rpm": None, "first_bounce_rpm": None}}
     page = page_of(write(contents))
-    assert "does not begin" not in page.text  # null: nobody looked
+    assert "does not exceed" not in page.text  # null: nobody looked
     assert "Verified at 5000, 6000, 6500 and 7000 r/min and at no speed between" in page.text
 
 

@@ -11,6 +11,8 @@ from camopt.scene.schema import Force, Mass, Operation, Scene
 from camopt.scene.tolerances import Grinding, Tolerance
 from docs.generators.commands import commands
 from docs.generators.python_names import python_names
+from docs.generators.questions import PAGES as QUESTIONS
+from docs.generators.questions import questions
 from docs.generators.scene_keys import meanings, scene_keys
 
 
@@ -32,6 +34,11 @@ def test_every_key_of_a_scene():
     assert "of the crankshaft | list of numbers | required | 100 to 20000 |" in text
 
 
+def test_every_key_of_a_scene_has_a_meaning():
+    rows = [line.split(" | ") for line in scene_keys("").splitlines() if line.startswith("| `")]
+    assert len(rows) > 80 and not [row[0] for row in rows if not row[1].strip()]
+
+
 def test_meanings_are_those_of_keys_that_exist():
     tables = {"mass": Mass, "element": Element, "operation": Operation, "design": Design, "geometry": Geometry}
     tables |= {"scene": Scene, "force": Force, "tolerance": Tolerance, "grinding": Grinding, "piston": Piston}
@@ -39,9 +46,20 @@ def test_meanings_are_those_of_keys_that_exist():
         assert keys.keys() <= tables[table].model_fields.keys(), table
 
 
+def test_the_index_of_results_asks_every_question_once():
+    index = (QUESTIONS / "index.md").read_text(encoding="utf-8")
+    shown = [
+        line
+        for block in re.findall(r"```\{generated\} questions\n(.*?)```", index, re.DOTALL)
+        for line in block.split()
+    ]
+    assert sorted(shown) == sorted(page.stem for page in QUESTIONS.glob("*.md") if page.stem != "index")
+    assert all(line.endswith("? |") for line in questions("\n".join(shown)).splitlines()[2:])
+
+
 def test_every_public_name():
     text = python_names("")
     assert re.findall(r"camopt\.(\w+)\(", "\n".join(re.findall(r"^````\{py:\w+\} (.*)$", text, re.MULTILINE))) == list(
         camopt.__all__
     )
-    assert "<function" not in text.replace("<function>", "")
+    assert "<function" not in text.replace("<function>", "") and " at 0x" not in text

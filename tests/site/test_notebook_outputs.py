@@ -20,6 +20,9 @@ def test_the_outputs_are_those_of_its_code(path):
     cells = code_cells(notebook(path.read_text(encoding="utf-8")))
     kinds = {kind for cell in cells for output in cell.outputs for kind in output.get("data", {})}
     assert "image/png" in kinds and "application/vnd.jupyter.widget-view+json" not in kinds
+    for cell in cells:
+        pictures = [output["data"]["image/png"] for output in cell.outputs if "image/png" in output.get("data", {})]
+        assert len(pictures) == len(set(pictures)), f"a figure is shown twice: {cell.source}"
     text = str([cell.outputs for cell in cells])
     assert "/tmp/" not in text and "/root/" not in text and "Traceback" not in text
 

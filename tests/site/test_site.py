@@ -10,10 +10,24 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
+from tests.browser import started_browser
+
 pytest.importorskip("sphinx", reason="the extra `docs` is not installed; .ci/run installs it")
 ROOT = Path(__file__).parents[2]
 LOADING = {"script": "src", "img": "src", "iframe": "src", "link": "href", "source": "src"}
 """Elements that a browser loads by itself, and the attribute that says from where."""
+READ = (
+    "index", "tutorials/your-valve-train", "model", "reference/scene", "reference/commands", "run-folder",
+    "validation/claims", "validation/handbook", "results/optimiser", "notebooks/first_design",
+)  # fmt: skip
+SCREENS = ({"width": 1366, "height": 768}, {"width": 390, "height": 844})
+"""A laptop and a phone, in pixels."""
+CUT_OFF = """() => [...document.querySelectorAll("article table, article img, article pre")].filter(one => {
+    let around = one;
+    while (around && getComputedStyle(around).overflowX === "visible") around = around.parentElement;
+    return one.getBoundingClientRect().width > innerWidth && around === document.documentElement;
+}).map(one => one.outerHTML.slice(0, 80)).concat(document.documentElement.scrollWidth > innerWidth ? ["page"] : [])"""
+"""What is wider than the screen and cannot be scrolled by itself."""
 
 
 class Page(HTMLParser):
@@ -75,6 +89,15 @@ def test_no_link_within_the_site_is_dead(site, pages):
             if not there.exists() or (lost and path.name not in ("genindex.html", "search.html")):
                 dead.append((path.relative_to(site), link))
     assert not dead
+
+
+def test_pages_fit_a_laptop_and_a_phone(site):
+    with started_browser() as browser:
+        for screen in SCREENS:
+            page = browser.new_page(viewport=screen)
+            for name in READ:
+                page.goto((site / f"{name}.html").as_uri())
+                assert page.evaluate(CUT_OFF) == [], (name, screen)
 
 
 def test_what_is_generated_is_in_the_pages(site):

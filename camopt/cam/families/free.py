@@ -6,6 +6,7 @@ design is imposed on Bernstein control points: a polynomial lies between its sma
 the interval (Farin, Curves and Surfaces for CAGD, 2002, ch. 5), so such a row holds at every angle and is linear in z.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import factorial
@@ -135,18 +136,19 @@ class FreeCam:
         return matrix, offset + points @ self.x_p
 
     def weighted_points(
-        self, weights: tuple[float, ...], start: np.ndarray, width: np.ndarray
+        self, weights: Sequence[float | np.ndarray], start: np.ndarray, width: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Control points of sum_k weights[k] * lift^(k), of degree five, from `start` (k) [rad] over `width` (k).
 
-        Returns matrix (k, 6, m) and offset (k, 6); no knot may lie inside an interval.
+        A weight is a number, or one for every interval. Returns matrix (k, 6, m) and offset (k, 6); no knot may lie
+        inside an interval.
         """
         degree = DEGREE + 2
         inside = start + 1e-9 * width  # a derivative that steps at a knot is that of the interval
         taylor = np.zeros((degree + 1, len(start), len(self.x_p)))
         ramp = np.zeros((degree + 1, len(start)))
         for order, weight in enumerate(weights):
-            for k in range(degree + 1 - order if weight else 0):
+            for k in range(degree + 1 - order if np.any(weight) else 0):
                 factor = weight * width**k / factorial(k)
                 taylor[k] += self._bases[order + k](inside) * factor[:, None]
                 ramp[k] += self._ramps[order + k](inside) * factor

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from camopt.cam.bernstein import from_powers
+from camopt.cam.families.radius_rows import NearRows, Neighbourhood, near_rows, radii_held_near
 from camopt.cam.linear_limits import LinearLimit, linear_limits
 from camopt.cam.waves import sign_rows
 from camopt.scene.design import Design
@@ -33,6 +34,8 @@ HUGE = 1.0
 
 SIGNS = {"nose_deg": "smaller", "waves_max": "larger"}
 """Limits on a sign: of the acceleration, of the jerk; and which numbers of them allow more."""
+NEAR = "neighbourhood"
+"""Name of the rows that keep a cam near another one, of which no number of the design speaks."""
 
 
 @dataclass(frozen=True)
@@ -40,11 +43,13 @@ class About:
     """Where limits that are not linear in the lift are taken.
 
     `centres` [rad] are those of the design's durations, in order; at `switches` [rad] the jerk may change its sign.
-    Without switches the number of its changes is not limited.
+    Without switches the number of its changes is not limited. Radii under a roller or pad are held `near` a cam.
+    Without one only those of a roller are limited, by the linear limits that are stricter everywhere.
     """
 
     centres: tuple[float, ...] = ()
     switches: tuple[float, ...] = ()
+    near: Neighbourhood | None = None
 
 
 @dataclass(frozen=True)
@@ -53,7 +58,7 @@ class Limits:
 
     `value` (per name) is the number that the scene states, in the unit `unit` [SI], and it grows by `sign` times as
     much as the bound; `size` is its magnitude in SI and `slope[r]` is d bound[r] / d size. Size and slope are zero for
-    the limits of `SIGNS`, whose rows bound a sign and no value.
+    the limits of `SIGNS`, whose rows bound a sign and no value, and for `NEAR`.
     """
 
     matrix: np.ndarray  # (r, m)
@@ -92,7 +97,10 @@ def free_limits(cam: "FreeCam", design: Design) -> Limits:
     if design.waves_max is not None and cam.about.switches:
         parts.add_signs(design.waves_max)
     for limit in linear_limits(design, cam.about.centres):
-        parts.add_linear(limit)
+        if cam.about.near is None or limit.key not in radii_held_near(design):
+            parts.add_linear(limit)
+    for rows in near_rows(cam, design, cam.about.near) if cam.about.near else ():
+        parts.add_near(rows)
     return parts.limits()
 
 
@@ -130,8 +138,14 @@ class _LimitRows:
         matrix, bound = sign_rows(self.cam, self.cam.about.switches)
         self._keep(matrix, bound, 0.0, "waves_max", (0.0, MM_PER_DEG3, most, 1.0))
 
-    def _keep(self, matrix, bound, slope: float, name: str, stated: tuple) -> None:
-        self.parts.append((matrix, bound, np.full(len(bound), slope), name, stated))
+    def add_near(self, rows: NearRows) -> None:
+        """Adds rows of a limit that is held near a cam, or of the neighbourhood."""
+        matrix, bound, kept = _without_given(rows.matrix, rows.bound - HAIR * np.abs(rows.bound).max())
+        value = getattr(self.design, rows.key) if rows.key else 0.0
+        self._keep(matrix, bound, rows.slope[kept], rows.key or NEAR, (value * MM, MM, value, -1.0))
+
+    def _keep(self, matrix, bound, slope: float | np.ndarray, name: str, stated: tuple) -> None:
+        self.parts.append((matrix, bound, np.broadcast_to(slope, len(bound)), name, stated))
 
     def limits(self) -> Limits:
         names = tuple(dict.fromkeys(p[3] for p in self.parts))
@@ -172,9 +186,15 @@ def linear_rows(cam: "FreeCam", limit: LinearLimit) -> tuple[np.ndarray, np.ndar
     if level.low < first and level.high > last:  # the ramps are given: they hold it or no cam does
         outside = [limit.excess(cam.without_spline, *ends) for ends in ((level.low, first), (last, level.high))]
         matrix, bound = np.vstack([matrix, np.zeros(matrix.shape[1])]), np.append(bound, -max(outside))
-    given = np.abs(bound) > np.abs(matrix).sum(axis=1) * HUGE  # near the ramps, which give what hardly moves
-    matrix[given] = 0.0
-    return matrix[~given | (bound < 0)], bound[~given | (bound < 0)]
+    return _without_given(matrix, bound)[:2]
+
+
+def _without_given(matrix: np.ndarray, bound: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The rows and bounds without those that the ramps beside them keep, and which rows these are: where hardly
+    anything moves, the ramps keep a limit or no cam does."""
+    given = np.abs(bound) > np.abs(matrix).sum(axis=1) * HUGE
+    kept = ~given | (bound < 0)
+    return np.where(given[:, None], 0.0, matrix)[kept], bound[kept], kept
 
 
 def _level_points(limit: LinearLimit, start: np.ndarray, width: np.ndarray) -> np.ndarray:

@@ -108,7 +108,8 @@ class Fields {
       if (used) words += `, ${Math.round(100 * used.used)} % at ${shown(used.speed_rpm, 5)} r/min`;
       if (key === "margin_N" && answer.margin_price) words = `1 N less buys ${shown(-100 * answer.margin_price / answer.area_ratio, 2)} % area`;
       const most = Math.max(here ?? 0, used?.used ?? 0);
-      field.worth.textContent = most > 1 ? `✗ broken: ${words}` : words;
+      if (most > 1) words = `✗ broken: ${words}`;
+      if (field.worth.textContent !== words) field.worth.textContent = words; // else the page is laid out for nothing
       field.node.classList.toggle("broken", most > 1);
       field.node.classList.toggle("active", Math.abs(worth ?? 0) > 1e-6);
     }

@@ -1,12 +1,12 @@
 // The designer: keeps the values, asks for answers (the newest question wins), shows them, and says what is wrong.
 const REST_MS = 150; // a hand that has not moved for so long rests
-const POLL_MS = 400, BEAT_MS = 4000;
+const BEAT_MS = 4000;
 const SHAPE_GROUPS = ["Cam", "Ramps", "Limits on the cam"];
 
 class Designer {
   constructor(root, send, beat) {
-    Object.assign(this, { root, send, beat, sequence: 0, shownSequence: -1, busy: false, slowBusy: false, further: {},
-      done: {}, undone: [], redone: [], pinned: null, band: null, answer: null, verdict: { state: "none" }, client: String(Math.random()).slice(2) });
+    Object.assign(this, { root, send, beat, sequence: 0, busy: false, slowBusy: false, further: {},
+      done: {}, undone: [], redone: [], pinned: null, band: null, answer: null, client: String(Math.random()).slice(2) });
   }
   async begin() {
     const start = await this.send({ kind: "start" });
@@ -23,30 +23,18 @@ class Designer {
   }
   layout(start) {
     const button = (id, words, act) => (this[id] = h("button", { type: "button", on: { click: act } }, words));
-    this.status = h("p", { class: "status" });
+    const values = () => this.values;
+    this.verdict = new Verdict(this.root, (message) => this.told(message), values, start.files);
     this.result = h("p", { class: "result", "aria-live": "polite" });
     this.trouble = h("p", { class: "trouble", role: "alert", hidden: true });
     const tools = h("div", { class: "tools" },
       button("undo", "Undo", () => this.back()), button("redo", "Redo", () => this.forth()),
-      button("reset", "Reset", () => this.take({ ...this.initial })), button("pin", "Pin to compare", () => this.togglePin()));
-    if (start.files) {
-      tools.append(button("verify", "Verify", () => this.startVerdict()), button("cancel", "Cancel", () => this.endVerdict()));
-      this.cancel.hidden = true;
-      this.progress = h("progress", { max: 1, value: 0, hidden: true, "aria-label": "verdict" });
-      tools.append(this.progress);
-    }
-    this.root.replaceChildren(h("header", {}, h("h1", {}, start.title), this.status, tools, this.trouble, this.result),
-      h("div", { class: "columns" }, h("aside", { "aria-label": "Numbers" }, this.fields.node, start.files ? this.saving(start) : ""), this.panels.node));
+      button("reset", "Reset", () => this.take({ ...this.initial })), button("pin", "Pin to compare", () => this.togglePin()), ...this.verdict.tools);
+    const saving = start.files ? new Saving(start.name, this.send, values, (error) => (error ? this.failed(error) : this.alive())).node : "";
+    this.root.replaceChildren(h("header", {}, h("h1", {}, start.title), this.verdict.status, tools, this.trouble, this.result),
+      h("div", { class: "columns" }, h("aside", { "aria-label": "Numbers" }, this.fields.node, saving), this.panels.node));
     this.buttons();
-    this.showStatus();
-  }
-  saving(start) {
-    this.name = h("input", { id: "camopt-name", type: "text", value: `${start.name}-edited`, maxlength: 64 });
-    this.saved = h("p", { class: "saved", "aria-live": "polite" });
-    const save = (what) => () => this.save(what);
-    return h("section", { class: "saving", "aria-label": "Save" }, h("h2", {}, "Save"), h("label", { for: "camopt-name" }, "Name"), this.name,
-      h("div", { class: "tools" }, h("button", { type: "button", on: { click: save("scene") } }, "Save scene"),
-        h("button", { type: "button", on: { click: save("run") } }, "Save run folder")), this.saved);
+    this.verdict.show();
   }
 
   // ---- values: changed by a hand, taken back, taken as a whole
@@ -83,8 +71,11 @@ class Designer {
     this.ask(true);
   }
   buttons() {
+    const focused = document.activeElement;
     this.undo.disabled = !this.undone.length;
     this.redo.disabled = !this.redone.length;
+    if (focused === this.undo && this.undo.disabled) this.redo.focus(); // a disabled button would lose it
+    if (focused === this.redo && this.redo.disabled) this.undo.focus();
   }
   togglePin() {
     this.pinned = this.pinned ? null : { answer: this.answer, band: this.band };
@@ -103,7 +94,7 @@ class Designer {
     clearTimeout(this.timer);
     this.timer = setTimeout(() => { this.resting = true; this.pump(); }, resting ? 0 : REST_MS);
     this.root.dataset.sequence = this.sequence;
-    this.showStatus();
+    this.verdict.show();
     this.pump();
   }
   step() { // what is to be asked next: a sketch of the newest state; at rest its cam, if the sketch was coarse, and the band
@@ -232,57 +223,17 @@ class Designer {
     }));
   }
 
-  // ---- verdict and files
-  subject() { return JSON.stringify({ ...this.values, speed_rpm: null }); }
-  async startVerdict() {
-    this.verdictOf = this.subject();
-    await this.told({ kind: "verify", values: this.values });
-  }
-  async endVerdict() { await this.told({ kind: "cancel" }); }
-  async told(message) {
+  // ---- troubles
+  async told(message) { // the reply, or null where there is none
     try {
-      this.verdict = await this.send(message);
+      const found = await this.send(message);
       this.alive();
+      return found;
     } catch (error) {
       this.failed(error);
-      return;
-    }
-    this.showStatus();
-    if (this.verdict.state === "running") setTimeout(() => this.told({ kind: "verification" }), POLL_MS);
-  }
-  showStatus() {
-    const v = this.verdict, mine = this.verdictOf === this.subject();
-    let words = "event-exact only, not confirmed", look = "doubt";
-    const stage = v.verdict ? ` So far: ${v.verdict}.` : "";
-    if (v.state === "running") words += `; verdict running, stage ${v.stage ?? 1} of ${v.stages}: ${v.says ?? ""}, ${Math.round(v.seconds ?? 0)} s.${stage}`;
-    if (v.state === "failed") words += `; the verdict failed: ${v.says}`;
-    if (v.state === "cancelled") words += "; the verdict was cancelled";
-    if (v.state === "done" && !mine) words += "; the last verdict was of other numbers";
-    if (v.state === "done" && mine) {
-      [words, look] = v.verdict === "confirmed" ? ["✓ confirmed by independent methods", "good"] : [`✗ ${v.verdict}. ${v.reason}`, "bad"];
-    }
-    this.status.textContent = words;
-    this.status.className = `status ${look}`;
-    this.root.dataset.verdict = mine && v.state === "done" ? v.verdict : v.state;
-    if (!this.progress) return;
-    const running = v.state === "running";
-    this.cancel.hidden = this.progress.hidden = !running;
-    this.verify.hidden = running;
-    if (running) this.progress.value = ((v.stage ?? 1) - 0.5) / v.stages;
-  }
-  async save(what) {
-    try {
-      const found = await this.send({ kind: "save", what, name: this.name.value, values: this.values });
-      const next = what === "run" ? `camopt report ${found.saved}` : `camopt optimize ${found.saved}`;
-      this.saved.textContent = `Saved as ${found.saved} in the folder that the designer was started in. Next: ${next}`;
-      this.alive();
-    } catch (error) {
-      if (error.says) this.saved.textContent = error.says;
-      else this.failed(error);
+      return null;
     }
   }
-
-  // ---- troubles
   failed(error) {
     this.dead = !error.says;
     this.trouble.hidden = false;
@@ -309,33 +260,3 @@ class Designer {
     }
   }
 }
-
-async function overHttp(message) {
-  const reply = await fetch("/ask", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(message) });
-  const content = await reply.json();
-  if (!reply.ok) throw { says: content.says };
-  return content;
-}
-function overKernel(model) { // a notebook's messages, each with its number
-  const waiting = new Map();
-  let number = 0;
-  model.on("msg:custom", ({ number: at, reply, says }) => {
-    const { resolve, reject } = waiting.get(at) ?? {};
-    waiting.delete(at);
-    if (says) reject?.({ says });
-    else resolve?.(reply);
-  });
-  return (message) => new Promise((resolve, reject) => {
-    number += 1;
-    waiting.set(number, { resolve, reject });
-    model.send({ number, message });
-  });
-}
-function render({ model, el }) {
-  const root = h("div", { class: "camopt-live notebook" });
-  el.append(root);
-  new Designer(root, overKernel(model)).begin();
-}
-const served = document.getElementById("camopt-live");
-if (served) new Designer(served, overHttp, () => fetch("/alive")).begin();
-export default { render };

@@ -30,7 +30,7 @@ from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
-from camopt.scene.units import MM, MM_PER_DEG2, MM_PER_DEG3
+from camopt.scene.units import MM, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 from camopt.storage import append_line, run_identity, whole_lines, write_text
 
 POPULATION = 32
@@ -153,6 +153,9 @@ def excess(lift: Lift, design: Design) -> float:
     if design.jerk_max_mm_per_deg3 is not None:
         steepest = float(np.abs(lift.extremes(3)).max())
         values["jerk_max_mm_per_deg3"] = steepest, design.jerk_max_mm_per_deg3 * MM_PER_DEG3
+    if design.snap_max_mm_per_deg4 is not None:
+        snap = float(np.abs(lift.extremes(4, -lift.half_duration, lift.half_duration)).max())
+        values["snap_max_mm_per_deg4"] = snap, design.snap_max_mm_per_deg4 * MM_PER_DEG4
     if design.waves_max is not None:
         values["waves_max"] = float(len(sign_changes(lift))), float(design.waves_max)
     over = {name: value / limit - 1 for name, (value, limit) in values.items()} | drawing_excess(lift, design)

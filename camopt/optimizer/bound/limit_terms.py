@@ -12,6 +12,7 @@ from math import factorial
 import numpy as np
 from scipy.interpolate import PPoly
 
+from camopt.cam.families.radius_rows import radii_held_near
 from camopt.cam.level import Level
 from camopt.cam.linear_limits import LinearLimit, linear_limits
 from camopt.cam.ramps import Ramp
@@ -26,7 +27,8 @@ def bounded_limits(design: Design) -> list[LinearLimit]:
 def left_out(design: Design) -> list[str]:
     """The keys of the limits on the shape that the bound leaves out: it holds with them too, only less tightly."""
     shape = [key for key in ("snap_max_mm_per_deg4", "waves_max") if getattr(design, key)]
-    return shape + list(dict.fromkeys(limit.key for limit in linear_limits(design) if limit.chosen))
+    chosen = [limit.key for limit in linear_limits(design) if limit.chosen]
+    return list(dict.fromkeys([*shape, *chosen, *radii_held_near(design)]))
 
 
 def cells(limit: LinearLimit, grid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from camopt.cam.families.free import FreeCam
+from camopt.cam.families.radius_rows import radii_held_near
 from camopt.optimizer.bound.certificate import INTERVALS, Certificate, Further, control_is_limited, piecewise_sum
 from camopt.optimizer.bound.fine_program import Discretised, equal_grid
 from camopt.optimizer.program.no_jump import PEAK, SEAT, Margins, NoJumpProgram, SpeedRows, speed_rows
@@ -63,7 +64,8 @@ def no_jump_bound(program: NoJumpProgram, margins: Margins, knot_deg: float = KN
     if not control_is_limited(design):
         return None
     angles = [block.angles for block in program.blocks]
-    capped = design.model_copy(update={"reach_max_lift": False, "waves_max": None})  # a cap bounds, too
+    searched = ("waves_max", *radii_held_near(design))  # held in a chosen way, on which no bound counts
+    capped = design.model_copy(update={"reach_max_lift": False} | dict.fromkeys(searched))  # a cap bounds, too
     cam = program_cam(capped, knot_deg)
     fine = replace(program, design=capped, cam=cam).relocated(angles)
     found = fine.solve(margins)

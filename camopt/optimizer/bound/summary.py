@@ -23,15 +23,20 @@ MARGIN_N = 20.0
 def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float | None = None) -> dict:
     """Area ratios that a scene allows, as `bound --json` prints them.
 
-    `area_ratio_bound`: no cam under the design's limits has more, spline or not; `bound_leaves_out`: keys of limits
-    that it does not count on, so that it holds with them but is less tight; `area_ratio_feasible`: a free cam
-    that reaches this; `area_ratio_no_jump`: the largest of a free cam whose contacts keep `margins_N`, and whose seat
-    keeps `seat_margin_N`, at the listed speeds under the linear model, null where none does;
-    `area_ratio_no_jump_bound`: what no cam, spline or not, exceeds under that linear model, its margins and its
-    switching angles (the first bound where that is smaller, as both hold); `no_jump_says`: why one of these two is not
-    there, null where both are; `speeds_rpm` (k); `worth_percent`: what 1 % more of each limit buys. The margins are
-    `margin_N`, by default the design's contact_force_min_N, and MARGIN_N where it has none; the seat, which that limit
-    leaves out, keeps MARGIN_N at most. Raises InputError for contradictory limits.
+    - `area_ratio_bound`: no cam under the design's limits has more, spline or not.
+    - `bound_leaves_out`: keys of limits that it does not count on, so that it holds with them but is less tight.
+    - `area_ratio_feasible`: a free cam has so much.
+    - `area_ratio_no_jump`: the largest of a free cam whose contacts keep `margins_N`, and its seat `seat_margin_N`, at
+      the listed speeds under the linear model, null where none does.
+    - `area_ratio_no_jump_bound`: what no cam, spline or not, exceeds under that linear model, its margins and its
+      switching angles. Where the first bound is smaller it stands here, as both hold.
+    - `no_jump_says`: why one of these two is not there, null where both are.
+    - `speeds_rpm` (k), `margins_N` and `seat_margin_N`: the speeds and the forces of these two. The forces are
+      `margin_N`, by default the design's contact_force_min_N, and MARGIN_N where it has none; the seat, which that
+      limit leaves out, keeps MARGIN_N at most.
+    - `worth_percent`: what 1 % more of each limit buys.
+
+    Raises InputError for contradictory limits.
     """
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
@@ -40,8 +45,8 @@ def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float | None 
     speeds = [scene.cam_speed(s) for s in operation.speeds_rpm]
     bound = float(area_ratio_bound(design).bound)
     no_jump = no_jump_bounded = says = None
-    force = margin_N or design.contact_force_min_N or MARGIN_N
-    seat = margin_N or min(force, MARGIN_N)
+    force = (design.contact_force_min_N or MARGIN_N) if margin_N is None else margin_N
+    seat = min(force, MARGIN_N) if margin_N is None else margin_N
     try:
         program = standing(no_jump_program(train := build_train(scene), design, cam, speeds), force)
         no_jump = program.solve(margins := Margins(force, force, seat)).area_ratio

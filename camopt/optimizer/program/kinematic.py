@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from camopt.cam.families.free import FreeCam
-from camopt.cam.families.free_limits import SIGNS, Limits
+from camopt.cam.families.free_limits import NEAR, SIGNS, Limits
 from camopt.cam.lift import Lift
 from camopt.optimizer.program.linear_program import GaveUp, Infeasible, Optimum, Rows, least_relaxation, maximise
 from camopt.scene.design import Design
@@ -136,7 +136,7 @@ def worth_of(limits: Limits, duals: np.ndarray, reaching: np.ndarray, area_ratio
     worth = {}
     for g, name in enumerate(limits.names):
         rows = limits.rows(name)
-        if name not in SIGNS:
+        if name not in SIGNS and name != NEAR:
             gain = float(duals[rows] @ limits.slope[rows] * limits.size[g])
             if name == "max_lift_mm":  # area itself, not the ratio to a maximum lift that grows with it
                 gain -= float(reaching.sum()) * limits.size[g]
@@ -154,10 +154,14 @@ def conflict(design: Design, cam: FreeCam) -> str:
     spline = spline_rows(matrix)
     working = np.union1d(first_working(limits), np.arange(len(limits.bound), len(bound)))
     for g, name in enumerate(limits.names):
+        if name == NEAR:
+            continue
         give = np.zeros(len(bound))
         lowered = name == "max_lift_mm" and design.reach_max_lift  # a lift that must be reached resolves by falling
         rows = np.array([len(bound) - 1]) if lowered else limits.rows(name)
-        give[rows] = limits.unit[g] if name not in SIGNS else 1.0
+        give[rows] = 1.0 if name in SIGNS else limits.unit[g]
+        if not lowered and name not in SIGNS:
+            give[rows] *= np.abs(limits.slope[rows])
         size = abs(limits.value[g]) if name not in SIGNS else TYPICAL * MM_PER_DEG2
         if not _holds_without(spline, bound, rows, working):
             continue

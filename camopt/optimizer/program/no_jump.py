@@ -261,6 +261,13 @@ class NoJumpProgram:
             vars(other)["rows"] = self.rows
         return other
 
+    def with_train(self, train: Train) -> "NoJumpProgram":
+        """This program for another train, at the angles of static load transfer."""
+        blocks = _blocks(train, self.design, self.cam, self.speeds, None, self.window)
+        other = replace(self, train=train, blocks=blocks)
+        vars(other)["limits"] = self.limits
+        return other
+
     def extended(self, speeds: Sequence[float] | np.ndarray, train: Train | None = None) -> "NoJumpProgram":
         """This program with further cam speeds [rad/s] at the angles of static load transfer.
 

@@ -3,7 +3,8 @@
 A duration at a lift is held about a centre, and for a given centre it is linear. The centres are searched one after
 another, about each by bounded scalar minimisation (Brent 1973, ch. 5), on a coarse spline. A centre leaves the middle
 of the event only where that brings area, so that a symmetric design stays symmetric. Where the jerk may change its sign
-is searched after them (`camopt.optimizer.program.waves`).
+is searched after them (`camopt.optimizer.program.waves`), and last near which cam radii under a circle are held
+(`camopt.optimizer.program.radii`).
 """
 
 from dataclasses import replace
@@ -15,8 +16,10 @@ from scipy.optimize import minimize_scalar
 
 from camopt.cam.families.free import FreeCam, free_cam
 from camopt.cam.families.free_limits import About
+from camopt.cam.families.radius_rows import radii_held_near
 from camopt.optimizer.program.kinematic import area_ratio_row, first_working, reach, spline_rows
 from camopt.optimizer.program.linear_program import Infeasible
+from camopt.optimizer.program.radii import near_its_best
 from camopt.optimizer.program.waves import kinematic_switches
 from camopt.scene.design import Design
 from camopt.scene.units import DEG
@@ -34,18 +37,19 @@ ROUNDS = 2
 def program_cam(design: Design, knot_deg: float) -> FreeCam:
     """The free cam of a design with knots about every `knot_deg`, for the programs."""
     cam = free_cam(design, knot_deg)
-    if not design.duration_at and design.waves_max is None:
+    if not design.duration_at and design.waves_max is None and not radii_held_near(design):
         return cam
     return replace(cam, about=_about(design))  # pyright: ignore[reportArgumentType]  # frozen, so it has a hash
 
 
 @lru_cache(maxsize=64)
 def _about(design: Design) -> About:
-    """Where the limits that are not linear are taken: first the durations' centres, then the waves' sign changes."""
+    """Where the limits that are not linear are taken: the durations' centres, the waves' sign changes, the radii."""
     about = About(centres(design.model_copy(update={"waves_max": None}))) if design.duration_at else About()
-    if design.waves_max is None:
-        return about
-    return replace(about, switches=kinematic_switches(design, replace(free_cam(design, COARSE_DEG), about=about)))
+    cam = replace(free_cam(design, COARSE_DEG), about=about)
+    if design.waves_max is not None:
+        cam = replace(cam, about=replace(about, switches=kinematic_switches(design, cam)))
+    return near_its_best(design, cam).about
 
 
 def centres(design: Design) -> tuple[float, ...]:

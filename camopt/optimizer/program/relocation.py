@@ -1,11 +1,14 @@
 """The switching angles of the non-smooth motion, with which the no-jump program is built again on the cam it found."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.exact.engine import prepare
 from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpOptimum, NoJumpProgram
 from camopt.optimizer.program.periodic import Angles
+from camopt.optimizer.program.radii import near, with_radii
 from camopt.optimizer.program.tangents import HELD_N, tangents_along
 from camopt.optimizer.program.waves import with_switches
 from camopt.scene.response import Response, end_state
@@ -72,7 +75,8 @@ def settled_revolution(train: Train, lift: Lift, cam_speed: float, revolutions: 
 def relocate(program: NoJumpProgram, lift: Lift, revolutions: int = REVOLUTIONS) -> NoJumpProgram:
     """The program at the switching angles that event-exact finds on `lift` at each speed.
 
-    A speed at which the motion has no clear load transfer keeps the angles it had.
+    A speed at which the motion has no clear load transfer keeps the angles it had. Radii under a roller or pad are held
+    near that cam.
     """
     angles = []
     for block in program.blocks:
@@ -80,17 +84,19 @@ def relocate(program: NoJumpProgram, lift: Lift, revolutions: int = REVOLUTIONS)
             angles.append(located_angles(settled_revolution(block.train, lift, block.cam_speed, revolutions)))
         except NoLoadTransfer:
             angles.append(block.angles)
-    return program.relocated(angles)
+    moved = program.relocated(angles)
+    return moved if moved.cam.about.near is None else replace(moved, cam=near(moved.cam, lift))
 
 
 def standing(program: NoJumpProgram, margin_N: float = HELD_N) -> NoJumpProgram:
     """The program with the tangents along the motions of its own cam, solved again with them until its area stands.
 
-    Before that come the angles at which the jerk changes its sign, for a design that limits how often it does. The
-    margin on all contact forces falls by as much as no cam can hold. A program whose trains are linear is given
-    back as it is. Raises NoCamHoldsContact where the limits on the shape allow no cam.
+    Before that come the angles at which the jerk changes its sign, for a design that limits how often it does, and the
+    cam near which the radii under a roller or pad are held. The margin on all contact forces falls by as much as no cam
+    can hold. A program whose trains are linear is given back with these. Raises NoCamHoldsContact where the limits on
+    the shape allow no cam.
     """
-    program = with_switches(program, margin_N)
+    program = with_radii(with_switches(program, margin_N), margin_N)
     if all(is_linear(block.train) for block in program.blocks):
         return program
     area = -np.inf

@@ -7,23 +7,23 @@ a cam that holds the limit and no proof that none is larger; the bound leaves th
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from camopt.cam.families.free import FreeCam
-from camopt.cam.families.free_limits import About, Limits
+from camopt.cam.families.free_limits import Limits
 from camopt.cam.lift import Lift
 from camopt.cam.waves import cells, sign_changes, sign_rows
 from camopt.optimizer.program.kinematic import (
     area_ratio_row,
     first_working,
     reached_in_the_middle,
-    spline_rows,
     unexplained_optimum,
 )
-from camopt.optimizer.program.linear_program import Infeasible, Rows, maximise
+from camopt.optimizer.program.linear_program import Infeasible
 from camopt.optimizer.program.no_jump import PEAK, Margins, NoJumpProgram
+from camopt.optimizer.program.priced import SHORT_OF_FORCE, TYPICAL_FORCE, Priced
 from camopt.scene.design import Design
 from camopt.scene.units import MM_PER_DEG3
 
@@ -35,34 +35,8 @@ WORTH = 1e-6
 """Gain in area ratio below which an angle stays."""
 SHORT_OF_JERK = 10.0 / (1e-3 * MM_PER_DEG3)
 """Area ratio that a jerk of the wrong sign costs in the search [1/(m/rad^3)]: more than any cam gains by it."""
-SHORT_OF_FORCE = 1e-2
-"""The same for a newton that the margins are short of."""
 
 Switches = tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class _Priced:
-    """A program that always has a solution: rows of the group `give` (r) may be broken by s >= 0, which costs area."""
-
-    rows: Rows
-    objective: np.ndarray
-    working: np.ndarray
-
-    @classmethod
-    def of(cls, matrix: np.ndarray, give: np.ndarray, row: np.ndarray, cost: float, size: float, working) -> "_Priced":
-        """Of rows (r, m), what each gives for s = 1, the area's row (m), what s costs and its typical size."""
-        last = np.append(np.zeros(matrix.shape[1]), -1.0)
-        column = np.append(spline_rows(matrix).column, size)
-        rows = Rows(np.vstack([np.column_stack([matrix, -give]), last]), column)
-        return cls(rows, np.append(row, -cost), np.append(working, len(matrix)))
-
-    def value(self, bound: np.ndarray) -> float:
-        """Area ratio, less what breaking rows costs; minus infinity where the other rows contradict each other."""
-        try:
-            return maximise(self.objective, self.rows, np.append(bound, 0.0), self.working).value
-        except (Infeasible, ArithmeticError):  # of a pattern that the solver does not decide, too
-            return -np.inf
 
 
 def kinematic_switches(design: Design, cam: FreeCam) -> Switches:
@@ -83,7 +57,7 @@ def kinematic_switches(design: Design, cam: FreeCam) -> Switches:
     give[signed] = 1.0
     row, _ = area_ratio_row(design, cam)
     jerk = (design.jerk_max_mm_per_deg3 or 1e-3) * MM_PER_DEG3
-    program = _Priced.of(matrix, give, row, SHORT_OF_JERK, jerk, _working(first, len(matrix)))
+    program = Priced.of(matrix, give, row, SHORT_OF_JERK, jerk, _working(first, len(matrix)))
 
     value = _value(program, cam, bound, signed)
     return max((_climbed(value, start, cells(cam)) for start in sorted(starts)), key=value)
@@ -104,7 +78,7 @@ def with_switches(program: NoJumpProgram, margin_N: float) -> NoJumpProgram:
     give = np.zeros(len(matrix))
     give[first : first + len(program.kind)] = program.kind != PEAK
     row, _ = area_ratio_row(design, cam)
-    elastic = _Priced.of(matrix, give, row, SHORT_OF_FORCE, 100.0, _working(program.limits, len(matrix)))
+    elastic = Priced.of(matrix, give, row, SHORT_OF_FORCE, TYPICAL_FORCE, _working(program.limits, len(matrix)))
     value = _value(elastic, cam, bound, program.limits.rows("waves_max"))
     starts = [cam.about.switches]
     try:
@@ -115,7 +89,7 @@ def with_switches(program: NoJumpProgram, margin_N: float) -> NoJumpProgram:
     return replace(program, cam=_about(cam, _climbed(value, max(starts, key=value), cells(cam))))
 
 
-def _value(program: _Priced, cam: FreeCam, bound: np.ndarray, signed: np.ndarray) -> Callable[[Switches], float]:
+def _value(program: Priced, cam: FreeCam, bound: np.ndarray, signed: np.ndarray) -> Callable[[Switches], float]:
     """The program's value as a function of the switches, which change the right sides of the rows `signed`."""
 
     def value(switches: Switches) -> float:
@@ -127,7 +101,7 @@ def _value(program: _Priced, cam: FreeCam, bound: np.ndarray, signed: np.ndarray
 
 
 def _about(cam: FreeCam, switches: Switches) -> FreeCam:
-    return replace(cam, about=About(cam.about.centres, switches))
+    return replace(cam, about=replace(cam.about, switches=switches))
 
 
 def _working(limits: Limits, count: int) -> np.ndarray:

@@ -1,0 +1,30 @@
+// Where the page's messages go, and its beginning: served by this machine, or in a notebook.
+async function overHttp(message) {
+  const reply = await fetch("/ask", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(message) });
+  const content = await reply.json();
+  if (!reply.ok) throw { says: content.says };
+  return content;
+}
+function overKernel(model) { // a notebook's messages, each with its number
+  const waiting = new Map();
+  let number = 0;
+  model.on("msg:custom", ({ number: at, reply, says }) => {
+    const { resolve, reject } = waiting.get(at) ?? {};
+    waiting.delete(at);
+    if (says) reject?.({ says });
+    else resolve?.(reply);
+  });
+  return (message) => new Promise((resolve, reject) => {
+    number += 1;
+    waiting.set(number, { resolve, reject });
+    model.send({ number, message });
+  });
+}
+function render({ model, el }) {
+  const root = h("div", { class: "camopt-live notebook" });
+  el.append(root);
+  new Designer(root, overKernel(model)).begin();
+}
+const served = document.getElementById("camopt-live");
+if (served) new Designer(served, overHttp, () => fetch("/alive")).begin();
+export default { render };

@@ -1,0 +1,53 @@
+// The verdict that somebody asked for: its buttons, how far it is, and what the page may say of the cam.
+const POLL_MS = 400;
+
+class Verdict {
+  constructor(root, told, values, verifies) { // told: sends a message, null where there is no reply; values: those shown
+    Object.assign(this, { root, told, values, state: { state: "none" }, of: null, tools: [] });
+    this.status = h("p", { class: "status" });
+    if (!verifies) return;
+    const button = (words, act) => h("button", { type: "button", on: { click: act } }, words);
+    this.verify = button("Verify", () => this.begin());
+    this.cancel = button("Cancel", () => this.follow({ kind: "cancel" }));
+    this.progress = h("progress", { max: 1, value: 0, "aria-label": "verdict" });
+    this.tools = [this.verify, this.cancel, this.progress];
+  }
+  subject() { return JSON.stringify({ ...this.values(), speed_rpm: null }); }
+  async begin() {
+    this.of = this.subject();
+    await this.follow({ kind: "verify", values: this.values() });
+  }
+  async follow(message) { // until it has ended
+    const found = await this.told(message);
+    if (!found) return;
+    this.state = found;
+    this.show();
+    if (found.state === "running") setTimeout(() => this.follow({ kind: "verification" }), POLL_MS);
+  }
+  words(mine) {
+    const v = this.state, doubt = "event-exact only, not confirmed";
+    if (v.state === "done" && mine) return v.verdict === "confirmed" ? "✓ confirmed by independent methods" : `✗ ${v.verdict}. ${v.reason}`;
+    const stage = v.verdict ? ` So far: ${v.verdict}.` : "";
+    const further = {
+      running: `; verdict running, stage ${v.stage ?? 1} of ${v.stages}: ${v.says ?? ""}, ${Math.round(v.seconds ?? 0)} s.${stage}`,
+      failed: `; the verdict failed: ${v.says}`,
+      cancelled: "; the verdict was cancelled",
+      done: "; the last verdict was of other numbers",
+    };
+    return doubt + (further[v.state] ?? "");
+  }
+  show() {
+    const v = this.state, mine = this.of === this.subject(), ended = v.state === "done" && mine;
+    this.status.textContent = this.words(mine);
+    this.status.setAttribute("aria-live", v.state === "running" ? "off" : "polite"); // not every second that passes
+    this.status.className = `status ${!ended ? "doubt" : v.verdict === "confirmed" ? "good" : "bad"}`;
+    this.root.dataset.verdict = ended ? v.verdict : v.state;
+    if (!this.progress) return;
+    const running = v.state === "running", focused = document.activeElement;
+    this.cancel.hidden = this.progress.hidden = !running;
+    this.verify.hidden = running;
+    if (running) this.progress.value = ((v.stage ?? 1) - 0.5) / v.stages;
+    if (focused === this.verify && running) this.cancel.focus(); // a button that is hidden would take the focus along
+    if (focused === this.cancel && !running) this.verify.focus();
+  }
+}
