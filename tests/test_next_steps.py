@@ -81,6 +81,23 @@ def test_units_of_a_table_go_with_the_cam(capsys, monkeypatch, tmp_path):
     assert "--cam 'my table.csv' --table-angle crank --table-lift mm --csv" in run(capsys, *words)[2]
 
 
+@pytest.mark.parametrize("verb", ["verify", "cam"])
+def test_nobody_is_told_to_write_a_table_over_the_one_that_was_given(capsys, monkeypatch, tmp_path, verb):
+    stand_in(monkeypatch, tmp_path, verb, lambda args: 0)
+    (tmp_path / "lift.csv").write_text("0,0")
+    assert "--csv" not in run(capsys, verb, "kodama", "--cam", "lift.csv")[2]
+    assert "--csv lift.csv --digits 5" in run(capsys, verb, "kodama", *CAM)[2]
+
+
+@pytest.mark.parametrize("option", ["--csv", "--contour", "--dxf", "--card-csv"])
+def test_a_command_does_not_write_over_what_it_reads(capsys, monkeypatch, tmp_path, option):
+    stand_in(monkeypatch, tmp_path, "cam", lambda args: 0)
+    (tmp_path / "lift.csv").write_text("0,0")
+    code, _, err = run(capsys, "cam", "kodama", "--cam", "lift.csv", option, str(tmp_path / "lift.csv"))
+    assert code == 2 and len(err.splitlines()) == 1
+    assert "reads that file as its cam, and would overwrite it: name another file" in err
+
+
 class TestLeftBehind:
     def interrupted(self, tmp_path, error, files):
         def outcome(args):

@@ -20,7 +20,7 @@ GUIDE = "".join(p.read_text(encoding="utf-8") for p in PAGES)
 SIGNATURES = {
     "CrankTiming": "centre_deg, cam_per_crank=0.5",
     "MeasuredLift": "speed_rpm, cam_angle_deg, valve_mm",
-    "area_bound": "scene, knot_deg=2.0, margin_N=20.0",
+    "area_bound": "scene, knot_deg=2.0, margin_N=None",
     "ascend": "objective, start, optimiser, steps=50, *, form='free', knot_deg=3.0, train=None, judge_every=5, "
     "out=None, resume=False, progress=False",
     "cam_card": "cam, lifts_mm=(1.0, 1.27), *, name='', timing=None, other=None",

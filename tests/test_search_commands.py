@@ -136,6 +136,7 @@ class TestVerbsThatSearch:
             "no_jump_says": "a train that is not linear",
             "speeds_rpm": [5000],
             "margins_N": 20.0,
+            "seat_margin_N": 20.0,
             "worth_percent": {"max_lift_mm": 0.56743219, "jerk_max_mm_per_deg3": 0.0},
         }
         stand_in(monkeypatch, "camopt.optimizer.bound.summary", area_bound=lambda scene: content)

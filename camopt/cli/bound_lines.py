@@ -14,7 +14,9 @@ def bound_lines(found: dict) -> list[str]:
     if found["bound_leaves_out"]:
         lines.append(f"  the bound does not count on {', '.join(found['bound_leaves_out'])}: it holds, less tightly")
     speeds = ", ".join(f"{speed:g}" for speed in found["speeds_rpm"])
-    lines.append(f"with contacts closed by {found['margins_N']:g} N or more at {speeds} r/min, by the linear model:")
+    force, seat = found["margins_N"], found["seat_margin_N"]
+    apart = "" if seat == force else f", and the seat by {seat:g} N,"
+    lines.append(f"with contacts closed by {force:g} N or more{apart} at {speeds} r/min, by the linear model:")
     if found["area_ratio_no_jump_bound"] is not None:
         lines.append(_row("no cam has more", found["area_ratio_no_jump_bound"]))
     if found["area_ratio_no_jump"] is not None:

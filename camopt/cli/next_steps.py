@@ -53,10 +53,20 @@ def _cam_of(args: Namespace) -> list[object]:
     return [args.scene, "--cam", args.cam, *given]
 
 
+def _is_table(args: Namespace) -> bool:
+    """Whether the cam is a lift table already, which nobody needs to be told to write."""
+    return Path(args.cam).is_file() and Path(args.cam).suffix != ".json"
+
+
+def _lift_table(*cam: object) -> str:
+    """The command that writes a cam's lift table as a grinder can read it."""
+    return _camopt("cam", *cam, "--csv", "lift.csv", "--digits", 5)
+
+
 def _after_optimize(args: Namespace, code: int) -> str:
     if code:
         return f"{_camopt('verify', args.scene, '--cam', args.folder)} shows at which speeds it breaks which limit"
-    table = _camopt("cam", args.scene, "--cam", args.folder, "--csv", "lift.csv", "--digits", 5)
+    table = _lift_table(args.scene, "--cam", args.folder)
     return f"{table} writes the cam's lift table for the grinder; the run folder has one with every digit"
 
 
@@ -67,7 +77,9 @@ def _after_design(args: Namespace, code: int) -> str:
 def _after_verify(args: Namespace, code: int) -> str:
     if code:
         return f"{_camopt('optimize', args.scene)} designs a cam that holds the limits"
-    return f"{_camopt('cam', *_cam_of(args), '--csv', 'lift.csv')} writes the cam's lift table"
+    if _is_table(args):
+        return f"{_camopt('cam', *_cam_of(args), '--card')} shows the cam's shape, contact and card"
+    return f"{_lift_table(*_cam_of(args))} writes the cam's lift table for the grinder"
 
 
 def _after_simulate(args: Namespace, code: int) -> str:
@@ -85,8 +97,8 @@ def _after_compare(args: Namespace, code: int) -> str:
 
 
 def _after_cam(args: Namespace, code: int) -> str:
-    if args.csv is None:
-        return f"{_camopt('cam', *_cam_of(args), '--csv', 'lift.csv')} writes the lift table"
+    if args.csv is None and not _is_table(args):
+        return f"{_lift_table(*_cam_of(args))} writes the cam's lift table for the grinder"
     return f"{_camopt('verify', *_cam_of(args))} says whether the valve train follows it"
 
 

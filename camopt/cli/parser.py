@@ -17,8 +17,8 @@ from keyword import iskeyword
 from camopt import __version__
 from camopt.cli import options
 from camopt.cli.next_steps import left_behind, next_step
+from camopt.cli.outputs import check_outputs
 from camopt.cli.suggesting_parser import SuggestingParser
-from camopt.storage import check_file
 
 DONE, DEFECT, BAD_INPUT, NOT_CONFIRMED, INTERRUPTED = 0, 1, 2, 3, 130
 REFUSALS = (errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EPERM, errno.EROFS, errno.EMFILE, errno.EIO)
@@ -32,9 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="backslashreplace")
     args = parser().parse_args(arguments)
     try:
-        for option in ("json", "csv", "contour"):
-            if getattr(args, option, None) is not None:
-                check_file(getattr(args, option))
+        check_outputs(args)
         commands = import_module("camopt.cli.verbs")
         code = getattr(commands, verb_named(args.command))(args)
         if sys.stdout is not None:  # where a shell closed it, there is none

@@ -41,9 +41,10 @@ What is unusual but runs, as a mass of 125 kg or a lash above the ramps, is note
 `camopt.scene.notes.scene_notes(scene)` gives the sentences, and every command prints them on standard error.
 `camopt.scene.usual` holds the ranges, with the units that are mixed up most.
 
-At rest on the base circle every mass must be held, and the seat must not push the valve open; a scene where that fails
-is refused with a sentence. `camopt modes mine.toml` is a good first look: natural frequencies far from those measured
-mean a wrong mass or stiffness. Then `camopt simulate`, `camopt verify` and `camopt optimize`.
+At rest on the base circle every mass must be held; a scene where that fails is refused with a sentence. A valve that
+hardly presses on its seat there, or not with the seat's own preload, is noted. `camopt modes mine.toml` is a good first
+look: natural frequencies far from those measured mean a wrong mass or stiffness. Then `camopt simulate`,
+`camopt verify` and `camopt optimize`.
 """
 
 from camopt.scene.errors import InputError as InputError

@@ -49,6 +49,7 @@ def checked(data: dict, need: tuple[str, ...]) -> tuple[Scene | None, list[str]]
         faults += _dynamics_faults(_part(data, *TRAIN))
     if not names and not faulty & {*TRAIN, "tolerance"} and "tolerance" in data:
         faults += tolerance_faults(_part(data, *TRAIN, "tolerance"))
+    faults = [fault + _whose(fault, data) for fault in faults]
     if len(faults) > MOST_LISTED:
         faults = [*faults[:MOST_LISTED], f"and {len(faults) - MOST_LISTED} faults more"]
     return scene, faults
@@ -105,6 +106,13 @@ def _without(data: dict, places: set[tuple]) -> dict:
 def _key(loc: tuple) -> str:
     parts = (str(part + 1) if isinstance(part, int) else part for part in loc)
     return ".".join(part if len(part) <= 80 else excerpt(part) for part in parts) or "file"
+
+
+def _whose(fault: str, data: dict) -> str:
+    """The name of the mass or element that a fault counts, to end its sentence with."""
+    found = re.match(rf"({'|'.join(NAMED)})\.(\d+)\.(?!name\b)", fault)
+    name = _rows(data, found[1])[int(found[2]) - 1].get("name") if found else None
+    return f" ({found[1]} {excerpt(name)})" if found and isinstance(name, str) else ""
 
 
 def _sentence(error: dict[str, Any]) -> str:

@@ -2,7 +2,10 @@
 
 from collections.abc import Iterable
 
+import numpy as np
+
 from camopt.scene.element import Element
+from camopt.scene.rest import static_forces
 from camopt.scene.schema import Scene
 from camopt.scene.table import Table
 from camopt.scene.train import build_train
@@ -10,16 +13,22 @@ from camopt.scene.units import MM, UM
 from camopt.scene.usual import HERTZ_AT_UM, STIFF, USUAL, Usual
 
 MEANT = "if it is meant, nothing needs doing"
+LEAST_SEAT_N = 5.0
+"""Force on a closed valve's seat [N] below what the spring of a model engine has."""
+SAME_SEAT_FORCE = 0.2
+"""Share by which the seat's own preload may differ from what presses on it at rest: a hydraulic adjuster takes off a
+tenth."""
 
 
 def scene_notes(scene: Scene) -> tuple[str, ...]:
-    """A sentence per key with an unusual number, in the order of `USUAL`, and one on a lash above the ramps."""
+    """A sentence per key with an unusual number, in the order of `USUAL`, one on a lash above the ramps, and one on a
+    closed valve that nothing presses on its seat, or not with the force that the seat states."""
     notes = []
     for path, usual in USUAL.items():
         table, key = path.split(".")
         notes += _note_of(path, usual, list(_given(scene, table, key)))
     notes += _note_of("element.stiffness_N_per_m", STIFF, list(_stiff(scene)))
-    return tuple(notes + _lash_note(scene))
+    return tuple(notes + _lash_note(scene) + _seat_note(scene))
 
 
 def speed_notes(option: str, speeds_rpm: Iterable[float]) -> list[str]:
@@ -68,8 +77,10 @@ def _note_of(where: str, usual: Usual, given: list[tuple[str, float]]) -> list[s
     of = f" of {name!r}" if name else ""
     more = f", and {len(far) - 1} more," if len(far) > 1 else ""
     usual_range = f"the usual {usual.low:g} to {usual.high:g} ({usual.reason})"
-    slips = {unit: abs(value) * factor for unit, factor in usual.slips.items()}
-    likely = [f"{unit}, which would be {there:g}" for unit, there in slips.items() if usual.low <= there <= usual.high]
+    slips = {unit: value * factor for unit, factor in usual.slips.items()}
+    likely = [
+        f"{unit}, which would be {there:g}" for unit, there in slips.items() if usual.low <= abs(there) <= usual.high
+    ]
     cause = f"; it looks like a number in {likely[0]} here" if likely else ""
     return [f"{where}: {value:g}{of}{more} is outside {usual_range}{cause}; {MEANT}"]
 
@@ -85,3 +96,22 @@ def _lash_note(scene: Scene) -> list[str]:
         f"element.gap_mm: the lash of {lash:g} mm between cam and valve is not below the {' and the '.join(short)}: "
         f"the cam meets the train on its flank, faster than the ramp would; lower the gaps or raise the ramp; {MEANT}"
     ]
+
+
+def _seat_note(scene: Scene) -> list[str]:
+    """On the force that closes the valve: whether there is one, and whether the seat's preload says the same."""
+    if scene.seat is None:
+        return []
+    train = build_train(scene)
+    force, stated = float(static_forces(train, np.zeros(1))[0, train.seat]), float(train.preload[train.seat])
+    if force < LEAST_SEAT_N:
+        weak = [e for e in scene.element if e.name != scene.seat and 0 < e.preload_N < LEAST_SEAT_N]
+        cause = [f"{e.preload_N:g} of {e.name!r} looks like kN, which would be {1e3 * e.preload_N:g}" for e in weak]
+        why = f"; {cause[0]} here" if cause else ": a valve spring has a preload_N, the force on the closed valve"
+        return [f"element.preload_N: at rest the valve is pressed on its seat with only {force:.2g} N{why}; {MEANT}"]
+    if stated and abs(force - stated) > SAME_SEAT_FORCE * max(force, stated):
+        return [
+            f"element.preload_N: at rest the springs press the valve on its seat with {force:.3g} N, and the preload "
+            f"of the seat {scene.seat!r} is {stated:g} N: the two are one force; {MEANT}"
+        ]
+    return []

@@ -7,6 +7,7 @@ from camopt.cam.dxf import write_dxf
 from camopt.cam.exports import chord_error, table_error, write_contour, write_crank_table, write_rounded_table
 from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import write_lift_table
+from camopt.measure.by_means import by_means
 from camopt.scene import Scene
 from camopt.storage import write_bytes
 
@@ -35,24 +36,25 @@ class Files:
 def export(scene: Scene, lift: Lift, files: Files) -> list[str]:
     """Writes the files that are asked for, and says in a sentence each what they are off by.
 
+    Contour, drawing and figure of a rounded table are those of its means (`camopt.measure.by_means`).
     Raises InputError where no contour gives this lift to the scene's follower, and for steps that divide no turn.
     """
     said = _table(scene, lift, files) if files.table else []
-    geometry = scene.geometry
+    geometry, law = scene.geometry, by_means(lift)[0]
     if files.contour:
         assert geometry is not None, "the verb asks for it"
         write_contour(
-            files.contour, lift, geometry, files.step_deg, USUAL_DIGITS if files.digits is None else files.digits
+            files.contour, law, geometry, files.step_deg, USUAL_DIGITS if files.digits is None else files.digits
         )
     if files.dxf:
         assert geometry is not None, "the verb asks for it"
-        write_dxf(files.dxf, lift, geometry, files.step_deg)
-        missed = chord_error(lift, geometry, files.step_deg)
+        write_dxf(files.dxf, law, geometry, files.step_deg)
+        missed = chord_error(law, geometry, files.step_deg)
         said.append(f"drawing: its chords, every {files.step_deg:g} cam deg, miss it by at most {missed:.1e} mm")
     if files.figure:
         from camopt.plots.style import picture
 
-        write_bytes(files.figure, picture(lift.plot(scene.design), Path(files.figure).suffix[1:].lower()))
+        write_bytes(files.figure, picture(law.plot(scene.design), Path(files.figure).suffix[1:].lower()))
     return said
 
 

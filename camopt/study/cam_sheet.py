@@ -7,6 +7,7 @@ from camopt.cam.geometry import DURATION_LIFTS_MM, Contact, contact, crossing
 from camopt.cam.hertz import HertzStress, contact_width, hertz_stress
 from camopt.cam.lift import Lift
 from camopt.cam.waves import sign_changes
+from camopt.measure.by_means import by_means
 from camopt.measure.limits import broken_by_shape, drawing_excess
 from camopt.scene import InputError, Scene, Train, build_train
 from camopt.scene.design import Design
@@ -36,19 +37,22 @@ LABELS = {
 
 def sheet(scene: Scene, lift: Lift, speed_rpm: float | None = None) -> list[str]:
     """Lines of text: limits, durations, and with [geometry] the contact and, at a speed, Hertz stress, velocities and
-    oil film."""
-    lines = _limits(scene, lift)
+    oil film. Derivatives of a rounded table are those of its means (`camopt.measure.by_means`)."""
+    law, told = by_means(lift)
+    lines = _limits(scene, lift, law)
+    lines += [f"{told}."] * bool(told)
     if scene.geometry is not None:
-        found = contact(lift, scene.geometry)
+        found = contact(law, scene.geometry)
         lines += _contact(lift, found)
         if speed_rpm is not None and found.contour_fault is not None:
             lines.append("Hertz stress: none without a contour that gives the follower this lift")
         elif speed_rpm is not None:
-            lines += _stress(scene, lift, scene.geometry, speed_rpm)
+            lines += _stress(scene, law, scene.geometry, speed_rpm)
     return lines
 
 
-def _limits(scene: Scene, lift: Lift) -> list[str]:
+def _limits(scene: Scene, lift: Lift, law: Lift) -> list[str]:
+    """The cam against the scene's limits; `law` has its derivatives."""
     design = scene.design
     assert design is not None, "the verb asks for it"
     ratio = lift.area_ratio_in(design)
@@ -65,11 +69,11 @@ def _limits(scene: Scene, lift: Lift) -> list[str]:
     snap = design.snap_max_mm_per_deg4
     limits += (("snap", 4, -snap, snap),) if snap is not None else ()
     for name, order, low, high in limits:
-        least, most = (value * DEG**order / MM for value in lift.extremes(order))
+        least, most = (value * DEG**order / MM for value in law.extremes(order))
         limit = f"limits {'none' if low is None else f'{low:g}'} to {'none' if high is None else f'{high:g}'}"
         lines.append(f"{name:<14} {least:.6f} to {most:.6f} mm/deg^{order} ({limit})")
     if design.waves_max is not None:
-        lines.append(f"waves          {len(sign_changes(lift))} sign changes of the jerk (limit {design.waves_max})")
+        lines.append(f"waves          {len(sign_changes(law))} sign changes of the jerk (limit {design.waves_max})")
     broken = set(broken_by_shape(lift, design))
     lines += [f"{key}: {'broken' if key in broken else 'kept'}" for key in drawing_excess(lift, design)]
     return lines + remarks(lift, design)

@@ -11,6 +11,7 @@ from camopt.verifier.worst import worst_in
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from camopt.measure.sweep import Band
     from camopt.verifier.verdict import Verdict
 
 COLUMNS = {
@@ -49,8 +50,8 @@ def text(verdict: "Verdict") -> str:
     if verdict.band is not None:
         record = verdict.as_dict()
         worst = {name: worst_in(record, name) for name in TEXT if name != "speed_rpm"}
-        ends = f"{verdict.band.from_rpm:g} to {verdict.band.to_rpm:g} r/min"
-        lines.append(f"worst over {ends}, neighbouring speeds, lifts and states included, each at its speed")
+        over = _judged_speeds(verdict.band, rows)
+        lines.append(f"worst over {over}, neighbouring speeds, lifts and states included, each at its speed")
         lines.append(_line({name: one and one.value for name, one in worst.items()}))
         lines.append(_line({name: one and one.speed_rpm for name, one in worst.items()}, "r/min"))
     reason = f". {verdict.reason}" if verdict.reason else ""
@@ -66,6 +67,13 @@ def _reserve(verdict: "Verdict") -> list[str]:
     if verdict.band is None or scene is None or scene.operation is None:
         return []
     return reserve_sentences(limits, scene.design.model_dump() if scene.design else {}, scene.operation.band_rpm)
+
+
+def _judged_speeds(band: "Band", rows: list[dict]) -> str:
+    """The speeds that the worst figures are of: the band, and the listed ones that lie outside it."""
+    outside = [f"{row['speed_rpm']:g}" for row in rows if not band.from_rpm <= row["speed_rpm"] <= band.to_rpm]
+    listed = f" and at {', '.join(outside)} r/min" if outside else ""
+    return f"{band.from_rpm:g} to {band.to_rpm:g} r/min{listed}"
 
 
 def _line(row: dict, last: str = "") -> str:

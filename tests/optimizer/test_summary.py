@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from camopt.cli.bound_lines import bound_lines
 from camopt.cli.parser import main
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.bound import summary
@@ -43,6 +44,14 @@ def test_a_slow_train_is_bounded_by_its_shape_alone(speed_rpm):
     found = area_bound(slow, KNOT_DEG)
     assert found["no_jump_says"] is None
     assert found["area_ratio_no_jump"] == pytest.approx(found["area_ratio_feasible"], rel=1e-6)
+
+
+def test_the_contacts_keep_the_least_force_that_the_scene_asks_for():
+    asked, usual = area_bound(designed(contact_force_min_N=60.0), KNOT_DEG), area_bound(MOTOR, KNOT_DEG)
+    assert (asked["margins_N"], asked["seat_margin_N"]) == (60.0, 20.0)
+    assert (usual["margins_N"], usual["seat_margin_N"]) == (20.0, 20.0)
+    assert asked["area_ratio_no_jump"] < usual["area_ratio_no_jump"]
+    assert "closed by 60 N or more, and the seat by 20 N, at" in "\n".join(bound_lines(asked))
 
 
 def test_an_undamped_train_has_its_kinematic_bound_and_a_sentence():

@@ -24,6 +24,11 @@ class TestNothingHidesAnother:
         expected = {"design.duration_deg", "element.2.between", "element", "valve", "seat", "mass.1.assumed"}
         assert keys(text) == expected
 
+    def test_a_row_is_named_and_counted(self):
+        text = changed(EXAMPLE, "stiffness_N_per_m = 38200.0", "stiffness_N_per_m = 0.0")
+        (fault,) = faults(text)
+        assert fault.startswith("element.2.stiffness_N_per_m: ") and fault.endswith(" (element 'spring')")
+
     def test_schema_in_a_row_and_names_in_others(self):
         text = changed(EXAMPLE, "mass_kg = 0.24", "mass_kg = -1.0")
         text = changed(text, "stiffness_N_per_m = 38200.0", "stiffness = 38200.0")

@@ -41,6 +41,31 @@ def test_unusual_numbers_are_noted_with_the_unit_that_was_probably_meant(old, ne
     assert all(words in note for words in [*says, "if it is meant, nothing needs doing"])
 
 
+@pytest.mark.parametrize(
+    ("preload", "says"),
+    [
+        ("0.0", "at rest the valve is pressed on its seat with only 0.0"),
+        ("0.25", "0.25 of 'spring' looks like kN, which would be 250 here"),
+        (
+            "150.0",
+            "press the valve on its seat with 150 N, and the preload of the seat 'seat' is 250 N: the two are one",
+        ),
+        ("240.0", None),
+    ],
+)
+def test_a_valve_that_its_spring_does_not_close_as_its_seat_says_is_noted(preload, says):
+    start = EXAMPLE.index('name = "spring"')
+    text = EXAMPLE[:start] + changed(EXAMPLE[start:], "preload_N = 250.0", f"preload_N = {preload}")
+    notes = scene_notes(parse_scene(text, "mine.toml"))
+    assert notes == () if says is None else says in " ".join(notes)
+
+
+def test_a_proposal_keeps_the_sign():
+    text = changed(EXAMPLE, "acceleration_min_mm_per_deg2 = -0.008", "acceleration_min_mm_per_deg2 = -23")
+    (note,) = scene_notes(parse_scene(text, "mine.toml"))
+    assert "-23 is outside" in note and "in mm/rad^2, which would be -0.00700" in note
+
+
 def test_stiffness_of_every_law_is_read():
     hertz = changed(EXAMPLE, 'kind = "contact"                  #', 'kind = "contact"\nlaw = "hertz" #')
     (note,) = scene_notes(parse_scene(hertz, "mine.toml"))  # 1.5 * 1.5e8 * sqrt(1e-5) = 712 kN/m at 10 um

@@ -5,7 +5,7 @@ import pytest
 
 from camopt.scene import InputError, build_train, load_scene
 from camopt.scene.vibration import acting_elements, assembled, highest_rate
-from camopt.study.modes import modes
+from camopt.study.modes import mode_lines, modes
 
 OHV = modes(load_scene("ohv-3dof"))
 KODAMA = load_scene("kodama")
@@ -115,3 +115,11 @@ def test_dictionary_is_the_contracts():
 def test_unknown_state():
     with pytest.raises(InputError, match="'open'"):
         modes(KODAMA, "open")
+
+
+def test_an_overdamped_contact_is_said_to_be_so():
+    motor = load_scene("motori-1")
+    elements = [e.model_copy(update={"damping_N_s_per_m": 1e5}) if e.cam_driven else e for e in motor.element]
+    heavy = modes(motor.model_copy(update={"element": tuple(elements)}))
+    assert mode_lines(heavy)[1:] == ["overdamped: 1 of 1 modes, damped by more than 100 %: no swinging"]
+    assert not any("overdamped" in line for line in mode_lines(modes(motor)))

@@ -141,6 +141,8 @@ def test_a_verdict_prints_on_one_screen():
     assert {"jump angle [deg]", "least contact force [N]"} <= set(COLUMNS.values())
     for record in (result, result.speeds[0], result.speeds[0].methods["event"], result.band):
         assert len(repr(record)) < 160 and type(record).__name__ in repr(record)
+    narrow = replace(result, band=replace(result.band, to_rpm=4900.0))
+    assert "worst over 4000 to 4900 r/min and at 5000, 5400 r/min, neighbouring speeds" in str(narrow)
     many = tuple(result.speeds) * 20
     assert len(str(replace(result, speeds=many)).splitlines()) <= 30
 

@@ -10,12 +10,16 @@ from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpO
 from camopt.optimizer.program.relocation import relocate
 from camopt.optimizer.search.journal import Journal
 from camopt.optimizer.search.judge import Judge, Judged
+from camopt.optimizer.search.none_holds import REMEDY, why_none_holds
 from camopt.optimizer.search.robust import RobustJudge
+from camopt.scene.design import Design
 from camopt.scene.errors import InputError
 from camopt.scene.units import DEG, MM
 
 FIRST_MARGINS_N = (0.0, 20.0, 60.0, 150.0)
 """Common margins that are tried in turn until one is confirmed; on the reference train 0 N usually is."""
+ASKED_TIMES = (1.25, 1.6)
+"""Multiples of the design's own least force that are tried after them: a search asks for 1.2 times that force."""
 FIRST_STEP_N = 20.0
 """First step down from a confirmed common margin of zero; the step is kept until a cam fails, then halved."""
 RELOCATIONS = 2
@@ -143,22 +147,26 @@ def margins_apart(search: Search, program: NoJumpProgram, cams: int, seed: int) 
 
 def _first_confirmed(search: Search, program: NoJumpProgram) -> tuple[NoJumpProgram, float, float]:
     """The program, with speeds inserted, the common margin [N] tried before, and the first whose cam is confirmed."""
-    for below, level in pairwise((-np.inf, *FIRST_MARGINS_N)):
+    seen = []
+    for below, level in pairwise((-np.inf, *_first_margins(program.design))):
         try:
             for _ in range(3):
                 judged = search.consider("no-jump program", program.solve(Margins(level, level, level)))
                 if judged.holds:
                     return program, below, level
+                seen.append(judged)
                 worst = search.judge.scene.cam_speed(judged.worst_speed_rpm)
                 if np.abs(program.speeds / worst - 1).min() < 1e-3:
                     break
                 program = program.extended([worst])
         except NoCamHoldsContact as error:
-            raise InputError(
-                f"no confirmed cam was found: {error}; allow more bounce and jump, raise the spring's preload, "
-                f"or lower the top speed"
-            ) from error
-    raise InputError(
-        "no cam of the no-jump program holds the scene's limits on the motion at the judged speeds, with margins up to "
-        f"{FIRST_MARGINS_N[-1]:g} N: allow more bounce and jump, raise the spring's preload, or lower the top speed"
-    )
+            if seen:
+                break
+            raise InputError(f"no confirmed cam was found: {error}; {REMEDY}") from error
+    raise InputError(why_none_holds(seen, program))
+
+
+def _first_margins(design: Design) -> tuple[float, ...]:
+    """FIRST_MARGINS_N, and beyond them what a design asks for itself, with the room that a search leaves."""
+    asked = design.contact_force_min_N or 0.0
+    return (*FIRST_MARGINS_N, *(f * asked for f in ASKED_TIMES if f * asked > FIRST_MARGINS_N[-1]))

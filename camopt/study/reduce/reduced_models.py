@@ -44,7 +44,7 @@ class Smaller:
     def done(self) -> str:
         """What was done, in words."""
         merged = f"condensed {', '.join(self.condensed)}" if self.condensed else "every other mass kept"
-        return f"{self.surge_masses} masses of the spring; {merged}"
+        return f"{self.surge_masses} {'mass' if self.surge_masses == 1 else 'masses'} of the spring; {merged}"
 
 
 def smaller_models(scene: Scene, keep: frozenset[str] = frozenset()) -> list[Smaller]:

@@ -1,0 +1,47 @@
+"""What is said where no cam is confirmed: the limit at fault, the nearest cam, and what the program holds at most."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from camopt.optimizer.program.no_jump import NoCamHoldsContact
+from camopt.optimizer.search.judge import Judged
+from camopt.optimizer.search.no_jump_stage import FIRST_MARGINS_N, _first_margins
+from camopt.optimizer.search.none_holds import why_none_holds
+from camopt.scene import load_scene
+
+DESIGN = load_scene("motori-1").design.model_copy(update={"contact_force_min_N": None})
+SPEEDS = np.array([4000.0, 6000.0, 7600.0])
+
+
+def judged(bounce):
+    share = np.array([bounce]) / 0.05
+    return Judged(SPEEDS, {"bounce_mm": np.array(bounce)}, ("bounce_mm",), np.array([0.05]), share, np.zeros((3, 2)))
+
+
+def program(holds_N, **limits):
+    def solve(margins):
+        if margins.opening > holds_N:
+            raise NoCamHoldsContact("no cam", margins.opening - holds_N)
+
+    return SimpleNamespace(design=DESIGN.model_copy(update=limits), solve=solve)
+
+
+def test_the_limit_at_fault_the_nearest_cam_and_the_speed_up_to_which_it_holds():
+    said = why_none_holds([judged([0.01, 0.2, 0.3]), judged([0.01, 0.02, 0.07])], program(np.inf))
+    assert "bounce_mm of 0.07 at 7600 r/min against bounce_max_mm = 0.05" in said
+    assert "holds every limit up to 6000 r/min" in said and "while closed" not in said
+
+
+@pytest.mark.parametrize(("holds_N", "says"), [(120.0, True), (np.inf, False)])
+def test_the_largest_least_force_that_a_cam_of_the_program_holds(holds_N, says):
+    said = why_none_holds([judged([0.1, 0.2, 0.3])], program(holds_N, contact_force_min_N=300.0))
+    assert ("no cam of the program keeps more than 120 N on its contacts" in said) == says
+    assert "up to" not in said
+
+
+def test_margins_go_as_far_as_the_design_asks():
+    assert _first_margins(DESIGN) == FIRST_MARGINS_N
+    assert _first_margins(DESIGN.model_copy(update={"contact_force_min_N": 100.0})) == (*FIRST_MARGINS_N, 160.0)
+    assert _first_margins(DESIGN.model_copy(update={"contact_force_min_N": 300.0}))[-2:] == (375.0, 480.0)
