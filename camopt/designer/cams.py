@@ -16,9 +16,10 @@ from camopt.designer.controls import KINEMATIC, NO_JUMP
 from camopt.designer.edits import Asked
 from camopt.designer.warm_start import begin_like
 from camopt.optimizer.accuracy import ACCURACIES, design_speeds
+from camopt.optimizer.program.force_rows import PEAK, Window
 from camopt.optimizer.program.kinematic import limit_worth, unexplained_optimum, worth_of
 from camopt.optimizer.program.linear_program import GaveUp, Infeasible
-from camopt.optimizer.program.no_jump import PEAK, Margins, NoJumpOptimum, NoJumpProgram, Window, no_jump_program
+from camopt.optimizer.program.no_jump import Margins, NoJumpOptimum, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.relocation import standing
 from camopt.scene.design import Design
 from camopt.scene.errors import InputError

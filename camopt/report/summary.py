@@ -56,13 +56,17 @@ def next_steps(run: RunFolder) -> list[dict[str, str]]:
     verdict, name = run.verification.get("verdict"), run.name
     scene, cam = f"{name}/scene.toml", f"--cam {name}"
     design = {"words": "Move the limits and watch the cam.", "command": f"camopt design {scene}"}
+    again = f"camopt optimize {scene} --accuracy standard"
     if verdict == "confirmed":
-        steps = [{"words": "Take the cam to the grinder.", "command": f"camopt cam {scene} {cam} --csv lift.csv"}]
+        table = f"camopt cam {scene} {cam} --csv lift.csv --digits 5"
+        steps = [{"words": "Take the cam to the grinder.", "command": table}]
+        settings = run.provenance.get("settings")
+        if isinstance(settings, dict) and settings.get("accuracy") == "draft":
+            steps = [{"words": "This was a draft: design once more before it is ground.", "command": again}]
         if run.scene.get("tolerance") and not run.verification.get("yield"):
             words = "Ask how many trains as built hold."
             steps.append({"words": words, "command": f"camopt yield {scene} {cam} --trains 200"})
         return [*steps, _dearest(run, scene)]
-    again = f"camopt optimize {scene} --accuracy standard"
     if verdict == "rejected":
         return [{"words": "Search further: the verdict broke a limit.", "command": again}, design]
     if verdict == "sensitive":

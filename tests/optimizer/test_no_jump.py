@@ -7,16 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from camopt.cam.families.free import free_cam
+from camopt.optimizer.program.force_rows import OPENING, PEAK, SEAT, Window
 from camopt.optimizer.program.kinematic import kinematic_optimum
-from camopt.optimizer.program.no_jump import (
-    OPENING,
-    PEAK,
-    SEAT,
-    Margins,
-    NoCamHoldsContact,
-    Window,
-    no_jump_program,
-)
+from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, no_jump_program
 from camopt.optimizer.program.periodic import Angles, periodic_response, phase_contacts, sample_cam, static_angles
 from camopt.optimizer.program.relocation import NoLoadTransfer, located_angles, relocate, settled_revolution
 from camopt.scene import InputError, build_train, load_scene

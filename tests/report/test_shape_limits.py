@@ -91,7 +91,7 @@ def test_the_matrix_marks_the_worst_speed_of_each_limit(write, contents):
 @pytest.mark.parametrize(
     ("verdict", "command"),
     [
-        ("confirmed", "camopt cam kodama-run/scene.toml --cam kodama-run --csv lift.csv"),
+        ("confirmed", "camopt cam kodama-run/scene.toml --cam kodama-run --csv lift.csv --digits 5"),
         ("rejected", "camopt optimize kodama-run/scene.toml --accuracy standard"),
         ("sensitive", "camopt optimize kodama-run/scene.toml --accuracy standard"),
         ("not converged", "camopt verify kodama-run/scene.toml --cam kodama-run --accuracy fine"),
@@ -102,3 +102,9 @@ def test_every_verdict_has_a_next_step(write, contents, verdict, command):
     contents["verification"]["verdict"] = verdict or "unheard of"
     steps = next_steps(read_run_folder(write(contents)))
     assert steps[0]["command"] == command
+
+
+def test_a_draft_is_not_taken_to_the_grinder(write, contents):
+    contents["provenance"]["settings"] = {"accuracy": "draft"}
+    steps = next_steps(read_run_folder(write(contents)))
+    assert steps[0]["command"] == "camopt optimize kodama-run/scene.toml --accuracy standard"

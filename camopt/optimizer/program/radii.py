@@ -16,6 +16,7 @@ import numpy as np
 from camopt.cam.families.free import FreeCam
 from camopt.cam.families.radius_rows import Neighbourhood, radii_held_near
 from camopt.cam.lift import Lift
+from camopt.optimizer.program.force_rows import PEAK
 from camopt.optimizer.program.kinematic import (
     area_ratio_row,
     first_working,
@@ -23,7 +24,7 @@ from camopt.optimizer.program.kinematic import (
     unexplained_optimum,
 )
 from camopt.optimizer.program.linear_program import Infeasible
-from camopt.optimizer.program.no_jump import PEAK, Margins, NoJumpProgram
+from camopt.optimizer.program.no_jump import Margins, NoJumpProgram
 from camopt.optimizer.program.priced import SHORT_OF_FORCE, TYPICAL_FORCE, Priced
 from camopt.scene.design import RADII, Design
 from camopt.scene.units import MM_PER_DEG2

@@ -1,0 +1,75 @@
+"""Forces of the closed contacts at one speed, affine in a free cam's coefficients, and the windows where they count."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from camopt.optimizer.program.periodic import LIFTED, SAMPLE, SEATED, Angles, CamSamples, periodic_response
+from camopt.scene.design import Design
+from camopt.scene.errors import InputError
+from camopt.scene.train import Train
+from camopt.scene.units import DEG, RPM
+
+OPENING, CLOSING, SEAT, PEAK = range(4)
+"""Kinds of force rows: cam side before and after the middle, seat, and the cam side's largest force."""
+DAMPED = 1 - 1e-9
+"""Largest factor by which a revolution may multiply a disturbance: without damping it is 1 to round-off, on either
+side. At this one a disturbance would take a million revolutions and more to lose a thousandth."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """Where the force rows hold [rad]. The impacts that close lash and seat ring for a while: no cam can help it.
+
+    Cam side: from `after_top` behind the opening ramp top to `before_seat` ahead of the seat's closing. Seat: from
+    `after_seat` behind the seat's closing to `before_lash` ahead of the lash's closing in the next revolution. `step`
+    is the longest one between two rows.
+    """
+
+    after_top: float = 2 * DEG
+    before_seat: float = 4 * DEG
+    after_seat: float = 12 * DEG
+    before_lash: float = 6 * DEG
+    step: float = SAMPLE
+
+
+@dataclass(frozen=True)
+class SpeedRows:
+    """Forces at one speed: force = offset + matrix @ z [N] of `element` at `angle` [rad], row by row; kind as above."""
+
+    train: Train
+    cam_speed: float
+    angles: Angles
+    matrix: np.ndarray  # (r, m)
+    offset: np.ndarray  # (r)
+    kind: np.ndarray  # (r) int
+    element: np.ndarray  # (r) int
+    angle: np.ndarray  # (r)
+
+
+def speed_rows(train: Train, design: Design, samples: CamSamples, cam_speed: float, angles: Angles, window: Window):
+    """The force rows of one speed [rad/s]; raises InputError where the linear motion is unstable."""
+    response = periodic_response(train, samples, cam_speed, angles)
+    if response.spectral_radius > DAMPED:
+        raise InputError(
+            f"the motion with closed contacts does not die away at {cam_speed / RPM:g} r/min of the camshaft: a "
+            f"revolution multiplies a disturbance by {response.spectral_radius:.4g}; give elements or masses more "
+            f"damping_N_s_per_m, or leave speeds near this one out of speeds_rpm and band_rpm"
+        )
+    theta, half = samples.edges, design.duration_deg / 2 * DEG
+    begins, ends = max(angles.seat_opens, window.after_top - half), angles.seat_closes - window.before_seat
+    lifted = np.flatnonzero((theta >= begins - 1e-9) & (theta <= ends))
+    closed = (theta >= angles.seat_closes + window.after_seat) | (theta <= angles.lash_closes - window.before_lash)
+    seated = np.flatnonzero(closed & (angles.phase(theta) == SEATED))
+    lifted = lifted[angles.phase(theta[lifted]) == LIFTED]
+    parts = []
+    for e in train.cam_side:
+        force = response.force(e, lifted)
+        parts.append((force, np.where(theta[lifted] < 0, OPENING, CLOSING), e, theta[lifted]))
+        if design.contact_force_max_N is not None:
+            parts.append((force, np.full(len(lifted), PEAK), e, theta[lifted]))
+    parts.append((response.force(train.seat, seated), np.full(len(seated), SEAT), train.seat, theta[seated]))
+    force = np.concatenate([p[0] for p in parts])
+    kind, angle = (np.concatenate([p[i] for p in parts]) for i in (1, 3))
+    element = np.concatenate([np.full(len(p[1]), p[2]) for p in parts])
+    return SpeedRows(train, cam_speed, angles, np.ascontiguousarray(force[:, 1:]), force[:, 0], kind, element, angle)
