@@ -78,7 +78,7 @@ class TestCamWithFollower:
             asked.append(method)
             raise MotionRefused(f"{method} refuses")
 
-        monkeypatch.setattr("camopt.study.simulate.motion.simulate", refuses)
+        monkeypatch.setattr("camopt.study.simulate.motion.recorded", refuses)
         for name, methods in (("kodama", ["event", "rkg"]), ("kodama-hertz", ["rkg"])):
             asked.clear()
             where = self.scene(tmp_path, GEOMETRY, name)

@@ -18,7 +18,7 @@ def settled_force(scene: Scene, train: Train, lift: Lift, speed_rpm: float) -> t
     that refuses.
 
     Event-exact is not asked where the train's laws are beyond it. Raises InputError as
-    `camopt.study.simulate.motion.simulate` does.
+    `camopt.study.simulate.motion.recorded` does.
     """
     from camopt.study.simulate.motion import recorded
 
