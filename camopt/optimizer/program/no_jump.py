@@ -159,10 +159,15 @@ class NoJumpProgram:
         first = len(self.limits.bound)
         return np.union1d(first_working(self.limits), np.arange(first, first + len(self.kind), 40))
 
+    def given_margins(self, count: int) -> np.ndarray:
+        """What each of `count` rows, this program's and further ones, gives where all margins fall by one [1/N]."""
+        give = np.zeros(count)
+        give[len(self.limits.bound) :][: len(self.kind)] = self.kind != PEAK
+        return give
+
     def _shortfall(self, bound: np.ndarray) -> NoCamHoldsContact:
         matrix, bound = reached_in_the_middle(self.cam, self.design, self.rows.matrix, bound)
-        give = np.zeros(len(bound))
-        give[len(self.limits.bound) :][: len(self.kind)] = self.kind != PEAK
+        give = self.given_margins(len(bound))
         begin = np.union1d(self.first_working(), np.arange(len(self.rows.norm), len(bound)))
         needed = least_relaxation(spline_rows(matrix), bound, give, 100.0, begin)
         if needed is None:

@@ -16,7 +16,6 @@ import numpy as np
 from camopt.cam.families.free import FreeCam
 from camopt.cam.families.radius_rows import Neighbourhood, radii_held_near
 from camopt.cam.lift import Lift
-from camopt.optimizer.program.force_rows import PEAK
 from camopt.optimizer.program.kinematic import (
     area_ratio_row,
     first_working,
@@ -92,11 +91,9 @@ def with_radii(program: NoJumpProgram, margin_N: float) -> NoJumpProgram:
 
     def best_near(lift: Lift, share: float) -> Found:
         moved = replace(program, cam=near(program.cam, lift, share))
-        first = len(moved.limits.bound)
         matrix, bound = reached_in_the_middle(moved.cam, design, moved.rows.matrix, moved.bound(margins))
-        give = np.zeros(len(matrix))
-        give[first : first + len(program.kind)] = program.kind != PEAK
-        working = np.union1d(moved.first_working(), np.arange(first + len(program.kind), len(matrix)))
+        give = moved.given_margins(len(matrix))
+        working = np.union1d(moved.first_working(), np.arange(len(moved.rows.norm), len(matrix)))
         found = Priced.of(matrix, give, row, SHORT_OF_FORCE, TYPICAL_FORCE, working).solve(bound)
         return moved.cam.lift(found.z[:-1]), found.value, float(found.z[-1])
 

@@ -15,7 +15,6 @@ from camopt.cam.families.free import FreeCam
 from camopt.cam.families.free_limits import Limits
 from camopt.cam.lift import Lift
 from camopt.cam.waves import cells, sign_changes, sign_rows
-from camopt.optimizer.program.force_rows import PEAK
 from camopt.optimizer.program.kinematic import (
     area_ratio_row,
     first_working,
@@ -73,11 +72,10 @@ def with_switches(program: NoJumpProgram, margin_N: float) -> NoJumpProgram:
     design, cam = program.design, program.cam
     if design.waves_max is None or not cam.about.switches:
         return program
-    first, margins = len(program.limits.bound), Margins(margin_N, margin_N, margin_N)
+    margins = Margins(margin_N, margin_N, margin_N)
     at_margins = program.bound(margins.table(len(program.blocks)))
     matrix, bound = reached_in_the_middle(cam, design, program.rows.matrix, at_margins)
-    give = np.zeros(len(matrix))
-    give[first : first + len(program.kind)] = program.kind != PEAK
+    give = program.given_margins(len(matrix))
     row, _ = area_ratio_row(design, cam)
     elastic = Priced.of(matrix, give, row, SHORT_OF_FORCE, TYPICAL_FORCE, _working(program.limits, len(matrix)))
     value = _value(elastic, cam, bound, program.limits.rows("waves_max"))
