@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from camopt.cam.families.radius_rows import radii_held_near
 from camopt.cam.geometry import crossing, smallest_radii
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import linear_limits
@@ -161,16 +162,15 @@ def _of_a_circle(lift: Lift, design: Design) -> dict[str, float]:
 
     Infinite for a cam that the follower cannot follow.
     """
-    asked = {key: least for key in RADII if (least := getattr(design, key)) is not None}
-    geometry = design.geometry
-    if geometry is None or geometry.contact_radius_mm is None or not asked:
+    asked, geometry = radii_held_near(design), design.geometry
+    if not asked or geometry is None:
         return {}
     try:
-        convex, concave = smallest_radii(lift, geometry)
+        radii: dict[str, float | None] = dict(zip(RADII, smallest_radii(lift, geometry), strict=True))
     except InputError:
         return dict.fromkeys(asked, np.inf)
-    radii = {"nose_radius_min_mm": convex, "concave_radius_min_mm": np.inf if concave is None else concave}
-    return {key: 1 - radii[key] / (least * MM) - SAMPLED for key, least in asked.items()}
+    sizes = {key: np.inf if (size := radii[key]) is None else size for key in asked}
+    return {key: 1 - size / (getattr(design, key) * MM) - SAMPLED for key, size in sizes.items()}
 
 
 def duration_words(lift: Lift, design: Design) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from camopt.cam.families.radius_rows import radii_held_near
 from camopt.cam.geometry import crossing, smallest_radii
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import linear_limits
@@ -92,9 +93,8 @@ def _drawn(lift: Lift, design: Design) -> Iterator[Reached]:
         long = (closing - opening) / DEG
         for bound, is_least in ((least_deg, True), (most_deg, False)):
             yield Reached("duration_at", f"duration at {height:g} mm", "deg", long, bound, is_least, "the crossings")
-    geometry = design.geometry
-    asked = [key for key in RADII if getattr(design, key) is not None]
-    if asked and geometry is not None and geometry.contact_radius_mm is not None:
+    asked, geometry = radii_held_near(design), design.geometry
+    if asked and geometry is not None:
         for key, size in zip(RADII, smallest_radii(lift, geometry), strict=True):
             if key in asked and size is not None:
                 yield Reached(key, *LABELS[key], size / MM, getattr(design, key), least=True)
