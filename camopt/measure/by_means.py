@@ -34,7 +34,7 @@ def by_means(lift: Lift) -> tuple[Lift, str]:
     pieces = spline_pieces(name, np.append(rows.theta, np.pi), np.append(mean, mean[0]))
     law = Lift(*centred(pieces, 0.0), lift.half_duration, lift.family, lift.parameters)
     width = window * rows.step
-    acceleration, jerk = 4 * rows.error / width**2 / MM_PER_DEG2, 8 * rows.error / width**3 / MM_PER_DEG3
+    acceleration, jerk = rows.mean(2, window)[1] / MM_PER_DEG2, rows.mean(3, window)[1] / MM_PER_DEG3
     return law, (
         f"The table's rows are off by up to {rows.error / MM:.1g} mm: acceleration, jerk, waves and contact are given "
         f"by means over {MEANS * width / DEG:.2g} deg, which tell the acceleration to {acceleration:.1g} mm/deg^2 and "
@@ -46,9 +46,7 @@ def _window(rows: RoundedRows) -> int:
     """The least odd number of rows over which the means tell the jerk well enough, up to `WIDEST`."""
     window = 1
     for window in range(1, int(WIDEST / rows.step) + 1, 2):
-        rise = rows.height
-        for shift in (-window, -window, -window):
-            rise = np.roll(rise, shift) - rise
-        if 8 * rows.error <= TOLD * np.abs(rise).max():
+        jerk, error = rows.mean(3, window)
+        if error <= TOLD * np.abs(jerk).max():
             break
     return window

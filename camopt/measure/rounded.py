@@ -47,10 +47,14 @@ class RoundedRows:
         """Begin of each mean [rad], its value, and its largest error, for steps that double up to `WIDEST`."""
         every = 1
         while every * self.step <= WIDEST * (1 + 1e-9):
-            width = every * self.step
-            terms = [(-1) ** (order - j) * comb(order, j) * np.roll(self.height, -j * every) for j in range(order + 1)]
-            yield self.theta, np.sum(terms, axis=0) / width**order, 2**order * self.error / width**order
+            yield self.theta, *self.mean(order, every)
             every *= 2
+
+    def mean(self, order: int, every: int) -> tuple[np.ndarray, float]:
+        """The mean of a derivative over `order` steps of `every` rows from each row on, and its largest error."""
+        width = every * self.step
+        terms = [(-1) ** (order - j) * comb(order, j) * np.roll(self.height, -j * every) for j in range(order + 1)]
+        return np.sum(terms, axis=0) / width**order, 2**order * self.error / width**order
 
     def resolution(self, order: int) -> float:
         """The least error of the means of a derivative [m/rad^order]."""
