@@ -10,6 +10,7 @@ all of that, and where that cannot be told there is no truth and the answer must
 
 import time
 from collections import Counter
+from itertools import islice
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from camopt.verifier.accuracy_statement import bounce_error_um
 from camopt.verifier.verdict import verdict_on
 from experiments.support.drawn_cases import DrawnCase, drawn_cases
 from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.sweeping import called
 
 SEED = {"small": 25, "full": 20}
 DRAWS = {"small": 3, "full": 200}
@@ -104,14 +106,20 @@ def counts(rows: list[dict]) -> dict[str, dict]:
 
 def main(size: str, folder=RESULTS) -> dict:
     """Draws and judges."""
-    rng, rows = np.random.default_rng(SEED[size] + 1), []
-    for i, case in enumerate(drawn_cases(SEED[size], DRAWS[size])):
+    rng, cases = np.random.default_rng(SEED[size] + 1), []
+    for number in range(DRAWS[size]):
         asked_um = float(10 ** rng.uniform(*np.log10(ASKED_UM)))
-        other = str(rng.choice(("rkg", "tmm", "houbolt")))
-        new = [*lift_rows(case, asked_um, other, i % DOP853_EVERY == 0), bounce_row(case, asked_um)]
-        where = {"scene": case.scene.name, "cam": case.cam_name, "speed_rpm": case.speed_rpm}
-        rows += [where | r for r in new]
-    return keep(rows, size, folder)
+        cases.append({"number": number, "asked_um": asked_um, "other": str(rng.choice(("rkg", "tmm", "houbolt")))})
+    found = called("experiments.accuracy_promise:judged", [{**case, "size": size} for case in cases], size)
+    return keep([row for of in found for row in of["rows"]], size, folder)
+
+
+def judged(number: int, asked_um: float, other: str, size: str) -> dict:
+    """The rows of the draw of a number."""
+    case = next(islice(drawn_cases(SEED[size], DRAWS[size]), number, None))
+    rows = [*lift_rows(case, asked_um, other, number % DOP853_EVERY == 0), bounce_row(case, asked_um)]
+    where = {"scene": case.scene.name, "cam": case.cam_name, "speed_rpm": case.speed_rpm}
+    return {"rows": [where | row for row in rows]}
 
 
 def keep(rows: list[dict], size: str, folder=RESULTS) -> dict:

@@ -6,14 +6,13 @@ every r/min of the band. A cam is good where bounce, jump and seating velocity h
 damped trains can have two settled motions at one speed, so the motion from rest, which the verdict judges, is looked
 at too, at a sample of the speeds and wherever the verdict looked.
 
-Cams and verdicts are appended row by row to `near_limit-cams.jsonl` and `near_limit-verdicts.jsonl`, so that a run that
-was stopped goes on where it was; remove the latter to judge the same cams again.
+Both run on `camopt.sweep`, with stores beside the results, so that a run that was stopped goes on where it was. The
+cams stand in `near_limit-cams.jsonl`; with that file and without the stores the same cams are judged anew.
 """
 
 import json
 import time
 from collections import Counter
-from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -21,10 +20,12 @@ from matplotlib.figure import Figure
 
 import camopt
 from camopt.plots.style import new_figure
+from camopt.storage import write_bytes
 from experiments.support.near_limit_cams import PER_LINE, band, lift_of, near_limit_cams
 from experiments.support.near_limit_scenes import KINDS, drawn_scene
 from experiments.support.near_limit_truth import COLD, from_rest
 from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.sweeping import called
 
 PER_SCENE = 20
 MOST_LINES = 60
@@ -47,9 +48,8 @@ def main(size: str, folder: Path = RESULTS) -> dict:
     """Draws, judges, counts and writes `near_limit.json` and its figure."""
     plan = FULL if size == "full" else SMALL
     folder.mkdir(parents=True, exist_ok=True)
-    cams = drawn(plan, folder / "near_limit-cams.jsonl")
-    rows = judged(plan, cams, folder / "near_limit-verdicts.jsonl")
-    return keep(rows, plan, size, folder)
+    cams = drawn(plan, size, folder)
+    return keep(judged(plan, cams, size, folder), plan, size, folder)
 
 
 def scene_of(number: int, width_rpm: float | None):
@@ -62,25 +62,28 @@ def scene_of(number: int, width_rpm: float | None):
     return scene.model_copy(update={"operation": narrow})
 
 
-def drawn(plan: dict, path: Path) -> list[dict]:
-    """Cams with their truth, those of `path` first; new ones are appended to it."""
-    rows = read(path)
-    for number in plan["scenes"]:
-        scene = scene_of(number, plan["width_rpm"])
-        have = [row for row in rows if row["scene"] == number]
-        for line in count(max((row["line"] for row in have), default=-1) + 1):
-            if len(have) >= plan["cams"]:
-                break
-            if line >= MOST_LINES:
-                raise RuntimeError(f"{scene.name}: {line} lines gave {len(have)} cams around its limits")
-            rng = np.random.default_rng([SEED, number, line])
-            for found in near_limit_cams(scene, rng, min(PER_LINE, plan["cams"] - len(have))):
-                row = {"scene": number, "name": scene.name, "cam": len(have), "line": line, "knot_deg": found.knot_deg}
-                row |= {"z": found.z.tolist(), "truth": found.truth.as_row(), "cold": cold(scene, found, rng)}
-                append(path, row)
-                have.append(row)
-                rows.append(row)
+def drawn(plan: dict, size: str, folder: Path) -> list[dict]:
+    """Cams with their truth: those of the file in `folder`; where there is none, new ones, of which it is made."""
+    path, store = folder / "near_limit-cams.jsonl", folder / "near_limit-cams.sqlite"
+    if not path.exists():
+        cases = [{"number": n, "cams": plan["cams"], "width_rpm": plan["width_rpm"]} for n in plan["scenes"]]
+        found = [row for of in called("experiments.near_limit:cams_around", cases, size, store) for row in of["rows"]]
+        write_bytes(path, "".join(json.dumps(row) + "\n" for row in found).encode())
+    rows = [json.loads(line) for line in path.read_text().splitlines()]
     return [row for row in rows if row["scene"] in plan["scenes"] and row["cam"] < plan["cams"]]
+
+
+def cams_around(number: int, cams: int, width_rpm: float | None) -> dict:
+    """So many cams around the limits of a drawn scene, with their truth."""
+    scene, rows = scene_of(number, width_rpm), []
+    for line in range(MOST_LINES):
+        rng = np.random.default_rng([SEED, number, line])
+        for found in near_limit_cams(scene, rng, min(PER_LINE, cams - len(rows))):
+            row = {"scene": number, "name": scene.name, "cam": len(rows), "line": line, "knot_deg": found.knot_deg}
+            rows.append(row | {"z": found.z.tolist(), "truth": found.truth.as_row(), "cold": cold(scene, found, rng)})
+        if len(rows) >= cams:
+            return {"rows": rows}
+    raise RuntimeError(f"{scene.name}: {MOST_LINES} lines gave {len(rows)} cams around its limits")
 
 
 def cold(scene, found, rng: np.random.Generator) -> dict:
@@ -91,22 +94,23 @@ def cold(scene, found, rng: np.random.Generator) -> dict:
     return {"share": rest.share, "apart": float(np.max(np.abs(rest.shares - shares[at])))}
 
 
-def judged(plan: dict, cams: list[dict], path: Path) -> list[dict]:
-    """The cams with their verdicts, those of `path` first; new ones are appended to it."""
-    known = {(row["scene"], row["cam"]): row for row in read(path)}
-    for row in cams:
-        if (row["scene"], row["cam"]) in known:
-            continue
-        scene = scene_of(row["scene"], plan["width_rpm"])
-        began = time.process_time()
-        lift = lift_of(scene, row["knot_deg"], row["z"])
-        verdict = camopt.verify(scene, lift, accuracy=plan["accuracy"])
-        new = {"scene": row["scene"], "cam": row["cam"], "verdict": verdict.verdict, "broken": list(verdict.broken)}
-        new["seconds"] = round(time.process_time() - began, 2)
-        new["rest"] = again_from_rest(scene, lift, verdict)
-        append(path, new)
-        known[row["scene"], row["cam"]] = new
-    return [row | known[row["scene"], row["cam"]] for row in cams]
+def judged(plan: dict, cams: list[dict], size: str, folder: Path) -> list[dict]:
+    """The cams with their verdicts."""
+    of_plan = {key: plan[key] for key in ("width_rpm", "accuracy")}
+    cases = [{"number": row["scene"], **{key: row[key] for key in ("knot_deg", "z")}, **of_plan} for row in cams]
+    found = called("experiments.near_limit:verdict_of", cases, size, folder / "near_limit-verdicts.sqlite")
+    added = ("verdict", "broken", "seconds", "rest")
+    return [row | {key: new[key] for key in added} for row, new in zip(cams, found, strict=True)]
+
+
+def verdict_of(number: int, knot_deg: float, z: list[float], width_rpm: float | None, accuracy: str) -> dict:
+    """What `camopt.verify` says of a cam, and the motions from rest beside it."""
+    scene = scene_of(number, width_rpm)
+    lift, began = lift_of(scene, knot_deg, z), time.process_time()
+    verdict = camopt.verify(scene, lift, accuracy=accuracy)
+    seconds = round(time.process_time() - began, 2)
+    rest = again_from_rest(scene, lift, verdict)
+    return {"verdict": verdict.verdict, "broken": list(verdict.broken), "seconds": seconds, "rest": rest}
 
 
 def again_from_rest(scene, lift, verdict) -> dict:
@@ -180,17 +184,6 @@ def figure(rows: list[dict]) -> Figure:
     axes.set_yticklabels(scenes)
     axes.legend()
     return drawing
-
-
-def read(path: Path) -> list[dict]:
-    """Rows of a file of JSON lines; none where there is no file."""
-    return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
-
-
-def append(path: Path, row: dict) -> None:
-    """One more row, written at once."""
-    with path.open("a") as out:
-        out.write(json.dumps(row) + "\n")
 
 
 if __name__ == "__main__":

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from camopt.study.extremes.classification import WITHIN, WRONG
-from experiments.random_scenes import REAL, against_dop853, judged
+from camopt.study.extremes.classification import REFUSED, WITHIN
+from experiments.random_scenes import REAL, judged
 from experiments.support.drawn_scenes import REAL_BASES, drawn
 
 
@@ -17,6 +17,5 @@ def test_draws_move_every_kind_of_number():
 
 
 def test_nothing_is_wrong_without_a_warning():
-    rows = [judged(REAL + i, cams=1) for i in range(3)]
-    assert not [row for row in rows if row["verdict"] == WRONG]
-    assert against_dop853(rows[0]["number"], cams=1)["verdict"] == WITHIN
+    rows = [judged(REAL + i, cams=1) for i in (9, 10, 13)]  # an adjuster, gas force, nested springs: the quickest ones
+    assert [row["verdict"] for row in rows] == [WITHIN, WITHIN, REFUSED]
