@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits
 
 from camopt.optimizer.as_built.drawn import DrawnTrains
 from camopt.optimizer.as_built.journal import TrainsLog
-from camopt.optimizer.as_built.search import FIRST_MARGIN_N, OVERSPEED, YieldSearch
+from camopt.optimizer.as_built.search import FIRST_MARGIN_N, MORE_STEP_N, OVERSPEED, YieldSearch
 from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import relocate, standing
@@ -28,18 +28,18 @@ DRAWS_SEED = 1_000_003
 
 @dataclass(frozen=True)
 class YieldEffort:
-    """How many trains a search draws at first and at last, its gradient steps on either, and the final statement."""
+    """How many trains a search draws at first and at last, its linear programs on either, and the final statement."""
 
     trains: tuple[int, int]
-    gradient_steps: tuple[int, int]
+    steps: tuple[int, int]
     stated_trains: int
     stated_speeds: int
 
 
 EFFORTS = {
-    "draft": YieldEffort((100, 100), (6, 0), 200, 11),
-    "standard": YieldEffort((300, 1000), (8, 0), 1000, 21),
-    "fine": YieldEffort((500, 2000), (30, 0), 2000, 41),
+    "draft": YieldEffort((100, 100), (8, 0), 200, 11),
+    "standard": YieldEffort((300, 1000), (8, 8), 1000, 21),
+    "fine": YieldEffort((500, 2000), (16, 12), 2000, 41),
 }
 
 
@@ -64,12 +64,16 @@ def yield_search(
     first = search.program.solve(Margins(*[FIRST_MARGIN_N] * 3))
     drawn.settle(first.lift)
     drawn.draw(effort.trains[0])
-    margins = search.common_margin()
-    for trains, steps in zip(effort.trains, effort.gradient_steps, strict=True):
+    search.common_margin()
+    assert search.common is not None
+    for trains, steps in zip(effort.trains, effort.steps, strict=True):
+        begin = search.best
         if trains > len(drawn.trains):
-            margins = search.more_trains(trains)
-        if gradient and steps:
-            margins = search.by_gradient(margins, steps)
+            search.more_trains(trains)
+        if gradient and steps and begin is not None:
+            search.by_slopes(begin, steps)
+        if not search.held:
+            search.lowest("common margin", search.common.margins, MORE_STEP_N)
     if search.best is None:
         raise InputError(
             f"{scene.name}: no cam was found that {100 * wanted:g} % of {len(drawn.trains)} drawn trains hold: ask for "

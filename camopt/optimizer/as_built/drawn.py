@@ -17,6 +17,7 @@ from camopt.exact.batch import value_and_gradient_many
 from camopt.exact.settled import settled_metrics
 from camopt.measure.as_built import TrainAsBuilt, trains_as_built
 from camopt.measure.limits import MotionLimit, motion_limits
+from camopt.optimizer.as_built.linear_step import UsedSlopes
 from camopt.optimizer.as_built.track import WORKERS
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
@@ -113,26 +114,37 @@ class DrawnTrains:
         self.states[t, at] = np.where(np.isfinite(states), states, self._nominal[t % STAGGER, at])
         self.used[t][:, at] = [limit.share(found.worst(limit.metric)[0, 0]) for limit in self.limits]
 
-    def slopes(self, cam: FreeCam, z: np.ndarray, between: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-        """Trains (k) whose worst part of a limit lies `between` the two, and its slope by the cam's z (k, m).
+    def slopes(self, cam: FreeCam, z: np.ndarray, between: tuple[float, float], most: int) -> UsedSlopes:
+        """What the trains whose worst part of a limit lies `between` the two use of limits, and its slopes by z.
 
-        By the event-exact adjoint, from where the motions settled. A train whose motion is refused has slope zero.
+        Of each train the `most` largest parts above the first of the two. By the event-exact adjoint, from where the
+        motions settled; a motion that is refused has no row.
         """
-        lift, found = cam.lift(z), np.flatnonzero((self.worst > between[0]) & (self.worst < between[1]))
-        if not len(found):
-            return found, np.zeros((0, len(z)))
-        basis = ground_basis(cam, self.trains[found[0]].cam(lift))
+        lift, trains = cam.lift(z), np.flatnonzero((self.worst > between[0]) & (self.worst < between[1]))
+        if not len(trains):
+            return UsedSlopes(np.zeros(0, dtype=int), np.zeros(0), np.zeros((0, len(z))))
+        basis = ground_basis(cam, self.trains[trains[0]].cam(lift))
+        places = [(t, l, s) for t in map(int, trains) for l, s in self._largest(t, between[0], most)]
         with ThreadPoolExecutor(WORKERS) as pool:
-            return found, np.array(list(pool.map(lambda t: self._slope(lift, basis, int(t)), found)))
+            found = list(pool.map(lambda place: self._slope(lift, basis, *place), places))
+        kept = [(t, self.used[t, l, s], row) for (t, l, s), row in zip(places, found, strict=True) if row is not None]
+        train, used, slope = zip(*kept, strict=True)
+        return UsedSlopes(np.array(train), np.array(used), np.array(slope))
 
-    def _slope(self, lift: Lift, basis: np.ndarray, t: int) -> np.ndarray:
-        one, (l, s) = self.trains[t], np.unravel_index(np.argmax(self.used[t]), self.used[t].shape)
+    def _largest(self, t: int, least: float, most: int) -> list[tuple[int, int]]:
+        """The `most` pairs of a limit and a speed of which a train uses most, if more than `least`."""
+        order = np.argsort(-self.used[t], axis=None, kind="stable")[:most]
+        pairs = [np.unravel_index(i, self.used[t].shape) for i in order]
+        return [(int(l), int(s)) for l, s in pairs if self.used[t, l, s] > least]
+
+    def _slope(self, lift: Lift, basis: np.ndarray, t: int, l: int, s: int) -> np.ndarray | None:
+        one = self.trains[t]
         gradient = value_and_gradient_many(
             one.train, [one.cam(lift)], [self.speeds(t)[s]], [self.limits[l].metric], self.states[t, s : s + 1],
             workers=1, revolutions=REVOLUTIONS + 1, revolution=REVOLUTIONS - 1,
         )[0]  # fmt: skip
         if gradient is None:
-            return np.zeros(basis.shape[2])
+            return None
         by_z = np.tensordot(gradient.by_coefficients[0], basis, axes=2)
         return np.nan_to_num(by_z * self.limits[l].share_slope)
 

@@ -1,24 +1,24 @@
 """The cam of largest area that a wanted share of drawn trains holds.
 
-Every cam is the largest one of the no-jump program under some margins, so that all limits on its shape hold at every
-angle. A common margin that enough of the drawn trains hold comes first. Then Adam moves the margins of opening flank,
-closing flank and seat at every speed apart, along the slope of area less expected shortfall: the mean, over the drawn
-trains, of what the worst part of a limit exceeds `AIM` by, up to `GIVEN_UP`. Yield itself is a count without slope. The
-shortfall has one, by the exact adjoint through every train's contacts and through the program's own active rows. The
-draws are the same for every cam (common random numbers); once a cam holds, more are drawn, and all its margins move
-together until enough of these hold too.
+It begins with the largest cams of the no-jump program under one margin for all speeds, the lowest that enough of the
+drawn trains hold. Then linear programs along exact slopes move the cam's coefficients themselves, under all limits on
+its shape: the largest area whose expected shortfall stays within a budget. The shortfall is the mean, over the drawn
+trains, of what the worst part of a limit exceeds `AIM` by, up to `GIVEN_UP`; yield itself is a count without slope. The
+slopes are those of the exact adjoint, through every train's contacts. The draws are the same for every cam (common
+random numbers); once a cam holds, more are drawn, and it goes on from there with these.
 
 A train whose spring is a little soft meets at the top speed what the train as designed meets beyond it. So the
 program's speeds reach beyond the band, where the margins fall: as far as the softest springs that a yield must hold.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from camopt.optimizer.as_built.drawn import DrawnTrains
 from camopt.optimizer.as_built.journal import TrainsLog
+from camopt.optimizer.as_built.linear_step import EXCESS, UsedSlopes, YieldCam, stepped
 from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpOptimum, NoJumpProgram
 from camopt.scene.errors import InputError
 from camopt.scene.units import DEG, MM
@@ -30,7 +30,7 @@ AIM = 0.75
 GIVEN_UP = 1.25
 """Part of a limit beyond which a train falls no further short: it is one of those that a yield may lose, and by how
 much it fails is nobody's loss. A few soft springs in a thousand would otherwise make the whole cam."""
-WATCHED, CALM = 0.6, 0.3
+WATCHED, CALM = 0.4, 0.2
 """A train at a speed where it last used more of a limit than the first part is judged with every cam; one between the
 two parts, with a cam that holds; one below both is far from its limits with every cam that a search meets later."""
 FIRST_MARGIN_N, FIRST_STEP_N, MORE_STEP_N, LAST_STEP_N = 40.0, 10.0, 4.0, 1.5
@@ -38,12 +38,14 @@ FIRST_MARGIN_N, FIRST_STEP_N, MORE_STEP_N, LAST_STEP_N = 40.0, 10.0, 4.0, 1.5
 where both end."""
 SLACK = 1.01
 """Factor on a shortfall of the program, so that margins below it are surely held."""
-RATE_N = 2.0
-"""Adam's step on a margin."""
-STEEPEST = 1500.0
+NEAR, GONE, ROWS = 0.4, 1.6, 2
+"""Trains whose worst part of a limit lies between the two have slopes, each those of so many of its largest parts. One
+beyond counts as given up, whatever the step."""
+STEEPEST = 5000.0
 """Longest slope that is believed: that of a contact that hammers is beyond all measure, and its direction is left."""
-WEIGHT, WEIGHT_STEP = 1.0, 1.1
-"""Area ratio that a shortfall of one costs at first, and by what factor it rises or falls at most from cam to cam."""
+REACH, WIDER, NARROWER, LEAST_REACH = 0.04, 1.5, 0.4, 0.0005
+"""How far the first step goes, in typical coefficients; factors on that after a step that is taken and one that is not;
+and where the steps end."""
 BUDGET = 0.4
 """Expected shortfall that a cam may have, per share of trains that may be lost. A count of few failing trains is a
 rough measure, and a search that goes by it alone ends at a cam that suits its own draws."""
@@ -60,12 +62,12 @@ class YieldSearch:
     wanted: float
     log: TrainsLog = field(default_factory=lambda: TrainsLog(None))
     show: Callable[[dict], None] = lambda line: None
-    held: list[NoJumpOptimum] = field(default_factory=list)  # each larger than the one before
+    held: list[YieldCam] = field(default_factory=list)  # each larger than the one before
     common: NoJumpOptimum | None = None  # the largest of a common margin
     steps: int = 0
 
     @property
-    def best(self) -> NoJumpOptimum | None:
+    def best(self) -> YieldCam | None:
         """The largest cam that holds."""
         return self.held[-1] if self.held else None
 
@@ -84,7 +86,7 @@ class YieldSearch:
         """Whether enough of the trains hold the last cam, as far as they were judged."""
         return self.drawn.failing <= self.allowed and self.shortfall <= self.budget
 
-    def consider(self, stage: str, found: NoJumpOptimum) -> bool:
+    def consider(self, stage: str, found: YieldCam) -> bool:
         """Judges a cam, keeps it if it is the largest that enough trains hold, and reports the step."""
         drawn, self.steps = self.drawn, self.steps + 1
         larger = self.best is None or found.area_ratio > self.best.area_ratio + RESOLUTION
@@ -109,7 +111,7 @@ class YieldSearch:
         self.show(line)
         return holds
 
-    def _judge(self, found: NoJumpOptimum, larger: bool) -> None:
+    def _judge(self, found: YieldCam, larger: bool) -> None:
         """Judges where limits were used most and, where enough trains hold there and the cam is larger, wherever it may
         matter."""
         drawn = self.drawn
@@ -125,14 +127,10 @@ class YieldSearch:
         """The expected shortfall of the last cam."""
         return float(np.mean(np.clip(self.drawn.worst, AIM, GIVEN_UP) - AIM))
 
-    def common_margin(self) -> np.ndarray:
-        """Finds the lowest common margin that holds; returns that one's margins (3, s) [N].
-
-        Raises InputError where none of those tried holds.
-        """
-        found = self.lowest("common margin", self._common(FIRST_MARGIN_N), FIRST_STEP_N)
-        self.common = self.best
-        return found
+    def common_margin(self) -> None:
+        """Finds the lowest common margin that holds. Raises InputError where none of those tried does."""
+        margins = self.lowest("common margin", self._common(FIRST_MARGIN_N), FIRST_STEP_N)
+        self.common = self.program.solve(Margins(*margins))
 
     def lowest(self, stage: str, margins: np.ndarray, step_N: float) -> np.ndarray:
         """Moves all `margins` (3, s) [N] by one amount, bisected to the lowest that holds; returns what they become.
@@ -147,7 +145,8 @@ class YieldSearch:
                 raise InputError(
                     f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: {short}"
                 ) from short
-            held = self.consider(stage, found) and self.best is found  # margins that bind no more make no cam larger
+            cam = YieldCam(self.program, found.z, found.area_ratio)
+            held = self.consider(stage, cam) and self.best is cam  # margins that bind no more make no cam larger
             low, high = (low, shift) if held else (shift, high)
             if np.isfinite(low) and np.isfinite(high):
                 shift = 0.5 * (low + high)
@@ -160,41 +159,37 @@ class YieldSearch:
         within = len(self.program.blocks) - len(OVERSPEED)
         return np.tile(level - np.array([0.0] * within + [*OVERSPEED_FALL_N]), (3, 1))
 
-    def by_gradient(self, margins: np.ndarray, steps: int) -> np.ndarray:
-        """So many steps of Adam on the margins (3, s) [N]; those of the last cam."""
-        import optax  # loads JAX
-
-        adam, weight = optax.adam(RATE_N, b1=0.7, b2=0.9), WEIGHT
-        state, found = adam.init(margins), self.program.solve(Margins(*margins))
-        self.consider("margins by gradient", found)
+    def by_slopes(self, cam: YieldCam, steps: int) -> None:
+        """So many linear programs along exact slopes, from `cam` on; fewer where their reach has become nothing."""
+        drawn, reach, found = self.drawn, REACH, None
+        self.consider("linear programs", cam)
         for _ in range(steps):
-            slope = self.slope(found, weight)
-            update, state = adam.update(slope, state)
-            moved = margins + np.asarray(update)
-            try:
-                found = self.program.solve(Margins(*moved))
-            except NoCamHoldsContact as short:
-                moved = moved - SLACK * short.shortfall_N
-                found = self.program.solve(Margins(*moved))
-            margins = moved
-            self.consider("margins by gradient", found)
-            weight *= float(np.clip(self.shortfall / self.budget, 1.0 / WEIGHT_STEP, WEIGHT_STEP))
-        return margins
+            found = found or self.slopes(cam)
+            lost = np.sum(drawn.worst >= GONE) * (GIVEN_UP - AIM)
+            moved = stepped(cam, found, AIM, max(len(drawn.trains) * self.budget - lost, 0.0), reach)
+            merit, known = self.merit(cam), (drawn.used.copy(), drawn.states.copy())
+            self.consider("linear programs", moved)
+            if self.merit(moved) > merit:
+                cam, reach, found = moved, WIDER * reach, None
+                continue
+            drawn.used, drawn.states = known
+            reach *= NARROWER
+            if reach < LEAST_REACH:
+                break
 
-    def slope(self, found: NoJumpOptimum, weight: float) -> np.ndarray:
-        """d (weight * shortfall - area ratio) / d margins [1/N] of the cam that was just judged, (3, s)."""
-        _, slopes = self.drawn.slopes(self.program.cam, found.z, (AIM, GIVEN_UP))
-        length = np.linalg.norm(slopes, axis=1, keepdims=True)
-        slopes = slopes * np.minimum(1.0, STEEPEST / np.maximum(length, 1e-12))
-        by_z = slopes.sum(axis=0) / len(self.drawn.trains)
-        return weight * np.einsum("m,mks->ks", by_z, found.jacobian()) - found.margin_prices
+    def merit(self, cam: YieldCam) -> float:
+        """The area ratio of the cam that was just judged, less what its shortfall beyond the budget costs."""
+        return cam.area_ratio - EXCESS * max(self.shortfall - self.budget, 0.0)
 
-    def more_trains(self, count: int) -> np.ndarray:
-        """Draws trains until there are so many, of which the cams that held may suit too few, and moves the margins of
-        the largest one until enough hold again; returns these (3, s) [N]."""
+    def slopes(self, cam: YieldCam) -> UsedSlopes:
+        """What trains near their limits use of them with the cam that was just judged, and how that grows with z."""
+        found = self.drawn.slopes(cam.program.cam, cam.z, (NEAR, GONE), ROWS)
+        length = np.linalg.norm(found.slope, axis=1, keepdims=True)
+        return replace(found, slope=found.slope * np.minimum(1.0, STEEPEST / np.maximum(length, 1e-12)))
+
+    def more_trains(self, count: int) -> None:
+        """Draws trains until there are so many; no cam counts as one that holds until it is judged with them."""
         assert self.best is not None, "a common margin comes first"
-        margins = self.best.margins
         self.drawn.settle(self.best.lift)
         self.drawn.draw(count)
         self.held.clear()
-        return self.lowest("more trains", margins, MORE_STEP_N)
