@@ -190,7 +190,7 @@ class _OpenRun:
         self.found = {"cams_judged": search.judge.calls, "gradient_ended": search.gradient_ended}
         return search.confirmed, no_jump
 
-    def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[list[NoJumpOptimum], NoJumpOptimum]:
+    def _cams_for_yield(self, folder: Path, shown: Progress):
         """The same of the search for yield; the program alone is that with one common margin."""
         from camopt.optimizer.as_built.design import EFFORTS, yield_search
         from camopt.optimizer.as_built.journal import TrainsLog

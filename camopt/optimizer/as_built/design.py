@@ -64,16 +64,17 @@ def yield_search(
     first = search.program.solve(Margins(*[FIRST_MARGIN_N] * 3))
     drawn.settle(first.lift)
     drawn.draw(effort.trains[0])
-    search.common_margin()
-    assert search.common is not None
+    margins, common = search.common_margin(), search.common
+    assert common is not None
     for trains, steps in zip(effort.trains, effort.steps, strict=True):
-        begin = search.best
+        begin = search.best or common
         if trains > len(drawn.trains):
             search.more_trains(trains)
-        if gradient and steps and begin is not None:
-            search.by_slopes(begin, steps)
-        if not search.held:
-            search.lowest("common margin", search.common.margins, MORE_STEP_N)
+        if gradient and steps:
+            last = search.by_slopes(begin, steps)
+            search.between(search.best or common, last)
+    if not search.held:
+        search.lowest("common margin", margins, MORE_STEP_N)
     if search.best is None:
         raise InputError(
             f"{scene.name}: no cam was found that {100 * wanted:g} % of {len(drawn.trains)} drawn trains hold: ask for "

@@ -29,6 +29,8 @@ UNJUDGED = 0.99
 """Part of a limit that a train counts as using before it is judged, so that it is."""
 REVOLUTIONS = 2
 """Revolutions from the settled state, of which the last one is differentiated."""
+STEEPEST = 5000.0
+"""Longest slope that is believed: that of a contact that hammers is beyond all measure, and its direction is left."""
 
 
 @dataclass
@@ -128,8 +130,11 @@ class DrawnTrains:
         with ThreadPoolExecutor(WORKERS) as pool:
             found = list(pool.map(lambda place: self._slope(lift, basis, *place), places))
         kept = [(t, self.used[t, l, s], row) for (t, l, s), row in zip(places, found, strict=True) if row is not None]
-        train, used, slope = zip(*kept, strict=True)
-        return UsedSlopes(np.array(train), np.array(used), np.array(slope))
+        slope = np.array([row for *_, row in kept]).reshape(-1, len(z))
+        length = np.linalg.norm(slope, axis=1, keepdims=True)
+        slope *= np.minimum(1.0, STEEPEST / np.maximum(length, 1e-12))
+        level = np.array([used for _, used, _ in kept]) - slope @ z
+        return UsedSlopes(np.array([t for t, *_ in kept], dtype=int), level, slope)
 
     def _largest(self, t: int, least: float, most: int) -> list[tuple[int, int]]:
         """The `most` pairs of a limit and a speed of which a train uses most, if more than `least`."""

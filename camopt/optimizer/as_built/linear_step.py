@@ -14,7 +14,7 @@ from scipy.optimize import linprog
 from camopt.optimizer.program.kinematic import TYPICAL, area_ratio_row, reached_in_the_middle
 from camopt.optimizer.program.no_jump import NoJumpProgram
 
-EXCESS = 20.0
+EXCESS = 10.0
 """Area ratio that a unit of shortfall beyond the budget costs: more than any cam gains by it."""
 
 
@@ -36,14 +36,26 @@ class YieldCam:
         row, constant = area_ratio_row(self.program.design, self.program.cam)
         return YieldCam(self.program, z, float(row @ z + constant))
 
+    def moved_towards(self, other: "YieldCam", share: float) -> "YieldCam":
+        """The cam between this one and another one: at share zero this one, at one the other."""
+        return self.moved((1.0 - share) * self.z + share * other.z)
+
 
 @dataclass(frozen=True)
 class UsedSlopes:
-    """What trains use of a limit at a speed, `used` (r), and its slope by z, `slope` (r, m); `train` (r) may repeat."""
+    """What trains use of a limit at a speed by its value and slope at some cam: `level` (r) + `slope` (r, m) @ z.
+
+    `train` (r) is the number of each row's train; one may have several rows.
+    """
 
     train: np.ndarray
-    used: np.ndarray
+    level: np.ndarray
     slope: np.ndarray
+
+    def joined(self, other: "UsedSlopes") -> "UsedSlopes":
+        """These rows and those found at another cam."""
+        pairs = (self.train, other.train), (self.level, other.level), (self.slope, other.slope)
+        return UsedSlopes(*[np.concatenate(pair) for pair in pairs])
 
 
 def stepped(cam: YieldCam, found: UsedSlopes, aim: float, budget: float, reach: float) -> YieldCam:
@@ -67,7 +79,7 @@ def stepped(cam: YieldCam, found: UsedSlopes, aim: float, budget: float, reach: 
     answer = linprog(
         np.concatenate([-area * TYPICAL, np.zeros(len(trains)), [EXCESS]]),
         A_ub=np.vstack([shape, used, total]),
-        b_ub=np.concatenate([bound / norm, aim - found.used + found.slope @ z, [budget]]),
+        b_ub=np.concatenate([bound / norm, aim - found.level, [budget]]),
         bounds=[*((v - reach, v + reach) for v in z / TYPICAL), *[(0.0, None)] * more],
         method="highs",
     )

@@ -12,14 +12,14 @@ program's speeds reach beyond the band, where the margins fall: as far as the so
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from camopt.optimizer.as_built.drawn import DrawnTrains
 from camopt.optimizer.as_built.journal import TrainsLog
-from camopt.optimizer.as_built.linear_step import EXCESS, UsedSlopes, YieldCam, stepped
-from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpOptimum, NoJumpProgram
+from camopt.optimizer.as_built.linear_step import UsedSlopes, YieldCam, stepped
+from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpProgram
 from camopt.scene.errors import InputError
 from camopt.scene.units import DEG, MM
 
@@ -41,12 +41,15 @@ SLACK = 1.01
 NEAR, GONE, ROWS = 0.4, 1.6, 2
 """Trains whose worst part of a limit lies between the two have slopes, each those of so many of its largest parts. One
 beyond counts as given up, whatever the step."""
-STEEPEST = 5000.0
-"""Longest slope that is believed: that of a contact that hammers is beyond all measure, and its direction is left."""
-REACH, WIDER, NARROWER, LEAST_REACH = 0.04, 1.5, 0.4, 0.0005
+REACH, WIDER, NARROWER, LEAST_REACH = 0.02, 1.5, 0.5, 0.0005
 """How far the first step goes, in typical coefficients; factors on that after a step that is taken and one that is not;
 and where the steps end."""
-BUDGET = 0.4
+BISECTIONS = 4
+"""Cams that are looked at on the way back from one that a few trains too many do not hold."""
+PENALTY = 4.0
+"""Area ratio that a unit of shortfall beyond the budget costs a step. The linear program takes more for it; here it is
+so low that the way may lead through cams that a few trains too many do not hold."""
+BUDGET = 0.6
 """Expected shortfall that a cam may have, per share of trains that may be lost. A count of few failing trains is a
 rough measure, and a search that goes by it alone ends at a cam that suits its own draws."""
 RESOLUTION = 2e-4
@@ -63,7 +66,7 @@ class YieldSearch:
     log: TrainsLog = field(default_factory=lambda: TrainsLog(None))
     show: Callable[[dict], None] = lambda line: None
     held: list[YieldCam] = field(default_factory=list)  # each larger than the one before
-    common: NoJumpOptimum | None = None  # the largest of a common margin
+    common: YieldCam | None = None  # the largest of a common margin
     steps: int = 0
 
     @property
@@ -127,10 +130,14 @@ class YieldSearch:
         """The expected shortfall of the last cam."""
         return float(np.mean(np.clip(self.drawn.worst, AIM, GIVEN_UP) - AIM))
 
-    def common_margin(self) -> None:
-        """Finds the lowest common margin that holds. Raises InputError where none of those tried does."""
-        margins = self.lowest("common margin", self._common(FIRST_MARGIN_N), FIRST_STEP_N)
-        self.common = self.program.solve(Margins(*margins))
+    def common_margin(self) -> np.ndarray:
+        """Finds the lowest common margin that holds; returns that one's margins (3, s) [N].
+
+        Raises InputError where none of those tried holds.
+        """
+        found = self.lowest("common margin", self._common(FIRST_MARGIN_N), FIRST_STEP_N)
+        self.common = self.best
+        return found
 
     def lowest(self, stage: str, margins: np.ndarray, step_N: float) -> np.ndarray:
         """Moves all `margins` (3, s) [N] by one amount, bisected to the lowest that holds; returns what they become.
@@ -159,12 +166,15 @@ class YieldSearch:
         within = len(self.program.blocks) - len(OVERSPEED)
         return np.tile(level - np.array([0.0] * within + [*OVERSPEED_FALL_N]), (3, 1))
 
-    def by_slopes(self, cam: YieldCam, steps: int) -> None:
-        """So many linear programs along exact slopes, from `cam` on; fewer where their reach has become nothing."""
+    def by_slopes(self, cam: YieldCam, steps: int) -> YieldCam:
+        """So many linear programs along exact slopes, from `cam` on; fewer where their reach has become nothing.
+
+        Returns the last cam that was taken, which a few trains too many may not hold.
+        """
         drawn, reach, found = self.drawn, REACH, None
         self.consider("linear programs", cam)
         for _ in range(steps):
-            found = found or self.slopes(cam)
+            found = found or self._slopes(cam)
             lost = np.sum(drawn.worst >= GONE) * (GIVEN_UP - AIM)
             moved = stepped(cam, found, AIM, max(len(drawn.trains) * self.budget - lost, 0.0), reach)
             merit, known = self.merit(cam), (drawn.used.copy(), drawn.states.copy())
@@ -172,20 +182,28 @@ class YieldSearch:
             if self.merit(moved) > merit:
                 cam, reach, found = moved, WIDER * reach, None
                 continue
+            found = found.joined(self._slopes(moved))  # what the program did not see coming
             drawn.used, drawn.states = known
             reach *= NARROWER
             if reach < LEAST_REACH:
                 break
+        return cam
+
+    def between(self, safe: YieldCam, cam: YieldCam) -> None:
+        """Looks on the way from a `safe` cam to another one, on which all limits on the shape hold, for the largest one
+        that enough trains hold."""
+        low, high = 0.0, 1.0
+        for _ in range(BISECTIONS):
+            share = 0.5 * (low + high)
+            low, high = (share, high) if self.consider("between", safe.moved_towards(cam, share)) else (low, share)
 
     def merit(self, cam: YieldCam) -> float:
         """The area ratio of the cam that was just judged, less what its shortfall beyond the budget costs."""
-        return cam.area_ratio - EXCESS * max(self.shortfall - self.budget, 0.0)
+        return cam.area_ratio - PENALTY * max(self.shortfall - self.budget, 0.0)
 
-    def slopes(self, cam: YieldCam) -> UsedSlopes:
+    def _slopes(self, cam: YieldCam) -> UsedSlopes:
         """What trains near their limits use of them with the cam that was just judged, and how that grows with z."""
-        found = self.drawn.slopes(cam.program.cam, cam.z, (NEAR, GONE), ROWS)
-        length = np.linalg.norm(found.slope, axis=1, keepdims=True)
-        return replace(found, slope=found.slope * np.minimum(1.0, STEEPEST / np.maximum(length, 1e-12)))
+        return self.drawn.slopes(cam.program.cam, cam.z, (NEAR, GONE), ROWS)
 
     def more_trains(self, count: int) -> None:
         """Draws trains until there are so many; no cam counts as one that holds until it is judged with them."""

@@ -1,6 +1,7 @@
 """The search for yield: the slope of its objective, its resumption, its statement and what it refuses."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,15 +12,18 @@ from camopt.optimizer.as_built import search as search_module
 from camopt.optimizer.as_built.design import YieldEffort, yield_search
 from camopt.optimizer.as_built.drawn import DrawnTrains
 from camopt.optimizer.as_built.journal import FOLDER, HISTORY, TrainsLog
+from camopt.optimizer.as_built.linear_step import UsedSlopes, YieldCam, stepped
+from camopt.optimizer.as_built.search import YieldSearch
 from camopt.optimizer.as_built.statement import YieldStatement, sampled
 from camopt.optimizer.as_built.wanted import check_wanted
+from camopt.optimizer.program.kinematic import TYPICAL
 from camopt.optimizer.program.no_jump import Margins
 from camopt.scene import InputError, load_scene, parse_scene
 from tests.scene.test_load import EXAMPLE
 
 SCATTER = '\n[[tolerance]]\nof = "spring.preload_N"\nrelative = 0.05\n[grinding]\nerror_um = 2.0\nharmonics = [2, 40]\n'
 SCENE = parse_scene(EXAMPLE + SCATTER, "mine.toml")
-SMALL = YieldEffort((12, 20), (2, 1), 12, 5)
+SMALL = YieldEffort((12, 20), (2, 2), 12, 5)
 
 
 @pytest.fixture(scope="module")
@@ -35,28 +39,67 @@ def test_every_cam_that_counts_holds_in_enough_trains(found):
     assert found.holds and len(drawn.trains) == 20
 
 
-def test_the_objective_has_the_slope_of_its_differences(found, monkeypatch):
-    """Central differences with common random numbers, where trains fall short; the adjoint leaves out what is older
-    than two revolutions."""
-    monkeypatch.setattr(search_module, "STEEPEST", np.inf)
-    drawn, program = found.drawn, found.program
-    margins = found.best.margins.copy()
-    while True:  # until some trains fall short of their aim
-        cam = program.solve(Margins(*margins))
-        drawn.judge(cam.lift, drawn.all)
+@pytest.fixture(scope="module")
+def falling_short(found):
+    """A cam with which some trains fall short of their aim, judged."""
+    margins = np.full((3, len(found.program.blocks)), 40.0)
+    while True:
+        solved = found.program.solve(Margins(*margins))
+        found.drawn.judge(solved.lift, found.drawn.all)
         if found.shortfall > 0.02:
-            break
-        margins -= 10.0
-    direction = np.random.default_rng(0).normal(size=margins.shape)
+            return YieldCam(found.program, solved.z, solved.area_ratio)
+        margins -= 2.0
 
-    def objective(step: float) -> float:
-        moved = program.solve(Margins(*(margins + step * direction)))
-        drawn.judge(moved.lift, drawn.all)
-        return found.shortfall - moved.area_ratio
 
-    slope = found.slope(cam, 1.0)
-    expected = (objective(0.02) - objective(-0.02)) / 0.04
-    assert np.sum(slope * direction) == pytest.approx(expected, rel=0.02)
+def test_what_trains_use_has_the_slope_of_its_differences(found, falling_short):
+    """Central differences with common random numbers; the adjoint leaves out what is older than two revolutions."""
+    drawn, cam = found.drawn, falling_short
+    drawn.judge(cam.lift, drawn.all)
+    used = drawn.used.copy()
+    slopes = drawn.slopes(cam.program.cam, cam.z, (0.3, 3.0), 2)
+    assert len(slopes.train) > len(set(slopes.train.tolist())) > 3
+    direction = np.random.default_rng(0).normal(size=len(cam.z)) * TYPICAL
+    step = 1e-6
+
+    def at(share: float) -> np.ndarray:
+        drawn.judge(cam.moved(cam.z + share * direction).lift, drawn.all)
+        return drawn.used.copy()
+
+    difference = (at(step) - at(-step)) / (2 * step)
+    value = slopes.level + slopes.slope @ cam.z
+    expected = [difference[t][np.isclose(used[t], u, atol=1e-9)][0] for t, u in zip(slopes.train, value, strict=True)]
+    scale = np.abs(expected).max()
+    assert scale > 1.0
+    np.testing.assert_allclose(slopes.slope @ direction, expected, rtol=0.02, atol=0.02 * scale)
+
+
+def test_a_step_keeps_the_shape_and_the_budget_by_its_slopes(falling_short):
+    """By the linear program's own rows, put together here once more."""
+    cam, z = falling_short, falling_short.z
+    slope = np.zeros((3, len(z)))
+    slope[0, 3], slope[1, 3], slope[2, 5] = 2000.0, 1000.0, -1500.0
+    at_z = np.array([0.9, 1.1, 0.8])
+    found = UsedSlopes(np.array([4, 4, 7]), at_z - slope @ z, slope)
+    moved = stepped(cam, found, 0.75, 0.1, 0.05)
+    used = at_z + slope @ (moved.z - z)
+    short = max(used[0] - 0.75, used[1] - 0.75, 0.0) + max(used[2] - 0.75, 0.0)
+    assert short <= 0.1 + 1e-9
+    assert np.abs(moved.z - z).max() <= 0.05 * TYPICAL * (1 + 1e-9)
+    limits = cam.program.limits
+    norm = np.abs(limits.matrix * TYPICAL).max(axis=1)
+    assert np.all((limits.matrix @ moved.z - limits.bound) <= 1e-6 * norm)
+    free = stepped(cam, found, 0.75, 10.0, 0.05)
+    assert free.area_ratio > moved.area_ratio and free.area_ratio > cam.area_ratio
+
+
+def test_steps_along_slopes_bring_a_cam_back_that_too_few_trains_hold(found, falling_short):
+    search = YieldSearch(found.drawn, found.program, 0.9)
+    search.consider("linear programs", falling_short)
+    assert not search.holds
+    search.by_slopes(falling_short, 8)
+    assert search.best is not None
+    found.drawn.judge(search.best.lift, found.drawn.all)
+    assert search.holds and search.best.area_ratio > found.common.area_ratio
 
 
 @pytest.mark.parametrize("least", [3.3, -17.0, -1e9])
@@ -66,14 +109,14 @@ def test_margins_move_together_to_the_lowest_that_hold(monkeypatch, least):
 
     class Program:
         def solve(self, margins):
-            return float(-max(margins.opening[0], floor))
+            return SimpleNamespace(z=None, area_ratio=float(-max(margins.opening[0], floor)))
 
     search = search_module.YieldSearch(DrawnTrains(SCENE, 0), Program(), 0.9)
 
-    def consider(stage, area):
-        if -area >= least and (not search.held or area > search.held[-1]):
-            search.held.append(area)
-        return -area >= least
+    def consider(stage, cam):
+        if -cam.area_ratio >= least and (not search.held or cam.area_ratio > search.held[-1].area_ratio):
+            search.held.append(cam)
+        return -cam.area_ratio >= least
 
     monkeypatch.setattr(search, "consider", consider)
     margins = search.lowest("common margin", np.zeros((3, 2)), 10.0)
