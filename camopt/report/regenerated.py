@@ -37,7 +37,8 @@ def regenerate(folder: Path) -> Path:
 
     Returns the page's path. Raises InputError where a file is missing or cannot be understood.
     """
-    compare_again(folder, _scene_of(folder))
+    scene, settings = _scene_of(folder), read_run_folder(folder).provenance.get("settings")
+    compare_again(folder, scene, settings.get("accuracy") if isinstance(settings, dict) else None)
     return write_report(folder)
 
 
