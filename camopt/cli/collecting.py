@@ -1,5 +1,6 @@
 """How often a command looks for garbage in circles of references: rarely, since it makes little of it."""
 
+import atexit
 import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,6 +8,8 @@ from contextlib import contextmanager
 RARELY = 100_000, 20, 50
 """New objects after which Python looks for garbage, and how many such looks make a longer one. Python's own 700 has it
 walk again and again through all that numba, SciPy and matplotlib keep to the end of the process."""
+
+atexit.register(gc.freeze)  # what is left goes with the process: nothing need walk through it once more
 
 
 @contextmanager

@@ -112,9 +112,11 @@ def settled_motion(
 
     `stated` is whether the verdict found it periodic, None where none was asked; it then is not for this picture to say
     otherwise. A verdict that halves its step may settle after more revolutions than are run here: its search is
-    followed then. `samples` per revolution, event-exact's own where None. Raises MotionRefused.
+    followed then. What never settles is shown after WANDERING_REVOLUTIONS. `samples` per revolution, event-exact's own
+    where None. Raises MotionRefused.
     """
-    once = at_once(settled_metrics, train, lift, cam_speed, state_at_rest(train))
+    many = partial(settled_metrics, most=WANDERING_REVOLUTIONS) if stated is False else settled_metrics
+    once = at_once(many, train, lift, cam_speed, state_at_rest(train))
     assert once.state is not None, "else it is refused"
     state, periodic = once.state, once.periodic if stated is None else stated
     if periodic and not once.periodic:
