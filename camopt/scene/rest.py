@@ -118,7 +118,7 @@ def static_forces(train: Train, lift: np.ndarray) -> np.ndarray:
     """
     forces, waiting = np.empty((len(lift), len(train.a))), np.arange(len(lift))
     while len(waiting):
-        first = lift[waiting[0]]
+        first = float(lift[waiting[0]])
         x = rest_position(_raised(train, first))
         if train.laws is not None:
             force = train.laws.force(train.compression(x, first), train.preload)
