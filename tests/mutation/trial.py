@@ -27,8 +27,9 @@ HEAVY = (
     *("jax", "diffrax", "scipy.optimize", "scipy.stats", "numba", "pydantic", "matplotlib.figure", "xarray", "pytest"),
     *("hypothesis", "_hypothesis_pytestplugin", "xdist.plugin", "pytest_timeout", "beartype", "jaxtyping"),
 )
-QUIET = ["-n", "0", "-q", "-x", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestAssertRewriteWarning"]
-"""Besides: what is imported already cannot be rewritten, which costs a message only."""
+QUIET = "-n 0 -q -x --timeout=0 -p no:cacheprovider -W ignore::pytest.PytestAssertRewriteWarning".split()
+"""Processor time is limited, and not that of the clock; what is imported already cannot be rewritten, which costs a
+message only."""
 
 
 def copied(folder: Path) -> Path:
