@@ -7,7 +7,7 @@ from pathlib import Path
 import coverage
 import pytest
 
-SECONDS = 60.0
+SECONDS = 120.0
 """Processor time after which a test is not asked: a trial is to be cheap."""
 ALTOGETHER = 300.0
 """Processor time for a file of tests."""
