@@ -146,7 +146,8 @@ class WarmModel:
         _succeeds(self._highs.changeColsCost(len(cost), self._columns, -cost))
         count = len(self.held)
         every, lowest = np.arange(count, dtype=np.int32), np.full(count, -np.inf)
-        _succeeds(self._highs.changeRowsBounds(count, every, lowest, level[self.held]))
+        change = self._highs.changeRowsBounds  # pyright: ignore[reportAttributeAccessIssue]  # its stubs leave it out
+        _succeeds(change(count, every, lowest, level[self.held]))
 
     def solve(self) -> tuple[np.ndarray | None, np.ndarray]:
         """Solution (m) and duals of the rows in the model; (None, empty) where the program is unbounded on them.
