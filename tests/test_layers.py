@@ -29,7 +29,7 @@ MAY_IMPORT = {
     "optimizer": {"cam", "measure", "smooth", "exact", "verifier", "autodiff", "programs"} | SUPPORT,
     "tasks": {"cam", "scene", "storage"},
     "study": {"cam", "measure", "smooth", "exact", "verifier", "autodiff", "optimizer", "programs", "tasks"} | SUPPORT,
-    "report": {"cam", "measure", "smooth", "exact", "verifier", "optimizer", "study"} | SUPPORT,
+    "report": {"cache", "cam", "measure", "smooth", "exact", "verifier", "optimizer", "study"} | SUPPORT,
     "designer": {"cam", "measure", "exact", "verifier", "optimizer", "report"} | SUPPORT,
 }
 TOP = {"__init__", "__main__", "cli"}

@@ -203,7 +203,8 @@ def test_a_cam_that_breaks_limits_on_the_cam_says_so_in_the_figures(tmp_path, mo
     legal = {"broken": ["jump_max_mm at 7000 r/min"], "band": None}
     lift = read_cam("exponent", MOTORI)
     monkeypatch.setattr(figures, "curve", lambda scene, name, *a: Sweep(name, *3 * [np.array([5000.0, 7000.0])]))
-    figures.draw(tmp_path, MOTORI, {"design": lift, "polydyne": lift}, {"design": legal, "polydyne": found})
+    cams, verdicts = {"design": lift, "polydyne": lift}, {"design": legal, "polydyne": found}
+    figures.draw(tmp_path, MOTORI, cams, verdicts, ())
     assert named == ["design", "polydyne (breaks limits on the cam)"]
     assert cam_line(named[1]) == cam_line("polydyne")
 

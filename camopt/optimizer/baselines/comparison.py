@@ -1,6 +1,6 @@
 """Designs beside the cams of the literature: baselines, their verdicts, `comparison.csv` and the figures."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from camopt.cam.families.polydyne import polydyne
@@ -8,7 +8,7 @@ from camopt.cam.families.registry import FAMILIES
 from camopt.cam.lift import Lift
 from camopt.cam.read import read_cam
 from camopt.measure.limits import broken_by_shape
-from camopt.optimizer.accuracy import Accuracy, accuracy_named, drawn_speeds
+from camopt.optimizer.accuracy import ACCURACIES, Accuracy, accuracy_named, drawn_speeds
 from camopt.optimizer.baselines.comparison_table import (
     FAILED,
     NO_JERK,
@@ -192,15 +192,19 @@ def compare_in(
     _write(folder, scene, cams, found, drawn_speeds(scene.operation, effort))
 
 
-def compare_again(folder: Path, scene: Scene) -> None:
+def compare_again(folder: Path, scene: Scene, accuracy: object = None) -> None:
     """comparison.csv and figures of a run folder again, from the design, cams and verdicts that lie in it.
 
-    A folder without verdicts of baselines (an older run's) keeps its comparison. Raises InputError for files that
-    cannot be understood.
+    The valve's motion is drawn as the run's `accuracy` has it; where that is none, at every listed speed. A folder
+    without verdicts of baselines (an older run's) keeps its comparison. Raises InputError for files that cannot be
+    understood.
     """
     if not (folder / "verdicts").is_dir():
         return
-    _write(folder, scene, *kept(folder, scene))
+    assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
+    effort = ACCURACIES.get(accuracy) if isinstance(accuracy, str) else None
+    speeds = scene.operation.speeds_rpm if effort is None else drawn_speeds(scene.operation, effort)
+    _write(folder, scene, *kept(folder, scene), speeds)
 
 
 def _write(
@@ -208,7 +212,7 @@ def _write(
     scene: Scene,
     cams: Mapping[str, Lift],
     found: Mapping[str, dict],
-    speeds_rpm: tuple[float, ...] | None = None,
+    speeds_rpm: Sequence[float],
 ) -> None:
     write_table(folder, scene, cams, found)
     shown = {name: lift for name, lift in cams.items() if not name.endswith(NO_JERK)}
