@@ -15,7 +15,7 @@ from camopt.cam.tables.lift_table import write_lift_table
 from camopt.optimizer.accuracy import Accuracy, accuracy_named, drawn_speeds
 from camopt.optimizer.as_built.wanted import check_wanted
 from camopt.optimizer.bound.certificate import area_ratio_bound
-from camopt.optimizer.first_run import compile_programs, programs_missing
+from camopt.optimizer.first_run import SAYING, compile_programs, programs_missing
 from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_worth
 from camopt.optimizer.program.no_jump import NoJumpOptimum
 from camopt.optimizer.program.program_cam import program_cam
@@ -146,7 +146,7 @@ class _OpenRun:
     def make_programs(self, shown: Progress) -> None:
         """On the first run of an installation: the compiled programs."""
         if programs_missing():
-            shown.say("compiles its programs, once for an installation")
+            shown.say(SAYING)
             with self.clock.stage("programs"):
                 compile_programs()
 
