@@ -20,7 +20,7 @@ from camopt.scene import InputError, load_scene
 from camopt.scene.units import DEG, MM
 from experiments.support.record import RESULTS, run_script, write_result
 
-SIZES = {"small": (1, 4), "full": (16, 12)}  # generations, population per parameter
+SIZES = {"small": (1, 2), "full": (16, 12)}  # generations, population per parameter
 BOUNDS = [(2, 8), (6, 40), (10, 60), (14, 80), (5000.0, 7500.0)]
 BARRED = 10.0  # score of a member that breaks the acceleration limits or the lift cap
 

@@ -30,7 +30,8 @@ TRAINS = {"small": 20, "full": 1000}
 COMPARED = {"small": 2, "full": 100}
 SPEEDS = {"small": 3, "full": 11}
 MARGIN_N = 60.0
-LOOP = 400
+LOOP = {"small": 4, "full": 400}
+"""Rounds of the arithmetic loop."""
 POLYDYNE_SHARE = 10
 EVERY = 5
 """Every so many speeds are compared with the slow path."""
@@ -103,10 +104,10 @@ def _slow(train: Train, lift: Lift, cam_speed: float) -> dict:
     return {"periodic": settled.periodic, **{name: figures.worst(name) for name in ERRORS}}
 
 
-def loop_seconds() -> float:
+def loop_seconds(size: str) -> float:
     """Processor time of a fixed arithmetic loop."""
     a, begin = np.random.default_rng(0).normal(size=(200, 200)), time.process_time()
-    for _ in range(LOOP):
+    for _ in range(LOOP[size]):
         a @ a
     return time.process_time() - begin
 
@@ -137,9 +138,9 @@ def main(size: str, folder=RESULTS) -> dict:
     found = {}
     for name, lift in cams.items():
         share = 1 if name == "held" else POLYDYNE_SHARE
-        trains, before = drawn_trains(train, TRAINS[size] // share), loop_seconds()
+        trains, before = drawn_trains(train, TRAINS[size] // share), loop_seconds(size)
         row, found[name] = measured(trains, train, lift, cam_speeds)
-        row["loop_seconds"] = [before, loop_seconds()]
+        row["loop_seconds"] = [before, loop_seconds(size)]
         row |= compared(trains[: max(1, COMPARED[size] // share)], lift, cam_speeds, found[name])
         content["cams"][name] = row
         print(

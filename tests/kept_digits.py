@@ -4,26 +4,43 @@ Each takes seconds of plain Python at most, since a mutant of a compiled program
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 
 from camopt.cam.families.exponent import exponent
 from camopt.cam.families.polydyne import polydyne
-from camopt.exact import prepare, settled_metrics
-from camopt.exact.adjoint.gradient import value_and_gradient
+from camopt.exact import batch, prepare, settled_metrics
+from camopt.exact.adjoint.gradient import Gradient, value_and_gradient
 from camopt.exact.adjoint.metrics import METRICS
+from camopt.exact.adjoint.motion import Slopes, TracedMotion
 from camopt.measure.metrics import measure
 from camopt.scene import build_train, load_scene
 from camopt.scene.response import joined
 from camopt.scene.rest import state_at_rest
 from camopt.storage import write_json
 from camopt.study.extremes.step_methods import LOCATING, STEP_METHODS
+from tests.exact.small_trains import STILL, one_mass
 
 FILE = Path(__file__).parent / "data/kept-digits.json"
 REAL = Path(__file__).parent / "scene/real.toml"
 """A train with every element of real trains."""
+WEIGHTS = 1.0 / (3.0 + np.arange(len(METRICS)))
+"""By which the metrics count in a gradient, so that one sweep sees them all."""
+NOTHING = 1e-9
+"""Share of the largest number of an array below which another one is rounding."""
+CURVED = (
+    'kind = "contact"\nbetween = ["ground", "m"]\nlaw = "hertz"\nstiffness_N_per_m = 1.0e9\ndamping_N_s_per_m = 40.0',
+    """kind = "spring"
+between = ["m", "ground"]
+law = "progressive"
+preload_N = 50.0
+stiffness_table = [[0, 2.0e4], [4, 3.0e4], [5, 9.0e4]]""",
+)
+"""A mass that falls onto a Hertz contact under a progressive spring."""
 
 
 @cache
@@ -33,12 +50,32 @@ def case(name: str | Path, rpm: float) -> tuple:
     return build_train(scene), (exponent if name == REAL else polydyne)(scene), scene.cam_speed(rpm)
 
 
+@cache
+def soft() -> tuple:
+    """The same of the real train with stiffnesses a twenty-fifth, so that a revolution has a fifth of the steps, and an
+    adjuster that leaks fifty times as fast, so that the valve seats before its nominal closing."""
+    train, lift, speed = case(REAL, 6000)
+    stiffness = train.stiffness / 25.0
+    laws = replace(train.laws, coefficient=train.laws.coefficient / 25.0, leak=train.laws.leak / 50.0)
+    return replace(train, stiffness=stiffness, damping=train.damping / 5.0, laws=laws), lift, speed
+
+
 def motion(method: Callable, name: str | Path, rpm: float, steps: int) -> np.ndarray:
     """End state of one revolution from rest, and mean sizes of positions, velocities and forces on the way."""
     train, lift, speed = case(name, rpm)
-    found = method(train, lift, speed, steps)(state_at_rest(train))
-    sizes = [np.abs(part).mean(axis=0) for part in (found.x, found.v, found.force)]
-    return np.concatenate([found.x[-1], found.v[-1], found.memory[-1], *sizes])
+    return sizes(method(train, lift, speed, steps)(state_at_rest(train)))
+
+
+def curved(method: Callable, steps: int) -> np.ndarray:
+    """The same of `CURVED`, which falls from 3 mm with 1 m/s, for 10 ms."""
+    train = one_mass(*CURVED, mass_kg=0.4)
+    return sizes(method(train, STILL, 200.0 * np.pi, steps)(np.array([3e-3, -1.0])))
+
+
+def sizes(found) -> np.ndarray:
+    """The numbers of `motion`."""
+    means = [np.abs(part).mean(axis=0) for part in (found.x, found.v, found.force)]
+    return np.concatenate([found.x[-1], found.v[-1], found.memory[-1], *means])
 
 
 def metrics() -> np.ndarray:
@@ -50,30 +87,83 @@ def metrics() -> np.ndarray:
     return np.concatenate(list(found.values()))
 
 
-def gradient() -> np.ndarray:
-    """Values of all metrics in the first revolution and their slopes by cam and train."""
-    found = value_and_gradient(*case("motori-1", 12000), METRICS, mechanical=True)
-    assert found.by_train is not None
-    slopes = [found.by_coefficients.sum(axis=1).ravel(), found.by_train.stiffness.ravel(), found.by_train.mass.ravel()]
-    return np.concatenate([found.values, *slopes])
+def gradient(moving: Callable[[], tuple], moved: float = 0.0) -> np.ndarray:
+    """All metrics in the first revolution, from rest but for `moved` [m], and the gradient of their weighted sum."""
+    train, lift, speed = moving()
+    start = state_at_rest(train)
+    start[-1] -= moved
+    return numbers(value_and_gradient(train, lift, speed, METRICS, start, cotangent=WEIGHTS, mechanical=True))
 
 
-def settled() -> np.ndarray:
-    """Metrics of a motion that settles at once."""
-    found = settled_metrics(*([one] for one in case("motori-1", 3000)))
-    return np.concatenate(
-        [found.states.ravel(), *(found.worst(name).ravel() for name in ("bounce_mm", "contact_force_min_N"))]
+def from_rest() -> np.ndarray:
+    """Forces while all contacts hold, apart, from rest, whose place depends on the train too; spans end on borders."""
+    found = value_and_gradient(*case("motori-1", 4000), METRICS[3:5], mechanical=True, spacing=np.radians(6.0))
+    return numbers(found)
+
+
+def traced() -> np.ndarray:
+    """What else is taken from a traced motion: samples and their gradients."""
+    train, lift, speed = soft()
+    found = TracedMotion(train, lift, speed, state_at_rest(train), mechanical=True)
+    angles = np.array([-1.0, -0.3, 0.4, 1.7])
+    at = found.at(angles)
+    bars = type(at)(
+        **{name: np.cos(1.0 + np.arange(part.size)).reshape(1, *part.shape) for name, part in vars(at).items()}
     )
+    parts = [*(part.ravel() for part in vars(at).values()), found.values(METRICS)]
+    return np.concatenate([*(cleaned(part) for part in parts), numbers(found.pull_back(angles, bars))])
 
 
+def many() -> np.ndarray:
+    """A batch in which the room of a trace grows, and a motion that is refused."""
+    train, lift, speed = case("motori-1", 12000)
+    higher = replace(lift, coefficients=1.01 * lift.coefficients)
+    with patch.object(batch, "FIRST_SEGMENTS", 4):
+        starts = np.array([state_at_rest(train), [np.nan, 0.0], [1e-4, 0.1]])
+        found = batch.value_and_gradient_many(
+            train, [lift, lift, higher], [speed, speed, speed], METRICS, starts, workers=1, cotangent=WEIGHTS
+        )
+    assert found[1] is None
+    return np.concatenate([numbers(one) for one in found if one is not None])
+
+
+def settled(moving: Callable[[], tuple], **options) -> np.ndarray:
+    """Metrics of a motion that settles at once, or is taken to have settled."""
+    found = settled_metrics(*([one] for one in moving()), workers=1, **options)
+    return np.concatenate([found.states.ravel(), *(found.worst(name).ravel() for name in found.lowest)])
+
+
+def numbers(found: Slopes) -> np.ndarray:
+    """All of a gradient in a row; the pieces of the lift are summed, each with a weight of its own."""
+    by_powers = np.einsum("lpq,p->lq", found.by_coefficients, np.cos(np.arange(found.by_coefficients.shape[1])))
+    parts = [by_powers, found.by_start, *(vars(found.by_train).values() if found.by_train else ())]
+    if isinstance(found, Gradient):
+        parts += [found.values, found.runner_up, found.end, np.array(list(vars(found.grazing).values()))]
+    return np.concatenate([cleaned(np.ravel(part)) for part in parts if part is not None])
+
+
+def cleaned(row: np.ndarray) -> np.ndarray:
+    """An array whose rounding is zero; numbers without bound are none, for JSON."""
+    row = np.where(np.isfinite(row), row, np.nan)
+    return np.where(np.abs(row) < NOTHING * np.nanmax(np.abs(row), initial=0.0), 0.0, row)
+
+
+CURVING = LOCATING | {"rkg": STEP_METHODS["rkg"]}
+"""Methods that take curved laws."""
 FIGURES: dict[str, Callable[[], np.ndarray]] = {
     **{f"{name}-one-mass": partial(motion, LOCATING[name], "motori-1", 6000, 180) for name in LOCATING},
     **{f"{name}-one-mass": partial(motion, STEP_METHODS[name], "motori-1", 6000, 720) for name in STEP_METHODS},
     **{f"{name}-real": partial(motion, LOCATING[name], REAL, 6000, 180) for name in LOCATING},
-    **{f"{name}-real": partial(motion, STEP_METHODS[name], REAL, 3000, 720) for name in STEP_METHODS},
+    **{f"{name}-real": partial(motion, STEP_METHODS[name], REAL, 6000, 720) for name in STEP_METHODS},
+    **{f"{name}-curved": partial(curved, method, 300) for name, method in CURVING.items()},
     "metrics": metrics,
-    "gradient": gradient,
-    "settled": settled,
+    "gradient": partial(gradient, partial(case, "motori-1", 12000)),
+    "gradient-real": partial(gradient, soft, 2e-4),
+    "gradient-from-rest": from_rest,
+    "traced": traced,
+    "many": many,
+    "settled": partial(settled, partial(case, "motori-1", 3000)),
+    "settled-bouncing": partial(settled, partial(case, "motori-1", 12000), most=2, measured=1),
 }
 
 if __name__ == "__main__":

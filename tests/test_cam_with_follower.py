@@ -9,7 +9,8 @@ import pytest
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.geometry import contact, crossing
 from camopt.cam.read import read_cam
-from camopt.scene import MotionRefused, load_scene, scene_text
+from camopt.scene import MotionRefused, build_train, load_scene, scene_text
+from camopt.study.cam_sheet import dynamic_stress
 from tests.test_cli import run
 
 GEOMETRY = """
@@ -47,12 +48,16 @@ class TestCamWithFollower:
         assert "assumed: base_radius_mm" in out
         opening, _ = crossing(lift, 1e-3)
         assert f"{'open above 1 mm':<24} {np.degrees(opening):10.4f} to {-np.degrees(opening):.4f} deg" in out
-        standing, moving = out.splitlines()[-1].split(), out.splitlines()[-2].split()
+        standing, moving, most = (line.split() for line in out.splitlines()[:-4:-1])
         force = 1.2 * (19.1 + 197.0 + 152000 / 6 * (9.4e-3 - 0.169e-3))
         radius = 1 / (1 / found.radius_of_curvature[np.argmin(np.abs(found.theta))] + 1 / 10e-3)
         by_hand = 0.418 * np.sqrt(force / 12e-3 * 210e9 / radius) / 1e6
         assert float(standing[2]) == pytest.approx(by_hand, rel=5e-3)
         assert float(moving[4]) > 1.02 * by_hand
+        at_rpm = float(most[3])
+        stress = dynamic_stress(scene, build_train(scene), lift, at_rpm)[0].figures()["hertz_stress_MPa"]
+        assert float(most[5]) == pytest.approx(stress, rel=2e-3) and stress > float(moving[4])
+        assert scene.operation.band_rpm[0] <= at_rpm <= scene.operation.band_rpm[1]
         assert "(event-exact)" in out
 
     def test_surfaces_and_oil_film(self, capsys):
@@ -96,11 +101,20 @@ class TestCamWithFollower:
     def test_exports(self, capsys, tmp_path):
         table, contour = tmp_path / "lift.csv", tmp_path / "contour.csv"
         words = ("--csv", str(table), "--contour", str(contour), "--step-deg", "0.5", "--digits", "4")
-        assert run(capsys, "cam", self.scene(tmp_path, GEOMETRY), *self.CAM, *words)[0] == 0
+        code, out, _ = run(capsys, "cam", self.scene(tmp_path, GEOMETRY), *self.CAM, *words)
+        assert code == 0
+        assert "contour: for a roller follower on a base circle of radius 30 mm; " in out
+        assert "the cam turns clockwise, its opening flank below: for the other sense of rotation change" in out
+        assert "note: the outline stands on assumed numbers: measure base_radius_mm before it is ground" in out
+        table_only = run(capsys, "cam", self.scene(tmp_path, GEOMETRY), *self.CAM, *words[:2])[1]
+        known = self.scene(tmp_path, GEOMETRY.replace('assumed = ["base_radius_mm"]', ""))
+        assert "measure" not in table_only + run(capsys, "cam", known, *self.CAM, *words)[1]
         assert table.read_text().splitlines()[:2] == ["cam_angle_deg,lift_mm,tappet_lift_mm", "-180,0.0000,0.0000"]
         first, row = contour.read_text().splitlines()[:2]
         assert first == "cam_angle_deg,x_mm,y_mm,polar_angle_deg,radius_mm"
         assert row == "-180,-30.00000,0.00000,-180.0000000,30.00000"
+        opening = next(row for row in contour.read_text().splitlines() if row.startswith("-60,"))
+        assert float(opening.split(",")[2]) < -1.0  # below, as the sentence on the sense of rotation has it
         assert table.read_text().splitlines()[361] == "0,9.4000,7.8333"
 
     def test_what_is_written_is_said_to_be_off_by(self, capsys, tmp_path):

@@ -2,14 +2,15 @@
 
 import ast
 import re
-import subprocess
 import sys
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 import camopt
+from tests.fresh_processes import LIBRARIES, Ended, run_each
 
 ROOT = Path(camopt.__file__).parent
 SUPPORT = {"scene", "storage", "plots"}
@@ -29,7 +30,7 @@ MAY_IMPORT = {
     "optimizer": {"cam", "measure", "smooth", "exact", "verifier", "autodiff", "programs"} | SUPPORT,
     "tasks": {"cam", "scene", "storage"},
     "study": {"cam", "measure", "smooth", "exact", "verifier", "autodiff", "optimizer", "programs", "tasks"} | SUPPORT,
-    "report": {"cam", "measure", "smooth", "exact", "verifier", "optimizer", "study"} | SUPPORT,
+    "report": {"cache", "cam", "measure", "smooth", "exact", "verifier", "optimizer", "study"} | SUPPORT,
     "designer": {"cam", "measure", "exact", "verifier", "optimizer", "report"} | SUPPORT,
 }
 TOP = {"__init__", "__main__", "cli"}
@@ -118,21 +119,36 @@ JOB = (
 """What `camopt optimize` loads where gradients are exact."""
 
 
-@pytest.mark.parametrize(
-    "module",
-    ["camopt", "camopt.verifier", "camopt.scene", "camopt.cam.read", "camopt.exact", "camopt.cli", *JOB],
-)
+LEAN = ("camopt", "camopt.verifier", "camopt.scene", "camopt.cam.read", "camopt.exact", "camopt.cli", *JOB)
+"""What is imported without JAX."""
+
+
+@cache
+def imported_first() -> Ended:
+    """Every module of LEAN, and one that needs JAX, imported first in a process of its own."""
+    snippet = "import sys, {}; assert 'jax' not in sys.modules"
+    return run_each({module: snippet.format(module) for module in (*LEAN, "camopt.smooth")})
+
+
+@pytest.mark.parametrize("module", LEAN)
 def test_import_leaves_no_jax(module):
-    code = f"import sys, {module}; sys.exit('jax' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
+    assert imported_first().codes[module] == 0, imported_first().said
+
+
+def test_an_import_of_jax_is_noticed():
+    assert imported_first().codes["camopt.smooth"] == 1
 
 
 def test_double_precision_is_switched_on_in_one_place():
     """JAX has one such switch for the whole process: whoever needs it imports `camopt.smooth`."""
     assert [p for p in modules() if 'jax_enable_x64"' in p.read_text()] == [ROOT / "smooth" / "__init__.py"]
-    code = "import camopt.{}, jax; assert jax.config.jax_enable_x64"
-    for module in ("smooth", "autodiff"):
-        assert subprocess.run([sys.executable, "-c", code.format(module)], timeout=60).returncode == 0
+    snippet = "import camopt.{}, jax; assert jax.config.jax_enable_x64"
+    ended = run_each(
+        {"none": "import jax; assert jax.config.jax_enable_x64"}
+        | {module: snippet.format(module) for module in ("smooth", "autodiff")},
+        (*LIBRARIES, "jax"),
+    )
+    assert ended.codes == {"none": 1, "smooth": 0, "autodiff": 0}, ended.said
 
 
 def dotted(path: Path) -> str:
@@ -176,33 +192,12 @@ def test_no_two_classes_share_a_name():
     assert not {name: found for name, found in places.items() if len(found) > 1}
 
 
-EACH_ALONE = """
-import os, sys
-import numpy, scipy.optimize, numba, jax, diffrax, pandas, xarray, pydantic, matplotlib.figure  # once for all
-failed = []
-for module in sys.argv[1:]:
-    child = os.fork()
-    if child == 0:
-        try:
-            __import__(module)
-        except BaseException as error:
-            print(module, repr(error), flush=True)
-            os._exit(1)
-        os._exit(0)
-    if os.waitpid(child, 0)[1]:
-        failed.append(module)
-sys.exit(bool(failed))
-"""
-
-
 @pytest.mark.long
 def test_every_module_can_be_imported_first():
     """Each in a process in which nothing else of camopt was imported before; without circles it has to be so."""
     names = [dotted(path) for path in modules() if path.stem != "__main__"]
-    done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", EACH_ALONE, *names], capture_output=True, text=True, timeout=280
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
+    ended = run_each({name: f"import {name}" for name in names}, (*LIBRARIES, "jax", "diffrax"))
+    assert not any(ended.codes.values()), ended.said
 
 
 @pytest.mark.parametrize("path", modules(), ids=lambda p: str(p.relative_to(ROOT)))

@@ -7,12 +7,14 @@ import pydoc
 import re
 import subprocess
 import sys
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 import camopt
+from tests.fresh_processes import LIBRARIES, Ended, run_each
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "docs" / "reference" / "python.md", *sorted((ROOT / "notebooks").glob("*.py"))]
@@ -99,10 +101,24 @@ def test_signature(name):
     assert signature(getattr(import_module(camopt._PUBLIC[name]), name)) == SIGNATURES[name]
 
 
-@pytest.mark.parametrize("name", ("verify", "optimize", "simulate", "reduce", "differentiable"))
+USED_FIRST = ("verify", "optimize", "simulate", "reduce", "differentiable")
+
+
+@cache
+def after_the_first_use() -> Ended:
+    """Names of USED_FIRST, each used in a process of its own, and one that a module hides."""
+    snippet = "import camopt, camopt.autodiff; first = camopt.{0}; assert callable(first) and camopt.{0} is first"
+    hidden = "import camopt, camopt.scene; assert callable(camopt.scene)"
+    return run_each({name: snippet.format(name) for name in USED_FIRST} | {"hidden": hidden}, (*LIBRARIES, "jax"))
+
+
+@pytest.mark.parametrize("name", USED_FIRST)
 def test_a_public_name_stays_the_function_after_its_first_use(name):
-    code = f"import camopt, camopt.autodiff; first = camopt.{name}; assert callable(first) and camopt.{name} is first"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=60).returncode == 0
+    assert after_the_first_use().codes[name] == 0, after_the_first_use().said
+
+
+def test_a_name_that_a_module_hides_is_noticed():
+    assert after_the_first_use().codes["hidden"] == 1
 
 
 def test_no_public_name_is_a_module_of_the_package():

@@ -110,8 +110,9 @@ class TestVerbsThatSearch:
         row = {"cam": "design", "area_ratio": 0.58, "bounce_mm": 0.02, "bounce_high_mm": 0.03, "jump_mm": 0.01}
         row |= {"verdict": "confirmed", "broken": ""}
 
-        def compare(*given, **named):
+        def compare(*given, note, **named):
             asked.append((*given, named))
+            note("no member of it holds")
             write_csv(create_run_folder(given[2]) / "comparison.csv", {key: [value] for key, value in row.items()})
 
         stand_in(monkeypatch, "camopt.optimizer.baselines.comparison", compare=compare)
@@ -120,6 +121,7 @@ class TestVerbsThatSearch:
         write_design(folder / "design.json", lift, 9.4e-3)
         code, printed, _ = run(capsys, "compare", "kodama", "--design", str(folder), "--out", str(tmp_path / "second"))
         ((scene, designs, out, named),) = asked
+        assert printed.splitlines()[-2] == "note: no member of it holds"
         assert named == {"baselines": "plain", "progress": True}
         assert (code, scene.name, out) == (0, "kodama", tmp_path / "second")
         assert list(designs) == [str(folder)]

@@ -15,14 +15,14 @@ def design(args: Namespace) -> int:
     from camopt.designer.desk import Desk
     from camopt.designer.server import DesignServer
     from camopt.designer.session import QUICK, Session
-    from camopt.optimizer.first_run import compile_programs, programs_missing
+    from camopt.optimizer.first_run import SAYING, compile_programs, programs_missing
 
     desk = Desk(Session(scene), Path.cwd())
     server = DesignServer(desk, args.port)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         if programs_missing():
-            print("compiles its programs, once for an installation: a minute or two", file=sys.stderr, flush=True)
+            print(SAYING, file=sys.stderr, flush=True)
             compile_programs()
         desk.slow.start()
         for part in QUICK:  # loads the programs, so that the page's first answers are as quick as all others

@@ -29,6 +29,14 @@ def scene_of(args: Namespace, need: tuple[str, ...] = SIMULATED) -> Scene:
     return scene
 
 
+def say_compilation(args: Namespace) -> None:
+    """Says, before a command is silent for minutes, that it compiles its programs."""
+    from camopt.optimizer.first_run import SAYING, programs_missing
+
+    if not args.quiet and programs_missing():
+        print(SAYING, file=sys.stderr, flush=True)
+
+
 def print_area_words(lift, scene, whose: str = "") -> None:
     """What must be said of a cam's duration and area ratio, a line each."""
     from camopt.optimizer.bound.area_words import area_words

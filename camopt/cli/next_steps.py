@@ -78,7 +78,8 @@ def _after_verify(args: Namespace, code: int) -> str:
     if code:
         return f"{_camopt('optimize', args.scene)} designs a cam that holds the limits"
     if _is_table(args):
-        return f"{_camopt('cam', *_cam_of(args), '--card')} shows the cam's shape, contact and card"
+        held = _camopt("yield", *_cam_of(args), "--trains", 200)
+        return f"{held} says how many trains as built hold, where the scene says how they differ"
     return f"{_lift_table(*_cam_of(args))} writes the cam's lift table for the grinder"
 
 
@@ -99,7 +100,9 @@ def _after_compare(args: Namespace, code: int) -> str:
 def _after_cam(args: Namespace, code: int) -> str:
     if args.csv is None and not _is_table(args):
         return f"{_lift_table(*_cam_of(args))} writes the cam's lift table for the grinder"
-    return f"{_camopt('verify', *_cam_of(args))} says whether the valve train follows it"
+    if args.csv is None or _is_table(args):
+        return f"{_camopt('verify', *_cam_of(args))} says whether the valve train follows it"
+    return f"{_camopt('verify', args.scene, '--cam', args.csv)} judges the table as it was written, with its rounding"
 
 
 def _after_modes(args: Namespace, code: int) -> str:
@@ -139,7 +142,7 @@ def _after_yield(args: Namespace, code: int) -> str:
             "--halve",
         ]
         return f"{_camopt('yield', *words)} adds what half of each tolerance would buy"
-    return f"{_camopt('verify', *_cam_of(args))} holds the train as designed against the limits"
+    return f"{_camopt('optimize', args.scene, '--yield', 0.95)} designs a cam that more trains as built hold with"
 
 
 def _after_extremes(args: Namespace, code: int) -> str:

@@ -10,7 +10,7 @@ from camopt.cli.rise_verb import rise_options
 from camopt.cli.values import ACCURACIES, accuracy, count, port, positive, seed, speeds, trains
 from camopt.verifier.methods import verdict_methods
 
-PLAN = """a plan (docs/sweeps.md tells all of it):
+PLAN = """a plan (the page "Sweeps" of the site tells all of it):
   format = 1
   verb = "settled"                  # settled, simulate, yield or rehearse
   scenes = ["motori-1"]             # built-in scenes or TOML files

@@ -16,6 +16,7 @@ from keyword import iskeyword
 
 from camopt import __version__
 from camopt.cli import options
+from camopt.cli.collecting import collecting_rarely
 from camopt.cli.next_steps import left_behind, next_step
 from camopt.cli.outputs import check_outputs
 from camopt.cli.suggesting_parser import SuggestingParser
@@ -33,8 +34,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     args = parser().parse_args(arguments)
     try:
         check_outputs(args)
-        commands = import_module("camopt.cli.verbs")
-        code = getattr(commands, verb_named(args.command))(args)
+        with collecting_rarely():
+            commands = import_module("camopt.cli.verbs")
+            code = getattr(commands, verb_named(args.command))(args)
         if sys.stdout is not None:  # where a shell closed it, there is none
             sys.stdout.flush()
         if not args.quiet:

@@ -13,6 +13,7 @@ from camopt.cli.design_verb import design as design
 from camopt.cli.given import SIMULATED
 from camopt.cli.given import cam_of as _cam_of
 from camopt.cli.given import print_area_words as _print_area_words
+from camopt.cli.given import say_compilation as _say_compilation
 from camopt.cli.given import scene_of as _scene_of
 from camopt.cli.rise_verb import rise as rise
 from camopt.cli.sweep_verb import sweep as sweep
@@ -83,6 +84,7 @@ def verify(args: Namespace) -> int:
     lift = _cam_of(args, scene)
     from camopt.verifier.accuracy import verify as verdict_of
 
+    _say_compilation(args)
     report = verdict_of(scene, lift, speeds_rpm=args.speeds, methods=args.method, accuracy=args.accuracy)
     record, lines = report.as_dict(), []
     if args.energy or args.periodic:
@@ -105,6 +107,7 @@ def simulate(args: Namespace) -> int:
     from camopt.study.simulate.motion import simulate as motion_of
     from camopt.verifier.verdict import methods_for
 
+    _say_compilation(args)
     method = args.method or ("event" if args.accuracy is None else methods_for(build_train(scene))[0])
     motion = motion_of(
         scene, lift, args.speed, method, revolutions=args.revolutions, step_deg=args.step_deg, accuracy=args.accuracy
@@ -126,8 +129,10 @@ def compare(args: Namespace) -> int:
     designs = {str(Path(d)): _cam_of(args, scene, Path(d)) for d in args.design}
     from camopt.optimizer.baselines.comparison import compare as comparison
 
-    comparison(scene, designs, folder, baselines=args.baselines, progress=not args.quiet)
-    print("\n".join(comparison_lines(folder)))
+    _say_compilation(args)
+    said: list[str] = []
+    comparison(scene, designs, folder, baselines=args.baselines, progress=not args.quiet, note=said.append)
+    print("\n".join([*comparison_lines(folder), *(f"note: {sentence}" for sentence in said)]))
     for name, lift in designs.items():
         _print_area_words(lift, scene, f"{name}: ")
     print(f"comparison: {folder}")
@@ -178,6 +183,7 @@ def yield_(args: Namespace) -> int:
     cam = _cam_of(args, scene)
     from camopt.study.yields.yields import manufacturing_yield, yield_lines
 
+    _say_compilation(args)
     found = manufacturing_yield(
         scene, cam, args.trains, speeds_rpm=args.speeds, seed=args.seed, halve=args.halve, out=folder,
         resume=args.resume, progress=not args.quiet,

@@ -2,15 +2,17 @@
 
 What a program is made of is kept from one answer to the next. Where only the sizes of limits change, its rows stay and
 the solver goes on from its last basis. Where the train, the duration or the ramps change, rows are made again: few and
-far apart while a hand is dragging, all of them once it rests.
+far apart while a hand is dragging, all of them once it rests. Radii of the cam under a roller or pad are held once it
+rests: they take a row of programs.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from camopt.cam.families.free import free_cam
+from camopt.cam.families.free import FreeCam, free_cam
+from camopt.cam.families.radius_rows import radii_held_near
 from camopt.cam.lift import Lift
 from camopt.designer.controls import KINEMATIC, NO_JUMP
 from camopt.designer.edits import Asked
@@ -20,6 +22,7 @@ from camopt.optimizer.program.force_rows import PEAK, Window
 from camopt.optimizer.program.kinematic import limit_worth, unexplained_optimum, worth_of
 from camopt.optimizer.program.linear_program import GaveUp, Infeasible
 from camopt.optimizer.program.no_jump import Margins, NoJumpOptimum, NoJumpProgram, no_jump_program
+from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import standing
 from camopt.scene.design import Design
 from camopt.scene.errors import InputError
@@ -75,7 +78,7 @@ class CamFinder:
         each other, and Superseded between two steps once it is not `wanted` any more.
         """
         if asked.program == KINEMATIC:
-            return self._kinematic(scene)
+            return self._kinematic(scene, coarse)
         try:
             try:
                 return self._no_jump(scene, train, asked.margin_N, coarse, wanted)
@@ -83,28 +86,29 @@ class CamFinder:
                 self.kept.clear()
                 return self._no_jump(scene, train, asked.margin_N, coarse, wanted)
         except InputError as error:
-            return self._kinematic(scene, f"No cam keeps contact, so this is the kinematic one: {error}.")
+            return self._kinematic(scene, coarse, f"No cam keeps contact, so this is the kinematic one: {error}.")
 
-    def _kinematic(self, scene: Scene, says: str = "") -> FoundCam:
-        design = scene.design
-        assert design is not None, "an edited scene has one"
+    def _kinematic(self, scene: Scene, coarse: bool, says: str = "") -> FoundCam:
+        design = _design(scene)
         try:
-            found = unexplained_optimum(design, free_cam(design, EFFORT.knot_deg))
+            found = unexplained_optimum(design, free_cam(design, EFFORT.knot_deg) if coarse else _cam(design))
         except Infeasible:
             raise InputError(CONTRADICTION) from None
-        return FoundCam(found.lift, KINEMATIC, found.area_ratio, limit_worth(found), None, False, says)
+        coarse = coarse and bool(radii_held_near(design))
+        return FoundCam(found.lift, KINEMATIC, found.area_ratio, limit_worth(found), None, coarse, says)
 
     def _no_jump(
         self, scene: Scene, train: Train, margin_N: float, coarse: bool, wanted: Callable[[], bool]
     ) -> FoundCam:
         shape = _shape(scene, train)
-        coarse = coarse and self.kept.get(False, (None,))[0] != shape  # all rows are there, so few are not needed
+        if coarse and self.kept.get(False, (None,))[0] == shape:  # all rows are there, so few are not needed
+            coarse = bool(radii_held_near(_design(scene)))
         if coarse:
             shape = (*shape, self.dearest)
         program = self._program(scene, train, shape, coarse)
         if not wanted():
             raise Superseded
-        if not coarse and not is_linear(train):
+        if not coarse and (program.cam.about.near is not None or not is_linear(train)):
             program = standing(program, margin_N)
         try:
             found = program.unexplained(Margins(margin_N, margin_N, margin_N))
@@ -119,22 +123,31 @@ class CamFinder:
 
     def _program(self, scene: Scene, train: Train, shape: tuple, coarse: bool) -> NoJumpProgram:
         """The program of a scene, made from the last one: under other limits alone its rows stay."""
-        design = scene.design
-        assert design is not None, "an edited scene has one"
-        known, program = self.kept.get(coarse, ((), None))
+        design, (known, program) = _design(scene), self.kept.get(coarse, ((), None))
         if program is not None and known == shape and is_linear(train):
-            return program.under(design)
+            held = program.cam.about.near is not None
+            return replace(program, design=design, cam=_cam(design)) if held else program.under(design)
         if program is not None and coarse and known[1:] == shape[1:] and program.design == design:
             new = program.with_train(train)
         else:
-            speeds, window, cam = program_speeds_rpm(scene), None, free_cam(design, EFFORT.knot_deg)
+            speeds, window = program_speeds_rpm(scene), None
             if coarse:
                 speeds, window = speeds[list(self.dearest)], Window(step=COARSE_STEP)
-                cam = free_cam(design, _knot_deg(design, program))
+            cam = free_cam(design, _knot_deg(design, program)) if coarse else _cam(design)
             new = no_jump_program(train, design, cam, [scene.cam_speed(s) for s in speeds], window=window)
         if program is not None:
             begin_like(program, new)
         return new
+
+
+def _design(scene: Scene) -> Design:
+    assert scene.design is not None, "an edited scene has one"
+    return scene.design
+
+
+def _cam(design: Design) -> FreeCam:
+    """The free cam of the programs at rest: where radii are held, near the cam of largest area that holds them."""
+    return (program_cam if radii_held_near(design) else free_cam)(design, EFFORT.knot_deg)
 
 
 def _knot_deg(design: Design, known: NoJumpProgram | None) -> float:

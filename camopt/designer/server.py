@@ -77,6 +77,8 @@ class Handler(BaseHTTPRequestHandler):
     server: DesignServer
     protocol_version = "HTTP/1.1"
     timeout = QUIET_S
+    disable_nagle_algorithm = True  # else the end of an answer may wait until the browser has said that it has the rest
+    wbufsize = -1  # an answer's head and body go at once
 
     def version_string(self) -> str:
         """Says no more of itself than it must."""

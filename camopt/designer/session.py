@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
+from camopt.cam.families.radius_rows import radii_held_near
 from camopt.cam.lift import Lift
 from camopt.designer.cams import CamFinder, FoundCam, program_speeds_rpm
 from camopt.designer.controls import controls
@@ -33,11 +34,12 @@ THREADS = ThreadpoolController()  # to look for the libraries' threads takes mil
 REMEMBERED = 4
 """CamFinder of the last values that are remembered."""
 DERIVATIVES = {
-    "lift_mm": MM,
-    "velocity_mm_per_deg": MM_PER_DEG,
-    "acceleration_mm_per_deg2": MM_PER_DEG2,
-    "jerk_mm_per_deg3": MM_PER_DEG3,
+    "lift_mm": (MM, 6),
+    "velocity_mm_per_deg": (MM_PER_DEG, 8),
+    "acceleration_mm_per_deg2": (MM_PER_DEG2, 9),
+    "jerk_mm_per_deg3": (MM_PER_DEG3, 9),
 }
+"""Unit of the lift and its derivatives, and decimals of what is sent: far more than a chart shows, half the bytes."""
 
 
 @dataclass(frozen=True)
@@ -128,6 +130,8 @@ class Session:
     def _cam_answer(self, design: Edited, asked: Asked) -> dict[str, Any]:
         scene, cam = design.scene, design.cam
         assert scene.design is not None, "an edited scene has one"
+        broken = broken_by_shape(cam.lift, scene.design)
+        at_rest = radii_held_near(scene.design) if cam.coarse else ()
         return {
             "coarse": cam.coarse,
             "program": cam.program,
@@ -138,7 +142,8 @@ class Session:
             "max_lift_mm": cam.lift.max_lift / MM,
             "worth": cam.worth,
             "margin_price": cam.margin_price,
-            "broken_by_shape": broken_by_shape(cam.lift, scene.design),
+            "broken_by_shape": [key for key in broken if key not in at_rest],
+            "looked_for": [key for key in broken if key in at_rest],
             "curves": curves(cam.lift),
             "motion": self._mover.motion_at(scene, design.train, cam.lift, asked.speed_rpm, cam.coarse),
         }
@@ -147,5 +152,8 @@ class Session:
 def curves(lift: Lift) -> dict[str, np.ndarray]:
     """Lift and its derivatives by cam angle, from -180 to 180 deg."""
     angle = np.linspace(-180.0, 180.0, round(360 / CURVE_STEP_DEG) + 1)
-    found = {name: lift(angle * DEG, order) / unit for order, (name, unit) in enumerate(DERIVATIVES.items())}
+    found = {
+        name: np.round(lift(angle * DEG, order) / unit, decimals)
+        for order, (name, (unit, decimals)) in enumerate(DERIVATIVES.items())
+    }
     return {"angle_deg": angle, **found}

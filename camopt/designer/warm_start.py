@@ -4,6 +4,8 @@ A longer duration or another lash has its rows at other angles, and one more her
 tight nearby here, so that the solver needs tens of pivots instead of hundreds.
 """
 
+from itertools import pairwise
+
 import numpy as np
 
 from camopt.optimizer.program.no_jump import Margins, NoJumpProgram
@@ -33,10 +35,12 @@ def counterparts(known: NoJumpProgram, new: NoJumpProgram) -> np.ndarray:
 def runs(program: NoJumpProgram) -> dict[tuple, tuple[int, int]]:
     """The first row and the number of rows of every limit, and of every kind of force by speed and contact."""
     limits, element = program.limits, np.concatenate([block.element for block in program.blocks])
-    names: list[tuple] = [(limits.names[group],) for group in limits.group.tolist()]
-    names.extend(zip(program.speed.tolist(), program.kind.tolist(), element.tolist(), strict=True))
+    forces = np.stack([program.speed, program.kind, element], axis=1)
     found: dict[tuple, tuple[int, int]] = {}
-    for row, name in enumerate(names):  # the rows of a name lie together
-        first, count = found.get(name, (row, 0))
-        found[name] = first, count + 1
+    for first, names in ((0, limits.group[:, None]), (len(limits.group), forces)):
+        changes = np.flatnonzero(np.any(np.diff(names, axis=0, prepend=-1, append=-1), axis=1))
+        for begin, end in pairwise(changes.tolist()):
+            one = tuple(names[begin].tolist())
+            name = one if first else (limits.names[one[0]],)
+            found[name] = first + begin, end - begin  # the rows of a name lie together
     return found

@@ -13,7 +13,7 @@ from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.storage import plain
 
-NICENESS = 10
+NICENESS = 15
 """The hand goes first: a worker takes what processor time the answers to it leave."""
 
 

@@ -17,6 +17,7 @@ from camopt.measure.rounded import RAMP_VELOCITY, rows_of, surely_broken
 from camopt.scene.design import RADII, Design
 from camopt.scene.errors import InputError
 from camopt.scene.quantities import QUANTITIES
+from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 
 ROUNDING = 1e-9
@@ -226,7 +227,12 @@ def _above(lift: Lift, sign: int, half: float) -> float:
 
 
 def _has_step(lift: Lift, design: Design, order: int, within: float = np.inf) -> bool:
-    """Whether the derivative `order` jumps at a border of the pieces nearer to the nose than `within` [rad].
+    """Whether the derivative `order` jumps anywhere, as `steps_at` says."""
+    return len(steps_at(lift, design, order, within)) > 0
+
+
+def steps_at(lift: Lift, design: Design, order: int, within: float = np.inf) -> Float[np.ndarray, " k"]:
+    """The angles [rad] of the borders of pieces, nearer to the nose than `within`, at which a derivative jumps.
 
     Without such a limit the ends of the revolution are included.
 
@@ -244,4 +250,10 @@ def _has_step(lift: Lift, design: Design, order: int, within: float = np.inf) ->
         fastest = max(velocity for _, velocity, _ in design.ramps()) * MM_PER_DEG
         allowed += np.where(flat != np.roll(flat, 1), fastest * (1 + RAMP_VELOCITY), 0.0)
     inner = np.abs(lift.borders[:-1]) < within * (1 - ROUNDING)
-    return bool(np.any(inner & (steps > allowed)))
+    return lift.borders[:-1][inner & (steps > allowed)]
+
+
+def steepest_jerk(lift: Lift, design: Design) -> float:
+    """The largest jerk [m/rad^3] of a cam; infinite where velocity or acceleration jumps, but by a table's rounding."""
+    stepped = rows_of(lift) is None and any(_has_step(lift, design, order) for order in (1, 2))
+    return np.inf if stepped else float(np.abs(lift.extremes(3)).max())

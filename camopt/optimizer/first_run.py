@@ -13,6 +13,8 @@ import numpy as np
 
 from camopt.programs import kept
 
+SAYING = "compiles its programs, once for an installation: this takes some minutes"
+"""What a command says before it compiles."""
 EFFORT = {"NUMBA_OPT": "2"}
 """How hard LLVM tries there. At 3, numba's own level, a program takes a fifth longer to compile and runs no faster; the
 digits are the same."""

@@ -1,5 +1,6 @@
 """The bar of a whole job: its stage, its best value, and the time left."""
 
+import sys
 from contextlib import AbstractContextManager
 
 from tqdm import tqdm
@@ -23,7 +24,7 @@ class Progress:
         total = max(self._end.values())
         form = "{desc}: {percentage:3.0f}% |{bar}| {elapsed}, {remaining} left{postfix}"
         self._bar = tqdm(total=total, disable=None if wanted else True, dynamic_ncols=True, bar_format=form)
-        self._stage = ""
+        self._stage, self._unwanted = "", not wanted
 
     def __enter__(self) -> "Progress":
         return self
@@ -39,8 +40,10 @@ class Progress:
         self._bar.set_description(stage)
 
     def say(self, words: str) -> None:
-        """What happens before the first stage."""
-        self._bar.set_description(words)
+        """What happens before the first stage, on a line of its own that stays, in a file too."""
+        if not self._unwanted:
+            with self.make_room():
+                print(words, file=sys.stderr, flush=True)
 
     def end(self) -> None:
         """The job is done."""

@@ -7,13 +7,15 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from camopt.cam.design_file import as_written, design_record
 from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import write_lift_table
-from camopt.optimizer.accuracy import Accuracy, accuracy_named
+from camopt.optimizer.accuracy import Accuracy, accuracy_named, drawn_speeds
 from camopt.optimizer.as_built.wanted import check_wanted
 from camopt.optimizer.bound.certificate import area_ratio_bound
-from camopt.optimizer.first_run import compile_programs, programs_missing
+from camopt.optimizer.first_run import SAYING, compile_programs, programs_missing
 from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_worth
 from camopt.optimizer.program.no_jump import NoJumpOptimum
 from camopt.optimizer.program.program_cam import program_cam
@@ -65,6 +67,7 @@ class Run:
         return table + self.verdict._repr_html_()
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")  # the matrices are small, and the judge has threads of its own
 def optimize(
     scene: Scene,
     speeds: str = "band",
@@ -111,7 +114,7 @@ def optimize(
                 designed(folder)
             shown.begin("comparison")
             with job.clock.stage("comparison"):
-                _compared(folder, scene, lift, verdict, effort if compare else None, shown)
+                _compared(folder, scene, lift, verdict, effort, shown if compare else None)
             shown.end()
         job.write_provenance(folder)
     return Run(folder, lift, verdict, record, 0 if verdict.verdict == "confirmed" and job.yield_confirmed else 3)
@@ -143,7 +146,7 @@ class _OpenRun:
     def make_programs(self, shown: Progress) -> None:
         """On the first run of an installation: the compiled programs."""
         if programs_missing():
-            shown.say("compiles its programs, once for an installation")
+            shown.say(SAYING)
             with self.clock.stage("programs"):
                 compile_programs()
 
@@ -247,13 +250,15 @@ class _OpenRun:
 
 
 def _compared(
-    folder: Path, scene: Scene, lift: Lift, verdict: Verdict, effort: Accuracy | None, shown: Progress
+    folder: Path, scene: Scene, lift: Lift, verdict: Verdict, effort: Accuracy, shown: Progress | None
 ) -> None:
-    """The comparison with its figures or, without an effort, the figures of the design alone."""
-    if effort is None:
+    """The comparison with its figures or, where none is shown, the figures of the design alone."""
+    if shown is None:
         from camopt.optimizer.baselines.figures import draw  # loads matplotlib: only once there is a design
 
-        draw(folder, scene, {"design": lift}, {"design": verdict.as_dict()})
+        assert scene.operation is not None, "load_scene(..., need=...) guarantees it"
+        speeds = drawn_speeds(scene.operation, effort)
+        draw(folder, scene, {"design": lift}, {"design": verdict.as_dict()}, speeds)
         return
     from camopt.optimizer.baselines.comparison import compare_in
 

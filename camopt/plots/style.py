@@ -10,6 +10,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
@@ -22,6 +23,8 @@ SHADE = "#eeeeee"
 BASE = 9.0
 """Font size of the text [pt]."""
 DPI = 160
+TICKS = "_update_ticks"
+"""How matplotlib names the method of an axis that makes its ticks and returns those in range."""
 
 DESIGN = "design"
 DESIGN_LINE = "#0072B2", "-"
@@ -174,6 +177,9 @@ def save(figure: Figure, folder: Path | str, name: str) -> tuple[Path, Path]:
 def laid_out(figure: Figure) -> Iterator[None]:
     """Finds the figure's layout once. Each file would find it anew, and draw the figure a second time to do so."""
     layout, dpi = figure.get_layout_engine(), figure.dpi
+    every = [axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)]
+    for axis in every:
+        _keep_ticks(axis)
     with matplotlib.rc_context(RC):
         figure.set_dpi(DPI)
         if layout is not None and figure.axes:
@@ -182,8 +188,28 @@ def laid_out(figure: Figure) -> Iterator[None]:
     try:
         yield
     finally:
+        for axis in every:
+            vars(axis).pop(TICKS, None)
         figure.set_dpi(dpi)
         figure.set_layout_engine(layout)
+
+
+def _keep_ticks(axis: Axis) -> None:
+    """Has an axis make its ticks once for every range and place of it.
+
+    Else it makes them anew whenever something asks where they are, five times for a layout and twice for each file.
+    They are the same in points whatever the file, which matters since the files differ in dots per inch.
+    """
+    update, known = getattr(axis, TICKS), {}
+
+    def ticks() -> list:
+        at = *axis.get_view_interval(), *axis.axes.get_position().bounds
+        if at not in known:
+            known.clear()
+            known[at] = update()
+        return known[at]
+
+    setattr(axis, TICKS, ticks)
 
 
 def picture(figure: Figure, kind: str) -> bytes:

@@ -11,7 +11,7 @@ from camopt.cam.geometry import contact
 from camopt.cam.lift import Lift
 from camopt.cam.read import read_cam
 from camopt.measure.settling import Settled
-from camopt.optimizer.baselines.comparison_table import verdicts_in
+from camopt.optimizer.baselines.comparison_table import FAILED, verdicts_in
 from camopt.optimizer.baselines.figures import settled_motion, stated_periodic
 from camopt.plots.style import DESIGN, cam_line, family_of
 from camopt.report.drawing import Strokes, drawing
@@ -57,11 +57,13 @@ def cams_of(folder: Path, run: RunFolder) -> RunCams:
         scene = load_scene(folder / "scene.toml", need=("valve", "seat", "operation", "design"))
     except InputError as error:
         return RunCams(None, {}, [f"The scene cannot be simulated: {error}"])
-    recorded = {DESIGN: run.design.get("area_ratio")}
+    recorded, left_out = {DESIGN: run.design.get("area_ratio")}, []
     for row in run.comparison:
-        if family_of(row["cam"]) != DESIGN:
+        if row.get("verdict") == FAILED:
+            left_out.append(f"{row['cam']} has no member within the limits.")
+        elif family_of(row["cam"]) != DESIGN:
             recorded.setdefault(row["cam"], as_number(row.get("area_ratio", "")))
-    lifts, left_out = {}, []
+    lifts = {}
     for name, area in recorded.items():
         try:
             lifts[name] = _rebuilt(name, area, folder, scene)

@@ -95,8 +95,7 @@ def lift_sentence(run: RunFolder) -> list[str]:
 
 
 def gain_sentences(run: RunFolder) -> list[str]:
-    """What the delivered cam has more than the no-jump program's, where the gradient stage ended, and whether the
-    verdict refused larger cams."""
+    """What the delivered cam has more than the no-jump program's, and whether the verdict refused larger cams."""
     d, sentences = run.design, []
     gain, asked = d.get("gradient_gain"), run.provenance.get("settings")
     if is_number(gain) and not (isinstance(asked, dict) and asked.get("gradient") == "none"):
@@ -106,8 +105,6 @@ def gain_sentences(run: RunFolder) -> list[str]:
             sentences.append(f"The gradient stage gained {shown(gain, 3)} of area ratio.")
         else:
             sentences.append(f"The delivered cam has {shown(-gain, 3)} less area ratio than the no-jump program's cam.")
-    ended = run.provenance.get("gradient_ended")
-    sentences += [ended] if isinstance(ended, str) and ended else []
     back = d.get("verdict_fell_back")
     judged, refused = (back.get(k) for k in BACK) if isinstance(back, dict) else (None, None)
     if is_number(refused) and is_number(judged):

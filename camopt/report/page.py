@@ -3,11 +3,14 @@
 import base64
 import hashlib
 import json
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from jinja2 import Environment, FileSystemBytecodeCache, FileSystemLoader, StrictUndefined
+from jinja2.bccache import Bucket
 
+from camopt.cache import cache_folder
 from camopt.cam.lift import Lift
 from camopt.plots.style import DESIGN
 from camopt.report.card import cards
@@ -81,9 +84,20 @@ def write_report(folder: Path | str) -> Path:
     return path
 
 
+class KeptTemplates(FileSystemBytecodeCache):
+    """Compiled templates in the user's cache folder, kept if they can be: compiling them takes as long as the rest."""
+
+    def dump_bytecode(self, bucket: Bucket) -> None:
+        """Keeps a template, unless the disk is full or the folder is gone."""
+        with suppress(OSError):
+            super().dump_bytecode(bucket)
+
+
 @cache
 def _environment() -> Environment:
+    folder = cache_folder("templates")
     return Environment(
+        bytecode_cache=None if folder is None else KeptTemplates(str(folder)),
         loader=FileSystemLoader(HERE),
         autoescape=True,
         undefined=StrictUndefined,

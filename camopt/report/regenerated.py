@@ -4,6 +4,7 @@ What can be made again is the verdict of the design and all that is written from
 `area_ratio_no_jump` and `gradient_gain` stand as recorded, and baselines keep the verdicts in `verdicts/`.
 """
 
+import json
 import math
 from collections.abc import Iterator
 from dataclasses import replace
@@ -37,8 +38,16 @@ def regenerate(folder: Path) -> Path:
 
     Returns the page's path. Raises InputError where a file is missing or cannot be understood.
     """
-    compare_again(folder, _scene_of(folder))
+    compare_again(folder, _scene_of(folder), _accuracy_of(folder))
     return write_report(folder)
+
+
+def _accuracy_of(folder: Path) -> object:
+    """The accuracy that provenance.json names, which is untrusted; None where it names none."""
+    try:
+        return json.loads((folder / "provenance.json").read_text(encoding="utf-8"))["settings"]["accuracy"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return None
 
 
 def stated_lines(run: RunFolder) -> list[str]:

@@ -104,7 +104,7 @@ def comparison_groups(run: RunFolder) -> list[dict]:
             "bounce": f"no figure at {len(lost)} of {len(rows)} speeds" if lost else _largest(high),
             "jump": _largest([as_number(r.get("jump_mm", "")) for r in rows]),
             "seating": _largest([as_number(r.get("seating_velocity_m_per_s", "")) for r in rows]),
-            "jerk": _largest([as_number(r.get("jerk_max_mm_per_deg3", "")) for r in rows]),
+            "jerk": _jerk([r.get("jerk_max_mm_per_deg3", "") for r in rows]),
             "verdict": next((v for v in WORST_FIRST if v in verdicts), ""),
             "broken": "; ".join(broken if FAILED in verdicts else broken_words(broken)) or "–",
             "within": limits == "all" and (FAILED in verdicts or all(_of_the_motion(word) for word in broken)),
@@ -136,6 +136,11 @@ def _as_verified(run: RunFolder) -> dict:
 
 def _largest(values: list[float | None]) -> str:
     return shown(max((v for v in values if v is not None), default=None))
+
+
+def _jerk(cells: list[str]) -> str:
+    """The largest jerk of a cam; that of one whose acceleration steps is infinite."""
+    return "infinite" if "inf" in cells else _largest(list(map(as_number, cells)))
 
 
 def worst_rows(run: RunFolder) -> list[dict]:

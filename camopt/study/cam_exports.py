@@ -9,8 +9,11 @@ from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import write_lift_table
 from camopt.measure.by_means import by_means
 from camopt.scene import Scene
+from camopt.scene.geometry import BELONGS
 from camopt.storage import write_bytes
 
+OF_THE_CONTOUR = ("base_radius_mm", "rocker_ratio", *BELONGS, "valve_arm_deg")
+"""Keys of [geometry] that the contour hangs on."""
 USUAL_DIGITS = 6
 """Decimals of the lift where none are asked for, in tables that have no more columns to tell it by."""
 
@@ -46,11 +49,19 @@ def export(scene: Scene, lift: Lift, files: Files) -> list[str]:
         write_contour(
             files.contour, law, geometry, files.step_deg, USUAL_DIGITS if files.digits is None else files.digits
         )
+        said.append(
+            f"contour: for a {geometry.follower} follower on a base circle of radius {geometry.base_radius_mm:g} mm; "
+            "with x to the right and y up the cam turns clockwise, its opening flank below: for the other sense of "
+            "rotation change the sign of y"
+        )
     if files.dxf:
         assert geometry is not None, "the verb asks for it"
         write_dxf(files.dxf, law, geometry, files.step_deg)
         missed = chord_error(law, geometry, files.step_deg)
         said.append(f"drawing: its chords, every {files.step_deg:g} cam deg, miss it by at most {missed:.1e} mm")
+    guessed = [key for key in geometry.assumed if key in OF_THE_CONTOUR] if geometry else []
+    if guessed and (files.contour or files.dxf):
+        said.append(f"note: the outline stands on assumed numbers: measure {', '.join(guessed)} before it is ground")
     if files.figure:
         from camopt.plots.style import picture
 

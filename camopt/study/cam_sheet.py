@@ -8,7 +8,7 @@ from camopt.cam.hertz import HertzStress, contact_width, hertz_stress
 from camopt.cam.lift import Lift
 from camopt.cam.waves import sign_changes
 from camopt.measure.by_means import by_means
-from camopt.measure.limits import broken_by_shape, drawing_excess
+from camopt.measure.limits import broken_by_shape, drawing_excess, steps_at
 from camopt.scene import InputError, Scene, Train, build_train
 from camopt.scene.design import Design
 from camopt.scene.geometry import SWINGING, Geometry
@@ -17,11 +17,15 @@ from camopt.scene.units import DEG, MM
 from camopt.study.cam_force import settled_force
 
 STATIC_STEP_DEG = 0.5
+BAND_SPEEDS = 11
+"""Speeds over the band at which the largest Hertz stress is looked for."""
 SAME_DURATION_DEG = 1e-3
 SAME_LIFT = 1e-6
 """Differences in duration, and in lift over the maximum, that rounding of a table leaves."""
 MOST_SHOWN = 8
 """Numbers of one parameter that the first line shows: the exponents and powers of every family."""
+DERIVATIVES = ("lift", "velocity", "acceleration", "jerk")
+"""By the order of the derivative."""
 LABELS = {
     "smallest_convex_radius_mm": "smallest convex radius",
     "smallest_concave_radius_mm": "smallest concave radius",
@@ -71,12 +75,27 @@ def _limits(scene: Scene, lift: Lift, law: Lift) -> list[str]:
     for name, order, low, high in limits:
         least, most = (value * DEG**order / MM for value in law.extremes(order))
         limit = f"limits {'none' if low is None else f'{low:g}'} to {'none' if high is None else f'{high:g}'}"
-        lines.append(f"{name:<14} {least:.6f} to {most:.6f} mm/deg^{order} ({limit})")
+        steps = _steps(law, design, order)
+        lines.append(f"{name:<14} {steps}{least:.6f} to {most:.6f} mm/deg^{order} ({limit})")
     if design.waves_max is not None:
         lines.append(f"waves          {len(sign_changes(law))} sign changes of the jerk (limit {design.waves_max})")
     broken = set(broken_by_shape(lift, design))
     lines += [f"{key}: {'broken' if key in broken else 'kept'}" for key in drawing_excess(lift, design)]
     return lines + remarks(lift, design)
+
+
+def _steps(law: Lift, design: Design, order: int) -> str:
+    """That a derivative is infinite where one below it jumps, and what it is elsewhere begins; empty where none does.
+
+    The snap counts between the ramps, at whose ends every cam's jerk steps.
+    """
+    within = law.half_duration if order == len(DERIVATIVES) else np.inf
+    for below in range(1, order):
+        at = steps_at(law, design, below, within) / DEG
+        if len(at):
+            angles = ", ".join(f"{angle:.4g}" for angle in at)
+            return f"infinite: the {DERIVATIVES[below]} steps at {angles} deg; elsewhere "
+    return ""
 
 
 def _brief(value: object) -> str:
@@ -160,13 +179,26 @@ def _stress(scene: Scene, lift: Lift, geometry: Geometry, speed_rpm: float) -> l
     moving, method = dynamic_stress(scene, train, lift, speed_rpm)
     standing = static_stress(scene, train, lift)
     lines = [f"Hertz stress over a line of {width:g} mm ({source})"]
-    for name, stress in ((f"at {speed_rpm:g} r/min ({method})", moving), ("standing still", standing)):
+    worst, at_rpm = _worst_stress(scene, train, lift, moving, speed_rpm)
+    within = f"most in band, {at_rpm:.0f} r/min"
+    for name, stress in ((within, worst), (f"at {speed_rpm:g} r/min ({method})", moving), ("standing still", standing)):
         f = stress.figures()
         lines.append(
             f"  {name:<24} {f['hertz_stress_MPa']:10.1f} MPa at {f['cam_angle_deg']:.1f} deg, "
             f"normal force {f['normal_force_N']:.1f} N"
         )
     return [*_surfaces(scene, lift, moving, speed_rpm), *lines]
+
+
+def _worst_stress(
+    scene: Scene, train: Train, lift: Lift, moving: HertzStress, speed_rpm: float
+) -> tuple[HertzStress, float]:
+    """The largest stress at `BAND_SPEEDS` speeds of the band and at the one asked, and its crankshaft r/min."""
+    assert scene.operation is not None, "the verb asks for it"
+    found = [(moving, speed_rpm)]
+    for speed in np.linspace(*scene.operation.band_rpm, BAND_SPEEDS):
+        found.append((dynamic_stress(scene, train, lift, float(speed))[0], float(speed)))
+    return max(found, key=lambda one: one[0].largest[0])
 
 
 def _surfaces(scene: Scene, lift: Lift, moving: HertzStress, speed_rpm: float) -> list[str]:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from camopt.measure.reserve import reserve_sentences
+from camopt.measure.reserve import STARTS, reserve_sentences
 from camopt.verifier.worst import worst_in
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def figure(verdict: "Verdict") -> "Figure":
     else:
         speeds, swept = verdict.band.speeds_rpm, verdict.band.figures
         bounce, jump = swept["bounce_mm"], swept.get("jump_mm", np.full(len(speeds), np.nan))
-        starts = {"bounce_mm": verdict.first_bounce_rpm, "jump_mm": verdict.first_jump_rpm}
+        starts = {metric: getattr(verdict, key) for key, metric in STARTS.items()}
         worst = {name: verdict.band.worst(name) for name in starts}
     order = np.argsort(speeds)
     sweep = Sweep(verdict.cam, speeds[order], bounce[order], jump[order], starts_rpm=starts, worst=worst)

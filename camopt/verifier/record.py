@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from camopt.measure.reserve import STARTS
 from camopt.measure.sweep import Band
 from camopt.scene.quantities import QUANTITIES
 from camopt.verifier.convergence import Converged
@@ -28,7 +29,7 @@ def verification(verdict: "Verdict") -> dict:
         "speeds": [speed_record(s) for s in verdict.speeds],
         "worst_in_band": [speed_record(s) for s in verdict.worst_in_band],
         "band": None if verdict.band is None else band_record(verdict.band),
-        "limits": {"first_jump_rpm": verdict.first_jump_rpm, "first_bounce_rpm": verdict.first_bounce_rpm},
+        "limits": {key: getattr(verdict, key) for key in STARTS},
         "accuracy": verdict.accuracy,
         **({"shape_says": verdict.shape_says} if verdict.shape_says else {}),
     }

@@ -4,10 +4,12 @@ The only file of this package that reaches for the event-exact method, and only 
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib import import_module
 
 from camopt.cam.lift import Lift
 from camopt.measure.limits import broken_by_shape, limited_metrics, motion_limits
+from camopt.measure.reserve import STARTS
 from camopt.measure.resonance import resonances
 from camopt.measure.rounded import rounding_sentence
 from camopt.measure.sweep import SEARCH_STEP_RPM, STARTS_MM, Band, SettledMany, Swept, first_exceeding, sweep
@@ -17,7 +19,7 @@ from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
 from camopt.verifier.accuracy_statement import stated, who_looked
 from camopt.verifier.at_speed import Case, SpeedVerdict, judge_speed
-from camopt.verifier.convergence import Demand, Prepare, first_steps
+from camopt.verifier.convergence import WANDERING_REVOLUTIONS, Demand, Prepare, first_steps
 from camopt.verifier.methods import INDEPENDENT, verdict_methods
 from camopt.verifier.record import verification, why_not_confirmed
 from camopt.verifier.spot_checks import WORKERS, Verdicts, allows, at_every, event_alone, spot_checked, until_broken
@@ -108,8 +110,8 @@ def verdict_on(
     the scene's limit, or 0.05 mm where it sets none. `demand` says how far every method is asked to go, and whether
     all of them look at every speed; its limited metrics are the scene's. Without `to_the_end` a cam is rejected as
     soon as the answer stands: all methods look at the one speed of `speeds_rpm` where it is broken far beyond a limit,
-    and the band is swept in steps of at least SEARCH_STEP_RPM. Raises InputError for a scene without valve or
-    operation, or an unknown method.
+    and the band is swept in steps of at least SEARCH_STEP_RPM, with WANDERING_REVOLUTIONS at most to settle. Raises
+    InputError for a scene without valve or operation, or an unknown method.
     """
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name!r}: a verdict needs valve, seat and [operation]")
@@ -194,7 +196,8 @@ def _swept_band(
     These are the worst speed of every limited metric and a start that lies inside the band although the metric is
     limited: what a search of its own has found may not be left out.
     """
-    swept = Swept(_at_first_steps, scene, lift, WORKERS, "event", _settled_metrics())
+    many = _settled_metrics() if refined else partial(_settled_metrics(), most=WANDERING_REVOLUTIONS)
+    swept = Swept(_at_first_steps, scene, lift, WORKERS, "event", many)
     limited = limited_metrics(scene.design)
     found, left_out = resonances(scene, lift, step_rpm)
     sweep(swept, step_rpm, limited if refined else (), found, coarsely=coarsely)
@@ -245,4 +248,4 @@ def _settled_metrics() -> SettledMany:
 
 def _starts(scene: Scene) -> dict[str, float]:
     given = {limit.metric: limit.value for limit in motion_limits(scene.design).values()}
-    return {name: given.get(name, STARTS_MM) for name in ("bounce_mm", "jump_mm")}
+    return {metric: given.get(metric, STARTS_MM) for metric in STARTS.values()}

@@ -4,10 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import qmc
 
+from camopt.cam.families.largest_area import POPULATION, first_shares
 from camopt.cam.families.multi_pol import TABLE_1, multi_pol
 from camopt.cam.families.new_design import new_design, table_2
-from camopt.cam.families.sections import QUANTITIES, U
+from camopt.cam.families.section_limits import control_points
+from camopt.cam.families.sections import QUANTITIES, U, flank
 from camopt.cam.lift import Lift
 from camopt.cam.read import read_cam
 from camopt.scene import InputError, load_scene
@@ -96,7 +99,7 @@ def test_tables_are_the_papers(table, text):
 
 def test_quartic_reading_leaves_only_the_end_jerk_of_section_2_open():
     literal, quartic = table_2(True, 0.8).sections, table_2(False, 0.8).sections
-    assert [len(s.conditions()) for s in quartic] == [5, 5, 6, 6]
+    assert [len(s.conditions) for s in quartic] == [5, 5, 6, 6]
     assert quartic[1] == replace(literal[1], jerk=(0, U))
     assert (*quartic[:1], *quartic[2:]) == (*literal[:1], *literal[2:])
 
@@ -199,3 +202,22 @@ def test_ramps_that_differ_are_refused():
     conditions = KODAMA.design.model_copy(update={"closing_ramp_height_mm": 0.3})
     with pytest.raises(InputError, match="closing ramp differs"):
         multi_pol(KODAMA.model_copy(update={"design": conditions}), **MULTI_POL)
+
+
+def test_control_points_from_an_angle_on_begin_and_end_with_the_curve():
+    angles = np.array([10.0, 7.0, 7.0, 27.0, 21.0]) * DEG
+    one, x = flank(TABLE_1, angles), np.arange(1.0, 3.0 + len(TABLE_1.levels))
+    for start in (0.0, 8 * DEG, float(angles[:2].sum()), 30 * DEG):
+        piece = np.searchsorted(one.borders, start, side="right") - 1
+        u = start - one.borders[piece]
+        rows = control_points(one, 2, 20, start)
+        power = np.arange(2, one.pieces.shape[1])
+        acceleration = (power * (power - 1) * u ** (power - 2)) @ (one.pieces[piece, 2:] @ x)
+        assert rows[0] @ x == pytest.approx(acceleration)
+        assert rows[-1] @ x == pytest.approx(one.end(2) @ x)
+        assert len(rows) == (len(one.pieces) - piece) * (20 // len(one.pieces)) * (one.pieces.shape[1] - 2)
+
+
+@pytest.mark.parametrize("dimensions", range(1, 10))
+def test_a_search_begins_with_the_sobol_points(dimensions):
+    assert np.array_equal(first_shares(dimensions), qmc.Sobol(dimensions, scramble=False).random(POPULATION))

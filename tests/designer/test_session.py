@@ -14,7 +14,7 @@ from camopt.designer.controls import controls, lash_element
 from camopt.designer.edits import Refused, edited_scene, read_values
 from camopt.designer.session import Session
 from camopt.designer.slow_parts import YIELD_SPEEDS, baselines_part, bound_part, trains_of, why_none
-from camopt.designer.warm_start import counterparts
+from camopt.designer.warm_start import counterparts, runs
 from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.bound.certificate import area_ratio_bound
@@ -179,6 +179,9 @@ def test_a_row_finds_its_counterpart_in_a_program_of_other_angles():
     angle = [np.concatenate([block.angle for block in one.blocks]) for one in (known, program)]
     assert np.abs(angle[1][there] - angle[0]).max() < np.radians(10.0)
     assert (program.kind[there] == known.kind).all() and (program.speed[there] == known.speed).all()
+    element = [np.concatenate([block.element for block in one.blocks]) for one in (known, program)]
+    assert (element[1][there] == element[0]).all()
+    assert sum(count for _, count in runs(program).values()) == len(program.rows.norm)
 
 
 def test_answers_do_not_hang_on_what_was_asked_before():

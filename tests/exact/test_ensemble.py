@@ -6,8 +6,8 @@ import pytest
 from camopt.cam.bumps import moved, with_bumps
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact.adjoint.gradient import value_and_gradient
-from camopt.exact.ensemble import CamEnsemble, cosine, ensemble_gradient, evolution_strategy_gradient
-from camopt.scene import InputError
+from camopt.exact.ensemble import CamEnsemble, _summary, cosine, ensemble_gradient, evolution_strategy_gradient
+from camopt.scene import InputError, MotionRefused
 from tests.exact.gradient_problems import kodama
 
 NAMES = ["jump_mm", "bounce_mm"]
@@ -53,6 +53,32 @@ def test_the_pathwise_mean_is_that_of_the_evolution_strategy_and_has_less_noise(
         assert cosine(found, reference) > 0.97
         assert np.linalg.norm(found) == pytest.approx(np.linalg.norm(reference), rel=0.2)
     assert np.all(pathwise.standard_error[0] * np.sqrt(100) < judge.standard_error[0] * np.sqrt(1200))
+
+
+def test_pairs_without_a_value_are_left_out_of_all_means():
+    """Of four pairs one has a refused member: the others make mean, error and halves."""
+    values = np.array([[1.0, 3.0], [2.0, np.nan], [5.0, 7.0], [0.0, 2.0]])[:, :, None]
+    slopes = np.array([[1.0, 0.0], [9.0, 9.0], [0.0, 2.0], [0.0, 4.0]])[:, None, :]
+    found = _summary(["bounce_mm"], values, slopes)
+    assert (found.members, found.refused) == (6, 2)
+    assert found.values == pytest.approx([3.0])
+    assert found.gradient[0] == pytest.approx([1 / 3, 2.0])
+    assert found.standard_error[0] == pytest.approx([1 / 3, 2 / np.sqrt(3)])
+    assert found.split_half_cosine == pytest.approx([0.0])
+    with pytest.raises(MotionRefused, match="of 4 pairs of cams 0 move"):
+        _summary(["bounce_mm"], np.where(values > 1.9, np.nan, values), slopes)
+
+
+def test_members_come_in_pairs_of_opposite_heights():
+    (_, lift, directions), _ = cam(3)
+    ensemble = CamEnsemble(lift, directions, 2e-6, 6, seed=4)
+    heights, lifts = ensemble.heights(), ensemble.lifts()
+    assert heights.shape == (3, 3) and len(lifts) == 6
+    assert CamEnsemble(lift, directions, 4e-6, 6, seed=4).heights() == pytest.approx(2 * heights)
+    for i, height in enumerate(heights):
+        change = np.einsum("m,mpq->pq", height, directions)
+        for one, sign in ((lifts[2 * i], 1.0), (lifts[2 * i + 1], -1.0)):
+            np.testing.assert_allclose(one.coefficients, lift.coefficients + sign * change, rtol=1e-12, atol=1e-14)
 
 
 def test_unusable_ensembles_are_refused():

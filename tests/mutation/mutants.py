@@ -1,5 +1,6 @@
 """Mutants drawn from a seed: Cosmic Ray's operators at every place of the files that they can change."""
 
+import difflib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from random import Random
@@ -49,3 +50,11 @@ def mutants(seed: int) -> list[Mutant]:
                 found += [Mutant(path.relative_to(ROOT).as_posix(), name, i) for i in range(places)]
     Random(seed).shuffle(found)
     return found
+
+
+def difference(mutant: Mutant, changed: str) -> tuple[str, range]:
+    """The lines that differ, as a text and as numbers in the file without the fault."""
+    known = (ROOT / mutant.file).read_text(encoding="utf-8").splitlines()
+    lines = list(difflib.unified_diff(known, changed.splitlines(), n=0, lineterm=""))[2:]
+    first, count = (int(q) for q in (lines[0].split()[1].removeprefix("-") + ",1").split(",")[:2])
+    return "\n".join(lines), range(first, first + count)

@@ -7,8 +7,7 @@ import pytest
 pytest.importorskip("cosmic_ray")
 
 from tests.mutation import mutants as drawing
-from tests.mutation.mutants import Mutant
-from tests.mutation.trial import DIGITS, chosen
+from tests.mutation.mutants import Mutant, difference
 
 
 @pytest.fixture
@@ -39,7 +38,8 @@ def test_a_place_that_is_not_there_is_said(small):
         Mutant("camopt/measure/a.py", "NumberReplacer", 99).text()
 
 
-def test_tests_are_those_that_name_the_module():
-    assert chosen("camopt/exact/kernel/leap.py") == [DIGITS]
-    found = chosen("camopt/measure/energy.py")
-    assert "tests/measure/test_energy.py" in found and found[-1] == DIGITS
+def test_the_difference_names_its_lines(small):
+    small.write_text("import math\n\n\ndef f(x):\n    return math.pi * x\n")
+    mutant = next(m for m in drawing.mutants(0) if "Mul" in m.operator)
+    text, lines = difference(mutant, mutant.text())
+    assert lines == range(5, 6) and "-    return math.pi * x" in text

@@ -1,25 +1,35 @@
-"""One mutant in a copy of the tree: the tests that name its module, in a fork of a process that has imported the rest.
+"""One mutant in a copy of the tree: the tests that run its line, in a fork of a process that has imported the rest.
 
-Mutants of compiled programs are tried without compiling them, by tests that are small enough for plain Python.
+Mutants of compiled programs are tried without compiling them, by tests that are small enough for plain Python. What
+Python itself runs beside these programs is tried with the programs that are kept for the sources without the fault.
 """
 
+import gc
 import importlib
+import json
 import os
 import resource
 import shutil
 import sys
 import traceback
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
-from tests.mutation.mutants import ROOT, Mutant
+from tests.mutation.choice import DIGITS, Timed
+from tests.mutation.mutants import ROOT
+from tests.mutation.watching import Watch
 
 SECONDS = 120
 """Processor time after which a mutant counts as caught: the tests of the sources as they are need less."""
-COMPILED = ("camopt/exact/", "camopt/verifier/methods/")
-DIGITS = "tests/test_kept_digits.py"
-SEARCHED = ("exact", "measure", "verifier", "optimizer")
-HEAVY = ("jax", "diffrax", "scipy.optimize", "numba", "pydantic", "matplotlib.figure", "xarray", "pytest")
+HEAVY = (
+    *("jax", "diffrax", "scipy.optimize", "scipy.stats", "numba", "pydantic", "matplotlib.figure", "xarray", "pytest"),
+    *("hypothesis", "_hypothesis_pytestplugin", "xdist.plugin", "pytest_timeout", "beartype", "jaxtyping"),
+)
+QUIET = "-n 0 -q -x --timeout=0 -p no:cacheprovider -W ignore::pytest.PytestAssertRewriteWarning".split()
+"""Processor time is limited, and not that of the clock; what is imported already cannot be rewritten, which costs a
+message only."""
 
 
 def copied(folder: Path) -> Path:
@@ -33,71 +43,125 @@ def copied(folder: Path) -> Path:
     return folder
 
 
-def chosen(file: str) -> list[str]:
-    """Files of tests for a file, the shortest first; the first that fails ends the trial."""
-    if file.startswith(COMPILED):
-        return [DIGITS]
-    module = file.removesuffix(".py").replace("/", ".")
-    tests = [p for folder in SEARCHED for p in sorted((ROOT / "tests" / folder).rglob("test_*.py"))]
-    naming = [p for p in tests if module in p.read_text(encoding="utf-8")]
-    return [*(str(p.relative_to(ROOT)) for p in sorted(naming, key=lambda p: p.stat().st_size)), DIGITS]
-
-
 def prepared() -> None:
-    """Imports what is no mutant, once for all trials."""
+    """Imports what is no mutant, once for all trials; no collection of garbage looks at it again."""
     for name in HEAVY:
         importlib.import_module(name)
+    gc.freeze()
 
 
-def outcome(mutant: Mutant, changed: str, folder: Path) -> str:
-    """ "survived", or by which tests it was caught; tests that fail in the copy without a fault are not asked."""
-    target, plain = folder / mutant.file, mutant.file.startswith(COMPILED)
-    known = target.read_text(encoding="utf-8")
-    for test in chosen(mutant.file):
-        if not passes(test, folder, plain):
-            continue
-        target.write_text(changed, encoding="utf-8")
-        status = _forked(test, folder, plain)
-        target.write_text(known, encoding="utf-8")
-        if os.WIFSIGNALED(status):
-            return f"caught by time or a crash in {test}"
-        if os.WEXITSTATUS(status) != 0:
-            return f"caught by {test}"
-    return "survived"
+def warmed(folder: Path) -> None:
+    """Imports the copy once, so that what Python makes of its sources is kept."""
+    _asked(folder, (f"{DIGITS}::test_all_of_them_are_kept",), True, None)
+
+
+def outcome(file: str, changed: str, stages: Iterable[tuple[bool, list[Timed]]], folder: Path) -> tuple[str, float]:
+    """("survived", or by which test the text of a file was caught; processor time of the tests [s]). The stages are
+    (whether compiled programs run as plain Python, tests); the first test that fails is the last that is asked."""
+    target, spent = folder / file, 0.0
+    known, times = target.read_text(encoding="utf-8"), target.stat()
+    for plain, tests in stages:
+        names = tuple(test.name for test in tests)
+        while names:
+            target.write_text(changed, encoding="utf-8")
+            os.utime(target, (times.st_atime, times.st_mtime + 10))  # not what was compiled from the known text
+            found, seconds = _asked(folder, names, plain, file)
+            spent += seconds
+            target.write_text(known, encoding="utf-8")
+            os.utime(target, (times.st_atime, times.st_mtime))
+            if found is None:
+                break
+            if found in names and not passes(folder, found, plain):
+                names = tuple(name for name in names if name != found)
+                continue
+            return f"caught by {found}{' as plain Python' if plain else ''}", spent
+    return "survived", spent
 
 
 @cache
-def passes(test: str, folder: Path, plain: bool) -> bool:
-    """Whether the tests of a file pass in the copy as it is."""
-    return _forked(test, folder, plain) == 0
+def passes(folder: Path, test: str, plain: bool) -> bool:
+    """Whether a test passes alone, without a fault."""
+    return _asked(folder, (test,), plain, None)[0] is None
 
 
-def _forked(test: str, folder: Path, plain: bool) -> int:
-    """Status of a fork that runs a file of tests in the folder; compiled programs as plain Python where asked."""
+def watched(folder: Path, tests: str, plain: bool) -> dict[str, dict]:
+    """Lines and seconds of the tests of a file (`Watch.found`)."""
+    result = folder / "watched.json"
+    result.unlink(missing_ok=True)
+
+    def watching() -> int:
+        watch = Watch(folder)
+        _pytest([argument for argument in QUIET if argument != "-x"], [tests], watch)
+        result.write_text(json.dumps(watch.found()), encoding="utf-8")
+        return 0
+
+    _forked(folder, plain, None, watching, seconds=600)
+    return json.loads(result.read_text(encoding="utf-8")) if result.exists() else {}
+
+
+class First:
+    """A plugin of pytest that writes down the first test that fails."""
+
+    def __init__(self, file: Path):
+        self.file = file
+
+    def pytest_runtest_logreport(self, report):
+        """Any part of a test can fail."""
+        if report.failed:
+            self.file.write_text(report.nodeid, encoding="utf-8")
+
+
+def _asked(folder: Path, tests: tuple[str, ...], plain: bool, faulty: str | None) -> tuple[str | None, float]:
+    """(the first of the tests that fails, else what ended them, None where all pass; processor time [s])."""
+    first = folder / "first.txt"
+    first.write_text("", encoding="utf-8")
+    status, spent = _forked(folder, plain, faulty, lambda: _pytest(QUIET, list(tests), First(first)), SECONDS)
+    if status == 0:
+        return None, spent
+    said = first.read_text(encoding="utf-8")
+    if os.WIFSIGNALED(status):
+        return f"time or a crash in {said or tests[0]}", spent
+    return said or f"its import in {tests[0]}", spent
+
+
+def _pytest(options: list[str], tests: list[str], plugin: Any) -> int:
+    import pytest
+
+    return int(pytest.main([*options, *tests], plugins=[plugin]))
+
+
+def _forked(folder: Path, plain: bool, faulty: str | None, work: Callable[[], int], seconds: int) -> tuple[int, float]:
+    """Status and processor time [s] of a fork that works in the folder; compiled programs as plain Python if asked."""
     child = os.fork()
     if child:
-        return os.waitpid(child, 0)[1]
+        _, status, used = os.wait4(child, 0)
+        return status, used.ru_utime + used.ru_stime
     code = 99
     try:
-        resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
+        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
         said = os.open(folder / "said.txt", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         os.dup2(said, 1)
         os.dup2(said, 2)
         os.chdir(folder)
         sys.path[:] = [str(folder), *(p for p in sys.path if p and Path(p).resolve() != ROOT)]
-        sys.dont_write_bytecode = True
+        sys.dont_write_bytecode = faulty is not None
         for name in [n for n in sys.modules if n.split(".")[0] in ("tests", "camopt", "experiments")]:
             del sys.modules[name]
         if plain:
             os.environ["NUMBA_DISABLE_JIT"] = "1"
             importlib.import_module("numba").config.DISABLE_JIT = 1
-        import pytest
-
-        # what is imported already cannot be rewritten, which costs a message only
-        quiet = ["-W", "ignore::pytest.PytestAssertRewriteWarning"]
-        code = int(pytest.main(["-n", "0", "-q", "-x", "-p", "no:cacheprovider", *quiet, test]))
+        elif faulty is not None:
+            _with_known_programs(folder / faulty, ROOT / faulty)
+        code = work()
     except BaseException:
         traceback.print_exc()
     finally:
         sys.stdout.flush()
         os._exit(code)
+
+
+def _with_known_programs(faulty: Path, known: Path) -> None:
+    """Compiled programs are those of the sources without the fault, which is not in them."""
+    programs = importlib.import_module("camopt.programs")
+    sources = programs.sources
+    programs.sources = lambda file: [known if path == faulty else path for path in sources(file)]

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,22 +12,25 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.families.registry import FAMILIES
 from camopt.cam.read import read_cam
 from camopt.exact import prepare
-from camopt.measure.limits import broken_by_shape
+from camopt.measure.limits import broken_by_shape, steepest_jerk, steps_at
 from camopt.measure.sweep import at_speeds
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.baselines import comparison, figures
 from camopt.optimizer.baselines.comparison import NO_JERK, best_baselines, compare, comparison_rows, plain_baselines
-from camopt.optimizer.baselines.largest_member import MemberLimits
+from camopt.optimizer.baselines.largest_member import Baseline, MemberLimits
 from camopt.plots import Sweep
 from camopt.plots.speeds import first_passed
 from camopt.plots.style import cam_line
 from camopt.scene import InputError, load_scene
-from camopt.scene.units import MM
+from camopt.scene.units import DEG, MM
+from camopt.study.cam_sheet import sheet
 from camopt.verifier.convergence import Demand
 from camopt.verifier.verdict import verdict_on
 
 KODAMA = load_scene("kodama")
 MOTORI = load_scene("motori-1")
+MOTION = ("bounce_mm", "jump_mm", "contact_force_min_N", "seating_velocity_m_per_s", "impact_velocity_m_per_s")
+AT_REST = {"speed_rpm": 5000.0, "verdict": "rejected", "bounce_range_mm": [0.0, 0.0]} | dict.fromkeys(MOTION, 0.0)
 
 
 def test_plain_baselines_fill_both_tables(monkeypatch):
@@ -51,6 +55,46 @@ def test_best_baselines_walk_the_registry(monkeypatch):
     cams = best_baselines(KODAMA)
     assert asked == [(name, MemberLimits(jerk, 0.05)) for jerk in (True, False) for name in FAMILIES]
     assert set(cams.values()) == {"none"}
+
+
+def test_the_best_of_a_family_says_where_none_holds_and_never_loses_area_by_a_limit_less(monkeypatch):
+    """kurz is found with the jerk limit and less area without it; polydyne never holds; the others have no member."""
+    areas = {("kurz", True): (0.58, True), ("kurz", False): (0.57, True)}
+    areas |= {("polydyne", True): (0.5, False), ("polydyne", False): (0.6, False)}
+    lifts = {key: polydyne(MOTORI) for key in areas}
+
+    def found(scene, name, limits, *, progress):
+        if (name, limits.jerk) not in areas:
+            raise InputError("none")
+        area, holds = areas[name, limits.jerk]
+        says = f"no {name} cam found with at most 0.05 mm of bounce: 1.6 mm is the least reached"
+        return Baseline(name, lifts[name, limits.jerk], holds, says, area, {}, 1, 1, 0.0)
+
+    monkeypatch.setattr("camopt.optimizer.baselines.largest_member.largest_area_member", found)
+    monkeypatch.setattr(comparison, "excess", lambda *_: 0.0)
+    said = []
+    cams = best_baselines(MOTORI, note=said.append)
+    assert cams["kurz"] is cams["kurz" + NO_JERK] is lifts["kurz", True]
+    assert cams["polydyne" + NO_JERK] is lifts["polydyne", False]
+    nearest = "no polydyne cam found with at most 0.05 mm of bounce: 1.6 mm is the least reached; shown is the nearest"
+    assert said == [f"{nearest} that was found", f"{nearest} that was found{NO_JERK}"]
+
+
+def test_a_cam_whose_acceleration_steps_has_an_infinite_jerk():
+    """The acceleration of t^2 (pi - t)^2 steps at both ends, and a polydyne's nowhere."""
+    smooth = polydyne(MOTORI)
+    bell = np.array([np.zeros(5), [0.0, 0.0, np.pi**2, -2 * np.pi, 1.0]])
+    stepped = replace(smooth, borders=np.array([-np.pi, 0.0, np.pi]), coefficients=1e-3 * bell)
+    assert np.allclose(steps_at(stepped, MOTORI.design, 2), [-np.pi, 0.0])
+    assert len(steps_at(stepped, MOTORI.design, 1)) == len(steps_at(smooth, MOTORI.design, 2)) == 0
+    text = "\n".join(sheet(MOTORI, stepped))
+    assert "jerk           infinite: the acceleration steps at -180, 0 deg; elsewhere " in text
+    assert "infinite" not in "\n".join(sheet(MOTORI, smooth))
+    for lift, jerk in ((smooth, np.abs(smooth.extremes(3)).max()), (stepped, np.inf)):
+        assert steepest_jerk(lift, MOTORI.design) == jerk
+        found = {"broken": [], "speeds": [AT_REST], "verdict": "rejected"}
+        (row,) = comparison_rows(MOTORI, "kurz", lift, found)
+        assert row["jerk_max_mm_per_deg3"] == pytest.approx(jerk / MM * DEG**3)
 
 
 def test_the_jerk_limit_does_not_reject_in_the_table_without_it():
@@ -159,7 +203,8 @@ def test_a_cam_that_breaks_limits_on_the_cam_says_so_in_the_figures(tmp_path, mo
     legal = {"broken": ["jump_max_mm at 7000 r/min"], "band": None}
     lift = read_cam("exponent", MOTORI)
     monkeypatch.setattr(figures, "curve", lambda scene, name, *a: Sweep(name, *3 * [np.array([5000.0, 7000.0])]))
-    figures.draw(tmp_path, MOTORI, {"design": lift, "polydyne": lift}, {"design": legal, "polydyne": found})
+    cams, verdicts = {"design": lift, "polydyne": lift}, {"design": legal, "polydyne": found}
+    figures.draw(tmp_path, MOTORI, cams, verdicts, ())
     assert named == ["design", "polydyne (breaks limits on the cam)"]
     assert cam_line(named[1]) == cam_line("polydyne")
 

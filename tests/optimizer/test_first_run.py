@@ -2,11 +2,17 @@
 
 import subprocess
 import sys
+from argparse import Namespace
 
 import pytest
 
 from camopt import programs
-from camopt.optimizer import first_run
+from camopt.cli.given import say_compilation
+from camopt.optimizer import first_run, run
+from camopt.optimizer.accuracy import ACCURACIES
+from camopt.optimizer.progress import Progress
+from camopt.optimizer.stage_clock import StageClock
+from camopt.scene import load_scene
 
 SLEEPER = [sys.executable, "-c", "import time; time.sleep(600)"]
 
@@ -40,6 +46,26 @@ def test_programs_are_missing_only_where_they_could_be_kept(monkeypatch, tmp_pat
     assert not first_run.programs_missing()
     monkeypatch.setattr(programs, "_folder", lambda file: None)
     assert not first_run.programs_missing()
+
+
+@pytest.mark.parametrize(("wanted", "said"), [(True, first_run.SAYING + "\n"), (False, "")])
+def test_a_job_says_that_it_compiles_where_no_bar_is_drawn_too(monkeypatch, capsys, wanted, said):
+    """Standard error is no terminal here, so that the bar shows nothing."""
+    monkeypatch.setattr(run, "programs_missing", lambda: True)
+    monkeypatch.setattr(run, "compile_programs", lambda: None)
+    scene, effort = load_scene("motori-1"), ACCURACIES["draft"]
+    with Progress(wanted, effort, "auto", False) as shown:
+        run._OpenRun(scene, {}, effort, StageClock()).make_programs(shown)
+        assert capsys.readouterr().err == said
+
+
+@pytest.mark.parametrize("missing", [True, False])
+def test_a_command_that_simulates_says_so_before_it_compiles(monkeypatch, capsys, missing):
+    monkeypatch.setattr(first_run, "programs_missing", lambda: missing)
+    say_compilation(Namespace(quiet=False))
+    assert capsys.readouterr() == ("", f"{first_run.SAYING}\n" * missing)
+    say_compilation(Namespace(quiet=True))
+    assert capsys.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize("part", first_run.PARTS)

@@ -7,10 +7,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from camopt.cam.families.free import free_cam
+from camopt.optimizer.program import periodic
 from camopt.optimizer.program.force_rows import OPENING, PEAK, SEAT, Window
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, no_jump_program
-from camopt.optimizer.program.periodic import Angles, periodic_response, phase_contacts, sample_cam, static_angles
+from camopt.optimizer.program.periodic import periodic_response, sample_cam
+from camopt.optimizer.program.phases import Angles, phase_contacts, static_angles
 from camopt.optimizer.program.relocation import NoLoadTransfer, located_angles, relocate, settled_revolution
 from camopt.scene import InputError, build_train, load_scene
 from camopt.scene.units import DEG, MM
@@ -98,6 +100,23 @@ def test_periodic_response_is_what_a_long_simulation_settles_to(scene_name):
     # a thousandth of the disturbance; the integrator's own error is far below
     np.testing.assert_allclose(end[:n], expected[:n], atol=1e-9)
     np.testing.assert_allclose(end[n:], expected[n:], atol=1e-9 * np.sqrt(np.max(train.stiffness) / np.min(train.mass)))
+
+
+@pytest.mark.parametrize("scene_name", ["motori-1", "kodama"])
+def test_blocks_of_steps_give_what_single_steps_give(scene_name, monkeypatch):
+    """Differences are of round-off: 1e-10 of the largest force, in every coefficient."""
+    scene = load_scene(scene_name)
+    train, cam = build_train(scene), free_cam(scene.design)
+    angles, speed = static_angles(train, cam), scene.cam_speed(6000)
+    at_once = periodic_response(train, sample_cam(cam, angles), speed, angles)
+    monkeypatch.setattr(periodic, "LONGEST", 1)
+    singly = periodic_response(train, sample_cam(cam, angles), speed, angles)
+    assert len(at_once.samples.first) < len(singly.samples.first) / 8 == (len(singly.samples.edges) - 1) / 8
+    at = np.sort(np.random.default_rng(1).choice(len(singly.samples.edges), 300, replace=False))
+    for e in (train.seat, *train.cam_side):
+        forces = singly.force(e, at)
+        np.testing.assert_allclose(at_once.force(e, at), forces, rtol=0, atol=1e-10 * np.abs(forces).max())
+    np.testing.assert_allclose(at_once.map, singly.map, rtol=0, atol=1e-10 * np.abs(singly.map).max())
 
 
 def test_linear_motion_and_forces_agree_with_event_exact_without_contact_loss():

@@ -9,9 +9,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from camopt.cam.design_file import read_design
 from camopt.cam.families.free import free_cam
+from camopt.cam.families.polydyne import polydyne
 from camopt.cam.ramps import scene_ramps
 from camopt.exact import prepare
 from camopt.measure.sweep import at_speeds
@@ -311,3 +313,20 @@ def test_gradient_stage_gains_area(plain, tmp_path):
     result = optimize(load_scene("motori-1"), "nominal", "draft", "smooth", tmp_path / "run")
     assert result.record["gradient_gain"] > 0
     assert result.record["area_ratio"] > plain.record["area_ratio"]
+
+
+def test_a_run_keeps_blas_to_one_thread(designed, tmp_path):
+    seen = []
+    with threadpool_limits(limits=2, user_api="blas"):
+        optimize(load_scene("motori-1"), "nominal", "draft", "none", tmp_path / "run", compare=False,
+                 designed=lambda folder: seen.extend(threadpool_info()))  # fmt: skip
+    assert {one["num_threads"] for one in seen if one["user_api"] == "blas"} == {1}
+
+
+@pytest.mark.parametrize(("accuracy", "listed"), [("draft", (5000, 7000)), ("standard", (5000, 6000, 6500, 7000))])
+def test_a_draft_alone_draws_the_motion_at_both_ends_too(accuracy, listed, tmp_path, monkeypatch):
+    scene, drawn = load_scene("kodama"), []
+    monkeypatch.setattr("camopt.optimizer.baselines.figures.draw", lambda *given: drawn.append(given[-1]))
+    verdict = SimpleNamespace(as_dict=dict)
+    module._compared(tmp_path, scene, polydyne(scene), verdict, ACCURACIES[accuracy], None)
+    assert drawn == [listed]

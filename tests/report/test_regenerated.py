@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+import shutil
 
 import pytest
 
@@ -10,10 +11,12 @@ from camopt.cam.design_file import write_design
 from camopt.cam.read import read_cam
 from camopt.cli.parser import main
 from camopt.optimizer.accuracy import ACCURACIES
+from camopt.optimizer.baselines import comparison
 from camopt.optimizer.baselines.comparison import compare_in
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.run import full_verdict
 from camopt.report import write_report
+from camopt.report.regenerated import regenerate
 from camopt.scene import load_scene
 from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import MM
@@ -117,3 +120,19 @@ def test_the_check_judges_anew_and_finds_what_was_changed(run, capsys):
 def test_no_run_folder_is_bad_input(tmp_path, capsys):
     assert main(["report", str(tmp_path / "nowhere")]) == 2
     assert "no such run folder" in capsys.readouterr().err
+
+
+def test_the_command_draws_the_speeds_that_the_run_drew(run, tmp_path, monkeypatch):
+    folder, drawn = tmp_path / "run", []
+    shutil.copytree(run, folder)
+    scene = load_scene(folder / "scene.toml")
+    low = scene.operation.speeds_rpm[0]
+    listed = (low, low + 10.0, low + 20.0)
+    operation = scene.operation.model_copy(update={"speeds_rpm": listed})
+    (folder / "scene.toml").write_text(scene_toml(scene.model_copy(update={"operation": operation})))
+    monkeypatch.setattr(comparison, "draw", lambda *given: drawn.append(given[-1]))
+    provenance = folder / "provenance.json"
+    for settings in ({"accuracy": "draft"}, {"accuracy": "standard"}, {"accuracy": ["draft"]}, "draft"):
+        write_json(provenance, {"settings": settings})
+        regenerate(folder)
+    assert drawn == [listed[::2], listed, listed, listed]

@@ -92,6 +92,13 @@ def test_a_cam_of_another_area_is_not_shown_as_the_run_s(tmp_path, write, conten
     assert "polydyne is not simulated here: its area ratio comes out as" in cams.left_out[0]
 
 
+def test_a_family_without_a_member_is_said_to_have_none(tmp_path, write, contents, polydyne):
+    folder = folder_of(tmp_path, write, contents, polydyne)
+    run = read_run_folder(folder)
+    run.comparison.append(run.comparison[-1] | {"cam": "new-design", "verdict": "failed", "area_ratio": ""})
+    assert cams_of(folder, run).left_out == ["new-design has no member within the limits."]
+
+
 @pytest.mark.parametrize("name", ["../secret", "/etc/passwd", "multi-pol", "<b>x</b>"])
 def test_names_lead_to_no_file_outside_and_start_no_search(tmp_path, write, contents, polydyne, name):
     folder = folder_of(tmp_path, write, contents, polydyne)

@@ -2,9 +2,12 @@ import re
 from html.parser import HTMLParser
 
 import pytest
+from jinja2 import Environment
 
-from camopt.report import write_report
+from camopt.report import page, write_report
 from camopt.scene.errors import InputError
+
+COMPILE = Environment.compile
 
 VOID = {"meta", "link", "br", "img", "hr", "input"}
 
@@ -285,3 +288,22 @@ def test_the_page_needs_nothing_from_outside(write, contents):
     targets = [value for key, value in page.attributes if key in ("src", "href", "xlink:href", "action", "data")]
     assert targets and all(value.startswith("#") for value in targets)
     assert page.elements.count("svg") == 1
+
+
+def test_compiled_templates_are_kept_and_need_not_be(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    loaded = []
+    monkeypatch.setattr(Environment, "compile", lambda *given: loaded.append(given) or COMPILE(*given))
+    for _ in range(2):
+        page._environment.cache_clear()
+        page._environment().get_template("page.html.j2")
+    assert len(loaded) == 1 and list((tmp_path / "camopt" / "templates").iterdir())
+
+    def full(*_):
+        raise OSError("disk full")
+
+    monkeypatch.setattr("os.replace", full)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "other"))
+    page._environment.cache_clear()
+    assert page._environment().get_template("page.html.j2") and len(loaded) == 2
+    page._environment.cache_clear()

@@ -1,5 +1,7 @@
 """What a cam reaches of the limits on its shape, against the same figures found on a dense grid."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -91,7 +93,7 @@ def test_the_matrix_marks_the_worst_speed_of_each_limit(write, contents):
 @pytest.mark.parametrize(
     ("verdict", "command"),
     [
-        ("confirmed", "camopt cam kodama-run/scene.toml --cam kodama-run --csv lift.csv --digits 5"),
+        ("confirmed", "camopt yield kodama-run/scene.toml --cam kodama-run --trains 200"),
         ("rejected", "camopt optimize kodama-run/scene.toml --accuracy standard"),
         ("sensitive", "camopt optimize kodama-run/scene.toml --accuracy standard"),
         ("not converged", "camopt verify kodama-run/scene.toml --cam kodama-run --accuracy fine"),
@@ -102,6 +104,24 @@ def test_every_verdict_has_a_next_step(write, contents, verdict, command):
     contents["verification"]["verdict"] = verdict or "unheard of"
     steps = next_steps(read_run_folder(write(contents)))
     assert steps[0]["command"] == command
+    table = "camopt cam kodama-run/scene.toml --cam kodama-run --csv lift.csv --digits 5"
+    assert [step["command"] for step in steps].count(table) == (verdict == "confirmed")
+
+
+def test_an_open_contact_and_assumed_numbers_come_before_the_grinder(write, contents):
+    for record in (*contents["verification"]["speeds"], *contents["verification"]["worst_in_band"]):
+        record |= {"jump_deg": 78.5, "ranges": {}}
+    contents["verification"]["band"]["worst"]["jump_deg"] |= {"value": 78.5, "speed_rpm": 7600}
+    run = read_run_folder(write(contents))
+    geometry = {"follower": "flat", "base_radius_mm": 18, "assumed": ["base_radius_mm", "face_width_mm"]}
+    steps = next_steps(replace(run, scene=run.scene | {"geometry": geometry}))
+    assert steps[0]["words"].startswith(
+        "A contact is open over 78.5 deg, at 7600 r/min: if it must not be, set contact"
+    )
+    measured = "Measure what the scene assumes (base radius, face width), then take the cam to the grinder."
+    assert [step["words"] for step in steps[1:3]] == ["Ask how many trains as built hold.", measured]
+    known = {"design": run.scene["design"] | {"contact_force_min_N": 5}, "tolerance": [], "geometry": {}}
+    assert next_steps(replace(run, scene=run.scene | known))[0]["words"] == "Take the cam to the grinder."
 
 
 def test_a_draft_is_not_taken_to_the_grinder(write, contents):

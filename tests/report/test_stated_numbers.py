@@ -193,6 +193,7 @@ def test_a_contact_that_stays_closed_is_said_to(write, contents):
 )  # fmt: skip
 def test_the_gain_is_what_the_delivered_cam_gained(write, contents, gain, back, sentences):
     contents["design"]["gradient_gain"] = gain
+    contents["provenance"]["gradient_ended"] = ended = "The gradient stage (exact) ended after 4 steps on the margins."
     if back is not None:
         contents["design"]["verdict_fell_back"] = dict(
             zip(("candidates_judged", "largest_refused_area_ratio"), back, strict=True)
@@ -201,6 +202,7 @@ def test_the_gain_is_what_the_delivered_cam_gained(write, contents, gain, back, 
     lines, text = outcome_lines(read_run_folder(folder)), page_of(folder).text
     assert [line for line in lines if "gained" in line or "cam" in line.split(":")[0]] == sentences
     assert all(sentence in text for sentence in sentences)
+    assert ended not in lines and text.count(ended) == 1  # a detail, which stands in the provenance alone
 
 
 def test_an_error_does_not_pretend_digits(write, contents):

@@ -43,7 +43,7 @@ def test_every_command_with_its_output_is_recorded():
     assert sorted(found) == sorted(TERMINAL)
     for command, one in found.items():
         assert one["exit_code"] in (0, 3) and one["output"], command
-    assert "verdict: confirmed" in found["camopt verify tappet.toml --cam runs/tappet"]["output"]
+    assert "verdict: confirmed" in found["camopt verify tappet.toml --cam lift.csv"]["output"]
 
 
 @pytest.mark.long

@@ -9,7 +9,7 @@ from scipy.stats import norm
 import camopt
 from camopt.cli.parser import main
 from camopt.measure.limits import motion_limits
-from camopt.scene import InputError, load_scene, parse_scene
+from camopt.scene import InputError, load_scene, parse_scene, scene_text
 from camopt.study.yields import measurement
 from camopt.study.yields.yields import JOURNAL, SUMMARY, yield_lines
 from tests.scene.test_load import EXAMPLE
@@ -131,8 +131,23 @@ def test_end_to_end(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(("rpm", "share"), [(1000.0, 1.0), (7000.0, 0.0)])
-def test_without_tolerances_all_trains_hold_or_none(rpm, share):
-    scene = load_scene("motori-1").model_copy(update={"tolerance": (), "grinding": None})
+def test_with_hardly_any_scatter_all_trains_hold_or_none(rpm, share):
+    scene = load_scene("motori-1")
+    grinding = scene.grinding.model_copy(update={"error_um": 1e-9})
+    scene = scene.model_copy(update={"tolerance": (), "grinding": grinding})
     result = camopt.manufacturing_yield(scene, camopt.polydyne(scene), 3, speeds_rpm=[rpm])
-    assert result.share.share == share and result.blame == {}
-    assert len(np.unique(result.used.used[:, 0])) == 1
+    assert result.share.share == share
+    assert np.allclose(result.used.used, result.used.used[0], rtol=1e-5, atol=1e-6)
+
+
+def test_a_scene_in_which_nothing_scatters_is_refused(tmp_path, capsys):
+    """One train drawn many times would hold in all draws or in none, which is no share."""
+    scene = load_scene("motori-1").model_copy(update={"tolerance": (), "grinding": None})
+    with pytest.raises(InputError, match="without either, every train would be the same"):
+        camopt.manufacturing_yield(scene, CAM, 3)
+    file, text = tmp_path / "mine.toml", scene_text("motori-1")
+    file.write_text(text[: text.index("[[tolerance]]")])
+    out = tmp_path / "run"
+    assert main(["yield", str(file), "--cam", "polydyne", "--trains", "5", "--out", str(out)]) == 2
+    said = capsys.readouterr()
+    assert "needs [[tolerance]] or [grinding]" in said.err and said.out == "" and not out.exists()

@@ -5,10 +5,12 @@ from dataclasses import replace
 import pytest
 
 from camopt.cam.families.polydyne import polydyne
+from camopt.exact.settled import settled_metrics
 from camopt.scene import load_scene
-from camopt.verifier import neighbourhood, spot_checks
+from camopt.verifier import neighbourhood, spot_checks, verdict
 from camopt.verifier.accuracy import EFFORTS
 from camopt.verifier.at_speed import ALONE, HALVED, ONE_STEP
+from camopt.verifier.convergence import WANDERING_REVOLUTIONS
 from camopt.verifier.verdict import verdict_on
 
 SCENE = load_scene("motori-1")
@@ -86,3 +88,26 @@ def test_a_motion_that_hangs_on_its_start_is_judged_by_halving(monkeypatch, cam)
     monkeypatch.setattr(neighbourhood, "at_once", other)
     (found,) = verdict_on(SCENE, cam, SPEEDS[:1], BOTH, None, DRAFT).speeds
     assert found.methods["event"].steps_per_revolution > 0
+
+
+@pytest.mark.parametrize(("speed", "most"), [(7000.0, WANDERING_REVOLUTIONS), (4000.0, None)])
+def test_the_band_of_a_rejected_baseline_settles_briefly(cam, monkeypatch, speed, most):
+    """No sweep that anything rests on does."""
+    asked = []
+
+    class Looked(Exception):
+        pass
+
+    def looked(swept, *_, **__):
+        swept([6000.0])
+        raise Looked
+
+    def many(*motions, **how):
+        asked.append(how.get("most"))
+        return settled_metrics(*motions, **how)
+
+    monkeypatch.setattr(verdict, "sweep", looked)
+    monkeypatch.setattr(verdict, "_settled_metrics", lambda: many)
+    with pytest.raises(Looked):
+        verdict_on(SCENE, cam, (speed,), BOTH, 500.0, DRAFT, False)
+    assert asked[-1] == most

@@ -10,11 +10,11 @@ problem is smooth, by sequential quadratic programs (SLSQP, Kraft 1988).
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from threading import local
 
 import highspy
 import numpy as np
 from scipy.optimize import differential_evolution, minimize
-from scipy.stats import qmc
 
 from camopt.cam.families.section_limits import limit_rows
 from camopt.cam.families.sections import Flank, SectionTable, closed, flank
@@ -40,6 +40,22 @@ OPTIONS = {
 MARGIN = 1e-7
 """Relative margin to every limit in the polish, so that the linear program of the levels still has a point there."""
 POPULATION, GENERATIONS, POLISH_STEPS, SEED = 32, 8, 60, 0
+DIRECTIONS = np.array([[16, 8, 4, 2, 1], [16, 24, 20, 30, 17], [16, 24, 12, 18, 29], [16, 24, 4, 10, 31],
+                       [16, 8, 4, 22, 31], [16, 8, 12, 6, 25], [16, 24, 20, 26, 11], [16, 8, 20, 10, 17]])  # fmt: skip
+"""Direction numbers (dimension, bit), in parts of `POPULATION`, of the Sobol points that begin a search (Joe and Kuo
+2008). SciPy's own come with all of its statistics, which load longer than a search takes."""
+
+
+class Solvers(local):
+    """A solver with `OPTIONS` for every thread: making one takes as long as solving with it."""
+
+    def __init__(self) -> None:
+        self.highs = highspy.Highs()
+        for name, value in OPTIONS.items():
+            self.highs.setOptionValue(name, value)
+
+
+SOLVERS = Solvers()
 
 
 @dataclass(frozen=True)
@@ -99,10 +115,8 @@ def solved(one: Program, family: str, kept: Sequence[float | None]) -> tuple[np.
     model.a_matrix_.start_ = np.arange(len(matrix) + 1) * count
     model.a_matrix_.index_ = np.tile(np.arange(count), len(matrix))
     model.a_matrix_.value_ = matrix.ravel()
-    solver = highspy.Highs()
-    for name, value in OPTIONS.items():
-        solver.setOptionValue(name, value)
-    solver.passModel(model)
+    solver = SOLVERS.highs
+    solver.passModel(model)  # which forgets what was solved before
     solver.run()
     status = solver.getModelStatus()
     if status != highspy.HighsModelStatus.kOptimal:
@@ -153,7 +167,7 @@ def best_angles(
         z, stretch = solved(linear, table.family, [None] * len(table.levels))
         return STRETCH_PRICE * stretch - float(linear.area @ z) - linear.constant
 
-    first = qmc.Sobol(count - 1, scramble=False).random(POPULATION)
+    first = first_shares(count - 1)
     for i, start in enumerate(starts):
         first[i] = angle_shares(np.array(start) * half, half)
     found = differential_evolution(
@@ -173,9 +187,13 @@ def _polished(flank_program: Callable[[np.ndarray, int], Program], shares: np.nd
     """Shares (count - 1) of a local optimum near the given shares and levels z; the given ones where none is found."""
     count, rows = len(shares), 2 * len(flank_program(shares, FINE).bound)
 
+    @lru_cache(maxsize=64)  # the slopes by the levels are taken at the same angles
+    def program_of(angles: tuple[float, ...]) -> Program:
+        return flank_program(np.clip(angles, 0.0, 1.0), FINE)
+
     @lru_cache(maxsize=64)  # SLSQP takes the slopes of the objective and of both sets of conditions at the same points
     def at(point: tuple[float, ...]) -> tuple[float, np.ndarray, np.ndarray]:
-        linear, levels = flank_program(np.clip(point[:count], 0.0, 1.0), FINE), np.array(point[count:])
+        linear, levels = program_of(point[:count]), np.array(point[count:])
         slack = np.ones(rows)  # as many rows for all angles, whatever the nose takes in
         slack[: len(linear.bound)] = linear.bound - MARGIN - linear.rows @ levels
         return -float(linear.area @ levels) - linear.constant, slack, linear.ends @ levels - linear.wanted
@@ -192,6 +210,17 @@ def _polished(flank_program: Callable[[np.ndarray, int], Program], shares: np.nd
         options={"maxiter": POLISH_STEPS, "ftol": 1e-9},
     )
     return np.clip(result.x[:count], 0.0, 1.0) if result.success else shares
+
+
+def first_shares(dimensions: int) -> np.ndarray:
+    """The first `POPULATION` Sobol points (POPULATION, dimensions) in [0, 1), from the origin on."""
+    if dimensions > len(DIRECTIONS):
+        from scipy.stats import qmc
+
+        return qmc.Sobol(dimensions, scramble=False).random(POPULATION)
+    number = np.arange(POPULATION)
+    bits = (number ^ number >> 1)[:, None] >> np.arange(DIRECTIONS.shape[1]) & 1  # of the Gray code
+    return np.bitwise_xor.reduce(bits[:, None] * DIRECTIONS[:dimensions], axis=2) / POPULATION
 
 
 def section_angles(shares: np.ndarray, half: float) -> np.ndarray:

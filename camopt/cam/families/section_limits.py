@@ -6,7 +6,6 @@ one's mirror image.
 """
 
 from functools import cache, lru_cache
-from itertools import pairwise
 from math import comb, perm
 
 import numpy as np
@@ -28,29 +27,45 @@ NOWHERE = 1e3
 def to_bernstein(degree: int, edges: tuple[float, ...]) -> np.ndarray:
     """Matrix (parts * (degree + 1), degree + 1) from power coefficients on [0, 1] to control points between edges."""
     k = np.arange(degree + 1)
-    binomial = np.array([[comb(i, j) for i in k] for j in k], dtype=float)
-    parts = []
-    for start, end in pairwise(edges):
-        taylor = binomial * float(start) ** np.maximum(k - k[:, None], 0)
-        parts.append(from_powers(degree) @ ((end - start) ** k[:, None] * taylor))
-    return np.concatenate(parts)
+    start, end = np.array(edges[:-1])[:, None, None], np.array(edges[1:])[:, None, None]
+    taylor = _binomial(degree) * start ** np.maximum(k - k[:, None], 0)
+    parts = from_powers(degree) @ ((end - start) ** k[:, None] * taylor)
+    return parts.reshape(-1, degree + 1)
+
+
+@cache
+def _binomial(degree: int) -> np.ndarray:
+    """Number of ways (j, i) to choose j of i."""
+    return np.array([[comb(i, j) for i in range(degree + 1)] for j in range(degree + 1)], dtype=float)
 
 
 def control_points(one: Flank, order: int, parts: int, start: float = 0.0) -> np.ndarray:
     """Rows (c, n) of the control points of the derivative `order` from the angle `start` [rad] to the nose."""
     degree = one.pieces.shape[1] - 1 - order
-    factor = np.array([perm(k + order, order) for k in range(degree + 1)], dtype=float)
-    shares = np.linspace(0.0, 1.0, max(1, parts // len(one.pieces)) + 1)
     widths = np.diff(one.borders)
-    found = []
-    for low, width, piece in zip(one.borders[:-1], widths, one.relative, strict=True):
-        first = max(0.0, (start - low) / width)
-        if first < 1.0:
-            matrix = to_bernstein(degree, tuple(shares))
-            if first > 0.0:
-                matrix = to_bernstein.__wrapped__(degree, tuple(first + (1.0 - first) * shares))
-            found.append(matrix @ (factor[:, None] * piece[order:]) / width**order)
-    return np.concatenate(found)
+    powers = _falling(degree, order)[:, None] * one.relative[:, order:]
+    shares = _shares(max(1, parts // len(one.pieces)))
+    inside = np.searchsorted(one.borders[:-1], start)  # the first piece that begins at the start or behind it
+    matrix = to_bernstein(degree, shares) @ powers[inside:] / widths[inside:, None, None] ** order
+    found = matrix.reshape(-1, matrix.shape[2])
+    first = max(0.0, (start - one.borders[inside - 1]) / widths[inside - 1]) if inside else 1.0
+    if first == 1.0:
+        return found
+    edges = tuple(first + (1.0 - first) * share for share in shares)
+    begun = to_bernstein.__wrapped__(degree, edges) @ powers[inside - 1] / widths[inside - 1] ** order
+    return np.concatenate([begun, found])
+
+
+@cache
+def _falling(degree: int, order: int) -> np.ndarray:
+    """Factors (degree + 1) that so many derivatives bring down of the powers from `order` on."""
+    return np.array([perm(k + order, order) for k in range(degree + 1)], dtype=float)
+
+
+@cache
+def _shares(parts: int) -> tuple[float, ...]:
+    """Edges of equal parts of a piece, from 0 to 1."""
+    return tuple(np.linspace(0.0, 1.0, parts + 1).tolist())
 
 
 def limit_rows(one: Flank, design: Design, jerk: bool, parts: int) -> tuple[np.ndarray, np.ndarray]:
@@ -72,8 +87,11 @@ def limit_rows(one: Flank, design: Design, jerk: bool, parts: int) -> tuple[np.n
     if design.nose_deg:  # last, and from the nose outwards: sections that leave it drop rows at the end only
         usual = design.max_lift_mm * MM / half**2
         groups.append((control_points(one, 2, parts, half - design.nose_deg * DEG)[::-1] / usual, 0.0))
-    bounds = [np.broadcast_to(bound, len(matrix)) - HAIR for matrix, bound in groups]
-    return np.concatenate([matrix for matrix, _ in groups]), np.concatenate(bounds)
+    matrices, bounds = zip(*groups, strict=True)
+    counts = [len(matrix) for matrix in matrices]
+    return np.concatenate(matrices), np.concatenate(
+        [np.full(n, bound) - HAIR for n, bound in zip(counts, bounds, strict=True)]
+    )
 
 
 @lru_cache(maxsize=16)

@@ -51,6 +51,7 @@ class Section:
     jerk: tuple[Cell, Cell]
     terms: Terms = powers
 
+    @cached_property
     def conditions(self) -> list[tuple[int, int, str | float]]:
         """Order of the derivative, place (0 start, 1 end) and value of every condition that is given."""
         cells = ((k, end, getattr(self, name)[end]) for k, name in enumerate(QUANTITIES) for end in (0, 1))
@@ -72,6 +73,7 @@ class SectionTable:
     closed_by: tuple[str, ...]
     multiples: Mapping[str, tuple[float, str]] = field(default_factory=dict)
 
+    @cached_property
     def symbols(self) -> dict[str | float, np.ndarray]:
         """Row of every known symbol on x = (ramp height, ramp velocity, levels)."""
         unit = np.eye(2 + len(self.levels))
@@ -134,35 +136,36 @@ class Flank:
 def flank(table: SectionTable, angles: np.ndarray) -> Flank:
     """The opening flank of a table for section angles [rad] in an array of NumPy or JAX, section by section."""
     xp = angles.__array_namespace__()
-    symbols = table.symbols()
+    symbols = table.symbols
     before = np.zeros((len(QUANTITIES), 2 + len(table.levels)))
     borders, pieces = [np.zeros(1)], []
     for section, angle in zip(table.sections, angles, strict=True):
-        conditions = section.conditions()
+        conditions = section.conditions
         count = len(conditions)
-        system, ends = _system(section)
+        system, ends, orders = _system(section)
         # a symbol that is no level is the end of the section before, which only a start can take over
         rows = [symbols[cell] if end or cell in symbols else before[k] for k, end, cell in conditions]
-        wanted = [row * angle**k for row, (k, _, _) in zip(rows, conditions, strict=True)]
-        coefficients = xp.linalg.solve(system, xp.stack(wanted))
-        before = xp.stack([row / angle**k for k, row in enumerate(ends)]) @ coefficients
+        coefficients = xp.linalg.solve(system, xp.stack(rows) * angle**orders)
+        before = ends / angle ** np.arange(len(QUANTITIES))[:, None] @ coefficients
         u, unit = _unit(section.terms, count)
         borders.append(borders[-1][-1] + angle * u[1:])
         pieces.append(unit / angle ** np.arange(unit.shape[1])[:, None] @ coefficients)
     widest = max(p.shape[1] for p in pieces)
     # padding costs NumPy more than the section's own equations
-    short = [widest - p.shape[1] for p in pieces]
-    padded = [xp.pad(p, ((0, 0), (0, n), (0, 0))) if n else p for p, n in zip(pieces, short, strict=True)]
+    short = [np.zeros((len(p), widest - p.shape[1], p.shape[2])) for p in pieces]
+    padded = [xp.concatenate([p, zero], axis=1) if zero.size else p for p, zero in zip(pieces, short, strict=True)]
     return Flank(xp.concatenate(borders), xp.concatenate(padded))
 
 
 @cache
-def _system(section: Section) -> tuple[np.ndarray, np.ndarray]:
-    """A section's terms in its conditions (count, count), and their derivatives of order 0 to 3 at the end of it."""
-    conditions = section.conditions()
+def _system(section: Section) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A section's terms in its conditions (count, count), their derivatives of order 0 to 3 at the end of it, and the
+    orders (count, 1) of the conditions."""
+    conditions = section.conditions
     count = len(conditions)
     system = np.stack([section.terms(count, np.array([end]), k)[0] for k, end, _ in conditions])
-    return system, np.stack([section.terms(count, np.ones(1), k)[0] for k in range(len(QUANTITIES))])
+    ends = np.stack([section.terms(count, np.ones(1), k)[0] for k in range(len(QUANTITIES))])
+    return system, ends, np.array([[k] for k, _, _ in conditions])
 
 
 @cache

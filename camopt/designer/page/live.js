@@ -111,15 +111,19 @@ class Designer {
     try {
       const answer = await this.request(step, sequence);
       if (answer.state === "ok" && (step === "cam" || (step === "sketch" && !answer.coarse && !answer.says))) this.exact = sequence;
+      if (step === "band" || (step === "cam" && answer.state !== "ok")) this.rested = sequence;
+      this.goOn(); // the server works on the next question while the page shows this answer
       if (answer.state !== "superseded" && step !== "band") this.received(answer, asked);
       else if (answer.state === "ok") this.receivedBand(answer, asked);
-      if (step === "band" || (step === "cam" && answer.state !== "ok")) this.rested = sequence;
     } catch (error) {
       this.failed(error);
       this.rested = sequence; // it is asked again once the server answers
+      this.goOn();
     }
-    this.busy = false;
     this.slow();
+  }
+  goOn() {
+    this.busy = false;
     this.pump();
   }
   request(part, sequence) {
@@ -189,7 +193,8 @@ class Designer {
     const how = answer.coarse ? "≈ " : "";
     const motion = m ? ` At ${at} r/min: bounce ${shown(m.bounce_mm, 3)} mm, jump ${shown(m.jump_mm, 3)} mm, seating ${shown(m.seating_velocity_m_per_s, 3)} m/s.` : ` ${answer.motion.says}`;
     const broken = answer.broken_by_shape.length ? ` Breaks ${answer.broken_by_shape.join(", ")}.` : "";
-    return `Area ratio ${how}${shown(answer.area_ratio, 5)} by the ${answer.program} program.${motion}${broken}${answer.says ? ` ${answer.says}` : ""}`;
+    const looked = answer.looked_for.length ? ` A cam that holds ${answer.looked_for.join(", ")} too is still being looked for.` : "";
+    return `Area ratio ${how}${shown(answer.area_ratio, 5)} by the ${answer.program} program.${motion}${broken}${looked}${answer.says ? ` ${answer.says}` : ""}`;
   }
   receivedBand(band, asked) {
     this.band = band;

@@ -1,4 +1,5 @@
 // What an answer looks like: charts, areas, trains, the comparison with a pinned design.
+const UNSEEN_MS = 400; // the train out of sight is drawn once no newer motion has come for so long
 const FORCE_LOOKS = ["first", "second", "third", "fourth"];
 
 function trainMarkup() { // what trainAnimation fills
@@ -50,6 +51,7 @@ class Panels {
       h("section", { class: "beside", "aria-label": "Area and yield" },
         h("h2", {}, "Area under these limits"), this.areas, h("h2", {}, "Trains as built"), this.trains, this.compared),
       h("section", { class: "moving" }, h("h2", {}, "The valve train in motion"), this.train));
+    new IntersectionObserver((entries) => this.seen(entries.at(-1).isIntersecting)).observe(this.node.lastChild);
   }
   show(answer, values, pinned) {
     const c = answer.curves, d = pinned?.answer.curves, x = { label: "cam angle [deg]", low: -110, high: 110, ticks: [-90, -45, 0, 45, 90] };
@@ -86,8 +88,21 @@ class Panels {
     const tops = one.force_N.map((row) => Math.max(...row));
     this.charts.force.show({ x, lines: forces, include: [0], says: names.map((n, k) => `${["━", "╍", "┅", "·"][k % 4]} ${n} up to ${shown(tops[k], 4)} N`).join(", "),
       limits: values.contact_force_max_N ? [{ value: values.contact_force_max_N, name: "limit" }] : [] });
-    if (this.animate) this.animate(a);
-    else this.animate = trainAnimation(this.train.parentElement, a);
+    this.moving = a;
+    clearTimeout(this.later);
+    if (this.unseen) this.later = setTimeout(() => this.move(), UNSEEN_MS);
+    else this.move();
+  }
+  move() { // the train's latest motion
+    const latest = this.moving;
+    this.moving = null;
+    if (!latest) return;
+    if (this.animate) this.animate(latest);
+    else this.animate = trainAnimation(this.train.parentElement, latest);
+  }
+  seen(isSeen) {
+    this.unseen = !isSeen;
+    if (isSeen) this.move();
   }
   bandIsOf(before) { // while the hand moves, the curves over the band are of the numbers before
     for (const chart of [this.charts.bounce, this.charts.jump]) chart.node.classList.toggle("before", before);

@@ -5,15 +5,21 @@ from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 
 
+def check_scatter(scene: Scene) -> None:
+    """Raises InputError for a scene whose trains as built would all be the same one."""
+    if not scene.tolerance and scene.grinding is None:
+        raise InputError(
+            f"{scene.name}: a yield needs [[tolerance]] or [grinding], which say how the trains as built scatter: "
+            "without either, every train would be the same"
+        )
+
+
 def check_wanted(scene: Scene, wanted: float, speeds: str) -> None:
     """Raises InputError for a yield that no search is made for: of a scene that does not scatter or limits no motion,
     of nominal speeds alone, and for a share that is none."""
     if not 0.5 <= wanted <= 0.999:
         raise InputError(f"yield {wanted:g}: expected a share from 0.5 to 0.999, such as 0.99")
-    if not scene.tolerance and scene.grinding is None:
-        raise InputError(
-            f"{scene.name}: a yield needs [[tolerance]] or [grinding], which say how the trains as built scatter"
-        )
+    check_scatter(scene)
     if not motion_limits(scene.design):
         raise InputError(
             f"{scene.name}: a yield needs limits on the motion in [design]: without any, every train holds"

@@ -1,6 +1,6 @@
 """Designs beside the cams of the literature: baselines, their verdicts, `comparison.csv` and the figures."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from camopt.cam.families.polydyne import polydyne
@@ -8,7 +8,7 @@ from camopt.cam.families.registry import FAMILIES
 from camopt.cam.lift import Lift
 from camopt.cam.read import read_cam
 from camopt.measure.limits import broken_by_shape
-from camopt.optimizer.accuracy import Accuracy, accuracy_named, drawn_speeds
+from camopt.optimizer.accuracy import ACCURACIES, Accuracy, accuracy_named, drawn_speeds
 from camopt.optimizer.baselines.comparison_table import (
     FAILED,
     NO_JERK,
@@ -48,6 +48,7 @@ def compare(
     accuracy: str = "draft",
     baselines: str = "plain",
     progress: bool = False,
+    note: Callable[[str], object] = lambda sentence: None,
 ) -> Path:
     """Compare designs with the scene's baselines in the new folder `out`; returns it.
 
@@ -55,6 +56,7 @@ def compare(
     "plain": the literature's cams as their authors would draw them, for the largest area; "best": every family searched
     for the largest area within the scene's bounce limit at its listed speeds, which takes minutes and with `progress`
     draws a bar. Either under all limits of the scene and without its jerk limit. Writes comparison.csv and figures.
+    `note` is told of each family of which "best" found no member that holds.
     Raises InputError for an unusable folder or scene, and for other words.
     """
     if baselines not in BASELINES:
@@ -62,11 +64,17 @@ def compare(
     effort = accuracy_named(accuracy)
     named = {"design" if len(designs) == 1 else name: lift for name, lift in designs.items()}
     with run_folder(out, run_identity("compare", scene, baselines=baselines), worth=["comparison.csv"]) as folder:
-        compare_in(folder, scene, named, {}, effort, BASELINES[baselines](scene, progress))
+        compare_in(folder, scene, named, {}, effort, BASELINES[baselines](scene, progress, note))
     return folder
 
 
-def plain_baselines(scene: Scene, progress: bool = False, *, without_jerk_limit: bool = True) -> dict[str, Lift | str]:
+def plain_baselines(
+    scene: Scene,
+    progress: bool = False,
+    note: Callable[[str], object] = lambda sentence: None,
+    *,
+    without_jerk_limit: bool = True,
+) -> dict[str, Lift | str]:
     """Polydyne, Multi-Pol and New Design by name, the latter two without the scene's jerk limit too; a sentence where a
     family has no member."""
     cams: dict[str, Lift | str] = {"polydyne": member_or_sentence(scene, "polydyne")}
@@ -82,18 +90,37 @@ def member_or_sentence(scene: Scene, family: str) -> Lift | str:
     return _member(scene, lambda: polydyne(scene) if family == "polydyne" else read_cam(family, scene))
 
 
-def best_baselines(scene: Scene, progress: bool = False) -> dict[str, Lift | str]:
-    """Every family's largest area within the scene's bounce limit, by name; where none holds it, the least bounce."""
-    from camopt.optimizer.baselines.largest_member import MemberLimits, largest_area_member
+def best_baselines(
+    scene: Scene, progress: bool = False, note: Callable[[str], object] = lambda sentence: None
+) -> dict[str, Lift | str]:
+    """Every family's largest area within the scene's bounce limit, by name.
+
+    Where no member was found that holds, it is the one with the least bounce, and `note` is told so. A member that
+    holds under the jerk limit holds without it, so that the latter search never ends in less area.
+    """
+    from camopt.optimizer.baselines.largest_member import Baseline, MemberLimits, largest_area_member
 
     bounce_max_mm = None if scene.design is None else scene.design.bounce_max_mm
     cams: dict[str, Lift | str] = {}
+    held: dict[str, Baseline] = {}
+
+    def searched(name: str, limits: MemberLimits) -> Lift:
+        found = largest_area_member(scene, name, limits, progress=progress)
+        known = held.get(name)
+        if known is not None and not (found.holds and found.area_ratio >= known.area_ratio):
+            return known.lift
+        if found.holds:
+            held[name] = found
+        else:
+            note(f"{found.says}; shown is the nearest that was found" + NO_JERK * (not limits.jerk))
+        return found.lift
+
     for jerk in (True, False) if _jerk_limited(scene) else (True,):
         limits = MemberLimits(jerk, bounce_max_mm)
         for name in FAMILIES:
             cams[name + ("" if jerk else NO_JERK)] = _member(
                 scene,
-                lambda name=name, limits=limits: largest_area_member(scene, name, limits, progress=progress).lift,
+                lambda name=name, limits=limits: searched(name, limits),
             )
     return cams
 
@@ -165,15 +192,19 @@ def compare_in(
     _write(folder, scene, cams, found, drawn_speeds(scene.operation, effort))
 
 
-def compare_again(folder: Path, scene: Scene) -> None:
+def compare_again(folder: Path, scene: Scene, accuracy: object = None) -> None:
     """comparison.csv and figures of a run folder again, from the design, cams and verdicts that lie in it.
 
-    A folder without verdicts of baselines (an older run's) keeps its comparison. Raises InputError for files that
-    cannot be understood.
+    The valve's motion is drawn as the run's `accuracy` has it; where that is none, at every listed speed. A folder
+    without verdicts of baselines (an older run's) keeps its comparison. Raises InputError for files that cannot be
+    understood.
     """
     if not (folder / "verdicts").is_dir():
         return
-    _write(folder, scene, *kept(folder, scene))
+    assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
+    effort = ACCURACIES.get(accuracy) if isinstance(accuracy, str) else None
+    speeds = scene.operation.speeds_rpm if effort is None else drawn_speeds(scene.operation, effort)
+    _write(folder, scene, *kept(folder, scene), speeds)
 
 
 def _write(
@@ -181,7 +212,7 @@ def _write(
     scene: Scene,
     cams: Mapping[str, Lift],
     found: Mapping[str, dict],
-    speeds_rpm: tuple[float, ...] | None = None,
+    speeds_rpm: Sequence[float],
 ) -> None:
     write_table(folder, scene, cams, found)
     shown = {name: lift for name, lift in cams.items() if not name.endswith(NO_JERK)}

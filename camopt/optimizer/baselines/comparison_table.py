@@ -8,10 +8,9 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
-
 from camopt.cam.design_file import read_design, write_design
 from camopt.cam.lift import Lift
+from camopt.measure.limits import steepest_jerk
 from camopt.plots.style import DESIGN, family_of
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
@@ -111,7 +110,7 @@ def comparison_rows(scene: Scene, name: str, lift: Lift, found: dict) -> list[di
     design = scene.design
     assert design is not None, "load_scene(..., need='design') guarantees it"
     low, high = (a / MM * DEG**2 for a in lift.extremes(2))
-    jerk = float(np.abs(lift.extremes(3)).max()) / MM * DEG**3
+    jerk = steepest_jerk(lift, design) / MM * DEG**3
     shape = [word for word in found["broken"] if " at " not in word]
     limits = "no-jerk" if JERK in shape and family_of(name) != DESIGN else "all"
     shape = [word for word in shape if word != JERK or limits == "all"]

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from camopt.cam.lift import Lift, lift_table
 from camopt.exact.engine import prepare
 from camopt.exact.settled import settled_metrics
+from camopt.measure.reserve import STARTS
 from camopt.measure.settling import Settled, first_revolution
 from camopt.measure.sweep import SEARCH_STEP_RPM, START_RPM, Swept, at_speeds, sweep
 from camopt.plots import (
@@ -28,7 +30,7 @@ from camopt.scene.errors import MotionRefused
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
-from camopt.verifier.convergence import Demand, Halving, at_once
+from camopt.verifier.convergence import WANDERING_REVOLUTIONS, Demand, Halving, at_once
 
 FIGURE_SPEEDS = 60
 """Steps of the figure's own sweep of a band that the verdict was not asked about."""
@@ -49,11 +51,11 @@ def draw(
     scene: Scene,
     cams: dict[str, Lift],
     found: dict[str, dict],
-    speeds_rpm: Sequence[float] | None = None,
+    speeds_rpm: Sequence[float],
 ) -> None:
     """The figures of a run folder, into its folder `figures`; `found` holds the verdict of each cam.
 
-    The valve's motion is drawn at `speeds_rpm`, by default all that the scene lists.
+    The valve's motion is drawn at `speeds_rpm`.
     """
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
@@ -62,8 +64,9 @@ def draw(
     named = {name: name if _lawful(found[name]) else name + UNLAWFUL for name in cams}
     tables = [(named[name], lift_table(lift, TABLE_STEP_DEG)) for name, lift in cams.items()]
     save(profiles(tables, design), figures, "profiles")
-    speeds = operation.speeds_rpm if speeds_rpm is None else speeds_rpm
-    motions = [m for name, lift in cams.items() for m in settled_motions(scene, named[name], lift, found[name], speeds)]
+    motions = [
+        m for name, lift in cams.items() for m in settled_motions(scene, named[name], lift, found[name], speeds_rpm)
+    ]
     if motions:
         save(valve_motion(motions, design), figures, "valve_motion")
     top = _top(scene, found.get(DESIGN, {}))
@@ -109,9 +112,11 @@ def settled_motion(
 
     `stated` is whether the verdict found it periodic, None where none was asked; it then is not for this picture to say
     otherwise. A verdict that halves its step may settle after more revolutions than are run here: its search is
-    followed then. `samples` per revolution, event-exact's own where None. Raises MotionRefused.
+    followed then. What never settles is shown after WANDERING_REVOLUTIONS. `samples` per revolution, event-exact's own
+    where None. Raises MotionRefused.
     """
-    once = at_once(settled_metrics, train, lift, cam_speed, state_at_rest(train))
+    many = partial(settled_metrics, most=WANDERING_REVOLUTIONS) if stated is False else settled_metrics
+    once = at_once(many, train, lift, cam_speed, state_at_rest(train))
     assert once.state is not None, "else it is refused"
     state, periodic = once.state, once.periodic if stated is None else stated
     if periodic and not once.periodic:
@@ -150,7 +155,7 @@ def _beside_the_band(scene: Scene, found: dict, top_rpm: float) -> np.ndarray:
 
 def _starts(found: dict) -> dict[str, float | None]:
     limits = found.get("limits") or {}
-    return {"bounce_mm": limits.get("first_bounce_rpm"), "jump_mm": limits.get("first_jump_rpm")}
+    return {metric: limits.get(key) for key, metric in STARTS.items()}
 
 
 def curve(scene: Scene, name: str, lift: Lift, found: dict, top_rpm: float) -> Sweep:
@@ -170,7 +175,9 @@ def curve(scene: Scene, name: str, lift: Lift, found: dict, top_rpm: float) -> S
         swept = sweep(Swept(prepare, scene, lift, many=settled_metrics), float(step), DRAWN)
         speeds, inside, worst, starts = swept.speeds_rpm, swept.figures, {}, None
     beside = np.setdiff1d(_beside_the_band(scene, found, top_rpm), speeds)
-    rows = at_speeds(prepare, scene, lift, beside, many=settled_metrics)
+    briefly = band is not None and band.get("refined") is False  # as the verdict's own sweep looked
+    many = partial(settled_metrics, most=WANDERING_REVOLUTIONS) if briefly else settled_metrics
+    rows = at_speeds(prepare, scene, lift, beside, many=many)
     values = {key: np.concatenate([inside[key], [row[key] for row in rows]]) for key in DRAWN}
     every = np.concatenate([speeds, beside])
     order = np.argsort(every)

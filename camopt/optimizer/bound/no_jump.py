@@ -19,7 +19,8 @@ from camopt.optimizer.bound.certificate import INTERVALS, Certificate, Further, 
 from camopt.optimizer.bound.fine_program import Discretised, equal_grid
 from camopt.optimizer.program.force_rows import PEAK, SEAT, SpeedRows, speed_rows
 from camopt.optimizer.program.no_jump import Margins, NoJumpProgram
-from camopt.optimizer.program.periodic import exact_steps, incidence, sample_cam, velocity_scale
+from camopt.optimizer.program.periodic import exact_steps, sample_cam, velocity_scale
+from camopt.optimizer.program.phases import incidence
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.scene.units import DEG, MM
 

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camopt.optimizer.program.periodic import LIFTED, SAMPLE, SEATED, Angles, CamSamples, periodic_response
+from camopt.optimizer.program.periodic import SAMPLE, CamSamples, periodic_response
+from camopt.optimizer.program.phases import LIFTED, SEATED, Angles
 from camopt.scene.design import Design
 from camopt.scene.errors import InputError
 from camopt.scene.train import Train

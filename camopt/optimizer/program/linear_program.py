@@ -144,8 +144,10 @@ class WarmModel:
     def pose(self, cost: np.ndarray, level: np.ndarray) -> None:
         """Another objective (m) and right sides (r) on the rows in the model."""
         _succeeds(self._highs.changeColsCost(len(cost), self._columns, -cost))
-        for i, value in enumerate(level[self.held]):
-            _succeeds(self._highs.changeRowBounds(i, -np.inf, value))
+        count = len(self.held)
+        every, lowest = np.arange(count, dtype=np.int32), np.full(count, -np.inf)
+        change = self._highs.changeRowsBounds  # pyright: ignore[reportAttributeAccessIssue]  # its stubs leave it out
+        _succeeds(change(count, every, lowest, level[self.held]))
 
     def solve(self) -> tuple[np.ndarray | None, np.ndarray]:
         """Solution (m) and duals of the rows in the model; (None, empty) where the program is unbounded on them.

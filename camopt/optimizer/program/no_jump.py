@@ -17,7 +17,8 @@ from camopt.cam.lift import Lift
 from camopt.optimizer.program.force_rows import PEAK, SEAT, SpeedRows, Window, speed_rows
 from camopt.optimizer.program.kinematic import area_ratio_row, first_working, reach, reached_in_the_middle, spline_rows
 from camopt.optimizer.program.linear_program import Infeasible, Optimum, Rows, least_relaxation
-from camopt.optimizer.program.periodic import Angles, CamSamples, sample_cam, static_angles
+from camopt.optimizer.program.periodic import CamSamples, sample_cam
+from camopt.optimizer.program.phases import Angles, static_angles
 from camopt.scene.design import Design
 from camopt.scene.errors import InputError
 from camopt.scene.train import Train

@@ -7,7 +7,7 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.exact.engine import prepare
 from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpOptimum, NoJumpProgram
-from camopt.optimizer.program.periodic import Angles
+from camopt.optimizer.program.phases import Angles
 from camopt.optimizer.program.radii import near, with_radii
 from camopt.optimizer.program.tangents import HELD_N, tangents_along
 from camopt.optimizer.program.waves import with_switches

@@ -15,6 +15,7 @@ from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import broken_by_shape, motion_limits
 from camopt.measure.yields import Share, UsedLimits, blame, counted, share_of
 from camopt.optimizer.as_built.track import track
+from camopt.optimizer.as_built.wanted import check_scatter
 from camopt.plots import save
 from camopt.scene.as_built import GRINDING
 from camopt.scene.errors import InputError
@@ -105,8 +106,10 @@ def manufacturing_yield(
     `speeds_rpm` (s) are crankshaft speeds, by default `SPEEDS` of them over the scene's band. Train i hangs on `seed`
     and i alone. With `halve` the same trains are measured with every tolerance halved in turn. With `out` a run folder
     is written, train by train; with `resume` it goes on there, and more trains may be asked for. Raises InputError
-    for a scene without limits on the motion, for laws that are not linear, and for a folder as `run_folder` does.
+    for a scene without limits on the motion or without anything that scatters, for laws that are not linear, and for a
+    folder as `run_folder` does.
     """
+    check_scatter(scene)
     if not motion_limits(scene.design):
         raise InputError(f"yield: [design] of {scene.name} limits nothing of the motion, so every train would hold")
     speeds = _speeds(scene, speeds_rpm)

@@ -209,7 +209,7 @@ def test_motorbike_tables(name, glitches, noise_um, cut):
     assert said["peak_error_percent"] < 5
     assert said.get("added_lift_mm") == (0.4979 if cut else None)
     theta = np.linspace(-np.pi, np.pi, 7201)
-    assert lift(theta).min() >= 0
+    assert lift(theta).min() >= -1e-18  # m: a piece that ends in zero is rounded there
     assert np.all(lift(theta[np.abs(theta) > 110 * DEG]) == 0)
     low, high = (value / MM * DEG**2 for value in lift.extremes(2))
     assert -0.01 < low < -0.005

@@ -1,0 +1,114 @@
+"""The phases of a motion whose contacts switch at given cam angles: seated, shared (seat and cam side both loaded) and
+lifted; which contacts act in each, and the angles of the quasi-static load transfer between them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import PPoly
+
+from camopt.cam.families.free import FreeCam
+from camopt.cam.ramps import Ramp
+from camopt.optimizer.program.tangents import Tangents
+from camopt.scene.errors import InputError
+from camopt.scene.rest import rest_position, static_matrices
+from camopt.scene.standing_in import standing_in
+from camopt.scene.train import GROUND, Train
+from camopt.scene.units import MM
+
+SEATED, SHARED, LIFTED = range(3)
+
+
+@dataclass(frozen=True)
+class Angles:
+    """Cam angles [rad] at which the phases change: the lash closes, the seat opens, the seat closes, the lash opens.
+
+    Where laws are not linear, `tangents` stand for them; without any, their tangents at rest do.
+    """
+
+    lash_closes: float
+    seat_opens: float
+    seat_closes: float
+    lash_opens: float
+    tangents: Tangents | None = None
+
+    def __post_init__(self):
+        order = (-np.pi, self.lash_closes, self.seat_opens, self.seat_closes, self.lash_opens, np.pi)
+        if not (np.all(np.diff(order) >= 0) and self.seat_opens < self.seat_closes):
+            raise ValueError(f"switching angles must ascend within a revolution (given: {self})")
+
+    def phase(self, theta: np.ndarray) -> np.ndarray:
+        """Phase at angles theta [rad]."""
+        shared = (theta > self.lash_closes) & (theta < self.lash_opens)
+        lifted = (theta > self.seat_opens) & (theta < self.seat_closes)
+        return np.where(lifted, LIFTED, np.where(shared, SHARED, SEATED))
+
+
+def phase_contacts(train: Train) -> np.ndarray:
+    """Elements that act in each phase, shape (3, e) bool: seated, shared, lifted.
+
+    In the seated phase the set closed at rest acts. Raises InputError where more than one contact between cam and valve
+    is open at rest.
+    """
+    train = standing_in(train)
+    x = rest_position(train)
+    margin = train.compression(x, 0.0) - train.touch_compression
+    seated = ~train.contact | (margin >= -1e-12)  # a contact at its touch, to round-off, counts as closed
+    opened = [train.element_names[e] for e in train.cam_side if not seated[e]]
+    if len(opened) > 1:
+        raise InputError(f"the no-jump program needs the lash at one contact; open at rest: {', '.join(opened)}")
+    shared = seated.copy()
+    shared[list(train.cam_side)] = True
+    lifted = shared.copy()
+    lifted[train.seat] = False
+    return np.stack([seated, shared, lifted])
+
+
+def static_angles(train: Train, cam: FreeCam) -> Angles:
+    """Switching angles by the quasi-static load transfer on the ramps; raises InputError where a ramp is too low."""
+    train = standing_in(train)
+    seated, shared, _ = phase_contacts(train)
+    opening = _lift_at_touch(train, shared, train.seat)
+    lash = [e for e in train.cam_side if not seated[e]]
+    closing = _lift_at_touch(train, seated, lash[0]) if lash else opening
+    half = float(cam.breaks[-1])
+    before = [_before_top(cam.opening, lift, "opening") for lift in (closing, opening)]
+    after = [_before_top(cam.closing, lift, "closing") for lift in (opening, closing)]
+    return Angles(-half - before[0], -half - before[1], half + after[0], half + after[1])
+
+
+def _lift_at_touch(train: Train, closed: np.ndarray, element: int) -> float:
+    """Lift [m] at which `element` touches without force in static equilibrium with the elements `closed`."""
+    stiffness, load = static_matrices(train, closed)
+    driven = incidence(train).T @ (train.stiffness * train.cam_driven * closed)
+    scale = 1.0 / np.sqrt(np.diag(stiffness))
+    x = scale[:, None] * np.linalg.solve(
+        stiffness * scale * scale[:, None], scale[:, None] * np.column_stack([load, -driven])
+    )
+    row = incidence(train)[element]
+    rate = row @ x[:, 1] + train.cam_driven[element]
+    touch = train.touch_compression[element]
+    return float((touch + train.gap[element] - row @ x[:, 0]) / rate)
+
+
+def _before_top(ramp: Ramp, lift: float, side: str) -> float:
+    """Angle [rad] before the ramp top at which the ramp has reached `lift` [m]."""
+    if not 0 < lift < ramp.height:
+        raise InputError(
+            f"the {side} ramp of {ramp.height / MM:g} mm is too low: the load moves from seat to cam at "
+            f"{lift / MM:.4g} mm of lift, which must lie on the ramp"
+        )
+    borders, pieces = ramp.opening_pieces(0.0)
+    keep = np.append(True, np.diff(borders) > 0)  # a ramp without foot
+    roots = PPoly(pieces[keep[1:], ::-1].T, borders[keep]).solve(lift, extrapolate=False)
+    return -float(roots[np.isfinite(roots)][0])
+
+
+def incidence(train: Train) -> np.ndarray:
+    """Matrix D (e, n) with compression d = D x + cam_driven * lift - gap."""
+    matrix = np.zeros((len(train.a), len(train.mass)))
+    for e in range(len(train.a)):
+        if train.a[e] != GROUND:
+            matrix[e, train.a[e]] += 1.0
+        if train.b[e] != GROUND:
+            matrix[e, train.b[e]] -= 1.0
+    return matrix

@@ -1,0 +1,48 @@
+"""Radii of the cam under a pad: not held while a hand is dragging, which is said, and held once it rests."""
+
+import pytest
+from threadpoolctl import threadpool_limits
+
+from camopt.designer.cams import EFFORT, program_speeds_rpm
+from camopt.designer.session import Session
+from camopt.optimizer.program.kinematic import kinematic_optimum
+from camopt.optimizer.program.no_jump import Margins, no_jump_program
+from camopt.optimizer.program.program_cam import program_cam
+from camopt.optimizer.program.relocation import standing
+from camopt.scene import load_scene
+from camopt.scene.train import build_train
+
+KODAMA, KEY = load_scene("kodama"), "nose_radius_min_mm"
+
+
+@pytest.fixture(scope="module")
+def scene():
+    geometry = KODAMA.geometry.model_dump(exclude_none=True) | {"pad_radius_mm": 15.0}
+    tables = KODAMA.model_dump(exclude_none=True, exclude_defaults=True)
+    tables["design"][KEY], tables["geometry"] = 12.5, geometry
+    return type(KODAMA).model_validate(tables)
+
+
+def test_radii_are_looked_for_while_dragging_and_held_at_rest(scene):
+    session, asked = Session(scene), {"max_lift_mm": 9.35}
+    session.answer({}, "sketch")
+    session.answer({})
+    for values in ({"lash_mm": 0.175}, asked):  # other rows, and a limit alone
+        sketch = session.answer(values, "sketch")
+        assert sketch["coarse"] and sketch["looked_for"] == [KEY] and sketch["broken_by_shape"] == []
+    found = session.answer(asked)
+    assert not found["coarse"] and found["looked_for"] == found["broken_by_shape"] == [] and found["says"] == ""
+    edited = session.edited(asked)
+    cam, speeds = program_cam(edited.design, EFFORT.knot_deg), [edited.cam_speed(s) for s in program_speeds_rpm(edited)]
+    with threadpool_limits(limits=1, user_api="blas"):
+        direct = standing(no_jump_program(build_train(edited), edited.design, cam, speeds), 0.0)
+        assert found["area_ratio"] == pytest.approx(direct.solve(Margins(0.0, 0.0, 0.0)).area_ratio, abs=1e-8)
+    assert found["area_ratio"] < sketch["area_ratio"]
+
+
+def test_the_kinematic_cam_holds_them_at_rest(scene):
+    session, asked = Session(scene), {"program": "kinematic"}
+    assert session.answer(asked, "sketch")["looked_for"] == [KEY]
+    found, direct = session.answer(asked), kinematic_optimum(scene.design, program_cam(scene.design, EFFORT.knot_deg))
+    assert not found["coarse"] and found["broken_by_shape"] == []
+    assert found["area_ratio"] == pytest.approx(direct.area_ratio, abs=1e-9)
