@@ -2,7 +2,7 @@
 
 import platform
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -15,9 +15,9 @@ from camopt.cam.tables.lift_table import write_lift_table
 from camopt.optimizer.accuracy import Accuracy, accuracy_named, drawn_speeds
 from camopt.optimizer.as_built.wanted import check_wanted
 from camopt.optimizer.bound.certificate import area_ratio_bound
+from camopt.optimizer.candidates import FoundCam, confirmed_cam, fallen_back
 from camopt.optimizer.first_run import SAYING, compile_programs, programs_missing
 from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_worth
-from camopt.optimizer.program.no_jump import NoJumpOptimum
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.progress import Progress
 from camopt.optimizer.search.journal import Journal
@@ -26,18 +26,15 @@ from camopt.optimizer.stage_clock import StageClock
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.toml_text import scene_toml
-from camopt.scene.train import build_train
 from camopt.scene.units import MM
 from camopt.storage import default_run_folder, run_folder, run_identity, write_json, write_text
-from camopt.verifier.verdict import Verdict, verdict_on
+from camopt.verifier.verdict import Verdict
 
 PACKAGES = ("camopt", "jax", "diffrax", "optax", "numpy", "scipy", "highspy", "numba", "matplotlib")
 SPEEDS = ("band", "nominal")
 GRADIENTS = ("auto", "smooth", "exact", "none")
 SHOWN = ("area_ratio", "area_ratio_bound", "area_gap_percent", "area_ratio_no_jump", "gradient_gain")
 """Figures of the record that a notebook shows above the verdict."""
-CANDIDATES = 4
-"""Confirmed cams of the search, largest first, that the full verdict may be asked about."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -184,7 +181,7 @@ class _OpenRun:
         """The yield that is wanted, if one is."""
         return self.settings.get("yield")
 
-    def _cams(self, folder: Path, shown: Progress) -> tuple[list[NoJumpOptimum], NoJumpOptimum]:
+    def _cams(self, folder: Path, shown: Progress) -> tuple[Sequence[FoundCam], FoundCam]:
         """The confirmed cams of the search, each larger than the one before, and the best of the program alone."""
         asked, log = self.settings, Logbook(Journal(folder), shown.step, self.clock)
         search, no_jump = find_cam(
@@ -193,7 +190,7 @@ class _OpenRun:
         self.found = {"cams_judged": search.judge.calls, "gradient_ended": search.gradient_ended}
         return search.confirmed, no_jump
 
-    def _cams_for_yield(self, folder: Path, shown: Progress):
+    def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[Sequence[FoundCam], FoundCam]:
         """The same of the search for yield; the program alone is that with one common margin."""
         from camopt.optimizer.as_built.design import EFFORTS, yield_search
         from camopt.optimizer.as_built.journal import TrainsLog
@@ -263,35 +260,3 @@ def _compared(
     from camopt.optimizer.baselines.comparison import compare_in
 
     compare_in(folder, scene, {"design": lift}, {"design": verdict}, effort, None, shown.advance)
-
-
-def full_verdict(scene: Scene, lift: Lift, speeds: str, effort: Accuracy) -> Verdict:
-    """The verdict on a run's design: at the listed speeds and, with `speeds` "band", over the band."""
-    asked = effort.verdict
-    band_step = asked.band_step_rpm if speeds == "band" else None
-    return verdict_on(scene, lift, None, asked.methods_of(build_train(scene)), band_step, asked.demand)
-
-
-def confirmed_cam(
-    scene: Scene, candidates: list[NoJumpOptimum], speeds: str, effort: Accuracy
-) -> tuple[NoJumpOptimum, Verdict, list[NoJumpOptimum]]:
-    """The largest candidate that the full verdict confirms, and those that it refused before.
-
-    Where none is confirmed, the largest one with its own verdict and all that were judged.
-    """
-    first, refused = None, []
-    for found in candidates[::-1][:CANDIDATES]:
-        verdict = full_verdict(scene, as_written(found.lift), speeds, effort)
-        first = first or (found, verdict)
-        if verdict.verdict == "confirmed":
-            return found, verdict, refused
-        refused.append(found)
-    assert first is not None, "a search that ends has a confirmed cam"
-    return *first, refused
-
-
-def fallen_back(chosen: NoJumpOptimum, refused: list[NoJumpOptimum]) -> dict:
-    """Whether the verdict had to go back to a smaller cam: cams it judged, and the largest area ratio it refused."""
-    judged = len(refused) + (not any(found is chosen for found in refused))
-    largest = max((found.area_ratio for found in refused), default=None)
-    return {"candidates_judged": judged, "largest_refused_area_ratio": largest}

@@ -16,7 +16,7 @@ from camopt.cam.design_file import read_design
 from camopt.optimizer.accuracy import accuracy_named
 from camopt.optimizer.baselines.comparison import compare_again
 from camopt.optimizer.bound.certificate import area_ratio_bound
-from camopt.optimizer.run import full_verdict
+from camopt.optimizer.candidates import full_verdict
 from camopt.report.folder import RunFolder, read_run_folder
 from camopt.report.limits import limit_rows
 from camopt.report.motion import cams_of

@@ -14,7 +14,7 @@ from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.baselines import comparison
 from camopt.optimizer.baselines.comparison import compare_in
 from camopt.optimizer.bound.certificate import area_ratio_bound
-from camopt.optimizer.run import full_verdict
+from camopt.optimizer.candidates import full_verdict
 from camopt.report import write_report
 from camopt.report.regenerated import regenerate
 from camopt.scene import load_scene

@@ -49,6 +49,9 @@ BISECTIONS = 4
 PENALTY = 4.0
 """Area ratio that a unit of shortfall beyond the budget costs a step. The linear program takes more for it; here it is
 so low that the way may lead through cams that a few trains too many do not hold."""
+SPENT = 0.7
+"""Part of the wanted loss that a search may spend: its cam suits the trains that it knows better than others. On `kodama`
+a cam that 99.0 % of 1000 trains of its search held was held by 98.4 % of 1000 fresh ones."""
 BUDGET = 0.6
 """Expected shortfall that a cam may have, per share of trains that may be lost. A count of few failing trains is a
 rough measure, and a search that goes by it alone ends at a cam that suits its own draws."""
@@ -76,13 +79,13 @@ class YieldSearch:
 
     @property
     def allowed(self) -> int:
-        """Trains of those drawn that may fail."""
-        return int((1.0 - self.wanted) * len(self.drawn.trains) + 1e-9)
+        """Trains of those drawn that may fail with a cam of the search."""
+        return int(SPENT * (1.0 - self.wanted) * len(self.drawn.trains) + 1e-9)
 
     @property
     def budget(self) -> float:
         """Expected shortfall that a cam may have."""
-        return BUDGET * (1.0 - self.wanted)
+        return SPENT * BUDGET * (1.0 - self.wanted)
 
     @property
     def holds(self) -> bool:

@@ -127,7 +127,7 @@ def _masses(scene: Scene, cam: Lift, size: str) -> list[Measurement]:
 
 def _designed(scene: Scene, speeds: str, effort: Accuracy, folder: Path) -> dict:
     """Area of the cam that a search finds and a verdict confirms, its bounce on a grid finer than the search's."""
-    from camopt.optimizer.run import confirmed_cam
+    from camopt.optimizer.candidates import confirmed_cam
     from camopt.optimizer.search.search import find_cam
 
     begin = time.process_time()
