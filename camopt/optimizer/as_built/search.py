@@ -50,8 +50,8 @@ PENALTY = 4.0
 """Area ratio that a unit of shortfall beyond the budget costs a step. The linear program takes more for it; here it is
 so low that the way may lead through cams that a few trains too many do not hold."""
 SPENT = 0.7
-"""Part of the wanted loss that a search may spend: its cam suits the trains that it knows better than others. On `kodama`
-a cam that 99.0 % of 1000 trains of its search held was held by 98.4 % of 1000 fresh ones."""
+"""Part of the wanted loss that a search may spend: its cam suits the trains that it knows better than others. On
+`kodama` a cam that held in 99.0 % of the 1000 trains of its search held in 98.4 % of 1000 fresh ones."""
 BUDGET = 0.6
 """Expected shortfall that a cam may have, per share of trains that may be lost. A count of few failing trains is a
 rough measure, and a search that goes by it alone ends at a cam that suits its own draws."""
