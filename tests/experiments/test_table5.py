@@ -16,9 +16,11 @@ def test_the_printed_numbers_are_beside_the_truth(content):
     rows = {(r["cam"], r["speed_rpm"]): r for r in content["table"]}
     assert rows["multi-pol", 6500]["paper"] == {"rkg": 0.58, "tmm": 0.41, "average": pytest.approx(0.495)}
     for row in rows.values():
-        # the scene was fitted to the averages: 0.043 mm at worst (New Design, 6500)
-        assert row["event"]["median"] == pytest.approx(row["paper"]["average"], abs=0.05)
+        # the scene was fitted to the averages: 0.043 mm at worst (New Design, 6500), where the median is a range: it
+        # moves with the rounding of the lift, and from one processor to the next by 0.008 mm
         low, high = row["event"]["medians_of_changed_lifts"]
+        assert low - 0.05 <= row["paper"]["average"] <= high + 0.05
+        assert row["event"]["median"] == pytest.approx(0.5 * (low + high), abs=0.02)
         assert high - low < 0.02  # not yet chaotic at 6500
 
 

@@ -155,8 +155,10 @@ def test_keys_move_play_and_pause(open_page):
 def test_little_motion_is_respected(open_page):
     page = open_page(reduced_motion="reduce")
     page.click("#train-play")
-    wait_for(page, lambda: slider(page) != 280)
-    assert slider(page) == 290  # one step of 5 deg
+    for _ in range(3):
+        before = slider(page)
+        wait_for(page, lambda before=before: slider(page) != before)
+        assert (slider(page) - 280) % 10 == 0  # whole steps of 5 deg, perhaps two on a slow machine
 
 
 def test_a_phone_shows_all_without_sideways_scrolling(open_page):
