@@ -14,7 +14,7 @@ CANDIDATES = 4
 """Confirmed cams of the search, largest first, that the full verdict may be asked about."""
 
 
-class FoundCam(Protocol):
+class SearchedCam(Protocol):
     """What every search says of a cam that it found."""
 
     @property
@@ -28,7 +28,7 @@ class FoundCam(Protocol):
         ...
 
 
-F = TypeVar("F", bound=FoundCam)
+F = TypeVar("F", bound=SearchedCam)
 
 
 def full_verdict(scene: Scene, lift: Lift, speeds: str, effort: Accuracy) -> Verdict:
@@ -54,7 +54,7 @@ def confirmed_cam(scene: Scene, candidates: Sequence[F], speeds: str, effort: Ac
     return *first, refused
 
 
-def fallen_back(chosen: FoundCam, refused: Sequence[FoundCam]) -> dict:
+def fallen_back(chosen: SearchedCam, refused: Sequence[SearchedCam]) -> dict:
     """Whether the verdict had to go back to a smaller cam: cams it judged, and the largest area ratio it refused."""
     judged = len(refused) + (not any(found is chosen for found in refused))
     largest = max((found.area_ratio for found in refused), default=None)

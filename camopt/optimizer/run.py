@@ -15,7 +15,7 @@ from camopt.cam.tables.lift_table import write_lift_table
 from camopt.optimizer.accuracy import Accuracy, accuracy_named, drawn_speeds
 from camopt.optimizer.as_built.wanted import check_wanted
 from camopt.optimizer.bound.certificate import area_ratio_bound
-from camopt.optimizer.candidates import FoundCam, confirmed_cam, fallen_back
+from camopt.optimizer.candidates import SearchedCam, confirmed_cam, fallen_back
 from camopt.optimizer.first_run import SAYING, compile_programs, programs_missing
 from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_worth
 from camopt.optimizer.program.program_cam import program_cam
@@ -181,7 +181,7 @@ class _OpenRun:
         """The yield that is wanted, if one is."""
         return self.settings.get("yield")
 
-    def _cams(self, folder: Path, shown: Progress) -> tuple[Sequence[FoundCam], FoundCam]:
+    def _cams(self, folder: Path, shown: Progress) -> tuple[Sequence[SearchedCam], SearchedCam]:
         """The confirmed cams of the search, each larger than the one before, and the best of the program alone."""
         asked, log = self.settings, Logbook(Journal(folder), shown.step, self.clock)
         search, no_jump = find_cam(
@@ -190,7 +190,7 @@ class _OpenRun:
         self.found = {"cams_judged": search.judge.calls, "gradient_ended": search.gradient_ended}
         return search.confirmed, no_jump
 
-    def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[Sequence[FoundCam], FoundCam]:
+    def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[Sequence[SearchedCam], SearchedCam]:
         """The same of the search for yield; the program alone is that with one common margin."""
         from camopt.optimizer.as_built.design import EFFORTS, yield_search
         from camopt.optimizer.as_built.journal import TrainsLog

@@ -17,6 +17,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.ramps import scene_ramps
 from camopt.exact import prepare
 from camopt.measure.sweep import at_speeds
+from camopt.optimizer import candidates
 from camopt.optimizer import run as module
 from camopt.optimizer.accuracy import ACCURACIES, design_speeds
 from camopt.optimizer.baselines import comparison
@@ -180,7 +181,7 @@ def designed(plain, monkeypatch):
     found = SimpleNamespace(lift=plain.lift, area_ratio=plain.record["area_ratio"], z=optimum.z)
     search.confirmed = [found]
     monkeypatch.setattr(module, "find_cam", lambda *a, **k: (search, found))
-    monkeypatch.setattr(module, "verdict_on", lambda *a, **k: plain.verdict)
+    monkeypatch.setattr(candidates, "verdict_on", lambda *a, **k: plain.verdict)
     return search
 
 
@@ -232,7 +233,7 @@ def test_a_verdict_that_falls_back_is_said(designed, plain, tmp_path, monkeypatc
     larger = SimpleNamespace(lift=plain.lift, area_ratio=first.area_ratio + 0.01, z=first.z)
     designed.confirmed = [first, larger]
     verdicts = iter([replace(plain.verdict, verdict="rejected"), plain.verdict])
-    monkeypatch.setattr(module, "verdict_on", lambda *a, **k: next(verdicts))
+    monkeypatch.setattr(candidates, "verdict_on", lambda *a, **k: next(verdicts))
     monkeypatch.setattr(module, "find_cam", lambda *a, **k: (designed, larger))
     record = optimize(load_scene("motori-1"), "nominal", "draft", "none", tmp_path / "run").record
     assert record["verdict_fell_back"] == {"candidates_judged": 2, "largest_refused_area_ratio": larger.area_ratio}
@@ -254,7 +255,7 @@ def test_contradictory_limits_leave_no_folder(tmp_path):
 
 def test_unconfirmed_design_ends_with_code_3_and_its_folder(plain, tmp_path, monkeypatch):
     rejected = replace(plain.verdict, verdict="rejected", broken=("bounce_max_mm at 7000 r/min",))
-    monkeypatch.setattr(module, "verdict_on", lambda *a, **k: rejected)
+    monkeypatch.setattr(candidates, "verdict_on", lambda *a, **k: rejected)
     result = optimize(load_scene("motori-1"), "nominal", "draft", "none", tmp_path / "run")
     assert result.exit_code == 3
     assert json.loads((tmp_path / "run" / "verification.json").read_text())["verdict"] == "rejected"
