@@ -47,6 +47,7 @@ FIRST_STEPS = 8192
 FOLLOWING = 4
 """The gradient of a motion that does not repeat itself is compared with those of this many further revolutions."""
 wall_seconds = partial(fastest, clock=time.perf_counter, first=False)
+processor_seconds = partial(fastest, first=False)  # of one thread: other work beside it does not count
 REPEATS = 3
 """Number of runs, the fastest of which gives the time."""
 
@@ -117,8 +118,8 @@ def exact_gradients(p: Problem) -> tuple[Found, Gradient]:
     for name in METRICS:
         motion = partial(TracedMotion, p.train, p.lift, p.cam_speed, p.start, REVOLUTIONS)
         gradient = partial(value_and_gradient, p.train, p.lift, p.cam_speed, [name], p.start, revolutions=REVOLUTIONS)
-        value, _ = wall_seconds(lambda motion=motion, name=name: motion().values([name]), REPEATS)
-        both, _ = wall_seconds(gradient, REPEATS)
+        value, _ = processor_seconds(lambda motion=motion, name=name: motion().values([name]), REPEATS)
+        both, _ = processor_seconds(gradient, REPEATS)
         ratio.append(both / value)
     gradients = np.einsum("lpq,mpq->lm", together.by_coefficients, p.directions)
     return Found(together.values, gradients, np.array(ratio)), together
