@@ -27,7 +27,7 @@ SIGNATURES = {
     "out=None, resume=False, progress=False",
     "cam_card": "cam, lifts_mm=(1.0, 1.27), *, name='', timing=None, other=None",
     "camshaft_torque": "scene, cam, phases_deg=(0.0,), speed_rpm=None",
-    "compare": "scene, designs, out, *, accuracy='draft', baselines='plain', progress=False",
+    "compare": "scene, designs, out, *, accuracy='draft', baselines='plain', progress=False, note=<lambda>",
     "converted": "lift, measured_by, follower",
     "cycloidal": "scene",
     "differentiable": "scene, cam",
