@@ -20,6 +20,15 @@ FLOOR_MS = 0.040
 """Time of a revolution if nothing but its matrix elements were loaded and its series summed (estimate by hand)."""
 
 
+def fastest_rows(rounds: list[list[dict]]) -> list[dict]:
+    """Each row of the rounds with its least time and the first call of the first round, which alone compiles."""
+    rows = []
+    for same in zip(*rounds, strict=True):
+        times = [row["ms"] for row in same if row["ms"] is not None]
+        rows.append({**same[0], "ms": min(times, default=None)})
+    return rows
+
+
 def ratios(rows: list[dict]) -> dict[str, dict[str, float] | None]:
     """Time at TARGET_MM of the first revolution over event-exact's, by method: with 300 samples, and to the end state.
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from camopt.study.tradeoff.dormand_prince import DENSE, ERROR, A, dormand_prince, right_hand_side
-from experiments.support.work_precision_parts import ratios
+from experiments.support.work_precision_parts import fastest_rows, ratios
 from experiments.work_precision import Case, main
 
 
@@ -63,3 +63,9 @@ def test_ratios_are_those_at_the_target():
         "slow": {"ms": pytest.approx(100.0), "sampled": pytest.approx(200.0), "end_state": pytest.approx(400.0)},
         "never": None,
     }
+
+
+def test_a_row_has_the_least_time_of_its_rounds():
+    fast, slow = {"method": "a", "ms": 1.0, "first_call_ms": 3.0}, {"method": "a", "ms": 2.0, "first_call_ms": 9.0}
+    never = {"method": "b", "ms": None, "first_call_ms": None}
+    assert fastest_rows([[slow, never], [fast, never]]) == [{**slow, "ms": 1.0}, never]
