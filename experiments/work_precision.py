@@ -4,8 +4,8 @@
 position to event-exact in 45 times smaller steps, at 300 angles per revolution (tests hold event-exact to a located
 DOP853 within 1e-6 mm). Time: processor time of one thread, minimum of repeats in rounds that are spread over the run,
 because a shared machine is slower for minutes at a time; ratios have a range over the rounds. Compilation, tables and
-preparation are apart, as the excess of the first call. In the second revolution the motion multiplies any error a million times:
-ratios are those at 1e-6 mm of the first. What fails stays in the table.
+preparation are apart, as the excess of the first call. In the second revolution the motion multiplies any error a
+million times: ratios are those at 1e-6 mm of the first. What fails stays in the table.
 """
 
 import time
