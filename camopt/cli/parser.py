@@ -61,18 +61,19 @@ def verb_named(command: str) -> str:
 
 def _failed(error: Exception, args: argparse.Namespace) -> int:
     from camopt.scene.errors import InputError
+    from camopt.scene.text_file import brief
 
     if args.debug:
         traceback.print_exc()
     left = left_behind(args)
     if isinstance(error, InputError):
-        print(f"camopt: {error}{left}", file=sys.stderr)
+        print(f"camopt: {brief(str(error))}{left}", file=sys.stderr)
         return BAD_INPUT
     if isinstance(error, OSError) and error.errno in REFUSALS:
         where = f"{error.filename}: " if error.filename else ""
         print(f"camopt: {where}the system refuses ({error.strerror}): give it room or rights{left}", file=sys.stderr)
         return BAD_INPUT
-    kind = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    kind = f"{type(error).__name__}: {brief(str(error))}" if str(error) else type(error).__name__
     remedy = "" if args.debug else "; --debug shows where"
     print(f"camopt: a defect of camopt, not of your input ({kind}){remedy}{left}", file=sys.stderr)
     return DEFECT

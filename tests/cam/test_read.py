@@ -54,6 +54,7 @@ class TestFamilies:
         with pytest.raises(InputError, match=says) as error:
             read_cam(spec, KODAMA)
         assert "\n" not in str(error.value)
+        assert len(str(error.value)) < 1500
 
 
 # a parameter at each end, and the word of the sentence that refuses it
@@ -140,6 +141,7 @@ class TestDesignFile:
             (lambda r: r["pieces"]["end_deg"].__setitem__(3, 0.0), "cover -180 to 180"),
             (lambda r: r["pieces"]["coefficients_mm"][5].__setitem__(0, float("nan")), "finite"),
             (lambda r: r["pieces"]["coefficients_mm"][5].__setitem__(0, "x"), "not a design.json"),
+            (lambda r: r["pieces"]["start_deg"].__setitem__(0, "a" * 20_000), "not a design.json"),
             (lambda r: r["pieces"]["coefficients_mm"].__setitem__(5, []), "1 to 64 numbers"),
             (lambda r: r["pieces"]["coefficients_mm"][5].__setitem__(0, 7.0), "steps by"),
             (lambda r: r.update(duration_deg=400), "between 0 and 360"),
