@@ -28,18 +28,23 @@ DRAWS_SEED = 1_000_003
 
 @dataclass(frozen=True)
 class YieldEffort:
-    """How many trains a search draws at first and at last, its linear programs on either, and the final statement."""
+    """How many trains a search knows in each of its stages, its linear programs there, and the final statement.
 
-    trains: tuple[int, int]
-    steps: tuple[int, int]
+    The first stage finds the common margin, for which few trains are enough. The slopes want many: a cam has dozens of
+    coefficients, of 1000 trains ten may fail, and such a cam suits those that it knows. On `kodama` one that held in
+    99.4 % of the 1000 trains of its search held in 98.4 % of 2000 others.
+    """
+
+    trains: tuple[int, ...]
+    steps: tuple[int, ...]
     stated_trains: int
     stated_speeds: int
 
 
 EFFORTS = {
-    "draft": YieldEffort((100, 100), (8, 0), 200, 11),
-    "standard": YieldEffort((300, 1000), (8, 8), 1000, 21),
-    "fine": YieldEffort((500, 2000), (16, 12), 2000, 41),
+    "draft": YieldEffort((100,), (8,), 200, 11),
+    "standard": YieldEffort((300, 4000), (0, 14), 1000, 21),
+    "fine": YieldEffort((500, 8000), (0, 20), 2000, 41),
 }
 
 
@@ -66,13 +71,14 @@ def yield_search(
     drawn.draw(effort.trains[0])
     margins, common = search.common_margin(), search.common
     assert common is not None
+    cam = common
     for trains, steps in zip(effort.trains, effort.steps, strict=True):
-        begin = search.best or common
         if trains > len(drawn.trains):
-            search.more_trains(trains)
+            search.more_trains(trains, cam)
         if gradient and steps:
-            last = search.by_slopes(begin, steps)
-            search.between(search.best or common, last)
+            cam = search.by_slopes(cam, steps)
+    if cam is not search.best:
+        search.between(search.best or common, cam)
     if not search.held:
         search.lowest("common margin", margins, MORE_STEP_N)
     if search.best is None:

@@ -92,13 +92,15 @@ class DrawnTrains:
         self._nominal = np.where(np.isfinite(found).reshape(self._nominal.shape), found.reshape(self._nominal.shape),
                                  self._nominal)  # fmt: skip
 
-    def draw(self, count: int) -> None:
-        """Draws trains until there are so many."""
+    def draw(self, count: int, unsure: np.ndarray | None = None) -> None:
+        """Draws trains until there are so many; they count as near their limits at the speeds that are `unsure` (s:
+        bool), by default at all of them, until they are judged there."""
         first = len(self.trains)
         self.trains += trains_as_built(self.scene, count - first, seed=self.seed, first=first)
         new = np.arange(first, count)
         self.states = np.concatenate([self.states, self._nominal[new % STAGGER]])
-        self.used = np.concatenate([self.used, np.full((len(new), len(self.limits), SPEEDS), UNJUDGED)])
+        self.used = np.concatenate([self.used, np.zeros((len(new), len(self.limits), SPEEDS))])
+        self.used[first:, :, slice(None) if unsure is None else unsure] = UNJUDGED
 
     def judge(self, lift: Lift, wanted: np.ndarray) -> None:
         """Judges a cam with the trains at the speeds that are `wanted` (t, s: bool)."""

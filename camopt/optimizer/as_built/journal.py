@@ -31,20 +31,24 @@ class TrainsLog:
         if path is None or not path.exists():
             return False
         with np.load(path, allow_pickle=False) as stored:
-            if stored["z"].shape != z.shape or not np.allclose(stored["z"], z, rtol=0, atol=1e-9):
+            same = "at" in stored and stored["z"].shape == z.shape and np.allclose(stored["z"], z, rtol=0, atol=1e-9)
+            if not same:
                 raise InputError(
                     f"{path}: belongs to another search: resume with the scene, yield, accuracy, gradient and seed of "
                     f"the interrupted run, or choose another --out"
                 )
-            drawn.used, drawn.states = stored["used"], stored["states"]
+            trains, speeds = stored["at"]
+            drawn.used[trains, :, speeds], drawn.states[trains, speeds] = stored["used"], stored["states"]
         return True
 
-    def keep(self, step: int, z: np.ndarray, drawn: DrawnTrains) -> None:
-        """Stores what the trains met at a step."""
+    def keep(self, step: int, z: np.ndarray, drawn: DrawnTrains, judged: np.ndarray) -> None:
+        """Stores what the trains met at a step, at the speeds at which they were `judged` (t, s: bool)."""
         path = self._path(step)
         if path is not None:
             content = io.BytesIO()
-            np.savez(content, allow_pickle=False, z=z, used=drawn.used, states=drawn.states)
+            at = np.nonzero(judged)
+            used, states = drawn.used[at[0], :, at[1]], drawn.states[at]
+            np.savez(content, allow_pickle=False, z=z, at=np.stack(at), used=used, states=states)
             write_bytes(path, content.getvalue())
 
     def note(self, line: dict) -> None:

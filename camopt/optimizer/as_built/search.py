@@ -30,15 +30,15 @@ AIM = 0.75
 GIVEN_UP = 1.25
 """Part of a limit beyond which a train falls no further short: it is one of those that a yield may lose, and by how
 much it fails is nobody's loss. A few soft springs in a thousand would otherwise make the whole cam."""
-WATCHED, CALM = 0.4, 0.2
-"""A train at a speed where it last used more of a limit than the first part is judged with every cam; one between the
-two parts, with a cam that holds; one below both is far from its limits with every cam that a search meets later."""
+WATCHED = 0.3
+"""A train at a speed where it last used less of a limit is not judged again before more trains are drawn: it is far
+from its limits with every cam that a search meets later."""
 FIRST_MARGIN_N, FIRST_STEP_N, MORE_STEP_N, LAST_STEP_N = 40.0, 10.0, 4.0, 1.5
 """Where the search for the common margin begins, its step until it is bisected, that after more trains are drawn, and
 where both end."""
 SLACK = 1.01
 """Factor on a shortfall of the program, so that margins below it are surely held."""
-NEAR, GONE, ROWS = 0.4, 1.6, 2
+NEAR, GONE, ROWS = 0.5, 1.6, 2
 """Trains whose worst part of a limit lies between the two have slopes, each those of so many of its largest parts. One
 beyond counts as given up, whatever the step."""
 REACH, WIDER, NARROWER, LEAST_REACH = 0.02, 1.5, 0.5, 0.0005
@@ -50,13 +50,12 @@ PENALTY = 4.0
 """Area ratio that a unit of shortfall beyond the budget costs a step. The linear program takes more for it; here it is
 so low that the way may lead through cams that a few trains too many do not hold."""
 SPENT = 0.6
-"""Part of the wanted loss that a search may spend: its cam suits the trains that it knows better than others. On
-`kodama` a cam that held in 99.0 % of the 1000 trains of its search held in 98.4 % of 1000 fresh ones."""
+"""Part of the wanted loss that a search may spend: its cam suits the trains that it knows better than others."""
 BUDGET = 0.6
 """Expected shortfall that a cam may have, per share of trains that may be lost. A count of few failing trains is a
 rough measure, and a search that goes by it alone ends at a cam that suits its own draws."""
 RESOLUTION = 2e-4
-"""Area ratio by which a cam must exceed the best one to be worth judging everywhere."""
+"""Area ratio by which a cam must exceed the best one to take its place."""
 
 
 @dataclass
@@ -95,12 +94,12 @@ class YieldSearch:
     def consider(self, stage: str, found: YieldCam) -> bool:
         """Judges a cam, keeps it if it is the largest that enough trains hold, and reports the step."""
         drawn, self.steps = self.drawn, self.steps + 1
-        larger = self.best is None or found.area_ratio > self.best.area_ratio + RESOLUTION
         if not self.log.recalled(self.steps, found.z, drawn):
-            self._judge(found, larger)
-            self.log.keep(self.steps, found.z, drawn)
+            watched = drawn.used.max(axis=1) > WATCHED
+            drawn.judge(found.lift, watched)
+            self.log.keep(self.steps, found.z, drawn, watched)
         holds = self.holds
-        if holds and larger:
+        if holds and (self.best is None or found.area_ratio > self.best.area_ratio + RESOLUTION):
             self.held.append(found)
         line = {
             "iteration": self.steps,
@@ -116,17 +115,6 @@ class YieldSearch:
         self.log.note(line)
         self.show(line)
         return holds
-
-    def _judge(self, found: YieldCam, larger: bool) -> None:
-        """Judges where limits were used most and, where enough trains hold there and the cam is larger, wherever it may
-        matter."""
-        drawn = self.drawn
-        used = drawn.used.max(axis=1)
-        watched = used > WATCHED
-        watched[:, -1] = True
-        drawn.judge(found.lift, watched)
-        if larger and self.holds:
-            drawn.judge(found.lift, ~watched & (used > CALM))
 
     @property
     def shortfall(self) -> float:
@@ -208,9 +196,12 @@ class YieldSearch:
         """What trains near their limits use of them with the cam that was just judged, and how that grows with z."""
         return self.drawn.slopes(cam.program.cam, cam.z, (NEAR, GONE), ROWS)
 
-    def more_trains(self, count: int) -> None:
-        """Draws trains until there are so many; no cam counts as one that holds until it is judged with them."""
-        assert self.best is not None, "a common margin comes first"
-        self.drawn.settle(self.best.lift)
-        self.drawn.draw(count)
+    def more_trains(self, count: int, cam: YieldCam) -> None:
+        """Draws trains until there are so many; no cam counts as one that holds until it is judged with them.
+
+        They begin where the train as designed settles with `cam`, and are judged at the speeds at which one of the
+        trains so far is watched.
+        """
+        self.drawn.settle(cam.lift)
+        self.drawn.draw(count, (self.drawn.used > WATCHED).any(axis=(0, 1)))
         self.held.clear()

@@ -1,6 +1,7 @@
 """The search for yield: the slope of its objective, its resumption, its statement and what it refuses."""
 
 import json
+from copy import deepcopy
 from types import SimpleNamespace
 
 import numpy as np
@@ -136,21 +137,23 @@ def test_a_resumed_search_judges_nothing_twice(tmp_path, monkeypatch):
     lines = (tmp_path / HISTORY).read_text()
     last = sorted((tmp_path / FOLDER).glob("*.npz"))[-1]
     last.unlink()
-    judged = []
-    judge = search_module.YieldSearch._judge
-    monkeypatch.setattr(
-        search_module.YieldSearch, "_judge", lambda self, *a: (judged.append(self.steps), judge(self, *a))
-    )
+    judged, judge = [], DrawnTrains.judge
+    monkeypatch.setattr(DrawnTrains, "judge", lambda self, *a: (judged.append(a), judge(self, *a)))
     again = yield_search(SCENE, 0.9, SMALL, log=TrainsLog(tmp_path))
-    assert judged == [first.steps]
+    assert len(judged) == 1
     assert np.array_equal(again.best.z, first.best.z)
     assert (tmp_path / HISTORY).read_text() == lines
 
 
 def test_a_journal_of_another_search_is_refused(found, tmp_path):
     log = TrainsLog(tmp_path)
-    log.keep(1, found.best.z, found.drawn)
-    assert log.recalled(1, found.best.z, found.drawn)
+    drawn, judged = deepcopy(found.drawn), found.drawn.all
+    judged[1:] = False
+    log.keep(1, found.best.z, drawn, judged)
+    drawn.used[:2], drawn.states[:2] = 7.0, 7.0
+    assert log.recalled(1, found.best.z, drawn)
+    assert np.array_equal(drawn.used[0], found.drawn.used[0]) and np.all(drawn.used[1] == 7.0)
+    assert np.array_equal(drawn.states[0], found.drawn.states[0]) and np.all(drawn.states[1] == 7.0)
     with pytest.raises(InputError, match="belongs to another search"):
         log.recalled(1, found.best.z + 1e-3, found.drawn)
 
