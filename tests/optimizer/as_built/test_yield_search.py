@@ -25,7 +25,7 @@ from tests.scene.test_load import EXAMPLE
 
 SCATTER = '\n[[tolerance]]\nof = "spring.preload_N"\nrelative = 0.05\n[grinding]\nerror_um = 2.0\nharmonics = [2, 40]\n'
 SCENE = parse_scene(EXAMPLE + SCATTER, "mine.toml")
-SMALL = YieldEffort((12, 20), (2, 2), 12, 5)
+SMALL = YieldEffort(12, 2, 4, 12, 5)
 
 
 @pytest.fixture(scope="module")
@@ -130,6 +130,11 @@ def test_every_train_is_judged_at_the_top_of_the_band():
     drawn = DrawnTrains(SCENE, 0)
     top = SCENE.cam_speed(SCENE.operation.band_rpm[1])
     assert [drawn.speeds(t)[-1] for t in range(5)] == pytest.approx([top] * 5)
+
+
+def test_as_many_trains_are_drawn_as_may_fail_often_enough():
+    effort = YieldEffort(300, 40, 14, 1000, 21)
+    assert [effort.trains_for(wanted) for wanted in (0.99, 0.95, 0.8)] == [4000, 800, 300]
 
 
 def test_a_resumed_search_judges_nothing_twice(tmp_path, monkeypatch):
