@@ -200,8 +200,10 @@ class YieldSearch:
         """Draws trains until there are so many; no cam counts as one that holds until it is judged with them.
 
         They begin where the train as designed settles with `cam`, and are judged at the speeds at which one of the
-        trains so far is watched.
+        trains so far is watched, and at the top of the band.
         """
         self.drawn.settle(cam.lift)
-        self.drawn.draw(count, (self.drawn.used > WATCHED).any(axis=(0, 1)))
+        near = np.max(self.drawn.used, axis=(0, 1)) > WATCHED
+        near[-1] = True
+        self.drawn.draw(count, near)
         self.held.clear()
