@@ -51,9 +51,8 @@ PENALTY = 4.0
 so low that the way may lead through cams that a few trains too many do not hold."""
 SPENT = 0.6
 """Part of the wanted loss that a search may spend: its cam suits the trains that it knows better than others."""
-BUDGET = 0.6
-"""Expected shortfall that a cam may have, per share of trains that may be lost. A count of few failing trains is a
-rough measure, and a search that goes by it alone ends at a cam that suits its own draws."""
+PER_FAILING = 0.6
+"""Expected shortfall per share of failing trains where too few of them fail to say it."""
 RESOLUTION = 2e-4
 """Area ratio by which a cam must exceed the best one to take its place."""
 
@@ -70,6 +69,7 @@ class YieldSearch:
     held: list[YieldCam] = field(default_factory=list)  # each larger than the one before
     common: YieldCam | None = None  # the largest of a common margin
     steps: int = 0
+    per_failing: float = PER_FAILING  # expected shortfall per share of failing trains
 
     @property
     def best(self) -> YieldCam | None:
@@ -83,13 +83,13 @@ class YieldSearch:
 
     @property
     def budget(self) -> float:
-        """Expected shortfall that a cam may have."""
-        return SPENT * BUDGET * (1.0 - self.wanted)
+        """Expected shortfall of a cam of which as many trains fail as may."""
+        return SPENT * self.per_failing * (1.0 - self.wanted)
 
     @property
     def holds(self) -> bool:
         """Whether enough of the trains hold the last cam, as far as they were judged."""
-        return self.drawn.failing <= self.allowed and self.shortfall <= self.budget
+        return self.drawn.failing <= self.allowed
 
     def consider(self, stage: str, found: YieldCam) -> bool:
         """Judges a cam, keeps it if it is the largest that enough trains hold, and reports the step."""
@@ -164,6 +164,7 @@ class YieldSearch:
         """
         drawn, reach, found = self.drawn, REACH, None
         self.consider("linear programs", cam)
+        self._measure_budget()
         for _ in range(steps):
             found = found or self._slopes(cam)
             lost = np.sum(drawn.worst >= GONE) * (GIVEN_UP - AIM)
@@ -172,6 +173,7 @@ class YieldSearch:
             self.consider("linear programs", moved)
             if self.merit(moved) > merit:
                 cam, reach, found = moved, WIDER * reach, None
+                self._measure_budget()
                 continue
             found = found.joined(self._slopes(moved))  # what the program did not see coming
             drawn.used, drawn.states = known
@@ -187,6 +189,11 @@ class YieldSearch:
         for _ in range(BISECTIONS):
             share = 0.5 * (low + high)
             low, high = (share, high) if self.consider("between", safe.moved_towards(cam, share)) else (low, share)
+
+    def _measure_budget(self) -> None:
+        """Takes from the last cam how much shortfall comes with a failing train; that differs from scene to scene."""
+        if 2 * self.drawn.failing >= max(self.allowed, 2):
+            self.per_failing = self.shortfall * len(self.drawn.trains) / self.drawn.failing
 
     def merit(self, cam: YieldCam) -> float:
         """The area ratio of the cam that was just judged, less what its shortfall beyond the budget costs."""

@@ -132,6 +132,18 @@ def test_every_train_is_judged_at_the_top_of_the_band():
     assert [drawn.speeds(t)[-1] for t in range(5)] == pytest.approx([top] * 5)
 
 
+def test_the_budget_is_the_shortfall_of_as_many_failing_trains_as_may_fail():
+    worst = np.full(100, 0.5)
+    worst[:4] = 1.2
+    drawn = SimpleNamespace(trains=[None] * 100, worst=worst, failing=4)
+    search = YieldSearch(drawn, None, 0.9)
+    search._measure_budget()
+    assert search.allowed == 6 and search.budget == pytest.approx(6 * (1.2 - search_module.AIM) / 100)
+    drawn.failing = 1  # of one train nothing is known
+    search._measure_budget()
+    assert search.per_failing == pytest.approx(1.2 - search_module.AIM)
+
+
 def test_as_many_trains_are_drawn_as_may_fail_often_enough():
     effort = YieldEffort(300, 40, 14, 1000, 21)
     assert [effort.trains_for(wanted) for wanted in (0.99, 0.95, 0.8)] == [4000, 800, 300]
