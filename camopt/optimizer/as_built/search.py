@@ -30,7 +30,7 @@ AIM = 0.75
 GIVEN_UP = 1.25
 """Part of a limit beyond which a train falls no further short: it is one of those that a yield may lose, and by how
 much it fails is nobody's loss. A few soft springs in a thousand would otherwise make the whole cam."""
-WATCHED = 0.3
+WATCHED = 0.4
 """A train at a speed where it last used less of a limit is not judged again before more trains are drawn: it is far
 from its limits with every cam that a search meets later."""
 FIRST_MARGIN_N, FIRST_STEP_N, MORE_STEP_N, LAST_STEP_N = 40.0, 10.0, 4.0, 1.5
@@ -38,12 +38,14 @@ FIRST_MARGIN_N, FIRST_STEP_N, MORE_STEP_N, LAST_STEP_N = 40.0, 10.0, 4.0, 1.5
 where both end."""
 SLACK = 1.01
 """Factor on a shortfall of the program, so that margins below it are surely held."""
-NEAR, GONE, ROWS = 0.5, 1.6, 2
+NEAR, GONE, ROWS = 0.6, 1.6, 2
 """Trains whose worst part of a limit lies between the two have slopes, each those of so many of its largest parts. One
 beyond counts as given up, whatever the step."""
-REACH, WIDER, NARROWER, LEAST_REACH = 0.02, 1.5, 0.5, 0.0005
-"""How far the first step goes, in typical coefficients; factors on that after a step that is taken and one that is not;
-and where the steps end."""
+REACH, WIDER, NARROWER = 0.02, 1.5, 0.5
+"""How far the first step goes, in typical coefficients; factors on that after a step that is taken and one that is
+not."""
+LEAST_GAIN = 0.001
+"""Area ratio that three steps in a row must add for another one: each costs as much as hundreds of trains."""
 BISECTIONS = 4
 """Cams that are looked at on the way back from one that a few trains too many do not hold."""
 PENALTY = 4.0
@@ -158,27 +160,29 @@ class YieldSearch:
         return np.tile(level - np.array([0.0] * within + [*OVERSPEED_FALL_N]), (3, 1))
 
     def by_slopes(self, cam: YieldCam, steps: int) -> YieldCam:
-        """So many linear programs along exact slopes, from `cam` on; fewer where their reach has become nothing.
+        """So many linear programs along exact slopes, from `cam` on; fewer where they add next to nothing.
 
         Returns the last cam that was taken, which a few trains too many may not hold.
         """
         drawn, reach, found = self.drawn, REACH, None
         self.consider("linear programs", cam)
         self._measure_budget()
+        gains = [np.inf]
         for _ in range(steps):
             found = found or self._slopes(cam)
             lost = np.sum(drawn.worst >= GONE) * (GIVEN_UP - AIM)
             moved = stepped(cam, found, AIM, max(len(drawn.trains) * self.budget - lost, 0.0), reach)
             merit, known = self.merit(cam), (drawn.used.copy(), drawn.states.copy())
             self.consider("linear programs", moved)
-            if self.merit(moved) > merit:
+            gains.append(max(self.merit(moved) - merit, 0.0))
+            if gains[-1] > 0.0:
                 cam, reach, found = moved, WIDER * reach, None
                 self._measure_budget()
-                continue
-            found = found.joined(self._slopes(moved))  # what the program did not see coming
-            drawn.used, drawn.states = known
-            reach *= NARROWER
-            if reach < LEAST_REACH:
+            else:
+                found = found.joined(self._slopes(moved))  # what the program did not see coming
+                drawn.used, drawn.states = known
+                reach *= NARROWER
+            if sum(gains[-3:]) < LEAST_GAIN:
                 break
         return cam
 
