@@ -32,7 +32,7 @@ class YieldEffort:
 
     Few trains are enough for the common margin. The steps draw as many as it takes for `failing` of them to fail under
     the yield that is wanted: a cam has dozens of coefficients, and suits the failing trains that it knows, if they are
-    few. On `kodama` one that held in 99.4 % of the 1000 trains of its search held in 98.4 % of 2000 others.
+    few, better than all the others.
     """
 
     trains: int
