@@ -14,7 +14,8 @@ from camopt.cli import values
 from camopt.cli import verbs as commands
 from camopt.exact.adjoint.motion import ByTrain
 from camopt.optimizer.accuracy import ACCURACIES
-from camopt.scene import scene_text, text_file
+from camopt.scene import scene_text
+from camopt.scene.errors import brief
 from camopt.scene.train import TRAIN_PARAMETERS
 from camopt.verifier.accuracy import EFFORTS
 from camopt.verifier.methods import METHOD_NAMES, verdict_methods
@@ -238,5 +239,5 @@ def test_a_message_that_quotes_too_much_is_cut_in_its_middle(tmp_path, capsys):
     (tmp_path / "a.toml").write_text(f"name = '{'a' * 5000}")
     assert cli.main(["modes", str(tmp_path / "a.toml")]) == 2
     assert max(map(len, capsys.readouterr().err.splitlines())) < 1500
-    assert text_file.brief("first\n" + "a" * 700 + "b" * 700) == f"first\n{'a' * 500} ... {'b' * 500}"
-    assert text_file.brief("a" * 1000) == "a" * 1000
+    assert brief("first\n" + "a" * 700 + "b" * 700) == f"first\n{'a' * 500} ... {'b' * 500}"
+    assert brief("a" * 1000) == "a" * 1000

@@ -7,7 +7,7 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.scene import InputError, Scene
-from camopt.scene.text_file import brief, read_text
+from camopt.scene.text_file import read_text
 from camopt.scene.units import DEG, MM
 from camopt.storage import write_json
 
@@ -61,7 +61,7 @@ def lift_of_text(text: str, scene: Scene, path: object) -> Lift:
         duration = float(data["duration_deg"]) if "duration_deg" in data else _scene_duration_deg(scene)
         family, parameters = str(data.get("family", "lift")), dict(data.get("parameters") or {})
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        what = f"{error} is missing" if isinstance(error, KeyError) else brief(str(error))
+        what = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         raise InputError(f"{path}: not a design.json of camopt: {what}") from None
     if start.ndim != 1 or not len(start) == len(end) == len(coefficients) > 0:
         raise InputError(f"{path}: pieces: start_deg, end_deg and coefficients_mm must be lists of equal length")

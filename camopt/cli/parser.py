@@ -60,14 +60,13 @@ def verb_named(command: str) -> str:
 
 
 def _failed(error: Exception, args: argparse.Namespace) -> int:
-    from camopt.scene.errors import InputError
-    from camopt.scene.text_file import brief
+    from camopt.scene.errors import InputError, brief
 
     if args.debug:
         traceback.print_exc()
     left = left_behind(args)
     if isinstance(error, InputError):
-        print(f"camopt: {brief(str(error))}{left}", file=sys.stderr)
+        print(f"camopt: {error}{left}", file=sys.stderr)
         return BAD_INPUT
     if isinstance(error, OSError) and error.errno in REFUSALS:
         where = f"{error.filename}: " if error.filename else ""

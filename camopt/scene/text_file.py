@@ -7,21 +7,12 @@ from camopt.scene.errors import InputError
 
 LONGEST_SHOWN = 60
 """Characters of the user's own text that a sentence repeats."""
-LONGEST_LINE = 1000
-"""Characters of a line of a message; a library's sentence may quote whatever a file has."""
 
 
 def excerpt(text: str) -> str:
     """The text, quoted, without its middle where it is long."""
     half = LONGEST_SHOWN // 2
     return repr(text) if len(text) <= LONGEST_SHOWN else f"{text[:half]!r} ... {text[-half:]!r}"
-
-
-def brief(sentence: str) -> str:
-    """The sentence, each of its lines without the middle where nobody would read it to its end."""
-    half = LONGEST_LINE // 2
-    lines = sentence.split("\n")
-    return "\n".join(one if len(one) <= LONGEST_LINE else f"{one[:half]} ... {one[-half:]}" for one in lines)
 
 
 def usable_path(path: str | Path, what: str) -> Path:

@@ -36,8 +36,6 @@ from its limits with every cam that a search meets later."""
 FIRST_MARGIN_N, FIRST_STEP_N, MORE_STEP_N, LAST_STEP_N = 40.0, 10.0, 4.0, 1.5
 """Where the search for the common margin begins, its step until it is bisected, that after more trains are drawn, and
 where both end."""
-SLACK = 1.01
-"""Factor on a shortfall of the program, so that margins below it are surely held."""
 NEAR, GONE, ROWS = 0.6, 1.6, 2
 """Trains whose worst part of a limit lies between the two have slopes, each those of so many of its largest parts. One
 beyond counts as given up, whatever the step."""
