@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from html.parser import HTMLParser
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +75,9 @@ def differences(folder: Path) -> list[str]:
     sentences += _apart("design.json", run.design, fresh.design)
     before, after = outcome_lines(run), outcome_lines(fresh)
     sentences += [
-        f"the last table says {old!r}, not {new!r}" for old, new in zip(before, after, strict=True) if old != new
+        f"the last table says {old!r}, not {new!r}"
+        for old, new in zip_longest(before, after, fillvalue="no further line")
+        if old != new
     ]
     page = folder / "report.html"
     if not page.is_file():

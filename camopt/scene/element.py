@@ -5,7 +5,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from camopt.scene.table import Name, NonNegative, Positive, Table
+from camopt.scene.table import SMALLEST, Name, NonNegative, Positive, Table
+from camopt.scene.units import MM
 
 FORMS = ("linear", "hertz", "progressive", "table", "adjuster", "friction")
 """The laws that a spring or contact may have, and the two kinds that have a law of their own."""
@@ -44,6 +45,9 @@ WHY_ZERO = {
     "preload_N": "its force is all in its law",
 }
 MOST_TABLE_ROWS = 200
+NEAREST_MM, FURTHEST_MM = 1e-6, 500.0
+"""How far apart the rows of a table may be: nearer ones are one row written twice, and no spring travels half a metre.
+"""
 StiffnessTable = Annotated[tuple[tuple[float, Positive], ...], Field(min_length=2, max_length=MOST_TABLE_ROWS)]
 ForceTable = Annotated[tuple[tuple[float, float], ...], Field(min_length=2, max_length=MOST_TABLE_ROWS)]
 
@@ -127,9 +131,21 @@ class Element(Table):
     def _ascending(cls, table, info: ValidationInfo):
         if table is not None and any(a[0] >= b[0] for a, b in pairwise(table)):
             raise ValueError("the compressions of its rows must ascend without repeats")
+        if table is not None and any(not NEAREST_MM <= b[0] - a[0] <= FURTHEST_MM for a, b in pairwise(table)):
+            raise ValueError(f"neighbouring compressions must be {NEAREST_MM:g} to {FURTHEST_MM:g} mm apart")
         if table is not None and info.field_name == "force_table" and any(a[1] >= b[1] for a, b in pairwise(table)):
             raise ValueError("the forces of its rows must ascend without repeats: a spring that is pressed pushes more")
+        if table is not None and info.field_name == "force_table" and any(_flat(a, b) for a, b in pairwise(table)):
+            raise ValueError(f"the stiffness from row to row must be at least {SMALLEST:g} N/m")
         return table
+
+    @field_validator("spring_N_per_m")
+    @classmethod
+    def _softer_than_the_oil(cls, spring, info: ValidationInfo):
+        stiffness = info.data.get("stiffness_N_per_m")
+        if spring and stiffness and spring >= stiffness:
+            raise ValueError(f"must be less than stiffness_N_per_m, which is {stiffness:g}: oil is stiffer than a spring")
+        return spring
 
     @field_validator("preload_N")
     @classmethod
@@ -144,6 +160,8 @@ class Element(Table):
                     f"must be more than spring_N_per_m times half of stroke_mm, which is {least:g} N: the plunger "
                     f"spring pushes as far as the plunger travels"
                 )
+            if data.get("stiffness_N_per_m") and preload / data["stiffness_N_per_m"] > FURTHEST_MM * MM:
+                raise ValueError(f"presses the oil in by more than {FURTHEST_MM:g} mm: check the unit in the key")
         return preload
 
     @field_validator(*NOT_OF)
@@ -161,6 +179,11 @@ class Element(Table):
         if driven and info.data.get("kind") in ("adjuster", "friction"):
             raise ValueError("the cam drives a contact: put one between the cam and this element")
         return driven
+
+
+def _flat(row: tuple[float, float], following: tuple[float, float]) -> bool:
+    """Whether the force of a table rises less from one row to the following than any stiffness of a scene would."""
+    return following[1] - row[1] < SMALLEST * (following[0] - row[0]) * MM
 
 
 def _form(info: ValidationInfo) -> str | None:

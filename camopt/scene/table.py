@@ -15,9 +15,13 @@ def _not_too_small(value: float) -> float:
     return value
 
 
+def _zero_or_not_too_small(value: float) -> float:
+    return value and _not_too_small(value)
+
+
 Usable = AfterValidator(_not_too_small)
 Positive = Annotated[float, Field(gt=0), Usable]
-NonNegative = Annotated[float, Field(ge=0)]
+NonNegative = Annotated[float, Field(ge=0), AfterValidator(_zero_or_not_too_small)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,63}$")]
 
 

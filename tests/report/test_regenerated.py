@@ -117,6 +117,17 @@ def test_the_check_judges_anew_and_finds_what_was_changed(run, capsys):
             (run / name).write_text(text, encoding="utf-8")
 
 
+def test_the_check_of_a_folder_without_its_verdict_ends_in_sentences(run, capsys):
+    """Number 1082127 of the campaign's inputs."""
+    kept = run / "verification.json"
+    kept.rename(run / "away.json")
+    try:
+        assert main(["report", str(run), "--check"]) == 3
+    finally:
+        (run / "away.json").rename(kept)
+    assert "verdict says None, it comes out as " in capsys.readouterr().out
+
+
 def test_no_run_folder_is_bad_input(tmp_path, capsys):
     assert main(["report", str(tmp_path / "nowhere")]) == 2
     assert "no such run folder" in capsys.readouterr().err

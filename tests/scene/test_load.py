@@ -79,6 +79,7 @@ def test_built_in_scenes_load(name):
         ("ramp_height_mm = 0.265 ", "ramp_height_mm = 0.05 ", "design", "too low for its foot"),
         ("acceleration_min_mm_per_deg2 = -0.008", "acceleration_min_mm_per_deg2 = 0.008", "design.acceleration_min",
          "less than 0"),
+        ("ramp_foot_deg = 10", "ramp_foot_deg = 1e-300", "design.ramp_foot_deg", "smaller than any quantity"),
         ('follower = "flat" ', 'follower = "roller" ', "geometry", "roller_radius_mm"),
         ('between = ["valve", "ground"]', 'between = ["poppet", "ground"]', "element.2.between", "'poppet'"),
         ('between = ["valve", "ground"]', 'between = ["valve", "valve"]', "element.2.between", "both ends"),

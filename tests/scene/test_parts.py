@@ -12,6 +12,7 @@ from camopt.scene.rest import static_forces
 TEXT = (Path(__file__).parent / "real.toml").read_text()
 STIFFNESS = "stiffness_N_per_m = 4.0e7"
 PLUNGER = "preload_N = 40.0"
+STIFFNESS_OF_OIL = "stiffness_N_per_m = 2.0e7"
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +34,11 @@ def train():
         ("slip_N = 15.0", "slip_N = 300.0", "element", "could hold the valve off its seat"),
         ("[5.0, 420.0]", "[-5.0, 420.0]", "element.3.force_table", "compressions of its rows must ascend"),
         ("[5.0, 420.0]", "[5.0, 42.0]", "element.3.force_table", "forces of its rows must ascend"),
+        ("[10.0, 640.0]", "[10000.0, 640.0]", "element.3.force_table", "must be 1e-06 to 500 mm apart"),
+        ("[5.0, 420.0]", "[5e-324, 420.0]", "element.3.force_table", "must be 1e-06 to 500 mm apart"),
+        ("[5.0, 420.0]", "[0.0000000001, 420.0]", "element.3.force_table", "must be 1e-06 to 500 mm apart"),
+        (STIFFNESS_OF_OIL, "stiffness_N_per_m = 2e-5", "element.2.spring_N_per_m", "oil is stiffer than a spring"),
+        (PLUNGER, "preload_N = 1e14", "element.2.preload_N", "presses the oil in by more than 500 mm"),
         ('law = "table"\n', 'law = "table"\npreload_N = 3.0\n', "element.3.preload_N", "its force is all in its law"),
         ("[180.0, 0.0]", "[180.0, 9.0]", "force.1.table", "the same force"),
         ("[-70.0, 0.0]", "[70.0, 0.0]", "force.1.table", "cam angles of its rows must ascend"),
