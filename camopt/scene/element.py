@@ -144,7 +144,9 @@ class Element(Table):
     def _softer_than_the_oil(cls, spring, info: ValidationInfo):
         stiffness = info.data.get("stiffness_N_per_m")
         if spring and stiffness and spring >= stiffness:
-            raise ValueError(f"must be less than stiffness_N_per_m, which is {stiffness:g}: oil is stiffer than a spring")
+            raise ValueError(
+                f"must be less than stiffness_N_per_m, which is {stiffness:g}: oil is stiffer than a spring"
+            )
         return spring
 
     @field_validator("preload_N")
