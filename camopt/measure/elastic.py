@@ -67,7 +67,8 @@ class Elastic:
 def _linear(train: Train) -> Laws:
     """The laws of a train that gives none."""
     zero = np.zeros(len(train.a))
-    return Laws(zero.astype(int), train.stiffness, zero + 1.0, np.zeros((len(zero), 1, 2)), zero, zero, zero)
+    kind, rows, table = zero.astype(int), np.ones(len(zero), int), np.zeros((len(zero), 1, 2))
+    return Laws(kind, train.stiffness, zero + 1.0, table, zero, zero, zero, rows)
 
 
 def _curve(table: np.ndarray, preload: float | None) -> PPoly:

@@ -129,14 +129,20 @@ class Element(Table):
     @field_validator(*ROWS)
     @classmethod
     def _ascending(cls, table, info: ValidationInfo):
-        if table is not None and any(a[0] >= b[0] for a, b in pairwise(table)):
+        if table is None:
+            return table
+        compressions, values = zip(*table, strict=True)
+        if any(a >= b for a, b in pairwise(compressions)):
             raise ValueError("the compressions of its rows must ascend without repeats")
-        if table is not None and any(not NEAREST_MM <= b[0] - a[0] <= FURTHEST_MM for a, b in pairwise(table)):
+        if any(not NEAREST_MM <= b - a <= FURTHEST_MM for a, b in pairwise(compressions)):
             raise ValueError(f"neighbouring compressions must be {NEAREST_MM:g} to {FURTHEST_MM:g} mm apart")
-        if table is not None and info.field_name == "force_table" and any(a[1] >= b[1] for a, b in pairwise(table)):
-            raise ValueError("the forces of its rows must ascend without repeats: a spring that is pressed pushes more")
-        if table is not None and info.field_name == "force_table" and any(_flat(a, b) for a, b in pairwise(table)):
-            raise ValueError(f"the stiffness from row to row must be at least {SMALLEST:g} N/m")
+        if info.field_name == "force_table":
+            if any(a >= b for a, b in pairwise(values)):
+                raise ValueError(
+                    "the forces of its rows must ascend without repeats: a spring that is pressed pushes more"
+                )
+            if any(_stiffness(a, b) < SMALLEST for a, b in pairwise(table)):
+                raise ValueError(f"the stiffness from row to row must be at least {SMALLEST:g} N/m")
         return table
 
     @field_validator("spring_N_per_m")
@@ -183,9 +189,9 @@ class Element(Table):
         return driven
 
 
-def _flat(row: tuple[float, float], following: tuple[float, float]) -> bool:
-    """Whether the force of a table rises less from one row to the following than any stiffness of a scene would."""
-    return following[1] - row[1] < SMALLEST * (following[0] - row[0]) * MM
+def _stiffness(row: tuple[float, float], following: tuple[float, float]) -> float:
+    """Stiffness [N/m] from one row of a force table to the following."""
+    return (following[1] - row[1]) / ((following[0] - row[0]) * MM)
 
 
 def _form(info: ValidationInfo) -> str | None:

@@ -51,6 +51,7 @@ class Laws:
     leak: np.ndarray  # (e) N s/m, of oil
     travel: np.ndarray  # (e) m, of the ball in an oil column's valve
     slip: np.ndarray  # (e) N, of friction
+    rows: np.ndarray  # (e) int: first rows of `table` that are the element's own; more bring it to the others' length
 
     @property
     def has_memory(self) -> np.ndarray:

@@ -91,6 +91,7 @@ def laws_of(parts: Sequence[Part]) -> Laws:
         leak=np.array([p.leak for p in parts]),
         travel=np.array([p.travel for p in parts]),
         slip=np.array([p.slip for p in parts]),
+        rows=np.array([max(1, len(p.table)) for p in parts]),
     )
     tables = np.array([len(p.table) > 0 for p in parts])
     laws.coefficient[tables] = laws.stand_in()[tables]

@@ -1,11 +1,14 @@
 """Elements in pieces against closed forms: tables, friction, oil, gas force, and what is refused."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 from camopt.exact import prepare
-from camopt.scene import InputError
+from camopt.exact.affine.pieces import numbers_of, parts_of
+from camopt.scene import InputError, build_train, parse_scene
 from tests.exact.small_trains import ONCE_A_SECOND, STILL, friction, one_mass, spring
 
 
@@ -106,3 +109,16 @@ def test_too_many_combinations_are_refused_in_one_sentence():
     train = one_mass(*[table] * 11)
     with pytest.raises(InputError, match=r"combine in .* ways, and at most"):
         prepare(train, STILL, ONCE_A_SECOND)
+
+
+def test_a_long_adjuster_keeps_its_stops():
+    """Rows that lie further apart than any other table's are still the element's own."""
+    text = (Path(__file__).parents[1] / "scene" / "real.toml").read_text()
+    changes = {"stroke_mm = 3.0": "stroke_mm = 600.0", "spring_N_per_m = 2000.0": "spring_N_per_m = 100.0"}
+    for old, new in changes.items():
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    train = build_train(parse_scene(text, "real.toml"))
+    e = train.element_names.index("lifter")
+    acting = [piece.force[1] for piece in parts_of(train, numbers_of(train))[e].pieces if piece.force[1]]
+    assert acting == pytest.approx([2.0e7, 100.0, 2.0e7])

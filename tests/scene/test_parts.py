@@ -37,6 +37,7 @@ def train():
         ("[10.0, 640.0]", "[10000.0, 640.0]", "element.3.force_table", "must be 1e-06 to 500 mm apart"),
         ("[5.0, 420.0]", "[5e-324, 420.0]", "element.3.force_table", "must be 1e-06 to 500 mm apart"),
         ("[5.0, 420.0]", "[0.0000000001, 420.0]", "element.3.force_table", "must be 1e-06 to 500 mm apart"),
+        ("[-1.0, 230.0], [0.0, 250.0]", "[-1.0, 0.0], [0.0, 1e-300]", "element.3.force_table", "at least 1e-12 N/m"),
         (STIFFNESS_OF_OIL, "stiffness_N_per_m = 2e-5", "element.2.spring_N_per_m", "oil is stiffer than a spring"),
         (PLUNGER, "preload_N = 1e14", "element.2.preload_N", "presses the oil in by more than 500 mm"),
         ('law = "table"\n', 'law = "table"\npreload_N = 3.0\n', "element.3.preload_N", "its force is all in its law"),

@@ -41,7 +41,7 @@ def laws(kind, coefficient, exponent=1.0, table=None, leak=0.0, travel=0.0, slip
     rows = np.array([[0.0, 1.0]] if table is None else table)
     numbers = (np.broadcast_to(q, elements).astype(float) for q in (coefficient, exponent))
     others = (np.broadcast_to(q, elements).astype(float) for q in (leak, travel, slip))
-    return Laws(np.array(kind), *numbers, np.stack([rows] * elements), *others)
+    return Laws(np.array(kind), *numbers, np.stack([rows] * elements), *others, rows=np.full(elements, len(rows)))
 
 
 def two_springs() -> Train:

@@ -19,16 +19,13 @@ CHORDS = 16
 """Chords of a curved law, unless the caller wants others (`with_chords`)."""
 CHORD_FORCE = 5000.0
 """Force [N] up to which the chords of a hertz contact are laid."""
-FILLING = 0.5
-"""Rows of a table that lie further apart than this [m] only bring it to the length of others."""
 
 
-def lines(kind: int, stiffness, preload, exponent: float, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def lines(kind: int, stiffness, preload, exponent: float, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(forces at compression zero and slopes of r lines (r, 2) [N], [N/m], compressions (r - 1) [m] where they meet)
-    of an element's law."""
+    of an element's law; `rows` are its table's own."""
     if kind == LINEAR:
         return np.array([[preload, stiffness]]), np.empty(0)
-    rows = table[: _filled(table)]
     if kind in (HERTZ, PROGRESSIVE):
         rows = chords(kind, stiffness, preload, exponent, rows, CHORDS, CHORD_FORCE)
     d, p = rows.T
@@ -87,13 +84,14 @@ def with_chords(train: Train, count: int = CHORDS, force: float = CHORD_FORCE) -
         return train
     tables = []
     for e, kind in enumerate(laws.kind):
-        rows = laws.table[e][: _filled(laws.table[e])]
+        rows = laws.table[e, : laws.rows[e]]
         if kind in (HERTZ, PROGRESSIVE):
             rows = chords(kind, laws.coefficient[e], train.preload[e], laws.exponent[e], rows, count, force)
         tables.append(rows)
-    longest = max(len(rows) for rows in tables)
+    own = np.array([len(rows) for rows in tables])
     kinds = np.where(np.isin(laws.kind, (HERTZ, PROGRESSIVE)), TABLE, laws.kind)
-    return replace(train, laws=replace(laws, kind=kinds, table=np.stack([_lengthened(r, longest) for r in tables])))
+    table = np.stack([_lengthened(rows, own.max()) for rows in tables])
+    return replace(train, laws=replace(laws, kind=kinds, table=table, rows=own))
 
 
 def rest_of(train: Train) -> np.ndarray:
@@ -111,16 +109,10 @@ def chord_error(train: Train, count: int = CHORDS, force: float = CHORD_FORCE) -
         if kind == HERTZ:
             error[e] = (m - 1.0) / (2.0 * m) * force / count**2
         elif kind == PROGRESSIVE:
-            rows = laws.table[e][: _filled(laws.table[e])]
+            rows = laws.table[e, : laws.rows[e]]
             bent = np.abs(np.diff(rows[:, 1])) * np.diff(rows[:, 0]) / 8.0
             error[e] = np.max(bent / chords_per_row(rows, count) ** 2, initial=0.0)
     return error
-
-
-def _filled(table: np.ndarray) -> int:
-    """Number of rows of a table before those that only fill it."""
-    far = np.flatnonzero(np.diff(np.real(table[:, 0])) > FILLING)
-    return int(far[0]) + 1 if len(far) else len(table)
 
 
 def _lengthened(rows: np.ndarray, count: int) -> np.ndarray:

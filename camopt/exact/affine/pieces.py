@@ -90,7 +90,8 @@ def _element(train: Train, numbers: Numbers, e: int) -> Parts:
         return oil(k, numbers.leak[e], numbers.travel[e])
     if kind == FRICTION:
         return friction(k, numbers.slip[e])
-    straight, borders = lines(kind, k, numbers.preload[e], exponent, numbers.table[e])
+    own = 1 if train.laws is None else train.laws.rows[e]
+    straight, borders = lines(kind, k, numbers.preload[e], exponent, numbers.table[e, :own])
     return (contact if train.contact[e] else spring)(straight, borders, numbers.damping[e])
 
 
