@@ -17,7 +17,8 @@ from camopt.study.extremes.cases import AS_IT_IS
 from camopt.study.extremes.classification import REFUSED
 from experiments.support.record import RESULTS, run_script, write_result
 
-SCENES = {"small": ("motori-2",), "full": ("kodama", "kodama-hertz", "motori-1", "motori-2", "pushrod-5mass")}
+REAL = ("exhaust-gas", "finger-hydraulic", "pushrod-hydraulic", "race-nested")
+SCENES = {"small": ("motori-2",), "full": ("kodama", "kodama-hertz", "motori-1", "motori-2", "pushrod-5mass", *REAL)}
 RUN = Path("runs") / "extremes"
 
 

@@ -1,5 +1,6 @@
-"""Does any of 2000 scenes drawn across the extremes end in a wrong number without a warning?
+"""Does any of 2400 scenes drawn across the extremes end in a wrong number without a warning?
 
+2000 of them are linear between contacts, 400 have springs by tables, adjusters, friction or gas force.
 Every scene: event-exact at two steps and more, its start disturbed by 1e-9 m to tell chaos from error, and one of the
 step-by-step methods in turn, each with its own error estimate, over the first revolution from rest with a Polydyne or
 Multi-Pol cam. DOP853 with located switchings decides on the scenes where event-exact's steps are furthest apart and on
@@ -34,26 +35,38 @@ from experiments.support.drawn_scenes import drawn
 from experiments.support.record import RESULTS, run_script, write_result
 from experiments.support.sweeping import called
 
-SCENES = {"small": 5, "full": 2000}
+SCENES = {"small": (5, 1), "full": (2000, 400)}
+"""Scenes that are linear between contacts, and scenes of real elements."""
 DECIDED = {"small": 1, "full": 100}
+"""Scenes of either kind on which DOP853 decides."""
 DOP853_STEPS = 7200
 """At least; the cube of the step [rad], 7e-10, is the error that DOP853 is permitted."""
-SHOWN = 20
+SHOWN = {"small": 1, "full": 20}
 MOST_DOUBT = 1e12
 """In place of an infinite one."""
 REAL = 10_000
-"""Numbers from here on stand for trains of real elements, which the small size of the tests draws."""
+"""Numbers from here on stand for trains of real elements."""
 
 
 def main(size: str, folder=RESULTS) -> dict:
     """Draws, judges, decides, prints and writes `random_scenes.json`."""
+    linear, real = SCENES[size]
+    content = {**found(range(linear), size), "real": found(range(REAL, REAL + real), size)}
+    write_result("random_scenes", size, content, {}, folder)
+    return content
+
+
+def found(numbers: range, size: str) -> dict:
+    """What the scenes of these numbers gave, printed too."""
     cams = 3 if size == "full" else 2
-    rows = called("experiments.random_scenes:judged", ({"number": n, "cams": cams} for n in range(SCENES[size])), size)
+    rows = called("experiments.random_scenes:judged", ({"number": n, "cams": cams} for n in numbers), size)
     doubtful = most_doubtful(rows)[: DECIDED[size]]
     suspects = [r for r in rows if r["verdict"] == WRONG and r not in doubtful]
     cases = ({"number": row["number"], "cams": cams} for row in doubtful + suspects)
     decided = called("experiments.random_scenes:against_dop853", cases, size)
-    return keep(rows, decided, size, folder)
+    content = counted(rows, decided, SHOWN[size])
+    print({k: v for k, v in content.items() if k != "event_exact"})
+    return content
 
 
 def most_doubtful(rows: list[dict]) -> list[dict]:
@@ -61,24 +74,20 @@ def most_doubtful(rows: list[dict]) -> list[dict]:
     return sorted((r for r in rows if r["doubt"] is not None), key=lambda r: -r["doubt"])
 
 
-def keep(rows: list[dict], decided: list[dict], size: str, folder=RESULTS) -> dict:
-    """Counts, prints and writes `random_scenes.json`."""
-    wrong = [r for r in rows if r["verdict"] == WRONG] + [d for d in decided if d["verdict"] == WRONG]
-    shown = ("number", "scene", "speed_rpm", "doubt")
-    content = {
+def counted(rows: list[dict], decided: list[dict], shown: int) -> dict:
+    """How many rows ended in which verdict, and the `shown` ones of which event-exact is least sure."""
+    keys = ("number", "scene", "speed_rpm", "doubt")
+    return {
         "scenes": len(rows),
         "event_exact": {
             "refused": sum(r["doubt"] is None for r in rows),
             "steps_agree": sum(r["doubt"] is not None and r["doubt"] <= 1.0 for r in rows),
-            "worst_doubt": [{k: r[k] for k in shown} for r in most_doubtful(rows)[: min(SHOWN, DECIDED[size])]],
+            "worst_doubt": [{k: r[k] for k in keys} for r in most_doubtful(rows)[:shown]],
         },
         "methods": {m: _counts([r for r in rows if r["method"] == m]) for m in STEP_METHODS},
         "decided_by_dop853": _counts(decided),
-        "wrong_without_warning": wrong,
+        "wrong_without_warning": [r for r in rows + decided if r["verdict"] == WRONG],
     }
-    print({k: v for k, v in content.items() if k != "event_exact"})
-    write_result("random_scenes", size, content, {}, folder)
-    return content
 
 
 @cache

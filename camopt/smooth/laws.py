@@ -49,7 +49,11 @@ class ElasticLaws(eqx.Module):
     def force(self, u: jax.Array, stiffness: jax.Array, preload: jax.Array, layer: Layer | None = None) -> jax.Array:
         """Elastic force [N] of every element at the compression u (e) [m] beyond its touch; zero with a memory."""
         h, q = self._hertz(u.dtype)
-        force = (stiffness * u).at[h].set(stiffness[h] * jnp.maximum(u[h], 0.0) ** q)
+        pressed = (
+            u[h] > 0.0
+        )  # apart, the power's second slope, which rates of forces are differentiated by, is no number
+        point = jnp.where(pressed, jnp.where(pressed, u[h], 1.0) ** q, 0.0)
+        force = (stiffness * u).at[h].set(stiffness[h] * point)
         force = force.at[np.array(self.memory, dtype=int)].set(0.0)
         if not self._progressive() and not self._of(TABLE):
             return force

@@ -68,6 +68,15 @@ def test_an_unloaded_hertz_contact_has_finite_derivatives():
 
 
 @pytest.mark.long
+def test_rates_of_a_hertz_force_have_derivatives_apart_and_pressed():
+    coefficient, exponent = 3e10, 1.5
+    law = elastic_laws(laws([HERTZ], coefficient, exponent, ROWS), float)
+    force = lambda u: law.force(jnp.array([u]), jnp.array([coefficient]), jnp.zeros(1))[0]  # noqa: E731
+    rate_slope = jax.grad(lambda u: jax.jvp(force, (u,), (2.0,))[1])
+    assert [float(rate_slope(u)) for u in (-1e-6, 0.0)] == [0.0, 0.0]
+    assert float(rate_slope(1e-6)) == pytest.approx(2.0 * coefficient * exponent * (exponent - 1.0) * 1e-6**-0.5)
+
+
 def test_hertz_collision_presses_and_lasts_as_known():
     """Hertz: m v^2 / 2 = k d^2.5 / 2.5, contact time 2.9432 d / v."""
     mass, speed, coefficient = 0.05, 1.2, 3e10

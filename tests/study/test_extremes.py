@@ -6,16 +6,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from camopt.cam.families.polydyne import polydyne
 from camopt.cli import parser as cli
 from camopt.exact.kernel.propagators import highest_frequency
-from camopt.scene import QUANTITIES, build_train, load_scene
+from camopt.scene import QUANTITIES, MotionRefused, build_train, load_scene
 from camopt.study.extremes import extremes as module
 from camopt.study.extremes.cases import CHANGES, cases, clearance, contacts, damping, fast_mode, mass_ratio
-from camopt.study.extremes.classification import NOT_CONVERGED, RANGE, REFUSED, WITHIN, WRONG, Truth, judge
+from camopt.study.extremes.classification import (
+    NOT_CONVERGED,
+    RANGE,
+    REFUSED,
+    SAMPLES,
+    WITHIN,
+    WRONG,
+    Truth,
+    judge,
+    truth,
+)
 from camopt.study.extremes.extremes import COLUMNS, defects, extremes
 from camopt.study.extremes.step_methods import STEP_METHODS
 from camopt.verifier.convergence import Converged, tolerances
 from camopt.verifier.methods import rkg
+from camopt.verifier.verdict import event_exact
 
 NAMES = tuple(tolerances(2.0))
 MOTOR = load_scene("motori-1")
@@ -49,6 +61,20 @@ def true(spread=0.0) -> Truth:
 )
 def test_a_verdict_follows_from_error_estimate_and_flag(given, spread, verdict):
     assert judge(given, true(spread))[0] == verdict
+
+
+def test_a_reference_that_refuses_its_finest_step_is_no_truth():
+    refused = []
+
+    def prepare(train, lift, cam_speed, steps):
+        if steps > 4 * SAMPLES[0]:
+            refused.append(steps)
+            raise MotionRefused("too fine")
+        return event_exact(train, lift, cam_speed, steps)
+
+    with pytest.raises(MotionRefused, match=f"at its finest step, {4 * SAMPLES[0] + 2} a revolution"):
+        truth(prepare, build_train(MOTOR), polydyne(MOTOR), MOTOR.cam_speed(4000.0))
+    assert refused
 
 
 def test_a_figure_that_wanders_excuses_no_other():

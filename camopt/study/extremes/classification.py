@@ -12,7 +12,7 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.measure.settling import first_revolution
-from camopt.scene import Train
+from camopt.scene import MotionRefused, Train
 from camopt.scene.rest import state_at_rest
 from camopt.verifier.convergence import (
     FINEST_STEPS,
@@ -73,9 +73,14 @@ def first_answer(
 
 
 def truth(prepare: Prepare, train: Train, lift: Lift, cam_speed: float) -> Truth:
-    """The reference by a method that locates switchings. Raises MotionRefused where it refuses the motion."""
+    """The reference by a method that locates switchings. Raises MotionRefused where it refuses the motion, be it at its
+    finest step only: nothing can be judged against figures that it does not give."""
     count = samples(first_steps(train, cam_speed))
     answer = first_answer(prepare, train, lift, cam_speed, 2, count)
+    if answer.state is None:
+        raise MotionRefused(
+            f"the reference refuses the motion at its finest step, {answer.steps_per_revolution} a revolution"
+        )
     revolve = prepare(train, lift, cam_speed, count)
     start, n = state_at_rest(train), len(train.mass)
     rng = np.random.default_rng(0)

@@ -63,10 +63,6 @@ class Problem:
     start: np.ndarray  # (2n + r) at -pi, held
     settled: bool
 
-    @property
-    def linear(self) -> bool:
-        return self.train.straight
-
 
 def problem(scene: Scene, lift: Lift, speed_rpm: float, bumps: int) -> Problem:
     """The problem of a cam with a number of bumps at one crankshaft speed [r/min].
@@ -76,11 +72,7 @@ def problem(scene: Scene, lift: Lift, speed_rpm: float, bumps: int) -> Problem:
     """
     train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
     whole, directions = with_bumps(lift, bumps)
-    if train.straight:
-        advance: Callable[[np.ndarray], np.ndarray] = prepare_event(train, whole, cam_speed).advance
-    else:
-        revolve = prepare_dop853(train, whole, cam_speed, SAMPLES // 4)
-        advance = lambda state: end_state(revolve(state))  # noqa: E731
+    advance = prepare_event(train, whole, cam_speed).advance
     allowed = np.concatenate([np.repeat(SETTLED, len(train.mass)), np.repeat(SETTLED[0], len(train.memory))])
     state, settled = state_at_rest(train), False
     for _ in range(MOST_SETTLING):
@@ -92,9 +84,9 @@ def problem(scene: Scene, lift: Lift, speed_rpm: float, bumps: int) -> Problem:
 
 
 def true_values(p: Problem, heights: np.ndarray) -> np.ndarray:
-    """METRICS (l) with the bumps at heights (m) [m], by event-exact, or by DOP853 where a law is not linear."""
+    """METRICS (l) with the bumps at heights (m) [m], by event-exact, or by DOP853 where a law is curved."""
     lift = moved(p.lift, p.directions, heights)
-    if p.linear:
+    if p.train.straight:
         return TracedMotion(p.train, lift, p.cam_speed, p.start, REVOLUTIONS).values(METRICS)
     revolve = prepare_dop853(p.train, lift, p.cam_speed, SAMPLES)
     first = revolve(p.start)

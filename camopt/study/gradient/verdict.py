@@ -34,7 +34,8 @@ class MetricReport:
 
     value: float
     agreement: float
-    exact: JudgedMetric | None
+    exact: JudgedMetric
+    exact_bias: float
     smooth: dict[float, JudgedMetric]  # by eps [m]
     value_bias: dict[float, float]
     verdict: str
@@ -42,13 +43,15 @@ class MetricReport:
 
     def as_dict(self) -> dict:
         smooth = [{"eps_m": e, "value_bias": self.value_bias[e], **j.as_dict()} for e, j in self.smooth.items()]
-        heights = {"exact": self.exact.at_height} if self.exact else {}
         return {
             "value": self.value,
-            "exact": self.exact.as_dict() if self.exact else None,
+            "exact": {"value_bias": self.exact_bias, **self.exact.as_dict()},
             "smooth": smooth,
             "agreement": self.agreement,
-            "relative_error_at_heights": heights | {"smooth": self.smooth[EPS].at_height},
+            "relative_error_at_heights": {
+                "exact": self.exact.at_height,
+                "smooth": self.smooth[EPS].at_height,
+            },
             "verdict": self.verdict,
             "reason": self.reason,
         }
@@ -59,7 +62,7 @@ def judge(
     truth: float,
     differences: np.ndarray,
     heights: tuple[float, ...],
-    exact: Found | None,
+    exact: Found,
     smooth: dict[float, Found],
     repeated: float | None,
 ) -> MetricReport:
@@ -80,10 +83,10 @@ def judge(
             least, turn, found.cost_ratio[i], "none" if rough else verdict(least, turn, repeated), error
         )
 
-    by_exact, by_eps = judged(exact) if exact else None, {eps: judged(found) for eps, found in smooth.items()}
-    bias = {eps: _bias(found.values[i], truth) for eps, found in smooth.items()}
-    answer = (by_exact or by_eps[EPS]).verdict
-    return MetricReport(float(truth), agreement, by_exact, by_eps, bias, answer, reason)
+    by_exact, by_eps = judged(exact), {eps: judged(found) for eps, found in smooth.items()}
+    of_exact, *of_eps = (_bias(found.values[i], truth) for found in (exact, *smooth.values()))
+    biases = dict(zip(smooth, of_eps, strict=True))
+    return MetricReport(float(truth), agreement, by_exact, of_exact, by_eps, biases, by_exact.verdict, reason)
 
 
 def verdict(relative_error: float, cosine: float, repeated: float | None = None) -> str:
