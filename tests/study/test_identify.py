@@ -50,7 +50,7 @@ def test_the_adjoint_is_the_transpose_of_the_differences(zero_known):
     fit = as_fit(SCENE, free, zero_known)
     jacobian = fit.jacobian(np.zeros(len(free)))
     bar = np.random.default_rng(1).standard_normal(len(jacobian))
-    exact = fit.pulled_back(fit.motions(fit.parameters.train), bar)
+    exact = fit.pulled_back(np.zeros(len(free)), fit.motions(fit.parameters.train), bar)
     scale = np.linalg.norm(jacobian, axis=0) * np.linalg.norm(bar)
     # differences of step 1e-4 leave 1e-8, and rounding 1e-16 m over the step
     assert np.all(np.abs(jacobian.T @ bar - exact) < 1e-6 * scale)
@@ -67,6 +67,29 @@ def test_without_noise_the_truth_comes_back():
     assert found.noise_um < 1e-4 and found.jacobian_error < 1e-6
     ends = found.scene.element[0].stiffness_N_per_m, found.scene.element[0].gap_mm
     np.testing.assert_allclose(ends, (1.5e8, 0.1), rtol=1e-5)
+
+
+REAL = {
+    "exhaust-gas": ("valve.mass_kg", "seat.stiffness_N_per_m"),
+    "finger-hydraulic": ("valve.mass_kg", "guide.slip_N"),
+    "kodama-hertz": ("valve_head.mass_kg", "cam_follower.stiffness_N_per_m"),
+    "pushrod-hydraulic": ("valve.mass_kg", "adjuster.leak_N_s_per_m"),
+    "race-nested": ("valve.mass_kg", "cam.stiffness_N_per_m"),
+}
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_parameters_of_real_elements_are_found(name):
+    scene, free = load_scene(name), REAL[name]
+    parameters = FreeParameters(scene, free)
+    cam, speed = polydyne(scene), 0.8 * scene.operation.speeds_rpm[0]
+    angle = np.linspace(-100.0, 100.0, 300)
+    fit = LiftFit(parameters, cam, [Series(scene.cam_speed(speed), np.deg2rad(angle), np.zeros(300))], True)
+    valve = fit.residual(fit.motions(parameters.train)) * 1e3
+    start = parameters.moved_scene(np.log([1.1, 0.8]))
+    found = identify(start, cam, [MeasuredLift(speed, angle, valve)], free)
+    np.testing.assert_allclose(found.table["estimate"] / found.table["start"], [1 / 1.1, 1 / 0.8], rtol=1e-4)
+    assert found.jacobian_error < 1e-5
 
 
 @pytest.mark.long

@@ -5,7 +5,7 @@ positive, and gives a change by one unit the same meaning for every parameter.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 from fnmatch import fnmatchcase
 
 import numpy as np
@@ -15,14 +15,19 @@ from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
 
-MASS_KEYS = {"mass_kg": "mass", "damping_N_s_per_m": "mass_damping", "force_N": "mass_force"}
-ELEMENT_KEYS = {
-    "stiffness_N_per_m": "stiffness",
-    "damping_N_s_per_m": "damping",
-    "preload_N": "preload",
-    "gap_mm": "gap",
+KEYS = {
+    "mass": ("mass_kg", "damping_N_s_per_m", "force_N"),
+    "element": (
+        *("stiffness_N_per_m", "damping_N_s_per_m", "preload_N", "gap_mm"),
+        *("spring_N_per_m", "leak_N_s_per_m", "check_travel_mm", "slip_N"),
+    ),
 }
-"""Keys of a scene's tables that may be free, with the names in `Train` of the numbers that they give."""
+"""Keys of a scene's tables that may be free."""
+LAWS = ("table", "leak", "travel", "slip")
+"""Numbers of `Laws` by which `ByTrainAndLaws` has gradients."""
+DIFFERENCE = 1e-6
+"""Step in a logarithm with which the numbers of a train are differentiated: most are products of the factors, and the
+rows of an adjuster's plunger are quotients, so that truncation and rounding stay below 1e-9 of them."""
 
 
 @dataclass(frozen=True)
@@ -30,9 +35,9 @@ class Tied:
     """One free parameter: everything that its name matches, moved by one factor."""
 
     name: str
-    key: str  # in the scene's tables
-    field: str  # in Train
-    at: np.ndarray  # (g) indices there
+    table: str  # of the scene: mass or element
+    key: str  # in that table
+    at: tuple[int, ...]  # places there
     start: float  # of the first that matches, in the unit of `key`
 
 
@@ -48,41 +53,54 @@ class FreeParameters:
         """
         self.scene, self.train = scene, build_train(scene)
         self.tied = tuple(_tied(scene, name) for name in free)
-        taken = [(t.field, int(i)) for t in self.tied for i in t.at]
+        taken = [(t.table, t.key, i) for t in self.tied for i in t.at]
         if not self.tied or len(set(taken)) < len(taken):
             raise InputError(f"identify: free = {list(free)}: name at least one parameter, and none of them twice")
 
     def moved(self, logs: np.ndarray) -> Train:
         """The train with every free parameter times exp of its entry in logs (p)."""
-        values = {t.field: getattr(self.train, t.field).copy() for t in self.tied}
-        for tied, log in zip(self.tied, logs, strict=True):
-            values[tied.field][tied.at] *= np.exp(log)
-        return replace(self.train, **values)
+        return build_train(self.moved_scene(logs))
 
-    def by_logs(self, train: Train, by_train: ByTrain) -> np.ndarray:
-        """Gradients (l, p) by logs, from gradients of l numbers by a moved train's parameters."""
-        rows = [getattr(by_train, t.field)[:, t.at] @ getattr(train, t.field)[t.at] for t in self.tied]
-        return np.stack(rows, axis=1)
+    def by_logs(self, logs: np.ndarray, by_train: ByTrain) -> np.ndarray:
+        """Gradients (l, p) by logs, from gradients of l numbers by the parameters of the train there.
+
+        What the train's numbers make of the logarithms is known by central differences of the scene's own arithmetic.
+        """
+        columns, unmoved = [], {"forcing"} if self.train.laws else {"forcing", *LAWS}
+        for step in DIFFERENCE * np.eye(len(logs)):
+            up, down = self.moved(logs + step), self.moved(logs - step)
+            total = np.zeros(len(by_train.mass))
+            for name in (field.name for field in fields(by_train) if field.name not in unmoved):
+                slope = (_numbers(up, name) - _numbers(down, name)) / (2 * DIFFERENCE)
+                total += getattr(by_train, name).reshape(len(total), -1) @ slope.ravel()
+            columns.append(total)
+        return np.stack(columns, axis=1)
 
     def moved_scene(self, logs: np.ndarray) -> Scene:
         """The scene with the free parameters moved."""
         rows = {"mass": list(self.scene.mass), "element": list(self.scene.element)}
         for tied, log in zip(self.tied, logs, strict=True):
-            table = rows["mass" if tied.field in MASS_KEYS.values() else "element"]
+            table = rows[tied.table]
             for i in tied.at:
                 table[i] = table[i].model_copy(update={tied.key: getattr(table[i], tied.key) * float(np.exp(log))})
         return self.scene.model_copy(update={name: tuple(table) for name, table in rows.items()})
 
 
+def _numbers(train: Train, name: str) -> np.ndarray:
+    """The numbers of a train by which `ByTrain` has gradients."""
+    return getattr(train.laws, name) if name in LAWS else train.parameters[name]
+
+
 def _tied(scene: Scene, name: str) -> Tied:
     pattern, _, key = name.rpartition(".")
     found, zero = [], False
-    for table, keys in ((scene.mass, MASS_KEYS), (scene.element, ELEMENT_KEYS)):
-        matched = [i for i, row in enumerate(table) if fnmatchcase(row.name, pattern)] if key in keys else []
-        at = [i for i in matched if getattr(table[i], key)]  # a factor leaves zero as it is
+    for table, keys in KEYS.items():
+        rows = getattr(scene, table)
+        matched = [i for i, row in enumerate(rows) if fnmatchcase(row.name, pattern)] if key in keys else []
+        at = tuple(i for i in matched if getattr(rows[i], key))  # a factor leaves zero as it is
         zero = zero or len(at) < len(matched)
         if at:
-            found.append(Tied(name, key, keys[key], np.array(at), getattr(table[at[0]], key)))
+            found.append(Tied(name, table, key, at, getattr(rows[at[0]], key)))
     if len(found) == 1:
         return found[0]
     if found:
@@ -90,6 +108,6 @@ def _tied(scene: Scene, name: str) -> Tied:
     if zero:
         raise InputError(f"identify: {name}: the fit starts at the scene's value, and that is 0 or none: set it")
     raise InputError(
-        f"identify: {name!r}: no such parameter; expected <mass>.{'|'.join(MASS_KEYS)} or "
-        f"<element>.{'|'.join(ELEMENT_KEYS)}, with the names of scene {scene.name}"
+        f"identify: {name!r}: no such parameter; expected <mass>.{'|'.join(KEYS['mass'])} or "
+        f"<element>.{'|'.join(KEYS['element'])}, with the names of scene {scene.name}"
     )

@@ -109,7 +109,7 @@ def identify(
     match by one factor. The motion starts from rest, `settle` whole revolutions before the angle -180 of the data.
     `zero_known=False`: the sensor's zero is unknown, series by series. `noise_um`: the sensor's noise, by default taken
     from the samples. What the intervals of this `confidence` are: `camopt.study.identify`.
-    Raises InputError for unusable data or names, or nonlinear laws; MotionRefused where the start values do not move.
+    Raises InputError for unusable data or names; MotionRefused where the start values do not move.
     """
     if not 0 < confidence < 1 or settle < 0 or int(settle) != settle:
         raise InputError(f"identify: confidence {confidence}, settle {settle}: between 0 and 1, and an integer from 0")
@@ -256,7 +256,7 @@ def _table(parameters: FreeParameters, fitted: Fitted, estimate: _Estimate, soun
 def _jacobian_error(fit: LiftFit, fitted: Fitted, jacobian: np.ndarray) -> float:
     """Relative distance of the differences' Jacobian to the adjoint's, along one random combination of samples."""
     bar = np.random.default_rng(0).standard_normal(len(fitted.residual))
-    exact, found = fit.pulled_back(fitted.motions, bar), jacobian.T @ bar
+    exact, found = fit.pulled_back(fitted.logs, fitted.motions, bar), jacobian.T @ bar
     scale = np.linalg.norm(jacobian, axis=0).max() * np.linalg.norm(bar)
     return float(np.abs(exact - found).max() / scale)
 

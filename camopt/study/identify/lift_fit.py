@@ -87,9 +87,9 @@ class LiftFit:
     def _centred(self, parts) -> np.ndarray:
         return np.concatenate([p if self.zero_known else p - p.mean(axis=0) for p in parts])
 
-    def pulled_back(self, motions: Sequence[TracedMotion], bar: np.ndarray) -> np.ndarray:
-        """bar (m) times the residuals' Jacobian, shape (p), by the exact adjoint."""
-        train, total = motions[0].train, np.zeros(len(self.parameters.tied))
+    def pulled_back(self, logs: np.ndarray, motions: Sequence[TracedMotion], bar: np.ndarray) -> np.ndarray:
+        """bar (m) times the residuals' Jacobian at `logs`, whose motions are given, shape (p), by the exact adjoint."""
+        train, total = motions[0].train, np.zeros(len(logs))
         n, e = len(train.mass), len(train.a)
         parts = np.split(bar, self.borders)
         for motion, series, part in zip(
@@ -102,7 +102,7 @@ class LiftFit:
             slopes = motion.pull_back(series.angle, bars)
             assert slopes.by_train is not None
             by_train = slopes.by_train + rest_back(train, slopes.by_start)
-            total += self.parameters.by_logs(train, by_train)[0]
+            total += self.parameters.by_logs(logs, by_train)[0]
         return total
 
     def jacobian(self, logs: np.ndarray) -> np.ndarray:
@@ -147,7 +147,7 @@ def descend(fit: LiftFit, logs: np.ndarray, most_steps: int = MOST_FIT_STEPS, ce
     fresh, radius = True, LONGEST_STEP
     for steps in range(most_steps):
         noise = certain * max(float(np.sqrt(np.mean(residual**2))), ROUNDING_M)
-        gradient = fit.pulled_back(motions, residual)
+        gradient = fit.pulled_back(logs, motions, residual)
         if standing(jacobian, gradient, noise):
             if fresh:
                 return Fitted(logs, residual, motions, steps, True)
