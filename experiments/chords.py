@@ -2,8 +2,9 @@
 
 Event-exact lays N chords under every Hertz contact and every progressive spring. For each N: the largest error of the
 force, beside the one that is predicted (for a Hertz contact F / (6 N^2)); by what figures of a settled motion differ
-from those of twice the finest N; and the time of a revolution. Then `kodama` beside itself with its springs written
-as tables of one straight line: the time of a revolution, sampled and not, and of a gradient, in turn in one run.
+from those of twice the finest N; by what share gradients by bumps on the cam differ from central differences of DOP853,
+which takes the law itself; and the time of a revolution. Then `kodama` beside itself with its springs written as tables
+of one straight line: the time of a revolution, sampled and not, and of a gradient, in turn in one run.
 """
 
 import time
@@ -16,12 +17,15 @@ import numpy as np
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.exact import chord_error, prepare, settled_metrics, with_chords
+from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.exact.affine.lines import CHORD_FORCE
 from camopt.scene import build_train, load_scene
 from camopt.scene.laws import CURVED, HERTZ, LINEAR, TABLE, Laws
 from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Train
+from camopt.study.gradient.paths import METRICS, REVOLUTIONS, Problem, problem
+from camopt.study.gradient.report import central_differences
 from experiments.support.record import RESULTS, run_script, write_result
 
 MOTIONS = {"kodama-hertz": 5500.0, "race-nested": 6000.0}
@@ -29,6 +33,8 @@ MOTIONS = {"kodama-hertz": 5500.0, "race-nested": 6000.0}
 CHORDS = {"small": (8, 16), "full": (8, 16, 32, 64)}
 REPEATS = {"small": 3, "full": 200}
 FIGURES = "contact_force_max_N", "seating_velocity_m_per_s", "jump_mm"
+SLOPES = "contact_force_max_N", "seating_velocity_m_per_s", "dynamic_area_mm_deg"
+BUMPS, BUMP_M = 2, 1e-6
 GRID = 20_001
 LONG = 1e-3
 """Half the length [m] of a spring's table: its straight line goes on beyond."""
@@ -48,6 +54,8 @@ def of_scene(name: str, counts: tuple[int, ...], repeats: int) -> list[dict]:
     scene = load_scene(name)
     train, lift, speed = build_train(scene), polydyne(scene), scene.cam_speed(MOTIONS[name])
     finest, rows = settled(with_chords(train, 2 * counts[-1]), lift, speed), []
+    bumped = problem(scene, lift, MOTIONS[name], BUMPS)
+    true = dict(zip(METRICS, central_differences(bumped, BUMP_M), strict=True))
     for count in counts:
         own = with_chords(train, count)
         figures, begin = settled(own, lift, speed), state_at_rest(own)
@@ -55,8 +63,17 @@ def of_scene(name: str, counts: tuple[int, ...], repeats: int) -> list[dict]:
         off = {key: abs(figures[key] - finest[key]) for key in FIGURES}
         (seconds,) = least([partial(revolve.advance, begin)], repeats)
         row = {"chords": count, "force_error_N": force_error(train, own), "off": off}
+        row["slope_off"] = {key: slope_error(replace(bumped, train=own), key, true[key]) for key in SLOPES}
         rows.append(row | {"predicted_N": float(chord_error(train, count).max()), "revolution_ms": 1e3 * seconds})
     return rows
+
+
+def slope_error(bumped: Problem, metric: str, true: np.ndarray) -> float:
+    """Distance of the exact path's gradient by bumps (m) from the differences `true` (m), as a share of these."""
+    start = (bumped.train, bumped.lift, bumped.cam_speed, [metric], bumped.start)
+    by_cam = value_and_gradient(*start, revolutions=REVOLUTIONS).by_coefficients[0]
+    found = np.einsum("pq,mpq->m", by_cam, bumped.directions)
+    return float(np.linalg.norm(found - true) / np.linalg.norm(true))
 
 
 def settled(train: Train, lift: Lift, speed: float) -> dict[str, float]:

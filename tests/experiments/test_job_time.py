@@ -25,3 +25,9 @@ def test_small_size(tmp_path, capsys):
 def test_targets_are_held_against_what_was_measured(processor, kept):
     row = {"processor_s": processor, "peak_memory_MB": 900.0}
     assert job_time.within("warm", row) == {"processor_s": kept, "peak_memory_MB": True}
+
+
+def test_every_target_is_kept_as_the_page_says():
+    cases = json.loads((job_time.RESULTS / "job_time.json").read_text())["cases"]
+    assert cases.keys() == job_time.CASES.keys()
+    assert all(kept for row in cases.values() for kept in row["within_target"].values())
