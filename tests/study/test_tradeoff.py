@@ -16,7 +16,9 @@ from camopt.scene import InputError, load_scene, scene_text
 from camopt.study.tradeoff import figures as tradeoff_figures
 from camopt.study.tradeoff import measurement
 from camopt.study.tradeoff import tradeoff as module
+from camopt.study.tradeoff.case import RevolutionCase
 from camopt.study.tradeoff.measurement import COLUMNS, REFERENCE, Measurement, error_of, measured, rows_of, timed
+from camopt.study.tradeoff.methods import CHORDS, fixed_steps
 from camopt.study.tradeoff.summary import words_of
 from camopt.study.tradeoff.tradeoff import LINES, tradeoff
 from experiments import tradeoff as experiment
@@ -191,6 +193,16 @@ class TestLines:
         monkeypatch.setattr(measurement, "PATIENCE", 0.01)
         times, _ = timed(lambda: time.sleep(0.02) or busy(0.01))
         assert times["seconds"] == pytest.approx(0.01, rel=0.1)
+
+
+def test_under_curved_laws_event_exact_takes_chords():
+    scene = load_scene("race-nested")
+    case = RevolutionCase(scene, polydyne(scene), max(scene.operation.speeds_rpm))
+    chords = {m.setting: m for m in fixed_steps(case, "full") if m.method == "event-exact"}
+    assert list(chords) == [f"{count} chords" for count in CHORDS["full"]]
+    lifts = [chords[f"{count} chords"].run()["figures"]["lift_mm"] for count in (8, 16, 128)]
+    coarse, fine = (np.abs(lift - lifts[2]).max() for lift in lifts[:2])
+    assert 0.0 < 3 * fine < coarse < 1e-3
 
 
 def test_the_front_is_what_nothing_beats():

@@ -29,6 +29,8 @@ PEER_ANGLES = 3600
 PHASES = {"small": (0.3,), "full": (0.6, 0.3, 0.1, 0.03)}
 """Step times highest rate [rad] of the fixed-step methods."""
 EVENT_STEPS = {"small": (720,), "full": (360, 1440, 5760)}
+CHORDS = {"small": (16,), "full": (8, 16, 32, 64, 128)}
+"""Chords under each curved law, with which event-exact takes it."""
 REFERENCE_STEPS = 20_000
 TOLERANCES = {
     "Dormand-Prince, compiled": (1e-4, 1e-6, 1e-8, 1e-10),
@@ -47,7 +49,7 @@ def method_work(scene: Scene, cam: Lift, size: str) -> list[Measurement]:
     cases = [RevolutionCase(scene, cam, s) for s in sorted({min(speeds), max(speeds)})]
     work: list[Measurement] = []
     for case in cases[-1:] if size == "small" else cases:
-        work += [*_reference(case), *_fixed_steps(case, size), *_peers(case, size)]
+        work += [*_reference(case), *fixed_steps(case, size), *_peers(case, size)]
         if size == "full":
             from camopt.study.tradeoff.smooth_path import smooth_work
 
@@ -59,6 +61,12 @@ def _event(case: RevolutionCase, steps: int | None):
     from camopt.exact import engine
 
     return engine.prepare(case.train, case.cam, case.cam_speed, steps)
+
+
+def _chords(case: RevolutionCase, count: int):
+    from camopt.exact import prepare, with_chords
+
+    return prepare(with_chords(case.train, count), case.cam, case.cam_speed)
 
 
 def _reference(case: RevolutionCase) -> list[Measurement]:
@@ -84,7 +92,7 @@ def exact_gradient(case: RevolutionCase) -> np.ndarray:
     return slopes.stiffness[0] * case.train.parameters["stiffness"]
 
 
-def _fixed_steps(case: RevolutionCase, size: str) -> list[Measurement]:
+def fixed_steps(case: RevolutionCase, size: str) -> list[Measurement]:
     """Event-exact, Runge-Kutta-Gill, both transition matrix methods, Houbolt, located DOP853."""
     arguments, work = (case.train, case.cam, case.cam_speed), []
     straight = case.train.straight
@@ -98,6 +106,8 @@ def _fixed_steps(case: RevolutionCase, size: str) -> list[Measurement]:
 
     for steps in EVENT_STEPS[size] if straight else ():
         add(METHOD_NAMES["event"], f"{steps} samples", partial(_event, case, steps))
+    for count in () if straight else CHORDS[size]:
+        add(METHOD_NAMES["event"], f"{count} chords", partial(_chords, case, count))
     if straight and size == "full":
         work.append(Measurement(case.name, "event-exact, adjoint", "default step", lambda: _timed_gradient(case)))
     methods = {METHOD_NAMES["rkg"]: rkg.prepare}
