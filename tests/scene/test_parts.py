@@ -55,6 +55,19 @@ def test_one_fault_is_one_sentence_with_its_key(old, new, where, says):
     assert "\n" not in str(fault.value)
 
 
+@pytest.mark.parametrize(
+    ("row", "inside", "beyond"),
+    [
+        ("[5.0, 420.0]", "[1.01e-6, 420.0]", "[0.99e-6, 420.0]"),
+        ("[10.0, 640.0]", "[504.9, 640.0]", "[505.1, 640.0]"),
+    ],
+)
+def test_rows_just_within_the_bounds_are_read_and_just_beyond_are_not(row, inside, beyond):
+    assert build_train(parse_scene(TEXT.replace(row, inside), "mine.toml")).laws is not None
+    with pytest.raises(InputError, match="must be 1e-06 to 500 mm apart"):
+        parse_scene(TEXT.replace(row, beyond), "mine.toml")
+
+
 def test_an_adjuster_is_plunger_and_oil(train):
     assert train.element_names == ("cam", "lifter", "beehive", "guide", "seat", "lifter-oil")
     assert list(train.laws.kind) == [LINEAR, TABLE, TABLE, FRICTION, LINEAR, OIL]
