@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from camopt.cam.lift import Lift
 from camopt.optimizer.as_built.drawn import DrawnTrains
 from camopt.optimizer.as_built.journal import TrainsLog
 from camopt.optimizer.as_built.linear_step import UsedSlopes, YieldCam, stepped
@@ -31,8 +32,11 @@ GIVEN_UP = 1.25
 """Part of a limit beyond which a train falls no further short: it is one of those that a yield may lose, and by how
 much it fails is nobody's loss. A few soft springs in a thousand would otherwise make the whole cam."""
 WATCHED = 0.4
-"""A train at a speed where it last used less of a limit is not judged again before more trains are drawn: it is far
-from its limits with every cam that a search meets later."""
+"""A train is judged with every cam at the speeds where it last used more of a limit than this."""
+SCOUTS, FAR_SCOUTS = 4, 16
+"""Of the other trains one in so many is judged with every cam, and with the next cam the next ones, at the speeds that
+matter: the top of the band, and where more than a quarter as many trains are watched as may fail. At the remaining
+speeds it is one in the second number. A train that uses little of a limit with one cam may break it with the next."""
 FIRST_MARGIN_N, FIRST_STEP_N, MORE_STEP_N, LAST_STEP_N = 40.0, 10.0, 4.0, 1.5
 """Where the search for the common margin begins, its step until it is bisected, that after more trains are drawn, and
 where both end."""
@@ -95,9 +99,7 @@ class YieldSearch:
         """Judges a cam, keeps it if it is the largest that enough trains hold, and reports the step."""
         drawn, self.steps = self.drawn, self.steps + 1
         if not self.log.recalled(self.steps, found.z, drawn):
-            watched = drawn.used.max(axis=1) > WATCHED
-            drawn.judge(found.lift, watched)
-            self.log.keep(self.steps, found.z, drawn, watched)
+            self.log.keep(self.steps, found.z, drawn, self._judge(found.lift))
         holds = self.holds
         if holds and (self.best is None or found.area_ratio > self.best.area_ratio + RESOLUTION):
             self.held.append(found)
@@ -115,6 +117,27 @@ class YieldSearch:
         self.log.note(line)
         self.show(line)
         return holds
+
+    def _judge(self, lift: Lift) -> np.ndarray:
+        """Judges a cam with the trains that are watched and with scouts, and where a scout falls short with everyone.
+
+        Returns which trains were judged at which speeds (t, s: bool).
+        """
+        drawn, (watched, matters) = self.drawn, self._watched()
+        turn = (np.arange(len(drawn.trains)) + self.steps)[:, None]
+        scouts = ~watched & (turn % np.where(matters, SCOUTS, FAR_SCOUTS) == 0)
+        drawn.judge(lift, watched | scouts)
+        short = (scouts & (drawn.used.max(axis=1) > AIM)).any(axis=0)
+        others = short & ~(watched | scouts)
+        drawn.judge(lift, others)
+        return watched | scouts | others
+
+    def _watched(self) -> tuple[np.ndarray, np.ndarray]:
+        """Which trains are watched at which speeds (t, s: bool), and which speeds (s: bool) have many of them."""
+        watched = self.drawn.used.max(axis=1) > WATCHED
+        matters = watched.mean(axis=0) > 0.25 * (1.0 - self.wanted)
+        matters[-1] = True
+        return watched, matters
 
     @property
     def shortfall(self) -> float:
@@ -208,11 +231,8 @@ class YieldSearch:
     def more_trains(self, count: int, cam: YieldCam) -> None:
         """Draws trains until there are so many; no cam counts as one that holds until it is judged with them.
 
-        They begin where the train as designed settles with `cam`, and are judged at the speeds at which one of the
-        trains so far is watched, and at the top of the band.
+        They begin where the train as designed settles with `cam`, and are all judged at the speeds that matter.
         """
         self.drawn.settle(cam.lift)
-        near = np.max(self.drawn.used, axis=(0, 1)) > WATCHED
-        near[-1] = True
-        self.drawn.draw(count, near)
+        self.drawn.draw(count, self._watched()[1])
         self.held.clear()

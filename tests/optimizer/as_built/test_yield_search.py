@@ -41,6 +41,42 @@ def test_every_cam_that_counts_holds_in_enough_trains(found):
     assert found.holds and len(drawn.trains) == 20
 
 
+class Told:
+    """Trains of which it is told what they use of one limit, in place of those that move (t, l, s)."""
+
+    def __init__(self, trains: int, speeds: int):
+        self.trains, self.motions = [None] * trains, 0
+        self.used, self.truth = np.zeros((trains, 1, speeds)), np.full((trains, 1, speeds), 0.1)
+
+    def judge(self, lift, wanted):
+        self.motions += int(wanted.sum())
+        self.used = np.where(wanted[:, None], self.truth, self.used)
+
+
+@pytest.mark.parametrize("speed", [0, 4])
+def test_calm_trains_that_a_cam_breaks_are_seen_at_once(speed):
+    drawn = Told(200, 5)
+    search = YieldSearch(drawn, None, 0.9)
+    search._judge(None)
+    assert 0 < drawn.motions < 200
+    drawn.truth[:, 0, speed] = 80.0
+    asked = search._judge(None)
+    assert asked[:, speed].all() and np.all(drawn.used[:, 0, speed] == 80.0)
+    assert asked.sum() < 500
+
+
+def test_every_train_has_its_turn_as_a_scout():
+    drawn = Told(64, 3)
+    drawn.truth[:13, 0, 1] = drawn.used[:13, 0, 1] = 0.6  # so many that the speed matters
+    search = YieldSearch(drawn, None, 0.9)
+    asked = np.zeros((64, 3), dtype=int)
+    for step in range(search_module.FAR_SCOUTS):
+        search.steps = step
+        asked += search._judge(None)
+    few = search_module.FAR_SCOUTS // search_module.SCOUTS
+    assert np.all(asked == [[1, search_module.FAR_SCOUTS, few]] * 13 + [[1, few, few]] * 51)
+
+
 @pytest.fixture(scope="module")
 def falling_short(found):
     """A cam with which some trains fall short of their aim, judged."""
@@ -155,9 +191,9 @@ def test_a_resumed_search_judges_nothing_twice(tmp_path, monkeypatch):
     last = sorted((tmp_path / FOLDER).glob("*.npz"))[-1]
     last.unlink()
     judged, judge = [], DrawnTrains.judge
-    monkeypatch.setattr(DrawnTrains, "judge", lambda self, *a: (judged.append(a), judge(self, *a)))
+    monkeypatch.setattr(DrawnTrains, "judge", lambda self, lift, *a: (judged.append(lift), judge(self, lift, *a)))
     again = yield_search(SCENE, 0.9, SMALL, log=TrainsLog(tmp_path))
-    assert len(judged) == 1 and last.stem == f"{first.steps:04d}"
+    assert len(set(map(id, judged))) == 1 and last.stem == f"{first.steps:04d}"
     assert np.array_equal(again.best.z, first.best.z)
     assert (tmp_path / HISTORY).read_text() == lines
 
