@@ -2,8 +2,10 @@
 
 A chord of width w under a curvature p'' misses by p'' w^2 / 8 at most. Knots are set so that all chords of an element
 miss by the same: for p = k u^m at u = D (i / N)^(2 / m), where F = k D^m is the force up to which chords are laid. The
-error is then (m - 1) / (2 m) F / N^2, which is F / (6 N^2) for a point contact, m = 3/2. Beyond D the last chord goes
-on. Numbers may be complex, which is how they are differentiated (`camopt.exact.affine.numbers`).
+error is then (m - 1) / (2 m) F / N^2, which is F / (6 N^2) for a point contact, m = 3/2. Beyond D, where a contact only
+comes when it hammers, a chord's force grows by (1 + 1 / N)^4, so that its error keeps one share of the force there:
+2 (m - 1) / (m N^2), which is four times that at D. Beyond `REACH` times F the last chord goes on. Numbers may be
+complex, which is how they are differentiated (`camopt.exact.affine.numbers`).
 """
 
 from dataclasses import replace
@@ -18,7 +20,9 @@ from camopt.scene.train import Train
 CHORDS = 16
 """Chords of a curved law, unless the caller wants others (`with_chords`)."""
 CHORD_FORCE = 5000.0
-"""Force [N] up to which the chords of a hertz contact are laid."""
+"""Force [N] up to which the chords of a hertz contact miss its law by the same."""
+REACH = 20.0
+"""Multiple of that force up to which chords are laid at all."""
 
 
 def lines(kind: int, stiffness, preload, exponent: float, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -34,9 +38,11 @@ def lines(kind: int, stiffness, preload, exponent: float, rows: np.ndarray) -> t
 
 
 def chords(kind: int, stiffness, preload, exponent: float, rows: np.ndarray, count: int, force: float) -> np.ndarray:
-    """Rows (compression [m], force [N]) of about `count` chords of a curved law; `rows` are its stiffness table."""
+    """Rows (compression [m], force [N]) of about `count` chords of a curved law, hertz contacts up to a `force` [N] and
+    with more chords beyond it; `rows` are its stiffness table."""
     if kind == HERTZ:
-        share = np.arange(count + 1) / count
+        beyond = (1.0 + 1.0 / count) ** (2 * np.arange(1, _beyond(count) + 1))
+        share = np.concatenate([np.arange(count + 1) / count, beyond])
         touch = (preload / stiffness) ** (1.0 / exponent) if np.real(preload) > 0.0 else 0.0
         u = (force / stiffness) ** (1.0 / exponent) * share ** (2.0 / exponent)
         return np.stack([u - touch, force * share**2 + 0.0 * u], axis=1)
@@ -44,6 +50,11 @@ def chords(kind: int, stiffness, preload, exponent: float, rows: np.ndarray, cou
     beyond = (d[-1] - d[0]) if len(d) > 1 else 1e-3
     d = np.concatenate([[d[0] - beyond], d, [d[-1] + beyond]])
     return np.stack([d, preload + integral(rows, d) - integral(rows, np.zeros(1))], axis=1)
+
+
+def _beyond(count: int) -> int:
+    """Chords of a hertz contact beyond the force up to which `count` are laid."""
+    return int(np.ceil(np.log(REACH) / (4.0 * np.log1p(1.0 / count))))
 
 
 def knots(rows: np.ndarray, count: int) -> np.ndarray:
