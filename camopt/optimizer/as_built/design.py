@@ -48,8 +48,8 @@ class YieldEffort:
 
 EFFORTS = {
     "draft": YieldEffort(100, 0, 8, 200, 11),
-    "standard": YieldEffort(300, 40, 14, 1000, 21),
-    "fine": YieldEffort(500, 80, 20, 2000, 41),
+    "standard": YieldEffort(300, 20, 14, 1000, 21),
+    "fine": YieldEffort(500, 40, 20, 2000, 41),
 }
 
 

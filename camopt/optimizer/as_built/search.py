@@ -33,7 +33,7 @@ GIVEN_UP = 1.25
 much it fails is nobody's loss. A few soft springs in a thousand would otherwise make the whole cam."""
 WATCHED = 0.4
 """A train is judged with every cam at the speeds where it last used more of a limit than this."""
-SCOUTS, FAR_SCOUTS = 4, 16
+SCOUTS, FAR_SCOUTS = 8, 32
 """Of the other trains one in so many is judged with every cam, and with the next cam the next ones, at the speeds that
 matter: the top of the band, and where more than a quarter as many trains are watched as may fail. At the remaining
 speeds it is one in the second number. A train that uses little of a limit with one cam may break it with the next."""

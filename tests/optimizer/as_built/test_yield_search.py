@@ -181,8 +181,8 @@ def test_the_budget_is_the_shortfall_of_as_many_failing_trains_as_may_fail():
 
 
 def test_as_many_trains_are_drawn_as_may_fail_often_enough():
-    effort = YieldEffort(300, 40, 14, 1000, 21)
-    assert [effort.trains_for(wanted) for wanted in (0.99, 0.95, 0.8)] == [4000, 800, 300]
+    effort = YieldEffort(300, 20, 14, 1000, 21)
+    assert [effort.trains_for(wanted) for wanted in (0.99, 0.95, 0.8)] == [2000, 400, 300]
 
 
 def test_a_resumed_search_judges_nothing_twice(tmp_path, monkeypatch):
