@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 from camopt.optimizer.as_built.drawn import DrawnTrains
 from camopt.optimizer.as_built.journal import TrainsLog
 from camopt.optimizer.as_built.search import FIRST_MARGIN_N, MORE_STEP_N, OVERSPEED, YieldSearch
-from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpProgram, no_jump_program
+from camopt.optimizer.program.no_jump import NoJumpProgram, no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import relocate, standing
 from camopt.scene.errors import InputError
@@ -71,8 +71,7 @@ def yield_search(
     """
     drawn = DrawnTrains(scene, seed + DRAWS_SEED)
     search = YieldSearch(drawn, _program(scene), wanted, log or TrainsLog(None), show)
-    first = search.program.solve(Margins(*[FIRST_MARGIN_N] * 3))
-    drawn.settle(first.lift)
+    drawn.settle(search.first_cam().lift)
     drawn.draw(effort.trains)
     margins, common = search.common_margin(), search.common
     assert common is not None
@@ -102,7 +101,4 @@ def _program(scene: Scene) -> NoJumpProgram:
     fine = high * np.array([*NEAR_TOP, *OVERSPEED])
     cam_speeds = [scene.cam_speed(speed) for speed in (*coarse, *fine[fine > coarse[-1]])]
     program = standing(no_jump_program(build_train(scene), design, program_cam(design, KNOT_DEG), cam_speeds))
-    try:
-        return relocate(program, program.solve(Margins(*[FIRST_MARGIN_N] * 3)).lift)
-    except NoCamHoldsContact:
-        return program
+    return relocate(program, program.solve_below(np.full((3, len(cam_speeds)), FIRST_MARGIN_N)).lift)

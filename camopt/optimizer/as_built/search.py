@@ -1,11 +1,11 @@
 """The cam of largest area that a wanted share of drawn trains holds.
 
 It begins with the largest cams of the no-jump program under one margin for all speeds, the lowest that enough of the
-drawn trains hold. Then linear programs along exact slopes move the cam's coefficients themselves, under all limits on
-its shape: the largest area whose expected shortfall stays within a budget. The shortfall is the mean, over the drawn
-trains, of what the worst part of a limit exceeds `AIM` by, up to `GIVEN_UP`; yield itself is a count without slope. The
-slopes are those of the exact adjoint, through every train's contacts. The draws are the same for every cam (common
-random numbers); once a cam holds, more are drawn, and it goes on from there with these.
+drawn trains hold. Then each speed gets margins of its own, which move along exact slopes to the largest area whose
+expected shortfall stays within a budget. The shortfall is the mean, over the drawn trains, of what the worst part of a
+limit exceeds `AIM` by, up to `GIVEN_UP`; yield itself is a count without slope. The slopes are those of the exact
+adjoint, through every train's contacts. The draws are the same for every cam (common random numbers); once a cam holds,
+more are drawn, and it goes on from there with these.
 
 A train whose spring is a little soft meets at the top speed what the train as designed meets beyond it. So the
 program's speeds reach beyond the band, where the margins fall: as far as the softest springs that a yield must hold.
@@ -19,11 +19,13 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.optimizer.as_built.drawn import DrawnTrains
 from camopt.optimizer.as_built.journal import TrainsLog
-from camopt.optimizer.as_built.linear_step import UsedSlopes, YieldCam, stepped
-from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpProgram
+from camopt.optimizer.as_built.linear_step import UsedSlopes, stepped
+from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpOptimum, NoJumpProgram
 from camopt.scene.errors import InputError
 from camopt.scene.units import DEG, MM
 
+ALONG_SLOPES = "margins along slopes"
+"""What the steps are called in the history."""
 OVERSPEED, OVERSPEED_FALL_N = (1.007, 1.014, 1.023), (15.0, 30.0, 50.0)
 """Speeds beyond the band's top, as shares of it, and by how much less the common margin is there."""
 AIM = 0.75
@@ -43,9 +45,8 @@ where both end."""
 NEAR, GONE, ROWS = 0.6, 1.6, 2
 """Trains whose worst part of a limit lies between the two have slopes, each those of so many of its largest parts. One
 beyond counts as given up, whatever the step."""
-REACH, WIDER, NARROWER = 0.02, 1.5, 0.5
-"""How far the first step goes, in typical coefficients; factors on that after a step that is taken and one that is
-not."""
+REACH_N, WIDER, NARROWER = 6.0, 1.3, 0.4
+"""How far the first step moves a margin; factors on that after a step that is taken and one that is not."""
 LEAST_GAIN = 0.001
 """Area ratio that three steps in a row must add for another one: each costs as much as hundreds of trains."""
 BISECTIONS = 4
@@ -53,7 +54,7 @@ BISECTIONS = 4
 PENALTY = 4.0
 """Area ratio that a unit of shortfall beyond the budget costs a step. The linear program takes more for it; here it is
 so low that the way may lead through cams that a few trains too many do not hold."""
-SPENT = 0.6
+SPENT = 0.75
 """Part of the wanted loss that a search may spend: its cam suits the trains that it knows better than others."""
 PER_FAILING = 0.6
 """Expected shortfall per share of failing trains where too few of them fail to say it."""
@@ -70,13 +71,13 @@ class YieldSearch:
     wanted: float
     log: TrainsLog = field(default_factory=lambda: TrainsLog(None))
     show: Callable[[dict], None] = lambda line: None
-    held: list[YieldCam] = field(default_factory=list)  # each larger than the one before
-    common: YieldCam | None = None  # the largest of a common margin
+    held: list[NoJumpOptimum] = field(default_factory=list)  # each larger than the one before
+    common: NoJumpOptimum | None = None  # the largest of a common margin
     steps: int = 0
     per_failing: float = PER_FAILING  # expected shortfall per share of failing trains
 
     @property
-    def best(self) -> YieldCam | None:
+    def best(self) -> NoJumpOptimum | None:
         """The largest cam that holds."""
         return self.held[-1] if self.held else None
 
@@ -95,7 +96,7 @@ class YieldSearch:
         """Whether enough of the trains hold the last cam, as far as they were judged."""
         return self.drawn.failing <= self.allowed
 
-    def consider(self, stage: str, found: YieldCam) -> bool:
+    def consider(self, stage: str, found: NoJumpOptimum) -> bool:
         """Judges a cam, keeps it if it is the largest that enough trains hold, and reports the step."""
         drawn, self.steps = self.drawn, self.steps + 1
         if not self.log.recalled(self.steps, found.z, drawn):
@@ -144,12 +145,16 @@ class YieldSearch:
         """The expected shortfall of the last cam."""
         return float(np.mean(np.clip(self.drawn.worst, AIM, GIVEN_UP) - AIM))
 
+    def first_cam(self) -> NoJumpOptimum:
+        """The cam of the first common margin, or of the highest one below it that any cam keeps."""
+        return self.program.solve_below(self._common(FIRST_MARGIN_N))
+
     def common_margin(self) -> np.ndarray:
         """Finds the lowest common margin that holds; returns that one's margins (3, s) [N].
 
         Raises InputError where none of those tried holds.
         """
-        found = self.lowest("common margin", self._common(FIRST_MARGIN_N), FIRST_STEP_N)
+        found = self.lowest("common margin", self.first_cam().margins, FIRST_STEP_N)
         self.common = self.best
         return found
 
@@ -166,8 +171,7 @@ class YieldSearch:
                 raise InputError(
                     f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: {short}"
                 ) from short
-            cam = YieldCam(self.program, found.z, found.area_ratio)
-            held = self.consider(stage, cam) and self.best is cam  # margins that bind no more make no cam larger
+            held = self.consider(stage, found) and self.best is found  # margins that bind no more make no cam larger
             low, high = (low, shift) if held else (shift, high)
             if np.isfinite(low) and np.isfinite(high):
                 shift = 0.5 * (low + high)
@@ -180,55 +184,60 @@ class YieldSearch:
         within = len(self.program.blocks) - len(OVERSPEED)
         return np.tile(level - np.array([0.0] * within + [*OVERSPEED_FALL_N]), (3, 1))
 
-    def by_slopes(self, cam: YieldCam, steps: int) -> YieldCam:
-        """So many linear programs along exact slopes, from `cam` on; fewer where they add next to nothing.
+    def by_slopes(self, cam: NoJumpOptimum, steps: int) -> NoJumpOptimum:
+        """At most so many steps of the margins along exact slopes, from `cam` on; fewer where they add next to nothing.
 
         Returns the last cam that was taken, which a few trains too many may not hold.
         """
-        drawn, reach, found = self.drawn, REACH, None
-        self.consider("linear programs", cam)
+        drawn, reach_N, found = self.drawn, REACH_N, None
+        self.consider(ALONG_SLOPES, cam)
         self._measure_budget()
         gains = [np.inf]
         for _ in range(steps):
-            found = found or self._slopes(cam)
-            lost = np.sum(drawn.worst >= GONE) * (GIVEN_UP - AIM)
-            moved = stepped(cam, found, AIM, max(len(drawn.trains) * self.budget - lost, 0.0), reach)
+            found = found or drawn.slopes(self.program.cam, cam.z, (NEAR, GONE), ROWS)
             merit, known = self.merit(cam), (drawn.used.copy(), drawn.states.copy())
-            self.consider("linear programs", moved)
-            gains.append(max(self.merit(moved) - merit, 0.0))
-            if gains[-1] > 0.0:
-                cam, reach, found = moved, WIDER * reach, None
+            moved = self._stepped(cam, found, reach_N)
+            gains.append(0.0)
+            if moved is not None:
+                self.consider(ALONG_SLOPES, moved)
+                gains[-1] = max(self.merit(moved) - merit, 0.0)
+            if moved is not None and gains[-1] > 0.0:
+                cam, reach_N, found = moved, WIDER * reach_N, None
                 self._measure_budget()
             else:
-                found = found.joined(self._slopes(moved))  # what the program did not see coming
                 drawn.used, drawn.states = known
-                reach *= NARROWER
+                reach_N *= NARROWER
             if sum(gains[-3:]) < LEAST_GAIN:
                 break
         return cam
 
-    def between(self, safe: YieldCam, cam: YieldCam) -> None:
-        """Looks on the way from a `safe` cam to another one, on which all limits on the shape hold, for the largest one
-        that enough trains hold."""
+    def _stepped(self, cam: NoJumpOptimum, found: UsedSlopes, reach_N: float) -> NoJumpOptimum | None:
+        """The cam of a step; None where no cam keeps its margins."""
+        lost = np.sum(self.drawn.worst >= GONE) * (GIVEN_UP - AIM)
+        budget = max(len(self.drawn.trains) * self.budget - lost, 0.0)
+        try:
+            return self.program.solve(Margins(*stepped(cam, found, AIM, budget, reach_N)))
+        except NoCamHoldsContact:
+            return None
+
+    def between(self, safe: NoJumpOptimum, cam: NoJumpOptimum) -> None:
+        """Looks on the way of the margins from a `safe` cam to another one for the largest that enough trains hold."""
         low, high = 0.0, 1.0
         for _ in range(BISECTIONS):
             share = 0.5 * (low + high)
-            low, high = (share, high) if self.consider("between", safe.moved_towards(cam, share)) else (low, share)
+            found = self.program.solve(Margins(*((1.0 - share) * safe.margins + share * cam.margins)))
+            low, high = (share, high) if self.consider("between", found) else (low, share)
 
     def _measure_budget(self) -> None:
         """Takes from the last cam how much shortfall comes with a failing train; that differs from scene to scene."""
         if 2 * self.drawn.failing >= max(self.allowed, 2):
             self.per_failing = self.shortfall * len(self.drawn.trains) / self.drawn.failing
 
-    def merit(self, cam: YieldCam) -> float:
+    def merit(self, cam: NoJumpOptimum) -> float:
         """The area ratio of the cam that was just judged, less what its shortfall beyond the budget costs."""
         return cam.area_ratio - PENALTY * max(self.shortfall - self.budget, 0.0)
 
-    def _slopes(self, cam: YieldCam) -> UsedSlopes:
-        """What trains near their limits use of them with the cam that was just judged, and how that grows with z."""
-        return self.drawn.slopes(cam.program.cam, cam.z, (NEAR, GONE), ROWS)
-
-    def more_trains(self, count: int, cam: YieldCam) -> None:
+    def more_trains(self, count: int, cam: NoJumpOptimum) -> None:
         """Draws trains until there are so many; no cam counts as one that holds until it is judged with them.
 
         They begin where the train as designed settles with `cam`, and are all judged at the speeds that matter.

@@ -23,6 +23,9 @@ from camopt.scene.design import Design
 from camopt.scene.errors import InputError
 from camopt.scene.train import Train
 
+SHORTFALL = 1.01
+"""Factor on a shortfall, so that the margins below it are surely held."""
+
 
 class NoCamHoldsContact(InputError):
     """No free cam keeps the margins; `shortfall_N` is by how much all of them together would have to fall."""
@@ -147,6 +150,18 @@ class NoJumpProgram:
             return self.unexplained(margins)
         except Infeasible:
             raise self._shortfall(self.bound((margins or Margins()).table(len(self.blocks)))) from None
+
+    def solve_below(self, margins: np.ndarray) -> NoJumpOptimum:
+        """The same with the margins (3, s) [N] or, where no cam keeps them, with all of them lower by what it takes.
+
+        Raises NoCamHoldsContact where the other limits alone let no cam through.
+        """
+        try:
+            return self.solve(Margins(*margins))
+        except NoCamHoldsContact as short:
+            if np.isinf(short.shortfall_N):
+                raise
+            return self.solve(Margins(*(margins - SHORTFALL * short.shortfall_N)))
 
     def unexplained(self, margins: Margins | None = None) -> NoJumpOptimum:
         """`solve` for a caller who cannot wait for by how much the margins are too large; raises Infeasible instead."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.exact.engine import prepare
-from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpOptimum, NoJumpProgram
+from camopt.optimizer.program.no_jump import NoJumpProgram
 from camopt.optimizer.program.phases import Angles
 from camopt.optimizer.program.radii import near, with_radii
 from camopt.optimizer.program.tangents import HELD_N, tangents_along
@@ -18,8 +18,6 @@ from camopt.scene.train import Train
 
 REVOLUTIONS = 8
 """Revolutions from rest before the angles are read: surge decays by half or more in each."""
-SHORTFALL = 1.01
-"""Factor on a shortfall, so that the margins below it are surely held."""
 STANDS = 1e-5
 """Change of the area ratio below which the tangents stand: a fifth of what the search tells apart."""
 MOST_SOLUTIONS = 8
@@ -101,19 +99,8 @@ def standing(program: NoJumpProgram, margin_N: float = HELD_N) -> NoJumpProgram:
         return program
     area = -np.inf
     for _ in range(MOST_SOLUTIONS):
-        found = _held(program, margin_N)
+        found = program.solve_below(np.full((3, len(program.blocks)), margin_N))
         if abs(found.area_ratio - area) < STANDS:
             break
         area, program = found.area_ratio, relocate(program, found.lift)
     return program
-
-
-def _held(program: NoJumpProgram, margin_N: float) -> NoJumpOptimum:
-    """The program's cam with a common margin, lowered to what some cam holds."""
-    try:
-        return program.solve(Margins(margin_N, margin_N, margin_N))
-    except NoCamHoldsContact as short:
-        lower = margin_N - SHORTFALL * short.shortfall_N
-        if not np.isfinite(lower):
-            raise
-        return program.solve(Margins(lower, lower, lower))
