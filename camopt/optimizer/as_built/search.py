@@ -54,7 +54,7 @@ BISECTIONS = 4
 PENALTY = 4.0
 """Area ratio that a unit of shortfall beyond the budget costs a step. The linear program takes more for it; here it is
 so low that the way may lead through cams that a few trains too many do not hold."""
-SPENT = 0.75
+SPENT = 0.6
 """Part of the wanted loss that a search may spend: its cam suits the trains that it knows better than others."""
 PER_FAILING = 0.6
 """Expected shortfall per share of failing trains where too few of them fail to say it."""
@@ -169,7 +169,8 @@ class YieldSearch:
                 found = self.program.solve(Margins(*(margins + shift)))
             except NoCamHoldsContact as short:
                 raise InputError(
-                    f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: {short}"
+                    f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: of {len(self.drawn.trains)} "
+                    f"trains {self.drawn.failing} fail with the largest margins; {short}"
                 ) from short
             held = self.consider(stage, found) and self.best is found  # margins that bind no more make no cam larger
             low, high = (low, shift) if held else (shift, high)

@@ -178,7 +178,7 @@ def test_the_budget_is_the_shortfall_of_as_many_failing_trains_as_may_fail():
     drawn = SimpleNamespace(trains=[None] * 100, worst=worst, failing=4)
     search = YieldSearch(drawn, None, 0.9)
     search._measure_budget()
-    assert search.allowed == 7 and search.budget == pytest.approx(7.5 * (1.2 - search_module.AIM) / 100)
+    assert search.allowed == 6 and search.budget == pytest.approx(6 * (1.2 - search_module.AIM) / 100)
     drawn.failing = 1  # of one train nothing is known
     search._measure_budget()
     assert search.per_failing == pytest.approx(1.2 - search_module.AIM)
