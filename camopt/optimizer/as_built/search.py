@@ -168,9 +168,10 @@ class YieldSearch:
             try:
                 found = self.program.solve(Margins(*(margins + shift)))
             except NoCamHoldsContact as short:
+                drawn = self.drawn
                 raise InputError(
-                    f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: of {len(self.drawn.trains)} "
-                    f"trains {self.drawn.failing} fail with the largest margins; {short}"
+                    f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: of {len(drawn.trains)} trains "
+                    f"{drawn.failing} fail with the largest margins; {short}"
                 ) from short
             held = self.consider(stage, found) and self.best is found  # margins that bind no more make no cam larger
             low, high = (low, shift) if held else (shift, high)
