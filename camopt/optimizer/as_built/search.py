@@ -170,8 +170,8 @@ class YieldSearch:
             except NoCamHoldsContact as short:
                 drawn = self.drawn
                 raise InputError(
-                    f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: of {len(drawn.trains)} trains "
-                    f"{drawn.failing} fail with the largest margins; {short}"
+                    f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: of {len(drawn.trains)} "
+                    f"trains {drawn.failing} fail with the largest margins; {short}"
                 ) from short
             held = self.consider(stage, found) and self.best is found  # margins that bind no more make no cam larger
             low, high = (low, shift) if held else (shift, high)
