@@ -22,17 +22,21 @@ def _by_python(monkeypatch):
     interpret(monkeypatch, __name__, "camopt.exact.kernel.")
 
 
-def traced(*segments):
-    """(setting, trace) whose one watch is in each segment (polynomial of the steps since its start, length)."""
+def traced(*segments, others=()):
+    """(setting, trace) whose last watch is in each segment (polynomial of the steps since its start, length); before it
+    stand those of another element, which are the same in all segments."""
     steps = int(max(length for _, length in segments)) + 1
     moved = np.zeros((steps + 1, WIDTH + 1, WIDTH))
     for i, j, k in np.ndindex(steps + 1, WIDTH, WIDTH):
         moved[i, j, k] = comb(j, k) * i ** (j - k) if j >= k else 0.0
+    count = len(others) + 1
+    series = np.zeros((1, count, WIDTH + 1, TERMS + 1))
+    series[0, -1, :WIDTH, :WIDTH] = np.eye(WIDTH)
     tables = SimpleNamespace(
-        count=np.array([1]), element=np.array([[0]]), states=np.array([[SEPARATED]]),
-        steps=moved[None], series=np.eye(WIDTH + 1, TERMS + 1)[None, None] * (np.arange(WIDTH + 1) < WIDTH)[:, None],
+        count=np.array([count]), element=np.array([[*[1] * len(others), 0]]), states=np.array([[SEPARATED, SEPARATED]]),
+        steps=moved[None], series=series,
     )  # fmt: skip
-    looks = [[p.deriv(d)(i) for i in range(steps + 1) for d in (0, 1)] for p, _ in segments]
+    looks = [[q.deriv(d)(i) for i in range(steps + 1) for d in (0, 1) for q in (*others, p)] for p, _ in segments]
     lengths = np.array([float(length) for _, length in segments])
     trace = SimpleNamespace(
         angle=np.concatenate([[0.0], PER_STEP * np.cumsum(lengths)]), length=lengths,
@@ -95,9 +99,10 @@ def test_the_largest_value_between_two_angles_is_sought_there_only(low, high):
         assert sign * HUMPS(length) == pytest.approx(wanted, abs=1e-12)
 
 
-def test_the_nearest_miss_is_the_lowest_point_at_which_a_watch_turns_back():
+@pytest.mark.parametrize("others", [(), (Polynomial([9.0, -1.0]),), (Polynomial([9.0, -1.0]), Polynomial([1.0, 1.0]))])
+def test_the_nearest_miss_is_the_lowest_point_at_which_a_watch_turns_back(others):
     swings = [Polynomial([2.0, -1.0, 0.2]), Polynomial([1.0, 0.4, -0.3, 0.04])]
-    s, trace = traced(*((swing, 6.0) for swing in swings))
+    s, trace = traced(*((swing, 6.0) for swing in swings), others=others)
     lowest = [swing(t) for swing in swings for t in turns(swing, 0.0, 6.0) if swing.deriv(2)(t) > 0.0]
     assert len(lowest) == 2
     assert nearest_miss(s, trace, 0) == pytest.approx(min(lowest), abs=1e-12)

@@ -18,7 +18,7 @@ def _by_python(monkeypatch):
     interpret(monkeypatch, __name__, "camopt.exact.")
 
 
-@pytest.fixture(params=["motori-1", "motori-2"])
+@pytest.fixture(params=["motori-1", "pushrod-5mass"])
 def still(request):
     """(arrays, pieces at rest, state at rest, leap) of a train."""
     train = build_train(load_scene(request.param))
@@ -61,13 +61,13 @@ def test_the_level_of_a_watch_is_its_value_at_rest(still):
 
 def test_a_watch_sways_by_no_more_than_its_sway_and_by_no_less(still):
     arrays, status, rest, leap = still
-    count = leap.rate.shape[1]
+    count, before = leap.rate.shape[1], watches(arrays, status, rest)
     for j in range(count):
         lowest = np.full(len(leap.level), np.inf)
-        for phase in np.linspace(0.0, 2.0 * np.pi, 721):
+        for phase in np.linspace(0.0, 2.0 * np.pi, 361):
             modes = np.zeros(2 * count)
             modes[j], modes[count + j] = np.cos(phase), np.sin(phase) * (leap.rate[1, j] > 0.0)
             state = modes @ leap.from_modes[:-1]
-            change = watches(arrays, status, rest + 1e-6 * state) - watches(arrays, status, rest)
+            change = watches(arrays, status, rest + 1e-6 * state) - before
             lowest = np.minimum(lowest, 1e6 * change)
         np.testing.assert_allclose(-lowest, leap.sway[:, j], rtol=1e-4, atol=1e-5 * leap.sway.max())

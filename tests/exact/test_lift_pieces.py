@@ -30,13 +30,13 @@ def test_the_fit_keeps_value_and_slope_at_both_ends_whatever_lies_between():
     assert np.abs(found(NODES) - value).max() < 0.01 * np.abs(ends @ hermite_at - value).max()
 
 
-@pytest.mark.parametrize("count", [63, 64, 90])
-def test_pieces_become_one_until_no_two_neighbours_fit_into_the_widest(count):
+@pytest.mark.parametrize(("count", "circle"), [(63, 1), (64, 3), (200, 8)])
+def test_pieces_become_one_until_no_two_neighbours_fit_into_the_widest(count, circle):
     """One parabola, cut at equal angles: any two pieces can be one, and a base circle is merged whatever its width."""
     edges, height = np.linspace(-2.0, 2.0, count + 1), 1e-3
     flank = np.stack([height * (4.0 - edges[:-1] ** 2), -2.0 * height * edges[:-1], np.full(count, -height)], axis=1)
-    borders = np.concatenate([[-np.pi, -2.5], edges, [2.5, np.pi]])
-    lift = Lift(borders, np.concatenate([np.zeros((2, 3)), flank, np.zeros((2, 3))]), 2.0)
+    borders = np.concatenate([np.linspace(-np.pi, -2.0, circle + 1)[:-1], edges, [2.5, np.pi]])
+    lift = Lift(borders, np.concatenate([np.zeros((circle, 3)), flank, np.zeros((2, 3))]), 2.0)
     few, coefficients = few_pieces(LiftKey(lift))
     still = ~np.any(coefficients, axis=1)
     assert still.tolist() == [True, *[False] * (len(still) - 2), True]
