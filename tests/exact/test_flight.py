@@ -1,4 +1,8 @@
-"""A ball in free flight, all of whose figures are polynomials: metrics, their cotangents, whole revolutions."""
+"""A ball in free flight, all of whose figures are polynomials: metrics, their cotangents, whole revolutions.
+
+Python runs what is compiled otherwise, `camopt.exact.adjoint.metrics`, `camopt.exact.kernel.revolution` and
+`camopt.exact.kernel.setting` among it, which are reached through a traced motion.
+"""
 
 from dataclasses import replace
 
@@ -8,22 +12,18 @@ from numpy.polynomial import Polynomial
 
 from camopt.cam.lift import Lift
 from camopt.exact import prepare
-from camopt.exact.adjoint.integrals import integrals_back, seed_square
-from camopt.exact.adjoint.metrics import contact_force
+from camopt.exact.adjoint.integrals import seed_square
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.exact.adjoint.seeds import empty_seeds
 from camopt.exact.adjoint.slopes import room_for_bars
 from camopt.exact.adjoint.sweep import Bars, sweep
 from camopt.exact.kernel.propagators import propagators
-from camopt.exact.kernel.revolution import revolve
-from camopt.exact.kernel.setting import follow
 from camopt.exact.kernel.tables import TERMS
 from camopt.exact.kernel.trace import first
 from camopt.scene.units import DEG
 from tests.exact.interpreted import interpret
 from tests.exact.test_gradient_closed_form import FLAT, GRAVITY, ball
 
-RUN_BY_PYTHON = (contact_force, integrals_back, revolve, follow)
 PERIOD = 0.02
 """Seconds per revolution of the cam."""
 START = np.array([0.1, -1.0])
