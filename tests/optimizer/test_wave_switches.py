@@ -8,10 +8,11 @@ import pytest
 
 from camopt.cam.families.free import free_cam
 from camopt.cam.waves import cells, sign_changes
-from camopt.optimizer.program.kinematic import kinematic_optimum, unexplained_optimum
-from camopt.optimizer.program.linear_program import Infeasible
+from camopt.optimizer.program.kinematic import first_working, kinematic_optimum, spline_rows, unexplained_optimum
+from camopt.optimizer.program.linear_program import Infeasible, least_relaxation
 from camopt.optimizer.program.waves import _climbed, _fewer, kinematic_switches
 from camopt.scene import load_scene
+from camopt.scene.units import MM_PER_DEG3
 
 DESIGN = load_scene("kodama").design
 FEW = DESIGN.model_copy(update={"waves_max": 3})
@@ -56,3 +57,23 @@ def test_no_angle_of_the_search_is_better_a_cell_away():
     for i in range(len(found)):
         for way in (-cell, cell):
             assert area((*found[:i], found[i] + way, *found[i + 1 :])) < reached + 1e-5
+
+
+def test_where_no_cam_has_so_few_changes_the_jerk_is_least_wrong():
+    """A rise and a return ask for three changes; with one, the angle is where the least jerk has the wrong sign."""
+    one = DESIGN.model_copy(update={"waves_max": 1})
+
+    def wrong(angle):
+        limits = replace(CAM, about=replace(CAM.about, switches=(angle,))).limits(one)
+        give = np.zeros(len(limits.bound))
+        give[limits.rows("waves_max")] = 1.0
+        return least_relaxation(
+            spline_rows(limits.matrix), limits.bound, give, 1e-3 * MM_PER_DEG3, first_working(limits)
+        )
+
+    (found,), marks = kinematic_switches(one, CAM), cells(CAM)
+    at = int(np.argmin(np.abs(marks - found)))
+    assert wrong(found) > 0.0
+    for other in (at - 12, at - 1, at + 1, at + 12):
+        if 0 < other < len(marks) - 1:
+            assert wrong(found) <= wrong(marks[other])
