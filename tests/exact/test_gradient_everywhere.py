@@ -1,11 +1,9 @@
 """No NaN and no silent zero, whatever the gaps and the scene; and a wrong saltation does not go unseen."""
 
-import sys
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from numba.core.dispatcher import Dispatcher
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
@@ -17,8 +15,11 @@ from camopt.exact.adjoint.motion import Gradient, TracedMotion
 from camopt.scene import InputError, MotionRefused, build_train, load_scene, rest_position
 from camopt.scene.rest import state_at_rest
 from tests.exact.gradient_problems import by_train, cam_with_bumps, from_rest, kodama, moved
+from tests.exact.interpreted import interpret
 
 BUILT_IN = ("kodama", "motori-1", "motori-2", "pushrod-5mass")
+SWEPT = ("camopt.exact.kernel.", *(module.__name__ for module in (adjoint, integrals, seeds)))
+"""What a sweep runs."""
 VARIED = ("mass", "stiffness", "damping", "preload", "gap")
 
 
@@ -92,18 +93,6 @@ def test_a_flat_lift_stays_at_rest():
     assert found.values[0] == 0.0 and found.values[1] == pytest.approx(1e3 * lash.max())
 
 
-def interpret(monkeypatch) -> None:
-    """Has the sweep and all that it calls run by Python, in which a function can be replaced.
-
-    Those that only compiled code calls have no entry for Python, so that none of them may stay compiled.
-    """
-    called = [m for name, m in sys.modules.items() if name.startswith("camopt.exact.kernel.")]
-    for module in (*called, adjoint, integrals, seeds):
-        for name, value in list(vars(module).items()):
-            if isinstance(value, Dispatcher):
-                monkeypatch.setattr(module, name, value.py_func)
-
-
 def taylor_slope(share: float, monkeypatch) -> float:
     """Order of the remainder after the first derivative, the saltation multiplied by `share`."""
     scene, train = kodama()
@@ -112,7 +101,7 @@ def taylor_slope(share: float, monkeypatch) -> float:
     start, metric = state_at_rest(train), ["seating_velocity_m_per_s"]
     moving, steps = TracedMotion(train, lift, speed, start), np.array([2e-7, 5e-8])
     after = [from_rest(train, moved(lift, h * direction), speed, metric, start)[0] for h in steps]
-    interpret(monkeypatch)
+    interpret(monkeypatch, *SWEPT)
     original = adjoint.switch_back
 
     def switch_back(s, trace, seeds, k, bars, room):

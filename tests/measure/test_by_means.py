@@ -1,11 +1,14 @@
 """The law by means of a rounded table: its figures are those of the cam, not of the rounding."""
 
+import re
+
 import numpy as np
 import pytest
 
 from camopt.cam.design_file import as_written
 from camopt.cam.exports import write_rounded_table
 from camopt.cam.families.free import free_cam
+from camopt.cam.families.polydyne import polydyne
 from camopt.cam.geometry import contact
 from camopt.cam.tables.lift_table import read_lift_table, write_lift_table
 from camopt.measure.by_means import MEANS, by_means
@@ -64,3 +67,16 @@ def test_the_sheet_and_the_contour_of_a_rounded_table_show_no_cusp(five_digits, 
     assert [line for line in lines if line.split() == ["smallest", "concave", "radius", "none"]]
     export(SCENE, five_digits, Files(contour=str(tmp_path / "contour.csv")))
     assert (tmp_path / "contour.csv").is_file()
+
+
+def test_what_is_said_is_told_by_the_errors_of_differences_over_the_window(tmp_path):
+    """A row that is off by q shows in the k-th difference over H as 2^k q / H^k."""
+    write_rounded_table(tmp_path / "lift.csv", polydyne(KODAMA), 0.1, 5)
+    _, said = by_means(read_lift_table(tmp_path / "lift.csv", SCENE))
+    numbers = re.search(r"over (\S+) deg.* to (\S+) mm/deg\^2 .* to (\S+) mm/deg\^3$", said)
+    assert numbers is not None
+    span, acceleration, jerk = map(float, numbers.groups())
+    rows = span / MEANS / 0.1
+    assert rows == pytest.approx(round(rows)) and round(rows) % 2 == 1
+    assert acceleration == pytest.approx(4 * 5e-6 / (0.1 * rows) ** 2, rel=0.5)  # one digit is told
+    assert jerk == pytest.approx(8 * 5e-6 / (0.1 * rows) ** 3, rel=0.5)

@@ -12,11 +12,12 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.exact import prepare
 from camopt.measure.energy import energy
 from camopt.scene import build_train, load_scene
-from camopt.scene.laws import PROGRESSIVE
-from camopt.scene.response import end_state, joined
+from camopt.scene.laws import OIL, PROGRESSIVE
+from camopt.scene.response import Response, end_state, joined
 from camopt.scene.rest import state_at_rest
+from camopt.scene.train import GROUND
 from camopt.verifier.methods import dop853, rkg, tmm
-from tests.verifier.trains import ball_on_seat, laws, no_lift, smooth_lift, two_springs
+from tests.verifier.trains import ball_on_seat, laws, no_lift, smooth_lift, train, two_springs
 
 CLOSED = 1e-8
 """Residual by the largest stored energy that counts as closed: docs/model.md defines what counts as dissipated."""
@@ -172,3 +173,16 @@ def test_balance_closes_with_a_preloaded_progressive_seat():
     found = energy(response, no_lift())
     assert response.force.max() > 20 * preload and found.damped.sum() > 0.1 * found.stored.max()
     assert abs(found.residual_relative) < CLOSED
+
+
+def test_what_an_oil_column_loses_is_known_from_few_samples():
+    """Held at d it loses k d^2 (1 - exp(-2 k t / leak)) / 2; here a step is a fifth of leak / k."""
+    k, leak, d, steps = 1e6, 1e3, 1e-3, 20
+    held = train([1e12], [(0, GROUND, False, False, k, 0.0, 0.0, 0.0)])  # no force moves such a mass
+    held = replace(held, laws=laws([OIL], [k], leak=leak))
+    angle, end = np.linspace(-np.pi, np.pi, steps + 1), steps / 5 * leak / k
+    time, still = (angle + np.pi) / (2 * np.pi) * end, np.zeros((steps + 1, 1))
+    z = d * (1 - np.exp(-k * time / leak))[:, None]
+    record = Response(held, 2 * np.pi / end, angle, still[:, 0], still + d, still, k * (d - z), z)
+    lost = k * d**2 / 2 * (1 - np.exp(-2 * k * end / leak))
+    assert energy(record, no_lift()).damped == pytest.approx([lost], rel=1e-5)

@@ -8,7 +8,14 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
-from camopt.measure.limits import MOTION_LIMITS, MotionLimit, broken_by_shape, duration_words, motion_limits
+from camopt.measure.limits import (
+    MOTION_LIMITS,
+    MotionLimit,
+    broken_by_shape,
+    drawing_excess,
+    duration_words,
+    motion_limits,
+)
 from camopt.scene import load_scene
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 
@@ -187,3 +194,18 @@ def test_a_limit_knows_its_direction():
     for limit, step in ((most, 1e-4), (least, -0.1)):  # towards worse
         rise = limit.share(limit.value + step) - limit.share(limit.value)
         assert rise == pytest.approx(limit.share_slope * step) and rise > 0
+
+
+@pytest.mark.parametrize("height_mm", [0.5, 1.0, 6.0])
+def test_a_duration_at_a_lift_is_the_angle_for_which_the_cam_is_higher(height_mm):
+    grid = np.linspace(-180.0, 180.0, 360_001)
+    long = np.ptp(grid[LIFT(grid * DEG) >= height_mm * MM])
+    over = drawing_excess(LIFT, design(duration_at=((height_mm, long + 1.0, 360.0),)))["duration_at"]
+    assert over == pytest.approx(1.0 / SCENE.design.duration_deg, abs=3e-5)
+    over = drawing_excess(LIFT, design(duration_at=((height_mm, 0.0, long - 2.0),)))["duration_at"]
+    assert over == pytest.approx(2.0 / SCENE.design.duration_deg, abs=3e-5)
+
+
+def test_a_cam_has_no_duration_above_its_lift():
+    over = drawing_excess(LIFT, design(duration_at=((LIFT.max_lift / MM + 0.1, 10.0, 360.0),)))["duration_at"]
+    assert over == pytest.approx(10.0 / SCENE.design.duration_deg)

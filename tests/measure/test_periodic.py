@@ -177,3 +177,18 @@ def test_friction_that_never_slides_leaves_a_multiplier_of_one():
     found = periodic_state(revolve, np.array([1e-4, 0.0, 1e-5]), memories=1)
     assert not found.periodic and found.residual < 1e-4
     assert np.abs(found.multipliers).max() == pytest.approx(1.0, abs=1e-6)
+
+
+def test_the_best_of_the_mixed_states_is_where_newton_begins(monkeypatch):
+    """Of states that follow each other by chance, so that the best is not the last."""
+    monkeypatch.setattr(periodic, "MOST_NEWTON", 0)
+    changes, drawn = [], np.random.default_rng(0)
+
+    def after(state):
+        image = UNIT * drawn.normal(size=2)
+        changes.append(np.abs((image - state) / UNIT).max())
+        return image
+
+    found = periodic_state(revolve_to(after), START)
+    mixed = changes[periodic.PLAIN : found.revolutions_to_state]
+    assert found.residual == pytest.approx(min(mixed)) and min(mixed) < min(mixed[0], mixed[-1])

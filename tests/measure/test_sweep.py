@@ -92,3 +92,15 @@ def test_threads_deal_every_speed_to_its_place():
     for speed, row in zip(speeds, together, strict=True):
         assert module.at_speeds(engine.prepare, SCENE, lift, [speed], workers=1) == [row]
     assert together[0]["seating_velocity_m_per_s"] != together[1]["seating_velocity_m_per_s"]
+
+
+def test_the_step_about_a_peak_is_quartered_until_it_is_the_finest(known):
+    known["bounce_mm"] = lambda rpm: -abs(rpm - 6000.0)
+    looked = set(sweep(Swept(None, SCENE, None), 64.0).speeds_rpm)
+    nearest = min(looked, key=lambda rpm: abs(rpm - 6000.0))
+    assert nearest == 6000.0
+    first = min(np.arange(5000.0, 7000.0, 64.0), key=lambda rpm: abs(rpm - 6000.0))
+    assert {first + 16.0 * k for k in range(-3, 4)} <= looked
+    second = min((first + 16.0 * k for k in range(-3, 4)), key=lambda rpm: abs(rpm - 6000.0))
+    assert {second + 4.0 * k for k in range(-3, 4)} <= looked
+    assert {6000.0 + k for k in range(-3, 4)} <= looked

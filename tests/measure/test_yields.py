@@ -1,5 +1,7 @@
 """Trains as built and what they tell: common draws, the interval's coverage, what breaks first, blame."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.stats import norm
@@ -93,3 +95,10 @@ def test_blame_goes_to_what_moves_the_worst_part():
     assert found["a"] == pytest.approx(0.8, abs=0.06) and found["b"] == pytest.approx(0.2, abs=0.06)
     assert found["idle"] < 0.03
     assert blame(draws, np.ones(500)) == dict.fromkeys(draws, 0.0)
+
+
+def test_a_share_is_shown_in_per_cent_with_its_interval():
+    found = share_of(np.array([True, False, False, False]))
+    shown, low, high = (float(number) for number in re.findall(r"\d+\.\d", str(found)))
+    assert shown == 25.0
+    assert (low, high) == pytest.approx((100 * found.low, 100 * found.high), abs=0.05)

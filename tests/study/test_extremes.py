@@ -20,6 +20,7 @@ from camopt.study.extremes.classification import (
     WITHIN,
     WRONG,
     Truth,
+    doubtful_figure,
     judge,
     truth,
 )
@@ -80,6 +81,29 @@ def test_a_reference_that_refuses_its_finest_step_is_no_truth():
 def test_a_figure_that_wanders_excuses_no_other():
     off = replace(answer(bounce=0.2), worst=dict.fromkeys(NAMES, 1.1))
     assert judge(off, true(spread=1.0))[:2] == (WRONG, "jump_mm")
+
+
+@pytest.mark.parametrize("order", [NAMES, NAMES[::-1]])
+@pytest.mark.parametrize(
+    ("jump", "error", "verdict", "figure"),
+    [
+        (1.0, np.inf, NOT_CONVERGED, "bounce_mm"),  # infinitely far off, and said to be
+        (1.1, np.inf, WRONG, "jump_mm"),
+        (1.0, 1e-3, WRONG, "bounce_mm"),
+    ],
+)
+def test_an_infinite_error_that_is_told_is_no_defect_and_hides_none(order, jump, error, verdict, figure):
+    worst = dict.fromkeys(NAMES, 1.0) | {"bounce_mm": np.nan, "jump_mm": jump}
+    given = replace(answer(), worst=worst, error=dict.fromkeys(NAMES, 0.0) | {"bounce_mm": error})
+    right = replace(true(), figures={name: true().figures[name] for name in order})
+    assert judge(given, right)[:2] == (verdict, figure)
+
+
+@pytest.mark.parametrize("order", [NAMES, NAMES[::-1]])
+def test_a_reference_whose_steps_are_infinitely_far_apart_is_doubtful_however_its_start_moves_it(order):
+    apart = replace(answer(), error=dict.fromkeys(NAMES, 1.0) | {"bounce_mm": np.inf})
+    unsure = replace(true(spread=np.inf), answer=apart, figures={name: true().figures[name] for name in order})
+    assert doubtful_figure(unsure) == ("bounce_mm", np.inf)
 
 
 class TestTheList:

@@ -10,7 +10,7 @@ from camopt.measure.settling import Figures
 from camopt.scene import QUANTITIES, MotionRefused, build_train, load_scene, rest_position
 from camopt.scene.train import GROUND
 from camopt.verifier import convergence as module
-from camopt.verifier.convergence import FEWEST_STEPS, FINEST, Demand, converge, first_steps
+from camopt.verifier.convergence import FEWEST_STEPS, FINEST, Demand, converge, first_steps, tolerances
 from camopt.verifier.methods import rkg, tmm
 from tests.verifier.trains import no_lift, train, two_springs
 
@@ -138,3 +138,8 @@ def test_a_halved_step_that_repeats_the_coarser_ones_delay_is_seen():
         peaks.append(motion.force.max())
     assert peaks[0] == pytest.approx(peaks[1], rel=1e-9) and peaks[0] > 1.004 * damping * speed
     assert abs(peaks[2] - peaks[0]) > 1e-3 * peaks[0]
+
+
+def test_micrometres_that_are_asked_for_are_the_tolerance_of_bounce_and_jump():
+    found = tolerances(5.0)
+    assert (found["bounce_mm"], found["jump_mm"]) == pytest.approx((0.005, 0.005))

@@ -38,3 +38,14 @@ def test_the_verdict_names_it(settled):
 def test_a_train_without_adjuster_does_not_pump_up():
     train = build_train(load_scene("motori-1"))
     assert not pumped_up(train, state_at_rest(train)) and not pumped_up(TRAIN, None)
+
+
+@pytest.mark.parametrize(("parts_of_travel", "carries"), [(-1.0, False), (0.5, False), (2.0, True)])
+def test_only_oil_that_is_compressed_beyond_the_travel_of_its_ball_holds_a_valve(parts_of_travel, carries):
+    state = state_at_rest(TRAIN)
+    n = len(TRAIN.mass)
+    state[:n] += 1e-3  # the valve opens along the axis
+    assert TRAIN.compression(state[:n], 0.0)[TRAIN.seat] < TRAIN.touch_compression[TRAIN.seat]
+    for i, e in enumerate(TRAIN.memory):
+        state[2 * n + i] = TRAIN.compression(state[:n], 0.0)[e] - parts_of_travel * TRAIN.laws.travel[e]
+    assert pumped_up(TRAIN, state) == carries

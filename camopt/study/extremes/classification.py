@@ -103,13 +103,18 @@ def samples(first: int) -> int:
 
 def doubtful_figure(true: Truth) -> tuple[str, float]:
     """The figure whose last steps differ most, and that difference as a share of its tolerance and its disturbance."""
-    shares = {name: true.answer.error[name] / (true.allowed[name] + true.spread[name]) for name in true.figures}
+    error, spread = true.answer.error, true.spread
+    shares = {q: error[q] / (true.allowed[q] + spread[q]) if np.isfinite(error[q]) else np.inf for q in true.figures}
     name = max(shares, key=lambda q: shares[q])
     return name, shares[name]
 
 
 def judge(answer: Converged, true: Truth) -> tuple[str, str, float]:
-    """(verdict, the figure that uses most of its tolerance, its error in the unit of its name)."""
+    """(verdict, the figure that uses most of its tolerance, its error in the unit of its name).
+
+    A figure that seats in one answer only is infinitely far off. Where the method's own error estimate of it is
+    infinite too, the method has said so, and this figure is not wrong without a warning; any other one can still be.
+    """
     if answer.state is None:
         return REFUSED, "", np.nan
     off = {name: apart(answer.worst[name], true.figures[name]) for name in true.figures}
@@ -120,8 +125,9 @@ def judge(answer: Converged, true: Truth) -> tuple[str, str, float]:
     astray = [q for q in off if excess[q] > 1.0 and not true.sensitive(q)]
     if not astray:
         return RANGE, name, off[name]
-    told = {q: off[q] / (true.allowed[q] + answer.error[q]) for q in astray}
-    if not answer.converged or max(told.values()) <= 1.0:
+    said = {q: true.allowed[q] + answer.error[q] for q in astray}
+    untold = [q for q in astray if not off[q] <= said[q]]
+    if not answer.converged or not untold:
         return NOT_CONVERGED, name, off[name]
-    worst = max(told, key=lambda q: told[q])
+    worst = max(untold, key=lambda q: off[q] / said[q])
     return WRONG, worst, off[worst]

@@ -1,0 +1,40 @@
+"""Any instant within a span against the matrix exponential, with a memory and two forces by the cam angle."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from camopt.exact.kernel.advance import advance
+from camopt.exact.kernel.arrays import train_arrays
+from camopt.exact.kernel.building import linear_system, per_step
+from camopt.exact.kernel.propagators import Propagators
+from tests.exact.interpreted import interpret
+from tests.exact.small_trains import friction, one_mass, spring
+from tests.exact.test_inputs import FORCES
+
+STEP = 4e-3
+"""Seconds, in which the mode of the stuck friction, of 317 rad/s, turns by 1.3 rad."""
+
+
+@pytest.fixture(autouse=True)
+def _by_python(monkeypatch):
+    interpret(monkeypatch, __name__, "camopt.exact.")
+
+
+@pytest.mark.parametrize("length", [0.013, 0.031, 0.4, 1.0, 1.73])
+def test_an_instant_is_the_exponential_of_the_equations_of_motion(length):
+    train = replace(
+        one_mass(spring(400.0), friction(1.0e5, 10.0)), forcing=tuple(replace(force, on=0) for force in FORCES)
+    )
+    propagators, arrays = Propagators(train, STEP, 3, 2), train_arrays(train)
+    propagators.build(0)
+    tables, sizes = propagators.built, propagators.sizes
+    system = per_step(linear_system(arrays, np.zeros(2, dtype=int)), STEP, sizes)
+    y = np.random.default_rng(0).normal(size=len(system) - 1)
+    assert (sizes.state, sizes.forces) == (3, 2) and len(y) == 3 + 3 + 2 * 2
+    wanted = (expm(length * system) @ np.append(y, 1.0))[: sizes.state]
+    inputs, rates = tables.motion.shape[1:]
+    advance(tables, 0, STEP, len(y), length, y, (np.empty(len(y)), np.empty(inputs - 1), np.empty(rates)))
+    np.testing.assert_allclose(y[: sizes.state], wanted, rtol=1e-11, atol=1e-12)

@@ -1,0 +1,103 @@
+"""How the valve comes down, on small traces that are written by hand, and the cotangents of what is taken there."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from camopt.exact.adjoint.closing import leaked, nominal_closing, seed_leaked, touch
+from camopt.exact.adjoint.seeds import Seeds, seed_end
+from camopt.exact.kernel.tables import ACTING, SEPARATED, Sizes
+from tests.exact.interpreted import interpret
+
+STEP = 0.01
+"""Seconds."""
+SPEED = 10.0
+"""Of the cam [rad/s]."""
+
+
+@pytest.fixture(autouse=True)
+def _by_python(monkeypatch):
+    interpret(monkeypatch, __name__, "camopt.exact.")
+
+
+def no_seeds(segments, width):
+    chain, by_segment = (np.zeros(9, dtype=int), np.zeros(9), np.full((9, width), np.nan)), np.zeros((3, segments))
+    one, weight, head = np.zeros(1, dtype=int), np.array([2.5]), np.full(segments, -1)
+    return Seeds(one, weight, head, *chain, *by_segment, np.zeros((1, 4)), np.zeros(1))
+
+
+def on_its_seat(constant, states, positions):
+    """(setting, trace) of a valve on a seat of 1e6 N/m, at positions [m] and in states of its seat by segment."""
+    train = SimpleNamespace(
+        a=np.array([-1]), b=np.array([0]), gap=np.zeros(1), mass=np.ones(1), touch=np.zeros(1, dtype=int),
+        law=np.array([[constant, 1.0e6, 0.0, 0.0]]),
+    )  # fmt: skip
+    tables = SimpleNamespace(states=np.array([[SEPARATED], [ACTING]]), element=np.zeros((2, 1), dtype=int))
+    closing = [0 if state == SEPARATED else -1 for state in states]
+    trace = SimpleNamespace(
+        angle=np.linspace(-1.0, 1.0, len(states) + 1), length=np.ones(len(states)), watch=np.array(closing),
+        slot=np.array([0 if state == SEPARATED else 1 for state in states]),
+        y=np.array([[x, 0.0] for x in (*positions, positions[-1])]),
+    )  # fmt: skip
+    return SimpleNamespace(train=train, tables=tables, seat=0), trace
+
+
+def test_a_valve_that_never_leaves_its_seat_has_not_opened():
+    assert touch(*on_its_seat(0.0, [ACTING, ACTING], [-1e-5, -1e-5]), 0) == (-1, False)
+
+
+def test_a_valve_opens_where_it_leaves_the_touch_of_its_seat_though_this_lies_below_its_zero():
+    """A law of -10 N at compression zero touches 10 um deep; the valve lifts off to 5 um below zero."""
+    assert touch(*on_its_seat(-10.0, [ACTING, SEPARATED, ACTING], [-2e-5, -5e-6, -2e-5]), 0) == (1, True)
+
+
+@pytest.mark.parametrize("turn", [0, 1])
+@pytest.mark.parametrize("lash", [0.0, 0.19, 0.64])
+def test_the_lift_falls_to_the_lash_where_its_parabola_says_in_the_revolution_asked(turn, lash):
+    """Lift 1 - angle^2 about each nose, with base circles between; a fall ends in a rounding below zero."""
+    per_step = STEP * SPEED
+    once, flat = np.array([-np.pi, -1.0, 0.0, 1.0]), [0.0, 0.0, 0.0]
+    begin = np.array([*once, *(once + 2.0 * np.pi), 3.0 * np.pi])
+    lifts = [flat, [0.0, 2.0 * per_step, -(per_step**2)], [1.0, 0.0, -(per_step**2)], [-1e-15, 0.0, 0.0]]
+    y = np.array([[7.0, 7.0, *lift] for lift in (*lifts, *lifts, flat)])
+    trace = SimpleNamespace(angle=begin, length=np.diff(begin) / per_step, y=y)
+    s = SimpleNamespace(
+        tables=SimpleNamespace(sizes=Sizes(1, 2, 3, 0)), cam_side=np.array([0]), opening_foot=-1.0,
+        train=SimpleNamespace(gap=np.array([lash]), adjusters=np.zeros(0, dtype=int)),
+    )  # fmt: skip
+    k, length = nominal_closing(s, trace, turn, 0)
+    assert k == 2 + 4 * turn
+    assert begin[k] + length * per_step == pytest.approx(2.0 * np.pi * turn + np.sqrt(1.0 - lash), abs=1e-9)
+
+
+def test_what_adjusters_have_leaked_changes_with_both_states_and_with_the_time_of_the_touch():
+    """Two memories of one mass; the rates of the state are a matrix of which the last two columns are theirs."""
+    sizes, random, weight, touched = Sizes(1, 4, 2, 0), np.random.default_rng(0), 0.7, 2
+    motion = random.normal(size=(1, 7, 3))
+    y = random.normal(size=(4, 6)) + np.arange(4.0)[:, None]
+    trace = SimpleNamespace(
+        angle=np.array([-3.0, -1.0, 0.0, 1.0]), length=np.array([20.0, 10.0, 10.0]), slot=np.zeros(3, dtype=int), y=y
+    )
+    train = SimpleNamespace(adjusters=np.array([2, 3]), mass=np.ones(1))
+    tables = SimpleNamespace(sizes=sizes, motion=motion)
+    s = SimpleNamespace(train=train, tables=tables, opening_foot=-1.0, step=STEP)
+    total = (y[3] - y[1])[2:4].sum()
+    assert leaked(s, trace, 0, touched) == (pytest.approx(total), 1) and total > 0.0
+    seeds = no_seeds(3, 6)
+    seed_leaked(s, trace, seeds, 0, touched, weight)
+    assert seeds.head.tolist() == [-1, 0, 1] and seeds.length[:2].tolist() == [0.0, 10.0]
+    assert seeds.bar[0].tolist() == [0, 0, -weight, -weight, 0, 0]
+    assert seeds.bar[1].tolist() == [0, 0, weight, weight, 0, 0]
+    seen = np.array([*y[3, :5], y[3, 5] / STEP, 1.0])
+    assert seeds.time == pytest.approx([0.0, 0.0, weight * (seen @ motion[0, :, 1:]).sum()])
+
+
+@pytest.mark.parametrize(
+    ("k", "length", "switching"), [(1, 0.0, 0), (1, 4.0, 1), (1, 2.0, None), (2, 0.0, 1), (2, 4.0, None)]
+)
+def test_an_extreme_at_a_switching_moves_with_its_time(k, length, switching):
+    """The watch changes by 30 units per second, which is 0.3 per step."""
+    trace, seeds = SimpleNamespace(length=np.full(3, 4.0), watch=np.array([5, 0, -1])), no_seeds(3, 4)
+    seed_end(SimpleNamespace(step=STEP), trace, seeds, k, length, 30.0 * STEP)
+    assert seeds.time == pytest.approx([2.5 * 30.0 * (i == switching) for i in range(3)])

@@ -1,0 +1,44 @@
+"""A lift on few pieces: the constants of the fit, and which pieces become one."""
+
+import numpy as np
+import pytest
+from numpy.polynomial import Polynomial
+
+from camopt.cam.lift import Lift
+from camopt.exact.settled.lift_pieces import NODES, WIDEST, WIDTH, LiftKey, _constants, few_pieces
+
+
+def test_the_fit_gives_every_polynomial_of_its_degree_back():
+    powers, slopes, hermite, hermite_at, fit, to_start = _constants()
+    for coefficients in np.random.default_rng(0).normal(size=(5, WIDTH)):
+        known = Polynomial(coefficients)
+        value, slope = known(NODES), known.deriv()(NODES)
+        assert coefficients @ powers == pytest.approx(value) and coefficients @ slopes == pytest.approx(slope)
+        ends = np.array([value[0], slope[0], value[-1], slope[-1]])
+        found = ends @ hermite + (value - ends @ hermite_at) @ fit
+        assert found == pytest.approx(coefficients, abs=1e-12)
+        assert coefficients @ to_start == pytest.approx(known(Polynomial([-1.0, 1.0])).coef, abs=1e-12)
+
+
+def test_the_fit_keeps_value_and_slope_at_both_ends_whatever_lies_between():
+    _, _, hermite, hermite_at, fit, _ = _constants()
+    value, slope = np.exp(3.0 * NODES), 3.0 * np.exp(3.0 * NODES)
+    ends = np.array([value[0], slope[0], value[-1], slope[-1]])
+    found = Polynomial(ends @ hermite + (value - ends @ hermite_at) @ fit)
+    assert found(NODES[[0, -1]]) == pytest.approx(value[[0, -1]])
+    assert found.deriv()(NODES[[0, -1]]) == pytest.approx(slope[[0, -1]])
+    assert np.abs(found(NODES) - value).max() < 0.01 * np.abs(ends @ hermite_at - value).max()
+
+
+@pytest.mark.parametrize(("count", "circle"), [(63, 1), (64, 3), (200, 8)])
+def test_pieces_become_one_until_no_two_neighbours_fit_into_the_widest(count, circle):
+    """One parabola, cut at equal angles: any two pieces can be one, and a base circle is merged whatever its width."""
+    edges, height = np.linspace(-2.0, 2.0, count + 1), 1e-3
+    flank = np.stack([height * (4.0 - edges[:-1] ** 2), -2.0 * height * edges[:-1], np.full(count, -height)], axis=1)
+    borders = np.concatenate([np.linspace(-np.pi, -2.0, circle + 1)[:-1], edges, [2.5, np.pi]])
+    lift = Lift(borders, np.concatenate([np.zeros((circle, 3)), flank, np.zeros((2, 3))]), 2.0)
+    few, coefficients = few_pieces(LiftKey(lift))
+    still = ~np.any(coefficients, axis=1)
+    assert still.tolist() == [True, *[False] * (len(still) - 2), True]
+    inside = few[1:-1]
+    assert np.diff(inside).max() <= WIDEST < np.min(inside[2:] - inside[:-2])

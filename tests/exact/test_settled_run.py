@@ -1,0 +1,66 @@
+"""Settling and measuring in stages: which cam a motion has, what a code does to it, and the angles of its trace."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from camopt.exact.kernel.revolution import CHATTER, DONE, NEED_TABLES, NOT_FINITE, TRACE_FULL
+from camopt.exact.kernel.trace import empty_trace
+from camopt.exact.settled import run as stages
+from camopt.exact.settled.figures import NAMES
+from camopt.exact.settled.run import PERIODIC, REFUSED, SETTLING, Cams, measured, of_motion, went_on
+from tests.exact.interpreted import interpret
+
+
+@pytest.fixture(autouse=True)
+def _by_python(monkeypatch):
+    interpret(monkeypatch, __name__, "camopt.exact.")
+
+
+@pytest.mark.parametrize("code", [DONE, -CHATTER, -NOT_FINITE, NEED_TABLES, TRACE_FULL])
+def test_a_motion_goes_on_unless_something_is_missing_and_is_marked_where_it_cannot_be_followed(code):
+    motions = SimpleNamespace(stage=np.full(3, SETTLING))
+    assert went_on(motions, 1, code) == (code <= 0)
+    assert motions.stage.tolist() == [SETTLING, REFUSED if code < 0 else SETTLING, SETTLING]
+
+
+def test_every_motion_has_the_borders_and_pieces_of_its_own_cam():
+    own = [np.linspace(-np.pi, np.pi, pieces + 1) for pieces in (3, 1, 4)]
+    pieces = [np.full((len(borders) - 1, 2), float(j)) for j, borders in enumerate(own)]
+    first = np.cumsum([0, *(len(part) for part in pieces)])
+    cams = Cams(
+        np.concatenate(own), np.concatenate(pieces), first, np.array([1.0, 1.1, 1.2]), np.array([-2.0, -2.1, -2.2])
+    )
+    s = SimpleNamespace(train=None, step=1.0, tables=None, valve=0, seat=0, cam_side=None)
+    motions = SimpleNamespace(cam=np.array([2, 0, 1]), speed=np.array([10.0, 20.0, 30.0]))
+    for i, j in enumerate(motions.cam):
+        one = of_motion(s, cams, motions, i)
+        assert np.array_equal(one.cam.borders, own[j]) and np.array_equal(one.cam.pieces, pieces[j])
+        assert (one.cam.speed, one.half_duration) == (motions.speed[i], cams.half_duration[j])
+        assert one.opening_foot == cams.foot[j]
+
+
+def test_measured_revolutions_follow_each_other_in_a_trace_without_room_to_spare(monkeypatch):
+    segments, turns, seen = 3, 2, []
+    trace = empty_trace(segments * (turns + 1), 1, 0)
+    trace.angle[:] = np.nan
+
+    def turned(s, plan, room, state, rest):
+        rest.angle[: segments + 1] = np.linspace(-np.pi, np.pi, segments + 1)
+        state += 1.0
+        return DONE, segments
+
+    def figures(s, both, seeds, turn, row):
+        seen.append(both.angle.copy())
+        row[:] = turn
+
+    monkeypatch.setattr(stages, "turned", turned)
+    monkeypatch.setattr(stages, "figures", figures)
+    rows = np.empty((1, len(NAMES)))
+    motions = SimpleNamespace(stage=np.array([PERIODIC]), state=np.zeros((1, 2)), lowest=rows, highest=rows.copy())
+    assert measured(None, SimpleNamespace(measured=turns), motions, (None, None, trace, None), 0) == (DONE, 0)
+    for turn, angles in enumerate(seen):
+        assert angles == pytest.approx(2.0 * np.pi * turn + np.linspace(-np.pi, 3.0 * np.pi, 2 * segments + 1))
+    assert np.all(motions.lowest == 0.0) and np.all(motions.highest == turns - 1.0)
+    assert np.all(motions.state == turns + 1.0) and len(seen) == turns

@@ -1,0 +1,79 @@
+"""The search for the angles at which the jerk changes its sign, on known functions and against single steps."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from camopt.cam.families.free import free_cam
+from camopt.cam.waves import cells, sign_changes
+from camopt.optimizer.program.kinematic import first_working, kinematic_optimum, spline_rows, unexplained_optimum
+from camopt.optimizer.program.linear_program import Infeasible, least_relaxation
+from camopt.optimizer.program.waves import _climbed, _fewer, kinematic_switches
+from camopt.scene import load_scene
+from camopt.scene.units import MM_PER_DEG3
+
+DESIGN = load_scene("kodama").design
+FEW = DESIGN.model_copy(update={"waves_max": 3})
+CAM = free_cam(DESIGN, 8.0)
+MARKS = np.linspace(0.0, 10.0, 101)
+
+
+@pytest.mark.parametrize("away", [-17, -5, -2, -1, 0, 1, 2, 5, 17])
+def test_angles_climb_to_the_top_of_a_hill_from_either_side(away):
+    top = MARKS[[30, 60]]
+    found = _climbed(lambda at: -float(np.sum((np.array(at) - top) ** 2)), tuple(MARKS[[30 + away, 60 - away]]), MARKS)
+    assert found == pytest.approx(tuple(top))
+
+
+def test_angles_that_would_meet_stay_a_cell_apart_and_within_the_marks():
+    found = _climbed(lambda at: -float(np.sum((np.array(at) - 5.0) ** 2)), (2.0, 8.0), MARKS)
+    assert np.diff(found) == pytest.approx(0.1)
+    assert _climbed(lambda at: at[0], (8.0,), MARKS) == pytest.approx((9.9,))
+
+
+def test_the_smallest_ripple_goes_first():
+    lift = kinematic_optimum(DESIGN, CAM).lift
+    angles = sign_changes(lift)
+    assert len(angles) == 5
+    ripples = {pair: abs(float(lift(pair[1], 2) - lift(pair[0], 2))) for pair in pairwise(angles)}
+    gone = min(ripples, key=lambda pair: ripples[pair])
+    nearest = cells(CAM)[[np.argmin(np.abs(cells(CAM) - angle)) for angle in angles if angle not in gone]]
+    assert _fewer(lift, CAM, 3) == pytest.approx(tuple(nearest))
+    assert len(_fewer(lift, CAM, 5)) == 5
+
+
+def test_no_angle_of_the_search_is_better_a_cell_away():
+    def area(switches):
+        try:
+            return unexplained_optimum(FEW, replace(CAM, about=replace(CAM.about, switches=switches))).area_ratio
+        except Infeasible:
+            return -np.inf
+
+    found, cell = kinematic_switches(FEW, CAM), np.diff(cells(CAM))[0]
+    reached = area(found)
+    assert 0.9 < reached / kinematic_optimum(DESIGN, CAM).area_ratio < 1.0
+    for i in range(len(found)):
+        for way in (-cell, cell):
+            assert area((*found[:i], found[i] + way, *found[i + 1 :])) < reached + 1e-5
+
+
+def test_where_no_cam_has_so_few_changes_the_jerk_is_least_wrong():
+    """A rise and a return ask for three changes; with one, the angle is where the least jerk has the wrong sign."""
+    one = DESIGN.model_copy(update={"waves_max": 1})
+
+    def wrong(angle):
+        limits = replace(CAM, about=replace(CAM.about, switches=(angle,))).limits(one)
+        give = np.zeros(len(limits.bound))
+        give[limits.rows("waves_max")] = 1.0
+        return least_relaxation(
+            spline_rows(limits.matrix), limits.bound, give, 1e-3 * MM_PER_DEG3, first_working(limits)
+        )
+
+    (found,), marks = kinematic_switches(one, CAM), cells(CAM)
+    at = int(np.argmin(np.abs(marks - found)))
+    assert wrong(found) > 0.0
+    for other in (at - 12, at - 1, at + 1, at + 12):
+        if 0 < other < len(marks) - 1:
+            assert wrong(found) <= wrong(marks[other])

@@ -1,0 +1,55 @@
+"""Single laws as the methods' programs evaluate them, as plain Python, against integrals and lines by NumPy."""
+
+import numpy as np
+import pytest
+
+from camopt.scene import InputError
+from camopt.scene.laws import HERTZ, PROGRESSIVE
+from camopt.scene.train import GROUND
+from camopt.verifier.methods.of_houbolt.elements import _of_table
+from camopt.verifier.methods.of_houbolt.sets import PieceSets
+from camopt.verifier.methods.rkg import _elastic, _work
+from tests.verifier.trains import train
+
+OF_TABLE, ELASTIC, WORK = (getattr(program, "py_func", program) for program in (_of_table, _elastic, _work))
+ROWS = np.array([[-2e-3, 1e4], [1e-3, 3e4], [2e-3, 9e4]])
+COMPRESSIONS = (-3e-3, -2e-3, -1e-3, 0.0, 1.5e-3, 2e-3, 5e-3)
+
+
+@pytest.mark.parametrize("d", COMPRESSIONS)
+def test_the_work_of_a_table_is_the_integral_of_its_stiffness(d):
+    grid = np.linspace(ROWS[0, 0], d, 100_001)
+    expected = np.trapezoid(np.interp(grid, *ROWS.T), grid)
+    assert WORK(ROWS, d) == pytest.approx(expected, rel=1e-6)
+    grid = np.linspace(0.0, d, 100_001)
+    expected = 50.0 + np.trapezoid(np.interp(grid, *ROWS.T), grid)
+    assert ELASTIC(PROGRESSIVE, 0.0, 1.0, ROWS, 50.0, d) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("pressed", [-1e-6, 1e-6, 2e-5])
+def test_a_hertz_contact_is_pressed_from_where_its_preload_is_gone(pressed):
+    k, preload, exponent = 1e9, 20.0, 1.5
+    d = pressed - (preload / k) ** (1 / exponent)
+    assert ELASTIC(HERTZ, k, exponent, ROWS, preload, d) == pytest.approx(k * max(pressed, 0.0) ** exponent)
+    assert ELASTIC(HERTZ, k, exponent, ROWS, preload, 0.0) == pytest.approx(preload)
+
+
+@pytest.mark.parametrize("d", COMPRESSIONS)
+def test_a_force_table_goes_on_in_the_straight_lines_at_its_ends(d):
+    slope = np.diff(ROWS[:, 1]) / np.diff(ROWS[:, 0])
+    piece = 1 if d >= ROWS[1, 0] else 0
+    table = np.column_stack([ROWS, np.append(slope, 0.0)])[None]
+    row, force = OF_TABLE(table, 0, d)
+    assert row == piece
+    assert force == pytest.approx(ROWS[piece, 1] + slope[piece] * (d - ROWS[piece, 0]))
+
+
+@pytest.mark.parametrize(("contacts", "refused"), [(62, False), (63, True)])
+def test_more_sets_of_pieces_than_64_bits_number_are_refused(contacts, refused):
+    contact = (0, GROUND, True, False, 1e6, 1.0, 0.0, 0.0)
+    many = train([1.0], [contact] * contacts)
+    if refused:
+        with pytest.raises(InputError, match="cannot number the sets of pieces"):
+            PieceSets(many, 1.0, 1.0, 1e-3)
+    else:
+        assert PieceSets(many, 1.0, 1.0, 1e-3).build(2**contacts - 1) == 0
