@@ -1,4 +1,4 @@
-"""Built-in trains of other kinds through `camopt optimize --yield`: five masses, and an adjuster with springs by tables."""
+"""Built-in trains of other kinds by `camopt optimize --yield`: five masses, and an adjuster with springs by tables."""
 
 import json
 
