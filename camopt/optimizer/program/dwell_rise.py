@@ -53,8 +53,7 @@ def least_peak(order: int, intervals: int = PEAK_INTERVALS) -> DwellRise:
     left = np.polynomial.Polynomial([1.0, -1.0])
     terms = (m * left ** (order - 1 - k) / factorial(order - 1 - k) for k, m in enumerate(multipliers))
     p = sum(terms, start=np.polynomial.Polynomial([0.0]))
-    coefficients = np.pad(p.coef, (0, order - len(p.coef)))
-    highest = absolute_integral(PPoly(coefficients[::-1, None], [0.0, 1.0]))
+    highest = absolute_integral(PPoly(p.coef[::-1, None], [0.0, 1.0]))
     rise = -float(answer["fun"]) * size[0]
     return DwellRise(1 / rise, 1 / highest, answer["x"] / rise)
 
