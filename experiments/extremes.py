@@ -14,7 +14,6 @@ from camopt.plots.verdicts import verdict_matrix
 from camopt.scene import load_scene
 from camopt.study.extremes import extremes as study
 from camopt.study.extremes.cases import AS_IT_IS
-from camopt.study.extremes.classification import REFUSED
 from experiments.support.record import RESULTS, run_script, write_result
 
 REAL = ("exhaust-gas", "finger-hydraulic", "pushrod-hydraulic", "race-nested")
@@ -36,7 +35,6 @@ def main(size: str, folder=RESULTS) -> dict:
         "wrong": [f"{r['case']}, {r['method']}" for r in study.defects(rows)],
         "by_scene": {name: dict(Counter(r["verdict"] for r in mine)) for name, mine in by_scene.items()},
         "by_method": study.counts(rows),
-        "refusals": dict(Counter(r["setting"] for r in rows if r["verdict"] == REFUSED)),
         "seconds": {name: sum(float(r["seconds"] or 0) for r in mine) for name, mine in by_scene.items()},
         "verdicts": {name: _by_case(name, mine) for name, mine in by_scene.items()},
     }
