@@ -12,7 +12,6 @@ from camopt.optimizer.as_built.search import FIRST_MARGIN_N, MORE_STEP_N, OVERSP
 from camopt.optimizer.program.no_jump import NoJumpProgram, no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import relocate, standing
-from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 
@@ -73,22 +72,15 @@ def yield_search(
     search = YieldSearch(drawn, _program(scene), wanted, log or TrainsLog(None), show)
     drawn.settle(search.first_cam().lift)
     drawn.draw(effort.trains)
-    margins, common = search.common_margin(), search.common
-    assert common is not None
+    margins = search.common_margin()
     if effort.trains_for(wanted) > effort.trains:
-        search.more_trains(effort.trains_for(wanted), common)
+        search.more_trains(effort.trains_for(wanted))
+        search.lowest("common margin", margins, MORE_STEP_N)
+    search.common = common = search.held[-1]
     if gradient:
         last = search.by_slopes(common, effort.steps)
         if last is not search.best:
-            search.between(search.best or common, last)
-    if not search.held:
-        search.lowest("common margin", margins, MORE_STEP_N)
-    if search.best is None:
-        raise InputError(
-            f"{scene.name}: no cam was found that {100 * wanted:g} % of {len(drawn.trains)} drawn trains hold: ask for "
-            f"a smaller yield, relax the limits on the motion or make the tolerances narrower; `camopt yield` says "
-            f"which is to blame"
-        )
+            search.between(search.held[-1], last)
     return search
 
 

@@ -154,9 +154,7 @@ class YieldSearch:
 
         Raises InputError where none of those tried holds.
         """
-        found = self.lowest("common margin", self.first_cam().margins, FIRST_STEP_N)
-        self.common = self.best
-        return found
+        return self.lowest("common margin", self.first_cam().margins, FIRST_STEP_N)
 
     def lowest(self, stage: str, margins: np.ndarray, step_N: float) -> np.ndarray:
         """Moves all `margins` (3, s) [N] by one amount, bisected to the lowest that holds; returns what they become.
@@ -171,7 +169,8 @@ class YieldSearch:
                 drawn = self.drawn
                 raise InputError(
                     f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: of {len(drawn.trains)} "
-                    f"trains {drawn.failing} fail with the largest margins; {short}"
+                    f"trains {drawn.failing} fail with the largest margins; {short}. Ask for a smaller yield, relax "
+                    f"the limits on the motion or make the tolerances narrower; `camopt yield` says which is to blame"
                 ) from short
             held = self.consider(stage, found) and self.best is found  # margins that bind no more make no cam larger
             low, high = (low, shift) if held else (shift, high)
@@ -239,11 +238,12 @@ class YieldSearch:
         """The area ratio of the cam that was just judged, less what its shortfall beyond the budget costs."""
         return cam.area_ratio - PENALTY * max(self.shortfall - self.budget, 0.0)
 
-    def more_trains(self, count: int, cam: NoJumpOptimum) -> None:
+    def more_trains(self, count: int) -> None:
         """Draws trains until there are so many; no cam counts as one that holds until it is judged with them.
 
-        They begin where the train as designed settles with `cam`, and are all judged at the speeds that matter.
+        They begin where the train as designed settles with the best cam so far, and are all judged at the speeds that
+        matter.
         """
-        self.drawn.settle(cam.lift)
+        self.drawn.settle(self.held[-1].lift)
         self.drawn.draw(count, self._watched()[1])
         self.held.clear()
