@@ -86,7 +86,7 @@ def integral(rows: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def with_chords(train: Train, count: int = CHORDS, force: float = CHORD_FORCE) -> Train:
-    """The train with `count` chords in place of every curved law, hertz contacts up to a `force` [N].
+    """The train with `count` chords in place of every curved law, hertz contacts up to a `force` [N] and more beyond.
 
     Event-exact puts the default number of chords in by itself; this train carries another number of them.
     """

@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits
 
 from camopt.optimizer.as_built.drawn import DrawnTrains
 from camopt.optimizer.as_built.journal import TrainsLog
-from camopt.optimizer.as_built.search import FIRST_MARGIN_N, MORE_STEP_N, OVERSPEED, YieldSearch
+from camopt.optimizer.as_built.search import FIRST_MARGIN_N, FIRST_STEP_N, MORE_STEP_N, OVERSPEED, YieldSearch
 from camopt.optimizer.program.no_jump import NoJumpProgram, no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import relocate, standing
@@ -29,9 +29,9 @@ DRAWS_SEED = 1_000_003
 class YieldEffort:
     """How many trains find the common margin, how many of those of the steps may fail, the steps, the final statement.
 
-    Few trains are enough for the common margin. The steps draw as many as it takes for `failing` of them to fail under
-    the yield that is wanted: a cam has dozens of coefficients, and suits the failing trains that it knows, if they are
-    few, better than all the others.
+    Few trains are enough to come near the common margin. Then as many are drawn as it takes for `failing` of them to
+    fail under the yield that is wanted: there are dozens of margins, and their cam suits the failing trains that the
+    search knows, if they are few, better than all the others.
     """
 
     trains: int
@@ -70,12 +70,13 @@ def yield_search(
     """
     drawn = DrawnTrains(scene, seed + DRAWS_SEED)
     search = YieldSearch(drawn, _program(scene), wanted, log or TrainsLog(None), show)
-    drawn.settle(search.first_cam().lift)
+    first = search.first_cam()
+    drawn.settle(first.lift)
     drawn.draw(effort.trains)
-    margins = search.common_margin()
+    margins = search.lowest(first.margins, FIRST_STEP_N)
     if effort.trains_for(wanted) > effort.trains:
         search.more_trains(effort.trains_for(wanted))
-        search.lowest("common margin", margins, MORE_STEP_N)
+        search.lowest(margins, MORE_STEP_N)
     search.common = common = search.held[-1]
     if gradient:
         last = search.by_slopes(common, effort.steps)

@@ -3,7 +3,7 @@
 What a drawn train uses of a limit has an exact slope by the cam's coefficients, and these have one by the margins. The
 step is the linear program that takes both for the truth within a reach: the margins of largest area whose expected
 shortfall stays within a budget. Every cam is the optimum of the no-jump program, so that all limits on its shape hold.
-Steps on the coefficients themselves go further, but suit the trains that a search knows, and no others.
+There are fewer margins than coefficients: steps on these suit the trains that a search knows better still than others.
 """
 
 from dataclasses import dataclass

@@ -149,14 +149,7 @@ class YieldSearch:
         """The cam of the first common margin, or of the highest one below it that any cam keeps."""
         return self.program.solve_below(self._common(FIRST_MARGIN_N))
 
-    def common_margin(self) -> np.ndarray:
-        """Finds the lowest common margin that holds; returns that one's margins (3, s) [N].
-
-        Raises InputError where none of those tried holds.
-        """
-        return self.lowest("common margin", self.first_cam().margins, FIRST_STEP_N)
-
-    def lowest(self, stage: str, margins: np.ndarray, step_N: float) -> np.ndarray:
+    def lowest(self, margins: np.ndarray, step_N: float) -> np.ndarray:
         """Moves all `margins` (3, s) [N] by one amount, bisected to the lowest that holds; returns what they become.
 
         Raises InputError where none of those tried holds.
@@ -172,7 +165,8 @@ class YieldSearch:
                     f"trains {drawn.failing} fail with the largest margins; {short}. Ask for a smaller yield, relax "
                     f"the limits on the motion or make the tolerances narrower; `camopt yield` says which is to blame"
                 ) from short
-            held = self.consider(stage, found) and self.best is found  # margins that bind no more make no cam larger
+            held = self.consider("common margin", found)
+            held = held and self.best is found  # margins that bind no more make no cam larger
             low, high = (low, shift) if held else (shift, high)
             if np.isfinite(low) and np.isfinite(high):
                 shift = 0.5 * (low + high)
