@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from camopt.exact.kernel import instants
-from camopt.exact.kernel.instants import TIE
+from camopt.exact.kernel.instants import TIE, crest, largest, nearest_miss
 from camopt.exact.kernel.tables import SEPARATED, TERMS
 from tests.exact.interpreted import interpret
 
@@ -20,7 +19,7 @@ PER_STEP = 0.01
 
 @pytest.fixture(autouse=True)
 def _by_python(monkeypatch):
-    interpret(monkeypatch, "camopt.exact.kernel.")
+    interpret(monkeypatch, __name__, "camopt.exact.kernel.")
 
 
 def traced(*segments, others=()):
@@ -61,7 +60,7 @@ def test_the_crest_of_a_polynomial_is_its_highest_turn_or_end():
         places = np.array([low, high, *turns(polynomial, low, high)])
         wanted = places[np.argmax(sign * polynomial(places))]
         w = np.pad(polynomial.coef, (0, TERMS + 1 - len(polynomial.coef)))
-        at, best, steep, inside = instants.crest(w, sign, low, high)
+        at, best, steep, inside = crest(w, sign, low, high)
         assert at == pytest.approx(wanted, abs=1e-9) and best == pytest.approx(sign * polynomial(wanted), abs=1e-12)
         assert steep == pytest.approx(0.0 if inside else sign * polynomial.deriv()(wanted), abs=1e-12)
         assert inside == (low < wanted < high)
@@ -83,7 +82,7 @@ def test_the_runner_up_is_the_other_crest_whichever_comes_first(tilt, lengths):
     )
     crests = np.array([t for t in turns(whole, 0.0, 8.0) if whole.deriv(2)(t) < 0.0])
     second, first = crests[np.argsort(whole(crests))]
-    value, k, length, slope, runner = instants.largest(s, trace, 0, SEPARATED, 1.0, 0.0, trace.angle[-1])
+    value, k, length, slope, runner = largest(s, trace, 0, SEPARATED, 1.0, 0.0, trace.angle[-1])
     assert (value, starts[k] + length) == pytest.approx((whole(first), first), abs=1e-9) and slope == 0.0
     assert value > runner == pytest.approx(whole(second), abs=1e-12)
     assert runner > value * (1.0 - TIE)
@@ -95,7 +94,7 @@ def test_the_largest_value_between_two_angles_is_sought_there_only(low, high):
     places = np.array([low, high, *turns(HUMPS, low, high)])
     for sign in (1.0, -1.0):
         wanted = np.max(sign * HUMPS(places))
-        value, _, length, _, _ = instants.largest(s, trace, 0, SEPARATED, sign, low * PER_STEP, high * PER_STEP)
+        value, _, length, _, _ = largest(s, trace, 0, SEPARATED, sign, low * PER_STEP, high * PER_STEP)
         assert value == pytest.approx(wanted, abs=1e-12)
         assert sign * HUMPS(length) == pytest.approx(wanted, abs=1e-12)
 
@@ -106,5 +105,5 @@ def test_the_nearest_miss_is_the_lowest_point_at_which_a_watch_turns_back(others
     s, trace = traced(*((swing, 6.0) for swing in swings), others=others)
     lowest = [swing(t) for swing in swings for t in turns(swing, 0.0, 6.0) if swing.deriv(2)(t) > 0.0]
     assert len(lowest) == 2
-    assert instants.nearest_miss(s, trace, 0) == pytest.approx(min(lowest), abs=1e-12)
-    assert instants.nearest_miss(*traced((Polynomial([1.0, -0.1]), 6.0)), 0) == np.inf
+    assert nearest_miss(s, trace, 0) == pytest.approx(min(lowest), abs=1e-12)
+    assert nearest_miss(*traced((Polynomial([1.0, -0.1]), 6.0)), 0) == np.inf
