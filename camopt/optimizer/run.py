@@ -191,7 +191,7 @@ class _OpenRun:
         return search.confirmed, no_jump
 
     def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[Sequence[SearchedCam], SearchedCam]:
-        """The same of the search for yield; the program alone is that with one common margin."""
+        """The same of the search for yield; the second cam is the best for which nothing was differentiated."""
         from camopt.optimizer.as_built.design import EFFORTS, yield_search
         from camopt.optimizer.as_built.journal import TrainsLog
 
@@ -206,9 +206,9 @@ class _OpenRun:
                 log=TrainsLog(folder),
                 show=shown.step,
             )
-        self.found = {"cams_judged": search.steps, "trains_drawn": len(search.drawn.trains)}
-        assert search.common is not None, "a search that ends has one"
-        return search.held, search.common
+        self.found = {"cams_judged": search.steps, "trains_drawn": search.trains_drawn}
+        assert search.without_gradients is not None, "a search that ends has one"
+        return search.held, search.without_gradients
 
     def _yield_of(self, lift: Lift) -> dict:
         """verification.json's "yield": by fresh trains, beside the baselines where the run compares."""

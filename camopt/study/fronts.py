@@ -132,7 +132,7 @@ def _yield_point(scene: Scene, wanted: float, accuracy: str, gradient: str, seed
         found = yield_search(scene, wanted, EFFORTS[accuracy], gradient=gradient != "none", seed=seed)
     except InputError:
         return {"area_ratio": None}
-    return {"area_ratio": found.held[-1].area_ratio, "trains": len(found.drawn.trains), "cams": found.steps}
+    return {"area_ratio": found.held[-1].area_ratio, "trains": found.trains_drawn, "cams": found.steps}
 
 
 def _point(scene: Scene, speeds: str, effort, gradient: str) -> dict:

@@ -54,7 +54,7 @@ def test_area_against_yield_never_rises_with_the_share(tmp_path, monkeypatch):
     def searched(scene, wanted, effort, **more):
         asked.append(wanted)
         cam = SimpleNamespace(area_ratio=areas[wanted])
-        return SimpleNamespace(held=[cam], drawn=SimpleNamespace(trains=[0] * 100), steps=3)
+        return SimpleNamespace(held=[cam], trains_drawn=100, steps=3)
 
     monkeypatch.setattr("camopt.optimizer.as_built.design.yield_search", searched)
     front = pareto(KODAMA, "yield", (0.5, 0.9, 0.99), out=tmp_path / "front.json")

@@ -125,6 +125,10 @@ def settled_metrics(
         for job in one_train(t):
             one_job(job)
 
+    if workers == 1:  # without the price of threads, which is that of a few motions
+        for t in range(len(trains)):
+            all_of(t)
+        return found
     with ThreadPoolExecutor(workers) as pool:
         if len(trains) >= workers:
             list(pool.map(all_of, range(len(trains))))

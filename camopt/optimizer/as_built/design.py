@@ -1,6 +1,7 @@
 """The search for yield of a scene, without a run folder around it."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from camopt.optimizer.as_built.search import FIRST_MARGIN_N, FIRST_STEP_N, MORE_
 from camopt.optimizer.program.no_jump import NoJumpProgram, no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import relocate, standing
+from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 
@@ -21,13 +23,15 @@ frequency, which no other train shares, and coarser ones lack what a closing fla
 BAND_SPEEDS, NEAR_TOP = 7, (0.943, 0.964, 0.986, 1.0)
 """Speeds of the program within the band, equally spaced, and in place of its two highest ones these shares of the top,
 at which most of the drawn trains fail: a spring's surge meets a harmonic of the cam within a hundredth of a speed."""
-DRAWS_SEED = 1_000_003
-"""Added to the seed for the draws of the search, which those of the final statement never meet."""
+DRAWS_SEED, UNSEEN_SEED = 1_000_003, 2_000_003
+"""Added to the seed for the draws that shape the cam and for those that say how large it may be; the draws of the final
+statement meet neither."""
 
 
 @dataclass(frozen=True)
 class YieldEffort:
-    """How many trains find the common margin, how many of those of the steps may fail, the steps, the final statement.
+    """How many trains find the common margin, how many of those that shape the cam may fail, how many cams move groups
+    of margins, the steps along slopes, the trains that say how large the cam may be, the final statement.
 
     Few trains are enough to come near the common margin. Then as many are drawn as it takes for `failing` of them to
     fail under the yield that is wanted: there are dozens of margins, and their cam suits the failing trains that the
@@ -36,7 +40,9 @@ class YieldEffort:
 
     trains: int
     failing: int
+    moves: int
     steps: int
+    unseen: int
     stated_trains: int
     stated_speeds: int
 
@@ -46,9 +52,9 @@ class YieldEffort:
 
 
 EFFORTS = {
-    "draft": YieldEffort(100, 0, 8, 200, 11),
-    "standard": YieldEffort(300, 20, 14, 1000, 21),
-    "fine": YieldEffort(500, 40, 20, 2000, 41),
+    "draft": YieldEffort(100, 0, 0, 8, 400, 200, 11),
+    "standard": YieldEffort(300, 20, 24, 14, 4000, 1000, 21),
+    "fine": YieldEffort(500, 40, 60, 20, 8000, 2000, 41),
 }
 
 
@@ -65,23 +71,25 @@ def yield_search(
 ) -> YieldSearch:
     """The search for the cam of largest area that `wanted` of the trains as built hold over the scene's band.
 
-    `held` of the answer has the cams, each larger than the one before; `seed` draws the trains. Raises InputError where
-    no cam holds.
+    `held` of the answer has the cams, each larger than the one before, `without_gradients` the largest one for which
+    nothing was differentiated; `seed` draws the trains. Raises InputError where no cam holds.
     """
     drawn = DrawnTrains(scene, seed + DRAWS_SEED)
     search = YieldSearch(drawn, _program(scene), wanted, log or TrainsLog(None), show)
     first = search.first_cam()
     drawn.settle(first.lift)
     drawn.draw(effort.trains)
-    margins = search.lowest(first.margins, FIRST_STEP_N)
+    cam = search.lowest(first.margins, FIRST_STEP_N)
     if effort.trains_for(wanted) > effort.trains:
         search.more_trains(effort.trains_for(wanted))
-        search.lowest(margins, MORE_STEP_N)
-    search.common = common = search.held[-1]
-    if gradient:
-        last = search.by_slopes(common, effort.steps)
-        if last is not search.best:
-            search.between(search.held[-1], last)
+        cam = search.lowest(cam.margins, MORE_STEP_N)
+    plain = search.by_groups(cam, effort.moves)
+    cam = search.by_slopes(plain, effort.steps) if gradient else plain
+    search.ask_unseen(DrawnTrains(scene, seed + UNSEEN_SEED), effort.unseen)
+    search.without_gradients = search.lowest(plain.margins, MORE_STEP_N)
+    if cam is not plain:
+        with suppress(InputError):  # where too few of the unseen trains hold it, the cam without gradients stands
+            search.lowest(cam.margins, MORE_STEP_N)
     return search
 
 
