@@ -1,8 +1,9 @@
 """Do trains with springs by tables, adjusters, friction and gas force get a confirmed cam, and what do gradients add?
 
-Each scene goes through `camopt.optimize` at its listed speeds, accuracy draft, to a verdict. Beside it stand the plain
-Polydyne and Multi-Pol, before the search's own judge. Then the search alone with further seeds, which draw its knots:
-the area of the no-jump program with its tangents, and what the gradient stage adds to it through the exact adjoint.
+One train with Hertz contacts is among them. Each scene goes through `camopt.optimize` at its listed speeds, accuracy
+draft, to a verdict. Beside it stand the plain Polydyne and Multi-Pol, before the search's own judge. Then the search
+alone with further seeds, which draw its knots: the area of the no-jump program with its tangents, and what the gradient
+stage adds to it through the exact adjoint.
 """
 
 import tempfile
@@ -22,7 +23,7 @@ from experiments.support.sweeping import called
 
 SCENES = {
     "small": ("exhaust-gas",),
-    "full": ("exhaust-gas", "finger-hydraulic", "pushrod-hydraulic", "race-nested"),
+    "full": ("exhaust-gas", "finger-hydraulic", "kodama-hertz", "pushrod-hydraulic", "race-nested"),
 }
 SEEDS = {"small": 1, "full": 4}
 BESIDE = ("polydyne", "multi-pol")

@@ -100,12 +100,19 @@ def laws_of(parts: Sequence[Part]) -> Laws:
 
 def _of_one_length(parts: Sequence[Part]) -> np.ndarray:
     """The tables of all parts as (e, q, 2): shorter ones get rows, a metre apart, that go on as their law does."""
-    rows = max(1, *(len(part.table) for part in parts))
-    return np.stack([_lengthened(part, rows) for part in parts])
+    tables = [np.array(part.table or [(0.0, part.stiffness)]) for part in parts]
+    rows = max(map(len, tables))
+    slopes = [last_slope(table) if part.law == "table" else 0.0 for part, table in zip(parts, tables, strict=True)]
+    return np.stack([lengthened(table, rows, slope) for table, slope in zip(tables, slopes, strict=True)])
 
 
-def _lengthened(part: Part, rows: int) -> np.ndarray:
-    table = np.array(part.table or [(0.0, part.stiffness)])
-    (last, value), more = table[-1], np.arange(1.0, rows - len(table) + 1.0)
-    slope = np.diff(table[-2:, 1])[0] / np.diff(table[-2:, 0])[0] if part.law == "table" else 0.0
-    return np.concatenate([table, np.column_stack([last + more, value + slope * more])])
+def last_slope(rows: np.ndarray):
+    """Slope [N/m] of the last line of a table (k, 2), zero for a single row."""
+    (x, y), (x_next, y_next) = rows[-2:] if len(rows) > 1 else ((0.0, 0.0), (1.0, 0.0))
+    return (y_next - y) / (x_next - x)
+
+
+def lengthened(rows: np.ndarray, count: int, slope) -> np.ndarray:
+    """A table (k, 2) with `count` rows; the new ones, a metre apart, go on with a slope [N/m]."""
+    more = np.arange(1.0, count - len(rows) + 1.0)[:, None]
+    return np.concatenate([rows, rows[-1] + more * np.array([1.0, slope])])

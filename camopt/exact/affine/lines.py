@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from camopt.scene.laws import HERTZ, LINEAR, PROGRESSIVE, TABLE
+from camopt.scene.parts import last_slope, lengthened
 from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Train
 
@@ -101,7 +102,7 @@ def with_chords(train: Train, count: int = CHORDS, force: float = CHORD_FORCE) -
         tables.append(rows)
     own = np.array([len(rows) for rows in tables])
     kinds = np.where(np.isin(laws.kind, (HERTZ, PROGRESSIVE)), TABLE, laws.kind)
-    table = np.stack([_lengthened(rows, own.max()) for rows in tables])
+    table = np.stack([lengthened(rows, own.max(), last_slope(rows)) for rows in tables])
     return replace(train, laws=replace(laws, kind=kinds, table=table, rows=own))
 
 
@@ -124,10 +125,3 @@ def chord_error(train: Train, count: int = CHORDS, force: float = CHORD_FORCE) -
             bent = np.abs(np.diff(rows[:, 1])) * np.diff(rows[:, 0]) / 8.0
             error[e] = np.max(bent / chords_per_row(rows, count) ** 2, initial=0.0)
     return error
-
-
-def _lengthened(rows: np.ndarray, count: int) -> np.ndarray:
-    """A table with as many rows as another; the new ones, a metre apart, go on in the last line."""
-    more = np.arange(1.0, count - len(rows) + 1.0)[:, None]
-    last = rows[-1] - rows[-2] if len(rows) > 1 else np.array([1.0, 0.0])
-    return np.concatenate([rows, rows[-1] + more * last / last[0]])
