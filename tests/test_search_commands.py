@@ -90,6 +90,7 @@ class TestVerbsThatSearch:
             "out": tmp_path / "run",
             "seed": 7,
             "wanted_yield": None,
+            "free": {},
             "resume": False,
             "progress": True,
             "compare": False,

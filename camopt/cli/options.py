@@ -7,7 +7,7 @@ from camopt.cli.cam_options import cam_options as _cam_options
 from camopt.cli.cam_options import card_options, exchange_options
 from camopt.cli.cam_options import table_options as _table_options
 from camopt.cli.rise_verb import rise_options
-from camopt.cli.values import ACCURACIES, accuracy, count, port, positive, seed, speeds, trains
+from camopt.cli.values import ACCURACIES, accuracy, count, named_range, port, positive, seed, speeds, trains
 from camopt.verifier.methods import verdict_methods
 
 PLAN = """a plan (the page "Sweeps" of the site tells all of it):
@@ -38,6 +38,10 @@ def _optimize(command: Command) -> None:
     )
     words = "share of the trains as built, drawn within the scene's tolerances, in which the cam must hold, as in 0.99"
     c.add_argument("--yield", type=positive, dest="wanted_yield", metavar="SHARE", help=words)
+    words = (
+        "a number that the design may choose, repeatable: spring.preload_N=200:320, a tolerance's name, a ramp's key"
+    )
+    c.add_argument("--free", type=named_range, action="append", default=[], metavar="NAME=LOW:HIGH", help=words)
     c.add_argument("--no-compare", action="store_true", help="leave out the comparison with the literature's cams")
     c.add_argument("--out", metavar="DIR", help="run folder, refused if it exists (runs/<scene>-<UTC time>)")
     c.add_argument("--seed", type=seed, default=0, metavar="N", help="seed of the searches (0)")

@@ -81,6 +81,20 @@ def digits(text: str) -> int:
     return _integer(text, 0, 12)
 
 
+def named_range(text: str) -> tuple[str, tuple[float, float]]:
+    """NAME=LOW:HIGH as the name and its two numbers."""
+    name, _, ends = text.rpartition("=")
+    try:
+        low, high = map(float, ends.split(":"))
+    except ValueError:
+        low = high = math.nan
+    if not name or not all(math.isfinite(end) and abs(end) <= LARGEST for end in (low, high)):
+        raise argparse.ArgumentTypeError(
+            f"{excerpt(text)}: expected NAME=LOW:HIGH with two numbers, such as spring.preload_N=200:320"
+        )
+    return name, (low, high)
+
+
 def port(text: str) -> int:
     return _integer(text, 0, 65_535)
 

@@ -49,6 +49,7 @@ def optimize(args: Namespace) -> int:
         designed=designed,
         compare=not args.no_compare,
         wanted_yield=args.wanted_yield,
+        free=dict(args.free),
     )
     page = write_report(result.folder)
     print(f"run folder: {result.folder}, report: {page}")

@@ -2,7 +2,7 @@
 
 import platform
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -17,6 +17,7 @@ from camopt.optimizer.as_built.wanted import check_wanted
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.candidates import SearchedCam, confirmed_cam, fallen_back
 from camopt.optimizer.first_run import SAYING, compile_programs, programs_missing
+from camopt.optimizer.free_numbers import free_numbers, with_best_values
 from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_worth
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.progress import Progress
@@ -78,6 +79,7 @@ def optimize(
     *,
     compare: bool = True,
     wanted_yield: float | None = None,
+    free: Mapping[str, Sequence[float]] | None = None,
 ) -> Run:
     """Design the cam of largest area that a scene's limits allow, and have it verified and compared.
 
@@ -88,20 +90,25 @@ def optimize(
     `seed`, where it is not zero, draws the knots to start from. `designed` is called with the folder once the design,
     its verdict and its provenance are written, before the comparison, which can cost none of them; without `compare`
     there is none. With `wanted_yield`, a share such as 0.99, the cam must hold in that share of the trains that the
-    scene's tolerances allow, over its band; "confirmed" then says so of fresh draws.
+    scene's tolerances allow, over its band; "confirmed" then says so of fresh draws. `free` names numbers of the scene
+    that the design may choose, with their ranges (low, high) in the key's unit, as {"spring.preload_N": (200, 320)}
+    (`camopt.optimizer.free_numbers`); the folder's scene.toml has the values that it chose.
 
     Raises InputError for unknown words, contradictory limits, an unusable folder or one of another run, and a scene
     without a confirmed cam.
     """
     settings = {"speeds": speeds, "accuracy": accuracy, "gradient": gradient, "seed": seed}
     settings |= {} if wanted_yield is None else {"yield": wanted_yield}
-    effort, design = _understood(scene, settings), scene.design
+    settings |= {} if not free else {"free": {name: list(map(float, ends)) for name, ends in free.items()}}
+    effort, identity, chosen = _understood(scene, settings), run_identity("optimize", scene, **settings), {}
+    if free:
+        scene, chosen = with_best_values(scene, free_numbers(scene, free), speeds, effort, progress)
+    design = scene.design
     assert design is not None, "load_scene(..., need=...) guarantees it"
-    job = _OpenRun(scene, settings, effort, StageClock(), compare)
+    job = _OpenRun(scene, settings, effort, StageClock(), compare, chosen)
     with job.clock.stage("bound"):
         kinematic = kinematic_optimum(design, program_cam(design, effort.knot_deg))  # contradictory limits end here
         bound = area_ratio_bound(design).bound
-    identity = run_identity("optimize", scene, **settings)
     with run_folder(out or default_run_folder(scene.name), identity, resume, ["design.json"]) as folder:
         write_text(folder / "scene.toml", scene_toml(scene))
         with Progress(progress, effort, gradient, compare) as shown:
@@ -137,6 +144,7 @@ class _OpenRun:
     effort: Accuracy
     clock: StageClock
     compare: bool = True
+    chosen: dict = field(default_factory=dict)  # values of free numbers, for design.json
     found: dict = field(default_factory=dict)  # of the search, for the provenance
     yield_confirmed: bool = True  # where one was wanted
 
@@ -169,6 +177,7 @@ class _OpenRun:
             gradient_gain=chosen.area_ratio - no_jump.area_ratio,
             verdict_fell_back=fallen_back(chosen, refused),
             limit_worth=limit_worth(kinematic),
+            **({"free": self.chosen} if self.chosen else {}),
         )
         write_json(folder / "design.json", record)
         write_lift_table(folder / "lift.csv", lift)

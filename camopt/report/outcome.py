@@ -15,6 +15,8 @@ MOTION = ("bounce_mm", "jump_mm", "jump_deg", "contact_force_min_N", "contact_fo
 """Metrics of the table, each at its worst."""
 BACK = ("candidates_judged", "largest_refused_area_ratio")
 """Keys of `verdict_fell_back` in design.json."""
+FREE = ("value", "as_given", "low", "high")
+"""Keys of a number in `free` of design.json."""
 LOW_MM = 0.005
 """A lift that stays below its limit by less than this is at it, for who reads a lift."""
 LEAST_GAIN = 5e-6
@@ -64,7 +66,7 @@ def outcome_lines(run: RunFolder) -> list[str]:
         words.append(f"certified bound {d['area_ratio_bound']:.5f}{gap}")
     if is_number(d.get("area_ratio_no_jump")):
         words.append(f"no-jump program {d['area_ratio_no_jump']:.5f}")
-    lines += [", ".join(words)] * bool(words) + lift_sentence(run) + gain_sentences(run)
+    lines += [", ".join(words)] * bool(words) + free_sentences(run) + lift_sentence(run) + gain_sentences(run)
     verdict, broken = run.verification.get("verdict", "not verified"), broken_limits(run)
     reason = run.verification.get("reason")
     why = f". {reason}" if isinstance(reason, str) and reason else ""
@@ -92,6 +94,19 @@ def lift_sentence(run: RunFolder) -> list[str]:
         f"The highest lift of {shown(reached, 5)} mm stays {shown(cap - reached, 3)} mm below max_lift_mm: under the "
         f"scene's limits a higher nose would leave less area. reach_max_lift = true asks for the whole lift."
     ]
+
+
+def free_sentences(run: RunFolder) -> list[str]:
+    """What the design chose for the numbers that it might choose, a sentence each."""
+    chosen, sentences = run.design.get("free"), []
+    for name, one in chosen.items() if isinstance(chosen, dict) else ():
+        if not isinstance(one, dict) or not all(is_number(one.get(key)) for key in FREE):
+            continue
+        value, given, low, high = (shown(one[key], 5) for key in FREE)
+        what = name if one.get("of") in (name, None) else f"{name} ({one['of']})"
+        end = ", the end of what it might choose" if value in (low, high) else ""
+        sentences.append(f"Of {what} from {low} to {high} the design chose {value}{end}; the scene had {given}.")
+    return sentences
 
 
 def gain_sentences(run: RunFolder) -> list[str]:

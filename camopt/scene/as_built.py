@@ -46,7 +46,7 @@ class Number(NamedTuple):
 
 def moved_together(scene: Scene, tolerance: Tolerance) -> list[list[Number]]:
     """The numbers that a tolerance moves, those with a common draw in one list."""
-    numbers = [number for text in tolerance.numbers for number in _matching(scene, text)]
+    numbers = [number for text in tolerance.numbers for number in matching(scene, text)]
     if isinstance(tolerance.of, str):
         return [[number] for number in numbers]
     return [list(dict.fromkeys(numbers))]
@@ -83,9 +83,14 @@ def scene_as_built(scene: Scene, draws: Mapping[str, np.ndarray]) -> Scene:
                     continue
                 share = (tolerance.relative or 0.0) * float(draw)
                 factor[number] *= float(np.exp(share)) if tolerance.distribution == "lognormal" else 1.0 + share
+    values = {n: n.of(scene) * factor[n] + summand[n] for n in dict.fromkeys([*factor, *summand])}
+    return with_numbers(scene, values)
+
+
+def with_numbers(scene: Scene, values: Mapping[Number, float]) -> Scene:
+    """The scene with other values of some of its numbers, in their keys' units."""
     rows: dict[str, list[Table]] = {table: list(getattr(scene, table)) for table in SCATTERING}
-    for number in dict.fromkeys([*factor, *summand]):
-        value = number.of(scene) * factor[number] + summand[number]
+    for number, value in values.items():
         row = rows[number.table][number.row]
         rows[number.table][number.row] = row.model_copy(update={number.key: value})
     return scene.model_copy(update={table: tuple(changed) for table, changed in rows.items()})
@@ -103,7 +108,7 @@ def tolerance_faults(scene: Scene) -> list[str]:
     return faults or [*_too_wide(scene)]
 
 
-def _matching(scene: Scene, text: str) -> Iterator[Number]:
+def matching(scene: Scene, text: str) -> Iterator[Number]:
     """The numbers that a text NAME.KEY means; none where it means nothing."""
     name, _, key = text.rpartition(".")
     for table, keys in SCATTERING.items():
@@ -126,7 +131,7 @@ def _fault(scene: Scene, tolerance: Tolerance, text: str) -> str:
         of = "no mass or element" if name == EVERY else f"the {' or '.join(homes)} {name!r}"
         has = f"has no number {excerpt(key)} that may scatter"
         return f"{of} {has}{did_you_mean(key, keys) or ': expected ' + ' or '.join(dict.fromkeys(keys))}"
-    found = list(_matching(scene, text))
+    found = list(matching(scene, text))
     if name != EVERY and len(found) > 1:
         return f"{excerpt(text)} is a number of a mass and of an element: give one of them another name"
     if any(number.of(scene) is None for number in found):

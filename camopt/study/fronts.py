@@ -7,17 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from scipy.optimize import minimize
 from tqdm import tqdm
 
-from camopt.optimizer.accuracy import accuracy_named, design_speeds
-from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, no_jump_program
-from camopt.optimizer.program.program_cam import program_cam
+from camopt.optimizer.accuracy import accuracy_named
+from camopt.optimizer.free_numbers import widest
 from camopt.optimizer.search.robust import with_spring
 from camopt.optimizer.search.search import find_cam
 from camopt.scene.errors import InputError
 from camopt.scene.schema import AS_BUILT, Scene
-from camopt.scene.train import build_train
 from camopt.storage import write_json
 
 VALUES = {
@@ -29,8 +26,6 @@ VALUES = {
 }
 """Values tried where none are given."""
 YIELD = "yield"
-SHORTFALL = 1e-3
-"""Area ratio that stands for one newton that a margin is short of, where no cam keeps it."""
 
 
 @dataclass(frozen=True)
@@ -170,29 +165,13 @@ def joint_spring(
 ) -> SpringDesign:
     """The factors on the valve spring's rate and preload, within these ranges, that give the program its largest area.
 
-    Outer search by COBYQA (Ragonneau and Zhang 2023, in SciPy) over both factors, inside the linear program with
-    one margin; the scene found is for `find_cam` or `optimize`, which confirm its cam. Where no cam keeps the margin,
-    the shortfall guides the search.
+    The search is that of free numbers (`camopt.optimizer.free_numbers`); the scene found is for `find_cam` or
+    `optimize`, which confirm its cam.
     """
-    effort, design = accuracy_named(accuracy), scene.design
-    assert design is not None and scene.operation is not None, "load_scene(..., need=...) guarantees both"
-    cam, (listed, _) = program_cam(design, effort.knot_deg), design_speeds(scene.operation, speeds, effort)
-    cam_speeds = [scene.cam_speed(s) for s in listed]
-
-    def area(factors) -> float:
-        changed = with_spring(scene, *factors)
-        try:
-            program = no_jump_program(build_train(changed), design, cam, cam_speeds)
-            return program.solve(Margins(margin_N, margin_N, margin_N)).area_ratio
-        except NoCamHoldsContact as short:
-            return -SHORTFALL * short.shortfall_N
-
-    given, bounds = area((1.0, 1.0)), np.array([rate, preload])
-    found = minimize(
-        lambda x: -area(x), np.clip(1.0, *bounds.T), method="COBYQA", bounds=bounds,
-        options={"maxfev": evaluations, "initial_tr_radius": 0.25 * float(np.ptp(bounds, axis=1).max())},
+    assert scene.design is not None and scene.operation is not None, "load_scene(..., need=...) guarantees both"
+    found = widest(
+        lambda factors: with_spring(scene, *map(float, factors)), (1.0, 1.0), (rate, preload), speeds,
+        accuracy_named(accuracy), margin_N, evaluations,
     )  # fmt: skip
-    factor = [float(f) for f in np.clip(found.x, *bounds.T)]
-    return SpringDesign(
-        factor[0], factor[1], -float(found.fun), given, with_spring(scene, *factor), int(found.nfev) + 1
-    )
+    factors = found.values
+    return SpringDesign(*factors, found.area_ratio, found.at_start, with_spring(scene, *factors), found.evaluations)

@@ -1,0 +1,165 @@
+"""Numbers of a scene that a design may choose within ranges: spring rate, preload, lash, ramp.
+
+They go to where the no-jump program under one margin at all design speeds finds the largest area, by COBYQA (Ragonneau
+and Zhang 2023, in SciPy), which needs no slopes. Where no cam keeps the margin, the shortfall guides the search. The
+search for the cam then begins with the scene that has these values, and confirms or rejects its cam as for any other.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+from tqdm import tqdm
+
+from camopt.optimizer.accuracy import Accuracy, design_speeds
+from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, no_jump_program
+from camopt.optimizer.program.program_cam import program_cam
+from camopt.scene.as_built import Number, matching, moved_together, with_numbers
+from camopt.scene.errors import InputError
+from camopt.scene.load import parse_scene
+from camopt.scene.schema import Scene
+from camopt.scene.spelling import did_you_mean
+from camopt.scene.toml_text import scene_toml
+from camopt.scene.train import build_train
+
+RAMP = {f"design.{key}": key for key in ("ramp_height_mm", "ramp_velocity_mm_per_deg")}
+MARGIN_N = 20.0
+"""The margin under which values are compared, that of the no-jump program where nothing else is asked."""
+EVALUATIONS = 30
+SHORTFALL = 1e-3
+"""Area ratio that stands for one newton that a margin is short of, where no cam keeps it."""
+
+
+@dataclass(frozen=True)
+class FreeNumber:
+    """A number from `low` to `high` in its key's unit; several move in proportion, and the first one is named."""
+
+    name: str
+    low: float
+    high: float
+    numbers: tuple[Number, ...]  # none for a ramp
+
+    def of(self, scene: Scene) -> float:
+        """Its value in a scene."""
+        return self.numbers[0].of(scene) if self.numbers else getattr(scene.design, RAMP[self.name])
+
+    def put(self, scene: Scene, value: float) -> Scene:
+        """The scene with another value of it."""
+        if not self.numbers:
+            assert scene.design is not None, "load_scene(..., need=...) guarantees it"
+            return scene.model_copy(update={"design": scene.design.model_copy(update={RAMP[self.name]: value})})
+        first, *others = self.numbers
+        factor = value / first.of(scene) if others else 0.0
+        return with_numbers(scene, {first: value} | {other: other.of(scene) * factor for other in others})
+
+    def named(self, scene: Scene) -> str:
+        """What is free, by its place in the scene."""
+        return self.numbers[0].named(scene) if self.numbers else self.name
+
+
+def free_numbers(scene: Scene, asked: Mapping[str, Sequence[float]]) -> tuple[FreeNumber, ...]:
+    """The numbers that are asked for by name, with their ranges (low, high).
+
+    A name is that of a tolerance of the scene, whose numbers move together, NAME.KEY of a mass or an element, or one of
+    `RAMP`. Raises InputError for another one, for a range that is none, and where the scene with all the lowest or all
+    the highest values is none.
+    """
+    found = tuple(_free_number(scene, name, *map(float, ends)) for name, ends in asked.items())
+    for which, values in (("lowest", [one.low for one in found]), ("highest", [one.high for one in found])):
+        parse_scene(
+            scene_toml(with_values(scene, found, values)), f"{scene.name} with the {which} free numbers", ("design",)
+        )
+    return found
+
+
+def _free_number(scene: Scene, name: str, low: float, high: float) -> FreeNumber:
+    if not low < high:
+        raise InputError(f"free {name}={low:g}:{high:g}: expected LOW:HIGH with LOW below HIGH, such as 200:320")
+    tolerance = next((one for one in scene.tolerance if one.label == name), None)
+    if tolerance is not None:
+        numbers = tuple(number for group in moved_together(scene, tolerance) for number in group)
+    else:
+        numbers = tuple(matching(scene, name))
+    if not numbers and name not in RAMP:
+        known = [*(one.label for one in scene.tolerance), *RAMP]
+        raise InputError(
+            f"free {name!r}: {scene.name} has no such number: expected NAME.KEY of a mass or an element, or one of "
+            f"{', '.join(known)}{did_you_mean(name, known)}"
+        )
+    if any(number.of(scene) is None for number in numbers):
+        raise InputError(f"free {name!r}: {scene.name} gives no such number, which could be changed")
+    if len(numbers) > 1 and numbers[0].of(scene) == 0.0:
+        raise InputError(f"free {name!r}: its first number is zero, in proportion to which no others can move")
+    return FreeNumber(name, low, high, numbers)
+
+
+def with_values(scene: Scene, free: Sequence[FreeNumber], values: Sequence[float] | np.ndarray) -> Scene:
+    """The scene with the free numbers at these values."""
+    for one, value in zip(free, values, strict=True):
+        scene = one.put(scene, float(value))
+    return scene
+
+
+def with_best_values(
+    scene: Scene, free: Sequence[FreeNumber], speeds: str, effort: Accuracy, progress: bool = False
+) -> tuple[Scene, dict]:
+    """The scene with the best values of its free numbers, and `free` of design.json: by name the value beside the given
+    one and the range."""
+    given, ranges = [one.of(scene) for one in free], [(one.low, one.high) for one in free]
+    with tqdm(total=EVALUATIONS, desc="free numbers", disable=None if progress else True, leave=False) as bar:
+        best = widest(lambda x: with_values(scene, free, x), given, ranges, speeds, effort, show=lambda _: bar.update())
+    pairs = zip(free, best.values, given, strict=True)
+    return with_values(scene, free, best.values), {
+        one.name: {"of": one.named(scene), "value": value, "as_given": was, "low": one.low, "high": one.high}
+        for one, value, was in pairs
+    }
+
+
+@dataclass(frozen=True)
+class Widest:
+    """The values whose program has the largest area, its area ratio there and at the start, and how often it was
+    solved."""
+
+    values: tuple[float, ...]
+    area_ratio: float
+    at_start: float
+    evaluations: int
+
+
+def widest(
+    scene_of: Callable[[np.ndarray], Scene],
+    start: Sequence[float],
+    ranges: Sequence[tuple[float, float]],
+    speeds: str,
+    effort: Accuracy,
+    margin_N: float = MARGIN_N,
+    evaluations: int = EVALUATIONS,
+    show: Callable[[float], object] = lambda area: None,
+) -> Widest:
+    """Of the scenes that `scene_of` makes of values within these ranges, the one whose no-jump program under a margin
+    has the largest area; the area of the start is taken as it is, within the ranges or not."""
+
+    def area(values: np.ndarray) -> float:
+        scene = scene_of(values)
+        assert scene.design is not None and scene.operation is not None, "load_scene(..., need=...) guarantees both"
+        cam, (listed, _) = program_cam(scene.design, effort.knot_deg), design_speeds(scene.operation, speeds, effort)
+        try:
+            program = no_jump_program(build_train(scene), scene.design, cam, [scene.cam_speed(s) for s in listed])
+            found = program.solve(Margins(margin_N, margin_N, margin_N)).area_ratio
+        except NoCamHoldsContact as short:
+            found = -SHORTFALL * min(short.shortfall_N, 1e6)
+        show(found)
+        return found
+
+    low, high = np.array(ranges, dtype=float).T
+    at_start, begin = area(np.asarray(start, dtype=float)), np.clip(start, low, high)
+    found = minimize(
+        lambda x: -area(low + np.clip(x, 0.0, 1.0) * (high - low)),
+        (begin - low) / np.where(high > low, high - low, 1.0),
+        method="COBYQA",
+        bounds=[(0.0, float(h > l)) for l, h in zip(low, high, strict=True)],
+        options={"maxfev": evaluations - 1, "initial_tr_radius": 0.25, "final_tr_radius": 1e-3},
+    )
+    values = low + np.clip(found.x, 0.0, 1.0) * (high - low)
+    return Widest(tuple(values.tolist()), -float(found.fun), at_start, int(found.nfev) + 1)

@@ -1,0 +1,99 @@
+"""Numbers of a scene that a design may choose: what a name means, the best values, and what is refused."""
+
+import json
+from contextlib import nullcontext as nothing
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from camopt.cli.parser import main
+from camopt.optimizer.accuracy import ACCURACIES
+from camopt.optimizer.free_numbers import free_numbers, widest, with_best_values, with_values
+from camopt.scene import InputError, build_train, load_scene
+
+KODAMA, MOTORI = load_scene("kodama"), load_scene("motori-1")
+COARSE = replace(ACCURACIES["draft"], knot_deg=8.0, program_speeds=2)
+
+
+def test_a_tolerance_names_numbers_that_move_in_proportion():
+    (free,) = free_numbers(KODAMA, {"preload": (180.0, 230.0)})
+    changed = with_values(KODAMA, [free], [216.7])
+    assert free.of(KODAMA) == 197.0 and free.of(changed) == pytest.approx(216.7)
+    preloads = {e.name: e.preload_N for e in changed.element if e.preload_N}
+    assert set(preloads) == {"seat", *(f"coil_{i}" for i in range(1, 7))}
+    assert preloads == pytest.approx(dict.fromkeys(preloads, 216.7))
+    others = [(e.stiffness_N_per_m, e.gap_mm) for e in changed.element]
+    assert others == [(e.stiffness_N_per_m, e.gap_mm) for e in KODAMA.element]
+
+
+def test_a_number_of_an_element_and_a_ramp_are_changed_where_they_stand():
+    asked = {"spring.preload_N": (200.0, 320.0), "design.ramp_height_mm": (0.2, 0.3)}
+    free = free_numbers(MOTORI, asked)
+    changed = with_values(MOTORI, free, [300.0, 0.25])
+    spring = next(i for i, e in enumerate(MOTORI.element) if e.name == "spring")
+    assert changed.element[spring].preload_N == 300.0 and changed.design.ramp_height_mm == 0.25
+    assert build_train(changed).preload[spring] == pytest.approx(300.0)
+    assert [one.named(MOTORI) for one in free] == list(asked)
+
+
+def test_the_best_values_are_no_worse_than_those_of_a_grid():
+    asked = {"spring.stiffness_N_per_m": (25_000.0, 60_000.0), "design.ramp_height_mm": (0.15, 0.3)}
+    free, start = free_numbers(MOTORI, asked), (40_000.0, 0.265)
+    ranges = list(asked.values())
+
+    def area(values) -> float:
+        return widest(lambda x: with_values(MOTORI, free, x), values, ranges, "nominal", COARSE, evaluations=2).at_start
+
+    best = widest(lambda x: with_values(MOTORI, free, x), start, ranges, "nominal", COARSE)
+    assert best.area_ratio == pytest.approx(area(best.values), abs=1e-9)
+    grid = [area((rate, height)) for rate in np.linspace(*ranges[0], 3) for height in np.linspace(*ranges[1], 3)]
+    assert best.area_ratio >= max(grid) - 1e-4 and best.area_ratio > best.at_start
+    assert best.evaluations <= 30
+
+
+def test_what_was_chosen_is_told_beside_what_was_given():
+    free = free_numbers(MOTORI, {"spring.preload_N": (200.0, 320.0)})
+    scene, told = with_best_values(MOTORI, free, "nominal", COARSE)
+    (one,) = told.values()
+    assert one == {"of": "spring.preload_N", "value": pytest.approx(320.0, abs=0.5), "as_given": 250.0,
+                   "low": 200.0, "high": 320.0}  # fmt: skip
+    assert free[0].of(scene) == one["value"]
+
+
+@pytest.mark.parametrize(
+    "scene, asked, words",
+    [
+        (KODAMA, {"preloat": (1.0, 2.0)}, "'preloat'.*preload"),
+        (KODAMA, {"preload": (230.0, 180.0)}, "LOW below HIGH"),
+        (KODAMA, {"coil_1.stroke_mm": (1.0, 2.0)}, "no such number"),
+        (MOTORI, {"spring.stiffness_N_per_m": (-5.0, 2e5)}, "lowest free numbers"),
+        (MOTORI, {"design.ramp_height_mm": (0.2, 20.0)}, "highest free numbers"),
+        (MOTORI, {"*.gap_mm": (0.0, 0.2)}, "lowest free numbers: tolerance.3: train.gap_mm"),
+    ],
+)
+def test_what_is_no_free_number_is_refused_by_a_sentence(scene, asked, words):
+    with pytest.raises(InputError, match=words):
+        free_numbers(scene, asked)
+
+
+def test_the_command_designs_with_the_numbers_that_it_chose(tmp_path, capsys):
+    words = ["optimize", "motori-1", "--accuracy", "draft", "--speeds", "nominal", "--no-compare", "--gradient", "none"]
+    folder = tmp_path / "run"
+    assert main([*words, "--free", "spring.preload_N=200:320", "--out", str(folder)]) == 0
+    assert "the design chose 320, the end of what it might choose; the scene had 250." in capsys.readouterr().out
+    chosen = json.loads((folder / "design.json").read_text())["free"]["spring.preload_N"]
+    spring = next(e for e in load_scene(str(folder / "scene.toml")).element if e.name == "spring")
+    assert spring.preload_N == chosen["value"]
+    assert main(["verify", str(folder / "scene.toml"), "--cam", str(folder), "--speeds", "5000"]) == 0
+
+
+@pytest.mark.parametrize(
+    "free, words",
+    [("spring.preload_N", "expected NAME=LOW:HIGH"), ("spring.preload_N=1:x", "expected NAME=LOW:HIGH"),
+     ("spring.preload_N=300:200", "LOW below HIGH"), ("sprung.preload_N=200:300", "no such number")],
+)  # fmt: skip
+def test_the_command_refuses_before_it_begins(free, words, tmp_path, capsys):
+    with pytest.raises(SystemExit) if "expected" in words else nothing():
+        assert main(["optimize", "motori-1", "--free", free, "--out", str(tmp_path / "run")]) == 2
+    assert words in capsys.readouterr().err and not (tmp_path / "run").exists()
