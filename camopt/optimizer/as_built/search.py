@@ -55,7 +55,7 @@ REACH_N, WIDER, NARROWER = 6.0, 1.3, 0.4
 LEAST_GAIN, LEAST_GAINS = 0.0025, 0.01
 """Share of the shortfall that a cam must take away to be kept, and that three steps along slopes must take away for
 another one: each costs as much as hundreds of trains."""
-SPENT, SPENT_UNSEEN = 2.0, 0.7
+SPENT, SPENT_UNSEEN = 2.0, 0.5
 """Part of the wanted loss that a cam may spend on the trains that shape it, and on those that say how large it may be.
 The former is large because a few failing trains say little of the shape that a thousand others would want; the latter
 leaves something for what a count leaves open, so that still other trains bear it out more often than not."""
