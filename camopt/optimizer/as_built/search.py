@@ -228,7 +228,7 @@ class YieldSearch:
                 cam, reach_N, slopes = moved, WIDER * reach_N, None
             else:
                 reach_N *= NARROWER
-            if self.shortfall >= (1.0 - LEAST_GAINS) * max(left[-3:], default=0.0) and len(left) >= 3:
+            if len(left) >= 3 and self.shortfall >= (1.0 - LEAST_GAINS) * left[-3]:
                 break
         return cam
 
