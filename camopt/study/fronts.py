@@ -173,5 +173,6 @@ def joint_spring(
         lambda factors: with_spring(scene, *map(float, factors)), (1.0, 1.0), (rate, preload), speeds,
         accuracy_named(accuracy), margin_N, evaluations,
     )  # fmt: skip
-    factors = found.values
-    return SpringDesign(*factors, found.area_ratio, found.at_start, with_spring(scene, *factors), found.evaluations)
+    rate_found, preload_found = found.values
+    changed = with_spring(scene, rate_found, preload_found)
+    return SpringDesign(rate_found, preload_found, found.area_ratio, found.at_start, changed, found.evaluations)
