@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from docs.generators.readme import BLOCK, README, with_table
 from docs.generators.results import ROLE
 
 ROOT = Path(__file__).parents[2]
@@ -27,7 +28,7 @@ NUMBER = re.compile(r"(?<![\w.\-/])[−-]?\d+(?:[ ,]\d{3}(?!\d))*(?:\.\d+)?(?:e[
 
 def typed(text: str) -> set[str]:
     """The numbers in a page's sentences and tables; code, links' targets and what is generated are left out."""
-    text = re.sub(r"^(`{3,}).*?^\1$", "", text, flags=re.MULTILINE | re.DOTALL)
+    text = BLOCK.sub("", re.sub(r"^(`{3,}).*?^\1$", "", text, flags=re.MULTILINE | re.DOTALL))
     text = re.sub(
         r"^commands = .*$|^ {4}.*$|^#.*$" if "[[claim]]" in text else r"^ {4}\S.*$", "", text, flags=re.MULTILINE
     )
@@ -41,6 +42,12 @@ def test_typed_numbers_are_given(page):
     listed = set(GIVEN.get(page, []))
     assert found <= listed, "a result is generated, a setting stands in docs/given.toml"
     assert listed <= found, "no longer in the page"
+
+
+def test_the_table_of_the_readme_is_that_of_the_results():
+    text = README.read_text(encoding="utf-8")
+    assert with_table(text) == text, "python -m docs.generators.readme writes it anew"
+    assert with_table(BLOCK.sub(r"\1", text)) == text != BLOCK.sub(r"\1", text)
 
 
 def test_every_list_has_a_page():

@@ -1,0 +1,28 @@
+"""The table of the README, where nothing is generated: `python -m docs.generators.readme` writes it there."""
+
+import re
+from pathlib import Path
+
+from docs.generators.tables import rows_table
+
+README = Path(__file__).parents[2] / "README.md"
+TABLE = """
+of = "real_trains"
+columns = [
+    ["train", "'`' + key + '`' | s"],
+    ["area ratio, confirmed", "row.area_ratio | .4f"],
+    ["gradients add", "row.gain | .5f"],
+    ["spread over four seeds", "row.gain_spread | .5f"],
+]
+"""
+BLOCK = re.compile(r"(<!-- generated -->\n).*?(?=<!-- end -->)", re.DOTALL)
+"""What stands between two comments that a reader does not see."""
+
+
+def with_table(text: str) -> str:
+    """The README with its table as the stored results have it."""
+    return BLOCK.sub(lambda block: f"{block[1]}\n{rows_table(TABLE)}\n", text)
+
+
+if __name__ == "__main__":
+    README.write_text(with_table(README.read_text(encoding="utf-8")), encoding="utf-8")
