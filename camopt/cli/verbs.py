@@ -49,11 +49,21 @@ def optimize(args: Namespace) -> int:
         designed=designed,
         compare=not args.no_compare,
         wanted_yield=args.wanted_yield,
-        free=dict(args.free),
+        free=_once_each(args.free),
     )
     page = write_report(result.folder)
     print(f"run folder: {result.folder}, report: {page}")
     return result.exit_code
+
+
+def _once_each(free: list[tuple[str, tuple[float, float]]]) -> dict[str, tuple[float, float]]:
+    """The ranges of free numbers by their names; raises InputError for a name that comes twice."""
+    found: dict[str, tuple[float, float]] = {}
+    for name, ends in free:
+        if name in found:
+            raise InputError(f"free {excerpt(name)} is given twice: give one range")
+        found[name] = ends
+    return found
 
 
 def _print_outcome(folder: Path) -> None:

@@ -97,3 +97,9 @@ def test_the_command_refuses_before_it_begins(free, words, tmp_path, capsys):
     with pytest.raises(SystemExit) if "expected" in words else nothing():
         assert main(["optimize", "motori-1", "--free", free, "--out", str(tmp_path / "run")]) == 2
     assert words in capsys.readouterr().err and not (tmp_path / "run").exists()
+
+
+def test_a_number_is_free_once(tmp_path, capsys):
+    twice = ["--free", "preload=180:230", "--free", "preload=190:200"]
+    assert main(["optimize", "kodama", *twice, "--out", str(tmp_path / "run")]) == 2
+    assert "is given twice" in capsys.readouterr().err and not (tmp_path / "run").exists()
