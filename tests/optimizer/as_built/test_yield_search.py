@@ -13,13 +13,14 @@ from camopt.measure.yields import UsedLimits, share_of
 from camopt.optimizer.as_built import search as search_module
 from camopt.optimizer.as_built.design import UNSEEN_SEED, YieldEffort, yield_search
 from camopt.optimizer.as_built.drawn import DrawnTrains
-from camopt.optimizer.as_built.journal import FOLDER, HISTORY, TrainsLog
+from camopt.optimizer.as_built.journal import FOLDER, TrainsLog
 from camopt.optimizer.as_built.linear_step import UsedSlopes, stepped
 from camopt.optimizer.as_built.search import YieldSearch
 from camopt.optimizer.as_built.statement import YieldStatement, sampled
 from camopt.optimizer.as_built.wanted import check_wanted
 from camopt.optimizer.program.kinematic import TYPICAL
 from camopt.optimizer.program.no_jump import Margins
+from camopt.optimizer.step_files import HISTORY
 from camopt.scene import InputError, load_scene, parse_scene
 from tests.scene.test_load import EXAMPLE
 
@@ -180,7 +181,7 @@ class Levels:
 class OfOneSpeed(Told):
     """Trains that fall short by what the opening margins at one speed are below 50 N."""
 
-    failing, states = 0, np.zeros(1)
+    failing, states = 0, np.zeros((20, 3, 1))
 
     @property
     def worst(self):
