@@ -1,0 +1,46 @@
+"""The price list of tolerances: the small size, widths that are what they say, and what the full size left."""
+
+import json
+
+import numpy as np
+import pytest
+
+from camopt.measure.as_built import trains_as_built
+from camopt.scene import load_scene
+from experiments import yield_price
+
+
+def test_small_size(tmp_path):
+    content = yield_price.main("small", tmp_path)
+    assert list(content["rows"]) == ["1", yield_price.ONE_MARGIN, yield_price.MORE_PRELOAD]
+    for row in content["rows"].values():
+        assert 0.0 < row["area_ratio"] < 1.0 and row["low"] < row["share"] <= row["high"]
+    assert content["literature"] and all(one["uses"] > 0.0 for one in content["literature"].values())
+    assert (tmp_path / "yield_price.json").is_file()
+
+
+@pytest.mark.parametrize("width", [0.5, 2.0])
+def test_twice_the_tolerance_scatters_twice_as_far(width):
+    scene = load_scene("motori-1")
+    plain, wider = (trains_as_built(made, 30, seed=3) for made in (scene, yield_price.scattered(scene, width)))
+    masses = [[one.train.mass[0] for one in trains] for trains in (plain, wider)]
+    assert np.std(masses[1]) / np.std(masses[0]) == pytest.approx(width, rel=1e-6)
+
+
+def test_narrower_tolerances_give_larger_cams_and_fresh_trains_bear_them_out():
+    content = json.loads((yield_price.RESULTS / "yield_price.json").read_text())
+    rows = content["rows"]
+    areas = [rows[f"{width:g}"]["area_ratio"] for width in yield_price.WIDTHS["full"]]
+    assert areas == sorted(areas, reverse=True)
+    named = [yield_price.ONE_MARGIN, "1", yield_price.LESS_ASKED, yield_price.MORE_PRELOAD]
+    plain, given, less_asked, more = (rows[name]["area_ratio"] for name in named)
+    assert plain < given < less_asked and given < more
+    for name, row in rows.items():
+        wanted = 0.97 if name == yield_price.LESS_ASKED else content["wanted"]
+        assert row["share"] >= wanted and row["low"] >= 1 - 2 * (1 - wanted) and row["agrees"]
+
+
+def test_no_family_of_the_literature_has_a_member_that_holds():
+    content = json.loads((yield_price.RESULTS / "yield_price.json").read_text())
+    assert len(content["literature"]) >= 6
+    assert all(one["uses"] > 1.0 and one["high"] < content["wanted"] for one in content["literature"].values())
