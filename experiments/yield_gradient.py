@@ -5,7 +5,7 @@
 The search for a yield with ten seeds, which draw all its trains, at a smaller effort than `--accuracy standard` has:
 800 trains shape the cam, and 2000 others say how large it may be. Each search ends with two cams: one whose margins
 were moved by groups, for which nothing was differentiated, and one whose margins then followed exact slopes. A run
-keeps the larger one. A full run that was interrupted goes on in `runs`.
+keeps the larger one. An interrupted run goes on.
 """
 
 from pathlib import Path
@@ -25,11 +25,8 @@ SEEDS = {"small": 2, "full": 10}
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
     """Both cams of a search for every seed."""
-    store = Path("runs/yield_gradient.sqlite") if size == "full" else None
-    if store is not None:
-        store.parent.mkdir(exist_ok=True)
     cases = ({"seed": seed, "size": size} for seed in range(SEEDS[size]))
-    rows = called("experiments.yield_gradient:sought", cases, size, store)
+    rows = called("experiments.yield_gradient:sought", cases, size, folder / "yield_gradient.sqlite")
     gains = [row["area_ratio"] - row["without_gradients_area_ratio"] for row in rows]
     content = {
         "seeds": {f"{row['seed']}": row for row in rows},

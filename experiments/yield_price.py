@@ -5,7 +5,7 @@
 `camopt optimize kodama --yield 0.99` at effort standard for each width of the tolerances; for the given one also with
 one margin at all speeds, with a spring of 5 % more preload, and for 97 of 100 trains. Each cam is stated by 2000 fresh
 trains at 21 speeds over the band, with the interval of Clopper and Pearson. Beside them stands of each family of the
-literature the member that comes nearest to the limits on the motion. A full run that was interrupted goes on in `runs`.
+literature the member that comes nearest to the limits on the motion. An interrupted run goes on.
 """
 
 from collections.abc import Callable
@@ -25,9 +25,10 @@ from camopt.optimizer.as_built.design import EFFORTS, YieldEffort, yield_search
 from camopt.optimizer.as_built.statement import yield_statement
 from camopt.optimizer.as_built.track import track
 from camopt.optimizer.baselines.family_spaces import family_space
-from camopt.optimizer.baselines.largest_member import MemberLimits, MemberMotion, excess
+from camopt.optimizer.baselines.largest_member import MemberLimits, MemberMotion, member_within
 from camopt.optimizer.search.robust import with_spring
-from camopt.scene import InputError, Scene, load_scene
+from camopt.scene import Scene, load_scene
+from camopt.scene.design import Design
 from experiments.support.record import RESULTS, run_script, write_result
 from experiments.support.sweeping import called
 
@@ -41,18 +42,14 @@ SEARCH = {"small": (1, 2), "full": (30, 8)}
 STATED, STATED_SEED = {"small": 10, "full": 2000}, 1_000_007
 """Fresh trains that state a cam's yield, which no search has drawn."""
 
-Judge = Callable[[Lift], float]
-
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
     """A cam for every width of the tolerances, and the literature's cams."""
     cases = [{"name": f"{width:g}", "width": width} for width in WIDTHS[size]]
     cases += [{"name": ONE_MARGIN, "shaped": False}, {"name": MORE_PRELOAD, "preload": 1.05}]
     cases += [{"name": LESS_ASKED, "wanted": 0.97}] if size == "full" else []
-    store = Path("runs/yield_price-rows.sqlite") if size == "full" else None
-    if store is not None:
-        store.parent.mkdir(exist_ok=True)
-    rows = called("experiments.yield_price:designed", (case | {"size": size} for case in cases), size, store)
+    tasks = (case | {"size": size} for case in cases)
+    rows = called("experiments.yield_price:designed", tasks, size, folder / "yield_price.sqlite")
     content = {
         "wanted": WANTED[size],
         "rows": {row["name"]: row for row in rows},
@@ -77,8 +74,13 @@ def designed(
         scene, best.lift, wanted, trains=STATED[size], speeds=effort.stated_speeds, seed=STATED_SEED
     )
     agrees, share = all(entry["agrees"] for entry in stated.independent), stated.share
-    of_yield = {"share": share.share, "low": share.low, "high": share.high, "agrees": agrees}
-    return {"area_ratio": best.area_ratio, **of_yield}
+    return {
+        "area_ratio": best.area_ratio,
+        "share": share.share,
+        "low": share.low,
+        "high": share.high,
+        "agrees": agrees,
+    }
 
 
 def scattered(scene: Scene, width: float) -> Scene:
@@ -109,29 +111,27 @@ def literature(size: str) -> dict[str, dict]:
 
     found = {}
     for family in FAMILIES:
-        lift = calmest(family_space(scene, family, jerk=False), lambda lift: excess(lift, design), worst_part, size)
-        if lift is not None:
-            holds = track(scene, lift, [top]).used(trains).max(axis=(1, 2)) <= 1.0
-            share = share_of(holds)
+        members = within(family_space(scene, family, jerk=False), design, worst_part, size)
+        if members:
+            uses, lift = min(members, key=lambda pair: pair[0])
+            share = share_of(track(scene, lift, [top]).used(trains).max(axis=(1, 2)) <= 1.0)
             area = lift.area_ratio_in(scene.design)
-            found[family] = {"area_ratio": area, "uses": worst_part(lift), "share": share.share, "high": share.high}
+            found[family] = {"area_ratio": area, "uses": uses, "share": share.share, "high": share.high}
     return found
 
 
-def calmest(space: Space, excess: Judge, uses: Judge, size: str) -> Lift | None:
-    """The member of a family that uses least among those without excess; None where none was found."""
-    known: list[tuple[float, Lift]] = []
+def within(space: Space, design: Design, worst_part: Callable[[Lift], float], size: str) -> list[tuple[float, Lift]]:
+    """The members within the design's limits on the shape that a search for the least `worst_part` meets, each with
+    its own."""
+    found: list[tuple[float, Lift]] = []
 
     def cost(x: np.ndarray) -> float:
-        try:
-            lift = space.member(x)
-        except InputError:
-            return 3.0
-        over = excess(lift)
-        if over > 0.0:
-            return 2.0 + over / (1.0 + over)
-        known.append((uses(lift), lift))
-        return known[-1][0] / (1.0 + known[-1][0]) if np.isfinite(known[-1][0]) else 1.0
+        lift, too_much = member_within(space, x, design)
+        if lift is None:
+            return too_much
+        uses = worst_part(lift)
+        found.append((uses, lift))
+        return uses / (1.0 + uses) if np.isfinite(uses) else 1.0
 
     if space.bounds:
         generations, population = SEARCH[size]
@@ -147,7 +147,7 @@ def calmest(space: Space, excess: Judge, uses: Judge, size: str) -> Lift | None:
         )
     else:
         cost(np.zeros(0))
-    return min(known, key=lambda pair: pair[0])[1] if known else None
+    return found
 
 
 if __name__ == "__main__":

@@ -17,11 +17,15 @@ class StepFiles:
     """`history.jsonl`, a line per step, and `NAME/*.npz`, what was found out at a step; in a run folder, or nowhere."""
 
     def __init__(self, folder: Path | None, name: str):
-        self._stored = None if folder is None else folder / name
-        self._history = None if folder is None else folder / HISTORY
-        if self._stored is not None:
-            self._stored.mkdir(exist_ok=True)
-        self._noted = 0 if self._history is None else len(whole_lines(self._history))
+        self._folder, self._name, self._noted = folder, name, 0
+        if folder is not None:
+            (folder / name).mkdir(exist_ok=True)
+            self._noted = len(whole_lines(folder / HISTORY))
+
+    @property
+    def kept(self) -> bool:
+        """Whether anything is kept: a search without a run folder keeps nothing."""
+        return self._folder is not None
 
     def stored(self, step: int, z: np.ndarray, names: Sequence[str]) -> dict[str, np.ndarray] | None:
         """The arrays of this step of an interrupted run, None where there are none; z (m) is the step's cam.
@@ -51,8 +55,8 @@ class StepFiles:
 
     def note(self, line: dict) -> None:
         """Appends a line to the history, but for a step that an interrupted run noted already."""
-        if self._history is not None and line["iteration"] > self._noted:
-            append_line(self._history, json.dumps(plain(line), allow_nan=False))
+        if self._folder is not None and line["iteration"] > self._noted:
+            append_line(self._folder / HISTORY, json.dumps(plain(line), allow_nan=False))
 
     def _path(self, step: int) -> Path | None:
-        return None if self._stored is None else self._stored / f"{step:04d}.npz"
+        return None if self._folder is None else self._folder / self._name / f"{step:04d}.npz"

@@ -30,5 +30,6 @@ class TrainsLog(StepFiles):
 
     def keep(self, step: int, z: np.ndarray, drawn: DrawnTrains, judged: np.ndarray) -> None:
         """Stores what the trains met at a step, at the speeds at which they were `judged` (t, s: bool)."""
-        at = np.nonzero(judged)
-        self.store(step, z, {"at": np.stack(at), "used": drawn.used[at[0], :, at[1]], "states": drawn.states[at]})
+        if self.kept:  # the states of thousands of trains are not copied for nothing
+            at = np.nonzero(judged)
+            self.store(step, z, {"at": np.stack(at), "used": drawn.used[at[0], :, at[1]], "states": drawn.states[at]})

@@ -161,6 +161,17 @@ def excess(lift: Lift, design: Design) -> float:
     return max(over[name] if over.get(name, 0.0) > 0 else 1.0 for name in broken)
 
 
+def member_within(space: Space, x: np.ndarray, design: Design) -> tuple[Lift | None, float]:
+    """The member of a vector x (d) with a cost of 0; none with a cost of 3, or from 2 by its excess over the limits on
+    the shape."""
+    try:
+        lift = space.member(x)
+    except InputError:
+        return None, 3.0
+    over = excess(lift, design)
+    return (lift, 0.0) if over == 0 else (None, 2.0 + over / (1.0 + over))
+
+
 class MemberMotion:
     """Judges cams of one scene at fixed speeds, each from rest: a cam's figures hang on nothing judged before."""
 
@@ -219,13 +230,9 @@ class _MemberSearch:
 
     def score(self, x: np.ndarray) -> float:
         """How bad a member is."""
-        try:
-            lift = self.space.member(x)
-        except InputError:
-            return 3.0
-        over = excess(lift, self.design)
-        if over > 0:
-            return 2.0 + over / (1.0 + over)
+        lift, cost = member_within(self.space, x, self.design)
+        if lift is None:
+            return cost
         if self.limit is not None:
             bounce = self.motion.worst(lift, HOPELESS * self.limit)["bounce_mm"]
             if bounce > self.limit:

@@ -181,7 +181,7 @@ class Levels:
 class OfOneSpeed(Told):
     """Trains that fall short by what the opening margins at one speed are below 50 N."""
 
-    failing, states = 0, np.zeros((20, 3, 1))
+    failing, states = 0, np.zeros(1)
 
     @property
     def worst(self):
