@@ -14,7 +14,7 @@ from typing import Any
 
 RESULTS = Path(__file__).parents[2] / "experiments" / "results"
 ROLE = re.compile(r"\{number\}`([^`]+)`")
-FUNCTIONS = {f.__name__: f for f in (min, max, len, sum, abs, sorted, zip)}
+FUNCTIONS = {f.__name__: f for f in (min, max, len, set, sum, abs, sorted, zip)}
 
 
 class Keys:

@@ -5,6 +5,8 @@ import pytest
 
 from camopt.cam.read import read_cam
 from camopt.exact.settled import settled_metrics
+from camopt.optimizer.as_built.drawn import DrawnTrains
+from camopt.optimizer.search.judge import Judge
 from camopt.scene import build_train, load_scene, state_at_rest
 from camopt.verifier.neighbourhood import against_limits, pumped_up
 
@@ -33,6 +35,19 @@ def test_the_verdict_names_it(settled):
     assert against_limits(SCENE, 8200.0, Answer, []) == (("pump-up, never seats at 8200 r/min",), ())
     Answer.state = state_at_rest(TRAIN)
     assert against_limits(SCENE, 8200.0, Answer, []) == (("never seats at 8200 r/min",), ())
+
+
+def test_a_search_does_not_begin_with_the_oil_of_the_cam_before():
+    full, calm = read_cam("multi-pol", SCENE), read_cam("polydyne", SCENE)
+    judge = Judge(SCENE, [7500.0, 8200.0])
+    assert not judge(full).holds and judge(calm).holds
+    drawn = DrawnTrains(SCENE, 0)
+    drawn.draw(2)
+    failing = []
+    for lift in (full, calm):
+        drawn.judge(lift, drawn.all)
+        failing.append(drawn.failing)
+    assert failing == [2, 0]
 
 
 def test_a_train_without_adjuster_does_not_pump_up():

@@ -2,7 +2,8 @@
 
 Every train has its own numbers, its own ground cam and its own speeds: neighbours in the list stand at neighbouring
 speeds, so that the trains together see the band more finely than each alone. A train remembers what it used and where
-it settled, so that of the next cam, which differs little, only what matters need be judged, and settles sooner.
+it settled, so that of the next cam, which differs little, only what matters need be judged, and settles sooner. Where it
+broke a limit it begins anew: an adjuster that pumped up with one cam would hold the valve off its seat with every other.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -114,9 +115,10 @@ class DrawnTrains:
         found = settled_metrics(
             [one.train], [one.cam(lift)], self.speeds(t)[at].tolist(), starts=starts, decay=np.inf, workers=1
         )
-        states = found.states[0, 0]
-        self.states[t, at] = np.where(np.isfinite(states), states, self._nominal[t % STAGGER, at])
-        self.used[t][:, at] = [limit.share(found.worst(limit.metric)[0, 0]) for limit in self.limits]
+        used = np.array([limit.share(found.worst(limit.metric)[0, 0]) for limit in self.limits])
+        holds = (used.max(axis=0, initial=0.0) <= 1.0)[:, None]
+        self.states[t, at] = np.where(holds, found.states[0, 0], self._nominal[t % STAGGER, at])
+        self.used[t][:, at] = used
 
     def slopes(self, cam: FreeCam, z: np.ndarray, between: tuple[float, float], most: int) -> UsedSlopes:
         """What the trains whose worst part of a limit lies `between` the two use of limits, and its slopes by z.

@@ -84,10 +84,13 @@ class Judge:
         return judged
 
     def remember(self, judged: Judged) -> None:
-        """Start the next settling from these states: a resumed search settles as the unbroken one did."""
+        """Start the next settling from these states: a resumed search settles as the unbroken one did.
+
+        Where a limit was broken it starts from rest: an adjuster that pumped up with one cam stays full with the next.
+        """
         at = np.searchsorted(self.speeds_rpm, judged.speeds_rpm)
-        self._states[at] = np.where(np.isfinite(judged.states), judged.states, self._start)
         self._used[at] = judged.share.max(axis=0, initial=0.0)
+        self._states[at] = np.where((self._used[at] <= 1.0)[:, None], judged.states, self._start)
 
     def _judged(self, found: dict[int, tuple[dict[str, float], np.ndarray]]) -> Judged:
         at = sorted(found)
