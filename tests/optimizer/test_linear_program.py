@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from highspy import HighsModelStatus
 from scipy.optimize import linprog
 
 from camopt.cam.families.free import free_cam
@@ -91,6 +92,31 @@ def test_a_solver_that_gives_up_is_asked_by_how_much_the_rows_are_broken(monkeyp
         maximise(np.ones(2), Rows(matrix, np.ones(2)), np.array([1.0, -1.5, 1.0, 1.0]), FEW)
     with pytest.raises(ArithmeticError, match="no answer"):
         maximise(np.ones(2), Rows(matrix, np.ones(2)), np.ones(4), FEW)
+
+
+def test_a_solver_that_ends_without_an_answer_begins_with_another_seed():
+    class Fickle:
+        """Decides nothing with the first two attempts, as HiGHS does now and then."""
+
+        def __init__(self, solver):
+            self.solver, self.seeds = solver, []
+
+        def setOptionValue(self, name, value):
+            self.seeds += [value] if name == "random_seed" else []
+            return self.solver.setOptionValue(name, value)
+
+        def getModelStatus(self):
+            return self.solver.getModelStatus() if len(self.seeds) > 2 else HighsModelStatus.kNotset
+
+        def __getattr__(self, name):
+            return getattr(self.solver, name)
+
+    objective, rows, bound, _ = random_program(3)
+    expected = maximise(objective, rows, bound, FEW)
+    again = Rows(rows.matrix, rows.column)
+    again.model._highs = fickle = Fickle(again.model._highs)
+    assert maximise(objective, again, bound, FEW).value == pytest.approx(expected.value, abs=1e-9)
+    assert fickle.seeds[:3] == [0, 0, 1]
 
 
 def test_entries_too_small_for_the_solver_are_left_out():

@@ -31,6 +31,9 @@ OPTIONS = {
     "small_matrix_value": SMALLEST,
     "simplex_iteration_limit": 5000,  # ordinary programs take hundreds; near a contradiction it may go round
 }
+ATTEMPTS = ("simplex", 0), ("simplex", 0), ("simplex", 1), ("simplex", 2), ("ipx", 0)
+"""Solvers and seeds in turn, until one decides: from the basis, without it, perturbed in other ways as HiGHS' authors
+advise (ERGO-Code/HiGHS issue 1607), by interior points."""
 ADDED_PER_ROUND = 400
 """Most violated rows added in one round."""
 MAX_ROUNDS = 60
@@ -154,8 +157,9 @@ class WarmModel:
 
         Raises Infeasible, and GaveUp where the solver decides nothing.
         """
-        for solver in ("simplex", "simplex", "ipx"):  # from the basis, without it, by interior points
+        for solver, seed in ATTEMPTS:
             _succeeds(self._highs.setOptionValue("solver", solver))
+            _succeeds(self._highs.setOptionValue("random_seed", seed))
             self._highs.run()
             self.pivots += self._highs.getInfo().simplex_iteration_count
             status = self._highs.getModelStatus()
@@ -167,7 +171,9 @@ class WarmModel:
             if status == HighsModelStatus.kUnbounded:
                 return None, np.zeros(0)
             _succeeds(self._highs.clearSolver())
-        raise GaveUp(f"the linear program was not solved: {self._highs.modelStatusToString(status)}")
+        raise GaveUp(
+            f"the linear program of {len(self.held)} rows was not solved: {self._highs.modelStatusToString(status)}"
+        )
 
 
 def _succeeds(status: HighsStatus) -> None:
