@@ -1,11 +1,13 @@
 """Numbers of a scene that a design may choose within ranges: spring rate, preload, lash, ramp.
 
-They go to where the no-jump program under one margin at all design speeds finds the largest area, by COBYQA (Ragonneau
-and Zhang 2023, in SciPy), which needs no slopes. Where no cam keeps the margin, the shortfall guides the search. The
-search for the cam then begins with the scene that has these values, and confirms or rejects its cam as for any other.
+They go to where the no-jump program under one margin at all design speeds finds the largest area, by L-BFGS-B (Byrd,
+Lu, Nocedal and Zhu 1995, in SciPy) and the exact slopes of that area, from the program's duals. Where no cam keeps the
+margin, the shortfall guides the search. The search for the cam then begins with the scene that has these values, and
+confirms or rejects its cam as for any other.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +15,7 @@ from scipy.optimize import minimize
 from tqdm import tqdm
 
 from camopt.optimizer.accuracy import Accuracy, design_speeds
-from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, no_jump_program
+from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpOptimum, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.scene.as_built import Number, matching, moved_together, with_numbers
 from camopt.scene.errors import InputError
@@ -29,6 +31,10 @@ MARGIN_N = 20.0
 EVALUATIONS = 30
 SHORTFALL = 1e-3
 """Area ratio that stands for one newton that a margin is short of, where no cam keeps it."""
+STEP = 1e-6
+"""Part of its range by which a number moves for a slope."""
+LEAST_GAIN = 1e-7
+"""Share of the area whose gain by a step ends the search."""
 
 
 @dataclass(frozen=True)
@@ -139,27 +145,71 @@ def widest(
 ) -> Widest:
     """Of the scenes that `scene_of` makes of values within these ranges, the one whose no-jump program under a margin
     has the largest area; the area of the start is taken as it is, within the ranges or not."""
-
-    def area(values: np.ndarray) -> float:
-        scene = scene_of(values)
-        assert scene.design is not None and scene.operation is not None, "load_scene(..., need=...) guarantees both"
-        cam, (listed, _) = program_cam(scene.design, effort.knot_deg), design_speeds(scene.operation, speeds, effort)
-        try:
-            program = no_jump_program(build_train(scene), scene.design, cam, [scene.cam_speed(s) for s in listed])
-            found = program.solve(Margins(margin_N, margin_N, margin_N)).area_ratio
-        except NoCamHoldsContact as short:
-            found = -SHORTFALL * min(short.shortfall_N, 1e6)
-        show(found)
-        return found
-
     low, high = np.array(ranges, dtype=float).T
-    at_start, begin = area(np.asarray(start, dtype=float)), np.clip(start, low, high)
-    found = minimize(
-        lambda x: -area(low + np.clip(x, 0.0, 1.0) * (high - low)),
-        (begin - low) / np.where(high > low, high - low, 1.0),
-        method="COBYQA",
-        bounds=[(0.0, float(h > l)) for l, h in zip(low, high, strict=True)],
-        options={"maxfev": evaluations - 1, "initial_tr_radius": 0.25, "final_tr_radius": 1e-3},
-    )
-    values = low + np.clip(found.x, 0.0, 1.0) * (high - low)
-    return Widest(tuple(values.tolist()), -float(found.fun), at_start, int(found.nfev) + 1)
+    programs = Programs(scene_of, speeds, effort, margin_N)
+    at_start, begin, met = programs.value(np.asarray(start, dtype=float)), np.clip(start, low, high), []
+
+    def fall(share: np.ndarray) -> tuple[float, np.ndarray]:
+        if len(met) == evaluations - 1:
+            raise _Spent
+        values = low + np.clip(share, 0.0, 1.0) * (high - low)
+        area, slopes = programs.value_and_slopes(values, STEP * np.where(share > 0.5, low - high, high - low))
+        met.append((area, values))
+        show(area)
+        return -area, -slopes * (high - low)
+
+    with suppress(_Spent):
+        minimize(
+            fall, (begin - low) / np.where(high > low, high - low, 1.0), jac=True, method="L-BFGS-B",
+            bounds=[(0.0, float(h > l)) for l, h in zip(low, high, strict=True)], options={"ftol": LEAST_GAIN},
+        )  # fmt: skip
+    area, values = max(met, key=lambda pair: pair[0])
+    return Widest(tuple(values.tolist()), area, at_start, len(met) + 1)
+
+
+class _Spent(Exception):
+    """As many programs were solved as may be."""
+
+
+@dataclass(frozen=True)
+class Programs:
+    """The no-jump programs, under one margin, of the scenes that `scene_of` makes of values."""
+
+    scene_of: Callable[[np.ndarray], Scene]
+    speeds: str
+    effort: Accuracy
+    margin_N: float
+
+    def value(self, values: np.ndarray) -> float:
+        """The largest area ratio, or what stands for the shortfall where no cam keeps the margin."""
+        return self._solved(self._program(values))[0]
+
+    def value_and_slopes(self, values: np.ndarray, steps: np.ndarray) -> tuple[float, np.ndarray]:
+        """The same with its slope by every value: of the area by the program's duals, which is exact but for the size
+        of the steps, and of a shortfall by its differences. Zero where a number does not move, and where no program on
+        either side is alike."""
+        value, found = self._solved(self._program(values))
+        ways = np.diag(steps), -np.diag(steps)
+        slopes = np.zeros(len(values))
+        for k in np.flatnonzero(steps):
+            for step in (way[k] for way in ways):
+                other = self._program(values + step)
+                beside = self._solved(other)[0] if found is None else found.value_in(other)
+                if beside is not None:
+                    slopes[k] = (beside - value) / step[k]
+                    break
+        return value, slopes
+
+    def _program(self, values: np.ndarray) -> NoJumpProgram:
+        scene = self.scene_of(values)
+        assert scene.design is not None and scene.operation is not None, "load_scene(..., need=...) guarantees both"
+        cam = program_cam(scene.design, self.effort.knot_deg)
+        listed, _ = design_speeds(scene.operation, self.speeds, self.effort)
+        return no_jump_program(build_train(scene), scene.design, cam, [scene.cam_speed(s) for s in listed])
+
+    def _solved(self, program: NoJumpProgram) -> tuple[float, NoJumpOptimum | None]:
+        try:
+            found = program.solve(Margins(self.margin_N, self.margin_N, self.margin_N))
+            return found.area_ratio, found
+        except NoCamHoldsContact as short:
+            return -SHORTFALL * min(short.shortfall_N, 1e6), None

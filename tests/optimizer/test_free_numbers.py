@@ -9,7 +9,7 @@ import pytest
 
 from camopt.cli.parser import main
 from camopt.optimizer.accuracy import ACCURACIES
-from camopt.optimizer.free_numbers import free_numbers, widest, with_best_values, with_values
+from camopt.optimizer.free_numbers import STEP, Programs, free_numbers, widest, with_best_values, with_values
 from camopt.scene import InputError, build_train, load_scene
 
 KODAMA, MOTORI = load_scene("kodama"), load_scene("motori-1")
@@ -50,6 +50,37 @@ def test_the_best_values_are_no_worse_than_those_of_a_grid():
     grid = [area((rate, height)) for rate in np.linspace(*ranges[0], 3) for height in np.linspace(*ranges[1], 3)]
     assert best.area_ratio >= max(grid) - 1e-4 and best.area_ratio > best.at_start
     assert best.evaluations <= 30
+
+
+FREE = {
+    "kodama": {"preload": (150.0, 260.0), "spring rate": (120e3, 180e3), "design.ramp_height_mm": (0.2, 0.35)},
+    "motori-1": {"spring.preload_N": (200.0, 320.0), "design.ramp_velocity_mm_per_deg": (0.005, 0.03)},
+}
+
+
+@pytest.mark.parametrize("scene", [KODAMA, MOTORI], ids=lambda scene: scene.name)
+def test_the_area_has_the_slope_of_its_differences(scene):
+    free = free_numbers(scene, FREE[scene.name])
+    programs = Programs(lambda x: with_values(scene, free, x), "nominal", COARSE, 20.0)
+    at, width = np.array([one.of(scene) for one in free]), np.ptp([(one.low, one.high) for one in free], axis=1)
+    area, slopes = programs.value_and_slopes(at, STEP * width)
+    assert area > 0.4 and np.all(slopes > 0.0)
+    for k, step in enumerate(np.diag(1e-5 * width)):  # with kodama's spring rate another row binds 1e-4 away
+        difference = (programs.value(at + step) - programs.value(at - step)) / (2 * step[k])
+        assert slopes[k] == pytest.approx(difference, rel=3e-5)
+
+
+def test_the_best_preload_lies_between_too_weak_and_too_strong():
+    limited = MOTORI.design.model_copy(update={"contact_force_max_N": 900.0})
+    scene, ends = MOTORI.model_copy(update={"design": limited}), (100.0, 600.0)
+    free = free_numbers(scene, {"spring.preload_N": ends})
+
+    def widest_from(start: float):
+        return widest(lambda x: with_values(scene, free, x), (start,), (ends,), "nominal", COARSE)
+
+    weak, strong = widest_from(100.0), widest_from(600.0)
+    assert min(weak.at_start, strong.at_start) < weak.area_ratio - 1e-3
+    assert 110.0 < weak.values[0] < 590.0 and strong.area_ratio == pytest.approx(weak.area_ratio, abs=1e-5)
 
 
 def test_what_was_chosen_is_told_beside_what_was_given():

@@ -2,8 +2,9 @@
 
 Every train has its own numbers, its own ground cam and its own speeds: neighbours in the list stand at neighbouring
 speeds, so that the trains together see the band more finely than each alone. A train remembers what it used and where
-it settled, so that of the next cam, which differs little, only what matters need be judged, and settles sooner. Where it
-broke a limit it begins anew: an adjuster that pumped up with one cam would hold the valve off its seat with every other.
+it settled, so that of the next cam, which differs little, only what matters need be judged, and settles sooner. Where
+it broke a limit it begins anew: an adjuster that pumped up with one cam would hold the valve off its seat with every
+other.
 """
 
 from concurrent.futures import ThreadPoolExecutor

@@ -26,6 +26,9 @@ from camopt.scene.train import Train
 SHORTFALL = 1.01
 """Factor on a shortfall, so that the margins below it are surely held."""
 
+BESIDE = 0.2
+"""Part of a step between two rows within which a row of a program that differs little is the same one."""
+
 
 class NoCamHoldsContact(InputError):
     """No free cam keeps the margins; `shortfall_N` is by how much all of them together would have to fall."""
@@ -73,6 +76,41 @@ class NoJumpOptimum:
         rows = np.flatnonzero(p.kind != PEAK)
         np.add.at(prices, (p.kind[rows], p.speed[rows]), -self.optimum.duals[first + rows])
         return prices
+
+    def value_in(self, other: "NoJumpProgram") -> float | None:
+        """The largest area ratio of a program that differs little, by another train or other ramps, to first order.
+
+        By this cam and its duals (the envelope theorem; Gal 1995, Postoptimal Analyses). None where a row that binds
+        has none beside it there.
+        """
+        duals, first = self.optimum.duals, len(self.program.limits.bound)
+        if len(other.limits.bound) != first:
+            return None
+        row, constant = area_ratio_row(other.design, other.cam)
+        value = row @ self.z + constant + duals[:first] @ (other.limits.bound - other.limits.matrix @ self.z)
+        count = len(self.program.kind)
+        for r in np.flatnonzero(duals[first:][:count] > 0):
+            slack = self._slack_in(other, int(r))
+            if slack is None:
+                return None
+            value += duals[first + r] * slack
+        for dual in duals[first + count :]:  # that the maximum lift is reached
+            value += dual * (other.cam.lift(self.z).max_lift - self.lift.max_lift)
+        return float(value)
+
+    def _slack_in(self, other: "NoJumpProgram", r: int) -> float | None:
+        """How far this cam's force of row r is within its limit [N], at the row's angle in the other program."""
+        p, speed = self.program, self.program.speed[r]
+        mine, its, at = p.blocks[speed], other.blocks[speed], r - int(np.searchsorted(p.speed, speed))
+        alike = np.flatnonzero((its.kind == mine.kind[at]) & (its.element == mine.element[at]))
+        off = np.abs(its.angle[alike] - mine.angle[at])
+        if not len(alike) or off.min() > BESIDE * p.window.step:
+            return None
+        beside = alike[np.argmin(off)]
+        force = float(its.offset[beside] + its.matrix[beside] @ self.z)
+        if mine.kind[at] == PEAK:
+            return (other.design.contact_force_max_N or np.inf) - force
+        return force - float(self.margins[mine.kind[at], speed])
 
     def jacobian(self) -> np.ndarray:
         """dz / d margins (m, 3, speeds) [1/N] while the active rows stay the same: the exact slope of the program.
