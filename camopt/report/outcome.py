@@ -157,7 +157,9 @@ def yield_sentences(run: RunFolder) -> list[str]:
         f"(95 % interval {row['low']:.1f} to {row['high']:.1f} %)"
         for row in rows
     ]
-    word = "confirmed" if found.get("confirmed") else "not confirmed"
+    reasons = found.get("reasons")
+    why = ", because " + " and ".join(map(str, reasons)) if isinstance(reasons, list) and reasons else ""
+    word = "confirmed" if found.get("confirmed") else f"not confirmed{why}"
     sample = found.get("independent")
     judged = len(sample) if isinstance(sample, list) else 0
     return [*lines, f"yield of {100 * found['wanted']:g} %: {word}; independent methods judged {judged} of the trains"]

@@ -34,19 +34,31 @@ class YieldStatement:
 
     @property
     def confirmed(self) -> bool:
-        """Whether the share reaches what was wanted, its interval allows at most twice the loss, and methods agree.
+        """Whether nothing speaks against it."""
+        return not self.reasons
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why the yield is not confirmed: the share misses what was wanted, its interval allows more than twice the
+        loss, or methods disagree.
 
         That the interval's lower end reaches the wanted share itself would need a cam of a larger one: 0.996 of 1000.
         """
-        lost = 2 * (1.0 - self.wanted)
-        agree = all(entry["agrees"] for entry in self.independent)
-        return self.share.share >= self.wanted - 1e-12 and self.share.low >= 1.0 - lost and agree
+        low, found = 1.0 - 2 * (1.0 - self.wanted), []
+        if self.share.share < self.wanted - 1e-12:
+            found.append("fewer trains hold")
+        if self.share.low < low:
+            found.append(f"the interval of so few trains begins below {100 * low:g} %")
+        if disagreeing := [str(entry["train"]) for entry in self.independent if not entry["agrees"]]:
+            found.append(f"independent methods disagree on train {', '.join(disagreeing)}")
+        return found
 
     def as_dict(self) -> dict:
         """The content of verification.json's "yield"."""
         return {
             "wanted": self.wanted,
             "confirmed": self.confirmed,
+            "reasons": self.reasons,
             **_of(self.share),
             "seed": self.seed,
             "speeds_rpm": self.used.speeds_rpm.tolist(),

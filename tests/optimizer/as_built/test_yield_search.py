@@ -266,17 +266,20 @@ def test_a_journal_of_another_search_is_refused(found, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "failing, agrees, confirmed", [(10, True, True), (11, True, False), (10, False, False), (0, True, True)]
-)
-def test_a_yield_is_confirmed_by_share_interval_and_methods(failing, agrees, confirmed):
-    used = np.full((1000, 1, 1), 0.5)
+    "trains, failing, agrees, reasons",
+    [(1000, 10, True, []), (1000, 11, True, ["fewer trains hold"]), (1000, 0, True, []),
+     (1000, 10, False, ["independent methods disagree on train 3"]),
+     (200, 2, True, ["the interval of so few trains begins below 98 %"])],
+)  # fmt: skip
+def test_a_yield_is_confirmed_by_share_interval_and_methods(trains, failing, agrees, reasons):
+    used = np.full((trains, 1, 1), 0.5)
     used[:failing] = 1.5
     limits = UsedLimits(("jump_max_mm",), np.array([7000.0]), used)
-    sample = ({"agrees": agrees},)
+    sample = ({"train": 3, "agrees": agrees},)
     stated = YieldStatement(0.99, 0, limits, share_of(limits.holds), {}, sample, {"polydyne": "none"})
-    assert stated.confirmed is confirmed
+    assert stated.reasons == reasons and stated.confirmed is not bool(reasons)
     record = stated.as_dict()
-    assert record["trains"] == 1000 and record["baselines"]["polydyne"] == {"reason": "none"}
+    assert record["trains"] == trains and record["baselines"]["polydyne"] == {"reason": "none"}
     json.dumps(record, allow_nan=False)
 
 
