@@ -1,4 +1,4 @@
-"""The course of an optimisation: area ratio and worst bounce over its steps."""
+"""The course of an optimisation: area ratio and worst bounce, or failing trains, over its steps."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,6 +26,9 @@ NAME_WIDTH = 0.0105
 """Width of a letter of a stage's name as a share of the axes."""
 
 
+HOLDING = "holds at the searched speeds", "a limit broken or not measured"
+KEPT = "largest so far that enough trains hold", "not kept"
+"""What filled and hollow steps are, in a search for the limits and in one for a yield."""
 NEAR_BOUND = 1.0
 """A bound that lies further above the steps than this multiple of their range is not drawn as a line."""
 
@@ -39,6 +42,7 @@ class History:
     worst_bounce_mm: np.ndarray  # (n) non-smooth, over the speeds asked; NaN where it was not measured
     confirmed: np.ndarray  # (n) bool: the non-smooth metrics hold every limit at the speeds of the search
     best_area_ratio: np.ndarray | None = None  # (n) of the cams kept so far; it falls where one is dropped again
+    failing_percent: np.ndarray | None = None  # (n) of the drawn trains, in a search for a yield; `confirmed` is kept
 
 
 @styled
@@ -50,23 +54,26 @@ def convergence(
     delivered: tuple[float, str] | None = None,
 ) -> Figure:
     """Area ratio and worst bounce of every step, filled where it holds the limits, with the certified bound as a line
-    where it is near.
+    where it is near. A search for a yield has the share of failing trains in place of the bounce.
 
     `bound` is the area ratio that no cam of the kinematic problem exceeds, `no_jump` what the no-jump linear program
     reached under its linear model, `delivered` the area ratio of the cam that the verdict chose, and its verdict.
     """
     figure = new_figure(7.6, 5.6)
-    area, bounce = figure.subplots(2, 1, sharex=True, height_ratios=(1.4, 1))
+    area, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.4, 1))
     step = np.arange(1, len(history.stage) + 1)
     confirmed = np.asarray(history.confirmed, dtype=bool)
     colour = cam_line(DESIGN)["color"]
-    for axes, values in ((area, history.area_ratio), (bounce, history.worst_bounce_mm)):
+    failing = history.failing_percent
+    below = history.worst_bounce_mm if failing is None else failing
+    filled, hollow = HOLDING if failing is None else KEPT
+    for axes, values in ((area, history.area_ratio), (lower, below)):
         values = np.asarray(values, dtype=float)
         axes.plot(step, values, color="#bbbbbb", linewidth=0.8, zorder=2)
         dots: dict = {"linestyle": "none", "marker": "o", "color": colour, "markersize": 4, "zorder": 3}
-        axes.plot(step[confirmed], values[confirmed], label="holds at the searched speeds", **dots)
+        axes.plot(step[confirmed], values[confirmed], label=filled, **dots)
         dots["markerfacecolor"] = "white"
-        axes.plot(step[~confirmed], values[~confirmed], label="a limit broken or not measured", **dots)
+        axes.plot(step[~confirmed], values[~confirmed], label=hollow, **dots)
     best = history.best_area_ratio
     if best is None:
         best = np.fmax.accumulate(np.where(confirmed, history.area_ratio, np.nan))
@@ -80,13 +87,17 @@ def convergence(
     draw_limit(area, no_jump, f"no-jump\nprogram\n{no_jump:.4f}" if no_jump is not None else "", va="top")
     area.set_ylabel("area ratio [-]")
     area.margins(y=0.12)
-    area.legend(loc="center")
-    zero_and_decades(bounce, bounce_max_mm, FINEST_MM)
-    bounce.set_ylabel("worst bounce [mm]")
-    draw_limit(bounce, bounce_max_mm, quoted("at most", bounce_max_mm, "mm"))
-    bounce.set_xlabel("step")
-    bounce.xaxis.set_major_locator(MaxNLocator(integer=True))
-    _stages(area, bounce, history.stage)
+    area.legend(loc="best")
+    if failing is None:
+        zero_and_decades(lower, bounce_max_mm, FINEST_MM)
+        lower.set_ylabel("worst bounce [mm]")
+        draw_limit(lower, bounce_max_mm, quoted("at most", bounce_max_mm, "mm"))
+    else:
+        lower.set_ylabel("failing trains [%]")
+        lower.set_ylim(bottom=0.0)
+    lower.set_xlabel("step")
+    lower.xaxis.set_major_locator(MaxNLocator(integer=True))
+    _stages(area, lower, history.stage)
     return figure
 
 
@@ -119,11 +130,11 @@ def _places(words: Sequence[str], begins: Sequence[int], steps: int) -> list[tup
     return places
 
 
-def _stages(area: Axes, bounce: Axes, stage: Sequence[str]) -> None:
+def _stages(area: Axes, lower: Axes, stage: Sequence[str]) -> None:
     """Writes the name of each stage above its run of steps, with a line where it begins."""
     begins = [i for i in range(len(stage)) if i == 0 or stage[i] != stage[i - 1]]
     for (row, on_left), i in zip(_places([stage[i] for i in begins], begins, len(stage)), begins, strict=True):
-        for axes in (area, bounce):
+        for axes in (area, lower):
             axes.axvline(i + 0.5, color="#999999", linewidth=0.7, zorder=1)
         area.annotate(
             stage[i],
@@ -134,5 +145,5 @@ def _stages(area: Axes, bounce: Axes, stage: Sequence[str]) -> None:
             fontsize=BASE - 1,
             ha="right" if on_left else "left",
         )
-    for axes in (area, bounce):
+    for axes in (area, lower):
         axes.set_xlim(0.5, len(stage) + 0.5)

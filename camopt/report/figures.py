@@ -31,7 +31,8 @@ CAPTIONS = {
     ),
     "convergence": (
         "The search",
-        "Area ratio and worst bounce of its steps; only confirmed steps (filled) may be returned.",
+        "Area ratio of its steps, and worst bounce or, for a yield, the drawn trains that fail; only filled steps may "
+        "be returned.",
     ),
     "modes": ("Natural modes", "Shapes over the masses, of unit norm, with their frequencies."),
 }

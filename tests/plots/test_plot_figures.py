@@ -216,6 +216,14 @@ def test_convergence_accumulates_only_confirmed_steps():
     assert list(hollow.get_ydata()) == [0.60]
 
 
+def test_convergence_of_a_search_for_a_yield_shows_failing_trains():
+    share, none = np.array([2.0, 0.5]), np.full(2, np.nan)
+    history = History(["common margin"] * 2, np.array([0.56, 0.55]), none, np.array([False, True]), None, share)
+    lower = convergence(history, bounce_max_mm=0.05).axes[1]
+    assert lower.get_ylabel() == "failing trains [%]" and not levels(lower) and lower.get_ylim()[0] == 0.0
+    np.testing.assert_array_equal(lower.lines[0].get_ydata(), share)
+
+
 def test_convergence_of_an_unconfirmed_search_has_no_best():
     history = History(["program"], np.array([0.5]), np.array([np.nan]), np.array([False]))
     assert not [line for line in convergence(history).axes[0].lines if line.get_label() == "best of the search"]

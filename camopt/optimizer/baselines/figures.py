@@ -198,4 +198,5 @@ def read_history(folder: Path) -> History:
         values("worst_bounce_mm"),
         np.array([line["confirmed"] for line in lines], dtype=bool),
         values("best_area_ratio"),
+        100 * values("failing") / values("trains") if any("failing" in line for line in lines) else None,
     )
