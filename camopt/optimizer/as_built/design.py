@@ -52,7 +52,7 @@ class YieldEffort:
 
 
 EFFORTS = {
-    "draft": YieldEffort(100, 0, 0, 8, 400, 200, 11),
+    "draft": YieldEffort(100, 0, 0, 8, 400, 1000, 11),
     "standard": YieldEffort(300, 20, 24, 14, 4000, 1000, 21),
     "fine": YieldEffort(500, 40, 60, 20, 8000, 2000, 41),
 }
