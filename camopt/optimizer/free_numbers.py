@@ -189,10 +189,9 @@ class Programs:
         of the steps, and of a shortfall by its differences. Zero where a number does not move, and where no program on
         either side is alike."""
         value, found = self._solved(self._program(values))
-        ways = np.diag(steps), -np.diag(steps)
-        slopes = np.zeros(len(values))
+        along, slopes = np.diag(steps), np.zeros(len(values))
         for k in np.flatnonzero(steps):
-            for step in (way[k] for way in ways):
+            for step in (along[k], -along[k]):
                 other = self._program(values + step)
                 beside = self._solved(other)[0] if found is None else found.value_in(other)
                 if beside is not None:

@@ -5,7 +5,7 @@ import numpy as np
 from camopt.cam.families.free import free_cam
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import Margins, no_jump_program
-from camopt.optimizer.search.judge import CRITICAL, Judge
+from camopt.optimizer.search.judge import CRITICAL, Judge, next_starts
 from camopt.scene import build_train, load_scene
 
 SCENE = load_scene("motori-1")
@@ -34,3 +34,9 @@ def test_a_refused_cam_is_judged_briefly_at_its_worst_speeds_also_after_a_resume
         brief = one(JUMPING, briefly=True)
         assert not brief.holds
         np.testing.assert_array_equal(brief.speeds_rpm, worst)
+
+
+def test_a_motion_that_broke_a_limit_or_was_refused_begins_anew():
+    states, anew = np.array([[1.0, 2.0], [3.0, 4.0], [np.nan, np.nan]]), np.zeros(2)
+    np.testing.assert_array_equal(next_starts(states, np.array([[1.0, 1.1, 0.0]]), anew), [[1.0, 2.0], anew, anew])
+    np.testing.assert_array_equal(next_starts(states, np.zeros((0, 3)), anew), [*states[:2], anew])

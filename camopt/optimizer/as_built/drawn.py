@@ -2,9 +2,7 @@
 
 Every train has its own numbers, its own ground cam and its own speeds: neighbours in the list stand at neighbouring
 speeds, so that the trains together see the band more finely than each alone. A train remembers what it used and where
-it settled, so that of the next cam, which differs little, only what matters need be judged, and settles sooner. Where
-it broke a limit it begins anew: an adjuster that pumped up with one cam would hold the valve off its seat with every
-other.
+it settled, so that of the next cam, which differs little, only what matters need be judged, and settles sooner.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -21,6 +19,7 @@ from camopt.measure.as_built import TrainAsBuilt, trains_as_built
 from camopt.measure.limits import MotionLimit, motion_limits
 from camopt.optimizer.as_built.linear_step import UsedSlopes
 from camopt.optimizer.as_built.track import WORKERS
+from camopt.optimizer.search.judge import next_starts
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
@@ -117,8 +116,7 @@ class DrawnTrains:
             [one.train], [one.cam(lift)], self.speeds(t)[at].tolist(), starts=starts, decay=np.inf, workers=1
         )
         used = np.array([limit.share(found.worst(limit.metric)[0, 0]) for limit in self.limits])
-        holds = (used.max(axis=0, initial=0.0) <= 1.0)[:, None]
-        self.states[t, at] = np.where(holds, found.states[0, 0], self._nominal[t % STAGGER, at])
+        self.states[t, at] = next_starts(found.states[0, 0], used, self._nominal[t % STAGGER, at])
         self.used[t][:, at] = used
 
     def slopes(self, cam: FreeCam, z: np.ndarray, between: tuple[float, float], most: int) -> UsedSlopes:

@@ -54,6 +54,16 @@ class Judged:
         return np.array([MotionLimit(*row).share_slope for row in zip(self.limited, self.limit, strict=True)])
 
 
+def next_starts(states: np.ndarray, share: np.ndarray, anew: np.ndarray) -> np.ndarray:
+    """Where the next cam's motions begin (s, 2n + r): where the last ones settled, or `anew` where these broke a limit,
+    by their shares of the limits (l, s), or were refused.
+
+    An adjuster that pumped up with one cam would hold the valve off its seat with every other.
+    """
+    holds = share.max(axis=0, initial=0.0)[:, None] <= 1.0
+    return np.where(holds & np.isfinite(states), states, anew)
+
+
 class Judge:
     """Judges cams of one scene at fixed speeds [crankshaft r/min]; remembers settled states to settle sooner.
 
@@ -84,13 +94,10 @@ class Judge:
         return judged
 
     def remember(self, judged: Judged) -> None:
-        """Start the next settling from these states: a resumed search settles as the unbroken one did.
-
-        Where a limit was broken it starts from rest: an adjuster that pumped up with one cam stays full with the next.
-        """
+        """Start the next settling from these states, or from rest: a resumed search settles as the unbroken one did."""
         at = np.searchsorted(self.speeds_rpm, judged.speeds_rpm)
         self._used[at] = judged.share.max(axis=0, initial=0.0)
-        self._states[at] = np.where((self._used[at] <= 1.0)[:, None], judged.states, self._start)
+        self._states[at] = next_starts(judged.states, judged.share, self._start)
 
     def _judged(self, found: dict[int, tuple[dict[str, float], np.ndarray]]) -> Judged:
         at = sorted(found)
