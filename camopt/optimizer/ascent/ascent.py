@@ -59,8 +59,8 @@ def ascend(
     among those that hold every limit. With `out` a folder is written after every judged iterate; with `resume` it goes
     on there as if it had not been interrupted, and more steps may be asked for.
 
-    Raises InputError for unusable arguments, laws that are not linear, contradictory limits, a family without a member
-    near `start` that holds them, a motion that cannot be followed, and for a folder as `camopt.storage.run_folder`.
+    Raises InputError for unusable arguments, contradictory limits, a family without a member near `start` that holds
+    them, a motion that cannot be followed, and for a folder as `camopt.storage.run_folder`.
     """
     if form not in FORMS or steps < 1 or judge_every < 1:
         raise InputError(

@@ -174,8 +174,8 @@ def objective(
     metric; `penalties` are weights by metric: of one that the scene limits, of the share of its limit that it uses
     beyond 0.8; of any other one, of its value in its unit. Metrics are means over the speeds and over `trains`
     drawn within the scene's tolerances by `seed` (0: the train as designed; grinding errors are left out), each in
-    the revolution of the number `revolutions` from rest. `path` is "exact", "smooth", or "auto": exact where the
-    train's laws are linear. `objective(...).of(cam)` is a function of that cam's parameters.
+    the revolution of the number `revolutions` from rest. `path` is "exact", "smooth", or "auto", which is the
+    exact one. `objective(...).of(cam)` is a function of that cam's parameters.
 
     Raises InputError for unknown metrics and paths, speeds that are none, and scenes without valve, seat or [design].
     """

@@ -106,7 +106,7 @@ def _kernel(program: NoJumpProgram, line: FreeCam, block: SpeedRows, signed: np.
     n2 = 2 * len(train.mass)
     size = n2 + 3  # state, lift, velocity, acceleration
     moves, generators = steps.whole[:, :size, :size], steps.generator[:, :size, :size]
-    readings = _readings(program, block, signed, edges)
+    readings = _readings(block, signed, edges)
     state = _periodic_adjoint(moves[:, :n2, :n2], steps.kind, readings[:, :n2])
     begin, end = (int(np.argmin(np.abs(edges - b))) for b in line.breaks[[0, -1]])
     control = n2 + (2 if program.design.jerk_max_mm_per_deg3 is not None else 1)  # what the control feeds
@@ -125,9 +125,9 @@ def _kernel(program: NoJumpProgram, line: FreeCam, block: SpeedRows, signed: np.
     return PPoly(np.stack([twist, bend, slope[0], value[0]]), edges[begin : end + 1])
 
 
-def _readings(program: NoJumpProgram, block: SpeedRows, signed: np.ndarray, edges: np.ndarray) -> np.ndarray:
+def _readings(block: SpeedRows, signed: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """The factors, at every edge, of state, lift, velocity and acceleration in the sum of `signed` times the forces."""
-    train, n2 = program.train, 2 * len(program.train.mass)
+    train, n2 = block.train, 2 * len(block.train.mass)
     d, omega = incidence(train), velocity_scale(train)
     readings = np.zeros((len(edges), n2 + 3))
     at = np.searchsorted(edges, block.angle - 1e-9)

@@ -106,8 +106,7 @@ def manufacturing_yield(
     `speeds_rpm` (s) are crankshaft speeds, by default `SPEEDS` of them over the scene's band. Train i hangs on `seed`
     and i alone. With `halve` the same trains are measured with every tolerance halved in turn. With `out` a run folder
     is written, train by train; with `resume` it goes on there, and more trains may be asked for. Raises InputError
-    for a scene without limits on the motion or without anything that scatters, for laws that are not linear, and for a
-    folder as `run_folder` does.
+    for a scene without limits on the motion or without anything that scatters, and for a folder as `run_folder` does.
     """
     check_scatter(scene)
     if not motion_limits(scene.design):
