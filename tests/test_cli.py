@@ -12,11 +12,11 @@ import camopt.verifier
 from camopt.cli import parser as cli
 from camopt.cli import values
 from camopt.cli import verbs as commands
-from camopt.exact.adjoint.motion import ByTrain
+from camopt.exact.adjoint.slopes import ByTrain, ByTrainAndLaws
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.scene import scene_text
 from camopt.scene.errors import brief
-from camopt.scene.train import TRAIN_PARAMETERS
+from camopt.scene.train import LAW_PARAMETERS, TRAIN_PARAMETERS
 from camopt.verifier.accuracy import EFFORTS
 from camopt.verifier.methods import METHOD_NAMES, verdict_methods
 
@@ -229,6 +229,8 @@ def test_accuracies_have_the_same_names_everywhere():
 
 def test_the_parameters_of_a_train_are_those_of_its_gradient():
     assert TRAIN_PARAMETERS == tuple(field.name for field in fields(ByTrain))
+    every = tuple(field.name for field in fields(ByTrainAndLaws))
+    assert (*TRAIN_PARAMETERS, *LAW_PARAMETERS, "forcing") == every
 
 
 def test_every_method_has_a_name_for_readers():

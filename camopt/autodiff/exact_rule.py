@@ -5,7 +5,8 @@ come from their discrete adjoint. The rule stands here and not in `camopt.exact`
 `camopt.exact` and must not load JAX.
 
 A motion that cannot be followed is NaN throughout, and so are its derivatives. That happens where there is no rest, the
-motion switches endlessly or has no bound, a number is not finite, or a mass or stiffness is not positive.
+motion switches endlessly or has no bound, a number is not finite, a mass, stiffness, leak or slip is not positive, or
+the compressions of a table do not ascend.
 """
 
 import os
@@ -26,7 +27,7 @@ from camopt.exact.adjoint.motion import Samples, SamplesWithMemory, TracedMotion
 from camopt.scene.errors import InputError
 from camopt.scene.response import Response
 from camopt.scene.shapes import Float
-from camopt.scene.train import TRAIN_PARAMETERS, Train
+from camopt.scene.train import Train
 
 VELOCITY = "m_per_s"
 """Ending of the names of those metrics that grow in proportion to all velocities."""
@@ -48,7 +49,7 @@ def exact_metrics(
 ) -> Float[jax.Array, " l"]:
     """Values of metrics in one revolution of an event-exact motion, in the units of their names.
 
-    `parameters` replaces numbers by arrays that JAX may trace: of the train under the names of `ByTrain`, "lift"
+    `parameters` replaces numbers by arrays that JAX may trace: of the train by the names of `train.parameters`, "lift"
     (p, q) [m/rad^k] and "borders" (p + 1) [rad] of the cam's pieces, "half_duration" [rad], "start" (2n + r: [m],
     [m/s], [m]), the state at -pi, which is rest where it is left out. `cam_speed` [rad/s] may be traced. Derivatives
     by the borders take lift and velocity to be continuous across them, and the opening foot not to end a hop. `spacing`
@@ -255,7 +256,7 @@ def host_call(function: Callable, result: Any, *args: Any) -> Any:
 
 def _varying(train: Train, lift: Lift, cam_speed, parameters, revolutions: int, spacing=None, slowest=None):
     """(what is kept, what varies); raises InputError for an unknown parameter."""
-    known = (*TRAIN_PARAMETERS, *CAM_PARAMETERS, "start")
+    known = (*train.parameters, *CAM_PARAMETERS, "start")
     unknown = [name for name in parameters if name not in known]
     if unknown:
         raise InputError(f"event-exact: parameter {', '.join(unknown)}: expected one of {', '.join(known)}")

@@ -14,7 +14,7 @@ import numpy as np
 from camopt.cam.lift import Lift, join_as_in
 from camopt.scene.response import Response
 from camopt.scene.shapes import Float
-from camopt.scene.train import TRAIN_PARAMETERS, Train
+from camopt.scene.train import LAW_PARAMETERS, Train
 from camopt.smooth.grid import LARGEST_PHASE, equal_grid
 from camopt.smooth.interpolation import at_angle
 from camopt.smooth.metrics import revolution_metrics
@@ -27,9 +27,9 @@ from camopt.smooth.system import System, SystemState, build_system
 def system_with(train: Train, parameters: Mapping[str, jax.Array]) -> System:
     """The system of a train, in which the numbers that `parameters` holds take the place of the train's own."""
     system = build_system(train)
-    names = [name for name in TRAIN_PARAMETERS if name in parameters]
+    names = [name for name in train.parameters if name in parameters]
     values = [jnp.asarray(parameters[name], system.mass.dtype) for name in names]
-    return eqx.tree_at(lambda s: [getattr(s, name) for name in names], system, values)
+    return eqx.tree_at(lambda s: [getattr(s.laws if n in LAW_PARAMETERS else s, n) for n in names], system, values)
 
 
 def samples_of_pieces(
@@ -58,7 +58,7 @@ def differentiable_motion(
 ) -> tuple[Response, dict[str, jax.Array]]:
     """Motion from rest on `steps` equal steps per revolution, and the metrics of all revolutions but the last.
 
-    `parameters` maps names of `TRAIN_PARAMETERS` to arrays of the train's shapes, "lift" to the coefficients of the
+    `parameters` maps names of `train.parameters` to arrays of their shapes, "lift" to the coefficients of the
     cam's pieces (p, q) [m/rad^k], "borders" to these pieces' (p + 1) [rad], "half_duration" to a number [rad]; what is
     left out is the train's and the cam's. `cam_speed` [rad/s] may be traced, and steps are offered for the `slowest`
     that it may be. The record's arrays are JAX arrays.

@@ -4,9 +4,8 @@ Speed: with r = speed / speed', masses times r^2, dampings and leaks times r mov
 by angle at speed', at velocities divided by r. So derivatives by the speed are those by masses, dampings and leaks.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
@@ -16,8 +15,9 @@ from camopt.exact.adjoint.motion import Slopes, TracedMotion
 from camopt.exact.adjoint.slopes import ByTrainAndLaws
 from camopt.exact.affine.lines import rest_of
 from camopt.scene.errors import InputError, MotionRefused
+from camopt.scene.laws import FRICTION, OIL
 from camopt.scene.shapes import Float, State
-from camopt.scene.train import TRAIN_PARAMETERS, Train
+from camopt.scene.train import LAW_PARAMETERS, TRAIN_PARAMETERS, Train
 
 CAM_PARAMETERS = ("lift", "borders", "half_duration")
 POSITIVE = ("mass", "stiffness", "cam_speed", "half_duration")
@@ -36,11 +36,11 @@ class Varying:
 
     def trace(self, given: Arrays, names: tuple[str, ...]) -> TracedMotion | None:
         """The motion under given numbers, to be differentiated by `names`; None where it cannot be followed."""
-        if not all(np.all(np.isfinite(v)) and (k not in POSITIVE or np.all(v > 0)) for k, v in given.items()):
+        if not all(usable(self.train, name, number) for name, number in given.items()):
             return None
         if given["cam_speed"] < self.least_speed:
             return None
-        train = varied(self.train, tuple((n, given[n].tobytes()) for n in TRAIN_PARAMETERS if n in given))
+        train = varied(self.train, tuple((n, given[n].tobytes()) for n in self.train.parameters if n in given))
         speed, mechanical = float(given["cam_speed"]), bool({*names} & MECHANICAL)
         try:
             lift = lift_with(self.lift, given)
@@ -79,8 +79,20 @@ class Varying:
         return found
 
 
-MECHANICAL = {*TRAIN_PARAMETERS, "cam_speed"}
+MECHANICAL = {*TRAIN_PARAMETERS, *LAW_PARAMETERS, "cam_speed"}
 """Variables whose gradients need the sweep over the train's parameters."""
+
+
+def usable(train: Train, name: str, number: np.ndarray) -> bool:
+    """Whether a motion can be followed under a number; of the laws' numbers those count that some law reads."""
+    if not np.all(np.isfinite(number)):
+        return False
+    if name == "table":  # compressions ascend
+        return bool(np.all(np.diff(number[..., 0]) > 0))
+    if name in ("leak", "slip"):
+        assert train.laws is not None, "no parameter of a linear train"
+        return bool(np.all(number[train.laws.kind == (OIL if name == "leak" else FRICTION)] > 0))
+    return name not in POSITIVE or bool(np.all(number > 0))
 
 
 def by_borders(lift: Lift, by_coefficients: Float[np.ndarray, "l p q"]) -> Float[np.ndarray, "l p+1"]:
@@ -107,11 +119,9 @@ def by_speed(motion: TracedMotion, slopes: Slopes, start: State | None) -> Float
 @lru_cache(maxsize=24)
 def varied(train: Train, changes: tuple[tuple[str, bytes], ...]) -> Train:
     """A train with other numbers: the same object for the same numbers, because propagators are kept per train."""
-    numbers: dict[str, Any] = {name: np.frombuffer(data).copy() for name, data in changes}
-    if train.laws is not None and "stiffness" in numbers:  # that of a law's coefficients, as in `Train.parameters`
-        numbers["laws"] = laws = replace(train.laws, coefficient=numbers["stiffness"])
-        numbers["stiffness"] = laws.stand_in()
-    return replace(train, **numbers) if changes else train
+    shapes = {name: number.shape for name, number in train.parameters.items()}
+    numbers = {name: np.frombuffer(data).reshape(shapes[name]).copy() for name, data in changes}
+    return train.with_parameters(numbers) if changes else train
 
 
 rest = lru_cache(maxsize=24)(rest_of)

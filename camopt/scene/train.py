@@ -1,6 +1,7 @@
 """The valve train as SI arrays, which are data only: each path has its own equations and its own contact law."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -14,6 +15,8 @@ from camopt.scene.units import DEG
 GROUND = -1
 TRAIN_PARAMETERS = ("mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap")
 """Fields of `Train` whose numbers a user may vary, and by which metrics have derivatives."""
+LAW_PARAMETERS = ("table", "leak", "travel", "slip")
+"""Fields of `Laws` of which the same is true, in a train that has laws."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,9 +92,23 @@ class Train:
 
     @property
     def parameters(self) -> dict[str, np.ndarray]:
-        """The numbers by TRAIN_PARAMETERS; the stiffness of a hertz contact is its coefficient [N/m^exponent]."""
+        """The numbers by TRAIN_PARAMETERS and, of a train with laws, by LAW_PARAMETERS.
+
+        The stiffness of a train with laws is the coefficient of each law, of a hertz contact in N/m^exponent.
+        """
         numbers = {name: getattr(self, name) for name in TRAIN_PARAMETERS}
-        return numbers if self.laws is None else numbers | {"stiffness": self.laws.coefficient}
+        if self.laws is None:
+            return numbers
+        return numbers | {"stiffness": self.laws.coefficient} | {n: getattr(self.laws, n) for n in LAW_PARAMETERS}
+
+    def with_parameters(self, numbers: Mapping[str, np.ndarray]) -> "Train":
+        """The train with other numbers, under the names and with the shapes of `parameters`."""
+        if self.laws is None:
+            return replace(self, **numbers)
+        of_laws = {name: numbers[name] for name in LAW_PARAMETERS if name in numbers}
+        laws = replace(self.laws, coefficient=numbers.get("stiffness", self.laws.coefficient), **of_laws)
+        others = {name: number for name, number in numbers.items() if name not in of_laws}
+        return replace(self, **{**others, "laws": laws, "stiffness": laws.stand_in()})
 
     def require_linear(self, method: str, instead: str) -> None:
         """Raises InputError, with the remedy `instead`, where a method that is exact for linear laws meets others."""

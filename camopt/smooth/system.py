@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from camopt.scene.shapes import Float
-from camopt.scene.train import Train
+from camopt.scene.train import TRAIN_PARAMETERS, Train
 from camopt.smooth.contact import Layer, raw_force
 from camopt.smooth.laws import ElasticLaws, elastic_laws
 
@@ -189,7 +189,7 @@ def build_system(train: Train, dtype=jnp.float64) -> System:
     )
     laws = None if train.laws is None else elastic_laws(train.laws, dtype)
     forcing = tuple((jnp.asarray(f.angle, dtype), jnp.asarray(f.force, dtype)) for f in train.forcing)
-    numbers = {k: jnp.asarray(v, dtype) for k, v in train.parameters.items()}
+    numbers = {name: jnp.asarray(train.parameters[name], dtype) for name in TRAIN_PARAMETERS}
     return System(**numbers, topology=topology, laws=laws, forcing=forcing)
 
 

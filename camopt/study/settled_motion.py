@@ -21,7 +21,7 @@ SAMPLES = 7200
 def settled_motions(lift: Lift, verdict: Verdict, *, with_energy: bool, with_periodic: bool) -> list[dict]:
     """What verification.json adds to each of its `speeds`: `energy` and `periodic_solution`, those that are asked for.
 
-    They are None at a speed at which the method refused the motion. Raises InputError for the energy of nonlinear laws.
+    They are None at a speed at which the method refused the motion.
     """
     assert verdict.scene is not None, "a verdict knows its scene"
     train, found = build_train(verdict.scene), []

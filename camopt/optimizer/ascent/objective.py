@@ -24,7 +24,6 @@ from camopt.optimizer.search.judge import USABLE_SHARE
 from camopt.optimizer.search.sensitivity import path_of
 from camopt.scene import QUANTITIES, InputError, Scene, Train, build_train
 from camopt.scene.spelling import did_you_mean
-from camopt.scene.train import TRAIN_PARAMETERS
 from camopt.scene.units import DEG, MM
 
 AREA_RATIO = "area_ratio"
@@ -152,7 +151,7 @@ class BoundObjective:
         trains: list[Train] = [build_train(asked.scene)]
         if asked.trains:
             trains = [one.train for one in trains_as_built(asked.scene, asked.trains, seed=asked.seed)]
-        varies = TRAIN_PARAMETERS if asked.trains or self.train.names else ()
+        varies = trains[0].parameters if asked.trains or self.train.names else ()
         numbers = {name: np.array([t.parameters[name] for t in trains for _ in speeds]) for name in varies}
         return numbers, np.tile(speeds, len(trains))
 

@@ -9,9 +9,11 @@ import numpy as np
 
 from camopt.scene.element import Element
 from camopt.scene.errors import InputError
+from camopt.scene.parts import OIL_OF
 from camopt.scene.schema import Mass, Scene
 from camopt.scene.spelling import did_you_mean
 from camopt.scene.text_file import excerpt
+from camopt.scene.train import build_train
 
 ARRAYS = {
     "mass_kg": "mass",
@@ -20,6 +22,8 @@ ARRAYS = {
     "stiffness_N_per_m": "stiffness",
     "preload_N": "preload",
     "gap_mm": "gap",
+    "leak_N_s_per_m": "leak",
+    "slip_N": "slip",
 }
 """Keys of a scene whose numbers may vary, and the arrays of a train in which they stand."""
 
@@ -60,12 +64,16 @@ class TrainVariables:
         for rows, schema in ((self.scene.mass, Mass), (self.scene.element, Element)):
             for i, row in enumerate(rows):
                 if row.name == name and key in ARRAYS and getattr(row, key, None) is not None:
+                    if isinstance(row, Element) and row.kind == "adjuster":
+                        if key != "leak_N_s_per_m":
+                            break  # it moves the rows of the plunger's table, which are no multiples of it
+                        i = build_train(self.scene).element_names.index(OIL_OF.format(name))
                     array = "mass_damping" if schema is Mass and key == "damping_N_s_per_m" else ARRAYS[key]
                     return array, i
         known = [f"{row.name}.{key}" for row in self.scene.mass for key in ("mass_kg", "damping_N_s_per_m", "force_N")]
-        keys = "stiffness_N_per_m", "damping_N_s_per_m", "preload_N", "gap_mm"
+        keys = "stiffness_N_per_m", "damping_N_s_per_m", "preload_N", "gap_mm", "leak_N_s_per_m", "slip_N"
         known += [f"{row.name}.{key}" for row in self.scene.element for key in keys]
-        raise InputError(f"train: {excerpt(text)} is no number of the train{did_you_mean(text, known)}")
+        raise InputError(f"train: {excerpt(text)} is no number of the train that may vary{did_you_mean(text, known)}")
 
     def applied(self, numbers: Mapping[str, Any], factors: Any) -> dict[str, Any]:
         """A train's arrays by name, in JAX, with the factors (k) on them."""

@@ -5,7 +5,7 @@ positive, and gives a change by one unit the same meaning for every parameter.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 import numpy as np
@@ -23,8 +23,6 @@ KEYS = {
     ),
 }
 """Keys of a scene's tables that may be free."""
-LAWS = ("table", "leak", "travel", "slip")
-"""Numbers of `Laws` by which `ByTrainAndLaws` has gradients."""
 DIFFERENCE = 1e-6
 """Step in a logarithm with which the numbers of a train are differentiated: most are products of the factors, and the
 rows of an adjuster's plunger are quotients, so that truncation and rounding stay below 1e-9 of them."""
@@ -66,12 +64,12 @@ class FreeParameters:
 
         What the train's numbers make of the logarithms is known by central differences of the scene's own arithmetic.
         """
-        columns, unmoved = [], {"forcing"} if self.train.laws else {"forcing", *LAWS}
+        columns = []
         for step in DIFFERENCE * np.eye(len(logs)):
             up, down = self.moved(logs + step), self.moved(logs - step)
             total = np.zeros(len(by_train.mass))
-            for name in (field.name for field in fields(by_train) if field.name not in unmoved):
-                slope = (_numbers(up, name) - _numbers(down, name)) / (2 * DIFFERENCE)
+            for name, number in up.parameters.items():
+                slope = (number - down.parameters[name]) / (2 * DIFFERENCE)
                 total += getattr(by_train, name).reshape(len(total), -1) @ slope.ravel()
             columns.append(total)
         return np.stack(columns, axis=1)
@@ -84,11 +82,6 @@ class FreeParameters:
             for i in tied.at:
                 table[i] = table[i].model_copy(update={tied.key: getattr(table[i], tied.key) * float(np.exp(log))})
         return self.scene.model_copy(update={name: tuple(table) for name, table in rows.items()})
-
-
-def _numbers(train: Train, name: str) -> np.ndarray:
-    """The numbers of a train by which `ByTrain` has gradients."""
-    return getattr(train.laws, name) if name in LAWS else train.parameters[name]
 
 
 def _tied(scene: Scene, name: str) -> Tied:

@@ -156,7 +156,9 @@ def motion_parameters(scene: Scene, cam: Lift) -> dict[str, np.ndarray]:
     """The numbers by which `simulate(parameters=...)` may be differentiated, in SI units and with the scene's values.
 
     By mass (n): mass [kg], mass_damping [N s/m], mass_force [N]; by element (e): stiffness [N/m, of a hertz contact
-    N/m^exponent], damping [N s/m], preload [N], gap [m]; and of the cam lift (p, q) [m/rad^k], the coefficients of its
+    N/m^exponent], damping [N s/m], preload [N], gap [m]; where a train has other laws than linear ones, also by element
+    the table (q, 2) of compressions [m] and forces [N] or stiffnesses [N/m], leak [N s/m] and travel [m] of oil, and
+    slip [N] of friction (`camopt.scene.laws.Laws`); and of the cam lift (p, q) [m/rad^k], the coefficients of its
     pieces, borders (p + 1) [rad] of these, and half_duration [rad], within which contacts are judged. Any part of it
     may be given to `simulate`. Turns on JAX's 64-bit floats. Of a free cam the pieces are linear in z
     (`FreeCam.piece_basis`). A family's parameters move the borders too: `DifferentiableCam.motion_parameters` gives all

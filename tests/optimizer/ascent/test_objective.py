@@ -5,11 +5,14 @@ import numpy as np
 import pytest
 
 import camopt
+from camopt.cam.families.exponent import exponent
 from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.measure.as_built import trains_as_built
 from camopt.optimizer.ascent.objective import AIM
 from camopt.optimizer.ascent.train_variables import TrainVariables
 from camopt.scene import InputError, build_train, load_scene
+from camopt.scene.tolerances import Tolerance
+from tests.exact.test_real_trains import SCENE as REAL
 
 MOTORI = load_scene("motori-1")
 CAM = camopt.nearest_free_cam(MOTORI, camopt.polydyne(MOTORI, design_speed_rpm=6000), knot_deg=12)
@@ -68,6 +71,39 @@ def test_the_gradient_is_that_of_differences(maximise):
         assert float(slopes[name] @ way) == pytest.approx((high - low) / (2 * h), rel=1e-4)
 
 
+LAWS = "lifter.leak_N_s_per_m", "guide.slip_N", "guide.stiffness_N_per_m"
+PUSHED = {"speeds_rpm": (4000.0,), "penalties": {"seating_velocity_m_per_s": 1.0, "contact_force_max_N": 1e-4}}
+
+
+class TestLaws:
+    """A train with an adjuster and friction, whose numbers scatter and vary as all others do."""
+
+    def test_drawn_trains_have_their_own_laws(self):
+        names = *LAWS, "lifter.spring_N_per_m", "lifter.preload_N", "lifter.stiffness_N_per_m"
+        scene = REAL.model_copy(update={"tolerance": tuple(Tolerance(of=name, relative=0.1) for name in names)})
+        drawn = camopt.objective(scene, trains=2, **PUSHED).of(exponent(scene))
+        alone = [camopt.objective(one.scene, **PUSHED) for one in trains_as_built(scene, 2)]
+        values = [float(one.of(exponent(scene))(drawn.parameters)) for one in alone]
+        assert np.ptp(values) > 1e-3
+        assert float(drawn(drawn.parameters)) == pytest.approx(np.mean(values), rel=1e-9)
+
+    def test_leak_and_slip_may_vary(self):
+        variables = TrainVariables(REAL, dict.fromkeys(LAWS, (0.5, 2.0)))
+        bound = camopt.objective(REAL, **PUSHED).of(exponent(REAL), variables)
+        factors = np.array([0.8, 1.3, 1.1])
+        there = camopt.objective(variables.scene_with(factors), **PUSHED).of(exponent(REAL))
+        value = jax.jit(lambda factors: bound(bound.parameters | {"train": factors}))
+        assert float(value(factors)) == pytest.approx(float(there(there.parameters)), rel=1e-9)
+        slopes = jax.grad(value)(factors)
+        for i, move in enumerate(1e-5 * np.eye(3)):
+            assert slopes[i] == pytest.approx(float(value(factors + move) - value(factors - move)) / 2e-5, rel=1e-4)
+
+    @pytest.mark.parametrize("key", ["stiffness_N_per_m", "preload_N", "spring_N_per_m"])
+    def test_a_number_that_moves_an_adjusters_table_is_a_sentence(self, key):
+        with pytest.raises(InputError, match="no number of the train that may vary"):
+            TrainVariables(REAL, {f"lifter.{key}": (0.9, 1.1)})
+
+
 def test_factors_of_the_train_are_those_of_its_scene():
     variables, factors = TrainVariables(MOTORI, PRELOADS), np.array([1.1, 0.95])
     changed = variables.scene_with(factors)
@@ -100,7 +136,7 @@ def test_unusable_arguments_are_sentences(arguments, words):
 @pytest.mark.parametrize(
     ("bounds", "words"),
     [
-        ({"spring.preload": (0.9, 1.1)}, "is no number of the train; did you mean 'spring.preload_N'?"),
+        ({"spring.preload": (0.9, 1.1)}, "is no number of the train that may vary; did you mean 'spring.preload_N'?"),
         ({"spring.preload_N": (1.1, 1.2)}, "bounds about 1 are needed"),
     ],
 )
