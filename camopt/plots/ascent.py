@@ -11,18 +11,28 @@ SHOWN = 3.0
 
 @styled
 def course(
-    objective: np.ndarray, area_ratio: np.ndarray, share: np.ndarray, holds: np.ndarray, *, best: int, title: str = ""
+    objective: np.ndarray,
+    area_ratio: np.ndarray,
+    share: np.ndarray,
+    holds: np.ndarray,
+    *,
+    best: int | None,
+    title: str = "",
 ) -> Figure:
-    """Draws objective and area ratio (n) over the steps, and the judged shares of the limits (n, NaN: not judged)."""
+    """Draws objective and area ratio (n) over the steps, and the judged shares of the limits (n, NaN: not judged).
+
+    `best` is the step of the best cam, None where none holds every limit.
+    """
     figure = new_figure(7.6, 6.0)
     value, area, judged = figure.subplots(3, 1, sharex=True)
     step, colour = np.arange(len(objective)), cam_line(DESIGN)["color"]
     value.plot(step, objective, color=colour)
     value.set_ylabel("objective [-]")
     area.plot(step, area_ratio, color=colour)
-    area.plot(step[best], area_ratio[best], "o", color=colour, markersize=6, label="best")
+    if best is not None:
+        area.plot(step[best], area_ratio[best], "o", color=colour, markersize=6, label="best")
+        area.legend()
     area.set_ylabel("area ratio [-]")
-    area.legend()
     seen = ~np.isnan(share)
     shown = np.minimum(share, SHOWN)
     for keep, face in ((seen & holds, colour), (seen & ~holds, "white")):

@@ -102,6 +102,8 @@ def verify(
     confirms. `accuracy` is a name of EFFORTS or a number of micrometres; the verdict says what was asked and what error
     is estimated for what was delivered. Raises InputError for what cannot be judged.
     """
+    if not isinstance(lift, Lift):
+        raise InputError(f"verify: {lift!r} in place of a cam: expected one, as camopt.read_cam or a family gives it")
     effort = effort_of(accuracy)
     every = methods_for(build_train(scene))[: 2 if accuracy == "draft" else None]
     asked = every if methods == "all" else (methods,)

@@ -35,6 +35,8 @@ from camopt.scene import InputError, build_train, load_scene
 KNOT_DEG, KNOT_SPREAD = 6.0, 0.1
 """Knot interval of the free cam, and the share of itself by which a seed changes it."""
 JUDGE_EVERY = 5
+REVOLUTION = 1
+"""The revolution whose metrics are penalised: that with which the stored result was made."""
 MOST_N = 60.0
 SPREAD = 0.03
 """First step of CMA-ES on the coefficients, and a tenth of the box of differential evolution, over the largest one."""
@@ -160,7 +162,7 @@ def climb(problem: Problem, first: Lift, optimiser: optax.GradientTransformation
 def objective(problem: Problem, path: str):
     """The area ratio less a penalty on every metric that the scene limits."""
     penalties = {limit.metric: 1.0 for limit in motion_limits(problem.design).values()}
-    return camopt.objective(problem.scene, penalties=penalties, path=path)
+    return camopt.objective(problem.scene, penalties=penalties, path=path, revolutions=REVOLUTION)
 
 
 def variables(problem: Problem, first: Lift) -> Variables:

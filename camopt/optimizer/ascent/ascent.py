@@ -20,7 +20,7 @@ from tqdm import tqdm
 
 from camopt.cam.lift import Lift
 from camopt.measure.limits import broken_by_shape
-from camopt.optimizer.ascent.history import AscentHistory, Iterate, best_of, dataset_of
+from camopt.optimizer.ascent.history import AscentHistory, Iterate, dataset_of, notable
 from camopt.optimizer.ascent.objective import Objective
 from camopt.optimizer.ascent.train_variables import Names, TrainVariables
 from camopt.optimizer.ascent.variables import FREE, FamilyVariables, FreeVariables, Variables
@@ -56,7 +56,8 @@ def ascend(
     {("spring.preload_N", "seat.preload_N"): (0.9, 1.1)}. The variables are the coefficients of a free cam [mm/deg^2]
     and factors on everything else. Every iterate holds the limits on the shape. Every `judge_every` iterates, and the
     last, are judged by event-exact at the objective's speeds, settled; `history.best` is the one of the largest value
-    among those that hold every limit. With `out` a folder is written after every judged iterate; with `resume` it goes
+    among those that hold every limit, None where none does, and `history.nearest` the one that uses least of its
+    limits. With `out` a folder is written after every judged iterate; with `resume` it goes
     on there as if it had not been interrupted, and more steps may be asked for.
 
     Raises InputError for unusable arguments, contradictory limits, a family without a member near `start` that holds
@@ -159,13 +160,13 @@ class Climb:
         return self.variables.train.scene_with(factors)
 
     def history(self) -> AscentHistory:
-        """All iterates until now, with the best of them."""
-        best = best_of(self.iterates)
-        one = self.iterates[best]
-        names = self.variables.train.names
+        """All iterates until now, with the best and the nearest of them."""
         about = {"scene": self.objective.scene.name, "path": self.objective.path, "maximise": self.objective.maximise}
-        data = dataset_of(self.iterates, names).assign_attrs(about, best=best)
-        return AscentHistory(data, self.variables.cam.lift(one.cam), self._scene(one.train))
+        steps = notable(self.iterates)
+        data = dataset_of(self.iterates, self.variables.train.names).assign_attrs(about, **steps)
+        ones = {name: self.iterates[step] for name, step in steps.items()}
+        cams = {name: (self.variables.cam.lift(one.cam), self._scene(one.train)) for name, one in ones.items()}
+        return AscentHistory(data, *cams["nearest"], *cams.get("best", (None, None)))
 
     def save(self, path: Path) -> None:
         """Writes the ascent, from which `load` goes on to the last digit."""

@@ -1,4 +1,4 @@
-"""What an ascent was: every iterate as a labelled dataset, the best cam, and a figure."""
+"""What an ascent was: every iterate as a labelled dataset, the best cam and the nearest one, and a figure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -18,6 +18,9 @@ from camopt.scene.schema import Scene
 from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import MM
 from camopt.storage import write_csv, write_text
+
+NEAREST = "nearest.json"
+"""File of the nearest cam where none holds every limit."""
 
 
 @dataclass(frozen=True)
@@ -62,44 +65,54 @@ class AscentHistory:
     """The iterates of an ascent, and the best of them.
 
     `dataset` has by `step`: `objective`, its terms (the area ratio and the metrics' means), `gradient_norm`, `judged`,
-    `holds`, `largest_share`, and the variables `cam` and, where numbers of the train vary, `train`. `best` is the cam
-    of the largest objective among those that hold every limit by event-exact at the objective's speeds; where none
-    does, that which uses the least share of its limits. `best_scene` is the scene with its factors.
+    `holds`, `largest_share`, and the variables `cam` and, where numbers of the train vary, `train`; its attributes
+    `best` and `nearest` are the steps of the cams of these names. `best` is the cam of the largest objective among
+    those that hold every limit by event-exact at the objective's speeds, None where none does. `nearest` is the judged
+    cam whose largest used share of a limit is least. `best_scene` and `nearest_scene` are the scenes with the factors
+    of these cams.
     """
 
     dataset: xr.Dataset
-    best: Lift
-    best_scene: Scene
+    nearest: Lift
+    nearest_scene: Scene
+    best: Lift | None
+    best_scene: Scene | None
 
     def __getitem__(self, name: str) -> xr.DataArray:
         return self.dataset[name]
 
     @property
     def confirmed(self) -> bool:
-        """Whether `best` holds every limit by event-exact at the objective's speeds."""
-        return bool(self["holds"][self.dataset.attrs["best"]])
+        """Whether a cam holds every limit by event-exact at the objective's speeds."""
+        return self.best is not None
 
     def plot(self) -> Figure:
         """Objective, area ratio and the judged share of the limits over the steps, as a matplotlib Figure."""
         data, title = self.dataset, f"{self.dataset.attrs['scene']}, {self.dataset.attrs['path']} path"
         names = ("objective", "area_ratio", "largest_share", "holds")
-        return course(*(data[name].values for name in names), best=data.attrs["best"], title=title)
+        return course(*(data[name].values for name in names), best=data.attrs.get("best"), title=title)
 
     def lines(self) -> list[str]:
         """What came out, in sentences."""
-        one, about = self.dataset.isel(step=self.dataset.attrs["best"]), self.dataset.attrs
-        said = "holds every limit" if self.confirmed else "is the nearest to hold every limit, and does not"
+        about, judged = self.dataset.attrs, int(self["judged"].sum())
+        step = about.get("best", about["nearest"])
+        one = self.dataset.isel(step=step)
+        none = f"is the nearest of {judged} judged cams, none of which holds every limit"
+        said = "holds every limit" if self.confirmed else none
         return [
             f"{about['scene']}, {about['path']} path, {self.dataset.sizes['step'] - 1} steps: area ratio "
-            f"{float(self['area_ratio'][0]):.4f} at the start; step {about['best']}, {float(one['area_ratio']):.4f}, "
+            f"{float(self['area_ratio'][0]):.4f} at the start; step {step}, {float(one['area_ratio']):.4f}, "
             f"{said} (event-exact; largest used share {float(one['largest_share']):.3g})"
         ]
 
     def write(self, folder: Path) -> None:
-        """Writes `design.json` of the best cam, `scene.toml`, `history.csv` and the figure into a folder."""
-        assert self.best_scene.design is not None, "objective() asks for [design]"
-        write_design(folder / "design.json", self.best, self.best_scene.design.max_lift_mm * MM)
-        write_text(folder / "scene.toml", scene_toml(self.best_scene))
+        """Writes `design.json` of the best cam, or `nearest.json` of the nearest where none holds every limit, with its
+        `scene.toml`, `history.csv` and the figure into a folder."""
+        cam, scene = self.best or self.nearest, self.best_scene or self.nearest_scene
+        assert scene.design is not None, "objective() asks for [design]"
+        (folder / NEAREST).unlink(missing_ok=True)  # of the ascent that this one goes on from
+        write_design(folder / ("design.json" if self.confirmed else NEAREST), cam, scene.design.max_lift_mm * MM)
+        write_text(folder / "scene.toml", scene_toml(scene))
         flat = [str(name) for name, values in self.dataset.data_vars.items() if values.dims == ("step",)]
         write_csv(folder / "history.csv", {"step": self["step"].values, **{name: self[name].values for name in flat}})
         save(self.plot(), folder / "figures", "ascent")
@@ -111,13 +124,12 @@ class AscentHistory:
         return "<br>".join(self.lines()) + self.dataset._repr_html_()
 
 
-def best_of(iterates: Sequence[Iterate]) -> int:
-    """The number of the best judged iterate: see `AscentHistory`."""
+def notable(iterates: Sequence[Iterate]) -> dict[str, int]:
+    """The numbers of the iterates "nearest" and, where one holds every limit, "best": see `AscentHistory`."""
     judged = [i for i, one in enumerate(iterates) if one.judged]
+    nearest = {"nearest": min(judged, key=lambda i: iterates[i].share)}
     holding = [i for i in judged if iterates[i].holds]
-    if holding:
-        return max(holding, key=lambda i: iterates[i].value)
-    return min(judged, key=lambda i: iterates[i].share)
+    return nearest | ({"best": max(holding, key=lambda i: iterates[i].value)} if holding else {})
 
 
 def dataset_of(iterates: Sequence[Iterate], train: Sequence[str]) -> xr.Dataset:

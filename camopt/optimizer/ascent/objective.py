@@ -32,6 +32,10 @@ AIM = USABLE_SHARE
 SMOOTH_STEPS = 8
 """Samples per revolution of the smooth path's record, which nobody reads: its metrics come from its own steps."""
 PATHS = ("auto", "exact", "smooth")
+REPRESENTATIVE = 4
+"""Number of the revolution from rest whose metrics stand for the settled motion's: it is the first in which nearly all
+bounces and jumps that break a limit are within a fifth of the settled ones, of which the first revolution may have less
+than a tenth (`experiments.first_revolutions`). Each further revolution costs as much as the first."""
 
 Terms = dict[str, jax.Array]
 """Parts of the objective by name: what is maximised, and every penalised metric's mean over speeds and trains."""
@@ -41,7 +45,8 @@ Terms = dict[str, jax.Array]
 class Objective:
     """A number to maximise, of any cam of a scene. `of(cam)` makes it a function of that cam's parameters.
 
-    `path` is "exact" or "smooth", `revolutions` the number of the revolution from rest that is measured.
+    `path` is "exact" or "smooth", `revolutions` the number of the revolution from rest that is measured, `trains` how
+    many drawn trains there are, by `seed`.
     """
 
     scene: Scene
@@ -49,9 +54,9 @@ class Objective:
     maximise: str
     penalties: Mapping[str, float]
     path: str
-    revolutions: int = 1
-    trains: int = 0
-    seed: int = 0
+    revolutions: int
+    trains: int
+    seed: int
 
     def of(self, cam: Lift, train: TrainVariables | None = None) -> "BoundObjective":
         """The objective as a function of the parameters of `cam`, a free cam or a family's member, and of a train's.
@@ -163,7 +168,7 @@ def objective(
     maximise: str = AREA_RATIO,
     penalties: Mapping[str, float] | None = None,
     path: str = "auto",
-    revolutions: int = 1,
+    revolutions: int = REPRESENTATIVE,
     trains: int = 0,
     seed: int = 0,
 ) -> Objective:
@@ -173,8 +178,9 @@ def objective(
     metric; `penalties` are weights by metric: of one that the scene limits, of the share of its limit that it uses
     beyond 0.8; of any other one, of its value in its unit. Metrics are means over the speeds and over `trains`
     drawn within the scene's tolerances by `seed` (0: the train as designed; grinding errors are left out), each in
-    the revolution of the number `revolutions` from rest. `path` is "exact", "smooth", or "auto", which is the
-    exact one. `objective(...).of(cam)` is a function of that cam's parameters.
+    the revolution of the number `revolutions` from rest, by default one that stands for the settled motion. `path` is
+    "exact", "smooth", or "auto", which is the exact one. `objective(...).of(cam)` is a function of that cam's
+    parameters.
 
     Raises InputError for unknown metrics and paths, speeds that are none, and scenes without valve, seat or [design].
     """

@@ -69,6 +69,21 @@ def test_a_cam_that_bounces_far_beyond_its_limits_ends_in_one_that_the_judge_con
     assert len(history.plot().axes) == 3
 
 
+def test_where_no_cam_holds_there_is_no_best_one_but_a_nearest(tmp_path):
+    history = camopt.ascend(HARD, START, optax.adam(1e-3), 2, knot_deg=12.0, judge_every=1, out=tmp_path / "x")
+    share = history["largest_share"].values
+    assert share.min() > 1.0 and not history["holds"].any()
+    assert history.best is None and history.best_scene is None and not history.confirmed
+    assert "best" not in history.dataset.attrs and history.dataset.attrs["nearest"] == int(share.argmin())
+    nearest = lifts(history, 12.0)[int(share.argmin())]
+    assert history.nearest.coefficients == pytest.approx(nearest.coefficients, rel=1e-12)
+    assert "nearest of 3 judged cams, none of which holds every limit" in repr(history)
+    assert len(history.plot().axes) == 3
+    assert (tmp_path / "x" / "nearest.json").exists() and not (tmp_path / "x" / "design.json").exists()
+    with pytest.raises(InputError, match="None in place of a cam"):
+        camopt.verify(MOTORI, history.best)
+
+
 def test_numbers_of_the_train_vary_within_their_bounds():
     """Less spring force is less contact force: both factors fall, that on the preload to its bound."""
     spring, both = "spring.stiffness_N_per_m", ("spring.preload_N", "seat.preload_N")

@@ -6,10 +6,13 @@ import pytest
 
 import camopt
 from camopt.cam.families.exponent import exponent
+from camopt.cam.families.free import free_cam
+from camopt.exact import settled_metrics
 from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.measure.as_built import trains_as_built
-from camopt.optimizer.ascent.objective import AIM
+from camopt.optimizer.ascent.objective import AIM, REPRESENTATIVE
 from camopt.optimizer.ascent.train_variables import TrainVariables
+from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.scene import InputError, build_train, load_scene
 from camopt.scene.tolerances import Tolerance
 from tests.exact.test_real_trains import SCENE as REAL
@@ -21,7 +24,7 @@ PENALTIES = {"bounce_mm": 2.0, "jump_mm": 1.0, "contact_force_max_N": 1e-4}
 PRELOADS = {("spring.preload_N", "seat.preload_N"): (0.8, 1.2), "valve.mass_kg": (0.9, 1.1)}
 
 
-def metrics(train, cam, speed, revolutions=1):
+def metrics(train, cam, speed, revolutions=REPRESENTATIVE):
     found = value_and_gradient(
         train, cam, MOTORI.cam_speed(speed), list(PENALTIES), revolutions=revolutions + 1, revolution=revolutions - 1
     )
@@ -38,9 +41,10 @@ def penalty(rows) -> float:
     return total
 
 
-@pytest.mark.parametrize("revolutions", [pytest.param(1, marks=pytest.mark.long), 2])
+@pytest.mark.parametrize("revolutions", [pytest.param(1, marks=pytest.mark.long), REPRESENTATIVE])
 def test_value_and_terms_are_those_of_event_exact(revolutions):
-    objective = camopt.objective(MOTORI, speeds_rpm=SPEEDS, penalties=PENALTIES, revolutions=revolutions).of(CAM)
+    asked = {} if revolutions == REPRESENTATIVE else {"revolutions": revolutions}
+    objective = camopt.objective(MOTORI, speeds_rpm=SPEEDS, penalties=PENALTIES, **asked).of(CAM)
     rows = [metrics(build_train(MOTORI), CAM, speed, revolutions) for speed in SPEEDS]
     value, terms = objective.value_and_terms(objective.parameters)
     assert float(terms["area_ratio"]) == pytest.approx(CAM.area_ratio(9.4e-3), rel=1e-12)
@@ -48,6 +52,18 @@ def test_value_and_terms_are_those_of_event_exact(revolutions):
         assert float(terms[name]) == pytest.approx(np.mean([row[name] for row in rows]), rel=1e-6)
     assert rows[1]["bounce_mm"] > 0.05 and penalty(rows) > 1.0
     assert float(value) == pytest.approx(CAM.area_ratio(9.4e-3) - penalty(rows), rel=1e-6)
+
+
+def test_by_default_a_metric_is_that_of_the_settled_motion():
+    """The first revolution of this cam stays below the limit that its settled motion breaks almost tenfold."""
+    scene = load_scene("race-nested")
+    cam = kinematic_optimum(scene.design, free_cam(scene.design, 6.0)).lift
+    settled = settled_metrics([build_train(scene)], [cam], [scene.cam_speed(8800)]).highest["bounce_mm"][0, 0, 0]
+    asked = {"speeds_rpm": (8800.0,), "penalties": {"bounce_mm": 1.0}}
+    found = [camopt.objective(scene, **asked, **more).of(cam) for more in ({"revolutions": 1}, {})]
+    first, default = (float(one.value_and_terms(one.parameters)[1]["bounce_mm"]) for one in found)
+    assert first < scene.design.bounce_max_mm < 0.2 * settled
+    assert default == pytest.approx(settled, rel=0.2)
 
 
 def test_drawn_trains_are_those_of_the_tolerances():
