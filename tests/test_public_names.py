@@ -47,7 +47,7 @@ SIGNATURES = {
     "nearest_free_cam": "scene, cam, *, knot_deg=3.0",
     "new_design": "scene, sections_deg=None, a12=None, *, a34=None, j34=None, j23=None, start_ratio=None, "
     "quintic=False, jerk=True",
-    "objective": "scene, *, speeds_rpm=None, maximise='area_ratio', penalties=None, path='auto', revolutions=1, "
+    "objective": "scene, *, speeds_rpm=None, maximise='area_ratio', penalties=None, path='auto', revolutions=4, "
     "trains=0, seed=0",
     "optimize": "scene, speeds='band', accuracy='standard', gradient='auto', out=None, seed=0, "
     "resume=False, progress=False, designed=<lambda>, *, compare=True, wanted_yield=None, free=None",

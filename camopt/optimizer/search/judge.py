@@ -104,7 +104,7 @@ class Judge:
         limits = motion_limits(self.scene.design).values()
         names, values = tuple(m.metric for m in limits), np.array([m.value for m in limits])
         figures = {name: np.array([found[i][0][name] for i in at]) for name in found[at[0]][0]}
-        share = np.array([m.share(figures[m.metric]) for m in limits]).reshape(len(names), -1)
+        share = np.array([m.share(figures[m.metric]) for m in limits]).reshape(len(names), len(at))
         return Judged(self.speeds_rpm[at], figures, names, values, share, np.array([found[i][1] for i in at]))
 
     def _found(self, lift: Lift, at: np.ndarray) -> dict[int, tuple[dict[str, float], np.ndarray]]:

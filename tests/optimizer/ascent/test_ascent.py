@@ -9,12 +9,14 @@ import pytest
 
 import camopt
 from camopt.cam.design_file import read_design
+from camopt.cam.families.exponent import exponent
 from camopt.cam.families.free import free_cam
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.ascent import ascent as climbing
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import MM_PER_DEG2
+from tests.exact.test_real_trains import SCENE as REAL
 
 MOTORI = load_scene("motori-1")
 assert MOTORI.design is not None
@@ -82,6 +84,18 @@ def test_where_no_cam_holds_there_is_no_best_one_but_a_nearest(tmp_path):
     assert (tmp_path / "x" / "nearest.json").exists() and not (tmp_path / "x" / "design.json").exists()
     with pytest.raises(InputError, match="None in place of a cam"):
         camopt.verify(MOTORI, history.best)
+
+
+def test_trains_with_other_laws_are_taken_and_no_docstring_refuses_them():
+    """The first of them has no limit on the motion, either, of which a judge might use a share."""
+    objective = camopt.objective(REAL, speeds_rpm=(3000,), penalties={"contact_force_max_N": 1e-4})
+    history = camopt.ascend(objective, exponent(REAL), optax.adam(1e-4), 1, knot_deg=14.0)
+    assert np.all(history["gradient_norm"].values > 0)
+    scene = load_scene("finger-hydraulic")
+    found = camopt.manufacturing_yield(scene, camopt.read_cam("polydyne", scene), 2, speeds_rpm=(3000,))
+    assert len(found.used.used) == 2
+    for function in (camopt.ascend, camopt.objective, camopt.manufacturing_yield):
+        assert "linear" not in (function.__doc__ or "")
 
 
 def test_numbers_of_the_train_vary_within_their_bounds():
