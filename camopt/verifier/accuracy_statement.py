@@ -29,7 +29,7 @@ def bounce_error_um(speed: AtSpeed) -> float:
     """
     first = next(iter(speed.methods.values()))
     low, high = first.range["bounce_mm"]
-    error = first.error["bounce_mm"] + (0.0 if first.periodic else high - low)
+    error = first.error["bounce_mm"] + (high - low) * (np.isnan(high - low) or not first.periodic)
     return float(error * MM / UM) if np.isfinite(error) else np.inf
 
 
@@ -47,8 +47,15 @@ def stated(speeds: Iterable[AtSpeed], asked_um: float, asked: str | float | None
         finest = delivered <= FINEST["bounce_mm"] * MM / UM * (1 + 1e-9)
         words += f"; estimated error of bounce: {'at most ' if finest else ''}{delivered:.2g} um"
     else:
-        ranges = [f"{_range(s.bounce_range_mm)} at {rpm:g} r/min" for rpm, s in every.items() if errors[rpm] > asked_um]
-        words += f"; not reached: bounce is known to a range only, {', '.join(ranges)}"
+        none = [rpm for rpm, s in every.items() if not np.isfinite(s.bounce_range_mm).all()]
+        ranges = [
+            "{:.4f} to {:.4f} mm at {:g} r/min".format(*s.bounce_range_mm, rpm)
+            for rpm, s in every.items()
+            if errors[rpm] > asked_um and rpm not in none
+        ]
+        words += f"; not reached: bounce is known to a range only, {', '.join(ranges)}" if ranges else ""
+        at = ", ".join(f"{rpm:g}" for rpm in none)
+        words += f"; there is no bounce at {at} r/min, where the valve does not seat" if none else ""
     return {
         "asked": asked_um if asked is None else asked,
         "asked_um": asked_um,
@@ -66,8 +73,3 @@ def who_looked(verdicts: Iterable[SpeedVerdict]) -> str:
     if not others:
         return ""
     return f"; all methods looked at {looked} r/min, event-exact alone at {others} other speed{'s' * (others > 1)}"
-
-
-def _range(values: tuple[float, float]) -> str:
-    low, high = values
-    return f"{low:.4f} to {high:.4f} mm" if np.isfinite(low + high) else "none (the valve does not seat)"

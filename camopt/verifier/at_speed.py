@@ -133,8 +133,8 @@ def plainly_broken(
 
     Every limit that it names is broken by both methods, and one of them at least far beyond every error estimate. The
     first method says so in its first `look`, the second one at its first step, after WANDERING_REVOLUTIONS at most: a
-    motion far beyond its limits seldom settles. `near_to` gives the figures of the neighbourhood of an answer. Raises
-    MotionRefused where a motion of the neighbourhood is refused.
+    motion far beyond its limits seldom settles. Both must also agree on whether the valve seats. `near_to` gives the
+    figures of the neighbourhood of an answer. Raises MotionRefused where a motion of the neighbourhood is refused.
     """
     if len(case.methods) < 2 or not far_beyond(case.scene, [look.worst], look.error):
         return None
@@ -143,7 +143,9 @@ def plainly_broken(
     cam_speed, rest = case.scene.cam_speed(speed_rpm), state_at_rest(train)
     other = Halving(prepare, train, case.lift, cam_speed, rest, demand).answer(1)
     doubt = {name: error + apart(look.worst[name], other.worst[name]) for name, error in look.error.items()}
-    if not far_beyond(case.scene, [look.worst, other.worst], doubt):
+    if np.isnan(look.worst["bounce_mm"]) != np.isnan(other.worst["bounce_mm"]) or not far_beyond(
+        case.scene, [look.worst, other.worst], doubt
+    ):
         return None
     near, first = near_to(look), replace(look, error=doubt)
     every = [look.worst, other.worst, *({name: f.worst(name) for name in doubt} for f in near)]
@@ -174,21 +176,20 @@ def ranges_of(answer: Converged, near: list[Figures]) -> dict[str, tuple[float, 
 def agreement(answers: list[Converged], tolerance_um: float, limited: Collection[str] = ()) -> bool:
     """Whether two methods or more have converged and their deciding figures overlap within range and error estimate.
 
-    Half of what a halved step was allowed to change is the least error of a figure: then two exact answers still agree
-    when they differ by what either may move. Changes across contacts are erratic and can be small by chance.
+    Methods that all find that the valve does not seat agree, whatever their other figures are: that alone rejects the
+    cam. Half of what a halved step was allowed to change is the least error of a figure: then two exact answers still
+    agree when they differ by what either may move. Changes across contacts are erratic and can be small by chance.
     """
     if len(answers) < 2 or not all(a.converged for a in answers):
         return False
+    seated = [not np.isnan(a.worst["bounce_mm"]) for a in answers]
+    if not all(seated):
+        return not any(seated)
     for name, tolerance in tolerances(tolerance_um, limited).items():
-        seated = [not np.isnan(a.worst[name]) for a in answers]
-        if not any(seated):
-            continue
-        if not all(seated):
-            return False
         least = [0.5 * (tolerance + RELATIVE * abs(a.worst[name])) for a in answers]
         errors = [max(a.error[name] / MARGIN, e) for a, e in zip(answers, least, strict=True)]  # what halving moved
         lows = [a.range[name][0] - error for a, error in zip(answers, errors, strict=True)]
         highs = [a.range[name][1] + error for a, error in zip(answers, errors, strict=True)]
-        if max(lows) > min(highs):
+        if not max(lows) <= min(highs):
             return False
     return True

@@ -31,7 +31,8 @@ class TestEstimate:
         assert bounce_error_um(at(5000, 2e-3, 0.1, 0.3)) == pytest.approx(2.0)  # a period of several revolutions
         assert bounce_error_um(at(5000, 2e-3, 0.1, 0.3, periodic=False)) == pytest.approx(202.0)
         assert bounce_error_um(at(5000, np.nan)) == np.inf
-        assert bounce_error_um(at(5000, 0.0, np.nan, np.nan, periodic=False)) == np.inf
+        for periodic in (False, True):
+            assert bounce_error_um(at(5000, 0.0, np.nan, np.nan, periodic=periodic)) == np.inf
 
 
 class TestWords:
@@ -52,7 +53,13 @@ class TestWords:
     def test_a_valve_that_does_not_seat_has_no_figure(self):
         found = stated([at(7000, np.nan, np.nan, np.nan)], 1.0, None)
         assert found["delivered_um"] is None and not found["reached"]
-        assert "none (the valve does not seat) at 7000 r/min" in found["statement"]
+        assert found["statement"] == (
+            "accuracy asked: 1 um; there is no bounce at 7000 r/min, where the valve does not seat"
+        )
+        both = stated([at(6000, 0.0, 0.12, 0.34, periodic=False), at(7000, np.nan, np.nan, np.nan)], 1.0, None)
+        assert both["statement"].endswith(
+            "0.1200 to 0.3400 mm at 6000 r/min; there is no bounce at 7000 r/min, where the valve does not seat"
+        )
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,9 @@ def answers(monkeypatch):
             values = figures(steps // FEWEST_STEPS)
             if values is None:
                 raise MotionRefused("too coarse")
-            by_name = Figures({name: np.asarray(values, dtype=float) for name in QUANTITIES})
+            by_metric = values if isinstance(values, dict) else {}
+            values = [0.0] if isinstance(values, dict) else values
+            by_name = Figures({name: np.asarray(by_metric.get(name, values), dtype=float) for name in QUANTITIES})
             return SimpleNamespace(state=state + 1, revolutions=7, periodic=periodic, faded=True, figures=by_name)
 
         monkeypatch.setattr(module, "settle_and_measure", settled)
@@ -117,6 +119,8 @@ def test_a_first_revolution_is_measured_from_the_start_at_every_step():
 
 def test_not_seating_at_every_step_stands(answers):
     assert answers(lambda n: [np.nan]).converged
+    erratic = answers(lambda n: {"bounce_mm": [np.nan], "jump_mm": [0.1 * n]})
+    assert erratic.converged and erratic.steps_per_revolution == steps(2) and erratic.error["jump_mm"] > 0.3
     assert not answers(lambda n: [np.nan if n % 3 == 1 else 0.1]).converged
 
 

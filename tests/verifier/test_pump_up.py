@@ -1,17 +1,27 @@
 """Pump-up: an adjuster that fills while the valve flies and holds it off its seat is named as what it is."""
 
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from camopt.cam.read import read_cam
 from camopt.exact.settled import settled_metrics
+from camopt.measure.settling import Figures
 from camopt.optimizer.as_built.drawn import DrawnTrains
 from camopt.optimizer.search.judge import Judge
-from camopt.scene import build_train, load_scene, state_at_rest
+from camopt.scene import QUANTITIES, build_train, load_scene, state_at_rest
+from camopt.verifier import at_speed
+from camopt.verifier.at_speed import Case
+from camopt.verifier.convergence import Converged, Demand
 from camopt.verifier.neighbourhood import against_limits, pumped_up
+from camopt.verifier.verdict import METHODS, verdict_on
 
 SCENE = load_scene("finger-hydraulic")
 TRAIN = build_train(SCENE)
+PUMPED_UP = Path(__file__).resolve().parents[3] / "shared" / "data" / "scenes" / "pumped-up.toml"
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +45,35 @@ def test_the_verdict_names_it(settled):
     assert against_limits(SCENE, 8200.0, Answer, []) == (("pump-up, never seats at 8200 r/min",), ())
     Answer.state = state_at_rest(TRAIN)
     assert against_limits(SCENE, 8200.0, Answer, []) == (("never seats at 8200 r/min",), ())
+
+
+@pytest.mark.parametrize(
+    ("scene", "cam", "speed"), [("finger-hydraulic", "multi-pol", 9500.0), (PUMPED_UP, "polydyne", 9500.0)]
+)
+def test_methods_that_all_find_no_seat_reject_although_their_jumps_differ(scene, cam, speed):
+    """The adjuster wanders here, and every method's jump with it: of 0.05 to 0.06 mm, and of 0.10 to 0.15 mm."""
+    if scene == PUMPED_UP and not PUMPED_UP.exists():
+        pytest.skip("the scene is not part of the repository")
+    judged = load_scene(scene)
+    found = verdict_on(judged, read_cam(cam, judged), (speed,), METHODS, None)
+    jumps = [answer.worst["jump_mm"] for answer in found.speeds[0].methods.values()]
+    assert len(jumps) == 4 and max(jumps) > 1.1 * min(jumps)
+    assert (found.verdict, found.broken) == ("rejected", ("pump-up, never seats at 9500 r/min",))
+    assert "there is no bounce at 9500 r/min" in found.accuracy["statement"]
+
+
+def test_an_early_rejection_names_no_missing_seat_that_one_method_alone_finds(monkeypatch):
+    design = SCENE.design.model_copy(update={"jump_max_mm": 0.05})
+    case = Case(SCENE.model_copy(update={"design": design}), None, dict.fromkeys(("event", "rkg")), Demand())
+    figures = dict.fromkeys(QUANTITIES, 1.0)
+    spread, error = dict.fromkeys(QUANTITIES, (1.0, 1.0)), dict.fromkeys(QUANTITIES, 1e-3)
+    seats = Converged(1440, False, figures, spread, error, 5, True, state_at_rest(TRAIN))
+    flies = replace(seats, worst=figures | {"bounce_mm": np.nan})
+    near = [Figures({name: np.array([value]) for name, value in flies.worst.items()})]
+    for other, broken in ((flies, ("never seats at 8200 r/min",)), (seats, None)):
+        monkeypatch.setattr(at_speed, "Halving", lambda *_, o=other: SimpleNamespace(answer=lambda steps: o))
+        found = at_speed.plainly_broken(case, 8200.0, flies, lambda _: near)
+        assert (found and found.broken) == broken
 
 
 def test_a_search_does_not_begin_with_the_oil_of_the_cam_before():

@@ -55,7 +55,10 @@ def test_agreement_needs_two_converged_methods_whose_intervals_meet():
 def test_not_seating_agrees_only_with_not_seating():
     lost = answer(bounce_mm=np.nan, seating_velocity_m_per_s=np.nan)
     assert agreement([lost, lost], 2.0)
-    assert not agreement([lost, answer()], 2.0)
+    assert not agreement([lost, answer()], 2.0) and not agreement([answer(), lost], 2.0)
+    parted = replace(lost, worst=lost.worst | {"jump_mm": 9.0}, range=lost.range | {"jump_mm": (9.0, 9.0)})
+    assert agreement([lost, parted], 2.0)  # no seat is the answer, and the jump beside it decides nothing
+    assert not agreement([lost, replace(lost, converged=False)], 2.0)
 
 
 def test_a_limit_is_broken_only_beyond_error_and_neighbours():
