@@ -57,11 +57,27 @@ def _whole_file(path: str | Path) -> Iterator[BinaryIO]:
 
 
 def check_file(path: str | Path) -> None:
-    """Raises InputError where no file can be written, so that nothing is computed in vain."""
+    """Raises InputError where no file can be written, so that nothing is computed in vain.
+
+    A temporary file is made and removed where `write_bytes` will make one; a device or pipe is left alone.
+    """
     path = usable_path(path, "file")
     reason = "it is a folder" if path.is_dir() else "" if path.parent.is_dir() else "its folder does not exist"
+    if not reason and (path.is_file() or not path.exists()):
+        reason = _refusal_below(path.resolve().parent)
     if reason:
         raise InputError(f"{path}: cannot be written ({reason}); name a file in an existing, writable folder")
+
+
+def _refusal_below(folder: Path) -> str:
+    """Why the system lets no file be made in the folder; empty where it does."""
+    probe = folder / f".camopt-{secrets.token_hex(8)}.tmp"
+    try:
+        probe.touch(exist_ok=False)
+        probe.unlink()
+    except OSError as error:
+        return error.strerror or str(error)
+    return ""
 
 
 LEFT_BEHIND = 3600.0
@@ -171,11 +187,17 @@ def run_identity(command: str, scenes: Scene | Sequence[Scene], **settings: Any)
 
 
 def check_run_folder(folder: str | Path, resume: bool = False) -> None:
-    """Raises InputError where `folder` exists and is not to be resumed, or cannot be a folder; it says what it is."""
+    """Raises InputError where `folder` exists and is not to be resumed, or cannot be a folder; it says what it is.
+
+    It cannot be one where no file can be made in it or, while it is not there, in the nearest of its parents that is.
+    """
     folder = usable_path(folder, "folder")
     if os.path.lexists(folder) and not folder.is_dir():
         raise InputError(f"{folder}: is not a folder: give another --out")
     if not folder.is_dir() or resume:
+        whole = folder.absolute()
+        if reason := _refusal_below(next(p for p in (whole, *whole.parents) if os.path.lexists(p))):
+            raise InputError(f"{folder}: the folder cannot be written to ({reason}); give a writable place as --out")
         return
     started = _read_run(folder)
     if started is None:
@@ -203,10 +225,9 @@ def run_folder(
     """The folder of one run, from its first byte to its end.
 
     `identity` is `run_identity`'s. It is stored before anything else, and with `resume` compared before anything is
-    written. Left without an error the run counts as
-    finished, by an interruption as interrupted. One that fails is noted with its sentence; where it made the folder and
-    left none of the files `worth` keeping, the folder goes with it. Raises InputError as `check_run_folder`, where the
-    folder belongs to another run, and where nothing can be written.
+    written. Left without an error the run counts as finished, by an interruption as interrupted. One that fails is
+    noted with its sentence; where it made the folder and left none of the files `worth` keeping, the folder goes with
+    it. Raises InputError as `check_run_folder`, and where the folder belongs to another run.
     """
     folder = Path(folder)
     check_run_folder(folder, resume)
@@ -272,24 +293,8 @@ def _read_run(folder: Path) -> dict | None:
 
 
 def create_run_folder(folder: str | Path) -> Path:
-    """The new folder, made with its parents, and known to be writable.
-
-    Raises InputError as `check_run_folder`, and where nothing can be written there; folders made on the way to a
-    failure are taken away again.
-    """
+    """The new folder, made with its parents. Raises InputError as `check_run_folder`."""
     folder = Path(folder)
     check_run_folder(folder)
-    missing = [p for p in (folder, *folder.parents) if not p.exists()]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / f".camopt-{secrets.token_hex(8)}.tmp"
-        probe.touch(exist_ok=False)
-        probe.unlink()
-    except OSError as error:
-        for made in missing:
-            if made.is_dir() and not any(made.iterdir()):
-                made.rmdir()
-        raise InputError(
-            f"{folder}: the run folder cannot be written to ({error.strerror}); give a writable place as --out"
-        ) from error
+    folder.mkdir(parents=True, exist_ok=True)
     return folder

@@ -98,19 +98,6 @@ def test_design_files(tmp_path, case):
     assert len(str(error.value)) < 600
 
 
-@pytest.mark.parametrize(
-    ("verb", "option"), [("modes", "--json"), ("bound", "--json"), ("verify", "--json"), ("simulate", "--csv")]
-)
-def test_a_file_that_cannot_be_written_costs_no_computation(capsys, monkeypatch, tmp_path, verb, option):
-    from camopt.cli import verbs
-
-    monkeypatch.setattr(verbs, verb, lambda args: pytest.fail("it computed first"))
-    words = {"verify": CAM[2:], "simulate": (*CAM[2:], "--speed", "6000")}.get(verb, ())
-    for path in (tmp_path / "none" / "file", tmp_path):
-        code, _, err = run(capsys, verb, "kodama", *words, option, str(path))
-        assert (code, "cannot be written" in err) == (2, True)
-
-
 def test_a_name_that_utf8_cannot_say_is_written_all_the_same(tmp_path):
     write_text(tmp_path / "names.csv", "cam\nd\udcff\n")  # how Python reads the byte 255 of a file's name
     assert (tmp_path / "names.csv").read_text() == "cam\nd\\udcff\n"

@@ -28,7 +28,7 @@ from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import MM
-from camopt.storage import default_run_folder, run_folder, run_identity, write_json, write_text
+from camopt.storage import check_run_folder, default_run_folder, run_folder, run_identity, write_json, write_text
 from camopt.verifier.verdict import Verdict
 
 PACKAGES = ("camopt", "jax", "diffrax", "optax", "numpy", "scipy", "highspy", "numba", "matplotlib")
@@ -100,6 +100,8 @@ def optimize(
     settings = {"speeds": speeds, "accuracy": accuracy, "gradient": gradient, "seed": seed}
     settings |= {} if wanted_yield is None else {"yield": wanted_yield}
     settings |= {} if not free else {"free": {name: list(map(float, ends)) for name, ends in free.items()}}
+    folder = Path(out or default_run_folder(scene.name))
+    check_run_folder(folder, resume)
     effort, identity, chosen = _understood(scene, settings), run_identity("optimize", scene, **settings), {}
     if free:
         scene, chosen = with_best_values(scene, free_numbers(scene, free), speeds, effort, progress)
@@ -109,7 +111,7 @@ def optimize(
     with job.clock.stage("bound"):
         kinematic = kinematic_optimum(design, program_cam(design, effort.knot_deg))  # contradictory limits end here
         bound = area_ratio_bound(design).bound
-    with run_folder(out or default_run_folder(scene.name), identity, resume, ["design.json"]) as folder:
+    with run_folder(folder, identity, resume, ["design.json"]):
         write_text(folder / "scene.toml", scene_toml(scene))
         with Progress(progress, effort, gradient, compare) as shown:
             job.make_programs(shown)

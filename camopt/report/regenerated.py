@@ -25,7 +25,7 @@ from camopt.report.outcome import outcome_lines, outcome_rows
 from camopt.report.page import render, write_report
 from camopt.scene import InputError, Scene, load_scene
 from camopt.scene.units import DEG, MM
-from camopt.storage import plain
+from camopt.storage import check_file, plain
 
 SAME = 1e-6
 """Relative difference of two numbers that counts as none: no table of a run prints more digits."""
@@ -37,9 +37,12 @@ MOST_SENTENCES = 20
 def regenerate(folder: Path) -> Path:
     """Write comparison.csv, figures and report.html of a run folder again, from the cams and verdicts in it.
 
-    Returns the page's path. Raises InputError where a file is missing or cannot be understood.
+    Returns the page's path. Raises InputError where a file is missing or cannot be understood, and where nothing can be
+    written.
     """
-    compare_again(folder, _scene_of(folder), _accuracy_of(folder))
+    scene = _scene_of(folder)
+    check_file(folder / "report.html")
+    compare_again(folder, scene, _accuracy_of(folder))
     return write_report(folder)
 
 

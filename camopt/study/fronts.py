@@ -15,7 +15,7 @@ from camopt.optimizer.search.robust import with_spring
 from camopt.optimizer.search.search import find_cam
 from camopt.scene.errors import InputError
 from camopt.scene.schema import AS_BUILT, Scene
-from camopt.storage import write_json
+from camopt.storage import check_file, write_json
 
 VALUES = {
     "bounce_max_mm": (0.005, 0.02, 0.05, 0.1, 0.2),
@@ -67,7 +67,7 @@ def pareto(
     `values` (k) in the limit's own units (default: `VALUES`), tried from tight to loose: a cam found within a tighter
     limit counts within a looser one too. `release` names limits to leave out, since a tight jump limit hides what
     bounce costs. With `out` each point is stored as it is found, and a second call goes on from there.
-    Raises InputError for an unknown limit or accuracy. A value without a confirmed cam is NaN.
+    Raises InputError for an unknown limit or accuracy, or an unusable `out`. A value without a confirmed cam is NaN.
     """
     of_yield = against == YIELD
     known = of_yield or (scene.design is not None and against in type(scene.design).model_fields)
@@ -104,6 +104,8 @@ def pareto(
 
 
 def _stored(out: Path | str | None, asked: dict) -> dict:
+    if out is not None:
+        check_file(out)
     if out is None or not Path(out).exists():
         return {}
     content = json.loads(Path(out).read_text(encoding="utf-8"))

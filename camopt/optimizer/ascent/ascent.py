@@ -27,7 +27,7 @@ from camopt.optimizer.ascent.variables import FREE, FamilyVariables, FreeVariabl
 from camopt.optimizer.search.judge import Judge
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
-from camopt.storage import run_folder, run_identity, write_text
+from camopt.storage import check_run_folder, run_folder, run_identity, write_text
 
 FORMS = (FREE, "own")
 STATE = "ascent.json"
@@ -68,6 +68,8 @@ def ascend(
             f"ascend: form {form!r}, steps {steps}, judge_every {judge_every}: expected {' or '.join(FORMS)}, and "
             f"numbers from 1 on"
         )
+    if out is not None:
+        check_run_folder(out, resume)
     numbers = TrainVariables(objective.scene, dict(train or {}))
     cam = FreeVariables(objective.scene, start, knot_deg) if form == FREE else FamilyVariables(objective.scene, start)
     variables = Variables(cam, numbers)

@@ -13,6 +13,7 @@ from camopt.scene import InputError, Scene, build_train
 from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import MM
 from camopt.storage import (
+    check_run_folder,
     default_run_folder,
     run_folder,
     run_identity,
@@ -59,8 +60,9 @@ def tradeoff(
         raise InputError(f"scene {scene.name}: tradeoff needs valve, seat, [operation] and [design]")
     if size not in SIZES:
         raise InputError(f"tradeoff: size {size!r}: expected one of {', '.join(SIZES)}")
-    cam = polydyne(scene) if cam is None else cam
     path = Path(out or default_run_folder(scene.name))
+    check_run_folder(path, resume)
+    cam = polydyne(scene) if cam is None else cam
     work = method_work(scene, cam, size)
     if build_train(scene).laws is None:
         work += job_work(scene, cam, size, path)
