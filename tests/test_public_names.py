@@ -59,12 +59,13 @@ SIGNATURES = {
     "read_cam": "spec, scene, table_angle=None, table_lift=None, table_ratio=None, table_probe_mm=None",
     "read_lift_table": "path, scene, table_angle=None, table_lift=None, table_ratio=None, table_probe_mm=None",
     "reduce": "scene, cam=None, speeds_rpm=None, *, tolerance_mm=0.01, smooth=True, workers=2",
-    "simulate": "scene, cam, speed_rpm, method='event', *, revolutions=2, step_deg=0.1, parameters=None, accuracy=None",
+    "simulate": "scene, cam, speed_rpm, method='event', *, revolutions=2, step_deg=0.1, parameters=None, "
+    "accuracy=None, progress=False",
     "sweep": "tasks, store, executor=None, workers=None, *, retry_failed=False, progress=False",
     "tradeoff": "scene, out=None, resume=False, *, size='full', progress=False, cam=None",
     "trains_as_built": "scene, count, *, seed=0, first=0",
     "trapezoid": "scene, sections_deg=None, jerk=True",
-    "verify": "scene, lift, speeds_rpm=None, methods='all', accuracy='standard'",
+    "verify": "scene, lift, speeds_rpm=None, methods='all', accuracy='standard', progress=False",
 }
 """Public name -> its parameters with their defaults; those after the star go by name alone."""
 UNPROMISED = {"CrankTiming", "MeasuredLift", "cam_card", "camshaft_torque", "converted", "cycloidal", "differentiable",

@@ -52,6 +52,7 @@ class TestVerbsThatSearch:
             "speeds_rpm": (5000.0, 6000.0),
             "methods": "rkg",
             "accuracy": "standard",
+            "progress": True,
         }
         assert json.loads(file.read_text()) == content
         assert out == "the verdict in words\n"  # what it says: tests of `Verdict`

@@ -96,7 +96,8 @@ def verify(args: Namespace) -> int:
     from camopt.verifier.accuracy import verify as verdict_of
 
     _say_compilation(args)
-    report = verdict_of(scene, lift, speeds_rpm=args.speeds, methods=args.method, accuracy=args.accuracy)
+    asked = {"speeds_rpm": args.speeds, "methods": args.method, "accuracy": args.accuracy}
+    report = verdict_of(scene, lift, **asked, progress=not args.quiet)
     record, lines = report.as_dict(), []
     if args.energy or args.periodic:
         from camopt.study.settled_motion import settled_lines, settled_motions
@@ -114,19 +115,20 @@ def verify(args: Namespace) -> int:
 def simulate(args: Namespace) -> int:
     scene = _scene_of(args)
     lift = _cam_of(args, scene)
-    from camopt.study.simulate.motion import motion_lines, motion_table
+    from camopt.study.simulate.dataset import motion_lines, motion_table
     from camopt.study.simulate.motion import simulate as motion_of
     from camopt.verifier.verdict import methods_for
 
     _say_compilation(args)
     method = args.method or ("event" if args.accuracy is None else methods_for(build_train(scene))[0])
     motion = motion_of(
-        scene, lift, args.speed, method, revolutions=args.revolutions, step_deg=args.step_deg, accuracy=args.accuracy
-    )
+        scene, lift, args.speed, method, revolutions=args.revolutions, step_deg=args.step_deg, accuracy=args.accuracy,
+        progress=not args.quiet,
+    )  # fmt: skip
     if args.csv:
         write_csv(args.csv, motion_table(motion))
     print(f"{scene.name}, {lift.family}, {args.speed:g} r/min, {method}, from rest")
-    if args.accuracy is not None:
+    if "accuracy_statement" in motion.attrs:
         print(motion.attrs["accuracy_statement"])
     print("\n".join(motion_lines(motion, scene)))
     return 0

@@ -31,8 +31,8 @@ from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.settled import SETTLED_POSITION
 from camopt.scene.train import Train, build_train
-from camopt.scene.units import UM
-from camopt.verifier.convergence import Demand
+from camopt.scene.units import MM, UM
+from camopt.verifier.convergence import FINEST, Demand
 from camopt.verifier.stored_curves import stored_curves
 from camopt.verifier.verdict import METHODS, Verdict, methods_for, verdict_on
 
@@ -58,8 +58,11 @@ class Effort:
 
     @property
     def demand(self) -> Demand:
-        """What is asked of every method."""
-        return Demand(self.tolerance_um, position=self.settled_um * UM, everywhere=self.everywhere, stands=self.stands)
+        """What is asked of every method: no more than the least error that is ever stated, which would be in vain."""
+        tolerance_um, settled_um = (
+            max(um, FINEST["bounce_mm"] * MM / UM) for um in (self.tolerance_um, self.settled_um)
+        )
+        return Demand(tolerance_um, position=settled_um * UM, everywhere=self.everywhere, stands=self.stands)
 
 
 EFFORTS = {
@@ -94,18 +97,21 @@ def verify(
     speeds_rpm: tuple[float, ...] | None = None,
     methods: str = "all",
     accuracy: str | float = "standard",
+    progress: bool = False,
 ) -> Verdict:
     """Judges a cam at `speeds_rpm` (k) [r/min of the crankshaft; the scene's by default] and over the scene's band.
 
     `methods` is "all", which means those that can simulate the scene's laws (for "draft" the first two of them), or one
     of "event", "rkg", "tmm", "houbolt" and "dop853". One method alone gives figures but no agreement, and so never
     confirms. `accuracy` is a name of EFFORTS or a number of micrometres; the verdict says what was asked and what error
-    is estimated for what was delivered. Raises InputError for what cannot be judged.
+    is estimated for what was delivered, at best where it was not reached: every method halves its step so many times at
+    most (`camopt.verifier.convergence.Demand`). With `progress` bars count the speeds that have been judged. Raises
+    InputError for what cannot be judged.
     """
     if not isinstance(lift, Lift):
         raise InputError(f"verify: {lift!r} in place of a cam: expected one, as camopt.read_cam or a family gives it")
     effort = effort_of(accuracy)
     every = methods_for(build_train(scene))[: 2 if accuracy == "draft" else None]
     asked = every if methods == "all" else (methods,)
-    verdict = verdict_on(scene, lift, speeds_rpm, asked, effort.band_step_rpm, effort.demand)
+    verdict = verdict_on(scene, lift, speeds_rpm, asked, effort.band_step_rpm, effort.demand, progress=progress)
     return replace(verdict, asked=accuracy)

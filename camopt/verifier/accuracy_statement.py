@@ -48,11 +48,7 @@ def stated(speeds: Iterable[AtSpeed], asked_um: float, asked: str | float | None
         words += f"; estimated error of bounce: {'at most ' if finest else ''}{delivered:.2g} um"
     else:
         none = [rpm for rpm, s in every.items() if not np.isfinite(s.bounce_range_mm).all()]
-        ranges = [
-            "{:.4f} to {:.4f} mm at {:g} r/min".format(*s.bounce_range_mm, rpm)
-            for rpm, s in every.items()
-            if errors[rpm] > asked_um and rpm not in none
-        ]
+        ranges = [_range(s) for rpm, s in every.items() if errors[rpm] > asked_um and rpm not in none]
         words += f"; not reached: bounce is known to a range only, {', '.join(ranges)}" if ranges else ""
         at = ", ".join(f"{rpm:g}" for rpm in none)
         words += f"; there is no bounce at {at} r/min, where the valve does not seat" if none else ""
@@ -73,3 +69,11 @@ def who_looked(verdicts: Iterable[SpeedVerdict]) -> str:
     if not others:
         return ""
     return f"; all methods looked at {looked} r/min, event-exact alone at {others} other speed{'s' * (others > 1)}"
+
+
+def _range(speed: AtSpeed) -> str:
+    """What is known of the bounce at one speed: that of a periodic motion with its error, else the range."""
+    low, high = speed.bounce_range_mm
+    known = f"{high:.4f} mm +- {bounce_error_um(speed):.2g} um"
+    periodic = next(iter(speed.methods.values())).periodic
+    return f"{known if periodic else f'{low:.4f} to {high:.4f} mm'} at {speed.speed_rpm:g} r/min"

@@ -53,6 +53,7 @@ class Case:
     methods: Mapping[str, Prepare]
     demand: Demand
     many: SettledMany | None = None  # measures many settled motions of the first method, where it can
+    progress: bool = False  # whether bars count the speeds that have been judged
 
 
 @dataclass(frozen=True, repr=False)

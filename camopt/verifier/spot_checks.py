@@ -11,6 +11,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from tqdm import tqdm
 
 from camopt.measure.limits import motion_limits
 from camopt.measure.settling import decay_per_revolution
@@ -49,8 +50,10 @@ Verdicts = tuple[SpeedVerdict, ...]
 
 def at_every(judge: Callable[[Case, float], SpeedVerdict], case: Case, speeds_rpm: Iterable[float]) -> Verdicts:
     """The verdicts at crankshaft speeds [r/min], some of them side by side."""
+    speeds, hidden = [float(speed) for speed in speeds_rpm], None if case.progress else True
     with ThreadPoolExecutor(WORKERS) as pool:
-        return tuple(pool.map(lambda speed: judge(case, float(speed)), speeds_rpm))
+        found = pool.map(lambda speed: judge(case, speed), speeds)
+        return tuple(tqdm(found, total=len(speeds), desc="judged", unit="speed", leave=False, disable=hidden))
 
 
 def event_alone(case: Case, speed_rpm: float) -> SpeedVerdict:

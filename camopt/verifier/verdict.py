@@ -58,7 +58,8 @@ class Verdict:
     def accuracy(self) -> dict:
         """What was asked and what was delivered: verification.json's "accuracy"."""
         every = *self.speeds, *self.worst_in_band
-        found = stated(every, self.tolerance_um, self.asked)
+        asked_um = self.tolerance_um if self.asked is None or isinstance(self.asked, str) else float(self.asked)
+        found = stated(every, asked_um, self.asked)
         return found | {"statement": found["statement"] + who_looked(every)}
 
     @property
@@ -99,6 +100,7 @@ def verdict_on(
     band_step_rpm: float | None = 20.0,
     demand: Demand = DEMAND,
     to_the_end: bool = True,
+    progress: bool = False,
 ) -> Verdict:
     """Judge a cam at `speeds_rpm` (crankshaft; the scene's by default) and over the scene's band.
 
@@ -110,15 +112,16 @@ def verdict_on(
     the scene's limit, or 0.05 mm where it sets none. `demand` says how far every method is asked to go, and whether
     all of them look at every speed; its limited metrics are the scene's. Without `to_the_end` a cam is rejected as
     soon as the answer stands: all methods look at the one speed of `speeds_rpm` where it is broken far beyond a limit,
-    and the band is swept in steps of at least SEARCH_STEP_RPM, with WANDERING_REVOLUTIONS at most to settle. Raises
-    InputError for a scene without valve or operation, or an unknown method.
+    and the band is swept in steps of at least SEARCH_STEP_RPM, with WANDERING_REVOLUTIONS at most to settle. With
+    `progress` bars count the speeds that have been judged. Raises InputError for a scene without valve or operation, or
+    an unknown method.
     """
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name!r}: a verdict needs valve, seat and [operation]")
     methods = _known_methods(scene, methods)
     demand = replace(demand, limited=limited_metrics(scene.design))
     many = _settled_metrics() if methods[0] == "event" and build_train(scene).straight else None
-    case = Case(scene, lift, {name: method_named(name) for name in methods}, demand, many)
+    case = Case(scene, lift, {name: method_named(name) for name in methods}, demand, many, progress)
     few = allows(case) and not demand.everywhere
     listed = [float(s) for s in (scene.operation.speeds_rpm if speeds_rpm is None else speeds_rpm)]
     at_speeds = _judged(case, listed, few, to_the_end)
@@ -227,12 +230,18 @@ def event_exact(train: Train, lift: Lift, cam_speed: float, steps_per_revolution
     estimate includes it.
     """
     from camopt.exact import engine
-    from camopt.exact.affine.lines import CHORDS, with_chords
+    from camopt.exact.affine.lines import with_chords
 
     if not train.straight:
-        finer = max(1.0, steps_per_revolution / first_steps(train, cam_speed))
-        train = with_chords(train, round(CHORDS * finer**0.5))
+        train = with_chords(train, chords_at(train, cam_speed, steps_per_revolution))
     return engine.prepare(train, lift, cam_speed, steps_per_revolution)
+
+
+def chords_at(train: Train, cam_speed: float, steps_per_revolution: int) -> int:
+    """Number of chords that event-exact has in place of a curved law at so many steps."""
+    from camopt.exact.affine.lines import CHORDS
+
+    return round(CHORDS * max(1.0, steps_per_revolution / first_steps(train, cam_speed)) ** 0.5)
 
 
 def _at_first_steps(train: Train, lift: Lift, cam_speed: float) -> Revolve:

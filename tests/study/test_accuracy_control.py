@@ -8,14 +8,21 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import engine
-from camopt.scene import InputError, MotionRefused, build_train, load_scene
+from camopt.scene import InputError, MotionRefused, build_train, load_scene, scene_text
+from camopt.scene.load import parse_scene
 from camopt.scene.rest import state_at_rest
 from camopt.study.simulate import accuracy_control as module
+from camopt.study.simulate import motion as motion_module
 from camopt.study.simulate.accuracy_control import ANGLES, Delivered, apart_um, deliver, valve_position
-from camopt.study.simulate.motion import simulate
+from camopt.study.simulate.motion import dialled, simulate
 from camopt.verifier.stored_curves import Curve, stored_curves
+from tests.test_cli import run as command
 
 MOTOR, KODAMA = load_scene("motori-1"), load_scene("kodama")
+CURVED_TEXT = scene_text("motori-1").replace(
+    "stiffness_N_per_m = 1.5e8", 'law = "hertz"\nexponent = 1.5\nstiffness_N_per_m = 5.8e10', 1
+)
+CURVED = parse_scene(CURVED_TEXT, "curved")
 
 
 def valve_mm(motion, scene) -> np.ndarray:
@@ -49,13 +56,85 @@ class TestSimulate:
         assert (motion.attrs["accuracy_asked"], motion.attrs["accuracy_asked_um"]) == ("draft", 5.0)
         assert "5 um (draft)" in motion.attrs["accuracy_statement"]
 
-    def test_without_it_nothing_is_claimed(self):
-        assert not [a for a in simulate(MOTOR, self.CAM, 3000).attrs if a.startswith("accuracy")]
+    @pytest.mark.parametrize("method", ["event", "rkg"])
+    def test_without_it_nothing_is_claimed_of_straight_laws(self, method):
+        assert not [a for a in simulate(MOTOR, self.CAM, 3000, method).attrs if a.startswith("accuracy")]
 
     @pytest.mark.parametrize("accuracy", ["rough", 0.0, -1.0, float("nan"), float("inf")])
     def test_refusals(self, accuracy):
         with pytest.raises(InputError, match="accuracy"):
             simulate(MOTOR, self.CAM, 3000, accuracy=accuracy)
+
+
+class TestCurvedLaws:
+    """motori-1 with its cam contact by Hertz, of which event-exact makes chords; DOP853 takes the law as it is."""
+
+    CAM = polydyne(CURVED)
+
+    @pytest.mark.parametrize("step_deg", [0.1, 1.0])
+    def test_a_motion_without_an_accuracy_states_its_error(self, step_deg):
+        motion = simulate(CURVED, self.CAM, 5000, step_deg=step_deg)
+        truth = simulate(CURVED, self.CAM, 5000, "dop853", step_deg=step_deg)
+        true_um = 1e3 * np.abs(valve_mm(motion, CURVED) - valve_mm(truth, CURVED)).max()
+        assert 0.01 < true_um <= motion.attrs["accuracy_estimated_um"] < 50 * true_um
+        assert motion.attrs["accuracy_estimated_um"] == motion.attrs["accuracy_estimated_by_revolution_um"].max()
+        said = f"estimated error of the valve's position: {motion.attrs['accuracy_estimated_um']:.2g} um, from "
+        assert motion.attrs["accuracy_statement"].startswith(said)
+        assert motion.attrs["accuracy_statement"].endswith(" chords in place of curved laws")
+
+    def test_the_terminal_states_it_too(self, capsys, tmp_path):
+        file = tmp_path / "curved.toml"
+        file.write_text(CURVED_TEXT)
+        code, out, _ = command(capsys, "simulate", str(file), "--cam", "polydyne", "--speed", "5000", "--step-deg", "1")
+        assert code == 0 and out.splitlines()[1].startswith("estimated error of the valve's position: ")
+
+    def test_an_accuracy_is_kept(self):
+        truth = simulate(CURVED, self.CAM, 5000, "dop853")
+        motion = simulate(CURVED, self.CAM, 5000, accuracy=0.5)
+        true_um = 1e3 * np.abs(valve_mm(motion, CURVED) - valve_mm(truth, CURVED)).max()
+        assert true_um <= motion.attrs["accuracy_estimated_um"] <= 0.5
+
+    def test_every_setting_of_the_dial_has_chords_of_its_own(self, monkeypatch):
+        """At a high speed, where a revolution has few steps, too: equal answers would be taken for an exact one."""
+        counts = []
+        monkeypatch.setattr(motion_module, "_motion", lambda *given: counts.append(given[5:]))
+        for number in range(7):
+            dialled(build_train(CURVED), self.CAM, CURVED.cam_speed(60_000), "event", 2)(0.3 / 2**number)
+        assert [chords for _, chords in counts] == [16, 23, 32, 45, 64, 91, 128]
+
+    def test_a_fine_table_has_no_more_chords_than_an_accuracy_may_choose(self, monkeypatch):
+        monkeypatch.setattr(motion_module, "MOST_CHORDS", 20)
+        assert (
+            simulate(CURVED, self.CAM, 5000).attrs["accuracy_statement"].endswith(" 20 chords in place of curved laws")
+        )
+
+    def test_an_accuracy_beyond_the_budget_ends_with_the_best(self, monkeypatch):
+        monkeypatch.setattr(motion_module, "MOST_CHORDS", 48)
+        motion = simulate(CURVED, self.CAM, 5000, accuracy=1e-5)
+        best = motion.attrs["accuracy_estimated_um"]
+        assert motion.attrs["accuracy_reached"] == 0 and 1e-3 < best < 10.0
+        assert motion.attrs["accuracy_statement"].startswith(
+            "accuracy asked: 1e-05 um; not reached within the budget of 4 settings: the valve's position is known to a "
+            "range only, at best +-"
+        )
+        assert simulate(CURVED, self.CAM, 5000, accuracy=10 * best).attrs["accuracy_reached"] == 1
+
+
+def test_the_budget_of_the_chords_is_known():
+    """The settings from 16 to 128 chords, whatever is asked: a wish that nothing fulfils must not run for ever."""
+    train = build_train(CURVED)
+    for asked in (10.0, 1e-5):
+        tried = []
+
+        def run(setting: float, tried=tried):
+            tried.append(setting)
+            return shifted(simulate_response(), 1e-3 * len(tried))
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(motion_module, "dialled", lambda *_, run=run: run)
+            found = motion_module.delivered(train, polydyne(CURVED), CURVED.cam_speed(5000), "event", 1, asked)
+        assert 6 <= len(tried) == found.budget <= 7 and not found.reached
+        assert 0.3 / 64 < 1.0001 * tried[-1] < 0.3 / 32
 
 
 def test_chaos_is_answered_by_a_range(monkeypatch):
@@ -65,7 +144,7 @@ def test_chaos_is_answered_by_a_range(monkeypatch):
     by_revolution = motion.attrs["accuracy_estimated_by_revolution_um"]
     assert motion.attrs["accuracy_reached"] == 0
     assert by_revolution[0] < 0.1 < 1.0 < by_revolution[3]
-    assert "not reached: this motion is known to a range only" in motion.attrs["accuracy_statement"]
+    assert "settings: the valve's position is known to a range only" in motion.attrs["accuracy_statement"]
     assert f"+-{by_revolution[3]:.2g} um in revolution 4" in motion.attrs["accuracy_statement"]
 
 
@@ -99,8 +178,45 @@ class TestDial:
         further = count()
         run, calls = self.run(lambda s: 1e-3 * next(further))
         found = deliver(run, "rkg", 1.0, 1, stored_curves()["rkg"].coarsest(1.0, typical=True) / 8)
-        assert len(calls) == 5 and not found.reached
+        assert len(calls) == found.budget == 5 and not found.reached
         assert found.estimate_um[0] == pytest.approx(1.5 * 3000.0)
+
+    def test_the_best_of_the_budget_is_delivered_and_not_the_last(self):
+        offsets = iter([8e-6, 4e-6, 2e-6, 1e-6, 9e-6])
+        run, calls = self.run(lambda s: next(offsets))
+        found = deliver(run, "rkg", 1.0, 1, stored_curves()["rkg"].coarsest(1.0, typical=True) / 8)
+        assert len(calls) == 5 and found.setting == calls[3] and not found.reached
+        assert found.estimate_um[0] == pytest.approx(1.5 * 7.0)
+        assert found.sentence() == (
+            "accuracy asked: 1 um; not reached within the budget of 5 settings: the valve's position is known to a "
+            "range only, at best +-11 um in revolution 1"
+        )
+
+    def test_nothing_below_the_least_error_that_is_stated_is_tried(self):
+        run, calls = self.run(lambda s: 0.0)
+        found = deliver(run, "rkg", 1e-5, 1, stored_curves()["rkg"].coarsest(1e-5, typical=True) / 1e6)
+        assert len(calls) == 4 < found.budget and found.estimate_um[0] == module.FINEST_UM and not found.reached
+
+    def test_settings_that_are_all_refused_but_few_leave_the_error_unknown(self):
+        start = stored_curves()["rkg"].coarsest(1.0, typical=True)
+        run, _ = self.run(lambda s: 0.0, refuse=lambda s: s > 0.2 * start)
+        found = deliver(run, "rkg", 1.0, 1, start / 8)
+        assert found.sentence().endswith("5 settings, too few of which gave a motion: the error is not known")
+
+    def test_the_bar_shows_how_much_of_the_budget_is_spent(self, monkeypatch):
+        shown = []
+
+        class Bar(module.tqdm):
+            def update(self, n=1):
+                super().update(n)
+                shown.append((self.n, self.total))
+
+        monkeypatch.setattr(module, "tqdm", Bar)
+        monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+        further = count()
+        run, _ = self.run(lambda s: 1e-3 * next(further))
+        deliver(run, "rkg", 1.0, 1, stored_curves()["rkg"].coarsest(1.0, typical=True) / 8, progress=True)
+        assert shown == [(1, 31), (3, 31), (7, 31), (15, 31), (31, 31)]
 
     def test_refused_settings_are_passed_over_and_all_refused_is_a_refusal(self):
         start = stored_curves()["rkg"].coarsest(1.0, typical=True)
@@ -138,10 +254,10 @@ def test_position_is_that_of_the_valve():
 
 
 def test_words():
-    found = Delivered(simulate_response(), 0.5, 0.5, np.array([0.25, 4.0]), 0.1)
+    found = Delivered(simulate_response(), 0.5, 0.5, np.array([0.25, 4.0]), 0.1, 7)
     assert found.sentence() == (
-        "accuracy asked: 0.5 um; not reached: this motion is known to a range only, "
-        "+-0.25 um in revolution 1, +-4 um in revolution 2"
+        "accuracy asked: 0.5 um; not reached within the budget of 7 settings: the valve's position is known to a range "
+        "only, at best +-0.25 um in revolution 1, +-4 um in revolution 2"
     )
 
 

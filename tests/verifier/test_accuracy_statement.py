@@ -50,6 +50,10 @@ class TestWords:
         assert (found["asked"], found["reached"]) == (1.0, False)
         assert found["delivered_um"] == pytest.approx(220.0)
 
+    def test_not_reached_by_a_motion_that_repeats_is_the_best_figure_with_its_error(self):
+        found = stated([at(7000, 3e-3, 0.12, 0.12)], 1.0, None)
+        assert found["statement"].endswith("bounce is known to a range only, 0.1200 mm +- 3 um at 7000 r/min")
+
     def test_a_valve_that_does_not_seat_has_no_figure(self):
         found = stated([at(7000, np.nan, np.nan, np.nan)], 1.0, None)
         assert found["delivered_um"] is None and not found["reached"]
@@ -79,13 +83,25 @@ class TestEffort:
         assert effort_of(1e6).band_step_rpm == EFFORTS["draft"].band_step_rpm
         assert effort_of(0.01).settled_um == pytest.approx(0.01)
 
+    def test_no_method_is_asked_for_less_than_the_least_error_that_is_stated(self):
+        demand = effort_of(1e-5).demand
+        assert demand.tolerance_um == 0.01 and demand.position == pytest.approx(0.01 * UM)
+
+    def test_a_number_below_it_ends_with_the_best_that_was_reached(self):
+        scene = load_scene("motori-1")
+        found = verify(scene, polydyne(scene), (3000.0,), "event", 1e-5)
+        assert found.accuracy["asked_um"] == 1e-5 and not found.accuracy["reached"]
+        said = found.accuracy["statement"]
+        assert said.startswith("accuracy asked: 1e-05 um; not reached: bounce is known to a range only, ")
+        assert "0.0000 mm +- 0.01 um at 3000 r/min" in said
+
     @pytest.mark.parametrize("accuracy", ["rough", 0.0, -1.0, np.nan, np.inf])
     def test_refusals(self, accuracy):
         with pytest.raises(InputError, match=r"accuracy .*(micrometres|draft)"):
             effort_of(accuracy)
 
     def test_verify_is_asked_for_it(self, monkeypatch):
-        monkeypatch.setattr(module, "verdict_on", lambda *arguments: Result(arguments))
+        monkeypatch.setattr(module, "verdict_on", lambda *arguments, progress: Result(arguments))
         scene = load_scene("motori-1")
         found = verify(scene, polydyne(scene), (5000.0,), "event", 50.0)
         effort = effort_of(50.0)

@@ -111,3 +111,17 @@ def test_the_band_of_a_rejected_baseline_settles_briefly(cam, monkeypatch, speed
     with pytest.raises(Looked):
         verdict_on(SCENE, cam, (speed,), BOTH, 500.0, DRAFT, False)
     assert asked[-1] == most
+
+
+def test_bars_count_the_speeds_that_are_judged(cam, monkeypatch):
+    shown = []
+
+    class Bar(spot_checks.tqdm):
+        def __init__(self, *given, **named):
+            shown.append((named["total"], named["disable"]))
+            super().__init__(*given, **named)
+
+    monkeypatch.setattr(spot_checks, "tqdm", Bar)
+    for progress, hidden in ((False, True), (True, None)):  # None: a bar on a terminal
+        verdict_on(SCENE, cam, SPEEDS[:2], BOTH, None, progress=progress)
+        assert shown.pop() == (2, hidden) and not shown

@@ -1,4 +1,4 @@
-"""A motion as a labelled dataset, with its metrics."""
+"""A motion as a labelled dataset, with its metrics; the dataset in lines and as a table."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -54,3 +54,28 @@ def motion_dataset(
     }
     attributes = {"scene": scene.name, "cam": cam.family, "speed_rpm": speed_rpm, "method": method}
     return xr.Dataset(variables, coords, attributes)
+
+
+def motion_lines(motion: "xr.Dataset", scene: Scene) -> list[str]:
+    """By revolution the largest valve position and the forces of the contacts, a line each."""
+    lines = []
+    for revolution, part in motion.groupby("revolution"):
+        valve = part["position_mm"].sel(mass=scene.valve)
+        lines.append(f"revolution {revolution}: largest valve position {float(valve.max()):.4f} mm")
+        for element in (e.name for e in scene.element if e.kind == "contact"):
+            force = part["force_N"].sel(element=element)
+            lines.append(f"  {element:<20} force {float(force.min()):10.1f} to {float(force.max()):10.1f} N")
+    return lines
+
+
+def motion_table(motion: "xr.Dataset") -> Mapping[str, np.ndarray]:
+    """Columns of `simulate --csv`: revolution, cam_angle_deg, time_s, then every mass and every element."""
+    columns = {name: motion[name].values for name in ("revolution", "cam_angle_deg", "time_s")}
+    for variable, dimension, unit in (
+        ("position_mm", "mass", "mm"),
+        ("velocity_m_per_s", "mass", "m_per_s"),
+        ("force_N", "element", "N"),
+    ):
+        for i, name in enumerate(motion[dimension].values):
+            columns[f"{name}_{unit}"] = motion[variable].values[:, i]
+    return columns

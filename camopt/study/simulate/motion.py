@@ -14,7 +14,7 @@ from camopt.scene.units import DEG
 from camopt.scene.vibration import highest_rate
 from camopt.study.simulate.dataset import motion_dataset, recorded_metrics
 from camopt.verifier.methods import verdict_methods
-from camopt.verifier.verdict import method_named
+from camopt.verifier.verdict import chords_at, method_named
 
 if TYPE_CHECKING:
     import xarray as xr  # loads pandas, which a job has no need of
@@ -35,6 +35,10 @@ TOLERANCE_OF_WIDTH = 5e-3
 """The smooth path's error per step over the width of its layer: that of its defaults."""
 LEAST_WIDTH = 2.5e-10
 """Finest layer [m] that an accuracy may choose."""
+FEWEST_CHORDS, MOST_CHORDS = 16, 128
+"""Chords in place of a curved law with which event-exact begins where an accuracy chooses them, and ends. Their error
+falls with the square of their number, and twice as many cost about four times as much: the last one takes some half a
+minute."""
 
 
 def simulate(
@@ -47,6 +51,7 @@ def simulate(
     step_deg: float = 0.1,
     parameters: Mapping[str, Any] | None = None,
     accuracy: str | float | None = None,
+    progress: bool = False,
 ) -> "xr.Dataset":
     """Motion of the valve train from rest at -180 degrees, `revolutions` of the cam at a crankshaft speed [r/min].
 
@@ -56,8 +61,10 @@ def simulate(
     `measured`, the revolutions but the last, which only ends the window of the one before.
 
     `method`: "event", "smooth" or one of `camopt.verifier.methods.INDEPENDENT`. With an `accuracy`, a name or
-    micrometres of the valve's position, its dial is chosen and refined until the motion stands; the attributes say what
-    error is estimated (`camopt.study.simulate.accuracy_control`). `parameters` (see `motion_parameters`) replaces
+    micrometres of the valve's position, its dial is chosen and refined until the motion stands, or until its budget is
+    spent; the attributes say what error is estimated (`camopt.study.simulate.accuracy_control`), and with `progress` a
+    bar shows the budget. Without one they say so of event-exact where it has chords in place of curved laws.
+    `parameters` (see `motion_parameters`) replaces
     numbers of scene and cam by arrays that JAX may trace; `camopt.study.simulate` tells of steps and of gradients.
 
     Raises InputError for unusable arguments, a motion that the method refuses, or a record that would be too large.
@@ -70,10 +77,12 @@ def simulate(
         shown, metrics = rule(train, cam, parameters, cam_speed, revolutions, steps, known_speed)
         return motion_dataset(scene, cam, speed_rpm, method, shown, metrics)
     if accuracy is not None:
-        done = delivered(train, cam, cam_speed, method, revolutions, accuracy)
-        response, said = done.response, {"accuracy_statement": done.sentence(), **done.attributes()}
+        done = delivered(train, cam, cam_speed, method, revolutions, accuracy, progress=progress)
+        response, said = done.response, done.attributes()
     else:
         response, said = _motion(train, cam, cam_speed, method, revolutions, steps * finer), {}
+        if method == "event" and not train.straight:
+            said = _error_of_chords(train, cam, cam_speed, response, steps * finer)
     shown, metrics = resampled(response, steps * revolutions), recorded_metrics(response, cam)
     return motion_dataset(scene, cam, speed_rpm, method, shown, metrics).assign_attrs(said)
 
@@ -126,30 +135,60 @@ def _check_price(train: Train, speed_rpm, steps: int) -> None:
 
 
 def delivered(
-    train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int, accuracy: str | float
+    train: Train,
+    cam: Lift,
+    cam_speed: float,
+    method: str,
+    revolutions: int,
+    accuracy: str | float,
+    *,
+    progress: bool = False,
 ) -> "Delivered":
     """The motion from rest at an accuracy; see `camopt.study.simulate.accuracy_control`."""
-    from camopt.study.simulate.accuracy_control import MOST_VALUES, deliver
+    from camopt.study.simulate.accuracy_control import CHORDS_DIAL, MOST_VALUES, deliver
 
-    run = dialled(train, cam, cam_speed, method, revolutions)
-    if method == "smooth":
-        return deliver(run, method, accuracy, revolutions, LEAST_WIDTH)
-    most = MOST_VALUES / revolutions / (2 + 2 * len(train.mass) + len(train.a))
-    return deliver(run, method, accuracy, revolutions, 2 * np.pi * highest_rate(train) / cam_speed / most)
+    run, least, dial = dialled(train, cam, cam_speed, method, revolutions), LEAST_WIDTH, method
+    if method != "smooth":
+        most = MOST_VALUES / revolutions / (2 + 2 * len(train.mass) + len(train.a))
+        least = 2 * np.pi * highest_rate(train) / cam_speed / most
+    if method == "event" and not train.straight:
+        least, dial = max(least, LARGEST_PHASE * (FEWEST_CHORDS / MOST_CHORDS) ** 2), CHORDS_DIAL
+    return deliver(run, dial, accuracy, revolutions, least, progress=progress)
 
 
 def dialled(train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int) -> "Run":
-    """The motion from rest as a function of the method's dial: step times highest rate [rad], or layer width [m]."""
-    rate = highest_rate(train)
+    """The motion from rest as a function of the method's dial: step times highest rate [rad], or layer width [m].
+
+    Event-exact has chords in place of curved laws. Their number grows with the inverse root of the dial, so that their
+    error falls as the dial does, and the steps, which are samples alone there, grow with it.
+    """
+    rate, chorded = highest_rate(train), method == "event" and not train.straight
 
     def run(setting: float) -> Response:
         if method == "smooth":
             simulate_smooth, tolerance = import_module(SMOOTH).simulate_smooth, setting * TOLERANCE_OF_WIDTH
             return simulate_smooth(train, cam, cam_speed, revolutions, eps=setting, tolerance=tolerance)
-        steps = max(FEWEST_STEPS, int(np.ceil(2 * np.pi * rate / cam_speed / setting)))
-        return _motion(train, cam, cam_speed, method, revolutions, steps)
+        finer = (LARGEST_PHASE / setting) ** 0.5
+        phase, chords = (LARGEST_PHASE / finer, round(FEWEST_CHORDS * finer)) if chorded else (setting, 0)
+        steps = max(FEWEST_STEPS, int(np.ceil(2 * np.pi * rate / cam_speed / phase)))
+        return _motion(train, cam, cam_speed, method, revolutions, steps, chords)
 
     return run
+
+
+def _error_of_chords(train: Train, cam: Lift, cam_speed: float, response: Response, steps: int) -> dict:
+    """What a dataset says of the error that the chords leave in a motion by event-exact at so many steps.
+
+    It is estimated as with an accuracy, by the motions with so many fewer chords as the coarser settings have.
+    """
+    from camopt.study.simulate.accuracy_control import CHORDS_DIAL, ESTIMATES, error_said, estimate_um, valve_position
+
+    chords, revolutions = min(MOST_CHORDS, chords_at(train, cam_speed, steps)), response.revolutions
+    fewer = [round(chords * 0.5 ** (k / 2)) for k in range(ESTIMATES[CHORDS_DIAL][0], 0, -1)]
+    coarser = [_motion(train, cam, cam_speed, "event", revolutions, steps, count) for count in fewer]
+    answers = [valve_position(motion, revolutions) for motion in (*coarser, response)]
+    error, said = error_said(estimate_um(answers, CHORDS_DIAL, revolutions))
+    return {"accuracy_statement": f"{error}, from {chords} chords in place of curved laws", **said}
 
 
 def motion_parameters(scene: Scene, cam: Lift) -> dict[str, np.ndarray]:
@@ -209,11 +248,18 @@ def _steps_per_revolution(speed_rpm, method, revolutions, step_deg) -> int:
     return steps
 
 
-def _motion(train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int, steps: int) -> Response:
+def _motion(
+    train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int, steps: int, chords: int = 0
+) -> Response:
+    """The motion from rest at `steps` in a revolution; event-exact has `chords` in place of each curved law, or as many
+    as a verdict at these steps would have, MOST_CHORDS at most."""
     if method == "smooth":  # at steps of its own: equal ones would miss its layers
         return import_module(SMOOTH).simulate_smooth(train, cam, cam_speed, revolutions)
-    revolve = method_named(method)(train, cam, cam_speed, steps)
     state, parts = state_at_rest(train), []
+    if method == "event" and not train.straight:
+        chords = chords or min(MOST_CHORDS, chords_at(train, cam_speed, steps))
+        train = import_module("camopt.exact.affine.lines").with_chords(train, chords)
+    revolve = method_named(method)(train, cam, cam_speed, steps)
     for _ in range(revolutions):
         parts.append(revolve(state))
         state = end_state(parts[-1])
@@ -238,28 +284,3 @@ def resampled(response: Response, steps: int) -> Response:
     force = (1 - s) * response.force[left] + s * response.force[left + 1]
     lift = (1 - s[:, 0]) * response.lift[left] + s[:, 0] * response.lift[left + 1]
     return Response(response.train, response.cam_speed, grid, lift, x, v, force)
-
-
-def motion_lines(motion: "xr.Dataset", scene: Scene) -> list[str]:
-    """By revolution the largest valve position and the forces of the contacts, a line each."""
-    lines = []
-    for revolution, part in motion.groupby("revolution"):
-        valve = part["position_mm"].sel(mass=scene.valve)
-        lines.append(f"revolution {revolution}: largest valve position {float(valve.max()):.4f} mm")
-        for element in (e.name for e in scene.element if e.kind == "contact"):
-            force = part["force_N"].sel(element=element)
-            lines.append(f"  {element:<20} force {float(force.min()):10.1f} to {float(force.max()):10.1f} N")
-    return lines
-
-
-def motion_table(motion: "xr.Dataset") -> Mapping[str, np.ndarray]:
-    """Columns of `simulate --csv`: revolution, cam_angle_deg, time_s, then every mass and every element."""
-    columns = {name: motion[name].values for name in ("revolution", "cam_angle_deg", "time_s")}
-    for variable, dimension, unit in (
-        ("position_mm", "mass", "mm"),
-        ("velocity_m_per_s", "mass", "m_per_s"),
-        ("force_N", "element", "N"),
-    ):
-        for i, name in enumerate(motion[dimension].values):
-            columns[f"{name}_{unit}"] = motion[variable].values[:, i]
-    return columns
