@@ -151,7 +151,7 @@ class _Way:
         self.revolutions = 0
         self._within = 0  # the last of the revolutions whose change is within the tolerances
         self._largest = self._start = 0.0  # distance of the largest of these changes, and that before measuring
-        self._distances: list[float] = []  # of the last two changes, in the tolerances
+        self._distances = 0.0, 0.0  # of the last two changes, in the tolerances
 
     def stands(self) -> bool:
         """Runs revolutions until the change still to come is within the tolerances; False where the motion wanders."""
@@ -170,7 +170,7 @@ class _Way:
 
     def measured(self, turns: int) -> Iterator[Response]:
         """The next revolutions, one after the other."""
-        self._start = self._distances[-1] if self._distances else 0.0
+        self._start = self._distances[1]
         for _ in range(turns):
             response = _finite(self._revolve(self.state))
             self._note(end_state(response), len(response.train.memory))
@@ -192,7 +192,7 @@ class _Way:
         within = self._left * distance < 1.0
         self.state, self._within = after, self._within + 1 if within else 0
         self._largest = max(self._largest, distance) if within else 0.0
-        self._distances = [*self._distances[-1:], distance]
+        self._distances = self._distances[1], distance
         return within
 
 
