@@ -24,8 +24,8 @@ from camopt.cache import cache_folder
 PACKAGE = Path(__file__).parent
 TOGETHER = ("exact", "verifier/methods")
 """Folders whose functions call each other; a compiled file elsewhere stands alone."""
-CONSTANTS = (PACKAGE / "scene/units.py", PACKAGE / "by_address.py")
-"""Files elsewhere whose numbers and types are compiled into the programs."""
+CONSTANTS = (PACKAGE / "scene/units.py", PACKAGE / "scene/settled.py", PACKAGE / "by_address.py")
+"""Files elsewhere whose numbers, rules and types are compiled into the programs."""
 OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 """How everything is compiled: divisions as NumPy's, whose infinities end in a refused motion, and no entry for C."""
 KEPT_DAYS = 60

@@ -1,7 +1,8 @@
 """Settling to the periodic motion, and the revolutions that are measured."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -20,7 +21,10 @@ from camopt.scene.settled import (
     SETTLED_POSITION,
     SETTLED_VELOCITY,
     UNBOUND,
+    goes_back,
+    goes_on,
     revolutions_needed,
+    shrinks,
     way_left,
 )
 from camopt.scene.shapes import Float, State
@@ -65,6 +69,11 @@ class Figures:
 
     by_revolution: dict[str, Float[np.ndarray, " revolutions"]]
 
+    @property
+    def revolutions(self) -> int:
+        """How many revolutions were measured."""
+        return len(next(iter(self.by_revolution.values())))
+
     def worst(self, name: str) -> float:
         """The worst revolution's value; NaN where the valve did not seat in one of them."""
         values = self.by_revolution[name]
@@ -87,21 +96,25 @@ def settle(
     """Runs revolutions from `state` until the motion has settled, and then the revolutions that are measured.
 
     The motion has settled once the change that is still to come is at most `position` [m] in every position and every
-    memory, and in every velocity SETTLED_VELOCITY in the same proportion. If the change d over a revolution shrinks by
-    the factor r from each revolution to the next, the changes to come add up to d r / (1 - r). Here r = exp(-decay),
-    with `decay` as of `decay_per_revolution` for the train, and the sum is never taken to be smaller than d itself.
+    memory, and in every velocity SETTLED_VELOCITY in the same proportion, and the distance of states a revolution apart
+    is seen to shrink (`camopt.scene.settled.shrinks`). If the change d over a revolution shrinks by the factor r from
+    each revolution to the next, the changes to come add up to d r / (1 - r). At first r = exp(-decay), with `decay` as
+    of `decay_per_revolution` for the train, and the sum is never taken to be smaller than d itself. The revolutions
+    that are measured then show r; where they do not show that the motion settles, or that it wanders, it goes on after
+    them. Fewer than MEASURED of them show nothing, and the last change decides.
 
-    It runs for at most `most` revolutions, by default PLAIN_REVOLUTIONS. Where the train's slowest mode needs more, a
-    search for the periodic motion follows, and then as many revolutions as the mode needs. A motion that has not
-    settled by then is reported as aperiodic and measured over `aperiodic` revolutions instead of `measured`. Raises
-    MotionRefused where the motion has no bound, because the step is past the method's stability limit.
+    It runs for at most `most` revolutions, by default PLAIN_REVOLUTIONS, and for more only while it stays within the
+    tolerances, WATCHED at most. Where the train's slowest mode needs more, a search for the periodic motion follows,
+    and then as many revolutions as the mode needs. A motion that has not settled by then wanders. It is reported as
+    aperiodic and measured over `aperiodic` revolutions instead of `measured`. Raises MotionRefused where the motion has
+    no bound, because the step is past the method's stability limit.
     """
-    state, revolutions, periodic, faded = _stood(revolve, state, most, position, decay)
-    responses = []
-    for _ in range((measured if periodic else aperiodic) + 1):
-        responses.append(_finite(revolve(state)))
-        state = end_state(responses[-1])
-    return Settled(joined(responses), revolutions, periodic, faded)
+    way = _Way(revolve, state, most, position, decay)
+    while True:
+        periodic = way.stands()
+        responses = list(way.measured((measured if periodic else aperiodic) + 1))
+        if measured < MEASURED or not way.goes_on(periodic, len(responses)):
+            return Settled(joined(responses), way.revolutions, periodic, periodic or way.faded)
 
 
 def settle_and_measure(
@@ -110,58 +123,77 @@ def settle_and_measure(
     lift: Lift,
     most: int | None = None,
     *,
+    aperiodic: int = APERIODIC,
     position: float = SETTLED_POSITION,
     decay: float = np.inf,
 ) -> Measured:
     """As `settle`, but each revolution is measured as it comes, and only it and the next one are kept."""
-    state, revolutions, periodic, faded = _stood(revolve, state, most, position, decay)
-    before, rows = _finite(revolve(state)), []
-    for _ in range(MEASURED if periodic else APERIODIC):
-        after = _finite(revolve(end_state(before)))
-        rows.append(measure(joined([before, after]), lift))
-        before = after
-    figures = Figures({name: np.concatenate([row[name] for row in rows]) for name in rows[0]})
-    return Measured(figures, end_state(before), revolutions, periodic, faded)
+    way = _Way(revolve, state, most, position, decay)
+    while True:
+        periodic = way.stands()
+        rows = [
+            measure(joined([*both]), lift) for both in pairwise(way.measured((MEASURED if periodic else aperiodic) + 1))
+        ]
+        if not way.goes_on(periodic, len(rows) + 1):
+            figures = Figures({name: np.concatenate([row[name] for row in rows]) for name in rows[0]})
+            return Measured(figures, way.state, way.revolutions, periodic, periodic or way.faded)
 
 
-def _stood(
-    revolve: Revolve, state: np.ndarray, most: int | None, position: float, decay: float
-) -> tuple[np.ndarray, int, bool, bool]:
-    """The state where the motion stands or is given up, the revolutions until there, whether it is periodic, and
-    whether the slowest mode had the revolutions that it needs to die out."""
-    needed = revolutions_needed(decay)
-    slow = needed > PLAIN_REVOLUTIONS
-    stands = _Stands(position, way_left(decay))
-    state, revolutions, periodic = _run(revolve, state, PLAIN_REVOLUTIONS if most is None else most, stands)
-    if slow and most is None and not periodic:
-        state, hastened = _hastened(revolve, state)
-        state, more, periodic = _run(revolve, state, min(needed, MOST_REVOLUTIONS) - PLAIN_REVOLUTIONS, stands)
-        revolutions += hastened + more
-    faded = periodic or not slow or (most is None and needed <= MOST_REVOLUTIONS)
-    return state, revolutions, periodic, faded
+class _Way:
+    """A motion's way to the periodic one: where it is, and the distances of its last states a revolution apart."""
 
+    def __init__(self, revolve: Revolve, state: State, most: int | None, position: float, decay: float):
+        self._revolve, self.state, self._position = revolve, state, position
+        self._left, self._needed = way_left(decay), revolutions_needed(decay)
+        self.faded = self._needed <= PLAIN_REVOLUTIONS  # whether the slowest mode had the revolutions to die out
+        self._searches = not self.faded and most is None
+        self._most = PLAIN_REVOLUTIONS if most is None else most
+        self.revolutions = 0
+        self._within = 0  # the last of the revolutions whose change is within the tolerances
+        self._largest = self._start = 0.0  # distance of the largest of these changes, and that before measuring
+        self._distances = 0.0, 0.0  # of the last two changes, in the tolerances
 
-@dataclass(frozen=True)
-class _Stands:
-    """Whether the change still to come, `left` times the last change over a revolution, is within `position` [m]."""
+    def stands(self) -> bool:
+        """Runs revolutions until the change still to come is within the tolerances; False where the motion wanders."""
+        while goes_on(self.revolutions, self._most, self._within):
+            after, memories = _turned(self._revolve, self.state)
+            self.revolutions += 1
+            if self._note(after, memories):
+                return True
+        if not self._searches:
+            return False
+        self._searches, self.faded, self._within = False, self._needed <= MOST_REVOLUTIONS, 0
+        self.state, hastened = _hastened(self._revolve, self.state)
+        self.revolutions += hastened
+        self._most = self.revolutions + min(self._needed, MOST_REVOLUTIONS) - PLAIN_REVOLUTIONS
+        return self.stands()
 
-    position: float
-    left: float
+    def measured(self, turns: int) -> Iterator[Response]:
+        """The next revolutions, one after the other."""
+        self._start = self._distances[1]
+        for _ in range(turns):
+            response = _finite(self._revolve(self.state))
+            self._note(end_state(response), len(response.train.memory))
+            yield response
 
-    def __call__(self, change: State, memories: int) -> bool:
-        velocity = SETTLED_VELOCITY * self.position / SETTLED_POSITION
-        x, v, z = _split(self.left * np.abs(change), memories)
-        return bool(np.max(x) < self.position and np.max(v) < velocity and np.max(z, initial=0.0) < self.position)
+    def goes_on(self, periodic: bool, turns: int) -> bool:
+        """Whether the last revolutions, which were measured, show that the motion is not what it was taken for."""
+        start = self._start if periodic else 0.0
+        settles = shrinks(self._largest, start, *self._distances, self._within - 2)
+        wrong = not settles if periodic else goes_back(settles, self.revolutions - self._most, self._within)
+        self.revolutions += turns if wrong else 0
+        return wrong
 
-
-def _run(revolve: Revolve, state: State, most: int, stands: _Stands) -> tuple[State, int, bool]:
-    """Runs at most `most` revolutions until the state stands: (state, number of revolutions, whether it stands)."""
-    for revolution in range(1, most + 1):
-        before = state
-        state, memories = _turned(revolve, state)
-        if stands(state - before, memories):
-            return state, revolution, True
-    return state, most, False
+    def _note(self, after: State, memories: int) -> bool:
+        """Takes the state a revolution later; whether the change that is still to come is within the tolerances."""
+        velocity = SETTLED_VELOCITY * self._position / SETTLED_POSITION
+        x, v, z = _split(np.abs(after - self.state), memories)
+        distance = float(max(np.max(x) / self._position, np.max(v) / velocity, np.max(z, initial=0.0) / self._position))
+        within = self._left * distance < 1.0
+        self.state, self._within = after, self._within + 1 if within else 0
+        self._largest = max(self._largest, distance) if within else 0.0
+        self._distances = self._distances[1], distance
+        return within
 
 
 def _turned(revolve: Revolve, state: State) -> tuple[State, int]:

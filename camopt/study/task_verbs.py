@@ -12,6 +12,7 @@ from camopt.measure.limits import motion_limits
 from camopt.optimizer.as_built.track import Track, track
 from camopt.scene import Scene, build_train
 from camopt.scene.quantities import LESS_IS_WORSE
+from camopt.scene.settled import RANGED
 from camopt.study.simulate.motion import simulate
 from camopt.tasks.task import SettledTask, SimulateTask, TaskOnScene, YieldTask
 from camopt.tasks.varied import varied_scene
@@ -24,7 +25,7 @@ def settled_task(task: SettledTask) -> dict:
     """
     scene = scene_of(task)
     speeds = [scene.cam_speed(task.speed_rpm)]
-    found = settled_metrics([build_train(scene)], [cam_of(task)], speeds, workers=1)
+    found = settled_metrics([build_train(scene)], [cam_of(task)], speeds, aperiodic=RANGED, workers=1)
     limits = motion_limits(scene.design)
     broken = [key for key, limit in limits.items() if limit.breaks(float(found.worst(limit.metric)[0, 0, 0]))]
     values = {f"{name}_low": found.lowest[name][0, 0, 0] for name in NAMES}

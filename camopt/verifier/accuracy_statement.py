@@ -28,8 +28,7 @@ def bounce_error_um(speed: AtSpeed) -> float:
     added. The error is infinite where there is no figure, because the valve does not seat.
     """
     first = next(iter(speed.methods.values()))
-    low, high = first.range["bounce_mm"]
-    error = first.error["bounce_mm"] + (high - low) * (np.isnan(high - low) or not first.periodic)
+    error = first.doubt("bounce_mm")
     return float(error * MM / UM) if np.isfinite(error) else np.inf
 
 

@@ -18,6 +18,7 @@ from camopt.measure.sweep import SettledMany
 from camopt.scene.errors import MotionRefused
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
+from camopt.scene.settled import RANGED
 from camopt.scene.train import build_train
 from camopt.verifier.convergence import (
     MARGIN,
@@ -92,7 +93,8 @@ def judge_speed(case: Case, speed_rpm: float) -> SpeedVerdict:
     }
     near_to = partial(neighbours, case.methods[first], train, case.lift, cam_speed, many=case.many)
     try:
-        look = at_once(case.many, train, case.lift, cam_speed, rest) if case.many else halved[first].answer(FIRST_LOOK)
+        many = partial(case.many, aperiodic=RANGED) if case.many else None
+        look = at_once(many, train, case.lift, cam_speed, rest) if many else halved[first].answer(FIRST_LOOK)
         early = plainly_broken(case, speed_rpm, look, near_to)
     except MotionRefused:
         early = None

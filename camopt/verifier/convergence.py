@@ -17,7 +17,7 @@ from camopt.measure.sweep import SettledMany
 from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import QUANTITIES
 from camopt.scene.response import Revolve, end_state
-from camopt.scene.settled import SETTLED_POSITION
+from camopt.scene.settled import RANGED, SETTLED_POSITION
 from camopt.scene.train import Train
 from camopt.scene.vibration import highest_rate
 
@@ -68,9 +68,15 @@ class Converged:
     worst: dict[str, float]
     range: dict[str, tuple[float, float]]
     error: dict[str, float]
-    revolutions: int  # from rest until settled
+    revolutions: int  # run, of all steps, before those that are measured
     periodic: bool
     state: np.ndarray | None  # settled state (2n + r) at -pi
+
+    def doubt(self, name: str) -> float:
+        """How far beyond a metric's measured range other revolutions may lie: the error estimate and, for a motion that
+        wanders, the width of this range. It is NaN where there is no figure."""
+        low, high = self.range[name]
+        return self.error[name] + (high - low) * (bool(np.isnan(high - low)) or not self.periodic)
 
     def __repr__(self) -> str:
         found = "converged" if self.converged else "not converged"
@@ -120,7 +126,8 @@ class Halving:
     `start` (2n + r) is the state at rest; a finer step goes on from the coarser one's settled state. There are at most
     `demand.halvings` of them and, after the second, none beyond FINEST_STEPS. The error estimate is MARGIN times the
     largest distance to the coarser answers, COARSER of them at most, and never below FINEST. An aperiodic motion stands
-    when it moves by no more than its own range. A halved step takes a step more: were its samples among the coarser
+    when it moves by no more than its own range; if the demand is to be certain, its range is then that of RANGED
+    revolutions. A halved step takes a step more: were its samples among the coarser
     one's, a contact that closes just before one of them would be as late at every step. A method may ask for more steps
     by an attribute `enough_steps` (train, cam_speed). Nothing converges before the train's slowest mode had time to die
     out.
@@ -133,13 +140,14 @@ class Halving:
         self._enough = max(first, getattr(prepare, "enough_steps", lambda *_: 0)(train, cam_speed))
         self._allowed = tolerances(demand.tolerance_um, demand.limited)
         self._decay = decay_per_revolution(train, cam_speed)
-        self._taken, self._revolutions = 0, 0
+        self._taken = 0
         self._begin_again()
 
     def _begin_again(self) -> None:
         self._runs: list[Figures] = []
         self._stood: list[bool] = []
         self._state, self._last, self._faded = self._start, None, False
+        self._revolutions, self._measured = 0, 0
 
     @property
     def ended(self) -> bool:
@@ -161,7 +169,8 @@ class Halving:
         except MotionRefused:
             self._begin_again()
             return
-        self._revolutions, self._faded = self._revolutions or done.revolutions, self._faded or done.faded
+        self._revolutions += self._measured + done.revolutions
+        self._measured, self._faded = done.figures.revolutions + 1, self._faded or done.faded
         self._last, self._state = done, done.state
         self._runs.append(done.figures)
         if len(self._runs) > 1:
@@ -175,8 +184,9 @@ class Halving:
             nothing = dict.fromkeys(QUANTITIES, np.nan)
             spread = dict.fromkeys(QUANTITIES, (np.nan, np.nan))
             return Converged(self._steps, False, nothing, spread, nothing, 0, False, None)
-        worst = {name: self._runs[-1].worst(name) for name in QUANTITIES}
-        spread = {name: self._runs[-1].range(name) for name in QUANTITIES}
+        figures = self._runs[-1] if self.periodic or not self._demand.certain else self._ranged()
+        worst = {name: figures.worst(name) for name in QUANTITIES}
+        spread = {name: figures.range(name) for name in QUANTITIES}
         converged = self._faded and self._stood_enough()
         errors = _errors(self._runs)
         return Converged(self._steps, converged, worst, spread, errors, self._revolutions, self.periodic, self._state)
@@ -187,6 +197,12 @@ class Halving:
             return Measured(first.metrics(lift), end_state(first.response), 0, True)
         most = self._demand.most if self._last is None or self.periodic else WANDERING_REVOLUTIONS
         return settle_and_measure(revolve, self._state, lift, most, position=self._demand.position, decay=self._decay)
+
+    def _ranged(self) -> Figures:
+        """The figures of a wandering motion at the last step, over so many revolutions that their range holds."""
+        train, lift, cam_speed = self._case
+        revolve = self._prepare(train, lift, cam_speed, self._steps)
+        return settle_and_measure(revolve, self._state, lift, 0, aperiodic=RANGED).figures
 
     def _stands(self) -> bool:
         if not self._stood_enough():

@@ -54,7 +54,7 @@ def neighbours(
 def against_limits(
     scene: Scene, speed_rpm: float, answer: Converged, near: list[Figures]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Limits that the whole neighbourhood breaks, and those that only a part of it breaks."""
+    """Limits that the whole neighbourhood breaks, and those that a part of it breaks or may break."""
     at = f"at {speed_rpm:g} r/min"
     seats = [not np.isnan(v) for v in (answer.worst["bounce_mm"], *(f.worst("bounce_mm") for f in near))]
     if not all(seats):
@@ -65,7 +65,7 @@ def against_limits(
         values, error = [answer.worst[limit.metric], *(f.worst(limit.metric) for f in near)], answer.error[limit.metric]
         if all(limit.breaks(value, error) for value in values):
             broken.append(f"{key} {at}")
-        elif not all(limit.keeps(value, error) for value in values):
+        elif not all(limit.keeps(value, answer.doubt(limit.metric)) for value in values):
             straddled.append(f"{key} {at}")
     return tuple(broken), tuple(straddled)
 

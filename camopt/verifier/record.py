@@ -112,7 +112,7 @@ def _method(answer: Converged) -> dict:
 
 def _figures(answer: Converged) -> dict:
     figures = {name: _number(answer.worst[name]) for name in REPORTED}
-    errors = {name: _number(answer.error[name]) for name in REPORTED}
+    errors = {name: _number(answer.doubt(name)) for name in REPORTED}
     return {
         **figures,
         "bounce_error_mm": errors["bounce_mm"],

@@ -18,7 +18,7 @@ from camopt.measure.settling import decay_per_revolution
 from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import LESS_IS_WORSE
 from camopt.scene.rest import state_at_rest
-from camopt.scene.settled import MOST_REVOLUTIONS, revolutions_needed
+from camopt.scene.settled import MOST_REVOLUTIONS, RANGED, revolutions_needed
 from camopt.scene.train import build_train
 from camopt.verifier.at_speed import (
     ALONE,
@@ -67,7 +67,7 @@ def event_alone(case: Case, speed_rpm: float) -> SpeedVerdict:
     train, cam_speed, first = build_train(case.scene), case.scene.cam_speed(speed_rpm), next(iter(case.methods))
     assert case.many is not None, "`allows` says so"
     try:
-        look = at_once(case.many, train, case.lift, cam_speed, state_at_rest(train))
+        look = at_once(partial(case.many, aperiodic=RANGED), train, case.lift, cam_speed, state_at_rest(train))
         many = case.many if look.periodic else partial(case.many, most=WANDERING_REVOLUTIONS)
         near = neighbours(case.methods[first], train, case.lift, cam_speed, look, many)
     except MotionRefused:

@@ -239,10 +239,12 @@ def test_every_control_can_be_reached_and_moved_by_keys(open_page):
 
 def test_the_valve_train_moves_with_the_angle(open_page):
     page = open_page()
+    caption = page.locator("#train-caption")
+    wait(page, caption.inner_text)  # the first answer may come after the band
     page.locator("#train-angle").focus()
-    before = page.locator("#train-caption").inner_text()
+    before = caption.inner_text()
     page.keyboard.press("ArrowRight")
-    assert page.locator("#train-caption").inner_text() != before
+    wait(page, lambda: caption.inner_text() != before)
     assert page.locator("#train-drawing .contour").count() == 1
 
 

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from camopt.exact.adjoint import evaluate as metrics_of
 from camopt.exact.adjoint.closing import leaked, nominal_closing, seed_leaked, touch
 from camopt.exact.adjoint.seeds import Seeds, seed_end
 from camopt.exact.kernel.tables import ACTING, SEPARATED, Sizes
@@ -101,3 +102,17 @@ def test_an_extreme_at_a_switching_moves_with_its_time(k, length, switching):
     trace, seeds = SimpleNamespace(length=np.full(3, 4.0), watch=np.array([5, 0, -1])), no_seeds(3, 4)
     seed_end(SimpleNamespace(step=STEP), trace, seeds, k, length, 30.0 * STEP)
     assert seeds.time == pytest.approx([2.5 * 30.0 * (i == switching) for i in range(3)])
+
+
+@pytest.mark.parametrize(("runner_up", "slopes"), [(2.0 - 1e-13, False), (2.0 + 1e-13, False), (1.999, True)])
+def test_where_a_value_and_its_runner_up_are_one_there_is_no_gradient(monkeypatch, runner_up, slopes):
+    """Rounding would say which of the two is differentiated; where it is not asked for, nothing is spoiled."""
+    monkeypatch.setattr(metrics_of, "measure", lambda metric, *_: (2.0, runner_up if metric else -np.inf))
+    trace = SimpleNamespace(length=np.ones(3))
+    for weight in (1.0, 0.0):
+        seeds, values = no_seeds(3, 4)._replace(following=np.zeros(9, dtype=int)), np.empty((2, 2))
+        metrics_of.evaluate(None, trace, seeds, np.array([0, 1]), np.array([1.0, weight]), 0, values)
+        assert np.array_equal(values, [[2.0, -np.inf], [2.0, runner_up]])
+        assert seeds.used[0] == (0 if slopes or weight == 0.0 else 1)
+        if seeds.used[0]:
+            assert seeds.head[2] == 0 and seeds.length[0] == 1.0 and np.all(np.isnan(seeds.bar[0]))

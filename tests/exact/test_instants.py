@@ -88,6 +88,19 @@ def test_the_runner_up_is_the_other_crest_whichever_comes_first(tilt, lengths):
     assert runner > value * (1.0 - TIE)
 
 
+@pytest.mark.parametrize("before", [-1e-14, 0.0, 1e-14])
+@pytest.mark.parametrize("after", [-1e-14, 0.0, 1e-14])
+@pytest.mark.parametrize("higher", [0.0, 1.0005])
+def test_a_crest_where_two_segments_meet_is_one_whatever_rounding_says(before, after, higher):
+    """The slope at its end, and at the start of the next segment, is zero but for rounding of either sign."""
+    rise, fall = Polynomial([-8.0, 6.0 + before, -1.0]), Polynomial([1.0, after, -1.0])  # crests of 1 at 3 and at 0
+    rest = [(higher + Polynomial([0.0, 0.0, -1.0])(Polynomial([-1.5, 1.0])), 3.0)] if higher else []
+    s, trace = traced((rise, 3.0), (fall, 2.0), *rest)
+    value, k, _, _, runner = largest(s, trace, 0, SEPARATED, 1.0, 0.0, trace.angle[-1])
+    assert value == pytest.approx(max(1.0, higher), abs=1e-12) and (k == 2) == (higher > 1.0)
+    assert runner == (pytest.approx(1.0, abs=1e-12) if higher else -np.inf)
+
+
 @pytest.mark.parametrize(("low", "high"), [(0.4, 1.1), (1.7, 5.2), (3.1, 3.9), (5.5, 8.0)])
 def test_the_largest_value_between_two_angles_is_sought_there_only(low, high):
     s, trace = traced((HUMPS, 8.0))

@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from camopt.cam.families.exponent import exponent
+from camopt.cam.families.kurz import kurz
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.exact import prepare
@@ -15,6 +17,8 @@ from camopt.scene import build_train, load_scene
 from camopt.scene.errors import InputError
 from camopt.scene.quantities import QUANTITIES
 from camopt.scene.response import end_state
+from camopt.scene.rest import state_at_rest
+from camopt.scene.settled import SETTLED_POSITION, SETTLED_VELOCITY
 from experiments.drawn_trains import drawn_trains
 
 FINE = 14_400
@@ -120,3 +124,33 @@ def test_few_pieces_follow_the_lift(of):
     assert np.abs(few(angles, 1) - lift(angles, 1)).max() < 2 * SLOPE_ERROR
     assert few.opening_foot == lift.opening_foot
     assert len(coefficients) < 0.7 * len(lift.coefficients)
+
+
+@pytest.mark.parametrize(("family", "rpm"), [(kurz, 16450 / 3), (exponent, 17150 / 3)])
+def test_what_wanders_below_the_tolerance_is_called_wandering_by_both_paths(family, rpm):
+    """States a revolution apart are now more and now less apart than what counts as settled, and never come to rest."""
+    scene = load_scene("kodama")
+    train, lift, speed = build_train(scene), family(scene), scene.cam_speed(rpm)
+    state, apart, revolve = state_at_rest(train), [], prepare(train, lift, speed)
+    units = np.repeat([SETTLED_POSITION, SETTLED_VELOCITY], len(train.mass))
+    for _ in range(400):
+        before, state = state, revolve.advance(state, 1)
+        apart.append(np.abs((state - before) / units).max())
+    assert min(apart[:40]) < 1.0 and max(apart[-40:]) > 1.0, "else it is no example"
+    assert not settled_metrics([train], [lift], [speed]).periodic.any()
+    assert not settled_from_rest(prepare, train, lift, speed).periodic
+
+
+def test_the_range_of_a_wandering_motion_is_that_of_its_revolutions():
+    """However many are measured together, and from whatever block on tables are missing."""
+    scene = load_scene("motori-1")
+    train, lift, speed = build_train(scene), polydyne(scene), scene.cam_speed(9000.0)
+    short, long = (settled_metrics([replace(train)], [lift], [speed], aperiodic=n) for n in (8, 200))
+    assert not short.periodic.any() and not long.periodic.any()
+    for name in ERRORS:
+        assert long.lowest[name] <= short.lowest[name] and long.highest[name] >= short.highest[name], name
+    assert long.highest["bounce_mm"] - long.lowest["bounce_mm"] > 0.0
+    again = settled_metrics([train], [lift], [speed], starts=short.states, most=0, aperiodic=192)
+    for name in ERRORS:
+        assert long.lowest[name] == min(short.lowest[name], again.lowest[name]), name
+        assert long.highest[name] == max(short.highest[name], again.highest[name]), name

@@ -58,8 +58,14 @@ def test_measured_revolutions_follow_each_other_in_a_trace_without_room_to_spare
     monkeypatch.setattr(stages, "turned", turned)
     monkeypatch.setattr(stages, "figures", figures)
     rows = np.empty((1, len(NAMES)))
-    motions = SimpleNamespace(stage=np.array([PERIODIC]), state=np.zeros((1, 2)), lowest=rows, highest=rows.copy())
-    assert measured(None, SimpleNamespace(measured=turns), motions, (None, None, trace, None), 0) == (DONE, 0)
+    motions = SimpleNamespace(
+        stage=np.array([PERIODIC]), state=np.zeros((1, 2)), lowest=rows, highest=rows.copy(), left=np.ones(1),
+        within=np.zeros(1, dtype=int), most=np.zeros(1), revolutions=np.zeros(1), apart=np.zeros((1, 3)),
+        turns=np.zeros(1, dtype=int),
+    )  # fmt: skip
+    plan = SimpleNamespace(measured=turns, watched=False, position=1e-6, velocity=1e-3)
+    s = SimpleNamespace(train=SimpleNamespace(mass=np.ones(1)))
+    assert measured(s, plan, motions, (None, None, trace, None), 0) == (DONE, 0)
     for turn, angles in enumerate(seen):
         assert angles == pytest.approx(2.0 * np.pi * turn + np.linspace(-np.pi, 3.0 * np.pi, 2 * segments + 1))
     assert np.all(motions.lowest == 0.0) and np.all(motions.highest == turns - 1.0)

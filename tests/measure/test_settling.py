@@ -8,11 +8,14 @@ import pytest
 from camopt.measure.settling import Figures, settle
 from camopt.scene import MotionRefused, Response
 from camopt.scene.laws import LINEAR, OIL
+from camopt.scene.settled import MEASURED, WATCHED
 from camopt.scene.train import GROUND
 from camopt.scene.vibration import slowest_leak
 from tests.verifier.trains import ball_on_seat, laws, train
 
 TRAIN = ball_on_seat(1e5, 1.0)
+UNIT = np.array([6e-7, 6e-4])
+"""Position [m] and velocity [m/s] within which a motion wanders that settles by no other measure."""
 
 
 def revolve_to(after):
@@ -27,13 +30,13 @@ def revolve_to(after):
 
 
 def test_settles_when_position_and_velocity_stand():
-    # halved every revolution: the change of revolution k is 2^-k; 1 um is first passed at k = 20
-    settled = settle(revolve_to(lambda y: 0.5 * y), np.array([1.0, 0.0]))
-    assert settled.periodic and settled.revolutions == 20
+    # quartered every revolution: the change of revolution k is 3 * 4^-k; 1 um is first passed at k = 11
+    settled = settle(revolve_to(lambda y: 0.25 * y), np.array([1.0, 0.0]))
+    assert settled.periodic and settled.revolutions == 11
     assert settled.response.revolutions == 5
-    assert settled.response.x[0, 0] == 0.5**20
-    # a velocity's 1 mm/s is passed at k = 10
-    assert settle(revolve_to(lambda y: 0.5 * y), np.array([0.0, 1.0])).revolutions == 10
+    assert settled.response.x[0, 0] == 0.25**11
+    # a velocity's 1 mm/s is passed at k = 6
+    assert settle(revolve_to(lambda y: 0.25 * y), np.array([0.0, 1.0])).revolutions == 6
 
 
 def test_what_does_not_settle_is_aperiodic_and_measured_longer():
@@ -71,19 +74,41 @@ def remembering(after):
 
 
 def test_a_memory_settles_as_a_position_does():
-    # 2^-k passes 1 um, for which a memory waits too, at k = 20, and as a velocity it would at k = 10
-    settled = settle(remembering(lambda y: 0.5 * y), np.array([0.0, 0.0, 1.0]))
-    assert settled.periodic and settled.revolutions == 20
-    assert settled.response.memory[0, 0] == 0.5**20
-    assert settle(remembering(lambda y: 0.5 * y), np.array([0.0, 1.0, 0.0])).revolutions == 10
+    # 3 * 4^-k passes 1 um, for which a memory waits too, at k = 11, and as a velocity it would at k = 6
+    settled = settle(remembering(lambda y: 0.25 * y), np.array([0.0, 0.0, 1.0]))
+    assert settled.periodic and settled.revolutions == 11
+    assert settled.response.memory[0, 0] == 0.25**11
+    assert settle(remembering(lambda y: 0.25 * y), np.array([0.0, 1.0, 0.0])).revolutions == 6
 
 
 def test_an_adjuster_whose_leak_takes_revolutions_must_stand_closer():
     """What is still to come counts, and not only the last change."""
     slow = remembering(lambda y: 0.9 * y)
-    assert settle(slow, np.array([0.0, 0.0, 5e-6])).revolutions == 1
-    settled = settle(slow, np.array([0.0, 0.0, 5e-6]), decay=-np.log(0.9))
-    assert settled.periodic and settled.response.memory[0, 0] < 1e-6 / 0.9
+    for known in ({}, {"decay": -np.log(0.9)}):  # where nothing is known of the decay, it is measured
+        settled = settle(slow, np.array([0.0, 0.0, 5e-6]), **known)
+        assert settled.periodic and settled.response.memory[0, 0] < 1e-6
+
+
+@pytest.mark.parametrize("start", np.linspace(0.05, 0.45, 9))
+@pytest.mark.parametrize("growth", [3.2, 3.7, 3.99])
+def test_what_wanders_by_less_than_the_tolerance_is_not_periodic(growth, start):
+    """The logistic map, in units of 0.6 um: a cycle of two, and chaos of two kinds."""
+    settled = settle(revolve_to(lambda y: growth * y * (1.0 - y / UNIT)), UNIT * np.array([start, start]))
+    assert not settled.periodic and WATCHED <= settled.revolutions < WATCHED + MEASURED + 2
+
+
+def test_what_settles_while_its_range_is_measured_is_periodic():
+    """Some 40 revolutions of 5 um each, and quartered from then on."""
+    after = lambda y: np.where(y > 1e-5, y - 5e-6, 0.25 * y)  # noqa: E731
+    settled = settle(revolve_to(after), np.array([1.2e-5 + 39.5 * 5e-6, 0.0]))
+    assert settled.periodic and 40 < settled.revolutions < 55 and abs(settled.response.x[0, 0]) < 1e-9
+
+
+@pytest.mark.parametrize("ratio", [0.01, 0.5, -0.7, 0.9, 0.96])
+def test_revolutions_are_those_that_were_run(ratio):
+    ran = []
+    settled = settle(revolve_to(lambda y: ran.append(1) or ratio * y), np.array([3e-6, 0.0]))
+    assert settled.periodic and settled.revolutions + settled.response.revolutions == len(ran)
 
 
 def test_the_leak_of_a_seated_adjuster_is_that_of_its_force():

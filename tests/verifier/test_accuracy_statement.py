@@ -14,14 +14,14 @@ from camopt.scene.units import UM
 from camopt.verifier import accuracy as module
 from camopt.verifier.accuracy import EFFORTS, effort_of, verify
 from camopt.verifier.accuracy_statement import bounce_error_um, stated
-from camopt.verifier.convergence import Demand, converge
+from camopt.verifier.convergence import Converged, Demand, converge
 from camopt.verifier.methods import rkg
 from camopt.verifier.stored_curves import stored_curves
 
 
 def at(speed: float, error_mm: float, low: float = 0.1, high: float = 0.1, periodic: bool = True):
     """A speed of a verdict with one method."""
-    answer = SimpleNamespace(range={"bounce_mm": (low, high)}, error={"bounce_mm": error_mm}, periodic=periodic)
+    answer = Converged(1440, True, {}, {"bounce_mm": (low, high)}, {"bounce_mm": error_mm}, 5, periodic, None)
     return SimpleNamespace(speed_rpm=speed, bounce_range_mm=(low, high), methods={"event": answer})
 
 

@@ -8,6 +8,7 @@ import pytest
 from camopt.cam.families.polydyne import polydyne
 from camopt.measure.settling import Figures
 from camopt.scene import QUANTITIES, MotionRefused, build_train, load_scene, rest_position
+from camopt.scene.settled import APERIODIC, RANGED
 from camopt.scene.train import GROUND
 from camopt.verifier import convergence as module
 from camopt.verifier.convergence import FEWEST_STEPS, FINEST, Demand, converge, first_steps, tolerances
@@ -54,8 +55,28 @@ def test_first_steps_follow_the_fastest_rate():
 def test_stands_after_two_halvings_that_change_nothing(answers):
     done = answers(lambda n: [0.1, 0.1])
     assert done.converged and done.steps_per_revolution == steps(2)
-    assert done.error["bounce_mm"] == FINEST["bounce_mm"] and done.revolutions == 7
+    assert done.error["bounce_mm"] == FINEST["bounce_mm"]
+    assert done.revolutions == 3 * 7 + 2 * (2 + 1)  # all that were run before the last measured ones
     assert np.all(done.state == 3.0)  # each finer step went on from the coarser one's state
+
+
+@pytest.mark.parametrize(("certain", "spread"), [(False, (0.1, 0.3)), (True, (0.05, 0.4))])
+def test_the_range_of_a_wandering_motion_is_that_of_many_revolutions_where_it_is_stated(monkeypatch, certain, spread):
+    """At the last step, from where it had come to; its doubt is then the width of the range."""
+    ran = []
+
+    def settled(steps, state, lift, most, *, aperiodic=APERIODIC, **_):
+        ran.append((steps, most, aperiodic))
+        values = np.array([0.05, 0.4] if aperiodic == RANGED else [0.1, 0.3])
+        figures = Figures(dict.fromkeys(QUANTITIES, values))
+        return SimpleNamespace(state=state, revolutions=40, periodic=False, faded=True, figures=figures)
+
+    monkeypatch.setattr(module, "settle_and_measure", settled)
+    demand = Demand(2.0, 4, certain=certain)
+    done = converge(lambda train, lift, cam_speed, steps: steps, SLOW, no_lift(), 1.0, np.zeros(2), demand)
+    assert done.converged and not done.periodic and done.range["bounce_mm"] == spread
+    assert done.doubt("bounce_mm") == done.error["bounce_mm"] + spread[1] - spread[0]
+    assert certain == (ran[-1] == (done.steps_per_revolution, 0, RANGED))
 
 
 def test_error_is_twice_the_distance_to_the_coarser_answers(answers):

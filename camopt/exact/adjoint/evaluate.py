@@ -12,17 +12,25 @@ from camopt.exact.kernel.instants import nearest_miss, state_at
 from camopt.exact.kernel.tables import ACTING
 from camopt.programs import compiled
 
+TIED = 1e-12
+"""A value and its runner-up within this relative difference are one but for rounding, which decides between them."""
+
 
 @compiled
 def evaluate(s, trace, seeds, metrics, weights, turn, values):
     """Fills values (l, 2: value, runner-up) of the metrics of a revolution.
 
-    `seeds` then holds the cotangents of the sum of the values, each times its weight.
+    `seeds` then holds the cotangents of the sum of the values, each times its weight. They are NaN where a value and
+    its runner-up are TIED: at such a kink there is no gradient.
     """
-    clear(seeds, len(trace.length))
+    last = len(trace.length) - 1
+    clear(seeds, last + 1)
     for i in range(len(metrics)):
         seeds.weight[0] = weights[i]
-        values[i] = measure(metrics[i], s, trace, seeds, turn)
+        value, second = measure(metrics[i], s, trace, seeds, turn)
+        values[i, 0], values[i, 1] = value, second
+        if weights[i] != 0.0 and abs(value - second) <= TIED * abs(value):
+            observe(seeds, last, trace.length[last])[:] = np.nan
     seeds.weight[0] = 1.0
 
 

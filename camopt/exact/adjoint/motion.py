@@ -26,8 +26,8 @@ from camopt.scene.train import Train
 
 FIRST_SEGMENTS = 1024
 """Number of segments per revolution for which there is room at first; where a motion needs more it grows fourfold."""
-OBSERVATIONS = 4
-"""Instants that one metric looks at, at most."""
+OBSERVATIONS = 5
+"""Instants that one metric looks at, at most, and one more where it has no gradient."""
 WINDOW_STEP = 1e-6
 """Step of the difference by half the duration [rad]: curvature and rounding leave less than 1e-8 of a metric."""
 NO_ROWS = np.empty((0, 0))
@@ -50,8 +50,8 @@ class Gradient(Slopes):
 
     Many metrics are extremes, and `runner_up` (l) says how near the next candidate is: the next highest crest within a
     thousandth of the extreme (for a smallest force the next lowest), or the extreme at the next contact or closing.
-    Where there is none it is -inf (for a smallest force inf). Where value and runner-up are equal, the gradient is that
-    of one of the two.
+    Where there is none it is -inf (for a smallest force inf). Where value and runner-up are equal but for rounding,
+    there is no gradient, and it is NaN throughout.
     """
 
     metrics: tuple[str, ...]

@@ -12,6 +12,10 @@ LOOKS = 8
 """A crest is sought in this many intervals of a step: the highest mode turns by less than 0.2 rad in one."""
 TIE = 1e-3
 """The runner-up of a crest is looked for within this relative difference of it."""
+FLAT = 1e-10
+"""Slope in a step, as a share of the size of the series, that is none. Where a watch turns back at the end of a step or
+of a segment (friction reverses where the valve stops), rounding would else say on which side the crest stands, if on
+any."""
 
 
 @inner
@@ -73,14 +77,14 @@ def evaluate(w, t):
 def crest(w, sign, low, high):
     """(t, value, slope) of the largest sign * w in [low, high], and whether it is a crest inside the interval."""
     best, at, steep, inside = -np.inf, low, 0.0, False
-    rise, t = 0.0, low
+    rise, t, flat = 0.0, low, FLAT * (abs(w[0]) + abs(w[1]) + abs(w[2]))
     for i in range(LOOKS + 1):
         right = low + (high - low) * i / LOOKS
         value, slope, _ = evaluate(w, right)
         value, slope = sign * value, sign * slope
         if value > best:
             best, at, steep, inside = value, right, slope, False
-        if i > 0 and rise > 0.0 > slope:
+        if i > 0 and rise > -flat and slope < flat and rise - slope > 2.0 * flat:
             top = _summit(w, sign, t, right)
             height = sign * evaluate(w, top)[0]
             if height >= best:
@@ -128,10 +132,11 @@ def largest(s, trace, e, status, sign, low, high):
     """Largest sign * watch of element e at angles in [low, high] [rad] at which its contact has the state `status`.
 
     Returns (value, segment, length [steps], slope [1/step], runner-up); the segment is -1 where there is no such angle.
-    The runner-up is the next highest crest, if it lies within `TIE` of the highest, and -inf otherwise.
+    The runner-up is the next highest crest, if it lies within `TIE` of the highest, and -inf otherwise. Crests less
+    than a step apart are one: the highest mode does not turn twice in a step.
     """
     value, second, where, length, steep = -np.inf, -np.inf, -1, 0.0, 0.0
-    per_step = s.cam.speed * s.step
+    per_step, crested, angle = s.cam.speed * s.step, False, 0.0
     w, there = np.zeros(TERMS + 1), np.zeros(trace.y.shape[1])
     enough = _highest_look(s, trace, e, status, sign, low, high)
     enough -= TIE * abs(enough)
@@ -147,11 +152,14 @@ def largest(s, trace, e, status, sign, low, high):
                 continue
             series_at(s, trace, k, i, watch, w, there)
             t, top, slope, inside = crest(w, sign, max(begin - i, 0.0), min(end - i, 1.0))
+            here = trace.angle[k] + (i + t) * per_step
+            other = here - angle > per_step
             if top > value:
-                if where >= 0 and steep == 0.0 and (where != k or i + t - length > 1.0):
+                if crested and other:
                     second = max(second, value)
-                value, where, length, steep = top, k, i + t, slope
-            elif inside:
+                value, where, length, steep, angle = top, k, i + t, slope, here
+                crested = inside or (crested and not other)
+            elif inside and other:
                 second = max(second, top)
     if where >= 0 and abs(length - trace.length[where]) < 1e-12:
         length = trace.length[where]

@@ -89,6 +89,7 @@ def settled_metrics(
     decay: float | None = None,
     most: int = settled.PLAIN_REVOLUTIONS,
     measured: int = settled.MEASURED,
+    aperiodic: int = settled.APERIODIC,
     workers: int = 2,
 ) -> SettledMetrics:
     """Every declared metric of the settled motion of each train with each cam at each speed [rad/s].
@@ -96,9 +97,11 @@ def settled_metrics(
     The trains have states of one size. `starts`, of a shape that broadcasts to (t, c, s, 2n + r), are the states at
     -pi from which the motions settle, [m], [m/s], [m]; without them they start from rest. `decay` is by what power of e
     disturbances are taken to die out over a revolution, infinite for a train without slow modes; by default it follows
-    from each train's slowest mode or leak. A motion without slow modes settles for at most `most` revolutions, and
-    `measured` of them are measured where it is periodic. `workers` threads share the work. Raises InputError for a
-    train without valve, seat or contact between cam and valve.
+    from each train's slowest mode or leak. A motion without slow modes settles for at most `most` revolutions, more
+    only while they change it by less than the tolerances, and `measured` of them are measured where it is periodic,
+    else at least `aperiodic`. What is called periodic is seen to settle (`camopt.scene.settled`); fewer than MEASURED
+    revolutions do not show it, and the last change decides. A wandering motion's range holds after RANGED. `workers`
+    threads share the work. Raises InputError for a train without valve, seat or contact between cam and valve.
     """
     speeds = np.asarray(cam_speeds, dtype=float)
     cams = {forcing: _cams(lifts, forcing) for forcing in {train.forcing for train in trains}}
@@ -111,7 +114,7 @@ def settled_metrics(
     def one_job(job: Job) -> None:
         room = rooms.get()
         try:
-            _run(job, cams[trains[job.t].forcing], room, measured)
+            _run(job, cams[trains[job.t].forcing], room, (measured, aperiodic))
         finally:
             rooms.put(room)
         job.write(found)
@@ -234,21 +237,26 @@ def _motions(
         start,
         np.full(m, stages.SETTLING),
         np.zeros(m, dtype=np.int64),
+        np.zeros(m, dtype=np.int64),
+        np.zeros((m, 3)),
+        np.zeros(m, dtype=np.int64),
         np.empty((m, len(NAMES))),
         np.empty((m, len(NAMES))),
     )
 
 
-def _run(job: Job, cams: stages.Cams, room: Room, turns: int) -> None:
-    """Runs all motions of a job; tables and room in the trace are made where they are missing."""
+def _run(job: Job, cams: stages.Cams, room: Room, turns: tuple[int, int]) -> None:
+    """Runs all motions of a job; tables and room in the trace are made where they are missing. `turns` are the
+    revolutions that are measured of a periodic motion and of one that wanders."""
     tables, train = job.tables, job.tables.train
     sides, cam = np.array(train.cam_side, dtype=np.int64), CamArrays(cams.borders, cams.pieces, 0.0)
     plan = stages.Plan(
         settled.SETTLED_POSITION,
         settled.SETTLED_VELOCITY,
         settled.UNBOUND,
-        turns,
+        *turns,
         settled.APERIODIC,
+        turns[0] >= settled.MEASURED,
         MOST_SWITCHINGS,
     )
     i = 0

@@ -10,7 +10,9 @@ from camopt.exact.kernel.setting import Setting
 from camopt.exact.kernel.trace import first, later
 from camopt.exact.settled.figures import NAMES, figures
 from camopt.programs import compiled, inner
+from camopt.scene import settled
 
+goes_on, goes_back, shrinks = inner(settled.goes_on), inner(settled.goes_back), inner(settled.shrinks)
 SETTLING, PERIODIC, APERIODIC, REFUSED = 0, 1, 2, 3
 """How far a motion has come: it still settles; it repeats; it did not settle; it cannot be followed."""
 
@@ -22,7 +24,9 @@ class Plan(NamedTuple):
     velocity: float  # m/s
     unbound: float  # m
     measured: int
-    aperiodic: int
+    aperiodic: int  # a whole number of blocks
+    block: int  # revolutions of a wandering motion that are measured together
+    watched: bool  # whether what is measured is long enough to see that the motion settles
     switchings: int  # most per revolution
 
 
@@ -46,6 +50,9 @@ class SettlingMotions(NamedTuple):
     state: np.ndarray  # (m, 2n + r) start, then where settling has come to, then the end of the measured revolutions
     stage: np.ndarray  # (m)
     revolutions: np.ndarray  # (m) run to settle
+    within: np.ndarray  # (m) the last of them that changed the state by less than the tolerances
+    apart: np.ndarray  # (m, 3) distances over a revolution, in the tolerances: largest within them, last but one, last
+    turns: np.ndarray  # (m) measured
     lowest: np.ndarray  # (m, metrics) over the measured revolutions; NaN where one is NaN
     highest: np.ndarray  # (m, metrics)
 
@@ -59,17 +66,23 @@ def run(s, plan, cams, motions, room, begin):
     """
     for i in range(begin, len(motions.cam)):
         one = of_motion(s, cams, motions, i)
-        if motions.stage[i] == SETTLING:
-            code, key = settle(one, plan, motions, room, i)
-            if not went_on(motions, i, code):
-                return i, code, key
-        if motions.stage[i] != REFUSED:
-            code, key = measured(one, plan, motions, room, i)
+        while wanted(plan, motions, i):
+            code, key = settle(one, plan, motions, room, i) if motions.stage[i] == SETTLING else (DONE, 0)
+            if code == DONE:
+                code, key = measured(one, plan, motions, room, i)
             if not went_on(motions, i, code):
                 return i, code, key
         if motions.stage[i] == REFUSED:
             motions.state[i], motions.lowest[i], motions.highest[i] = np.nan, np.nan, np.nan
     return len(motions.cam), DONE, 0
+
+
+@inner
+def wanted(plan, motions, i):
+    """Whether more revolutions of motion i are wanted."""
+    stage = motions.stage[i]
+    most = plan.measured if stage == PERIODIC else plan.aperiodic
+    return stage == SETTLING or (stage != REFUSED and motions.turns[i] < most)
 
 
 @inner
@@ -103,20 +116,29 @@ def turned(s, plan, room, state, trace):
 
 
 @inner
+def note(s, plan, motions, i, after):
+    """Takes the state a revolution later; whether the change that is still to come is within the tolerances."""
+    distance, n, apart = 0.0, len(s.train.mass), motions.apart[i]
+    for j in range(len(after)):
+        unit = plan.velocity if n <= j < 2 * n else plan.position
+        distance = max(distance, abs(after[j] - motions.state[i, j]) / unit)
+    within = motions.left[i] * distance < 1.0
+    motions.state[i] = after
+    motions.within[i] = motions.within[i] + 1 if within else 0
+    apart[0], apart[1], apart[2] = (max(apart[0], distance) if within else 0.0), apart[2], distance
+    return within
+
+
+@inner
 def settle(s, plan, motions, room, i):
     """Revolutions until the way that is left is short enough, or there have been the most: (code, missing key)."""
-    after, n = motions.state[i].copy(), len(s.train.mass)
-    while motions.revolutions[i] < motions.most[i]:
+    after = motions.state[i].copy()
+    while goes_on(motions.revolutions[i], motions.most[i], motions.within[i]):
         code, key = turned(s, plan, room, after, room[1])
         if code != DONE:
             return code, key
-        stands = True
-        for j in range(len(after)):
-            way = motions.left[i] * abs(after[j] - motions.state[i, j])
-            stands = stands and way < (plan.velocity if n <= j < 2 * n else plan.position)
-        motions.state[i] = after
         motions.revolutions[i] += 1
-        if stands:
+        if note(s, plan, motions, i, after):
             motions.stage[i] = PERIODIC
             return DONE, 0
     motions.stage[i] = APERIODIC
@@ -125,9 +147,14 @@ def settle(s, plan, motions, room, i):
 
 @inner
 def measured(s, plan, motions, room, i):
-    """The metrics of the measured revolutions and one more for the last bounce window: (code, missing key)."""
-    turns = plan.measured if motions.stage[i] == PERIODIC else plan.aperiodic
+    """The metrics of measured revolutions and one more for the last bounce window: (code, missing key).
+
+    The revolutions show whether a motion that stands settles, and one that wanders after all; it else goes on settling.
+    """
+    periodic = motions.stage[i] == PERIODIC
+    turns = plan.measured if periodic else plan.block
     starts, used, state, row = np.zeros(turns + 2, dtype=np.int64), 0, motions.state[i].copy(), np.empty(len(NAMES))
+    ends = np.empty((turns + 1, len(state)))
     for turn in range(turns + 1):
         rest = later(room[2], used)
         code, count = turned(s, plan, room, state, rest)
@@ -136,8 +163,20 @@ def measured(s, plan, motions, room, i):
         for k in range(count + 1):
             rest.angle[k] += 2.0 * np.pi * turn
         used += count
-        starts[turn + 1] = used
-    motions.lowest[i], motions.highest[i] = np.inf, -np.inf
+        starts[turn + 1], ends[turn] = used, state
+    apart, start = motions.apart[i], motions.apart[i, 2] if periodic else 0.0
+    for turn in range(turns + 1):
+        note(s, plan, motions, i, ends[turn])
+    settles = shrinks(apart[0], start, apart[1], apart[2], motions.within[i] - 2)
+    late = motions.revolutions[i] + motions.turns[i] - motions.most[i]
+    if plan.watched and (not settles if periodic else goes_back(settles, late, motions.within[i])):
+        motions.stage[i] = SETTLING
+        motions.revolutions[i] += turns + 1 + motions.turns[i] + motions.turns[i] // turns
+        motions.turns[i] = 0
+        return DONE, 0
+    if motions.turns[i] == 0:
+        motions.lowest[i], motions.highest[i] = np.inf, -np.inf
+    motions.turns[i] += turns
     for turn in range(turns):
         both = first(later(room[2], starts[turn]), starts[turn + 2] - starts[turn])
         figures(s, both, room[3], turn, row)
@@ -145,5 +184,4 @@ def measured(s, plan, motions, room, i):
             unknown = np.isnan(row[j]) or np.isnan(motions.lowest[i, j])
             motions.lowest[i, j] = np.nan if unknown else min(motions.lowest[i, j], row[j])
             motions.highest[i, j] = np.nan if unknown else max(motions.highest[i, j], row[j])
-    motions.state[i] = state
     return DONE, 0

@@ -226,9 +226,9 @@ def _remembering(oil, stiffness, reach, d, d_rate, z):
 
 
 @compiled
-def _set_of_pieces(y, cam, may_pull, m, force):
+def _set_of_pieces(y, cam, may_pull, m, force, memory):
     """Number of the set of pieces in a state: closed contacts are compressed and pushing or `may_pull`; forces go into
-    `force` (e), and memories in y follow their compressions."""
+    `force` (e), and memories that have followed their compressions into `memory` (r)."""
     n, key = m.rows.shape[1], 0
     for e in range(len(m.contact)):
         d, d_rate = m.cam_driven[e] * cam[0] - m.gap[e], m.cam_driven[e] * cam[1]
@@ -241,8 +241,8 @@ def _set_of_pieces(y, cam, may_pull, m, force):
             if m.kind[e] == TABLE:
                 piece, p = _of_table(m.table, e, d)
             else:
-                at = 2 * n + m.memory[e]
-                piece, p, y[at] = _remembering(m.kind[e] == OIL, m.stiffness[e], m.reach[e], d, d_rate, y[at])
+                r, oil = m.memory[e], m.kind[e] == OIL
+                piece, p, memory[r] = _remembering(oil, m.stiffness[e], m.reach[e], d, d_rate, y[2 * n + r])
             key = key * m.pieces[e] + piece
         f = p + m.damping[e] * d_rate
         if m.contact[e]:
@@ -259,18 +259,21 @@ def _set_of_pieces(y, cam, may_pull, m, force):
 def _march(start, states, force, cam, may_pull, m):
     """Steps from sample `start` on; returns the sample reached and the set whose matrices are missing, or -1."""
     last, slot = len(states) - 1, -1
+    begin = 2 * m.rows.shape[1]
+    memory = np.empty(states.shape[1] - begin)
     for step in range(start, last + 1):
         y = states[step]
-        key = _set_of_pieces(y, cam[step], may_pull, m, force[step])
-        if step == last:
-            break
-        if slot < 0 or m.keys[slot] != key:
+        key = _set_of_pieces(y, cam[step], may_pull, m, force[step], memory)
+        if step < last and (slot < 0 or m.keys[slot] != key):
             slot = -1
             for s in range(len(m.keys)):
                 if m.keys[s] == key:
                     slot = s
             if slot < 0:
-                return step, key
+                return step, key  # y is as it was, so that the same set is found once its matrices are there
+        y[begin:] = memory
+        if step == last:
+            break
         state_matrix, cam_matrix = m.by_state[slot], m.by_cam[slot]
         for i in range(len(y)):
             total = cam_matrix[i, 0]
