@@ -9,14 +9,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
-import numpy as np
-
 from camopt.cam.design_file import as_written
 from camopt.cam.families.registry import FAMILIES
 from camopt.cam.lift import Lift
-from camopt.measure.limits import broken_by_shape
-from camopt.optimizer.accuracy import Accuracy, design_speeds
-from camopt.optimizer.search.judge import Judge
+from camopt.exact.settled import settled_metrics
+from camopt.measure.limits import broken_by_shape, motion_limits
+from camopt.optimizer.accuracy import Accuracy
 from camopt.scene.errors import NoCamFound
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
@@ -25,8 +23,8 @@ from camopt.verifier.verdict import Verdict, verdict_on
 CANDIDATES = 4
 """Confirmed cams of the search, largest first, that the full verdict may be asked about."""
 RULED_OUT = 1.5
-"""Part of a limit beyond which event-exact alone rules a family's member out. Nearer to a limit the verdict's finer
-steps may find otherwise."""
+"""Part of a limit beyond which event-exact alone rules a family's member out: of the methods that must agree it is the
+first. Nearer to a limit the verdict decides, with its finer steps."""
 
 
 class KnownCam(Protocol):
@@ -56,8 +54,6 @@ class Families:
     """Every family's largest member in a scene; the comparison takes its baselines from here."""
 
     scene: Scene
-    speeds: str
-    effort: Accuracy
 
     @cached_property
     def cams(self) -> dict[str, Lift | str]:
@@ -74,15 +70,17 @@ class Families:
         return [Member(lift, lift.area_ratio_in(design)) for lift in lifts]
 
     def ruled_out(self, member: Member) -> str:
-        """What event-exact finds far beyond its limit at the search's speeds, so that no verdict need be asked; empty
-        where it finds nothing."""
-        assert self.scene.operation is not None, "load_scene(..., need='operation') guarantees it"
-        _, speeds_rpm = design_speeds(self.scene.operation, self.speeds, self.effort)
-        judged = Judge(self.scene, speeds_rpm, self.effort.judge_stride if self.speeds == "band" else 1)(member.lift)
-        if not judged.share.size or judged.share.max() <= RULED_OUT:
-            return ""
-        row, _ = np.unravel_index(np.argmax(judged.share), judged.share.shape)
-        return f"{judged.limited[row]} at {judged.worst_speed_rpm:.5g} r/min by event-exact"
+        """What event-exact's settled motion breaks by far at a listed speed, so that no verdict need be asked; empty
+        where it breaks nothing by far."""
+        design, operation = self.scene.design, self.scene.operation
+        assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
+        speeds = [self.scene.cam_speed(s) for s in operation.speeds_rpm]
+        found = settled_metrics([build_train(self.scene)], [member.lift], speeds)
+        for key, limit in motion_limits(design).items():
+            shares = limit.share(found.worst(limit.metric)[0, 0])
+            if shares.max() > RULED_OUT:
+                return f"{key} at {operation.speeds_rpm[int(shares.argmax())]:g} r/min"
+        return ""
 
 
 @dataclass(frozen=True)

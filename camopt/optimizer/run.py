@@ -153,7 +153,7 @@ class _OpenRun:
     families: Families = field(init=False)
 
     def __post_init__(self):
-        self.families = Families(self.scene, self.settings["speeds"], self.effort)
+        self.families = Families(self.scene)
 
     def make_programs(self, shown: Progress) -> None:
         """On the first run of an installation: the compiled programs."""

@@ -332,6 +332,6 @@ def test_a_draft_alone_draws_the_motion_at_both_ends_too(accuracy, listed, tmp_p
     scene, drawn = load_scene("kodama"), []
     monkeypatch.setattr("camopt.optimizer.baselines.figures.draw", lambda *given: drawn.append(given[-1]))
     verdict = SimpleNamespace(as_dict=dict)
-    families = Families(scene, "band", ACCURACIES[accuracy])
+    families = Families(scene)
     module._compared(tmp_path, scene, polydyne(scene), verdict, ACCURACIES[accuracy], None, families)
     assert drawn == [listed]
