@@ -152,7 +152,7 @@ def largest_confirmed(
         refused.append((cam, next(iter(verdict.broken), verdict.verdict)))
     if first:
         return Chosen(*first, refused)
-    none = "no family has a cam within the limits on the shape"
+    none = "no family has a member that holds the limits on the shape"
     beside = f"of the families' largest cams none is confirmed: {_reasons(refused)}" if refused else none
     raise NoCamFound(f"{failed}. Beside the search, {beside}")
 

@@ -111,7 +111,7 @@ def test_where_nothing_is_confirmed_the_search_s_largest_cam_stands_with_its_ver
 def test_where_nothing_is_known_the_sentence_names_the_search_and_the_families(verdicts):
     with pytest.raises(NoCamFound, match=r"the margins\. Beside .* none is confirmed: trapezoid with 0\..*; kurz with"):
         largest_confirmed(SCENE, [], "nominal", DRAFT, Known(SCENE), "no cam keeps the margins")
-    with pytest.raises(NoCamFound, match="no family has a cam within the limits on the shape"):
+    with pytest.raises(NoCamFound, match="no family has a member that holds the limits on the shape"):
         largest_confirmed(SCENE, [], "nominal", DRAFT, None, "no cam keeps the margins")
 
 
@@ -150,7 +150,7 @@ def test_a_scene_in_which_nothing_holds_ends_with_code_3_and_without_a_folder(wi
     words = ["optimize", str(file), "--speeds", "nominal", "--accuracy", "draft", "--no-compare", "--quiet"]
     assert main([*words, "--out", str(folder)]) == 3
     said = capsys.readouterr().err
-    assert "is too low" in said and "no family has a cam within the limits on the shape" in said
+    assert "is too low" in said and "no family has a member that holds the limits on the shape" in said
     assert not folder.exists()
 
 
