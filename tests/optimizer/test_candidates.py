@@ -143,6 +143,20 @@ def test_a_scene_whose_search_fails_ends_with_a_family_s_confirmed_cam(wide_lash
     assert record["why_a_family"] in lines and "the opening ramp of 0.265 mm is too low" in record["why_a_family"]
 
 
+def test_a_search_for_yield_that_fails_ends_with_a_family_s_cam_and_its_yield(wide_lash, tmp_path, monkeypatch):
+    stated = []
+
+    def yield_of(job, lift):
+        stated.append(lift.family)
+        job.yield_confirmed = False
+        return {"yield": {"wanted": job.wanted}}
+
+    monkeypatch.setattr(run._OpenRun, "_yield_of", yield_of)
+    found = optimize(wide_lash, accuracy="draft", out=tmp_path / "run", compare=False, wanted_yield=0.9)
+    assert stated == ["multi-pol"] and found.verdict.verdict == "confirmed"
+    assert found.exit_code == 3  # what was wanted is the yield
+
+
 def test_a_scene_in_which_nothing_holds_ends_with_code_3_and_without_a_folder(wide_lash, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(candidates, "FAMILIES", ("3-4-5",))  # which breaks this scene's limits
     file, folder = tmp_path / "scene.toml", tmp_path / "run"
