@@ -14,7 +14,7 @@ from unittest import mock
 import numpy as np
 
 from camopt.optimizer.accuracy import ACCURACIES, Accuracy
-from camopt.optimizer.run import confirmed_cam
+from camopt.optimizer.candidates import largest_confirmed
 from camopt.optimizer.search.judge import Judge, Judged
 from camopt.optimizer.search.search import Logbook, find_cam
 from camopt.scene import Scene, load_scene
@@ -56,15 +56,15 @@ def measured(scene: Scene, effort: Accuracy, gradient: str) -> tuple[dict, np.nd
     with mock.patch("camopt.optimizer.search.search.Judge", judge):
         search, _ = find_cam(scene, "band", effort, gradient, log=log)
     seconds = time.process_time() - begin
-    found, verdict, _ = confirmed_cam(scene, search.confirmed, "nominal", effort)
+    chosen = largest_confirmed(scene, search.confirmed, "nominal", effort)
     row = {
         "processor_s": seconds,
         "cams_judged": len(judged),
         "cams_failed": judged.count(False),
-        "area_ratio": found.area_ratio,
-        "verdict": verdict.verdict,
+        "area_ratio": chosen.cam.area_ratio,
+        "verdict": chosen.verdict.verdict,
     }
-    return row, np.asarray(found.lift(ANGLES))
+    return row, np.asarray(chosen.cam.lift(ANGLES))
 
 
 def main(size: str, folder=RESULTS) -> dict:

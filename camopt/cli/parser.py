@@ -60,14 +60,14 @@ def verb_named(command: str) -> str:
 
 
 def _failed(error: Exception, args: argparse.Namespace) -> int:
-    from camopt.scene.errors import InputError, brief
+    from camopt.scene.errors import InputError, NoCamFound, brief
 
     if args.debug:
         traceback.print_exc()
     left = left_behind(args)
     if isinstance(error, InputError):
         print(f"camopt: {error}{left}", file=sys.stderr)
-        return BAD_INPUT
+        return NOT_CONFIRMED if isinstance(error, NoCamFound) else BAD_INPUT
     if isinstance(error, OSError) and error.errno in REFUSALS:
         where = f"{error.filename}: " if error.filename else ""
         print(f"camopt: {where}the system refuses ({error.strerror}): give it room or rights{left}", file=sys.stderr)

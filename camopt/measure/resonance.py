@@ -83,11 +83,14 @@ def _pairs(train: Train, lift: Lift) -> list[tuple[list[tuple[float, float]], li
     """For every mode while the valve is lifted, that mode and the seated mode that is most alike in shape.
 
     Each is a list of (angular frequency [rad/s], damping ratio). It has one entry or, where springs follow tables, one
-    with the springs as at rest and one with the springs as at full lift.
+    with the springs as at rest and one with the springs as at full lift. There are none where the train does not
+    oscillate at all while the valve is seated, or lifted: no mode then goes on through the revolution.
     """
     trains = _linearised(train, lift)
     lifted = [oscillations(t, acting_elements(train, "lifted")) for t in trains]
     seated = [oscillations(t, acting_elements(train, "seated")) for t in trains]
+    if not all(len(angular) for angular, _, _ in (*lifted, *seated)):
+        return []
     pairs = []
     for shape in lifted[0][2]:
         pairs.append(tuple([_nearest(shape, m, train.mass) for m in some] for some in (lifted, seated)))

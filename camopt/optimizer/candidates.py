@@ -1,21 +1,34 @@
-"""The cams that a search ends with, before the full verdict."""
+"""The cams that a run knows, and the largest of them that the full verdict confirms.
+
+They are the last cams of the search, whichever one ran, and every family's largest member under the limits on the
+shape. A scene for which one of them is confirmed never ends without a cam.
+"""
 
 from collections.abc import Sequence
-from typing import Protocol, TypeVar
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
 
 from camopt.cam.design_file import as_written
+from camopt.cam.families.registry import FAMILIES
 from camopt.cam.lift import Lift
+from camopt.exact.settled import settled_metrics
+from camopt.measure.limits import broken_by_shape, motion_limits
 from camopt.optimizer.accuracy import Accuracy
+from camopt.scene.errors import NoCamFound
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 from camopt.verifier.verdict import Verdict, verdict_on
 
 CANDIDATES = 4
 """Confirmed cams of the search, largest first, that the full verdict may be asked about."""
+RULED_OUT = 1.5
+"""Part of a limit beyond which event-exact alone rules a family's member out: of the methods that must agree it is the
+first. Nearer to a limit the verdict decides, with its finer steps."""
 
 
-class SearchedCam(Protocol):
-    """What every search says of a cam that it found."""
+class KnownCam(Protocol):
+    """What a search says of a cam that it found, and a family of its largest member."""
 
     @property
     def lift(self) -> Lift:
@@ -28,34 +41,125 @@ class SearchedCam(Protocol):
         ...
 
 
-F = TypeVar("F", bound=SearchedCam)
+@dataclass(frozen=True)
+class Member:
+    """The largest member of a family under a scene's limits on the shape."""
+
+    lift: Lift
+    area_ratio: float
+
+
+@dataclass(frozen=True)
+class Families:
+    """Every family's largest member in a scene; the comparison takes its baselines from here."""
+
+    scene: Scene
+
+    @cached_property
+    def cams(self) -> dict[str, Lift | str]:
+        """By family its largest member under the limits on the shape, or a sentence why it has none."""
+        from camopt.optimizer.baselines.comparison import member_or_sentence  # which loads matplotlib
+
+        return {name: member_or_sentence(self.scene, name) for name in FAMILIES}
+
+    def members(self) -> list[Member]:
+        """The members that break no limit on the shape: no other one can be confirmed."""
+        design = self.scene.design
+        assert design is not None, "load_scene(..., need='design') guarantees it"
+        lifts = [cam for cam in self.cams.values() if not isinstance(cam, str) and not broken_by_shape(cam, design)]
+        return [Member(lift, lift.area_ratio_in(design)) for lift in lifts]
+
+    def ruled_out(self, member: Member) -> str:
+        """What event-exact's settled motion breaks by far at a listed speed, so that no verdict need be asked; empty
+        where it breaks nothing by far."""
+        design, operation = self.scene.design, self.scene.operation
+        assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
+        speeds = [self.scene.cam_speed(s) for s in operation.speeds_rpm]
+        found = settled_metrics([build_train(self.scene)], [member.lift], speeds)
+        for key, limit in motion_limits(design).items():
+            shares = limit.share(found.worst(limit.metric)[0, 0])
+            if shares.max() > RULED_OUT:
+                return f"{key} at {operation.speeds_rpm[int(shares.argmax())]:g} r/min"
+        return ""
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """A run's cam with its verdict, and the larger ones that were refused before, each with the reason."""
+
+    cam: KnownCam
+    verdict: Verdict
+    refused: Sequence[tuple[KnownCam, str]]
+
+    @property
+    def fell_back(self) -> dict:
+        """Whether the verdict had to go back to a smaller cam of the search: cams of it that were judged, and the
+        largest area ratio that it refused."""
+        refused = [cam for cam, _ in self.refused if not isinstance(cam, Member)]
+        judged = len(refused) + (not isinstance(self.cam, Member) and not any(cam is self.cam for cam in refused))
+        largest = max((cam.area_ratio for cam in refused), default=None)
+        return {"candidates_judged": judged, "largest_refused_area_ratio": largest}
+
+    def why_a_family(self, searched: Sequence[KnownCam], failed: str) -> str:
+        """Why a family's cam is delivered in place of one of the search; empty where it is one of the search."""
+        if not isinstance(self.cam, Member):
+            return ""
+        own = searched[-1].area_ratio if searched else 0.0
+        search = f"The search's largest cam has an area ratio of {own:.5f}" if searched else f"The search: {failed}"
+        larger = f" The larger ones were refused: {_reasons(self.refused)}." if self.refused else ""
+        return (
+            f"{search}. The cam is the largest that the family {self.cam.lift.family} has under the limits on the "
+            f"shape, and the largest confirmed one of all that are known.{larger}"
+        )
 
 
 def full_verdict(scene: Scene, lift: Lift, speeds: str, effort: Accuracy) -> Verdict:
     """The verdict on a run's design: at the listed speeds and, with `speeds` "band", over the band."""
     asked = effort.verdict
-    band_step = asked.band_step_rpm if speeds == "band" else None
-    return verdict_on(scene, lift, None, asked.methods_of(build_train(scene)), band_step, asked.demand)
+    return verdict_on(scene, lift, None, asked.methods_of(build_train(scene)), _band_step(speeds, effort), asked.demand)
 
 
-def confirmed_cam(scene: Scene, candidates: Sequence[F], speeds: str, effort: Accuracy) -> tuple[F, Verdict, list[F]]:
-    """The largest candidate that the full verdict confirms, and those that it refused before.
+def _band_step(speeds: str, effort: Accuracy) -> float | None:
+    return effort.verdict.band_step_rpm if speeds == "band" else None
 
-    `candidates` grow. Where none is confirmed, the largest one with its own verdict and all that were judged.
+
+def largest_confirmed(
+    scene: Scene,
+    searched: Sequence[KnownCam],
+    speeds: str,
+    effort: Accuracy,
+    families: Families | None = None,
+    failed: str = "",
+) -> Chosen:
+    """The largest cam that the full verdict confirms, of the last ones of a search and of the families' members.
+
+    `searched` grow; a member is only judged where no larger cam is confirmed. Where none is confirmed, the largest one
+    of the search with its own verdict and all that were judged. Raises NoCamFound, with why the search `failed`, where
+    it has none either.
     """
+    members = families.members() if families else []
+    known: list[KnownCam] = sorted([*searched[::-1][:CANDIDATES], *members], key=lambda cam: -cam.area_ratio)
     first, refused = None, []
-    for found in candidates[::-1][:CANDIDATES]:
-        verdict = full_verdict(scene, as_written(found.lift), speeds, effort)
-        first = first or (found, verdict)
+    for cam in known:
+        if isinstance(cam, Member) and families and (reason := families.ruled_out(cam)):
+            refused.append((cam, reason))
+            continue
+        verdict = full_verdict(scene, as_written(cam.lift), speeds, effort)
         if verdict.verdict == "confirmed":
-            return found, verdict, refused
-        refused.append(found)
-    assert first is not None, "a search that ends has a confirmed cam"
-    return *first, refused
+            return Chosen(cam, verdict, refused)
+        if not isinstance(cam, Member):
+            first = first or (cam, verdict)
+        refused.append((cam, next(iter(verdict.broken), verdict.verdict)))
+    if first:
+        return Chosen(*first, refused)
+    none = "no family has a member that holds the limits on the shape"
+    beside = f"of the families' largest cams none is confirmed: {_reasons(refused)}" if refused else none
+    raise NoCamFound(f"{failed}. Beside the search, {beside}")
 
 
-def fallen_back(chosen: SearchedCam, refused: Sequence[SearchedCam]) -> dict:
-    """Whether the verdict had to go back to a smaller cam: cams it judged, and the largest area ratio it refused."""
-    judged = len(refused) + (not any(found is chosen for found in refused))
-    largest = max((found.area_ratio for found in refused), default=None)
-    return {"candidates_judged": judged, "largest_refused_area_ratio": largest}
+def _reasons(refused: Sequence[tuple[KnownCam, str]]) -> str:
+    """Each refused cam with its area ratio and what is broken first."""
+    return "; ".join(
+        f"{cam.lift.family if isinstance(cam, Member) else 'the search'} with {cam.area_ratio:.5f} ({reason})"
+        for cam, reason in refused
+    )

@@ -15,7 +15,7 @@ from camopt.cam.tables.lift_table import write_lift_table
 from camopt.optimizer.accuracy import Accuracy, accuracy_named, drawn_speeds
 from camopt.optimizer.as_built.wanted import check_wanted
 from camopt.optimizer.bound.certificate import area_ratio_bound
-from camopt.optimizer.candidates import SearchedCam, confirmed_cam, fallen_back
+from camopt.optimizer.candidates import Families, KnownCam, largest_confirmed
 from camopt.optimizer.first_run import SAYING, compile_programs, programs_missing
 from camopt.optimizer.free_numbers import free_numbers, with_best_values
 from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_worth
@@ -24,7 +24,7 @@ from camopt.optimizer.progress import Progress
 from camopt.optimizer.search.journal import Journal
 from camopt.optimizer.search.search import Logbook, find_cam
 from camopt.optimizer.stage_clock import StageClock
-from camopt.scene.errors import InputError
+from camopt.scene.errors import InputError, NoCamFound
 from camopt.scene.schema import Scene
 from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import MM
@@ -94,8 +94,11 @@ def optimize(
     that the design may choose, with their ranges (low, high) in the key's unit, as {"spring.preload_N": (200, 320)}
     (`camopt.optimizer.free_numbers`); the folder's scene.toml has the values that it chose.
 
-    Raises InputError for unknown words, contradictory limits, an unusable folder or one of another run, and a scene
-    without a confirmed cam.
+    Where a family's largest member is larger than the search's cam, or the search has none, and it is confirmed, it is
+    the design, and `design.json` says why (`camopt.optimizer.candidates`).
+
+    Raises InputError for unknown words, contradictory limits, an unusable folder or one of another run, and NoCamFound,
+    which is one, where the search finds no cam and no family's largest one is confirmed.
     """
     settings = {"speeds": speeds, "accuracy": accuracy, "gradient": gradient, "seed": seed}
     settings |= {} if wanted_yield is None else {"yield": wanted_yield}
@@ -120,7 +123,7 @@ def optimize(
                 designed(folder)
             shown.begin("comparison")
             with job.clock.stage("comparison"):
-                _compared(folder, scene, lift, verdict, effort, shown if compare else None)
+                _compared(folder, scene, lift, verdict, effort, shown if compare else None, job.families)
             shown.end()
         job.write_provenance(folder)
     return Run(folder, lift, verdict, record, 0 if verdict.verdict == "confirmed" and job.yield_confirmed else 3)
@@ -149,6 +152,10 @@ class _OpenRun:
     chosen: dict = field(default_factory=dict)  # values of free numbers, for design.json
     found: dict = field(default_factory=dict)  # of the search, for the provenance
     yield_confirmed: bool = True  # where one was wanted
+    families: Families = field(init=False)
+
+    def __post_init__(self):
+        self.families = Families(self.scene)
 
     def make_programs(self, shown: Progress) -> None:
         """On the first run of an installation: the compiled programs."""
@@ -164,35 +171,45 @@ class _OpenRun:
         scene, effort, clock = self.scene, self.effort, self.clock
         assert scene.design is not None, "load_scene(..., need=...) guarantees it"
         shown.begin("search")
-        candidates, no_jump = self._cams_for_yield(folder, shown) if self.wanted else self._cams(folder, shown)
+        searched, no_jump, failed = self._searched(folder, shown)
         shown.begin("verdict")
         with clock.stage("verdict"):
-            chosen, verdict, refused = confirmed_cam(scene, candidates, self.settings["speeds"], effort)
-        lift = as_written(chosen.lift)
-        verification = verdict.as_dict() | (self._yield_of(lift) if self.wanted else {})
+            families = None if self.wanted and searched else self.families  # no family's cam is made for a yield
+            chosen = largest_confirmed(scene, searched, self.settings["speeds"], effort, families, failed)
+        cam, why = chosen.cam, chosen.why_a_family(searched, failed)
+        lift = as_written(cam.lift)
+        verification = chosen.verdict.as_dict() | (self._yield_of(lift) if self.wanted else {})
         record = design_record(
-            chosen.lift,
+            cam.lift,
             scene.design.max_lift_mm * MM,
             area_ratio_bound=bound,
-            area_gap_percent=100 * (bound - chosen.area_ratio) / bound,
-            area_ratio_no_jump=no_jump.area_ratio,
-            gradient_gain=chosen.area_ratio - no_jump.area_ratio,
-            verdict_fell_back=fallen_back(chosen, refused),
+            area_gap_percent=100 * (bound - cam.area_ratio) / bound,
+            area_ratio_no_jump=no_jump.area_ratio if no_jump else None,
+            gradient_gain=cam.area_ratio - no_jump.area_ratio if no_jump and not why else None,
+            verdict_fell_back=chosen.fell_back,
             limit_worth=limit_worth(kinematic),
             **({"free": self.chosen} if self.chosen else {}),
+            **({"why_a_family": why} if why else {}),
         )
         write_json(folder / "design.json", record)
         write_lift_table(folder / "lift.csv", lift)
         write_json(folder / "verification.json", verification)
         self.write_provenance(folder)
-        return lift, verdict, record
+        return lift, chosen.verdict, record
 
     @property
     def wanted(self) -> float | None:
         """The yield that is wanted, if one is."""
         return self.settings.get("yield")
 
-    def _cams(self, folder: Path, shown: Progress) -> tuple[Sequence[SearchedCam], SearchedCam]:
+    def _searched(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam | None, str]:
+        """The cams of the search and the best of the program alone; or neither, and why it found none."""
+        try:
+            return *(self._cams_for_yield(folder, shown) if self.wanted else self._cams(folder, shown)), ""
+        except NoCamFound as none:
+            return [], None, str(none)
+
+    def _cams(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam]:
         """The confirmed cams of the search, each larger than the one before, and the best of the program alone."""
         asked, log = self.settings, Logbook(Journal(folder), shown.step, self.clock)
         search, no_jump = find_cam(
@@ -201,7 +218,7 @@ class _OpenRun:
         self.found = {"cams_judged": search.judge.calls, "gradient_ended": search.gradient_ended}
         return search.confirmed, no_jump
 
-    def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[Sequence[SearchedCam], SearchedCam]:
+    def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam]:
         """The same of the search for yield; the second cam is the best for which nothing was differentiated."""
         from camopt.optimizer.as_built.design import EFFORTS, yield_search
         from camopt.optimizer.as_built.journal import TrainsLog
@@ -229,7 +246,7 @@ class _OpenRun:
 
         asked, effort = self.settings, EFFORTS[self.settings["accuracy"]]
         with self.clock.stage("yield"):
-            baselines = plain_baselines(self.scene) if self.compare else {}
+            baselines = plain_baselines(self.scene, known=self.families.cams) if self.compare else {}
             stated = yield_statement(
                 self.scene,
                 lift,
@@ -258,7 +275,13 @@ class _OpenRun:
 
 
 def _compared(
-    folder: Path, scene: Scene, lift: Lift, verdict: Verdict, effort: Accuracy, shown: Progress | None
+    folder: Path,
+    scene: Scene,
+    lift: Lift,
+    verdict: Verdict,
+    effort: Accuracy,
+    shown: Progress | None,
+    families: Families,
 ) -> None:
     """The comparison with its figures or, where none is shown, the figures of the design alone."""
     if shown is None:
@@ -268,6 +291,7 @@ def _compared(
         speeds = drawn_speeds(scene.operation, effort)
         draw(folder, scene, {"design": lift}, {"design": verdict.as_dict()}, speeds)
         return
-    from camopt.optimizer.baselines.comparison import compare_in
+    from camopt.optimizer.baselines.comparison import compare_in, plain_baselines
 
-    compare_in(folder, scene, {"design": lift}, {"design": verdict}, effort, None, shown.advance)
+    baselines = plain_baselines(scene, without_jerk_limit=effort.without_jerk_limit, known=families.cams)
+    compare_in(folder, scene, {"design": lift}, {"design": verdict}, effort, baselines, shown.advance)

@@ -112,8 +112,11 @@ def free_sentences(run: RunFolder) -> list[str]:
 
 
 def gain_sentences(run: RunFolder) -> list[str]:
-    """What the delivered cam has more than the no-jump program's, and whether the verdict refused larger cams."""
+    """Why the cam is a family's, or what it has more than the no-jump program's and whether the verdict refused larger
+    cams."""
     d, sentences = run.design, []
+    if isinstance(d.get("why_a_family"), str):
+        return [d["why_a_family"]]
     gain, asked = d.get("gradient_gain"), run.provenance.get("settings")
     if is_number(gain) and not (isinstance(asked, dict) and asked.get("gradient") == "none"):
         if abs(gain) < LEAST_GAIN:

@@ -18,5 +18,12 @@ class InputError(ValueError):
         return brief(super().__str__())
 
 
+class NoCamFound(InputError):
+    """A search that ends without a cam: none that it tried holds the limits, or its model cannot carry the train.
+
+    The command line ends with exit code 3, as for a cam that is not confirmed.
+    """
+
+
 class MotionRefused(InputError):
     """A motion that a method will not follow (endless switching, loss of accuracy): a refusal, never a wrong number."""

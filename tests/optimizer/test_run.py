@@ -21,6 +21,7 @@ from camopt.optimizer import candidates
 from camopt.optimizer import run as module
 from camopt.optimizer.accuracy import ACCURACIES, design_speeds
 from camopt.optimizer.baselines import comparison
+from camopt.optimizer.candidates import Families
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.run import optimize
 from camopt.optimizer.search.journal import Journal
@@ -28,6 +29,7 @@ from camopt.optimizer.search.judge import Judge
 from camopt.optimizer.search.no_jump_stage import Search
 from camopt.report import write_report
 from camopt.scene import InputError, build_train, load_scene
+from camopt.scene.errors import NoCamFound
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3
 from camopt.verifier.methods import rkg
 from tests.test_docs import undocumented
@@ -39,6 +41,7 @@ DELIVERED = Path(__file__).parents[1] / "data" / "kodama-design.json"  # camopt 
 def few_baselines():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(comparison, "SECTIONED", ())
+        patch.setattr(candidates, "FAMILIES", ("polydyne",))
         yield
 
 
@@ -157,10 +160,10 @@ def test_a_resumed_search_that_stops_again_keeps_its_history(plain, tmp_path, mo
 
 def test_a_search_without_a_cam_leaves_no_folder_behind(tmp_path, monkeypatch):
     def none(*_, **__):
-        raise InputError("no cam of the no-jump program holds")
+        raise NoCamFound("no cam of the no-jump program holds")
 
     monkeypatch.setattr(module, "find_cam", none)
-    with pytest.raises(InputError, match="no cam of the no-jump program"):
+    with pytest.raises(NoCamFound, match="no cam of the no-jump program"):
         optimize(load_scene("motori-1"), "nominal", "draft", "none", tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
@@ -329,5 +332,6 @@ def test_a_draft_alone_draws_the_motion_at_both_ends_too(accuracy, listed, tmp_p
     scene, drawn = load_scene("kodama"), []
     monkeypatch.setattr("camopt.optimizer.baselines.figures.draw", lambda *given: drawn.append(given[-1]))
     verdict = SimpleNamespace(as_dict=dict)
-    module._compared(tmp_path, scene, polydyne(scene), verdict, ACCURACIES[accuracy], None)
+    families = Families(scene)
+    module._compared(tmp_path, scene, polydyne(scene), verdict, ACCURACIES[accuracy], None, families)
     assert drawn == [listed]

@@ -5,7 +5,7 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import engine
-from camopt.measure.resonance import resonances
+from camopt.measure.resonance import _pairs, resonances
 from camopt.measure.settling import decay_per_revolution, settle, settled_from_rest
 from camopt.measure.sweep import at_speeds
 from camopt.scene import build_train, load_scene
@@ -30,6 +30,17 @@ def test_a_lightly_damped_coil_resonates_at_harmonics_of_the_cam():
     damped = coil_scene((5000.0, 7000.0), damping_ratio=0.02)  # half widths of 100 r/min, which steps of 20 resolve
     assert resonances(damped, polydyne(damped), 20.0) == ([], 0)
     assert resonances(load_scene("kodama"), polydyne(load_scene("kodama")), 20.0) == ([], 0)
+
+
+def test_a_mass_on_an_overdamped_seat_has_no_mode_that_goes_on_through_the_revolution():
+    """A verdict on such a train ended in a defect, the largest of an empty list."""
+    scene = load_scene("motori-1")
+    seat = {"damping_N_s_per_m": 4e4}  # beyond twice the root of stiffness times mass, 1.8e4
+    elements = tuple(e.model_copy(update=seat) if e.name == scene.seat else e for e in scene.element)
+    overdamped = scene.model_copy(update={"element": elements})
+    assert resonances(overdamped, polydyne(scene), 20.0) == ([], 0)
+    assert _pairs(build_train(overdamped), polydyne(scene)) == []
+    assert len(_pairs(build_train(scene), polydyne(scene))) == 1  # its own seat lets it oscillate
 
 
 def test_the_response_is_largest_where_the_resonance_is_said_to_be():

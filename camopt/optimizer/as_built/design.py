@@ -13,7 +13,7 @@ from camopt.optimizer.as_built.search import FIRST_MARGIN_N, FIRST_STEP_N, MORE_
 from camopt.optimizer.program.no_jump import NoJumpProgram, no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import relocate, standing
-from camopt.scene.errors import InputError
+from camopt.scene.errors import NoCamFound
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 
@@ -72,7 +72,7 @@ def yield_search(
     """The search for the cam of largest area that `wanted` of the trains as built hold over the scene's band.
 
     `held` of the answer has the cams, each larger than the one before, `without_gradients` the largest one for which
-    nothing was differentiated; `seed` draws the trains. Raises InputError where no cam holds.
+    nothing was differentiated; `seed` draws the trains. Raises NoCamFound where no cam holds.
     """
     drawn = DrawnTrains(scene, seed + DRAWS_SEED)
     search = YieldSearch(drawn, _program(scene), wanted, log or TrainsLog(None), show)
@@ -88,7 +88,7 @@ def yield_search(
     search.ask_unseen(DrawnTrains(scene, seed + UNSEEN_SEED), effort.unseen)
     search.without_gradients = search.lowest(plain.margins, MORE_STEP_N)
     if cam is not plain:
-        with suppress(InputError):  # where too few of the unseen trains hold it, the cam without gradients stands
+        with suppress(NoCamFound):  # where too few of the unseen trains hold it, the cam without gradients stands
             search.lowest(cam.margins, MORE_STEP_N)
     return search
 

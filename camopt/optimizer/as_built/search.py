@@ -22,7 +22,7 @@ from camopt.optimizer.as_built.drawn import DrawnTrains
 from camopt.optimizer.as_built.journal import TrainsLog
 from camopt.optimizer.as_built.linear_step import stepped
 from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpOptimum, NoJumpProgram
-from camopt.scene.errors import InputError
+from camopt.scene.errors import NoCamFound
 from camopt.scene.units import DEG, MM
 
 COMMON, BY_GROUPS, ALONG_SLOPES = "common margin", "margins by groups", "margins along slopes"
@@ -158,7 +158,7 @@ class YieldSearch:
     def lowest(self, margins: np.ndarray, step_N: float) -> NoJumpOptimum:
         """Moves all `margins` (3, s) [N] by one amount, bisected to the lowest that holds; returns their cam.
 
-        Raises InputError where none of those tried holds.
+        Raises NoCamFound where none of those tried holds.
         """
         low, high, shift, best = -np.inf, np.inf, 0.0, None
         while high - low > LAST_STEP_N:
@@ -166,7 +166,7 @@ class YieldSearch:
                 found = self.program.solve(Margins(*(margins + shift)))
             except NoCamHoldsContact as short:
                 drawn = self.drawn
-                raise InputError(
+                raise NoCamFound(
                     f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: of {len(drawn.trains)} "
                     f"trains {drawn.failing} fail with the largest margins; {short}. Ask for a smaller yield, relax "
                     f"the limits on the motion or make the tolerances narrower; `camopt yield` says which is to blame"

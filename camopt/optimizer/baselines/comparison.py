@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.families.registry import FAMILIES
@@ -74,12 +75,14 @@ def plain_baselines(
     note: Callable[[str], object] = lambda sentence: None,
     *,
     without_jerk_limit: bool = True,
+    known: Mapping[str, Lift | str] = MappingProxyType({}),
 ) -> dict[str, Lift | str]:
     """Polydyne, Multi-Pol and New Design by name, the latter two without the scene's jerk limit too; a sentence where a
-    family has no member."""
-    cams: dict[str, Lift | str] = {"polydyne": member_or_sentence(scene, "polydyne")}
+    family has no member. What is `known` by name is not designed again."""
+    cams: dict[str, Lift | str] = {}
+    for name in ("polydyne", *SECTIONED):
+        cams[name] = known[name] if name in known else member_or_sentence(scene, name)
     for name in SECTIONED:
-        cams[name] = member_or_sentence(scene, name)
         if without_jerk_limit and _jerk_limited(scene):
             cams[name + NO_JERK] = _member(scene, lambda name=name: read_cam(f"{name}:jerk=no", scene))
     return cams

@@ -7,7 +7,7 @@ import numpy as np
 from camopt.optimizer.program.periodic import SAMPLE, CamSamples, periodic_response
 from camopt.optimizer.program.phases import LIFTED, SEATED, Angles
 from camopt.scene.design import Design
-from camopt.scene.errors import InputError
+from camopt.scene.errors import NoCamFound
 from camopt.scene.train import Train
 from camopt.scene.units import DEG, RPM
 
@@ -49,10 +49,10 @@ class SpeedRows:
 
 
 def speed_rows(train: Train, design: Design, samples: CamSamples, cam_speed: float, angles: Angles, window: Window):
-    """The force rows of one speed [rad/s]; raises InputError where the linear motion is unstable."""
+    """The force rows of one speed [rad/s]; raises NoCamFound where the linear motion is unstable."""
     response = periodic_response(train, samples, cam_speed, angles)
     if response.spectral_radius > DAMPED:
-        raise InputError(
+        raise NoCamFound(
             f"the motion with closed contacts does not die away at {cam_speed / RPM:g} r/min of the camshaft: a "
             f"revolution multiplies a disturbance by {response.spectral_radius:.4g}; give elements or masses more "
             f"damping_N_s_per_m, or leave speeds near this one out of speeds_rpm and band_rpm"

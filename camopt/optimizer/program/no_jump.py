@@ -20,7 +20,7 @@ from camopt.optimizer.program.linear_program import Infeasible, Optimum, Rows, l
 from camopt.optimizer.program.periodic import CamSamples, sample_cam
 from camopt.optimizer.program.phases import Angles, static_angles
 from camopt.scene.design import Design
-from camopt.scene.errors import InputError
+from camopt.scene.errors import NoCamFound
 from camopt.scene.train import Train
 
 SHORTFALL = 1.01
@@ -30,7 +30,7 @@ BESIDE = 0.2
 """Part of a step between two rows within which a row of a program that differs little is the same one."""
 
 
-class NoCamHoldsContact(InputError):
+class NoCamHoldsContact(NoCamFound):
     """No free cam keeps the margins; `shortfall_N` is by how much all of them together would have to fall."""
 
     def __init__(self, sentence: str, shortfall_N: float):

@@ -9,7 +9,7 @@ from scipy.interpolate import PPoly
 from camopt.cam.families.free import FreeCam
 from camopt.cam.ramps import Ramp
 from camopt.optimizer.program.tangents import Tangents
-from camopt.scene.errors import InputError
+from camopt.scene.errors import NoCamFound
 from camopt.scene.rest import rest_position, static_matrices
 from camopt.scene.standing_in import standing_in
 from camopt.scene.train import GROUND, Train
@@ -46,7 +46,7 @@ class Angles:
 def phase_contacts(train: Train) -> np.ndarray:
     """Elements that act in each phase, shape (3, e) bool: seated, shared, lifted.
 
-    In the seated phase the set closed at rest acts. Raises InputError where more than one contact between cam and valve
+    In the seated phase the set closed at rest acts. Raises NoCamFound where more than one contact between cam and valve
     is open at rest.
     """
     train = standing_in(train)
@@ -55,7 +55,7 @@ def phase_contacts(train: Train) -> np.ndarray:
     seated = ~train.contact | (margin >= -1e-12)  # a contact at its touch, to round-off, counts as closed
     opened = [train.element_names[e] for e in train.cam_side if not seated[e]]
     if len(opened) > 1:
-        raise InputError(f"the no-jump program needs the lash at one contact; open at rest: {', '.join(opened)}")
+        raise NoCamFound(f"the no-jump program needs the lash at one contact; open at rest: {', '.join(opened)}")
     shared = seated.copy()
     shared[list(train.cam_side)] = True
     lifted = shared.copy()
@@ -64,7 +64,7 @@ def phase_contacts(train: Train) -> np.ndarray:
 
 
 def static_angles(train: Train, cam: FreeCam) -> Angles:
-    """Switching angles by the quasi-static load transfer on the ramps; raises InputError where a ramp is too low."""
+    """Switching angles by the quasi-static load transfer on the ramps; raises NoCamFound where a ramp is too low."""
     train = standing_in(train)
     seated, shared, _ = phase_contacts(train)
     opening = _lift_at_touch(train, shared, train.seat)
@@ -93,7 +93,7 @@ def _lift_at_touch(train: Train, closed: np.ndarray, element: int) -> float:
 def _before_top(ramp: Ramp, lift: float, side: str) -> float:
     """Angle [rad] before the ramp top at which the ramp has reached `lift` [m]."""
     if not 0 < lift < ramp.height:
-        raise InputError(
+        raise NoCamFound(
             f"the {side} ramp of {ramp.height / MM:g} mm is too low: the load moves from seat to cam at "
             f"{lift / MM:.4g} mm of lift, which must lie on the ramp"
         )

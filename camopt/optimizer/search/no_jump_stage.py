@@ -1,6 +1,6 @@
 """From the no-jump linear program to a cam that the non-smooth judge confirms: angles, speeds and one common margin."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -13,7 +13,7 @@ from camopt.optimizer.search.judge import Judge, Judged
 from camopt.optimizer.search.none_holds import REMEDY, why_none_holds
 from camopt.optimizer.search.robust import RobustJudge
 from camopt.scene.design import Design
-from camopt.scene.errors import InputError
+from camopt.scene.errors import NoCamFound
 from camopt.scene.units import DEG, MM
 
 FIRST_MARGINS_N = (0.0, 20.0, 60.0, 150.0)
@@ -54,6 +54,14 @@ class Search:
         """The largest confirmed cam."""
         return self.confirmed[-1] if self.confirmed else None
 
+    def take_without_reserve(self, seen: Sequence[tuple[NoJumpOptimum, Judged]]) -> None:
+        """Confirms those of the judged cams that hold their limits, each larger than the one before: no cam that holds
+        is refused for a reserve where none keeps it."""
+        for found, judged in sorted(seen, key=lambda one: one[0].area_ratio):
+            if judged.share.max() <= 1.0 and (self.best is None or found.area_ratio > self.best.area_ratio):
+                self.confirmed.append(found)
+                self.best_judged = judged
+
     def consider(self, stage: str, found: NoJumpOptimum, briefly: bool = False) -> Judged:
         """Judges a cam, keeps it if it is confirmed and larger than the best, and reports the step.
 
@@ -91,7 +99,8 @@ def no_jump_stage(search: Search, program: NoJumpProgram) -> NoJumpProgram:
 
     Switching angles are located again on the cam found; they need not settle, because the best confirmed cam counts.
     The worst judged speed is inserted while the cam fails there, and the common margin is bisected to the smallest one
-    that is confirmed. Raises InputError where no margin is confirmed.
+    that is confirmed. Where no cam keeps the judge's reserve, those that hold stand in for it. Raises NoCamFound where
+    none holds.
     """
     program, low, high = _first_confirmed(search, program)
     for _ in range(RELOCATIONS):
@@ -105,7 +114,7 @@ def no_jump_stage(search: Search, program: NoJumpProgram) -> NoJumpProgram:
         if search.best is before:
             break
         program = moved
-    for _ in range(BISECTIONS):
+    for _ in range(BISECTIONS if search.best_judged and search.best_judged.holds else 0):
         middle = 0.5 * (low + high) if np.isfinite(low) else high - FIRST_STEP_N
         judged = search.consider("margin", program.solve(Margins(middle, middle, middle)), briefly=True)
         if judged.holds:
@@ -146,15 +155,19 @@ def margins_apart(search: Search, program: NoJumpProgram, cams: int, seed: int) 
 
 
 def _first_confirmed(search: Search, program: NoJumpProgram) -> tuple[NoJumpProgram, float, float]:
-    """The program, with speeds inserted, the common margin [N] tried before, and the first whose cam is confirmed."""
-    seen = []
+    """The program, with speeds inserted, the common margin [N] tried before, and the first whose cam is confirmed.
+
+    Where none is, they are those of the largest cam that holds without the judge's reserve.
+    """
+    seen: list[tuple[NoJumpOptimum, Judged]] = []
     for below, level in pairwise((-np.inf, *_first_margins(program.design))):
         try:
             for _ in range(3):
-                judged = search.consider("no-jump program", program.solve(Margins(level, level, level)))
+                found = program.solve(Margins(level, level, level))
+                judged = search.consider("no-jump program", found)
                 if judged.holds:
                     return program, below, level
-                seen.append(judged)
+                seen.append((found, judged))
                 worst = search.judge.scene.cam_speed(judged.worst_speed_rpm)
                 if np.abs(program.speeds / worst - 1).min() < 1e-3:
                     break
@@ -162,8 +175,11 @@ def _first_confirmed(search: Search, program: NoJumpProgram) -> tuple[NoJumpProg
         except NoCamHoldsContact as error:
             if seen:
                 break
-            raise InputError(f"no confirmed cam was found: {error}; {REMEDY}") from error
-    raise InputError(why_none_holds(seen, program))
+            raise NoCamFound(f"no confirmed cam was found: {error}; {REMEDY}") from error
+    search.take_without_reserve(seen)
+    if search.best is None:
+        raise NoCamFound(why_none_holds([judged for _, judged in seen], program))
+    return search.best.program, -np.inf, float(search.best.margins.max())
 
 
 def _first_margins(design: Design) -> tuple[float, ...]:

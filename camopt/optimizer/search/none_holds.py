@@ -6,7 +6,7 @@ import numpy as np
 
 from camopt.measure.limits import MOTION_LIMITS
 from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpProgram
-from camopt.optimizer.search.judge import USABLE_SHARE, Judged
+from camopt.optimizer.search.judge import Judged
 from camopt.scene.design import Design
 
 REMEDY = "allow more bounce and jump, raise the spring's preload, or lower the top speed"
@@ -22,10 +22,9 @@ def why_none_holds(judged: Sequence[Judged], program: NoJumpProgram) -> str:
     reached = f"{metric} of {value:.3g}" if np.isfinite(value) else f"no {metric}"
     said = (
         f"no cam of the no-jump program holds the scene's limits on the motion at the judged speeds: the nearest one "
-        f"has {reached} at {speed:.4g} r/min against {key} = {nearest.limit[row]:g}, of which a search keeps a fifth "
-        f"free"
+        f"has {reached} at {speed:.4g} r/min against {key} = {nearest.limit[row]:g}"
     )
-    broken = nearest.speeds_rpm[nearest.share.max(axis=0) > USABLE_SHARE]
+    broken = nearest.speeds_rpm[nearest.share.max(axis=0) > 1.0]
     below = nearest.speeds_rpm[nearest.speeds_rpm < broken.min()]
     if below.size:
         said += f", and it holds every limit up to {below.max():.4g} r/min"

@@ -57,7 +57,7 @@ def find_cam(
     `speeds` is "band" or "nominal"; `gradient` is "none", or "smooth" or "exact" for a gradient stage on that path, or
     "auto" for the exact one where the train allows it. With `perturbations` (by name) the limits on the motion must
     hold under each of them too. `seed` draws the margins and, where it is not zero, the knot interval, which besides
-    the limits is all that a search starts from. Raises InputError where no cam is confirmed.
+    the limits is all that a search starts from. Raises NoCamFound where no cam holds.
     """
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
@@ -102,8 +102,11 @@ def _with_perturbed(
 def hold_between(search: Search, between: Judge | None) -> None:
     """Drops confirmed cams, the largest first, that do not hold between the judged speeds of a band.
 
-    Among many drawn cams some hold at just the judged speeds. The last cam stays in any case.
+    Among many drawn cams some hold at just the judged speeds. The last cam stays in any case, and so do all where none
+    keeps the reserve at the judged speeds, since the verdict then decides.
     """
+    if search.best_judged and not search.best_judged.holds:
+        return
     dropped = False
     while between and len(search.confirmed) > 1 and _used(between, search) > BETWEEN_SHARE:
         search.confirmed.pop()

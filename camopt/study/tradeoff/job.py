@@ -127,17 +127,17 @@ def _masses(scene: Scene, cam: Lift, size: str) -> list[Measurement]:
 
 def _designed(scene: Scene, speeds: str, effort: Accuracy, folder: Path) -> dict:
     """Area of the cam that a search finds and a verdict confirms, its bounce on a grid finer than the search's."""
-    from camopt.optimizer.candidates import confirmed_cam
+    from camopt.optimizer.candidates import largest_confirmed
     from camopt.optimizer.search.search import find_cam
 
     begin = time.process_time()
     search, _ = find_cam(scene, speeds, effort)
     seconds = time.process_time() - begin
     assert scene.operation is not None and scene.design is not None
-    found, verdict, _ = confirmed_cam(scene, search.confirmed, "nominal", ACCURACIES["draft"])
+    chosen = largest_confirmed(scene, search.confirmed, "nominal", ACCURACIES["draft"])
     folder.mkdir(exist_ok=True)
     path = folder / f"{speeds}-{effort.knot_deg:g}deg-{effort.judged_speeds}-speeds.json"
-    write_json(path, design_record(found.lift, scene.design.max_lift_mm * MM))
+    write_json(path, design_record(chosen.cam.lift, scene.design.max_lift_mm * MM))
     cam = read_design(path, scene)
     listed = scene.operation.speeds_rpm
     if speeds == "nominal":
@@ -145,4 +145,4 @@ def _designed(scene: Scene, speeds: str, effort: Accuracy, folder: Path) -> dict
     else:
         bounce = _largest_bounce(scene, cam, JUDGED_STEP_RPM)
     figures = {"area_mm_deg": cam.area / MM / DEG, "bounce_mm": bounce}
-    return {"seconds": seconds, "figures": figures, "verdict": verdict.verdict}
+    return {"seconds": seconds, "figures": figures, "verdict": chosen.verdict.verdict}

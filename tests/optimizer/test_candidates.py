@@ -1,0 +1,244 @@
+"""The cams that a run knows: the largest confirmed one is delivered, be it the search's or a family's."""
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from camopt.cam.read import read_cam
+from camopt.cli.parser import main
+from camopt.optimizer import candidates, run
+from camopt.optimizer.accuracy import ACCURACIES
+from camopt.optimizer.candidates import Families, Member, largest_confirmed
+from camopt.optimizer.run import optimize
+from camopt.optimizer.search.judge import USABLE_SHARE, Judged
+from camopt.optimizer.search.no_jump_stage import FIRST_MARGINS_N, Search, no_jump_stage
+from camopt.optimizer.search.search import hold_between
+from camopt.report.folder import read_run_folder
+from camopt.report.outcome import outcome_lines
+from camopt.scene import InputError, load_scene
+from camopt.scene.errors import NoCamFound
+from camopt.scene.toml_text import scene_toml
+
+SCENE = load_scene("motori-1")
+DRAFT = ACCURACIES["draft"]
+MARINE = Path(__file__).parents[3] / "shared" / "data" / "scenes" / "marine-soft.toml"
+CAMS = {name: read_cam(name, SCENE) for name in ("trapezoid", "kurz")}
+
+
+def searched(*areas):
+    return [SimpleNamespace(lift=replace(CAMS["kurz"], family="free"), area_ratio=area) for area in areas]
+
+
+class Known(Families):
+    """Two families, of which event-exact rules out those that are named."""
+
+    cams = CAMS
+    out = ()
+
+    def ruled_out(self, member):
+        asked.append(member.lift.family)
+        return "bounce_max_mm" if member.lift.family in self.out else ""
+
+
+asked: list[str] = []
+
+
+@pytest.fixture
+def verdicts(monkeypatch):
+    """A verdict that confirms what is named in the list that it gives back, by family and rounded area ratio."""
+    confirmed: list[str] = []
+    asked.clear()
+
+    def verdict(scene, lift, *_, **__):
+        asked.append(f"verdict on {lift.family}")
+        word = "confirmed" if lift.family in confirmed else "rejected"
+        return SimpleNamespace(verdict=word, broken=() if word == "confirmed" else ("jump_max_mm at 7000 r/min",))
+
+    monkeypatch.setattr(candidates, "verdict_on", verdict)
+    return confirmed
+
+
+def test_where_the_largest_cam_is_the_search_s_no_member_is_judged(verdicts):
+    verdicts += ["free", "kurz", "trapezoid"]
+    search = searched(0.7, 0.8)
+    chosen = largest_confirmed(SCENE, search, "nominal", DRAFT, Known(SCENE))
+    assert chosen.cam is search[-1] and asked == ["verdict on free"]
+    assert chosen.fell_back == {"candidates_judged": 1, "largest_refused_area_ratio": None}
+    assert chosen.why_a_family(search, "") == ""
+
+
+def test_a_larger_member_that_is_confirmed_takes_the_place_of_the_search_s_cam(verdicts):
+    verdicts += ["free", "kurz"]
+    search = searched(0.5)
+    chosen = largest_confirmed(SCENE, search, "nominal", DRAFT, Known(SCENE))
+    areas = {name: cam.area_ratio_in(SCENE.design) for name, cam in CAMS.items()}
+    assert areas["trapezoid"] > areas["kurz"] > 0.5
+    assert isinstance(chosen.cam, Member) and chosen.cam.area_ratio == areas["kurz"]
+    why = chosen.why_a_family(search, "")
+    assert "The search's largest cam has an area ratio of 0.50000" in why and "the family kurz" in why
+    assert f"trapezoid with {areas['trapezoid']:.5f} (jump_max_mm at 7000 r/min)" in why
+
+
+def test_a_larger_member_that_event_exact_rules_out_is_not_verified(verdicts):
+    verdicts += ["free", "trapezoid", "kurz"]
+    families = Known(SCENE)
+    families.__class__.out = ("trapezoid", "kurz")
+    try:
+        chosen = largest_confirmed(SCENE, searched(0.5), "nominal", DRAFT, families)
+    finally:
+        families.__class__.out = ()
+    assert chosen.cam.area_ratio == 0.5 and asked == ["trapezoid", "kurz", "verdict on free"]
+
+
+def test_where_the_search_s_cams_are_refused_a_smaller_member_is_delivered(verdicts):
+    verdicts += ["kurz"]
+    search = searched(0.7, 0.8)
+    chosen = largest_confirmed(SCENE, search, "nominal", DRAFT, Known(SCENE))
+    assert chosen.cam.lift.family == "kurz"
+    assert chosen.fell_back == {"candidates_judged": 2, "largest_refused_area_ratio": 0.8}
+    assert "the search with 0.80000 (jump_max_mm at 7000 r/min)" in chosen.why_a_family(search, "")
+
+
+def test_where_nothing_is_confirmed_the_search_s_largest_cam_stands_with_its_verdict(verdicts):
+    search = searched(0.4, 0.5)
+    chosen = largest_confirmed(SCENE, search, "nominal", DRAFT, Known(SCENE))
+    assert chosen.cam is search[-1] and chosen.verdict.verdict == "rejected"
+
+
+def test_where_nothing_is_known_the_sentence_names_the_search_and_the_families(verdicts):
+    with pytest.raises(NoCamFound, match=r"the margins\. Beside .* none is confirmed: trapezoid with 0\..*; kurz with"):
+        largest_confirmed(SCENE, [], "nominal", DRAFT, Known(SCENE), "no cam keeps the margins")
+    with pytest.raises(NoCamFound, match="no family has a member that holds the limits on the shape"):
+        largest_confirmed(SCENE, [], "nominal", DRAFT, None, "no cam keeps the margins")
+
+
+def test_event_exact_rules_out_what_breaks_a_limit_and_not_what_is_calm():
+    fast = Families(SCENE)
+    multi_pol = Member(read_cam("multi-pol", SCENE), 0.6)
+    assert "bounce_max_mm at 7000 r/min" == fast.ruled_out(multi_pol)
+    calm = SCENE.model_copy(update={"operation": SCENE.operation.model_copy(update={"speeds_rpm": (2000.0,)})})
+    assert Families(calm).ruled_out(multi_pol) == ""
+
+
+@pytest.fixture(scope="module")
+def wide_lash():
+    """Slow, and with more lash than its ramp is high: the search's model has no place for it, and a plain cam holds."""
+    elements = (e.model_copy(update={"gap_mm": 0.3}) if e.cam_driven else e for e in SCENE.element)
+    operation = SCENE.operation.model_copy(update={"speeds_rpm": (2000.0, 2500.0), "band_rpm": (2000.0, 2500.0)})
+    return SCENE.model_copy(update={"element": tuple(elements), "operation": operation})
+
+
+def test_a_scene_whose_search_fails_ends_with_a_family_s_confirmed_cam(wide_lash, tmp_path):
+    """The job ended without a cam, and `verify --cam multi-pol` confirmed one."""
+    found = optimize(wide_lash, "nominal", "draft", "none", tmp_path / "run", compare=False)
+    assert found.exit_code == 0 and found.verdict.verdict == "confirmed"
+    record = read_run_folder(tmp_path / "run").design
+    assert record["family"] == "multi-pol" == found.lift.family
+    assert record["area_ratio"] == pytest.approx(read_cam("multi-pol", wide_lash).area_ratio_in(wide_lash.design))
+    assert record["area_ratio_no_jump"] is None and record["gradient_gain"] is None
+    lines = outcome_lines(read_run_folder(tmp_path / "run"))
+    assert record["why_a_family"] in lines and "the opening ramp of 0.265 mm is too low" in record["why_a_family"]
+
+
+def test_a_search_for_yield_that_fails_ends_with_a_family_s_cam_and_its_yield(wide_lash, tmp_path, monkeypatch):
+    stated = []
+
+    def yield_of(job, lift):
+        stated.append(lift.family)
+        job.yield_confirmed = False
+        return {"yield": {"wanted": job.wanted}}
+
+    monkeypatch.setattr(run._OpenRun, "_yield_of", yield_of)
+    found = optimize(wide_lash, accuracy="draft", out=tmp_path / "run", compare=False, wanted_yield=0.9)
+    assert stated == ["multi-pol"] and found.verdict.verdict == "confirmed"
+    assert found.exit_code == 3  # what was wanted is the yield
+
+
+def test_a_scene_in_which_nothing_holds_ends_with_code_3_and_without_a_folder(wide_lash, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(candidates, "FAMILIES", ("3-4-5",))  # which breaks this scene's limits
+    file, folder = tmp_path / "scene.toml", tmp_path / "run"
+    file.write_text(scene_toml(wide_lash), encoding="utf-8")
+    words = ["optimize", str(file), "--speeds", "nominal", "--accuracy", "draft", "--no-compare", "--quiet"]
+    assert main([*words, "--out", str(folder)]) == 3
+    said = capsys.readouterr().err
+    assert "is too low" in said and "no family has a member that holds the limits on the shape" in said
+    assert not folder.exists()
+
+
+def test_the_comparison_designs_no_member_again(wide_lash, tmp_path, monkeypatch):
+    designed = []
+    plain = "camopt.optimizer.baselines.comparison.member_or_sentence"
+    monkeypatch.setattr(plain, lambda scene, family: designed.append(family) or f"no {family} here")
+    families = Families(wide_lash)
+    monkeypatch.setattr("camopt.optimizer.baselines.comparison.compare_in", lambda *given: compared.append(given[5]))
+    compared = []
+    shown = SimpleNamespace(advance=lambda share: None)
+    assert families.members() == []
+    run._compared(tmp_path, wide_lash, CAMS["kurz"], SimpleNamespace(), DRAFT, shown, families)
+    assert designed == list(candidates.FAMILIES)
+    assert compared[0]["polydyne"] == "no polydyne here" and {"multi-pol", "new-design"} <= compared[0].keys()
+
+
+@pytest.mark.skipif(not MARINE.exists(), reason="the shared scenes are not here")
+def test_the_marine_scene_gets_a_cam(tmp_path):
+    found = optimize(load_scene(MARINE), "nominal", "draft", "none", tmp_path / "run", compare=False)
+    assert found.verdict.verdict == "confirmed" and found.record["area_ratio"] > 0.571  # its trapezoid has 0.5715
+
+
+class Program:
+    """A program whose cams have less area the larger their margin, and at once."""
+
+    design = SCENE.design
+    speeds = np.array([300.0])
+
+    def solve(self, margins):
+        level = float(np.max(margins.opening))
+        cam = {"z": np.array([level]), "lift": SimpleNamespace(area=1.0), "area_ratio": 0.6 - level / 1e3}
+        return SimpleNamespace(**cam, margins=np.full((3, 1), level), program=self)
+
+    def extended(self, speeds):
+        return self
+
+
+def search_with(bounce_by_area):
+    def recall(step, z):
+        share = np.array([[bounce_by_area(float(z[0]))]]) / 0.05
+        return Judged(np.array([7000.0]), {"bounce_mm": share[0] * 0.05}, ("bounce_mm",), np.array([0.05]), share, None)
+
+    judge = SimpleNamespace(scene=SCENE, remember=lambda judged: None)
+    journal = SimpleNamespace(recall=recall, note=lambda line: None, keep=lambda *_: None)
+    return Search(judge, journal)
+
+
+@pytest.fixture(autouse=True)
+def nothing_relocated(monkeypatch):
+    monkeypatch.setattr("camopt.optimizer.search.no_jump_stage.relocate", lambda program, lift: program)
+
+
+def test_a_cam_that_holds_is_not_refused_for_the_reserve():
+    """Where the nearest cam had 0.0409 mm of bounce against 0.05 the search said that no cam holds."""
+    search = search_with(lambda level: 0.0409 if level > 0 else 0.06)
+    no_jump_stage(search, Program())
+    margins = [float(cam.z[0]) for cam in search.confirmed]
+    assert margins == sorted(FIRST_MARGINS_N[1:], reverse=True)  # each larger than the one before
+    assert USABLE_SHARE < search.best_judged.share.max() <= 1.0
+    hold_between(search, lambda lift: pytest.fail("the verdict decides"))
+    assert len(search.confirmed) == len(FIRST_MARGINS_N) - 1
+
+
+def test_a_cam_with_the_reserve_is_preferred_to_larger_ones_without_it():
+    search = search_with(lambda level: 0.01 if level >= 60.0 else 0.0409)
+    no_jump_stage(search, Program())
+    assert search.best_judged.holds and min(float(cam.z[0]) for cam in search.confirmed) == 60.0
+
+
+def test_a_cam_that_breaks_its_limit_is_refused_and_the_sentence_says_by_how_much():
+    with pytest.raises(NoCamFound, match=r"bounce_mm of 0\.0501 at 7000 r/min against bounce_max_mm = 0\.05;"):
+        no_jump_stage(search_with(lambda level: 0.0501), Program())
+
+
+def test_no_cam_found_is_an_input_error_for_who_catches_these():
+    assert issubclass(NoCamFound, InputError)
