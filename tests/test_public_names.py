@@ -50,7 +50,7 @@ SIGNATURES = {
     "objective": "scene, *, speeds_rpm=None, maximise='area_ratio', penalties=None, path='auto', revolutions=4, "
     "trains=0, seed=0",
     "optimize": "scene, speeds='band', accuracy='standard', gradient='auto', out=None, seed=0, "
-    "resume=False, progress=False, designed=<lambda>, *, compare=True, wanted_yield=None, free=None",
+    "resume=False, progress=False, designed=<lambda>, *, compare=True, wanted_yield=None, free=None, start=None",
     "pareto": "scene, against='bounce_max_mm', values=None, *, release=(), speeds='band', "
     "accuracy='draft', gradient='none', seed=0, out=None, progress=False",
     "polydyne": "scene, exponents=(2, 10, 18, 26, 34), design_speed_rpm=None, *, ramp_height_mm=None, dynamic=None",

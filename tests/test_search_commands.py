@@ -88,6 +88,7 @@ class TestVerbsThatSearch:
             "speeds": "nominal",
             "accuracy": accuracy,
             "gradient": "none",
+            "start": None,
             "out": tmp_path / "run",
             "seed": 7,
             "wanted_yield": None,

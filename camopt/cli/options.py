@@ -34,8 +34,9 @@ def _optimize(command: Command) -> None:
         "--gradient",
         choices=("auto", "smooth", "exact", "none"),
         default="auto",
-        help="gradients of the dynamics (auto: exact where the train allows it)",
+        help="along exact slopes, none, or the search on smoothed paths by JAX (auto: exact)",
     )
+    c.add_argument("--start", metavar="CAM", help="with --gradient smooth: the cam it begins from (the calmest one)")
     words = "share of the trains as built, drawn within the scene's tolerances, in which the cam must hold, as in 0.99"
     c.add_argument("--yield", type=positive, dest="wanted_yield", metavar="SHARE", help=words)
     words = (

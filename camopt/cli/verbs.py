@@ -28,6 +28,7 @@ def optimize(args: Namespace) -> int:
     folder = _run_folder(args, scene.name)
     if not args.quiet:
         print(f"{scene.name}: designs a cam at accuracy {args.accuracy} into {folder}", file=sys.stderr, flush=True)
+    from camopt.cam.read import read_cam
     from camopt.optimizer.run import optimize as run
     from camopt.report import write_report
 
@@ -50,6 +51,7 @@ def optimize(args: Namespace) -> int:
         compare=not args.no_compare,
         wanted_yield=args.wanted_yield,
         free=_once_each(args.free),
+        start=None if args.start is None else read_cam(args.start, scene),
     )
     page = write_report(result.folder)
     print(f"run folder: {result.folder}, report: {page}")

@@ -19,15 +19,17 @@ class Accuracy:
     judge_stride: int  # one speed in so many is judged first
     gradient_steps: int
     margin_draws: int  # number of judged cams whose margins are drawn apart
+    path_speeds: int  # speeds of the search on paths over a band
+    feedback_rounds: int  # its programs whose margins the judge feeds back
     verdict: Effort  # effort of the final verdict
     without_jerk_limit: bool  # whether the comparison shows the families without it as well
     every_speed_drawn: bool = True  # whether the valve's motion is drawn at every listed speed, or at both ends alone
 
 
 ACCURACIES = {
-    "draft": Accuracy(3.0, 5, 47, 4, 6, 0, EFFORTS["draft"], False, False),
-    "standard": Accuracy(2.0, 9, 187, 4, 16, 96, EFFORTS["standard"], True),
-    "fine": Accuracy(1.5, 17, 373, 8, 30, 160, EFFORTS["fine"], True),
+    "draft": Accuracy(3.0, 5, 47, 4, 6, 0, 17, 16, EFFORTS["draft"], False, False),
+    "standard": Accuracy(2.0, 9, 187, 4, 16, 96, 33, 36, EFFORTS["standard"], True),
+    "fine": Accuracy(1.5, 17, 373, 8, 30, 160, 49, 48, EFFORTS["fine"], True),
 }
 
 BEYOND = 1e-3

@@ -18,11 +18,12 @@ from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.candidates import Families, KnownCam, largest_confirmed
 from camopt.optimizer.first_run import SAYING, compile_programs, programs_missing
 from camopt.optimizer.free_numbers import free_numbers, with_best_values
+from camopt.optimizer.paths.search import find_cam
 from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_worth
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.progress import Progress
 from camopt.optimizer.search.journal import Journal
-from camopt.optimizer.search.search import Logbook, find_cam
+from camopt.optimizer.search.search import Logbook
 from camopt.optimizer.stage_clock import StageClock
 from camopt.scene.errors import InputError, NoCamFound
 from camopt.scene.schema import Scene
@@ -80,28 +81,29 @@ def optimize(
     compare: bool = True,
     wanted_yield: float | None = None,
     free: Mapping[str, Sequence[float]] | None = None,
+    start: Lift | None = None,
 ) -> Run:
     """Design the cam of largest area that a scene's limits allow, and have it verified and compared.
 
     `speeds` "band" (every speed of the scene's band) or "nominal" (its listed speeds (k) [r/min]); `accuracy` a name of
-    `camopt.optimizer.accuracy`; `gradient` "smooth", "exact", "none", or "auto" for exact where the train allows it.
-    The run folder (docs/run-folder.md) goes to `out` (default runs/<scene>-<UTC time>), but for report.html, which
+    `camopt.optimizer.accuracy`; `gradient` "exact" or "auto" for steps along exact slopes, "none" for none, or "smooth"
+    for the search on smoothed paths by JAX, which begins from the cam `start` (`camopt.optimizer.paths.search`). The
+    run folder (docs/run-folder.md) goes to `out` (default runs/<scene>-<UTC time>), but for report.html, which
     `camopt.report` makes from it. With `resume` an interrupted run in `out` goes on and ends in the same design.
     `seed`, where it is not zero, draws the knots to start from. `designed` is called with the folder once the design,
     its verdict and its provenance are written, before the comparison, which can cost none of them; without `compare`
     there is none. With `wanted_yield`, a share such as 0.99, the cam must hold in that share of the trains that the
     scene's tolerances allow, over its band; "confirmed" then says so of fresh draws. `free` names numbers of the scene
     that the design may choose, with their ranges (low, high) in the key's unit, as {"spring.preload_N": (200, 320)}
-    (`camopt.optimizer.free_numbers`); the folder's scene.toml has the values that it chose.
-
-    Where a family's largest member is larger than the search's cam, or the search has none, and it is confirmed, it is
-    the design, and `design.json` says why (`camopt.optimizer.candidates`).
+    (`camopt.optimizer.free_numbers`); the folder's scene.toml has the values that it chose. Where a family's largest
+    member is confirmed and larger than the search's cam, it is the design (`camopt.optimizer.candidates`).
 
     Raises InputError for unknown words, contradictory limits, an unusable folder or one of another run, and NoCamFound,
     which is one, where the search finds no cam and no family's largest one is confirmed.
     """
     settings = {"speeds": speeds, "accuracy": accuracy, "gradient": gradient, "seed": seed}
     settings |= {} if wanted_yield is None else {"yield": wanted_yield}
+    settings |= {} if start is None else {"start": {"family": start.family, "area_m_rad": float(start.area)}}
     settings |= {} if not free else {"free": {name: list(map(float, ends)) for name, ends in free.items()}}
     folder = Path(out or default_run_folder(scene.name))
     check_run_folder(folder, resume)
@@ -110,7 +112,7 @@ def optimize(
         scene, chosen = with_best_values(scene, free_numbers(scene, free), speeds, effort, progress)
     design = scene.design
     assert design is not None, "load_scene(..., need=...) guarantees it"
-    job = _OpenRun(scene, settings, effort, StageClock(), compare, chosen)
+    job = _OpenRun(scene, settings, effort, StageClock(), compare, {"free": chosen} if chosen else {}, start)
     with job.clock.stage("bound"):
         kinematic = kinematic_optimum(design, program_cam(design, effort.knot_deg))  # contradictory limits end here
         bound = area_ratio_bound(design).bound
@@ -149,7 +151,8 @@ class _OpenRun:
     effort: Accuracy
     clock: StageClock
     compare: bool = True
-    chosen: dict = field(default_factory=dict)  # values of free numbers, for design.json
+    further: dict = field(default_factory=dict)  # keys of design.json on free numbers and on the search
+    start: Lift | None = None
     found: dict = field(default_factory=dict)  # of the search, for the provenance
     yield_confirmed: bool = True  # where one was wanted
     families: Families = field(init=False)
@@ -188,8 +191,8 @@ class _OpenRun:
             gradient_gain=cam.area_ratio - no_jump.area_ratio if no_jump and not why else None,
             verdict_fell_back=chosen.fell_back,
             limit_worth=limit_worth(kinematic),
-            **({"free": self.chosen} if self.chosen else {}),
             **({"why_a_family": why} if why else {}),
+            **self.further,
         )
         write_json(folder / "design.json", record)
         write_lift_table(folder / "lift.csv", lift)
@@ -212,11 +215,11 @@ class _OpenRun:
     def _cams(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam]:
         """The confirmed cams of the search, each larger than the one before, and the best of the program alone."""
         asked, log = self.settings, Logbook(Journal(folder), shown.step, self.clock)
-        search, no_jump = find_cam(
-            self.scene, asked["speeds"], self.effort, asked["gradient"], log=log, seed=asked["seed"]
-        )
+        how = self.effort, asked["gradient"], log, self.start, asked["seed"]
+        search, first = find_cam(self.scene, asked["speeds"], *how)
+        self.further |= {"search": search.course} if search.course else {}
         self.found = {"cams_judged": search.judge.calls, "gradient_ended": search.gradient_ended}
-        return search.confirmed, no_jump
+        return search.confirmed, first
 
     def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam]:
         """The same of the search for yield; the second cam is the best for which nothing was differentiated."""

@@ -58,6 +58,10 @@ class StageClock:
         total = time.perf_counter() - self.begun
         return {name: round(cost.clock_s, 3) for name, cost in self.costs.items()} | {"total": round(total, 3)}
 
+    def spent_s(self, *stages: str) -> float:
+        """Processor time of these stages together [s]."""
+        return round(sum(self.costs[name].processor_s for name in stages if name in self.costs), 3)
+
     def as_dict(self) -> dict[str, dict]:
         """Every stage's cost, for provenance.json."""
         return {

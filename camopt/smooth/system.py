@@ -169,8 +169,8 @@ class System(eqx.Module):
 
 
 def column(values, like: jax.Array):
-    """`values` (e) with an axis appended for each axis that `like` has beyond its first, so that batches broadcast."""
-    return values.reshape(values.shape + (1,) * (like.ndim - 1))
+    """`values` (e), or (e, b) of a batch, with an axis appended for each axis that `like` has beyond theirs."""
+    return values.reshape(values.shape + (1,) * (like.ndim - values.ndim))
 
 
 def build_system(train: Train, dtype=jnp.float64) -> System:

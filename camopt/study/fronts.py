@@ -11,8 +11,8 @@ from tqdm import tqdm
 
 from camopt.optimizer.accuracy import accuracy_named
 from camopt.optimizer.free_numbers import widest
+from camopt.optimizer.paths.search import find_cam
 from camopt.optimizer.search.robust import with_spring
-from camopt.optimizer.search.search import find_cam
 from camopt.scene.errors import InputError
 from camopt.scene.schema import AS_BUILT, Scene
 from camopt.storage import check_file, write_json
@@ -137,8 +137,8 @@ def _point(scene: Scene, speeds: str, effort, gradient: str) -> dict:
         search, no_jump = find_cam(scene, speeds, effort, gradient)
     except InputError:
         return {"area_ratio": None}
-    best, judged = search.best, search.best_judged
-    assert best is not None and judged is not None
+    best, judged = search.confirmed[-1], search.best_judged
+    assert judged is not None
     worst = {f"worst_{name}": judged.worst(name) for name in judged.figures}
     return {"area_ratio": best.area_ratio, "area_ratio_no_jump": no_jump.area_ratio, **worst}
 

@@ -48,6 +48,29 @@ class SpeedRows:
     angle: np.ndarray  # (r)
 
 
+@dataclass(frozen=True)
+class Margins:
+    """Least contact forces [N] on the opening and the closing flank and at the seat, a number or one per speed."""
+
+    opening: float | np.ndarray = 20.0
+    closing: float | np.ndarray = 20.0
+    seat: float | np.ndarray = 20.0
+
+    def table(self, speeds: int) -> np.ndarray:
+        """Margins by kind and speed, shape (3, speeds)."""
+        return np.stack(
+            [np.broadcast_to(np.asarray(v, float), speeds) for v in (self.opening, self.closing, self.seat)]
+        )
+
+
+@dataclass(frozen=True)
+class Box:
+    """Free coefficients no further from `centre` (m) than `width`, in each of them: where linear rows are believed."""
+
+    centre: np.ndarray
+    width: float
+
+
 def speed_rows(train: Train, design: Design, samples: CamSamples, cam_speed: float, angles: Angles, window: Window):
     """The force rows of one speed [rad/s]; raises NoCamFound where the linear motion is unstable."""
     response = periodic_response(train, samples, cam_speed, angles)

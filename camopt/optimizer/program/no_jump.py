@@ -14,7 +14,7 @@ import numpy as np
 from camopt.cam.families.free import FreeCam
 from camopt.cam.families.free_limits import Limits
 from camopt.cam.lift import Lift
-from camopt.optimizer.program.force_rows import PEAK, SEAT, SpeedRows, Window, speed_rows
+from camopt.optimizer.program.force_rows import PEAK, SEAT, Box, Margins, SpeedRows, Window, speed_rows
 from camopt.optimizer.program.kinematic import area_ratio_row, first_working, reach, reached_in_the_middle, spline_rows
 from camopt.optimizer.program.linear_program import Infeasible, Optimum, Rows, least_relaxation
 from camopt.optimizer.program.periodic import CamSamples, sample_cam
@@ -36,21 +36,6 @@ class NoCamHoldsContact(NoCamFound):
     def __init__(self, sentence: str, shortfall_N: float):
         super().__init__(sentence)
         self.shortfall_N = shortfall_N
-
-
-@dataclass(frozen=True)
-class Margins:
-    """Least contact forces [N] on the opening and the closing flank and at the seat, a number or one per speed."""
-
-    opening: float | np.ndarray = 20.0
-    closing: float | np.ndarray = 20.0
-    seat: float | np.ndarray = 20.0
-
-    def table(self, speeds: int) -> np.ndarray:
-        """Margins by kind and speed, shape (3, speeds)."""
-        return np.stack(
-            [np.broadcast_to(np.asarray(v, float), speeds) for v in (self.opening, self.closing, self.seat)]
-        )
 
 
 @dataclass(frozen=True)
@@ -139,6 +124,7 @@ class NoJumpProgram:
     cam: FreeCam
     window: Window
     blocks: tuple[SpeedRows, ...]
+    box: Box | None = None
 
     @property
     def speeds(self) -> np.ndarray:
@@ -162,10 +148,11 @@ class NoJumpProgram:
 
     @cached_property
     def rows(self) -> Rows:
-        """Kinematic rows, then force rows: matrix @ z <= bound."""
+        """Kinematic rows, then force rows, then those of the box: matrix @ z <= bound."""
         force = np.concatenate([b.matrix for b in self.blocks])
         force *= np.where(self.kind == PEAK, 1.0, -1.0)[:, None]
-        return spline_rows(np.concatenate([self.limits.matrix, force]))
+        sides = [] if self.box is None else [np.eye(force.shape[1]), -np.eye(force.shape[1])]
+        return spline_rows(np.concatenate([self.limits.matrix, force, *sides]))
 
     def bound(self, margins: np.ndarray) -> np.ndarray:
         """Right side of the program for margins (3, speeds) [N]."""
@@ -173,7 +160,17 @@ class NoJumpProgram:
         least = margins[np.minimum(self.kind, SEAT), self.speed]
         peak = self.design.contact_force_max_N or np.inf
         force = np.where(self.kind == PEAK, peak - offset, offset - least)
-        return np.concatenate([self.limits.bound, force])
+        box = self.box
+        sides = [] if box is None else [box.width + box.centre, box.width - box.centre]
+        return np.concatenate([self.limits.bound, force, *sides])
+
+    def within(self, box: Box) -> "NoJumpProgram":
+        """This program within another box; the solver keeps its basis where this one has a box too."""
+        other = replace(self, box=box)
+        vars(other)["limits"] = self.limits
+        if self.box is not None:
+            vars(other)["rows"] = self.rows
+        return other
 
     def forces(self, z: np.ndarray) -> np.ndarray:
         """Contact force of every force row [N] under the linear model, shape (r)."""

@@ -1,6 +1,6 @@
 """The gradient stage: sequential linear steps on the free coefficients along the metrics' slopes, judged non-smoothly.
 
-At the best confirmed cam the contacts barely part, and there the smooth path's gradients are right too. Each step
+At the best confirmed cam the contacts barely part, and there gradients lead on. Each step
 solves the design's linear program once more: all limits on the shape exactly, every limited metric linearised at the
 speeds where it is used most, and a trust region in newtons: no contact force of the linear model falls further than
 that below what it is. A step counts only if the event-exact judge confirms it; if not, the region shrinks. The stage
@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camopt.cam.families.free import FreeCam
 from camopt.optimizer.program.force_rows import PEAK, SEAT
 from camopt.optimizer.program.kinematic import area_ratio_row, reach, spline_rows
 from camopt.optimizer.program.linear_program import Infeasible
@@ -20,7 +19,6 @@ from camopt.optimizer.search.judge import USABLE_SHARE, Judged
 from camopt.optimizer.search.margins import margin_stage
 from camopt.optimizer.search.no_jump_stage import RESOLUTION, Search
 from camopt.optimizer.search.sensitivity import ExactSensitivity, Sensitivity
-from camopt.scene.schema import Scene
 
 ON_MARGINS = 0.25
 """Part of the steps that Adam takes on the margins, before the free steps."""
@@ -38,28 +36,19 @@ MOST_SHARE = 4.0
 """A larger share says only that a step went far too far."""
 
 
-def gradient_stage(search: Search, program: NoJumpProgram, steps: int, path: str) -> str:
+def gradient_stage(search: Search, program: NoJumpProgram, steps: int) -> str:
     """Improve `search.best` by at most `steps` steps within the speeds and angles of `program`: margins, then z.
 
-    `path` "smooth" or "exact": where the slopes of the metrics come from. Returns a sentence on where it ended.
+    The slopes of the metrics are those of event-exact. Returns a sentence on where it ended.
     """
     assert search.best is not None and search.best_judged is not None, "the no-jump stage comes first"
-    sensitivity = sensitivity_on(path, search.judge.scene, program.cam, search.best_judged.limited, WIDTH)
+    sensitivity = ExactSensitivity(search.judge.scene, program.cam, search.best_judged.limited, WIDTH)
     on_margins = int(ON_MARGINS * steps)
     ended = (
         margin_stage(search, program, sensitivity, on_margins),
         free_stage(search, program, sensitivity, steps - on_margins),
     )
-    return f"The gradient stage ({path}) ended {ended[0]}, then {ended[1]}."
-
-
-def sensitivity_on(path: str, scene: Scene, cam: FreeCam, names: tuple[str, ...], width: int) -> Sensitivity:
-    """The slopes of the metrics `names` on the path "exact" or "smooth"; only the latter loads JAX."""
-    if path == "exact":
-        return ExactSensitivity(scene, cam, names, width)
-    from camopt.optimizer.search.smooth_sensitivity import SmoothSensitivity
-
-    return SmoothSensitivity(scene, cam, names, width)
+    return f"The gradient stage (exact) ended {ended[0]}, then {ended[1]}."
 
 
 def free_stage(search: Search, program: NoJumpProgram, sensitivity: Sensitivity, steps: int) -> str:

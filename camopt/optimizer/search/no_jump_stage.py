@@ -47,6 +47,7 @@ class Search:
     confirmed: list[NoJumpOptimum] = field(default_factory=list)  # each larger than the one before
     best_judged: Judged | None = None
     steps: int = 0
+    course: dict = field(default_factory=dict)  # how it searched, of a search on paths
     gradient_ended: str = ""  # on what path the gradient stage went, and where it ended
 
     @property

@@ -14,7 +14,6 @@ from camopt.optimizer.search.journal import Journal
 from camopt.optimizer.search.judge import Judge
 from camopt.optimizer.search.no_jump_stage import Search, margins_apart, no_jump_stage
 from camopt.optimizer.search.robust import Perturbation, RobustJudge
-from camopt.optimizer.search.sensitivity import path_of
 from camopt.optimizer.stage_clock import StageClock
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
@@ -54,14 +53,14 @@ def find_cam(
 ) -> tuple[Search, NoJumpOptimum]:
     """The search with the largest cam that the event-exact judge confirms, and the linear program's own best cam.
 
-    `speeds` is "band" or "nominal"; `gradient` is "none", or "smooth" or "exact" for a gradient stage on that path, or
-    "auto" for the exact one where the train allows it. With `perturbations` (by name) the limits on the motion must
+    `speeds` is "band" or "nominal"; `gradient` is "none", or "exact" or "auto" for a gradient stage along the slopes of
+    event-exact. With `perturbations` (by name) the limits on the motion must
     hold under each of them too. `seed` draws the margins and, where it is not zero, the knot interval, which besides
     the limits is all that a search starts from. Raises NoCamFound where no cam holds.
     """
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
-    log, path = log or Logbook(), path_of(gradient)
+    log = log or Logbook()
     cam = program_cam(design, knot_interval_deg(effort, seed))
     program_speeds, judged_speeds = design_speeds(operation, speeds, effort)
     cam_speeds = [scene.cam_speed(s) for s in program_speeds]
@@ -78,13 +77,11 @@ def find_cam(
         hold_between(search, between)
     no_jump = search.best
     assert no_jump is not None, "the stage raises where nothing is confirmed"
-    if path != "none":
+    if gradient != "none":
         from camopt.optimizer.search.gradient_stage import gradient_stage  # loads the adjoint's programs
 
-        if path == "smooth":
-            import jax.monitoring  # noqa: F401  the clock listens to its compilations
         with log.clock.stage("gradient"):
-            search.gradient_ended = gradient_stage(search, program, effort.gradient_steps, path)
+            search.gradient_ended = gradient_stage(search, program, effort.gradient_steps)
             hold_between(search, between)
     return search, no_jump
 

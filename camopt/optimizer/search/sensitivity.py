@@ -1,4 +1,4 @@
-"""Slopes of the limited metrics by the free cam's coefficients, from the settled states, on either differentiable path.
+"""Slopes of the limited metrics by the free cam's coefficients, from the settled states, by the event-exact adjoint.
 
 A change of the cam also changes the settled state in which the traced revolutions begin. That effect is left out: on
 `kodama` it has fallen to a fifth or less after two revolutions (spectral radius 0.32 to 0.44).

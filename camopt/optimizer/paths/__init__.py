@@ -1,0 +1,1 @@
+"""The search on paths: linear programs on tied contact forces, whose margins the non-smooth judge feeds back."""

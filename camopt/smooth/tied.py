@@ -1,0 +1,149 @@
+"""Motions of many cases side by side whose contacts between cam and valve may pull, and their derivatives.
+
+A case is a train at a speed. Inside the event, between the ramp tops, a share `tie` of the law of the contacts between
+cam and valve is bilateral: their elastic force goes on below zero, and their damping pulls. Contacts that are closed at
+rest are tied on the ramps and on the base circle too, where a follower that hops within its lash would make the motion
+depend on its last digits. With a share of one a contact cannot open, and its force has a slope by the cam's
+coefficients wherever it stands; with zero the law is that of the scene, smoothed. An elastic law that is not linear
+goes on along its tangent below `TANGENT_N`. Tied contact forces of a train whose laws are linear are affine in the lift
+as long as seat and lash change their contact at the same angles.
+"""
+
+from functools import partial
+from typing import NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from camopt.scene.rest import rest_position
+from camopt.scene.train import Train
+from camopt.smooth.adaptive import ADJOINTS
+from camopt.smooth.contact import Layer
+from camopt.smooth.grid import equal_grid
+from camopt.smooth.low_storage import LowStorage
+from camopt.smooth.scan import lift_at
+from camopt.smooth.system import Array, System, build_system, column
+
+WIDTH = 1e-6
+"""Default width of the contacts' layer [m]: steps of a quarter of a degree run over it without regard to its edges."""
+STEPS = 1440
+"""Steps of a revolution at whose ends the motion is read: every quarter of a degree."""
+LARGEST_PHASE = 1.7
+"""Longest step, as a phase [rad] of the stiffest mass on its own elements. The fastest mode of a train is at most 1.42
+times as fast, and a Hertz contact at its largest force a little more: that is within the method's limit."""
+TANGENT_N = 20.0
+"""Contact force [N] below which a curved elastic law goes on along its tangent: at no force it has no stiffness."""
+MOST_PARTS = 64
+"""Parts of a step beyond which a train is too stiff for the lowest speed asked."""
+
+
+class TiedSystem(eqx.Module):
+    """A train with what its contacts between cam and valve do where they pull."""
+
+    system: System
+    tangent: tuple[Array, Array, Array]  # (c) each: compression [m], force [N] and stiffness [N/m] where it begins
+    at_rest: Array  # (c) 1 for a contact that is closed at rest, 0 for one that is open
+
+    def pull(self, u: jax.Array, u_dt: jax.Array) -> jax.Array:
+        """Bilateral force (c, *b) [N] of the contacts between cam and valve at their compressions and rates."""
+        s, on = self.system, np.array(self.system.topology.cam_side)
+        begin, _, slope = (column(part, u) for part in self.tangent)
+        lifted = jnp.maximum(u[on], begin)
+        elastic = s.elastic(u.at[on].set(lifted))[on] + slope * jnp.minimum(u[on] - begin, 0.0)
+        return elastic + column(s.damping, u)[on] * u_dt[on]
+
+    def force(self, y, lift, lift_dt, layer: Layer, tie) -> jax.Array:
+        """Force of every element (e, *b) [N]; a share `tie` of the contacts between cam and valve is bilateral."""
+        on = np.array(self.system.topology.cam_side)
+        force = self.system.force(y, lift, lift_dt, layer)
+        pull = self.pull(*self.system.compression(y, lift, lift_dt))
+        return force.at[on].add(tie * (pull - force[on]))
+
+    def rate(self, y, lift, lift_dt, layer: Layer, tie, push=None) -> jax.Array:
+        """Time derivative of the state y (2, n + r, *b), under the given forces `push` (n) [N]."""
+        s, on = self.system, np.array(self.system.topology.cam_side)
+        rows = s.topology.incidence(s.mass.shape[0])[on]
+        more = self.force(y, lift, lift_dt, layer, tie)[on] - s.force(y, lift, lift_dt, layer)[on]
+        acceleration = -jnp.matmul(rows.T, more, precision="highest") / column(s.mass, more)
+        return s.rate(y, lift, lift_dt, layer, push).at[1, : s.mass.shape[0]].add(acceleration)
+
+
+def tied_system(train: Train) -> TiedSystem:
+    """The system of a train with the tangents of its contacts between cam and valve."""
+    system, on = build_system(train), np.array(train.cam_side)
+    low, high = np.zeros(len(train.stiffness)), np.full(len(train.stiffness), 1e-2)
+    for _ in range(60):  # every elastic law grows
+        middle = 0.5 * (low + high)
+        below = np.asarray(system.elastic(jnp.asarray(middle))) < TANGENT_N
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    begin = jnp.asarray(high if train.laws is not None else np.zeros_like(high))
+    force, slope = jax.jvp(system.elastic, (begin,), (jnp.ones_like(begin),))
+    closed = train.compression(rest_position(train), 0.0)[on] >= train.touch_compression[on] - 1e-12
+    return TiedSystem(system, (begin[on], force[on], slope[on]), jnp.asarray(closed, float))
+
+
+class TiedPaths(NamedTuple):
+    """What is limited along one revolution, at the angles `path_angles()` (k) [rad] of cases (b)."""
+
+    force: jax.Array  # (k, c, b) N, of the contacts between cam and valve
+    gap: jax.Array  # (k, c, b) m, their separation: negative where they are compressed
+    seat_gap: jax.Array  # (k, b) m, of the valve from its seat
+    end: jax.Array  # (2, n + r, b), the state at the end
+
+
+def path_angles() -> np.ndarray:
+    """Angles [rad] at which paths are read, from the end of the first step to that of the last one."""
+    return equal_grid(STEPS)[1:]
+
+
+def parts_of_steps(tied: TiedSystem, slowest: float) -> int:
+    """Into how many parts each step is divided for the lowest cam speed [rad/s]."""
+    phase = float(jnp.max(tied.system.stiffest())) * 2 * np.pi / STEPS / slowest
+    return max(1, int(np.ceil(phase / LARGEST_PHASE)))
+
+
+@partial(jax.jit, static_argnames=("parts", "adjoint"))
+def tied_paths(
+    tied: TiedSystem, samples, cam_speed, y0, half_duration, tie, layer: Layer, *, parts: int, adjoint: str = "forward"
+) -> TiedPaths:
+    """One revolution from the states y0 (2, n + r, b) at the cam speeds (b) [rad/s].
+
+    `samples` (STEPS + 1, 2) are lift and slope at equal angles (`camopt.smooth.simulate.lift_samples`). `adjoint` is
+    "forward" or "reverse", the one mode in which the paths may be differentiated: in the numbers of the system, the
+    samples and the start.
+    """
+    on = np.array(tied.system.topology.cam_side)
+
+    def drive(theta):
+        inside = (theta >= -half_duration - 1e-9) & (theta < half_duration - 1e-9)
+        lift, lift_dtheta = lift_at(samples, theta)
+        return lift, lift_dtheta * cam_speed, tie * jnp.where(inside, 1.0, tied.at_rest)[:, None]
+
+    def rate(theta, y, _):
+        lift, lift_dt, share = drive(theta)
+        return tied.rate(y, lift, lift_dt, layer, share, tied.system.push(theta)) / cam_speed[None, None]
+
+    def reading(theta, y, _):
+        lift, lift_dt, share = drive(theta)
+        u, _ = tied.system.compression(y, lift, lift_dt)
+        return tied.force(y, lift, lift_dt, layer, share)[on], -u[on], -u[tied.system.topology.seat]
+
+    grid = jnp.asarray(equal_grid(STEPS), y0.dtype)
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(rate),
+        LowStorage(parts),
+        grid[0],
+        grid[-1],
+        None,
+        y0,
+        saveat=diffrax.SaveAt(subs=[diffrax.SubSaveAt(steps=True, fn=reading), diffrax.SubSaveAt(t1=True)]),
+        stepsize_controller=diffrax.StepTo(ts=grid),
+        adjoint=ADJOINTS[adjoint](),
+        max_steps=STEPS,
+    )
+    assert solution.ys is not None
+    (force, gap, seat_gap), (end,) = solution.ys
+    return TiedPaths(force, gap, seat_gap, end)

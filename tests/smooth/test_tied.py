@@ -1,0 +1,137 @@
+"""Motions with tied contacts: the low-storage method, the tie's two ends, and slopes against the closed response."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from camopt import load_scene
+from camopt.optimizer.paths.search import without_rows
+from camopt.optimizer.paths.smooth_rows import SmoothRows
+from camopt.optimizer.program.force_rows import PEAK, SEAT
+from camopt.optimizer.program.no_jump import no_jump_program
+from camopt.optimizer.program.program_cam import program_cam
+from camopt.optimizer.program.relocation import relocate
+from camopt.scene.train import build_train
+from camopt.smooth.batch import batch_motion, stage_lifts
+from camopt.smooth.contact import Layer
+from camopt.smooth.low_storage import IMAGINARY_LIMIT, LowStorage
+from camopt.smooth.rest import rest_state
+from camopt.smooth.simulate import lift_samples
+from camopt.smooth.tied import LARGEST_PHASE, STEPS, WIDTH, parts_of_steps, path_angles, tied_paths, tied_system
+
+HALF = np.deg2rad(72.0)
+
+
+def oscillation(steps: int, parts: int = 1) -> float:
+    """Error of an undamped oscillation over one turn."""
+    grid = jnp.linspace(0.0, 2 * jnp.pi, steps + 1)
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(lambda t, y, _: jnp.stack([y[1], -y[0]])),
+        LowStorage(parts),
+        grid[0],
+        grid[-1],
+        None,
+        jnp.array([1.0, 0.0]),
+        stepsize_controller=diffrax.StepTo(ts=grid),
+        max_steps=steps,
+    )
+    assert solution.ys is not None
+    return float(jnp.linalg.norm(solution.ys[-1] - jnp.array([1.0, 0.0])))
+
+
+def test_the_method_has_order_four():
+    assert oscillation(20) / oscillation(40) == pytest.approx(16.0, rel=0.15)
+
+
+def test_parts_of_a_step_are_steps():
+    assert oscillation(20, parts=3) == pytest.approx(oscillation(60), rel=1e-9)
+
+
+def test_the_method_is_stable_up_to_its_limit_and_no_further():
+    within, beyond = (int(2 * np.pi / (factor * IMAGINARY_LIMIT) * 200) for factor in (0.98, 1.02))
+    turns = 200
+
+    def growth(steps: int) -> float:
+        grid = jnp.linspace(0.0, 2 * jnp.pi * turns, steps + 1)
+        solution = diffrax.diffeqsolve(
+            diffrax.ODETerm(lambda t, y, _: jnp.stack([y[1], -y[0]])), LowStorage(), grid[0], grid[-1], None,
+            jnp.array([1.0, 0.0]), stepsize_controller=diffrax.StepTo(ts=grid), max_steps=steps,
+        )  # fmt: skip
+        assert solution.ys is not None
+        return float(jnp.linalg.norm(solution.ys[-1]))
+
+    assert growth(within) < 1.0
+    assert growth(beyond) > 1.0
+    assert np.sqrt(2.0) * LARGEST_PHASE < IMAGINARY_LIMIT
+
+
+@pytest.mark.parametrize("name", ["motori-1", "finger-hydraulic"])
+def test_without_a_tie_the_motion_is_that_of_the_scene(name):
+    """Against the batch on equal steps of another method (Dormand and Prince), with the same layer."""
+    scene = load_scene(name)
+    train, lift = build_train(scene), program_cam(scene.design, 6.0).lift(np.zeros(_size(scene)))
+    speeds = np.array([scene.cam_speed(rpm) for rpm in scene.operation.band_rpm])
+    tied = tied_system(train)
+    start = jnp.repeat(rest_state(train)[:, :, None], 2, axis=2)
+    samples = jnp.asarray(lift_samples(lift, STEPS))
+    paths = tied_paths(
+        tied, samples, jnp.asarray(speeds), start, HALF, 0.0, Layer(WIDTH), parts=8 * parts_of_steps(tied, speeds.min())
+    )
+    stages = jnp.asarray(np.repeat(stage_lifts(lift, 8 * STEPS)[..., None], 2, axis=-1))
+    other = batch_motion(tied.system, stages, jnp.asarray(speeds), start)
+    forces = np.asarray(other.force)[:, 8::8, list(train.cam_side)]
+    assert np.asarray(paths.force).transpose(2, 0, 1) == pytest.approx(forces, abs=2.0)  # N, of some hundreds
+
+
+def _size(scene) -> int:
+    return program_cam(scene.design, 6.0).Z.shape[1]
+
+
+@pytest.mark.parametrize("name", ["motori-1", "pushrod-5mass"])
+def test_slopes_are_those_of_the_closed_response(name):
+    """Of every contact force in the event, at the angles at which the motion itself changes its contacts."""
+    scene = load_scene(name)
+    train, cam = build_train(scene), program_cam(scene.design, 6.0)
+    z = np.zeros(cam.Z.shape[1])
+    speeds = [scene.cam_speed(rpm) for rpm in scene.operation.band_rpm]
+    program = without_rows(train, scene.design, cam, speeds)
+    source = SmoothRows(program)
+    program, _ = source.first(program, z)
+    for _ in range(4):
+        program = source.about(program, z)
+    closed = relocate(no_jump_program(train, scene.design, cam, speeds), cam.lift(z))
+    for smooth, exact in zip(program.blocks, closed.blocks, strict=True):
+        for element in train.cam_side:
+            matrices = []
+            for rows in (smooth, exact):
+                chosen = (rows.element == element) & (rows.kind != PEAK) & (rows.kind != SEAT)
+                matrices.append((np.round(np.rad2deg(rows.angle[chosen]), 6), rows.matrix[chosen]))
+            (angle, mine), (theirs_at, theirs) = matrices
+            _, i, j = np.intersect1d(angle, theirs_at, return_indices=True)
+            assert len(i) > 100
+            assert np.linalg.norm(mine[i] - theirs[j]) < 0.01 * np.linalg.norm(theirs[j])
+
+
+def test_tied_forces_of_a_linear_train_are_affine():
+    """A step after which the slopes foretell a pull of 150 N is foretold; where contacts open it is not."""
+    scene = load_scene("pushrod-5mass")
+    train, cam = build_train(scene), program_cam(scene.design, 6.0)
+    speeds = jnp.asarray([scene.cam_speed(max(scene.operation.speeds_rpm))])
+    tied, size = tied_system(train), cam.Z.shape[1]
+    parts = parts_of_steps(tied, float(speeds[0]))
+    direction = np.random.default_rng(1).normal(size=size)
+    base, unit = (jnp.asarray(lift_samples(cam.lift(z), STEPS)) for z in (np.zeros(size), direction))
+    start, half = rest_state(train)[:, :, None], float(cam.breaks[-1])
+    event = np.abs(path_angles()) < half - np.deg2rad(2.0)
+
+    def force(samples, tie):
+        return tied_paths(tied, samples, speeds, start, half, tie, Layer(WIDTH), parts=parts).force[event]
+
+    value, slope = jax.jvp(lambda s: force(s, 1.0), (base,), (unit - base,))
+    share = float(jnp.min(jnp.where(slope < 0.0, -(value + 150.0) / slope, jnp.inf)))
+    foretold, moved = value + share * slope, base + share * (unit - base)
+    assert float(foretold.min()) == pytest.approx(-150.0)
+    assert float(jnp.abs(foretold - force(moved, 1.0)).max()) < 2.0  # N: the seat opens at another angle, a little
+    assert float(jnp.abs(foretold - force(moved, 0.0)).max()) > 100.0
