@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.free import free_cam
+from camopt.highs import Infeasible
 from camopt.optimizer.program.kinematic import (
     area_ratio_row,
     conflict,
@@ -11,7 +12,7 @@ from camopt.optimizer.program.kinematic import (
     reach,
     spline_rows,
 )
-from camopt.optimizer.program.linear_program import Infeasible, maximise
+from camopt.optimizer.program.linear_program import maximise
 from camopt.scene import load_scene
 from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM
