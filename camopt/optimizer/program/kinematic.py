@@ -9,12 +9,10 @@ from camopt.cam.families.free_limits import NEAR, SIGNS, Limits
 from camopt.cam.lift import Lift
 from camopt.highs import Infeasible
 from camopt.optimizer.program.linear_program import Optimum, Rows, least_relaxation, maximise
-from camopt.scene.design import Design
+from camopt.scene.design import REACH, ROUNDING, Design
 from camopt.scene.errors import InputError
 from camopt.scene.units import DEG, MM, MM_PER_DEG2
 
-REACH = 1e-5
-"""Relative slack in reaching the maximum lift (0.1 um of 9.4 mm): the cap's control points lie that far above it."""
 TYPICAL = 0.01
 """Typical free coefficient [mm/deg^2], for the solver's scaling: the size of the acceleration limits."""
 PEAK_STEP = 1.5 * DEG
@@ -88,7 +86,7 @@ def reach(cam: FreeCam, design: Design, objective, rows: Rows, bound, working) -
     the end of the duals; none where the cap alone leads there); the best answer is returned.
     """
     capped = maximise(objective, rows, bound, working)
-    lowest = design.max_lift_mm * MM * (1 - REACH)
+    lowest = lift_to_reach(design)
     if not design.reach_max_lift or cam.lift(capped.z).max_lift >= lowest:
         return capped
     best, working = None, capped.working
@@ -107,6 +105,11 @@ def reach(cam: FreeCam, design: Design, objective, rows: Rows, bound, working) -
     if best is None:
         raise Infeasible("the maximum lift cannot be reached within 6 degrees of the middle")
     return best
+
+
+def lift_to_reach(design: Design) -> float:
+    """The lift [m] that the programs ask of a design that wants its maximum lift reached."""
+    return design.max_lift_mm * MM * (1 - REACH + ROUNDING)
 
 
 def limit_worth(found: KinematicOptimum) -> dict[str, float]:
@@ -180,7 +183,7 @@ def reached_in_the_middle(cam: FreeCam, design: Design, matrix, bound) -> tuple[
     if not design.reach_max_lift:
         return matrix, bound
     row, offset = cam.basis(np.zeros(1))
-    level = offset + row @ cam.x_p - design.max_lift_mm * MM * (1 - REACH)
+    level = offset + row @ cam.x_p - lift_to_reach(design)
     return np.vstack([matrix, -row @ cam.Z]), np.append(bound, level)
 
 
