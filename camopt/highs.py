@@ -29,9 +29,10 @@ OPTIONS = {
     "small_matrix_value": SMALLEST,
     "simplex_iteration_limit": 5000,  # ordinary programs take hundreds; near a contradiction it may go round
 }
-ATTEMPTS = (("simplex", 0), ("simplex", 0), ("simplex", 1), ("ipx", 0))
-"""Solvers and seeds in turn, until one decides: from the basis, without it, perturbed in another way as HiGHS' authors
-advise (ERGO-Code/HiGHS issue 1607), by interior points."""
+WAY = {"solver": "simplex", "random_seed": 0, "simplex_scale_strategy": 2}
+ATTEMPTS = ({}, {}, {"random_seed": 1}, {"simplex_scale_strategy": 0}, {"solver": "ipx"})
+"""Changes of WAY in turn, until one decides: from the basis, without it, perturbed in another way as HiGHS' authors
+advise (ERGO-Code/HiGHS issue 1607), with rows and columns as they are given, by interior points."""
 LARGE = {
     "presolve": "on",
     "primal_feasibility_tolerance": 1e-7,
@@ -40,7 +41,7 @@ LARGE = {
 }
 """Other options of large sparse programs. Their tolerances are HiGHS' own, as on thousands of equations in a row
 rounding leaves none of FEASIBILITY; what is made of their answer is a bound for any multipliers."""
-INTERIOR = (("ipx", 0), ("simplex", 0))
+INTERIOR = ({"solver": "ipx"}, {}, {"simplex_scale_strategy": 0})
 """ATTEMPTS at such a program, on which the simplex method takes long."""
 
 
@@ -64,11 +65,11 @@ class Solver:
         for name, value in (OPTIONS | options).items():
             succeeds(self.highs.setOptionValue(name, value))
 
-    def decide(self, attempts: Sequence[tuple[str, int]] = ATTEMPTS) -> highspy.HighsSolution:
+    def decide(self, attempts: Sequence[dict] = ATTEMPTS) -> highspy.HighsSolution:
         """The optimum of the model. Raises Infeasible, Unbounded, and GaveUp where no attempt decides."""
-        for solver, seed in attempts:
-            succeeds(self.highs.setOptionValue("solver", solver))
-            succeeds(self.highs.setOptionValue("random_seed", seed))
+        for attempt in attempts:
+            for name, value in (WAY | attempt).items():
+                succeeds(self.highs.setOptionValue(name, value))
             self.highs.run()
             self.pivots += max(self.highs.getInfo().simplex_iteration_count, 0)
             status = self.highs.getModelStatus()

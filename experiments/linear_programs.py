@@ -2,13 +2,14 @@
 
 Scenes drawn far beyond ordinary ones: 1 to 60 mm of lift, two-stroke and four-stroke, slow and fast, limits from tight
 to contradictory. Of each the programs that a design solves: largest area, the same without jump at several margins, and
-the same short of them at a price. Each is put to HiGHS twice: its first working set with columns that are free in
-sign, and the whole of it as camopt does, with columns that begin in a box. Undecided is a program of which neither an
-optimum nor a contradiction nor unboundedness comes out.
+the same short of them at a price. Each is solved twice, by working sets that grow: with columns that are free in sign,
+and as camopt does, with columns that begin in a box. Undecided is a program of which neither an optimum nor a
+contradiction nor unboundedness comes out by any of the solver's attempts.
 """
 
 import time
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,10 +17,10 @@ import tomli_w
 
 from camopt.cam.families.free import free_cam
 from camopt.cam.families.free_limits import About
-from camopt.highs import ATTEMPTS, Infeasible, Unbounded
+from camopt.highs import Infeasible, Unbounded
 from camopt.optimizer.program.kinematic import area_ratio_row, first_working, reached_in_the_middle, spline_rows
 from camopt.optimizer.program.linear_program import Rows, WarmModel, maximise
-from camopt.optimizer.program.no_jump import NoJumpProgram, no_jump_program
+from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.priced import SHORT_OF_FORCE, TYPICAL_FORCE, Priced
 from camopt.scene import InputError, Scene, build_train, parse_scene
 from experiments.architectures import ARCHITECTURES, train
@@ -90,80 +91,70 @@ def design(rng: np.random.Generator) -> dict:
     return found | {key: value for key, (share, value) in others.items() if rng.random() < share}
 
 
-def programs(number: int):
-    """The programs of a scene, each as it is posed first."""
+def programs(number: int) -> Iterator[Posed]:
+    """The programs of a scene; those that differ in their right sides alone share their rows, and with them a basis."""
     scene, rng = drawn(number), np.random.default_rng([35, number])
     design = scene.design
-    assert design is not None, "it is drawn"
+    assert design is not None and scene.operation is not None, "they are drawn"
+    speeds = [scene.cam_speed(speed) for speed in scene.operation.speeds_rpm]
     for knots in KNOTS_PER_DURATION:
         cam = free_cam(design, design.duration_deg / knots)
         cam = replace(cam, about=About((0.0,) * len(design.duration_at)))
         row, _ = area_ratio_row(design, cam)
-        limits, working = cam.limits(design), first_working(cam.limits(design))
-
-        def posed(kind, matrix, bound, working, cam=cam, row=row):
-            matrix, bound = reached_in_the_middle(cam, design, matrix, bound)
-            more = np.arange(len(bound) - design.reach_max_lift, len(bound))
-            return Posed(kind, row, spline_rows(matrix), bound, np.union1d(working, more))
-
-        yield posed(KINDS[0], limits.matrix, limits.bound, working)
-        speeds = [scene.cam_speed(speed) for speed in scene.operation.speeds_rpm] if scene.operation else []
+        limits = cam.limits(design)
+        matrix, bound = reached_in_the_middle(cam, design, limits.matrix, limits.bound)
+        reached = np.arange(len(limits.bound), len(bound))
+        yield Posed(KINDS[0], row, spline_rows(matrix), bound, np.append(first_working(limits), reached))
         program = no_jump_program(build_train(scene), design, cam, speeds)
-        for margin_N in (20.0, *rng.uniform(*MARGINS_N, 2)):
-            bound = program.bound(np.full((3, len(speeds)), margin_N))
-            yield posed(KINDS[1], program.rows.matrix, bound, program.first_working())
-        yield priced(posed(KINDS[2], program.rows.matrix, bound, program.first_working()), program)
+        margins = [np.full((3, len(speeds)), margin_N) for margin_N in (20.0, *rng.uniform(*MARGINS_N, 2))]
+        posed = [reached_in_the_middle(cam, design, program.rows.matrix, program.bound(table)) for table in margins]
+        matrix, rows = posed[0][0], spline_rows(posed[0][0])
+        working = np.append(program.first_working(), np.arange(len(program.rows.norm), len(matrix)))
+        for _, bound in posed:
+            yield Posed(KINDS[1], row, rows, bound, working)
+        give = program.given_margins(len(matrix))
+        priced = Priced.of(matrix, give, row, SHORT_OF_FORCE, TYPICAL_FORCE, working)
+        yield Posed(KINDS[2], priced.objective, priced.rows, np.append(posed[-1][1], 0.0), priced.working)
 
 
-def priced(of: Posed, program: NoJumpProgram) -> Posed:
-    """The program that may be short of its margins at a price, which always has a solution where the shape has one."""
-    give = program.given_margins(len(of.bound))
-    one = Priced.of(of.rows.matrix, give, of.objective, SHORT_OF_FORCE, TYPICAL_FORCE, of.working)
-    return Posed(of.kind, one.objective, one.rows, np.append(of.bound, 0.0), one.working)
+class FreeInSign(WarmModel):
+    """A model whose columns are free in sign from the beginning."""
+
+    def within(self, reach: float) -> None:
+        super().within(np.inf)
 
 
 def one(number: int) -> dict:
     """What became of the programs of a scene; none where its numbers contradict each other before any."""
+    free: dict[str, Rows] = {}
     try:
-        return {"programs": [solved(posed) for posed in programs(number)]}
+        return {"programs": [solved(posed, free) for posed in programs(number)]}
     except InputError:
         return {"programs": []}
 
 
-def solved(posed: Posed) -> dict:
-    """How a program ended with columns that are free in sign, and as camopt solves it."""
-    free, first, seconds = of_free_columns(posed)
-    begun = time.process_time()
-    ended = decided(lambda: maximise(posed.objective, posed.rows, posed.bound, posed.working))
-    return {
-        "kind": posed.kind,
-        "rows": len(posed.bound),
-        "columns": len(posed.objective),
-        "free": free,
-        "free_first": first,
-        "free_seconds": seconds,
-        "boxed": ended,
-        "boxed_seconds": time.process_time() - begun,
-    }
+def solved(posed: Posed, free: dict[str, Rows]) -> dict:
+    """How a program ended as camopt solves it, and with columns that are free in sign, whose rows `free` keeps
+    as long as the program has the same ones."""
+    found: dict = {"kind": posed.kind, "rows": len(posed.bound), "columns": len(posed.objective)}
+    if free.get("of") is not posed.rows:
+        free |= {"of": posed.rows, "rows": Rows(posed.rows.matrix, posed.rows.column)}
+        vars(free["rows"])["model"] = FreeInSign(posed.rows.scaled)
+    for way, rows in (("boxed", posed.rows), ("free", free["rows"])):
+        begun = time.process_time()
+        found[way] = decided(posed, rows)
+        found[f"{way}_seconds"] = time.process_time() - begun
+    return found
 
 
-def of_free_columns(posed: Posed) -> tuple[str, str, float]:
-    """How the first working set ends with free columns: after all ATTEMPTS, after the first one, and the seconds."""
-    rows, level = posed.rows, posed.bound / posed.rows.norm
-    model, begun = WarmModel(rows.scaled), time.process_time()
-    model.within(np.inf)
-    model.add(posed.working, level)
-    cost = posed.objective * rows.column
-    model.pose(cost / np.abs(cost).max(), level)
-    first = decided(lambda: model.solver.decide(ATTEMPTS[:1]))
-    ended = decided(lambda: model.solver.decide(ATTEMPTS[1:])) if first == UNDECIDED else first
-    return ended, first, time.process_time() - begun
-
-
-def decided(solve) -> str:
-    """How a solution ends."""
+def decided(posed: Posed, rows: Rows) -> str:
+    """How a program ends; where its first rows leave it unbounded, all of them are given."""
     try:
-        solve()
+        try:
+            maximise(posed.objective, rows, posed.bound, posed.working)
+        except Unbounded:
+            rows.model.add(np.arange(len(posed.bound)), posed.bound / rows.norm)
+            maximise(posed.objective, rows, posed.bound, posed.working)
     except Infeasible:
         return "infeasible"
     except Unbounded:
@@ -192,11 +183,11 @@ def main(size: str, folder=RESULTS) -> dict:
 def counted(rows: list[dict], kind: str | None = None) -> dict:
     """How many programs of a kind, or of all, ended in what way, and what they took."""
     rows = [row for row in rows if kind in (None, row["kind"])]
-    ways = ("free", "free_first", "boxed")
+    ways = ("free", "boxed")
     found: dict = {way: dict(Counter(row[way] for row in rows)) for way in ways}
     found |= {f"{way}_undecided": found[way].get(UNDECIDED, 0) for way in ways}
-    seconds = {f"{way}_seconds": sum(row[f"{way}_seconds"] for row in rows) for way in ("free", "boxed")}
-    longest = {f"{way}_longest": max((row[f"{way}_seconds"] for row in rows), default=0.0) for way in ("free", "boxed")}
+    seconds = {f"{way}_seconds": sum(row[f"{way}_seconds"] for row in rows) for way in ways}
+    longest = {f"{way}_longest": max((row[f"{way}_seconds"] for row in rows), default=0.0) for way in ways}
     return {"programs": len(rows), **found, **seconds, **longest}
 
 

@@ -29,6 +29,9 @@ FINE, COARSE = 60, 20
 1e-3 (fine) or 1e-2 (coarse) of it, so that a coarse program errs on the safe side of a fine one, in half the time."""
 STRETCH_PRICE = 50.0
 """Price, in area ratio, of stretching all limits by their own size."""
+LARGEST = 1e2
+"""Largest entry of a row. A limit that is a hundred times tighter than any cam of this lift and duration could hold is
+stretched by shares of a hundredth of that, not of its own size, beside which the solver would see nothing else."""
 MARGIN = 1e-7
 """Relative margin to every limit in the polish, so that the linear program of the levels still has a point there."""
 POPULATION, GENERATIONS, POLISH_STEPS, SEED = 32, 8, 60, 0
@@ -64,12 +67,14 @@ def program(table: SectionTable, one: Flank, design: Design, ramp: Ramp, jerk: b
     rows, bound = limit_rows(one, design, jerk, parts)
     ends = np.stack([one.end(k) * half**k for k in range(len(table.closed_by))]) / max_lift
     area = one.area() / (2 * max_lift * half)
+    rows, bound = rows[:, 2:] * column, bound - rows[:, :2] @ fixed
+    large = np.maximum(np.maximum(np.abs(rows).max(axis=1), np.abs(bound)) / LARGEST, 1.0)
     return Program(
         column=column,
         area=area[2:] * column,
         constant=float(area[:2] @ fixed),
-        rows=rows[:, 2:] * column,
-        bound=bound - rows[:, :2] @ fixed,
+        rows=rows / large[:, None],
+        bound=bound / large,
         ends=ends[:, 2:] * column,
         wanted=np.array([1.0, 0.0])[: len(ends)] - ends[:, :2] @ fixed,
     )
