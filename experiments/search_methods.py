@@ -23,9 +23,10 @@ from scipy.optimize import differential_evolution, linprog, minimize
 from threadpoolctl import threadpool_limits
 
 from camopt.cam.families.free import free_cam
+from camopt.highs import FEASIBILITY
 from camopt.optimizer.accuracy import ACCURACIES, Accuracy, design_speeds
 from camopt.optimizer.program.kinematic import area_ratio_row, kinematic_optimum
-from camopt.optimizer.program.linear_program import ADDED_PER_ROUND, FEASIBILITY
+from camopt.optimizer.program.linear_program import ADDED_PER_ROUND
 from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, no_jump_program
 from camopt.optimizer.search.judge import USABLE_SHARE, Judge
 from camopt.optimizer.search.search import Logbook, find_cam

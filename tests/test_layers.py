@@ -18,20 +18,21 @@ MAY_IMPORT = {
     "cache": set(),
     "programs": {"cache"},
     "by_address": set(),
+    "highs": set(),
     "storage": {"scene"},
     "scene": set(),
     "plots": {"scene", "cam", "storage"},  # the colours of cam families; otherwise its arguments are arrays
-    "cam": {"scene", "storage"},
+    "cam": {"highs", "scene", "storage"},
     "measure": {"cam", "programs"} | SUPPORT,
     "smooth": {"cam", "scene", "cache"},
     "exact": {"cam", "programs", "by_address"} | SUPPORT,
     "verifier": {"cam", "measure", "programs"} | SUPPORT,
     "autodiff": {"cam", "smooth", "exact", "scene"},
-    "optimizer": {"cam", "measure", "smooth", "exact", "verifier", "autodiff", "programs"} | SUPPORT,
+    "optimizer": {"highs", "cam", "measure", "smooth", "exact", "verifier", "autodiff", "programs"} | SUPPORT,
     "tasks": {"cam", "scene", "storage"},
     "study": {"cam", "measure", "smooth", "exact", "verifier", "autodiff", "optimizer", "programs", "tasks"} | SUPPORT,
     "report": {"cache", "cam", "measure", "smooth", "exact", "verifier", "optimizer", "study"} | SUPPORT,
-    "designer": {"cam", "measure", "exact", "verifier", "optimizer", "report"} | SUPPORT,
+    "designer": {"highs", "cam", "measure", "exact", "verifier", "optimizer", "report"} | SUPPORT,
 }
 TOP = {"__init__", "__main__", "cli"}
 WITHOUT_JAX = ("scene", "cam", "measure", "exact", "verifier", "plots", "storage")

@@ -160,13 +160,14 @@ def durations(lift: Lift) -> dict[str, tuple[float, float]]:
 
 
 def crossing(lift: Lift, height: float) -> tuple[float, float]:
-    """Cam angles [rad] at which the lift first rises to and last falls from `height` [m] > 0."""
+    """Cam angles [rad] at which the lift first rises to and last falls from `height` [m] > 0; those of the whole turn
+    where it never lies so low."""
     if not 0 < height < lift.max_lift:
         raise InputError(
             f"duration: {height / MM:g} mm is not below the maximum lift, {lift.max_lift / MM:g} mm, and above zero"
         )
     roots = lift.roots(0, height)
-    return float(roots.min()), float(roots.max())
+    return (float(roots.min()), float(roots.max())) if len(roots) else (-np.pi, np.pi)
 
 
 def _sampled(lift: Lift) -> tuple[np.ndarray, ...]:

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.interpolate import PPoly, make_interp_spline
 
 from camopt.cam.lift import Lift
+from camopt.scene.errors import InputError
 
 HARMONICS = 2, 40
 """Lowest and highest harmonic of a revolution in a grinding error where nothing else is said: the first harmonic is
@@ -45,13 +46,21 @@ def drawn_waves(seed: Seed, harmonics: tuple[int, int] = HARMONICS) -> Waves:
 def grinding_error(lift: Lift, seed: Seed, peak: float = PEAK, harmonics: tuple[int, int] = HARMONICS) -> Lift:
     """The error [m] of one ground cam, whose largest value is `peak` [m]; the same seed gives the same error.
 
-    It fades out over the ramps, so that the base circle stays the base circle.
+    It fades out over the ramps, or over its shortest wave where that is longer, so that the base circle stays the base
+    circle. Raises InputError for a lift without a
+    base circle, and for one that does not rise from it.
     """
     foot, half = lift.opening_foot, lift.half_duration
+    if foot == -np.pi or foot == np.pi:
+        raise InputError(
+            f"grinding errors lie on the lobe of a cam, and this lift is {'never' if foot < 0 else 'everywhere'} zero: "
+            f"give a cam that rises from a base circle, or leave [grinding] out"
+        )
     end, knot = lift.closing_angle(0.0), 2 * np.pi / (WAVE_KNOTS * harmonics[1])
-    angle = np.linspace(foot, end, int(np.ceil((end - foot) / knot)) + 1)
+    angle = np.linspace(foot, end, max(int(np.ceil((end - foot) / knot)), WAVE_KNOTS) + 1)
     wave = drawn_waves(seed, harmonics)(angle)
-    inside = np.clip((angle - foot) / (-half - foot), 0, 1) * np.clip((end - angle) / (end - half), 0, 1)
+    opening, closing = (max(ramp, 2 * np.pi / harmonics[1]) for ramp in (-half - foot, end - half))
+    inside = np.clip((angle - foot) / opening, 0, 1) * np.clip((end - angle) / closing, 0, 1)
     wave *= inside**3 * (10 - 15 * inside + 6 * inside**2)
     clamped = [(1, 0.0), (2, 0.0)]
     spline = PPoly.from_spline(

@@ -55,6 +55,11 @@ class LinearLimit:
     rate: float
     chosen: bool = False
 
+    @property
+    def size(self) -> float:
+        """Size of the limit [SI], to which its slack is relative: that of the level, a millimetre at least."""
+        return max(self.level.size, MM)
+
     def excess(self, lift: Lift, low: float = -np.pi, high: float = np.pi) -> float:
         """The largest amount [SI] by which the cam exceeds the level between two angles; negative where it keeps it."""
         low, high = max(low, self.level.low), min(high, self.level.high)

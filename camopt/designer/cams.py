@@ -17,10 +17,10 @@ from camopt.cam.lift import Lift
 from camopt.designer.controls import KINEMATIC, NO_JUMP
 from camopt.designer.edits import Asked
 from camopt.designer.warm_start import begin_like
+from camopt.highs import Infeasible
 from camopt.optimizer.accuracy import ACCURACIES, design_speeds
 from camopt.optimizer.program.force_rows import PEAK, Window
 from camopt.optimizer.program.kinematic import limit_worth, unexplained_optimum, worth_of
-from camopt.optimizer.program.linear_program import GaveUp, Infeasible
 from camopt.optimizer.program.no_jump import Margins, NoJumpOptimum, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import standing
@@ -80,11 +80,7 @@ class CamFinder:
         if asked.program == KINEMATIC:
             return self._kinematic(scene, coarse)
         try:
-            try:
-                return self._no_jump(scene, train, asked.margin_N, coarse, wanted)
-            except GaveUp:  # from the basis of another program; without any it is decided
-                self.kept.clear()
-                return self._no_jump(scene, train, asked.margin_N, coarse, wanted)
+            return self._no_jump(scene, train, asked.margin_N, coarse, wanted)
         except InputError as error:
             return self._kinematic(scene, coarse, f"No cam keeps contact, so this is the kinematic one: {error}.")
 

@@ -14,16 +14,14 @@ from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import linear_limits
 from camopt.cam.waves import sign_changes
 from camopt.measure.rounded import RAMP_VELOCITY, rows_of, surely_broken
-from camopt.scene.design import RADII, Design
+from camopt.scene.design import RADII, REACH, ROUNDING, Design
 from camopt.scene.errors import InputError
 from camopt.scene.quantities import QUANTITIES
 from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 
-ROUNDING = 1e-9
-"""Relative slack of a limit on the shape. It allows for the rounding of a cam that is designed to touch its limit."""
 SAMPLED = 1e-6
-"""The same for radii under a roller or pad, whose extremes are looked for between samples."""
+"""Relative slack of radii under a roller or pad, whose extremes are looked for between samples."""
 STEP_ROUNDING = 1e-6
 """A jump at a border that is no larger than this share of the largest value counts as rounding. Solving for the
 coefficients of high powers loses a few digits more than evaluating them, and a designed step is orders larger."""
@@ -103,7 +101,7 @@ def broken_by_shape(lift: Lift, design: Design | None) -> list[str]:
     broken = _outside(lift, design)
     if lift.max_lift > top * (1 + ROUNDING):
         broken.append("max_lift_mm")
-    if design.reach_max_lift and lift.max_lift < top * (1 - ROUNDING):
+    if design.reach_max_lift and lift.max_lift < top * (1 - REACH):
         broken.append("reach_max_lift")
     lowest, highest = lift.extremes(2)
     torn, kink, bend = (_has_step(lift, design, order) for order in range(3))
@@ -148,7 +146,7 @@ def drawing_excess(lift: Lift, design: Design) -> dict[str, float]:
     found: dict[str, float] = {}
     for limit in linear_limits(design):
         if not limit.chosen:
-            over = limit.excess(lift) / max(limit.level.size, MM)
+            over = limit.excess(lift) / limit.size
             found[limit.key] = max(over, found.get(limit.key, -np.inf))
     for height, least, most in design.duration_at:
         opening, closing = crossing(lift, height * MM) if height * MM < lift.max_lift else (0.0, 0.0)

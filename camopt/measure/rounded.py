@@ -13,7 +13,7 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import linear_limits
-from camopt.scene.design import RADII, Design
+from camopt.scene.design import RADII, REACH, Design
 from camopt.scene.quantities import is_number
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 
@@ -108,7 +108,7 @@ def _broken(rows: RoundedRows, design: Design, key: str, half: float) -> bool:
     if key == "max_lift_mm":
         return rows.lift.max_lift > design.max_lift_mm * MM + rows.error
     if key == "reach_max_lift":
-        return rows.lift.max_lift < design.max_lift_mm * MM - 2 * rows.error
+        return rows.lift.max_lift < design.max_lift_mm * MM * (1 - REACH) - 2 * rows.error
     if key == "nose_deg":
         return rows.exceeds(2, 0.0, -(design.nose_deg or 0.0) * DEG, (design.nose_deg or 0.0) * DEG)
     if key == "waves_max":

@@ -3,20 +3,17 @@
 from collections.abc import Iterable
 
 from camopt.cam.lift import Lift
+from camopt.measure.limits import broken_by_shape
 from camopt.plots.style import DESIGN, family_of
 from camopt.report.folder import RunFolder
 from camopt.report.shape import EVERYWHERE, Reached, reached_by_shape
 from camopt.report.wording import as_number, label_and_unit, shown
 from camopt.report.worst import worst_of
-from camopt.scene.design import Design
+from camopt.scene.design import ROUNDING, Design
 from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES, is_number
 from camopt.verifier.verdict import ORDER
 from camopt.verifier.worst import JUDGED
 
-ROUND_OFF = 1e-6
-"""Share of a limit by which a cam may pass it: the linear programs hold their rows to 1e-7."""
-NOTHING = 1e-3
-"""What stands for the size of a limit of zero, in the limit's unit."""
 CAM_LIMITS = ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3")
 BROKEN = "verification.json broken"
 STATES = {True: ("good", "✓ held"), False: ("bad", "✗ broken"), None: ("doubt", "? not known")}
@@ -34,7 +31,8 @@ def limit_rows(run: RunFolder, shape: tuple[Lift, Design] | None = None) -> list
     if shape is not None:
         recorded = {row["key"] for row in rows if row["held"] is not None}
         rows = [row for row in rows if row["key"] in recorded]
-        rows += [_shape_row(run, found) for found in reached_by_shape(*shape) if found.key not in recorded]
+        broken = {*broken_by_shape(*shape), *_broken(run)}
+        rows += [_shape_row(found, broken) for found in reached_by_shape(*shape) if found.key not in recorded]
     for quantity in QUANTITIES.values():
         limit = design.get(quantity.limit or "")
         if is_number(limit):
@@ -63,16 +61,16 @@ def _cam_row(run: RunFolder, key: str, limit: float) -> dict:
     mine = [r for r in run.comparison if family_of(r["cam"]) == DESIGN]
     values = [v for v in (as_number(r.get(key, "")) for r in mine) if v is not None]
     worst = max(values, key=lambda v: v / limit) if values else None  # a negative limit is passed by a lower value
-    row = _row(key, key, limit, limit < 0, worst, EVERYWHERE, f"comparison.csv {key}")
+    row = _row(key, key, limit, limit < 0, worst, EVERYWHERE, f"comparison.csv {key}", ROUNDING * abs(limit))
     if row["held"] is not False and key in _broken(run):  # the judge of the shape knows of steps, which have no value
         row |= _state(False) | {"where": "at a step of the cam's velocity or acceleration", "source": BROKEN}
     return row
 
 
-def _shape_row(run: RunFolder, found: Reached) -> dict:
+def _shape_row(found: Reached, broken: set[str]) -> dict:
+    """All rows of a limit that is `broken` are: it holds at both flanks and in every window, or it does not hold."""
     row = _row(found.key, found.key, found.limit, found.least, found.value, found.where, "design.json pieces")
-    row |= {"label": found.label, "unit": found.unit}
-    return row | _state(False) if found.key in _broken(run) else row
+    return row | {"label": found.label, "unit": found.unit} | _state(found.key not in broken)
 
 
 def _motion_row(run: RunFolder, name: str, key: str, limit: float) -> dict:
@@ -89,11 +87,12 @@ def _other_row(key: str, where: str) -> dict:
     return words | {"share": None} | _state(False)
 
 
-def _row(key: str, name: str, limit: float, least: bool, worst: float | None, where: str, source: str) -> dict:
+def _row(
+    key: str, name: str, limit: float, least: bool, worst: float | None, where: str, source: str, slack: float = 0.0
+) -> dict:
     label, unit = label_and_unit(name)
     held = None
     if worst is not None:
-        slack = max(abs(limit), NOTHING) * ROUND_OFF
         held = worst >= limit - slack if least else worst <= limit + slack
     asked, reached = f"at {'least' if least else 'most'} {shown(limit)}", shown(worst)
     words = {"key": key, "label": label, "unit": unit, "limit": asked, "reached": reached, "where": where}

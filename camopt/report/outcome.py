@@ -36,7 +36,8 @@ def outcome_rows(run: RunFolder) -> list[dict]:
     rows, cap = [], design.get("max_lift_mm")
     for key in OF_THE_CAM:
         if is_number(run.design.get(key)):
-            limit = f"at most {shown(cap)}" if key == LIFT and is_number(cap) else ""
+            asked = "to reach" if design.get("reach_max_lift") is True else "at most"
+            limit = f"{asked} {shown(cap)}" if key == LIFT and is_number(cap) else ""
             rows.append(_row(key, first.get(key), run.design[key], limit, "", f"design.json {key}"))
     for name in MOTION:
         found = worst_of(run, name)

@@ -20,6 +20,12 @@ FEWEST_WAVES = 3
 """Sign changes of the jerk that no cam between two ramps can do without."""
 RADII = ("nose_radius_min_mm", "concave_radius_min_mm")
 """Limits on the cam's radius of curvature, where it is convex and where it is concave."""
+ROUNDING = 1e-9
+"""Slack of a limit on the shape, over its size, in every judgement of a cam: the rounding of one that is designed to
+touch the limit. Programs and projections hold a limit tighter by as much, so that no rounding of theirs breaks it."""
+REACH = 1e-5
+"""The same of reach_max_lift, 0.1 um of 10 mm. Programs hold the lift below its maximum on control points, which lie
+above the lift by up to so much where it is greatest: none can be asked to reach it nearer."""
 DRAWN_FOR = {
     "nose_radius_min_mm": ("flat", "roller", *SWINGING),
     "concave_radius_min_mm": ("roller", *SWINGING),

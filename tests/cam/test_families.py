@@ -230,3 +230,21 @@ class TestTrapezoid:
         assert a12 / rise == pytest.approx(0.003, rel=1e-2)  # both slopes at the jerk limit
         assert (a12 - a34) / fall == pytest.approx(0.003, rel=1e-2)
         assert lift.extremes(2)[1] == pytest.approx(0.015 * MM_PER_DEG2, rel=1e-3)
+
+
+@pytest.mark.parametrize("design", [trapezoid, kurz, multi_pol, new_design])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"acceleration_min_mm_per_deg2": -2.8e-12},
+        {"acceleration_max_mm_per_deg2": 2.8e-12},
+        {"jerk_max_mm_per_deg3": 1e-12},
+        {"max_lift_mm": 1e6},
+    ],
+    ids=lambda changes: next(iter(changes)),
+)
+def test_limits_a_million_times_too_tight_are_a_sentence(design, changes):
+    """Rows of any size beside the stretch of all of them: the solver decides these programs too."""
+    scene = KODAMA.model_copy(update={"design": KODAMA.design.model_copy(update=changes)})
+    with pytest.raises(InputError, match=r"no member found within the limits.*loosen"):
+        design(scene)

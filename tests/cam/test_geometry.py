@@ -70,6 +70,10 @@ class TestCircleAboutAnotherCentre:
         assert found.figures()["pressure_angle_max_deg"] == pytest.approx(largest, rel=1e-6)
         assert found.figures()["face_width_needed_mm"] is None
 
+    def test_a_lift_that_never_lies_so_low_is_open_the_whole_turn(self):
+        flat = Lift(np.array([-np.pi, np.pi]), np.array([[3e-3]]), 1.2)
+        assert crossing(flat, 1 * MM) == (-np.pi, np.pi)
+
     def test_crossings(self):
         opening, closing = crossing(cam_of(eccentric_flat), 5 * MM)
         assert (opening, closing) == pytest.approx((-np.arccos(0.25), np.arccos(0.25)), abs=1e-9)

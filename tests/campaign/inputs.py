@@ -144,6 +144,40 @@ def design_case(draw: Random, seed: int) -> Case:
     return Case("design", seed, words, {"design.json": data})
 
 
+def limit_case(draw: Random, seed: int) -> Case:
+    """A family's member under limits of any size, most of which contradict each other."""
+    record = json.loads(json.dumps(record_of(draw.choice(("kodama", "motori-1", "pushrod-5mass")))))
+    design = record["design"]
+    keys = [key for key, value in design.items() if isinstance(value, float) and not isinstance(value, bool)]
+    for key in draw.sample(sorted(keys), draw.randint(1, 2)):
+        design[key] *= 10.0 ** draw.uniform(-12.0, 6.0)
+    cam = draw.choice(("trapezoid", "kurz", "multi-pol", "new-design"))
+    return Case("limit", seed, ["cam", "scene.toml", "--cam", cam], {"scene.toml": tomli_w.dumps(record).encode()})
+
+
+def law_case(draw: Random, seed: int) -> Case:
+    """A design file of pieces that join, and make a law that may be no cam: flat, upside down, or without ramps."""
+    half = 10.0 ** draw.uniform(-5.0, 2.2)
+    lift, base = draw.choice((0.0, 9.0, -9.0, 1e-6, 1e6)), draw.choice((0.0, 0.0, 0.0, 3.0, -3.0))
+    bump = np.polynomial.Polynomial([lift, 0.0, -2 * lift / half**2, 0.0, lift / half**4])
+    at = [(bump(np.polynomial.Polynomial([start, 1.0])) + base).coef.tolist() for start in (-half, 0.0)]
+    pieces = ([-180.0, -half, 0.0, half, 180.0], [[base], *at, [base]])
+    if draw.random() < 0.3:
+        pieces = draw.choice((([-180.0, 180.0], [[base]]), ([-180.0, 0.0, 180.0], [[base, 0.05], [base + 9, -0.05]])))
+    (*start, _), (_, *end) = pieces[0], pieces[0]
+    content = {"start_deg": start, "end_deg": end, "coefficients_mm": pieces[1]}
+    duration = 2 * half if draw.random() < 0.5 else draw.choice((1e-3, 144.0, 359.0))
+    words = draw.choice(
+        (
+            ["cam", "kodama", "--cam", "law.json"],
+            ["cam", "kodama", "--cam", "law.json", "--csv", "lift.csv", "--contour", "contour.csv"],
+            ["simulate", "kodama", "--cam", "law.json", "--speed", "6000", "--revolutions", "1"],
+            ["yield", "kodama", "--cam", "law.json", "--trains", "2", "--speeds", "6000", "--out", "run"],
+        )
+    )
+    return Case("law", seed, words, {"law.json": json.dumps({"duration_deg": duration, "pieces": content}).encode()})
+
+
 def plan_case(draw: Random, seed: int) -> Case:
     """A sweep's plan with faults, over a store that is new, foreign or torn."""
     plan = {
@@ -215,11 +249,23 @@ KINDS: dict[str, Callable[[Random, int], Case]] = {
     "cam": cam_case,
     "table": table_case,
     "design": design_case,
+    "limit": limit_case,
+    "law": law_case,
     "plan": plan_case,
     "folder": folder_case,
     "command": command_case,
 }
-WEIGHTS = {"scene": 40, "cam": 15, "table": 15, "design": 15, "plan": 1, "folder": 1, "command": 13}
+WEIGHTS = {
+    "scene": 40,
+    "cam": 15,
+    "table": 15,
+    "design": 15,
+    "limit": 4,
+    "law": 4,
+    "plan": 1,
+    "folder": 1,
+    "command": 13,
+}
 
 
 def drawn(seed: int) -> Case:

@@ -163,7 +163,7 @@ def test_a_sketch_keeps_the_dearest_speeds_and_its_knots():
     session.answer({"duration_deg": SCENE.design.duration_deg + 4.0}, "sketch")
     longer = finder.kept[True][1]
     assert len(first.cam.breaks) == len(longer.cam.breaks) and len(first.blocks) == len(longer.blocks) == 2
-    assert longer.rows.model.pivots < 200  # hundreds, were it not for the rows that held the program before
+    assert longer.rows.model.solver.pivots < 200  # hundreds, were it not for the rows that held the program before
 
 
 def test_a_row_finds_its_counterpart_in_a_program_of_other_angles():

@@ -1,20 +1,26 @@
-"""The maximum lift that a design wants reached: over peak angles, and what a contradiction names."""
+"""The maximum lift that a design wants reached, what a contradiction names, and one slack for all that judge a cam."""
 
 import numpy as np
 import pytest
 
 from camopt.cam.families.free import free_cam
+from camopt.highs import Infeasible
+from camopt.measure.limits import broken_by_shape
+from camopt.optimizer.ascent.projection import ShapeLimits
 from camopt.optimizer.program.kinematic import (
     area_ratio_row,
     conflict,
     first_working,
     reach,
     spline_rows,
+    unexplained_optimum,
 )
-from camopt.optimizer.program.linear_program import Infeasible, maximise
+from camopt.optimizer.program.linear_program import maximise
+from camopt.optimizer.program.program_cam import program_cam
 from camopt.scene import load_scene
 from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM
+from experiments.linear_programs import drawn
 
 KODAMA = load_scene("kodama")
 
@@ -47,3 +53,41 @@ def test_a_limit_that_would_need_a_number_of_the_other_sign_is_no_remedy():
     said = conflict(design, free_cam(design, 8.0))
     assert "max_lift_mm would have to fall" in said
     assert "nose_radius_min_mm would" not in said
+
+
+def reaching(name: str):
+    """A built-in design whose lift is to be reached, or the design of a drawn scene of that number."""
+    if name.isdigit():
+        return drawn(int(name)).design
+    return load_scene(name).design.model_copy(update={"reach_max_lift": True})
+
+
+@pytest.mark.parametrize("name", ["kodama", "motori-1", "exhaust-gas", "9", "13", "14", "15", "20", "34", "53"])
+def test_what_programs_and_projections_give_the_judge_of_the_shape_keeps(name):
+    design = reaching(name)
+    cam = program_cam(design, design.duration_deg / 40)
+    found = unexplained_optimum(design, cam)
+    assert broken_by_shape(found.lift, design) == []
+    nearest = ShapeLimits(cam, design).nearest
+    for z in (2 * found.z, found.z + np.random.default_rng(1).normal(size=len(found.z)) * np.abs(found.z).mean()):
+        assert broken_by_shape(cam.lift(nearest(z)), design) == []
+
+
+@pytest.mark.parametrize(("number", "key"), [(5, "jerk_max_mm_per_deg3"), (57, "acceleration_max_mm_per_deg2")])
+def test_a_limit_that_the_given_ramps_break_is_a_contradiction_of_the_program_too(number, key):
+    """The judge of the shape looks at the ramps, which no program moves."""
+    design = drawn(number).design
+    cam = program_cam(design, design.duration_deg / 40)
+    with pytest.raises(Infeasible):
+        unexplained_optimum(design, cam)
+    said = conflict(design, cam)
+    assert f"{key} would have to rise" in said
+    needed = float(said.partition(f"{key} would have to rise")[2].split(" to ")[1].split(",")[0])
+    wider = design.model_copy(update={key: needed})
+    assert broken_by_shape(unexplained_optimum(wider, cam).lift, wider) == []
+
+
+def test_a_lift_short_by_more_than_the_slack_is_not_reached():
+    lift = unexplained_optimum(KODAMA.design, free_cam(KODAMA.design, 6.0)).lift
+    asked = {"reach_max_lift": True, "max_lift_mm": lift.max_lift / MM * (1 + 1.1e-5)}
+    assert "reach_max_lift" in broken_by_shape(lift, KODAMA.design.model_copy(update=asked))

@@ -7,6 +7,7 @@ import pytest
 
 from camopt.cam.design_file import read_design
 from camopt.cam.grinding import HARMONICS, PEAK, grinding_error, ground
+from camopt.cam.lift import Lift
 from camopt.optimizer.search.judge import Judge
 from camopt.optimizer.search.robust import (
     Perturbation,
@@ -74,6 +75,23 @@ def test_a_grinding_error_has_its_peak_and_harmonics_and_leaves_the_base_circle(
         assert np.abs(after - before).max() < 1e-4 * np.abs(error(angle, order)).max()
     assert ground(CAM, 3)(angle) == pytest.approx(CAM(angle) + error(angle), abs=1e-15)
     assert not np.allclose(grinding_error(CAM, 4)(angle), error(angle), atol=PEAK / 10)
+
+
+def test_a_cam_without_ramps_has_a_grinding_error_too():
+    """It fades over the shortest wave where the stated duration leaves no ramp, or less than none."""
+    lobe = Lift(CAM.borders, CAM.coefficients, 1.2 * CAM.closing_angle(0.0))
+    error, angle = grinding_error(lobe, 3), np.linspace(-np.pi, np.pi, 14_401)
+    assert np.abs(error(angle)).max() == pytest.approx(PEAK, rel=2e-3)
+    foot, end = lobe.opening_foot, lobe.closing_angle(0.0)
+    assert np.all(error(angle[(angle < foot) | (angle > end)]) == 0.0)
+    assert np.abs(error(np.array([foot, end]), 1)).max() < 1e-3 * np.abs(error(angle, 1)).max()
+
+
+@pytest.mark.parametrize(("level", "word"), [(0.0, "everywhere zero"), (3e-3, "never zero")])
+def test_a_lift_that_is_no_lobe_on_a_base_circle_has_no_grinding_error(level, word):
+    flat = Lift(np.array([-np.pi, np.pi]), np.array([[level]]), 1.2)
+    with pytest.raises(InputError, match=f"{word}.*give a cam that rises"):
+        grinding_error(flat, 1)
 
 
 def test_every_perturbation_is_named_once():

@@ -8,8 +8,9 @@ import pytest
 
 from camopt.cam.families.free import free_cam
 from camopt.cam.waves import cells, sign_changes
+from camopt.highs import Infeasible
 from camopt.optimizer.program.kinematic import first_working, kinematic_optimum, spline_rows, unexplained_optimum
-from camopt.optimizer.program.linear_program import Infeasible, least_relaxation
+from camopt.optimizer.program.linear_program import least_relaxation
 from camopt.optimizer.program.waves import _climbed, _fewer, kinematic_switches
 from camopt.scene import load_scene
 from camopt.scene.units import MM_PER_DEG3

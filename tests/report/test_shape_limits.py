@@ -14,7 +14,7 @@ from camopt.report.shape import reached_by_shape
 from camopt.report.summary import next_steps
 from camopt.scene import load_scene
 from camopt.scene.design import Piston
-from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2
+from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3
 
 SCENE = load_scene("motori-1")
 LIFT = read_cam("polydyne", SCENE)
@@ -71,6 +71,19 @@ def test_rows_are_held_where_the_judge_of_the_shape_says_so(write, contents):
     }
     named = {row["label"]: row for row in matrix(run, rows)["rows"]}
     assert named["lift at an angle"]["shape"]["kind"] == "bad"
+
+
+@pytest.mark.parametrize("over", [5e-7, -5e-7])
+def test_a_row_has_the_slack_of_the_verdict(write, contents, over):
+    """A limit that the cam passes by less than any printed digit shows is broken in the table as in the verdict."""
+    jerk = float(np.abs(LIFT.extremes(3)).max()) / MM_PER_DEG3 / (1 + over)
+    design = drawn(jerk_max_mm_per_deg3=jerk)
+    contents["comparison"] = []
+    contents["verification"]["speeds"][2]["ranges"]["bounce_mm"] = [0.01, 0.05 * (1 + over)]
+    rows = {row["key"]: row for row in limit_rows(read_run_folder(write(contents, "motori-1")), (LIFT, design))}
+    assert rows["jerk_max_mm_per_deg3"]["held"] is (over < 0)
+    assert ("jerk_max_mm_per_deg3" in broken_by_shape(LIFT, design)) is (over > 0)
+    assert rows["bounce_max_mm"]["held"] is (over < 0)
 
 
 def test_shares_count_to_the_bad_side():

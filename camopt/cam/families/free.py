@@ -65,6 +65,12 @@ class FreeCam:
         line = np.array([[self.opening.height, self.opening.velocity]])
         return with_ramps(self.breaks[[0, -1]], line, self.opening, self.closing, "free", {})
 
+    def ramp_extremes(self, order: int) -> tuple[float, float]:
+        """The least and the largest lift^(order) [m/rad^order] on the ramps, which no free coefficient moves."""
+        sides = ((-np.pi, self.breaks[0]), (self.breaks[-1], np.pi))
+        low, high = zip(*(self.without_spline.extremes(order, *side) for side in sides), strict=True)
+        return min(low), max(high)
+
     def coefficients(self, z: np.ndarray) -> np.ndarray:
         """Spline coefficients x (n) [mm/deg^2] of free coefficients z (m)."""
         return self.x_p + self.Z @ z

@@ -14,7 +14,7 @@ from camopt.cam.bernstein import from_powers
 from camopt.cam.families.radius_rows import NearRows, Neighbourhood, near_rows, radii_held_near
 from camopt.cam.linear_limits import LinearLimit, linear_limits
 from camopt.cam.waves import sign_rows
-from camopt.scene.design import Design
+from camopt.scene.design import ROUNDING, Design
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 
 if TYPE_CHECKING:
@@ -25,9 +25,6 @@ CAP_INTERVAL = 0.5 * DEG
 INTERVALS = (CAP_INTERVAL, 1.0 * DEG, np.inf)
 """Longest interval between control nets by the highest derivative that is limited, infinite for a knot interval: where
 the lift's second derivative counts, closer nets nearly repeat each other, on which a linear program may founder."""
-HAIR = 1e-9
-"""Relative tightening of every limit, so that round-off in the solver and in the pieces cannot break it."""
-
 HUGE = 1.0
 """A free coefficient [mm/deg^2] that no cam has: a hundred times a usual acceleration."""
 
@@ -117,9 +114,12 @@ class _LimitRows:
         value = getattr(self.design, name)
         limit = value * unit
         nose = name == "nose_deg"
+        if order in (2, 3) and not nose:  # the ramps are given: they hold it or no cam does
+            matrix = np.vstack([matrix, np.zeros((2, matrix.shape[1]))])
+            offset = np.append(offset, self.cam.ramp_extremes(order))
         for sign in signs:
             level = 0.0 if nose else abs(limit)
-            tight = HAIR * (MM_PER_DEG2 * 0.01 if nose else level)  # the nose has no level: a usual acceleration
+            tight = ROUNDING * (MM_PER_DEG2 * 0.01 if nose else level)  # the nose has no level: a usual acceleration
             slope = 0.0 if nose else 1.0
             bound = level - tight - sign * offset
             self._keep(sign * matrix, bound, slope, name, (level, unit, value, np.sign(value)))
@@ -127,7 +127,7 @@ class _LimitRows:
     def add_linear(self, limit: LinearLimit) -> None:
         """Adds the rows of a limit that is linear in the lift."""
         matrix, bound = linear_rows(self.cam, limit)
-        bound = bound - HAIR * max(limit.level.size, MM)
+        bound = bound - ROUNDING * limit.size
         per_value = 1 / limit.rate  # of the bound, per unit of the scene's number
         self._keep(
             matrix, bound, 1.0, limit.name, (limit.value * per_value, abs(per_value), limit.value, np.sign(limit.rate))
@@ -140,7 +140,7 @@ class _LimitRows:
 
     def add_near(self, rows: NearRows) -> None:
         """Adds rows of a limit that is held near a cam, or of the neighbourhood."""
-        matrix, bound, kept = _without_given(rows.matrix, rows.bound - HAIR * np.abs(rows.bound).max())
+        matrix, bound, kept = _without_given(rows.matrix, rows.bound - ROUNDING * np.abs(rows.bound).max())
         value = getattr(self.design, rows.key) if rows.key else 0.0
         self._keep(matrix, bound, rows.slope[kept], rows.key or NEAR, (value * MM, MM, value, -1.0))
 

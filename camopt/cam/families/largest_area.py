@@ -10,15 +10,14 @@ problem is smooth, by sequential quadratic programs (SLSQP, Kraft 1988).
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from threading import local
 
-import highspy
 import numpy as np
 from scipy.optimize import differential_evolution, minimize
 
 from camopt.cam.families.section_limits import limit_rows
 from camopt.cam.families.sections import Flank, SectionTable, closed, flank
 from camopt.cam.ramps import Ramp
+from camopt.highs import FARTHEST, minimise
 from camopt.scene import InputError
 from camopt.scene.design import Design
 from camopt.scene.units import DEG, MM
@@ -30,13 +29,9 @@ FINE, COARSE = 60, 20
 1e-3 (fine) or 1e-2 (coarse) of it, so that a coarse program errs on the safe side of a fine one, in half the time."""
 STRETCH_PRICE = 50.0
 """Price, in area ratio, of stretching all limits by their own size."""
-OPTIONS = {
-    "output_flag": False,
-    "presolve": "off",  # five columns: it takes longer than the solution
-    "parallel": "off",
-    "primal_feasibility_tolerance": 1e-10,
-    "dual_feasibility_tolerance": 1e-9,
-}
+LARGEST = 1e2
+"""Largest entry of a row. A limit that is a hundred times tighter than any cam of this lift and duration could hold is
+stretched by shares of a hundredth of that, not of its own size, beside which the solver would see nothing else."""
 MARGIN = 1e-7
 """Relative margin to every limit in the polish, so that the linear program of the levels still has a point there."""
 POPULATION, GENERATIONS, POLISH_STEPS, SEED = 32, 8, 60, 0
@@ -44,18 +39,6 @@ DIRECTIONS = np.array([[16, 8, 4, 2, 1], [16, 24, 20, 30, 17], [16, 24, 12, 18, 
                        [16, 8, 4, 22, 31], [16, 8, 12, 6, 25], [16, 24, 20, 26, 11], [16, 8, 20, 10, 17]])  # fmt: skip
 """Direction numbers (dimension, bit), in parts of `POPULATION`, of the Sobol points that begin a search (Joe and Kuo
 2008). SciPy's own come with all of its statistics, which load longer than a search takes."""
-
-
-class Solvers(local):
-    """A solver with `OPTIONS` for every thread: making one takes as long as solving with it."""
-
-    def __init__(self) -> None:
-        self.highs = highspy.Highs()
-        for name, value in OPTIONS.items():
-            self.highs.setOptionValue(name, value)
-
-
-SOLVERS = Solvers()
 
 
 @dataclass(frozen=True)
@@ -84,45 +67,27 @@ def program(table: SectionTable, one: Flank, design: Design, ramp: Ramp, jerk: b
     rows, bound = limit_rows(one, design, jerk, parts)
     ends = np.stack([one.end(k) * half**k for k in range(len(table.closed_by))]) / max_lift
     area = one.area() / (2 * max_lift * half)
+    rows, bound = rows[:, 2:] * column, bound - rows[:, :2] @ fixed
+    large = np.maximum(np.maximum(np.abs(rows).max(axis=1), np.abs(bound)) / LARGEST, 1.0)
     return Program(
         column=column,
         area=area[2:] * column,
         constant=float(area[:2] @ fixed),
-        rows=rows[:, 2:] * column,
-        bound=bound - rows[:, :2] @ fixed,
+        rows=rows / large[:, None],
+        bound=bound / large,
         ends=ends[:, 2:] * column,
         wanted=np.array([1.0, 0.0])[: len(ends)] - ends[:, :2] @ fixed,
     )
 
 
-def solved(one: Program, family: str, kept: Sequence[float | None]) -> tuple[np.ndarray, float]:
-    """(best z (m), stretch of the limits, which is 0 if they can be met); numbers in `kept` are values that z keeps.
-
-    A search asks for hundreds of these small programs, of which `scipy.optimize.linprog` would spend three quarters on
-    what surrounds the same solver.
-    """
-    count, limits = len(one.area) + 1, len(one.rows)
-    matrix = np.zeros((limits + len(one.ends), count))
+def solved(one: Program, kept: Sequence[float | None]) -> tuple[np.ndarray, float]:
+    """(best z (m), stretch of the limits, which is 0 if they can be met); numbers in `kept` are values that z keeps."""
+    limits = len(one.rows)
+    matrix = np.zeros((limits + len(one.ends), len(one.area) + 1))
     matrix[:limits, :-1], matrix[:limits, -1], matrix[limits:, :-1] = one.rows, -1.0, one.ends
-    model = highspy.HighsLp()
-    model.num_col_, model.num_row_ = count, len(matrix)
-    model.col_cost_ = np.append(-one.area, STRETCH_PRICE)
-    model.col_lower_ = np.array([*(-np.inf if k is None else k for k in kept), 0.0])
-    model.col_upper_ = np.array([*(np.inf if k is None else k for k in kept), np.inf])
-    model.row_lower_ = np.append(np.full(limits, -np.inf), one.wanted)
-    model.row_upper_ = np.append(one.bound, one.wanted)
-    model.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
-    model.a_matrix_.start_ = np.arange(len(matrix) + 1) * count
-    model.a_matrix_.index_ = np.tile(np.arange(count), len(matrix))
-    model.a_matrix_.value_ = matrix.ravel()
-    solver = SOLVERS.highs
-    solver.passModel(model)  # which forgets what was solved before
-    solver.run()
-    status = solver.getModelStatus()
-    if status != highspy.HighsModelStatus.kOptimal:
-        says = solver.modelStatusToString(status)
-        raise ArithmeticError(f"{family}: the linear program of the levels failed: {says}")
-    found = np.array(solver.getSolution().col_value)
+    low, high = np.append(np.full(limits, -np.inf), one.wanted), np.append(one.bound, one.wanted)
+    box = [(-FARTHEST, FARTHEST) if k is None else (k, k) for k in kept]
+    found = minimise(np.append(-one.area, STRETCH_PRICE), matrix, low, high, np.array([*box, (0.0, np.inf)])).x
     return found[:-1], float(found[-1])
 
 
@@ -135,7 +100,7 @@ def best_levels(
     """
     linear = program(table, one, design, ramp, jerk)
     kept = [given[n] / c if n in given else None for n, c in zip(table.levels, linear.column, strict=True)]
-    z, stretch = solved(linear, table.family, kept)
+    z, stretch = solved(linear, kept)
     free = [n for n in (*table.closed_by, *table.levels) if n not in given]
     x = np.array([ramp.height, ramp.velocity, *(z * linear.column)])
     return closed(table, one, x, design.max_lift_mm * MM, free[: len(table.closed_by)]), stretch
@@ -164,7 +129,7 @@ def best_angles(
 
     def cost(shares: np.ndarray) -> float:
         linear = flank_program(shares, COARSE)
-        z, stretch = solved(linear, table.family, [None] * len(table.levels))
+        z, stretch = solved(linear, [None] * len(table.levels))
         return STRETCH_PRICE * stretch - float(linear.area @ z) - linear.constant
 
     first = first_shares(count - 1)
@@ -179,7 +144,7 @@ def best_angles(
         polish=False,
         rng=np.random.default_rng(seed),
     )
-    z, _ = solved(flank_program(found.x, FINE), table.family, [None] * len(table.levels))
+    z, _ = solved(flank_program(found.x, FINE), [None] * len(table.levels))
     return section_angles(_polished(flank_program, found.x, z), half)
 
 

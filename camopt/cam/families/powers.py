@@ -14,10 +14,9 @@ from camopt.cam.lift import Lift
 from camopt.cam.osculating import MATCHED, osculating_pieces
 from camopt.cam.ramps import Ramp
 from camopt.scene import InputError
+from camopt.scene.design import ROUNDING
 from camopt.scene.units import DEG, MM, MM_PER_DEG
 
-ROUNDING = 1e-9
-"""Relative excess over the maximum lift, and relative fall on the opening flank, that rounding explains."""
 MISSED = 1e-6
 """Relative error of a condition that rounding may leave: solved conditions are met to 1e-9."""
 LEAST_REAL_EXPONENT = 8

@@ -14,11 +14,9 @@ from camopt.cam.bernstein import from_powers
 from camopt.cam.families.sections import Flank
 from camopt.cam.level import Level
 from camopt.cam.linear_limits import LinearLimit, linear_limits
-from camopt.scene.design import Design
+from camopt.scene.design import ROUNDING, Design
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
 
-HAIR = 1e-9
-"""Relative tightening of every limit, so that round-off in the solver cannot break it."""
 NOWHERE = 1e3
 """What stands, relative to a limit's size, where it says nothing: beyond all that a cam has."""
 
@@ -90,7 +88,7 @@ def limit_rows(one: Flank, design: Design, jerk: bool, parts: int) -> tuple[np.n
     matrices, bounds = zip(*groups, strict=True)
     counts = [len(matrix) for matrix in matrices]
     return np.concatenate(matrices), np.concatenate(
-        [np.full(n, bound) - HAIR for n, bound in zip(counts, bounds, strict=True)]
+        [np.full(n, bound) - ROUNDING for n, bound in zip(counts, bounds, strict=True)]
     )
 
 
@@ -111,7 +109,7 @@ def sides(limit: LinearLimit) -> tuple[int, ...]:
 def drawing_rows(one: Flank, limit: LinearLimit, side: int, parts: int) -> tuple[np.ndarray, np.ndarray]:
     """Rows (c, n) and bounds (c) of a limit of the drawing on one flank, relative to its size."""
     weights = [w * side**k for k, w in enumerate(limit.weights)]
-    half, size = one.borders[-1], max(limit.level.size, MM)
+    half, size = one.borders[-1], limit.size
     degree = one.pieces.shape[1] - 1
     widths = np.diff(one.borders)
     powers = np.zeros_like(one.relative)  # of the weighted sum, by the angle relative to each piece's width

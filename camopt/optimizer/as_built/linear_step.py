@@ -9,8 +9,8 @@ are fewer margins than coefficients: steps on these suit the trains that a searc
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linprog
 
+from camopt.highs import minimise
 from camopt.optimizer.program.no_jump import NoJumpOptimum
 
 
@@ -38,11 +38,11 @@ def stepped(cam: NoJumpOptimum, found: UsedSlopes, aim: float, reach_N: float) -
     used = np.hstack([found.slope @ by_margin, np.zeros((len(short), len(trains)))])
     used[np.arange(len(short)), size + short] = -1.0
     lost = np.concatenate([-cam.margin_prices.ravel(), np.zeros(len(trains))])
-    answer = linprog(
+    step = minimise(
         np.concatenate([np.zeros(size), np.ones(len(trains))]),
-        A_ub=np.vstack([used, lost]),
-        b_ub=np.concatenate([aim - found.level - found.slope @ cam.z, [0.0]]),
-        bounds=[(-reach_N, reach_N)] * size + [(0.0, None)] * len(trains),
-        method="highs",
+        np.vstack([used, lost]),
+        -np.inf,
+        np.append(aim - found.level - found.slope @ cam.z, 0.0),
+        np.array([(-reach_N, reach_N)] * size + [(0.0, np.inf)] * len(trains)),
     )
-    return cam.margins + answer.x[:size].reshape(cam.margins.shape)
+    return cam.margins + step.x[:size].reshape(cam.margins.shape)

@@ -20,15 +20,13 @@ from camopt.cam.linear_limits import LinearLimit, linear_limits
 from camopt.optimizer.ascent.projection import Empty, Polyhedron, ShapeLimits
 from camopt.optimizer.ascent.train_variables import TrainVariables
 from camopt.optimizer.program.program_cam import program_cam
-from camopt.scene.design import Design
+from camopt.scene.design import ROUNDING, Design
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 
 FREE = "free"
 NOSE_ANGLES = 41
-HELD = 1e-7
-"""Excess of a limit, over the limit, at which a family's member still counts as holding it in an ascent."""
 MOST_ROUNDS = 30
 DRAWING_STEP = 0.25 * DEG
 ROOM = 1e-4
@@ -131,7 +129,7 @@ class FamilyVariables:
         moved = vector
         for _ in range(MOST_ROUNDS):
             excess, slopes = self._excess(moved)
-            if np.all(excess <= HELD):
+            if np.all(excess <= ROUNDING):
                 return moved
             try:
                 moved = Polyhedron(slopes, slopes @ moved - excess).nearest(vector)
@@ -192,7 +190,7 @@ def drawing_excess(cam: DifferentiableCam, parameters: Mapping[str, Any], limit:
     theta = np.linspace(level.low, level.high, 1 + int(np.ceil((level.high - level.low) / DRAWING_STEP)))
     most = level.taylor(theta, theta)[:, 0] - level.error
     total = sum(w * cam.lift(theta, dict(parameters), k) for k, w in enumerate(limit.weights) if w)
-    size, room = max(level.size, MM), ROOM if len(theta) > 1 else 0.0
+    size, room = limit.size, ROOM if len(theta) > 1 else 0.0
     return jnp.max(total - most) / size + room
 
 

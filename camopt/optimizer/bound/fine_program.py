@@ -4,12 +4,12 @@ from itertools import pairwise
 from math import factorial
 
 import numpy as np
-from scipy.optimize import linprog
 from scipy.sparse import coo_array, vstack
 
 from camopt.cam.families.free import free_cam
 from camopt.cam.linear_limits import LinearLimit
 from camopt.cam.ramps import scene_ramps
+from camopt.highs import Infeasible, minimise
 from camopt.optimizer.bound.limit_terms import bounded_limits
 from camopt.optimizer.program.kinematic import conflict
 from camopt.scene.design import Design
@@ -136,31 +136,25 @@ class Discretised:
         if control_worth is not None:
             full = self.unit[0] * self.half
             cost[self.column(self.order, np.arange(n - 1))] -= control_worth * self.unit[self.order] / full
-        answer = linprog(
-            cost,
-            A_ub=vstack([rows for rows, _, _ in drawing]) if drawing else None,
-            b_ub=np.concatenate([level for _, level, _ in drawing]) if drawing else None,
-            A_eq=motion,
-            b_eq=np.zeros(self.order * (n - 1)),
-            bounds=self.bounds(),
-            method="highs-ipm",
-        )
-        if answer.status == 2:
-            raise InputError(conflict(self.design, free_cam(self.design)))
-        if answer.status != 0:
-            raise ArithmeticError(f"the program for the bound was not solved: {answer.message}")
-        masses = self._masses(drawing, -answer["ineqlin"]["marginals"]) if drawing else ()
-        upper, lower = -answer["upper"]["marginals"], answer["lower"]["marginals"]
+        zero, limits = np.zeros(self.order * (n - 1)), np.concatenate([[], *(level for _, level, _ in drawing)])
+        rows = vstack([motion, *(rows for rows, _, _ in drawing)])
+        low = np.append(zero, np.full(len(limits), -np.inf))
+        try:
+            found = minimise(cost, rows, low, np.append(zero, limits), self.bounds(), large=True)
+        except Infeasible:
+            raise InputError(conflict(self.design, free_cam(self.design))) from None
+        masses = self._masses(drawing, -found.row_duals[len(zero) :])
+        upper, lower = np.maximum(-found.column_duals, 0.0), np.maximum(found.column_duals, 0.0)
         nodes = np.arange(n)
         inner = (nodes > 0) & (nodes < n - 1)  # both ends are fixed by the ramps
-        lift_cap = np.where(inner, np.maximum(upper[nodes], 0.0), 0.0) * self.half
+        lift_cap = np.where(inner, upper[nodes], 0.0) * self.half
         closing = np.zeros(3)
         for state in range(self.order):
             last = self.column(state, n - 1)
-            closing[state] = (lower[last] - upper[last]) * self.half ** (state + 1)
+            closing[state] = found.column_duals[last] * self.half ** (state + 1)
         if self.order == 2:
             return lift_cap, np.zeros(n), np.zeros(n), np.zeros(n), closing, masses
         acceleration = self.column(2, nodes)
-        push = np.where(inner, np.maximum(upper[acceleration], 0.0), 0.0) * self.half**3
-        pull = np.where(inner, np.maximum(lower[acceleration], 0.0), 0.0) * self.half**3
+        push = np.where(inner, upper[acceleration], 0.0) * self.half**3
+        pull = np.where(inner, lower[acceleration], 0.0) * self.half**3
         return lift_cap, np.where(self.on_nose, 0.0, push), pull, np.where(self.on_nose, push, 0.0), closing, masses

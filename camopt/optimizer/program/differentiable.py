@@ -15,7 +15,8 @@ import numpy as np
 from jax.typing import ArrayLike
 
 import camopt.autodiff  # noqa: F401  (64-bit floats)
-from camopt.optimizer.program.linear_program import ADDED_PER_ROUND, Infeasible, Rows, Unbounded, maximise
+from camopt.highs import Infeasible, Unbounded
+from camopt.optimizer.program.linear_program import ADDED_PER_ROUND, Rows, maximise
 from camopt.scene.errors import InputError
 
 MOST_MODELS = 8

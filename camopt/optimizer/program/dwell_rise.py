@@ -11,9 +11,9 @@ from math import factorial
 
 import numpy as np
 from scipy.interpolate import PPoly
-from scipy.optimize import linprog
 from scipy.sparse import csr_array, eye_array, hstack, vstack
 
+from camopt.highs import minimise
 from camopt.optimizer.bound.certificate import absolute_integral
 from camopt.scene.errors import InputError
 
@@ -48,14 +48,14 @@ def least_peak(order: int, intervals: int = PEAK_INTERVALS) -> DwellRise:
     ends = np.stack([-np.diff(left ** (order - k)) / factorial(order - k) for k in range(order)])
     size = ends.max(axis=1)
     rows = ends[1:] / size[1:, None]
-    answer = linprog(-ends[0] / size[0], A_eq=rows, b_eq=np.zeros(order - 1), bounds=(-1.0, 1.0), method="highs-ds")
-    multipliers = np.append(1.0, answer["eqlin"]["marginals"] * size[0] / size[1:])
+    found = minimise(-ends[0] / size[0], rows, 0.0, 0.0, np.tile([-1.0, 1.0], (intervals, 1)))
+    multipliers = np.append(1.0, found.row_duals * size[0] / size[1:])
     left = np.polynomial.Polynomial([1.0, -1.0])
     terms = (m * left ** (order - 1 - k) / factorial(order - 1 - k) for k, m in enumerate(multipliers))
     p = sum(terms, start=np.polynomial.Polynomial([0.0]))
     highest = absolute_integral(PPoly(p.coef[::-1, None], [0.0, 1.0]))
-    rise = -float(answer["fun"]) * size[0]
-    return DwellRise(1 / rise, 1 / highest, answer["x"] / rise)
+    rise = -found.value * size[0]
+    return DwellRise(1 / rise, 1 / highest, found.x / rise)
 
 
 def least_acceleration(jerk: float, intervals: int = JERK_INTERVALS) -> DwellRise:
@@ -76,22 +76,16 @@ def least_acceleration(jerk: float, intervals: int = JERK_INTERVALS) -> DwellRis
     identity = eye_array(n + 1)
     slope = eye_array(n, n + 1, k=1) - eye_array(n, n + 1)
     peak, none = csr_array(-np.ones((n + 1, 1))), csr_array((n, 1))
-    rows = vstack([hstack([sign * m, c]) for m, c in ((identity, peak), (slope, none)) for sign in (1, -1)])
-    level = np.concatenate([np.zeros(2 * (n + 1)), np.full(2 * n, jerk * h)])
-    bounds = [(0.0, 0.0), *[(None, None)] * (n - 1), (0.0, 0.0), (0.0, None)]
     ends = np.column_stack([np.stack([rise, weight]), np.zeros(2)])
-    answer = linprog(
-        np.append(np.zeros(n + 1), 1.0),
-        A_ub=rows,
-        b_ub=level,
-        A_eq=ends,
-        b_eq=[1.0, 0.0],
-        bounds=bounds,
-        method="highs-ds",
-    )
-    masses = -answer["ineqlin"]["marginals"][: 2 * (n + 1)]
-    bound = _acceleration_bound(jerk, answer["eqlin"]["marginals"], masses[: n + 1] - masses[n + 1 :], t)
-    return DwellRise(float(answer["x"][-1]), bound, answer["x"][:-1])
+    sides = [hstack([sign * m, c]) for m, c in ((identity, peak), (slope, none)) for sign in (1, -1)]
+    level = np.concatenate([[1.0, 0.0], np.zeros(2 * (n + 1)), np.full(2 * n, jerk * h)])
+    low = np.append(level[:2], np.full(len(level) - 2, -np.inf))
+    bounds = np.array([(0.0, 0.0), *[(-np.inf, np.inf)] * (n - 1), (0.0, 0.0), (0.0, np.inf)])
+    rows, cost = vstack([csr_array(ends), *sides]), np.append(np.zeros(n + 1), 1.0)
+    found = minimise(cost, rows, low, level, bounds, large=True)
+    masses = -found.row_duals[2:][: 2 * (n + 1)]
+    bound = _acceleration_bound(jerk, found.row_duals[:2], masses[: n + 1] - masses[n + 1 :], t)
+    return DwellRise(found.value, bound, found.x[:-1])
 
 
 def least_peak_through(conditions: Sequence[tuple[float, int, float]], order: int, intervals: int) -> DwellRise:
@@ -108,17 +102,13 @@ def least_peak_through(conditions: Sequence[tuple[float, int, float]], order: in
     reach = np.maximum(at[:, None] - edges, 0.0) ** powers[:, None] / size[:, None]
     rows = reach[:, :-1] - reach[:, 1:]
     scale = np.abs(rows).sum(axis=1)
-    both = np.vstack([np.column_stack([sign * np.eye(intervals), -np.ones(intervals)]) for sign in (1, -1)])
-    answer = linprog(
-        np.append(np.zeros(intervals), 1.0),
-        A_ub=csr_array(both),
-        b_ub=np.zeros(2 * intervals),
-        A_eq=np.column_stack([rows / scale[:, None], np.zeros(len(rows))]),
-        b_eq=values / scale,
-        bounds=[(None, None)] * intervals + [(0.0, None)],
-        method="highs-ds",
-    )
-    multipliers = answer["eqlin"]["marginals"] / scale
+    both = [np.column_stack([sign * np.eye(intervals), -np.ones(intervals)]) for sign in (1, -1)]
+    through = np.column_stack([rows / scale[:, None], np.zeros(len(rows))])
+    level = np.append(values / scale, np.zeros(2 * intervals))
+    low = np.append(values / scale, np.full(2 * intervals, -np.inf))
+    bounds = np.array([(-np.inf, np.inf)] * intervals + [(0.0, np.inf)])
+    found = minimise(np.append(np.zeros(intervals), 1.0), np.vstack([through, *both]), low, level, bounds)
+    multipliers = found.row_duals[: len(rows)] / scale
     borders = np.unique(np.append(0.0, at))
     p = np.zeros((order, len(borders) - 1))  # ascending powers about each left border
     for x, q, multiplier in zip(at, powers, multipliers, strict=True):
@@ -127,7 +117,7 @@ def least_peak_through(conditions: Sequence[tuple[float, int, float]], order: in
             term = (x - borders[:-1][before]) ** (q - 1 - j) * (-1) ** j / factorial(j) / factorial(q - 1 - j)
             p[j, before] += multiplier * term
     bound = float(multipliers @ values) / absolute_integral(PPoly(p[::-1], borders))
-    return DwellRise(float(answer["x"][-1]), bound, answer["x"][:-1])
+    return DwellRise(found.value, bound, found.x[:-1])
 
 
 def _acceleration_bound(jerk: float, ends: np.ndarray, mass: np.ndarray, t: np.ndarray) -> float:

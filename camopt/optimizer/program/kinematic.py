@@ -7,17 +7,14 @@ import numpy as np
 from camopt.cam.families.free import FreeCam
 from camopt.cam.families.free_limits import NEAR, SIGNS, Limits
 from camopt.cam.lift import Lift
-from camopt.optimizer.program.linear_program import GaveUp, Infeasible, Optimum, Rows, least_relaxation, maximise
-from camopt.scene.design import Design
+from camopt.highs import Infeasible
+from camopt.optimizer.program.linear_program import Optimum, Rows, least_relaxation, maximise
+from camopt.scene.design import REACH, ROUNDING, Design
 from camopt.scene.errors import InputError
 from camopt.scene.units import DEG, MM, MM_PER_DEG2
 
-REACH = 1e-5
-"""Relative slack in reaching the maximum lift (0.1 um of 9.4 mm): the cap's control points lie that far above it."""
 TYPICAL = 0.01
 """Typical free coefficient [mm/deg^2], for the solver's scaling: the size of the acceleration limits."""
-STRETCH = 1e-9
-"""Stretch of scaled rows that is rounding."""
 PEAK_STEP = 1.5 * DEG
 """Step of the peak angles that are tried when the design wants its maximum lift reached."""
 
@@ -89,21 +86,18 @@ def reach(cam: FreeCam, design: Design, objective, rows: Rows, bound, working) -
     the end of the duals; none where the cap alone leads there); the best answer is returned.
     """
     capped = maximise(objective, rows, bound, working)
-    lowest = design.max_lift_mm * MM * (1 - REACH)
+    lowest = lift_to_reach(design)
     if not design.reach_max_lift or cam.lift(capped.z).max_lift >= lowest:
         return capped
-    best, working, known = None, capped.working, False
+    best, working = None, capped.working
     peaks = np.arange(-4, 5) * PEAK_STEP
     lift, offset = cam.basis(peaks)
     for at, constant in zip(lift, offset + lift @ cam.x_p, strict=True):
-        if known and _highest(at @ cam.Z, rows, bound, working) + constant < lowest:
-            continue  # a contradiction takes the solver far longer to see than how high the lift gets
         reaching = spline_rows(np.vstack([rows.matrix, -(at @ cam.Z)]))
         levels = np.append(bound, constant - lowest)
         try:
             found = maximise(objective, reaching, levels, np.append(working, len(bound)))
-        except (Infeasible, GaveUp):
-            known = True
+        except Infeasible:
             continue
         if best is None or found.value > best.value:
             best = found
@@ -113,12 +107,9 @@ def reach(cam: FreeCam, design: Design, objective, rows: Rows, bound, working) -
     return best
 
 
-def _highest(row: np.ndarray, rows: Rows, bound: np.ndarray, working: np.ndarray) -> float:
-    """The largest row @ z; infinite where the solver does not decide it."""
-    try:
-        return maximise(row, rows, bound, working).value
-    except ArithmeticError:
-        return np.inf
+def lift_to_reach(design: Design) -> float:
+    """The lift [m] that the programs ask of a design that wants its maximum lift reached."""
+    return design.max_lift_mm * MM * (1 - REACH + ROUNDING)
 
 
 def limit_worth(found: KinematicOptimum) -> dict[str, float]:
@@ -163,12 +154,7 @@ def conflict(design: Design, cam: FreeCam) -> str:
         if not lowered and name not in SIGNS:
             give[rows] *= np.abs(limits.slope[rows])
         size = abs(limits.value[g]) if name not in SIGNS else TYPICAL * MM_PER_DEG2
-        if not _holds_without(spline, bound, rows, working):
-            continue
-        try:
-            relaxed = least_relaxation(spline, bound, give, size, working)
-        except ArithmeticError:  # as in `_holds_without`
-            continue
+        relaxed = least_relaxation(spline, bound, give, size, working)
         if relaxed is None:
             continue
         if name in SIGNS:
@@ -192,27 +178,12 @@ def conflict(design: Design, cam: FreeCam) -> str:
     )
 
 
-def _holds_without(spline: Rows, bound: np.ndarray, left_out: np.ndarray, working: np.ndarray) -> bool:
-    """Whether the other rows have a point in common.
-
-    The least stretch of them all is asked, which always has an answer: a solver takes a hundred times longer to see
-    that a program has none.
-    """
-    give, level = spline.norm.copy(), bound.copy()
-    give[left_out], level[left_out] = 0.0, np.inf
-    try:
-        stretch = least_relaxation(spline, level, give, 1.0, np.setdiff1d(working, left_out))
-    except ArithmeticError:
-        return False  # a remedy that no solver sees is not named
-    return stretch is not None and stretch <= STRETCH
-
-
 def reached_in_the_middle(cam: FreeCam, design: Design, matrix, bound) -> tuple[np.ndarray, np.ndarray]:
     """The rows, and where the design wants its maximum lift reached, a last one: that it is reached in the middle."""
     if not design.reach_max_lift:
         return matrix, bound
     row, offset = cam.basis(np.zeros(1))
-    level = offset + row @ cam.x_p - design.max_lift_mm * MM * (1 - REACH)
+    level = offset + row @ cam.x_p - lift_to_reach(design)
     return np.vstack([matrix, -row @ cam.Z]), np.append(bound, level)
 
 

@@ -14,9 +14,10 @@ import numpy as np
 from camopt.cam.families.free import FreeCam
 from camopt.cam.families.free_limits import Limits
 from camopt.cam.lift import Lift
+from camopt.highs import Infeasible
 from camopt.optimizer.program.force_rows import PEAK, SEAT, Box, Margins, SpeedRows, Window, speed_rows
 from camopt.optimizer.program.kinematic import area_ratio_row, first_working, reach, reached_in_the_middle, spline_rows
-from camopt.optimizer.program.linear_program import Infeasible, Optimum, Rows, least_relaxation
+from camopt.optimizer.program.linear_program import Optimum, Rows, least_relaxation
 from camopt.optimizer.program.periodic import CamSamples, sample_cam
 from camopt.optimizer.program.phases import Angles, static_angles
 from camopt.scene.design import Design

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from camopt.highs import Infeasible
 from camopt.optimizer.program.kinematic import spline_rows
-from camopt.optimizer.program.linear_program import Infeasible, Optimum, Rows, maximise
+from camopt.optimizer.program.linear_program import Optimum, Rows, maximise
 
 SHORT_OF_FORCE = 1e-2
 """Area ratio that a newton costs which margins are short of: more than any cam gains by it."""

@@ -17,8 +17,8 @@ from scipy.optimize import minimize_scalar
 from camopt.cam.families.free import FreeCam, free_cam
 from camopt.cam.families.free_limits import About
 from camopt.cam.families.radius_rows import radii_held_near
+from camopt.highs import Infeasible
 from camopt.optimizer.program.kinematic import area_ratio_row, first_working, reach, spline_rows
-from camopt.optimizer.program.linear_program import Infeasible
 from camopt.optimizer.program.radii import near_its_best
 from camopt.optimizer.program.waves import kinematic_switches
 from camopt.scene.design import Design

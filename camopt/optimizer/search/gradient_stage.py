@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from camopt.highs import Infeasible
 from camopt.optimizer.program.force_rows import PEAK, SEAT
 from camopt.optimizer.program.kinematic import area_ratio_row, reach, spline_rows
-from camopt.optimizer.program.linear_program import Infeasible
 from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram
 from camopt.optimizer.search.judge import USABLE_SHARE, Judged
 from camopt.optimizer.search.margins import margin_stage
