@@ -23,7 +23,7 @@ from camopt.verifier.accuracy import EFFORTS
 from experiments.support.record import RESULTS, run_script, write_result
 
 SCENE = {"small": "motori-1", "full": "kodama"}
-EFFORT = {"small": Accuracy(6.0, 2, 9, 4, 0, 0, EFFORTS["draft"], False), "full": ACCURACIES["standard"]}
+EFFORT = {"small": Accuracy(6.0, 2, 9, 4, 0, 0, 2, 0, EFFORTS["draft"], False), "full": ACCURACIES["standard"]}
 GRADIENT = {"small": "none", "full": "exact"}
 FINE_PROGRAM = 4
 """By what the program's speeds are multiplied where it is fine from the start."""

@@ -14,8 +14,9 @@ import optax
 
 import camopt
 from camopt.cam.families.free import free_cam
+from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum
-from camopt.optimizer.program.no_jump import Margins, no_jump_program
+from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.scene import Scene, build_train, load_scene
 from experiments.support.record import RESULTS, run_script, write_result
 

@@ -25,9 +25,10 @@ from threadpoolctl import threadpool_limits
 from camopt.cam.families.free import free_cam
 from camopt.highs import FEASIBILITY
 from camopt.optimizer.accuracy import ACCURACIES, Accuracy, design_speeds
+from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import area_ratio_row, kinematic_optimum
 from camopt.optimizer.program.linear_program import ADDED_PER_ROUND
-from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, no_jump_program
+from camopt.optimizer.program.no_jump import NoCamHoldsContact, no_jump_program
 from camopt.optimizer.search.judge import USABLE_SHARE, Judge
 from camopt.optimizer.search.search import Logbook, find_cam
 from camopt.scene import build_train, load_scene

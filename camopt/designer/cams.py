@@ -19,9 +19,9 @@ from camopt.designer.edits import Asked
 from camopt.designer.warm_start import begin_like
 from camopt.highs import Infeasible
 from camopt.optimizer.accuracy import ACCURACIES, design_speeds
-from camopt.optimizer.program.force_rows import PEAK, Window
+from camopt.optimizer.program.force_rows import PEAK, Margins, Window
 from camopt.optimizer.program.kinematic import limit_worth, unexplained_optimum, worth_of
-from camopt.optimizer.program.no_jump import Margins, NoJumpOptimum, NoJumpProgram, no_jump_program
+from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import standing
 from camopt.scene.design import Design

@@ -8,7 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from camopt.optimizer.program.no_jump import Margins, NoJumpProgram
+from camopt.optimizer.program.force_rows import Margins
+from camopt.optimizer.program.no_jump import NoJumpProgram
 
 
 def begin_like(known: NoJumpProgram, new: NoJumpProgram) -> None:

@@ -15,7 +15,8 @@ from scipy.optimize import minimize
 from tqdm import tqdm
 
 from camopt.optimizer.accuracy import Accuracy, design_speeds
-from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpOptimum, NoJumpProgram, no_jump_program
+from camopt.optimizer.program.force_rows import Margins
+from camopt.optimizer.program.no_jump import NoCamHoldsContact, NoJumpOptimum, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.scene.as_built import Number, matching, moved_together, with_numbers
 from camopt.scene.errors import InputError

@@ -11,8 +11,9 @@ import numpy as np
 
 from camopt.cam.families.free import FreeCam, free_cam
 from camopt.cam.lift import Lift
+from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum
-from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, no_jump_program
+from camopt.optimizer.program.no_jump import NoCamHoldsContact, no_jump_program
 from camopt.scene import Scene, build_train
 from experiments.support.near_limit_truth import MOST, Truth, truth
 

@@ -26,8 +26,9 @@ from camopt.optimizer.ascent.ascent import Climb
 from camopt.optimizer.ascent.projection import ShapeLimits
 from camopt.optimizer.ascent.train_variables import TrainVariables
 from camopt.optimizer.ascent.variables import FreeVariables, Variables
+from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum
-from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, no_jump_program
+from camopt.optimizer.program.no_jump import NoCamHoldsContact, no_jump_program
 from camopt.optimizer.search.judge import USABLE_SHARE, Judge
 from camopt.optimizer.search.search import Logbook, find_cam
 from camopt.scene import InputError, build_train, load_scene

@@ -14,8 +14,9 @@ from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.bound.limit_terms import left_out
 from camopt.optimizer.bound.no_jump import no_jump_bound
+from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum
-from camopt.optimizer.program.no_jump import Margins, no_jump_program
+from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.program_cam import centres, program_cam
 from camopt.scene import InputError, load_scene
 from camopt.scene.design import Piston

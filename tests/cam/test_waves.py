@@ -11,8 +11,9 @@ from camopt.cam.waves import sign_changes
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.bound.limit_terms import left_out
+from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import conflict, kinematic_optimum
-from camopt.optimizer.program.no_jump import Margins, no_jump_program
+from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.waves import with_switches
 from camopt.scene.design import Design

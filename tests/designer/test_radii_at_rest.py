@@ -5,8 +5,9 @@ from threadpoolctl import threadpool_limits
 
 from camopt.designer.cams import EFFORT, program_speeds_rpm
 from camopt.designer.session import Session
+from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum
-from camopt.optimizer.program.no_jump import Margins, no_jump_program
+from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import standing
 from camopt.scene import load_scene

@@ -18,8 +18,9 @@ from camopt.designer.warm_start import counterparts, runs
 from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.bound.certificate import area_ratio_bound
+from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum, limit_worth
-from camopt.optimizer.program.no_jump import Margins, no_jump_program
+from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.search.robust import with_spring
 from camopt.scene import builtin_scenes, load_scene
 from camopt.scene.train import build_train

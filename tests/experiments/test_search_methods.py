@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("cma")
 
-from camopt.optimizer.program.no_jump import Margins
+from camopt.optimizer.program.force_rows import Margins
 from camopt.scene import load_scene
 from experiments.search_methods import EFFORTS, Given, main, reached
 

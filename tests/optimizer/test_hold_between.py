@@ -25,7 +25,7 @@ def test_largest_that_holds_between(used, stays):
         return SimpleNamespace(share=np.array([[0.1, share]]))
 
     search = Search(judge, Journal(None), confirmed=[SimpleNamespace(lift=share) for share in used])
-    search.best_judged = before = object()
+    search.best_judged = before = SimpleNamespace(holds=True)
     hold_between(search, judge)
     assert [cam.lift for cam in search.confirmed] == used[:stays]
     if stays == len(used):

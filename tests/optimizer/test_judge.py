@@ -3,8 +3,9 @@
 import numpy as np
 
 from camopt.cam.families.free import free_cam
+from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum
-from camopt.optimizer.program.no_jump import Margins, no_jump_program
+from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.search.judge import CRITICAL, Judge, next_starts
 from camopt.scene import build_train, load_scene
 

@@ -8,9 +8,10 @@ from scipy.optimize import linprog
 from camopt.cam.families.free import free_cam
 from camopt.highs import OPTIONS, GaveUp, Infeasible, minimise
 from camopt.optimizer.program import linear_program
+from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import area_ratio_row
 from camopt.optimizer.program.linear_program import Rows, maximise
-from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, no_jump_program
+from camopt.optimizer.program.no_jump import NoCamHoldsContact, no_jump_program
 from camopt.scene import build_train, load_scene
 
 FEW = np.arange(3)

@@ -8,9 +8,9 @@ from scipy.integrate import solve_ivp
 
 from camopt.cam.families.free import free_cam
 from camopt.optimizer.program import periodic
-from camopt.optimizer.program.force_rows import OPENING, PEAK, SEAT, Window
+from camopt.optimizer.program.force_rows import OPENING, PEAK, SEAT, Margins, Window
 from camopt.optimizer.program.kinematic import kinematic_optimum
-from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, no_jump_program
+from camopt.optimizer.program.no_jump import NoCamHoldsContact, no_jump_program
 from camopt.optimizer.program.periodic import periodic_response, sample_cam
 from camopt.optimizer.program.phases import Angles, phase_contacts, static_angles
 from camopt.optimizer.program.relocation import NoLoadTransfer, located_angles, relocate, settled_revolution

@@ -9,8 +9,9 @@ from camopt.measure.limits import broken_by_shape, drawing_excess
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.bound.limit_terms import left_out
 from camopt.optimizer.bound.no_jump import no_jump_bound
+from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum, limit_worth
-from camopt.optimizer.program.no_jump import Margins, no_jump_program
+from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.radii import near
 from camopt.optimizer.program.relocation import relocate, standing

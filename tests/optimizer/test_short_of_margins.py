@@ -5,8 +5,9 @@ import pytest
 
 from camopt.cam.families.free import free_cam
 from camopt.optimizer.program import radii
+from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum
-from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, no_jump_program
+from camopt.optimizer.program.no_jump import NoCamHoldsContact, no_jump_program
 from camopt.optimizer.program.radii import WIDTHS, near, with_radii
 from camopt.scene import load_scene
 from camopt.scene.geometry import Geometry

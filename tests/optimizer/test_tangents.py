@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.free import free_cam
-from camopt.optimizer.program.no_jump import Margins, no_jump_program
+from camopt.optimizer.program.force_rows import Margins
+from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.periodic import periodic_response, sample_cam
 from camopt.optimizer.program.relocation import located_angles, settled_revolution, standing
 from camopt.optimizer.program.tangents import tangents_along

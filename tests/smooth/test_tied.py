@@ -1,7 +1,6 @@
 """Motions with tied contacts: the low-storage method, the tie's two ends, and slopes against the closed response."""
 
 import diffrax
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from camopt.smooth.contact import Layer
 from camopt.smooth.low_storage import IMAGINARY_LIMIT, LowStorage
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples
-from camopt.smooth.tied import LARGEST_PHASE, STEPS, WIDTH, parts_of_steps, path_angles, tied_paths, tied_system
+from camopt.smooth.tied import LARGEST_PHASE, STEPS, WIDTH, parts_of_steps, tied_paths, tied_system
 
 HALF = np.deg2rad(72.0)
 
@@ -112,26 +111,3 @@ def test_slopes_are_those_of_the_closed_response(name):
             _, i, j = np.intersect1d(angle, theirs_at, return_indices=True)
             assert len(i) > 100
             assert np.linalg.norm(mine[i] - theirs[j]) < 0.01 * np.linalg.norm(theirs[j])
-
-
-def test_tied_forces_of_a_linear_train_are_affine():
-    """A step after which the slopes foretell a pull of 150 N is foretold; where contacts open it is not."""
-    scene = load_scene("pushrod-5mass")
-    train, cam = build_train(scene), program_cam(scene.design, 6.0)
-    speeds = jnp.asarray([scene.cam_speed(max(scene.operation.speeds_rpm))])
-    tied, size = tied_system(train), cam.Z.shape[1]
-    parts = parts_of_steps(tied, float(speeds[0]))
-    direction = np.random.default_rng(1).normal(size=size)
-    base, unit = (jnp.asarray(lift_samples(cam.lift(z), STEPS)) for z in (np.zeros(size), direction))
-    start, half = rest_state(train)[:, :, None], float(cam.breaks[-1])
-    event = np.abs(path_angles()) < half - np.deg2rad(2.0)
-
-    def force(samples, tie):
-        return tied_paths(tied, samples, speeds, start, half, tie, Layer(WIDTH), parts=parts).force[event]
-
-    value, slope = jax.jvp(lambda s: force(s, 1.0), (base,), (unit - base,))
-    share = float(jnp.min(jnp.where(slope < 0.0, -(value + 150.0) / slope, jnp.inf)))
-    foretold, moved = value + share * slope, base + share * (unit - base)
-    assert float(foretold.min()) == pytest.approx(-150.0)
-    assert float(jnp.abs(foretold - force(moved, 1.0)).max()) < 2.0  # N: the seat opens at another angle, a little
-    assert float(jnp.abs(foretold - force(moved, 0.0)).max()) > 100.0

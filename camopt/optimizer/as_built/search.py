@@ -21,7 +21,8 @@ from camopt.cam.lift import Lift
 from camopt.optimizer.as_built.drawn import DrawnTrains
 from camopt.optimizer.as_built.journal import TrainsLog
 from camopt.optimizer.as_built.linear_step import stepped
-from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpOptimum, NoJumpProgram
+from camopt.optimizer.program.force_rows import Margins
+from camopt.optimizer.program.no_jump import NoCamHoldsContact, NoJumpOptimum, NoJumpProgram
 from camopt.scene.errors import NoCamFound
 from camopt.scene.units import DEG, MM
 

@@ -17,8 +17,8 @@ from camopt.cam.families.free import FreeCam
 from camopt.cam.families.radius_rows import radii_held_near
 from camopt.optimizer.bound.certificate import INTERVALS, Certificate, Further, control_is_limited, piecewise_sum
 from camopt.optimizer.bound.fine_program import Discretised, equal_grid
-from camopt.optimizer.program.force_rows import PEAK, SEAT, SpeedRows, speed_rows
-from camopt.optimizer.program.no_jump import Margins, NoJumpProgram
+from camopt.optimizer.program.force_rows import PEAK, SEAT, Margins, SpeedRows, speed_rows
+from camopt.optimizer.program.no_jump import NoJumpProgram
 from camopt.optimizer.program.periodic import exact_steps, sample_cam, velocity_scale
 from camopt.optimizer.program.phases import incidence
 from camopt.optimizer.program.program_cam import program_cam

@@ -17,13 +17,14 @@ from camopt.cam.families.free import FreeCam
 from camopt.cam.families.radius_rows import Neighbourhood, radii_held_near
 from camopt.cam.lift import Lift
 from camopt.highs import Infeasible
+from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import (
     area_ratio_row,
     first_working,
     reached_in_the_middle,
     unexplained_optimum,
 )
-from camopt.optimizer.program.no_jump import Margins, NoJumpProgram
+from camopt.optimizer.program.no_jump import NoJumpProgram
 from camopt.optimizer.program.priced import SHORT_OF_FORCE, TYPICAL_FORCE, Priced
 from camopt.scene.design import RADII, Design
 from camopt.scene.units import MM_PER_DEG2

@@ -8,7 +8,8 @@ cam that the judge refuses sends the search back to the best one with half the s
 
 import numpy as np
 
-from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpOptimum, NoJumpProgram
+from camopt.optimizer.program.force_rows import Margins
+from camopt.optimizer.program.no_jump import NoCamHoldsContact, NoJumpOptimum, NoJumpProgram
 from camopt.optimizer.search.judge import USABLE_SHARE
 from camopt.optimizer.search.no_jump_stage import RESOLUTION, Search
 from camopt.optimizer.search.sensitivity import Sensitivity

@@ -6,7 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpOptimum, NoJumpProgram
+from camopt.optimizer.program.force_rows import Margins
+from camopt.optimizer.program.no_jump import NoCamHoldsContact, NoJumpOptimum, NoJumpProgram
 from camopt.optimizer.program.relocation import relocate
 from camopt.optimizer.search.journal import Journal
 from camopt.optimizer.search.judge import Judge, Judged

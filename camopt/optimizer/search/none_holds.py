@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from camopt.measure.limits import MOTION_LIMITS
-from camopt.optimizer.program.no_jump import Margins, NoCamHoldsContact, NoJumpProgram
+from camopt.optimizer.program.force_rows import Margins
+from camopt.optimizer.program.no_jump import NoCamHoldsContact, NoJumpProgram
 from camopt.optimizer.search.judge import Judged
 from camopt.scene.design import Design
 

@@ -18,8 +18,8 @@ from camopt.optimizer.as_built.linear_step import UsedSlopes, stepped
 from camopt.optimizer.as_built.search import YieldSearch
 from camopt.optimizer.as_built.statement import YieldStatement, sampled
 from camopt.optimizer.as_built.wanted import check_wanted
+from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import TYPICAL
-from camopt.optimizer.program.no_jump import Margins
 from camopt.optimizer.step_files import HISTORY
 from camopt.scene import InputError, load_scene, parse_scene
 from tests.scene.test_load import EXAMPLE
