@@ -1,9 +1,14 @@
 """Paths, numbers and files that nobody would give on purpose: exit code 2 and one sentence, never a defect."""
 
+import ast
 import json
+import re
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 import pytest
 
+import camopt
 from camopt.cam.design_file import design_record
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.read import read_cam
@@ -101,3 +106,64 @@ def test_design_files(tmp_path, case):
 def test_a_name_that_utf8_cannot_say_is_written_all_the_same(tmp_path):
     write_text(tmp_path / "names.csv", "cam\nd\udcff\n")  # how Python reads the byte 255 of a file's name
     assert (tmp_path / "names.csv").read_text() == "cam\nd\\udcff\n"
+
+
+REMEDY = re.compile(
+    r"\b(add|ask|change|check|choose|correct|count|cut|design|enlarge|expected|give|install|join|leave|lengthen|let|lists|"
+    r"loosen|lower|make|measure|merge|move|must|name|need|needed|needs|one of|raise|relax|run|set|shorten|simulate|"
+    r"start|state|sweep|take|try|use|verify|write)\b"
+)
+"""A word by which a sentence says what to do or what was expected."""
+SAID_ELSEWHERE = (
+    "cannot be read",  # with the system's own reason
+    "not valid JSON",  # with the parser's own reason, and the place
+    "not valid TOML",
+    "not UTF-8 text",
+    "no scheduler answers",
+    "not built in",  # with what is
+    "no common solution",  # within a longer sentence
+    "no confirmed cam was found",
+    "is refused",  # of a motion, whose method has said why
+    "the reference refuses",
+    "no grid of the steps allowed",  # of studies that go on with the next case
+    "pulls with more than",
+    "as it was told to",
+    "no such number",  # with the ones that there are
+    "the scene has no ",
+    "is no number of the train",
+)
+
+
+RAISED = ("InputError", "MotionRefused", "NoCamFound", "NoCamHoldsContact")
+
+
+def refusals() -> Iterator[tuple[str, str]]:
+    """Where every refusal with a sentence of its own stands, and its literal words."""
+    root = Path(camopt.__file__).parent
+    for path in sorted(root.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") in RAISED:
+                words = " ".join(literals(node.args))
+                if len(re.findall(r"[a-z]{2,}", words)) > 3:
+                    yield f"{path.relative_to(root)}:{node.lineno}", words
+
+
+def literals(nodes: Iterable[ast.AST]) -> Iterator[str]:
+    """The texts within expressions, without those that format a value."""
+    for node in nodes:
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.value
+        inner = [node.value] if isinstance(node, ast.FormattedValue) else ast.iter_child_nodes(node)
+        yield from literals(inner)
+
+
+def test_every_refusal_says_what_to_do():
+    found = list(refusals())
+    assert len(found) > 200
+    mute = [one for one in found if not REMEDY.search(one[1]) and not any(part in one[1] for part in SAID_ELSEWHERE)]
+    assert not mute, "\n".join(f"{where}: {words}" for where, words in mute)
+
+
+def test_a_refusal_without_a_remedy_is_noticed():
+    assert not REMEDY.search("polydyne: the cam is symmetric, but the closing ramp differs from the opening ramp")
+    assert REMEDY.search("the closing ramp differs: leave closing_ramp_height_mm out")

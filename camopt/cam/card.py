@@ -138,7 +138,7 @@ def cam_card(
     lift in between. Raises InputError for a lift that the cam does not pass, and for cards that do not match.
     """
     if not 0 < len(lifts_mm) <= MOST_LIFTS:
-        raise InputError(f"cam card: {len(lifts_mm)} lifts: from 1 to {MOST_LIFTS} can be listed")
+        raise InputError(f"cam card: {len(lifts_mm)} lifts: from 1 to {MOST_LIFTS} are needed")
     events = []
     for height in lifts_mm:
         opening, closing = crossing(cam, height * MM)

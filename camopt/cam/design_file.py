@@ -80,7 +80,8 @@ def lift_of_text(text: str, scene: Scene, path: object) -> Lift:
     if step.max() > STEP_SLACK_MM:
         where = start[int(np.argmax(step))]
         raise InputError(
-            f"{path}: pieces: the lift steps by {step.max():.3g} mm at {where:g} deg; a cam's lift is smooth"
+            f"{path}: pieces: the lift steps by {step.max():.3g} mm at {where:g} deg; let "
+            f"the pieces join, as a cam's lift is smooth"
         )
     return _lift(borders, coefficients, duration, family, parameters)
 
@@ -115,7 +116,9 @@ def _json_object(text: str, path: object) -> dict:
     except (json.JSONDecodeError, RecursionError) as error:
         raise InputError(f"{path}: not valid JSON: {error}") from error
     except ValueError:  # Python turns no more than some thousand digits into an integer
-        raise InputError(f"{path}: an integer of thousands of digits, which no design has") from None
+        raise InputError(
+            f"{path}: an integer of thousands of digits, which no design has: write the design again"
+        ) from None
     if not isinstance(data, dict):
         raise InputError(f"{path}: not a design.json of camopt: an object with `pieces` is expected")
     return data

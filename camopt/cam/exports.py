@@ -118,7 +118,7 @@ def made_contour(lift: Lift, geometry: Geometry, step_deg: float) -> Contact:
 def rounded(values: Float[np.ndarray, " k"], digits: int) -> list[str]:
     """Numbers with a fixed number of decimals, 0 to 12; no minus before a zero."""
     if not 0 <= digits <= MOST_DIGITS:
-        raise InputError(f"export: {digits} digits: from 0 to {MOST_DIGITS} decimals of a millimetre can be written")
+        raise InputError(f"export: {digits} digits: give 0 to {MOST_DIGITS} decimals of a millimetre")
     return [f"{value:z.{digits}f}" for value in values]
 
 

@@ -164,7 +164,8 @@ def crossing(lift: Lift, height: float) -> tuple[float, float]:
     where it never lies so low."""
     if not 0 < height < lift.max_lift:
         raise InputError(
-            f"duration: {height / MM:g} mm is not below the maximum lift, {lift.max_lift / MM:g} mm, and above zero"
+            f"duration: {height / MM:g} mm is not below the maximum lift: give a lift between zero and "
+            f"{lift.max_lift / MM:g} mm"
         )
     roots = lift.roots(0, height)
     return (float(roots.min()), float(roots.max())) if len(roots) else (-np.pi, np.pi)

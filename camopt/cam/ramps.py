@@ -57,5 +57,9 @@ def symmetric_conditions(scene: Scene, family: str) -> tuple[Design, Ramp]:
         raise InputError(f"{family}: the scene needs [design]")
     opening, closing = scene_ramps(scene.design)
     if opening != closing:
-        raise InputError(f"{family}: the cam is symmetric, but the scene's closing ramp differs from its opening ramp")
+        raise InputError(
+            f"{family}: the cam is symmetric, but the scene's closing ramp differs from its opening ramp: leave "
+            f"closing_ramp_height_mm and closing_ramp_velocity_mm_per_deg out, or let `camopt optimize` find a cam, "
+            f"which may have two ramps"
+        )
     return scene.design, opening

@@ -83,7 +83,7 @@ def family_and_keywords(spec: str) -> tuple[str, dict[str, Any]]:
             raise InputError(f"cam {name}: parameter {excerpt(item)}: {expected}{meant}")
         keyword, parse, _ = family.parameters[key]
         if keyword in keywords:
-            raise InputError(f"cam {name}: parameter {key!r} is given more than once")
+            raise InputError(f"cam {name}: parameter {key!r} is given more than once: give it once")
         try:
             keywords[keyword] = parse(value)
         except ValueError:

@@ -53,7 +53,7 @@ def _check(args: Namespace, scene: Scene) -> None:
             "--exhaust: an overlap needs the crank angle of both cams: add --centre-deg and --exhaust-centre-deg"
         )
     if args.exhaust_centre_deg is not None and args.exhaust is None:
-        raise InputError("--exhaust-centre-deg: belongs to --exhaust, and only to it")
+        raise InputError("--exhaust-centre-deg: belongs to --exhaust: give both, or leave it out")
 
 
 def _cards(args: Namespace, scene: Scene, lift: "Lift") -> list["CamCard"]:

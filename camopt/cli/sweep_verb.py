@@ -19,7 +19,7 @@ def sweep(args: Namespace) -> int:
     if args.resume and not store.exists():
         raise InputError(f"{store}: is not there, so there is nothing to go on with: leave --resume out")
     if args.insecure and args.scheduler is None:
-        raise InputError("--insecure: belongs to --scheduler, and only to it")
+        raise InputError("--insecure: belongs to --scheduler: give both, or leave it out")
     if args.retry_failed and not args.resume:
         raise InputError("--retry-failed: computes the failed tasks of a store once more: add --resume")
     plan = load_plan(args.plan)

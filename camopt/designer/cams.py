@@ -37,7 +37,7 @@ COARSE_SPEEDS, COARSE_STEP = 2, 1.5 * DEG
 """Speeds and step of the rows while a hand is dragging: of all the speeds those that cost most area."""
 SAME_KNOTS = 1.25
 """Largest change of the knots' usual distance by which their number stays while a hand drags the duration."""
-CONTRADICTION = "no cam holds these limits together"
+CONTRADICTION = "no cam holds these limits together: loosen one"
 """What would have to change takes seconds to find: `camopt.designer.slow_parts.why_none`."""
 RAMPS = ("ramp_height_mm", "ramp_velocity_mm_per_deg", "ramp_foot_deg")
 GEOMETRY = ("duration_deg", *RAMPS, *(f"closing_{key}" for key in RAMPS[:2]))
@@ -109,7 +109,9 @@ class CamFinder:
         try:
             found = program.unexplained(Margins(margin_N, margin_N, margin_N))
         except Infeasible:
-            raise InputError(f"no free cam keeps {margin_N:g} N at all of the program's speeds") from None
+            raise InputError(
+                f"no free cam keeps {margin_N:g} N at all of the program's speeds: lower the margin or the speeds"
+            ) from None
         self.kept[coarse] = shape, program
         if not coarse:
             prices = found.margin_prices.sum(axis=0)

@@ -133,7 +133,10 @@ def _summary(
     usable = np.all(np.isfinite(values), axis=(1, 2)) & np.all(np.isfinite(slopes), axis=(1, 2))
     count = int(np.sum(usable))
     if count < FEWEST_PAIRS:
-        raise MotionRefused(f"of {len(usable)} pairs of cams {count} move so that every metric has a value")
+        raise MotionRefused(
+            f"of {len(usable)} pairs of cams {count} move so that every metric has a value: take more pairs, "
+            f"a smaller step, or a lower speed"
+        )
     slopes = slopes[usable]
     halves = slopes[: count // 2].mean(axis=0), slopes[count // 2 :].mean(axis=0)
     return EnsembleGradient(

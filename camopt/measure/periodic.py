@@ -78,7 +78,9 @@ class _Cycle:
         self.count += 1
         after = next_state(self.revolve, y * self.scale) / self.scale
         if not np.all(np.isfinite(after)):
-            raise MotionRefused("the motion has no bound: the step is past the method's stability limit")
+            raise MotionRefused(
+                "the motion has no bound: the step is past the method's stability limit: take a smaller one"
+            )
         return after
 
     def jacobian(self, y: State, after: State) -> Float[np.ndarray, "state state"]:

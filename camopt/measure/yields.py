@@ -67,7 +67,7 @@ def share_of(holds: np.ndarray) -> Share:
     The interval holds the true share in at least 95 of 100 draws, whatever the share and the number of trains are.
     """
     if not len(holds):
-        raise InputError("yield: no train was measured")
+        raise InputError("yield: no train was measured: give one at least")
     found = binomtest(int(holds.sum()), len(holds))
     interval = found.proportion_ci(CONFIDENCE, method="exact")
     return Share(float(found.statistic), float(interval.low), float(interval.high), len(holds))

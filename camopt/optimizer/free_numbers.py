@@ -95,9 +95,13 @@ def _free_number(scene: Scene, name: str, low: float, high: float) -> FreeNumber
             f"{', '.join(known)}{did_you_mean(name, known)}"
         )
     if any(number.of(scene) is None for number in numbers):
-        raise InputError(f"free {name!r}: {scene.name} gives no such number, which could be changed")
+        raise InputError(
+            f"free {name!r}: {scene.name} gives no such number, which could be changed: add it to the scene"
+        )
     if len(numbers) > 1 and numbers[0].of(scene) == 0.0:
-        raise InputError(f"free {name!r}: its first number is zero, in proportion to which no others can move")
+        raise InputError(
+            f"free {name!r}: its first number is zero, in proportion to which no others can move: give it another value"
+        )
     return FreeNumber(name, low, high, numbers)
 
 

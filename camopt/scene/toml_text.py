@@ -30,16 +30,20 @@ def toml_data(text: str, where: str) -> dict:
     """The tables of a TOML text; `where` begins the sentences. Raises InputError for whatever is no usable TOML."""
     bare = _QUOTED_OR_COMMENT.sub(lambda found: "" if found[0].startswith("#") else "q", text)
     if max(part.count(".") for part in re.split(r"[^\w. \t-]", bare)) >= MOST_PARTS:
-        raise InputError(f"{where}: a dotted key of more than {MOST_PARTS} parts; a scene's tables nest once")
+        raise InputError(
+            f"{where}: a dotted key of more than {MOST_PARTS} parts: write tables, which nest once in a scene"
+        )
     brackets = (1 if bracket in "[{" else -1 for bracket in re.findall(r"[][{}]", bare))
     if max(accumulate(brackets), default=0) > DEEPEST:
-        raise InputError(f"{where}: arrays or tables nested more than {DEEPEST} deep; a scene's are at most three")
+        raise InputError(f"{where}: arrays or tables nested more than {DEEPEST} deep: write three, as scenes have")
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{where}: not valid TOML: {error}") from error
     except ValueError:  # Python turns no more than some thousand digits into an integer
-        raise InputError(f"{where}: an integer of thousands of digits, which no quantity of a scene has") from None
+        raise InputError(
+            f"{where}: an integer of thousands of digits, which no quantity of a scene has: correct it"
+        ) from None
 
 
 def scene_toml(scene: Scene) -> str:

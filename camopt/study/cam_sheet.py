@@ -242,7 +242,9 @@ def static_stress(scene: Scene, train: Train, lift: Lift) -> HertzStress:
     """The stress where the cam stands still, every `STATIC_STEP_DEG`; InputError as `hertz_stress`."""
     assert scene.geometry is not None, "the caller asks for it"
     if not np.any(train.cam_driven):
-        raise InputError(f"scene {scene.name}: no element is cam driven, so the cam carries no force")
+        raise InputError(
+            f"scene {scene.name}: no element is cam driven, so the cam carries no force: set cam_driven = true in one"
+        )
     theta = np.arange(-180.0, 180.0, STATIC_STEP_DEG) * DEG
     lifts, where = np.unique(lift(theta), return_inverse=True)  # the base circle is one lift
     force = static_forces(train, lifts)[where, int(np.argmax(train.cam_driven))]

@@ -47,10 +47,12 @@ def camshaft_torque(
     train at rest on every lift. Raises InputError for more than `MOST_LOBES` lobes, and as the simulation does.
     """
     if not 0 < len(phases_deg) <= MOST_LOBES:
-        raise InputError(f"camshaft: {len(phases_deg)} lobes: from 1 to {MOST_LOBES} can stand on a shaft")
+        raise InputError(f"camshaft: {len(phases_deg)} lobes: from 1 to {MOST_LOBES} are needed")
     train = build_train(scene)
     if not np.any(train.cam_driven):
-        raise InputError(f"scene {scene.name}: no element is cam driven, so the cam carries no force")
+        raise InputError(
+            f"scene {scene.name}: no element is cam driven, so the cam carries no force: set cam_driven = true in one"
+        )
     theta = np.linspace(-180.0, 180.0, round(360 / STEP_DEG) + 1) * DEG
     if speed_rpm is None:
         force = static_forces(train, cam(theta))[:, int(np.argmax(train.cam_driven))]

@@ -57,7 +57,7 @@ class Rise:
         Raises InputError for a step with too many rows.
         """
         if self.over_deg / step_deg > MOST_ROWS:
-            raise InputError(f"--step-deg {step_deg:g}: a table has at most {MOST_ROWS} rows")
+            raise InputError(f"--step-deg {step_deg:g}: a table has at most {MOST_ROWS} rows: take a larger step")
         angle = np.append(np.arange(0.0, self.over_deg * (1 - 1e-9), step_deg), self.over_deg)
         highest = self.order if self.jerk_max_mm_per_deg3 is None else self.order + 1
         columns = {name: self.lift(angle, k) for k, name in enumerate(COLUMNS[: highest + 1])}

@@ -162,7 +162,7 @@ def load_plan(path: str | Path) -> SweepPlan:
     """The plan of a TOML file. Raises InputError with one line per fault, of its scenes and cams too."""
     path = usable_path(path, "plan")
     if not path.is_file():
-        raise InputError(f"{path}: no such file; a plan is a TOML file, as `camopt sweep --help` shows")
+        raise InputError(f"{path}: no such file: name a TOML file, as `camopt sweep --help` shows")
     data = toml_data(read_text(path, MOST_BYTES, "plan"), str(path))
     if isinstance(data.get("vary"), dict):
         data["vary"] = _flat(data["vary"])

@@ -146,7 +146,9 @@ def _check_call(task: CallTask, where: str) -> None:
         function_of(task)
         json.dumps(task.arguments, allow_nan=False)
     except (ImportError, AttributeError) as error:
-        raise InputError(f"{where}: function {excerpt(task.function)}: cannot be imported ({error})") from None
+        raise InputError(
+            f"{where}: function {excerpt(task.function)}: cannot be imported ({error}); expected another"
+        ) from None
     except (TypeError, ValueError) as error:
         raise InputError(f"{where}: arguments: expected numbers, texts, lists and dictionaries ({error})") from None
 

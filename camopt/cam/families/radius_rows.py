@@ -130,5 +130,5 @@ def _acceleration(geometry: Geometry, s: np.ndarray, v: np.ndarray) -> tuple[np.
     flat, bent = (1 / (follower.touch(law).radius + circle) for law in laws)
     slope = ACCELERATION / (bent - flat)
     if not np.all(slope < 0):
-        raise InputError("[geometry]: the pressure angle reaches 90 deg, where no cam drives the follower")
+        raise InputError("[geometry]: the pressure angle reaches 90 deg, beyond which no cam drives: move the pivot")
     return (-flat * slope).reshape(s.shape), slope.reshape(s.shape)

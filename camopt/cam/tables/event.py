@@ -53,7 +53,9 @@ def find_event(where: str, degrees: np.ndarray, lift: np.ndarray) -> Event:
     high = turned >= BASE_MM
     above = np.flatnonzero(high & (np.roll(high, 1) | np.roll(high, -1)))  # a single high row may be an outlier
     if len(above) < 6:
-        raise InputError(f"{where}: fewer than six rows lie above the base circle: the steps are too coarse")
+        raise InputError(
+            f"{where}: fewer than six rows above the base circle: the steps are too coarse, give finer ones"
+        )
     gaps = np.diff(angle[above], append=angle[above[0]] + TURN)
     widest = int(np.argmax(gaps))
     if gaps[widest] < SHORTEST_BASE_DEG or np.count_nonzero(~high) == 0:

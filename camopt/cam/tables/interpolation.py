@@ -54,7 +54,9 @@ def spline_pieces(where: str, angle: np.ndarray, lift: np.ndarray) -> PPoly:
         spline = make_interp_spline(np.append(angle, angle[0] + TURN), np.append(lift, lift[0]), 5, bc_type="periodic")
         return _pieces_between(spline, angle[0], angle[0] + TURN)
     if np.count_nonzero(lift) < 6:
-        raise InputError(f"{where}: fewer than six rows lie above the base circle: the steps are too coarse")
+        raise InputError(
+            f"{where}: fewer than six rows above the base circle: the steps are too coarse, give finer ones"
+        )
     event = slice(0, np.flatnonzero(lift)[-1] + 2)
     angle, lift = angle[event], lift[event]
     spline = make_interp_spline(angle, lift, 5, bc_type=(AT_REST, AT_REST))
@@ -124,7 +126,10 @@ def event_borders(where: str, pieces: PPoly, opening: float, closing: float) -> 
         roots = pieces.solve(height, discontinuity=False, extrapolate=False)
         roots = roots[np.isfinite(roots)]
         if len(roots) == 0:
-            raise InputError(f"{where}: the lift never passes the scene's ramp height of {height / MM:g} mm")
+            raise InputError(
+                f"{where}: the lift never passes the scene's ramp height of {height / MM:g} mm: lower "
+                f"ramp_height_mm, or check the unit of the lift"
+            )
         crossings.append(np.mod(roots - low, TURN) + low)
     found = np.array([np.min(crossings[0]), np.max(crossings[1])])
     nearest = pieces.x[np.argmin(np.abs(pieces.x[:, None] - found), axis=0)]

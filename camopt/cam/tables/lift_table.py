@@ -87,7 +87,10 @@ def _own(where: str, table: TableText, given: dict) -> TableRows:
     """The rows of a table that camopt wrote."""
     named = given["angle"] not in (None, "cam") or given["lift"] not in (None, "mm")
     if named or given["ratio"] is not None or given["probe"] is not None:
-        raise InputError(f"{where}: its columns are named cam_angle_deg and lift_mm, against the units given for it")
+        raise InputError(
+            f"{where}: its columns are named cam_angle_deg and lift_mm, against the units given for it: "
+            f"leave these out, or name the columns otherwise"
+        )
     degrees, height = (table.rows[:, table.names.index(n)] for n in ("cam_angle_deg", "lift_mm"))
     if abs(degrees[0] + 180) > 1e-9 or abs(degrees[-1] - 180) > 1e-9:
         raise InputError(
@@ -144,7 +147,7 @@ def _followed(where: str, pieces: PPoly, given: dict, scene: Scene) -> PPoly:
             f"and no ratio beside it: the scene's [geometry] has that"
         )
     if scene.geometry is None:
-        raise InputError(f"{where}: a probe's lift becomes a follower's by [geometry], which the scene does not have")
+        raise InputError(f"{where}: a probe's lift becomes a follower's by [geometry]: add it to the scene")
     probe = Geometry(follower="flat", base_radius_mm=scene.geometry.base_radius_mm)
     if math.isfinite(radius):
         probe = Geometry(follower="roller", base_radius_mm=scene.geometry.base_radius_mm, roller_radius_mm=radius)

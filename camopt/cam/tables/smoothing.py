@@ -67,7 +67,7 @@ def smoothed(where: str, degrees: np.ndarray, lift: np.ndarray, lines: list[int]
     angles, height, count, free, given = _arguments(kept, lift)
     fit = (fitted if kept.start is None else fitted_non_negative)(angles, height, count, free, given)
     if fit.coefficients.max() <= 0:
-        raise InputError(f"{where}: no lift above the base circle is left: lift is counted from there, positive up")
+        raise InputError(f"{where}: no lift above the base circle is left: count lift from there, positive up")
     outliers = sorted(outliers + _off_base_circle(where, event, lift, fit.noise, lines))
     report = {"noise_um": round(1e3 * fit.noise, 4), "outliers": len(outliers)}
     if outliers:
@@ -145,7 +145,7 @@ def _off_base_circle(where: str, event: Event, lift: np.ndarray, noise: float, l
     if len(off) > most:
         raise InputError(
             f"{where}: line {lines[off[0]]}: a lift of {lift[off[0]]:g} mm on the base circle ({len(off)} such rows): "
-            f"lift is counted from the base circle, positive up"
+            f"count lift from the base circle, positive up"
         )
     return [int(row) for row in off]
 

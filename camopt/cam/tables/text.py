@@ -62,13 +62,15 @@ def parsed(path: Path) -> TableText:
         if len(finite) != len(cells):
             raise InputError(f"{path}: line {number}: expected finite numbers, found {line[:60]!r}")
         if max(map(abs, finite)) > LARGEST:
-            raise InputError(f"{path}: line {number}: larger than any angle or lift, whatever its unit: {line[:60]!r}")
+            raise InputError(
+                f"{path}: line {number}: larger than any angle or lift, whatever its unit: correct {line[:60]!r}"
+            )
         if len(finite) < 2 or (rows and len(finite) != len(rows[0])) or (names and len(finite) != len(names)):
             raise InputError(f"{path}: line {number}: {len(finite)} columns; each row needs angle and lift, all alike")
         rows.append(finite)
         lines.append(number)
     if not rows:
-        raise InputError(f"{path}: holds no numbers; a lift table has an angle and a lift in each row")
+        raise InputError(f"{path}: holds no numbers: give an angle and a lift in each row")
     if not names and len(rows[0]) == 4 and all(map(_TORN.fullmatch, text.split())):
         raise InputError(
             f"{path}: line {lines[0]}: commas stand between its columns and in its numbers: part the columns by "

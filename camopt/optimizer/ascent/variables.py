@@ -104,7 +104,7 @@ class FamilyVariables:
         self._own = {name: self._cam.parameters[name] for name in construction(scene, cam)[0]}
         count = sum(int(np.size(value)) for value in self._own.values())
         if not count:
-            raise InputError(f"ascend: {cam.family} has no parameters of its own to vary: form='free' varies its shape")
+            raise InputError(f"ascend: {cam.family} has no parameters of its own to vary: take form='free'")
         self.cam, self.start = cam, np.ones(count)
         self.start = self.nearest(self.start)
 

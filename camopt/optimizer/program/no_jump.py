@@ -224,7 +224,9 @@ class NoJumpProgram:
         needed = least_relaxation(spline_rows(matrix), bound, give, 100.0, begin)
         if needed is None:
             return NoCamHoldsContact(
-                "no free cam keeps the limits of the design and its largest contact force, whatever the margins", np.inf
+                "no free cam keeps the limits of the design and its largest contact force, whatever the margins: raise "
+                "contact_force_max_N, or loosen the limits on the shape",
+                np.inf,
             )
         reaching = " and reaches max_lift_mm in the middle" if self.design.reach_max_lift else ""
         return NoCamHoldsContact(

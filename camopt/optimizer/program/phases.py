@@ -71,8 +71,9 @@ def static_angles(train: Train, cam: FreeCam) -> Angles:
     lash = [e for e in train.cam_side if not seated[e]]
     closing = _lift_at_touch(train, seated, lash[0]) if lash else opening
     half = float(cam.breaks[-1])
-    before = [_before_top(cam.opening, lift, "opening") for lift in (closing, opening)]
-    after = [_before_top(cam.closing, lift, "closing") for lift in (opening, closing)]
+    at = ", ".join(train.element_names[e] for e in lash) or train.element_names[train.seat]
+    before = [_before_top(cam.opening, lift, "opening", at) for lift in (closing, opening)]
+    after = [_before_top(cam.closing, lift, "closing", at) for lift in (opening, closing)]
     return Angles(-half - before[0], -half - before[1], half + after[0], half + after[1])
 
 
@@ -90,12 +91,13 @@ def _lift_at_touch(train: Train, closed: np.ndarray, element: int) -> float:
     return float((touch + train.gap[element] - row @ x[:, 0]) / rate)
 
 
-def _before_top(ramp: Ramp, lift: float, side: str) -> float:
-    """Angle [rad] before the ramp top at which the ramp has reached `lift` [m]."""
+def _before_top(ramp: Ramp, lift: float, side: str, contact: str) -> float:
+    """Angle [rad] before the ramp top at which the ramp has reached `lift` [m]; `contact` names where the lash is."""
     if not 0 < lift < ramp.height:
+        way, other = ("smaller", "a higher ramp_height_mm") if lift > 0 else ("larger", "a smaller preload")
         raise NoCamFound(
-            f"the {side} ramp of {ramp.height / MM:g} mm is too low: the load moves from seat to cam at "
-            f"{lift / MM:.4g} mm of lift, which must lie on the ramp"
+            f"the load moves from seat to cam at {lift / MM:.4g} mm of lift, which must lie on the {side} ramp, "
+            f"between 0 and {ramp.height / MM:g} mm: give {contact} a {way} gap_mm, or the scene {other}"
         )
     borders, pieces = ramp.opening_pieces(0.0)
     keep = np.append(True, np.diff(borders) > 0)  # a ramp without foot

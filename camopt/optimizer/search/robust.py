@@ -49,7 +49,9 @@ def valve_spring(scene: Scene) -> list[str]:
     """Names of the elements that make up the valve spring: all preloaded elements except the seat."""
     names = [e.name for e in scene.element if e.preload_N > 0 and e.name != scene.seat]
     if not names:
-        raise InputError(f"{scene.name}: no element but the seat has preload_N > 0, so no valve spring is known")
+        raise InputError(
+            f"{scene.name}: no element but the seat has preload_N > 0, so no valve spring is known: give one some"
+        )
     return names
 
 

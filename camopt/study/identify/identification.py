@@ -112,7 +112,7 @@ def identify(
     Raises InputError for unusable data or names; MotionRefused where the start values do not move.
     """
     if not 0 < confidence < 1 or settle < 0 or int(settle) != settle:
-        raise InputError(f"identify: confidence {confidence}, settle {settle}: between 0 and 1, and an integer from 0")
+        raise InputError(f"identify: confidence {confidence}, settle {settle}: expected 0 to 1, and an integer")
     parameters = FreeParameters(scene, free)
     series = [_series(scene, m, int(settle)) for m in measured]
     fit = LiftFit(parameters, cam, series, zero_known)

@@ -156,7 +156,9 @@ def condense(scene: Scene, name: str) -> Scene:
     """
     pair = _in_series(scene, name)
     if pair is None:
-        raise InputError(f"scene {scene.name}: mass {name!r} is not held by two linear elements in series")
+        raise InputError(
+            f"scene {scene.name}: mass {name!r} is not held by two linear elements in series: name another mass"
+        )
     first, second = pair
     k1, k2 = _stiffness(first), _stiffness(second)
     k = k1 * k2 / (k1 + k2)

@@ -124,7 +124,9 @@ def deliver(
             if best.reached or best.estimate_um.max() <= FINEST_UM:
                 break
     if best is None:
-        raise refusal or MotionRefused(f"{method}: no step within the memory allowed resolves this motion")
+        raise refusal or MotionRefused(
+            f"{method}: no step within the memory allowed resolves this motion: ask a larger error or another method"
+        )
     return best
 
 

@@ -110,7 +110,10 @@ def manufacturing_yield(
     """
     check_scatter(scene)
     if not motion_limits(scene.design):
-        raise InputError(f"yield: [design] of {scene.name} limits nothing of the motion, so every train would hold")
+        raise InputError(
+            f"yield: [design] of {scene.name} limits nothing of the motion, so every train would hold: give it "
+            f"bounce_max_mm or another limit on the motion"
+        )
     speeds = _speeds(scene, speeds_rpm)
     identity = run_identity("yield", scene, seed=seed, speeds_rpm=speeds, cam=_digest(cam), as_built=_scatter(scene))
     with run_folder(out, identity, resume, [JOURNAL]) if out is not None else nullcontext() as folder:

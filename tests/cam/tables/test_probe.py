@@ -77,7 +77,7 @@ def test_a_flat_probe_and_the_command(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("scene", "keys", "says"),
     [
-        (KODAMA.model_copy(update={"geometry": None}), {"table_probe_mm": 5.0}, "which the scene does not have"),
+        (KODAMA.model_copy(update={"geometry": None}), {"table_probe_mm": 5.0}, "add it to the scene"),
         (KODAMA, {"table_probe_mm": -5.0}, "the probe is '-5.0'; expected the radius"),
         (KODAMA, {"table_probe_mm": 5.0, "table_ratio": 1.2}, "and no ratio beside it"),
     ],
