@@ -111,7 +111,7 @@ def test_a_name_that_utf8_cannot_say_is_written_all_the_same(tmp_path):
 REMEDY = re.compile(
     r"\b(add|ask|change|check|choose|correct|count|cut|design|enlarge|expected|give|install|join|leave|lengthen|let|lists|"
     r"loosen|lower|make|measure|merge|move|must|name|need|needed|needs|one of|raise|relax|run|set|shorten|simulate|"
-    r"start|state|sweep|take|try|use|verify|write)\b"
+    r"start|state|sweep|take|try|use|verify|would have to|write)\b"
 )
 """A word by which a sentence says what to do or what was expected."""
 SAID_ELSEWHERE = (
