@@ -18,8 +18,8 @@ SMALLEST = 1e-12
 """Entries of rows that are left out: the least size that HiGHS takes."""
 FARTHEST = 1e6
 """Half the side of the box in which a column without bounds is looked for. The dual simplex method needs a point whose
-prices are right to begin with, which a column has at one end of its box and a column that is free in sign has not:
-HiGHS ended without an answer on one such program in ten (`experiments/linear_programs.py`)."""
+prices are right to begin with, which a column has at one end of its box and a column that is free in sign has not: with
+free columns HiGHS may end without an answer (`experiments/linear_programs.py` counts how often)."""
 OPTIONS = {
     "output_flag": False,
     "presolve": "off",  # it would throw a basis away, and on a few columns it takes longer than the solution
