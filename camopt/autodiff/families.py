@@ -143,7 +143,7 @@ def differentiable(scene: Scene, cam: Lift) -> DifferentiableCam:
     known = {**FAMILIES, **BY_COEFFICIENTS}
     family = family_named(cam.family) if cam.family in known else None
     if family is None:
-        raise InputError(f"cam {cam.family!r}: take a family, one of {', '.join(known)}")
+        raise InputError(f"cam {cam.family!r} has no parameters to differentiate; take one of {', '.join(known)}")
     if family.construction is None:
         raise InputError(f"cam {cam.family!r}: its family has no construction to differentiate; take another family")
     conditions, ramps_of, half_duration = (_symmetric if family.symmetric else _as_the_scene)(scene, cam)

@@ -184,7 +184,7 @@ def test_reverse_mode_of_many_cams_at_once():
 
 
 def test_a_lift_table_has_no_parameters():
-    with pytest.raises(InputError, match=r"cam 'table': only a family .* polydyne"):
+    with pytest.raises(InputError, match=r"cam 'table' has no parameters .* take one of polydyne"):
         differentiable(KODAMA, Lift(np.array([-np.pi, np.pi]), np.zeros((1, 2)), 1.0, "table"))
 
 
