@@ -1,12 +1,13 @@
 """Motions of many cases side by side whose contacts between cam and valve may pull, and their derivatives.
 
 A case is a train at a speed. Inside the event, between the ramp tops, a share `tie` of the law of the contacts between
-cam and valve is bilateral: their elastic force goes on below zero, and their damping pulls. Contacts that are closed at
-rest are tied on the ramps and on the base circle too, where a follower that hops within its lash would make the motion
-depend on its last digits. With a share of one a contact cannot open, and its force has a slope by the cam's
-coefficients wherever it stands; with zero the law is that of the scene, smoothed. An elastic law that is not linear
-goes on along its tangent below `TANGENT_N`. Tied contact forces of a train whose laws are linear are affine in the lift
-as long as seat and lash change their contact at the same angles.
+cam and valve is bilateral: their elastic force goes on below zero, and their damping pulls. In a train with lash the
+contacts that are closed at rest are tied on the ramps and on the base circle too, where a follower that hops within its
+lash would make the motion depend on its last digits; an adjuster must be free to push there. With a share of one a
+contact cannot open, and its force has a slope by the cam's coefficients wherever it stands; with zero the law is that
+of the scene, smoothed. An elastic law that is not linear goes on along its tangent below `TANGENT_N`. Tied contact
+forces of a train whose laws are linear are affine in the lift as long as seat and lash change their contact at the same
+angles.
 """
 
 from functools import partial
@@ -45,7 +46,7 @@ class TiedSystem(eqx.Module):
 
     system: System
     tangent: tuple[Array, Array, Array]  # (c) each: compression [m], force [N] and stiffness [N/m] where it begins
-    at_rest: Array  # (c) 1 for a contact that is closed at rest, 0 for one that is open
+    at_rest: Array  # (c) 1 for a contact that is tied on the base circle as well, 0 for the others
 
     def pull(self, u: jax.Array, u_dt: jax.Array) -> jax.Array:
         """Bilateral force (c, *b) [N] of the contacts between cam and valve at their compressions and rates."""
@@ -82,7 +83,8 @@ def tied_system(train: Train) -> TiedSystem:
     begin = jnp.asarray(high if train.laws is not None else np.zeros_like(high))
     force, slope = jax.jvp(system.elastic, (begin,), (jnp.ones_like(begin),))
     closed = train.compression(rest_position(train), 0.0)[on] >= train.touch_compression[on] - 1e-12
-    return TiedSystem(system, (begin[on], force[on], slope[on]), jnp.asarray(closed, float))
+    at_rest = closed & ~closed.all()
+    return TiedSystem(system, (begin[on], force[on], slope[on]), jnp.asarray(at_rest, float))
 
 
 class TiedPaths(NamedTuple):

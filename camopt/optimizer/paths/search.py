@@ -8,8 +8,7 @@ by JAX (`smooth_rows`), or for laws that are straight in pieces the closed perio
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -19,7 +18,8 @@ from camopt.cam.lift import Lift
 from camopt.optimizer.accuracy import Accuracy, design_speeds
 from camopt.optimizer.ascent.projection import ShapeLimits
 from camopt.optimizer.paths.margins import FedBack, used_by_kind
-from camopt.optimizer.program.force_rows import Box, SpeedRows, Window
+from camopt.optimizer.paths.region import RowSource, first_region, stepped
+from camopt.optimizer.program.force_rows import SpeedRows, Window
 from camopt.optimizer.program.kinematic import area_ratio_row
 from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram
 from camopt.optimizer.program.phases import Angles
@@ -37,35 +37,16 @@ from camopt.scene.units import DEG, MM
 
 CANDIDATES, USES_LESS = 4, 0.02
 """Cams that are offered to the verdict, and by how much less of its limits each of them uses than the larger one."""
-FIRST_BOX = 1e-2
-"""First width of the box about a cam [mm/deg^2] for a largest acceleration of `USUAL_ACCELERATION`; it is in proportion
-to the acceleration of the scene."""
-USUAL_ACCELERATION = 0.015
-WELL_N, BADLY_N = 10.0, 50.0
-"""Errors of the forces foretold [N] below which the box is widened and above which it is narrowed."""
 SETTLED_GAIN = 1e-3
 """Promised gain of area ratio below which margins are fed back."""
-MOST_FIRST = 14
+MOST_FIRST = 20
+"""Programs after which margins are fed back in any case."""
 RENEWED = (0, 2, 6)
 """Rounds of the feedback after which the rows are taken about the present cam again."""
 RENEWED_EVERY = 4
 """The same for trains whose laws are not straight, after so many rounds each."""
-
-
-class RowSource(Protocol):
-    """Where the rows of a program come from."""
-
-    name: str
-    jacobians: int
-    error: float  # N, of the forces that the rows foretold for the last cam
-
-    def first(self, program: NoJumpProgram, z: np.ndarray) -> tuple[NoJumpProgram, np.ndarray]:
-        """The program with its rows about a cam near z (m), and that cam."""
-        ...
-
-    def about(self, program: NoJumpProgram, z: np.ndarray) -> NoJumpProgram:
-        """The program with its rows about the cam of z (m)."""
-        ...
+BLENDS = 5
+"""Cams between the largest one that holds and a larger one that does not, each halving what is left."""
 
 
 @dataclass
@@ -97,7 +78,7 @@ class PathSearch:
             "start": self.start,
             "rounds": self.steps,
             "jacobians": source.jacobians,
-            "seconds": self.log.clock.spent_s("no_jump", "gradient"),
+            "seconds": self.log.clock.spent_s("no_jump"),
         }
 
     @property
@@ -210,9 +191,8 @@ def search_paths(
         begun = "calmest" if start is None else start.family
         search = PathSearch(Judge(scene, searched), Judge(scene, judged_speeds, effort.judge_stride), rows, log, begun)
         program, z = rows.first(program, np.zeros(cam.Z.shape[1]) if start is None else _nearest(cam, design, start))
-        program, box = _first_stage(search, rows, program, z)
-    with log.clock.stage("gradient"):
-        _fed_back(search, rows, program, box, effort.feedback_rounds)
+        _programs(search, rows, program, z, effort.feedback_rounds)
+        _blend(search)
         search.confirm(between)
     if not search.confirmed:
         raise NoCamFound(why_none_holds([judged for _, judged in search.seen], program))
@@ -246,42 +226,61 @@ def _nearest(cam: FreeCam, design: Design, start: Lift) -> np.ndarray:
     return limits.nearest(limits.nearest_to(start))
 
 
-def _first_width(design: Design) -> float:
-    """Width of the first box [mm/deg^2]."""
-    return FIRST_BOX * (design.acceleration_max_mm_per_deg2 or USUAL_ACCELERATION) / USUAL_ACCELERATION
+def _programs(search: PathSearch, source: RowSource, program: NoJumpProgram, z: np.ndarray, rounds: int) -> None:
+    """Programs from the cam of z (m) on: with margins of zero until one promises little more area or its cam does not
+    settle, then so many rounds whose margins follow what the judged motion uses of the limits.
 
-
-def _resized(width: float, error: float) -> float:
-    """The width of the box after rows that foretold forces with an error [N]."""
-    return width * (2.0 if error < WELL_N else 0.4 if error > BADLY_N else 1.0)
-
-
-def _first_stage(
-    search: PathSearch, source: RowSource, program: NoJumpProgram, z: np.ndarray
-) -> tuple[NoJumpProgram, Box]:
-    """Programs with margins of zero from the cam of z (m) on, until one promises little more area."""
+    A cam whose valve does not seat is the centre of no program where others held.
+    """
     row, constant = area_ratio_row(program.design, program.cam)
-    width, none = _first_width(program.design), np.zeros((3, len(program.blocks)))
-    for _ in range(MOST_FIRST):
-        found = program.within(Box(z, width)).solve_below(none)
-        gain, z = found.area_ratio - float(row @ z + constant), found.z
-        search.first = found
-        search.consider("path constraints", found)
-        program = source.about(program, z)
-        width = _resized(width, source.error)
-        if abs(gain) < SETTLED_GAIN and found.margins.min() >= 0.0:
-            break
-    return program, Box(z, width)
+    region, fed = first_region(program.design), FedBack(np.zeros((3, len(program.blocks))))
+    renewed = _due(is_linear(program.train), rounds)
+    settled, left = False, rounds
+    while left:
+        found = stepped(source, program, z, region, fed.margins)
+        judged = search.consider("margins fed back" if settled else "path constraints", found)
+        seats = bool(np.all(np.isfinite(judged.share))) or not search.held
+        gain = abs(found.area_ratio - float(row @ z + constant))
+        if not settled:
+            search.first = found
+            settled = not seats or search.steps >= MOST_FIRST or (gain < SETTLED_GAIN and found.margins.min() >= 0.0)
+            due = True
+        else:
+            due = renewed[rounds - left]
+            left -= 1
+        if settled:
+            fed.follow(used_by_kind(program.train, found.lift, judged, program.speeds))
+        if seats:
+            z = found.z
+            program = source.about(program, z) if due else program
 
 
-def _fed_back(search: PathSearch, source: RowSource, program: NoJumpProgram, box: Box, rounds: int) -> None:
-    """Programs whose margins follow what the judged motion uses of the limits."""
-    fed, straight = FedBack(np.zeros((3, len(program.blocks)))), is_linear(program.train)
-    for number in range(rounds):
-        found = program.within(box).solve_below(fed.margins)
-        box = Box(found.z, box.width)
-        judged = search.consider("margins fed back", found)
-        fed.follow(used_by_kind(program.train, found.lift, judged, program.speeds))
-        if number in RENEWED or (not straight and number % RENEWED_EVERY == 0):
-            program = source.about(program, found.z)
-            box = Box(found.z, _resized(box.width, source.error))
+def _due(straight: bool, rounds: int) -> np.ndarray:
+    """Whether the rows are taken anew after each round (rounds) of the feedback."""
+    numbers = np.arange(rounds)
+    return np.isin(numbers, RENEWED) | ((not straight) & (numbers % RENEWED_EVERY == 0))
+
+
+def _blend(search: PathSearch) -> None:
+    """Judges cams between the largest one that holds and a larger one that does not: that with which the limits let
+    most area through, if what is used of them grows in proportion."""
+    best, held = search.best, {id(found): judged.share.max(initial=0.0) for found, judged in search.seen}
+    if best is None:
+        return
+
+    def promised(one: tuple[NoJumpOptimum, Judged]) -> float:
+        used = one[1].share.max(initial=0.0)
+        within = (1.0 - held[id(best)]) / max(used - held[id(best)], 1.0 - held[id(best)])
+        return within * (one[0].area_ratio - best.area_ratio)
+
+    beyond = max(search.seen, key=promised)[0]
+    if beyond.area_ratio <= best.area_ratio:
+        return
+    low, high = 0.0, 1.0
+    for _ in range(BLENDS):
+        share = 0.5 * (low + high)
+        z = (1 - share) * best.z + share * beyond.z
+        area = (1 - share) * best.area_ratio + share * beyond.area_ratio
+        blended = replace(beyond, z=z, area_ratio=area)
+        search.consider("between two cams", blended)
+        low, high = (share, high) if search.best is blended else (low, share)

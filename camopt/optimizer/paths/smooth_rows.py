@@ -38,10 +38,12 @@ NEWTONS_PER_LIMIT = 60.0
 BOUNCE = 0.05 * MM
 """The limit that stands for one that the design leaves out [m]."""
 SEAT_EVERY = 2
-KEPT_N = 5.0
-"""Error [N] of the forces foretold up to which slopes are kept: a step of a margin is about as large."""
-MOST_REPEATED, PERIODIC = 4, 0.05
-"""How often the first slopes are taken again, and the relative change of those at the end that is small enough."""
+KEPT, TOLERATED = 0.003, 0.05
+"""Errors of the forces foretold, as parts of the largest one: up to the first slopes are kept, as a step of a margin is
+about as large, and up to the second a change is too small to judge them by."""
+MOST_REPEATED, PERIODIC, GROWING = 4, 0.05, 0.5
+"""How often the first slopes are taken again, the relative change of those at the end that is small enough, and the one
+from which the motion at a speed counts as irregular: its start is held there when the next slopes are taken."""
 
 
 class SmoothRows:
@@ -60,8 +62,8 @@ class SmoothRows:
         self._parts = parts_of_steps(self._tied, float(program.speeds.min()))
         self._half = float(cam.breaks[-1])
         self._rest = jnp.repeat(rest_state(train)[:, :, None], len(self._speeds), axis=2)
-        self._start, self._seeds, self._known = self._rest, None, None
-        self.jacobians, self.error = 0, 0.0
+        self._start, self._seeds, self._known, self._paths, self._missed = self._rest, None, None, None, np.inf
+        self.jacobians = 0
 
     def first(self, program: NoJumpProgram, z: np.ndarray) -> tuple[NoJumpProgram, np.ndarray]:
         """The program about the largest share of z (m) whose motion is tame, and that share of z."""
@@ -69,23 +71,31 @@ class SmoothRows:
             paths = self._settled(share * z, self._rest)
             if paths is not None and float(paths.force.min()) > TAME_N and float(paths.seat_gap[-1].max()) < TAME_GAP:
                 break
+        self._paths = paths
         program = self.about(program, share * z)
         return with_radii(with_switches(program, HELD_N), HELD_N), share * z
 
+    def error_at(self, program: NoJumpProgram, z: np.ndarray) -> float:
+        """The error of the forces that the rows foretold for the cam of z (m), as a part of their change."""
+        self._paths = self._settled(z, self._start) or self._settled(z, self._rest)
+        if self._paths is None or self._known is None:
+            return np.inf
+        before, slopes, at = self._known
+        event = self._event(program)
+        foretold = before.force[event] + slopes.force[event] @ jnp.asarray(z - at)
+        size = _largest(before.force[event])
+        missed, moved = (_largest(self._paths.force[event] - force) for force in (foretold, before.force[event]))
+        self._missed = float((missed / size).max())
+        return float(jnp.median(missed / (moved + TOLERATED * size)))
+
     def about(self, program: NoJumpProgram, z: np.ndarray) -> NoJumpProgram:
-        """The program with its rows about the cam of z (m); slopes that foretold its forces well are kept."""
-        paths = self._settled(z, self._start) or self._settled(z, self._rest)
-        if paths is None:
+        """The program with its rows about the cam of z (m), where `error_at` was asked last; slopes that foretold its
+        forces well are kept."""
+        if self._paths is None:
             raise NoCamFound("the smoothed motion with tied contacts grows without bound at one of the speeds searched")
-        if self._known is not None:
-            before, slopes, at = self._known
-            event = self._event(program)
-            foretold = before.force[event] + slopes.force[event] @ jnp.asarray(z - at)
-            self.error = float(jnp.abs(foretold - paths.force[event]).max())
-        if self._known is None or self.error > KEPT_N:
-            slopes = self._slopes(z)
-        self._known = paths, slopes, z
-        program = replace(program, blocks=self._blocks(program, z, paths, slopes))
+        slopes = self._known[1] if self._known and self._missed < KEPT else self._slopes(z)
+        self._known = self._paths, slopes, z
+        program = replace(program, blocks=self._blocks(program, z, self._paths, slopes))
         return (
             program if program.cam.about.near is None else replace(program, cam=near(program.cam, program.cam.lift(z)))
         )
@@ -99,22 +109,29 @@ class SmoothRows:
                 self._tied, self._offset, self._basis, jnp.asarray(z), self._speeds, self._start, seeds, self._half,
                 parts=self._parts,
             )  # fmt: skip
-            change = float(jnp.linalg.norm(slopes.end[0] - seeds[0]) / jnp.linalg.norm(slopes.end[0]))
-            seeds, self.jacobians = slopes.end, self.jacobians + 1
-            if change < PERIODIC:
+            change = _size(slopes.end - seeds) / _size(slopes.end)
+            regular = (change < GROWING) | (_size(seeds) == 0.0)
+            seeds, self.jacobians = jnp.where(regular[:, None], slopes.end, 0.0), self.jacobians + 1
+            if float(jnp.median(change)) < PERIODIC:
                 break
         self._seeds = seeds
         return slopes
 
     def _settled(self, z: np.ndarray, start: jax.Array) -> TiedPaths | None:
-        """The settled motion's paths; None where it is not finite."""
+        """The settled motion's paths from `start` or, at speeds at which the valve is off its seat at the end, from
+        rest, since an adjuster that pumped up would stay so. None where the motion is not finite."""
         samples, layer = self._offset + self._basis @ jnp.asarray(z), Layer(WIDTH)
-        for _ in range(MOST_TURNS):
-            paths = tied_paths(self._tied, samples, self._speeds, start, self._half, 1.0, layer, parts=self._parts)
-            moved = float(jnp.abs(paths.end - start)[0].max())
-            start = paths.end
-            if not np.isfinite(moved) or moved < SETTLED:
+        for _ in range(2):
+            for _ in range(MOST_TURNS):
+                paths = tied_paths(self._tied, samples, self._speeds, start, self._half, 1.0, layer, parts=self._parts)
+                moved = float(jnp.abs(paths.end - start)[0].max())
+                start = paths.end
+                if not np.isfinite(moved) or moved < SETTLED:
+                    break
+            open_ends = paths.seat_gap[-1] > TAME_GAP
+            if not np.isfinite(moved) or not bool(open_ends.any()):
                 break
+            start = jnp.where(open_ends, self._rest, start)
         if not np.isfinite(moved):
             return None
         self._start = start
@@ -160,6 +177,16 @@ class SmoothRows:
         touches = (theta > theta[np.argmax(gap)]) & (gap <= 0.0)
         begin = min(theta[np.argmax(below)], theta[np.argmax(touches)] if touches.any() else np.pi)
         return np.flatnonzero((theta >= begin) | (theta <= lift.opening_foot))[::SEAT_EVERY]
+
+
+def _largest(force: jax.Array) -> jax.Array:
+    """The largest absolute value of forces (k, c, b) [N] at each speed (b)."""
+    return jnp.abs(force).max(axis=(0, 1))
+
+
+def _size(slopes: jax.Array) -> jax.Array:
+    """Euclidean norm of the positions' slopes (2, n + r, b, m) at each speed (b)."""
+    return jnp.sqrt(jnp.sum(slopes[0] ** 2, axis=(0, 2)))
 
 
 @partial(jax.jit, static_argnames="parts")

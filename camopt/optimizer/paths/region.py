@@ -1,0 +1,84 @@
+"""The box about a cam within which a program believes its rows: a trust region (Conn, Gould and Toint 2000)."""
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from camopt.optimizer.program.force_rows import Box
+from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram
+from camopt.scene.design import Design
+
+FIRST, USUAL_ACCELERATION = 1e-2, 0.015
+"""First width of the box [mm/deg^2], and the largest acceleration of the cam for which it is meant [mm/deg^2]: it is in
+proportion to that of the scene."""
+NARROWEST, WIDEST = 1 / 256, 4.0
+"""Limits of the width, as parts of the first one."""
+AIMED, BADLY = 0.25, 0.5
+"""Error of the forces foretold, as a part of their change, for which the width is right, and the largest one with which
+a cam becomes the centre of the next box."""
+NARROWING, CHANGE = 0.1, 4.0
+"""Least factor by which the box becomes narrower at once, and largest one by which it becomes wider from a cam to the
+next."""
+EXACT = 1e-9
+"""Error that counts as none."""
+
+
+class RowSource(Protocol):
+    """Where the rows of a program come from."""
+
+    name: str
+    jacobians: int
+
+    def first(self, program: NoJumpProgram, z: np.ndarray) -> tuple[NoJumpProgram, np.ndarray]:
+        """The program with its rows about a cam near z (m), and that cam."""
+        ...
+
+    def error_at(self, program: NoJumpProgram, z: np.ndarray) -> float:
+        """The error of the forces that the rows foretold for the cam of z (m), as a part of their change."""
+        ...
+
+    def about(self, program: NoJumpProgram, z: np.ndarray) -> NoJumpProgram:
+        """The program with its rows about the cam of z (m), where `error_at` was asked last."""
+        ...
+
+
+@dataclass
+class Region:
+    """The width of the box [mm/deg^2]: the error of the forces foretold rules it."""
+
+    first: float
+    width: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.width = self.first
+
+    def refuses(self, error: float) -> bool:
+        """Whether a cam whose forces were foretold with this error is too far; the box is narrower then."""
+        if error <= BADLY or self.width <= NARROWEST * self.first:
+            return False
+        factor = float(np.clip(AIMED / error, NARROWING, BADLY))
+        self.width = max(factor * self.width, NARROWEST * self.first)
+        return True
+
+    def follow(self, error: float) -> None:
+        """The width for the next program, after a cam whose forces were foretold with this error."""
+        factor = float(np.clip(AIMED / max(error, EXACT), 1 / CHANGE, CHANGE))
+        self.width = float(np.clip(factor * self.width, NARROWEST * self.first, WIDEST * self.first))
+
+
+def first_region(design: Design) -> Region:
+    """The box to begin with."""
+    return Region(FIRST * (design.acceleration_max_mm_per_deg2 or USUAL_ACCELERATION) / USUAL_ACCELERATION)
+
+
+def stepped(
+    source: RowSource, program: NoJumpProgram, z: np.ndarray, region: Region, margins: np.ndarray
+) -> NoJumpOptimum:
+    """The cam of largest area in the box about that of z (m), narrowed until the rows foretell its forces."""
+    while True:
+        found = program.within(Box(z, region.width)).solve_below(margins)
+        error = source.error_at(program, found.z)
+        if not region.refuses(error):
+            region.follow(error)
+            return found
