@@ -65,9 +65,13 @@ class TaskStore:
         try:
             _check_header(self.path)
             self._db = sqlite3.connect(self.path, timeout=30.0, isolation_level=None)
-            self._begin(version, plan)
-            query = "SELECT key FROM row WHERE state = ?"
-            self._again = {key for (key,) in self._db.execute(query, (FAILED,))} if retry_failed else set()
+            try:
+                self._begin(version, plan)
+                query = "SELECT key FROM row WHERE state = ?"
+                self._again = {key for (key,) in self._db.execute(query, (FAILED,))} if retry_failed else set()
+            except BaseException:
+                self._db.close()
+                raise
         except (sqlite3.Error, OSError) as error:
             raise InputError(f"{self.path}: cannot be used as the store of a sweep ({error}); name another") from error
 

@@ -5,7 +5,6 @@ import hashlib
 import json
 import os
 import signal
-import sqlite3
 import subprocess
 import sys
 import time
@@ -15,6 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from random import Random
 from typing import Any
+
+from tests.tasks.tasks_of_tests import opened
 
 UNLIKE = {"seconds", "stages", "started_utc", "finished_utc", "times", "cpu_s", "clock_s", "peak_memory_MB"}
 """Keys that tell when and how long: they differ from run to run."""
@@ -58,7 +59,7 @@ def timeless(data: Any) -> Any:
 def digest(path: Path) -> str:
     """What a file says, but for times: SHA-256 of its data."""
     if path.suffix == ".sqlite":
-        with sqlite3.connect(path) as db:
+        with opened(path) as db:
             data: Any = db.execute("SELECT key, number, state, outcome FROM row ORDER BY key").fetchall()
     elif path.suffix == ".json":
         data = timeless(json.loads(path.read_text(encoding="utf-8")))

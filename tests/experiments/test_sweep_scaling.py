@@ -1,5 +1,7 @@
 """What a sweep costs beside its tasks, at small size."""
 
+import os
+
 import pytest
 
 from experiments import sweep_scaling
@@ -12,7 +14,9 @@ MOST_GROWTH_MB = 5.0
 def test_overhead_is_small_and_memory_flat(tmp_path):
     content = sweep_scaling.main("small", tmp_path)
     for name in ("one process", "two processes"):
-        assert 0 < content["empty"][name]["parent_ms_per_task"] < content["empty"][name]["ms_per_task"] < MOST_MS
+        row, cores = content["empty"][name], os.cpu_count() or 1
+        assert max(row["parent_ms_per_task"], row["ms_per_task"]) < MOST_MS
+        assert 0 < row["parent_ms_per_task"] < cores * row["ms_per_task"]  # its threads may run at the same time
     assert content["settled"].keys() == content["speedup"].keys() == {"one process", "two processes"}
     many = content["many"]
     assert many["late_MB"] - many["early_MB"] < MOST_GROWTH_MB

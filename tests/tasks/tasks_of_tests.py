@@ -2,6 +2,7 @@
 
 import sqlite3
 from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 
@@ -16,9 +17,16 @@ def motions(count: int) -> Iterator[dict]:
     return (one | {"speed_rpm": 3000.0 + 3000.0 * i / count} for i in range(count))
 
 
+@contextmanager
+def opened(path: Path) -> Iterator[sqlite3.Connection]:
+    """A database, closed at the end; what was changed is kept. A connection is no more than a transaction itself."""
+    with closing(sqlite3.connect(path)) as db, db:
+        yield db
+
+
 def stored(path: Path) -> list[tuple]:
     """The rows of a store as its bytes are, by key."""
-    with sqlite3.connect(path) as db:
+    with opened(path) as db:
         return db.execute("SELECT key, number, task, state, outcome FROM row ORDER BY key").fetchall()
 
 

@@ -18,7 +18,7 @@ from camopt.scene import InputError
 from camopt.tasks import sweep as sweeping
 from camopt.tasks.engines import AHEAD, MOST_DEATHS
 from tests.campaign.starved import mounted
-from tests.tasks.tasks_of_tests import rehearsals, stored
+from tests.tasks.tasks_of_tests import opened, rehearsals, stored
 
 DIES = {"verb": "rehearse", "number": 10**6, "end": "die"}
 DIED = '{"reason": "3 workers that computed it died (killed by a signal, or out of memory)"}'
@@ -52,7 +52,7 @@ class Killer(threading.Thread):
 
     def count(self) -> int:
         try:
-            with sqlite3.connect(self.path) as db:
+            with opened(self.path) as db:
                 return db.execute("SELECT count(*) FROM row").fetchone()[0]
         except sqlite3.OperationalError:  # the parent is about to make the tables
             return 0
@@ -152,6 +152,7 @@ class TestStores:
         before = stored(path) if path.exists() else None
         with pytest.raises(InputError) as refused:
             camopt.sweep(tasks, path, workers=0)
+        assert not path.with_name(f"{path.name}-wal").exists()  # SQLite removes it when the last connection is closed
         assert before is None or stored(path) == before
         return str(refused.value)
 
@@ -180,7 +181,7 @@ class TestStores:
         assert (tmp_path / "x").read_bytes() == content
 
     def test_another_database(self, tmp_path):
-        with sqlite3.connect(tmp_path / "x") as db:
+        with opened(tmp_path / "x") as db:
             db.execute("CREATE TABLE row (key, number, task, state, outcome)")
         assert "a database, but not the store of a sweep" in self.refused(rehearsals(2), tmp_path / "x")
 
@@ -198,14 +199,14 @@ class TestStores:
     def test_an_edited_row(self, tmp_path, column):
         path = tmp_path / "x"
         found = camopt.sweep(rehearsals(3), path, workers=0)
-        with sqlite3.connect(path) as db:
+        with opened(path) as db:
             db.execute(f"UPDATE row SET {column} = '[1' WHERE number = 1")
         with pytest.raises(InputError, match="row 1 of the sweep's store is damaged"):
             found.columns()
 
     def test_a_store_that_says_no_version(self, tmp_path):
         camopt.sweep(rehearsals(3), tmp_path / "x", workers=0)
-        with sqlite3.connect(tmp_path / "x") as db:
+        with opened(tmp_path / "x") as db:
             db.execute("DELETE FROM about")
         assert "of camopt unknown" in self.refused(rehearsals(3), tmp_path / "x")
 

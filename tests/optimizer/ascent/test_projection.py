@@ -79,14 +79,17 @@ class TestNearestFreeCam:
         theta = np.linspace(-1.2, 1.2, 200)
         assert np.abs(same(theta) - given(theta)).max() < 1e-9
 
-    def test_a_polydyne_that_breaks_limits_comes_near_and_holds_them(self):
-        given = camopt.polydyne(MOTORI, design_speed_rpm=6000)
+    @pytest.mark.parametrize(("design_speed_rpm", "share"), [(6000, 1 + 1e-9), (8000, 0.9)])
+    def test_a_polydyne_that_breaks_limits_comes_near_and_holds_them(self, design_speed_rpm, share):
+        """The mean square difference is less than `share` of that of the fullest cam within the limits. Of the polydyne
+        of 6000 r/min the nearest is that cam itself, found by another program: the lifts differ by some 1e-14 m."""
+        given = camopt.polydyne(MOTORI, design_speed_rpm=design_speed_rpm)
         found = nearest_free_cam(MOTORI, given, knot_deg=6.0)
         assert broken_by_shape(given, MOTORI.design) and not broken_by_shape(found, MOTORI.design)
         theta = np.linspace(-1.2, 1.2, 200)
         best = free_cam(MOTORI.design, 6.0).lift(kinematic_optimum(MOTORI.design, free_cam(MOTORI.design, 6.0)).z)
         mine, theirs = (np.mean((cam(theta) - given(theta)) ** 2) for cam in (found, best))
-        assert mine <= theirs
+        assert mine < share * theirs
 
     def test_limits_that_contradict_each_other_are_a_sentence(self):
         design = MOTORI.design.model_copy(update={"acceleration_max_mm_per_deg2": 1e-4, "reach_max_lift": True})
