@@ -9,6 +9,7 @@ from camopt.measure.limits import motion_limits
 from camopt.measure.settling import Figures, decay_per_revolution, settle_and_measure
 from camopt.measure.sweep import SettledMany
 from camopt.scene.laws import OIL
+from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
 from camopt.verifier.convergence import WANDERING_REVOLUTIONS, Converged, Prepare, at_once
@@ -73,12 +74,13 @@ def against_limits(
 def pumped_up(train: Train, state: np.ndarray | None) -> bool:
     """Whether, in a settled state (2n + r) at -pi, an adjuster that filled while the valve flew holds it off its seat.
 
-    The cam stands on its base circle there: the valve is off its seat, and the oil carries load.
+    The cam stands on its base circle there: the valve is off its seat, and a column of oil is longer than with the train
+    at rest by more than its ball travels. At the instant itself a train that vibrates may let it carry or not.
     """
     if train.laws is None or state is None:
         return False
     n = len(train.mass)
-    d, z = train.compression(state[:n], 0.0), state[2 * n :]
-    off = d[train.seat] < train.touch_compression[train.seat]
-    carries = [d[e] - z[i] > train.laws.travel[e] for i, e in enumerate(train.memory) if train.laws.kind[e] == OIL]
-    return bool(off and any(carries))
+    off = train.compression(state[:n], 0.0)[train.seat] < train.touch_compression[train.seat]
+    longer = (state_at_rest(train) - state)[2 * n :]
+    oil = [i for i, e in enumerate(train.memory) if train.laws.kind[e] == OIL]
+    return bool(off and any(longer[i] > train.laws.travel[train.memory[i]] for i in oil))
