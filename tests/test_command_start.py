@@ -106,7 +106,7 @@ def test_a_command_looks_for_garbage_rarely_and_its_caller_as_before(monkeypatch
     seen, before = [], gc.get_threshold()
     monkeypatch.setattr(verbs, "scenes", lambda args: seen.append(gc.get_threshold()) or 0)
     assert cli.main(["scenes"]) == 0
-    # looks at more than the newest objects walk through what libraries keep: Python's own after 7000, from 3.13 on 20 000
+    # Python looks at more than the newest objects after 7000 new ones, from 3.13 on after 20 000
     assert seen == [RARELY] and RARELY[0] * RARELY[1] >= 100 * before[0] * before[1]
     assert gc.get_threshold() == before
 

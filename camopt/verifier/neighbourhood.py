@@ -74,8 +74,8 @@ def against_limits(
 def pumped_up(train: Train, state: np.ndarray | None) -> bool:
     """Whether, in a settled state (2n + r) at -pi, an adjuster that filled while the valve flew holds it off its seat.
 
-    The cam stands on its base circle there: the valve is off its seat, and a column of oil is longer than with the train
-    at rest by more than its ball travels. At the instant itself a train that vibrates may let it carry or not.
+    The cam stands on its base circle there: the valve is off its seat, and a column of oil is longer than in the train
+    at rest by more than its ball travels. Whether the oil carries load at that instant hangs on the vibration.
     """
     if train.laws is None or state is None:
         return False
