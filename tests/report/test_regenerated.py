@@ -7,7 +7,7 @@ import shutil
 
 import pytest
 
-from camopt.cam.design_file import write_design
+from camopt.cam.design_file import as_written, write_design
 from camopt.cam.read import read_cam
 from camopt.cli.parser import main
 from camopt.optimizer.accuracy import ACCURACIES
@@ -40,7 +40,7 @@ def run(request, tmp_path_factory):
     scene = scene.model_copy(update={"operation": operation, "design": scene.design.model_copy(update=FREE)})
     folder.mkdir()
     (folder / "scene.toml").write_text(scene_toml(scene))
-    lift, bound = read_cam("exponent", scene), area_ratio_bound(scene.design).bound
+    lift, bound = as_written(read_cam("exponent", scene)), area_ratio_bound(scene.design).bound
     ratio = lift.area_ratio(scene.design.max_lift_mm * MM)
     areas = {"area_ratio_bound": bound, "area_gap_percent": 100 * (bound - ratio) / bound, "area_ratio_no_jump": ratio}
     write_design(folder / "design.json", lift, scene.design.max_lift_mm * MM, gradient_gain=0.0, **areas)
