@@ -23,8 +23,8 @@ Every name below belongs to `camopt` and is imported when it is first used; `hel
   that holds the limits with a cam.
 - Gradient ascent of your own: `objective` is what it maximises, `ascend` climbs it from any cam by any optax
   transformation within the limits on the shape, `nearest_free_cam` is where it starts.
-- The program behind the designs: `linearised` gives contact forces and gaps along a revolution with their derivatives by
-  cam and train, `linear_program` solves a program under linear rows, as a function that JAX differentiates.
+- The programs behind the designs: `linearised` gives contact forces and gaps along a revolution with their derivatives
+  by cam and train, `linear_program` solves a program under linear rows, as a function that JAX differentiates.
 - Many tasks: `sweep` computes them on all cores or on a cluster and keeps a row for each in a store that resumes.
 - Beyond one design: `pareto` fronts, `joint_spring` for cam and spring together, `differentiable` cams for JAX.
 

@@ -15,7 +15,7 @@ from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
 
 STEP = 1e-4
-"""Share by which a number moves to either side, of itself, or of one unit of its key where it is zero. A train's numbers
+"""Share by which a number moves to either side, of itself, or of one unit of its key where it is zero. A train's arrays
 are in proportion to it, so that their differences are right to round-off; those of ramps are right to STEP squared."""
 SAME_LIFT = 1e-9
 """Difference of lift [m] within which a cam is one of the scene's free cams."""
@@ -61,11 +61,13 @@ def free_cam_in(scene: Scene, cam: Lift) -> tuple[FreeCam, np.ndarray]:
     except ValueError:  # as many coefficients as the scene's duration and these knots do not have
         apart = np.inf
     if not apart < SAME_LIFT:
-        raise InputError(f"linearised: the cam does not have the duration and the ramps of scene {scene.name}: {remedy}")
+        raise InputError(f"linearised: the cam has not the duration and ramps of scene {scene.name}: {remedy}")
     return free, z
 
 
-def cases_of(scene: Scene, cam: Lift, trains: int, seed: int, free: Sequence[str]) -> tuple[list[Case], list[FreeNumber]]:
+def cases_of(
+    scene: Scene, cam: Lift, trains: int, seed: int, free: Sequence[str]
+) -> tuple[list[Case], list[FreeNumber]]:
     """The train as designed, or so many drawn ones, with the free numbers of the names."""
     numbers = [free_number(scene, name) for name in free]
     if not trains:
@@ -84,7 +86,7 @@ def _case(scene: Scene, cam: Lift, numbers: Sequence[FreeNumber], ground) -> Cas
     at = [number.of(scene) for number in numbers]
     steps = np.array([STEP * (abs(value) or 1.0) for value in at])
     sides = [
-        tuple(built(number.put(scene, value + sign * step)) for sign in (-1.0, 1.0))
+        (built(number.put(scene, value - step)), built(number.put(scene, value + step)))
         for number, value, step in zip(numbers, at, steps, strict=True)
     ]
     return Case(Built(build_train(scene), ground(cam)), steps, sides)

@@ -31,8 +31,8 @@ def exact_paths(cases: Sequence[Case], cam: FreeCam, cam_speeds: np.ndarray, ang
         train.require_straight(WHAT, "ask for source='smooth'")
         if train.laws is not None and np.any(train.laws.kind == FRICTION):
             raise InputError(
-                f"{WHAT} holds where friction sticks, which moves with the cam, and its derivatives would be wrong: ask "
-                f"for source='smooth'"
+                f"{WHAT} holds the place where friction sticks, which moves with the cam, and derivatives would be "
+                f"wrong: ask for source='smooth'"
             )
         if case.beside and not is_linear(train):
             raise InputError(

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.optimizer.free_numbers import FreeNumber
 from camopt.optimizer.program.periodic import SAMPLE
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
@@ -39,8 +38,9 @@ def linearised(
 ) -> "xr.Dataset":
     """Forces and gaps of the settled motion with tied contacts along a revolution, and their derivatives.
 
-    A tied contact between cam and valve pulls where it would part, inside the event; those that are closed at rest are
-    tied all around. So a force has a slope by the cam wherever it stands, and a linear program can ask for its sign.
+    A tied contact between cam and valve pulls where it would part, inside the event; in a train with lash those that
+    are closed at rest are tied all around. So a force has a slope by the cam wherever it stands, and a linear program
+    can ask for its sign.
 
     The dataset has the dimensions speed_rpm (s crankshaft speeds, by default the scene's listed ones), cam_angle_deg
     (1440, every quarter of a degree up to 180) and contact (c, those between cam and valve), with `trains` before
@@ -48,7 +48,7 @@ def linearised(
     contact_force_N, gap_mm (negative where a contact is compressed), seat_gap_mm of the valve from its seat, and the
     derivatives of the three:
 
-    - NAME_by_z along coefficient (m), by the coefficients z [mm/deg^2] of the free cam, whose values are the variable z;
+    - NAME_by_z along coefficient (m), by the coefficients z [mm/deg^2] of the free cam, whose values stand in z;
     - NAME_by_number along number (f), by the numbers that `free` names as `optimize --free` does, in their keys' units,
       with their values in number_value; a drawn train's are about its own numbers.
 
@@ -120,7 +120,9 @@ def _checked(scene: Scene, speeds_rpm, trains, seed, tie, width_um, source) -> t
             f"linearised: speeds_rpm {speeds_rpm!r}: expected crankshaft speeds above 0 r/min, such as (6000, 7000)"
         )
     if not (isinstance(width_um, (int, float)) and np.isfinite(width_um) and width_um > 0):
-        raise InputError(f"linearised: width_um {width_um!r}: expected a width of the contacts' layer above 0, such as 1")
+        raise InputError(
+            f"linearised: width_um {width_um!r}: expected a width of the contacts' layer above 0, such as 1"
+        )
     if not (isinstance(tie, (int, float)) and 0.0 <= tie <= 1.0):
         raise InputError(f"linearised: tie {tie!r}: expected a share from 0 to 1")
     if source == "exact" and tie != 1.0:

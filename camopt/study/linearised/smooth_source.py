@@ -18,9 +18,7 @@ from camopt.smooth.tied import STEPS, Moved, parts_of_steps, periodic_slopes, se
 from camopt.study.linearised.cases import Case, Paths
 
 
-def smooth_paths(
-    cases: Sequence[Case], cam: FreeCam, cam_speeds: np.ndarray, tie: float, width: float
-) -> list[Paths]:
+def smooth_paths(cases: Sequence[Case], cam: FreeCam, cam_speeds: np.ndarray, tie: float, width: float) -> list[Paths]:
     """The paths of every train at the cam speeds (s) [rad/s], with a layer of `width` [m]."""
     systems = [tied_system(case.nominal.train) for case in cases]
     parts = max(parts_of_steps(tied, float(cam_speeds.min())) for tied in systems)
