@@ -51,7 +51,8 @@ def test_the_sources_agree(name):
 
     At the band's own speed contacts hop on the opening ramp, where the closed response holds them; what rings of that
     has died away to 1.5 N on the closing flank. The slopes do not hang on it where the train is linear. How far an
-    adjuster has leaked is held by the closed response: 2 per cent.
+    adjuster has leaked is held by the closed response, which is what its slopes miss: 5 per cent at most, where those
+    of the smoothed motion are its own differences (below).
     """
     scene = camopt.load_scene(name)
     cam, band = calm(scene), scene.operation.band_rpm[0]
@@ -69,7 +70,7 @@ def test_the_sources_agree(name):
         for variable in ("contact_force_N_by_z", "gap_mm_by_z", "seat_gap_mm_by_z"):
             mine, its = smooth[variable].values, exact[variable].values
             for s in range(2):
-                assert relative(mine[s][event], its[s][event]) < (0.02 if oil else 2e-3), variable
+                assert relative(mine[s][event], its[s][event]) < (0.05 if oil else 2e-3), variable
         assert np.all(smooth.moved_um < 1e-3)
 
 
@@ -272,17 +273,20 @@ def test_curved_laws_against_dop853(scene, speed, name, turns):
 
 
 @pytest.mark.long
-def test_slopes_of_a_train_with_friction_and_an_adjuster_are_those_of_its_own_differences():
-    """Its memories are in no closed response; the motion's own differences at a step of 1e-5 mm/deg^2 leave 2 %."""
-    scene = camopt.load_scene("finger-hydraulic")
-    free, speeds = free_cam(scene.design, KNOT), (2400.0,)
+@pytest.mark.parametrize(("name", "most"), [("finger-hydraulic", 0.02), ("pushrod-hydraulic", 1e-3)])
+def test_slopes_of_trains_with_memories_are_those_of_their_own_differences(name, most):
+    """Oil that leaks and friction that sticks are in no closed response. At a step of 1e-5 mm/deg^2 the differences of
+    friction, which turns at other angles then, leave a per cent."""
+    scene = camopt.load_scene(name)
+    free, speeds = free_cam(scene.design, KNOT), (0.6 * scene.operation.band_rpm[0],)
     direction = np.random.default_rng(0).normal(size=free.Z.shape[1])
     direction /= np.linalg.norm(direction)
     about, above, below = (camopt.linearised(scene, free.lift(s * 1e-5 * direction), speeds) for s in (0, 1, -1))
     event = in_event(about, scene)
-    for name in ("contact_force_N", "gap_mm", "seat_gap_mm"):
-        slope, difference = about[f"{name}_by_z"].values @ direction, (above[name] - below[name]).values / 2e-5
-        assert relative(slope[:, event], difference[:, event]) < 0.02, name
+    for variable in ("contact_force_N", "gap_mm", "seat_gap_mm"):
+        slope = about[f"{variable}_by_z"].values @ direction
+        difference = (above[variable] - below[variable]).values / 2e-5
+        assert relative(slope[:, event], difference[:, event]) < most, variable
 
 
 @pytest.mark.parametrize(
