@@ -154,7 +154,7 @@ def tied_paths(
     return TiedPaths(force, gap, seat_gap, end)
 
 
-class Moved(NamedTuple):
+class Directions(NamedTuple):
     """Directions (d) in which a revolution moves; None for what stays in all of them."""
 
     tied: TiedSystem | None = None  # every number with a first axis (d)
@@ -163,9 +163,9 @@ class Moved(NamedTuple):
 
 
 @partial(jax.jit, static_argnames="parts")
-def path_slopes(tied, samples, cam_speed, y0, half_duration, tie, layer: Layer, moved: Moved, *, parts: int):
+def path_slopes(tied, samples, cam_speed, y0, half_duration, tie, layer: Layer, moved: Directions, *, parts: int):
     """The slopes of one revolution's paths along the directions, their last axis; the arguments are `tied_paths`'."""
-    stays = Moved(tied, samples, y0)
+    stays = Directions(tied, samples, y0)
     varies = [i for i, directions in enumerate(moved) if directions is not None]
 
     def revolution(*varied):
@@ -192,7 +192,7 @@ def settled_paths(tied, samples, cam_speed, y0, half_duration, tie, layer: Layer
 
 
 def periodic_slopes(
-    tied, samples, cam_speed, start, half_duration, tie, layer: Layer, directions: list[Moved], *, parts: int
+    tied, samples, cam_speed, start, half_duration, tie, layer: Layer, directions: list[Directions], *, parts: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The slopes of force (k, c, b, d), gap and seat gap (k, b, d) along all directions, of the motion that repeats
     itself: the start moves with its end.
@@ -205,7 +205,7 @@ def periodic_slopes(
     states = np.flatnonzero(np.arange(2 * width) < width + n)
     units = np.zeros((len(states), 2 * width))
     units[np.arange(len(states)), states] = np.where(states < width, 1.0, float(tied.system.stiffest()))
-    of_start = Moved(start=jnp.repeat(jnp.asarray(units).reshape(-1, 2, width, 1), cases, axis=3))
+    of_start = Directions(start=jnp.repeat(jnp.asarray(units).reshape(-1, 2, width, 1), cases, axis=3))
     by_start, *others = (path_slopes(*arguments, moved, parts=parts) for moved in (of_start, *directions))
     by_direction = [np.concatenate([np.asarray(q) for q in part], axis=-1) for part in zip(*others, strict=True)]
     end, pushed = (

@@ -21,7 +21,7 @@ SAME_LIFT = 1e-9
 """Difference of lift [m] within which a cam is one of the scene's free cams."""
 
 
-class Built(NamedTuple):
+class TrainAndCam(NamedTuple):
     """A train with the cam that is ground for it."""
 
     train: Train
@@ -29,15 +29,15 @@ class Built(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Case:
+class LinearisedCase:
     """A train, and beside it by free number what it is a step below and a step above."""
 
-    nominal: Built
+    nominal: TrainAndCam
     steps: np.ndarray  # (f), in the keys' units
-    beside: list[tuple[Built, Built]] = field(default_factory=list)
+    beside: list[tuple[TrainAndCam, TrainAndCam]] = field(default_factory=list)
 
 
-class Paths(NamedTuple):
+class LinearPaths(NamedTuple):
     """Of one train at s speeds, at k angles: column 0 the values, then their derivatives by m coefficients [mm/deg^2]
     and f numbers [the key's unit]."""
 
@@ -67,7 +67,7 @@ def free_cam_in(scene: Scene, cam: Lift) -> tuple[FreeCam, np.ndarray]:
 
 def cases_of(
     scene: Scene, cam: Lift, trains: int, seed: int, free: Sequence[str]
-) -> tuple[list[Case], list[FreeNumber]]:
+) -> tuple[list[LinearisedCase], list[FreeNumber]]:
     """The train as designed, or so many drawn ones, with the free numbers of the names."""
     numbers = [free_number(scene, name) for name in free]
     if not trains:
@@ -76,12 +76,12 @@ def cases_of(
     return [_case(one.scene, cam, numbers, one.cam) for one in built], numbers
 
 
-def _case(scene: Scene, cam: Lift, numbers: Sequence[FreeNumber], ground) -> Case:
+def _case(scene: Scene, cam: Lift, numbers: Sequence[FreeNumber], ground) -> LinearisedCase:
     _, z = free_cam_in(scene, cam)
 
-    def built(moved: Scene) -> Built:
+    def built(moved: Scene) -> TrainAndCam:
         assert moved.design is not None
-        return Built(build_train(moved), ground(free_cam_of(moved.design, cam)[0].lift(z)))
+        return TrainAndCam(build_train(moved), ground(free_cam_of(moved.design, cam)[0].lift(z)))
 
     at = [number.of(scene) for number in numbers]
     steps = np.array([STEP * (abs(value) or 1.0) for value in at])
@@ -89,4 +89,4 @@ def _case(scene: Scene, cam: Lift, numbers: Sequence[FreeNumber], ground) -> Cas
         (built(number.put(scene, value - step)), built(number.put(scene, value + step)))
         for number, value, step in zip(numbers, at, steps, strict=True)
     ]
-    return Case(Built(build_train(scene), ground(cam)), steps, sides)
+    return LinearisedCase(TrainAndCam(build_train(scene), ground(cam)), steps, sides)

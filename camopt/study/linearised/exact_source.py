@@ -13,14 +13,16 @@ from camopt.scene.errors import InputError
 from camopt.scene.laws import FRICTION
 from camopt.scene.standing_in import is_linear
 from camopt.scene.units import RPM
-from camopt.study.linearised.cases import Built, Case, Paths
+from camopt.study.linearised.cases import LinearisedCase, LinearPaths, TrainAndCam
 
 WHAT = "linearised with source 'exact'"
 SETTLING = 40
 """Revolutions of event-exact from rest to the motion at whose angles contacts change."""
 
 
-def exact_paths(cases: Sequence[Case], cam: FreeCam, cam_speeds: np.ndarray, angle: np.ndarray) -> list[Paths]:
+def exact_paths(
+    cases: Sequence[LinearisedCase], cam: FreeCam, cam_speeds: np.ndarray, angle: np.ndarray
+) -> list[LinearPaths]:
     """The paths of every train at the cam speeds (s) [rad/s] and at multiples (k) of SAMPLE from -pi.
 
     Contacts change at the angles at which they do in the event-exact motion, which the derivatives hold.
@@ -39,11 +41,13 @@ def exact_paths(cases: Sequence[Case], cam: FreeCam, cam_speeds: np.ndarray, ang
                 f"{WHAT} and free numbers needs a train whose laws are all linear and without forces by the cam angle: "
                 f"ask for source='smooth', or leave free out"
             )
-        found.append(Paths(*map(np.stack, zip(*(_at_speed(case, cam, w, angle) for w in cam_speeds), strict=True))))
+        found.append(
+            LinearPaths(*map(np.stack, zip(*(_at_speed(case, cam, w, angle) for w in cam_speeds), strict=True)))
+        )
     return found
 
 
-def _at_speed(case: Case, cam: FreeCam, cam_speed: float, angle: np.ndarray) -> Paths:
+def _at_speed(case: LinearisedCase, cam: FreeCam, cam_speed: float, angle: np.ndarray) -> LinearPaths:
     try:
         angles = located_angles(settled_revolution(*case.nominal, cam_speed, SETTLING))
     except NoLoadTransfer as missing:
@@ -58,10 +62,12 @@ def _at_speed(case: Case, cam: FreeCam, cam_speed: float, angle: np.ndarray) -> 
         for sides in [[_read(one, cam, cam_speed, angles, angle) for one in built]]
     ]
     joined = (np.concatenate(parts, axis=-1) for parts in zip(own, *by_number, strict=True))
-    return Paths(*joined, moved=np.zeros(()))
+    return LinearPaths(*joined, moved=np.zeros(()))
 
 
-def _read(built: Built, cam: FreeCam, cam_speed: float, angles: Angles, angle: np.ndarray) -> tuple[np.ndarray, ...]:
+def _read(
+    built: TrainAndCam, cam: FreeCam, cam_speed: float, angles: Angles, angle: np.ndarray
+) -> tuple[np.ndarray, ...]:
     """Force (k, c, 1 + m) and gap of the contacts between cam and valve, and gap (k, 1 + m) at the seat."""
     train, lift = built
     samples = sample_cam(cam, angles, SAMPLE, about=lift)

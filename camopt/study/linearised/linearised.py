@@ -11,7 +11,7 @@ from camopt.optimizer.program.periodic import SAMPLE
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.units import DEG, MM, UM
-from camopt.study.linearised.cases import Paths, cases_of, free_cam_in
+from camopt.study.linearised.cases import LinearPaths, cases_of, free_cam_in
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -87,12 +87,12 @@ def linearised(
     return dataset if trains else dataset.isel(train=0, drop=True)
 
 
-def _dataset(found: list[Paths], m: int, numbers: list[str], coords: dict) -> "xr.Dataset":
+def _dataset(found: list[LinearPaths], m: int, numbers: list[str], coords: dict) -> "xr.Dataset":
     """The paths of all trains with labels."""
     import xarray as xr  # loads pandas, which an error has no need of
 
     variables = {}
-    for name, field, unit in zip(LABELS, Paths._fields[:3], (1.0, MM, MM), strict=True):
+    for name, field, unit in zip(LABELS, LinearPaths._fields[:3], (1.0, MM, MM), strict=True):
         values = np.stack([getattr(paths, field) for paths in found]) / unit
         over = ("train", "speed_rpm", "cam_angle_deg", "contact")[: values.ndim - 1]
         units, label = LABELS[name]

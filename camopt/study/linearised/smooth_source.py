@@ -14,16 +14,18 @@ from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples
-from camopt.smooth.tied import STEPS, Moved, parts_of_steps, periodic_slopes, settled_paths, tied_system
-from camopt.study.linearised.cases import Case, Paths
+from camopt.smooth.tied import STEPS, Directions, parts_of_steps, periodic_slopes, settled_paths, tied_system
+from camopt.study.linearised.cases import LinearisedCase, LinearPaths
 
 
-def smooth_paths(cases: Sequence[Case], cam: FreeCam, cam_speeds: np.ndarray, tie: float, width: float) -> list[Paths]:
+def smooth_paths(
+    cases: Sequence[LinearisedCase], cam: FreeCam, cam_speeds: np.ndarray, tie: float, width: float
+) -> list[LinearPaths]:
     """The paths of every train at the cam speeds (s) [rad/s], with a layer of `width` [m]."""
     systems = [tied_system(case.nominal.train) for case in cases]
     parts = max(parts_of_steps(tied, float(cam_speeds.min())) for tied in systems)
     grid = equal_grid(STEPS)
-    basis = Moved(samples=jnp.asarray(np.stack([(cam.basis(grid, k)[0] @ cam.Z).T for k in (0, 1)], axis=-1)))
+    basis = Directions(samples=jnp.asarray(np.stack([(cam.basis(grid, k)[0] @ cam.Z).T for k in (0, 1)], axis=-1)))
     half, speeds, found = float(cam.breaks[-1]), jnp.asarray(cam_speeds), []
     for case, tied in zip(cases, systems, strict=True):
         samples = jnp.asarray(lift_samples(case.nominal.lift, STEPS))
@@ -42,11 +44,11 @@ def smooth_paths(cases: Sequence[Case], cam: FreeCam, cam_speeds: np.ndarray, ti
         values = paths.force, paths.gap, paths.seat_gap
         joined = [np.concatenate([np.asarray(v)[..., None], s], axis=-1) for v, s in zip(values, slopes, strict=True)]
         force, gap, seat_gap = (np.moveaxis(q, -2, 0) for q in joined)
-        found.append(Paths(force, gap, seat_gap, moved))
+        found.append(LinearPaths(force, gap, seat_gap, moved))
     return found
 
 
-def _numbers(case: Case, tied) -> Moved:
+def _numbers(case: LinearisedCase, tied) -> Directions:
     """How system and lift move with each free number; which contacts are closed at rest stays."""
 
     def slope(below, above, step):
@@ -55,4 +57,4 @@ def _numbers(case: Case, tied) -> Moved:
         return eqx.tree_at(lambda t: t.at_rest, system, jnp.zeros_like(tied.at_rest)), jnp.asarray(samples)
 
     pairs = [slope(*sides, step) for sides, step in zip(case.beside, case.steps, strict=True)]
-    return Moved(*jax.tree.map(lambda *leaves: jnp.stack(leaves), *pairs))
+    return Directions(*jax.tree.map(lambda *leaves: jnp.stack(leaves), *pairs))
