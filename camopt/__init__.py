@@ -23,7 +23,8 @@ Every name below belongs to `camopt` and is imported when it is first used; `hel
   that holds the limits with a cam.
 - Gradient ascent of your own: `objective` is what it maximises, `ascend` climbs it from any cam by any optax
   transformation within the limits on the shape, `nearest_free_cam` is where it starts.
-- The program behind the designs: `linear_program` solves one under linear rows, as a function that JAX differentiates.
+- The programs behind the designs: `linearised` gives contact forces and gaps along a revolution with their derivatives
+  by cam and train, `linear_program` solves a program under linear rows, as a function that JAX differentiates.
 - Many tasks: `sweep` computes them on all cores or on a cluster and keeps a row for each in a store that resumes.
 - Beyond one design: `pareto` fronts, `joint_spring` for cam and spring together, `differentiable` cams for JAX.
 
@@ -62,6 +63,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr_
     from camopt.study.camshaft import camshaft_torque
     from camopt.study.fronts import joint_spring, pareto
     from camopt.study.identify.identification import MeasuredLift, identify
+    from camopt.study.linearised.linearised import linearised
     from camopt.study.modes import modes
     from camopt.study.reduce.reduction import reduce
     from camopt.study.simulate.motion import simulate
@@ -89,6 +91,7 @@ __all__ = [
     "joint_spring",
     "kurz",
     "linear_program",
+    "linearised",
     "live",
     "load_scene",
     "manufacturing_yield",
@@ -141,6 +144,7 @@ _PUBLIC = {
     "compare": "camopt.optimizer.baselines.comparison",
     "identify": "camopt.study.identify.identification",
     "MeasuredLift": "camopt.study.identify.identification",
+    "linearised": "camopt.study.linearised.linearised",
     "pareto": "camopt.study.fronts",
     "joint_spring": "camopt.study.fronts",
     "trains_as_built": "camopt.measure.as_built",

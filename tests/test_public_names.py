@@ -38,6 +38,7 @@ SIGNATURES = {
     "margin_N=0.0, evaluations=30",
     "kurz": "scene, sections_deg=None, a23=None, *, jerk=True",
     "linear_program": "objective, matrix, bound, *, size=None",
+    "linearised": "scene, cam, speeds_rpm=None, *, trains=0, seed=0, tie=1.0, width_um=1.0, source='smooth', free=()",
     "live": "scene, *, folder=None",
     "load_scene": "source, need=()",
     "manufacturing_yield": "scene, cam, trains=1000, *, speeds_rpm=None, seed=0, halve=False, out=None, "

@@ -60,10 +60,10 @@ class Lift:
         from scipy.interpolate import PPoly  # bad input is answered before SciPy loads
 
         lift = PPoly(self.coefficients[:, ::-1].T, self.borders)
-        return [lift, *(lift.derivative(k) for k in range(1, 6))]
+        return [lift, *(lift.derivative(k) for k in range(1, 7))]
 
     def __call__(self, theta, order: int = 0) -> np.ndarray:
-        """Lift (order 0) or its derivative by angle up to the fourth at angles `theta` [rad], any shape."""
+        """Lift (order 0) or its derivative by angle up to the sixth at angles `theta` [rad], any shape."""
         return self._derivatives[order](np.mod(np.asarray(theta) + np.pi, 2 * np.pi) - np.pi)
 
     def roots(self, order: int, value: float = 0.0) -> Float[np.ndarray, " k"]:

@@ -72,7 +72,7 @@ def free_numbers(scene: Scene, asked: Mapping[str, Sequence[float]]) -> tuple[Fr
     `RAMP`. Raises InputError for another one, for a range that is none, and where the scene with all the lowest or all
     the highest values is none.
     """
-    found = tuple(_free_number(scene, name, *map(float, ends)) for name, ends in asked.items())
+    found = tuple(free_number(scene, name, *map(float, ends)) for name, ends in asked.items())
     for which, values in (("lowest", [one.low for one in found]), ("highest", [one.high for one in found])):
         parse_scene(
             scene_toml(with_values(scene, found, values)), f"{scene.name} with the {which} free numbers", ("design",)
@@ -80,7 +80,8 @@ def free_numbers(scene: Scene, asked: Mapping[str, Sequence[float]]) -> tuple[Fr
     return found
 
 
-def _free_number(scene: Scene, name: str, low: float, high: float) -> FreeNumber:
+def free_number(scene: Scene, name: str, low: float = -np.inf, high: float = np.inf) -> FreeNumber:
+    """The number of a name, as of `free_numbers`, which raises the same errors."""
     if not low < high:
         raise InputError(f"free {name}={low:g}:{high:g}: expected LOW:HIGH with LOW below HIGH, such as 200:320")
     tolerance = next((one for one in scene.tolerance if one.label == name), None)

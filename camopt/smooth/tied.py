@@ -37,6 +37,9 @@ LARGEST_PHASE = 1.7
 times as fast, and a Hertz contact at its largest force a little more: that is within the method's limit."""
 TANGENT_N = 20.0
 """Contact force [N] below which a curved elastic law goes on along its tangent: at no force it has no stiffness."""
+MOST_TURNS, SETTLED = 40, 1e-10
+"""Revolutions in which a motion may settle, and the change of its positions over one [m] at which it counts as such:
+the stiffest contacts then change their forces by some hundredths of a newton."""
 MOST_PARTS = 64
 """Parts of a step beyond which a train is too stiff for the lowest speed asked."""
 
@@ -149,3 +152,68 @@ def tied_paths(
     assert solution.ys is not None
     (force, gap, seat_gap), (end,) = solution.ys
     return TiedPaths(force, gap, seat_gap, end)
+
+
+class Directions(NamedTuple):
+    """Directions (d) in which a revolution moves; None for what stays in all of them."""
+
+    tied: TiedSystem | None = None  # every number with a first axis (d)
+    samples: jax.Array | None = None  # (d, STEPS + 1, 2)
+    start: jax.Array | None = None  # (d, 2, n + r, b)
+
+
+@partial(jax.jit, static_argnames="parts")
+def path_slopes(tied, samples, cam_speed, y0, half_duration, tie, layer: Layer, moved: Directions, *, parts: int):
+    """The slopes of one revolution's paths along the directions, their last axis; the arguments are `tied_paths`'."""
+    stays = Directions(tied, samples, y0)
+    varies = [i for i, directions in enumerate(moved) if directions is not None]
+
+    def revolution(*varied):
+        now = list(stays)
+        for i, value in zip(varies, varied, strict=True):
+            now[i] = value
+        return tied_paths(now[0], now[1], cam_speed, now[2], half_duration, tie, layer, parts=parts)
+
+    def along(*direction):
+        return jax.jvp(revolution, tuple(stays[i] for i in varies), direction)[1]
+
+    return jax.vmap(along, out_axes=-1)(*(moved[i] for i in varies))
+
+
+def settled_paths(tied, samples, cam_speed, y0, half_duration, tie, layer: Layer, *, parts: int):
+    """The state (2, n + r, b) at which the last revolution on the way to a settled motion begins, and its paths; the
+    arguments are `tied_paths`'."""
+    for _ in range(MOST_TURNS):
+        start, paths = y0, tied_paths(tied, samples, cam_speed, y0, half_duration, tie, layer, parts=parts)
+        y0, moved = paths.end, float(jnp.abs(paths.end - start)[0].max())
+        if not np.isfinite(moved) or moved < SETTLED:
+            break
+    return start, paths
+
+
+def periodic_slopes(
+    tied, samples, cam_speed, start, half_duration, tie, layer: Layer, directions: list[Directions], *, parts: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The slopes of force (k, c, b, d), gap and seat gap (k, b, d) along all directions, of the motion that repeats
+    itself: the start moves with its end.
+
+    With M the slope of the end by the start, and e that by a direction, the start's slope solves s = M s + e. A memory
+    that stands still all along keeps its value.
+    """
+    arguments = tied, samples, cam_speed, start, half_duration, tie, layer
+    n, (_, width, cases) = tied.system.mass.shape[0], start.shape
+    states = np.flatnonzero(np.arange(2 * width) < width + n)
+    units = np.zeros((len(states), 2 * width))
+    units[np.arange(len(states)), states] = np.where(states < width, 1.0, float(tied.system.stiffest()))
+    of_start = Directions(start=jnp.repeat(jnp.asarray(units).reshape(-1, 2, width, 1), cases, axis=3))
+    by_start, *others = (path_slopes(*arguments, moved, parts=parts) for moved in (of_start, *directions))
+    by_direction = [np.concatenate([np.asarray(q) for q in part], axis=-1) for part in zip(*others, strict=True)]
+    end, pushed = (
+        np.moveaxis(np.asarray(q).reshape(2 * width, cases, -1)[states], 1, 0) / units.max(axis=1)[:, None]
+        for q in (by_start.end, by_direction[-1])
+    )
+    begin = np.linalg.pinv(np.eye(len(states)) - end, rcond=1e-12) @ pushed  # (b, q, d)
+    return tuple(
+        own + np.einsum("...bq,bqd->...bd", np.asarray(by), begin)
+        for own, by in zip(by_direction[:3], by_start[:3], strict=True)
+    )

@@ -211,12 +211,17 @@ def _merged(edges: np.ndarray) -> np.ndarray:
     return edges[np.append(True, np.diff(edges) > 1e-12)]
 
 
+def free_cam_of(design: Design, cam: Lift) -> tuple[FreeCam, np.ndarray]:
+    """The free cam, between a design's ramps, of which `cam` is the one of the coefficients z (m), which follow."""
+    free = free_cam(design, cam.parameters["knot_deg"])
+    return free, free.Z.T @ (np.array(cam.parameters["coefficients_mm_per_deg2"]) - free.x_p)
+
+
 def _construction(scene: Scene, cam: Lift) -> tuple[Parameters, Event]:
     """The free coefficients z [mm/deg^2], from which the event is built between the scene's ramps."""
     if scene.design is None:
         raise InputError("free: the scene needs [design]")
-    free = free_cam(scene.design, cam.parameters["knot_deg"])
-    z = free.Z.T @ (np.array(cam.parameters["coefficients_mm_per_deg2"]) - free.x_p)
+    free, z = free_cam_of(scene.design, cam)
 
     def event(p: Parameters, opening: Ramp, closing: Ramp):
         return p["z"].__array_namespace__().asarray(free.breaks), free.pieces(p["z"])

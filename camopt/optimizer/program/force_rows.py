@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camopt.optimizer.program.periodic import SAMPLE, CamSamples, periodic_response
+from camopt.optimizer.program.periodic import SAMPLE, CamSamples, PeriodicResponse, periodic_response
 from camopt.optimizer.program.phases import LIFTED, SEATED, Angles
 from camopt.scene.design import Design
 from camopt.scene.errors import NoCamFound
@@ -71,8 +71,8 @@ class Box:
     width: float
 
 
-def speed_rows(train: Train, design: Design, samples: CamSamples, cam_speed: float, angles: Angles, window: Window):
-    """The force rows of one speed [rad/s]; raises NoCamFound where the linear motion is unstable."""
+def damped_response(train: Train, samples: CamSamples, cam_speed: float, angles: Angles) -> PeriodicResponse:
+    """The periodic motion at one speed [rad/s]; raises NoCamFound where it is unstable."""
     response = periodic_response(train, samples, cam_speed, angles)
     if response.spectral_radius > DAMPED:
         raise NoCamFound(
@@ -80,6 +80,12 @@ def speed_rows(train: Train, design: Design, samples: CamSamples, cam_speed: flo
             f"revolution multiplies a disturbance by {response.spectral_radius:.4g}; give elements or masses more "
             f"damping_N_s_per_m, or leave speeds near this one out of speeds_rpm and band_rpm"
         )
+    return response
+
+
+def speed_rows(train: Train, design: Design, samples: CamSamples, cam_speed: float, angles: Angles, window: Window):
+    """The force rows of one speed [rad/s]; raises NoCamFound where the linear motion is unstable."""
+    response = damped_response(train, samples, cam_speed, angles)
     theta, half = samples.edges, design.duration_deg / 2 * DEG
     begins, ends = max(angles.seat_opens, window.after_top - half), angles.seat_closes - window.before_seat
     lifted = np.flatnonzero((theta >= begins - 1e-9) & (theta <= ends))

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from camopt.cam.families.free import FreeCam
+from camopt.cam.lift import Lift
 from camopt.optimizer.program.phases import Angles, incidence, phase_contacts
 from camopt.optimizer.program.tangents import Tangents
 from camopt.scene.standing_in import standing_in
@@ -37,7 +38,7 @@ class CamSamples:
 
     The steps from the edge `first` (b) to that of the next block are equal in phase, width and tangents, and lie on one
     piece of the cam. `begin` (b, 8, 1 + m) holds that piece's lift at the edge, six derivatives by angle and the
-    constant one, for the cam at z = 0 (column 0) and for every free coefficient.
+    constant one, for the cam at z = 0 or another lift (column 0) and for every free coefficient.
     """
 
     edges: np.ndarray
@@ -45,21 +46,24 @@ class CamSamples:
     begin: np.ndarray
 
 
-def sample_cam(cam: FreeCam, angles: Angles, step: float = SAMPLE) -> CamSamples:
-    """Steps of at most `step` [rad] whose edges include every knot, ramp border and switching angle."""
+def sample_cam(cam: FreeCam, angles: Angles, step: float = SAMPLE, about: Lift | None = None) -> CamSamples:
+    """Steps of at most `step` [rad] whose edges include every knot, ramp border and switching angle.
+
+    With `about`, a cam of pieces of degree six at most, its lift stands in column 0, and the edges include every `step`
+    from -pi on.
+    """
     knot = cam.breaks[1] - cam.breaks[0]
-    fine = knot / np.ceil(knot / step - 1e-9)
-    start = cam.breaks[0]
+    fine, start = (knot / np.ceil(knot / step - 1e-9), cam.breaks[0]) if about is None else (step, -np.pi)
     uniform = start + fine * np.arange(np.ceil((-np.pi - start) / fine), np.floor((np.pi - start) / fine) + 1)
     switching = [angles.lash_closes, angles.seat_opens, angles.seat_closes, angles.lash_opens]
-    borders = cam.lift(np.zeros(cam.Z.shape[1])).borders
+    borders = (about or cam.lift(np.zeros(cam.Z.shape[1]))).borders
     edges = np.sort(np.concatenate([uniform, switching, borders]))
     edges = edges[np.append(True, np.diff(edges) > 1e-10)]
     edges[0], edges[-1] = -np.pi, np.pi
     first = _first_edges(edges, borders, angles)
     low, high = edges[first], edges[np.append(first[1:], len(edges) - 1)]
     middle = 0.5 * (low + high)  # a derivative that steps at a knot is that of the block there
-    taylor = np.stack([_affine(cam, middle, order) for order in range(LIFT_DERIVATIVES)], axis=1)
+    taylor = np.stack([_affine(cam, middle, order, about) for order in range(LIFT_DERIVATIVES)], axis=1)
     begin = np.zeros((len(first), LIFT_DERIVATIVES + 1, 1 + cam.Z.shape[1]))
     for k in range(LIFT_DERIVATIVES):
         factor = (low - middle) ** k / factorial(k)
@@ -84,10 +88,10 @@ def _rounded_widths(edges: np.ndarray) -> np.ndarray:
     return np.round(np.diff(edges), 12)
 
 
-def _affine(cam: FreeCam, theta: np.ndarray, order: int) -> np.ndarray:
-    """Lift derivative at z = 0 (column 0) and per free coefficient, shape (k, 1 + m)."""
+def _affine(cam: FreeCam, theta: np.ndarray, order: int, about: Lift | None) -> np.ndarray:
+    """Lift derivative at z = 0, or that of the cam `about`, (column 0) and per free coefficient, shape (k, 1 + m)."""
     matrix, offset = cam.basis(theta, order)
-    return np.column_stack([offset + matrix @ cam.x_p, matrix @ cam.Z])
+    return np.column_stack([offset + matrix @ cam.x_p if about is None else about(theta, order), matrix @ cam.Z])
 
 
 @dataclass(frozen=True)
@@ -134,6 +138,14 @@ class PeriodicResponse:
         reading[..., n : 2 * n] = c * velocity_scale(t) * row
         reading[..., 2 * n], reading[..., 2 * n + 1] = drive * k, drive * c * self.cam_speed
         reading[..., 2 * n + LIFT_DERIVATIVES] = load - k * t.gap[element]
+        return self._read(reading, at)
+
+    def gap(self, element: int, touch: float, at: np.ndarray) -> np.ndarray:
+        """Separation of a contact [m], which touches at the compression `touch` [m], at ascending edges `at`: as above;
+        negative where it is compressed."""
+        t, n, reading = self.train, len(self.train.mass), np.zeros(self.begin.shape[1])
+        reading[:n], reading[2 * n] = -incidence(t)[element], -float(t.cam_driven[element])
+        reading[2 * n + LIFT_DERIVATIVES] = t.gap[element] + touch
         return self._read(reading, at)
 
     def _read(self, reading: np.ndarray, at: np.ndarray) -> np.ndarray:

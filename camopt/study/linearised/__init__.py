@@ -1,0 +1,1 @@
+"""`camopt.linearised`: paths of tied contacts and their derivatives, from either source."""

@@ -1,0 +1,132 @@
+"""Paths of tied contacts along a revolution with their derivatives, labelled: rows for programs of one's own."""
+
+from collections.abc import Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from camopt.cam.lift import Lift
+from camopt.optimizer.program.periodic import SAMPLE
+from camopt.scene.errors import InputError
+from camopt.scene.schema import Scene
+from camopt.scene.units import DEG, MM, UM
+from camopt.study.linearised.cases import LinearPaths, cases_of, free_cam_in
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+SOURCES = ("smooth", "exact")
+LABELS = {
+    "contact_force_N": ("N", "force between cam and valve"),
+    "gap_mm": ("mm", "gap between cam and valve"),
+    "seat_gap_mm": ("mm", "gap at the seat"),
+}
+
+
+def linearised(
+    scene: Scene,
+    cam: Lift,
+    speeds_rpm: Sequence[float] | None = None,
+    *,
+    trains: int = 0,
+    seed: int = 0,
+    tie: float = 1.0,
+    width_um: float = 1.0,
+    source: str = "smooth",
+    free: Sequence[str] = (),
+) -> "xr.Dataset":
+    """Forces and gaps of the settled motion with tied contacts along a revolution, and their derivatives.
+
+    A tied contact between cam and valve pulls where it would part, inside the event; in a train with lash those that
+    are closed at rest are tied all around. So a force has a slope by the cam wherever it stands, and a linear program
+    can ask for its sign.
+
+    The dataset has the dimensions speed_rpm (s crankshaft speeds, by default the scene's listed ones), cam_angle_deg
+    (1440, every quarter of a degree up to 180) and contact (c, those between cam and valve), with `trains` before
+    them train (so many, drawn within the scene's tolerances by `seed`, grinding error and all). Its variables are
+    contact_force_N, gap_mm (negative where a contact is compressed), seat_gap_mm of the valve from its seat, and the
+    derivatives of the three:
+
+    - NAME_by_z along coefficient (m), by the coefficients z [mm/deg^2] of the free cam, whose values stand in z;
+    - NAME_by_number along number (f), by the numbers that `free` names as `optimize --free` does, in their keys' units,
+      with their values in number_value; a drawn train's are about its own numbers.
+
+    `moved_um` (speed_rpm) is by how much the positions still change over the revolution: a motion that has not settled
+    has slopes that hold for it alone.
+
+    `source` is "smooth", JAX through the motion whose other contacts push across a layer of `width_um` [um] and whose
+    contacts between cam and valve are tied by the share `tie` (0: the law of the scene), for any law; or "exact", the
+    closed periodic response of trains whose laws are straight and that have no friction, without a layer and with a tie
+    of 1. There contacts change where they do in the event-exact motion, at angles that the derivatives hold, as they
+    hold the pieces of the laws and how far adjusters have leaked; a contact that hops on a ramp is held closed from its
+    last closing on. `free` then asks for linear laws.
+
+    Raises InputError for unusable arguments, a cam that is no free cam of the scene, a name of no number, and a train
+    or motion that the source cannot carry.
+    """
+    speeds = _checked(scene, speeds_rpm, trains, seed, tie, width_um, source)
+    free_cam, z = free_cam_in(scene, cam)
+    cases, numbers = cases_of(scene, cam, trains, seed, (free,) if isinstance(free, str) else free)
+    angle = np.linspace(-np.pi, np.pi, round(2 * np.pi / SAMPLE) + 1)[1:]
+    cam_speeds = np.array([scene.cam_speed(speed) for speed in speeds])
+    if source == "exact":
+        from camopt.study.linearised.exact_source import exact_paths
+
+        found = exact_paths(cases, free_cam, cam_speeds, angle)
+    else:
+        smooth = import_module("camopt.study.linearised.smooth_source")  # the one source that loads JAX
+        found = smooth.smooth_paths(cases, free_cam, cam_speeds, float(tie), width_um * UM)
+    contacts = [cases[0].nominal.train.element_names[e] for e in cases[0].nominal.train.cam_side]
+    coords = {"speed_rpm": list(speeds), "cam_angle_deg": angle / DEG, "contact": contacts}
+    said = {"scene": scene.name, "source": source, "trains": trains}
+    said |= {"tie": float(tie), "width_um": float(width_um)} if source == "smooth" else {"tie": 1.0}
+    dataset = _dataset(found, len(z), [number.name for number in numbers], coords).assign_attrs(said)
+    dataset["z"] = ("coefficient", z, {"units": "mm/deg^2"})
+    dataset["number_value"] = ("number", [number.of(scene) for number in numbers])
+    return dataset if trains else dataset.isel(train=0, drop=True)
+
+
+def _dataset(found: list[LinearPaths], m: int, numbers: list[str], coords: dict) -> "xr.Dataset":
+    """The paths of all trains with labels."""
+    import xarray as xr  # loads pandas, which an error has no need of
+
+    variables = {}
+    for name, field, unit in zip(LABELS, LinearPaths._fields[:3], (1.0, MM, MM), strict=True):
+        values = np.stack([getattr(paths, field) for paths in found]) / unit
+        over = ("train", "speed_rpm", "cam_angle_deg", "contact")[: values.ndim - 1]
+        units, label = LABELS[name]
+        variables[name] = (over, values[..., 0], {"units": units, "long_name": label})
+        by_z, by_number = values[..., 1 : 1 + m], values[..., 1 + m :]
+        variables[f"{name}_by_z"] = ((*over, "coefficient"), by_z, {"units": f"{units}/(mm/deg^2)"})
+        variables[f"{name}_by_number"] = ((*over, "number"), by_number, {"units": f"{units} per unit of the number"})
+    moved = np.stack([paths.moved for paths in found]) / UM
+    variables["moved_um"] = (("train", "speed_rpm"), moved, {"units": "um"})
+    return xr.Dataset(variables, coords | {"train": np.arange(len(found)), "number": numbers})
+
+
+def _checked(scene: Scene, speeds_rpm, trains, seed, tie, width_um, source) -> tuple[float, ...]:
+    """The speeds [r/min]; every argument that is a number or a choice is checked."""
+    if source not in SOURCES:
+        raise InputError(f"linearised: source {source!r}: expected one of {', '.join(SOURCES)}")
+    if scene.design is None or scene.operation is None or scene.seat is None:
+        raise InputError(f"scene {scene.name}: linearised needs valve, seat, [operation] and [design]")
+    try:
+        speeds = tuple(float(speed) for speed in (scene.operation.speeds_rpm if speeds_rpm is None else speeds_rpm))
+    except (TypeError, ValueError):
+        speeds = ()
+    if not speeds or not all(np.isfinite(speed) and speed > 0 for speed in speeds):
+        raise InputError(
+            f"linearised: speeds_rpm {speeds_rpm!r}: expected crankshaft speeds above 0 r/min, such as (6000, 7000)"
+        )
+    if not (isinstance(width_um, (int, float)) and np.isfinite(width_um) and width_um > 0):
+        raise InputError(
+            f"linearised: width_um {width_um!r}: expected a width of the contacts' layer above 0, such as 1"
+        )
+    if not (isinstance(tie, (int, float)) and 0.0 <= tie <= 1.0):
+        raise InputError(f"linearised: tie {tie!r}: expected a share from 0 to 1")
+    if source == "exact" and tie != 1.0:
+        raise InputError(f"linearised: tie {tie:g} with source 'exact': its contacts are tied by 1: ask for 'smooth'")
+    if not all(isinstance(number, (int, np.integer)) and number >= 0 for number in (trains, seed)):
+        raise InputError(f"linearised: trains {trains!r} of seed {seed!r}: expected integers from 0 on")
+    return speeds

@@ -1,0 +1,60 @@
+"""Paths and slopes of the smoothed motion with tied contacts, by JAX: of any law."""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from camopt.cam.families.free import FreeCam
+from camopt.scene.errors import MotionRefused
+from camopt.scene.units import RPM
+from camopt.smooth.contact import Layer
+from camopt.smooth.grid import equal_grid
+from camopt.smooth.rest import rest_state
+from camopt.smooth.simulate import lift_samples
+from camopt.smooth.tied import STEPS, Directions, parts_of_steps, periodic_slopes, settled_paths, tied_system
+from camopt.study.linearised.cases import LinearisedCase, LinearPaths
+
+
+def smooth_paths(
+    cases: Sequence[LinearisedCase], cam: FreeCam, cam_speeds: np.ndarray, tie: float, width: float
+) -> list[LinearPaths]:
+    """The paths of every train at the cam speeds (s) [rad/s], with a layer of `width` [m]."""
+    systems = [tied_system(case.nominal.train) for case in cases]
+    parts = max(parts_of_steps(tied, float(cam_speeds.min())) for tied in systems)
+    grid = equal_grid(STEPS)
+    basis = Directions(samples=jnp.asarray(np.stack([(cam.basis(grid, k)[0] @ cam.Z).T for k in (0, 1)], axis=-1)))
+    half, speeds, found = float(cam.breaks[-1]), jnp.asarray(cam_speeds), []
+    for case, tied in zip(cases, systems, strict=True):
+        samples = jnp.asarray(lift_samples(case.nominal.lift, STEPS))
+        rest = jnp.repeat(rest_state(case.nominal.train)[:, :, None], len(speeds), axis=2)
+        motion = speeds, half, tie, Layer(width)
+        start, paths = settled_paths(tied, samples, speeds, rest, *motion[1:], parts=parts)
+        moved = np.abs(np.asarray(paths.end - start))[0].max(axis=0)
+        if not np.all(np.isfinite(moved)):
+            lost = cam_speeds[~np.isfinite(moved)][0] / RPM
+            raise MotionRefused(
+                f"the smoothed motion with tied contacts grows without bound at {lost:g} r/min of the camshaft: give a "
+                f"larger width_um, another speed, or more damping_N_s_per_m"
+            )
+        directions = [basis, _numbers(case, tied)] if len(case.steps) else [basis]
+        slopes = periodic_slopes(tied, samples, speeds, start, *motion[1:], directions, parts=parts)
+        values = paths.force, paths.gap, paths.seat_gap
+        joined = [np.concatenate([np.asarray(v)[..., None], s], axis=-1) for v, s in zip(values, slopes, strict=True)]
+        force, gap, seat_gap = (np.moveaxis(q, -2, 0) for q in joined)
+        found.append(LinearPaths(force, gap, seat_gap, moved))
+    return found
+
+
+def _numbers(case: LinearisedCase, tied) -> Directions:
+    """How system and lift move with each free number; which contacts are closed at rest stays."""
+
+    def slope(below, above, step):
+        system = jax.tree.map(lambda a, b: (b - a) / (2 * step), tied_system(below.train), tied_system(above.train))
+        samples = (lift_samples(above.lift, STEPS) - lift_samples(below.lift, STEPS)) / (2 * step)
+        return eqx.tree_at(lambda t: t.at_rest, system, jnp.zeros_like(tied.at_rest)), jnp.asarray(samples)
+
+    pairs = [slope(*sides, step) for sides, step in zip(case.beside, case.steps, strict=True)]
+    return Directions(*jax.tree.map(lambda *leaves: jnp.stack(leaves), *pairs))
