@@ -315,7 +315,7 @@ def test_bad_arguments_get_a_sentence(asked, says):
 
 def test_a_cam_that_is_none_of_the_scenes_free_cams_is_refused():
     scene = camopt.load_scene("motori-1")
-    with pytest.raises(InputError, match="family 'polydyne': expected a free cam: take the nearest one"):
+    with pytest.raises(InputError, match="family 'polydyne': take the nearest free one by camopt"):
         camopt.linearised(scene, camopt.polydyne(scene))
     for key, value in (("duration_deg", 160.0), ("ramp_height_mm", 0.3)):
         other = scene.model_copy(update={"design": scene.design.model_copy(update={key: value})})

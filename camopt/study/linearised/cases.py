@@ -50,9 +50,9 @@ class LinearPaths(NamedTuple):
 def free_cam_in(scene: Scene, cam: Lift) -> tuple[FreeCam, np.ndarray]:
     """The free cam of a scene and the coefficients z (m) at which it is `cam`; raises InputError where there are
     none."""
-    remedy = "take the nearest one by camopt.nearest_free_cam, or one of camopt.free_cam(scene.design)"
+    nearest = "by camopt.nearest_free_cam or one of camopt.free_cam(scene.design)"
     if cam.family != "free":
-        raise InputError(f"linearised: the cam is of the family {cam.family!r}: expected a free cam: {remedy}")
+        raise InputError(f"linearised: the cam is of the family {cam.family!r}: take the nearest free one {nearest}")
     assert scene.design is not None, "it was asked for before"
     theta = np.linspace(-np.pi, np.pi, 721)
     try:
@@ -61,7 +61,9 @@ def free_cam_in(scene: Scene, cam: Lift) -> tuple[FreeCam, np.ndarray]:
     except ValueError:  # as many coefficients as the scene's duration and these knots do not have
         apart = np.inf
     if not apart < SAME_LIFT:
-        raise InputError(f"linearised: the cam has not the duration and ramps of scene {scene.name}: {remedy}")
+        raise InputError(
+            f"linearised: the cam has not the duration and ramps of scene {scene.name}: take the nearest one {nearest}"
+        )
     return free, z
 
 
