@@ -139,10 +139,13 @@ class System(eqx.Module):
             total = total.at[..., on].add(jnp.interp(turned, angle, force))
         return total
 
-    def rate(self, y: Float[Array, "2 n *b"], lift, lift_dt, layer: Layer, push=None) -> Float[Array, "2 n *b"]:
-        """Time derivative of the state y at lift [m] and lift rate [m/s], and under what `push` gives (n) [N]."""
+    def rate(
+        self, y: Float[Array, "2 n *b"], lift, lift_dt, layer: Layer, push=None, force=None
+    ) -> Float[Array, "2 n *b"]:
+        """Time derivative of the state y at lift [m] and lift rate [m/s], and under what `push` gives (n) [N]; `force`
+        (e, *b) [N] is that of the elements where another law than their own holds."""
         n = self.mass.shape[0]
-        force = self.force(y, lift, lift_dt, layer)
+        force = self.force(y, lift, lift_dt, layer) if force is None else force
         on_mass = jnp.matmul(self._incidence(y.dtype).T, force, precision="highest")
         mass, drag, load = (column(q, on_mass) for q in (self.mass, self.mass_damping, self.mass_force))
         load, v = load if push is None else load + column(push, on_mass), y[1, :n]

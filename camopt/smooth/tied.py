@@ -68,11 +68,7 @@ class TiedSystem(eqx.Module):
 
     def rate(self, y, lift, lift_dt, layer: Layer, tie, push=None) -> jax.Array:
         """Time derivative of the state y (2, n + r, *b), under the given forces `push` (n) [N]."""
-        s, on = self.system, np.array(self.system.topology.cam_side)
-        rows = s.topology.incidence(s.mass.shape[0])[on]
-        more = self.force(y, lift, lift_dt, layer, tie)[on] - s.force(y, lift, lift_dt, layer)[on]
-        acceleration = -jnp.matmul(rows.T, more, precision="highest") / column(s.mass, more)
-        return s.rate(y, lift, lift_dt, layer, push).at[1, : s.mass.shape[0]].add(acceleration)
+        return self.system.rate(y, lift, lift_dt, layer, push, self.force(y, lift, lift_dt, layer, tie))
 
 
 def tied_system(train: Train) -> TiedSystem:
