@@ -24,7 +24,7 @@ SIGNATURES = {
     "MeasuredLift": "speed_rpm, cam_angle_deg, valve_mm",
     "area_bound": "scene, knot_deg=2.0, margin_N=None",
     "ascend": "objective, start, optimiser, steps=50, *, form='free', knot_deg=3.0, train=None, judge_every=5, "
-    "out=None, resume=False, progress=False",
+    "metric=False, out=None, resume=False, progress=False",
     "cam_card": "cam, lifts_mm=(1.0, 1.27), *, name='', timing=None, other=None",
     "camshaft_torque": "scene, cam, phases_deg=(0.0,), speed_rpm=None",
     "compare": "scene, designs, out, *, accuracy='draft', baselines='plain', progress=False, note=<lambda>",
@@ -49,7 +49,7 @@ SIGNATURES = {
     "new_design": "scene, sections_deg=None, a12=None, *, a34=None, j34=None, j23=None, start_ratio=None, "
     "quintic=False, jerk=True",
     "objective": "scene, *, speeds_rpm=None, maximise='area_ratio', penalties=None, path='auto', revolutions=4, "
-    "trains=0, seed=0",
+    "trains=0, seed=0, constraints=None, tie=1.0, width_um=1.0",
     "optimize": "scene, speeds='band', accuracy='standard', gradient='auto', out=None, seed=0, "
     "resume=False, progress=False, designed=<lambda>, *, compare=True, wanted_yield=None, free=None, start=None",
     "pareto": "scene, against='bounce_max_mm', values=None, *, release=(), speeds='band', "

@@ -3,14 +3,15 @@
 The transformation is given the gradient along the face of the limits on which the point lies (Rosen 1960), and its step
 is taken along that face too. So a transformation that scales each variable for itself, as Adam does, still climbs, and
 momentum does not press against a limit. The point that it leads to is replaced by the nearest one that holds every
-limit (Goldstein 1964; Levitin and Polyak 1966).
+limit (Goldstein 1964; Levitin and Polyak 1966). Where the objective has constraints along paths, the augmented
+Lagrangian is climbed in its place, and the transformation begins anew with each of its rounds.
 """
 
 import json
 from collections.abc import Mapping
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -21,9 +22,11 @@ from tqdm import tqdm
 from camopt.cam.lift import Lift
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.ascent.history import AscentHistory, Iterate, dataset_of, notable
+from camopt.optimizer.ascent.lagrangian import Held, PathLagrangian
 from camopt.optimizer.ascent.objective import Objective
 from camopt.optimizer.ascent.train_variables import Names, TrainVariables
 from camopt.optimizer.ascent.variables import FREE, FamilyVariables, FreeVariables, Variables
+from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.search.judge import Judge
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
@@ -31,12 +34,14 @@ from camopt.storage import check_run_folder, run_folder, run_identity, write_tex
 
 FORMS = (FREE, "own")
 STATE = "ascent.json"
+ROUND = 30
+"""Steps between two changes of what the Lagrangian holds, long enough for a quasi-Newton method to learn."""
 Point = dict[str, np.ndarray]
 
 
 def ascend(
     objective: Objective,
-    start: Lift,
+    start: Lift | Literal["calmest"],
     optimiser: optax.GradientTransformation,
     steps: int = 50,
     *,
@@ -44,6 +49,7 @@ def ascend(
     knot_deg: float = 3.0,
     train: Mapping[Names, tuple[float, float]] | None = None,
     judge_every: int = 5,
+    metric: bool = False,
     out: str | Path | None = None,
     resume: bool = False,
     progress: bool = False,
@@ -51,14 +57,19 @@ def ascend(
     """Climbs an objective from a cam by `steps` steps of an optax transformation; returns every iterate.
 
     With `form` "free" the free cam within the limits that is nearest to `start` varies (knots every `knot_deg`; a free
-    cam keeps its own), with "own" the parameters of the start's own family. `train` names numbers of the scene that
-    vary too, NAME.KEY or several that share one factor, with the bounds of that factor, as in
-    {("spring.preload_N", "seat.preload_N"): (0.9, 1.1)}. The variables are the coefficients of a free cam [mm/deg^2]
-    and factors on everything else. Every iterate holds the limits on the shape. Every `judge_every` iterates, and the
-    last, are judged by event-exact at the objective's speeds, settled; `history.best` is the one of the largest value
-    among those that hold every limit, None where none does, and `history.nearest` the one that uses least of its
-    limits. With `out` a folder is written after every judged iterate; with `resume` it goes
-    on there as if it had not been interrupted, and more steps may be asked for.
+    cam keeps its own; "calmest" is the one whose coefficients are zero), with "own" the parameters of the start's own
+    family. `train` names numbers of the scene that vary too, NAME.KEY or several that share one factor, with the bounds
+    of that factor, as in {("spring.preload_N", "seat.preload_N"): (0.9, 1.1)}. The variables are the coefficients of a
+    free cam [mm/deg^2] and factors on everything else. Every iterate holds the limits on the shape. Every `judge_every`
+    iterates, and the last, are judged by event-exact at the objective's speeds, settled; `history.best` is the one of
+    the largest value among those that hold every limit, None where none does, and `history.nearest` the one that uses
+    least of its limits. With `out` a folder is written after every judged iterate; with `resume` it goes on there as if
+    it had not been interrupted, and more steps may be asked for.
+
+    An objective's constraints are met in rounds of thirty steps by an augmented Lagrangian, for which the
+    transformation begins anew in each; the terms of an iterate have the least force and the largest gap. With `metric`
+    steps are taken in coordinates in which one step of length one moves the constrained paths by one unit (a gap's
+    limit, the median force of the start): from one Jacobian at the start, and for any transformation.
 
     Raises InputError for unusable arguments, contradictory limits, a family without a member near `start` that holds
     them, a motion that cannot be followed, and for a folder as `camopt.storage.run_folder`.
@@ -70,10 +81,12 @@ def ascend(
         )
     if out is not None:
         check_run_folder(out, resume)
+    _check_constraints(objective, start, form, train, metric)
     numbers = TrainVariables(objective.scene, dict(train or {}))
-    cam = FreeVariables(objective.scene, start, knot_deg) if form == FREE else FamilyVariables(objective.scene, start)
+    begin = calmest(objective.scene, knot_deg) if isinstance(start, str) else start
+    cam = FreeVariables(objective.scene, begin, knot_deg) if form == FREE else FamilyVariables(objective.scene, begin)
     variables = Variables(cam, numbers)
-    climb = Climb(objective, variables, optimiser)
+    climb = Climb(objective, variables, optimiser, metric)
     identity = run_identity(
         "ascend",
         objective.scene,
@@ -83,6 +96,7 @@ def ascend(
         train=dict(zip(numbers.names, numbers.bounds.values(), strict=True)),
         optimiser=str(jax.tree.structure(climb.state)),
         judge_every=judge_every,
+        metric=metric,
     )
     with run_folder(out, identity, resume, [STATE]) if out is not None else nullcontext() as folder:
         if folder is not None and (folder / STATE).exists():
@@ -105,20 +119,39 @@ def ascend(
 class Climb:
     """An ascent under way: the point it has come to, the transformation's state, and the iterates until there."""
 
-    def __init__(self, objective: Objective, variables: Variables, optimiser: optax.GradientTransformation):
+    def __init__(
+        self, objective: Objective, variables: Variables, optimiser: optax.GradientTransformation, metric: bool = False
+    ):
         self.objective, self.variables = objective, variables
         self.iterates: list[Iterate] = []
         self._bound = objective.of(variables.cam.cam, variables.train)
         self._optimiser = optax.with_extra_args_support(optimiser)
-        self.point: Point = variables.start
-        self.state = _typed(self._optimiser.init(_arrays(self.point)))
+        self._lagrangian = PathLagrangian(self._bound) if objective.constraints else None
+        self._held: Held | None = None
+        if self._lagrangian is not None:
+            own, begin = variables.cam.parameters, variables.cam.start
+            self._held = self._lagrangian.begin(own(begin), variables.cam.lift(begin))
+            if metric:
+                scale = self._lagrangian.metric(own, begin, self._held)
+                self.variables = Variables(variables.cam, variables.train, scale)
+        self.point: Point = self.variables.start
+        self.state = self._anew()
         self._slopes = jax.jit(jax.value_and_grad(self._value, has_aux=True))
         self._moved = jax.jit(self._move)
 
-    def _value(self, point: Mapping[str, jax.Array]) -> tuple[jax.Array, dict[str, jax.Array]]:
-        return self._bound.value_and_terms(self.variables.parameters(point))
+    def _anew(self) -> Any:
+        return _typed(self._optimiser.init(_arrays(self.point)))
 
-    def _move(self, point, state, value, gradient, faces) -> tuple[Any, Any]:
+    def _value(self, point: Mapping[str, jax.Array], held: Held | None) -> tuple[jax.Array, tuple[Any, ...]]:
+        """What is climbed, and beside it the objective's value and terms and the paths, where they are limited."""
+        parameters = self.variables.parameters(point)
+        value, terms = self._bound.value_and_terms(parameters)
+        if self._lagrangian is None or held is None:
+            return value, (value, terms, None)
+        climbed, worst, paths = self._lagrangian(value, parameters, held)
+        return climbed, (value, terms | worst, paths)
+
+    def _move(self, point, state, value, gradient, faces, held) -> tuple[Any, Any]:
         """The transformation's change of a point along its faces, and its new state."""
 
         def along(change):
@@ -126,7 +159,7 @@ class Climb:
 
         def loss(other):  # for a line search
             apart = along(jax.tree.map(jnp.subtract, other, point))
-            return -self._value(self.variables.nearest_in_jax(jax.tree.map(jnp.add, point, apart)))[0]
+            return -self._value(self.variables.nearest_in_jax(jax.tree.map(jnp.add, point, apart)), held)[0]
 
         downhill = jax.tree.map(jnp.negative, along(gradient))
         change, state = self._optimiser.update(
@@ -136,9 +169,11 @@ class Climb:
 
     def step(self, judged: bool) -> None:
         """Records the present point as an iterate, and goes to the next one."""
-        (value, terms), gradient = self._slopes(_arrays(self.point))
+        if self._lagrangian is not None and self.iterates and len(self.iterates) % ROUND == 0:
+            self._next_round(self._lagrangian)
+        (climbed, (value, terms, paths)), gradient = self._slopes(_arrays(self.point), self._held)
         gradient = {name: np.asarray(part) for name, part in gradient.items()}
-        if not np.isfinite(value) or not all(np.all(np.isfinite(part)) for part in gradient.values()):
+        if not np.isfinite(climbed) or not all(np.all(np.isfinite(part)) for part in gradient.values()):
             raise InputError(
                 f"ascend: the motion of iterate {len(self.iterates)} or its gradient cannot be followed on the "
                 f"{self.objective.path} path: take smaller steps, another start or the other path"
@@ -147,13 +182,27 @@ class Climb:
         length = np.sqrt(sum(float(np.sum((faces[name] @ part) ** 2)) for name, part in gradient.items()))
         share = self._judged_share() if judged else np.nan
         found = {name: float(part) for name, part in terms.items()}
-        self.iterates.append(Iterate(float(value), found, length, share, self.point["cam"], self.point["train"]))
-        moved, self.state = self._moved(_arrays(self.point), self.state, value, _arrays(gradient), _arrays(faces))
+        cam = self.variables.cam_vector(self.point)
+        self.iterates.append(Iterate(float(value), found, length, share, cam, self.point["train"]))
+        moved, self.state = self._moved(
+            _arrays(self.point), self.state, climbed, _arrays(gradient), _arrays(faces), self._held
+        )
         self.point = self.variables.nearest(moved)
+        if self._held is not None:
+            self._held = self._held._replace(start=paths.end)
+
+    def _next_round(self, lagrangian: PathLagrangian) -> None:
+        """Moves what the Lagrangian holds. The transformation begins anew: what it knows is of another function."""
+        assert self._held is not None
+        (_, (_, _, paths)), _ = self._slopes(_arrays(self.point), self._held)
+        lift = self.variables.cam.lift(self.variables.cam_vector(self.point))
+        self._held = lagrangian.next(self.variables.parameters(self.point), lift, self._held, paths)
+        self.state = self._anew()
 
     def _judged_share(self) -> float:
         """The largest share of a limit that the settled motion uses by event-exact; infinite for a broken shape."""
-        scene, lift = self._scene(self.point["train"]), self.variables.cam.lift(self.point["cam"])
+        scene = self._scene(self.point["train"])
+        lift = self.variables.cam.lift(self.variables.cam_vector(self.point))
         if broken_by_shape(lift, scene.design):
             return np.inf
         return float(Judge(scene, sorted(self.objective.speeds_rpm))(lift).share.max(initial=0.0))
@@ -172,7 +221,7 @@ class Climb:
 
     def save(self, path: Path) -> None:
         """Writes the ascent, from which `load` goes on to the last digit."""
-        state = [np.asarray(leaf).tolist() for leaf in jax.tree.leaves(self.state)]
+        state = [np.asarray(leaf).tolist() for leaf in jax.tree.leaves((self.state, self._held))]
         point = {name: part.tolist() for name, part in self.point.items()}
         iterates = [one.as_dict() for one in self.iterates]
         write_text(path, json.dumps({"iterates": iterates, "point": point, "state": state}))
@@ -180,12 +229,34 @@ class Climb:
     def load(self, path: Path) -> None:
         """Takes over what `save` wrote of the same ascent."""
         stored = json.loads(path.read_text(encoding="utf-8"))
-        leaves, tree = jax.tree.flatten(self.state)
+        leaves, tree = jax.tree.flatten((self.state, self._held))
         known = zip(leaves, stored["state"], strict=True)
         values = [jnp.asarray(value, dtype=leaf.dtype).reshape(leaf.shape) for leaf, value in known]
-        self.state = jax.tree.unflatten(tree, values)
+        self.state, self._held = jax.tree.unflatten(tree, values)
         self.point = {name: np.array(part, dtype=float) for name, part in stored["point"].items()}
         self.iterates = [Iterate.of(one) for one in stored["iterates"]]
+
+
+def calmest(scene: Scene, knot_deg: float) -> Lift:
+    """The free cam of a design whose coefficients are zero."""
+    assert scene.design is not None, "objective() asks for [design]"
+    free = program_cam(scene.design, knot_deg)
+    return free.lift(np.zeros(free.Z.shape[1]))
+
+
+def _check_constraints(objective: Objective, start, form: str, train, metric: bool) -> None:
+    """Refuses what goes with no constraints, and what goes with none but a free cam."""
+    if isinstance(start, str) and start != "calmest":
+        raise InputError(f"ascend: start {start!r}: expected a cam, as camopt.polydyne(scene) gives, or 'calmest'")
+    if isinstance(start, str) and form != FREE:
+        raise InputError(f"ascend: start 'calmest' with form={form!r}: it is a free cam: take form='free'")
+    if metric and (form != FREE or not objective.constraints):
+        raise InputError(
+            f"ascend: metric=True with form={form!r} and constraints {objective.constraints}: it is that of a free cam "
+            f"by the slopes of constraints: take form='free', and give objective() constraints"
+        )
+    if train and objective.constraints:
+        raise InputError("ascend: train with constraints: they hold for the train as designed: leave one of them out")
 
 
 def _typed(state: Any) -> Any:

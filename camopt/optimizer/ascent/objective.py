@@ -1,4 +1,5 @@
-"""What gradient ascent maximises: area or a metric, less penalties, over several speeds and drawn trains.
+"""What gradient ascent maximises: area or a metric, less penalties, over several speeds and drawn trains, and what it
+keeps along paths (`camopt.optimizer.ascent.lagrangian`).
 
 A metric that the scene limits is penalised by how much of its limit it uses beyond `AIM`; any other one by its value in
 its unit. Both are means over speeds and trains, times the penalty's weight.
@@ -31,6 +32,12 @@ AIM = USABLE_SHARE
 """Share of a limit from which a penalty counts, so that a cam that ends a little beyond it still holds the limit."""
 SMOOTH_STEPS = 8
 """Samples per revolution of the smooth path's record, which nobody reads: its metrics come from its own steps."""
+FORCE, GAP, SEAT_GAP = "contact_force_N", "gap_mm", "seat_gap_mm"
+CONSTRAINTS = (FORCE, GAP, SEAT_GAP)
+"""What may be limited along a revolution: the least force between cam and valve and their largest gap, in the event,
+and the valve's largest gap from its seat, from its closing to the next opening."""
+CONSTRAINED_SPEEDS = 9
+"""Speeds of the band at which constraints hold where none are asked for: between them a contact force is smooth."""
 PATHS = ("auto", "exact", "smooth")
 REPRESENTATIVE = 4
 """Number of the revolution from rest whose metrics stand for the settled motion's: it is the first in which nearly all
@@ -46,7 +53,8 @@ class Objective:
     """A number to maximise, of any cam of a scene. `of(cam)` makes it a function of that cam's parameters.
 
     `path` is "exact" or "smooth", `revolutions` the number of the revolution from rest that is measured, `trains` how
-    many drawn trains there are, by `seed`.
+    many drawn trains there are, by `seed`. `constraints` are limits along the paths of contacts that are tied by the
+    share `tie` and push across `width_um` [um].
     """
 
     scene: Scene
@@ -57,6 +65,9 @@ class Objective:
     revolutions: int
     trains: int
     seed: int
+    constraints: Mapping[str, float]
+    tie: float
+    width_um: float
 
     def of(self, cam: Lift, train: TrainVariables | None = None) -> "BoundObjective":
         """The objective as a function of the parameters of `cam`, a free cam or a family's member, and of a train's.
@@ -171,6 +182,9 @@ def objective(
     revolutions: int = REPRESENTATIVE,
     trains: int = 0,
     seed: int = 0,
+    constraints: Mapping[str, float] | None = None,
+    tie: float = 1.0,
+    width_um: float = 1.0,
 ) -> Objective:
     """A number to maximise by `camopt.ascend`: the area ratio or a metric, less penalties, as JAX differentiates it.
 
@@ -182,7 +196,14 @@ def objective(
     "exact", "smooth", or "auto", which is the exact one. `objective(...).of(cam)` is a function of that cam's
     parameters.
 
-    Raises InputError for unknown metrics and paths, speeds that are none, and scenes without valve, seat or [design].
+    `constraints` are limits that `ascend` keeps at every angle of a revolution and at every speed, on the smooth path,
+    by default at nine speeds of the band: "contact_force_N" the least force between cam and valve [N] and "gap_mm"
+    their largest gap, both from 2 deg after the ramp's top to the end of the duration, and "seat_gap_mm" the valve's
+    largest gap from its seat from its closing on. A share `tie` of the law between cam and valve is bilateral there (1:
+    contacts pull and cannot open, 0: the law of the scene); other contacts begin to push across `width_um` [um].
+
+    Raises InputError for unknown metrics, constraints and paths, speeds that are none, constraints on the exact path or
+    with drawn trains, and scenes without valve, seat or [design].
     """
     known = {AREA_RATIO, *QUANTITIES}
     weights = dict(penalties or {})
@@ -195,12 +216,40 @@ def objective(
         raise InputError(f"objective: path {path!r}: expected one of {', '.join(PATHS)}")
     if scene.design is None or scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name}: an objective needs valve, seat, [operation] and [design]")
-    speeds = tuple(float(speed) for speed in (speeds_rpm if speeds_rpm is not None else scene.operation.speeds_rpm))
+    limits = _constraints(constraints, path, trains, tie, width_um)
+    band = np.linspace(*scene.operation.band_rpm, CONSTRAINED_SPEEDS)
+    asked = speeds_rpm if speeds_rpm is not None else band if limits else scene.operation.speeds_rpm
+    speeds = tuple(float(speed) for speed in asked)
     if not speeds or not all(np.isfinite(speed) and speed > 0 for speed in speeds):
         raise InputError(f"objective: speeds_rpm {speeds_rpm}: crankshaft speeds above 0 r/min are needed")
     if revolutions < 1 or trains < 0:
         raise InputError(f"objective: revolutions {revolutions}, trains {trains}: at least 1 and 0 are needed")
-    return Objective(scene, speeds, maximise, weights, path_of(path), revolutions, trains, seed)
+    return Objective(
+        scene, speeds, maximise, weights, "smooth" if limits else path_of(path), revolutions, trains, seed,
+        limits, float(tie), float(width_um),
+    )  # fmt: skip
+
+
+def _constraints(asked: Mapping[str, float] | None, path: str, trains: int, tie, width_um) -> dict[str, float]:
+    """The limits along paths by name; they and what goes with them are checked."""
+    limits = dict(asked or {})
+    for name, limit in limits.items():
+        if name not in CONSTRAINTS:
+            known = ", ".join(CONSTRAINTS)
+            raise InputError(
+                f"objective: constraint {name!r}: expected one of {known}{did_you_mean(name, CONSTRAINTS)}"
+            )
+        if not (np.isfinite(limit) and (name == FORCE or limit > 0)):
+            raise InputError(f"objective: constraint {name} {limit}: expected a number, and above 0 for a gap, as 0.03")
+    if limits and path == "exact":
+        raise InputError("objective: constraints with path='exact': its contacts cannot be tied: take path='smooth'")
+    if limits and trains:
+        raise InputError(
+            f"objective: constraints with trains={trains}: they hold for the train as designed: leave out trains"
+        )
+    if not (0.0 <= tie <= 1.0 and np.isfinite(width_um) and width_um > 0):
+        raise InputError(f"objective: tie {tie}, width_um {width_um}: expected a share from 0 to 1 and a width above 0")
+    return {name: float(limit) for name, limit in limits.items()}
 
 
 def _share(limit: MotionLimit, values: jax.Array) -> jax.Array:

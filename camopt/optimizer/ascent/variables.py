@@ -88,6 +88,10 @@ class FreeVariables:
     def face(self, vector: np.ndarray, direction: np.ndarray) -> np.ndarray:
         return self._limits.polyhedron.face(vector, direction)
 
+    def in_metric(self, metric: np.ndarray) -> Polyhedron:
+        """The limits on vectors y with coefficients metric (m, m) @ y."""
+        return Polyhedron(self._limits.polyhedron.matrix @ metric, self._limits.polyhedron.bound)
+
 
 class FamilyVariables:
     """Factors on the own parameters of a family's member.
@@ -195,45 +199,54 @@ def drawing_excess(cam: DifferentiableCam, parameters: Mapping[str, Any], limit:
 
 
 class Variables:
-    """Everything that an ascent moves: arrays "cam" and, where numbers of the train vary, "train"."""
+    """Everything that an ascent moves: arrays "cam" and, where numbers of the train vary, "train".
 
-    def __init__(self, cam: CamVariables, train: TrainVariables):
-        self.cam, self.train = cam, train
+    With a `metric` (m, m) of a free cam, "cam" is y of the coefficients z = metric @ y, and what is nearest is so in y.
+    """
+
+    def __init__(self, cam: CamVariables, train: TrainVariables, metric: np.ndarray | None = None):
+        self.cam, self.train, self._metric = cam, train, metric
+        self._limits = cam if metric is None or not isinstance(cam, FreeVariables) else cam.in_metric(metric)
 
     @property
     def start(self) -> dict[str, np.ndarray]:
         """Where an ascent begins."""
-        return {"cam": self.cam.start, "train": np.ones(len(self.train.names))}
+        begin = self.cam.start if self._metric is None else np.linalg.solve(self._metric, self.cam.start)
+        return {"cam": begin, "train": np.ones(len(self.train.names))}
+
+    def cam_vector(self, point: Mapping[str, Any]) -> Any:
+        """The vector (m) of the cam's variables at a point."""
+        return point["cam"] if self._metric is None else self._metric @ point["cam"]
 
     def parameters(self, point: Mapping[str, Any]) -> dict[str, Any]:
         """Those of a bound objective."""
-        return self.cam.parameters(point["cam"]) | ({"train": point["train"]} if self.train.names else {})
+        return self.cam.parameters(self.cam_vector(point)) | ({"train": point["train"]} if self.train.names else {})
 
     def nearest(self, point: Mapping[str, Any]) -> dict[str, np.ndarray]:
         """The nearest point within all limits and bounds."""
         factors = np.clip(np.asarray(point["train"], dtype=float), *self.train.limits)
-        return {"cam": self.cam.nearest(np.asarray(point["cam"], dtype=float)), "train": factors}
+        return {"cam": self._limits.nearest(np.asarray(point["cam"], dtype=float)), "train": factors}
 
     def faces(self, point: Mapping[str, np.ndarray], gradient: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Projectors onto the directions in which a point may move along its gradient."""
         low, high = self.train.limits
         factors, uphill = point["train"], gradient["train"]
         held = ((factors <= low) & (uphill < 0)) | ((factors >= high) & (uphill > 0))
-        return {"cam": self.cam.face(point["cam"], gradient["cam"]), "train": np.diag(1.0 - held)}
+        return {"cam": self._limits.face(point["cam"], gradient["cam"]), "train": np.diag(1.0 - held)}
 
     def nearest_in_jax(self, point: Mapping[str, jax.Array]) -> dict[str, jax.Array]:
         """`nearest` as a JAX function, with the derivative of the point on its face; for line searches."""
         low, high = self.train.limits
-        return {"cam": _on_face(self.cam, point["cam"]), "train": jnp.clip(point["train"], low, high)}
+        return {"cam": _on_face(self._limits, point["cam"]), "train": jnp.clip(point["train"], low, high)}
 
 
-def _on_face(cam: CamVariables, vector: jax.Array) -> jax.Array:
+def _on_face(limits: CamVariables | Polyhedron, vector: jax.Array) -> jax.Array:
     """The nearest vector within the limits, differentiable by JAX: the host finds it."""
     size = vector.shape[0]
     shapes = jax.ShapeDtypeStruct((size,), float), jax.ShapeDtypeStruct((size, size), float)
 
     def found(given):
-        point, face = cam.nearest_and_face(np.array(given, dtype=float))
+        point, face = limits.nearest_and_face(np.array(given, dtype=float))
         return np.asarray(point), np.asarray(face)
 
     @jax.custom_vjp

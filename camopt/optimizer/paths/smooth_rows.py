@@ -6,11 +6,13 @@ the next one, so that over the rounds of a search the slopes come to be those of
 
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from camopt.cam.lift import Lift
 from camopt.optimizer.program.force_rows import CLOSING, OPENING, PEAK, SEAT, SpeedRows
 from camopt.optimizer.program.no_jump import NoJumpProgram
 from camopt.optimizer.program.radii import near, with_radii
@@ -147,7 +149,7 @@ class SmoothRows:
         kind = np.where(theta[inside] < 0, OPENING, CLOSING)
         blocks = []
         for s, cam_speed in enumerate(program.speeds):
-            seated = self._seated(program, z, theta, gap[:, s])
+            seated = self._seated(program, z, gap[:, s])
             parts = []
             for c, element in enumerate(train.cam_side):
                 rows = force[inside, c, s], of_force[inside, c, s]
@@ -166,17 +168,27 @@ class SmoothRows:
 
     def _event(self, program: NoJumpProgram) -> np.ndarray:
         """Indices of the angles at which the contacts between cam and valve are to push."""
-        theta = path_angles()
-        return np.flatnonzero((theta >= program.window.after_top - self._half) & (theta <= self._half - 1e-9))
+        return np.flatnonzero(in_event(path_angles(), self._half, program.window.after_top))
 
-    def _seated(self, program: NoJumpProgram, z: np.ndarray, theta: np.ndarray, gap: np.ndarray) -> np.ndarray:
-        """Indices of the angles at which the valve is to be on its seat: from the earlier one of its touch and the
-        nominal closing to the next opening foot."""
-        lift = program.cam.lift(z)
-        below = (theta > 0) & (lift(theta) <= program.train.lash)
-        touches = (theta > theta[np.argmax(gap)]) & (gap <= 0.0)
-        begin = min(theta[np.argmax(below)], theta[np.argmax(touches)] if touches.any() else np.pi)
-        return np.flatnonzero((theta >= begin) | (theta <= lift.opening_foot))[::SEAT_EVERY]
+    def _seated(self, program: NoJumpProgram, z: np.ndarray, gap: np.ndarray) -> np.ndarray:
+        """Indices of the angles at which the valve is to be on its seat."""
+        return np.flatnonzero(on_seat(program.cam.lift(z), program.train.lash, gap))[::SEAT_EVERY]
+
+
+def in_event(theta: Any, half: Any, after_top: float) -> Any:
+    """Whether the contacts between cam and valve are to push at `theta` (k) [rad], where half the duration is `half`
+    [rad]; arrays of NumPy or JAX."""
+    return (theta >= after_top - half) & (theta <= half - 1e-9)
+
+
+def on_seat(lift: Lift, lash: float, gap: np.ndarray) -> np.ndarray:
+    """Whether the valve is to be on its seat at the angles `path_angles()` (k), where its gap there is `gap` (k) [m]:
+    from the earlier one of its touch and the nominal closing to the next opening foot."""
+    theta = path_angles()
+    below = (theta > 0) & (lift(theta) <= lash)
+    touches = (theta > theta[np.argmax(gap)]) & (gap <= 0.0)
+    begin = min(theta[np.argmax(below)], theta[np.argmax(touches)] if touches.any() else np.pi)
+    return (theta >= begin) | (theta <= lift.opening_foot)
 
 
 def _largest(force: jax.Array) -> jax.Array:

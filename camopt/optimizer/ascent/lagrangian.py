@@ -1,0 +1,150 @@
+"""The augmented Lagrangian of an objective with constraints on paths, and the metric in which its steps are taken.
+
+What is limited is the contact force, or a gap, at every angle of one revolution and at every speed, with tied contacts
+(`camopt.smooth.tied`): it has a slope long before a contact opens. Each row h >= 0 is in units of its limit, a force,
+whose limit is zero as a rule, in units of the median contact force in the start's event. In place of the value v to be
+maximised stands
+
+    v - sum_i (max(0, m_i - w h_i)^2 - m_i^2) / (2 w)
+
+with multipliers m >= 0 and a weight w (Powell 1969; Rockafellar 1973). For a round of steps these are held, with the
+state in which the revolution starts and the angles at which the valve is to be seated. Then m becomes max(0, m - w h),
+w grows where the largest violation has not shrunk, and the end of the revolution is its next start.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from camopt.cam.lift import Lift
+from camopt.optimizer.ascent.objective import FORCE, GAP, SEAT_GAP, BoundObjective
+from camopt.optimizer.paths.smooth_rows import in_event, on_seat
+from camopt.optimizer.program.force_rows import Window
+from camopt.scene.errors import InputError
+from camopt.scene.train import build_train
+from camopt.scene.units import MM, UM
+from camopt.smooth.contact import Layer
+from camopt.smooth.grid import equal_grid
+from camopt.smooth.rest import rest_state
+from camopt.smooth.tied import STEPS, TiedPaths, parts_of_steps, path_angles, settled_paths, tied_paths, tied_system
+
+PATH_OF = {FORCE: (1.0, 1.0, "force"), GAP: (-1.0, MM, "gap"), SEAT_GAP: (-1.0, MM, "seat_gap")}
+"""By constraint whether it asks for more (1) or less (-1), its unit, and the path in which it stands."""
+FIRST_WEIGHT, GROWTH = 0.005, 1.5
+"""The first weight of a violation, and the factor by which it grows. A hundred times the first one leads `kodama`
+astray: the steps then follow the limits and not the area."""
+SHRUNK = 0.5
+"""Share of the last round's largest violation below which the weight stays."""
+RIDGE = 1e-6
+"""Part of the Gauss-Newton matrix's largest eigenvalue that is added to all, for directions that no row sees."""
+
+
+class Held(NamedTuple):
+    """What the Lagrangian holds for a round of steps."""
+
+    start: jax.Array  # (2, n + r, b), the state in which the revolution starts
+    seated: jax.Array  # (k, b), whether the valve is to be on its seat
+    force_unit: jax.Array  # N
+    multipliers: dict[str, jax.Array]  # of each constraint, in the shape of its rows
+    weight: jax.Array
+    worst: jax.Array  # the largest violation when the round began
+
+
+class PathLagrangian:
+    """The Lagrangian of a bound objective with constraints, in JAX."""
+
+    def __init__(self, bound: BoundObjective):
+        asked = bound.objective
+        self._bound, self._limits, self._tie = bound, asked.constraints, asked.tie
+        self._train, self._layer = build_train(asked.scene), Layer(asked.width_um * UM)
+        self._tied = tied_system(self._train)
+        speeds = np.array([asked.scene.cam_speed(speed) for speed in asked.speeds_rpm])
+        self._speeds, self._parts = jnp.asarray(speeds), parts_of_steps(self._tied, float(speeds.min()))
+
+    def _motion(self, parameters: Mapping[str, Any], start: jax.Array) -> tuple[Any, ...]:
+        """The arguments of `tied_paths` and its kin."""
+        cam, own, theta = self._bound.cam, dict(parameters), jnp.asarray(equal_grid(STEPS))
+        samples = jnp.stack([cam.lift(theta, own, order) for order in (0, 1)], axis=-1)
+        return self._tied, samples, self._speeds, start, cam.half_duration(own), self._tie, self._layer
+
+    def begin(self, parameters: Mapping[str, Any], lift: Lift) -> Held:
+        """The first round's, from the settled motion of a cam. Raises InputError where that is not finite."""
+        rest = jnp.repeat(rest_state(self._train)[:, :, None], len(self._speeds), axis=2)
+        _, paths = settled_paths(*jax.jit(self._motion)(parameters, rest), parts=self._parts)
+        if not np.all(np.isfinite(paths.end)):
+            raise InputError(
+                "ascend: the start's smoothed motion with tied contacts grows without bound at one of the speeds: take "
+                "start='calmest', other speeds or a larger width_um"
+            )
+        event = np.asarray(self._event(parameters))
+        unit = jnp.asarray(np.median(np.abs(np.asarray(paths.force)[event])))
+        weight, worst = (jnp.asarray(number, float) for number in (FIRST_WEIGHT, np.inf))
+        held = Held(paths.end, self._seated(lift, paths), unit, {}, weight, worst)
+        rows = self.rows(parameters, held, paths)
+        return held._replace(multipliers={name: jnp.zeros_like(row) for name, row in rows.items()})
+
+    def paths(self, parameters: Mapping[str, Any], held: Held, adjoint: str = "reverse") -> TiedPaths:
+        """The paths of one revolution of the cam with these parameters."""
+        return tied_paths(*self._motion(parameters, held.start), parts=self._parts, adjoint=adjoint)
+
+    def rows(self, parameters: Mapping[str, Any], held: Held, paths: TiedPaths) -> dict[str, jax.Array]:
+        """By constraint the rows (k, ..., b) that are to be no less than zero; infinite where nothing is asked."""
+        event = self._event(parameters)[:, None, None]
+        units, found = self._units(held), {}
+        for name, limit in self._limits.items():
+            sign, unit, path = PATH_OF[name]
+            room = sign * (getattr(paths, path) - limit * unit)
+            found[name] = jnp.where(held.seated if name == SEAT_GAP else event, room / units[name], jnp.inf)
+        return found
+
+    def __call__(self, value, parameters: Mapping[str, Any], held: Held) -> tuple[jax.Array, dict, TiedPaths]:
+        """The Lagrangian in place of a value, by constraint the worst of what it limits [its unit], and the paths."""
+        paths, worst, units = self.paths(parameters, held), {}, self._units(held)
+        for name, row in self.rows(parameters, held, paths).items():
+            m, w = held.multipliers[name], held.weight
+            value = value - jnp.sum(jnp.maximum(0.0, m - w * row) ** 2 - m**2) / (2 * w)
+            sign, unit, _ = PATH_OF[name]
+            worst[name] = self._limits[name] + sign * jnp.min(row) * units[name] / unit
+        return value, worst, paths
+
+    def next(self, parameters: Mapping[str, Any], lift: Lift, held: Held, paths: TiedPaths) -> Held:
+        """The next round's, after one that ended in these paths."""
+        found, weight, worst = jax.jit(self._multipliers)(parameters, held, paths)
+        return Held(paths.end, self._seated(lift, paths), held.force_unit, found, weight, worst)
+
+    def _multipliers(self, parameters: Mapping[str, Any], held: Held, paths: TiedPaths):
+        rows = self.rows(parameters, held, paths)
+        worst = jnp.maximum(0.0, -jnp.min(jnp.stack([jnp.min(row) for row in rows.values()])))
+        found = {name: jnp.maximum(0.0, held.multipliers[name] - held.weight * row) for name, row in rows.items()}
+        return found, held.weight * jnp.where(worst > SHRUNK * held.worst, GROWTH, 1.0), worst
+
+    def metric(self, parameters: Callable[[jax.Array], Mapping[str, Any]], vector: np.ndarray, held: Held):
+        """Matrix (m, m) whose columns are steps of a vector (m) that each move the rows by one unit in root mean square
+        and no two alike: from one Gauss-Newton matrix at the vector."""
+
+        def scaled(vector):
+            own = parameters(vector)
+            rows = self.rows(own, held, self.paths(own, held, "forward"))
+            row = jnp.concatenate([row.ravel() for row in rows.values()])
+            return jnp.where(jnp.isfinite(row), row, 0.0) / jnp.sqrt(jnp.sum(jnp.isfinite(row)))
+
+        at = jnp.asarray(vector)
+        along = jax.vmap(lambda way: jax.jvp(scaled, (at,), (way,))[1])
+        slopes = np.asarray(jax.jit(along)(jnp.eye(len(vector))))  # (m, r)
+        size, directions = np.linalg.eigh(slopes @ slopes.T)
+        return directions / np.sqrt(size + RIDGE * size.max())
+
+    def _event(self, parameters: Mapping[str, Any]) -> jax.Array:
+        half = self._bound.cam.half_duration(dict(parameters))
+        return in_event(jnp.asarray(path_angles()), half, Window().after_top)
+
+    def _seated(self, lift: Lift, paths: TiedPaths) -> jax.Array:
+        gaps = np.asarray(paths.seat_gap).T
+        return jnp.asarray(np.stack([on_seat(lift, self._train.lash, gap) for gap in gaps], axis=-1))
+
+    def _units(self, held: Held) -> dict[str, Any]:
+        """By constraint the unit of its rows [N] or [m]."""
+        return {name: held.force_unit if name == FORCE else limit * MM for name, limit in self._limits.items()}
