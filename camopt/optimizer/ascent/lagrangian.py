@@ -7,9 +7,9 @@ maximised stands
 
     v - sum_i (max(0, m_i - w h_i)^2 - m_i^2) / (2 w)
 
-with multipliers m >= 0 and a weight w (Powell 1969; Rockafellar 1973). For a round of steps these are held, with the
-state in which the revolution starts and the angles at which the valve is to be seated. Then m becomes max(0, m - w h),
-w grows where the largest violation has not shrunk, and the end of the revolution is its next start.
+with multipliers m >= 0 and a weight w (Powell 1969; Rockafellar 1973). For a round of steps these are held, and the
+angles at which the valve is to be seated. Then m becomes max(0, m - w h), and w grows where the largest violation has
+not shrunk. At each step the revolution starts in the state in which that of the step before ended, which no slope sees.
 """
 
 from collections.abc import Callable, Mapping
@@ -43,7 +43,7 @@ RIDGE = 1e-6
 
 
 class Held(NamedTuple):
-    """What the Lagrangian holds for a round of steps."""
+    """What the Lagrangian holds for a step and, but for the start, for a round of them."""
 
     start: jax.Array  # (2, n + r, b), the state in which the revolution starts
     seated: jax.Array  # (k, b), whether the valve is to be on its seat
