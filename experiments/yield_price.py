@@ -26,7 +26,7 @@ from camopt.optimizer.as_built.statement import yield_statement
 from camopt.optimizer.as_built.track import track
 from camopt.optimizer.baselines.family_spaces import family_space
 from camopt.optimizer.baselines.largest_member import MemberLimits, MemberMotion, member_within
-from camopt.optimizer.search.robust import with_spring
+from camopt.scene.valve_spring import with_spring
 from camopt.scene import Scene, load_scene
 from camopt.scene.design import Design
 from experiments.support.record import RESULTS, run_script, write_result

@@ -4,12 +4,12 @@ from dataclasses import asdict, dataclass
 from math import floor, log10
 from typing import Any
 
-from camopt.optimizer.search.robust import valve_spring
 from camopt.scene.design import Design
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.tolerances import Tolerance
 from camopt.scene.train import build_train
+from camopt.scene.valve_spring import valve_spring
 
 NO_JUMP, KINEMATIC = "no-jump", "kinematic"
 PROGRAMS = (NO_JUMP, KINEMATIC)

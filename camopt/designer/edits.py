@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from camopt.designer.controls import DESIGN, NO_JUMP, Control, lash_element, tolerance_key
-from camopt.optimizer.search.robust import with_spring
 from camopt.scene.errors import InputError
 from camopt.scene.faults import checked
 from camopt.scene.schema import Scene
 from camopt.scene.table import LARGEST
 from camopt.scene.text_file import excerpt
+from camopt.scene.valve_spring import with_spring
 
 NEEDED = ("valve", "seat", "operation", "design")
 LONGEST_KEY = 80

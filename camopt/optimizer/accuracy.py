@@ -14,22 +14,19 @@ class Accuracy:
     """The effort that one accuracy stands for."""
 
     knot_deg: float  # knot interval of the free cam
-    program_speeds: int  # speeds of the no-jump program over a band
-    judged_speeds: int  # speeds of the search's judge over a band
-    judge_stride: int  # one speed in so many is judged first
-    gradient_steps: int
-    margin_draws: int  # number of judged cams whose margins are drawn apart
-    path_speeds: int  # speeds of the search on paths over a band
-    feedback_rounds: int  # its programs whose margins the judge feeds back
+    program_speeds: int  # speeds of the search over a band
+    judged_speeds: int  # speeds over a band at which a cam must hold
+    judge_stride: int  # one of these in so many is judged first
+    feedback_rounds: int  # programs whose margins the judge feeds back
     verdict: Effort  # effort of the final verdict
     without_jerk_limit: bool  # whether the comparison shows the families without it as well
     every_speed_drawn: bool = True  # whether the valve's motion is drawn at every listed speed, or at both ends alone
 
 
 ACCURACIES = {
-    "draft": Accuracy(3.0, 5, 47, 4, 6, 0, 17, 16, EFFORTS["draft"], False, False),
-    "standard": Accuracy(2.0, 9, 187, 4, 16, 96, 33, 36, EFFORTS["standard"], True),
-    "fine": Accuracy(1.5, 17, 373, 8, 30, 160, 49, 48, EFFORTS["fine"], True),
+    "draft": Accuracy(3.0, 9, 93, 2, 12, EFFORTS["draft"], False, False),
+    "standard": Accuracy(2.0, 17, 373, 8, 24, EFFORTS["standard"], True),
+    "fine": Accuracy(1.5, 33, 745, 16, 40, EFFORTS["fine"], True),
 }
 
 BEYOND = 1e-3
@@ -50,11 +47,10 @@ def design_speeds(operation: Operation, speeds: str, accuracy: Accuracy) -> tupl
     """
     if speeds == "nominal":
         listed = np.array(operation.speeds_rpm)
-        near = np.concatenate([listed * (1 - BEYOND), listed, listed * (1 + BEYOND)])
-        return listed, np.sort(near)
-    low, high = operation.band_rpm
-    program = np.linspace(low, high, accuracy.program_speeds)
-    return program, np.linspace(low * (1 - BEYOND), high * (1 + BEYOND), accuracy.judged_speeds)
+        near = np.sort(np.concatenate([listed * (1 - BEYOND), listed, listed * (1 + BEYOND)]))
+        return near, near
+    low, high = operation.band_rpm[0] * (1 - BEYOND), operation.band_rpm[1] * (1 + BEYOND)
+    return np.linspace(low, high, accuracy.program_speeds), np.linspace(low, high, accuracy.judged_speeds)
 
 
 def drawn_speeds(operation: Operation, accuracy: Accuracy) -> tuple[float, ...]:

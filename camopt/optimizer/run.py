@@ -18,12 +18,11 @@ from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.candidates import Families, KnownCam, largest_confirmed
 from camopt.optimizer.first_run import SAYING, compile_programs, programs_missing
 from camopt.optimizer.free_numbers import free_numbers, with_best_values
-from camopt.optimizer.paths.search import find_cam
 from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_worth
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.progress import Progress
 from camopt.optimizer.search.journal import Journal
-from camopt.optimizer.search.search import Logbook
+from camopt.optimizer.search.search import Logbook, find_cam
 from camopt.optimizer.stage_clock import StageClock
 from camopt.scene.errors import InputError, NoCamFound
 from camopt.scene.schema import Scene
@@ -87,7 +86,7 @@ def optimize(
 
     `speeds` "band" (every speed of the scene's band) or "nominal" (its listed speeds (k) [r/min]); `accuracy` a name of
     `camopt.optimizer.accuracy`; `gradient` "exact" or "auto" for steps along exact slopes, "none" for none, or "smooth"
-    for the search on smoothed paths by JAX, which begins from the cam `start` (`camopt.optimizer.paths.search`). The
+    for the search on smoothed paths by JAX, which begins from the cam `start` (`camopt.optimizer.search.search`). The
     run folder (docs/run-folder.md) goes to `out` (default runs/<scene>-<UTC time>), but for report.html, which
     `camopt.report` makes from it. With `resume` an interrupted run in `out` goes on and ends in the same design.
     `seed`, where it is not zero, draws the knots to start from. `designed` is called with the folder once the design,

@@ -1,6 +1,6 @@
 """Motions of many cases side by side whose contacts between cam and valve may pull, and their derivatives.
 
-A case is a train at a speed. Inside the event, between the ramp tops, a share `tie` of the law of the contacts between
+A case is a train at a speed. Inside the event, between the ramp tops or a little further, a share `tie` of the law of the contacts between
 cam and valve is bilateral: their elastic force goes on below zero, and their damping pulls. In a train with lash the
 contacts that are closed at rest are tied on the ramps and on the base circle too, where a follower that hops within its
 lash would make the motion depend on its last digits; an adjuster must be free to push there. With a share of one a
@@ -40,6 +40,9 @@ TANGENT_N = 20.0
 MOST_TURNS, SETTLED = 40, 1e-10
 """Revolutions in which a motion may settle, and the change of its positions over one [m] at which it counts as such:
 the stiffest contacts then change their forces by some hundredths of a newton."""
+GROWS = 1.0 + 1e-6
+"""What of a disturbance is left after a revolution beyond which it counts as growing; of a memory that stands still it
+is one, but for rounding."""
 MOST_PARTS = 64
 """Parts of a step beyond which a train is too stiff for the lowest speed asked."""
 
@@ -108,18 +111,18 @@ def parts_of_steps(tied: TiedSystem, slowest: float) -> int:
 
 @partial(jax.jit, static_argnames=("parts", "adjoint"))
 def tied_paths(
-    tied: TiedSystem, samples, cam_speed, y0, half_duration, tie, layer: Layer, *, parts: int, adjoint: str = "forward"
+    tied: TiedSystem, samples, cam_speed, y0, event, tie, layer: Layer, *, parts: int, adjoint: str = "forward"
 ) -> TiedPaths:
     """One revolution from the states y0 (2, n + r, b) at the cam speeds (b) [rad/s].
 
-    `samples` (STEPS + 1, 2) are lift and slope at equal angles (`camopt.smooth.simulate.lift_samples`). `adjoint` is
+    The `event` is where the contacts are tied, from one angle to another [rad]. `samples` (STEPS + 1, 2) are lift and slope at equal angles (`camopt.smooth.simulate.lift_samples`). `adjoint` is
     "forward" or "reverse", the one mode in which the paths may be differentiated: in the numbers of the system, the
     samples and the start.
     """
     on = np.array(tied.system.topology.cam_side)
 
     def drive(theta):
-        inside = (theta >= -half_duration - 1e-9) & (theta < half_duration - 1e-9)
+        inside = (theta >= event[0] - 1e-9) & (theta < event[1] - 1e-9)
         lift, lift_dtheta = lift_at(samples, theta)
         return lift, lift_dtheta * cam_speed, tie * jnp.where(inside, 1.0, tied.at_rest)[:, None]
 
@@ -158,8 +161,17 @@ class Directions(NamedTuple):
     start: jax.Array | None = None  # (d, 2, n + r, b)
 
 
+class PeriodicSlopes(NamedTuple):
+    """Derivatives of a revolution that repeats itself along directions (d)."""
+
+    force: np.ndarray  # (k, c, b, d)
+    gap: np.ndarray  # (k, c, b, d)
+    seat_gap: np.ndarray  # (k, b, d)
+    start: np.ndarray  # (2, n + r, b, d)
+
+
 @partial(jax.jit, static_argnames="parts")
-def path_slopes(tied, samples, cam_speed, y0, half_duration, tie, layer: Layer, moved: Directions, *, parts: int):
+def path_slopes(tied, samples, cam_speed, y0, event, tie, layer: Layer, moved: Directions, *, parts: int):
     """The slopes of one revolution's paths along the directions, their last axis; the arguments are `tied_paths`'."""
     stays = Directions(tied, samples, y0)
     varies = [i for i, directions in enumerate(moved) if directions is not None]
@@ -168,7 +180,7 @@ def path_slopes(tied, samples, cam_speed, y0, half_duration, tie, layer: Layer, 
         now = list(stays)
         for i, value in zip(varies, varied, strict=True):
             now[i] = value
-        return tied_paths(now[0], now[1], cam_speed, now[2], half_duration, tie, layer, parts=parts)
+        return tied_paths(now[0], now[1], cam_speed, now[2], event, tie, layer, parts=parts)
 
     def along(*direction):
         return jax.jvp(revolution, tuple(stays[i] for i in varies), direction)[1]
@@ -176,11 +188,11 @@ def path_slopes(tied, samples, cam_speed, y0, half_duration, tie, layer: Layer, 
     return jax.vmap(along, out_axes=-1)(*(moved[i] for i in varies))
 
 
-def settled_paths(tied, samples, cam_speed, y0, half_duration, tie, layer: Layer, *, parts: int):
+def settled_paths(tied, samples, cam_speed, y0, event, tie, layer: Layer, *, parts: int):
     """The state (2, n + r, b) at which the last revolution on the way to a settled motion begins, and its paths; the
     arguments are `tied_paths`'."""
     for _ in range(MOST_TURNS):
-        start, paths = y0, tied_paths(tied, samples, cam_speed, y0, half_duration, tie, layer, parts=parts)
+        start, paths = y0, tied_paths(tied, samples, cam_speed, y0, event, tie, layer, parts=parts)
         y0, moved = paths.end, float(jnp.abs(paths.end - start)[0].max())
         if not np.isfinite(moved) or moved < SETTLED:
             break
@@ -188,15 +200,15 @@ def settled_paths(tied, samples, cam_speed, y0, half_duration, tie, layer: Layer
 
 
 def periodic_slopes(
-    tied, samples, cam_speed, start, half_duration, tie, layer: Layer, directions: list[Directions], *, parts: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The slopes of force (k, c, b, d), gap and seat gap (k, b, d) along all directions, of the motion that repeats
-    itself: the start moves with its end.
+    tied, samples, cam_speed, start, event, tie, layer: Layer, directions: list[Directions], *, parts: int
+) -> PeriodicSlopes:
+    """The slopes along all directions of the motion that repeats itself: the start moves with its end.
 
     With M the slope of the end by the start, and e that by a direction, the start's slope solves s = M s + e. A memory
-    that stands still all along keeps its value.
+    that stands still all along keeps its value, and so does the start where disturbances of it grow: there no motion
+    settles.
     """
-    arguments = tied, samples, cam_speed, start, half_duration, tie, layer
+    arguments = tied, samples, cam_speed, start, event, tie, layer
     n, (_, width, cases) = tied.system.mass.shape[0], start.shape
     states = np.flatnonzero(np.arange(2 * width) < width + n)
     units = np.zeros((len(states), 2 * width))
@@ -209,7 +221,9 @@ def periodic_slopes(
         for q in (by_start.end, by_direction[-1])
     )
     begin = np.linalg.pinv(np.eye(len(states)) - end, rcond=1e-12) @ pushed  # (b, q, d)
-    return tuple(
+    begin[np.abs(np.linalg.eigvals(end)).max(axis=1) > GROWS] = 0.0
+    force, gap, seat_gap = (
         own + np.einsum("...bq,bqd->...bd", np.asarray(by), begin)
         for own, by in zip(by_direction[:3], by_start[:3], strict=True)
     )
+    return PeriodicSlopes(force, gap, seat_gap, np.einsum("bqd,qx->xbd", begin, units).reshape(*start.shape, -1))

@@ -21,7 +21,7 @@ from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum, limit_worth
 from camopt.optimizer.program.no_jump import no_jump_program
-from camopt.optimizer.search.robust import with_spring
+from camopt.scene.valve_spring import with_spring
 from camopt.scene import builtin_scenes, load_scene
 from camopt.scene.train import build_train
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from camopt import load_scene
-from camopt.optimizer.paths.search import without_rows
-from camopt.optimizer.paths.smooth_rows import SmoothRows
+from camopt.optimizer.search.search import without_rows
+from camopt.optimizer.search.smooth_rows import SmoothRows
 from camopt.optimizer.program.force_rows import PEAK, SEAT
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.program_cam import program_cam

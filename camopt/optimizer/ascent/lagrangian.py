@@ -21,8 +21,8 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.optimizer.ascent.objective import FORCE, GAP, SEAT_GAP, BoundObjective
-from camopt.optimizer.paths.smooth_rows import in_event, on_seat
 from camopt.optimizer.program.force_rows import Window
+from camopt.optimizer.search.smooth_rows import in_event, on_seat
 from camopt.scene.errors import InputError
 from camopt.scene.train import build_train
 from camopt.scene.units import MM, UM
@@ -68,7 +68,8 @@ class PathLagrangian:
         """The arguments of `tied_paths` and its kin."""
         cam, own, theta = self._bound.cam, dict(parameters), jnp.asarray(equal_grid(STEPS))
         samples = jnp.stack([cam.lift(theta, own, order) for order in (0, 1)], axis=-1)
-        return self._tied, samples, self._speeds, start, cam.half_duration(own), self._tie, self._layer
+        half = cam.half_duration(own)
+        return self._tied, samples, self._speeds, start, (-half, half), self._tie, self._layer
 
     def begin(self, parameters: Mapping[str, Any], lift: Lift) -> Held:
         """The first round's, from the settled motion of a cam. Raises InputError where that is not finite."""
@@ -139,7 +140,7 @@ class PathLagrangian:
 
     def _event(self, parameters: Mapping[str, Any]) -> jax.Array:
         half = self._bound.cam.half_duration(dict(parameters))
-        return in_event(jnp.asarray(path_angles()), half, Window().after_top)
+        return in_event(jnp.asarray(path_angles()), (-half, half), Window().after_top)
 
     def _seated(self, lift: Lift, paths: TiedPaths) -> jax.Array:
         gaps = np.asarray(paths.seat_gap).T

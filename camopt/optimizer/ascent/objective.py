@@ -21,14 +21,12 @@ from camopt.cam.lift import Lift
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import MotionLimit, motion_limits
 from camopt.optimizer.ascent.train_variables import TrainVariables
-from camopt.optimizer.search.judge import USABLE_SHARE
-from camopt.optimizer.search.sensitivity import path_of
 from camopt.scene import QUANTITIES, InputError, Scene, Train, build_train
 from camopt.scene.spelling import did_you_mean
 from camopt.scene.units import DEG, MM
 
 AREA_RATIO = "area_ratio"
-AIM = USABLE_SHARE
+AIM = 0.8
 """Share of a limit from which a penalty counts, so that a cam that ends a little beyond it still holds the limit."""
 SMOOTH_STEPS = 8
 """Samples per revolution of the smooth path's record, which nobody reads: its metrics come from its own steps."""
@@ -225,7 +223,7 @@ def objective(
     if revolutions < 1 or trains < 0:
         raise InputError(f"objective: revolutions {revolutions}, trains {trains}: at least 1 and 0 are needed")
     return Objective(
-        scene, speeds, maximise, weights, "smooth" if limits else path_of(path), revolutions, trains, seed,
+        scene, speeds, maximise, weights, "smooth" if limits else "exact" if path == "auto" else path, revolutions, trains, seed,
         limits, float(tie), float(width_um),
     )  # fmt: skip
 

@@ -1,1 +1,1 @@
-"""The search for a cam: its judge, its stages, its journal, and judges that let the train be off."""
+"""The search for a cam: linear programs on tied contact forces, whose margins the non-smooth judge feeds back."""

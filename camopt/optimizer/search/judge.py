@@ -1,26 +1,30 @@
 """The search's judge: event-exact settled motion at many speeds, each limited metric as a share of its limit."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.exact.settled import settled_metrics
-from camopt.measure.limits import MotionLimit, motion_limits
+from camopt.measure.limits import motion_limits
 from camopt.scene.quantities import LESS_IS_WORSE
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.settled import PLAIN_REVOLUTIONS
 from camopt.scene.train import build_train
 
-USABLE_SHARE = 0.8
-"""Part of every limit on the motion that a search may use: the rest is for speeds and neighbours it did not see."""
+WATCHED_SHARE = 0.4
+"""Part of a limit from whose use on the speeds beside one are judged too, where not all are."""
 SETTLES, MEASURES = 16, 1
 """Revolutions that a motion may take to settle from the state of the cam judged before, and how many of a settled one
 are measured: what repeats to a micrometre need not be measured four times before the verdict does. A train with
 memories settles as everywhere else, since its oil leaks over more revolutions."""
-CRITICAL = 2
-"""Speeds judged before all others where only the answer counts: one per thread."""
+IRREGULAR, SPREAD = 1.5, "spread"
+"""What a motion that does not repeat itself uses of its limits counts so many times: it met only a part of what it
+may. The verdict finds that figures of such motions differ by a quarter to three quarters between neighbours."""
+CRITICAL = 4
+"""Speeds judged before all others where not all are: two per thread."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +39,9 @@ class Judged:
     states: np.ndarray
 
     @property
-    def holds(self) -> bool:
-        """Whether every limit is used by at most USABLE_SHARE at every speed."""
-        return bool(self.share.size == 0 or self.share.max() <= USABLE_SHARE)
+    def used(self) -> float:
+        """The largest share of a limit at any speed."""
+        return float((self.figures[SPREAD] * self.share).max(initial=0.0))
 
     @property
     def worst_speed_rpm(self) -> float:
@@ -48,10 +52,15 @@ class Judged:
         """Worst value of a metric over the speeds."""
         return float((np.min if name in LESS_IS_WORSE else np.max)(self.figures[name]))
 
-    @property
-    def share_slopes(self) -> np.ndarray:
-        """Derivative of every row of `share` by its metric (l), in one over the metrics' units."""
-        return np.array([MotionLimit(*row).share_slope for row in zip(self.limited, self.limit, strict=True)])
+
+def with_speeds_between(judged: Judged, band: Judged) -> Judged:
+    """What was judged, where each speed stands for those of the band nearest to it: with the largest of their shares."""
+    share, middle = judged.share.copy(), 0.5 * (judged.speeds_rpm[1:] + judged.speeds_rpm[:-1])
+    nearest = np.searchsorted(middle, band.speeds_rpm)
+    np.maximum.at(share, (slice(None), nearest), band.share)
+    spread = judged.figures[SPREAD].copy()
+    np.maximum.at(spread, nearest, band.figures[SPREAD])
+    return replace(judged, share=share, figures=judged.figures | {SPREAD: spread})
 
 
 def next_starts(states: np.ndarray, share: np.ndarray, anew: np.ndarray) -> np.ndarray:
@@ -67,31 +76,39 @@ def next_starts(states: np.ndarray, share: np.ndarray, anew: np.ndarray) -> np.n
 class Judge:
     """Judges cams of one scene at fixed speeds [crankshaft r/min]; remembers settled states to settle sooner.
 
-    Every `stride`-th speed is judged first, and the others only for a cam that holds there. A call with `briefly` asks
-    only whether the cam holds: the speeds at which cams used their limits most so far come before all others.
+    With a `stride` one speed in so many is judged, those at which cams used their limits most so far before all others,
+    and then those beside the ones where much is used; it ends where more than `usable` of a limit is used.
     """
 
-    def __init__(self, scene: Scene, speeds_rpm, stride: int = 1, workers: int = 2):
+    def __init__(self, scene: Scene, speeds_rpm, stride: int = 1, usable: float = np.inf, workers: int = 2):
         self.scene, self.speeds_rpm, self.stride = scene, np.asarray(speeds_rpm, dtype=float), stride
         train = build_train(scene)
-        self._train, self._workers = train, workers
+        self._train, self._workers, self._usable = train, workers, usable
         self._start = state_at_rest(train)
         self._states = np.tile(self._start, (len(self.speeds_rpm), 1))
         self._used = np.zeros(len(self.speeds_rpm))  # largest share of a limit when last judged there
         self.calls = 0
 
-    def __call__(self, lift: Lift, briefly: bool = False) -> Judged:
+    def __call__(self, lift: Lift) -> Judged:
         self.calls += 1
-        every = np.arange(len(self.speeds_rpm))
-        critical = [np.sort(np.argsort(-self._used)[:CRITICAL])] if briefly else []
+        critical = np.sort(np.argsort(-self._used)[:CRITICAL]) if self.stride > 1 else []
         found: dict[int, tuple[dict[str, float], np.ndarray]] = {}
-        for group in (*critical, every[:: self.stride], every):
-            found |= self._found(lift, np.setdiff1d(group, [*found]))
-            judged = self._judged(found)
-            if not judged.holds:
+        for group in (critical, np.arange(0, len(self.speeds_rpm), self.stride), None):
+            at = self._beside(found) if group is None else group
+            found |= self._found(lift, np.setdiff1d(at, [*found]))
+            judged = self._judged(found) if found else None
+            if judged and judged.used > self._usable:
                 break
+        assert judged is not None, "there are speeds"
         self.remember(judged)
         return judged
+
+    def _beside(self, found: Mapping[int, tuple[dict[str, float], np.ndarray]]) -> np.ndarray:
+        """Indices of the speeds beside those `found` at which much of a limit is used."""
+        judged = self._judged(found)
+        watched = np.array(sorted(found))[judged.share.max(axis=0, initial=0.0) > WATCHED_SHARE]
+        every = np.arange(len(self.speeds_rpm))
+        return every[(np.abs(every[:, None] - watched) < self.stride).any(axis=1)]
 
     def remember(self, judged: Judged) -> None:
         """Start the next settling from these states, or from rest: a resumed search settles as the unbroken one did."""
@@ -99,19 +116,19 @@ class Judge:
         self._used[at] = judged.share.max(axis=0, initial=0.0)
         self._states[at] = next_starts(judged.states, judged.share, self._start)
 
-    def _judged(self, found: dict[int, tuple[dict[str, float], np.ndarray]]) -> Judged:
+    def _judged(self, found: Mapping[int, tuple[dict[str, float], np.ndarray]]) -> Judged:
         at = sorted(found)
         limits = motion_limits(self.scene.design).values()
         names, values = tuple(m.metric for m in limits), np.array([m.value for m in limits])
         figures = {name: np.array([found[i][0][name] for i in at]) for name in found[at[0]][0]}
-        share = np.array([m.share(figures[m.metric]) for m in limits]).reshape(len(names), len(at))
+        share = np.array([m.share(figures[m.metric]) for m in limits]).reshape(-1, len(at))
         return Judged(self.speeds_rpm[at], figures, names, values, share, np.array([found[i][1] for i in at]))
 
     def _found(self, lift: Lift, at: np.ndarray) -> dict[int, tuple[dict[str, float], np.ndarray]]:
         """Figures and settled state at the speeds of the indices `at`."""
         if len(at) == 0:
             return {}
-        names = dict.fromkeys(("bounce_mm", *(n for n, _ in motion_limits(self.scene.design).values())))
+        names = dict.fromkeys(("bounce_mm", "jump_mm", *(n for n, _ in motion_limits(self.scene.design).values())))
         speeds = [self.scene.cam_speed(s) for s in self.speeds_rpm[at]]
         most = PLAIN_REVOLUTIONS if self._train.memory else SETTLES
         found = settled_metrics(
@@ -125,4 +142,5 @@ class Judge:
             workers=self._workers,
         )
         worst = {name: found.worst(name)[0, 0] for name in names}
-        return {int(i): ({n: float(worst[n][k]) for n in names}, found.states[0, 0, k]) for k, i in enumerate(at)}
+        worst[SPREAD] = np.where(found.periodic[0, 0], 1.0, IRREGULAR)
+        return {int(i): ({n: float(worst[n][k]) for n in worst}, found.states[0, 0, k]) for k, i in enumerate(at)}

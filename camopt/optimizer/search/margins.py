@@ -1,85 +1,92 @@
-"""Margins of the no-jump program moved by Adam along gradients of the metrics, before the free steps of `gradient`.
+"""Margins of the path program by kind and speed, fed back from how much of its limits the judged motion uses.
 
-Every iterate is the optimum of a linear program, so all limits on the cam's shape hold exactly. The area's slope by the
-margins is the program's dual; a metric's slope is its gradient by z times the program's own slope dz / d margins
-at its active rows. Shares of limits enter by a barrier, so that gradients are only taken where contacts barely part; a
-cam that the judge refuses sends the search back to the best one with half the step.
+The program sees tied contacts, which cannot open; the judge sees how far they do. Where the motion uses more of a limit
+than `AIM` the margin of that flank at that speed rises, where it uses less it falls, by a step that halves where its
+sign changes (as the steps of Rprop: Riedmiller and Braun 1993).
 """
+
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from camopt.optimizer.program.force_rows import Margins
-from camopt.optimizer.program.no_jump import NoCamHoldsContact, NoJumpOptimum, NoJumpProgram
-from camopt.optimizer.search.judge import USABLE_SHARE
-from camopt.optimizer.search.no_jump_stage import RESOLUTION, Search
-from camopt.optimizer.search.sensitivity import Sensitivity
+from camopt.cam.lift import Lift
+from camopt.exact.engine import prepare
+from camopt.optimizer.program.force_rows import CLOSING, OPENING, SEAT
+from camopt.optimizer.search.judge import Judged
+from camopt.scene.train import Train
+from camopt.scene.units import MM
 
-FIRST_STEP_N = 4.0
-"""Adam's first step on a margin: a fifth of the first step of the common margin."""
-BARRIER = 2e-5
-"""Area ratio that one e-fold of the room left under a limit is worth: a tenth of what the stage may gain."""
-TINY = 1e-8
-"""Adam's guard against a slope of zero."""
-USED = 0.3
-"""Share of a limit from which its slope is taken."""
-
-
-class Adam:
-    """Steps against a slope, each coordinate by its own running mean and size (Kingma and Ba, arXiv 1412.6980)."""
-
-    def __init__(self, rate: float, mean: float = 0.5, size: float = 0.9):
-        self.rate, self.mean, self.size = rate, mean, size
-        self._count, self._mean, self._size = 0, 0.0, 0.0
-
-    def __call__(self, slope: np.ndarray) -> np.ndarray:
-        """The step at a slope, in the unit of `rate`."""
-        self._count += 1
-        self._mean = self.mean * self._mean + (1 - self.mean) * slope
-        self._size = self.size * self._size + (1 - self.size) * slope**2
-        mean, size = self._mean / (1 - self.mean**self._count), self._size / (1 - self.size**self._count)
-        return -self.rate * mean / (np.sqrt(size) + TINY)
+AIM = 0.8
+"""Share of a limit that the feedback aims at: what is left is for the speeds between, and for those beside them."""
+FIRST_MARGINS_N = np.array([10.0, 0.0, 30.0])
+"""Margins at first: opening with contact excites less vibration, and the seat's are half of the limit on the bounce, so
+that what is fed back finds motions that repeat themselves."""
+ALIKE = 0.045
+"""Relative distance within which speeds are alike."""
+FIRST_STEP_N, LEAST_STEP_N, LARGEST_STEP_N = 6.0, 0.5, 60.0
+GROWTH = 1.5
+"""Growth of a step while the motion still breaks a limit after the last one."""
+LARGEST_N = 80.0
+"""Tension [N] that a margin may allow: where a limit is far, more of it would only change what is not limited."""
+MOST_ERROR = 1.5
+TRACED = 0.4
+"""Share of the limit on the jump from which it is told on which flank the contacts part."""
+MOST_SHARE = 4.0
+JUMPS = ("jump_mm", "jump_deg", "contact_force_min_N")
+SEATINGS = ("bounce_mm", "seating_velocity_m_per_s", "impact_velocity_m_per_s")
 
 
-def margin_stage(search: Search, program: NoJumpProgram, sensitivity: Sensitivity, steps: int) -> str:
-    """Improve `search.best` by at most `steps` steps of Adam on the margins (3 kinds by speeds) of `program`.
+@dataclass
+class FedBack:
+    """The margins (3, s) [N] of a search, opening flank, closing flank and seat by speed, with their last steps."""
 
-    Returns why it ended. It stops once the steps left would gain less than RESOLUTION together, to first order.
+    margins: np.ndarray
+    step: np.ndarray = field(init=False)
+    sign: np.ndarray = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.step = np.full(self.margins.shape, FIRST_STEP_N)
+        self.sign = np.zeros(self.margins.shape)
+
+    def follow(self, used: np.ndarray) -> None:
+        """Moves the margins by what the motion used (3, s) of its limits."""
+        error = np.clip((used - AIM) / AIM, -1.0, MOST_ERROR)
+        sign = np.sign(error)
+        turned, short = self.sign * sign < 0, (self.sign > 0) & (used > 1.0)
+        factor = np.where(turned, 0.5, np.where(short, GROWTH, 1.0))
+        self.step, self.sign = np.clip(self.step * factor, LEAST_STEP_N, LARGEST_STEP_N), sign
+        self.margins = np.maximum(self.margins + self.step * error, -LARGEST_N)
+
+
+def used_by_kind(train: Train, lift: Lift, judged: Judged, cam_speeds: np.ndarray) -> np.ndarray:
+    """Shares (3, s) of the limits that the judged motions at these cam speeds [rad/s] use: on the opening flank, on the
+    closing flank, at the seat.
+
+    A seating beyond its limit counts on the closing flank too, from which the valve comes. What is used at a speed
+    counts at those `ALIKE` too: margins that differ from one speed to the next suit no speed between them.
     """
-    assert search.best is not None and search.best_judged is not None, "the no-jump stage comes first"
-    best, scale = search.best, 1.0
-    margins, adam = best.margins, Adam(FIRST_STEP_N)
-    slope = loss_slope(best, search, sensitivity)
-    for taken in range(steps):
-        update = scale * adam(slope)
-        promised = (steps - taken) * max(0.0, -float(np.sum(slope * update)))
-        if promised < RESOLUTION:
-            return f"after {taken} of {steps} steps on the margins, where the steps left promised {promised:.2g}"
-        moved = margins + update
-        try:
-            found = program.solve(Margins(*moved))
-        except NoCamHoldsContact:
-            scale *= 0.5
-            continue
-        search.consider("margins by gradient", found, briefly=True)
-        if search.best is best:
-            scale *= 0.5
-            continue
-        best, margins = found, moved
-        slope = loss_slope(best, search, sensitivity)
-    return f"after all {steps} steps on the margins"
+    used = np.zeros((3, len(cam_speeds)))
+    for metric, share, limit in zip(judged.limited, judged.share, judged.limit, strict=True):
+        share = np.minimum(share, MOST_SHARE)
+        if metric in SEATINGS:
+            used[SEAT] = np.maximum(used[SEAT], share)
+            used[CLOSING] = np.maximum(used[CLOSING], np.where(share > 1.0, share, 0.0))
+        elif metric in JUMPS:
+            flanks = np.stack([share, share])
+            for s in np.flatnonzero(share > TRACED) if metric == "jump_mm" else ():
+                if np.all(np.isfinite(judged.states[s])):
+                    apart = _openings(train, lift, cam_speeds[s], judged.states[s]) / (limit * MM)
+                    flanks[:, s] = np.minimum(apart * share[s] / max(apart.max(), 1e-9), MOST_SHARE)
+            used[[OPENING, CLOSING]] = np.maximum(used[[OPENING, CLOSING]], flanks)
+    alike = np.abs(cam_speeds[:, None] / cam_speeds - 1.0) <= ALIKE
+    return np.where(alike, used[:, None, :], 0.0).max(axis=2)
 
 
-def loss_slope(best: NoJumpOptimum, search: Search, sensitivity: Sensitivity) -> np.ndarray:
-    """d (barrier - area ratio) / d margins [1/N] at the best cam, shape (3, speeds)."""
-    judged = search.best_judged
-    assert judged is not None
-    largest = judged.share.max(axis=0)
-    rows = np.argsort(-largest)[: sensitivity.width]
-    rows = rows[largest[rows] > USED]
-    if len(rows) == 0:
-        return -best.margin_prices
-    _, gradients = sensitivity(best.z, judged, rows)  # (r, l, m)
-    room = np.maximum(USABLE_SHARE - judged.share[:, rows].T, 0.01)
-    weight = np.where(judged.share[:, rows].T > USED, BARRIER / room, 0.0) * judged.share_slopes
-    by_z = np.einsum("rl,rlm->m", weight, np.nan_to_num(gradients))
-    return np.einsum("m,mks->ks", by_z, best.jacobian()) - best.margin_prices
+def _openings(train: Train, lift: Lift, cam_speed: float, state: np.ndarray) -> np.ndarray:
+    """Largest separation [m] of the contacts between cam and valve on the opening and the closing flank, in the
+    revolution from a settled state."""
+    motion = prepare(train, lift, cam_speed)(state)
+    apart = train.touch_compression - train.compression(motion.x, motion.lift)
+    apart, theta = apart[:, list(train.cam_side)].max(axis=1), motion.angle
+    flanks = (theta >= -lift.half_duration) & (theta < 0.0), (theta >= 0.0) & (theta <= lift.half_duration)
+    return np.array([max(0.0, float(apart[flank].max())) for flank in flanks])

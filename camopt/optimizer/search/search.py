@@ -1,36 +1,50 @@
-"""The search for a cam, without a run folder around it: the no-jump program and, if asked for, the gradient stage."""
+"""The search for a cam: linear programs on the paths of tied contacts, whose margins the non-smooth judge feeds back.
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+From a start the rows of the contact forces and of the gap at the seat are taken about the present cam, a linear program
+finds the largest area within a box about it, and its cam is the next one, until little is promised. Then every
+program's cam is judged by event-exact, and the margins of each flank at each speed follow what it uses of the limits.
+The rows come from one of two sources, which nothing here tells apart: for any law the Jacobian of the smoothed motion
+by JAX (`smooth_rows`), or for laws that are straight in pieces the closed periodic response (`exact_rows`).
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from camopt.cam.families.free import FreeCam
+from camopt.cam.lift import Lift
 from camopt.optimizer.accuracy import Accuracy, design_speeds
-from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
+from camopt.optimizer.ascent.projection import ShapeLimits
+from camopt.optimizer.program.force_rows import SpeedRows, Window
+from camopt.optimizer.program.kinematic import area_ratio_row
+from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram
+from camopt.optimizer.program.phases import Angles
 from camopt.optimizer.program.program_cam import program_cam
-from camopt.optimizer.program.relocation import standing
-from camopt.optimizer.search.journal import Journal
-from camopt.optimizer.search.judge import Judge
-from camopt.optimizer.search.no_jump_stage import Search, margins_apart, no_jump_stage
-from camopt.optimizer.search.robust import Perturbation, RobustJudge
-from camopt.optimizer.stage_clock import StageClock
+from camopt.optimizer.search.cams import BETWEEN_SHARE, RESOLUTION, Logbook, Search
+from camopt.optimizer.search.judge import Judge, Judged
+from camopt.optimizer.search.margins import FIRST_MARGINS_N, FedBack, used_by_kind
+from camopt.optimizer.search.none_holds import why_none_holds
+from camopt.optimizer.search.region import RowSource, first_region, stepped
+from camopt.scene.design import Design
+from camopt.scene.errors import NoCamFound
 from camopt.scene.schema import Scene
-from camopt.scene.train import build_train
+from camopt.scene.standing_in import is_linear
+from camopt.scene.train import Train, build_train
 
 KNOT_SPREAD = 0.1
 """Share of itself by which a seed may change the knot interval."""
-BETWEEN_SHARE = 0.9
-"""Part of every limit on the motion that a cam may use between the speeds at which it was searched."""
-
-
-@dataclass(frozen=True)
-class Logbook:
-    """What a search leaves behind on its way: the cams it judged, every step it shows, and what its stages cost."""
-
-    journal: Journal = field(default_factory=lambda: Journal(None))
-    show: Callable[[dict], None] = lambda line: None
-    clock: StageClock = field(default_factory=StageClock)
+SETTLED_GAIN = 1e-3
+"""Promised gain of area ratio below which margins are fed back."""
+MOST_FIRST = 20
+"""Programs after which margins are fed back in any case."""
+RENEWED = (0, 2, 6)
+"""Rounds of the feedback after which the rows are taken about the present cam again."""
+RENEWED_EVERY = 4
+"""The same for trains whose laws are not straight, after so many rounds each."""
+BLENDS = 5
+"""Cams between the largest one that holds and a larger one that does not, each halving what is left."""
 
 
 def knot_interval_deg(effort: Accuracy, seed: int) -> float:
@@ -45,73 +59,123 @@ def find_cam(
     scene: Scene,
     speeds: str,
     effort: Accuracy,
-    gradient: str = "none",
+    gradient: str = "auto",
     *,
     log: Logbook | None = None,
-    perturbations: Mapping[str, Perturbation] | None = None,
+    start: Lift | None = None,
     seed: int = 0,
 ) -> tuple[Search, NoJumpOptimum]:
-    """The search with the largest cam that the event-exact judge confirms, and the linear program's own best cam.
+    """The search with its confirmed cams, each larger than the one before, and the cam of its first stage.
 
-    `speeds` is "band" or "nominal"; `gradient` is "none", or "exact" or "auto" for a gradient stage along the slopes of
-    event-exact. With `perturbations` (by name) the limits on the motion must
-    hold under each of them too. `seed` draws the margins and, where it is not zero, the knot interval, which besides
-    the limits is all that a search starts from. Raises NoCamFound where no cam holds.
+    `speeds` is "band" or "nominal". With `gradient` "smooth", for which "auto" stands, the slopes are those of the
+    smoothed motion by JAX, with "exact" those of the closed periodic response, and with "none" the search ends before
+    margins are fed back. It begins from the cam within the limits on the shape that is nearest to `start`, by default
+    from the calmest one. `seed`, where it is not zero, draws the knots. Raises NoCamFound where no cam holds.
     """
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
     log = log or Logbook()
     cam = program_cam(design, knot_interval_deg(effort, seed))
-    program_speeds, judged_speeds = design_speeds(operation, speeds, effort)
-    cam_speeds = [scene.cam_speed(s) for s in program_speeds]
-    with log.clock.stage("no_jump"):
-        program = standing(no_jump_program(build_train(scene), design, cam, cam_speeds))
-        judge = Judge(scene, judged_speeds, effort.judge_stride if speeds == "band" else 1)
-        if perturbations:
-            judge = RobustJudge(judge, perturbations)
-            program = _with_perturbed(program, cam_speeds, scene, perturbations)
-        search = Search(judge, log.journal, log.show)
-        program = no_jump_stage(search, program)
-        margins_apart(search, program, effort.margin_draws, seed)
-        between = Judge(scene, 0.5 * (judged_speeds[1:] + judged_speeds[:-1])) if speeds == "band" else None
-        hold_between(search, between)
-    no_jump = search.best
-    assert no_jump is not None, "the stage raises where nothing is confirmed"
-    if gradient != "none":
-        from camopt.optimizer.search.gradient_stage import gradient_stage  # loads the adjoint's programs
-
-        with log.clock.stage("gradient"):
-            search.gradient_ended = gradient_stage(search, program, effort.gradient_steps)
-            hold_between(search, between)
-    return search, no_jump
+    searched, band = design_speeds(operation, speeds, effort)
+    between = Judge(scene, band, effort.judge_stride, BETWEEN_SHARE) if speeds == "band" else None
+    smooth = gradient in ("auto", "smooth")
+    if smooth:
+        import jax.monitoring  # noqa: F401  the clock listens to its compilations
+    with log.clock.stage("search"):
+        program = without_rows(build_train(scene), design, cam, [scene.cam_speed(speed) for speed in searched])
+        source = _source(smooth, program)
+        search = Search(Judge(scene, searched), between, source, log, start.family if start else "calmest")
+        program, z = source.first(program, _nearest(cam, design, start) if start else np.zeros(cam.Z.shape[1]))
+        _programs(search, source, program, z, 0 if gradient == "none" else effort.feedback_rounds)
+        _blend(search)
+        search.confirm()
+    if not search.confirmed:
+        raise NoCamFound(why_none_holds([judged for _, judged in search.seen], program))
+    assert search.first is not None, "the first stage has a program"
+    return search, search.first
 
 
-def _with_perturbed(
-    program: NoJumpProgram, cam_speeds: Sequence[float], scene: Scene, perturbations: Mapping[str, Perturbation]
-) -> NoJumpProgram:
-    """The program with the contact forces of every perturbed train, too, at the cam speeds [rad/s]."""
-    for perturbed in perturbations.values():
-        if perturbed.scene is not scene:
-            program = program.extended(cam_speeds, build_train(perturbed.scene))
-    return program
+def without_rows(train: Train, design: Design, cam: FreeCam, speeds: Sequence[float] | np.ndarray) -> NoJumpProgram:
+    """The program at cam speeds [rad/s] before its rows are known, with contacts that switch at the ramp tops."""
+    top = float(cam.breaks[-1])
+    angles = Angles(-top, -top, top, top)
+    nothing = np.zeros((0, cam.Z.shape[1])), np.zeros(0), np.zeros(0, int), np.zeros(0, int), np.zeros(0)
+    blocks = tuple(SpeedRows(train, float(speed), angles, *nothing) for speed in speeds)
+    return NoJumpProgram(train, design, cam, Window(), blocks)
 
 
-def hold_between(search: Search, between: Judge | None) -> None:
-    """Drops confirmed cams, the largest first, that do not hold between the judged speeds of a band.
+def _source(smooth: bool, program: NoJumpProgram) -> RowSource:
+    """The source of the rows; only the smoothed motion loads JAX."""
+    if not smooth:
+        from camopt.optimizer.search.exact_rows import ExactRows
 
-    Among many drawn cams some hold at just the judged speeds. The last cam stays in any case, and so do all where none
-    keeps the reserve at the judged speeds, since the verdict then decides.
+        return ExactRows()
+    from camopt.optimizer.search.smooth_rows import SmoothRows
+
+    return SmoothRows(program)
+
+
+def _nearest(cam: FreeCam, design: Design, start: Lift) -> np.ndarray:
+    """The coefficients z (m) of the free cam within the limits on the shape whose lift differs least from `start`."""
+    limits = ShapeLimits(cam, design)
+    return limits.nearest(limits.nearest_to(start))
+
+
+def _programs(search: Search, source: RowSource, program: NoJumpProgram, z: np.ndarray, rounds: int) -> None:
+    """Programs from the cam of z (m) on: with the first margins until one promises little more area or its cam does not
+    settle, then so many rounds whose margins follow what the judged motion uses of the limits.
+
+    A cam whose valve does not seat is the centre of no program where others held.
     """
-    if search.best_judged and not search.best_judged.holds:
+    row, constant = area_ratio_row(program.design, program.cam)
+    region, fed = first_region(program.design), FedBack(np.tile(FIRST_MARGINS_N[:, None], len(program.blocks)))
+    renewed = _due(is_linear(program.train), rounds)
+    settled, left = False, rounds
+    while left or not settled:
+        found = stepped(source, program, z, region, fed.margins)
+        judged = search.consider("margins fed back" if settled else "path constraints", found)
+        seats = bool(np.all(np.isfinite(judged.share))) or not search.held
+        gain = abs(found.area_ratio - float(row @ z + constant))
+        if not settled:
+            search.first = found
+            settled = not seats or search.steps >= MOST_FIRST or (gain < SETTLED_GAIN and found.margins.min() >= 0.0)
+            due = True
+        else:
+            due = renewed[rounds - left]
+            left -= 1
+        if settled:
+            fed.follow(used_by_kind(program.train, found.lift, judged, program.speeds))
+        if seats:
+            z = found.z
+            program = source.about(program, z) if due else program
+
+
+def _due(straight: bool, rounds: int) -> np.ndarray:
+    """Whether the rows are taken anew after each round (rounds) of the feedback."""
+    numbers = np.arange(rounds)
+    return np.isin(numbers, RENEWED) | ((not straight) & (numbers % RENEWED_EVERY == 0))
+
+
+def _blend(search: Search) -> None:
+    """Judges cams between the largest one that holds and a larger one that does not: that with which the limits let
+    most area through, if what is used of them grows in proportion."""
+    if search.best is None:
         return
-    dropped = False
-    while between and len(search.confirmed) > 1 and _used(between, search) > BETWEEN_SHARE:
-        search.confirmed.pop()
-        dropped = True
-    if dropped:
-        search.best_judged = search.judge(search.confirmed[-1].lift)
+    best, used = search.best, search.held[-1][1].used
+
+    def promised(one: tuple[NoJumpOptimum, Judged]) -> float:
+        within = (1.0 - used) / max(one[1].used - used, 1.0 - used)
+        return within * (one[0].area_ratio - best.area_ratio)
+
+    beyond, low, high = max(search.seen, key=promised)[0], 0.0, 1.0
+    for _ in range(BLENDS if beyond.area_ratio > best.area_ratio + RESOLUTION else 0):
+        share = 0.5 * (low + high)
+        between = _between(best, beyond, share)
+        search.consider("between two cams", between)
+        low, high = (share, high) if search.best is between else (low, share)
 
 
-def _used(judge: Judge, search: Search) -> float:
-    """The largest share of a limit that the largest confirmed cam uses at the judge's speeds."""
-    return float(judge(search.confirmed[-1].lift).share.max(initial=0.0))
+def _between(one: NoJumpOptimum, other: NoJumpOptimum, share: float) -> NoJumpOptimum:
+    """The cam a `share` of the way from one to the other; the limits on the shape let it through with both."""
+    z = (1 - share) * one.z + share * other.z
+    return replace(other, z=z, area_ratio=(1 - share) * one.area_ratio + share * other.area_ratio)

@@ -26,11 +26,11 @@ def smooth_paths(
     parts = max(parts_of_steps(tied, float(cam_speeds.min())) for tied in systems)
     grid = equal_grid(STEPS)
     basis = Directions(samples=jnp.asarray(np.stack([(cam.basis(grid, k)[0] @ cam.Z).T for k in (0, 1)], axis=-1)))
-    half, speeds, found = float(cam.breaks[-1]), jnp.asarray(cam_speeds), []
+    event, speeds, found = (-cam.breaks[-1], cam.breaks[-1]), jnp.asarray(cam_speeds), []
     for case, tied in zip(cases, systems, strict=True):
         samples = jnp.asarray(lift_samples(case.nominal.lift, STEPS))
         rest = jnp.repeat(rest_state(case.nominal.train)[:, :, None], len(speeds), axis=2)
-        motion = speeds, half, tie, Layer(width)
+        motion = speeds, event, tie, Layer(width)
         start, paths = settled_paths(tied, samples, speeds, rest, *motion[1:], parts=parts)
         moved = np.abs(np.asarray(paths.end - start))[0].max(axis=0)
         if not np.all(np.isfinite(moved)):
@@ -42,7 +42,8 @@ def smooth_paths(
         directions = [basis, _numbers(case, tied)] if len(case.steps) else [basis]
         slopes = periodic_slopes(tied, samples, speeds, start, *motion[1:], directions, parts=parts)
         values = paths.force, paths.gap, paths.seat_gap
-        joined = [np.concatenate([np.asarray(v)[..., None], s], axis=-1) for v, s in zip(values, slopes, strict=True)]
+        pairs = zip(values, slopes[:3], strict=True)
+        joined = [np.concatenate([np.asarray(v)[..., None], s], axis=-1) for v, s in pairs]
         force, gap, seat_gap = (np.moveaxis(q, -2, 0) for q in joined)
         found.append(LinearPaths(force, gap, seat_gap, moved))
     return found

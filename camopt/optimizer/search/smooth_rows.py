@@ -1,12 +1,11 @@
 """Rows of the path program from the smoothed motion with tied contacts, by the JAX Jacobian along it: of any law.
 
-The Jacobian holds the start of the revolution's tangents: those that the last Jacobian had at its end are the seeds of
-the next one, so that over the rounds of a search the slopes come to be those of the periodic motion.
+The slopes are those of the motion that repeats itself. They foretell where a revolution of another cam begins, and from
+there its motion settles in a few revolutions.
 """
 
 from dataclasses import replace
-from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,6 +14,7 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.optimizer.program.force_rows import CLOSING, OPENING, PEAK, SEAT, SpeedRows
 from camopt.optimizer.program.no_jump import NoJumpProgram
+from camopt.optimizer.program.phases import static_angles
 from camopt.optimizer.program.radii import near, with_radii
 from camopt.optimizer.program.tangents import HELD_N
 from camopt.optimizer.program.waves import with_switches
@@ -23,7 +23,18 @@ from camopt.scene.units import MM
 from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.rest import rest_state
-from camopt.smooth.tied import STEPS, WIDTH, TiedPaths, parts_of_steps, path_angles, tied_paths, tied_system
+from camopt.smooth.tied import (
+    STEPS,
+    WIDTH,
+    Directions,
+    PeriodicSlopes,
+    TiedPaths,
+    parts_of_steps,
+    path_angles,
+    periodic_slopes,
+    tied_paths,
+    tied_system,
+)
 
 MOST_TURNS = 12
 """Revolutions that the tied motion may take to settle from where the one before ended."""
@@ -43,9 +54,6 @@ SEAT_EVERY = 2
 KEPT, TOLERATED = 0.003, 0.05
 """Errors of the forces foretold, as parts of the largest one: up to the first slopes are kept, as a step of a margin is
 about as large, and up to the second a change is too small to judge them by."""
-MOST_REPEATED, PERIODIC, GROWING = 4, 0.05, 0.5
-"""How often the first slopes are taken again, the relative change of those at the end that is small enough, and the one
-from which the motion at a speed counts as irregular: its start is held there when the next slopes are taken."""
 
 
 class SmoothRows:
@@ -58,13 +66,15 @@ class SmoothRows:
         self._tied = tied_system(train)
         grid = equal_grid(STEPS)
         pieces = [cam.basis(grid, order) for order in (0, 1)]
-        self._basis = jnp.asarray(np.stack([matrix @ cam.Z for matrix, _ in pieces], axis=1))
-        self._offset = jnp.asarray(np.stack([offset + matrix @ cam.x_p for matrix, offset in pieces], axis=1))
+        self._basis = np.stack([matrix @ cam.Z for matrix, _ in pieces], axis=1)
+        self._offset = np.stack([offset + matrix @ cam.x_p for matrix, offset in pieces], axis=1)
         self._speeds = jnp.asarray(program.speeds)
         self._parts = parts_of_steps(self._tied, float(program.speeds.min()))
-        self._half = float(cam.breaks[-1])
+        self._tied_in = -float(cam.breaks[-1]), _end_of_contact(program)
         self._rest = jnp.repeat(rest_state(train)[:, :, None], len(self._speeds), axis=2)
-        self._start, self._seeds, self._known, self._paths, self._missed = self._rest, None, None, None, np.inf
+        self._known: _Known | None = None  # about which the rows are
+        self._paths: TiedPaths | None = None  # of the cam that was asked for last
+        self._missed = np.inf
         self.jacobians = 0
 
     def first(self, program: NoJumpProgram, z: np.ndarray) -> tuple[NoJumpProgram, np.ndarray]:
@@ -79,14 +89,15 @@ class SmoothRows:
 
     def error_at(self, program: NoJumpProgram, z: np.ndarray) -> float:
         """The error of the forces that the rows foretold for the cam of z (m), as a part of their change."""
-        self._paths = self._settled(z, self._start) or self._settled(z, self._rest)
-        if self._paths is None or self._known is None:
+        known = self._known
+        self._paths = self._settled(z, known.start(z) if known else self._rest) or self._settled(z, self._rest)
+        if self._paths is None or known is None:
             return np.inf
-        before, slopes, at = self._known
         event = self._event(program)
-        foretold = before.force[event] + slopes.force[event] @ jnp.asarray(z - at)
-        size = _largest(before.force[event])
-        missed, moved = (_largest(self._paths.force[event] - force) for force in (foretold, before.force[event]))
+        before = known.paths.force[event]
+        foretold = before + jnp.asarray(known.slopes.force[event] @ (z - known.at))
+        size = _largest(before)
+        missed, moved = (_largest(self._paths.force[event] - force) for force in (foretold, before))
         self._missed = float((missed / size).max())
         return float(jnp.median(missed / (moved + TOLERATED * size)))
 
@@ -95,37 +106,33 @@ class SmoothRows:
         forces well are kept."""
         if self._paths is None:
             raise NoCamFound("the smoothed motion with tied contacts grows without bound at one of the speeds searched")
-        slopes = self._known[1] if self._known and self._missed < KEPT else self._slopes(z)
-        self._known = self._paths, slopes, z
-        program = replace(program, blocks=self._blocks(program, z, self._paths, slopes))
+        keeps = self._known is not None and self._missed < KEPT
+        self._known = _Known(self._paths, self._known.slopes if keeps else self._slopes(z, self._paths.end), z)
+        program = replace(program, blocks=self._blocks(program, self._known))
         return (
             program if program.cam.about.near is None else replace(program, cam=near(program.cam, program.cam.lift(z)))
         )
 
-    def _slopes(self, z: np.ndarray) -> TiedPaths:
-        """The slopes by z (m); the first ones are taken again from their own end until they are periodic."""
-        first = self._seeds is None
-        seeds = jnp.zeros((*self._start.shape, len(z))) if self._seeds is None else self._seeds
-        for _ in range(MOST_REPEATED if first else 1):
-            slopes = _jacobian(
-                self._tied, self._offset, self._basis, jnp.asarray(z), self._speeds, self._start, seeds, self._half,
-                parts=self._parts,
-            )  # fmt: skip
-            change = _size(slopes.end - seeds) / _size(slopes.end)
-            regular = (change < GROWING) | (_size(seeds) == 0.0)
-            seeds, self.jacobians = jnp.where(regular[:, None], slopes.end, 0.0), self.jacobians + 1
-            if float(jnp.median(change)) < PERIODIC:
-                break
-        self._seeds = seeds
-        return slopes
+    def _samples(self, z: np.ndarray) -> jax.Array:
+        """Lift and slope of the cam of z (m) at the ends of the steps (STEPS + 1, 2)."""
+        return jnp.asarray(self._offset + self._basis @ z)
+
+    def _slopes(self, z: np.ndarray, start: jax.Array) -> PeriodicSlopes:
+        """The slopes by z (m) of the motion that repeats itself from `start`."""
+        self.jacobians += 1
+        along = Directions(samples=jnp.asarray(np.moveaxis(self._basis, 2, 0)))
+        motion = self._samples(z), self._speeds, start, self._tied_in, 1.0, Layer(WIDTH)
+        return periodic_slopes(self._tied, *motion, [along], parts=self._parts)
 
     def _settled(self, z: np.ndarray, start: jax.Array) -> TiedPaths | None:
         """The settled motion's paths from `start` or, at speeds at which the valve is off its seat at the end, from
         rest, since an adjuster that pumped up would stay so. None where the motion is not finite."""
-        samples, layer = self._offset + self._basis @ jnp.asarray(z), Layer(WIDTH)
+        samples, layer = self._samples(z), Layer(WIDTH)
         for _ in range(2):
             for _ in range(MOST_TURNS):
-                paths = tied_paths(self._tied, samples, self._speeds, start, self._half, 1.0, layer, parts=self._parts)
+                paths = tied_paths(
+                    self._tied, samples, self._speeds, start, self._tied_in, 1.0, layer, parts=self._parts
+                )
                 moved = float(jnp.abs(paths.end - start)[0].max())
                 start = paths.end
                 if not np.isfinite(moved) or moved < SETTLED:
@@ -134,15 +141,12 @@ class SmoothRows:
             if not np.isfinite(moved) or not bool(open_ends.any()):
                 break
             start = jnp.where(open_ends, self._rest, start)
-        if not np.isfinite(moved):
-            return None
-        self._start = start
-        return paths
+        return paths if np.isfinite(moved) else None
 
-    def _blocks(self, program: NoJumpProgram, z: np.ndarray, values: TiedPaths, slopes: TiedPaths):
-        design, train, theta = program.design, program.train, path_angles()
-        force, gap = np.asarray(values.force), np.asarray(values.seat_gap)
-        of_force, of_gap = np.asarray(slopes.force), np.asarray(slopes.seat_gap)
+    def _blocks(self, program: NoJumpProgram, known: "_Known") -> tuple[SpeedRows, ...]:
+        design, train, theta, z = program.design, program.train, path_angles(), known.at
+        force, gap = np.asarray(known.paths.force), np.asarray(known.paths.seat_gap)
+        of_force, of_gap = known.slopes.force, known.slopes.seat_gap
         inside = self._event(program)
         bounce = (design.bounce_max_mm or BOUNCE / MM) * MM
         to_newtons = NEWTONS_PER_LIMIT / bounce
@@ -168,17 +172,17 @@ class SmoothRows:
 
     def _event(self, program: NoJumpProgram) -> np.ndarray:
         """Indices of the angles at which the contacts between cam and valve are to push."""
-        return np.flatnonzero(in_event(path_angles(), self._half, program.window.after_top))
+        return np.flatnonzero(in_event(path_angles(), self._tied_in, program.window.after_top))
 
     def _seated(self, program: NoJumpProgram, z: np.ndarray, gap: np.ndarray) -> np.ndarray:
         """Indices of the angles at which the valve is to be on its seat."""
         return np.flatnonzero(on_seat(program.cam.lift(z), program.train.lash, gap))[::SEAT_EVERY]
 
 
-def in_event(theta: Any, half: Any, after_top: float) -> Any:
-    """Whether the contacts between cam and valve are to push at `theta` (k) [rad], where half the duration is `half`
-    [rad]; arrays of NumPy or JAX."""
-    return (theta >= after_top - half) & (theta <= half - 1e-9)
+def in_event(theta: Any, event: Any, after_top: float) -> Any:
+    """Whether the contacts between cam and valve are to push at `theta` (k) [rad], where they are tied over the `event`
+    from one angle to another [rad]; arrays of NumPy or JAX."""
+    return (theta >= event[0] + after_top) & (theta <= event[1] - 1e-9)
 
 
 def on_seat(lift: Lift, lash: float, gap: np.ndarray) -> np.ndarray:
@@ -191,24 +195,28 @@ def on_seat(lift: Lift, lash: float, gap: np.ndarray) -> np.ndarray:
     return (theta >= begin) | (theta <= lift.opening_foot)
 
 
+def _end_of_contact(program: NoJumpProgram) -> float:
+    """Angle [rad] up to which the contacts between cam and valve are to push: a little before the seat takes the load
+    over, or the ramp top where the ramp is too low to say."""
+    top = float(program.cam.breaks[-1])
+    try:
+        return max(top, static_angles(program.train, program.cam).seat_closes - program.window.before_seat)
+    except NoCamFound:
+        return top
+
+
 def _largest(force: jax.Array) -> jax.Array:
     """The largest absolute value of forces (k, c, b) [N] at each speed (b)."""
     return jnp.abs(force).max(axis=(0, 1))
 
 
-def _size(slopes: jax.Array) -> jax.Array:
-    """Euclidean norm of the positions' slopes (2, n + r, b, m) at each speed (b)."""
-    return jnp.sqrt(jnp.sum(slopes[0] ** 2, axis=(0, 2)))
+class _Known(NamedTuple):
+    """The settled paths of a cam `at` z (m), and slopes that hold there."""
 
+    paths: TiedPaths
+    slopes: PeriodicSlopes
+    at: np.ndarray
 
-@partial(jax.jit, static_argnames="parts")
-def _jacobian(tied, offset, basis, z, speeds, start, seeds, half, *, parts: int) -> TiedPaths:
-    """The slopes of one revolution's paths by z (m), the last axis, with the start's slopes `seeds`."""
-
-    def paths(z, start):
-        return tied_paths(tied, offset + basis @ z, speeds, start, half, 1.0, Layer(WIDTH), parts=parts)
-
-    def along(direction, seed):
-        return jax.jvp(paths, (z, start), (direction, seed))[1]
-
-    return jax.vmap(along, in_axes=(0, -1), out_axes=-1)(jnp.eye(len(z)), seeds)
+    def start(self, z: np.ndarray) -> jax.Array:
+        """Where the settled revolution of another cam begins, as the slopes foretell it."""
+        return self.paths.end + jnp.asarray(self.slopes.start @ (z - self.at))

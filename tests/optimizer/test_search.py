@@ -7,8 +7,8 @@ import pytest
 
 from camopt import load_scene, optimize, polydyne
 from camopt.optimizer.accuracy import ACCURACIES
-from camopt.optimizer.paths.margins import AIM, FIRST_STEP_N, LARGEST_N, LEAST_STEP_N, FedBack
-from camopt.optimizer.paths.search import find_cam, search_paths
+from camopt.optimizer.search.margins import AIM, FIRST_STEP_N, LARGEST_N, LEAST_STEP_N, FedBack
+from camopt.optimizer.search.search import find_cam, search_paths
 from camopt.scene import InputError
 
 EFFORT = replace(ACCURACIES["draft"], knot_deg=6.0, feedback_rounds=6)

@@ -1,1 +1,0 @@
-"""The search on paths: linear programs on tied contact forces, whose margins the non-smooth judge feeds back."""
