@@ -34,9 +34,9 @@ def _optimize(command: Command) -> None:
         "--gradient",
         choices=("auto", "smooth", "exact", "none"),
         default="auto",
-        help="along exact slopes, none, or the search on smoothed paths by JAX (auto: exact)",
+        help="slopes of the smoothed motion by JAX, of the exact one, or the first stage alone (auto: smooth)",
     )
-    c.add_argument("--start", metavar="CAM", help="with --gradient smooth: the cam it begins from (the calmest one)")
+    c.add_argument("--start", metavar="CAM", help="the cam that the search begins from (the calmest one)")
     words = "share of the trains as built, drawn within the scene's tolerances, in which the cam must hold, as in 0.99"
     c.add_argument("--yield", type=positive, dest="wanted_yield", metavar="SHARE", help=words)
     words = (

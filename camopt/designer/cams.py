@@ -18,7 +18,7 @@ from camopt.designer.controls import KINEMATIC, NO_JUMP
 from camopt.designer.edits import Asked
 from camopt.designer.warm_start import begin_like
 from camopt.highs import Infeasible
-from camopt.optimizer.accuracy import ACCURACIES, design_speeds
+from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.program.force_rows import PEAK, Margins, Window
 from camopt.optimizer.program.kinematic import limit_worth, unexplained_optimum, worth_of
 from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
@@ -32,7 +32,9 @@ from camopt.scene.train import Train
 from camopt.scene.units import DEG
 
 EFFORT = ACCURACIES["draft"]
-"""Knots and speeds of the program: those with which `camopt optimize --accuracy draft` begins."""
+"""The knots are those of `camopt optimize --accuracy draft`."""
+BAND_SPEEDS = 5
+"""Speeds of the program over the band: an answer may take no longer than a hand that drags waits for."""
 COARSE_SPEEDS, COARSE_STEP = 2, 1.5 * DEG
 """Speeds and step of the rows while a hand is dragging: of all the speeds those that cost most area."""
 SAME_KNOTS = 1.25
@@ -159,7 +161,7 @@ def _knot_deg(design: Design, known: NoJumpProgram | None) -> float:
 def program_speeds_rpm(scene: Scene) -> np.ndarray:
     """Crankshaft speeds at which the program keeps contact."""
     assert scene.operation is not None, "an edited scene has speeds"
-    return design_speeds(scene.operation, "band", EFFORT)[0]
+    return np.linspace(*scene.operation.band_rpm, BAND_SPEEDS)
 
 
 def _shape(scene: Scene, train: Train) -> tuple:

@@ -51,7 +51,7 @@ def settled_programs() -> None:
 
 
 def gradient_programs() -> None:
-    """What the gradient stage and the verdict call: gradients, and a revolution by each method of a verdict."""
+    """What slopes of a yield and the verdict call: gradients, and a revolution by each method of a verdict."""
     from camopt.exact.batch import value_and_gradient_many
     from camopt.scene.rest import state_at_rest
     from camopt.verifier.accuracy import EFFORTS

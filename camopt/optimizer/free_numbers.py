@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import minimize
 from tqdm import tqdm
 
-from camopt.optimizer.accuracy import Accuracy, design_speeds
+from camopt.optimizer.accuracy import Accuracy
 from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.no_jump import NoCamHoldsContact, NoJumpOptimum, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
@@ -29,6 +29,8 @@ from camopt.scene.train import build_train
 RAMP = {f"design.{key}": key for key in ("ramp_height_mm", "ramp_velocity_mm_per_deg")}
 MARGIN_N = 20.0
 """The margin under which values are compared, that of the no-jump program where nothing else is asked."""
+BAND_SPEEDS = 9
+"""Speeds of the program over a band."""
 EVALUATIONS = 30
 SHORTFALL = 1e-3
 """Area ratio that stands for one newton that a margin is short of, where no cam keeps it."""
@@ -209,8 +211,9 @@ class Programs:
         scene = self.scene_of(values)
         assert scene.design is not None and scene.operation is not None, "load_scene(..., need=...) guarantees both"
         cam = program_cam(scene.design, self.effort.knot_deg)
-        listed, _ = design_speeds(scene.operation, self.speeds, self.effort)
-        return no_jump_program(build_train(scene), scene.design, cam, [scene.cam_speed(s) for s in listed])
+        band = np.linspace(*scene.operation.band_rpm, BAND_SPEEDS)
+        speeds = scene.operation.speeds_rpm if self.speeds == "nominal" else band
+        return no_jump_program(build_train(scene), scene.design, cam, [scene.cam_speed(s) for s in speeds])
 
     def _solved(self, program: NoJumpProgram) -> tuple[float, NoJumpOptimum | None]:
         try:

@@ -9,17 +9,16 @@ from camopt.optimizer.accuracy import Accuracy
 
 VERDICT_STEPS, COMPARISON_STEPS = 30, 40
 """What verdict and comparison take, in judged cams of the search: only the estimate of the time left hangs on it."""
-FIRST_STEPS = 8
-"""Cams that the search judges before margins are drawn apart, more or less."""
+OTHER_STEPS = 10
+"""Cams that the search judges before margins are fed back and after that, more or less."""
 
 
 class Progress:
     """A bar over the job's stages, whose end is the job's; silent where not wanted."""
 
     def __init__(self, wanted: bool, effort: Accuracy, gradient: str, compared: bool):
-        self._end = {"search": FIRST_STEPS + effort.margin_draws}
-        self._end["gradient"] = self._end["search"] + (effort.gradient_steps if gradient != "none" else 0)
-        self._end["verdict"] = self._end["gradient"] + VERDICT_STEPS
+        self._end = {"search": OTHER_STEPS + (effort.feedback_rounds if gradient != "none" else 0)}
+        self._end["verdict"] = self._end["search"] + VERDICT_STEPS
         self._end["comparison"] = self._end["verdict"] + (COMPARISON_STEPS if compared else 0)
         total = max(self._end.values())
         form = "{desc}: {percentage:3.0f}% |{bar}| {elapsed}, {remaining} left{postfix}"
@@ -52,7 +51,6 @@ class Progress:
     def step(self, line: dict) -> None:
         """A line of the search's history."""
         best = line["best_area_ratio"]
-        self._stage = "gradient" if "gradient" in line["stage"] else self._stage
         self._bar.set_description(line["stage"], refresh=False)
         if "failing" in line:
             last = f"{line['failing']} of {line['trains']} trains fail"

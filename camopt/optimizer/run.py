@@ -1,4 +1,4 @@
-"""The main job: bound, no-jump program, gradient stage, verdict by independent methods, comparison, run folder."""
+"""The main job: bound, search, verdict by independent methods, comparison, run folder."""
 
 import platform
 import time
@@ -85,17 +85,18 @@ def optimize(
     """Design the cam of largest area that a scene's limits allow, and have it verified and compared.
 
     `speeds` "band" (every speed of the scene's band) or "nominal" (its listed speeds (k) [r/min]); `accuracy` a name of
-    `camopt.optimizer.accuracy`; `gradient` "exact" or "auto" for steps along exact slopes, "none" for none, or "smooth"
-    for the search on smoothed paths by JAX, which begins from the cam `start` (`camopt.optimizer.search.search`). The
-    run folder (docs/run-folder.md) goes to `out` (default runs/<scene>-<UTC time>), but for report.html, which
-    `camopt.report` makes from it. With `resume` an interrupted run in `out` goes on and ends in the same design.
-    `seed`, where it is not zero, draws the knots to start from. `designed` is called with the folder once the design,
-    its verdict and its provenance are written, before the comparison, which can cost none of them; without `compare`
-    there is none. With `wanted_yield`, a share such as 0.99, the cam must hold in that share of the trains that the
-    scene's tolerances allow, over its band; "confirmed" then says so of fresh draws. `free` names numbers of the scene
-    that the design may choose, with their ranges (low, high) in the key's unit, as {"spring.preload_N": (200, 320)}
-    (`camopt.optimizer.free_numbers`); the folder's scene.toml has the values that it chose. Where a family's largest
-    member is confirmed and larger than the search's cam, it is the design (`camopt.optimizer.candidates`).
+    `camopt.optimizer.accuracy`; `gradient` "auto" or "smooth" for a search along the smoothed motion's slopes by JAX,
+    "exact" along those of the closed periodic response, "none" for its first stage alone; it begins from the cam
+    `start`, by default from the calmest one (`camopt.optimizer.search.search`). The run folder (docs/run-folder.md)
+    goes to `out` (default runs/<scene>-<UTC time>), but for report.html, which `camopt.report` makes from it. With
+    `resume` an interrupted run in `out` goes on and ends in the same design. `seed`, where it is not zero, draws the
+    knots. `designed` is called with the folder once the design, its verdict and its provenance are written, before the
+    comparison, which can cost none of them; without `compare` there is none. With `wanted_yield`, a share such as 0.99,
+    the cam must hold in that share of the trains that the scene's tolerances allow, over its band; "confirmed" then
+    says so of fresh draws. `free` names numbers of the scene that the design may choose, with their ranges (low, high)
+    in the key's unit, as {"spring.preload_N": (200, 320)} (`camopt.optimizer.free_numbers`); the folder's scene.toml
+    has the values that it chose. Where a family's largest member is confirmed and larger than the search's cam, it is
+    the design (`camopt.optimizer.candidates`).
 
     Raises InputError for unknown words, contradictory limits, an unusable folder or one of another run, and NoCamFound,
     which is one, where the search finds no cam and no family's largest one is confirmed.
@@ -214,10 +215,10 @@ class _OpenRun:
     def _cams(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam]:
         """The confirmed cams of the search, each larger than the one before, and the best of the program alone."""
         asked, log = self.settings, Logbook(Journal(folder), shown.step, self.clock)
-        how = self.effort, asked["gradient"], log, self.start, asked["seed"]
-        search, first = find_cam(self.scene, asked["speeds"], *how)
-        self.further |= {"search": search.course} if search.course else {}
-        self.found = {"cams_judged": search.judge.calls, "gradient_ended": search.gradient_ended}
+        how = {"log": log, "start": self.start, "seed": asked["seed"]}
+        search, first = find_cam(self.scene, asked["speeds"], self.effort, asked["gradient"], **how)
+        self.further |= {"search": search.course}
+        self.found = {"cams_judged": search.judge.calls}
         return search.confirmed, first
 
     def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam]:

@@ -19,8 +19,6 @@ FREE = ("value", "as_given", "low", "high")
 """Keys of a number in `free` of design.json."""
 LOW_MM = 0.005
 """A lift that stays below its limit by less than this is at it, for who reads a lift."""
-ALONG_GRADIENTS = ("gradient", "slopes")
-"""Words by which the history's names of the gradient stage's steps are known."""
 LEAST_GAIN = 5e-6
 """A smaller difference of area ratios is none: it would not show in their printed digits."""
 
@@ -121,13 +119,13 @@ def gain_sentences(run: RunFolder) -> list[str]:
     gain, asked = d.get("gradient_gain"), run.provenance.get("settings")
     if is_number(gain) and not (isinstance(asked, dict) and asked.get("gradient") == "none"):
         if abs(gain) < LEAST_GAIN:
-            tried = sum(any(word in str(step.get("stage")) for word in ALONG_GRADIENTS) for step in run.history)
+            tried = len(run.history)
             sentences.append(
-                f"The gradient stage judged {shown(tried)} cam{'s' * (tried != 1)}, none of them both larger than the "
-                f"no-jump program's and confirmed; others were not tried."
+                f"The search judged {shown(tried)} cam{'s' * (tried != 1)}, none of them both larger than the no-jump "
+                f"program's and within the limits on the motion; others were not tried."
             )
         elif gain > 0:
-            sentences.append(f"The gradient stage gained {shown(gain, 3)} of area ratio.")
+            sentences.append(f"Margins that follow the judged motion gained {shown(gain, 3)} of area ratio.")
         else:
             sentences.append(f"The delivered cam has {shown(-gain, 3)} less area ratio than the no-jump program's cam.")
     back = d.get("verdict_fell_back")

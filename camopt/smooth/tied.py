@@ -1,13 +1,13 @@
 """Motions of many cases side by side whose contacts between cam and valve may pull, and their derivatives.
 
-A case is a train at a speed. Inside the event, between the ramp tops or a little further, a share `tie` of the law of the contacts between
-cam and valve is bilateral: their elastic force goes on below zero, and their damping pulls. In a train with lash the
-contacts that are closed at rest are tied on the ramps and on the base circle too, where a follower that hops within its
-lash would make the motion depend on its last digits; an adjuster must be free to push there. With a share of one a
-contact cannot open, and its force has a slope by the cam's coefficients wherever it stands; with zero the law is that
-of the scene, smoothed. An elastic law that is not linear goes on along its tangent below `TANGENT_N`. Tied contact
-forces of a train whose laws are linear are affine in the lift as long as seat and lash change their contact at the same
-angles.
+A case is a train at a speed. Inside the event, between the ramp tops or a little further, a share `tie` of the law of
+the contacts between cam and valve is bilateral: their elastic force goes on below zero, and their damping pulls. In a
+train with lash the contacts that are closed at rest are tied on the ramps and on the base circle too, where a follower
+that hops within its lash would make the motion depend on its last digits; an adjuster must be free to push there. With
+a share of one a contact cannot open, and its force has a slope by the cam's coefficients wherever it stands; with zero
+the law is that of the scene, smoothed. An elastic law that is not linear goes on along its tangent below `TANGENT_N`.
+Tied contact forces of a train whose laws are linear are affine in the lift as long as seat and lash change their
+contact at the same angles.
 """
 
 from functools import partial
@@ -115,9 +115,9 @@ def tied_paths(
 ) -> TiedPaths:
     """One revolution from the states y0 (2, n + r, b) at the cam speeds (b) [rad/s].
 
-    The `event` is where the contacts are tied, from one angle to another [rad]. `samples` (STEPS + 1, 2) are lift and slope at equal angles (`camopt.smooth.simulate.lift_samples`). `adjoint` is
-    "forward" or "reverse", the one mode in which the paths may be differentiated: in the numbers of the system, the
-    samples and the start.
+    The `event` is where the contacts are tied, from one angle to another [rad]. `samples` (STEPS + 1, 2) are lift and
+    slope at equal angles (`camopt.smooth.simulate.lift_samples`). `adjoint` is "forward" or "reverse", the one mode in
+    which the paths may be differentiated: in the numbers of the system, the samples and the start.
     """
     on = np.array(tied.system.topology.cam_side)
 

@@ -222,9 +222,9 @@ def objective(
         raise InputError(f"objective: speeds_rpm {speeds_rpm}: crankshaft speeds above 0 r/min are needed")
     if revolutions < 1 or trains < 0:
         raise InputError(f"objective: revolutions {revolutions}, trains {trains}: at least 1 and 0 are needed")
+    followed = "smooth" if limits else "exact" if path == "auto" else path
     return Objective(
-        scene, speeds, maximise, weights, "smooth" if limits else "exact" if path == "auto" else path, revolutions, trains, seed,
-        limits, float(tie), float(width_um),
+        scene, speeds, maximise, weights, followed, revolutions, trains, seed, limits, float(tie), float(width_um),
     )  # fmt: skip
 
 

@@ -108,5 +108,5 @@ class Search:
                 least = judged.used
                 self.confirmed.insert(0, found)
         if not self.confirmed:  # no cam that holds is refused for a reserve
-            holding = [found for found, judged in self.seen if judged.used <= 1.0]
+            holding = [found for found, judged in self.seen if judged.share.max(initial=0.0) <= 1.0]
             self.confirmed = sorted(holding, key=lambda found: found.area_ratio)[-CANDIDATES:]

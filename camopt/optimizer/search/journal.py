@@ -8,7 +8,7 @@ from camopt.optimizer.search.judge import Judged
 from camopt.optimizer.step_files import StepFiles
 
 FOLDER = "judged"
-ARRAYS = ("speeds_rpm", "limit", "share", "states")
+ARRAYS = ("speeds_rpm", "limit", "share", "states", "spread")
 FIGURE = "figure:"
 
 

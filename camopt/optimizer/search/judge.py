@@ -20,7 +20,7 @@ SETTLES, MEASURES = 16, 1
 """Revolutions that a motion may take to settle from the state of the cam judged before, and how many of a settled one
 are measured: what repeats to a micrometre need not be measured four times before the verdict does. A train with
 memories settles as everywhere else, since its oil leaks over more revolutions."""
-IRREGULAR, SPREAD = 1.5, "spread"
+IRREGULAR = 1.5
 """What a motion that does not repeat itself uses of its limits counts so many times: it met only a part of what it
 may. The verdict finds that figures of such motions differ by a quarter to three quarters between neighbours."""
 CRITICAL = 4
@@ -37,11 +37,12 @@ class Judged:
     limit: np.ndarray  # (l) their limits, in the metrics' units
     share: np.ndarray  # how much of the limit is used; infinite where the valve never seats or the motion is refused
     states: np.ndarray
+    spread: np.ndarray  # (s) IRREGULAR where the motion does not repeat itself, else 1
 
     @property
     def used(self) -> float:
-        """The largest share of a limit at any speed."""
-        return float((self.figures[SPREAD] * self.share).max(initial=0.0))
+        """The largest share of a limit at any speed, with room for what a motion that wanders has not met yet."""
+        return float((self.spread * self.share).max(initial=0.0))
 
     @property
     def worst_speed_rpm(self) -> float:
@@ -54,13 +55,12 @@ class Judged:
 
 
 def with_speeds_between(judged: Judged, band: Judged) -> Judged:
-    """What was judged, where each speed stands for those of the band nearest to it: with the largest of their shares."""
-    share, middle = judged.share.copy(), 0.5 * (judged.speeds_rpm[1:] + judged.speeds_rpm[:-1])
-    nearest = np.searchsorted(middle, band.speeds_rpm)
-    np.maximum.at(share, (slice(None), nearest), band.share)
-    spread = judged.figures[SPREAD].copy()
-    np.maximum.at(spread, nearest, band.figures[SPREAD])
-    return replace(judged, share=share, figures=judged.figures | {SPREAD: spread})
+    """What was judged, each speed standing for those of the band nearest to it, with the largest of their shares."""
+    nearest = np.searchsorted(0.5 * (judged.speeds_rpm[1:] + judged.speeds_rpm[:-1]), band.speeds_rpm)
+    share, spread = judged.share.copy(), judged.spread.copy()
+    np.maximum.at(share.T, nearest, band.share.T)
+    np.maximum.at(spread, nearest, band.spread)
+    return replace(judged, share=share, spread=spread)
 
 
 def next_starts(states: np.ndarray, share: np.ndarray, anew: np.ndarray) -> np.ndarray:
@@ -92,7 +92,7 @@ class Judge:
     def __call__(self, lift: Lift) -> Judged:
         self.calls += 1
         critical = np.sort(np.argsort(-self._used)[:CRITICAL]) if self.stride > 1 else []
-        found: dict[int, tuple[dict[str, float], np.ndarray]] = {}
+        found: dict[int, tuple[dict[str, float], np.ndarray, bool]] = {}
         for group in (critical, np.arange(0, len(self.speeds_rpm), self.stride), None):
             at = self._beside(found) if group is None else group
             found |= self._found(lift, np.setdiff1d(at, [*found]))
@@ -103,7 +103,7 @@ class Judge:
         self.remember(judged)
         return judged
 
-    def _beside(self, found: Mapping[int, tuple[dict[str, float], np.ndarray]]) -> np.ndarray:
+    def _beside(self, found: Mapping[int, tuple[dict[str, float], np.ndarray, bool]]) -> np.ndarray:
         """Indices of the speeds beside those `found` at which much of a limit is used."""
         judged = self._judged(found)
         watched = np.array(sorted(found))[judged.share.max(axis=0, initial=0.0) > WATCHED_SHARE]
@@ -116,19 +116,20 @@ class Judge:
         self._used[at] = judged.share.max(axis=0, initial=0.0)
         self._states[at] = next_starts(judged.states, judged.share, self._start)
 
-    def _judged(self, found: Mapping[int, tuple[dict[str, float], np.ndarray]]) -> Judged:
+    def _judged(self, found: Mapping[int, tuple[dict[str, float], np.ndarray, bool]]) -> Judged:
         at = sorted(found)
         limits = motion_limits(self.scene.design).values()
         names, values = tuple(m.metric for m in limits), np.array([m.value for m in limits])
         figures = {name: np.array([found[i][0][name] for i in at]) for name in found[at[0]][0]}
         share = np.array([m.share(figures[m.metric]) for m in limits]).reshape(-1, len(at))
-        return Judged(self.speeds_rpm[at], figures, names, values, share, np.array([found[i][1] for i in at]))
+        states, spread = np.array([found[i][1] for i in at]), np.array([1.0 if found[i][2] else IRREGULAR for i in at])
+        return Judged(self.speeds_rpm[at], figures, names, values, share, states, spread)
 
-    def _found(self, lift: Lift, at: np.ndarray) -> dict[int, tuple[dict[str, float], np.ndarray]]:
-        """Figures and settled state at the speeds of the indices `at`."""
+    def _found(self, lift: Lift, at: np.ndarray) -> dict[int, tuple[dict[str, float], np.ndarray, bool]]:
+        """Figures, settled state and whether the motion repeats itself, at the speeds of the indices `at`."""
         if len(at) == 0:
             return {}
-        names = dict.fromkeys(("bounce_mm", "jump_mm", *(n for n, _ in motion_limits(self.scene.design).values())))
+        names = dict.fromkeys(("bounce_mm", *(n for n, _ in motion_limits(self.scene.design).values())))
         speeds = [self.scene.cam_speed(s) for s in self.speeds_rpm[at]]
         most = PLAIN_REVOLUTIONS if self._train.memory else SETTLES
         found = settled_metrics(
@@ -142,5 +143,6 @@ class Judge:
             workers=self._workers,
         )
         worst = {name: found.worst(name)[0, 0] for name in names}
-        worst[SPREAD] = np.where(found.periodic[0, 0], 1.0, IRREGULAR)
-        return {int(i): ({n: float(worst[n][k]) for n in worst}, found.states[0, 0, k]) for k, i in enumerate(at)}
+        rows = [{n: float(worst[n][k]) for n in names} for k in range(len(at))]
+        each = zip(rows, found.states[0, 0], found.periodic[0, 0], strict=True)
+        return {int(i): one for i, one in zip(at, each, strict=True)}

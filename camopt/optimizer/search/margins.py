@@ -13,6 +13,7 @@ from camopt.cam.lift import Lift
 from camopt.exact.engine import prepare
 from camopt.optimizer.program.force_rows import CLOSING, OPENING, SEAT
 from camopt.optimizer.search.judge import Judged
+from camopt.scene.design import Design
 from camopt.scene.train import Train
 from camopt.scene.units import MM
 
@@ -21,6 +22,8 @@ AIM = 0.8
 FIRST_MARGINS_N = np.array([10.0, 0.0, 30.0])
 """Margins at first: opening with contact excites less vibration, and the seat's are half of the limit on the bounce, so
 that what is fed back finds motions that repeat themselves."""
+ASKED_TIMES = 1.25
+"""Multiple of the design's own least force with which a search begins: it is to keep some of it for other speeds."""
 ALIKE = 0.045
 """Relative distance within which speeds are alike."""
 FIRST_STEP_N, LEAST_STEP_N, LARGEST_STEP_N = 6.0, 0.5, 60.0
@@ -34,6 +37,12 @@ TRACED = 0.4
 MOST_SHARE = 4.0
 JUMPS = ("jump_mm", "jump_deg", "contact_force_min_N")
 SEATINGS = ("bounce_mm", "seating_velocity_m_per_s", "impact_velocity_m_per_s")
+
+
+def first_margins(design: Design, speeds: int) -> np.ndarray:
+    """The margins (3, s) [N] to begin with: those, or a little more than the least force that the design asks for."""
+    asked = ASKED_TIMES * (design.contact_force_min_N or 0.0)
+    return np.tile(np.maximum(FIRST_MARGINS_N, [asked, asked, 0.0])[:, None], speeds)
 
 
 @dataclass

@@ -24,7 +24,7 @@ from camopt.optimizer.program.phases import Angles
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.search.cams import BETWEEN_SHARE, RESOLUTION, Logbook, Search
 from camopt.optimizer.search.judge import Judge, Judged
-from camopt.optimizer.search.margins import FIRST_MARGINS_N, FedBack, used_by_kind
+from camopt.optimizer.search.margins import FedBack, first_margins, used_by_kind
 from camopt.optimizer.search.none_holds import why_none_holds
 from camopt.optimizer.search.region import RowSource, first_region, stepped
 from camopt.scene.design import Design
@@ -128,7 +128,7 @@ def _programs(search: Search, source: RowSource, program: NoJumpProgram, z: np.n
     A cam whose valve does not seat is the centre of no program where others held.
     """
     row, constant = area_ratio_row(program.design, program.cam)
-    region, fed = first_region(program.design), FedBack(np.tile(FIRST_MARGINS_N[:, None], len(program.blocks)))
+    region, fed = first_region(program.design), FedBack(first_margins(program.design, len(program.blocks)))
     renewed = _due(is_linear(program.train), rounds)
     settled, left = False, rounds
     while left or not settled:

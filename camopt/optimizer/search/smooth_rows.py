@@ -106,8 +106,9 @@ class SmoothRows:
         forces well are kept."""
         if self._paths is None:
             raise NoCamFound("the smoothed motion with tied contacts grows without bound at one of the speeds searched")
-        keeps = self._known is not None and self._missed < KEPT
-        self._known = _Known(self._paths, self._known.slopes if keeps else self._slopes(z, self._paths.end), z)
+        known = self._known
+        slopes = known.slopes if known and self._missed < KEPT else self._slopes(z, self._paths.end)
+        self._known = _Known(self._paths, slopes, z)
         program = replace(program, blocks=self._blocks(program, self._known))
         return (
             program if program.cam.about.near is None else replace(program, cam=near(program.cam, program.cam.lift(z)))
