@@ -13,9 +13,8 @@ from camopt.optimizer import candidates, run
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.candidates import Families, Member, largest_confirmed
 from camopt.optimizer.run import optimize
-from camopt.optimizer.search.judge import USABLE_SHARE, Judged
-from camopt.optimizer.search.no_jump_stage import FIRST_MARGINS_N, Search, no_jump_stage
-from camopt.optimizer.search.search import hold_between
+from camopt.optimizer.search.cams import Logbook, Search
+from camopt.optimizer.search.judge import Judged
 from camopt.report.folder import read_run_folder
 from camopt.report.outcome import outcome_lines
 from camopt.scene import InputError, load_scene
@@ -194,56 +193,41 @@ def test_the_marine_scene_gets_a_cam(tmp_path):
     assert found.verdict.verdict == "confirmed" and found.record["area_ratio"] > 0.571  # its trapezoid has 0.5715
 
 
-class Program:
-    """A program whose cams have less area the larger their margin, and at once."""
+def search_of(*cams):
+    """A search that has judged cams of these areas, which use so much of the limit on the bounce."""
+    answers = {area: used for area, used in cams}
 
-    design = SCENE.design
-    speeds = np.array([300.0])
+    def judge(lift):
+        share = np.array([[answers[lift.area_ratio]]])
+        figures = {"bounce_mm": share[0] * 0.05}
+        return Judged(
+            np.array([7000.0]), figures, ("bounce_mm",), np.array([0.05]), share, np.zeros((1, 2)), np.ones(1)
+        )
 
-    def solve(self, margins):
-        level = float(np.max(margins.opening))
-        cam = {"z": np.array([level]), "lift": SimpleNamespace(area=1.0), "area_ratio": 0.6 - level / 1e3}
-        return SimpleNamespace(**cam, margins=np.full((3, 1), level), program=self)
-
-    def extended(self, speeds):
-        return self
-
-
-def search_with(bounce_by_area):
-    def recall(step, z):
-        share = np.array([[bounce_by_area(float(z[0]))]]) / 0.05
-        return Judged(np.array([7000.0]), {"bounce_mm": share[0] * 0.05}, ("bounce_mm",), np.array([0.05]), share, None)
-
-    judge = SimpleNamespace(scene=SCENE, remember=lambda judged: None)
-    journal = SimpleNamespace(recall=recall, note=lambda line: None, keep=lambda *_: None)
-    return Search(judge, journal)
+    source = SimpleNamespace(name="exact", jacobians=1)
+    search = Search(judge, None, source, Logbook(), "calmest")
+    for area in answers:
+        lift = SimpleNamespace(area_ratio=area, area=1.0)
+        search.consider("path constraints", SimpleNamespace(z=np.array([area]), lift=lift, area_ratio=area))
+    search.confirm()
+    return search
 
 
-@pytest.fixture(autouse=True)
-def nothing_relocated(monkeypatch):
-    monkeypatch.setattr("camopt.optimizer.search.no_jump_stage.relocate", lambda program, lift: program)
+def offered(search):
+    return [cam.area_ratio for cam in search.confirmed]
 
 
 def test_a_cam_that_holds_is_not_refused_for_the_reserve():
     """Where the nearest cam had 0.0409 mm of bounce against 0.05 the search said that no cam holds."""
-    search = search_with(lambda level: 0.0409 if level > 0 else 0.06)
-    no_jump_stage(search, Program())
-    margins = [float(cam.z[0]) for cam in search.confirmed]
-    assert margins == sorted(FIRST_MARGINS_N[1:], reverse=True)  # each larger than the one before
-    assert USABLE_SHARE < search.best_judged.share.max() <= 1.0
-    hold_between(search, lambda lift: pytest.fail("the verdict decides"))
-    assert len(search.confirmed) == len(FIRST_MARGINS_N) - 1
+    assert offered(search_of((0.56, 0.95), (0.57, 1.1), (0.55, 0.98))) == [0.55, 0.56]
 
 
 def test_a_cam_with_the_reserve_is_preferred_to_larger_ones_without_it():
-    search = search_with(lambda level: 0.01 if level >= 60.0 else 0.0409)
-    no_jump_stage(search, Program())
-    assert search.best_judged.holds and min(float(cam.z[0]) for cam in search.confirmed) == 60.0
+    assert offered(search_of((0.5, 0.3), (0.55, 0.7), (0.57, 0.95))) == [0.5, 0.55]
 
 
-def test_a_cam_that_breaks_its_limit_is_refused_and_the_sentence_says_by_how_much():
-    with pytest.raises(NoCamFound, match=r"bounce_mm of 0\.0501 at 7000 r/min against bounce_max_mm = 0\.05;"):
-        no_jump_stage(search_with(lambda level: 0.0501), Program())
+def test_of_cams_that_use_alike_only_the_largest_goes_to_the_verdict():
+    assert offered(search_of((0.5, 0.30), (0.54, 0.70), (0.55, 0.71))) == [0.5, 0.55]
 
 
 def test_no_cam_found_is_an_input_error_for_who_catches_these():

@@ -1,4 +1,6 @@
-"""The search's judge: a brief judgement has the same answer, and looks first where the limits were used most."""
+"""The search's judge: what it leaves out, where it looks first, and what it makes of motions that wander."""
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -6,7 +8,7 @@ from camopt.cam.families.free import free_cam
 from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import no_jump_program
-from camopt.optimizer.search.judge import CRITICAL, Judge, next_starts
+from camopt.optimizer.search.judge import CRITICAL, IRREGULAR, WATCHED_SHARE, Judge, next_starts, with_speeds_between
 from camopt.scene import build_train, load_scene
 
 SCENE = load_scene("motori-1")
@@ -17,24 +19,41 @@ PROGRAM = no_jump_program(build_train(SCENE), SCENE.design, CAM, [SCENE.cam_spee
 HELD = PROGRAM.solve(Margins(60.0, 60.0, 60.0)).lift
 
 
-def test_a_cam_that_holds_is_judged_at_every_speed_however_briefly():
-    judge = Judge(SCENE, SPEEDS)
-    full, brief = judge(HELD), judge(HELD, briefly=True)
-    assert full.holds and brief.holds
-    np.testing.assert_array_equal(brief.speeds_rpm, SPEEDS)
-    np.testing.assert_allclose(brief.share, full.share, atol=0.01)
+FINE = np.linspace(SPEEDS[0], SPEEDS[-1], 6 * len(SPEEDS) - 5)
 
 
-def test_a_refused_cam_is_judged_briefly_at_its_worst_speeds_also_after_a_resume():
-    judge, resumed = Judge(SCENE, SPEEDS), Judge(SCENE, SPEEDS)
-    full = judge(JUMPING)
-    assert not full.holds and len(full.speeds_rpm) == len(SPEEDS)
-    resumed.remember(full)
-    worst = SPEEDS[np.sort(np.argsort(-full.share.max(axis=0))[:CRITICAL])]
+def test_a_stride_leaves_out_only_speeds_beside_which_little_is_used():
+    full, coarse = Judge(SCENE, FINE)(HELD), Judge(SCENE, FINE, stride=6)(HELD)
+    at = np.searchsorted(FINE, coarse.speeds_rpm)
+    np.testing.assert_allclose(coarse.share, full.share[:, at], atol=0.01)
+    left_out = np.setdiff1d(np.arange(len(FINE)), at)
+    assert len(left_out) and full.share[:, left_out].max() < coarse.share.max()
+    watched = at[coarse.share.max(axis=0) > WATCHED_SHARE]
+    assert all(np.isin(np.arange(max(0, i - 5), min(len(FINE), i + 6)), at).all() for i in watched if i % 6 == 0)
+
+
+def test_a_cam_that_uses_too_much_is_judged_at_the_worst_speeds_alone_also_after_a_resume():
+    judge, resumed = (Judge(SCENE, SPEEDS, 2, usable=0.9) for _ in range(2))
+    full = Judge(SCENE, SPEEDS)(JUMPING)
+    assert full.used > 1.0 and len(full.speeds_rpm) == len(SPEEDS)
     for one in (judge, resumed):
-        brief = one(JUMPING, briefly=True)
-        assert not brief.holds
-        np.testing.assert_array_equal(brief.speeds_rpm, worst)
+        one.remember(full)
+        worst = SPEEDS[np.sort(np.argsort(-full.share.max(axis=0))[:CRITICAL])]
+        np.testing.assert_array_equal(one(JUMPING).speeds_rpm, worst)
+
+
+def test_a_speed_stands_for_those_of_the_band_nearest_to_it():
+    band = Judge(SCENE, FINE)(HELD)
+    judged = with_speeds_between(Judge(SCENE, SPEEDS)(HELD), band)
+    nearest = np.abs(FINE[:, None] - SPEEDS).argmin(axis=1)
+    for s in range(len(SPEEDS)):
+        assert np.all(judged.share[:, s] >= band.share[:, nearest == s].max(axis=1))
+
+
+def test_a_motion_that_wanders_needs_room():
+    judged = Judge(SCENE, SPEEDS)(HELD)
+    wandering = replace(judged, spread=np.full(len(SPEEDS), IRREGULAR))
+    assert wandering.used == IRREGULAR * judged.share.max()
 
 
 def test_a_motion_that_broke_a_limit_or_was_refused_begins_anew():

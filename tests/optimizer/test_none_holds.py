@@ -7,7 +7,7 @@ import pytest
 
 from camopt.optimizer.program.no_jump import NoCamHoldsContact
 from camopt.optimizer.search.judge import Judged
-from camopt.optimizer.search.no_jump_stage import FIRST_MARGINS_N, _first_margins
+from camopt.optimizer.search.margins import ASKED_TIMES, FIRST_MARGINS_N, first_margins
 from camopt.optimizer.search.none_holds import why_none_holds
 from camopt.scene import load_scene
 
@@ -17,7 +17,9 @@ SPEEDS = np.array([4000.0, 6000.0, 7600.0])
 
 def judged(bounce):
     share = np.array([bounce]) / 0.05
-    return Judged(SPEEDS, {"bounce_mm": np.array(bounce)}, ("bounce_mm",), np.array([0.05]), share, np.zeros((3, 2)))
+    return Judged(
+        SPEEDS, {"bounce_mm": np.array(bounce)}, ("bounce_mm",), np.array([0.05]), share, np.zeros((3, 2)), np.ones(3)
+    )
 
 
 def program(holds_N, **limits):
@@ -41,7 +43,7 @@ def test_the_largest_least_force_that_a_cam_of_the_program_holds(holds_N, says):
     assert "up to" not in said
 
 
-def test_margins_go_as_far_as_the_design_asks():
-    assert _first_margins(DESIGN) == FIRST_MARGINS_N
-    assert _first_margins(DESIGN.model_copy(update={"contact_force_min_N": 100.0})) == (*FIRST_MARGINS_N, 160.0)
-    assert _first_margins(DESIGN.model_copy(update={"contact_force_min_N": 300.0}))[-2:] == (375.0, 480.0)
+def test_margins_begin_with_what_the_design_asks_for():
+    assert first_margins(DESIGN, 2).tolist() == [[first, first] for first in FIRST_MARGINS_N]
+    asked = DESIGN.model_copy(update={"contact_force_min_N": 100.0})
+    assert first_margins(asked, 1)[:, 0].tolist() == [100.0 * ASKED_TIMES, 100.0 * ASKED_TIMES, FIRST_MARGINS_N[2]]

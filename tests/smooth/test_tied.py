@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from camopt import load_scene
-from camopt.optimizer.search.search import without_rows
-from camopt.optimizer.search.smooth_rows import SmoothRows
 from camopt.optimizer.program.force_rows import PEAK, SEAT
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import relocate
+from camopt.optimizer.search.search import without_rows
+from camopt.optimizer.search.smooth_rows import SmoothRows
 from camopt.scene.train import build_train
 from camopt.smooth.batch import batch_motion, stage_lifts
 from camopt.smooth.contact import Layer
