@@ -114,10 +114,10 @@ def test_the_import_reader_sees_every_kind_of_import(tmp_path, monkeypatch):
 
 
 JOB = (
-    "camopt.optimizer.run", "camopt.optimizer.search.gradient_stage", "camopt.optimizer.baselines.comparison",
+    "camopt.optimizer.run", "camopt.optimizer.search.search", "camopt.optimizer.baselines.comparison",
     "camopt.report", "camopt.verifier.verdict",
 )  # fmt: skip
-"""What `camopt optimize` loads where gradients are exact."""
+"""What `camopt optimize --gradient exact` loads."""
 
 
 LEAN = ("camopt", "camopt.verifier", "camopt.scene", "camopt.cam.read", "camopt.exact", "camopt.cli", *JOB)

@@ -160,10 +160,22 @@ def test_a_search_for_yield_that_fails_ends_with_a_family_s_cam_and_its_yield(wi
 
 
 def test_a_scene_in_which_nothing_holds_ends_with_code_3_and_without_a_folder(wide_lash, tmp_path, monkeypatch, capsys):
+    """The exact source needs the lash to close on the ramp; the smoothed motion finds a cam beside it."""
     monkeypatch.setattr(candidates, "FAMILIES", ("3-4-5",))  # which breaks this scene's limits
     file, folder = tmp_path / "scene.toml", tmp_path / "run"
     file.write_text(scene_toml(wide_lash), encoding="utf-8")
-    words = ["optimize", str(file), "--speeds", "nominal", "--accuracy", "draft", "--no-compare", "--quiet"]
+    words = [
+        "optimize",
+        "--gradient",
+        "exact",
+        str(file),
+        "--speeds",
+        "nominal",
+        "--accuracy",
+        "draft",
+        "--no-compare",
+        "--quiet",
+    ]
     assert main([*words, "--out", str(folder)]) == 3
     said = capsys.readouterr().err
     assert (

@@ -76,7 +76,14 @@ def test_without_a_tie_the_motion_is_that_of_the_scene(name):
     start = jnp.repeat(rest_state(train)[:, :, None], 2, axis=2)
     samples = jnp.asarray(lift_samples(lift, STEPS))
     paths = tied_paths(
-        tied, samples, jnp.asarray(speeds), start, HALF, 0.0, Layer(WIDTH), parts=8 * parts_of_steps(tied, speeds.min())
+        tied,
+        samples,
+        jnp.asarray(speeds),
+        start,
+        (-HALF, HALF),
+        0.0,
+        Layer(WIDTH),
+        parts=8 * parts_of_steps(tied, speeds.min()),
     )
     stages = jnp.asarray(np.repeat(stage_lifts(lift, 8 * STEPS)[..., None], 2, axis=-1))
     other = batch_motion(tied.system, stages, jnp.asarray(speeds), start)

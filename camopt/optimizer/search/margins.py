@@ -66,6 +66,11 @@ class FedBack:
         self.step, self.sign = np.clip(self.step * factor, LEAST_STEP_N, LARGEST_STEP_N), sign
         self.margins = np.maximum(self.margins + self.step * error, -LARGEST_N)
 
+    def go_back(self, margins: np.ndarray) -> None:
+        """Begins again from the margins (3, s) [N] of a cam that held, with steps half as long: from a motion that flew
+        off nothing can be learnt."""
+        self.margins, self.step = margins.copy(), np.maximum(0.5 * self.step, LEAST_STEP_N)
+
 
 def used_by_kind(train: Train, lift: Lift, judged: Judged, cam_speeds: np.ndarray) -> np.ndarray:
     """Shares (3, s) of the limits that the judged motions at these cam speeds [rad/s] use: on the opening flank, on the

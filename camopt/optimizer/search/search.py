@@ -43,6 +43,8 @@ RENEWED = (0, 2, 6)
 """Rounds of the feedback after which the rows are taken about the present cam again."""
 RENEWED_EVERY = 4
 """The same for trains whose laws are not straight, after so many rounds each."""
+FLOWN = 2.0
+"""Part of a limit beyond which a motion has flown off: by how far says nothing any more."""
 BLENDS = 5
 """Cams between the largest one that holds and a larger one that does not, each halving what is left."""
 
@@ -143,7 +145,9 @@ def _programs(search: Search, source: RowSource, program: NoJumpProgram, z: np.n
         else:
             due = renewed[rounds - left]
             left -= 1
-        if settled:
+        if settled and search.best and judged.share.max(initial=0.0) > FLOWN:
+            fed.go_back(search.best.margins)
+        elif settled:
             fed.follow(used_by_kind(program.train, found.lift, judged, program.speeds))
         if seats:
             z = found.z
@@ -164,7 +168,7 @@ def _blend(search: Search) -> None:
     best, used = search.best, search.held[-1][1].used
 
     def promised(one: tuple[NoJumpOptimum, Judged]) -> float:
-        within = (1.0 - used) / max(one[1].used - used, 1.0 - used)
+        within = (1.0 - used) / max(min(one[1].used, FLOWN) - used, 1.0 - used)
         return within * (one[0].area_ratio - best.area_ratio)
 
     beyond, low, high = max(search.seen, key=promised)[0], 0.0, 1.0
