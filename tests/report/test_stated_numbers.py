@@ -4,7 +4,6 @@ import json
 
 import pytest
 
-from camopt.optimizer.as_built.search import ALONG_SLOPES
 from camopt.report.folder import read_run_folder
 from camopt.report.outcome import outcome_lines
 from tests.report.test_report_page import page_of

@@ -79,7 +79,7 @@ def test_an_early_rejection_names_no_missing_seat_that_one_method_alone_finds(mo
 def test_a_search_does_not_begin_with_the_oil_of_the_cam_before():
     full, calm = read_cam("multi-pol", SCENE), read_cam("polydyne", SCENE)
     judge = Judge(SCENE, [7500.0, 8200.0])
-    assert not judge(full).holds and judge(calm).holds
+    assert judge(full).used > 1.0 >= judge(calm).used
     drawn = DrawnTrains(SCENE, 0)
     drawn.draw(2)
     failing = []

@@ -32,6 +32,8 @@ GROWTH = 1.5
 LARGEST_N = 80.0
 """Tension [N] that a margin may allow: where a limit is far, more of it would only change what is not limited."""
 MOST_ERROR = 1.5
+FLOWN = 2.0
+"""Part of a limit beyond which a motion has flown off: by how far says nothing any more."""
 TRACED = 0.4
 """Share of the limit on the jump from which it is told on which flank the contacts part."""
 MOST_SHARE = 4.0
@@ -61,15 +63,10 @@ class FedBack:
         """Moves the margins by what the motion used (3, s) of its limits."""
         error = np.clip((used - AIM) / AIM, -1.0, MOST_ERROR)
         sign = np.sign(error)
-        turned, short = self.sign * sign < 0, (self.sign > 0) & (used > 1.0)
+        turned, short = self.sign * sign < 0, (self.sign > 0) & (used > 1.0) & (used < FLOWN)
         factor = np.where(turned, 0.5, np.where(short, GROWTH, 1.0))
         self.step, self.sign = np.clip(self.step * factor, LEAST_STEP_N, LARGEST_STEP_N), sign
         self.margins = np.maximum(self.margins + self.step * error, -LARGEST_N)
-
-    def go_back(self, margins: np.ndarray) -> None:
-        """Begins again from the margins (3, s) [N] of a cam that held, with steps half as long: from a motion that flew
-        off nothing can be learnt."""
-        self.margins, self.step = margins.copy(), np.maximum(0.5 * self.step, LEAST_STEP_N)
 
 
 def used_by_kind(train: Train, lift: Lift, judged: Judged, cam_speeds: np.ndarray) -> np.ndarray:
