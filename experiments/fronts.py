@@ -4,8 +4,8 @@
 
 `kodama`, accuracy draft, rows of the exact response: the largest area that the event-exact judge confirms over the band
 against the limit on bounce (jump and seating velocity released, which would hide it), on jump (seating velocity
-released) and on jerk; then the factors on the valve spring's rate and preload, each within 10 %, that give the largest area together
-with the cam, confirmed by a search with the spring found.
+released) and on jerk; then the factors on the valve spring's rate and preload, each within 10 %, that give the largest
+area together with the cam, confirmed by a search with the spring found.
 """
 
 from dataclasses import replace
