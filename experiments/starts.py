@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 import camopt
 from camopt.cam.lift import Lift
@@ -61,7 +62,7 @@ def main(size: str = "full", folder: Path = RESULTS, scenes: tuple[str, ...] | N
     cases = [{"scene": s, "start": b, "gradient": g} for s, g, b in product(asked, SOURCES[size], STARTS[size])]
     rows = called("experiments.starts:searched", cases, size, folder / "starts.sqlite")
     by_scene = {s: summary(s, rows) for s in asked}
-    content = {"accuracy": "draft", "speeds": SPEEDS, "covered": asked, "scenes": by_scene, "rows": rows}
+    content = {"accuracy": "draft", "speeds": SPEEDS, "scenes": by_scene, "rows": rows}
     for name, found in by_scene.items():
         print(name, found, flush=True)
     drawn = {"kodama": figure(rows)} if DRAWN in asked else {}
@@ -148,6 +149,7 @@ def figure(rows: list[dict]) -> Figure:
         axes.plot(rounds[-1], row["area_ratio"], "o", color=colour, markersize=4)
     axes.axhline(BEFORE[DRAWN], color="#8a1c1c", linewidth=0.8, linestyle=":")
     axes.set(xlabel="round [-]", ylabel="area ratio [-]", title=f"{DRAWN}: the cam of each round")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.legend(fontsize=7)
     return drawn
 
