@@ -12,7 +12,9 @@ import numpy as np
 import pandas
 
 import camopt
+from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.search.judge import Judge
+from camopt.optimizer.search.search import find_cam
 
 SIZE = os.environ.get("CAMOPT_NOTEBOOK_SIZE", "full")
 SMALL = SIZE == "small"
@@ -37,13 +39,15 @@ front
 front.plot()
 
 # %% [markdown]
-# A cam over the whole band: the search's judge settles the event-exact motion at every speed.
+# The cam of largest area for the train as it is drawn, and its worst speed: the search's judge settles the event-exact
+# motion at speeds over the whole band.
 
 # %%
-cam = camopt.polydyne(scene, design_speed_rpm=low)
+search, _ = find_cam(scene, "band", ACCURACIES["draft"], "exact")
+cam = search.confirmed[-1].lift
 judge = Judge(scene, np.linspace(low, high, 5 if SMALL else 41))
 nominal = judge(cam)
-print(f"worst at {nominal.worst_speed_rpm:.0f} r/min: bounce up to {nominal.worst('bounce_mm'):.4f} mm")
+print(f"worst at {nominal.worst_speed_rpm:.0f} r/min: {nominal.share.max():.0%} of a limit used")
 
 # %% [markdown]
 # The same cam in trains as they are built: each has its own spring, lash, masses and stiffness, drawn within the
@@ -51,11 +55,13 @@ print(f"worst at {nominal.worst_speed_rpm:.0f} r/min: bounce up to {nominal.wors
 
 # %%
 rows = []
-for built in camopt.trains_as_built(scene, 2 if SMALL else 50):
+for built in camopt.trains_as_built(scene, 8 if SMALL else 100):
     judged = Judge(built.scene, judge.speeds_rpm[:: 2 if SMALL else 4])(built.cam(cam))
     worst = {f"worst {metric}": judged.worst(metric) for metric in judged.limited}
     rows.append({"train": built.number, **worst, "used part of a limit": float(judged.share.max())})
 trains = pandas.DataFrame(rows).set_index("train")
+held = (trains["used part of a limit"] <= 1.0).mean()
+print(f"{held:.0%} of {len(trains)} trains hold every limit at these speeds")
 trains.describe().loc[["min", "50%", "max"]]
 
 # %%
