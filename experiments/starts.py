@@ -90,7 +90,6 @@ def searched(scene: str, start: str, gradient: str) -> dict:
         "search_s": log.clock.spent_s("search"),
         "verdict_s": time.process_time() - begin,
         "course": [line["area_ratio"] for line in lines],
-        "stages": [line["stage"] for line in lines],
     }
 
 
