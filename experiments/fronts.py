@@ -2,10 +2,10 @@
 
     python -m experiments.fronts [small|full]
 
-`kodama`, accuracy draft, the program alone: the largest area that the event-exact judge confirms over the band against
-the limit on bounce (jump and seating velocity released, which would hide it), on jump (seating velocity released) and
-on jerk; then the factors on the valve spring's rate and preload, each within 10 %, that give the largest area together
-with the cam, confirmed by a search with the spring found.
+`kodama`, accuracy draft, rows of the exact response: the largest area that the event-exact judge confirms over the band
+against the limit on bounce (jump and seating velocity released, which would hide it), on jump (seating velocity
+released) and on jerk; then the factors on the valve spring's rate and preload, each within 10 %, that give the largest
+area together with the cam, confirmed by a search with the spring found.
 """
 
 from dataclasses import replace
@@ -23,6 +23,7 @@ RELEASED = {
     "jerk_max_mm_per_deg3": (),
 }
 """Limits that would hide what the one in question costs."""
+GRADIENT = "exact"
 SMALL = {"jerk_max_mm_per_deg3": (0.002, 0.004)}
 
 
@@ -30,7 +31,8 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     """Searches, prints and writes fronts.json and a figure per limit into `folder`."""
     scene, asked = load_scene("kodama"), VALUES if size == "full" else SMALL
     speeds = "band" if size == "full" else "nominal"
-    fronts = {n: pareto(scene, n, v, release=RELEASED[n], speeds=speeds, progress=True) for n, v in asked.items()}
+    given = {"speeds": speeds, "gradient": GRADIENT, "progress": size == "full"}
+    fronts = {n: pareto(scene, n, values, release=RELEASED[n], **given) for n, values in asked.items()}
     content = {"fronts": {}}
     for name, front in fronts.items():
         content["fronts"][name] = {k: front.table[k].values.tolist() for k in ("limit", *front.table.data_vars)}
@@ -40,8 +42,8 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     found = joint_spring(scene, speeds=speeds, evaluations=30 if size == "full" else 4)
     effort = ACCURACIES["draft"]
     if size == "small":
-        effort = replace(effort, judged_speeds=5, judge_stride=1)
-    as_given, together = (find_cam(s, speeds, effort)[0].best for s in (scene, found.scene))
+        effort = replace(effort, feedback_rounds=4)
+    as_given, together = (find_cam(s, speeds, effort, GRADIENT)[0].confirmed[-1] for s in (scene, found.scene))
     content["spring"] = {
         "rate": found.rate,
         "preload": found.preload,

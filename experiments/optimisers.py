@@ -5,8 +5,8 @@
 Problems times optimisers, three seeds each: on `motori-1` and `kodama` at their listed speeds, a free cam with knots
 every 6 deg (drawn about that by the seed). Ascents of the area with penalties by Adam, L-BFGS and plain gradient steps,
 projected on the limits on the shape, by exact and (on `motori-1`, first seed) smooth gradients, from the free cams
-nearest to a Polydyne and a Multi-Pol and from the linear program's cam; the program alone, camopt's search over its
-margins, CMA-ES (Hansen, pycma) and differential evolution (SciPy) over them; the same two on the cam's coefficients,
+nearest to a Polydyne and a Multi-Pol and from the linear program's cam; the program alone, camopt's search, CMA-ES
+(Hansen, pycma) and differential evolution (SciPy) over the program's margins; the same two on the cam's coefficients,
 and SLSQP (SciPy) with exact gradients. These three start from the cam of largest area under the limits on the shape.
 Every method's every candidate holds the limits on the shape, one judge decides (event-exact, settled, share of each
 limit at most 1), and each has the same budget of processor time, in which its start and compilation do not count; what

@@ -1,52 +1,46 @@
-"""Do trains with springs by tables, adjusters, friction and gas force get a confirmed cam, and what do gradients add?
+"""Do trains with springs by tables, adjusters, friction and gas force get a confirmed cam?
+
+    python -m experiments.real_trains [small|full]
 
 One train with Hertz contacts is among them. Each scene goes through `camopt.optimize` at its listed speeds, accuracy
-draft, to a verdict. Beside it stand the plain Polydyne and Multi-Pol, before the search's own judge. Then the search
-alone with further seeds, which draw its knots: the area of the no-jump program with its tangents, and what the gradient
-stage adds to it through the exact adjoint.
+draft, to a verdict. Beside it stand the plain Polydyne and Multi-Pol, before the search's own judge.
 """
 
 import tempfile
 import time
 from pathlib import Path
 
-import numpy as np
-
-from camopt.optimizer.accuracy import accuracy_named
 from camopt.optimizer.baselines.comparison import plain_baselines
 from camopt.optimizer.run import optimize
 from camopt.optimizer.search.judge import Judge
-from camopt.optimizer.search.search import find_cam
 from camopt.scene import InputError, Scene, load_scene
 from experiments.support.record import RESULTS, run_script, write_result
-from experiments.support.sweeping import called
 
 SCENES = {
     "small": ("exhaust-gas",),
     "full": ("exhaust-gas", "finger-hydraulic", "kodama-hertz", "pushrod-hydraulic", "race-nested"),
 }
-SEEDS = {"small": (0,), "full": (0, 2, 3, 4)}
-"""Each has other knots; those of 1 are as many as those of 0."""
+GRADIENT = {"small": "exact", "full": "smooth"}
 BESIDE = ("polydyne", "multi-pol")
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
-    """The job and the searches of every scene."""
+    """The job of every scene, and the literature's cams beside it."""
     content = {}
     for name in SCENES[size]:
         scene = load_scene(name)
-        content[name] = {**job(scene), "beside": beside(scene), **searches(name, SEEDS[size], size)}
+        content[name] = {**job(scene, GRADIENT[size]), "beside": beside(scene)}
         print(name, content[name], flush=True)
     write_result("real_trains", size, content, {}, folder)
     return content
 
 
-def job(scene: Scene) -> dict:
-    """What `camopt optimize SCENE --accuracy draft --speeds nominal` comes to."""
+def job(scene: Scene, gradient: str) -> dict:
+    """What `camopt optimize SCENE --accuracy draft --speeds nominal --gradient GRADIENT` comes to."""
     begin = time.process_time()
     with tempfile.TemporaryDirectory() as work:
         try:
-            run = optimize(scene, "nominal", "draft", out=Path(work) / "run", compare=False)
+            run = optimize(scene, "nominal", "draft", gradient, out=Path(work) / "run", compare=False)
         except InputError as error:
             return {"verdict": None, "says": str(error)}
     return {
@@ -69,28 +63,6 @@ def beside(scene: Scene) -> dict:
             share = float(judge(cam).share.max())
             found[name] = {"area_ratio": cam.area_ratio_in(scene.design), "used_part_of_a_limit": min(share, 1e6)}
     return found
-
-
-def searched(scene: str, seed: int) -> dict:
-    """The areas of one search: of the program's cam, and with the gradient stage."""
-    search, no_jump = find_cam(load_scene(scene), "nominal", accuracy_named("draft"), "exact", seed=seed)
-    assert search.best is not None, "find_cam raises where it confirms none"
-    return {"program": no_jump.area_ratio, "best": search.best.area_ratio}
-
-
-def searches(name: str, seeds: tuple[int, ...], size: str) -> dict:
-    """The areas of the program's cam and of the gradient stage's, over seeds."""
-    cases = ({"scene": name, "seed": seed} for seed in seeds)
-    rows = called("experiments.real_trains:searched", cases, size)
-    program, best = ([row[of] for row in rows] for of in ("program", "best"))
-    gain = np.subtract(best, program)
-    return {
-        "program_area_ratio": program,
-        "gradient_area_ratio": best,
-        "gain": float(gain.mean()),
-        "gain_spread": float(gain.std()),
-        "program_spread": float(np.std(program)),
-    }
 
 
 if __name__ == "__main__":

@@ -26,9 +26,9 @@ from camopt.optimizer.as_built.statement import yield_statement
 from camopt.optimizer.as_built.track import track
 from camopt.optimizer.baselines.family_spaces import family_space
 from camopt.optimizer.baselines.largest_member import MemberLimits, MemberMotion, member_within
-from camopt.scene.valve_spring import with_spring
 from camopt.scene import Scene, load_scene
 from camopt.scene.design import Design
+from camopt.scene.valve_spring import with_spring
 from experiments.support.record import RESULTS, run_script, write_result
 from experiments.support.sweeping import called
 

@@ -29,8 +29,9 @@ from camopt.optimizer.ascent.variables import FreeVariables, Variables
 from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import NoCamHoldsContact, no_jump_program
-from camopt.optimizer.search.judge import USABLE_SHARE, Judge
-from camopt.optimizer.search.search import Logbook, find_cam
+from camopt.optimizer.search.cams import BETWEEN_SHARE, Logbook
+from camopt.optimizer.search.judge import Judge
+from camopt.optimizer.search.search import find_cam
 from camopt.scene import InputError, build_train, load_scene
 
 KNOT_DEG, KNOT_SPREAD = 6.0, 0.1
@@ -95,8 +96,8 @@ class Problem:
         return float(lift.area_ratio(self.design.max_lift_mm * 1e-3))
 
     def cost(self, lift: Lift) -> float:
-        """What a method without gradients makes small: minus the area, and what is used beyond `USABLE_SHARE`."""
-        return -self.area(lift) + float(np.nan_to_num(max(self.share(lift) - USABLE_SHARE, 0.0), posinf=1e6))
+        """What a method without gradients makes small: minus the area, and what is used beyond `BETWEEN_SHARE`."""
+        return -self.area(lift) + float(np.nan_to_num(max(self.share(lift) - BETWEEN_SHARE, 0.0), posinf=1e6))
 
     def lift_of(self, z: np.ndarray) -> Lift:
         """The nearest cam within the limits on the shape."""
@@ -178,7 +179,7 @@ def program_alone(problem: Problem) -> None:
 
 
 def own_search(problem: Problem) -> None:
-    """camopt's search over the program's margins, which ends by itself."""
+    """camopt's search, with rows of the exact response; it ends by itself."""
     effort = replace(ACCURACIES["standard"], knot_deg=problem.cam.knot_deg)
     problem.begin()
 
@@ -188,7 +189,7 @@ def own_search(problem: Problem) -> None:
         if line["confirmed"] and (not problem.stairs or line["area_ratio"] > problem.stairs[-1][1]):
             problem.stairs.append((now, line["area_ratio"]))
 
-    find_cam(problem.scene, "nominal", effort, "none", log=Logbook(show=show))
+    find_cam(problem.scene, "nominal", effort, "exact", log=Logbook(show=show))
 
 
 def by_margins(problem: Problem, margins: np.ndarray) -> float:

@@ -1,0 +1,157 @@
+"""Does the search come to the same cam from every start, by either source of its rows?
+
+    python -m experiments.starts [small|full]
+
+Every built-in scene with a design, at its listed speeds, accuracy draft: from the calmest cam, from the literature's
+plain cams, and from random free cams within the limits on the shape, with rows of the smoothed motion by JAX and with
+those of the closed periodic response. Of each search the largest cam that the full verdict confirms, with the rounds,
+the Jacobians and the processor time that it took; beside them the areas of the job before there were paths (at commit
+066e876). An interrupted run goes on.
+"""
+
+import time
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+import camopt
+from camopt.cam.lift import Lift
+from camopt.optimizer.accuracy import ACCURACIES
+from camopt.optimizer.ascent.projection import ShapeLimits
+from camopt.optimizer.candidates import largest_confirmed
+from camopt.optimizer.program.program_cam import program_cam
+from camopt.optimizer.search.cams import Logbook
+from camopt.optimizer.search.region import USUAL_ACCELERATION
+from camopt.optimizer.search.search import find_cam
+from camopt.plots.style import new_figure, styled
+from camopt.scene import InputError, Scene, load_scene
+from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.sweeping import called
+
+BEFORE = {
+    "kodama": 0.5626,
+    "motori-1": 0.5750,
+    "exhaust-gas": 0.5821,
+    "finger-hydraulic": 0.6102,
+    "kodama-hertz": 0.5597,
+    "pushrod-hydraulic": 0.5999,
+    "race-nested": 0.6146,
+    "pushrod-5mass": None,
+}
+"""Area ratio of the job at commit 066e876 at the listed speeds, accuracy draft; None where it was not kept."""
+SCENES = {"small": ("motori-1",), "full": tuple(BEFORE)}
+FAMILIES = {"Polydyne": camopt.polydyne, "Multi-Pol": camopt.multi_pol, "New Design": camopt.new_design}
+RANDOM = {"random 1": 1, "random 2": 2}
+"""Random cams by their seed."""
+STARTS = {"small": ("calmest", "Polydyne", "random 1"), "full": ("calmest", *FAMILIES, *RANDOM)}
+SOURCES = {"small": ("exact",), "full": ("smooth", "exact")}
+SPEEDS, EFFORT = "nominal", ACCURACIES["draft"]
+DRAWN, DRAWN_STARTS = "kodama", ("calmest", "Polydyne", "Multi-Pol", "random 1")
+"""What the figure shows."""
+COLOURS = ("#222222", "#0072B2", "#D55E00", "#009E73")
+LINES = {"smooth": "-", "exact": "--"}
+
+
+def main(size: str = "full", folder: Path = RESULTS, scenes: tuple[str, ...] | None = None) -> dict:
+    """Searches from every start, prints and writes starts.json and its figure into `folder`; of some `scenes` alone
+    where they are named."""
+    asked = scenes or SCENES[size]
+    cases = [{"scene": s, "start": b, "gradient": g} for s, g, b in product(asked, SOURCES[size], STARTS[size])]
+    rows = called("experiments.starts:searched", cases, size, folder / "starts.sqlite")
+    by_scene = {s: summary(s, rows) for s in asked}
+    content = {"accuracy": "draft", "speeds": SPEEDS, "scenes": by_scene, "rows": rows}
+    for name, found in by_scene.items():
+        print(name, found, flush=True)
+    drawn = {"kodama": figure(rows)} if DRAWN in asked else {}
+    write_result("starts", size, content, drawn, folder)
+    return content
+
+
+def searched(scene: str, start: str, gradient: str) -> dict:
+    """One search from a start, and the largest of its cams that the full verdict confirms; why there is none where
+    there is none."""
+    loaded, lines = load_scene(scene), []
+    log = Logbook(show=lines.append)
+    try:
+        search, _ = find_cam(loaded, SPEEDS, EFFORT, gradient, log=log, start=start_cam(loaded, start))
+        begin = time.process_time()
+        chosen = largest_confirmed(loaded, search.confirmed, SPEEDS, EFFORT)
+    except InputError as error:
+        return {"area_ratio": None, "verdict": None, "why": str(error)}
+    return {
+        "area_ratio": chosen.cam.area_ratio,
+        "verdict": chosen.verdict.verdict,
+        "refused": [cam.area_ratio for cam, _ in chosen.refused],
+        "rounds": search.steps,
+        "jacobians": search.source.jacobians,
+        "search_s": log.clock.spent_s("search"),
+        "verdict_s": time.process_time() - begin,
+        "course": [line["area_ratio"] for line in lines],
+    }
+
+
+def start_cam(scene: Scene, name: str) -> Lift | None:
+    """The cam that a search begins from; None for the calmest one, with which it begins by itself."""
+    if name == "calmest":
+        return None
+    return random_cam(scene, RANDOM[name]) if name in RANDOM else FAMILIES[name](scene)
+
+
+def random_cam(scene: Scene, seed: int) -> Lift:
+    """The free cam within the limits on the shape that is nearest to drawn coefficients, which are normal with the
+    largest acceleration that the scene allows for their standard deviation."""
+    design = scene.design
+    assert design is not None, "the scenes have one"
+    cam = program_cam(design, EFFORT.knot_deg)
+    most = design.acceleration_max_mm_per_deg2 or USUAL_ACCELERATION
+    drawn = np.random.default_rng(seed).normal(0.0, most, cam.Z.shape[1])
+    return cam.lift(ShapeLimits(cam, design).nearest(drawn))
+
+
+def summary(scene: str, rows: list[dict]) -> dict:
+    """Of each source the least and the largest confirmed area ratio, how many of how many searches were confirmed, and
+    the median of their rounds, Jacobians and processor seconds. The first smooth search in a process compiles."""
+    found: dict = {"before": BEFORE[scene]}
+    for source in dict.fromkeys(row["gradient"] for row in rows):
+        tried = [row for row in rows if (row["scene"], row["gradient"]) == (scene, source)]
+        held = [row for row in tried if row["verdict"] == "confirmed"]
+        areas = [row["area_ratio"] for row in held]
+        found[source] = {"tried": len(tried), "confirmed": len(held)} | {
+            "least": min(areas, default=None),
+            "largest": max(areas, default=None),
+            "rounds": median([row["rounds"] for row in held]),
+            "jacobians": median([row["jacobians"] for row in held]),
+            "seconds": median([row["search_s"] for row in held]),
+        }
+    return found
+
+
+def median(values: list[float]) -> float | None:
+    """Their median; None where there are none."""
+    return float(np.median(values)) if values else None
+
+
+@styled
+def figure(rows: list[dict]) -> Figure:
+    """Area ratio of the cam of each round, by start and source, and the confirmed cam at the end."""
+    drawn = new_figure(6.4, 3.8)
+    axes = drawn.subplots()
+    for row in rows:
+        if row["scene"] != DRAWN or row["start"] not in DRAWN_STARTS or row["area_ratio"] is None:
+            continue
+        colour, rounds = COLOURS[DRAWN_STARTS.index(row["start"])], np.arange(1, row["rounds"] + 1)
+        label = f"from {row['start']}, {row['gradient']}"
+        axes.plot(rounds, row["course"], LINES[row["gradient"]], color=colour, label=label)
+        axes.plot(rounds[-1], row["area_ratio"], "o", color=colour, markersize=4)
+    axes.axhline(BEFORE[DRAWN], color="#8a1c1c", linewidth=0.8, linestyle=":")
+    axes.set(xlabel="round [-]", ylabel="area ratio [-]", title=f"{DRAWN}: the cam of each round")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.legend(fontsize=7)
+    return drawn
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)
