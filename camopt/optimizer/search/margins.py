@@ -19,9 +19,9 @@ from camopt.scene.units import MM
 
 AIM = 0.8
 """Share of a limit that the feedback aims at: what is left is for the speeds between, and for those beside them."""
-FIRST_MARGINS_N = np.array([10.0, 0.0, 30.0])
-"""Margins at first: opening with contact excites less vibration, and the seat's are half of the limit on the bounce, so
-that what is fed back finds motions that repeat themselves."""
+FIRST_MARGINS_N = np.array([10.0, 0.0, 0.0])
+"""Margins at first, on the opening flank, the closing flank and at the seat: a flank that opens with contact excites
+less vibration on the other one."""
 ASKED_TIMES = 1.25
 """Multiple of the design's own least force with which a search begins: it is to keep some of it for other speeds."""
 ALIKE = 0.045
