@@ -7,6 +7,9 @@ with the programs that this left, and draft. By stage: clock, processor time and
 the whole process, imports included: clock, processor time and peak memory, from the system. A fixed loop of arithmetic
 is timed before each of them, so that runs of different days and machines can be compared. The small size is `motori-1`
 at its listed speeds and draft without gradients, on whatever caches there are.
+
+Where `CAMOPT_OLDER_TREE` names the folder of an older checkout, its warm and its draft job run beside these, from caches
+of their own, and what the jobs take is said as a ratio too.
 """
 
 import json
@@ -31,6 +34,9 @@ CASES = {
 SMALL = {
     "draft": ("optimize", "motori-1", "--quiet", "--accuracy", "draft", "--speeds", "nominal", "--gradient", "none")
 }
+OLDER_TREE = "CAMOPT_OLDER_TREE"
+OLDER = ("warm", "draft")
+"""The cases that an older tree runs too, after one that fills its caches."""
 TARGETS = {
     "cold": {"clock_s": 180.0, "peak_memory_MB": 1000.0},
     "warm": {"processor_s": 100.0, "peak_memory_MB": 1000.0},
@@ -48,12 +54,13 @@ def arithmetic_loop() -> float:
     return time.process_time() - begun
 
 
-def job(words: tuple[str, ...], out: Path, environment: dict[str, str]) -> dict:
-    """One job in a process of its own: what it cost in all and by stage, and what it came to."""
+def job(words: tuple[str, ...], out: Path, environment: dict[str, str], tree: str | None = None) -> dict:
+    """One job in a process of its own, of another tree where one is named: what it cost, and what it came to."""
+    environment = environment | ({"PYTHONPATH": tree} if tree else {})
     loop, begun = arithmetic_loop(), time.perf_counter()
     command = [sys.executable, "-m", "camopt", *words, "--out", str(out)]
     with open(os.devnull, "wb") as nowhere:
-        process = subprocess.Popen(command, env=os.environ | environment, stdout=nowhere)
+        process = subprocess.Popen(command, env=os.environ | environment, stdout=nowhere, cwd=tree)
         _, status, used = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     clock = time.perf_counter() - begun
@@ -69,7 +76,6 @@ def job(words: tuple[str, ...], out: Path, environment: dict[str, str]) -> dict:
         "loop_s": loop,
         "stages": provenance["stages"],
         "cams_judged": provenance["cams_judged"],
-        "gradient_ended": provenance["gradient_ended"],
     }
 
 
@@ -87,9 +93,27 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
             rows[name] = job(words, Path(held, f"run-{name}"), caches)
             rows[name]["within_target"] = within(name, rows[name])
             print(table(name, rows[name]), flush=True)
+        older = older_jobs(Path(held), caches) if size == "full" and OLDER_TREE in os.environ else {}
     content = {"targets": TARGETS, "cases": rows}
+    content |= {"older": older, "ratios": ratios(rows, older)} if older else {}
     write_result("job_time", size, content, {}, folder)
     return content
+
+
+def older_jobs(held: Path, caches: dict[str, str]) -> dict[str, dict]:
+    """What the older tree's jobs take, from caches of their own."""
+    tree, found = os.environ[OLDER_TREE], {}
+    caches = {name: f"{path}-older" for name, path in caches.items()}
+    for number, name in enumerate((OLDER[0], *OLDER)):  # the first one compiles
+        found[name] = job(CASES[name], held / f"older-{number}", caches, tree)
+        print(table(f"older, {name}", found[name]), flush=True)
+    return found
+
+
+def ratios(rows: dict[str, dict], older: dict[str, dict]) -> dict[str, dict[str, float]]:
+    """By case what it takes over what the older tree takes."""
+    keys = ("processor_s", "peak_memory_MB", "area_ratio")
+    return {name: {key: rows[name][key] / older[name][key] for key in keys} for name in older}
 
 
 def table(name: str, row: dict) -> str:

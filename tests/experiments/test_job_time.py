@@ -11,7 +11,7 @@ def test_small_size(tmp_path, capsys):
     content = job_time.main("small", tmp_path)
     (row,) = content["cases"].values()
     assert row["exit_code"] == 0 and row["area_ratio"] > 0.5
-    assert list(row["stages"]) == ["bound", "no_jump", "verdict", "comparison"]
+    assert list(row["stages"]) == ["bound", "search", "verdict", "comparison"]
     spent = sum(stage["processor_s"] for stage in row["stages"].values())
     assert 0 < spent < row["processor_s"] and row["loop_s"] > 0
     for stage in row["stages"].values():
@@ -25,6 +25,13 @@ def test_small_size(tmp_path, capsys):
 def test_targets_are_held_against_what_was_measured(processor, kept):
     row = {"processor_s": processor, "peak_memory_MB": 900.0}
     assert job_time.within("warm", row) == {"processor_s": kept, "peak_memory_MB": True}
+
+
+def test_ratios_are_those_of_the_same_case():
+    row = {"processor_s": 60.0, "peak_memory_MB": 900.0, "area_ratio": 0.56}
+    assert job_time.ratios({"warm": row, "cold": row}, {"warm": row | {"processor_s": 50.0}}) == {
+        "warm": {"processor_s": 1.2, "peak_memory_MB": 1.0, "area_ratio": 1.0}
+    }
 
 
 def test_every_target_is_kept_as_the_page_says():
