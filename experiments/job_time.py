@@ -8,8 +8,8 @@ the whole process, imports included: clock, processor time and peak memory, from
 is timed before each of them, so that runs of different days and machines can be compared. The small size is `motori-1`
 at its listed speeds and draft without gradients, on whatever caches there are.
 
-Where `CAMOPT_OLDER_TREE` names the folder of an older checkout, its warm and its draft job run beside these, from caches
-of their own, and what the jobs take is said as a ratio too.
+Where `CAMOPT_OLDER_TREE` names the folder of an older checkout, its warm and its draft job run beside these, from
+caches of their own, and what the jobs take is said as a ratio too.
 """
 
 import json
