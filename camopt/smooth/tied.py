@@ -188,13 +188,18 @@ def path_slopes(tied, samples, cam_speed, y0, event, tie, layer: Layer, moved: D
     return jax.vmap(along, out_axes=-1)(*(moved[i] for i in varies))
 
 
-def settled_paths(tied, samples, cam_speed, y0, event, tie, layer: Layer, *, parts: int):
-    """The state (2, n + r, b) at which the last revolution on the way to a settled motion begins, and its paths; the
-    arguments are `tied_paths`'."""
-    for _ in range(MOST_TURNS):
+def settled_paths(
+    tied, samples, cam_speed, y0, event, tie, layer: Layer, *, parts: int, most: int = MOST_TURNS, within=SETTLED
+) -> tuple[jax.Array, TiedPaths]:
+    """The state (2, n + r, b) at which the last revolution on the way to a settled motion begins, and its paths.
+
+    It is settled where a revolution moves no position by more than `within` [m], after `most` revolutions at the
+    latest; the other arguments are `tied_paths`'.
+    """
+    for _ in range(most):
         start, paths = y0, tied_paths(tied, samples, cam_speed, y0, event, tie, layer, parts=parts)
         y0, moved = paths.end, float(jnp.abs(paths.end - start)[0].max())
-        if not np.isfinite(moved) or moved < SETTLED:
+        if not np.isfinite(moved) or moved < within:
             break
     return start, paths
 

@@ -32,7 +32,7 @@ from camopt.smooth.tied import (
     parts_of_steps,
     path_angles,
     periodic_slopes,
-    tied_paths,
+    settled_paths,
     tied_system,
 )
 
@@ -128,21 +128,16 @@ class SmoothRows:
     def _settled(self, z: np.ndarray, start: jax.Array) -> TiedPaths | None:
         """The settled motion's paths from `start` or, at speeds at which the valve is off its seat at the end, from
         rest, since an adjuster that pumped up would stay so. None where the motion is not finite."""
-        samples, layer = self._samples(z), Layer(WIDTH)
+        motion, how = (self._tied_in, 1.0, Layer(WIDTH)), {"parts": self._parts, "most": MOST_TURNS, "within": SETTLED}
         for _ in range(2):
-            for _ in range(MOST_TURNS):
-                paths = tied_paths(
-                    self._tied, samples, self._speeds, start, self._tied_in, 1.0, layer, parts=self._parts
-                )
-                moved = float(jnp.abs(paths.end - start)[0].max())
-                start = paths.end
-                if not np.isfinite(moved) or moved < SETTLED:
-                    break
+            _, paths = settled_paths(self._tied, self._samples(z), self._speeds, start, *motion, **how)
+            if not bool(jnp.all(jnp.isfinite(paths.end))):
+                return None
             open_ends = paths.seat_gap[-1] > TAME_GAP
-            if not np.isfinite(moved) or not bool(open_ends.any()):
+            if not bool(open_ends.any()):
                 break
-            start = jnp.where(open_ends, self._rest, start)
-        return paths if np.isfinite(moved) else None
+            start = jnp.where(open_ends, self._rest, paths.end)
+        return paths
 
     def _blocks(self, program: NoJumpProgram, known: "_Known") -> tuple[SpeedRows, ...]:
         design, train, theta, z = program.design, program.train, path_angles(), known.at
