@@ -139,7 +139,7 @@ def _point(scene: Scene, speeds: str, effort, gradient: str) -> dict:
         return {"area_ratio": None}
     best, judged = search.confirmed[-1], search.best_judged
     assert judged is not None
-    worst = {f"worst_{name}": judged.worst(name) for name in judged.figures}
+    worst = {f"worst_{name}": judged.worst(name) for name in ("bounce_mm", *judged.limited)}
     return {"area_ratio": best.area_ratio, "area_ratio_no_jump": no_jump.area_ratio, **worst}
 
 

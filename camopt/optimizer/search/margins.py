@@ -11,6 +11,7 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.exact.engine import prepare
+from camopt.measure.limits import LEAST_LIMIT
 from camopt.optimizer.program.force_rows import CLOSING, OPENING, SEAT
 from camopt.optimizer.search.judge import Judged
 from camopt.scene.design import Design
@@ -26,7 +27,7 @@ ASKED_TIMES = 1.25
 """Multiple of the design's own least force with which a search begins: it is to keep some of it for other speeds."""
 ALIKE = 0.045
 """Relative distance within which speeds are alike."""
-FIRST_STEP_N, LEAST_STEP_N, LARGEST_STEP_N = 6.0, 0.5, 60.0
+FIRST_STEP_N, LEAST_STEP_N, LARGEST_STEP_N = 6.0, 0.5, 20.0
 GROWTH = 1.5
 """Growth of a step while the motion still breaks a limit after the last one."""
 LARGEST_N = 80.0
@@ -63,7 +64,7 @@ class FedBack:
         """Moves the margins by what the motion used (3, s) of its limits."""
         error = np.clip((used - AIM) / AIM, -1.0, MOST_ERROR)
         sign = np.sign(error)
-        turned, short = self.sign * sign < 0, (self.sign > 0) & (used > 1.0) & (used < FLOWN)
+        turned, short = self.sign * sign < 0, (self.sign > 0) & (used > 1.0)
         factor = np.where(turned, 0.5, np.where(short, GROWTH, 1.0))
         self.step, self.sign = np.clip(self.step * factor, LEAST_STEP_N, LARGEST_STEP_N), sign
         self.margins = np.maximum(self.margins + self.step * error, -LARGEST_N)
@@ -86,7 +87,7 @@ def used_by_kind(train: Train, lift: Lift, judged: Judged, cam_speeds: np.ndarra
             flanks = np.stack([share, share])
             for s in np.flatnonzero(share > TRACED) if metric == "jump_mm" else ():
                 if np.all(np.isfinite(judged.states[s])):
-                    apart = _openings(train, lift, cam_speeds[s], judged.states[s]) / (limit * MM)
+                    apart = _openings(train, lift, cam_speeds[s], judged.states[s]) / (max(limit, LEAST_LIMIT) * MM)
                     flanks[:, s] = np.minimum(apart * share[s] / max(apart.max(), 1e-9), MOST_SHARE)
             used[[OPENING, CLOSING]] = np.maximum(used[[OPENING, CLOSING]], flanks)
     alike = np.abs(cam_speeds[:, None] / cam_speeds - 1.0) <= ALIKE
