@@ -33,8 +33,6 @@ GROWTH = 1.5
 LARGEST_N = 80.0
 """Tension [N] that a margin may allow: where a limit is far, more of it would only change what is not limited."""
 MOST_ERROR = 1.5
-FLOWN = 2.0
-"""Part of a limit beyond which a motion has flown off: by how far says nothing any more."""
 TRACED = 0.4
 """Share of the limit on the jump from which it is told on which flank the contacts part."""
 MOST_SHARE = 4.0

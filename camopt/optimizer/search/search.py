@@ -24,7 +24,7 @@ from camopt.optimizer.program.phases import Angles
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.search.cams import BETWEEN_SHARE, RESOLUTION, Logbook, Search
 from camopt.optimizer.search.judge import Judge, Judged
-from camopt.optimizer.search.margins import FLOWN, FedBack, first_margins, used_by_kind
+from camopt.optimizer.search.margins import FedBack, first_margins, used_by_kind
 from camopt.optimizer.search.none_holds import why_none_holds
 from camopt.optimizer.search.region import RowSource, first_region, stepped
 from camopt.scene.design import Design
@@ -43,6 +43,8 @@ RENEWED = (0, 2, 6)
 """Rounds of the feedback after which the rows are taken about the present cam again."""
 RENEWED_EVERY = 4
 """The same for trains whose laws are not straight, after so many rounds each."""
+FLOWN = 2.0
+"""Part of a limit beyond which a motion has flown off: by how far says nothing any more."""
 BLENDS = 5
 """Cams between the largest one that holds and a larger one that does not, each halving what is left."""
 
