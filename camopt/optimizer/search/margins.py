@@ -20,9 +20,9 @@ from camopt.scene.units import MM
 
 AIM = 0.8
 """Share of a limit that the feedback aims at: what is left is for the speeds between, and for those beside them."""
-FIRST_MARGINS_N = np.array([10.0, 0.0, 0.0])
+FIRST_MARGINS_N = np.array([10.0, 0.0, 15.0])
 """Margins at first, on the opening flank, the closing flank and at the seat: a flank that opens with contact excites
-less vibration on the other one."""
+less vibration on the other one, and with a quarter of the limit on the bounce at the seat an adjuster does not fill."""
 ASKED_TIMES = 1.25
 """Multiple of the design's own least force with which a search begins: it is to keep some of it for other speeds."""
 ALIKE = 0.045
