@@ -218,8 +218,7 @@ class _OpenRun:
         asked, log = self.settings, Logbook(Journal(folder), shown.step, self.clock)
         how = {"log": log, "start": self.start, "seed": asked["seed"]}
         search, first = find_cam(self.scene, asked["speeds"], self.effort, asked["gradient"], **how)
-        self.further |= {"search": search.course}
-        self.found = {"cams_judged": search.judge.calls}
+        self.further["search"], self.found = search.course, {"cams_judged": search.judge.calls}
         return search.confirmed, first
 
     def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam]:
