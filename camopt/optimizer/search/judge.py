@@ -93,21 +93,25 @@ class Judge:
         self.calls += 1
         critical = np.sort(np.argsort(-self._used)[:CRITICAL]) if self.stride > 1 else []
         found: dict[int, tuple[dict[str, float], np.ndarray, bool]] = {}
+        judged = None
         for group in (critical, np.arange(0, len(self.speeds_rpm), self.stride), None):
-            at = self._beside(found) if group is None else group
-            found |= self._found(lift, np.setdiff1d(at, [*found]))
-            judged = self._judged(found) if found else None
-            if judged and judged.used > self._usable:
-                break
+            if group is None:
+                assert judged is not None, "there are speeds"
+                group = self._beside(judged)
+            at = np.setdiff1d(group, [*found])
+            if len(at):
+                found |= self._found(lift, at)
+                judged = self._judged(found)
+                if judged.used > self._usable:
+                    break
         assert judged is not None, "there are speeds"
         self.remember(judged)
         return judged
 
-    def _beside(self, found: Mapping[int, tuple[dict[str, float], np.ndarray, bool]]) -> np.ndarray:
-        """Indices of the speeds beside those `found` at which much of a limit is used."""
-        judged = self._judged(found)
-        watched = np.array(sorted(found))[judged.share.max(axis=0, initial=0.0) > WATCHED_SHARE]
-        every = np.arange(len(self.speeds_rpm))
+    def _beside(self, judged: Judged) -> np.ndarray:
+        """Indices of the speeds beside those `judged` at which much of a limit is used."""
+        much = judged.share.max(axis=0, initial=0.0) > WATCHED_SHARE
+        watched, every = np.searchsorted(self.speeds_rpm, judged.speeds_rpm[much]), np.arange(len(self.speeds_rpm))
         return every[(np.abs(every[:, None] - watched) < self.stride).any(axis=1)]
 
     def remember(self, judged: Judged) -> None:
@@ -127,8 +131,6 @@ class Judge:
 
     def _found(self, lift: Lift, at: np.ndarray) -> dict[int, tuple[dict[str, float], np.ndarray, bool]]:
         """Figures, settled state and whether the motion repeats itself, at the speeds of the indices `at`."""
-        if len(at) == 0:
-            return {}
         names = dict.fromkeys(("bounce_mm", *(n for n, _ in motion_limits(self.scene.design).values())))
         speeds = [self.scene.cam_speed(s) for s in self.speeds_rpm[at]]
         most = PLAIN_REVOLUTIONS if self._train.memory else SETTLES
