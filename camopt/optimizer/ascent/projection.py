@@ -139,7 +139,8 @@ class ShapeLimits:
         wanted = q.T @ (lift(theta) - offset - basis @ self.cam.x_p)  # of y = r z, in which distance is that of lifts
         matrix, bound = self._rows
         try:
-            return np.linalg.solve(r, Polyhedron(np.linalg.solve(r.T, matrix.T).T, bound).nearest(wanted))
+            found = np.linalg.solve(r, Polyhedron(np.linalg.solve(r.T, matrix.T).T, bound).nearest(wanted))
+            return self.nearest(found)  # the change of coordinates leaves rows broken by rounding
         except Empty:
             raise InputError(conflict(self.design, self.cam)) from None
 
@@ -156,5 +157,4 @@ def nearest_free_cam(scene: Scene, cam: Lift, *, knot_deg: float = 3.0) -> Lift:
     if scene.design is None:
         raise InputError(f"scene {scene.name}: the nearest free cam needs [design]")
     free = program_cam(scene.design, knot_deg)
-    limits = ShapeLimits(free, scene.design)
-    return free.lift(limits.nearest(limits.nearest_to(cam)))
+    return free.lift(ShapeLimits(free, scene.design).nearest_to(cam))

@@ -77,7 +77,8 @@ def stepped(
 ) -> NoJumpOptimum:
     """The cam of largest area in the box about that of z (m), narrowed until the rows foretell its forces."""
     while True:
-        found = program.within(Box(z, region.width)).solve_below(margins)
+        program = program.within(Box(z, region.width))
+        found = program.solve_below(margins)
         error = source.error_at(program, found.z)
         if not region.refuses(error):
             region.follow(error)

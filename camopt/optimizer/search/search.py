@@ -87,7 +87,8 @@ def find_cam(
         program = without_rows(build_train(scene), design, cam, [scene.cam_speed(speed) for speed in searched])
         source = _source(smooth, program)
         search = Search(Judge(scene, searched), between, source, log, start.family if start else "calmest")
-        program, z = source.first(program, _nearest(cam, design, start) if start else np.zeros(cam.Z.shape[1]))
+        nearest = ShapeLimits(cam, design).nearest_to(start) if start else np.zeros(cam.Z.shape[1])
+        program, z = source.first(program, nearest)
         _programs(search, source, program, z, 0 if gradient == "none" else effort.feedback_rounds)
         _blend(search)
         search.confirm()
@@ -117,12 +118,6 @@ def _source(smooth: bool, program: NoJumpProgram) -> RowSource:
     return SmoothRows(program)
 
 
-def _nearest(cam: FreeCam, design: Design, start: Lift) -> np.ndarray:
-    """The coefficients z (m) of the free cam within the limits on the shape whose lift differs least from `start`."""
-    limits = ShapeLimits(cam, design)
-    return limits.nearest(limits.nearest_to(start))
-
-
 def _programs(search: Search, source: RowSource, program: NoJumpProgram, z: np.ndarray, rounds: int) -> None:
     """Programs from the cam of z (m) on: with the first margins until one promises little more area or its cam does not
     settle, then so many rounds whose margins follow what the judged motion uses of the limits.
@@ -149,7 +144,7 @@ def _programs(search: Search, source: RowSource, program: NoJumpProgram, z: np.n
             fed.follow(used_by_kind(program.train, found.lift, judged, program.speeds))
         if seats:
             z = found.z
-            program = source.about(program, z) if due else program
+            program = source.about(found.program, z) if due else found.program
 
 
 def _due(straight: bool, rounds: int) -> np.ndarray:
