@@ -43,7 +43,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     effort = ACCURACIES["draft"]
     if size == "small":
         effort = replace(effort, feedback_rounds=4)
-    as_given, together = (find_cam(s, speeds, effort, GRADIENT)[0].confirmed[-1] for s in (scene, found.scene))
+    as_given, together = (find_cam(s, speeds, effort, GRADIENT).confirmed[-1] for s in (scene, found.scene))
     content["spring"] = {
         "rate": found.rate,
         "preload": found.preload,

@@ -70,7 +70,7 @@ def row(name: str, scene: Scene, speeds: str, size: str) -> dict:
     """One design: areas, its worst figures at speeds the search did not use, sign changes of acceleration, time."""
     started = time.perf_counter()
     try:
-        found = find_cam(scene, speeds, EFFORT[size], GRADIENT[size])[0].confirmed[-1]
+        found = find_cam(scene, speeds, EFFORT[size], GRADIENT[size]).confirmed[-1]
     except InputError as error:
         return {"case": name, "area_ratio": None, "why": str(error)}
     seconds = time.perf_counter() - started

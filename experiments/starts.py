@@ -76,7 +76,7 @@ def searched(scene: str, start: str, gradient: str) -> dict:
     loaded, lines = load_scene(scene), []
     log = Logbook(show=lines.append)
     try:
-        search, _ = find_cam(loaded, SPEEDS, EFFORT, gradient, log=log, start=start_cam(loaded, start))
+        search = find_cam(loaded, SPEEDS, EFFORT, gradient, log=log, start=start_cam(loaded, start))
         begin = time.process_time()
         chosen = largest_confirmed(loaded, search.confirmed, SPEEDS, EFFORT)
     except InputError as error:

@@ -43,7 +43,7 @@ front.plot()
 # motion at speeds over the whole band.
 
 # %%
-search, _ = find_cam(scene, "band", ACCURACIES["draft"], "exact")
+search = find_cam(scene, "band", ACCURACIES["draft"], "exact")
 cam = search.confirmed[-1].lift
 judge = Judge(scene, np.linspace(low, high, 5 if SMALL else 41))
 nominal = judge(cam)

@@ -217,9 +217,10 @@ class _OpenRun:
         """The confirmed cams of the search, each larger than the one before, and the best of the program alone."""
         asked, log = self.settings, Logbook(Journal(folder), shown.step, self.clock)
         how = {"log": log, "start": self.start, "seed": asked["seed"]}
-        search, first = find_cam(self.scene, asked["speeds"], self.effort, asked["gradient"], **how)
+        search = find_cam(self.scene, asked["speeds"], self.effort, asked["gradient"], **how)
         self.further["search"], self.found = search.course, {"cams_judged": search.judge.calls}
-        return search.confirmed, first
+        assert search.first is not None, "a search with a cam has ended its first stage"
+        return search.confirmed, search.first
 
     def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam]:
         """The same of the search for yield; the second cam is the best for which nothing was differentiated."""

@@ -134,13 +134,13 @@ def _yield_point(scene: Scene, wanted: float, accuracy: str, gradient: str, seed
 
 def _point(scene: Scene, speeds: str, effort, gradient: str) -> dict:
     try:
-        search, no_jump = find_cam(scene, speeds, effort, gradient)
+        search = find_cam(scene, speeds, effort, gradient)
     except InputError:
         return {"area_ratio": None}
-    best, judged = search.confirmed[-1], search.best_judged
-    assert judged is not None
-    worst = {f"worst_{name}": judged.worst(name) for name in ("bounce_mm", *judged.limited)}
-    return {"area_ratio": best.area_ratio, "area_ratio_no_jump": no_jump.area_ratio, **worst}
+    best, first = search.confirmed[-1], search.first
+    assert first is not None, "a search with a cam has ended its first stage"
+    worst = {f"worst_{name}": best.judged.worst(name) for name in ("bounce_mm", *best.judged.limited)}
+    return {"area_ratio": best.area_ratio, "area_ratio_no_jump": first.area_ratio, **worst}
 
 
 @dataclass(frozen=True)

@@ -219,8 +219,8 @@ def search_of(*cams):
     source = SimpleNamespace(name="exact", jacobians=1)
     search = Search(judge, None, source, Logbook(), "calmest")
     for area in answers:
-        lift = SimpleNamespace(area_ratio=area, area=1.0)
-        search.consider("path constraints", SimpleNamespace(z=np.array([area]), lift=lift, area_ratio=area))
+        free = SimpleNamespace(lift=lambda z: SimpleNamespace(area_ratio=float(z[0]), area=1.0))
+        search.consider("path constraints", free, np.array([area]), area)
     search.confirm()
     return search
 

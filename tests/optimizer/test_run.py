@@ -181,8 +181,8 @@ def designed(plain, monkeypatch):
     design = load_scene("motori-1").design
     optimum = kinematic_optimum(design, free_cam(design, 3.0))
     found = SimpleNamespace(lift=plain.lift, area_ratio=plain.record["area_ratio"], z=optimum.z)
-    search.confirmed = [found]
-    monkeypatch.setattr(module, "find_cam", lambda *a, **k: (search, found))
+    search.confirmed, search.first = [found], found
+    monkeypatch.setattr(module, "find_cam", lambda *a, **k: search)
     monkeypatch.setattr(candidates, "verdict_on", lambda *a, **k: plain.verdict)
     return search
 
@@ -233,10 +233,9 @@ def test_a_verdict_that_falls_back_is_said(designed, plain, tmp_path, monkeypatc
     """The area of the refused cam stood as that of the program beside a smaller delivered one, without a word."""
     first = designed.confirmed[0]
     larger = SimpleNamespace(lift=plain.lift, area_ratio=first.area_ratio + 0.01, z=first.z)
-    designed.confirmed = [first, larger]
+    designed.confirmed, designed.first = [first, larger], larger
     verdicts = iter([replace(plain.verdict, verdict="rejected"), plain.verdict])
     monkeypatch.setattr(candidates, "verdict_on", lambda *a, **k: next(verdicts))
-    monkeypatch.setattr(module, "find_cam", lambda *a, **k: (designed, larger))
     record = optimize(load_scene("motori-1"), "nominal", "draft", "none", tmp_path / "run").record
     assert record["verdict_fell_back"] == {"candidates_judged": 2, "largest_refused_area_ratio": larger.area_ratio}
     assert record["area_ratio_no_jump"] == larger.area_ratio

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from camopt.optimizer.program.no_jump import NoJumpOptimum
+from camopt.cam.families.free import FreeCam
+from camopt.cam.lift import Lift
 from camopt.optimizer.search.journal import Journal
 from camopt.optimizer.search.judge import Judge, Judged, with_speeds_between
 from camopt.optimizer.search.region import RowSource
@@ -30,6 +31,21 @@ class Logbook:
     clock: StageClock = field(default_factory=StageClock)
 
 
+@dataclass(frozen=True, eq=False)  # as its arrays have no one answer
+class Tried:
+    """A cam that a search judged: its free coefficients z (m), its area ratio, what the judge found."""
+
+    free: FreeCam
+    z: np.ndarray
+    area_ratio: float
+    judged: Judged
+
+    @property
+    def lift(self) -> Lift:
+        """The cam's lift law."""
+        return self.free.lift(self.z)
+
+
 @dataclass
 class Search:
     """The state of a search: the cams that hold, each larger than the one before, and the journal."""
@@ -39,21 +55,16 @@ class Search:
     source: RowSource
     log: Logbook
     start: str  # the family of the cam that it began from, or "calmest"
-    seen: list[tuple[NoJumpOptimum, Judged]] = field(default_factory=list)  # all that were judged
-    held: list[tuple[NoJumpOptimum, Judged]] = field(default_factory=list)  # each larger than the one before
-    confirmed: list[NoJumpOptimum] = field(default_factory=list)  # those that are offered to the verdict
+    seen: list[Tried] = field(default_factory=list)  # all that were judged
+    held: list[Tried] = field(default_factory=list)  # each larger than the one before
+    confirmed: list[Tried] = field(default_factory=list)  # those that are offered to the verdict
     steps: int = 0
-    first: NoJumpOptimum | None = None  # the last program's cam before margins are fed back
+    first: Tried | None = None  # the last program's cam before margins are fed back
 
     @property
-    def best(self) -> NoJumpOptimum | None:
+    def best(self) -> Tried | None:
         """The largest cam that holds."""
-        return self.held[-1][0] if self.held else None
-
-    @property
-    def best_judged(self) -> Judged:
-        """What was judged of the largest cam that is offered to the verdict."""
-        return next(judged for found, judged in [*self.held, *self.seen] if found is self.confirmed[-1])
+        return self.held[-1] if self.held else None
 
     @property
     def course(self) -> dict:
@@ -67,46 +78,47 @@ class Search:
             "seconds": self.log.clock.spent_s("search"),
         }
 
-    def consider(self, stage: str, found: NoJumpOptimum) -> Judged:
-        """Judges a cam, keeps it if it holds and is larger than the best, and reports the step."""
+    def consider(self, stage: str, free: FreeCam, z: np.ndarray, area_ratio: float) -> Tried:
+        """Judges the cam of z (m), keeps it if it holds and is larger than the best, and reports the step."""
         self.steps += 1
-        journal = self.log.journal
-        judged = journal.recall(self.steps, found.z)
+        journal, lift = self.log.journal, free.lift(z)
+        judged = journal.recall(self.steps, z)
         if judged is None:
-            judged = self.judge(found.lift)
-            journal.keep(self.steps, found.z, judged)
+            judged = self.judge(lift)
+            journal.keep(self.steps, z, judged)
         else:
             self.judge.remember(judged)
-        larger = self.best is None or found.area_ratio > self.best.area_ratio + RESOLUTION
+        larger = self.best is None or area_ratio > self.best.area_ratio + RESOLUTION
         if larger and judged.used <= BETWEEN_SHARE and self.band:
-            judged = with_speeds_between(judged, self.band(found.lift))
-        self.seen.append((found, judged))
+            judged = with_speeds_between(judged, self.band(lift))
+        tried = Tried(free, z, area_ratio, judged)
+        self.seen.append(tried)
         if larger and judged.used <= BETWEEN_SHARE:
-            self.held.append((found, judged))
+            self.held.append(tried)
         line = {
             "iteration": self.steps,
             "stage": stage,
-            "area_ratio": found.area_ratio,
-            "area_mm_deg": found.lift.area / MM / DEG,
+            "area_ratio": area_ratio,
+            "area_mm_deg": lift.area / MM / DEG,
             "worst_bounce_mm": judged.worst("bounce_mm"),
             **{f"worst_{name}": judged.worst(name) for name in judged.limited if name != "bounce_mm"},
             "worst_share": judged.used,
             "worst_speed_rpm": judged.worst_speed_rpm,
-            "confirmed": self.best is found,
+            "confirmed": self.best is tried,
             "best_area_ratio": self.best.area_ratio if self.best else None,
         }
         journal.note(line)
         self.log.show(line)
-        return judged
+        return tried
 
     def confirm(self) -> None:
         """Offers the cams that hold to the verdict, the largest first, and of smaller ones those that use less of their
         limits: where the verdict refuses a cam, one that is hardly another would be refused too."""
         least = np.inf
-        for found, judged in self.held[::-1]:
-            if judged.used < least - USES_LESS and len(self.confirmed) < CANDIDATES:
-                least = judged.used
-                self.confirmed.insert(0, found)
+        for tried in self.held[::-1]:
+            if tried.judged.used < least - USES_LESS and len(self.confirmed) < CANDIDATES:
+                least = tried.judged.used
+                self.confirmed.insert(0, tried)
         if not self.confirmed:  # no cam that holds is refused for a reserve
-            holding = [found for found, judged in self.seen if judged.share.max(initial=0.0) <= 1.0]
-            self.confirmed = sorted(holding, key=lambda found: found.area_ratio)[-CANDIDATES:]
+            holding = [tried for tried in self.seen if tried.judged.share.max(initial=0.0) <= 1.0]
+            self.confirmed = sorted(holding, key=lambda tried: tried.area_ratio)[-CANDIDATES:]

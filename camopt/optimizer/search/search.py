@@ -8,7 +8,6 @@ by JAX (`smooth_rows`), or for laws that are straight in pieces the closed perio
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -19,11 +18,11 @@ from camopt.optimizer.accuracy import Accuracy, design_speeds
 from camopt.optimizer.ascent.projection import ShapeLimits
 from camopt.optimizer.program.force_rows import SpeedRows, Window
 from camopt.optimizer.program.kinematic import area_ratio_row
-from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram
+from camopt.optimizer.program.no_jump import NoJumpProgram
 from camopt.optimizer.program.phases import Angles
 from camopt.optimizer.program.program_cam import program_cam
-from camopt.optimizer.search.cams import BETWEEN_SHARE, RESOLUTION, Logbook, Search
-from camopt.optimizer.search.judge import Judge, Judged
+from camopt.optimizer.search.cams import BETWEEN_SHARE, RESOLUTION, Logbook, Search, Tried
+from camopt.optimizer.search.judge import Judge
 from camopt.optimizer.search.margins import FedBack, first_margins, used_by_kind
 from camopt.optimizer.search.none_holds import why_none_holds
 from camopt.optimizer.search.region import RowSource, first_region, stepped
@@ -66,8 +65,8 @@ def find_cam(
     log: Logbook | None = None,
     start: Lift | None = None,
     seed: int = 0,
-) -> tuple[Search, NoJumpOptimum]:
-    """The search with its confirmed cams, each larger than the one before, and the cam of its first stage.
+) -> Search:
+    """The search with its confirmed cams, each larger than the one before.
 
     `speeds` is "band" or "nominal". With `gradient` "smooth", for which "auto" stands, the slopes are those of the
     smoothed motion by JAX, with "exact" those of the closed periodic response, and with "none" the search ends before
@@ -93,9 +92,8 @@ def find_cam(
         _blend(search)
         search.confirm()
     if not search.confirmed:
-        raise NoCamFound(why_none_holds([judged for _, judged in search.seen], program))
-    assert search.first is not None, "the first stage has a program"
-    return search, search.first
+        raise NoCamFound(why_none_holds([tried.judged for tried in search.seen], program))
+    return search
 
 
 def without_rows(train: Train, design: Design, cam: FreeCam, speeds: Sequence[float] | np.ndarray) -> NoJumpProgram:
@@ -130,18 +128,19 @@ def _programs(search: Search, source: RowSource, program: NoJumpProgram, z: np.n
     settled, left = False, rounds
     while left or not settled:
         found = stepped(source, program, z, region, fed.margins)
-        judged = search.consider("margins fed back" if settled else "path constraints", found)
-        seats = bool(np.all(np.isfinite(judged.share))) or not search.held
+        stage = "margins fed back" if settled else "path constraints"
+        tried = search.consider(stage, found.program.cam, found.z, found.area_ratio)
+        seats = bool(np.all(np.isfinite(tried.judged.share))) or not search.held
         gain = abs(found.area_ratio - float(row @ z + constant))
         if not settled:
-            search.first = found
+            search.first = tried
             settled = not seats or search.steps >= MOST_FIRST or (gain < SETTLED_GAIN and found.margins.min() >= 0.0)
             due = True
         else:
             due = renewed[rounds - left]
             left -= 1
         if settled:
-            fed.follow(used_by_kind(program.train, found.lift, judged, program.speeds))
+            fed.follow(used_by_kind(program.train, tried.lift, tried.judged, program.speeds))
         if seats:
             z = found.z
             program = source.about(found.program, z) if due else found.program
@@ -158,21 +157,16 @@ def _blend(search: Search) -> None:
     most area through, if what is used of them grows in proportion."""
     if search.best is None:
         return
-    best, used = search.best, search.held[-1][1].used
+    best, used = search.best, search.best.judged.used
 
-    def promised(one: tuple[NoJumpOptimum, Judged]) -> float:
-        within = (1.0 - used) / max(min(one[1].used, FLOWN) - used, 1.0 - used)
-        return within * (one[0].area_ratio - best.area_ratio)
+    def promised(tried: Tried) -> float:
+        within = (1.0 - used) / max(min(tried.judged.used, FLOWN) - used, 1.0 - used)
+        return within * (tried.area_ratio - best.area_ratio)
 
-    beyond, low, high = max(search.seen, key=promised)[0], 0.0, 1.0
+    beyond, low, high = max(search.seen, key=promised), 0.0, 1.0
     for _ in range(BLENDS if beyond.area_ratio > best.area_ratio + RESOLUTION else 0):
-        share = 0.5 * (low + high)
-        between = _between(best, beyond, share)
-        search.consider("between two cams", between)
-        low, high = (share, high) if search.best is between else (low, share)
-
-
-def _between(one: NoJumpOptimum, other: NoJumpOptimum, share: float) -> NoJumpOptimum:
-    """The cam a `share` of the way from one to the other; the limits on the shape let it through with both."""
-    z = (1 - share) * one.z + share * other.z
-    return replace(other, z=z, area_ratio=(1 - share) * one.area_ratio + share * other.area_ratio)
+        share = 0.5 * (low + high)  # the limits on the shape let a cam through that lies between two
+        z = (1 - share) * best.z + share * beyond.z
+        area_ratio = (1 - share) * best.area_ratio + share * beyond.area_ratio
+        tried = search.consider("between two cams", beyond.free, z, area_ratio)
+        low, high = (share, high) if search.best is tried else (low, share)

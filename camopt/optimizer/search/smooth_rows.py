@@ -95,7 +95,7 @@ class SmoothRows:
             return np.inf
         event = self._event(program)
         before = known.paths.force[event]
-        foretold = before + jnp.asarray(known.slopes.force[event] @ (z - known.at))
+        foretold = before + jnp.asarray(known.slopes.force @ (z - known.at))
         size = _largest(before)
         missed, moved = (_largest(self._paths.force[event] - force) for force in (foretold, before))
         self._missed = float((missed / size).max())
@@ -107,7 +107,7 @@ class SmoothRows:
         if self._paths is None:
             raise NoCamFound("the smoothed motion with tied contacts grows without bound at one of the speeds searched")
         known = self._known
-        slopes = known.slopes if known and self._missed < KEPT else self._slopes(z, self._paths.end)
+        slopes = known.slopes if known and self._missed < KEPT else self._slopes(program, z, self._paths.end)
         self._known = _Known(self._paths, slopes, z)
         program = replace(program, blocks=self._blocks(program, self._known))
         return (
@@ -118,12 +118,14 @@ class SmoothRows:
         """Lift and slope of the cam of z (m) at the ends of the steps (STEPS + 1, 2)."""
         return jnp.asarray(self._offset + self._basis @ z)
 
-    def _slopes(self, z: np.ndarray, start: jax.Array) -> PeriodicSlopes:
-        """The slopes by z (m) of the motion that repeats itself from `start`."""
+    def _slopes(self, program: NoJumpProgram, z: np.ndarray, start: jax.Array) -> PeriodicSlopes:
+        """The slopes by z (m) of the motion that repeats itself from `start`; of the forces in the event alone."""
+        self._known = None  # both Jacobians at once would be most of what a search needs of memory
         self.jacobians += 1
         along = Directions(samples=jnp.asarray(np.moveaxis(self._basis, 2, 0)))
         motion = self._samples(z), self._speeds, start, self._tied_in, 1.0, Layer(WIDTH)
-        return periodic_slopes(self._tied, *motion, [along], parts=self._parts)
+        slopes = periodic_slopes(self._tied, *motion, [along], parts=self._parts)
+        return slopes._replace(force=slopes.force[self._event(program)], gap=np.zeros(0))
 
     def _settled(self, z: np.ndarray, start: jax.Array) -> TiedPaths | None:
         """The settled motion's paths from `start` or, at speeds at which the valve is off its seat at the end, from
@@ -152,7 +154,7 @@ class SmoothRows:
             seated = self._seated(program, z, gap[:, s])
             parts = []
             for c, element in enumerate(train.cam_side):
-                rows = force[inside, c, s], of_force[inside, c, s]
+                rows = force[inside, c, s], of_force[:, c, s]
                 parts.append((*rows, kind, element, theta[inside]))
                 if design.contact_force_max_N is not None:
                     parts.append((*rows, np.full(len(inside), PEAK), element, theta[inside]))

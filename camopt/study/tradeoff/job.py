@@ -131,7 +131,7 @@ def _designed(scene: Scene, speeds: str, effort: Accuracy, folder: Path) -> dict
     from camopt.optimizer.search.search import find_cam
 
     begin = time.process_time()
-    search, _ = find_cam(scene, speeds, effort)
+    search = find_cam(scene, speeds, effort)
     seconds = time.process_time() - begin
     assert scene.operation is not None and scene.design is not None
     chosen = largest_confirmed(scene, search.confirmed, "nominal", ACCURACIES["draft"])
