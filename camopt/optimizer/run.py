@@ -233,14 +233,13 @@ class _OpenRun:
                 self.scene,
                 asked["yield"],
                 EFFORTS[asked["accuracy"]],
-                gradient=asked["gradient"] != "none",
+                gradient=asked["gradient"],
                 seed=asked["seed"],
                 log=TrainsLog(folder),
                 show=shown.step,
             )
         self.found = {"cams_judged": search.steps, "trains_drawn": search.trains_drawn}
-        assert search.without_gradients is not None, "a search that ends has one"
-        return search.held, search.without_gradients
+        return search.held, search.held[0]
 
     def _yield_of(self, lift: Lift) -> dict:
         """verification.json's "yield": by fresh trains, beside the baselines where the run compares."""

@@ -126,7 +126,7 @@ def _yield_point(scene: Scene, wanted: float, accuracy: str, gradient: str, seed
 
     check_wanted(scene, wanted, "band")
     try:
-        found = yield_search(scene, wanted, EFFORTS[accuracy], gradient=gradient != "none", seed=seed)
+        found = yield_search(scene, wanted, EFFORTS[accuracy], gradient=gradient, seed=seed)
     except InputError:
         return {"area_ratio": None}
     return {"area_ratio": found.held[-1].area_ratio, "trains": found.trains_drawn, "cams": found.steps}

@@ -1,28 +1,42 @@
 """The search for yield of a scene, without a run folder around it."""
 
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from camopt.measure.as_built import TrainAsBuilt, trains_as_built
 from camopt.optimizer.as_built.drawn import DrawnTrains
 from camopt.optimizer.as_built.journal import TrainsLog
-from camopt.optimizer.as_built.search import FIRST_MARGIN_N, FIRST_STEP_N, MORE_STEP_N, OVERSPEED, YieldSearch
-from camopt.optimizer.program.no_jump import NoJumpProgram, no_jump_program
+from camopt.optimizer.as_built.openings_program import OpeningsProgram
+from camopt.optimizer.as_built.search import FIRST_LEVEL, YieldSearch
+from camopt.optimizer.as_built.tied_forces import ExactForces, ForceSource
+from camopt.optimizer.program.force_rows import Box
+from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
-from camopt.optimizer.program.relocation import relocate, standing
-from camopt.scene.errors import NoCamFound
+from camopt.optimizer.program.relocation import standing
+from camopt.optimizer.search.region import first_region
 from camopt.scene.schema import Scene
+from camopt.scene.standing_in import is_linear
 from camopt.scene.train import build_train
+from camopt.scene.units import MM
 
-KNOT_DEG = 2.5
-"""Knot interval of the free cam. Finer ones let the program answer the train as designed with ripples of its own
-frequency, which no other train shares, and coarser ones lack what a closing flank needs."""
-BAND_SPEEDS, NEAR_TOP = 7, (0.943, 0.964, 0.986, 1.0)
-"""Speeds of the program within the band, equally spaced, and in place of its two highest ones these shares of the top,
-at which most of the drawn trains fail: a spring's surge meets a harmonic of the cam within a hundredth of a speed."""
+KNOT_DEG = 3.0
+"""Knot interval of the free cam. Finer ones let the program answer single trains with ripples of their own frequency,
+which no other train shares, and coarser ones lack what a closing flank needs."""
+LOW_SPEEDS, HIGH_SPEEDS, NEAR_TOP, CLASSES = 2, 4, 0.93, 4
+"""Each train has so many speeds of the band below and above this share of its top, at which most of the trains fail: a
+spring's surge meets a harmonic of the cam within a hundredth of a speed. After so many trains the same speeds come
+again, and all have the top."""
+FEWER = 3
+"""Part of the trains that say how large the cam may be which say so first."""
+USUAL_JUMP = 0.05 * MM
+"""The limit on the jump that stands for one that the design leaves out [m]."""
+ROUNDS = 4
+"""Programs about one cam after the other where the forces are not the same for all cams."""
+FIRST_MARGIN_N = 40.0
+"""Margin of the cam of the train as designed from which the search begins."""
 DRAWS_SEED, UNSEEN_SEED = 1_000_003, 2_000_003
 """Added to the seed for the draws that shape the cam and for those that say how large it may be; the draws of the final
 statement meet neither."""
@@ -30,31 +44,18 @@ statement meet neither."""
 
 @dataclass(frozen=True)
 class YieldEffort:
-    """How many trains find the common margin, how many of those that shape the cam may fail, how many cams move groups
-    of margins, the steps along slopes, the trains that say how large the cam may be, the final statement.
-
-    Few trains are enough to come near the common margin. Then as many are drawn as it takes for `failing` of them to
-    fail under the yield that is wanted: there are dozens of margins, and their cam suits the failing trains that the
-    search knows, if they are few, better than all the others.
-    """
+    """How many trains shape the cam, how many others say how large it may be, and the final statement's."""
 
     trains: int
-    failing: int
-    moves: int
-    steps: int
     unseen: int
     stated_trains: int
     stated_speeds: int
 
-    def trains_for(self, wanted: float) -> int:
-        """How many trains the steps know for a yield."""
-        return max(self.trains, round(self.failing / (1.0 - wanted)))
-
 
 EFFORTS = {
-    "draft": YieldEffort(100, 0, 0, 8, 400, 1000, 11),
-    "standard": YieldEffort(300, 20, 24, 14, 4000, 1000, 21),
-    "fine": YieldEffort(500, 40, 60, 20, 8000, 2000, 41),
+    "draft": YieldEffort(200, 400, 1000, 11),
+    "standard": YieldEffort(600, 1500, 1000, 21),
+    "fine": YieldEffort(1200, 8000, 2000, 41),
 }
 
 
@@ -64,42 +65,77 @@ def yield_search(
     wanted: float,
     effort: YieldEffort,
     *,
-    gradient: bool = True,
+    gradient: str = "auto",
     seed: int = 0,
     log: TrainsLog | None = None,
     show: Callable[[dict], None] = lambda line: None,
 ) -> YieldSearch:
     """The search for the cam of largest area that `wanted` of the trains as built hold over the scene's band.
 
-    `held` of the answer has the cams, each larger than the one before, `without_gradients` the largest one for which
-    nothing was differentiated; `seed` draws the trains. Raises NoCamFound where no cam holds.
+    `held` of the answer has the cams, each larger than the one before; `seed` draws the trains. Their forces are those
+    of the closed periodic response or, where laws are curved or `gradient` is "smooth", of the smoothed motion by JAX.
+    Raises NoCamFound where no cam holds.
     """
-    drawn = DrawnTrains(scene, seed + DRAWS_SEED)
-    search = YieldSearch(drawn, _program(scene), wanted, log or TrainsLog(None), show)
-    first = search.first_cam()
-    drawn.settle(first.lift)
-    drawn.draw(effort.trains)
-    cam = search.lowest(first.margins, FIRST_STEP_N)
-    if effort.trains_for(wanted) > effort.trains:
-        search.more_trains(effort.trains_for(wanted))
-        cam = search.lowest(cam.margins, MORE_STEP_N)
-    plain = search.by_groups(cam, effort.moves)
-    cam = search.by_slopes(plain, effort.steps) if gradient else plain
-    search.ask_unseen(DrawnTrains(scene, seed + UNSEEN_SEED), effort.unseen)
-    search.without_gradients = search.lowest(plain.margins, MORE_STEP_N)
-    if cam is not plain:
-        with suppress(NoCamFound):  # where too few of the unseen trains hold it, the cam without gradients stands
-            search.lowest(cam.margins, MORE_STEP_N)
+    assert scene.design is not None, "load_scene(..., need='design') guarantees it"
+    plain, z = _plain(scene)
+    cam_speeds, trains = _cam_speeds(scene), trains_as_built(scene, effort.trains, seed=seed + DRAWS_SEED)
+    source = _source(gradient, trains, plain, cam_speeds)
+    program = OpeningsProgram(plain, source.theta, cam_speeds, source.about(z))
+    unseen = DrawnTrains(scene, seed + UNSEEN_SEED)
+    search = YieldSearch(unseen, program, wanted, log or TrainsLog(None), show)
+    jump, lost = (scene.design.jump_max_mm or USUAL_JUMP / MM) * MM, int((1.0 - wanted) * effort.trains + 1e-9)
+    first, box = _about_its_own_cam(program, source, z, FIRST_LEVEL * jump, lost)
+    search.ask(first.lift, effort.unseen // FEWER)
+    level = search.by_level(first.z, jump, lost, FIRST_LEVEL, box)
+    cam = search.held[-1]
+    search.ask(cam.lift, effort.unseen)
+    search.by_level(cam.z, jump, lost, level, box)
     return search
 
 
-def _program(scene: Scene) -> NoJumpProgram:
-    """The no-jump program of the train as designed over the band and a little beyond, at the angles of its own cam."""
+def _plain(scene: Scene) -> tuple[NoJumpProgram, np.ndarray]:
+    """The program of the limits on the shape, and the coefficients (m) of a cam that the train as designed follows."""
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
-    low, high = operation.band_rpm
-    coarse = np.linspace(low, high, BAND_SPEEDS)[:-2]
-    fine = high * np.array([*NEAR_TOP, *OVERSPEED])
-    cam_speeds = [scene.cam_speed(speed) for speed in (*coarse, *fine[fine > coarse[-1]])]
-    program = standing(no_jump_program(build_train(scene), design, program_cam(design, KNOT_DEG), cam_speeds))
-    return relocate(program, program.solve_below(np.full((3, len(cam_speeds)), FIRST_MARGIN_N)).lift)
+    speeds = [scene.cam_speed(rpm) for rpm in operation.band_rpm]
+    program = standing(no_jump_program(build_train(scene), design, program_cam(design, KNOT_DEG), speeds))
+    return program, program.solve_below(np.full((3, len(speeds)), FIRST_MARGIN_N)).z
+
+
+def _cam_speeds(scene: Scene) -> np.ndarray:
+    """Cam speeds (classes, s) [rad/s]."""
+    assert scene.operation is not None, "load_scene(..., need=...) guarantees it"
+    low, top = scene.operation.band_rpm
+    near = max(NEAR_TOP * top, low)
+    below = np.linspace(low, near, LOW_SPEEDS * CLASSES, endpoint=False).reshape(LOW_SPEEDS, CLASSES).T
+    above = np.linspace(near, top, HIGH_SPEEDS * CLASSES).reshape(HIGH_SPEEDS, CLASSES).T
+    rpm = np.hstack([below, above])
+    rpm[:, -1] = top
+    return np.array([[scene.cam_speed(speed) for speed in row] for row in rpm])
+
+
+def _source(gradient: str, trains: Sequence[TrainAsBuilt], plain: NoJumpProgram, cam_speeds: np.ndarray) -> ForceSource:
+    """The source of the forces; only the smoothed motion loads JAX."""
+    if gradient != "smooth" and is_linear(plain.train):
+        return ExactForces(trains, plain.train, plain.cam, cam_speeds)
+    from camopt.optimizer.as_built.smooth_forces import SmoothForces
+
+    return SmoothForces(trains, plain.train, plain.cam, cam_speeds)
+
+
+def _about_its_own_cam(
+    program: OpeningsProgram, source: ForceSource, z: np.ndarray, limit: float, lost: int
+) -> tuple[NoJumpOptimum, Box | None]:
+    """The program's cam under a limit [m], about which its forces are, and the box in which they are believed, if
+    they are not right for every cam."""
+    if source.for_every_cam:
+        return program.largest(z, limit, lost), None
+    region = first_region(program.plain.design)
+    for _ in range(ROUNDS):
+        found = program.largest(z, limit, lost, Box(z, region.width))
+        before, foretold = program.tied(z), program.tied(found.z)
+        program.about(source.about(found.z))
+        missed, moved = (np.abs(program.tied(found.z) - one).max(axis=(2, 3)) for one in (foretold, before))
+        region.follow(float(np.median(missed / np.maximum(moved, 1.0))))
+        z = found.z
+    return found, Box(z, region.width)

@@ -11,27 +11,21 @@ from functools import cached_property
 
 import numpy as np
 
-from camopt.cam.families.free import FreeCam
-from camopt.cam.lift import Lift, recentred
-from camopt.exact.batch import value_and_gradient_many
+from camopt.cam.lift import Lift
 from camopt.exact.settled import settled_metrics
 from camopt.measure.as_built import TrainAsBuilt, trains_as_built
 from camopt.measure.limits import MotionLimit, motion_limits
-from camopt.optimizer.as_built.linear_step import UsedSlopes
 from camopt.optimizer.as_built.track import WORKERS
-from camopt.optimizer.search.judge import next_starts
+from camopt.optimizer.search.judge import MEASURES, SETTLES, next_starts
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
+from camopt.scene.settled import PLAIN_REVOLUTIONS
 from camopt.scene.train import build_train
 
 SPEEDS, STAGGER = 11, 4
 """Speeds at which a train is judged, and after how many trains the same speeds come again."""
 UNJUDGED = 0.99
 """Part of a limit that a train counts as using before it is judged, so that it is."""
-REVOLUTIONS = 2
-"""Revolutions from the settled state, of which the last one is differentiated."""
-STEEPEST = 5000.0
-"""Longest slope that is believed: that of a contact that hammers is beyond all measure, and its direction is left."""
 
 
 @dataclass
@@ -112,59 +106,17 @@ class DrawnTrains:
 
     def _one(self, lift: Lift, t: int, at: np.ndarray) -> None:
         one, starts = self.trains[t], self.states[t, at]
+        most = PLAIN_REVOLUTIONS if one.train.memory else SETTLES
         found = settled_metrics(
-            [one.train], [one.cam(lift)], self.speeds(t)[at].tolist(), starts=starts, decay=np.inf, workers=1
+            [one.train],
+            [one.cam(lift)],
+            self.speeds(t)[at].tolist(),
+            starts=starts,
+            decay=np.inf,
+            most=most,
+            measured=MEASURES,
+            workers=1,
         )
         used = np.array([limit.share(found.worst(limit.metric)[0, 0]) for limit in self.limits])
         self.states[t, at] = next_starts(found.states[0, 0], used, self._nominal[t % STAGGER, at])
         self.used[t][:, at] = used
-
-    def slopes(self, cam: FreeCam, z: np.ndarray, between: tuple[float, float], most: int) -> UsedSlopes:
-        """What the trains whose worst part of a limit lies `between` the two use of limits, and its slopes by z.
-
-        Of each train the `most` largest parts above the first of the two. By the event-exact adjoint, from where the
-        motions settled; a motion that is refused has no row.
-        """
-        lift, trains = cam.lift(z), np.flatnonzero((self.worst > between[0]) & (self.worst < between[1]))
-        if not len(trains):
-            return UsedSlopes(np.zeros(0, dtype=int), np.zeros(0), np.zeros((0, len(z))))
-        basis = ground_basis(cam, self.trains[trains[0]].cam(lift))
-        places = [(t, l, s) for t in map(int, trains) for l, s in self._largest(t, between[0], most)]
-        with ThreadPoolExecutor(WORKERS) as pool:
-            found = list(pool.map(lambda place: self._slope(lift, basis, *place), places))
-        kept = [(t, self.used[t, l, s], row) for (t, l, s), row in zip(places, found, strict=True) if row is not None]
-        slope = np.array([row for *_, row in kept]).reshape(-1, len(z))
-        length = np.linalg.norm(slope, axis=1, keepdims=True)
-        slope *= np.minimum(1.0, STEEPEST / np.maximum(length, 1e-12))
-        level = np.array([used for _, used, _ in kept]) - slope @ z
-        return UsedSlopes(np.array([t for t, *_ in kept], dtype=int), level, slope)
-
-    def _largest(self, t: int, least: float, most: int) -> list[tuple[int, int]]:
-        """The `most` pairs of a limit and a speed of which a train uses most, if more than `least`."""
-        order = np.argsort(-self.used[t], axis=None, kind="stable")[:most]
-        pairs = [np.unravel_index(i, self.used[t].shape) for i in order]
-        return [(int(l), int(s)) for l, s in pairs if self.used[t, l, s] > least]
-
-    def _slope(self, lift: Lift, basis: np.ndarray, t: int, l: int, s: int) -> np.ndarray | None:
-        one = self.trains[t]
-        gradient = value_and_gradient_many(
-            one.train, [one.cam(lift)], [self.speeds(t)[s]], [self.limits[l].metric], self.states[t, s : s + 1],
-            workers=1, revolutions=REVOLUTIONS + 1, revolution=REVOLUTIONS - 1,
-        )[0]  # fmt: skip
-        if gradient is None:
-            return None
-        by_z = np.tensordot(gradient.by_coefficients[0], basis, axes=2)
-        return np.nan_to_num(by_z * self.limits[l].share_slope)
-
-
-def ground_basis(cam: FreeCam, ground: Lift) -> np.ndarray:
-    """The derivative (p, q, m) of a ground cam's coefficients [m/rad^k] by the free cam's z; its errors do not count.
-
-    The borders of a grinding error do not hang on its seed, so that all ground cams of a free one share them.
-    """
-    matrix, _ = cam.piece_basis()
-    plain = cam.lift(np.zeros(matrix.shape[2]))
-    piece = np.searchsorted(plain.borders, 0.5 * (ground.borders[1:] + ground.borders[:-1])) - 1
-    units = [Lift(plain.borders, part, plain.half_duration) for part in np.moveaxis(matrix, 2, 0)]
-    basis = np.stack([recentred(unit, piece, ground.borders[:-1]) for unit in units], axis=-1)
-    return np.pad(basis, ((0, 0), (0, ground.coefficients.shape[1] - basis.shape[1]), (0, 0)))

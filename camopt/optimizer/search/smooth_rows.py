@@ -11,14 +11,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
-from camopt.optimizer.program.force_rows import CLOSING, OPENING, PEAK, SEAT, SpeedRows
+from camopt.optimizer.program.force_rows import CLOSING, OPENING, PEAK, SEAT, SpeedRows, Window
 from camopt.optimizer.program.no_jump import NoJumpProgram
 from camopt.optimizer.program.phases import static_angles
 from camopt.optimizer.program.radii import near, with_radii
 from camopt.optimizer.program.tangents import HELD_N
 from camopt.optimizer.program.waves import with_switches
 from camopt.scene.errors import NoCamFound
+from camopt.scene.train import Train
 from camopt.scene.units import MM
 from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
@@ -70,7 +72,7 @@ class SmoothRows:
         self._offset = np.stack([offset + matrix @ cam.x_p for matrix, offset in pieces], axis=1)
         self._speeds = jnp.asarray(program.speeds)
         self._parts = parts_of_steps(self._tied, float(program.speeds.min()))
-        self._tied_in = -float(cam.breaks[-1]), _end_of_contact(program)
+        self._tied_in = -float(cam.breaks[-1]), end_of_contact(train, cam, program.window)
         self._rest = jnp.repeat(rest_state(train)[:, :, None], len(self._speeds), axis=2)
         self._known: _Known | None = None  # about which the rows are
         self._paths: TiedPaths | None = None  # of the cam that was asked for last
@@ -193,12 +195,12 @@ def on_seat(lift: Lift, lash: float, gap: np.ndarray) -> np.ndarray:
     return (theta >= begin) | (theta <= lift.opening_foot)
 
 
-def _end_of_contact(program: NoJumpProgram) -> float:
+def end_of_contact(train: Train, cam: FreeCam, window: Window) -> float:
     """Angle [rad] up to which the contacts between cam and valve are to push: a little before the seat takes the load
     over, or the ramp top where the ramp is too low to say."""
-    top = float(program.cam.breaks[-1])
+    top = float(cam.breaks[-1])
     try:
-        return max(top, static_angles(program.train, program.cam).seat_closes - program.window.before_seat)
+        return max(top, static_angles(train, cam).seat_closes - window.before_seat)
     except NoCamFound:
         return top
 

@@ -1,0 +1,152 @@
+"""The linear program of largest area whose foretold openings keep their limits in a share of the trains as built.
+
+Of hundreds of thousands of rows, for every train, speed, contact and stretch of angles, the program has those that a
+cam breaks, and solves again (row generation). Then it gives up the trains that cost most area, by the duals of their
+rows, until as many are given up as a yield may lose. A force that a train is to keep at least lies within its rows.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from camopt.optimizer.as_built.openings import LONG, contact_openings
+from camopt.optimizer.program.force_rows import CLOSING, OPENING, Box, SpeedRows
+from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram
+
+UM = 1e-6
+"""The program's openings are in micrometres: as large as margins in newtons are."""
+BROKEN = 1.0 * UM
+"""Opening beyond its limit that counts as none."""
+NEARLY = 10.0 * UM
+"""A case that breaks its limit has rows for all stretches of angles that come as near to it."""
+WATCHED = 25.0 * UM
+"""Cases that stay farther than this from their limit are looked at again when no other one breaks it."""
+FIRST, AT_ONCE = 100, 400
+"""Cases that are given rows to begin with and between two solutions, the worst first."""
+MOST_SOLUTIONS = 40
+GIVEN_UP_AT_ONCE = 3
+"""Of the trains that hold the area back one in so many is given up between two solutions."""
+
+Key = tuple[int, int, int, int]
+
+
+@dataclass
+class OpeningsProgram:
+    """The program on trains (t), each at its own speeds (s), whose contacts between cam and valve are c.
+
+    `forces` (t, s, c, k, 1 + m) are those of the tied contacts [N] at angles `theta` (k) [rad], affine in z. Train t
+    has the cam speeds `cam_speeds[t % classes]` (classes, s) [rad/s]. `plain` is the program of the limits on the
+    shape, without rows on forces.
+    """
+
+    plain: NoJumpProgram
+    theta: np.ndarray
+    cam_speeds: np.ndarray
+    forces: np.ndarray
+    kept: np.ndarray = field(init=False)  # (t: bool) trains that are not given up
+
+    def __post_init__(self) -> None:
+        self._openings = [contact_openings(self.plain.train, speeds, len(self.theta)) for speeds in self.cam_speeds]
+        self._single = [rows.astype(np.float32) for rows in self._openings]
+        self._limits = self.plain.limits
+        self.about(self.forces)
+
+    def about(self, forces: np.ndarray) -> None:
+        """Takes other forces, about another cam, as they are."""
+        self.forces, self._rows, self._work = forces, {}, set()
+        self.kept = np.ones(len(forces), dtype=bool)
+
+    def tied(self, z: np.ndarray) -> np.ndarray:
+        """Forces of the tied contacts (t, s, c, k) [N] with the cam of z (m)."""
+        return self.forces @ np.append(1.0, z).astype(np.float32)
+
+    def foretold(self, z: np.ndarray, cases: np.ndarray) -> np.ndarray:
+        """Openings (i, c, w * k) [m] that the forces foretell for the cam of z (m) in `cases` (i, 2), train and
+        speed."""
+        t, s = cases.T
+        forces = self.tied(z)[t, s]
+        found = np.empty((len(t), forces.shape[1], len(LONG) * len(self.theta)), dtype=np.float32)
+        for same, speed in np.ndindex(self.cam_speeds.shape):
+            at = np.flatnonzero((t % len(self.cam_speeds) == same) & (s == speed))
+            for c, rows in enumerate(self._single[same][speed]):  # as products of matrices
+                found[at, c] = forces[at, c] @ rows.T
+        return found
+
+    def largest(self, z: np.ndarray, limit: float, given_up: int, box: Box | None = None) -> NoJumpOptimum:
+        """The cam of largest area whose foretold openings are at most `limit` [m] in all but `given_up` trains.
+
+        The generation of rows begins from the cam of z (m), and goes on from the rows and the trains given up for the
+        limit before. Where no cam keeps the limit in all of them, all openings may be larger by what it takes, until
+        enough trains are given up.
+        """
+        while True:
+            found, pressure = self._solved(z, limit, box)
+            z, left = found.z, given_up - int(np.sum(~self.kept))
+            if left <= 0 or not pressure.any():
+                return found
+            count = min((left + 1) // 2, max(1, int(np.sum(pressure > 0)) // GIVEN_UP_AT_ONCE))
+            self.kept[np.argsort(-pressure, kind="stable")[:count]] = False
+
+    def _solved(self, z: np.ndarray, limit: float, box: Box | None) -> tuple[NoJumpOptimum, np.ndarray]:
+        """The optimum for the trains that are kept, and by how much each of them (t) holds the area back."""
+        every = np.argwhere(np.broadcast_to(self.kept[:, None], self.forces.shape[:2]))
+        more, near = self._broken(z, limit, every, begin=not self._work)
+        for _ in range(MOST_SOLUTIONS):
+            self._work |= more
+            found, pressure = self._optimum(limit, box)
+            allowed = max(limit, -UM * float(found.margins.min(initial=0.0)))
+            more, near = self._broken(found.z, allowed, near)
+            if not more - self._work:
+                more, near = self._broken(found.z, allowed, every)
+            if not more - self._work:
+                break
+        return found, pressure
+
+    def _broken(
+        self, z: np.ndarray, limit: float, cases: np.ndarray, begin: bool = False
+    ) -> tuple[set[Key], np.ndarray]:
+        """Of `cases` (i, 2) the rows that the cam of z (m) breaks by most, to `begin` with those that it comes nearest
+        to breaking; and the cases that come near to it, which the next cam may break."""
+        beyond = self.foretold(z, cases) - np.float32(limit)
+        worst, length = beyond.max(axis=(1, 2)), len(self.theta)
+        order = np.argsort(-worst, kind="stable")[: FIRST if begin else AT_ONCE]
+        order = order[worst[order] > (-np.inf if begin else BROKEN)]
+        by_length = beyond[order].reshape(len(order), beyond.shape[1], len(LONG), length)
+        last = by_length.argmax(axis=3)
+        near = np.take_along_axis(by_length, last[..., None], axis=3)[..., 0] > (-np.inf if begin else -NEARLY)
+        found = set()
+        for i, c, w in np.argwhere(near).tolist():
+            t, s = cases[order[i]].tolist()
+            found.add((t, s, c, w * length + int(last[i, c, w])))
+        return found, cases[worst > -WATCHED]
+
+    def _row(self, key: Key) -> np.ndarray:
+        """The opening [um] of a row, at z = 0 and per coefficient (1 + m)."""
+        if key not in self._rows:
+            t, s, c, q = key
+            rows = self._openings[t % len(self.cam_speeds)][s, c, q]
+            self._rows[key] = rows @ self.forces[t, s, c].astype(float) / UM
+        return self._rows[key]
+
+    def _optimum(self, limit: float, box: Box | None) -> tuple[NoJumpOptimum, np.ndarray]:
+        cases: dict[tuple[int, int], list[Key]] = {}
+        for key in sorted(self._work):
+            if self.kept[key[0]]:
+                cases.setdefault(key[:2], []).append(key)
+        blocks = tuple(self._block(keys) for keys in cases.values())
+        program = replace(self.plain, blocks=blocks, box=box)
+        vars(program)["limits"] = self._limits
+        found = program.solve_below(np.full((3, len(blocks)), -limit / UM))
+        first = len(self._limits.bound)
+        trains, pressure = np.array([t for t, _ in cases]), np.zeros(len(self.forces))
+        np.add.at(pressure, trains[program.speed], found.optimum.duals[first : first + len(program.speed)])
+        return found, pressure
+
+    def _block(self, keys: list[Key]) -> SpeedRows:
+        """The rows of one train at one speed, as forces that are to be at least minus the limit [um]."""
+        rows = np.array([self._row(key) for key in keys])
+        angle = self.theta[[key[3] % len(self.theta) for key in keys]]
+        element = np.array([self.plain.train.cam_side[key[2]] for key in keys])
+        cam_speed = float(self.cam_speeds[keys[0][0] % len(self.cam_speeds), keys[0][1]])
+        kind, angles = np.where(angle < 0, OPENING, CLOSING), self.plain.blocks[0].angles
+        return SpeedRows(self.plain.train, cam_speed, angles, -rows[:, 1:], -rows[:, 0], kind, element, angle)
