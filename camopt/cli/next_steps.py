@@ -124,9 +124,10 @@ def _after_verify(args: Namespace, code: int) -> str:
     if _is_table(args):
         held = _camopt("yield", *_cam_of(args), "--trains", 200)
         return f"{held} says how many trains as built hold, where the scene says how they differ"
-    return (
-        _advised(args.scene, args.cam) or f"{_lift_table(*_cam_of(args))} writes the cam's lift table for the grinder"
-    )
+    advised = _advised(args.scene, args.cam)
+    if advised and "`camopt verify" not in advised:  # which has just been done
+        return advised
+    return f"{_lift_table(*_cam_of(args))} writes the cam's lift table for the grinder"
 
 
 def _after_simulate(args: Namespace, code: int) -> str:

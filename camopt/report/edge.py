@@ -35,7 +35,7 @@ def _narrow_reserve(run: RunFolder) -> list[str]:
         return []
     return [
         f"The limits hold only {shown(reserve, 2)} % beyond the band's top speed, which a spring "
-        f"{shown(2 * reserve, 2)} % softer uses up: a band_rpm that reaches further, or --yield, makes room."
+        f"{shown(2 * reserve, 2)} % softer uses up: a band_rpm that reaches further{_or_yield(run)} makes room."
     ]
 
 
@@ -59,5 +59,10 @@ def _unsettled(run: RunFolder) -> list[str]:
         return []
     return [
         f"The motion at {in_words(speeds)} r/min does not settle, so that another revolution may be worse than those "
-        f"that were judged: a lower jump_max_mm, or --yield, calms it."
+        f"that were judged: a lower jump_max_mm{_or_yield(run)} calms it."
     ]
+
+
+def _or_yield(run: RunFolder) -> str:
+    """The other remedy, for a scene that says how trains differ."""
+    return ", or --yield," if run.scene.get("tolerance") or run.scene.get("grinding") else ""

@@ -31,11 +31,12 @@ BASELINE_TRAINS = 60
 @dataclass(frozen=True)
 class StatedBy:
     """By what a statement is made: trains at most, unless a wanted share lets fewer than so many `failing` ones be
-    expected of them, and speeds over the band."""
+    expected of them, speeds over the band, and after what parts of the trains it may end."""
 
     trains: int
     failing: int
     speeds: int
+    parts: tuple[float, ...]
 
     def looks(self, scene: Scene, wanted: float | None) -> Looks:
         """After how many trains a statement may end: where the wanted share, or the advised one, is decided.
@@ -43,11 +44,15 @@ class StatedBy:
         A train with curved laws costs as much as twenty others: there the first look comes sooner.
         """
         most = self.trains if wanted is None else max(self.trains, ceil(self.failing / (1.0 - wanted)))
-        shares = (0.15, 0.5, 1.0) if build_train(scene).straight else (0.04, 0.15, 0.5, 1.0)
-        return Looks(tuple(round(share * most) for share in shares), ADVISED if wanted is None else wanted)
+        parts = (*(() if build_train(scene).straight else (self.parts[0] / 4,)), *self.parts, 1.0)
+        return Looks(tuple(round(part * most) for part in parts), ADVISED if wanted is None else wanted)
 
 
-STATED_BY = {"draft": StatedBy(200, 10, 11), "standard": StatedBy(1000, 40, 11), "fine": StatedBy(4000, 80, 21)}
+STATED_BY = {
+    "draft": StatedBy(200, 10, 11, (0.5,)),
+    "standard": StatedBy(1000, 40, 11, (0.15, 0.5)),
+    "fine": StatedBy(4000, 80, 21, (0.15, 0.5)),
+}
 """By accuracy. 40 failing ones of 4000 tell a loss of one per cent to a sixth of itself."""
 
 
