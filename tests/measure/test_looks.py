@@ -47,7 +47,7 @@ def test_repeated_statements_cover_a_known_share_as_often_as_they_say(true):
 
 @pytest.mark.parametrize("name", PLANS)
 def test_the_plans_of_all_accuracies_cover_by_the_exact_sum(name):
-    """At least 95 % whatever the share is. Where 20 trains and more fail, it is 97 % on the average, and never over 98 %:
+    """At least 95 % whatever the share is. Where 20 trains and more fail, it is 97 % on the average, and at most 98 %:
     whole trains are counted. Where a handful fail, the next count is far away, and an interval covers more."""
     looks, resolved = PLANS[name], []
     for true in (0.05, 0.3, 0.5, 0.8, 0.9, 0.95, 0.97, 0.99, 0.995):

@@ -126,7 +126,7 @@ def statement_of_run(
     scene: Scene,
     lift: Lift,
     settings: Mapping[str, Any],
-    folder: Path,
+    folder: Path | None,
     *,
     baselines: Callable[[], Mapping[str, Lift | str]] = dict,
     advance: Callable[[float], None] = lambda share: None,
@@ -134,8 +134,8 @@ def statement_of_run(
     """The statement on a run's cam, by its `settings`; None for a scene in which nothing scatters or no limit is set
     on the motion.
 
-    Trains are stored in the folder as they are judged, and an interrupted statement goes on there. `baselines` are
-    asked for where a yield is wanted; where none is, no independent method judges any of the trains.
+    Trains are stored in the folder, if any, as they are judged, and an interrupted statement goes on there. `baselines`
+    are asked for where a yield is wanted; where none is, no independent method judges any of the trains.
     """
     if not motion_limits(scene.design) or not (scene.tolerance or scene.grinding):
         return None
@@ -152,7 +152,7 @@ def statement_of_run(
         seed=settings["seed"],
         baselines=None if wanted is None else baselines(),
         sample=0 if wanted is None else SAMPLE,
-        journal=folder / JOURNAL,
+        journal=folder and folder / JOURNAL,
         advance=advance,
     )
 
