@@ -14,7 +14,7 @@ from typing import cast
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import binom
+from scipy.special import bdtr, bdtrc, gammaln, xlog1py, xlogy
 
 from camopt.measure.yield_words import CONFIDENCE
 
@@ -68,7 +68,7 @@ class Looks:
         going, before = np.ones(1), 0
         for trains in self.trains:
             more = trains - before
-            going = np.convolve(going, binom.pmf(np.arange(more + 1), more, p))
+            going = np.convolve(going, _chances(more, p))
             stops = np.ones(trains + 1, dtype=bool)
             if trains < self.trains[-1]:
                 below, above = self._borders(trains)
@@ -78,8 +78,9 @@ class Looks:
 
     def _borders(self, trains: int) -> tuple[int, int]:
         """The most and the fewest holding trains with which an early look decides that the share is below or above."""
-        below = int(binom.ppf(EARLY / 2, trains, self.wanted)) - 1
-        return below, int(binom.isf(EARLY / 2, trains, self.wanted)) + 1
+        holding = np.arange(trains + 1)
+        below = int(np.sum(bdtr(holding, trains, self.wanted) < EARLY / 2)) - 1
+        return below, trains + 1 - int(np.sum(bdtrc(holding - 1, trains, self.wanted) < EARLY / 2))
 
     def _tails(self, share: float, p: float) -> tuple[float, float]:
         """How likely counting ends at a share of at most this, and of at least this, if the true one is p."""
@@ -89,3 +90,13 @@ class Looks:
             low += float(mass[shares <= share + TIE].sum())
             high += float(mass[shares >= share - TIE].sum())
         return low, high
+
+
+def _chances(trains: int, p: float) -> np.ndarray:
+    """How likely 0 to n of n trains hold (n + 1), each with a chance of p.
+
+    By logarithms of factorials, without SciPy's statistics, which take longer to load than all of this.
+    """
+    k = np.arange(trains + 1)
+    ways = gammaln(trains + 1) - gammaln(k + 1) - gammaln(trains - k + 1)
+    return np.exp(ways + xlogy(k, p) + xlog1py(trains - k, -p))

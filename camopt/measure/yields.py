@@ -6,7 +6,6 @@ Everything here is arithmetic on the parts of the limits that the trains use; wh
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import rankdata
 
 from camopt.measure.looks import Looks
 from camopt.measure.yield_words import CONFIDENCE
@@ -98,7 +97,7 @@ def blame(draws: dict[str, np.ndarray], worst: np.ndarray) -> dict[str, float]:
         return dict.fromkeys(draws, 0.0)
     found = {}
     for label, drawn in draws.items():
-        rho = [np.corrcoef(rankdata(column), rankdata(worst))[0, 1] for column in drawn.T]
+        rho = [np.corrcoef(_ranks(column), _ranks(worst))[0, 1] for column in drawn.T]
         found[label] = max(0.0, float(np.sum(np.square(rho)) - len(rho) / (t - 1)))
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
@@ -116,6 +115,12 @@ def yield_record(used: UsedLimits, share: Share, seed: int, to_blame: dict[str, 
         "blame": to_blame,
         "unexplained": max(0.0, 1.0 - sum(to_blame.values())),
     }
+
+
+def _ranks(values: np.ndarray) -> np.ndarray:
+    """The place of each value (t) among all of them from one on, the mean of their places for equal ones."""
+    _, place, count = np.unique(values, return_inverse=True, return_counts=True)
+    return (np.cumsum(count) - (count - 1) / 2)[place]
 
 
 def _ascending(counts: dict[str, int]) -> dict[str, int]:
