@@ -83,7 +83,8 @@ def _to_the_grinder(run: RunFolder, share: str) -> str:
     geometry = run.scene.get("geometry")
     assumed = geometry.get("assumed") if isinstance(geometry, dict) else None
     names = [label_and_unit(str(key))[0] for key in assumed] if isinstance(assumed, list) else []
-    held = f"; {share}" if share else ""
+    scatters = run.scene.get("tolerance") or run.scene.get("grinding")
+    held = f"; {share}" if share else "" if scatters else "; the scene does not say how trains differ"
     if not names:
         return f"Take the cam to the grinder{held}."
     return f"Measure what the scene assumes ({', '.join(names)}), then take the cam to the grinder{held}."

@@ -21,14 +21,14 @@ BUILT = {
 def banner(run: RunFolder) -> dict[str, Any]:
     """The two lines with their words, the banner's class, and what the page's title begins with.
 
-    It is green only where both hold what was asked. Where a scene does not say how trains differ, nothing could be
-    asked of them, and the line on the cam as designed decides.
+    It is green only where both hold what was asked, which is not known of the trains as built where the scene does not
+    say how they differ.
     """
     verdict = run.verification.get("verdict")
     kind, mark, meaning = VERDICTS.get(verdict, NO_VERDICT) if isinstance(verdict, str) else NO_VERDICT
     designed = {"which": "as designed", "kind": kind, "mark": mark, "word": verdict or "not verified"}
     lines = [designed | {"meaning": meaning}, *_as_built(run)]
-    worst = max((line["kind"] for line in lines if line["kind"] in KINDS), key=KINDS.index)
+    worst = max((line["kind"] for line in lines), key=KINDS.index)
     return {"kind": worst, "lines": lines, "title": verdict or "not verified"}
 
 
@@ -39,9 +39,8 @@ def _as_built(run: RunFolder) -> list[dict[str, str]]:
     if not words:
         return []
     if not stands:
-        scatters = run.scene.get("tolerance") or run.scene.get("grinding")
-        kind = {"kind": "doubt" if scatters else "unknown", "mark": "?", "word": "not known"}
-        return [{"which": "as built", **kind, "meaning": _sentence(words.removeprefix("not known, "))}]
+        unknown = {"which": "as built", "kind": "doubt", "mark": "?", "word": "not known"}
+        return [unknown | {"meaning": _sentence(words.removeprefix("not known: "))}]
     kind, mark = BUILT[stands]
     word = f"{100 * record['share']:.3g} % of trains"
     meaning = f"{_sentence(share_sentence(record))} {_sentence(asked_sentence(record))}"

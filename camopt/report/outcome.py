@@ -175,8 +175,8 @@ def as_built_words(run: RunFolder) -> str:
     if found:
         return f"{share_sentence(found)}; {asked_sentence(found)}"
     if not run.scene or (run.scene.get("tolerance") or run.scene.get("grinding")):
-        return "not stated" if run.scene else ""
-    return "not known, for the scene does not say how trains differ ([[tolerance]], [grinding])"
+        return "not known: this run states no yield" if run.scene else ""
+    return "not known: the scene does not say how trains differ ([[tolerance]], [grinding])"
 
 
 def yield_sentences(run: RunFolder) -> list[str]:
