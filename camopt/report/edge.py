@@ -3,6 +3,7 @@
 Each finding is one sentence that ends with what would mend it.
 """
 
+from camopt.measure.yield_words import ENOUGH, HELD, standing
 from camopt.report.folder import RunFolder
 from camopt.report.wording import in_words, shown
 from camopt.report.worst import judged_speeds, worst_of
@@ -24,7 +25,10 @@ def edge_sentences(run: RunFolder) -> list[str]:
 
 
 def _narrow_reserve(run: RunFolder) -> list[str]:
-    """That a limit breaks just above the band."""
+    """That a limit breaks just above the band, unless the trains as built hold all the same: softer springs are among
+    them."""
+    if standing(run.built) in (HELD, ENOUGH):
+        return []
     operation, starts = run.scene.get("operation"), run.verification.get("limits")
     ends = operation.get("band_rpm") if isinstance(operation, dict) else None
     if not isinstance(starts, dict) or not isinstance(ends, list) or not ends or not is_number(ends[-1]):
@@ -64,5 +68,6 @@ def _unsettled(run: RunFolder) -> list[str]:
 
 
 def _or_yield(run: RunFolder) -> str:
-    """The other remedy, for a scene that says how trains differ."""
-    return ", or --yield," if run.scene.get("tolerance") or run.scene.get("grinding") else ""
+    """The other remedy, for a scene that says how trains differ, and for a run that has not been asked so."""
+    scatters = run.scene.get("tolerance") or run.scene.get("grinding")
+    return ", or --yield," if scatters and not is_number(run.built.get("wanted")) else ""

@@ -94,6 +94,14 @@ def test_the_knifes_edge_is_said_in_a_sentence_each(write, contents):
     assert "Knife's edge" in text and narrow in text and wanders in text
 
 
+def test_trains_that_hold_have_the_reserve_that_they_need(write, contents):
+    for record in (*contents["verification"]["speeds"], *contents["verification"]["worst_in_band"]):
+        record |= {"periodic": record["speed_rpm"] != 7000}
+    (wanders,) = edge_sentences(run_of(write, contents, ASKED | {"confirmed": True}))
+    assert wanders.startswith("The motion at 7000 r/min") and "--yield" not in wanders
+    assert len(edge_sentences(run_of(write, contents, ASKED | {"confirmed": False}))) == 2
+
+
 def test_nothing_is_said_of_an_edge_that_is_none(write, contents):
     contents["verification"]["limits"] |= {"first_jump_rpm": 7300}
     run = run_of(write, contents, {})
