@@ -12,8 +12,8 @@ from camopt.scene.quantities import QUANTITIES
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted(p for p in (ROOT / "docs").rglob("*.md") if "site" not in p.parts)
-OPEN = {"parameters", "limit_worth", "versions", "scene"}
-"""Keys whose content has names of its own: parameters of a family, limits, packages, scenes."""
+OPEN = {"parameters", "limit_worth", "versions", "scene", "first_broken", "blame", "baselines"}
+"""Keys whose content has names of its own: parameters of a family, limits, packages, scenes, tolerances, cams."""
 NAMED = {"event", "rkg", "tmm", "houbolt", "dop853"}
 LONGEST_CELL = 130
 WORDS = re.compile(r"`([^`\s]+)`")

@@ -1,8 +1,17 @@
 """What a command says last, on standard error: what to do next, and after a failure what is left where."""
 
+import json
 import shlex
 from argparse import Namespace
+from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from camopt.measure.yield_words import ADVISED, ENOUGH, HELD, standing
+from camopt.scene.errors import InputError
+
+if TYPE_CHECKING:
+    from camopt.report.folder import RunFolder
 
 
 def next_step(args: Namespace, code: int) -> str:
@@ -63,9 +72,39 @@ def _lift_table(*cam: object) -> str:
     return _camopt("cam", *cam, "--csv", "lift.csv", "--digits", 5)
 
 
+def _run_at(folder: object) -> "RunFolder | None":
+    """The run folder that lies there; None where none can be read."""
+    from camopt.report.folder import read_run_folder
+
+    with suppress(InputError):
+        run = read_run_folder(Path(str(folder)))
+        return run if run.verification else None
+    return None
+
+
+def _advised(scene: object, folder: object) -> str:
+    """What a run's own folder advises first; empty where none lies there."""
+    from camopt.report.advice import advice
+
+    run = _run_at(folder)
+    steps = advice(run, _scene_of(scene, run, folder), str(folder)) if run else []
+    return _in_a_line(steps[0]) if steps else ""
+
+
+def _scene_of(scene: object, run: "RunFolder", folder: object) -> str:
+    """The scene as it was given; the one of the folder where the design chose some of its numbers."""
+    return str(Path(str(folder)) / "scene.toml" if run.design.get("free") or scene is None else scene)
+
+
+def _in_a_line(step: dict[str, str]) -> str:
+    return f"{step['words'].rstrip('.')}: `{step['command']}`"
+
+
 def _after_optimize(args: Namespace, code: int) -> str:
-    if code:
-        return f"{_camopt('verify', args.scene, '--cam', args.folder)} shows at which speeds it breaks which limit"
+    advised = _advised(args.scene, args.folder)
+    if advised or code:
+        shows = f"{_camopt('verify', args.scene, '--cam', args.folder)} shows at which speeds it breaks which limit"
+        return advised or shows
     table = _lift_table(args.scene, "--cam", args.folder)
     return f"{table} writes the cam's lift table for the grinder; the run folder has one with every digit"
 
@@ -76,10 +115,18 @@ def _after_design(args: Namespace, code: int) -> str:
 
 def _after_verify(args: Namespace, code: int) -> str:
     if code:
+        from camopt.report.advice import further
+
+        run = _run_at(args.cam)
+        if run:
+            return _in_a_line(further(run, _scene_of(args.scene, run, args.cam), str(args.cam)))
         return f"{_camopt('optimize', args.scene)} designs a cam that holds the limits"
     if _is_table(args):
         held = _camopt("yield", *_cam_of(args), "--trains", 200)
         return f"{held} says how many trains as built hold, where the scene says how they differ"
+    advised = _advised(args.scene, args.cam)
+    if advised and "`camopt verify" not in advised:  # which has just been done
+        return advised
     return f"{_lift_table(*_cam_of(args))} writes the cam's lift table for the grinder"
 
 
@@ -99,7 +146,8 @@ def _after_compare(args: Namespace, code: int) -> str:
 
 def _after_cam(args: Namespace, code: int) -> str:
     if args.csv is None and not _is_table(args):
-        return f"{_lift_table(*_cam_of(args))} writes the cam's lift table for the grinder"
+        table = f"{_lift_table(*_cam_of(args))} writes the cam's lift table for the grinder"
+        return _advised(args.scene, args.cam) or table
     if args.csv is None or _is_table(args):
         return f"{_camopt('verify', *_cam_of(args))} says whether the valve train follows it"
     return f"{_camopt('verify', args.scene, '--cam', args.csv)} judges the table as it was written, with its rounding"
@@ -116,7 +164,12 @@ def _after_bound(args: Namespace, code: int) -> str:
 def _after_rise(args: Namespace, code: int) -> str:
     asked = ["--rise-mm", f"{args.rise_mm:g}", "--over-deg", f"{args.over_deg:g}"]
     if not args.csv:
-        return f"{_camopt('rise', *asked, '--csv', 'rise.csv')} writes the motion of least jerk"
+        least = ["--least", args.least] if args.least else []
+        return (
+            f"{_camopt('rise', *asked, *least, '--csv', 'rise.csv')} writes the motion of least {args.least or 'jerk'}"
+        )
+    if args.least:
+        return f"{args.csv} is the table of the motion"
     return f"{_camopt('rise', *asked, '--least', 'acceleration')} says how much lower its acceleration may be"
 
 
@@ -129,20 +182,22 @@ def _after_tradeoff(args: Namespace, code: int) -> str:
 
 
 def _after_yield(args: Namespace, code: int) -> str:
+    if _enough(args):
+        if _is_table(args):
+            return f"{args.cam} can go to the grinder: so many trains hold with the cam as it is written there"
+        return f"{_lift_table(*_cam_of(args))} writes the cam's lift table for the grinder"
     if not args.halve:
-        words = [
-            *_cam_of(args),
-            "--trains",
-            args.trains,
-            "--seed",
-            args.seed,
-            "--out",
-            args.folder,
-            "--resume",
-            "--halve",
-        ]
-        return f"{_camopt('yield', *words)} adds what half of each tolerance would buy"
-    return f"{_camopt('optimize', args.scene, '--yield', 0.95)} designs a cam that more trains as built hold with"
+        drawn = ["--trains", args.trains, "--seed", args.seed, "--out", args.folder, "--resume", "--halve"]
+        return f"{_camopt('yield', *_cam_of(args), *drawn)} adds what half of each tolerance would buy"
+    return f"{_camopt('optimize', args.scene, '--yield', ADVISED)} designs a cam that more trains as built hold with"
+
+
+def _enough(args: Namespace) -> bool:
+    """Whether as many trains hold as the cam's run asked for, or as are advised where it asked for none."""
+    run, found = _run_at(args.cam), {}
+    with suppress(OSError, ValueError):
+        found = json.loads((Path(args.folder) / "yield.json").read_text(encoding="utf-8"))
+    return standing(found) == ENOUGH or (run is not None and standing(run.built) == HELD)
 
 
 def _after_extremes(args: Namespace, code: int) -> str:
@@ -160,7 +215,8 @@ def _after_reduce(args: Namespace, code: int) -> str:
 def _after_report(args: Namespace, code: int) -> str:
     if code:
         return f"{_camopt('report', args.run)} makes comparison, figures and page again from the folder"
-    return f"{_camopt('report', args.run, '--check')} judges every stated number anew"
+    check = f"{_camopt('report', args.run, '--check')} judges every stated number anew"
+    return _advised(None, args.run) or check
 
 
 def _after_sweep(args: Namespace, code: int) -> str:

@@ -6,11 +6,10 @@ Everything here is arithmetic on the parts of the limits that the trains use; wh
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import binomtest, rankdata
 
+from camopt.measure.looks import Looks
+from camopt.measure.yield_words import CONFIDENCE
 from camopt.scene.errors import InputError
-
-CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True, repr=False)
@@ -61,16 +60,16 @@ class Share:
         return f"{100 * self.share:.1f} % ({interval})"
 
 
-def share_of(holds: np.ndarray) -> Share:
-    """The share of trains (t) that hold, with the interval of Clopper and Pearson (1934), Biometrika 26, by SciPy.
+def share_of(holds: np.ndarray, looks: Looks | None = None) -> Share:
+    """The share of trains (t) that hold, with its interval, where counting might have ended after each of the `looks`.
 
-    The interval holds the true share in at least 95 of 100 draws, whatever the share and the number of trains are.
+    Without them so many trains were counted in any case, and the interval is that of Clopper and Pearson (1934),
+    Biometrika 26. It holds the true share in at least 95 of 100 draws, whatever the share and the number of trains are.
     """
     if not len(holds):
         raise InputError("yield: no train was measured: give one at least")
-    found = binomtest(int(holds.sum()), len(holds))
-    interval = found.proportion_ci(CONFIDENCE, method="exact")
-    return Share(float(found.statistic), float(interval.low), float(interval.high), len(holds))
+    count, trains = int(holds.sum()), len(holds)
+    return Share(count / trains, *(looks or Looks((trains,))).interval(count, trains), trains)
 
 
 def counted(used: UsedLimits) -> dict[str, dict]:
@@ -98,9 +97,30 @@ def blame(draws: dict[str, np.ndarray], worst: np.ndarray) -> dict[str, float]:
         return dict.fromkeys(draws, 0.0)
     found = {}
     for label, drawn in draws.items():
-        rho = [np.corrcoef(rankdata(column), rankdata(worst))[0, 1] for column in drawn.T]
+        rho = [np.corrcoef(_ranks(column), _ranks(worst))[0, 1] for column in drawn.T]
         found[label] = max(0.0, float(np.sum(np.square(rho)) - len(rho) / (t - 1)))
     return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+def yield_record(used: UsedLimits, share: Share, seed: int, to_blame: dict[str, float]) -> dict:
+    """The keys that verification.json's "yield" and yield.json share: the share, what spoils the others, and why."""
+    return {
+        "share": share.share,
+        "low": share.low,
+        "high": share.high,
+        "trains": share.trains,
+        "seed": seed,
+        "speeds_rpm": used.speeds_rpm.tolist(),
+        "first_broken": counted(used),
+        "blame": to_blame,
+        "unexplained": max(0.0, 1.0 - sum(to_blame.values())),
+    }
+
+
+def _ranks(values: np.ndarray) -> np.ndarray:
+    """The place of each value (t) among all of them from one on, the mean of their places for equal ones."""
+    _, place, count = np.unique(values, return_inverse=True, return_counts=True)
+    return (np.cumsum(count) - (count - 1) / 2)[place]
 
 
 def _ascending(counts: dict[str, int]) -> dict[str, int]:

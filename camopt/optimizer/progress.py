@@ -7,8 +7,9 @@ from tqdm import tqdm
 
 from camopt.optimizer.accuracy import Accuracy
 
-VERDICT_STEPS, COMPARISON_STEPS = 30, 40
-"""What verdict and comparison take, in judged cams of the search: only the estimate of the time left hangs on it."""
+VERDICT_STEPS, YIELD_STEPS, COMPARISON_STEPS = 30, 20, 40
+"""What verdict, drawn trains and comparison take, in judged cams of the search: only the estimate of the time left
+hangs on it."""
 OTHER_STEPS = 10
 """Cams that the search judges before margins are fed back and after that, more or less."""
 
@@ -19,7 +20,8 @@ class Progress:
     def __init__(self, wanted: bool, effort: Accuracy, gradient: str, compared: bool):
         self._end = {"search": OTHER_STEPS + (effort.feedback_rounds if gradient != "none" else 0)}
         self._end["verdict"] = self._end["search"] + VERDICT_STEPS
-        self._end["comparison"] = self._end["verdict"] + (COMPARISON_STEPS if compared else 0)
+        self._end["yield"] = self._end["verdict"] + YIELD_STEPS
+        self._end["comparison"] = self._end["yield"] + (COMPARISON_STEPS if compared else 0)
         total = max(self._end.values())
         form = "{desc}: {percentage:3.0f}% |{bar}| {elapsed}, {remaining} left{postfix}"
         self._bar = tqdm(total=total, disable=None if wanted else True, dynamic_ncols=True, bar_format=form)
@@ -32,7 +34,7 @@ class Progress:
         self._bar.close()
 
     def begin(self, stage: str) -> None:
-        """The stage "search", "verdict" or "comparison" begins; those before it are over."""
+        """The stage "search", "verdict", "yield" or "comparison" begins; those before it are over."""
         start = [0, *self._end.values()][list(self._end).index(stage)]
         self._bar.update(max(0, start - self._bar.n))
         self._stage = stage
@@ -61,8 +63,8 @@ class Progress:
         self._update(1)
 
     def advance(self, share: float) -> None:
-        """A share of the comparison is done."""
-        self._update(share * COMPARISON_STEPS)
+        """A share of the drawn trains or of the comparison is done."""
+        self._update(share * (YIELD_STEPS if self._stage == "yield" else COMPARISON_STEPS))
 
     def _update(self, steps: float) -> None:
         """So many of the stage's steps are done, at most all of them."""

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from threadpoolctl import threadpool_limits
 
@@ -32,6 +33,9 @@ from camopt.scene.units import MM
 from camopt.storage import check_run_folder, default_run_folder, run_folder, run_identity, write_json, write_text
 from camopt.verifier.verdict import Verdict
 
+if TYPE_CHECKING:
+    from camopt.optimizer.as_built.statement import YieldStatement
+
 PACKAGES = ("camopt", "jax", "diffrax", "optax", "numpy", "scipy", "highspy", "numba", "matplotlib")
 SPEEDS = ("band", "nominal")
 GRADIENTS = ("auto", "smooth", "exact", "none")
@@ -48,9 +52,11 @@ class Run:
     verdict: Verdict
     record: dict
     exit_code: int  # 0 confirmed, 3 not
+    as_built: "YieldStatement | None" = None  # what drawn trains say; None where the scene says not how they differ
 
     def __repr__(self) -> str:
-        return f"Run({self.verdict.verdict}, area ratio {self.record['area_ratio']:.5f}, {self.folder})"
+        built = "" if self.as_built is None else f", {self.as_built.share} of trains as built"
+        return f"Run({self.verdict.verdict}, area ratio {self.record['area_ratio']:.5f}{built}, {self.folder})"
 
     def plot(self):
         """Bounce and jump against speed as a matplotlib Figure."""
@@ -63,7 +69,8 @@ class Run:
         table = DataFrame([rows.keys(), rows.values()]).T.to_html(
             index=False, header=False, float_format="{:.5f}".format
         )
-        return table + self.verdict._repr_html_()
+        built = "" if self.as_built is None else f"<p>{self.as_built._repr_html_()}</p>"
+        return table + built + self.verdict._repr_html_()
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # the matrices are small, and the judge has threads of its own
@@ -91,10 +98,11 @@ def optimize(
     `start`, by default from the calmest one (`camopt.optimizer.search.search`). The run folder (docs/run-folder.md)
     goes to `out` (default runs/<scene>-<UTC time>), but for report.html, which `camopt.report` makes from it. With
     `resume` an interrupted run in `out` goes on and ends in the same design. `seed`, where it is not zero, draws the
-    knots. `designed` is called with the folder once the design, its verdict and its provenance are written, before the
-    comparison, which can cost none of them; without `compare` there is none. With `wanted_yield`, a share such as 0.99,
-    the cam must hold in that share of the trains that the scene's tolerances allow, over its band; "confirmed" then
-    says so of fresh draws. `free` names numbers of the scene that the design may choose, with their ranges (low, high)
+    knots. Where the scene says how trains differ, fresh ones say in what share of them the cam holds, and `as_built`
+    of the answer has it. `designed` is called with the folder once the design, its verdict, that share and the
+    provenance are written, before the comparison, which can cost none of them; without `compare` there is none. With
+    `wanted_yield`, a share such as 0.99, the cam must hold in that share of them over its band, or the run is not
+    confirmed. `free` names numbers of the scene that the design may choose, with their ranges (low, high)
     in the key's unit, as {"spring.preload_N": (200, 320)} (`camopt.optimizer.free_numbers`); the folder's scene.toml
     has the values that it chose. Where a family's largest member is confirmed and larger than the search's cam, it is
     the design (`camopt.optimizer.candidates`).
@@ -122,6 +130,8 @@ def optimize(
         with Progress(progress, effort, gradient, compare) as shown:
             job.make_programs(shown)
             lift, verdict, record = job.design(folder, shown, kinematic, bound)
+            shown.begin("yield")
+            stated = job.state_yield(folder, lift, verdict, shown)
             with shown.make_room():
                 designed(folder)
             shown.begin("comparison")
@@ -129,7 +139,8 @@ def optimize(
                 _compared(folder, scene, lift, verdict, effort, shown if compare else None, job.families)
             shown.end()
         job.write_provenance(folder)
-    return Run(folder, lift, verdict, record, 0 if verdict.verdict == "confirmed" and job.yield_confirmed else 3)
+    held = verdict.verdict == "confirmed" and (stated is None or stated.confirmed is not False)
+    return Run(folder, lift, verdict, record, 0 if held else 3, stated)
 
 
 def _understood(scene: Scene, settings: dict) -> Accuracy:
@@ -155,7 +166,6 @@ class _OpenRun:
     further: dict = field(default_factory=dict)  # keys of design.json on free numbers and on the search
     start: Lift | None = None
     found: dict = field(default_factory=dict)  # of the search, for the provenance
-    yield_confirmed: bool = True  # where one was wanted
     families: Families = field(init=False)
 
     def __post_init__(self):
@@ -178,11 +188,10 @@ class _OpenRun:
         searched, no_jump, failed = self._searched(folder, shown)
         shown.begin("verdict")
         with clock.stage("verdict"):
-            families = None if self.wanted and searched else self.families  # no family's cam is made for a yield
+            families = None if "yield" in self.settings and searched else self.families
             chosen = largest_confirmed(scene, searched, self.settings["speeds"], effort, families, failed)
         cam, why = chosen.cam, chosen.why_a_family(searched, failed)
         lift = as_written(cam.lift)
-        verification = chosen.verdict.as_dict() | (self._yield_of(lift) if self.wanted else {})
         record = design_record(
             cam.lift,
             scene.design.max_lift_mm * MM,
@@ -197,19 +206,14 @@ class _OpenRun:
         )
         write_json(folder / "design.json", record)
         write_lift_table(folder / "lift.csv", lift)
-        write_json(folder / "verification.json", verification)
+        write_json(folder / "verification.json", chosen.verdict.as_dict())
         self.write_provenance(folder)
         return lift, chosen.verdict, record
-
-    @property
-    def wanted(self) -> float | None:
-        """The yield that is wanted, if one is."""
-        return self.settings.get("yield")
 
     def _searched(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam | None, str]:
         """The cams of the search and the best of the program alone; or neither, and why it found none."""
         try:
-            return *(self._cams_for_yield(folder, shown) if self.wanted else self._cams(folder, shown)), ""
+            return *(self._cams_for_yield(folder, shown) if "yield" in self.settings else self._cams(folder, shown)), ""
         except NoCamFound as none:
             return [], None, str(none)
 
@@ -241,26 +245,22 @@ class _OpenRun:
         self.found = {"cams_judged": search.steps, "trains_drawn": search.trains_drawn}
         return search.held, search.held[0]
 
-    def _yield_of(self, lift: Lift) -> dict:
-        """verification.json's "yield": by fresh trains, beside the baselines where the run compares."""
-        from camopt.optimizer.as_built.design import EFFORTS
-        from camopt.optimizer.as_built.statement import yield_statement
+    def state_yield(self, folder: Path, lift: Lift, verdict: Verdict, shown: Progress) -> "YieldStatement | None":
+        """What fresh trains say of the cam, written into verification.json; None where nothing scatters."""
+        from camopt.optimizer.as_built.statement import statement_of_run
         from camopt.optimizer.baselines.comparison import NO_JERK, plain_baselines
 
-        asked, effort = self.settings, EFFORTS[self.settings["accuracy"]]
+        def baselines() -> dict[str, Lift | str]:
+            found = plain_baselines(self.scene, known=self.families.cams) if self.compare else {}
+            return {name: cam for name, cam in found.items() if NO_JERK not in name}
+
         with self.clock.stage("yield"):
-            baselines = plain_baselines(self.scene, known=self.families.cams) if self.compare else {}
-            stated = yield_statement(
-                self.scene,
-                lift,
-                asked["yield"],
-                trains=effort.stated_trains,
-                speeds=effort.stated_speeds,
-                seed=asked["seed"],
-                baselines={name: cam for name, cam in baselines.items() if NO_JERK not in name},
-            )
-        self.yield_confirmed = stated.confirmed
-        return {"yield": stated.as_dict()}
+            asked = {"baselines": baselines, "advance": shown.advance}
+            stated = statement_of_run(self.scene, lift, self.settings, folder, **asked)
+        if stated is not None:
+            write_json(folder / "verification.json", verdict.as_dict() | {"yield": stated.as_dict()})
+            self.write_provenance(folder)
+        return stated
 
     def write_provenance(self, folder: Path) -> None:
         """provenance.json as far as the run has come."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
+from camopt.measure.yield_words import standing
 from camopt.scene.errors import InputError
 
 MOST_BYTES = 50_000_000
@@ -28,6 +29,12 @@ class RunFolder:
     history: list[dict]
     figures: dict[str, str]  # name -> text of the SVG file
     missing: list[str] = field(default_factory=list)
+
+    @property
+    def built(self) -> dict:
+        """What the run says of trains as built; empty where it says nothing that can be understood."""
+        found = self.verification.get("yield")
+        return found if isinstance(found, dict) and standing(found) else {}
 
 
 def read_run_folder(folder: Path) -> RunFolder:

@@ -3,6 +3,8 @@
 from collections.abc import Iterable
 
 from camopt.measure.reserve import reserve_sentences
+from camopt.measure.yield_words import asked_sentence, share_sentence, spoiling_sentences
+from camopt.report.edge import edge_sentences
 from camopt.report.folder import RunFolder
 from camopt.report.limits import demanded
 from camopt.report.wording import in_words, label_and_unit, shown
@@ -19,6 +21,7 @@ FREE = ("value", "as_given", "low", "high")
 """Keys of a number in `free` of design.json."""
 LOW_MM = 0.005
 """A lift that stays below its limit by less than this is at it, for who reads a lift."""
+STATED = "verification.json"
 LEAST_GAIN = 5e-6
 """A smaller difference of area ratios is none: it would not show in their printed digits."""
 
@@ -43,9 +46,20 @@ def outcome_rows(run: RunFolder) -> list[dict]:
             continue
         key = name if name == "contact_force_min_N" else f"worst_{name}"  # the least force is a worst one by its name
         where = found.where if found.value is not None else f"no figure {found.where}"
-        limit, source = demanded(design, name), f"verification.json {found.source}"
+        limit, source = demanded(design, name), f"{STATED} {found.source}"
         rows.append(_row(key, first.get(f"worst_{name}"), found.value, limit, where, source))
-    return rows
+    return rows + _built_row(run)
+
+
+def _built_row(run: RunFolder) -> list[dict]:
+    """The row of the trains as built, where their share was stated."""
+    found = run.built
+    if not found:
+        return []
+    share, low, high = (shown(100 * found[key], 3) for key in ("share", "low", "high"))
+    limit = f"at least {shown(100 * found['wanted'])}" if is_number(found.get("wanted")) else ""
+    words = {"label": "trains as built that hold", "unit": "%", "start": "–", "end": share, "limit": limit}
+    return [words | {"where": f"{low} to {high} of {shown(found['trains'])} trains", "source": f"{STATED} yield.share"}]
 
 
 def _row(key: str, start, end, limit: str, where: str, source: str) -> dict:
@@ -72,7 +86,9 @@ def outcome_lines(run: RunFolder) -> list[str]:
     reason = run.verification.get("reason")
     why = f". {reason}" if isinstance(reason, str) and reason else ""
     verdict_line = f"verdict: {verdict}" + (f" (broken: {'; '.join(broken)})" if broken else why)
-    return [*lines, verdict_line, *reserve(run), *yield_sentences(run)]
+    lines += [verdict_line, *reserve(run), *edge_sentences(run)]
+    built = as_built_words(run)
+    return [*lines, *([f"as built: {built}"] if built else []), *yield_sentences(run)]
 
 
 def reserve(run: RunFolder) -> list[str]:
@@ -141,10 +157,8 @@ def gain_sentences(run: RunFolder) -> list[str]:
 
 
 def yield_rows(run: RunFolder) -> list[dict]:
-    """By cam the share of trains as built that hold, with its interval in per cent; empty where none was wanted."""
-    found = run.verification.get("yield")
-    if not isinstance(found, dict):
-        return []
+    """By cam the share of trains as built that hold, with its interval in per cent; empty where none was stated."""
+    found = run.built
     others = found.get("baselines")
     cams = {"design": found, **(others if isinstance(others, dict) else {})}
     keys = ("share", "low", "high")
@@ -155,22 +169,31 @@ def yield_rows(run: RunFolder) -> list[dict]:
     ]
 
 
+def as_built_words(run: RunFolder) -> str:
+    """Whether the cam holds in the trains that are built, in one line; empty where the scene is not known."""
+    found = run.built
+    if found:
+        return f"{share_sentence(found)}; {asked_sentence(found)}"
+    if not run.scene or (run.scene.get("tolerance") or run.scene.get("grinding")):
+        return "not known: this run states no yield" if run.scene else ""
+    return "not known: the scene does not say how trains differ ([[tolerance]], [grinding])"
+
+
 def yield_sentences(run: RunFolder) -> list[str]:
-    """What the run says of trains as built: a line for each cam, and whether the wanted yield is confirmed."""
-    rows, found = yield_rows(run), run.verification.get("yield")
-    if not rows or not isinstance(found, dict):
+    """What spoils the trains as built, a line for each baseline, and how many trains independent methods judged."""
+    found = run.built
+    if not found:
         return []
-    lines = [
-        f"trains as built, {row['cam']}: {row['share']:.1f} % of {row['trains']} hold every limit "
-        f"(95 % interval {row['low']:.1f} to {row['high']:.1f} %)"
-        for row in rows
-    ]
-    reasons = found.get("reasons")
-    why = ", because " + " and ".join(map(str, reasons)) if isinstance(reasons, list) and reasons else ""
-    word = "confirmed" if found.get("confirmed") else f"not confirmed{why}"
+    lines = spoiling_sentences(found)
+    for row in yield_rows(run)[1:]:
+        lines.append(
+            f"trains as built, {row['cam']}: {row['share']:.1f} % of {row['trains']} hold every limit "
+            f"(95 % interval {row['low']:.1f} to {row['high']:.1f} %)"
+        )
     sample = found.get("independent")
-    judged = len(sample) if isinstance(sample, list) else 0
-    return [*lines, f"yield of {100 * found['wanted']:g} %: {word}; independent methods judged {judged} of the trains"]
+    if isinstance(sample, list) and sample:
+        lines.append(f"independent methods judged {len(sample)} of the trains")
+    return lines
 
 
 def contact_sentence(run: RunFolder) -> list[str]:

@@ -13,9 +13,12 @@ from jinja2.bccache import Bucket
 from camopt.cache import cache_folder
 from camopt.cam.lift import Lift
 from camopt.plots.style import DESIGN
+from camopt.report.advice import advice
+from camopt.report.banner import banner
 from camopt.report.card import cards
 from camopt.report.contact import geometry
 from camopt.report.curves import curves
+from camopt.report.edge import edge_sentences
 from camopt.report.figures import CAPTIONS, inline_svg, ordered
 from camopt.report.folder import RunFolder, read_run_folder
 from camopt.report.limits import disagreements, limit_rows
@@ -29,8 +32,9 @@ from camopt.report.outcome import (
     outcome_rows,
     reserve,
     yield_rows,
+    yield_sentences,
 )
-from camopt.report.summary import facts, next_steps, sketch
+from camopt.report.summary import facts, sketch
 from camopt.report.tables import (
     COSTS,
     SPEED_COLUMNS,
@@ -46,7 +50,7 @@ from camopt.report.tables import (
     worth_rows,
 )
 from camopt.report.train import train_tables
-from camopt.report.wording import NO_VERDICT, VERDICTS, in_words, shown
+from camopt.report.wording import in_words, shown
 from camopt.report.worst import bounce_error_um, judged_speeds, worst_of
 from camopt.scene.design import Design
 from camopt.scene.quantities import is_number
@@ -109,15 +113,13 @@ def _environment() -> Environment:
 def render(run: RunFolder, cams: RunCams) -> str:
     """The page of a run folder's data and cams; every text from the folder is escaped."""
     limits = limit_rows(run, _shape(cams))
-    verdict = run.verification.get("verdict")
-    kind, mark, meaning = VERDICTS.get(verdict, NO_VERDICT) if isinstance(verdict, str) else NO_VERDICT
     return (
         _environment()
         .get_template("page.html.j2")
         .render(
             run=run,
             title=str(run.scene.get("title") or run.scene.get("name") or run.name),
-            verdict={"word": verdict or "not verified", "kind": kind, "mark": mark, "meaning": meaning},
+            banner=banner(run),
             sections=SECTIONS,
             broken=broken_limits(run),
             disagreements=disagreements(run, limits),
@@ -133,7 +135,9 @@ def render(run: RunFolder, cams: RunCams) -> str:
             worth=worth_rows(run),
             facts=facts(run, cams),
             sketch=_sketch(cams),
-            steps=next_steps(run),
+            steps=advice(run, f"{run.name}/scene.toml", run.name),
+            edge=edge_sentences(run),
+            spoiling=yield_sentences(run),
             matrix=matrix(run, limits),
             train=train_tables(cams),
             cards=cards(cams),

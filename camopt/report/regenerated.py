@@ -14,7 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from camopt.cam.design_file import read_design
+from camopt.cam.lift import Lift
 from camopt.optimizer.accuracy import accuracy_named
+from camopt.optimizer.as_built.statement import statement_of_run
 from camopt.optimizer.baselines.comparison import compare_again
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.candidates import full_verdict
@@ -111,7 +113,17 @@ def _judged_anew(run: RunFolder, folder: Path, scene: Scene) -> RunFolder:
              "area_gap_percent": 100 * (bound - ratio) / bound}  # fmt: skip
     if "highest_lift_mm" in run.design:  # runs of before camopt wrote it are judged too
         areas["highest_lift_mm"] = lift.max_lift / MM
-    return replace(run, verification=plain(verdict.as_dict()), design=run.design | areas)
+    built = _trains_anew(run, scene, lift, settings)
+    return replace(run, verification=plain(verdict.as_dict() | built), design=run.design | areas)
+
+
+def _trains_anew(run: RunFolder, scene: Scene, lift: Lift, settings: dict) -> dict:
+    """The statement on the trains as built, all of them judged anew; baselines stand as recorded. Empty for a run of
+    before camopt made one."""
+    if "yield" not in run.verification:
+        return {}
+    stated = statement_of_run(scene, lift, {"seed": 0} | settings, None)
+    return {} if stated is None else {"yield": stated.as_dict() | {"baselines": run.built.get("baselines", {})}}
 
 
 def _apart(file: str, stated: Any, found: Any) -> list[str]:

@@ -1,4 +1,4 @@
-"""What the page shows first: the cam with its few figures, what its limits cost, and what to do next."""
+"""What the page shows first: the cam with its few figures."""
 
 from typing import Any
 
@@ -9,16 +9,13 @@ from camopt.plots.style import DESIGN
 from camopt.report.folder import RunFolder
 from camopt.report.motion import RunCams
 from camopt.report.tables import comparison_groups
-from camopt.report.wording import label_and_unit, shown
-from camopt.report.worst import worst_of
+from camopt.report.wording import shown
 from camopt.scene.quantities import is_number
 from camopt.scene.units import DEG, MM
 
 WIDTH, HEIGHT = 300.0, 96.0
 """Size of the sketch of the lift [px]."""
 POINTS = 241
-LONG_OPEN_DEG = 5.0
-"""A contact open over more of the cam than this is worth a decision, however little it opens."""
 
 
 def sketch(lift: Lift, duration_deg: float) -> dict[str, Any]:
@@ -52,62 +49,3 @@ def facts(run: RunFolder, cams: RunCams) -> list[tuple[str, str]]:
     elif groups:
         found.append(("other cams under these limits", "none confirmed"))
     return found
-
-
-def next_steps(run: RunFolder) -> list[dict[str, str]]:
-    """What to do with this verdict: a sentence each, and the command that does it, from the folder above this one."""
-    verdict, name = run.verification.get("verdict"), run.name
-    scene, cam = f"{name}/scene.toml", f"--cam {name}"
-    design = {"words": "Move the limits and watch the cam.", "command": f"camopt design {scene}"}
-    again = f"camopt optimize {scene} --accuracy standard"
-    if verdict == "confirmed":
-        table = f"camopt cam {scene} {cam} --csv lift.csv --digits 5"
-        steps, settings = [], run.provenance.get("settings")
-        if run.scene.get("tolerance") and not run.verification.get("yield"):
-            words = "Ask how many trains as built hold."
-            steps.append({"words": words, "command": f"camopt yield {scene} {cam} --trains 200"})
-        if isinstance(settings, dict) and settings.get("accuracy") == "draft":
-            steps.insert(0, {"words": "This was a draft: design once more before it is ground.", "command": again})
-        else:
-            steps.append({"words": _before_grinding(run), "command": table})
-        return [*_of_the_contact(run, again), *steps, _dearest(run, scene)]
-    if verdict == "rejected":
-        return [{"words": "Search further: the verdict broke a limit.", "command": again}, design]
-    if verdict == "sensitive":
-        words = "Lower the limit that is straddled by a tenth in the scene, and design again."
-        return [{"words": words, "command": again}, design]
-    if verdict == "not converged":
-        words = "Judge it with more methods and finer steps."
-        return [{"words": words, "command": f"camopt verify {scene} {cam} --accuracy fine"}]
-    if "design.json" in run.missing or "scene.toml" in run.missing:
-        return []
-    return [{"words": "Have the cam judged.", "command": f"camopt verify {scene} {cam}"}, design]
-
-
-def _before_grinding(run: RunFolder) -> str:
-    """To have the cam ground, once what its outline stands on is measured."""
-    geometry = run.scene.get("geometry")
-    assumed = geometry.get("assumed") if isinstance(geometry, dict) else None
-    names = [label_and_unit(str(key))[0] for key in assumed] if isinstance(assumed, list) else []
-    if not names:
-        return "Take the cam to the grinder."
-    return f"Measure what the scene assumes ({', '.join(names)}), then take the cam to the grinder."
-
-
-def _of_the_contact(run: RunFolder, again: str) -> list[dict[str, str]]:
-    """What to do where the contact opens over more than a few degrees and nothing in the scene forbids it."""
-    angle, design = worst_of(run, "jump_deg"), run.scene.get("design")
-    limited = isinstance(design, dict) and ("jump_max_deg" in design or "contact_force_min_N" in design)
-    if limited or angle is None or angle.value is None or angle.value <= LONG_OPEN_DEG:
-        return []
-    opens = f"A contact is open over {shown(angle.value)} deg, {angle.where}"
-    return [{"words": f"{opens}: if it must not be, set contact_force_min_N.", "command": again}]
-
-
-def _dearest(run: RunFolder, scene: str) -> dict[str, str]:
-    """To move the limits, the one first of which one per cent buys most."""
-    worth = run.design.get("limit_worth")
-    known = {str(k): v for k, v in worth.items() if is_number(v)} if isinstance(worth, dict) else {}
-    first = max(known, key=lambda key: known[key]) if known else None
-    words = f"Move the limits; {label_and_unit(first)[0]} buys most area." if first else "Move the limits."
-    return {"words": words, "command": f"camopt design {scene}"}

@@ -148,12 +148,11 @@ def test_a_scene_whose_search_fails_ends_with_a_family_s_confirmed_cam(wide_lash
 def test_a_search_for_yield_that_fails_ends_with_a_family_s_cam_and_its_yield(wide_lash, tmp_path, monkeypatch):
     stated = []
 
-    def yield_of(job, lift):
+    def state_yield(job, folder, lift, verdict, shown):
         stated.append(lift.family)
-        job.yield_confirmed = False
-        return {"yield": {"wanted": job.wanted}}
+        return SimpleNamespace(confirmed=False)
 
-    monkeypatch.setattr(run._OpenRun, "_yield_of", yield_of)
+    monkeypatch.setattr(run._OpenRun, "state_yield", state_yield)
     found = optimize(wide_lash, accuracy="draft", out=tmp_path / "run", compare=False, wanted_yield=0.9)
     assert stated == ["multi-pol"] and found.verdict.verdict == "confirmed"
     assert found.exit_code == 3  # what was wanted is the yield

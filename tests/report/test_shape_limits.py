@@ -7,11 +7,12 @@ import pytest
 
 from camopt.cam.read import read_cam
 from camopt.measure.limits import broken_by_shape
+from camopt.report.advice import advice
+from camopt.report.edge import edge_sentences
 from camopt.report.folder import read_run_folder
 from camopt.report.limits import limit_rows, share_of
 from camopt.report.matrix import matrix
 from camopt.report.shape import reached_by_shape
-from camopt.report.summary import next_steps
 from camopt.scene import load_scene
 from camopt.scene.design import Piston
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3
@@ -103,19 +104,23 @@ def test_the_matrix_marks_the_worst_speed_of_each_limit(write, contents):
     assert bounce["cells"][2]["words"] == "✗ 100 %" and bounce["cells"][2]["kind"] == "bad"
 
 
+def steps_of(run):
+    return advice(run, f"{run.name}/scene.toml", run.name)
+
+
 @pytest.mark.parametrize(
     ("verdict", "command"),
     [
         ("confirmed", "camopt yield kodama-run/scene.toml --cam kodama-run --trains 200"),
-        ("rejected", "camopt optimize kodama-run/scene.toml --accuracy standard"),
-        ("sensitive", "camopt optimize kodama-run/scene.toml --accuracy standard"),
+        ("rejected", "camopt optimize kodama-run/scene.toml --accuracy fine"),
+        ("sensitive", "camopt optimize kodama-run/scene.toml --accuracy fine"),
         ("not converged", "camopt verify kodama-run/scene.toml --cam kodama-run --accuracy fine"),
         (None, "camopt verify kodama-run/scene.toml --cam kodama-run"),
     ],
 )
 def test_every_verdict_has_a_next_step(write, contents, verdict, command):
     contents["verification"]["verdict"] = verdict or "unheard of"
-    steps = next_steps(read_run_folder(write(contents)))
+    steps = steps_of(read_run_folder(write(contents)))
     assert steps[0]["command"] == command
     table = "camopt cam kodama-run/scene.toml --cam kodama-run --csv lift.csv --digits 5"
     assert [step["command"] for step in steps].count(table) == (verdict == "confirmed")
@@ -127,17 +132,15 @@ def test_an_open_contact_and_assumed_numbers_come_before_the_grinder(write, cont
     contents["verification"]["band"]["worst"]["jump_deg"] |= {"value": 78.5, "speed_rpm": 7600}
     run = read_run_folder(write(contents))
     geometry = {"follower": "flat", "base_radius_mm": 18, "assumed": ["base_radius_mm", "face_width_mm"]}
-    steps = next_steps(replace(run, scene=run.scene | {"geometry": geometry}))
-    assert steps[0]["words"].startswith(
-        "A contact is open over 78.5 deg, at 7600 r/min: if it must not be, set contact"
-    )
+    steps = steps_of(replace(run, scene=run.scene | {"geometry": geometry}))
+    assert edge_sentences(run)[-1].startswith("A contact is open over 78.5 deg of the cam at 7600 r/min though by")
     measured = "Measure what the scene assumes (base radius, face width), then take the cam to the grinder."
-    assert [step["words"] for step in steps[1:3]] == ["Ask how many trains as built hold.", measured]
+    assert [step["words"] for step in steps[:2]] == ["Ask how many trains as built hold.", measured]
     known = {"design": run.scene["design"] | {"contact_force_min_N": 5}, "tolerance": [], "geometry": {}}
-    assert next_steps(replace(run, scene=run.scene | known))[0]["words"] == "Take the cam to the grinder."
+    assert steps_of(replace(run, scene=run.scene | known))[0]["words"] == "Take the cam to the grinder."
 
 
 def test_a_draft_is_not_taken_to_the_grinder(write, contents):
     contents["provenance"]["settings"] = {"accuracy": "draft"}
-    steps = next_steps(read_run_folder(write(contents)))
+    steps = steps_of(read_run_folder(write(contents)))
     assert steps[0]["command"] == "camopt optimize kodama-run/scene.toml --accuracy standard"

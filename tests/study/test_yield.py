@@ -9,8 +9,8 @@ from scipy.stats import norm
 import camopt
 from camopt.cli.parser import main
 from camopt.measure.limits import motion_limits
+from camopt.optimizer.as_built import measured
 from camopt.scene import InputError, load_scene, parse_scene, scene_text
-from camopt.study.yields import measurement
 from camopt.study.yields.yields import JOURNAL, SUMMARY, yield_lines
 from tests.scene.test_load import EXAMPLE
 from tests.test_docs import documented, keys
@@ -33,9 +33,9 @@ def heavy_ones_break(monkeypatch):
         return np.stack([0.5 * heavy, heavy], axis=-1)[:, None, :].repeat(LIMITS, axis=1)
 
     def no_track(scene, lift, speeds_rpm):
-        return measurement.Track(lift, (), np.zeros(0), motion_limits(scene.design))
+        return measured.Track(lift, (), np.zeros(0), motion_limits(scene.design))
 
-    monkeypatch.setattr(measurement.Track, "used", used)
+    monkeypatch.setattr(measured.Track, "used", used)
     monkeypatch.setattr("camopt.study.yields.yields.track", no_track)
     return seen
 
@@ -59,23 +59,23 @@ def test_a_known_yield_and_what_half_of_its_cause_buys(heavy_ones_break):
 @pytest.mark.long
 def test_a_resumed_run_has_the_rows_of_an_unbroken_one(heavy_ones_break, tmp_path, monkeypatch):
     found(50, out=tmp_path / "whole")
-    add, wrote = measurement.TrainsJournal.add, []
+    add, wrote = measured.TrainsJournal.add, []
 
-    def killed(self, *row):
-        if len(wrote) == 27:
+    def killed(self, halved, numbers, used):
+        if wrote:
             raise KeyboardInterrupt
-        wrote.append(row)
-        add(self, *row)
+        wrote.extend(numbers)
+        add(self, halved, numbers, used)
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(measurement.TrainsJournal, "add", killed)
+        patch.setattr(measured.TrainsJournal, "add", killed)
         found(50, out=tmp_path / "broken")
     journal = tmp_path / "broken" / JOURNAL
     with open(journal, "a") as file:
         file.write('{"halved": "", "tra')  # the line that was being written
     heavy_ones_break.clear()
     found(50, out=tmp_path / "broken", resume=True)
-    assert heavy_ones_break == list(range(27, 50))
+    assert heavy_ones_break == list(range(20, 50))
     for name in (JOURNAL, SUMMARY):
         assert (tmp_path / "broken" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
     heavy_ones_break.clear()

@@ -2,18 +2,26 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import ceil
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.measure.as_built import TrainAsBuilt, trains_as_built
-from camopt.measure.yields import Share, UsedLimits, blame, counted, share_of
+from camopt.measure.limits import motion_limits
+from camopt.measure.looks import Looks
+from camopt.measure.yield_words import ADVISED, asked_sentence, share_sentence, spoiling_sentences
+from camopt.measure.yields import Share, UsedLimits, blame, share_of, yield_record
+from camopt.optimizer.as_built.measured import TrainsJournal, cam_digest, measure_trains
 from camopt.optimizer.as_built.track import Track, track
 from camopt.scene.schema import Scene
+from camopt.scene.train import build_train
 from camopt.verifier.verdict import verdict_on
 
-CHUNK = 20
-"""Trains between two reports of progress."""
+JOURNAL = "trains.jsonl"
+"""What the trains of a run's statement met, in its folder."""
 SAMPLE = 3
 """Trains that the independent methods judge: those that come nearest to their limits on either side, and the first."""
 BASELINE_TRAINS = 60
@@ -21,10 +29,38 @@ BASELINE_TRAINS = 60
 
 
 @dataclass(frozen=True)
-class YieldStatement:
-    """What `trains` fresh trains use of the limits with a cam, and whether that is the share that was wanted."""
+class StatedBy:
+    """By what a statement is made: trains at most, unless a wanted share lets fewer than so many `failing` ones be
+    expected of them, speeds over the band, and after what parts of the trains it may end."""
 
-    wanted: float
+    trains: int
+    failing: int
+    speeds: int
+    parts: tuple[float, ...]
+
+    def looks(self, scene: Scene, wanted: float | None) -> Looks:
+        """After how many trains a statement may end: where the wanted share, or the advised one, is decided.
+
+        A train with curved laws costs as much as twenty others: there the first look comes sooner.
+        """
+        most = self.trains if wanted is None else max(self.trains, ceil(self.failing / (1.0 - wanted)))
+        parts = (*(() if build_train(scene).straight else (self.parts[0] / 4,)), *self.parts, 1.0)
+        return Looks(tuple(round(part * most) for part in parts), ADVISED if wanted is None else wanted)
+
+
+STATED_BY = {
+    "draft": StatedBy(200, 10, 11, (0.5,)),
+    "standard": StatedBy(1000, 40, 11, (0.15, 0.5)),
+    "fine": StatedBy(4000, 80, 21, (0.15, 0.5)),
+}
+"""By accuracy. 40 failing ones of 4000 tell a loss of one per cent to a sixth of itself."""
+
+
+@dataclass(frozen=True, repr=False)
+class YieldStatement:
+    """What fresh trains use of the limits with a cam, and whether that is the share that was wanted, if one was."""
+
+    wanted: float | None
     seed: int
     used: UsedLimits
     share: Share
@@ -33,9 +69,9 @@ class YieldStatement:
     baselines: Mapping[str, Share | str]
 
     @property
-    def confirmed(self) -> bool:
-        """Whether nothing speaks against it."""
-        return not self.reasons
+    def confirmed(self) -> bool | None:
+        """Whether nothing speaks against the wanted share; None where none was wanted."""
+        return None if self.wanted is None else not self.reasons
 
     @property
     def reasons(self) -> list[str]:
@@ -44,11 +80,13 @@ class YieldStatement:
 
         That the interval's lower end reaches the wanted share itself would need a cam of a larger one: 0.996 of 1000.
         """
-        low, found = 1.0 - 2 * (1.0 - self.wanted), []
-        if self.share.share < self.wanted - 1e-12:
-            found.append("fewer trains hold")
-        if self.share.low < low:
-            found.append(f"the interval of so few trains begins below {100 * low:g} %")
+        found = []
+        if self.wanted is not None:
+            low = 1.0 - 2 * (1.0 - self.wanted)
+            if self.share.share < self.wanted - 1e-12:
+                found.append("fewer trains hold")
+            if self.share.low < low:
+                found.append(f"the interval of so few trains begins below {100 * low:g} %")
         if disagreeing := [str(entry["train"]) for entry in self.independent if not entry["agrees"]]:
             found.append(f"independent methods disagree on train {', '.join(disagreeing)}")
         return found
@@ -59,11 +97,7 @@ class YieldStatement:
             "wanted": self.wanted,
             "confirmed": self.confirmed,
             "reasons": self.reasons,
-            **_of(self.share),
-            "seed": self.seed,
-            "speeds_rpm": self.used.speeds_rpm.tolist(),
-            "first_broken": counted(self.used),
-            "blame": self.blame,
+            **yield_record(self.used, self.share, self.seed, self.blame),
             "independent": list(self.independent),
             "baselines": {
                 name: _of(found) if isinstance(found, Share) else {"reason": found}
@@ -71,45 +105,112 @@ class YieldStatement:
             },
         }
 
+    @property
+    def sentences(self) -> list[str]:
+        """The share, whether that is what was asked, what breaks first, and what is to blame."""
+        record = self.as_dict()
+        return [share_sentence(record), asked_sentence(record), *spoiling_sentences(record)]
+
+    def __repr__(self) -> str:
+        return f"YieldStatement({self.share} of {self.share.trains} trains as built)"
+
+    def _repr_html_(self) -> str:
+        return "<br>".join(self.sentences)
+
 
 def _of(share: Share) -> dict:
     return {"share": share.share, "low": share.low, "high": share.high, "trains": share.trains}
 
 
+def statement_of_run(
+    scene: Scene,
+    lift: Lift,
+    settings: Mapping[str, Any],
+    folder: Path | None,
+    *,
+    baselines: Callable[[], Mapping[str, Lift | str]] = dict,
+    advance: Callable[[float], None] = lambda share: None,
+) -> YieldStatement | None:
+    """The statement on a run's cam, by its `settings`; None for a scene in which nothing scatters or no limit is set
+    on the motion.
+
+    Trains are stored in the folder, if any, as they are judged, and an interrupted statement goes on there. `baselines`
+    are asked for where a yield is wanted; where none is, no independent method judges any of the trains.
+    """
+    if not motion_limits(scene.design) or not (scene.tolerance or scene.grinding):
+        return None
+    assert scene.operation is not None, "load_scene(..., need=...) guarantees it"
+    effort, wanted = STATED_BY[settings["accuracy"]], settings.get("yield")
+    looks = effort.looks(scene, wanted)
+    return yield_statement(
+        scene,
+        lift,
+        wanted,
+        trains=looks.trains[-1],
+        looks=looks.trains[:-1],
+        speeds=sorted(scene.operation.speeds_rpm) if settings["speeds"] == "nominal" else effort.speeds,
+        seed=settings["seed"],
+        baselines=None if wanted is None else baselines(),
+        sample=0 if wanted is None else SAMPLE,
+        journal=folder and folder / JOURNAL,
+        advance=advance,
+    )
+
+
 def yield_statement(
     scene: Scene,
     lift: Lift,
-    wanted: float,
+    wanted: float | None,
     *,
     trains: int,
-    speeds: int,
+    looks: Sequence[int] = (),
+    speeds: int | Sequence[float],
     seed: int = 0,
     baselines: Mapping[str, Lift | str] | None = None,
+    sample: int = SAMPLE,
+    journal: Path | None = None,
     advance: Callable[[float], None] = lambda share: None,
 ) -> YieldStatement:
-    """The statement on a cam by so many trains of this seed at so many speeds over the scene's band.
+    """The statement on a cam by so many trains of this seed at so many speeds over the scene's band, or at the
+    crankshaft `speeds` (s) [r/min].
 
-    `baselines` by name are cams, or a sentence where there is none; `advance` is told the share of the work done.
+    Counting ends after one of the `looks` where that many trains decide whether the share is above or below the wanted
+    one, or the advised one where none is. `baselines` by name are cams, or a sentence where there is none; so many
+    trains are a `sample` for the independent methods; in the `journal` trains are stored as they are judged. `advance`
+    is told the share of the work done.
     """
     assert scene.operation is not None, "load_scene(..., need=...) guarantees it"
-    speeds_rpm = np.linspace(*scene.operation.band_rpm, speeds)
-    way, drawn = track(scene, lift, speeds_rpm), trains_as_built(scene, trains, seed=seed)
-    parts = []
-    for begin in range(0, trains, CHUNK):
-        parts.append(way.used(drawn[begin : begin + CHUNK]))
-        advance(len(parts[-1]) / trains)
-    used = UsedLimits(tuple(way.limits), speeds_rpm, np.concatenate(parts))
+    speeds_rpm = np.linspace(*scene.operation.band_rpm, speeds) if isinstance(speeds, int) else np.array(speeds)
+    way, asked = track(scene, lift, speeds_rpm), Looks((*looks, trains), ADVISED if wanted is None else wanted)
+    parts = _judged(scene, way, asked, TrainsJournal(journal, cam_digest(lift)), seed, advance)
+    used, drawn = UsedLimits(tuple(way.limits), speeds_rpm, parts), trains_as_built(scene, len(parts), seed=seed)
     draws = {label: np.array([one.draws[label] for one in drawn]) for label in drawn[0].draws}
     others = {name: _baseline(scene, cam, speeds_rpm, drawn) for name, cam in (baselines or {}).items()}
-    sample = tuple(_by_independent_methods(drawn[t], lift, used, t) for t in sampled(used.worst))
-    return YieldStatement(wanted, seed, used, share_of(used.holds), blame(draws, used.worst), sample, others)
+    judged = tuple(by_independent_methods(drawn[t], lift, used, t) for t in sampled(used.worst, sample))
+    share = share_of(used.holds, asked)
+    return YieldStatement(wanted, seed, used, share, blame(draws, used.worst), judged, others)
 
 
-def sampled(worst: np.ndarray) -> list[int]:
-    """The train that comes nearest to its limits and holds, the one that breaks them least, and the first."""
+def _judged(
+    scene: Scene, way: Track, looks: Looks, journal: TrainsJournal, seed: int, advance: Callable[[float], None]
+) -> np.ndarray:
+    """The used parts (t, l, s) of the trains up to the look after which counting ends."""
+    most = looks.trains[-1]
+    for count in looks.trains:
+        used = measure_trains(scene, way, count, journal, seed=seed, advance=lambda more: advance(more / most))
+        if looks.ends(int(np.sum(used.max(axis=(1, 2)) <= 1.0)), count):
+            return used
+    raise AssertionError("counting ends after the last look")
+
+
+def sampled(worst: np.ndarray, count: int = SAMPLE) -> list[int]:
+    """So many trains: in turn those next to their limits that hold and that break them, and the first one last."""
+    if not count:
+        return []
     order = np.argsort(np.abs(np.nan_to_num(worst, posinf=np.inf) - 1.0), kind="stable")
-    holding, breaking = order[worst[order] <= 1.0], order[worst[order] > 1.0]
-    return list(dict.fromkeys(int(t) for t in (*holding[:1], *breaking[:1], 0)))[:SAMPLE]
+    most = max(1, (count - 1) // 2)
+    sides = (order[worst[order] <= 1.0][:most], order[worst[order] > 1.0][:most])
+    return list(dict.fromkeys(int(t) for t in (*sides[0], *sides[1], 0)))[:count]
 
 
 def _baseline(
@@ -120,13 +221,13 @@ def _baseline(
     way: Track = track(scene, cam, speeds_rpm[-1:])  # most fail at the top; those that hold there are judged everywhere
     few = drawn[:BASELINE_TRAINS]
     holds = way.used(few).max(axis=(1, 2)) <= 1.0
-    if holds.any():
-        others = track(scene, cam, speeds_rpm).used([one for one, good in zip(few, holds, strict=True) if good])
+    if holds.any() and len(speeds_rpm) > 1:
+        others = track(scene, cam, speeds_rpm[:-1]).used([one for one, good in zip(few, holds, strict=True) if good])
         holds[holds] = others.max(axis=(1, 2)) <= 1.0
     return share_of(holds)
 
 
-def _by_independent_methods(one: TrainAsBuilt, lift: Lift, used: UsedLimits, t: int) -> dict:
+def by_independent_methods(one: TrainAsBuilt, lift: Lift, used: UsedLimits, t: int) -> dict:
     """What methods that share no code with the search say of a train at the speed at which it uses its limits most.
 
     They agree where they confirm a train that holds and do not confirm one that does not; a train within a twentieth

@@ -3,18 +3,20 @@
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from tqdm import tqdm
 
 from camopt.cam.lift import Lift
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import broken_by_shape, motion_limits
-from camopt.measure.yields import Share, UsedLimits, blame, counted, share_of
-from camopt.optimizer.as_built.track import track
+from camopt.measure.yield_words import counted_trains, share_sentence, spoiling_sentences
+from camopt.measure.yields import Share, UsedLimits, blame, counted, share_of, yield_record
+from camopt.optimizer.as_built.measured import TrainsJournal, cam_digest, measure_trains
+from camopt.optimizer.as_built.track import Track, track
 from camopt.optimizer.as_built.wanted import check_scatter
 from camopt.plots import save
 from camopt.scene.as_built import GRINDING
@@ -22,7 +24,6 @@ from camopt.scene.errors import InputError
 from camopt.scene.schema import AS_BUILT, Scene
 from camopt.scene.toml_text import scene_toml
 from camopt.storage import plain, run_folder, run_identity, write_json, write_text
-from camopt.study.yields.measurement import TrainsJournal, measure_trains
 
 TRAINS, SPEEDS = 1000, 11
 """How many trains are drawn, and at how many speeds of the band they are judged, where nothing else is said."""
@@ -50,14 +51,7 @@ class Yield:
         """The content of `yield.json`."""
         return {
             "cam": self.cam,
-            "share": self.share.share,
-            "low": self.share.low,
-            "high": self.share.high,
-            "trains": self.share.trains,
-            "seed": self.seed,
-            "speeds_rpm": self.used.speeds_rpm.tolist(),
-            "first_broken": self.first_broken,
-            "blame": self.blame,
+            **yield_record(self.used, self.share, self.seed, self.blame),
             "halved": self.halved,
             "broken_by_shape": list(self.broken_by_shape),
         }
@@ -115,48 +109,37 @@ def manufacturing_yield(
             f"bounce_max_mm or another limit on the motion"
         )
     speeds = _speeds(scene, speeds_rpm)
-    identity = run_identity("yield", scene, seed=seed, speeds_rpm=speeds, cam=_digest(cam), as_built=_scatter(scene))
+    identity = run_identity("yield", scene, seed=seed, speeds_rpm=speeds, cam=cam_digest(cam), as_built=_scatter(scene))
     with run_folder(out, identity, resume, [JOURNAL]) if out is not None else nullcontext() as folder:
-        journal, way = TrainsJournal(folder and folder / JOURNAL), track(scene, cam, speeds)
-        asked = {"seed": seed, "progress": progress}
-        used = UsedLimits(
-            tuple(way.limits), np.array(speeds), measure_trains(scene, way, trains, journal, halved="", **asked)
-        )
-        narrower = _halved(scene) if halve else {}
-        others = {
-            name: measure_trains(one, way, trains, journal, halved=name, **asked) for name, one in narrower.items()
-        }
-        found = _summary(scene, cam, seed, used, others)
+        journal, way = TrainsJournal(folder and folder / JOURNAL, cam_digest(cam)), track(scene, cam, speeds)
+        scenes = {"": scene} | (_halved(scene) if halve else {})
+        by_halved = {name: _measured(one, way, trains, journal, seed, name, progress) for name, one in scenes.items()}
+        used = UsedLimits(tuple(way.limits), np.array(speeds), by_halved.pop(""))
+        found = _summary(scene, cam, seed, used, by_halved)
         if folder is not None:
             _write(folder, scene, found)
     return found
 
 
+def _measured(
+    scene: Scene, way: Track, trains: int, journal: TrainsJournal, seed: int, halved: str, progress: bool
+) -> np.ndarray:
+    """The used parts (t, l, s) of so many trains, with a bar that counts them."""
+    known, name = trains - len(journal.missing(halved, trains)), f"{halved} halved" if halved else "trains"
+    with tqdm(total=trains, initial=known, disable=None if progress else True, desc=name) as bar:
+        return measure_trains(scene, way, trains, journal, seed=seed, halved=halved, advance=bar.update)
+
+
 def yield_lines(found: Yield) -> list[str]:
     """What was found, in sentences."""
-    n, speeds = found.share.trains, found.used.speeds_rpm
-    good = round(found.share.share * n)
-    lines = [
-        f"{found.scene}, {found.cam}: {good} of {n} trains hold every limit on the motion at {len(speeds)} speeds from "
-        f"{speeds[0]:g} to {speeds[-1]:g} r/min: {found.share}"
-    ]
-    for limit, entry in found.first_broken.items():
-        often = max(entry["speeds_rpm"], key=entry["speeds_rpm"].get)
-        lines.append(f"breaks first: {limit} in {_counted(entry['trains'])}, most often at {often} r/min")
-    if any(found.blame.values()):
-        parts = ", ".join(f"{label} {100 * part:.0f} %" for label, part in found.blame.items())
-        lines.append(f"to blame (squared rank correlations with the worst used limit): {parts}")
+    record = found.as_dict()
+    lines = [f"{found.scene}, {found.cam}: {share_sentence(record)}", *spoiling_sentences(record)]
     for label, entry in sorted(found.halved.items(), key=lambda item: -item[1]["share"]):
-        lines.append(
-            f"{label} halved: {100 * entry['share']:.1f} %, {_counted(entry['gained'])} gained and {entry['lost']} lost"
-        )
+        gained = f"{counted_trains(entry['gained'])} gained and {entry['lost']} lost"
+        lines.append(f"{label} halved: {100 * entry['share']:.1f} %, {gained}")
     if found.broken_by_shape:
         lines.append(f"note: the cam's shape, as designed, breaks {', '.join(found.broken_by_shape)}")
     return lines
-
-
-def _counted(trains: int) -> str:
-    return f"{trains} train{'' if trains == 1 else 's'}"
 
 
 def _summary(scene: Scene, cam: Lift, seed: int, used: UsedLimits, others: dict[str, np.ndarray]) -> Yield:
@@ -193,11 +176,6 @@ def _speeds(scene: Scene, speeds_rpm: Sequence[float] | None) -> list[float]:
         return sorted(map(float, speeds_rpm))
     assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
     return np.linspace(*scene.operation.band_rpm, SPEEDS).tolist()
-
-
-def _digest(cam: Lift) -> str:
-    """What tells one cam from another."""
-    return sha256(cam.borders.tobytes() + cam.coefficients.tobytes() + repr(cam.half_duration).encode()).hexdigest()
 
 
 def _scatter(scene: Scene) -> dict:

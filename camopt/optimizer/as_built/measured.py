@@ -1,0 +1,79 @@
+"""The motions of drawn trains, train by train and chunk by chunk, stored as they are measured."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+
+from camopt.cam.lift import Lift
+from camopt.measure.as_built import trains_as_built
+from camopt.optimizer.as_built.track import Track
+from camopt.scene.schema import Scene
+from camopt.storage import append_line, plain, whole_lines
+
+CHUNK = 20
+"""Trains that are measured between two entries in the journal."""
+
+
+@dataclass
+class TrainsJournal:
+    """What was measured of a cam, by the tolerance that was halved ("" for none) and the train's number, in a file if
+    named. What the file says of other cams is left there and counts for nothing."""
+
+    path: Path | None
+    cam: str
+
+    def __post_init__(self) -> None:
+        self._rows: dict[tuple[str, int], dict] = {}
+        for line in whole_lines(self.path) if self.path else ():
+            row = json.loads(line)
+            if row.get("cam", self.cam) == self.cam:
+                self._rows[row["halved"], row["train"]] = row
+
+    def add(self, halved: str, numbers: list[int], used: list[Mapping[str, np.ndarray]]) -> None:
+        """Notes how much of each limit the trains of these numbers use at each speed (s)."""
+        named = {"cam": self.cam, "halved": halved}
+        rows = [plain({**named, "train": i, "used": one}) for i, one in zip(numbers, used, strict=True)]
+        self._rows |= {(halved, i): row for i, row in zip(numbers, rows, strict=True)}
+        if self.path is not None:
+            append_line(self.path, "\n".join(json.dumps(row, allow_nan=False) for row in rows))
+
+    def missing(self, halved: str, count: int) -> list[int]:
+        """The numbers below `count` that were not measured yet."""
+        return [i for i in range(count) if (halved, i) not in self._rows]
+
+    def used(self, halved: str, count: int) -> np.ndarray:
+        """The used parts (t, l, s) of the first `count` trains; what the file cannot tell, infinity, is null there."""
+        rows = [[*self._rows[halved, i]["used"].values()] for i in range(count)]
+        return np.nan_to_num(np.array(rows, dtype=float), nan=np.inf)
+
+
+def cam_digest(cam: Lift) -> str:
+    """What tells one cam from another."""
+    return sha256(cam.borders.tobytes() + cam.coefficients.tobytes() + repr(cam.half_duration).encode()).hexdigest()
+
+
+def measure_trains(
+    scene: Scene,
+    track: Track,
+    count: int,
+    journal: TrainsJournal,
+    *,
+    seed: int,
+    halved: str = "",
+    advance: Callable[[int], object] = lambda trains: None,
+) -> np.ndarray:
+    """The used parts (t, l, s) of the first `count` trains of a scene, whose tolerance `halved` is already so.
+
+    Trains that the journal knows are not judged again; `advance` is told how many others were.
+    """
+    missing = journal.missing(halved, count)
+    for begin in range(0, len(missing), CHUNK):
+        numbers = missing[begin : begin + CHUNK]
+        drawn = [trains_as_built(scene, 1, seed=seed, first=i)[0] for i in numbers]
+        journal.add(halved, numbers, [dict(zip(track.limits, used, strict=True)) for used in track.used(drawn)])
+        advance(len(numbers))
+    return journal.used(halved, count)

@@ -1,0 +1,143 @@
+"""What to do next with a run, from what it found: the same for the page and for the command line's last line.
+
+No command is advised that ran already with the same words: accuracy rises from step to step, then the wanted yield
+falls to what was held, and at last the limits are for the user to move.
+"""
+
+import shlex
+from collections.abc import Sequence
+
+from camopt.measure.yield_words import ADVISED, ENOUGH, HELD, MISSED, NOT_ASKED, standing
+from camopt.report.folder import RunFolder
+from camopt.report.wording import label_and_unit
+from camopt.scene.quantities import is_number
+
+ACCURACIES = ("draft", "standard", "fine")
+LESS_WANTED = (0.99, 0.97, 0.95, 0.9, 0.8, 0.7, 0.6, 0.5)
+"""Yields that are asked for where a larger one was missed at the finest accuracy."""
+FEW_TRAINS = 200
+
+
+def advice(run: RunFolder, scene: str, cam: str) -> list[dict[str, str]]:
+    """What to do with this run, the first thing first: a sentence each, and the command that does it.
+
+    `scene` and `cam` are what the commands name: a scene's name or file, and the run folder's path.
+    """
+    verdict, steps = run.verification.get("verdict"), _Commands(run, scene, cam)
+    move = steps.step("Move the limits and watch the cam.", "design", scene)
+    if verdict == "confirmed":
+        return [*_before_the_grinder(run, steps), _dearest(run, steps)]
+    if verdict == "rejected":
+        return [*steps.further("Search further: the verdict broke a limit."), move]
+    if verdict == "sensitive":
+        return [*steps.further("Search further: a limit is straddled; or lower it by a tenth in the scene."), move]
+    if verdict == "not converged":
+        words = "Judge it with more methods and finer steps."
+        return [steps.step(words, "verify", scene, "--cam", cam, "--accuracy", "fine")]
+    if "design.json" in run.missing or "scene.toml" in run.missing:
+        return []
+    return [steps.step("Have the cam judged.", "verify", scene, "--cam", cam), move]
+
+
+def further(run: RunFolder, scene: str, cam: str) -> dict[str, str]:
+    """To search again for what this run was to find, with more effort; to move the limits where there is no more."""
+    steps = _Commands(run, scene, cam)
+    found = steps.further("Search further.")
+    return found[0] if found else steps.step("Move the limits and watch the cam.", "design", scene)
+
+
+def _before_the_grinder(run: RunFolder, steps: "_Commands") -> list[dict[str, str]]:
+    """What is left to do with a confirmed cam until it is ground."""
+    record = run.built
+    stands = standing(record)
+    share = f"{100 * record['share']:.3g} % of those as built hold" if stands else ""
+    if stands == MISSED:
+        return _after_a_miss(record, share, steps)
+    if stands == NOT_ASKED:
+        words = f"Before it is ground, design the cam that {100 * ADVISED:g} % of the trains hold; here {share}."
+        return [steps.again(words, max(steps.accuracy, 1), ADVISED), steps.halved()]
+    if steps.accuracy == 0:
+        return [steps.again("This was a draft: design once more before it is ground.", 1, steps.wanted)]
+    table = steps.step(_to_the_grinder(run, share if stands in (HELD, ENOUGH) else ""), *steps.table)
+    if not stands and run.scene.get("tolerance"):
+        words = ("yield", steps.scene, "--cam", steps.cam, "--trains", FEW_TRAINS)
+        return [steps.step("Ask how many trains as built hold.", *words), table]
+    return [table]
+
+
+def _after_a_miss(record: dict, share: str, steps: "_Commands") -> list[dict[str, str]]:
+    """What to do where fewer trains hold than was asked: more effort, then less to ask, then other tolerances."""
+    words = f"Only {share}, and {100 * record['wanted']:g} % were asked"
+    more = steps.further(f"{words}: search further.")
+    if more:
+        return [*more, steps.halved()]
+    less = [share for share in LESS_WANTED if share <= record["low"] and share < record["wanted"]]
+    if less:
+        ask = f"{words}: ask for what can be held, or narrow the tolerances."
+        return [steps.again(ask, steps.accuracy, less[0]), steps.halved()]
+    return [steps.halved(f"{words}: see which tolerance spoils most, and narrow it.")]
+
+
+def _to_the_grinder(run: RunFolder, share: str) -> str:
+    """To have the cam ground, once what its outline stands on is measured."""
+    geometry = run.scene.get("geometry")
+    assumed = geometry.get("assumed") if isinstance(geometry, dict) else None
+    names = [label_and_unit(str(key))[0] for key in assumed] if isinstance(assumed, list) else []
+    scatters = run.scene.get("tolerance") or run.scene.get("grinding")
+    held = f"; {share}" if share else "" if scatters else "; the scene does not say how trains differ"
+    if not names:
+        return f"Take the cam to the grinder{held}."
+    return f"Measure what the scene assumes ({', '.join(names)}), then take the cam to the grinder{held}."
+
+
+def _dearest(run: RunFolder, steps: "_Commands") -> dict[str, str]:
+    """To move the limits, the one first of which one per cent buys most."""
+    worth = run.design.get("limit_worth")
+    known = {str(k): v for k, v in worth.items() if is_number(v)} if isinstance(worth, dict) else {}
+    first = max(known, key=lambda key: known[key]) if known else None
+    words = f"Move the limits; {label_and_unit(first)[0]} buys most area." if first else "Move the limits."
+    return steps.step(words, "design", steps.scene)
+
+
+class _Commands:
+    """The commands about a run, with the words that it was given."""
+
+    def __init__(self, run: RunFolder, scene: str, cam: str):
+        settings = run.provenance.get("settings")
+        asked = settings if isinstance(settings, dict) else {}
+        named, wanted, free = asked.get("accuracy"), asked.get("yield"), asked.get("free")
+        self.scene, self.cam = scene, cam
+        self.accuracy = ACCURACIES.index(named) if named in ACCURACIES else 1
+        self.wanted = wanted if is_number(wanted) else None
+        self._nominal = asked.get("speeds") == "nominal"
+        self._free = _ranges(free) if isinstance(free, dict) else []
+
+    @property
+    def table(self) -> tuple[object, ...]:
+        """The words that write a cam's lift table as a grinder can read it."""
+        return "cam", self.scene, "--cam", self.cam, "--csv", "lift.csv", "--digits", 5
+
+    def step(self, words: str, *command: object) -> dict[str, str]:
+        """A sentence and its command."""
+        return {"words": words, "command": shlex.join(["camopt", *map(str, command)])}
+
+    def again(self, words: str, accuracy: int, wanted: float | None) -> dict[str, str]:
+        """To design at an accuracy, for a yield if one is wanted, with what else was asked."""
+        command: list[object] = ["optimize", self.scene, *self._free, "--accuracy", ACCURACIES[accuracy]]
+        command += ["--speeds", "nominal"] if self._nominal and wanted is None else []  # a yield is that of the band
+        return self.step(words, *command, *([] if wanted is None else ["--yield", f"{wanted:g}"]))
+
+    def further(self, words: str) -> list[dict[str, str]]:
+        """To design at the next finer accuracy for the same yield; nothing after the finest."""
+        finer = self.accuracy + 1
+        return [self.again(words, finer, self.wanted)] if finer < len(ACCURACIES) else []
+
+    def halved(self, words: str = "Or see what narrower tolerances would buy.") -> dict[str, str]:
+        """To ask which tolerance spoils how many trains."""
+        return self.step(words, "yield", self.scene, "--cam", self.cam, "--trains", FEW_TRAINS, "--halve")
+
+
+def _ranges(free: dict) -> Sequence[str]:
+    """The numbers that a design might choose, as the options that said so."""
+    ends = {str(name): pair for name, pair in free.items() if isinstance(pair, list) and all(map(is_number, pair))}
+    return [word for name, (low, high) in ends.items() for word in ("--free", f"{name}={low:g}:{high:g}")]

@@ -1,0 +1,185 @@
+"""What a run says of trains as built: stated by every job, by trains that are judged once, and resumed."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from camopt.cam.families.polydyne import polydyne
+from camopt.measure.as_built import trains_as_built
+from camopt.measure.looks import Looks
+from camopt.measure.yield_words import ENOUGH, HELD, MISSED, NOT_ASKED, asked_sentence, share_sentence, standing
+from camopt.measure.yields import UsedLimits
+from camopt.optimizer import candidates
+from camopt.optimizer.as_built import measured, statement
+from camopt.optimizer.as_built.measured import CHUNK
+from camopt.optimizer.as_built.statement import STATED_BY, by_independent_methods, sampled, statement_of_run
+from camopt.optimizer.as_built.track import Track
+from camopt.optimizer.baselines import comparison
+from camopt.optimizer.run import optimize
+from camopt.report import write_report
+from camopt.report.folder import read_run_folder
+from camopt.report.outcome import outcome_lines
+from camopt.report.regenerated import differences
+from camopt.scene import load_scene, parse_scene
+from tests.scene.test_load import EXAMPLE
+from tests.test_docs import undocumented
+
+SCATTER = '\n[[tolerance]]\nof = "spring.preload_N"\nrelative = 0.05\n[grinding]\nerror_um = 2.0\nharmonics = [2, 40]\n'
+SCENE = parse_scene(EXAMPLE + SCATTER, "mine.toml")
+JOB = {"speeds": "nominal", "accuracy": "draft", "gradient": "none", "compare": False}
+SETTINGS = {"accuracy": "draft", "speeds": "band", "seed": 0}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_baselines():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(comparison, "SECTIONED", ())
+        patch.setattr(candidates, "FAMILIES", ("polydyne",))
+        yield
+
+
+@pytest.fixture(scope="module")
+def job(tmp_path_factory):
+    return optimize(SCENE, out=tmp_path_factory.mktemp("runs") / "run", **JOB)
+
+
+@pytest.fixture
+def judged(monkeypatch):
+    """Numbers of the trains that are judged."""
+    numbers, used = [], Track.used
+
+    def noted(self, trains):
+        numbers.extend(one.number for one in trains)
+        return used(self, trains)
+
+    monkeypatch.setattr(Track, "used", noted)
+    return numbers
+
+
+def test_a_job_states_the_share_although_none_was_asked_for(job):
+    found = json.loads((job.folder / "verification.json").read_text())["yield"]
+    assert found == json.loads(json.dumps(job.as_built.as_dict()))
+    assert found["wanted"] is None and found["confirmed"] is None and found["trains"] in (100, 200)
+    assert found["low"] < found["share"] < found["high"] and found["speeds_rpm"] == [5000, 6000, 6500, 7000]
+    assert sum(entry["trains"] for entry in found["first_broken"].values()) == round(
+        found["trains"] * (1 - found["share"])
+    )
+    assert found["unexplained"] == pytest.approx(max(0.0, 1.0 - sum(found["blame"].values())))
+    assert job.exit_code == 0  # what was asked holds
+    assert str(job.as_built.share) in repr(job) and share_sentence(found) in job._repr_html_()
+
+
+def test_terminal_and_page_say_it(job):
+    write_report(job.folder)
+    lines = outcome_lines(read_run_folder(job.folder))
+    row = next(line for line in lines if line.startswith("trains as built that hold"))
+    assert f"{100 * job.as_built.share.share:.3g}" in row
+    assert any(line.startswith("as built: ") and line.endswith("no yield was asked for") for line in lines)
+    page = (job.folder / "report.html").read_text()
+    assert '<section class="verdict doubt">' in page and "as built" in page and "No yield was asked for." in page
+    assert undocumented(job.folder) == set()
+    assert differences(job.folder) == []
+
+
+def test_an_interrupted_statement_leaves_a_whole_run_and_goes_on(job, tmp_path, monkeypatch, judged):
+    folder, add, chunks = tmp_path / "run", measured.TrainsJournal.add, []
+
+    def killed(self, *row):
+        if len(chunks) == 2:
+            raise KeyboardInterrupt
+        chunks.append(row)
+        add(self, *row)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(measured.TrainsJournal, "add", killed)
+        optimize(SCENE, out=folder, **JOB)
+    for name in ("scene.toml", "design.json", "lift.csv", "verification.json", "provenance.json"):
+        assert (folder / name).stat().st_size > 0
+    assert json.loads((folder / "verification.json").read_text())["verdict"] == "confirmed"
+    judged.clear()
+    again = optimize(SCENE, out=folder, resume=True, **JOB)
+    assert judged == list(range(2 * CHUNK, job.as_built.share.trains))
+    assert again.as_built.as_dict() == job.as_built.as_dict()
+
+
+def test_no_train_is_judged_twice(job, judged, tmp_path, monkeypatch):
+    monkeypatch.setattr(statement.Looks, "ends", lambda self, holding, trains: trains >= self.trains[-1])
+    stated = statement_of_run(SCENE, job.lift, SETTINGS, tmp_path)
+    assert judged == list(range(200)) and stated is not None and stated.share.trains == 200
+    judged.clear()
+    assert statement_of_run(SCENE, job.lift, SETTINGS, tmp_path).as_dict() == stated.as_dict()
+    assert judged == []
+    statement_of_run(SCENE, polydyne(SCENE), SETTINGS, tmp_path)  # another cam
+    assert judged == list(range(200))
+
+
+def test_counting_ends_where_the_first_look_decides(job, judged):
+    stated = statement_of_run(SCENE, job.lift, SETTINGS, None)
+    assert stated.share.trains == 100 == len(judged) and stated.share.high < 0.95
+
+
+def test_nothing_is_stated_where_nothing_scatters_or_is_limited(job):
+    assert statement_of_run(parse_scene(EXAMPLE, "mine.toml"), job.lift, SETTINGS, None) is None
+    limits = ("bounce_max_mm", "jump_max_mm", "seating_velocity_max_m_per_s", "contact_force_max_N")
+    without = SCENE.model_copy(update={"design": SCENE.design.model_copy(update=dict.fromkeys(limits))})
+    assert statement_of_run(without, job.lift, SETTINGS, None) is None
+
+
+def test_as_many_trains_are_drawn_as_the_accuracy_and_the_share_call_for():
+    kodama, hertz = load_scene("kodama"), load_scene("kodama-hertz")
+    assert STATED_BY["draft"].looks(kodama, None) == Looks((100, 200), 0.95)
+    assert STATED_BY["standard"].looks(kodama, 0.95) == Looks((150, 500, 1000), 0.95)
+    assert STATED_BY["fine"].looks(kodama, 0.95).trains[-1] == 4000
+    assert STATED_BY["standard"].looks(hertz, None).trains == (38, 150, 500, 1000)
+
+
+def test_an_independent_method_differs_in_no_verdict(job):
+    """Trains at the speed at which each uses most of its limits, next to the limits and at random."""
+    drawn, seen = trains_as_built(SCENE, 100), set()
+    for lift in (job.lift, polydyne(SCENE)):
+        used = statement_of_run(SCENE, lift, SETTINGS, None).used
+        for t in dict.fromkeys([*sampled(used.worst, 5), 1, 2]):
+            entry = by_independent_methods(drawn[t], lift, used, t)
+            assert entry["agrees"], entry
+            seen.add(entry["verdict"])
+    assert {"confirmed", "rejected"} <= seen
+    wrong = UsedLimits(used.limits, used.speeds_rpm, 0.5 * used.used / used.worst[:, None, None])
+    t = int(np.argmax(used.worst))
+    assert entry["verdict"] == "rejected" and not by_independent_methods(drawn[t], lift, wrong, t)["agrees"]
+
+
+RECORD = {"share": 0.96, "low": 0.94, "high": 0.97, "trains": 500, "speeds_rpm": [5000.0, 7000.0]}
+
+
+@pytest.mark.parametrize(
+    ("more", "stands", "says"),
+    [
+        ({"wanted": None, "confirmed": None}, NOT_ASKED, "no yield was asked for"),
+        ({"wanted": None, "low": 0.95}, ENOUGH, "no yield was asked for, and 95 % hold in any case"),
+        ({"wanted": 0.95, "confirmed": True}, HELD, "yield of 95 %: confirmed"),
+        (
+            {"wanted": 0.97, "confirmed": False, "reasons": ["fewer trains hold", "methods disagree"]},
+            MISSED,
+            "yield of 97 %: not confirmed, because fewer trains hold and methods disagree",
+        ),
+        ({"share": None}, "", ""),
+    ],
+)
+def test_how_a_share_stands_to_what_was_asked(more, stands, says):
+    record = RECORD | more
+    assert standing(record) == stands and asked_sentence(record) == says
+    found = share_sentence(record)
+    assert (found == stands and not found) or found.startswith("480 of 500 trains hold every limit on the motion at 2")
+
+
+def test_more_trains_are_sampled_from_both_sides_of_the_limit():
+    worst = np.array([0.2, 1.5, 0.9, 1.1, 0.7, 3.0])
+    assert sampled(worst, 5) == [2, 4, 3, 1, 0] and sampled(worst, 0) == []
+
+
+def test_a_journal_of_another_cam_counts_for_nothing(job, tmp_path, judged):
+    shutil.copy(job.folder / statement.JOURNAL, tmp_path)
+    statement_of_run(SCENE, polydyne(SCENE), SETTINGS | {"speeds": "nominal"}, tmp_path)
+    assert judged[0] == 0
