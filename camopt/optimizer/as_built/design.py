@@ -33,7 +33,7 @@ FEWER = 3
 """Part of the trains that say how large the cam may be which say so first."""
 USUAL_JUMP = 0.05 * MM
 """The limit on the jump that stands for one that the design leaves out [m]."""
-ROUNDS = 4
+ROUNDS = 3
 """Programs about one cam after the other where the forces are not the same for all cams."""
 FIRST_MARGIN_N = 40.0
 """Margin of the cam of the train as designed from which the search begins."""
@@ -44,18 +44,16 @@ statement meet neither."""
 
 @dataclass(frozen=True)
 class YieldEffort:
-    """How many trains shape the cam, how many others say how large it may be, and the final statement's."""
+    """How many trains shape the cam, and how many others say how large it may be."""
 
     trains: int
     unseen: int
-    stated_trains: int
-    stated_speeds: int
 
 
 EFFORTS = {
-    "draft": YieldEffort(200, 400, 1000, 11),
-    "standard": YieldEffort(600, 1500, 1000, 21),
-    "fine": YieldEffort(1200, 8000, 2000, 41),
+    "draft": YieldEffort(200, 400),
+    "standard": YieldEffort(600, 1500),
+    "fine": YieldEffort(1200, 8000),
 }
 
 

@@ -49,12 +49,19 @@ class OpeningsProgram:
         self._openings = [contact_openings(self.plain.train, speeds, len(self.theta)) for speeds in self.cam_speeds]
         self._single = [rows.astype(np.float32) for rows in self._openings]
         self._limits = self.plain.limits
+        self._margin_N = 0.0
         self.about(self.forces)
 
     def about(self, forces: np.ndarray) -> None:
         """Takes other forces, about another cam, as they are."""
         self.forces, self._rows, self._work = forces, {}, set()
         self.kept = np.ones(len(forces), dtype=bool)
+
+    def keep(self, margin_N: float) -> None:
+        """Lets all foretold openings be those of forces that are so much smaller [N]."""
+        if margin_N != self._margin_N:
+            self._margin_N = margin_N
+            self._rows.clear()
 
     def tied(self, z: np.ndarray) -> np.ndarray:
         """Forces of the tied contacts (t, s, c, k) [N] with the cam of z (m)."""
@@ -64,7 +71,7 @@ class OpeningsProgram:
         """Openings (i, c, w * k) [m] that the forces foretell for the cam of z (m) in `cases` (i, 2), train and
         speed."""
         t, s = cases.T
-        forces = self.tied(z)[t, s]
+        forces = self.tied(z)[t, s] - np.float32(self._margin_N)
         found = np.empty((len(t), forces.shape[1], len(LONG) * len(self.theta)), dtype=np.float32)
         for same, speed in np.ndindex(self.cam_speeds.shape):
             at = np.flatnonzero((t % len(self.cam_speeds) == same) & (s == speed))
@@ -124,8 +131,9 @@ class OpeningsProgram:
         """The opening [um] of a row, at z = 0 and per coefficient (1 + m)."""
         if key not in self._rows:
             t, s, c, q = key
-            rows = self._openings[t % len(self.cam_speeds)][s, c, q]
-            self._rows[key] = rows @ self.forces[t, s, c].astype(float) / UM
+            rows, forces = self._openings[t % len(self.cam_speeds)][s, c, q], self.forces[t, s, c].astype(float)
+            forces[:, 0] -= self._margin_N
+            self._rows[key] = rows @ forces / UM
         return self._rows[key]
 
     def _optimum(self, limit: float, box: Box | None) -> tuple[NoJumpOptimum, np.ndarray]:

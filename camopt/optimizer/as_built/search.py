@@ -20,11 +20,14 @@ from camopt.optimizer.program.no_jump import NoJumpOptimum
 from camopt.scene.errors import NoCamFound
 from camopt.scene.units import DEG, MM
 
-LEVELS, FIRST_LEVEL, LEVEL_STEP, LAST_STEP = "foretold openings", 0.65, 0.12, 0.05
-"""What the history calls the steps; the first limit on foretold openings, as a part of the limit on the jump, by how
-much it moves until it is bisected, and where that ends. Real openings are a half larger at the median."""
-LARGEST_LEVEL = 2.05
-"""Beyond it foretold openings say nothing more of real ones."""
+LEVELS, FIRST_LEVEL, LEVEL_FACTOR, LEAST_LEVEL = "foretold openings", 0.65, 1.4, 0.02
+"""What the history calls the steps; the first limit on foretold openings, as a part of that on the jump, the factor
+from one to the next until it is bisected, and the least before zero. Real openings are a half larger at the median
+where several masses give way, and many times as large where one mass does."""
+NEWTONS, LOWEST_LEVEL = 100.0, -0.8
+"""Levels below zero stand for the force that contacts are to keep [N], as parts of the first; the lowest of them."""
+NEAR_ENOUGH = 1e-3
+"""Difference of area ratio between a cam that holds and one that does not which ends the bisection."""
 FIRST_JUDGED = 200
 """Trains that are judged at all speeds with the first cam, and say at which speeds the rest of them may fail."""
 NEAR = 0.8
@@ -135,18 +138,43 @@ class YieldSearch:
         and returns it.
 
         It begins at `level`; the cam of z (m) is the first from which the program takes its rows, and `lost` of its
-        trains are given up. Raises NoCamFound where no cam holds that was tried.
+        trains are given up. Below zero tied contacts are to keep a force. Raises NoCamFound where not even the lowest
+        has a cam that holds.
         """
-        low, high = 0.0, np.inf
-        while high - low > LAST_STEP and level < LARGEST_LEVEL:
-            found = self.program.largest(z, level * jump, lost, box)
-            low, high = (level, high) if self.consider(LEVELS, found) else (low, level)
-            z, within = found.z, low > 0.0 and np.isfinite(high)
-            level = 0.5 * (low + high) if within or high <= LEVEL_STEP else level + LEVEL_STEP * (1 if low else -1)
-        if self.best is None:
-            raise NoCamFound(
-                f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: of {len(self.drawn.trains)} "
-                f"trains {self.drawn.failing} fail with the smallest one. Ask for a smaller yield, relax the limits on "
-                f"the motion or make the tolerances narrower; `camopt yield` says which is to blame"
-            )
-        return low
+        low: tuple[float, float] | None = None  # level and area ratio of the largest cam that holds
+        high: tuple[float, float] | None = None  # and of the smallest that does not
+        while True:
+            self.program.keep(max(-level, 0.0) * NEWTONS)
+            found = self.program.largest(z, max(level, 0.0) * jump, lost, box)
+            z, area, before = found.z, found.area_ratio, low
+            if self.consider(LEVELS, found):
+                low = level, area
+            elif level <= LOWEST_LEVEL:
+                raise self._none_holds()
+            else:
+                high = level, area
+            if low is None:
+                level = _below(level)
+            elif high is None:
+                if before is not None and area < before[1] + RESOLUTION:  # the limit binds no more
+                    return level
+                level *= LEVEL_FACTOR
+            elif high[1] - low[1] < NEAR_ENOUGH:
+                return low[0]
+            else:
+                level = 0.5 * (low[0] + high[0])
+
+    def _none_holds(self) -> NoCamFound:
+        drawn = self.drawn
+        return NoCamFound(
+            f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: of {len(drawn.trains)} trains "
+            f"{drawn.failing} fail with the smallest one. Ask for a smaller yield, relax the limits on the motion or "
+            f"make the tolerances narrower; `camopt yield` says which is to blame"
+        )
+
+
+def _below(level: float) -> float:
+    """The next level to try after one whose cam too few trains hold."""
+    if level > LEAST_LEVEL:
+        return level / LEVEL_FACTOR
+    return 0.0 if level > 0.0 else min(2 * level, -LEAST_LEVEL * 2)

@@ -5,11 +5,14 @@ from which a drawn one's differ by some per cent, and every round takes the forc
 """
 
 from collections.abc import Sequence
+from functools import partial
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from camopt.cam.families.free import FreeCam
+from camopt.cam.lift import Lift
 from camopt.measure.as_built import TrainAsBuilt
 from camopt.optimizer.as_built.openings import STEP
 from camopt.optimizer.program.force_rows import Window
@@ -28,8 +31,15 @@ from camopt.smooth.tied import (
     path_angles,
     periodic_slopes,
     settled_paths,
+    tied_paths,
     tied_system,
 )
+
+AT_ONCE = 40
+"""Trains whose motions run side by side."""
+WITHIN = 1e-6
+"""Change of the positions over a revolution [m] at which their motions count as settled: slopes that are not a train's
+own leave more than that."""
 
 
 class SmoothForces:
@@ -45,41 +55,59 @@ class SmoothForces:
         self._at = np.flatnonzero(inside)[::every]
         self.theta = theta[self._at]
         self._systems = [tied_system(one.train) for one in trains]
-        systems = [tied_system(nominal), *self._systems]
-        self._parts = max(parts_of_steps(tied, float(cam_speeds.min())) for tied in systems)
-        every = [one.train for one in trains]
-        self._starts = [jnp.repeat(rest_state(t)[:, :, None], cam_speeds.shape[1], axis=2) for t in every]
+        self._tied, slowest = tied_system(nominal), float(cam_speeds.min())
+        self._parts = max(parts_of_steps(tied, slowest) for tied in (self._tied, *self._systems))
+        self._starts: list[jnp.ndarray] = []  # where the trains' last motions ended
         grid = equal_grid(STEPS)
         basis = np.stack([(cam.basis(grid, k)[0] @ cam.Z).T for k in (0, 1)], axis=-1)
         self._along = Directions(samples=jnp.asarray(basis))
 
     def about(self, z: np.ndarray) -> np.ndarray:
         """The forces (t, s, c, k, 1 + m) [N] in single precision: those with the cam of z (m), with slopes by z."""
-        lift = self._cam.lift(z)
-        slopes = [self._slopes(lift, speeds) for speeds in self._speeds]
-        found = []
-        for t, (one, tied) in enumerate(zip(self._trains, self._systems, strict=True)):
-            slope = slopes[t % len(slopes)]
-            speeds = jnp.asarray(self._speeds[t % len(slopes)])
-            _, paths = self._settled(tied, one.cam(lift), speeds, self._starts[t])
-            force = np.moveaxis(np.asarray(paths.force)[self._at], 2, 0).swapaxes(1, 2)  # (s, c, k)
-            if not np.all(np.isfinite(force)):
-                raise NoCamFound("the smoothed motion with tied contacts grows without bound in a drawn train")
-            self._starts[t] = paths.end
-            found.append(np.concatenate([(force - slope @ z)[..., None], slope], axis=-1).astype(np.float32))
-        return np.array(found)
+        lift, count = self._cam.lift(z), len(self._speeds)
+        slopes, starts = zip(*(self._slopes(lift, speeds) for speeds in self._speeds), strict=True)
+        numbers = range(len(self._trains))
+        begin = self._starts or [starts[t % count] for t in numbers]
+        shape = len(numbers), self._speeds.shape[1], len(self._nominal.cam_side), len(self.theta), 1 + len(z)
+        found = np.empty(shape, dtype=np.float32)
+        self._starts = []
+        for some in (numbers[i : i + AT_ONCE] for i in range(0, len(numbers), AT_ONCE)):
+            force = self._forces(lift, some, begin)
+            for t, one in zip(some, force, strict=True):
+                slope = slopes[t % count]
+                found[t, ..., 0], found[t, ..., 1:] = one - slope @ z, slope
+        return found
 
-    def _settled(self, tied, lift, speeds, start):
-        samples = jnp.asarray(lift_samples(lift, STEPS))
-        motion = samples, speeds, start, self._event, 1.0, Layer(WIDTH)
-        return settled_paths(tied, *motion, parts=self._parts, most=MOST_TURNS, within=SETTLED)
+    def _forces(self, lift: Lift, some: Sequence[int], begin: Sequence[jnp.ndarray]) -> np.ndarray:
+        """Forces (t, s, c, k) [N] of the settled motions of some trains, from where they begin."""
+        tied = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(self._systems[t] for t in some))
+        samples = jnp.asarray(np.stack([lift_samples(self._trains[t].cam(lift), STEPS) for t in some]))
+        speeds = jnp.asarray(self._speeds[np.array(some) % len(self._speeds)])
+        start = jnp.stack([begin[t] for t in some])
+        for _ in range(MOST_TURNS):
+            paths = _of_trains(tied, samples, speeds, start, self._event, Layer(WIDTH), parts=self._parts)
+            moved, start = float(jnp.abs(paths.end - start)[:, 0].max()), paths.end
+            if not np.isfinite(moved) or moved < WITHIN:
+                break
+        force = np.asarray(paths.force)[:, self._at]
+        if not np.all(np.isfinite(force)):
+            raise NoCamFound("the smoothed motion with tied contacts grows without bound in a drawn train")
+        self._starts += list(start)
+        return np.moveaxis(force, (3, 2), (1, 2))
 
-    def _slopes(self, lift, cam_speeds: np.ndarray) -> np.ndarray:
-        """Slopes (s, c, k, m) [N/m] of the train as designed."""
-        tied, speeds = tied_system(self._nominal), jnp.asarray(cam_speeds)
+    def _slopes(self, lift: Lift, cam_speeds: np.ndarray) -> tuple[np.ndarray, jnp.ndarray]:
+        """Slopes (s, c, k, m) [N/m] of the train as designed, and the states at which its settled motion begins."""
+        speeds, samples = jnp.asarray(cam_speeds), jnp.asarray(lift_samples(lift, STEPS))
         rest = jnp.repeat(rest_state(self._nominal)[:, :, None], len(speeds), axis=2)
-        start, _ = self._settled(tied, lift, speeds, rest)
-        samples = jnp.asarray(lift_samples(lift, STEPS))
-        motion = samples, speeds, start, self._event, 1.0, Layer(WIDTH)
-        slopes = periodic_slopes(tied, *motion, [self._along], parts=self._parts)
-        return np.moveaxis(slopes.force[self._at], (2, 1), (0, 1))
+        rule = self._event, 1.0, Layer(WIDTH)
+        start, _ = settled_paths(
+            self._tied, samples, speeds, rest, *rule, parts=self._parts, most=MOST_TURNS, within=SETTLED
+        )
+        slopes = periodic_slopes(self._tied, samples, speeds, start, *rule, [self._along], parts=self._parts)
+        return np.moveaxis(slopes.force[self._at], (2, 1), (0, 1)), start
+
+
+@partial(jax.jit, static_argnames="parts")
+def _of_trains(tied, samples, cam_speeds, y0, event, layer: Layer, *, parts: int):
+    """`tied_paths` of trains, the first axis of systems, samples, speeds and starts."""
+    return jax.vmap(lambda *one: tied_paths(*one, event, 1.0, layer, parts=parts))(tied, samples, cam_speeds, y0)

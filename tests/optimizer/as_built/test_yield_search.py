@@ -24,7 +24,7 @@ from tests.scene.test_load import EXAMPLE
 
 SCATTER = '\n[[tolerance]]\nof = "spring.preload_N"\nrelative = 0.05\n[grinding]\nerror_um = 2.0\nharmonics = [2, 40]\n'
 SCENE = parse_scene(EXAMPLE + SCATTER, "mine.toml")
-SMALL = YieldEffort(20, 30, 12, 5)
+SMALL = YieldEffort(20, 30)
 
 
 @pytest.fixture(scope="module")
@@ -52,14 +52,17 @@ def test_a_larger_cam_is_left_for_too_many_trains(found):
 
 
 class Levels:
-    """A program whose cams are their limit on openings [m]."""
+    """A program whose cams are their limit on openings [m], less the force to be kept in units of 100 N."""
+
+    def keep(self, margin_N):
+        self.margin = margin_N / 100.0
 
     def largest(self, z, limit, lost, box):
-        return SimpleNamespace(z=None, area_ratio=limit)
+        return SimpleNamespace(z=None, area_ratio=limit - self.margin)
 
 
 @pytest.mark.parametrize("first", [0.65, 0.1, 1.4])
-@pytest.mark.parametrize("most", [0.06, 0.33, 1.21])
+@pytest.mark.parametrize("most", [-0.3, 0.0, 0.06, 0.33, 1.21])
 def test_the_limit_on_openings_is_bisected_to_the_largest_that_holds(monkeypatch, first, most):
     search = YieldSearch(DrawnTrains(SCENE, 0), Levels(), 0.9)
 
@@ -69,7 +72,16 @@ def test_the_limit_on_openings_is_bisected_to_the_largest_that_holds(monkeypatch
 
     monkeypatch.setattr(search, "consider", consider)
     found = search.by_level(None, 1.0, 0, first)
-    assert most - search_module.LAST_STEP <= found <= most
+    assert most - search_module.NEAR_ENOUGH <= found <= most
+
+
+def test_a_limit_that_binds_no_more_ends_the_search(monkeypatch):
+    levels = []
+    program = SimpleNamespace(keep=lambda _: None)
+    program.largest = lambda z, limit, *_: levels.append(limit) or SimpleNamespace(z=z, area_ratio=0.5)
+    search = YieldSearch(DrawnTrains(SCENE, 0), program, 0.9)
+    monkeypatch.setattr(search, "consider", lambda *_: True)
+    assert search.by_level(None, 1.0, 0, 0.65) == levels[-1] and len(levels) == 2
 
 
 def test_without_a_cam_that_holds_it_is_said_what_fails(monkeypatch):
