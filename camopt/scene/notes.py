@@ -21,14 +21,15 @@ tenth."""
 
 
 def scene_notes(scene: Scene) -> tuple[str, ...]:
-    """A sentence per key with an unusual number, in the order of `USUAL`, one on a lash above the ramps, and one on a
-    closed valve that nothing presses on its seat, or not with the force that the seat states."""
+    """A sentence on a duration that camopt chose, one per key with an unusual number, in the order of `USUAL`, one on a
+    lash above the ramps, and one on a closed valve that nothing presses on its seat, or not with the force that the
+    seat states."""
     notes = []
     for path, usual in USUAL.items():
         table, key = path.split(".")
         notes += _note_of(path, usual, list(_given(scene, table, key)))
     notes += _note_of("element.stiffness_N_per_m", STIFF, list(_stiff(scene)))
-    return tuple(notes + _lash_note(scene) + _seat_note(scene))
+    return tuple(_duration_note(scene) + notes + _lash_note(scene) + _seat_note(scene))
 
 
 def speed_notes(option: str, speeds_rpm: Iterable[float]) -> list[str]:
@@ -83,6 +84,18 @@ def _note_of(where: str, usual: Usual, given: list[tuple[str, float]]) -> list[s
     ]
     cause = f"; it looks like a number in {likely[0]} here" if likely else ""
     return [f"{where}: {value:g}{of}{more} is outside {usual_range}{cause}; {MEANT}"]
+
+
+def _duration_note(scene: Scene) -> list[str]:
+    """What duration camopt chose, where the scene leaves it to its duration_at."""
+    design = scene.design
+    if design is None or not design.duration_chosen:
+        return []
+    asked = ", ".join(f"{least:g} deg at {height:g} mm" for height, least, _ in design.duration_at if least)
+    return [
+        f"design.duration_deg: {design.duration_deg:g} cam deg between the ramp tops were chosen, a fiftieth more than "
+        f"the fewest with which a cam within the limits on its shape is open for {asked}"
+    ]
 
 
 def _lash_note(scene: Scene) -> list[str]:
