@@ -1,5 +1,6 @@
 """CAM as the user names one: a family with parameters, a lift table, a run folder or its design.json."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,9 @@ def read_cam(
     table_lift: str | None = None,
     table_ratio: float | None = None,
     table_probe_mm: float | None = None,
+    *,
+    table_first_line: int | None = None,
+    table_columns: Sequence[str | int] | None = None,
 ) -> Lift:
     """The lift law that `spec` names, under a scene with [operation] and [design].
 
@@ -48,7 +52,8 @@ def read_cam(
         return read_design(path, scene)
     from camopt.cam.tables.lift_table import read_lift_table  # brings SciPy's splines, which nothing else here needs
 
-    return read_lift_table(path, scene, table_angle, table_lift, table_ratio, table_probe_mm)
+    text = {"table_first_line": table_first_line, "table_columns": table_columns}
+    return read_lift_table(path, scene, table_angle, table_lift, table_ratio, table_probe_mm, **text)
 
 
 def _member(spec: str, scene: Scene) -> Lift:

@@ -49,6 +49,8 @@ def _cam_of(args: Namespace) -> list[object]:
     """Scene and cam as they were given, with what says how a table is read."""
     named = {"--table-angle": args.table_angle, "--table-lift": args.table_lift, "--table-ratio": args.table_ratio}
     named["--table-probe-mm"] = "flat" if args.table_probe_mm == float("inf") else args.table_probe_mm
+    named["--table-columns"] = None if args.table_columns is None else ",".join(args.table_columns)
+    named["--table-first-line"] = args.table_first_line
     given = [word for option, value in named.items() if value is not None for word in (option, value)]
     return [args.scene, "--cam", args.cam, *given]
 
