@@ -39,7 +39,7 @@ def table_options(c: argparse.ArgumentParser) -> None:
 
 def exchange_options(c: argparse.ArgumentParser) -> None:
     """What `camopt cam` writes."""
-    c.add_argument("--step-deg", type=positive, default=0.1, metavar="DEG", help="step of what is written (0.1)")
+    c.add_argument("--step-deg", type=positive, default=0.1, metavar="DEG", help="step of the tables (0.1)")
     words = "lift table by the crank's angle at this step, as in 0.5 or 1"
     c.add_argument("--step-crank-deg", type=positive, metavar="DEG", help=words)
     words = "decimals of the lift in mm (table by cam angle: every digit; by crank angle, and contour: 6)"
@@ -47,6 +47,8 @@ def exchange_options(c: argparse.ArgumentParser) -> None:
     c.add_argument("--csv", metavar="FILE", help="write the lift table")
     c.add_argument("--contour", metavar="FILE", help="with [geometry]: write the contour, Cartesian and polar")
     c.add_argument("--dxf", metavar="FILE", help="with [geometry]: write the contour as a drawing (extra dxf)")
+    words = "largest distance of the drawing's arcs from the contour, in um (0.5)"
+    c.add_argument("--dxf-tolerance-um", type=positive, default=0.5, metavar="UM", help=words)
     words = "the valve's lift (the cam's less the lash) each crank degree, as engine simulations read it"
     c.add_argument("--valve-lift", metavar="FILE", help=words)
     c.add_argument("--dynamic-lift", metavar="FILE", help="the same of the valve's own motion at --speed")

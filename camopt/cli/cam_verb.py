@@ -25,7 +25,7 @@ def cam(args: Namespace) -> int:
     from camopt.study.cam_exports import Files, export
     from camopt.study.cam_sheet import sheet
 
-    pitch = {name: getattr(args, name) for name in ("step_deg", "step_crank_deg", "digits")}
+    pitch = {name: getattr(args, name) for name in ("step_deg", "step_crank_deg", "digits", "dxf_tolerance_um")}
     simulated = {"valve_lift": args.valve_lift, "dynamic_lift": args.dynamic_lift, "speed_rpm": args.speed}
     said = export(scene, lift, Files(args.csv, args.contour, args.dxf, args.figure, **simulated, **pitch))
     speed = args.speed if scene.geometry is not None else None

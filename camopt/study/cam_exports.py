@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from camopt.cam.dxf import write_dxf
-from camopt.cam.exports import chord_error, table_error, write_contour, write_crank_table, write_rounded_table
+from camopt.cam.exports import table_error, write_contour, write_crank_table, write_rounded_table
 from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import write_lift_table
 from camopt.measure.by_means import by_means
 from camopt.scene import Scene, build_train
 from camopt.scene.geometry import BELONGS
-from camopt.scene.units import DEG, MM
+from camopt.scene.units import DEG, MM, UM
 from camopt.storage import write_bytes
 
 OF_THE_CONTOUR = ("base_radius_mm", "rocker_ratio", *BELONGS, "valve_arm_deg")
@@ -27,8 +27,8 @@ class Files:
     `figure`, PNG or SVG by its suffix: lift, velocity, acceleration and jerk with the scene's limits, and the
     `valve_lift` for engine simulations, with the `dynamic_lift` at `speed_rpm`.
 
-    Lifts have `digits` decimals, every digit where None. What is written has a row every `step_deg` of the cam, the
-    table every `step_crank_deg` of the crank where that is given.
+    Lifts have `digits` decimals, every digit where None. Tables have a row every `step_deg` of the cam, the lift table
+    every `step_crank_deg` of the crank where that is given; the drawing keeps within `dxf_tolerance_um` of the contour.
     """
 
     table: str | None = None
@@ -41,6 +41,7 @@ class Files:
     step_deg: float = 0.1
     step_crank_deg: float | None = None
     digits: int | None = None
+    dxf_tolerance_um: float = 0.5
 
 
 def export(scene: Scene, lift: Lift, files: Files) -> list[str]:
@@ -63,9 +64,8 @@ def export(scene: Scene, lift: Lift, files: Files) -> list[str]:
         )
     if files.dxf:
         assert geometry is not None, "the verb asks for it"
-        write_dxf(files.dxf, law, geometry, files.step_deg)
-        missed = chord_error(law, geometry, files.step_deg)
-        said.append(f"drawing: its chords, every {files.step_deg:g} cam deg, miss it by at most {missed:.1e} mm")
+        arcs, missed = write_dxf(files.dxf, law, geometry, files.dxf_tolerance_um * UM)
+        said.append(f"drawing: {arcs} arcs without a corner, which the contour misses by at most {missed / UM:.2g} um")
     guessed = [key for key in geometry.assumed if key in OF_THE_CONTOUR] if geometry else []
     if guessed and (files.contour or files.dxf):
         said.append(f"note: the outline stands on assumed numbers: measure {', '.join(guessed)} before it is ground")
