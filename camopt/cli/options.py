@@ -117,6 +117,8 @@ def _compare(command: Command) -> None:
         default="plain",
         help="the literature's cams of largest area, or every family searched within the bounce limit, minutes (plain)",
     )
+    words = "compare the designs alone"
+    c.add_argument("--no-literature", dest="baselines", action="store_const", const="none", help=words)
     c.add_argument("--out", metavar="DIR", help="folder of the comparison (runs/<scene>-<UTC time>)")
 
 

@@ -139,9 +139,10 @@ def simulate(args: Namespace) -> int:
 def compare(args: Namespace) -> int:
     scene = _scene_of(args)
     folder = _run_folder(args, scene.name)
-    from camopt.cli.comparison_lines import comparison_lines
+    from camopt.cli.comparison_lines import comparison_lines, distinct_names
 
-    designs = {str(Path(d)): _cam_of(args, scene, Path(d)) for d in args.design}
+    names = distinct_names(args.design)
+    designs = {name: _cam_of(args, scene, Path(d)) for name, d in zip(names, args.design, strict=True)}
     from camopt.optimizer.baselines.comparison import compare as comparison
 
     _say_compilation(args)
