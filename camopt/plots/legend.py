@@ -14,6 +14,9 @@ _HANDLE = 3.2
 _BESIDE = _HANDLE + 0.8 + 2.0
 """What a column has beside its words: line, gap and distance from the next one, over the size of its letters."""
 
+LONGEST = 200
+"""Letters of a label, of which no figure shows more."""
+
 
 def legend_above(figure: Figure, axes: Axes, columns: int = 5) -> None:
     """Draws one legend for the whole figure, from the labelled lines of one of its axes, in as many columns, up to
@@ -31,16 +34,20 @@ def legend_above(figure: Figure, axes: Axes, columns: int = 5) -> None:
 
 
 def _width(label: str) -> float:
-    """Width [pt] of words in a legend."""
-    return float(TextPath((0, 0), label, size=BASE).get_extents().width) if label.strip() else 0.0
+    """Width [pt] of words in a legend, which are drawn up to a twentieth wider than their letters' outlines."""
+    return 1.05 * float(TextPath((0, 0), label, size=BASE).get_extents().width) if label.strip() else 0.0
 
 
 def _shortened(label: str, room: float) -> str:
     """The label, without its middle where it is wider than some room [pt]."""
-    kept = len(label)
-    while kept > 8 and _width(label if kept == len(label) else _without_middle(label, kept)) > room:
+    label = label if len(label) <= LONGEST else _without_middle(label, LONGEST)
+    wide = _width(label)
+    if wide <= room:
+        return label
+    kept = int(len(label) * room / wide)
+    while kept > 8 and _width(_without_middle(label, kept)) > room:
         kept -= 1
-    return label if kept == len(label) else _without_middle(label, kept)
+    return _without_middle(label, kept)
 
 
 def _without_middle(label: str, kept: int) -> str:

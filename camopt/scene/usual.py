@@ -45,6 +45,8 @@ USUAL = {
     "element.stiffness_N_per_m": Usual(500, 1e10, "from a lifter's plunger spring to a solid steel part", _STIFFNESS),
     "element.damping_N_s_per_m": Usual(0, 1e5, "up to a stiff contact damped by half of what is critical", {}),
     "element.preload_N": Usual(0, 2e4, "up to the springs of a racing engine, and a margin", {"mN": 1e-3}),
+    "element.installed_mm": Usual(0.5, 60, "compression of a closed valve's spring", _LENGTH),
+    "element.force_table": Usual(1, 100, "mm of compression over the rows of a spring", _LENGTH),
     "element.gap_mm": Usual(1e-3, 50, "from a clearance that can be set to a spring's whole travel", _LENGTH),
     "element.leak_N_s_per_m": Usual(1e4, 1e9, "from a worn adjuster to a tight one", {"N s/mm": 1e3}),
     "element.spring_N_per_m": Usual(100, 1e5, "of plunger springs", _STIFFNESS),
