@@ -158,7 +158,7 @@ class TestVerbsThatSearch:
         assert code == 0
         for words in (
             "no cam has more (certified)                0.59843\n",
-            "the bound does not count on waves_max",
+            "the bound ignores waves_max, so that the true maximum may be lower",
             "by 20 N or more at 5000 r/min",
             "a cam has                                  0.50000\n  a train that is not linear\n",
             "max_lift_mm   0.5674 %\n  nothing: jerk_max_mm_per_deg3\n",

@@ -14,6 +14,8 @@ from camopt.scene.text_file import excerpt, usable_path
 from camopt.scene.units import MM
 
 DESIGN_FILE = "design.json"
+FILES = (".csv", ".dat", ".dvl", ".json", ".svl", ".tsv", ".txt")
+"""Endings of names by which a file is meant, and no family."""
 LIFT_SLACK = 1e-6 * MM
 """Lift [m] below the base circle or above the maximum that rounding explains."""
 
@@ -44,9 +46,11 @@ def read_cam(
             raise InputError(f"cam {excerpt(str(spec))}: the folder holds no {DESIGN_FILE}; give a camopt run folder")
         return read_design(path / DESIGN_FILE, scene)
     if not path.is_file():
+        if path.suffix.lower() in FILES or (path.parent != Path(".") and not did_you_mean(path.name, FAMILIES)):
+            raise InputError(f"cam {excerpt(str(spec))}: there is no such file or folder: check the path")
         raise InputError(
             f"cam {excerpt(str(spec))}: neither a family ({', '.join(FAMILIES)}) nor a lift table, design.json or run "
-            f"folder{did_you_mean(name, FAMILIES)}"
+            f"folder{did_you_mean(Path(name).name, FAMILIES)}"
         )
     if path.suffix == ".json":
         return read_design(path, scene)

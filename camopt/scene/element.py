@@ -118,6 +118,8 @@ class Element(Table):
     def _of_this_form(cls, value, info: ValidationInfo):
         key, form = info.field_name, _form(info)
         if form is None or key is None:
+            if key == "stiffness_N_per_m" and value is None and info.data.get("law") in BELONGS[key]:
+                raise ValueError("missing")  # every kind has one, whichever is meant
             return value
         if value is None and form in BELONGS[key] and key not in OPTIONAL:
             raise ValueError(f"missing; give rows of {ROWS[key]}" if key in ROWS else "missing")

@@ -30,7 +30,11 @@ def scene_text(source: str | Path) -> str:
     if str(source) in known:
         return known[str(source)]
     path = usable_path(source, "scene")
+    if (inside := path / "scene.toml").is_file():
+        raise InputError(f"scene {excerpt(str(source))}: a run folder; its scene is {inside}")
     if not path.is_file():
+        if path.suffix == ".toml" or path.parent != Path("."):
+            raise InputError(f"scene {excerpt(str(source))}: there is no such file: check the path")
         raise InputError(
             f"scene {excerpt(str(source))}: neither a built-in scene ({', '.join(known)}) nor a file"
             f"{did_you_mean(str(source), known) or '; `camopt scenes` lists the built-in ones'}"

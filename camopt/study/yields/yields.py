@@ -145,7 +145,10 @@ def yield_lines(found: Yield) -> list[str]:
         lines.append(f"breaks first: {limit} in {_counted(entry['trains'])}, most often at {often} r/min")
     if any(found.blame.values()):
         parts = ", ".join(f"{label} {100 * part:.0f} %" for label, part in found.blame.items())
-        lines.append(f"to blame (squared rank correlations with the worst used limit): {parts}")
+        rest = max(0.0, 1.0 - sum(found.blame.values()))
+        lines.append(
+            f"to blame (squared rank correlations with the worst used limit): {parts}; {100 * rest:.0f} % unexplained"
+        )
     for label, entry in sorted(found.halved.items(), key=lambda item: -item[1]["share"]):
         lines.append(
             f"{label} halved: {100 * entry['share']:.1f} %, {_counted(entry['gained'])} gained and {entry['lost']} lost"

@@ -181,5 +181,5 @@ class TestForeignTable:
         file.write_bytes(b"\xff\xfe\x00\x01")
         with pytest.raises(InputError, match="UTF-8"):
             read_cam(str(file), KODAMA, "cam", "mm")
-        with pytest.raises(InputError, match="neither a family"):
+        with pytest.raises(InputError, match="there is no such file"):
             read_cam(str(tmp_path / "none.csv"), KODAMA)
