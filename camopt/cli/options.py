@@ -216,7 +216,8 @@ def _sweep(command: Command) -> None:
 def _tradeoff(command: Command) -> None:
     c = command("tradeoff", "measure what accuracy costs on a scene: methods and job", "camopt tradeoff kodama")
     _scene(c)
-    _cam_options(c, default="polydyne")
+    c.add_argument("--cam", metavar="CAM", help="the cam whose motions are measured (one that keeps its contacts)")
+    _table_options(c)
     c.add_argument("--out", metavar="DIR", help="folder, refused if it exists (runs/<scene>-<UTC time>)")
     c.add_argument("--resume", action="store_true", help="go on in the folder named by --out")
     c.add_argument("--size", choices=("small", "full"), default="full", help="how many settings (full, minutes)")

@@ -214,12 +214,13 @@ def yield_(args: Namespace) -> int:
 def tradeoff(args: Namespace) -> int:
     scene = _scene_of(args)
     folder = _run_folder(args, scene.name)
-    cam = _cam_of(args, scene)
+    cam = None if args.cam is None else _cam_of(args, scene)
     from camopt.study.tradeoff.tradeoff import tradeoff as measure
 
     found = measure(scene, folder, args.resume, size=args.size, progress=not args.quiet, cam=cam)
-    print(found.words)
-    print(f"table: {found.folder / 'tradeoff.csv'}, figures: {found.folder / 'figures'}")
+    print("\n".join(found.table))
+    print(f"in words: {found.folder / 'tradeoff.txt'}, every row: {found.folder / 'tradeoff.csv'}")
+    print(f"figures: {found.folder / 'figures'}")
     return 0
 
 
