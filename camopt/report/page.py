@@ -13,6 +13,7 @@ from jinja2.bccache import Bucket
 from camopt.cache import cache_folder
 from camopt.cam.lift import Lift
 from camopt.plots.style import DESIGN
+from camopt.report.assumed import of_the_run
 from camopt.report.card import cards
 from camopt.report.contact import geometry
 from camopt.report.curves import curves
@@ -108,7 +109,7 @@ def _environment() -> Environment:
 
 def render(run: RunFolder, cams: RunCams) -> str:
     """The page of a run folder's data and cams; every text from the folder is escaped."""
-    limits = limit_rows(run, _shape(cams))
+    limits, assumed = limit_rows(run, _shape(cams)), of_the_run(cams)
     verdict = run.verification.get("verdict")
     kind, mark, meaning = VERDICTS.get(verdict, NO_VERDICT) if isinstance(verdict, str) else NO_VERDICT
     return (
@@ -133,9 +134,9 @@ def render(run: RunFolder, cams: RunCams) -> str:
             worth=worth_rows(run),
             facts=facts(run, cams),
             sketch=_sketch(cams),
-            steps=next_steps(run),
+            steps=next_steps(run, assumed),
             matrix=matrix(run, limits),
-            train=train_tables(cams),
+            train=train_tables(cams, assumed),
             cards=cards(cams),
             geometry=geometry(cams),
             speeds=speed_rows(run),

@@ -1,11 +1,14 @@
 """What the page shows first: the cam with its few figures, what its limits cost, and what to do next."""
 
+import shlex
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.plots.style import DESIGN
+from camopt.report.assumed import Hanging, first_to_measure
 from camopt.report.folder import RunFolder
 from camopt.report.motion import RunCams
 from camopt.report.tables import comparison_groups
@@ -54,10 +57,13 @@ def facts(run: RunFolder, cams: RunCams) -> list[tuple[str, str]]:
     return found
 
 
-def next_steps(run: RunFolder) -> list[dict[str, str]]:
-    """What to do with this verdict: a sentence each, and the command that does it, from the folder above this one."""
-    verdict, name = run.verification.get("verdict"), run.name
-    scene, cam = f"{name}/scene.toml", f"--cam {name}"
+def next_steps(run: RunFolder, assumed: Sequence[Hanging] = ()) -> list[dict[str, str]]:
+    """What to do with this verdict: a sentence each, and the command that does it, from where the report is made.
+
+    `assumed` are the train's assumed numbers, those first on which most hangs.
+    """
+    verdict, name = run.verification.get("verdict"), shlex.quote(run.path or run.name)
+    scene, cam = f"{shlex.quote(f'{run.path or run.name}/scene.toml')}", f"--cam {name}"
     design = {"words": "Move the limits and watch the cam.", "command": f"camopt design {scene}"}
     again = f"camopt optimize {scene} --accuracy standard"
     if verdict == "confirmed":
@@ -69,7 +75,7 @@ def next_steps(run: RunFolder) -> list[dict[str, str]]:
         if isinstance(settings, dict) and settings.get("accuracy") == "draft":
             steps.insert(0, {"words": "This was a draft: design once more before it is ground.", "command": again})
         else:
-            steps.append({"words": _before_grinding(run), "command": table})
+            steps.append({"words": _before_grinding(run, assumed), "command": table})
         return [*_of_the_contact(run, again), *steps, _dearest(run, scene)]
     if verdict == "rejected":
         return [{"words": "Search further: the verdict broke a limit.", "command": again}, design]
@@ -84,14 +90,16 @@ def next_steps(run: RunFolder) -> list[dict[str, str]]:
     return [{"words": "Have the cam judged.", "command": f"camopt verify {scene} {cam}"}, design]
 
 
-def _before_grinding(run: RunFolder) -> str:
-    """To have the cam ground, once what its outline stands on is measured."""
+def _before_grinding(run: RunFolder, assumed: Sequence[Hanging]) -> str:
+    """To have the cam ground, once what its motion hangs on and its outline stands on is measured."""
     geometry = run.scene.get("geometry")
-    assumed = geometry.get("assumed") if isinstance(geometry, dict) else None
-    names = [label_and_unit(str(key))[0] for key in assumed] if isinstance(assumed, list) else []
-    if not names:
+    guessed = geometry.get("assumed") if isinstance(geometry, dict) else None
+    names = [label_and_unit(str(key))[0] for key in guessed] if isinstance(guessed, list) else []
+    parts = [f"of the train first {first_to_measure(assumed)}"] if assumed else []
+    parts += [f"of the geometry {', '.join(names)}"] if names else []
+    if not parts:
         return "Take the cam to the grinder."
-    return f"Measure what the scene assumes ({', '.join(names)}), then take the cam to the grinder."
+    return f"Measure what the scene assumes ({'; '.join(parts)}), then take the cam to the grinder."
 
 
 def _of_the_contact(run: RunFolder, again: str) -> list[dict[str, str]]:

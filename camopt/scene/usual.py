@@ -88,6 +88,7 @@ USUAL = {
     "geometry.rocker_ratio": Usual(0.4, 3, "valve lift over follower lift", {}),
     "geometry.cam_modulus_GPa": _MODULUS,
     "geometry.follower_modulus_GPa": _MODULUS,
+    "geometry.hertz_max_MPa": Usual(200, 3000, "from cast iron to hard coatings", {"Pa": 1e-6, "GPa": 1e3}),
     "geometry.oil_viscosity_mPa_s": Usual(1, 200, "of engine oils from hot to cold", {"Pa s": 1e3}),
     "geometry.oil_pressure_viscosity_per_GPa": Usual(5, 40, "of oils", {"1/Pa": 1e9}),
     "geometry.roughness_um": Usual(0.02, 3, "from polished to coarsely ground", {"mm": 1e3, "m": 1e6}),

@@ -7,6 +7,7 @@ import pytest
 
 from camopt.cam.read import read_cam
 from camopt.measure.limits import broken_by_shape
+from camopt.report.assumed import Hanging
 from camopt.report.folder import read_run_folder
 from camopt.report.limits import limit_rows, share_of
 from camopt.report.matrix import matrix
@@ -113,7 +114,8 @@ def test_the_matrix_marks_the_worst_speed_of_each_limit(write, contents):
         (None, "camopt verify kodama-run/scene.toml --cam kodama-run"),
     ],
 )
-def test_every_verdict_has_a_next_step(write, contents, verdict, command):
+def test_every_verdict_has_a_next_step(write, contents, verdict, command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     contents["verification"]["verdict"] = verdict or "unheard of"
     steps = next_steps(read_run_folder(write(contents)))
     assert steps[0]["command"] == command
@@ -131,13 +133,21 @@ def test_an_open_contact_and_assumed_numbers_come_before_the_grinder(write, cont
     assert steps[0]["words"].startswith(
         "A contact is open over 78.5 deg, at 7600 r/min: if it must not be, set contact"
     )
-    measured = "Measure what the scene assumes (base radius, face width), then take the cam to the grinder."
+    measured = (
+        "Measure what the scene assumes (of the geometry base radius, face width), then take the cam to the grinder."
+    )
     assert [step["words"] for step in steps[1:3]] == ["Ask how many trains as built hold.", measured]
+    rows = [Hanging("valve.mass_kg", 0.1, "bounce_max_mm", 0.5, 0.9)]
+    both = (
+        "Measure what the scene assumes (of the train first valve.mass_kg; of the geometry base radius, face width), "
+    )
+    assert next_steps(replace(run, scene=run.scene | {"geometry": geometry}), rows)[2]["words"].startswith(both)
     known = {"design": run.scene["design"] | {"contact_force_min_N": 5}, "tolerance": [], "geometry": {}}
     assert next_steps(replace(run, scene=run.scene | known))[0]["words"] == "Take the cam to the grinder."
 
 
-def test_a_draft_is_not_taken_to_the_grinder(write, contents):
+def test_a_draft_is_not_taken_to_the_grinder(write, contents, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     contents["provenance"]["settings"] = {"accuracy": "draft"}
     steps = next_steps(read_run_folder(write(contents)))
     assert steps[0]["command"] == "camopt optimize kodama-run/scene.toml --accuracy standard"
