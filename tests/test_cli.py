@@ -22,7 +22,8 @@ from camopt.verifier.methods import METHOD_NAMES, verdict_methods
 
 VERBS = (
     "optimize design verify simulate compare cam modes bound rise yield sweep gradient tradeoff extremes reduce report "
-    "scenes"
+    "scenes",
+    "what-if",
 ).split()
 
 

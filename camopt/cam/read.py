@@ -46,7 +46,7 @@ def read_cam(
             raise InputError(f"cam {excerpt(str(spec))}: the folder holds no {DESIGN_FILE}; give a camopt run folder")
         return read_design(path / DESIGN_FILE, scene)
     if not path.is_file():
-        if path.suffix.lower() in FILES or (path.parent != Path(".") and not did_you_mean(path.name, FAMILIES)):
+        if path.suffix.lower() in FILES or (path.parent != Path(".") and not did_you_mean(Path(name).name, FAMILIES)):
             raise InputError(f"cam {excerpt(str(spec))}: there is no such file or folder: check the path")
         raise InputError(
             f"cam {excerpt(str(spec))}: neither a family ({', '.join(FAMILIES)}) nor a lift table, design.json or run "

@@ -147,6 +147,10 @@ def _after_yield(args: Namespace, code: int) -> str:
     return f"{_camopt('optimize', args.scene, '--yield', 0.95)} designs a cam that more trains as built hold with"
 
 
+def _after_what_if(args: Namespace, code: int) -> str:
+    return f"{_camopt('optimize', args.scene)} designs a cam for a scene with the numbers that you keep"
+
+
 def _after_extremes(args: Namespace, code: int) -> str:
     if code:
         return f"a wrong row without a warning is a defect of camopt: report it with {args.folder / 'extremes.csv'}"
@@ -193,6 +197,7 @@ _AFTER = {
     "gradient": _after_gradient,
     "yield": _after_yield,
     "tradeoff": _after_tradeoff,
+    "what-if": _after_what_if,
     "extremes": _after_extremes,
     "reduce": _after_reduce,
     "report": _after_report,

@@ -8,6 +8,7 @@ from camopt.cli.cam_options import card_options, exchange_options
 from camopt.cli.cam_options import table_options as _table_options
 from camopt.cli.rise_verb import rise_options
 from camopt.cli.values import ACCURACIES, accuracy, count, named_range, port, positive, seed, speeds, trains
+from camopt.cli.what_if_verb import what_if_options
 from camopt.verifier.methods import verdict_methods
 
 PLAN = """a plan (the page "Sweeps" of the site tells all of it):
@@ -262,5 +263,17 @@ def _scene(c: argparse.ArgumentParser, default: str | None = None) -> None:
 
 
 DESIGNING = (_optimize, _design, _verify, _simulate, _compare, _cam, _modes)
-STUDYING = (_bound, rise_options, _yield, _sweep, _gradient, _tradeoff, _extremes, _reduce, _report, _scenes)
+STUDYING = (
+    _bound,
+    rise_options,
+    _yield,
+    what_if_options,
+    _sweep,
+    _gradient,
+    _tradeoff,
+    _extremes,
+    _reduce,
+    _report,
+    _scenes,
+)
 COMMANDS = (*DESIGNING, *STUDYING)

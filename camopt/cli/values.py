@@ -118,6 +118,20 @@ def named_range(text: str) -> tuple[str, tuple[float, float]]:
     return name, (low, high)
 
 
+def change(text: str) -> tuple[str, tuple[bool, float]]:
+    """NAME=VALUE or NAME=*FACTOR as the name, whether it is a factor, and the number."""
+    name, _, number = text.rpartition("=")
+    try:
+        value = float(number.strip().removeprefix("*"))
+    except ValueError:
+        value = math.nan
+    if not name or not (math.isfinite(value) and abs(value) <= LARGEST):
+        raise argparse.ArgumentTypeError(
+            f"{excerpt(text)}: expected NAME.KEY=VALUE, or NAME.KEY=*FACTOR such as spring.stiffness_N_per_m=*1.1"
+        )
+    return name.strip(), (number.strip().startswith("*"), value)
+
+
 def port(text: str) -> int:
     return _integer(text, 0, 65_535)
 

@@ -17,6 +17,7 @@ from camopt.cli.given import say_compilation as _say_compilation
 from camopt.cli.given import scene_of as _scene_of
 from camopt.cli.rise_verb import rise as rise
 from camopt.cli.sweep_verb import sweep as sweep
+from camopt.cli.what_if_verb import what_if as what_if
 from camopt.scene import InputError, build_train, builtin_scenes, load_scene, scene_text
 from camopt.scene.spelling import did_you_mean
 from camopt.scene.text_file import excerpt
