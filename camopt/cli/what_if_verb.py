@@ -33,7 +33,7 @@ def what_if_options(command: Callable[[str, str, str], argparse.ArgumentParser])
     c = command(
         "what-if",
         "what other numbers of a scene would buy: verdict, area, where jump and bounce begin, yield, before and after",
-        "camopt what-if kodama --cam polydyne --set 'valve_tip.mass_kg=*0.9'",
+        "camopt what-if kodama --cam polydyne --set valve_tip.mass_kg=*0.9",
     )
     c.add_argument("scene", metavar="SCENE", help="built-in scene or TOML file")
     cam_options(c)
