@@ -4,7 +4,6 @@ import doctest
 import json
 import re
 import shlex
-import shutil
 from pathlib import Path
 
 import pytest
@@ -12,7 +11,7 @@ import pytest
 import camopt
 from camopt.cli.parser import parser
 from docs.generators.terminal import RECORDED
-from docs.record import commands_of, printed
+from docs.record import commands_of, furnish, printed
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = [
@@ -54,7 +53,7 @@ def test_the_recorded_commands_still_end_so(tmp_path):
     for page in PAGES:
         folder = tmp_path / page.stem
         folder.mkdir()
-        shutil.copy(DOCS / "tutorials" / "tappet.toml", folder)
+        furnish(folder)
         for command in commands_of(page):
             again = printed(command, folder)
             verdicts = [
