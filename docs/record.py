@@ -1,9 +1,10 @@
 """Records what the commands of the tutorials print: `python -m docs.record` writes docs/tutorials/recorded.json.
 
-With names of pages (`python -m docs.record an-engineers-day`) it runs theirs alone and keeps what the others printed.
+With names of pages (`python -m docs.record an-engineers-day`) it runs theirs alone and keeps what others printed.
 
 Pages hold commands in blocks ```` ```{generated} terminal ````. They run in their order, each page in a folder
-of its own with the scenes and tables beside the pages in it; `docs.generators.terminal` shows them with what they printed.
+of its own with the scenes and tables beside the pages in it; `docs.generators.terminal` shows them with what they
+printed.
 """
 
 import json
