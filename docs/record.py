@@ -1,15 +1,20 @@
 """Records what the commands of the tutorials print: `python -m docs.record` writes docs/tutorials/recorded.json.
 
+With names of pages (`python -m docs.record an-engineers-day`) it runs theirs alone and keeps what others printed.
+
 Pages hold commands in blocks ```` ```{generated} terminal ````. They run in their order, each page in a folder
-of its own with the scenes beside the pages in it; `docs.generators.terminal` shows them with what they printed.
+of its own with the scenes and tables beside the pages in it; `docs.generators.terminal` shows them with what they
+printed.
 """
 
+import json
 import os
 import shutil
 import subprocess
 import sys
 import tempfile
 import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 
 from camopt.storage import write_json
@@ -44,13 +49,22 @@ def folded(line: str) -> list[str]:
     return textwrap.wrap(line, WIDTH, subsequent_indent="    ") if len(line) > WIDTH else [line]
 
 
-def main() -> None:
-    """Runs every page's commands and writes what they printed."""
+def furnish(folder: Path) -> None:
+    """Copies the scenes and tables beside the pages into a folder."""
+    for file in (*PAGES.glob("*.toml"), *PAGES.glob("*.csv")):
+        shutil.copy(file, folder)
+
+
+def main(names: Sequence[str] = ()) -> None:
+    """Runs the commands of the pages of these names, by default of all, and writes what they printed."""
+    known = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"] if names else {}
     found = {}
     for page in sorted(PAGES.glob("*.md")):
+        if names and page.stem not in names:
+            found |= {command: known[command] for command in commands_of(page)}
+            continue
         with tempfile.TemporaryDirectory() as name:
-            for file in PAGES.glob("*.toml"):
-                shutil.copy(file, name)
+            furnish(Path(name))
             for command in commands_of(page):
                 found[command] = printed(command, Path(name))
                 print(command, found[command]["exit_code"], flush=True)
@@ -60,4 +74,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

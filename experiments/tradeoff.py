@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from camopt.cam.families.polydyne import polydyne
 from camopt.scene import load_scene
 from camopt.scene.units import MM, UM
 from camopt.study.tradeoff.figures import figures
@@ -49,7 +50,7 @@ def main(size: str, folder: Path = RESULTS) -> dict:
     """Measures in a scratch folder; keeps table, figures and words in `folder`."""
     scene = load_scene(SCENE[size])
     with tempfile.TemporaryDirectory() as scratch:
-        found = tradeoff(scene, Path(scratch) / "run", size=size, progress=size == "full")
+        found = tradeoff(scene, Path(scratch) / "run", size=size, progress=size == "full", cam=polydyne(scene))
         return keep(found.folder, size, folder)
 
 

@@ -21,8 +21,8 @@ from camopt.verifier.accuracy import EFFORTS
 from camopt.verifier.methods import METHOD_NAMES, verdict_methods
 
 VERBS = (
-    "optimize design verify simulate compare cam modes bound rise yield sweep gradient tradeoff extremes reduce report "
-    "scenes"
+    "optimize design verify simulate compare cam modes bound rise yield what-if sweep gradient tradeoff extremes "
+    "reduce report scenes"
 ).split()
 
 
@@ -101,7 +101,7 @@ def test_module_runs_as_the_command(tmp_path):
     command = [sys.executable, "-m", "camopt", "modes", "none.toml"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith("camopt: scene 'none.toml': neither a built-in scene")
+    assert done.stderr.startswith("camopt: scene 'none.toml': there is no such file")
     assert done.stderr.count("\n") == 1
 
 

@@ -39,9 +39,14 @@ WITHOUT_JAX = ("scene", "cam", "measure", "exact", "verifier", "plots", "storage
 JAX = {"jax", "jaxlib", "diffrax", "equinox", "optax"}
 VERDICT = "verifier/verdict.py"
 """The one file of the verifier that may compare with `exact`."""
-UPWARD = {VERDICT: {"exact"}, "cam/lift.py": {"plots"}, "tasks/compute.py": {"study"}}
-"""The three files that may import a layer above their own: the verdict, a lift law, which can draw itself, and what
-computes a task, which loads its verb."""
+UPWARD = {
+    VERDICT: {"exact"},
+    "cam/lift.py": {"plots"},
+    "tasks/compute.py": {"study"},
+    "scene/load.py": {"optimizer"},
+}
+"""The four files that may import a layer above their own: the verdict, a lift law, which can draw itself, what computes
+a task, which loads its verb, and the reading of a scene that leaves its duration to camopt."""
 
 
 def modules() -> list[Path]:

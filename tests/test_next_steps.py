@@ -25,6 +25,7 @@ COMMANDS = {
     "bound": ("bound", "kodama"),
     "rise": ("rise", "--rise-mm", "10", "--over-deg", "60"),
     "yield": ("yield", "kodama", *CAM, "--out", "run"),
+    "what-if": ("what-if", "kodama", *CAM, "--set", "stem.mass_kg=*0.9"),
     "sweep": ("sweep", "plan.toml", "--store", "x.sqlite"),
     "gradient": ("gradient", "kodama", *CAM, "--speed", "6000"),
     "tradeoff": ("tradeoff", "kodama", "--out", "run"),

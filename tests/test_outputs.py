@@ -24,6 +24,7 @@ NEEDED = {
     "gradient": (*CAM, "--speed", "6000"),
     "yield": CAM,
     "cam": CAM,
+    "what-if": (*CAM, "--set", "valve_tip.mass_kg=0.1"),
     "rise": ("--rise-mm", "10", "--over-deg", "60"),
     "sweep --csv": ("--store", "rows.sqlite"),
 }

@@ -57,8 +57,10 @@ SIGNATURES = {
     "polydyne": "scene, exponents=(2, 10, 18, 26, 34), design_speed_rpm=None, *, ramp_height_mm=None, dynamic=None",
     "polynomial_345": "scene",
     "polynomial_4567": "scene",
-    "read_cam": "spec, scene, table_angle=None, table_lift=None, table_ratio=None, table_probe_mm=None",
-    "read_lift_table": "path, scene, table_angle=None, table_lift=None, table_ratio=None, table_probe_mm=None",
+    "read_cam": "spec, scene, table_angle=None, table_lift=None, table_ratio=None, table_probe_mm=None, *, "
+    "table_first_line=None, table_columns=None",
+    "read_lift_table": "path, scene, table_angle=None, table_lift=None, table_ratio=None, table_probe_mm=None, *, "
+    "table_first_line=None, table_columns=None",
     "reduce": "scene, cam=None, speeds_rpm=None, *, tolerance_mm=0.01, smooth=True, workers=2",
     "simulate": "scene, cam, speed_rpm, method='event', *, revolutions=2, step_deg=0.1, parameters=None, "
     "accuracy=None, progress=False",

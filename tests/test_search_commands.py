@@ -127,9 +127,16 @@ class TestVerbsThatSearch:
         assert printed.splitlines()[-2] == "note: no member of it holds"
         assert named == {"baselines": "plain", "progress": True}
         assert (code, scene.name, out) == (0, "kodama", tmp_path / "second")
-        assert list(designs) == [str(folder)]
-        assert designs[str(folder)].area == pytest.approx(lift.area)
+        assert list(designs) == ["first"]
+        assert designs["first"].area == pytest.approx(lift.area)
         assert printed.splitlines()[1].split() == ["design", "0.5800", "0.0300", "0.0100", "confirmed", "nothing"]
+        asked.clear()
+        twin = create_run_folder(tmp_path / "more") / "first"
+        write_design(create_run_folder(twin) / "design.json", lift, 9.4e-3)
+        names = ["--design", str(folder), "--design", str(twin)]
+        run(capsys, "compare", "kodama", *names, "--no-literature", "--out", str(tmp_path / "third"))
+        ((_, designs, _, named),) = asked
+        assert list(designs) == [str(folder), str(twin)] and named["baselines"] == "none"
         code, _, err = run(capsys, "compare", "kodama", "--design", "polydyne")
         assert (code, "neither" in err) == (2, True)
 
@@ -151,7 +158,7 @@ class TestVerbsThatSearch:
         assert code == 0
         for words in (
             "no cam has more (certified)                0.59843\n",
-            "the bound does not count on waves_max",
+            "the bound ignores waves_max, so that the true maximum may be lower",
             "by 20 N or more at 5000 r/min",
             "a cam has                                  0.50000\n  a train that is not linear\n",
             "max_lift_mm   0.5674 %\n  nothing: jerk_max_mm_per_deg3\n",

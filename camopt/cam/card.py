@@ -53,6 +53,19 @@ class CrankTiming:
     centre_deg: float
     cam_per_crank: float = 0.5
 
+    @classmethod
+    def of(cls, lift: Lift, by: str, value: float, *, at_mm: float, closing: bool = False, cam_per_crank=0.5):
+        """The timing by one of: the "centre" [crank deg], the crank angle of "opening" or "closing", where the lift
+        passes `at_mm`, or the lift at top dead centre "tdc-lift" [mm], on the opening or the `closing` flank.
+
+        Raises InputError where the lift is never so high.
+        """
+        if by == "centre":
+            return cls(value, cam_per_crank)
+        opens, closes = crossing(lift, (value if by == "tdc-lift" else at_mm) * MM)
+        flank = closes if closing or by == "closing" else opens
+        return cls((0.0 if by == "tdc-lift" else value) - flank / DEG / cam_per_crank, cam_per_crank)
+
     def crank_deg(self, cam_deg: float) -> float:
         """Crank angle after top dead centre at a cam angle."""
         return self.centre_deg + cam_deg / self.cam_per_crank

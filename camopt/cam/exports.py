@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from camopt.cam.followers.touch import cross
 from camopt.cam.geometry import Contact, contact
 from camopt.cam.lift import Lift, angles_deg
 from camopt.scene import InputError
@@ -77,16 +76,6 @@ def table_error(lift: Lift, step_deg: float, digits: int | None) -> TableError:
     return TableError(float(np.abs(table - true).max()), lines, spline)
 
 
-def chord_error(lift: Lift, geometry: Geometry, step_deg: float) -> float:
-    """Largest distance [mm] of the contour from the chords between its points at every step of the cam angle."""
-    ends = contact(lift, geometry, angles_deg(step_deg) * DEG).contour
-    middle = contact(lift, geometry, (angles_deg(step_deg)[:-1] + step_deg / 2) * DEG).contour
-    chord, away = np.diff(ends, axis=0), middle - ends[:-1]
-    length = np.hypot(*chord.T)
-    distance = np.abs(cross(chord, away))
-    return float(np.max(np.divide(distance, length, out=np.zeros_like(length), where=length > 0))) / MM
-
-
 def write_contour(path: str | Path, lift: Lift, geometry: Geometry, step_deg: float, digits: int) -> None:
     """Writes the contour by cam angle: x_mm, y_mm, polar_angle_deg and radius_mm of the point of contact.
 
@@ -113,6 +102,13 @@ def made_contour(lift: Lift, geometry: Geometry, step_deg: float) -> Contact:
     if fault is not None:
         raise InputError(f"contour: {fault}")
     return contact(lift, geometry, angles_deg(step_deg) * DEG)
+
+
+def check_contour(lift: Lift, geometry: Geometry) -> None:
+    """Raises InputError where no contour gives this lift to this follower."""
+    fault = contact(lift, geometry).contour_fault
+    if fault is not None:
+        raise InputError(f"contour: {fault}")
 
 
 def rounded(values: Float[np.ndarray, " k"], digits: int) -> list[str]:

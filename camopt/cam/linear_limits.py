@@ -96,6 +96,11 @@ def linear_limits(design: Design, centres: tuple[float, ...] = ()) -> list[Linea
     return found + _of_a_flat_follower(design, half) + _of_a_roller(design, half)
 
 
+def at_least(least_deg: float) -> str:
+    """What the limit is called that a duration at a lift is at least so long."""
+    return f"duration_at's lift for a duration of at least {least_deg:g} deg"
+
+
 def _durations(row: tuple[float, float, float], centre: float, half: float) -> list[LinearLimit]:
     """The limits on the duration at one lift, about one centre [rad]."""
     height, least, most = row
@@ -103,9 +108,8 @@ def _durations(row: tuple[float, float, float], centre: float, half: float) -> l
     for sign in (-1, 1):
         at = np.clip(centre + sign * least * DEG / 2, -half, half)
         if least > 0:
-            name = f"duration_at's lift for a duration of at least {least:g} deg"
             level = flat_level(-height * MM, at, at)
-            found.append(LinearLimit("duration_at", name, (-1.0,), level, height, -1 / MM, chosen=True))
+            found.append(LinearLimit("duration_at", at_least(least), (-1.0,), level, height, -1 / MM, chosen=True))
         begins = np.clip(centre + sign * most * DEG / 2, -half, half)
         if abs(begins) < half:
             name = f"duration_at's lift for a duration of at most {most:g} deg"

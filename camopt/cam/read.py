@@ -1,5 +1,6 @@
 """CAM as the user names one: a family with parameters, a lift table, a run folder or its design.json."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ from camopt.scene.text_file import excerpt, usable_path
 from camopt.scene.units import MM
 
 DESIGN_FILE = "design.json"
+FILES = (".csv", ".dat", ".dvl", ".json", ".svl", ".tsv", ".txt")
+"""Endings of names by which a file is meant, and no family."""
 LIFT_SLACK = 1e-6 * MM
 """Lift [m] below the base circle or above the maximum that rounding explains."""
 
@@ -24,6 +27,9 @@ def read_cam(
     table_lift: str | None = None,
     table_ratio: float | None = None,
     table_probe_mm: float | None = None,
+    *,
+    table_first_line: int | None = None,
+    table_columns: Sequence[str | int] | None = None,
 ) -> Lift:
     """The lift law that `spec` names, under a scene with [operation] and [design].
 
@@ -40,15 +46,18 @@ def read_cam(
             raise InputError(f"cam {excerpt(str(spec))}: the folder holds no {DESIGN_FILE}; give a camopt run folder")
         return read_design(path / DESIGN_FILE, scene)
     if not path.is_file():
+        if path.suffix.lower() in FILES or (path.parent != Path(".") and not did_you_mean(Path(name).name, FAMILIES)):
+            raise InputError(f"cam {excerpt(str(spec))}: there is no such file or folder: check the path")
         raise InputError(
             f"cam {excerpt(str(spec))}: neither a family ({', '.join(FAMILIES)}) nor a lift table, design.json or run "
-            f"folder{did_you_mean(name, FAMILIES)}"
+            f"folder{did_you_mean(Path(name).name, FAMILIES)}"
         )
     if path.suffix == ".json":
         return read_design(path, scene)
     from camopt.cam.tables.lift_table import read_lift_table  # brings SciPy's splines, which nothing else here needs
 
-    return read_lift_table(path, scene, table_angle, table_lift, table_ratio, table_probe_mm)
+    text = {"table_first_line": table_first_line, "table_columns": table_columns}
+    return read_lift_table(path, scene, table_angle, table_lift, table_ratio, table_probe_mm, **text)
 
 
 def _member(spec: str, scene: Scene) -> Lift:

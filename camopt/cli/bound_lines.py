@@ -12,7 +12,8 @@ def bound_lines(found: dict) -> list[str]:
         _row("a cam within the limits on the shape has", found["area_ratio_feasible"]),
     ]
     if found["bound_leaves_out"]:
-        lines.append(f"  the bound does not count on {', '.join(found['bound_leaves_out'])}: it holds, less tightly")
+        left_out = ", ".join(found["bound_leaves_out"])
+        lines.append(f"  the bound ignores {left_out}, so that the true maximum may be lower")
     speeds = ", ".join(f"{speed:g}" for speed in found["speeds_rpm"])
     force, seat = found["margins_N"], found["seat_margin_N"]
     apart = "" if seat == force else f", and the seat by {seat:g} N,"

@@ -18,15 +18,16 @@ CARD = ("card", "card_csv", "lifts_mm", "centre_deg", "exhaust")
 
 def cam(args: Namespace) -> int:
     """Writes what is asked for and prints the cam against the scene's limits, its contact, its card and its torque."""
-    moving = args.speed is not None or args.lobes_deg is not None
+    moving = any(getattr(args, name) is not None for name in ("speed", "lobes_deg", "valve_lift"))
     scene = scene_of(args, SIMULATED if moving else ("operation", "design"))
     _check(args, scene)
     lift = cam_of(args, scene)
     from camopt.study.cam_exports import Files, export
     from camopt.study.cam_sheet import sheet
 
-    pitch = {name: getattr(args, name) for name in ("step_deg", "step_crank_deg", "digits")}
-    said = export(scene, lift, Files(args.csv, args.contour, args.dxf, args.figure, **pitch))
+    pitch = {name: getattr(args, name) for name in ("step_deg", "step_crank_deg", "digits", "dxf_tolerance_um")}
+    simulated = {"valve_lift": args.valve_lift, "dynamic_lift": args.dynamic_lift, "speed_rpm": args.speed}
+    said = export(scene, lift, Files(args.csv, args.contour, args.dxf, args.figure, **simulated, **pitch))
     speed = args.speed if scene.geometry is not None else None
     print("\n".join([*sheet(scene, lift, speed), *said]))
     if any(getattr(args, name) for name in CARD):
@@ -42,8 +43,10 @@ def cam(args: Namespace) -> int:
 def _check(args: Namespace, scene: Scene) -> None:
     """Raises InputError for options that the scene or the other options do not allow."""
     asked = [f"--{name}" for name in GEOMETRY if getattr(args, name) is not None]
-    if args.lobes_deg is not None and "--speed" in asked:
+    if (args.lobes_deg is not None or args.dynamic_lift is not None) and "--speed" in asked:
         asked.remove("--speed")
+    if args.dynamic_lift is not None and args.speed is None:
+        raise InputError("--dynamic-lift: is the valve's motion at a speed: add --speed RPM")
     if asked and scene.geometry is None:
         raise InputError(f"scene {scene.name}: {' and '.join(asked)} needs [geometry]: follower and base radius")
     if args.step_crank_deg is not None and args.csv is None:
@@ -62,13 +65,13 @@ def _cards(args: Namespace, scene: Scene, lift: "Lift") -> list["CamCard"]:
 
     assert scene.operation is not None, "scene_of asks for it"
     per_crank, lifts = scene.operation.cam_per_crank, args.lifts_mm or LIFTS_MM
-    timing = None if args.centre_deg is None else CrankTiming(args.centre_deg, per_crank)
+    how = {"at_mm": lifts[0], "cam_per_crank": per_crank}
+    timing = None if args.centre_deg is None else CrankTiming.of(lift, *args.centre_deg, **how)
     if args.exhaust is None:
         return [cam_card(lift, lifts, timing=timing)]
     other = cam_of(args, scene, args.exhaust)
-    its = cam_card(
-        other, lifts, name=f"exhaust, {other.family}", timing=CrankTiming(args.exhaust_centre_deg, per_crank)
-    )
+    standing = CrankTiming.of(other, *args.exhaust_centre_deg, closing=args.exhaust_centre_deg[0] == "tdc-lift", **how)
+    its = cam_card(other, lifts, name=f"exhaust, {other.family}", timing=standing)
     return [cam_card(lift, lifts, name=f"intake, {lift.family}", timing=timing, other=its), its]
 
 

@@ -2,7 +2,7 @@
 
 import csv
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 VERDICTS = ("confirmed", "sensitive", "not converged", "rejected")
@@ -11,6 +11,12 @@ BROKEN_WIDTH = 48
 """Characters of what is broken that a line shows; comparison.csv holds all of it."""
 _AT_SPEED = re.compile(r" at [\d.e+]+ r/min$")
 HEAD = ("cam", "area ratio", "bounce mm", "jump mm", "verdict", "broken")
+
+
+def distinct_names(paths: Sequence[str]) -> list[str]:
+    """What designs are called in tables and figures: the last parts of their paths, the whole ones where two agree."""
+    last = [Path(path).name or path for path in paths]
+    return [str(Path(path)) if last.count(name) > 1 else name for path, name in zip(paths, last, strict=True)]
 
 
 def comparison_lines(folder: Path) -> list[str]:

@@ -50,4 +50,5 @@ def cam_of(args: Namespace, scene: Scene, cam: "str | Path | None" = None) -> "L
     from camopt.cam.read import read_cam
 
     given = args.cam if cam is None else cam
-    return read_cam(given, scene, args.table_angle, args.table_lift, args.table_ratio, args.table_probe_mm)
+    text = {"table_first_line": args.table_first_line, "table_columns": args.table_columns}
+    return read_cam(given, scene, args.table_angle, args.table_lift, args.table_ratio, args.table_probe_mm, **text)

@@ -58,6 +58,8 @@ def _cam_of(args: Namespace) -> list[object]:
     """Scene and cam as they were given, with what says how a table is read."""
     named = {"--table-angle": args.table_angle, "--table-lift": args.table_lift, "--table-ratio": args.table_ratio}
     named["--table-probe-mm"] = "flat" if args.table_probe_mm == float("inf") else args.table_probe_mm
+    named["--table-columns"] = None if args.table_columns is None else ",".join(args.table_columns)
+    named["--table-first-line"] = args.table_first_line
     given = [word for option, value in named.items() if value is not None for word in (option, value)]
     return [args.scene, "--cam", args.cam, *given]
 
@@ -200,6 +202,10 @@ def _enough(args: Namespace) -> bool:
     return standing(found) == ENOUGH or (run is not None and standing(run.built) == HELD)
 
 
+def _after_what_if(args: Namespace, code: int) -> str:
+    return f"{_camopt('optimize', args.scene)} designs a cam for a scene with the numbers that you keep"
+
+
 def _after_extremes(args: Namespace, code: int) -> str:
     if code:
         return f"a wrong row without a warning is a defect of camopt: report it with {args.folder / 'extremes.csv'}"
@@ -247,6 +253,7 @@ _AFTER = {
     "gradient": _after_gradient,
     "yield": _after_yield,
     "tradeoff": _after_tradeoff,
+    "what-if": _after_what_if,
     "extremes": _after_extremes,
     "reduce": _after_reduce,
     "report": _after_report,

@@ -8,6 +8,7 @@ from camopt.cli.cam_options import card_options, exchange_options
 from camopt.cli.cam_options import table_options as _table_options
 from camopt.cli.rise_verb import rise_options
 from camopt.cli.values import ACCURACIES, accuracy, count, named_range, port, positive, seed, speeds, trains
+from camopt.cli.what_if_verb import what_if_options
 from camopt.verifier.methods import verdict_methods
 
 PLAN = """a plan (the page "Sweeps" of the site tells all of it):
@@ -117,6 +118,8 @@ def _compare(command: Command) -> None:
         default="plain",
         help="the literature's cams of largest area, or every family searched within the bounce limit, minutes (plain)",
     )
+    words = "compare the designs alone"
+    c.add_argument("--no-literature", dest="baselines", action="store_const", const="none", help=words)
     c.add_argument("--out", metavar="DIR", help="folder of the comparison (runs/<scene>-<UTC time>)")
 
 
@@ -214,7 +217,8 @@ def _sweep(command: Command) -> None:
 def _tradeoff(command: Command) -> None:
     c = command("tradeoff", "measure what accuracy costs on a scene: methods and job", "camopt tradeoff kodama")
     _scene(c)
-    _cam_options(c, default="polydyne")
+    c.add_argument("--cam", metavar="CAM", help="the cam whose motions are measured (one that keeps its contacts)")
+    _table_options(c)
     c.add_argument("--out", metavar="DIR", help="folder, refused if it exists (runs/<scene>-<UTC time>)")
     c.add_argument("--resume", action="store_true", help="go on in the folder named by --out")
     c.add_argument("--size", choices=("small", "full"), default="full", help="how many settings (full, minutes)")
@@ -259,5 +263,17 @@ def _scene(c: argparse.ArgumentParser, default: str | None = None) -> None:
 
 
 DESIGNING = (_optimize, _design, _verify, _simulate, _compare, _cam, _modes)
-STUDYING = (_bound, rise_options, _yield, _sweep, _gradient, _tradeoff, _extremes, _reduce, _report, _scenes)
+STUDYING = (
+    _bound,
+    rise_options,
+    _yield,
+    what_if_options,
+    _sweep,
+    _gradient,
+    _tradeoff,
+    _extremes,
+    _reduce,
+    _report,
+    _scenes,
+)
 COMMANDS = (*DESIGNING, *STUDYING)

@@ -6,7 +6,7 @@ from argparse import Namespace
 from camopt.scene.errors import InputError
 from camopt.storage import check_file
 
-WRITTEN = ("json", "csv", "contour", "dxf", "figure", "card_csv", "store")
+WRITTEN = ("json", "csv", "contour", "dxf", "figure", "valve_lift", "dynamic_lift", "card_csv", "store")
 """Options that name a file which a command writes; `--out` names a folder, which each command checks with its scene."""
 READ = ("scene", "cam", "exhaust", "plan")
 """Options and arguments that may name a file, as a parsed command has them."""

@@ -7,6 +7,8 @@ from camopt.scene.spelling import did_you_mean
 from camopt.scene.table import LARGEST, SMALLEST
 from camopt.scene.text_file import excerpt
 
+STANDING = ("opening", "closing", "tdc-lift")
+"""What may say how a cam stands on the crank, beside the angle of its centre."""
 ACCURACIES = ("draft", "standard", "fine")
 MOST_SPEEDS = 10_000
 MOST_DEG = 720
@@ -48,6 +50,18 @@ def lifts(text: str) -> tuple[float, ...]:
     return tuple(positive(part) for part in text.split(","))
 
 
+def columns(text: str) -> tuple[str, str]:
+    """Two columns of a table, by number or name, as in 1,3."""
+    angle, comma, lift = text.partition(",")
+    if not (angle.strip() and comma and lift.strip()) or "," in lift:
+        raise argparse.ArgumentTypeError(f"{excerpt(text)}: expected two columns by number or name, as in 1,3")
+    return angle.strip(), lift.strip()
+
+
+def line_number(text: str) -> int:
+    return _integer(text, 1, 10_000_000)
+
+
 def probe(text: str) -> float:
     """Radius [mm] of a probe's ball, infinite for the word flat."""
     return math.inf if text == "flat" else positive(text)
@@ -62,6 +76,15 @@ def angle(text: str) -> float:
     if not -MOST_DEG <= value <= MOST_DEG:
         raise argparse.ArgumentTypeError(f"{excerpt(text)}: expected an angle from -{MOST_DEG} to {MOST_DEG} degrees")
     return value
+
+
+def standing(text: str) -> tuple[str, float]:
+    """How a cam stands on the crank: an angle of its centre, or opening=DEG, closing=DEG or tdc-lift=MM."""
+    by, equals, number = text.rpartition("=")
+    if equals and by not in STANDING:
+        expected = "expected an angle, or opening=-22, closing=40 or tdc-lift=2.1"
+        raise argparse.ArgumentTypeError(f"{excerpt(text)}: {expected}")
+    return (by, positive(number) if by == "tdc-lift" else angle(number)) if equals else ("centre", angle(text))
 
 
 def angles(text: str) -> tuple[float, ...]:
@@ -93,6 +116,20 @@ def named_range(text: str) -> tuple[str, tuple[float, float]]:
             f"{excerpt(text)}: expected NAME=LOW:HIGH with two numbers, such as spring.preload_N=200:320"
         )
     return name, (low, high)
+
+
+def change(text: str) -> tuple[str, tuple[bool, float]]:
+    """NAME=VALUE or NAME=*FACTOR as the name, whether it is a factor, and the number."""
+    name, _, number = text.rpartition("=")
+    try:
+        value = float(number.strip().removeprefix("*"))
+    except ValueError:
+        value = math.nan
+    if not name or not (math.isfinite(value) and abs(value) <= LARGEST):
+        raise argparse.ArgumentTypeError(
+            f"{excerpt(text)}: expected NAME.KEY=VALUE, or NAME.KEY=*FACTOR such as spring.stiffness_N_per_m=*1.1"
+        )
+    return name.strip(), (number.strip().startswith("*"), value)
 
 
 def port(text: str) -> int:

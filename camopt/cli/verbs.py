@@ -17,6 +17,7 @@ from camopt.cli.given import say_compilation as _say_compilation
 from camopt.cli.given import scene_of as _scene_of
 from camopt.cli.rise_verb import rise as rise
 from camopt.cli.sweep_verb import sweep as sweep
+from camopt.cli.what_if_verb import what_if as what_if
 from camopt.scene import InputError, build_train, builtin_scenes, load_scene, scene_text
 from camopt.scene.spelling import did_you_mean
 from camopt.scene.text_file import excerpt
@@ -139,9 +140,10 @@ def simulate(args: Namespace) -> int:
 def compare(args: Namespace) -> int:
     scene = _scene_of(args)
     folder = _run_folder(args, scene.name)
-    from camopt.cli.comparison_lines import comparison_lines
+    from camopt.cli.comparison_lines import comparison_lines, distinct_names
 
-    designs = {str(Path(d)): _cam_of(args, scene, Path(d)) for d in args.design}
+    names = distinct_names(args.design)
+    designs = {name: _cam_of(args, scene, Path(d)) for name, d in zip(names, args.design, strict=True)}
     from camopt.optimizer.baselines.comparison import compare as comparison
 
     _say_compilation(args)
@@ -213,12 +215,13 @@ def yield_(args: Namespace) -> int:
 def tradeoff(args: Namespace) -> int:
     scene = _scene_of(args)
     folder = _run_folder(args, scene.name)
-    cam = _cam_of(args, scene)
+    cam = None if args.cam is None else _cam_of(args, scene)
     from camopt.study.tradeoff.tradeoff import tradeoff as measure
 
     found = measure(scene, folder, args.resume, size=args.size, progress=not args.quiet, cam=cam)
-    print(found.words)
-    print(f"table: {found.folder / 'tradeoff.csv'}, figures: {found.folder / 'figures'}")
+    print("\n".join(found.table))
+    print(f"in words: {found.folder / 'tradeoff.txt'}, every row: {found.folder / 'tradeoff.csv'}")
+    print(f"figures: {found.folder / 'figures'}")
     return 0
 
 

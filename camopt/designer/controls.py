@@ -6,6 +6,7 @@ from typing import Any
 
 from camopt.scene.design import Design
 from camopt.scene.errors import InputError
+from camopt.scene.row_numbers import RATE, number_of
 from camopt.scene.schema import Scene
 from camopt.scene.tolerances import Tolerance
 from camopt.scene.train import build_train
@@ -98,7 +99,7 @@ def _of_train(scene: Scene) -> list[Control]:
         spring = valve_spring(scene)
     except InputError:
         spring = []
-    if any(e.stiffness_N_per_m for e in scene.element if e.name in spring):
+    if any(number_of(e, RATE) for e in scene.element if e.name in spring):
         found.append(Control("spring_rate_percent", "Spring rate", "% of the scene's", "Train", 100.0, *_about(100.0)))
     if spring:
         label = "Spring preload, with the seat's"

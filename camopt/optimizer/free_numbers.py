@@ -97,10 +97,8 @@ def free_number(scene: Scene, name: str, low: float = -np.inf, high: float = np.
             f"free {name!r}: {scene.name} has no such number: expected NAME.KEY of a mass or an element, or one of "
             f"{', '.join(known)}{did_you_mean(name, known)}"
         )
-    if any(number.of(scene) is None for number in numbers):
-        raise InputError(
-            f"free {name!r}: {scene.name} gives no such number, which could be changed: add it to the scene"
-        )
+    if missing := [number.named(scene) for number in numbers if number.of(scene) is None]:
+        raise InputError(f"free {name!r}: the scene {scene.name} does not state {missing[0]}: add it to the scene")
     if len(numbers) > 1 and numbers[0].of(scene) == 0.0:
         raise InputError(
             f"free {name!r}: its first number is zero, in proportion to which no others can move: give it another value"

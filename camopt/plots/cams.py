@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from camopt.plots.style import BASE, SHADE, cam_line, draw_limit, legend_above, new_figure, quoted, styled
+from camopt.plots.legend import legend_above
+from camopt.plots.style import BASE, SHADE, cam_lines, draw_limit, new_figure, quoted, styled
 from camopt.scene.design import Design
 
 Table = Mapping[str, np.ndarray]
@@ -30,9 +31,10 @@ def profiles(cams: Sequence[tuple[str, Table]], design: Design | None = None) ->
     """
     figure = new_figure(7.6, 8.6)
     rows = figure.subplots(4, 1, sharex=True, height_ratios=(1.5, 1, 1.15, 1.15))
+    lines = cam_lines(name for name, _ in cams)
     for axes, (column, label) in zip(rows, CURVES, strict=True):
         for name, table in cams:
-            axes.plot(table["cam_angle_deg"], table[column], label=name, **cam_line(name))
+            axes.plot(table["cam_angle_deg"], table[column], label=name, **lines[name])
         axes.set_ylabel(label)
     legend_above(figure, rows[0])
     rows[0].set_ylim(bottom=0)

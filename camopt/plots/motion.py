@@ -7,13 +7,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from camopt.plots.legend import legend_above
 from camopt.plots.style import (
     BASE,
     DESIGN,
-    cam_line,
+    cam_lines,
     draw_limit,
     family_of,
-    legend_above,
     new_figure,
     quoted,
     styled,
@@ -62,12 +62,13 @@ def valve_motion(motions: Sequence[DrawnMotion], design: Design) -> Figure:
     heights = (1.1, 1.3, *(1.0 for _ in contacts))
     rows = figure.subplots(2 + len(contacts), len(speeds), sharey="row", squeeze=False, height_ratios=heights)
     start, end, top = _closing(motions, design)
+    lines = cam_lines(m.cam for m in motions)
     for column, speed in enumerate(speeds):
         here = [m for m in motions if m.speed_rpm == speed]
         lift, zoom, *forces = rows[:, column]
         lift.set_title(f"{speed:g} r/min")
         for m in here:
-            line = cam_line(m.cam)
+            line = lines[m.cam]
             lift.plot(m.cam_angle_deg, m.valve_mm, label=m.cam, **line)
             zoom.plot(m.cam_angle_deg, m.valve_mm, **line)
             for axes, contact in zip(forces, contacts, strict=True):
@@ -109,11 +110,12 @@ def _event(axes: Axes, design: Design) -> None:
 
 
 def _leading(motions: Sequence[DrawnMotion]) -> Sequence[DrawnMotion]:
-    """The motions that the axes are made for: the design's, or all of them where there is none.
+    """The motions that the axes are made for: those of the design and of cams outside the families, or all of them
+    where there are none.
 
     What a cam that bounces does would flatten them.
     """
-    return [m for m in motions if family_of(m.cam) == DESIGN] or motions
+    return [m for m in motions if family_of(m.cam) in (DESIGN, "")] or motions
 
 
 def _force_top(motions: Sequence[DrawnMotion], contact: str, design: Design) -> float:

@@ -7,12 +7,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from camopt.plots.legend import legend_above
 from camopt.plots.style import (
     BASE,
     SHADE,
-    cam_line,
+    cam_lines,
     draw_limit,
-    legend_above,
     new_figure,
     quoted,
     styled,
@@ -25,6 +25,8 @@ FINEST_MM = 0.01
 """The axis is linear below this value and logarithmic above it, because a bounce or jump of zero must be seen."""
 NUMBER_WIDTH = 0.08
 """Width of a speed's number as a share of the axes."""
+NUMBER_HEIGHT = 1.3 * BASE
+"""Height of a line of numbers [pt]."""
 
 
 @dataclass(frozen=True)
@@ -51,14 +53,15 @@ def bounce_against_speed(
     """Draws bounce and jump against speed with their limits; the band is shaded, the `speeds_rpm` judged are marked."""
     figure = new_figure(7.6, 5.8)
     rows = figure.subplots(2, 1, sharex=True)
+    lines = cam_lines(s.cam for s in sweeps)
     for axes, key in zip(rows, ("bounce_mm", "jump_mm"), strict=True):
         quantity = QUANTITIES[key]
         limit = getattr(design, quantity.limit or "", None)
         for s in sweeps:
-            _draw(axes, s, key)
-        _mark_starts(axes, sweeps, key, limit)
+            _draw(axes, s, key, lines[s.cam])
+        _mark_starts(axes, sweeps, key, limit, lines)
         for s in sweeps:
-            _mark_worst(axes, s, key)
+            _mark_worst(axes, s, key, lines[s.cam]["color"])
         axes.set_ylabel(f"{quantity.label} [{quantity.unit}]")
         draw_limit(axes, limit, quoted("at most", limit, "mm"))
         zero_and_decades(axes, limit, FINEST_MM)
@@ -95,20 +98,20 @@ def first_passed(speed_rpm: np.ndarray, values: np.ndarray, limit: float) -> flo
     return float(np.interp(limit, values[i - 1 : i + 1], speed_rpm[i - 1 : i + 1]))
 
 
-def _mark_starts(axes: Axes, sweeps: Sequence[Sweep], key: str, limit: float | None) -> None:
+def _mark_starts(axes: Axes, sweeps: Sequence[Sweep], key: str, limit: float | None, lines: Mapping[str, dict]) -> None:
     """The speeds from which cams float or bounce: a diamond on the limit, or on the curve where there is no limit.
 
     Beside it stands the verdict's speed, or, where none was given, the drawn curve's, marked as about, to 10 r/min. It
-    stands on the left, or on the right where there is a diamond near on the left.
+    stands on the left, or on the right where there is a diamond near on the left, each higher than the one before.
     """
     found = [(*_start(s, key, limit), s) for s in sweeps]
-    before = -np.inf
+    before, level = -np.inf, 0  # how many diamonds stand near one another on the left
     for at, words, s in sorted(((at, w, s) for at, w, s in found if at is not None), key=lambda one: one[0]):
-        colour, left = cam_line(s.cam)["color"], at - before > NUMBER_WIDTH * np.ptp(sweeps[0].speed_rpm)
-        before = at
+        level = level + 1 if at - before <= NUMBER_WIDTH * np.ptp(sweeps[0].speed_rpm) else 0
+        colour, left, before = lines[s.cam]["color"], level == 0, at
         height = float(np.interp(at, s.speed_rpm, getattr(s, key))) if limit is None else limit
         axes.plot(at, height, "D", color=colour, markersize=6, markeredgecolor="white", zorder=6)
-        _number(axes, words, (at, height), (-5 if left else 5, 5), colour)
+        _number(axes, words, (at, height), (-5 if left else 5, 5 + NUMBER_HEIGHT * max(level - 1, 0)), colour)
 
 
 def _start(sweep: Sweep, key: str, limit: float | None) -> tuple[float | None, str]:
@@ -118,15 +121,14 @@ def _start(sweep: Sweep, key: str, limit: float | None) -> tuple[float | None, s
         return at, "" if at is None else f"≈{round(at, -1):.0f}"
     at = sweep.starts_rpm.get(key)
     inside = at is not None and sweep.speed_rpm[0] <= at <= sweep.speed_rpm[-1]
-    return (at, f"{at:.4g}") if inside else (None, "")
+    return (at, f"{at:.0f}") if inside else (None, "")
 
 
-def _mark_worst(axes: Axes, sweep: Sweep, key: str) -> None:
+def _mark_worst(axes: Axes, sweep: Sweep, key: str, colour: str) -> None:
     """A circle around the worst of the band with its value, as the verdict states them."""
     speed, value = sweep.worst.get(key, (0.0, None))
     if value is None:
         return
-    colour = cam_line(sweep.cam)["color"]
     axes.plot(speed, value, "o", color=colour, markerfacecolor="none", markersize=8, zorder=6)
     _number(axes, f"{value:.4g}", (speed, value), (-7, 6), colour)
 
@@ -145,8 +147,7 @@ def _number(axes: Axes, words: str, at: tuple[float, float], offset: tuple[float
     )
 
 
-def _draw(axes: Axes, sweep: Sweep, key: str) -> None:
-    line = cam_line(sweep.cam)
+def _draw(axes: Axes, sweep: Sweep, key: str, line: Mapping) -> None:
     values = np.asarray(getattr(sweep, key), dtype=float)
     few = len(values) <= 12
     axes.plot(sweep.speed_rpm, values, label=sweep.cam, marker="o" if few else "", markersize=3.5, **line)

@@ -2,7 +2,7 @@
 
 import io
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,10 @@ The colours are those of Okabe and Ito (2008), which the colour-blind can tell a
 on white, and with a darker purple. The textbook cams that serve as test subjects are grey. The dashes tell the cams
 apart without any colour."""
 OTHERS = ("#555555", "#9A6A00", "#3B6F6F", "#7A3B69")
-"""Colours of cams outside the families, such as lift tables. A cam's name picks one, which a table thus keeps."""
+"""Colours of cams outside the families, such as lift tables. A cam's name picks one, which a table thus keeps where no
+other cam of the figure has it."""
+OTHERS_DASHES = (0, (6, 1)), (0, (2, 1)), (0, (6, 1, 1, 1)), (0, (4, 2))
+"""Their dashes in a figure, in turn."""
 OWN_NAMES = {"free", "free-cam", "camopt", "optimized", "optimised"}
 
 RC: dict[Any, Any] = {
@@ -101,6 +104,22 @@ def cam_line(cam: str) -> dict:
     return {"color": line[0], "linestyle": line[1], "linewidth": 2.0 if front else 1.4, "zorder": 3.0 if front else 2.5}
 
 
+def cam_lines(cams: Iterable[str]) -> dict[str, dict]:
+    """`cam_line` of each cam of a figure; cams outside the families take dashes in turn, and other colours where
+    they would look alike."""
+    found, taken = {}, set()
+    for cam in dict.fromkeys(cams):
+        line = cam_line(cam)
+        if line_of(family_of(cam)) is None:
+            first = OTHERS.index(line["color"])
+            turns = [OTHERS[(first + i) % len(OTHERS)] for i in range(len(OTHERS))]
+            line["color"] = next((colour for colour in turns if colour not in taken), line["color"])
+            line["linestyle"] = OTHERS_DASHES[len(taken) % len(OTHERS_DASHES)]
+            taken.add(line["color"])
+        found[cam] = line
+    return found
+
+
 def new_figure(width: float, height: float) -> Figure:
     """An empty figure of a size in inches, which lays itself out and belongs to no window and no global state."""
     return ShownFigure(figsize=(width, height), layout="constrained")
@@ -150,13 +169,6 @@ def zero_and_decades(axes: Axes, limit: float | None, finest: float) -> None:
     axes.set_yscale("symlog", linthresh=finest, linscale=0.5, subs=[2, 5])
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.set_ylim(0, 1.5 * max(largest, 3 * (limit or 0.0), 10 * finest))
-
-
-def legend_above(figure: Figure, axes: Axes, columns: int = 5) -> None:
-    """Draws one legend for the whole figure, from the labelled lines of one of its axes."""
-    handles, labels = axes.get_legend_handles_labels()
-    if handles:
-        figure.legend(handles, labels, loc="outside upper left", ncols=min(columns, len(handles)), handlelength=3.2)
 
 
 def save(figure: Figure, folder: Path | str, name: str) -> tuple[Path, Path]:

@@ -8,6 +8,7 @@ import shlex
 from collections.abc import Sequence
 
 from camopt.measure.yield_words import ADVISED, ENOUGH, HELD, MISSED, NOT_ASKED, standing
+from camopt.report.assumed import Hanging, first_to_measure
 from camopt.report.folder import RunFolder
 from camopt.report.wording import label_and_unit
 from camopt.scene.quantities import is_number
@@ -18,15 +19,16 @@ LESS_WANTED = (0.99, 0.97, 0.95, 0.9, 0.8, 0.7, 0.6, 0.5)
 FEW_TRAINS = 200
 
 
-def advice(run: RunFolder, scene: str, cam: str) -> list[dict[str, str]]:
+def advice(run: RunFolder, scene: str, cam: str, assumed: Sequence[Hanging] = ()) -> list[dict[str, str]]:
     """What to do with this run, the first thing first: a sentence each, and the command that does it.
 
-    `scene` and `cam` are what the commands name: a scene's name or file, and the run folder's path.
+    `scene` and `cam` are what the commands name: a scene's name or file, and the run folder's path. `assumed` are the
+    train's assumed numbers, those first on which most hangs.
     """
     verdict, steps = run.verification.get("verdict"), _Commands(run, scene, cam)
     move = steps.step("Move the limits and watch the cam.", "design", scene)
     if verdict == "confirmed":
-        return [*_before_the_grinder(run, steps), _dearest(run, steps)]
+        return [*_before_the_grinder(run, steps, assumed), _dearest(run, steps)]
     if verdict == "rejected":
         return [*steps.further("Search further: the verdict broke a limit."), move]
     if verdict == "sensitive":
@@ -46,7 +48,7 @@ def further(run: RunFolder, scene: str, cam: str) -> dict[str, str]:
     return found[0] if found else steps.step("Move the limits and watch the cam.", "design", scene)
 
 
-def _before_the_grinder(run: RunFolder, steps: "_Commands") -> list[dict[str, str]]:
+def _before_the_grinder(run: RunFolder, steps: "_Commands", assumed: Sequence[Hanging]) -> list[dict[str, str]]:
     """What is left to do with a confirmed cam until it is ground."""
     record = run.built
     stands = standing(record)
@@ -58,7 +60,7 @@ def _before_the_grinder(run: RunFolder, steps: "_Commands") -> list[dict[str, st
         return [steps.again(words, max(steps.accuracy, 1), ADVISED), steps.halved()]
     if steps.accuracy == 0:
         return [steps.again("This was a draft: design once more before it is ground.", 1, steps.wanted)]
-    table = steps.step(_to_the_grinder(run, share if stands in (HELD, ENOUGH) else ""), *steps.table)
+    table = steps.step(_to_the_grinder(run, share if stands in (HELD, ENOUGH) else "", assumed), *steps.table)
     if not stands and run.scene.get("tolerance"):
         words = ("yield", steps.scene, "--cam", steps.cam, "--trains", FEW_TRAINS)
         return [steps.step("Ask how many trains as built hold.", *words), table]
@@ -78,16 +80,18 @@ def _after_a_miss(record: dict, share: str, steps: "_Commands") -> list[dict[str
     return [steps.halved(f"{words}: see which tolerance spoils most, and narrow it.")]
 
 
-def _to_the_grinder(run: RunFolder, share: str) -> str:
-    """To have the cam ground, once what its outline stands on is measured."""
+def _to_the_grinder(run: RunFolder, share: str, assumed: Sequence[Hanging]) -> str:
+    """To have the cam ground, once what its motion hangs on and its outline stands on is measured."""
     geometry = run.scene.get("geometry")
-    assumed = geometry.get("assumed") if isinstance(geometry, dict) else None
-    names = [label_and_unit(str(key))[0] for key in assumed] if isinstance(assumed, list) else []
+    guessed = geometry.get("assumed") if isinstance(geometry, dict) else None
+    names = [label_and_unit(str(key))[0] for key in guessed] if isinstance(guessed, list) else []
+    parts = [f"of the train first {first_to_measure(assumed)}"] if assumed else []
+    parts += [f"of the geometry {', '.join(names)}"] if names else []
     scatters = run.scene.get("tolerance") or run.scene.get("grinding")
     held = f"; {share}" if share else "" if scatters else "; the scene does not say how trains differ"
-    if not names:
+    if not parts:
         return f"Take the cam to the grinder{held}."
-    return f"Measure what the scene assumes ({', '.join(names)}), then take the cam to the grinder{held}."
+    return f"Measure what the scene assumes ({'; '.join(parts)}), then take the cam to the grinder{held}."
 
 
 def _dearest(run: RunFolder, steps: "_Commands") -> dict[str, str]:

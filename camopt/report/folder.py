@@ -29,6 +29,7 @@ class RunFolder:
     history: list[dict]
     figures: dict[str, str]  # name -> text of the SVG file
     missing: list[str] = field(default_factory=list)
+    path: str = ""  # of the folder, from where the report is made
 
     @property
     def built(self) -> dict:
@@ -66,7 +67,15 @@ def read_run_folder(folder: Path) -> RunFolder:
         history=part("history.jsonl", _lines, []),
         figures={p.stem: _text(p) for p in sorted((folder / "figures").glob("*.svg"))[:MOST_FIGURES]},
         missing=missing,
+        path=_from_here(folder),
     )
+
+
+def _from_here(folder: Path) -> str:
+    """The folder's path from the working folder, a whole one where it does not lie inside."""
+    whole = folder.resolve()
+    here = Path.cwd()
+    return (whole.relative_to(here) if whole.is_relative_to(here) else whole).as_posix()
 
 
 def _text(path: Path) -> str:

@@ -14,6 +14,7 @@ from camopt.cache import cache_folder
 from camopt.cam.lift import Lift
 from camopt.plots.style import DESIGN
 from camopt.report.advice import advice
+from camopt.report.assumed import of_the_run
 from camopt.report.banner import banner
 from camopt.report.card import cards
 from camopt.report.contact import geometry
@@ -112,7 +113,7 @@ def _environment() -> Environment:
 
 def render(run: RunFolder, cams: RunCams) -> str:
     """The page of a run folder's data and cams; every text from the folder is escaped."""
-    limits = limit_rows(run, _shape(cams))
+    limits, assumed = limit_rows(run, _shape(cams)), of_the_run(cams)
     return (
         _environment()
         .get_template("page.html.j2")
@@ -135,11 +136,11 @@ def render(run: RunFolder, cams: RunCams) -> str:
             worth=worth_rows(run),
             facts=facts(run, cams),
             sketch=_sketch(cams),
-            steps=advice(run, f"{run.name}/scene.toml", run.name),
+            steps=advice(run, f"{run.path or run.name}/scene.toml", run.path or run.name, assumed),
             edge=edge_sentences(run),
             spoiling=yield_sentences(run),
             matrix=matrix(run, limits),
-            train=train_tables(cams),
+            train=train_tables(cams, assumed),
             cards=cards(cams),
             geometry=geometry(cams),
             speeds=speed_rows(run),

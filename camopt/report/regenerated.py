@@ -152,7 +152,8 @@ def _same(one: Any, other: Any) -> bool:
 
 
 class _Words(HTMLParser):
-    """The lines of text of a page, without its style and its animation's data and script."""
+    """The lines of text of a page, without its style, its animation's data and script, and its commands, whose paths
+    hang on where it was made."""
 
     def __init__(self):
         super().__init__()
@@ -160,7 +161,7 @@ class _Words(HTMLParser):
         self._inside = ""
 
     def handle_starttag(self, tag: str, attrs: list) -> None:
-        self._inside = tag if tag in ("style", "script") else self._inside
+        self._inside = tag if tag in ("style", "script", "code") else self._inside
         if tag in ("tr", "p", "li", "h1", "h2", "h3", "figcaption", "strong"):
             self.lines.append("")
 

@@ -1,20 +1,25 @@
 """The report's account of the valve train: masses, elements, what is assumed, and the Hertz stress on the cam."""
 
+from collections.abc import Sequence
 from typing import Any
 
+from camopt.cam.hertz import HertzStress
 from camopt.plots.style import DESIGN
+from camopt.report.assumed import MOVED, Hanging, assumed_rows
 from camopt.report.motion import RunCams
 from camopt.report.wording import shown
 from camopt.scene import InputError, Scene, build_train
 from camopt.scene.element import Element
 from camopt.scene.errors import MotionRefused
+from camopt.scene.geometry import Geometry
 from camopt.study.cam_sheet import dynamic_stress, static_stress
 
 DIGITS = 4
 
 
-def train_tables(cams: RunCams) -> dict[str, Any] | None:
-    """Rows of `masses` and `elements` with what is assumed in each, and `stress`; None without a scene."""
+def train_tables(cams: RunCams, assumed: Sequence[Hanging] = ()) -> dict[str, Any] | None:
+    """Rows of `masses` and `elements` with what is assumed in each, the assumed numbers `ranked`, and `stress`; None
+    without a scene."""
     scene = cams.scene
     if scene is None:
         return None
@@ -35,6 +40,8 @@ def train_tables(cams: RunCams) -> dict[str, Any] | None:
         "elements": elements,
         "total_g": shown(1000 * sum(m.mass_kg for m in scene.mass), DIGITS),
         "assumed": sum(len(row.assumed) for row in rows),
+        "ranked": assumed_rows(assumed),
+        "moved": f"{100 * MOVED:.0f} %",
         "reference": scene.reference,
         "sourced": any(row.source for row in rows),
     }
@@ -54,6 +61,13 @@ def _assumed(keys: tuple[str, ...]) -> str:
     return ", ".join(keys) if keys else "–"
 
 
+def _stress_cells(found: HertzStress, geometry: Geometry) -> list[str]:
+    """Stress, angle and force, and the share of what the materials bear, where the scene says so."""
+    limit, figures = geometry.hertz_max_MPa, found.figures()
+    share = "–" if limit is None else f"{100 * figures['hertz_stress_MPa'] / limit:.0f} % of {limit:g} MPa"
+    return [*(shown(value, DIGITS) for value in figures.values()), share]
+
+
 def _stress(cams: RunCams, scene: Scene) -> dict[str, Any]:
     """The largest Hertz stress of the design at each listed speed and standing still, or the sentence on why none."""
     lift = cams.lifts.get(DESIGN)
@@ -67,12 +81,10 @@ def _stress(cams: RunCams, scene: Scene) -> dict[str, Any]:
             try:
                 found, _ = dynamic_stress(scene, train, lift, speed)
             except MotionRefused as refused:
-                rows.append([f"{shown(speed)} r/min", "–", "–", f"refused: {refused}"])
+                rows.append([f"{shown(speed)} r/min", "–", "–", f"refused: {refused}", "–"])
                 continue
-            rows.append([f"{shown(speed)} r/min", *(shown(v, DIGITS) for v in found.figures().values())])
-        rows.append(
-            ["standing still", *(shown(v, DIGITS) for v in static_stress(scene, train, lift).figures().values())]
-        )
+            rows.append([f"{shown(speed)} r/min", *_stress_cells(found, scene.geometry)])
+        rows.append(["standing still", *_stress_cells(static_stress(scene, train, lift), scene.geometry)])
     except InputError as error:
         return {"rows": [], "says": f"There is no Hertz stress: {error}."}
     return {"rows": rows, "says": ""}

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from camopt.scene.row_numbers import number_of, with_number
 from camopt.scene.schema import Scene
 from camopt.scene.spelling import did_you_mean
 from camopt.scene.table import Table
@@ -21,7 +22,7 @@ REACH = 4.0
 """Standard deviations at which a normal draw is cut off, which one draw in 16 000 meets: no part beyond them is built
 in, and a number that stays positive within them is positive in every train."""
 MAY_BE_NEGATIVE = ("force_N", "preload_N")
-MAY_BE_ZERO = ("damping_N_s_per_m", "gap_mm")
+MAY_BE_ZERO = ("damping_N_s_per_m", "gap_mm", "installed_mm")
 
 
 GRINDING = "grinding"
@@ -36,8 +37,8 @@ class Number(NamedTuple):
     key: str
 
     def of(self, scene: Scene) -> float:
-        """Its value in the key's unit."""
-        return getattr(getattr(scene, self.table)[self.row], self.key)
+        """Its value in the key's unit; None where the scene has none."""
+        return number_of(getattr(scene, self.table)[self.row], self.key)  # pyright: ignore[reportReturnType]
 
     def named(self, scene: Scene) -> str:
         """NAME.KEY."""
@@ -91,8 +92,7 @@ def with_numbers(scene: Scene, values: Mapping[Number, float]) -> Scene:
     """The scene with other values of some of its numbers, in their keys' units."""
     rows: dict[str, list[Table]] = {table: list(getattr(scene, table)) for table in SCATTERING}
     for number, value in values.items():
-        row = rows[number.table][number.row]
-        rows[number.table][number.row] = row.model_copy(update={number.key: value})
+        rows[number.table][number.row] = with_number(rows[number.table][number.row], number.key, value)
     return scene.model_copy(update={table: tuple(changed) for table, changed in rows.items()})
 
 
@@ -137,7 +137,7 @@ def _fault(scene: Scene, tolerance: Tolerance, text: str) -> str:
     if any(number.of(scene) is None for number in found):
         return f"{excerpt(text)}: no number there to scatter"
     if tolerance.relative is not None and any(number.of(scene) == 0.0 for number in found):
-        return f"{excerpt(text)} is zero, of which no share scatters: give plus_minus"
+        return f"{excerpt(text)} is 0, and a share of 0 is 0: give plus_minus in its unit in place of relative"
     if tolerance.plus_minus is not None and len({text.rpartition(".")[2] for text in tolerance.numbers}) > 1:
         return f"{excerpt(text)} differs in its key from others here, and plus_minus has one unit: give relative"
     return ""

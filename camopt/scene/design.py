@@ -32,6 +32,8 @@ DRAWN_FOR = {
     "entrainment_min_m_per_s": ("flat",),
 }
 """Limits that depend on the follower, and the followers that have them."""
+FROM_DURATION_AT = "from duration_at"
+"""What duration_deg says in a scene's text where camopt is to choose it."""
 Window = tuple[float, float, float]
 Windows = Annotated[tuple[Window, ...], Field(max_length=MOST_WINDOWS)]
 
@@ -73,7 +75,8 @@ class Design(Table):
 
     `lift_at` has rows of [angle_deg, min_mm, max_mm]: the least and the largest lift at a cam angle. `duration_at` has
     rows of [lift_mm, min_deg, max_deg]: the fewest and the most cam degrees between the first and the last angle at
-    which the lift is that high.
+    which the lift is that high. A scene's text may say duration_deg = "from duration_at": reading it chooses the
+    duration between the ramp tops, a fiftieth above the shortest one that has these within the limits on the shape.
     """
 
     duration_deg: Annotated[float, Field(gt=0, lt=300), Usable]
@@ -104,6 +107,7 @@ class Design(Table):
     contact_force_max_N: Positive | None = None
     _geometry: "Geometry | None" = PrivateAttr(None)
     _operation: "Operation | None" = PrivateAttr(None)
+    _chosen: bool = PrivateAttr(False)
 
     @property
     def geometry(self) -> "Geometry | None":
@@ -121,6 +125,17 @@ class Design(Table):
         if self._operation is None:
             return None
         return min(*self._operation.speeds_rpm, *self._operation.band_rpm) * self._operation.cam_per_crank * RPM
+
+    @property
+    def duration_chosen(self) -> bool:
+        """Whether `duration_deg` was left to camopt, which chose it for `duration_at`."""
+        return self._chosen
+
+    def of_duration(self, duration_deg: float) -> Self:
+        """The design with a duration that camopt chose for it."""
+        design = self.model_copy(update={"duration_deg": duration_deg})
+        design._chosen = True
+        return design
 
     def within(self, geometry: "Geometry | None", operation: "Operation | None") -> Self:
         """The design as part of a scene with these tables."""

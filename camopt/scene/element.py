@@ -63,7 +63,8 @@ class Element(Table):
       compression, and `stiffness_N_per_m` is its factor [N/m^exponent].
     - Under "progressive" the stiffness itself follows `stiffness_table`, rows of [compression_mm, stiffness_N_per_m].
     - Under "table" the force follows `force_table`, rows of [compression_mm, force_N] joined by straight lines, whose
-      ends go on.
+      ends go on. Its compressions count from the closed valve. Where they were measured from the free length, as on a
+      spring tester, `installed_mm` is the compression at which the valve is closed.
 
     The rows of a table ascend.
 
@@ -84,6 +85,7 @@ class Element(Table):
     exponent: Annotated[float, Field(ge=1, le=3)] | None = None
     stiffness_table: StiffnessTable | None = Field(default=None, validate_default=True)
     force_table: ForceTable | None = Field(default=None, validate_default=True)
+    installed_mm: NonNegative = Field(default=0.0, validate_default=False)
     leak_N_s_per_m: Positive | None = Field(default=None, validate_default=True)
     spring_N_per_m: Positive | None = Field(default=None, validate_default=True)
     stroke_mm: Positive | None = Field(default=None, validate_default=True)
@@ -116,6 +118,8 @@ class Element(Table):
     def _of_this_form(cls, value, info: ValidationInfo):
         key, form = info.field_name, _form(info)
         if form is None or key is None:
+            if key == "stiffness_N_per_m" and value is None and info.data.get("law") in BELONGS[key]:
+                raise ValueError("missing")  # every kind has one, whichever is meant
             return value
         if value is None and form in BELONGS[key] and key not in OPTIONAL:
             raise ValueError(f"missing; give rows of {ROWS[key]}" if key in ROWS else "missing")
@@ -144,6 +148,17 @@ class Element(Table):
             if any(_stiffness(a, b) < SMALLEST for a, b in pairwise(table)):
                 raise ValueError(f"the stiffness from row to row must be at least {SMALLEST:g} N/m")
         return table
+
+    @field_validator("installed_mm")
+    @classmethod
+    def _inside_the_table(cls, installed, info: ValidationInfo):
+        rows = info.data.get("force_table")
+        if installed and _form(info) != "table":
+            raise ValueError('belongs to law = "table", and only to it')
+        if installed and rows and not rows[0][0] <= installed <= rows[-1][0]:
+            ends = f"{rows[0][0]:g} to {rows[-1][0]:g} mm"
+            raise ValueError(f"must lie in force_table, from {ends}: the compression with the valve closed")
+        return installed
 
     @field_validator("spring_N_per_m")
     @classmethod

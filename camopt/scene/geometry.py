@@ -36,7 +36,8 @@ class Geometry(Table):
     way the valve opens. Seen from the pivot the valve lies on the cam's side for a finger, on the other for a rocker.
 
     `face_width_mm` is the flat face's extent across the cam's axis. `contact_width_mm`, along it, is the length of the
-    line of contact, by default the face width. The moduli and Poisson's ratios default to steel's.
+    line of contact, by default the face width. The moduli and Poisson's ratios default to steel's. `hertz_max_MPa` is
+    what the pair of materials bears, which their makers say: it stands beside the stress, and no cam is held to it.
 
     The oil film needs `oil_viscosity_mPa_s` at the temperature of the contact, `oil_pressure_viscosity_per_GPa` and
     `roughness_um`, the root mean square of cam and follower together.
@@ -57,6 +58,7 @@ class Geometry(Table):
     cam_poisson_ratio: PoissonRatio = 0.3
     follower_modulus_GPa: Positive = 210.0
     follower_poisson_ratio: PoissonRatio = 0.3
+    hertz_max_MPa: Positive | None = None
     oil_viscosity_mPa_s: Positive | None = None
     oil_pressure_viscosity_per_GPa: NonNegative = 20.0
     roughness_um: Positive | None = None

@@ -1,9 +1,11 @@
 """Reading scene files: every fault is reported at once, with file and key; files are untrusted."""
 
 from functools import cache
-from importlib import resources
+from importlib import import_module, resources
 from pathlib import Path
+from typing import Any
 
+from camopt.scene.design import FROM_DURATION_AT
 from camopt.scene.errors import InputError
 from camopt.scene.faults import checked
 from camopt.scene.schema import Scene
@@ -28,7 +30,11 @@ def scene_text(source: str | Path) -> str:
     if str(source) in known:
         return known[str(source)]
     path = usable_path(source, "scene")
+    if (inside := path / "scene.toml").is_file():
+        raise InputError(f"scene {excerpt(str(source))}: a run folder; its scene is {inside}")
     if not path.is_file():
+        if path.suffix == ".toml" or path.parent != Path("."):
+            raise InputError(f"scene {excerpt(str(source))}: there is no such file: check the path")
         raise InputError(
             f"scene {excerpt(str(source))}: neither a built-in scene ({', '.join(known)}) nor a file"
             f"{did_you_mean(str(source), known) or '; `camopt scenes` lists the built-in ones'}"
@@ -47,13 +53,37 @@ def load_scene(source: str | Path, need: tuple[str, ...] = ()) -> Scene:
 
 def parse_scene(text: str, where: str, need: tuple[str, ...] = ()) -> Scene:
     """The scene of a TOML text; `where` names its source in the messages. `need` and errors are as for `load_scene`."""
-    scene, faults = checked({key: _tuples(value) for key, value in toml_data(text, where).items()}, need)
+    data: dict[str, Any] = {key: _tuples(value) for key, value in toml_data(text, where).items()}
+    design = data.get("design")
+    design = design if isinstance(design, dict) else {}
+    left_open = design.get("duration_deg") == FROM_DURATION_AT
+    if left_open:
+        data["design"] = design | {"duration_deg": _standing_in(design.get("duration_at"))}
+    scene, faults = checked(data, need)
     if scene is None or faults:
         raise InputError("\n".join(f"{where}: {fault}" for fault in faults))
-    return scene
+    return _with_its_duration(scene, where) if left_open else scene
 
 
-def _tuples(value):
+def _standing_in(rows: Any) -> float:
+    """A duration [deg] with which the rest of a scene can be checked before its own is chosen."""
+    given = rows if isinstance(rows, tuple) else ()
+    least = [row[1] for row in given if isinstance(row, tuple) and len(row) == 3 and isinstance(row[1], int | float)]
+    return min(1.1 * (max(least, default=0.0) or 130.0), 290.0)
+
+
+def _with_its_duration(scene: Scene, where: str) -> Scene:
+    """The scene with the duration that its duration_at needs."""
+    programs = import_module("camopt.optimizer.program.chosen_duration")  # which no other scene needs
+    assert scene.design is not None, "its duration_deg was given"
+    try:
+        chosen = programs.chosen_duration_deg(scene.design)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+    return scene.model_copy(update={"design": scene.design.of_duration(chosen)})
+
+
+def _tuples(value: Any) -> Any:
     """Turns TOML arrays into tuples, which is what the frozen schema holds."""
     if isinstance(value, list):
         return tuple(_tuples(v) for v in value)

@@ -21,14 +21,15 @@ tenth."""
 
 
 def scene_notes(scene: Scene) -> tuple[str, ...]:
-    """A sentence per key with an unusual number, in the order of `USUAL`, one on a lash above the ramps, and one on a
-    closed valve that nothing presses on its seat, or not with the force that the seat states."""
+    """A sentence on a duration that camopt chose, one per key with an unusual number, in the order of `USUAL`, one on a
+    lash above the ramps, and one on a closed valve that nothing presses on its seat, or not with the force that the
+    seat states."""
     notes = []
     for path, usual in USUAL.items():
         table, key = path.split(".")
         notes += _note_of(path, usual, list(_given(scene, table, key)))
     notes += _note_of("element.stiffness_N_per_m", STIFF, list(_stiff(scene)))
-    return tuple(notes + _lash_note(scene) + _seat_note(scene))
+    return tuple(_duration_note(scene) + notes + _lash_note(scene) + _seat_note(scene))
 
 
 def speed_notes(option: str, speeds_rpm: Iterable[float]) -> list[str]:
@@ -45,6 +46,9 @@ def _given(scene: Scene, table: str, key: str) -> Iterable[tuple[str, float]]:
             values = [stiffness for _, stiffness in row.stiffness_table or ()]
             if row.form == "linear" and not _is_stiff(scene, row):
                 values = [row.stiffness_N_per_m]
+        elif isinstance(row, Element) and key == "force_table":
+            rows_of_it = row.force_table if row.kind == "spring" else None
+            values = [rows_of_it[-1][0] - rows_of_it[0][0]] if rows_of_it else []
         else:
             value = getattr(row, key)
             values = value if isinstance(value, tuple) else [value]
@@ -85,6 +89,18 @@ def _note_of(where: str, usual: Usual, given: list[tuple[str, float]]) -> list[s
     return [f"{where}: {value:g}{of}{more} is outside {usual_range}{cause}; {MEANT}"]
 
 
+def _duration_note(scene: Scene) -> list[str]:
+    """What duration camopt chose, where the scene leaves it to its duration_at."""
+    design = scene.design
+    if design is None or not design.duration_chosen:
+        return []
+    asked = ", ".join(f"{least:g} deg at {height:g} mm" for height, least, _ in design.duration_at if least)
+    return [
+        f"design.duration_deg: {design.duration_deg:g} cam deg between the ramp tops were chosen, a fiftieth more than "
+        f"the fewest with which a cam within the limits on its shape is open for {asked}"
+    ]
+
+
 def _lash_note(scene: Scene) -> list[str]:
     if scene.design is None or scene.valve is None:
         return []
@@ -98,6 +114,22 @@ def _lash_note(scene: Scene) -> list[str]:
     ]
 
 
+def _why_slack(scene: Scene, seat_N: float) -> str:
+    """What a scene lacks in which no spring presses on the closed valve; `seat_N` is what the seat states."""
+    measured = [e for e in scene.element if e.kind == "spring" and e.force_table and not e.installed_mm]
+    if not measured:
+        return ": a valve spring has a preload_N, the force on the closed valve"
+    at, force = np.array(measured[0].force_table).T
+    closed = float(np.interp(seat_N, force, at)) if seat_N and force[0] < seat_N <= force[-1] else None
+    example = (
+        "" if closed is None else f"; with installed_mm = {closed:.4g} it is the {seat_N:g} N that the seat states"
+    )
+    return (
+        f": the force_table of {measured[0].name!r} counts compression from the closed valve; where it was measured "
+        f"from the free length, give installed_mm, the compression with the valve closed{example}"
+    )
+
+
 def _seat_note(scene: Scene) -> list[str]:
     """On the force that closes the valve: whether there is one, and whether the seat's preload says the same."""
     if scene.seat is None:
@@ -107,7 +139,7 @@ def _seat_note(scene: Scene) -> list[str]:
     if force < LEAST_SEAT_N:
         weak = [e for e in scene.element if e.name != scene.seat and 0 < e.preload_N < LEAST_SEAT_N]
         cause = [f"{e.preload_N:g} of {e.name!r} looks like kN, which would be {1e3 * e.preload_N:g}" for e in weak]
-        why = f"; {cause[0]} here" if cause else ": a valve spring has a preload_N, the force on the closed valve"
+        why = f"; {cause[0]} here" if cause else _why_slack(scene, stated)
         return [f"element.preload_N: at rest the valve is pressed on its seat with only {force:.2g} N{why}; {MEANT}"]
     if stated and abs(force - stated) > SAME_SEAT_FORCE * max(force, stated):
         return [

@@ -56,7 +56,7 @@ def _itself(e: Element) -> Part:
         preload=e.preload_N,
         gap=e.gap_mm * MM,
         exponent=(e.exponent or POINT_CONTACT) if e.law == "hertz" else 1.0,
-        table=tuple((at * MM, value) for at, value in rows or ()),
+        table=tuple(((at - e.installed_mm) * MM, value) for at, value in rows or ()),
     )
 
 

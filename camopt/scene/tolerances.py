@@ -14,6 +14,7 @@ SCATTERING = {
         "stiffness_N_per_m",
         "damping_N_s_per_m",
         "preload_N",
+        "installed_mm",
         "gap_mm",
         "spring_N_per_m",
         "leak_N_s_per_m",
@@ -46,7 +47,9 @@ class Tolerance(Table):
     How far a draw moves the number is given as its share `relative`, or as `plus_minus` in the key's own unit. Either
     is the standard deviation under "normal", which is cut off at `camopt.scene.as_built.REACH` of them, and half the
     width under "uniform". Under "lognormal" a draw multiplies the number by exp(relative * a standard normal draw).
-    `name` is what results call the tolerance, by default `of` itself.
+    A spring with a force_table has a stiffness and a preload too, those of the table with the valve closed: both in one
+    array scatter its loads (`camopt.scene.row_numbers`). `name` is what results call the tolerance, by default `of`
+    itself.
     """
 
     of: Annotated[str | tuple[str, ...], BeforeValidator(_text_or_texts)]

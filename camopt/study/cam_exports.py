@@ -3,13 +3,16 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from camopt.cam.dxf import write_dxf
-from camopt.cam.exports import chord_error, table_error, write_contour, write_crank_table, write_rounded_table
+from camopt.cam.exports import table_error, write_contour, write_crank_table, write_rounded_table
 from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import write_lift_table
 from camopt.measure.by_means import by_means
-from camopt.scene import Scene
+from camopt.scene import Scene, build_train
 from camopt.scene.geometry import BELONGS
+from camopt.scene.units import DEG, MM, UM
 from camopt.storage import write_bytes
 
 OF_THE_CONTOUR = ("base_radius_mm", "rocker_ratio", *BELONGS, "valve_arm_deg")
@@ -20,20 +23,25 @@ USUAL_DIGITS = 6
 
 @dataclass(frozen=True)
 class Files:
-    """Where each is written, None where it is not asked for: the lift `table`, the `contour` as a table, its `dxf`, and
-    the `figure`, PNG or SVG by its suffix: lift, velocity, acceleration and jerk with the scene's limits.
+    """Where each is written, None where it is not asked for: the lift `table`, the `contour` as a table, its `dxf`, the
+    `figure`, PNG or SVG by its suffix: lift, velocity, acceleration and jerk with the scene's limits, and the
+    `valve_lift` for engine simulations, with the `dynamic_lift` at `speed_rpm`.
 
-    Lifts have `digits` decimals, every digit where None. What is written has a row every `step_deg` of the cam, the
-    table every `step_crank_deg` of the crank where that is given.
+    Lifts have `digits` decimals, every digit where None. Tables have a row every `step_deg` of the cam, the lift table
+    every `step_crank_deg` of the crank where that is given; the drawing keeps within `dxf_tolerance_um` of the contour.
     """
 
     table: str | None = None
     contour: str | None = None
     dxf: str | None = None
     figure: str | None = None
+    valve_lift: str | None = None
+    dynamic_lift: str | None = None
+    speed_rpm: float | None = None
     step_deg: float = 0.1
     step_crank_deg: float | None = None
     digits: int | None = None
+    dxf_tolerance_um: float = 0.5
 
 
 def export(scene: Scene, lift: Lift, files: Files) -> list[str]:
@@ -56,9 +64,8 @@ def export(scene: Scene, lift: Lift, files: Files) -> list[str]:
         )
     if files.dxf:
         assert geometry is not None, "the verb asks for it"
-        write_dxf(files.dxf, law, geometry, files.step_deg)
-        missed = chord_error(law, geometry, files.step_deg)
-        said.append(f"drawing: its chords, every {files.step_deg:g} cam deg, miss it by at most {missed:.1e} mm")
+        arcs, missed = write_dxf(files.dxf, law, geometry, files.dxf_tolerance_um * UM)
+        said.append(f"drawing: {arcs} arcs without a corner, which the contour misses by at most {missed / UM:.2g} um")
     guessed = [key for key in geometry.assumed if key in OF_THE_CONTOUR] if geometry else []
     if guessed and (files.contour or files.dxf):
         said.append(f"note: the outline stands on assumed numbers: measure {', '.join(guessed)} before it is ground")
@@ -66,7 +73,43 @@ def export(scene: Scene, lift: Lift, files: Files) -> list[str]:
         from camopt.plots.style import picture
 
         write_bytes(files.figure, picture(law.plot(scene.design), Path(files.figure).suffix[1:].lower()))
+    return said + _valve_lifts(scene, lift, files)
+
+
+def _valve_lifts(scene: Scene, lift: Lift, files: Files) -> list[str]:
+    """Writes the valve's static lift, and its lift at a speed, by crank degrees; where their rows begin."""
+    if not (files.valve_lift or files.dynamic_lift):
+        return []
+    from camopt.cam.valve_lift import crank_rows, static_lift, write_valve_lift
+
+    assert scene.operation is not None, "the verb asks for it"
+    per_crank, digits = scene.operation.cam_per_crank, USUAL_DIGITS if files.digits is None else files.digits
+    lash = build_train(scene).lash
+    crank = crank_rows(lift, lash, per_crank)
+    said = []
+    if files.valve_lift:
+        write_valve_lift(files.valve_lift, static_lift(lift, lash, crank * per_crank * DEG), digits)
+        said.append(
+            f"valve lift: {_crank_degrees(crank)}; it is the cam's lift less the lash of {lash / MM:g} mm, in mm"
+        )
+    if files.dynamic_lift:
+        from camopt.study.cam_force import settled_valve
+
+        assert files.speed_rpm is not None, "the verb asks for it"
+        angle, height, method = settled_valve(scene, lift, files.speed_rpm)
+        turn = np.arange(crank[0], 180.0 / per_crank + 1)  # a valve that bounces closes for good after the cam
+        there = np.interp(turn * per_crank * DEG, angle, height)
+        rows = int(np.flatnonzero(there)[-1]) + 2
+        write_valve_lift(files.dynamic_lift, there[:rows], digits)
+        said.append(
+            f"valve lift at {files.speed_rpm:g} r/min: {_crank_degrees(turn[:rows])}; it is the valve's way from its "
+            f"seat in a settled revolution, by {method}, in mm"
+        )
     return said
+
+
+def _crank_degrees(crank: np.ndarray) -> str:
+    return f"degrees 0 to {len(crank) - 1} are crank degrees {crank[0]:g} to {crank[-1]:g} from the duration's middle"
 
 
 def _table(scene: Scene, lift: Lift, files: Files) -> list[str]:

@@ -185,9 +185,15 @@ def _stress(scene: Scene, lift: Lift, geometry: Geometry, speed_rpm: float) -> l
         f = stress.figures()
         lines.append(
             f"  {name:<24} {f['hertz_stress_MPa']:10.1f} MPa at {f['cam_angle_deg']:.1f} deg, "
-            f"normal force {f['normal_force_N']:.1f} N"
+            f"normal force {f['normal_force_N']:.1f} N" + _of_what_it_bears(f["hertz_stress_MPa"], geometry)
         )
     return [*_surfaces(scene, lift, moving, speed_rpm), *lines]
+
+
+def _of_what_it_bears(stress_MPa: float, geometry: Geometry) -> str:
+    """How much of what the materials bear a stress is; empty where the scene does not say it."""
+    limit = geometry.hertz_max_MPa
+    return "" if limit is None else f", {100 * stress_MPa / limit:.0f} % of {limit:g} MPa"
 
 
 def _worst_stress(

@@ -5,7 +5,7 @@ import csv
 import numpy as np
 import pytest
 
-from camopt.cam.exports import chord_error, table_error, write_contour, write_crank_table, write_rounded_table
+from camopt.cam.exports import table_error, write_contour, write_crank_table, write_rounded_table
 from camopt.cam.families.exponent import exponent
 from camopt.cam.families.kurz import kurz
 from camopt.cam.families.multi_pol import multi_pol
@@ -140,14 +140,6 @@ def test_stated_errors_of_a_table(digits):
     assert found.spline < found.lines
     bend = max(map(abs, lift.extremes(2))) * DEG**2 / MM
     assert lines <= bend * step**2 / 8 + found.rows + ROUND_OFF
-
-
-@pytest.mark.parametrize("geometry", [FLAT, ROLLS], ids=["flat", "roller"])
-def test_chords_miss_the_contour_by_the_step_squared(geometry):
-    lift = CAMS["multi-pol"]
-    coarse, fine = (chord_error(lift, geometry, step) for step in (1.0, 0.5))
-    assert coarse / fine == pytest.approx(4.0, rel=0.05)
-    assert geometry.base_radius_mm * DEG**2 / 8 < coarse < 400 * DEG**2 / 8
 
 
 def test_bad_exports(tmp_path):

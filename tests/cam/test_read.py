@@ -41,6 +41,8 @@ class TestFamilies:
         [
             ("polydine", "neither a family .*polydyne"),
             ("", "neither a family"),
+            ("old/first", "there is no such file or folder"),
+            ("intake.svl", "there is no such file or folder"),
             ("polydyne:speed=6000", "'speed=6000'.*speed_rpm="),
             ("polydyne:speed_rpm", "'speed_rpm'.*exponents="),
             ("polydyne:speed_rpm=fast", "expected a number"),

@@ -109,17 +109,33 @@ def test_the_jerk_limit_does_not_reject_in_the_table_without_it():
 
 
 def test_a_family_without_member_is_said(tmp_path, monkeypatch):
-    monkeypatch.setattr(comparison, "draw", lambda *a: None)
+    monkeypatch.setattr(comparison, "draw", lambda *a: {"bounce_against_speed": Figure()})
     monkeypatch.setitem(comparison.BASELINES, "plain", lambda *_: {"polydyne": "no member, because"})
     lift = polydyne(MOTORI)
     verdict = verdict_on(MOTORI, lift, None, ("event",), None, Demand(5.0, 0))
     monkeypatch.setattr(comparison, "verdict_on", lambda *a, **k: verdict)
-    folder = compare(MOTORI, {"mine": lift}, tmp_path / "out")
+    found = compare(MOTORI, {"mine": lift}, tmp_path / "out")
+    folder = found.folder
+    assert found.plot() is found.figures["bounce_against_speed"]
     with open(folder / "comparison.csv", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [r["cam"] for r in rows] == ["design"] * len(MOTORI.operation.speeds_rpm) + ["polydyne"]
     assert rows[-1]["broken"] == "no member, because"
     assert rows[-1]["area_ratio"] == rows[-1]["speed_rpm"] == ""
+
+
+def test_two_designs_alone_are_compared_without_the_literature(tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        comparison,
+        "_judged",
+        lambda scene, lift, *a: verdict_on(MOTORI, lift, (5000.0,), ("event",), None, Demand(5.0, 0)).as_dict(),
+    )
+    shown = []
+    monkeypatch.setattr(comparison, "draw", lambda folder, scene, cams, *a: shown.extend(cams) or {})
+    cam = polydyne(MOTORI)
+    folder = compare(MOTORI, {"first": cam, "second": cam}, tmp_path / "out", baselines="none").folder
+    with open(folder / "comparison.csv", encoding="utf-8") as file:
+        assert {row["cam"] for row in csv.DictReader(file)} == {"first", "second"} == set(shown)
 
 
 @pytest.fixture(scope="module")
@@ -210,6 +226,8 @@ def test_a_cam_that_breaks_limits_on_the_cam_says_so_in_the_figures(tmp_path, mo
 
 
 def test_faults(tmp_path):
-    with pytest.raises(InputError, match="expected plain or best"):
+    with pytest.raises(InputError, match="expected plain, best, none"):
         compare(MOTORI, {}, tmp_path / "out", baselines="worst")
+    with pytest.raises(InputError, match="nothing to compare"):
+        compare(MOTORI, {}, tmp_path / "out", baselines="none")
     assert not (tmp_path / "out").exists()

@@ -200,13 +200,24 @@ def test_extended_program_is_the_program_of_all_speeds():
 
 
 def test_impossible_margins_say_by_how_much():
-    with pytest.raises(NoCamHoldsContact, match="every margin would have to fall by") as error:
+    with pytest.raises(
+        NoCamHoldsContact,
+        match=r"^keeping 20 to 500 N in the contacts at all of the \d speeds is impossible: lower by \d+ N each is",
+    ) as error:
         program().solve(Margins(500.0, 500.0, 20.0))
     shortfall = error.value.shortfall_N
     fall = np.array([500.0, 500.0, 20.0]) - shortfall
     program().solve(Margins(*(fall - 0.01)))
     with pytest.raises(NoCamHoldsContact):
         program().solve(Margins(*(fall + 0.01 * shortfall)))
+
+
+def test_one_margin_for_all_says_how_much_may_be_kept():
+    with pytest.raises(NoCamHoldsContact, match="keeping 500 N in the contacts at all") as error:
+        program().solve(Margins(500.0, 500.0, 500.0))
+    most = 500.0 - error.value.shortfall_N
+    expected = f"{most:.4g} N is the most" if most > 0 else f"needs contacts that pull with {-most:.3g} N"
+    assert str(error.value).endswith(expected)
 
 
 def test_largest_contact_force_is_limited_where_the_design_says_so():

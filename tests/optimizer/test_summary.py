@@ -80,3 +80,15 @@ def test_the_command_prints_the_sentence(capsys, tmp_path):
     (tmp_path / "undamped.toml").write_text(text, encoding="utf-8")
     assert main(["bound", str(tmp_path / "undamped.toml")]) == 0
     assert "  the motion with closed contacts does not die away" in capsys.readouterr().out
+
+
+def test_a_train_that_is_not_linear_has_a_sentence_in_place_of_a_bound_for_kept_contacts():
+    (spring,) = (e for e in MOTOR.element if e.name == "spring")
+    rows = ((0.0, spring.preload_N), (20.0, spring.preload_N + 0.02 * spring.stiffness_N_per_m))
+    gone = {"law": "table", "force_table": rows, "stiffness_N_per_m": None, "preload_N": 0.0}
+    elements = tuple(e.model_copy(update=gone) if e is spring else e for e in MOTOR.element)
+    found = area_bound(MOTOR.model_copy(update={"element": elements}), KNOT_DEG)
+    assert found["no_jump_says"] == (
+        "no bound for kept contacts: it is known for linear trains, and this one has 'spring' (table)"
+    )
+    assert found["area_ratio_no_jump_bound"] is None and found["area_ratio_no_jump"] > 0.4

@@ -8,7 +8,8 @@ from matplotlib.axis import Axis
 from matplotlib.colors import to_rgb
 
 from camopt.plots import style
-from camopt.plots.style import RC, TICKS, cam_line, draw_limit, family_of, lines, new_figure, save
+from camopt.plots.legend import legend_above
+from camopt.plots.style import RC, TICKS, cam_line, cam_lines, draw_limit, family_of, lines, new_figure, save
 from camopt.scene import InputError
 
 # Machado, Oliveira, Fernandes 2009, Table 1: linear RGB as a protanope and a deuteranope see it
@@ -57,6 +58,34 @@ def test_a_cam_keeps_its_line_and_the_design_its_own():
     assert cam_line("design")["color"] == "#0072B2" != cam_line("polydyne")["color"]
     assert cam_line("intake.csv")["color"] == "#9A6A00"  # in every process: no salted hash
     assert cam_line("intake.csv")["color"] not in {colour for colour, _ in lines().values()}
+
+
+def test_cams_of_ones_own_differ_in_a_figure():
+    """b.csv and c.csv, which alone look alike, keep the colour of the first and differ from each other."""
+    own = [f"{letter}.csv" for letter in "abcdefgh"]
+    alike = next((a, b) for a in own for b in own if a < b and cam_line(a)["color"] == cam_line(b)["color"])
+    found = cam_lines([*alike, "polydyne", "design"])
+    assert found[alike[0]]["color"] == cam_line(alike[0])["color"] != found[alike[1]]["color"]
+    assert len({(line["color"], str(line["linestyle"])) for line in found.values()}) == 4
+    assert len({str(found[name]["linestyle"]) for name in alike}) == 2
+    assert found["polydyne"] == cam_line("polydyne") and found["design"] == cam_line("design")
+
+
+@pytest.mark.parametrize("length", [5, 40, 400])
+@pytest.mark.parametrize("count", [1, 3, 7])
+def test_a_legend_is_no_wider_than_its_figure(length, count):
+    figure = new_figure(6.4, 4.0)
+    axes = figure.subplots()
+    for i in range(count):
+        axes.plot([0, 1], [i, i], label=f"{'runs/a' * length}{i}"[-length:])
+    legend_above(figure, axes)
+    figure.draw_without_rendering()
+    (legend,) = figure.legends
+    box, edge = legend.get_window_extent(), figure.bbox
+    assert edge.x0 <= box.x0 and box.x1 <= edge.x1
+    assert all(
+        text.get_text().endswith(str(i)) for i, text in enumerate(legend.get_texts())
+    )  # the ends tell them apart
 
 
 def drawn():

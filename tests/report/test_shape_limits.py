@@ -8,6 +8,7 @@ import pytest
 from camopt.cam.read import read_cam
 from camopt.measure.limits import broken_by_shape
 from camopt.report.advice import advice
+from camopt.report.assumed import Hanging
 from camopt.report.edge import edge_sentences
 from camopt.report.folder import read_run_folder
 from camopt.report.limits import limit_rows, share_of
@@ -104,8 +105,8 @@ def test_the_matrix_marks_the_worst_speed_of_each_limit(write, contents):
     assert bounce["cells"][2]["words"] == "✗ 100 %" and bounce["cells"][2]["kind"] == "bad"
 
 
-def steps_of(run):
-    return advice(run, f"{run.name}/scene.toml", run.name)
+def steps_of(run, assumed=()):
+    return advice(run, f"{run.path or run.name}/scene.toml", run.path or run.name, assumed)
 
 
 @pytest.mark.parametrize(
@@ -118,7 +119,8 @@ def steps_of(run):
         (None, "camopt verify kodama-run/scene.toml --cam kodama-run"),
     ],
 )
-def test_every_verdict_has_a_next_step(write, contents, verdict, command):
+def test_every_verdict_has_a_next_step(write, contents, verdict, command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     contents["verification"]["verdict"] = verdict or "unheard of"
     steps = steps_of(read_run_folder(write(contents)))
     assert steps[0]["command"] == command
@@ -134,13 +136,21 @@ def test_an_open_contact_and_assumed_numbers_come_before_the_grinder(write, cont
     geometry = {"follower": "flat", "base_radius_mm": 18, "assumed": ["base_radius_mm", "face_width_mm"]}
     steps = steps_of(replace(run, scene=run.scene | {"geometry": geometry}))
     assert edge_sentences(run)[-1].startswith("A contact is open over 78.5 deg of the cam at 7600 r/min though by")
-    measured = "Measure what the scene assumes (base radius, face width), then take the cam to the grinder."
+    measured = (
+        "Measure what the scene assumes (of the geometry base radius, face width), then take the cam to the grinder."
+    )
     assert [step["words"] for step in steps[:2]] == ["Ask how many trains as built hold.", measured]
+    rows = [Hanging("valve.mass_kg", 0.1, "bounce_max_mm", 0.5, 0.9)]
+    both = (
+        "Measure what the scene assumes (of the train first valve.mass_kg; of the geometry base radius, face width), "
+    )
+    assert steps_of(replace(run, scene=run.scene | {"geometry": geometry}), rows)[1]["words"].startswith(both)
     known = {"design": run.scene["design"] | {"contact_force_min_N": 5}, "tolerance": [], "geometry": {}}
     assert steps_of(replace(run, scene=run.scene | known))[0]["words"] == "Take the cam to the grinder."
 
 
-def test_a_draft_is_not_taken_to_the_grinder(write, contents):
+def test_a_draft_is_not_taken_to_the_grinder(write, contents, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     contents["provenance"]["settings"] = {"accuracy": "draft"}
     steps = steps_of(read_run_folder(write(contents)))
     assert steps[0]["command"] == "camopt optimize kodama-run/scene.toml --accuracy standard"

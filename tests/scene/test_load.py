@@ -165,8 +165,14 @@ def test_empty_file_names_what_is_missing():
 
 
 def test_missing_unreadable_and_huge_files(tmp_path):
-    with pytest.raises(InputError, match="neither a built-in scene"):
+    with pytest.raises(InputError, match="there is no such file"):
         load_scene(tmp_path / "none.toml")
+    with pytest.raises(InputError, match="neither a built-in scene"):
+        load_scene("kodam")
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "scene.toml").write_text(scene_text("motori-1"))
+    with pytest.raises(InputError, match=r"a run folder; its scene is .*run.scene\.toml$"):
+        load_scene(tmp_path / "run")
     binary = tmp_path / "binary.toml"
     binary.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match="UTF-8"):
@@ -181,3 +187,13 @@ def test_a_file_is_loaded_like_a_built_in_scene(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(KODAMA)
     assert load_scene(path) == load_scene("kodama")
+
+
+def test_a_missing_kind_hides_no_missing_stiffness():
+    text = scene_text("motori-1") + '\n[[element]]\nname = "more"\nbetween = ["valve", "ground"]\n'
+    with pytest.raises(InputError) as error:
+        parse_scene(text, "mine")
+    assert [line.split(": ")[1] for line in str(error.value).splitlines()] == [
+        "element.5.kind",
+        "element.5.stiffness_N_per_m",
+    ]

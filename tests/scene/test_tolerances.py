@@ -44,7 +44,7 @@ def test_built_in_scenes_have_assumed_tolerances(name):
         (row('"*.exponent"'), "tolerance.1.of", "no mass or element has no number 'exponent'"),
         (row("3"), "tolerance.1.of", "must be a text NAME.KEY"),
         (row("[]"), "tolerance.1.of", "must be a text NAME.KEY"),
-        (row('"spring.gap_mm"'), "tolerance.1.of", "is zero, of which no share scatters"),
+        (row('"spring.gap_mm"'), "tolerance.1.of", "is 0, and a share of 0 is 0: give plus_minus"),
         (row('["train.gap_mm", "spring.preload_N"]', "plus_minus = 0.01"), "tolerance.1.of", "one unit"),
         (row(SPRING, "relative = 1.0"), "tolerance.1.relative", "must be below 1"),
         (row(SPRING, "relative = -0.1"), "tolerance.1.relative", "greater than 0"),

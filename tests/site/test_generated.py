@@ -19,7 +19,7 @@ from docs.generators.scene_keys import meanings, scene_keys
 def test_every_command_with_every_option():
     text = commands("")
     top = parser()
-    assert set(re.findall(r"^## `camopt (\w+)`$", text, re.MULTILINE)) == set(top.verbs)
+    assert set(re.findall(r"^## `camopt ([\w-]+)`$", text, re.MULTILINE)) == set(top.verbs)
     assert "| `--speeds {band,nominal}` | speeds the cam must hold at (band) |" in text
     assert "| `--no-compare` |" in text and "(`runs/<scene>-<UTC time>`)" in text
 

@@ -11,14 +11,17 @@ import pytest
 from camopt.cam.design_file import write_design
 from camopt.cam.families.polydyne import polydyne
 from camopt.cli import parser as cli
+from camopt.exact.settled import settled_metrics
+from camopt.measure.limits import broken_by_shape
 from camopt.plots.tradeoff import pareto
-from camopt.scene import InputError, load_scene, scene_text
+from camopt.scene import InputError, build_train, load_scene, scene_text
 from camopt.study.tradeoff import figures as tradeoff_figures
 from camopt.study.tradeoff import measurement
 from camopt.study.tradeoff import tradeoff as module
 from camopt.study.tradeoff.case import RevolutionCase
 from camopt.study.tradeoff.measurement import COLUMNS, REFERENCE, Measurement, error_of, measured, rows_of, timed
 from camopt.study.tradeoff.methods import CHORDS, fixed_steps
+from camopt.study.tradeoff.recommended import table_of
 from camopt.study.tradeoff.summary import words_of
 from camopt.study.tradeoff.tradeoff import LINES, tradeoff
 from experiments import tradeoff as experiment
@@ -58,7 +61,8 @@ class TestRun:
     def test_files_and_columns(self, small):
         rows = table(small)
         assert tuple(rows[0]) == COLUMNS
-        assert (small / "tradeoff.txt").read_text().startswith("On motori-1; ")
+        *chosen, words = (small / "tradeoff.txt").read_text().splitlines()
+        assert words.startswith("On motori-1; ") and sum(line.startswith("*") for line in chosen) == 1
         setup = (small / "setup.csv").read_text().splitlines()
         assert setup[0] == "case,method,setting,setup_seconds" and len(setup) > 8
 
@@ -76,7 +80,7 @@ class TestRun:
         lifts = {r["method"]: r for r in table(small) if r["error_of"] == "lift_mm" and r["case"].startswith("rev")}
         assert float(lifts["event-exact"]["error"]) < 1e-6
         for method in ("Runge-Kutta-Gill", "transition matrix", "Houbolt", "SciPy LSODA"):
-            assert 1e-3 < float(lifts[method]["error"]) < 1.0  # they step over the contacts
+            assert 1e-6 < float(lifts[method]["error"]) < 5e-3  # they step over no contact: those of this cam hold
         assert all(1e-6 < float(r["seconds"]) < 60 for r in table(small))
         (finest,) = (r for r in table(small) if (r["case"], r["method"]) == ("job: band step", REFERENCE))
         assert float(finest["error"]) == 0.0
@@ -104,13 +108,18 @@ class TestCams:
         path.write_text(scene_text("motori-1").replace("[design]", "[design]\nclosing_ramp_height_mm = 0.3"))
         return path
 
-    def test_unequal_ramps_are_refused_before_the_folder_is_made(self, unequal, tmp_path, capsys):
-        folder = tmp_path / "run"
-        assert cli.main(["tradeoff", str(unequal), "--size", "small", "--out", str(folder), "--quiet"]) == 2
+    def test_a_cam_that_the_scene_does_not_allow_is_refused_before_the_folder_is_made(self, unequal, tmp_path, capsys):
+        folder, words = tmp_path / "run", ["--cam", "polydyne", "--size", "small", "--quiet"]
+        assert cli.main(["tradeoff", str(unequal), "--out", str(folder), *words]) == 2
         assert "closing ramp differs" in capsys.readouterr().err and not folder.exists()
-        with pytest.raises(InputError, match="closing ramp differs"):
-            tradeoff(load_scene(str(unequal)), folder, size="small")
-        assert not folder.exists()
+
+    def test_the_cam_that_is_taken_where_none_is_given_holds(self, unequal):
+        """At the fastest speed the plain Polydyne of motori-1 bounces by a tenth of a millimetre."""
+        for scene in (load_scene("motori-1"), load_scene(str(unequal))):
+            cam, speed = module.holding_cam(scene), scene.operation.speeds_rpm[-1]
+            found = settled_metrics([build_train(scene)], [cam], [scene.cam_speed(speed)])
+            assert found.worst("bounce_mm")[0, 0, 0] < 0.02 and found.worst("jump_mm")[0, 0, 0] < 0.02
+            assert broken_by_shape(cam, scene.design) == []
 
     def test_a_given_cam_is_the_one_that_is_measured(self, unequal, tmp_path, drawn, monkeypatch, capsys):
         scene, design, folder = load_scene("motori-1"), tmp_path / "design.json", tmp_path / "run"
@@ -210,6 +219,32 @@ def test_the_front_is_what_nothing_beats():
     assert pareto(seconds, errors).tolist() == [4, 0, 3]
 
 
+class TestTable:
+    def row(self, method: str, setting: str, error: float, seconds: float, **more) -> dict:
+        fixed = {"case": "revolution at 7000 r/min", "error_of": "lift_mm", "converged": True}
+        return {**fixed, "method": method, "setting": setting, "error": error, "seconds": seconds, **more}
+
+    def test_one_row_is_recommended_the_cheapest_within_a_micrometre(self):
+        rows = [
+            self.row("fast", "coarse", 2e-3, 1e-3),
+            self.row("fast", "fine", 1e-4, 8e-3),
+            self.row("slow", "any", 1e-9, 0.5),
+            self.row("wrong", "coarse", 0.5, 1e-4),
+            self.row("wrong", "fine", 0.2, 1e-2),
+            self.row("cheap", "at another speed", 1e-9, 1e-6, case="revolution at 5000 r/min"),
+        ]
+        lines = table_of(sorted(rows, key=lambda r: r["case"]))
+        cells = [line.split() for line in lines[2:]]
+        assert "A revolution at 7000 r/min" in lines[0]
+        assert cells == [
+            ["*", "fast", "fine", "8", "0.1"],
+            ["slow", "any", "500", "1e-06"],
+            ["wrong", "fine", "10", "2e+02"],
+        ]
+        assert not any(line.split()[0] == "*" for line in table_of(rows[3:5])[2:])
+        assert table_of([]) == []
+
+
 class TestWords:
     @staticmethod
     def row(case: str, method: str, setting: str, error: float | None, seconds: float | None = 1.0, **more) -> dict:
@@ -258,7 +293,10 @@ class TestExperiment:
     def test_it_keeps_the_runs_table_and_words(self, small, tmp_path):
         content = experiment.keep(small, "small", tmp_path)
         stored = json.loads((tmp_path / "tradeoff.json").read_text())
-        assert len(stored["rows"]) == len(table(small)) and stored["words"] == (small / "tradeoff.txt").read_text()[:-1]
+        assert (
+            len(stored["rows"]) == len(table(small))
+            and stored["words"] == (small / "tradeoff.txt").read_text().splitlines()[-1]
+        )
         assert content["float32"] == []  # the small size has no JAX
 
     def test_rounding_is_what_single_precision_changes(self):

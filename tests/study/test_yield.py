@@ -52,7 +52,10 @@ def test_a_known_yield_and_what_half_of_its_cause_buys(heavy_ones_break):
     half = result.halved["valve.mass_kg"]
     assert half["low"] <= norm.cdf(2.0) <= half["high"] and half["lost"] == 0
     assert half["gained"] == round(500 * (half["share"] - result.share.share))
-    assert "valve.mass_kg halved" in "\n".join(yield_lines(result))
+    said = "\n".join(yield_lines(result))
+    assert "valve.mass_kg halved" in said
+    if any(result.blame.values()):
+        assert f"; {100 * max(0.0, 1 - sum(result.blame.values())):.0f} % unexplained" in said
     assert result.table.sizes == {"train": 500, "limit": LIMITS, "speed_rpm": 2}
 
 

@@ -1,6 +1,7 @@
 """Lift tables: camopt's own `lift.csv`, read back unsmoothed, and tables from elsewhere with their units named."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +45,9 @@ def read_lift_table(
     table_lift: str | None = None,
     table_ratio: float | None = None,
     table_probe_mm: float | None = None,
+    *,
+    table_first_line: int | None = None,
+    table_columns: Sequence[str | int] | None = None,
 ) -> Lift:
     """The lift law of a table: camopt's own unsmoothed, any other smoothed within its noise.
 
@@ -51,15 +55,16 @@ def read_lift_table(
     and meets velocity and acceleration where they stand beside the lift. Any other needs `table_angle` (cam, crank) and
     `table_lift` (mm, m, inch), here or as keys in its # header; `table_ratio` (1) turns tappet lift into the valve lift
     that the scene counts; `table_probe_mm` says that a ball probe of this radius felt the cam itself (infinite: a flat
-    one), whose lift is turned into that of the scene's follower. Its first two columns are angle [deg] and lift, it
-    covers a turn, one event that begins and ends on the base circle, or half a lobe from its nose, and the middle of
-    its duration becomes angle zero. What was done to it (mends, noise, outliers, largest shift of a row, lift added
-    where a ramp is missing, error of the acceleration) is in the lift's `parameters`; see `camopt.cam.tables.mending`
-    and `smoothing`. The duration of every table lies between the scene's ramp heights. Raises InputError with file and
-    line for anything else.
+    one), whose lift is turned into that of the scene's follower. Its first two columns are angle [deg] and lift, or the
+    two of `table_columns`, named or counted from 1; its rows begin after a header of any length, or in the line
+    `table_first_line`. It covers a turn, one event that begins and ends on the base circle, or half a lobe from its
+    nose, and the middle of its duration becomes angle zero. What was done to it (mends, noise, outliers, largest shift
+    of a row, lift added where a ramp is missing, error of the acceleration) is in the lift's `parameters`; see
+    `camopt.cam.tables.mending` and `smoothing`. The duration of every table lies between the scene's ramp heights.
+    Raises InputError with file and line for anything else.
     """
     assert scene.design is not None and scene.operation is not None, "load_scene(..., need=...) guarantees both"
-    where, table = str(path), parsed(Path(path))
+    where, table = str(path), parsed(Path(path), table_first_line, table_columns)
     options = {"angle": table_angle, "lift": table_lift, "ratio": table_ratio, "probe": table_probe_mm}
     given = {key: table.keys.get(key) if value is None else str(value) for key, value in options.items()}
     rows = _own(where, table, given) if table.own else mended(_foreign(where, table, given, scene))

@@ -1,22 +1,28 @@
-"""The text of a lift table: any common delimiter, at most one line of column names, and keys in a # header.
+"""The text of a lift table: any common delimiter, a header of any length before the rows, and keys in # lines.
 
-A comma between digits is a decimal sign where semicolons, tabs or blanks part the columns.
+A comma between digits is a decimal sign where semicolons, tabs or blanks part the columns. The rows begin where lines
+of numbers, with as many columns each, do; the last line before them may name the columns.
 """
 
 import re
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from camopt.scene import InputError
-from camopt.scene.text_file import read_text
+from camopt.scene.text_file import excerpt, read_text
 
 MAX_FILE_BYTES = 20_000_000
 LARGEST = 1e9
 """Of any number in a table: products with a unit stay far from overflow."""
+ALIKE = 3
+"""Lines of numbers with as many columns each that count as the begin of the rows."""
 _HEADER_KEY = re.compile(r"\btable[-_](angle|lift|ratio|probe)\s*[=:]\s*([\w.+-]+)")
 
+_OWN = {"cam_angle_deg", "lift_mm"}
+"""Names of the columns of a table that camopt wrote."""
 _WITH_COMMA = re.compile(r"[+-]?\d+(,\d+)?([eE][+-]?\d+)?")
 """A number whose decimal sign, if any, is a comma."""
 _TORN = re.compile(r"[+-]?\d+,\d+,[+-]?\d+,\d+([eE][+-]?\d+)?")
@@ -36,48 +42,110 @@ class TableText:
     @property
     def own(self) -> bool:
         """Whether the columns are named as camopt names them, units included."""
-        return {"cam_angle_deg", "lift_mm"} <= set(self.names)
+        return _OWN <= set(self.names)
 
 
-def parsed(path: Path) -> TableText:
-    """Numbers of a text file with any common delimiter, at most one line of column names, and # comments."""
+@dataclass(frozen=True)
+class _Line:
+    """A line of a table that is neither empty nor a comment."""
+
+    number: int
+    text: str
+    cells: list[str]
+    values: list[float] | None  # of its cells, None where one of them is no finite number
+
+
+def parsed(path: Path, first_line: int | None = None, columns: Sequence[str | int] | None = None) -> TableText:
+    """Numbers of a text file with any common delimiter, a header before them, and # comments.
+
+    `first_line` says in which line the rows begin, where the text does not show it; `columns` names the two that hold
+    angle and lift, or counts them from 1. Raises InputError for rows that are not all numbers and alike.
+    """
     text = read_text(path, MAX_FILE_BYTES, "lift table", encoding="utf-8-sig")
-    names: list[str] = []
-    keys: dict[str, str] = {}
-    rows: list[list[float]] = []
-    lines: list[int] = []
-    for number, line in enumerate(text.splitlines(), 1):
-        line = line.strip()
-        if line.startswith("#"):
-            keys |= dict(_HEADER_KEY.findall(line))
-            continue
-        if not line:
-            continue
-        cells = _cells(line)
-        values = [_number(cell) for cell in cells]
-        if not rows and not names and None in values:
-            names = cells
-            continue
-        finite = [v for v in values if v is not None and np.isfinite(v)]
-        if len(finite) != len(cells):
-            raise InputError(f"{path}: line {number}: expected finite numbers, found {line[:60]!r}")
-        if max(map(abs, finite)) > LARGEST:
-            raise InputError(
-                f"{path}: line {number}: larger than any angle or lift, whatever its unit: correct {line[:60]!r}"
-            )
-        if len(finite) < 2 or (rows and len(finite) != len(rows[0])) or (names and len(finite) != len(names)):
-            raise InputError(f"{path}: line {number}: {len(finite)} columns; each row needs angle and lift, all alike")
-        rows.append(finite)
-        lines.append(number)
-    if not rows:
-        raise InputError(f"{path}: holds no numbers: give an angle and a lift in each row")
-    if not names and len(rows[0]) == 4 and all(map(_TORN.fullmatch, text.split())):
+    every = [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1)]
+    keys = dict(found for _, line in every if line.startswith("#") for found in _HEADER_KEY.findall(line))
+    lines = [_line(number, line) for number, line in every if line and not line.startswith("#")]
+    begin = _first_row(lines) if first_line is None else sum(line.number < first_line for line in lines)
+    if begin == len(lines) or not any(line.values for line in lines[begin:]):
+        after = "" if first_line is None else f" from line {first_line} on"
+        raise InputError(f"{path}: holds no numbers{after}: give an angle and a lift in each row")
+    rows = _rows(path, lines[begin:])
+    names = _names(path, lines[:begin], rows.shape[1])
+    if not names and rows.shape[1] == 4 and all(_TORN.fullmatch(cell) for line in lines for cell in line.text.split()):
         raise InputError(
-            f"{path}: line {lines[0]}: commas stand between its columns and in its numbers: part the columns by "
-            f"semicolons, or write the numbers with points"
+            f"{path}: line {lines[begin].number}: commas stand between its columns and in its numbers: part the "
+            f"columns by semicolons, or write the numbers with points"
         )
-    said = ("its commas are read as decimal signs",) if any(map(_decimal_commas, text.splitlines())) else ()
-    return TableText(names, keys, np.array(rows), lines, said)
+    said = (
+        ("its commas are read as decimal signs",) if any(_decimal_commas(line.text) for line in lines[begin:]) else ()
+    )
+    if begin > 1:
+        said += (f"its rows begin in line {lines[begin].number}: the {begin} lines of text before them are its header",)
+    table = TableText(names, keys, rows, [line.number for line in lines[begin:]], said)
+    return table if columns is None else _chosen(path, table, columns)
+
+
+def _line(number: int, text: str) -> _Line:
+    cells = _cells(text)
+    values = [v for v in map(_number, cells) if v is not None and np.isfinite(v)]
+    return _Line(number, text, cells, values if len(values) == len(cells) else None)
+
+
+def _first_row(lines: list[_Line]) -> int:
+    """Index of the line in which the rows begin; a line of the header with as many numbers counts as the first row, so
+    that a row which cannot be read is named and not skipped."""
+    widths = [len(line.values or ()) for line in lines]
+    runs = (i for i in range(len(lines)) if widths[i] > 1 and set(widths[i : i + ALIKE]) == {widths[i]})
+    begin = next(runs, None)
+    if begin is None:
+        return next((i for i, width in enumerate(widths) if width > 1), len(lines))
+    return next(i for i in range(begin + 1) if widths[i] == widths[begin])
+
+
+def _rows(path: Path, lines: list[_Line]) -> np.ndarray:
+    """The numbers (r, c) of lines that must be rows, all alike."""
+    width = len(lines[0].cells)
+    for line in lines:
+        where, shown = f"{path}: line {line.number}", f"{line.text[:60]!r}"
+        if line.values is None:
+            raise InputError(
+                f"{where}: expected finite numbers, found {shown}: correct it, begin it with # to leave it out, or "
+                f"give the line in which the rows begin (--table-first-line)"
+            )
+        if max(map(abs, line.values)) > LARGEST:
+            raise InputError(f"{where}: larger than any angle or lift, whatever its unit: correct {shown}")
+        if len(line.values) < 2 or len(line.values) != width:
+            raise InputError(f"{where}: {len(line.values)} columns; each row needs angle and lift, all alike")
+    return np.array([line.values for line in lines])
+
+
+def _names(path: Path, header: list[_Line], width: int) -> list[str]:
+    """The names of the columns, where the last line of the header has one for each."""
+    cells = header[-1].cells if header else []
+    if len(cells) != width and _OWN <= set(cells):
+        raise InputError(f"{path}: {width} columns, and line {header[-1].number} names {len(cells)}: give all alike")
+    return cells if len(cells) == width else []
+
+
+def _chosen(path: Path, table: TableText, columns: Sequence[str | int]) -> TableText:
+    """The table with two of its columns alone, as angle and lift."""
+    known = [name.lower() for name in table.names]
+    at = []
+    for column in map(str, columns):
+        if column.isdecimal() and 1 <= int(column) <= table.rows.shape[1]:
+            at.append(int(column) - 1)
+        elif known.count(column.strip().lower()) == 1:
+            at.append(known.index(column.strip().lower()))
+        else:
+            named = f", named {', '.join(map(repr, table.names))}" if table.names else " without names"
+            raise InputError(
+                f"{path}: no column {excerpt(column)} among its {table.rows.shape[1]}{named}: count them from 1, or "
+                f"give a name that one column has"
+            )
+    if len(at) != 2 or at[0] == at[1]:
+        given = excerpt(",".join(map(str, columns)))
+        raise InputError(f"{path}: its columns are to be {given}: give that of the angle and that of the lift")
+    return replace(table, names=[], rows=table.rows[:, at])
 
 
 def _cells(line: str) -> list[str]:

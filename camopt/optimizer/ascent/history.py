@@ -97,12 +97,13 @@ class AscentHistory:
         about, judged = self.dataset.attrs, int(self["judged"].sum())
         step = about.get("best", about["nearest"])
         one = self.dataset.isel(step=step)
-        none = f"is the nearest of {judged} judged cams, none of which holds every limit"
-        said = "holds every limit" if self.confirmed else none
+        there = f"step {step}, {float(one['area_ratio']):.4f}"
+        none = f"none of the {judged} judged cams holds all limits; the nearest is that of {there}"
+        said = f"{there}, holds every limit" if self.confirmed else none
         return [
             f"{about['scene']}, {about['path']} path, {self.dataset.sizes['step'] - 1} steps: area ratio "
-            f"{float(self['area_ratio'][0]):.4f} at the start; step {step}, {float(one['area_ratio']):.4f}, "
-            f"{said} (event-exact; largest used share {float(one['largest_share']):.3g})"
+            f"{float(self['area_ratio'][0]):.4f} at the start; {said} (event-exact; largest used share "
+            f"{float(one['largest_share']):.3g})"
         ]
 
     def write(self, folder: Path) -> None:

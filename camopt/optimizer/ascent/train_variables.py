@@ -64,6 +64,8 @@ class TrainVariables:
         for rows, schema in ((self.scene.mass, Mass), (self.scene.element, Element)):
             for i, row in enumerate(rows):
                 if row.name == name and key in ARRAYS and getattr(row, key, None) is not None:
+                    if isinstance(row, Element) and row.form == "table" and key == "preload_N":
+                        break  # its force is all in its table
                     if isinstance(row, Element) and row.kind == "adjuster":
                         if key != "leak_N_s_per_m":
                             break  # it moves the rows of the plunger's table, which are no multiples of it

@@ -1,8 +1,11 @@
 """Designs beside the cams of the literature: baselines, their verdicts, `comparison.csv` and the figures."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
+
+from matplotlib.figure import Figure
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.families.registry import FAMILIES
@@ -29,8 +32,8 @@ from camopt.verifier.accuracy import EFFORTS
 from camopt.verifier.convergence import Demand
 from camopt.verifier.verdict import Verdict, verdict_on
 
-__all__ = ["BASELINES", "NO_JERK", "best_baselines", "compare", "compare_again", "compare_in", "comparison_rows",
-           "plain_baselines"]  # fmt: skip
+__all__ = ["BASELINES", "NO_JERK", "Comparison", "best_baselines", "compare", "compare_again", "compare_in",
+           "comparison_rows", "plain_baselines"]  # fmt: skip
 SECTIONED = ("multi-pol", "new-design")
 HALVINGS = 3
 """Of the step of each method for a baseline: enough where it bounces little, and where it bounces much only the range
@@ -39,6 +42,21 @@ MOST_EXCESS = 0.1
 """Relative excess over a limit on the shape, the jerk's apart, up to which a member is shown beside the designs. The
 paper's own Polydyne exceeds its acceleration limit by some per cent; on a stiff train the default exceeds it 2.2 times.
 """
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A comparison: the folder with comparison.csv and the figures, and these by name as matplotlib Figures."""
+
+    folder: Path
+    figures: Mapping[str, Figure] = field(repr=False)
+
+    def plot(self) -> Figure:
+        """Bounce and jump of the cams against speed, with their limits."""
+        return self.figures["bounce_against_speed"]
+
+    def __fspath__(self) -> str:
+        return str(self.folder)
 
 
 def compare(
@@ -50,23 +68,26 @@ def compare(
     baselines: str = "plain",
     progress: bool = False,
     note: Callable[[str], object] = lambda sentence: None,
-) -> Path:
-    """Compare designs with the scene's baselines in the new folder `out`; returns it.
+) -> Comparison:
+    """Compare designs with the scene's baselines in the new folder `out`.
 
     `designs`: name -> lift law, each judged at the scene's listed speeds (k) [r/min] and over its band. `baselines`
     "plain": the literature's cams as their authors would draw them, for the largest area; "best": every family searched
     for the largest area within the scene's bounce limit at its listed speeds, which takes minutes and with `progress`
-    draws a bar. Either under all limits of the scene and without its jerk limit. Writes comparison.csv and figures.
+    draws a bar. Either under all limits of the scene and without its jerk limit. "none": no other cams. Writes
+    comparison.csv and figures.
     `note` is told of each family of which "best" found no member that holds.
     Raises InputError for an unusable folder or scene, and for other words.
     """
     if baselines not in BASELINES:
-        raise InputError(f"baselines {baselines!r}: expected {' or '.join(BASELINES)}")
+        raise InputError(f"baselines {baselines!r}: expected {', '.join(BASELINES)}")
+    if baselines == "none" and not designs:
+        raise InputError("compare: nothing to compare: name a design, or leave the literature's cams in")
     effort = accuracy_named(accuracy)
     named = {"design" if len(designs) == 1 else name: lift for name, lift in designs.items()}
     with run_folder(out, run_identity("compare", scene, baselines=baselines), worth=["comparison.csv"]) as folder:
-        compare_in(folder, scene, named, {}, effort, BASELINES[baselines](scene, progress, note))
-    return folder
+        figures = compare_in(folder, scene, named, {}, effort, BASELINES[baselines](scene, progress, note))
+    return Comparison(folder, figures)
 
 
 def plain_baselines(
@@ -128,7 +149,7 @@ def best_baselines(
     return cams
 
 
-BASELINES = {"plain": plain_baselines, "best": best_baselines}
+BASELINES = {"plain": plain_baselines, "best": best_baselines, "none": lambda scene, progress, note: {}}
 
 
 def _jerk_limited(scene: Scene) -> bool:
@@ -168,8 +189,8 @@ def compare_in(
     effort: Accuracy,
     baselines: Mapping[str, Lift | str] | None = None,
     judged: Callable[[float], object] = lambda share: None,
-) -> None:
-    """comparison.csv and figures into a folder; cams with a verdict are not verified again.
+) -> dict[str, Figure]:
+    """comparison.csv and figures, by name, into a folder; cams with a verdict are not verified again.
 
     `judged` is told after each baseline what share of the work it was.
 
@@ -192,7 +213,7 @@ def compare_in(
     others = {name: one for name, one in found.items() if name not in designs}
     keep(folder, scene, {name: cams[name] for name in others if name in cams}, others)
     assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
-    _write(folder, scene, cams, found, drawn_speeds(scene.operation, effort))
+    return _write(folder, scene, cams, found, drawn_speeds(scene.operation, effort))
 
 
 def compare_again(folder: Path, scene: Scene, accuracy: object = None) -> None:
@@ -216,10 +237,10 @@ def _write(
     cams: Mapping[str, Lift],
     found: Mapping[str, dict],
     speeds_rpm: Sequence[float],
-) -> None:
+) -> dict[str, Figure]:
     write_table(folder, scene, cams, found)
     shown = {name: lift for name, lift in cams.items() if not name.endswith(NO_JERK)}
-    draw(folder, scene, shown, {name: found[name] for name in shown}, speeds_rpm)
+    return draw(folder, scene, shown, {name: found[name] for name in shown}, speeds_rpm)
 
 
 def _judged(scene: Scene, lift: Lift, effort: Accuracy, band_step_rpm: float | None, to_the_end: bool = True) -> dict:

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from camopt.cam.lift import Lift, lift_table
 from camopt.exact.engine import prepare
@@ -52,8 +53,9 @@ def draw(
     cams: dict[str, Lift],
     found: dict[str, dict],
     speeds_rpm: Sequence[float],
-) -> None:
-    """The figures of a run folder, into its folder `figures`; `found` holds the verdict of each cam.
+) -> dict[str, Figure]:
+    """The figures of a run folder by name, which are written into its folder `figures`; `found` holds the verdict of
+    each cam.
 
     The valve's motion is drawn at `speeds_rpm`.
     """
@@ -63,23 +65,24 @@ def draw(
     figures.mkdir(exist_ok=True)
     named = {name: name if _lawful(found[name]) else name + UNLAWFUL for name in cams}
     tables = [(named[name], lift_table(lift, TABLE_STEP_DEG)) for name, lift in cams.items()]
-    save(profiles(tables, design), figures, "profiles")
+    drawn = {"profiles": profiles(tables, design)}
     motions = [
         m for name, lift in cams.items() for m in settled_motions(scene, named[name], lift, found[name], speeds_rpm)
     ]
     if motions:
-        save(valve_motion(motions, design), figures, "valve_motion")
+        drawn["valve_motion"] = valve_motion(motions, design)
     top = _top(scene, found.get(DESIGN, {}))
     curves = [curve(scene, named[name], lift, found[name], top) for name, lift in cams.items()]
-    save(
-        bounce_against_speed(curves, design, operation.band_rpm, operation.speeds_rpm), figures, "bounce_against_speed"
-    )
+    drawn["bounce_against_speed"] = bounce_against_speed(curves, design, operation.band_rpm, operation.speeds_rpm)
     if (folder / "history.jsonl").exists() and (folder / "design.json").exists():
         record = json.loads((folder / "design.json").read_text(encoding="utf-8"))
         bound, no_jump = record["area_ratio_bound"], record["area_ratio_no_jump"]
         delivered = (record["area_ratio"], found[DESIGN]["verdict"]) if DESIGN in found else None
-        drawn = convergence(read_history(folder), bound, no_jump, design.bounce_max_mm, delivered)
-        save(drawn, figures, "convergence")
+        history = read_history(folder)
+        drawn["convergence"] = convergence(history, bound, no_jump, design.bounce_max_mm, delivered)
+    for name, figure in drawn.items():
+        save(figure, figures, name)
+    return drawn
 
 
 def _lawful(found: dict) -> bool:

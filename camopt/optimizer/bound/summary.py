@@ -55,7 +55,9 @@ def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float | None 
             certificate = no_jump_bound(program, margins)
             no_jump_bounded = certificate and min(bound, float(certificate.bound))
         else:
-            says = "the bound under the linear model holds for trains whose laws are linear, and this one's are not"
+            bent = [f"{e.name!r} ({e.form})" for e in scene.element if e.form != "linear"]
+            what = ", ".join(bent) or "the force on a mass"
+            says = f"no bound for kept contacts: it is known for linear trains, and this one has {what}"
     except InputError as error:  # what the train forbids leaves the bounds on the shape as they are
         says = str(error)
     return {

@@ -1,12 +1,14 @@
-"""The kinematic problem on the free cam: largest area under the limits, what each limit is worth, conflicts."""
+"""The kinematic problem on the free cam: largest area, what each limit is worth, conflicts, the shortest duration."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
-from camopt.cam.families.free import FreeCam
+from camopt.cam.families.free import FreeCam, free_cam
 from camopt.cam.families.free_limits import NEAR, SIGNS, Limits
 from camopt.cam.lift import Lift
+from camopt.cam.linear_limits import at_least
 from camopt.highs import Infeasible
 from camopt.optimizer.program.linear_program import Optimum, Rows, least_relaxation, maximise
 from camopt.scene.design import REACH, ROUNDING, Design
@@ -17,6 +19,12 @@ TYPICAL = 0.01
 """Typical free coefficient [mm/deg^2], for the solver's scaling: the size of the acceleration limits."""
 PEAK_STEP = 1.5 * DEG
 """Step of the peak angles that are tried when the design wants its maximum lift reached."""
+TRIED_KNOT_DEG = 3.0
+"""Knot interval of the cams with which durations are tried: with a third of it the shortest one falls by 0.2 deg."""
+DURATION_STEP_DEG = 0.1
+"""Durations that are tried are multiples of it."""
+LONGEST_SIDE_DEG = 179.0
+"""Of half the duration, ramp and foot together, which must end before 180 deg."""
 
 
 @dataclass(frozen=True)
@@ -140,6 +148,7 @@ def conflict(design: Design, cam: FreeCam) -> str:
     limits = cam.limits(design)
     asked = f"duration_deg = {design.duration_deg:g} with max_lift_mm = {design.max_lift_mm:g}"
     asked += " to be reached" if design.reach_max_lift else ""
+    lasting = {at_least(least): least for _, least, _ in design.duration_at}
     remedies = []
     matrix, bound = reached_in_the_middle(cam, design, limits.matrix, limits.bound)
     spline = spline_rows(matrix)
@@ -165,6 +174,10 @@ def conflict(design: Design, cam: FreeCam) -> str:
         needed = value + (-relaxed if lowered else limits.sign[g] * relaxed)
         if needed * value <= 0:
             continue  # no number of this limit would do
+        if name in lasting:
+            high = f"{_rounded(needed, up=False)} mm, not {value:g} mm"
+            remedies.append(f"the lift at +-{lasting[name] / 2:g} deg can reach only {high}")
+            continue
         verb = "fall" if needed < value else "rise"
         remedies.append(f"{name} would have to {verb} from {value:g} to {_rounded(needed, up=needed > value)}")
     if not remedies:
@@ -172,10 +185,50 @@ def conflict(design: Design, cam: FreeCam) -> str:
             f"the limits of the design contradict each other: {asked} and the ramps cannot be joined, and no single "
             f"limit can be relaxed to resolve it; relax several of {', '.join(limits.names)} or lengthen duration_deg"
         )
+    shortest = shortest_duration_deg(design)  # pyright: ignore[reportArgumentType]  # frozen, so it has a hash
+    if shortest is not None and shortest > design.duration_deg:
+        remedies.insert(0, f"lengthen duration_deg to at least {shortest:g}")
     return (
         f"the limits of the design contradict each other for {asked} and knots every {cam.knot_deg:g} deg: "
         + ", or ".join(remedies)
     )
+
+
+@lru_cache(maxsize=16)
+def shortest_duration_deg(design: Design) -> float | None:
+    """The shortest duration_deg, to `DURATION_STEP_DEG`, with which some cam has the durations of `duration_at`.
+
+    None where no duration between two ramps has such a cam, or where none of the rows asks for a least duration. The
+    durations at a lift are taken about the middle of the event, and `waves_max` is left out.
+    """
+    least = max((least for _, least, _ in design.duration_at), default=0.0)
+    longest = round(longest_duration_deg(design) / DURATION_STEP_DEG)
+    below = most = int(least / DURATION_STEP_DEG)  # in steps: no cam; perhaps one
+    if not least:
+        return None
+    while not _has_a_cam(design, most * DURATION_STEP_DEG):
+        if most >= longest:
+            return None
+        below, most = most, min(int(1.04 * most) + 1, longest)
+    while most - below > 1:
+        middle = (below + most) // 2
+        below, most = (below, middle) if _has_a_cam(design, middle * DURATION_STEP_DEG) else (middle, most)
+    return round(most * DURATION_STEP_DEG, 9)
+
+
+def longest_duration_deg(design: Design) -> float:
+    """The longest duration_deg, in whole degrees, that the design's ramps leave of a turn."""
+    sides = (height / velocity + design.ramp_foot_deg / 2 for height, velocity, _ in design.ramps())
+    return float(int(2 * (LONGEST_SIDE_DEG - max(sides))))
+
+
+def _has_a_cam(design: Design, duration_deg: float) -> bool:
+    tried = design.model_copy(update={"duration_deg": duration_deg, "waves_max": None})
+    try:
+        unexplained_optimum(tried, free_cam(tried, TRIED_KNOT_DEG))
+    except Infeasible:
+        return False
+    return True
 
 
 def reached_in_the_middle(cam: FreeCam, design: Design, matrix, bound) -> tuple[np.ndarray, np.ndarray]:

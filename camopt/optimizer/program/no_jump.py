@@ -185,7 +185,7 @@ class NoJumpProgram:
         try:
             return self.unexplained(margins)
         except Infeasible:
-            raise self._shortfall(self.bound((margins or Margins()).table(len(self.blocks)))) from None
+            raise self._shortfall((margins or Margins()).table(len(self.blocks))) from None
 
     def solve_below(self, margins: np.ndarray) -> NoJumpOptimum:
         """The same with the margins (3, s) [N] or, where no cam keeps them, with all of them lower by what it takes.
@@ -217,8 +217,9 @@ class NoJumpProgram:
         give[len(self.limits.bound) :][: len(self.kind)] = self.kind != PEAK
         return give
 
-    def _shortfall(self, bound: np.ndarray) -> NoCamHoldsContact:
-        matrix, bound = reached_in_the_middle(self.cam, self.design, self.rows.matrix, bound)
+    def _shortfall(self, margins: np.ndarray) -> NoCamHoldsContact:
+        """Why no cam keeps margins (3, s) [N]."""
+        matrix, bound = reached_in_the_middle(self.cam, self.design, self.rows.matrix, self.bound(margins))
         give = self.given_margins(len(bound))
         begin = np.union1d(self.first_working(), np.arange(len(self.rows.norm), len(bound)))
         needed = least_relaxation(spline_rows(matrix), bound, give, 100.0, begin)
@@ -228,12 +229,18 @@ class NoJumpProgram:
                 "contact_force_max_N, or loosen the limits on the shape",
                 np.inf,
             )
-        reaching = " and reaches max_lift_mm in the middle" if self.design.reach_max_lift else ""
-        return NoCamHoldsContact(
-            f"no free cam with knots every {self.cam.knot_deg:g} deg holds contact with these margins{reaching} at all "
-            f"of the {len(self.blocks)} speeds: every margin would have to fall by {needed:.3g} N",
-            needed,
-        )
+        return NoCamHoldsContact(self._impossible(margins, needed), needed)
+
+    def _impossible(self, margins: np.ndarray, needed: float) -> str:
+        """That margins (3, s) [N] are `needed` [N] too large."""
+        reaching = " with max_lift_mm reached in the middle" if self.design.reach_max_lift else ""
+        where = f"in the contacts at all of the {len(self.blocks)} speeds{reaching} is impossible"
+        least, largest = float(margins.min()), float(margins.max())
+        if least < largest:
+            return f"keeping {least:g} to {largest:g} N {where}: lower by {needed:.3g} N each is the most"
+        if needed < least:
+            return f"keeping {least:g} N {where}: {least - needed:.4g} N is the most"
+        return f"keeping {least:g} N {where}: even the best cam needs contacts that pull with {needed - least:.3g} N"
 
     def under(self, design: Design) -> "NoJumpProgram":
         """This program under other values of the limits: where no row's left side changes, the solver keeps its basis.

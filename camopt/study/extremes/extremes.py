@@ -65,7 +65,7 @@ def extremes(
     with run_folder(folder, run_identity("extremes", scenes), resume, [FILE]) as begun:
         rows = _read(begun / FILE)
         have = {(r["case"], r["method"]) for r in rows}
-        with tqdm(work, disable=not progress, unit="case") as bar:
+        with tqdm(work, disable=None if progress else True, unit="case") as bar:
             for scene, case in bar:
                 bar.set_postfix_str(f"{scene.name}: {case.name}")
                 for row in _rows(scene, case, have):

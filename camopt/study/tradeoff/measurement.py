@@ -39,7 +39,7 @@ class Measurement:
 def measured(path: Path, work: Sequence[Measurement], progress: bool = False) -> list[dict]:
     """The lines of all measurements, in the order of `work`; those already in the file are not measured again."""
     known = {(line["case"], line["method"], line["setting"]): line for line in map(json.loads, whole_lines(path))}
-    with tqdm(work, disable=not progress, unit="measurement", dynamic_ncols=True) as bar:
+    with tqdm(work, disable=None if progress else True, unit="measurement", dynamic_ncols=True) as bar:
         for one in bar:
             bar.set_description(f"{one.case}: {one.method}")
             if one.key not in known:

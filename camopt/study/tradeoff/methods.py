@@ -1,6 +1,6 @@
 """Work-precision of every method on one revolution, alone and side by side, with its peers (for `camopt tradeoff`).
 
-Error is that of the first revolution from rest of the plain Polydyne at the lowest and the highest listed speed; time
+Error is that of the first revolution from rest at the lowest and the highest listed speed; time
 is processor time per revolution. Compilation and tables are in `setup_seconds`.
 """
 

@@ -7,6 +7,8 @@ stood; `tradeoff.csv`, `setup.csv`, the figures and the words are made from thes
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from camopt.cam.design_file import design_record
 from camopt.cam.lift import Lift
 from camopt.scene import InputError, Scene, build_train
@@ -22,8 +24,13 @@ from camopt.storage import (
 )
 from camopt.study.tradeoff.figures import draw
 from camopt.study.tradeoff.measurement import COLUMNS, measured, rows_of
+from camopt.study.tradeoff.recommended import table_of
 
 LINES = "measured.jsonl"
+KNOT_DEG = 3.0
+"""Knot interval of the cam that is taken where none is given."""
+MARGIN_N = 40.0
+"""Force [N] with which it presses on its contacts, where it can."""
 SIZES = ("small", "full")
 
 
@@ -34,6 +41,11 @@ class Tradeoff:
     folder: Path
     rows: list[dict]
     words: str
+
+    @property
+    def table(self) -> list[str]:
+        """Lines with the cheapest setting of each method within a micrometre, one of them recommended."""
+        return table_of(self.rows)
 
 
 def tradeoff(
@@ -48,10 +60,10 @@ def tradeoff(
     """Measures a scene's methods and job, and writes tradeoff.csv, setup.csv, tradeoff.txt and figures into `out`.
 
     `size` "small" takes a few settings only and leaves out JAX and the optimiser. With `resume` an interrupted run in
-    `out` goes on. The motions are those of `cam`, by default the plain Polydyne. Raises InputError for a scene that
-    cannot be simulated, or for which there is no plain Polydyne, before the folder is made; or for an unusable folder.
+    `out` goes on. The motions are those of `cam`, by default one that keeps its contacts (`holding_cam`): where a valve
+    bounces, no method is right. Raises InputError for a scene that cannot be simulated, or for which there is no cam,
+    before the folder is made; or for an unusable folder.
     """
-    from camopt.cam.families.polydyne import polydyne
     from camopt.study.tradeoff.job import job_work
     from camopt.study.tradeoff.methods import method_work
     from camopt.study.tradeoff.summary import words_of
@@ -62,7 +74,7 @@ def tradeoff(
         raise InputError(f"tradeoff: size {size!r}: expected one of {', '.join(SIZES)}")
     path = Path(out or default_run_folder(scene.name))
     check_run_folder(path, resume)
-    cam = polydyne(scene) if cam is None else cam
+    cam = holding_cam(scene) if cam is None else cam
     work = method_work(scene, cam, size)
     if build_train(scene).laws is None:
         work += job_work(scene, cam, size, path)
@@ -76,7 +88,23 @@ def tradeoff(
         setup = [line for line in lines if line.get("setup_seconds") is not None]
         names = ("case", "method", "setting", "setup_seconds")
         write_csv(folder / "setup.csv", {name: [line[name] for line in setup] for name in names})
-        words = words_of(scene.name, rows)
-        write_text(folder / "tradeoff.txt", words + "\n")
+        found = Tradeoff(folder, rows, words_of(scene.name, rows))
+        write_text(folder / "tradeoff.txt", "\n".join([*found.table, found.words]) + "\n")
         draw(folder / "figures", rows)
-        return Tradeoff(folder, rows, words)
+        return found
+
+
+def holding_cam(scene: Scene) -> Lift:
+    """The cam of the no-jump program at the listed speeds, under `MARGIN_N` or what margin there is; the plain Polydyne
+    where the program has none."""
+    from camopt.cam.families.polydyne import polydyne
+    from camopt.optimizer.program.no_jump import no_jump_program
+    from camopt.optimizer.program.program_cam import program_cam
+
+    assert scene.design is not None and scene.operation is not None, "the caller asks for both"
+    try:
+        speeds = [scene.cam_speed(s) for s in scene.operation.speeds_rpm]
+        program = no_jump_program(build_train(scene), scene.design, program_cam(scene.design, KNOT_DEG), speeds)
+        return program.solve_below(np.full((3, len(speeds)), MARGIN_N)).lift
+    except InputError:
+        return polydyne(scene)

@@ -79,7 +79,7 @@ def test_where_no_cam_holds_there_is_no_best_one_but_a_nearest(tmp_path):
     assert "best" not in history.dataset.attrs and history.dataset.attrs["nearest"] == int(share.argmin())
     nearest = lifts(history, 12.0)[int(share.argmin())]
     assert history.nearest.coefficients == pytest.approx(nearest.coefficients, rel=1e-12)
-    assert "nearest of 3 judged cams, none of which holds every limit" in repr(history)
+    assert "none of the 3 judged cams holds all limits; the nearest is that of step " in repr(history)
     assert len(history.plot().axes) == 3
     assert (tmp_path / "x" / "nearest.json").exists() and not (tmp_path / "x" / "design.json").exists()
     with pytest.raises(InputError, match="None in place of a cam"):

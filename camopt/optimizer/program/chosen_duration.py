@@ -1,0 +1,33 @@
+"""The duration between the ramps of a scene that states the duration at a lift alone.
+
+An engineer's figure is often "250 crank degrees at 1 mm", and the duration between the ramp tops follows from it, from
+the ramps and from the limits on the shape.
+"""
+
+from camopt.optimizer.program.kinematic import DURATION_STEP_DEG, longest_duration_deg, shortest_duration_deg
+from camopt.scene.design import FROM_DURATION_AT, Design
+from camopt.scene.errors import InputError
+
+ROOM = 0.02
+"""Share by which a chosen duration exceeds the shortest one: there the flanks are given by their limits alone, and the
+search for what the valve train can follow has no room."""
+
+
+def chosen_duration_deg(design: Design) -> float:
+    """The duration_deg of a design that leaves it to its `duration_at`: the shortest one and `ROOM`.
+
+    Raises InputError where no duration will do, and where `duration_at` asks for no least duration.
+    """
+    if not any(least for _, least, _ in design.duration_at):
+        raise InputError(
+            f'design.duration_deg: "{FROM_DURATION_AT}" needs duration_at with a least duration, '
+            "as in duration_at = [[1.0, 125, 126]]"
+        )
+    shortest = shortest_duration_deg(design)  # pyright: ignore[reportArgumentType]  # frozen, so it has a hash
+    if shortest is None:
+        raise InputError(
+            f'design.duration_deg: "{FROM_DURATION_AT}": with these limits on the shape no duration has a cam that is '
+            "open so long at these lifts: allow more acceleration or jerk, or ask for less in duration_at"
+        )
+    steps = -(-shortest * (1 + ROOM) // DURATION_STEP_DEG)
+    return min(round(steps * DURATION_STEP_DEG, 9), longest_duration_deg(design))

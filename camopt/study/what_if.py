@@ -1,0 +1,137 @@
+"""What another number of the scene would buy: a cam before and after, and the cam that is designed for it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from camopt.cam.lift import Lift
+from camopt.measure.limits import motion_limits
+from camopt.optimizer.accuracy import accuracy_named
+from camopt.optimizer.candidates import Families, full_verdict, largest_confirmed
+from camopt.optimizer.search.search import find_cam
+from camopt.scene import InputError, Scene, parse_scene
+from camopt.scene.as_built import matching, with_numbers
+from camopt.scene.spelling import did_you_mean
+from camopt.scene.text_file import excerpt
+from camopt.scene.toml_text import scene_toml
+from camopt.scene.units import DEG, MM
+from camopt.study.yields.yields import manufacturing_yield
+
+TABLES = ("design", "operation", "geometry")
+"""Tables of a scene, beside masses and elements, whose numbers may be changed."""
+NEEDED = ("valve", "seat", "operation", "design")
+ROWS = (
+    ("cam", "", "s"),
+    ("verdict", "", "s"),
+    ("area ratio", "area_ratio", ".5f"),
+    ("area [mm deg]", "area_mm_deg", ".2f"),
+    ("jump exceeds its limit from [r/min]", "first_jump_rpm", ".0f"),
+    ("bounce exceeds its limit from [r/min]", "first_bounce_rpm", ".0f"),
+    ("yield [%]", "yield_percent", ".1f"),
+)
+
+
+@dataclass(frozen=True)
+class CamOutcome:
+    """A cam in a scene: its verdict over the band at accuracy draft, where jump and bounce begin (None: not below 1.5
+    times the band's top), and the share of trains as built that hold (None where the scene does not say how they
+    differ)."""
+
+    cam: str
+    verdict: str
+    area_ratio: float | None = None
+    area_mm_deg: float | None = None
+    first_jump_rpm: float | None = None
+    first_bounce_rpm: float | None = None
+    yield_percent: float | None = None
+    says: str = ""  # why there is no cam
+
+
+@dataclass(frozen=True)
+class WhatIf:
+    """The numbers that were changed, from and to, and what a cam comes to as given, with the change, and designed anew
+    for it where that was asked for."""
+
+    changed: dict[str, tuple[float, float]]
+    outcomes: dict[str, CamOutcome]
+
+    def as_dict(self) -> dict:
+        """What `what-if --json` writes."""
+        return {
+            "changed": {name: {"from": was, "to": now} for name, (was, now) in self.changed.items()},
+            **{name.replace(" ", "_"): vars(one) for name, one in self.outcomes.items()},
+        }
+
+    def __str__(self) -> str:
+        lines = [f"{name}: {was:.6g} -> {now:.6g}" for name, (was, now) in self.changed.items()]
+        width = max(len(label) for label, _, _ in ROWS)
+        lines.append(f"{'':<{width}}" + "".join(f"  {name:>15}" for name in self.outcomes))
+        for label, key, digits in ROWS:
+            values = [getattr(one, key or label) for one in self.outcomes.values()]
+            cells = ["–" if value is None else format(value, digits) for value in values]
+            lines.append(f"{label:<{width}}" + "".join(f"  {cell:>15}" for cell in cells))
+        return "\n".join([*lines, *(f"{name}: {one.says}" for name, one in self.outcomes.items() if one.says)])
+
+
+def what_if(
+    scene: Scene, cam: Lift, changes: Mapping[str, tuple[bool, float]], *, redesign: bool = False, trains: int = 100
+) -> WhatIf:
+    """What `changes` buy a cam, all of them together, and with `redesign` a cam that is designed for them.
+
+    `changes` are by name: NAME.KEY of a mass or an element ("*" as NAME: each that has the key), or a key of [design],
+    [operation] or [geometry] as design.KEY; whether the number is a factor on the scene's own, and the number. The
+    yield is that of `trains` drawn trains. Raises InputError for a name that the scene does not have, and for numbers
+    that make it faulty.
+    """
+    after, changed = changed_scene(scene, changes)
+    outcomes = {"as given": _outcome(scene, cam, trains), "with the change": _outcome(after, cam, trains)}
+    if redesign:
+        outcomes["redesigned"] = _redesigned(after, trains)
+    return WhatIf(changed, outcomes)
+
+
+def changed_scene(
+    scene: Scene, changes: Mapping[str, tuple[bool, float]]
+) -> tuple[Scene, dict[str, tuple[float, float]]]:
+    """The scene with the changes of `what_if`, checked as a file would be, and each number from and to."""
+    found: dict[str, tuple[float, float]] = {}
+    after = scene
+    for name, (factor, value) in changes.items():
+        numbers = [number for number in matching(after, name) if number.of(after) is not None]
+        table, _, key = name.partition(".")
+        if numbers:
+            values = {number: number.of(after) * value if factor else value for number in numbers}
+            found |= {number.named(after): (number.of(after), new) for number, new in values.items()}
+            after = with_numbers(after, values)
+        elif table in TABLES and isinstance(was := getattr(getattr(after, table), key, None), float):
+            found[name] = was, was * value if factor else value
+            changed = getattr(after, table).model_copy(update={key: found[name][1]})
+            after = after.model_copy(update={table: changed})
+        else:
+            rows = *scene.mass, *scene.element
+            known = [f"{row.name}.{key}" for row in rows for key in type(row).model_fields]
+            raise InputError(
+                f"--set {excerpt(name)}: {scene.name} has no such number: expected NAME.KEY of a mass or an element, "
+                f"or design.KEY{did_you_mean(name, known)}"
+            )
+    return parse_scene(scene_toml(after), f"{scene.name} with the change", NEEDED), found
+
+
+def _outcome(scene: Scene, cam: Lift, trains: int) -> CamOutcome:
+    verdict = full_verdict(scene, cam, "band", accuracy_named("draft"))
+    scatters = bool(scene.tolerance or scene.grinding) and bool(motion_limits(scene.design))
+    share = 100 * manufacturing_yield(scene, cam, trains).share.share if scatters else None
+    assert scene.design is not None, "load_scene(..., need='design') guarantees it"
+    ratio, area = cam.area_ratio_in(scene.design), cam.area / MM / DEG
+    starts = verdict.first_jump_rpm, verdict.first_bounce_rpm
+    return CamOutcome(cam.family, verdict.verdict, ratio, area, *starts, share)
+
+
+def _redesigned(scene: Scene, trains: int) -> CamOutcome:
+    """The largest confirmed cam of a draft search for the scene, or of the families."""
+    effort = accuracy_named("draft")
+    try:
+        search = find_cam(scene, "band", effort)
+        chosen = largest_confirmed(scene, search.confirmed, "band", effort, Families(scene))
+    except InputError as error:
+        return CamOutcome("none", "none holds", says=str(error))
+    return _outcome(scene, chosen.cam.lift, trains)

@@ -1,0 +1,98 @@
+"""Assumed numbers ranked by what hangs on them, paths of the commands, and the materials' limit beside the stress."""
+
+import os
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from camopt.cam.families.polydyne import polydyne
+from camopt.report import write_report
+from camopt.report.assumed import Hanging, assumed_numbers, assumed_rows, first_to_measure, ranked
+from camopt.report.folder import read_run_folder
+from camopt.report.motion import RunCams
+from camopt.report.summary import next_steps
+from camopt.report.train import train_tables
+from camopt.scene import load_scene, parse_scene
+from camopt.scene.as_built import with_numbers
+from camopt.scene.toml_text import scene_toml
+
+SCENE = load_scene("motori-1")
+CAM = polydyne(SCENE)
+
+
+def test_every_assumed_number_of_masses_and_elements_is_ranked():
+    """kodama marks 45 of them that are not zero, and none twice."""
+    kodama = load_scene("kodama")
+    marked = [(row.name, key) for row in (*kodama.mass, *kodama.element) for key in row.assumed if getattr(row, key)]
+    assert len(assumed_numbers(kodama)) == len(marked) == 45
+    assert {(n.named(kodama)) for n in assumed_numbers(kodama)} == {f"{name}.{key}" for name, key in marked}
+
+
+def test_the_ranking_is_what_a_tenth_does_to_the_limits():
+    """By hand for the first: the settled motion at the top speed with the number a tenth lower and higher."""
+    from camopt.exact.settled import settled_metrics
+    from camopt.measure.limits import motion_limits
+    from camopt.scene import build_train
+
+    rows = ranked(SCENE, CAM)
+    assert {row.name for row in rows} == {n.named(SCENE) for n in assumed_numbers(SCENE)} and len(rows) > 1
+    moved = [row.moved_to - row.share for row in rows]
+    assert moved == sorted(moved, reverse=True) and moved[0] > 0
+    first = rows[0]
+    (number,) = (n for n in assumed_numbers(SCENE) if n.named(SCENE) == first.name)
+    limit, found = motion_limits(SCENE.design)[first.limit], []
+    for factor in (0.9, 1.1):
+        scene = with_numbers(SCENE, {number: factor * number.of(SCENE)})
+        worst = settled_metrics([build_train(scene)], [CAM], [scene.cam_speed(SCENE.operation.speeds_rpm[-1])])
+        found.append(float(limit.share(worst.worst(limit.metric)[0, 0])[0]))
+    assert first.moved_to == pytest.approx(np.max(found), rel=1e-9)
+
+
+def test_the_table_and_the_sentence_name_them_in_order():
+    found = [Hanging(f"m{i}.mass_kg", 0.1, "bounce_max_mm", 0.5, 0.9 - 0.1 * i) for i in range(6)]
+    found[0] = Hanging("seat.damping_N_s_per_m", 500.0, "bounce_max_mm", 0.5, np.inf)
+    assert assumed_rows(found)[:2] == [
+        ["seat.damping_N_s_per_m", "500", "bounce", "50 %", "no motion that counts"],
+        ["m1.mass_kg", "0.1", "bounce", "50 %", "80 %"],
+    ]
+    said = "seat.damping_N_s_per_m, m1.mass_kg, m2.mass_kg, m3.mass_kg and 2 more, ranked in the valve train's section"
+    assert first_to_measure(found) == said
+    assert first_to_measure(found[:2]) == "seat.damping_N_s_per_m, m1.mass_kg" and first_to_measure([]) == ""
+
+
+def test_what_the_materials_bear_stands_beside_the_stress():
+    text = scene_toml(SCENE) + '\n[geometry]\nfollower = "flat"\nbase_radius_mm = 40\nface_width_mm = 30\n'
+    borne = parse_scene(text + "hertz_max_MPa = 1000\n", "borne")
+    rows = train_tables(RunCams(borne, {"design": CAM}, []))["stress"]["rows"]
+    assert len(rows) == len(SCENE.operation.speeds_rpm) + 1
+    for row in rows:
+        assert row[-1] == f"{float(row[1]) / 10:.0f} % of 1000 MPa"
+    silent = train_tables(RunCams(parse_scene(text, "silent"), {"design": CAM}, []))["stress"]["rows"]
+    assert {row[-1] for row in silent} == {"–"}
+
+
+@pytest.mark.parametrize(
+    ("folder", "here"), [("runs/first", "."), ("first", "."), ("a b", "."), ("runs/first", "runs")]
+)
+def test_commands_work_from_where_the_report_is_made(tmp_path, monkeypatch, folder, here):
+    place = tmp_path / folder
+    place.mkdir(parents=True)
+    (place / "scene.toml").write_text(scene_toml(SCENE))
+    (place / "design.json").write_text("{}")
+    monkeypatch.chdir(tmp_path / here)
+    steps = next_steps(read_run_folder(Path(os.path.relpath(place))))
+    words = shlex.split(steps[0]["command"])
+    assert words[:2] == ["camopt", "verify"] and Path(words[2]).is_file() and Path(words[-1]).is_dir()
+    assert Path(words[2]).resolve() == place / "scene.toml" and not Path(words[2]).is_absolute()
+
+
+def test_from_elsewhere_they_have_the_whole_path(tmp_path, monkeypatch):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "scene.toml").write_text(scene_toml(SCENE))
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert read_run_folder(tmp_path / "run").path == (tmp_path / "run").as_posix()
+    page = write_report(tmp_path / "run").read_text(encoding="utf-8")
+    assert "in which this report was made" not in page or (tmp_path / "run").as_posix() in page
