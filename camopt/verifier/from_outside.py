@@ -1,0 +1,145 @@
+"""What an engine that nobody here wrote says of a motion: Exudyn, started in a process of its own.
+
+`camopt.verifier.outside` is that process: it reads a scene file and a design file and imports nothing of camopt. Here
+its motions from rest are held against event-exact's, or for curved laws against DOP853's, which takes them as they are.
+"""
+
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from camopt.cam.design_file import as_written, write_design
+from camopt.cam.lift import Lift
+from camopt.scene.errors import InputError
+from camopt.scene.response import end_state
+from camopt.scene.rest import state_at_rest
+from camopt.scene.schema import Scene
+from camopt.scene.shapes import Float
+from camopt.scene.toml_text import scene_toml
+from camopt.scene.train import build_train
+from camopt.storage import write_text
+
+ENGINE = "Exudyn"
+AGREES_NM = 1.0
+"""How far two motions may differ [nm] beyond the judge's own error estimate."""
+NM = 1e-9
+JUMPS_MM = 0.05
+"""Beyond this jump the motion is chaotic within a revolution or two: only the first revolution is compared there."""
+REVOLUTIONS = 2
+SAMPLES = 720
+"""Equal parts of a revolution at whose ends the valve is compared."""
+DOP853_STEPS = 8 * SAMPLES
+"""With these DOP853's permitted error is 2e-9 of a motion, less than a picometre."""
+
+
+@dataclass(frozen=True)
+class OutsideSpeed:
+    """How far the valve's motion from rest is from the judge's at one speed."""
+
+    speed_rpm: float
+    engine: str  # with its version
+    revolutions: int  # that were compared
+    difference_nm: float  # largest over them
+    stated_nm: float  # up to which it counts as agreement: AGREES_NM and the judge's own error estimate
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the difference is within the stated errors."""
+        return self.difference_nm <= self.stated_nm
+
+    def as_dict(self) -> dict:
+        """An entry of outside.json."""
+        return {**asdict(self), "agrees": self.agrees}
+
+
+def require_outside() -> None:
+    """Raises InputError, with the remedy, where Exudyn is not installed."""
+    if find_spec("exudyn") is None:
+        raise InputError(
+            f"the judge from outside needs {ENGINE}, which is not installed: pip install 'camopt[outside]', "
+            f"or leave --outside away"
+        )
+
+
+def outside_motions(scene: Scene, lift: Lift, speeds_rpm: Sequence[float], *options: str) -> dict:
+    """The record of `python -m camopt.verifier.outside` for a scene and a cam at speeds (k) [r/min].
+
+    `options` go to it as they are. Raises InputError where Exudyn is missing or the judge refuses.
+    """
+    require_outside()
+    assert scene.design is not None, "a cam has a maximum lift"
+    with TemporaryDirectory() as folder:
+        files = [str(Path(folder) / name) for name in ("scene.toml", "design.json", "motion.json")]
+        write_text(files[0], scene_toml(scene))
+        write_design(files[1], lift, scene.design.max_lift_mm * 1e-3)
+        asked = ["--speeds", *(repr(float(s)) for s in speeds_rpm), "--out", files[2], *options]
+        command = [sys.executable, "-m", "camopt.verifier.outside", *files[:2], *asked]
+        ended = subprocess.run(command, capture_output=True, text=True, check=False)
+        if ended.returncode == 2:
+            raise InputError(ended.stderr.strip())
+        if ended.returncode:
+            raise RuntimeError(f"the judge from outside broke off: {ended.stderr.strip()[-500:]}")
+        return json.loads(Path(files[2]).read_text(encoding="utf-8"))
+
+
+def valve_from_rest(
+    scene: Scene, lift: Lift, speed_rpm: float, revolutions: int = REVOLUTIONS
+) -> Float[np.ndarray, "revolutions samples"]:
+    """Valve position [m] in the first revolutions from rest at SAMPLES + 1 equal angles, by camopt.
+
+    It is event-exact's motion where all laws are straight lines, and DOP853's otherwise.
+    """
+    from camopt.verifier.verdict import method_named
+
+    train = build_train(scene)
+    method, steps = ("event", SAMPLES) if train.straight else ("dop853", DOP853_STEPS)
+    revolve = method_named(method)(train, lift, scene.cam_speed(speed_rpm), steps)
+    angles, state, rows = np.linspace(-np.pi, np.pi, SAMPLES + 1), state_at_rest(train), []
+    for _ in range(revolutions):
+        found = revolve(state)
+        after = np.clip(np.searchsorted(found.angle, angles), 1, len(found.angle) - 1)
+        before = np.abs(found.angle[after - 1] - angles) < np.abs(found.angle[after] - angles)
+        rows.append(found.x[after - before, train.valve])
+        state = end_state(found)
+    return np.array(rows)
+
+
+def from_outside(scene: Scene, lift: Lift, speeds_rpm: Sequence[float]) -> tuple[OutsideSpeed, ...]:
+    """How far the judge's motions from rest are from camopt's at speeds (k) [r/min]; errors as of `outside_motions`."""
+    lift = as_written(lift)
+    found = outside_motions(scene, lift, speeds_rpm, "--revolutions", str(REVOLUTIONS), "--samples", str(SAMPLES))
+    return tuple(
+        compared(found["engine"], row, valve_from_rest(scene, lift, row["speed_rpm"])) for row in found["speeds"]
+    )
+
+
+def compared(engine: str, row: dict, valve: Float[np.ndarray, "revolutions samples"]) -> OutsideSpeed:
+    """The judge's record of a speed beside the valve's positions [m] by camopt."""
+    calm = all(figures["jump_mm"] < JUMPS_MM for figures in row["figures"])
+    count = len(valve) if calm else 1
+    difference = np.abs(np.array(row["valve_m"])[:count] - valve[:count]).max() / NM
+    stated = AGREES_NM + max(row["moved_nm"][:count])
+    return OutsideSpeed(row["speed_rpm"], engine, count, float(difference), float(stated))
+
+
+def outside_sentence(found: Sequence[OutsideSpeed]) -> str:
+    """What the judge says, as one sentence."""
+    apart = [one for one in found if not one.agrees]
+    if apart:
+        worst = max(apart, key=lambda one: one.difference_nm / one.stated_nm)
+        at = ", ".join(f"{one.speed_rpm:g}" for one in apart)
+        return (
+            f"{worst.engine} disagrees at {at} r/min: by {worst.difference_nm:.3g} nm at {worst.speed_rpm:g} r/min, "
+            f"where {worst.stated_nm:.3g} nm are explained."
+        )
+    largest = max(one.difference_nm for one in found)
+    return (
+        f"{found[0].engine} agrees within {largest:.2g} nm at {len(found)} speed{'s' * (len(found) != 1)}, from rest."
+    )
