@@ -23,11 +23,13 @@ def builtin_scenes() -> dict[str, str]:
 
 
 def scene_text(source: str | Path) -> str:
-    """TOML text of a built-in scene or of a file. Raises InputError where neither is there."""
+    """TOML text of a built-in scene, a file, or the scene of a run folder. Raises InputError where none is there."""
     known = builtin_scenes()
     if str(source) in known:
         return known[str(source)]
     path = usable_path(source, "scene")
+    if path.is_dir():
+        path = path / "scene.toml"
     if not path.is_file():
         raise InputError(
             f"scene {excerpt(str(source))}: neither a built-in scene ({', '.join(known)}) nor a file"

@@ -8,7 +8,6 @@ import json
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -25,6 +24,8 @@ from camopt.scene.shapes import Float
 from camopt.scene.toml_text import scene_toml
 from camopt.scene.train import build_train
 from camopt.storage import write_text
+from camopt.verifier.outside_speeds import OutsideSpeed
+from camopt.verifier.verdict import method_named
 
 ENGINE = "Exudyn"
 AGREES_NM = 1.0
@@ -37,26 +38,6 @@ SAMPLES = 720
 """Equal parts of a revolution at whose ends the valve is compared."""
 DOP853_STEPS = 8 * SAMPLES
 """With these DOP853's permitted error is 2e-9 of a motion, less than a picometre."""
-
-
-@dataclass(frozen=True)
-class OutsideSpeed:
-    """How far the valve's motion from rest is from the judge's at one speed."""
-
-    speed_rpm: float
-    engine: str  # with its version
-    revolutions: int  # that were compared
-    difference_nm: float  # largest over them
-    stated_nm: float  # up to which it counts as agreement: AGREES_NM and the judge's own error estimate
-
-    @property
-    def agrees(self) -> bool:
-        """Whether the difference is within the stated errors."""
-        return self.difference_nm <= self.stated_nm
-
-    def as_dict(self) -> dict:
-        """An entry of outside.json."""
-        return {**asdict(self), "agrees": self.agrees}
 
 
 def require_outside() -> None:
@@ -96,8 +77,6 @@ def valve_from_rest(
 
     It is event-exact's motion where all laws are straight lines, and DOP853's otherwise.
     """
-    from camopt.verifier.verdict import method_named
-
     train = build_train(scene)
     method, steps = ("event", SAMPLES) if train.straight else ("dop853", DOP853_STEPS)
     revolve = method_named(method)(train, lift, scene.cam_speed(speed_rpm), steps)
@@ -127,19 +106,3 @@ def compared(engine: str, row: dict, valve: Float[np.ndarray, "revolutions sampl
     difference = np.abs(np.array(row["valve_m"])[:count] - valve[:count]).max() / NM
     stated = AGREES_NM + max(row["moved_nm"][:count])
     return OutsideSpeed(row["speed_rpm"], engine, count, float(difference), float(stated))
-
-
-def outside_sentence(found: Sequence[OutsideSpeed]) -> str:
-    """What the judge says, as one sentence."""
-    apart = [one for one in found if not one.agrees]
-    if apart:
-        worst = max(apart, key=lambda one: one.difference_nm / one.stated_nm)
-        at = ", ".join(f"{one.speed_rpm:g}" for one in apart)
-        return (
-            f"{worst.engine} disagrees at {at} r/min: by {worst.difference_nm:.3g} nm at {worst.speed_rpm:g} r/min, "
-            f"where {worst.stated_nm:.3g} nm are explained."
-        )
-    largest = max(one.difference_nm for one in found)
-    return (
-        f"{found[0].engine} agrees within {largest:.2g} nm at {len(found)} speed{'s' * (len(found) != 1)}, from rest."
-    )

@@ -3,9 +3,9 @@
 Exudyn is an extra: what needs it is skipped where it is missing.
 """
 
+import json
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import MM
 from camopt.verifier import from_outside as side
 from camopt.verifier.outside import filed, forces, rest
+from camopt.verifier.outside_speeds import OutsideSpeed, outside_entries, outside_sentence, with_outside
 from tests.verifier.test_independence import imported
 
 FOLDER = Path(filed.__file__).parent
@@ -129,11 +130,33 @@ def test_exudyn_notices_a_seat_damping_that_is_one_per_cent_off():
     valve = side.valve_from_rest(scene.model_copy(update={"element": elements}), cam, 5000.0)
     noticed = side.compared(found["engine"], found["speeds"][0], valve)
     assert not noticed.agrees
-    assert "disagrees at 5000 r/min" in side.outside_sentence([noticed])
+    assert "disagrees at 5000 r/min" in outside_sentence([noticed.as_dict()])
+
+
+def said(difference_nm: float) -> dict:
+    return OutsideSpeed(5000.0, "Exudyn 1", 2, difference_nm, 1.1).as_dict()
 
 
 def test_the_sentence_states_the_largest_difference():
-    one = side.OutsideSpeed(5000.0, "Exudyn 1", 2, 0.25, 1.1)
-    assert side.outside_sentence([one, replace(one, difference_nm=0.5)]) == (
-        "Exudyn 1 agrees within 0.5 nm at 2 speeds, from rest."
+    assert outside_sentence([said(0.25), said(0.5)]) == (
+        "Exudyn 1 agrees within 0.5 nm at 2 speeds, by the valve's motion from rest."
     )
+    assert outside_sentence([]) == ""
+
+
+def test_agreement_decides_nothing_and_disagreement_undoes_a_verdict():
+    record = {"verdict": "rejected", "reason": "why", "speeds": [{"speed_rpm": 5000.0}, {"speed_rpm": 6000.0}]}
+    agreed = with_outside(record, [said(0.5)])
+    assert (agreed["verdict"], agreed["reason"]) == ("rejected", "why")
+    assert [set(entry) for entry in agreed["speeds"]] == [{"speed_rpm", "outside"}, {"speed_rpm"}]
+    apart = with_outside(record, [said(1.2)])
+    assert apart["verdict"] == "not converged"
+    assert apart["reason"].startswith("Exudyn 1 disagrees at 5000 r/min")
+    assert with_outside(record, []) == record
+
+
+def test_an_outside_json_from_anywhere_is_read_or_refused():
+    assert outside_entries(json.dumps([said(0.5) | {"agrees": "whatever"}])) == [said(0.5)]
+    for wrong in ("{}", "[1]", '[{"speed_rpm": 1}]', json.dumps([said(0.5) | {"difference_nm": "1"}])):
+        with pytest.raises(ValueError, match="expected"):
+            outside_entries(wrong)
