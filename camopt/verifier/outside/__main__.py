@@ -18,7 +18,7 @@ from camopt.verifier.outside.figures import figures, sampled
 from camopt.verifier.outside.filed import FiledCam, FiledTrain, OutsideRefused, read_cam, read_train
 from camopt.verifier.outside.forces import LAWS_OF_CONTACT
 
-COARSEST, FINEST = 1e-8, 1e-10
+COARSEST, FINEST = 1e-8, 1e-11
 """Relative tolerances of the solver, from the first to the last: below, its shortest steps are at round-off."""
 STANDS_NM = 0.3
 """The valve stands where a tenfold tightening moves it by less than this [nm]."""

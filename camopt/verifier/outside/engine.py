@@ -23,8 +23,8 @@ LONGEST_STEPS = 720
 """The steps of a revolution are at most the 720th part of it long."""
 FIRST_STEP = 1e-8
 """Length [s] of the first step."""
-SHORTEST_STEP = 1e-13
-"""Length [s] of the shortest step: where a contact closes, 10 km/s2 more over it are 1 nm/s, which is nothing."""
+SHORTEST_STEP = 1e-30
+"""Length [s] below which no step may fall; Exudyn would reject a step of this length for ever, so none gets there."""
 LENGTH = 1e-3
 """Length [m], and velocity [m/s], below which the permitted error is that of this length."""
 Kind = exu.OutputVariableType
