@@ -23,6 +23,7 @@ from camopt.scene.schema import Scene
 from camopt.scene.shapes import Float
 from camopt.scene.toml_text import scene_toml
 from camopt.scene.train import build_train
+from camopt.scene.units import MM
 from camopt.storage import write_text
 from camopt.verifier.outside_speeds import OutsideSpeed
 from camopt.verifier.verdict import method_named
@@ -34,6 +35,8 @@ NM = 1e-9
 JUMPS_MM = 0.05
 """Beyond this jump the motion is chaotic within a revolution or two: only the first revolution is compared there."""
 REVOLUTIONS = 2
+PATIENCE_S = 300.0
+"""How long the judge may take for a speed [s]; a few seconds are usual."""
 SAMPLES = 720
 """Equal parts of a revolution at whose ends the valve is compared."""
 DOP853_STEPS = 8 * SAMPLES
@@ -59,10 +62,17 @@ def outside_motions(scene: Scene, lift: Lift, speeds_rpm: Sequence[float], *opti
     with TemporaryDirectory() as folder:
         files = [str(Path(folder) / name) for name in ("scene.toml", "design.json", "motion.json")]
         write_text(files[0], scene_toml(scene))
-        write_design(files[1], lift, scene.design.max_lift_mm * 1e-3)
+        write_design(files[1], lift, scene.design.max_lift_mm * MM)
         asked = ["--speeds", *(repr(float(s)) for s in speeds_rpm), "--out", files[2], *options]
         command = [sys.executable, "-m", "camopt.verifier.outside", *files[:2], *asked]
-        ended = subprocess.run(command, capture_output=True, text=True, check=False)
+        patience_s = PATIENCE_S * len(speeds_rpm)
+        try:
+            ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=patience_s)
+        except subprocess.TimeoutExpired:
+            raise InputError(
+                f"the judge from outside has no answer after {patience_s:g} s: ask for fewer speeds, or leave --outside "
+                f"away where contacts chatter"
+            ) from None
         if ended.returncode == 2:
             raise InputError(ended.stderr.strip())
         if ended.returncode:

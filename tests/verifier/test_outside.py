@@ -109,6 +109,14 @@ def test_without_exudyn_one_sentence_says_what_to_install(monkeypatch):
 
 
 @needs_exudyn
+def test_a_judge_without_an_answer_is_not_waited_for(monkeypatch):
+    monkeypatch.setattr(side, "PATIENCE_S", 0.01)
+    scene = load_scene("motori-1")
+    with pytest.raises(InputError, match=r"has no answer after 0.01 s: ask for fewer speeds"):
+        side.outside_motions(scene, camopt.polydyne(scene), [5000.0])
+
+
+@needs_exudyn
 def test_exudyn_agrees_from_rest_within_a_nanometre():
     """motori-1 with its Polydyne at 5000 r/min, whose jump stays below 0.05 mm: both revolutions count."""
     scene = load_scene("motori-1")
