@@ -70,8 +70,8 @@ def outside_motions(scene: Scene, lift: Lift, speeds_rpm: Sequence[float], *opti
             ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=patience_s)
         except subprocess.TimeoutExpired:
             raise InputError(
-                f"the judge from outside has no answer after {patience_s:g} s: ask for fewer speeds, or leave --outside "
-                f"away where contacts chatter"
+                f"the judge from outside has no answer after {patience_s:g} s: ask for fewer speeds, or leave "
+                f"--outside away where contacts chatter"
             ) from None
         if ended.returncode == 2:
             raise InputError(ended.stderr.strip())

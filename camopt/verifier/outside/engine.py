@@ -1,9 +1,9 @@
 """A filed train as an Exudyn model: masses as Mass1D, elements as CoordinateSpringDamper, memories as ODE1 nodes.
 
-Exudyn 1.13 (Gerstmayr 2023, Multibody System Dynamics, doi 10.1007/s11044-023-09937-1). The laws of force and the lift are symbolic user functions,
-which Exudyn evaluates in C++; an element with a memory is a Python function, because symbols cannot read a node. The
-solver is Exudyn's explicit DOPRI5 with its own control of the step. It locates no switching: it shortens its steps
-there until the error is below the tolerance.
+Exudyn 1.13 (Gerstmayr 2023, Multibody System Dynamics, doi 10.1007/s11044-023-09937-1). The laws of force and the lift
+are symbolic user functions, which Exudyn evaluates in C++; an element with a memory is a Python function, because
+symbols cannot read a node. The solver is Exudyn's explicit DOPRI5 with its own control of the step. It locates no
+switching: it shortens its steps there until the error is below the tolerance.
 """
 
 from dataclasses import dataclass, replace
