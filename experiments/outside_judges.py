@@ -90,7 +90,7 @@ def of_cam(scene: Scene, cam: str, lift: Lift, speeds_rpm: list[float]) -> list[
         options = "--settled", str(answer.revolutions), "--measured", str(measured)
         found = outside_motions(scene, lift, [speed.speed_rpm], *options)
         one = found["speeds"][0]
-        said = compared(found["engine"], one, valve_from_rest(scene, lift, speed.speed_rpm))
+        said = compared(found["engine"], one, *valve_from_rest(scene, lift, speed.speed_rpm))
         settled = {
             name: _beside(name, answer.range[name], answer.error[name], one["settled"], answer.periodic)
             for name in FIGURES
@@ -111,9 +111,9 @@ def _beside(name: str, ours: tuple[float, float], error: float, theirs: list[dic
     """
     values = [np.nan if f.get(name) is None else f[name] for f in theirs]
     low, high = min(values), max(values)
-    allowed = max(WITHIN * abs(ours[1]), WITHIN_MM if name.endswith("_mm") else 0.0)
+    allowed = error + max(WITHIN * abs(ours[1]), WITHIN_MM if name.endswith("_mm") else 0.0)
     if periodic:
-        same = abs(high - ours[1]) <= allowed + error
+        same = abs(high - ours[1]) <= allowed
     else:
         same = low <= ours[1] + allowed and ours[0] <= high + allowed
     return {"ours": list(ours), "theirs": [low, high], "off": abs(high - ours[1]), "same": bool(same)}
@@ -137,7 +137,7 @@ def changed(scene: Scene, lift: Lift, count: int) -> list[dict]:
     for change in CHANGES[:count]:
         given = change.scene(scene), as_written(change.cam(lift)), [CHANGED_RPM]
         found = outside_motions(*given, "--law", change.law)
-        said = compared(found["engine"], found["speeds"][0], valve)
+        said = compared(found["engine"], found["speeds"][0], *valve)
         rows.append({"change": change.name, **said.as_dict(), "noticed": not said.agrees})
     return rows
 
@@ -169,7 +169,7 @@ def needed(cam: Lift | None) -> Lift:
 def _drawn(cams: dict[str, Lift | None], name: str, speed_rpm: float) -> dict:
     """A motion of a delivered cam for the figure: the valve by camopt [m], and the judge's less that [nm]."""
     scene, lift = load_scene(name), as_written(needed(cams[name]))
-    ours = valve_from_rest(scene, lift, speed_rpm)
+    ours, _ = valve_from_rest(scene, lift, speed_rpm)
     theirs = np.array(outside_motions(scene, lift, [speed_rpm])["speeds"][0]["valve_m"])
     return {"title": f"{name}, {speed_rpm:.0f} r/min", "valve_m": ours, "off_nm": (theirs - ours) / NM}
 

@@ -13,13 +13,16 @@ import pytest
 
 import camopt
 from camopt.cam.design_file import write_design
+from camopt.measure.metrics import measure
 from camopt.scene import InputError, build_train, builtin_scenes, load_scene
+from camopt.scene.response import end_state, joined
 from camopt.scene.rest import state_at_rest
 from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import MM
 from camopt.verifier import from_outside as side
 from camopt.verifier.outside import filed, forces, rest
 from camopt.verifier.outside_speeds import OutsideSpeed, outside_entries, outside_sentence, with_outside
+from camopt.verifier.verdict import event_exact
 from tests.verifier.test_independence import imported
 
 FOLDER = Path(filed.__file__).parent
@@ -126,6 +129,20 @@ def test_exudyn_agrees_from_rest_within_a_nanometre():
 
 
 @needs_exudyn
+def test_figures_are_read_alike():
+    """motori-1 is thrown at 6000 r/min: its bounce is what is left at the nominal closing, which lies between steps."""
+    scene, speed_rpm = load_scene("motori-1"), 6000.0
+    cam = side.as_written(camopt.polydyne(scene))
+    theirs = side.outside_motions(scene, cam, [speed_rpm])["speeds"][0]["figures"][0]
+    revolve = event_exact(build_train(scene), cam, scene.cam_speed(speed_rpm), 2880)
+    first = revolve(state_at_rest(build_train(scene)))
+    ours = measure(joined([first, revolve(end_state(first))]), cam)
+    assert ours["bounce_mm"][0] > 0.05 and ours["jump_mm"][0] > 0.05
+    for name, value in theirs.items():
+        assert value == pytest.approx(ours[name][0], abs=1e-4 if name.endswith("_mm") else 0.0, rel=1e-3), name
+
+
+@needs_exudyn
 def test_exudyn_notices_a_seat_damping_that_is_one_per_cent_off():
     """Which settled figures miss: the judge gets the scene, camopt's motion the changed one."""
     scene = load_scene("motori-1")
@@ -136,7 +153,7 @@ def test_exudyn_notices_a_seat_damping_that_is_one_per_cent_off():
     )
     found = side.outside_motions(scene, cam, [5000.0])
     valve = side.valve_from_rest(scene.model_copy(update={"element": elements}), cam, 5000.0)
-    noticed = side.compared(found["engine"], found["speeds"][0], valve)
+    noticed = side.compared(found["engine"], found["speeds"][0], *valve)
     assert not noticed.agrees
     assert "disagrees at 5000 r/min" in outside_sentence([noticed.as_dict()])
 

@@ -117,7 +117,13 @@ def _closed(cam: FiledCam, nose: float, record: np.ndarray, speed: float) -> tup
         return None, None
     i = falls[0]
     shorter = max(0.0, float(leaked[i] - np.interp(nose + foot, angle, leaked)))
-    closing = own[above_lash[own] > shorter].max() + 1
-    begin = min(i + 1, closing)
+    last = own[above_lash[own] > shorter].max()
+    begin = min(_zero(angle, s, i), _zero(angle, above_lash - shorter, last))  # of the touch, of the nominal closing
+    after = window[angle[window] >= begin]
     seating = (s[i] - s[i + 1]) / (angle[i + 1] - angle[i]) * speed
-    return max(0.0, float(s[begin : window[-1] + 1].max())) / MM, float(seating)
+    return max(0.0, float(np.interp(begin, angle, s)), float(s[after].max())) / MM, float(seating)
+
+
+def _zero(angle: np.ndarray, y: np.ndarray, i: int) -> float:
+    """The angle at which y (k) falls through zero, between places i and i + 1."""
+    return float(angle[i] + y[i] / (y[i] - y[i + 1]) * (angle[i + 1] - angle[i]))
