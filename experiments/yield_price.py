@@ -34,10 +34,10 @@ from experiments.support.record import RESULTS, run_script, write_result
 from experiments.support.sweeping import called
 
 SCENE = {"small": "motori-1", "full": "kodama"}
-OTHERS = {"small": (), "full": ("motori-1", "pushrod-5mass", "finger-hydraulic", "race-nested")}
+OTHERS = {"small": (), "full": ("motori-1", "pushrod-5mass")}
 WIDTHS = {"small": (1.0,), "full": (0.5, 1.0, 2.0)}
 WANTED = {"small": 0.8, "full": 0.99}
-SHARES = {"small": (0.7,), "full": (0.9, 0.95, 0.97, 0.995)}
+SHARES = {"small": (0.7,), "full": (0.9, 0.95, 0.97)}
 OF_OTHERS = 0.95
 EFFORT = {"small": YieldEffort(10, 12), "full": EFFORTS["standard"]}
 MORE_PRELOAD = "preload 5 % more"

@@ -56,12 +56,23 @@ class TestHelp:
 
     @pytest.mark.parametrize(
         "arguments",
-        [(), ("optimise",), ("optimize", "--speed", "band"), ("simulate", "kodama"), ("modes",), ("verify", "kodama")],
+        [(), ("optimise",), ("optimize", "--speed", "band"), ("simulate", "kodama"), ("modes",)],
     )
     def test_wrong_use_ends_with_two(self, capsys, arguments):
         code, out, err = run(capsys, *arguments)
         assert (code, out) == (2, "")
         assert "error:" in err
+
+    def test_verify_without_a_cam_says_what_to_add(self, capsys):
+        assert run(capsys, "verify", "kodama") == (
+            2, "", "camopt: verify 'kodama': no cam: add --cam CAM, or give a run folder in the scene's place\n"
+        )  # fmt: skip
+
+    def test_a_judge_from_outside_that_is_missing_is_named_before_anything_runs(self, capsys, monkeypatch):
+        monkeypatch.setattr("camopt.verifier.from_outside.find_spec", lambda name: None)
+        code, out, err = run(capsys, "verify", "kodama", "--cam", "polydyne", "--outside")
+        assert (code, out) == (2, "")
+        assert err.startswith("camopt: the judge from outside needs Exudyn, which is not installed")
 
 
 FRESH = """

@@ -68,7 +68,7 @@ SIGNATURES = {
     "tradeoff": "scene, out=None, resume=False, *, size='full', progress=False, cam=None",
     "trains_as_built": "scene, count, *, seed=0, first=0",
     "trapezoid": "scene, sections_deg=None, jerk=True",
-    "verify": "scene, lift, speeds_rpm=None, methods='all', accuracy='standard', progress=False",
+    "verify": "scene, lift, speeds_rpm=None, methods='all', accuracy='standard', progress=False, outside=False",
 }
 """Public name -> its parameters with their defaults; those after the star go by name alone."""
 UNPROMISED = {"CrankTiming", "MeasuredLift", "cam_card", "camshaft_torque", "converted", "cycloidal", "differentiable",

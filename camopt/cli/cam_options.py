@@ -5,10 +5,10 @@ import argparse
 from camopt.cli.values import angles, columns, digits, lifts, line_number, picture_file, positive, probe, standing
 
 
-def cam_options(c: argparse.ArgumentParser, default: str | None = None) -> None:
+def cam_options(c: argparse.ArgumentParser, default: str | None = None, required: bool = True) -> None:
     c.add_argument(
         "--cam",
-        required=default is None,
+        required=required and default is None,
         default=default,
         metavar="CAM",
         help="family (polydyne, or polydyne:exponents=2/10/18/26/34,speed_rpm=6000), lift table, run folder or its "

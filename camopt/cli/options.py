@@ -67,7 +67,7 @@ def _verify(command: Command) -> None:
         "camopt verify kodama --cam polydyne --speeds 5000,6000 --json verification.json",
     )
     _scene(c)
-    _cam_options(c)
+    _cam_options(c, required=False)
     c.add_argument("--speeds", type=speeds, metavar="LIST", help="5000,6000 or 300:8000:100 crankshaft r/min (listed)")
     c.add_argument("--method", choices=("all", *verdict_methods()), default="all", help="which methods (all)")
     c.add_argument(
@@ -76,6 +76,8 @@ def _verify(command: Command) -> None:
     c.add_argument("--energy", action="store_true", help="also the energy balance of the settled motions")
     words = "also whether each settled motion is the stable periodic solution, with its Floquet multipliers"
     c.add_argument("--periodic", action="store_true", help=words)
+    words = "also the valve from rest by Exudyn (extra outside), which the report of a run folder then shows"
+    c.add_argument("--outside", action="store_true", help=words)
     c.add_argument("--json", metavar="FILE", help="write the verification as JSON")
 
 

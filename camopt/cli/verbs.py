@@ -94,12 +94,22 @@ def report(args: Namespace) -> int:
 
 
 def verify(args: Namespace) -> int:
+    run = Path(args.scene) if (Path(args.scene) / "scene.toml").is_file() else None
+    args.cam = args.cam or (run and args.scene)
+    if args.cam is None:
+        raise InputError(
+            f"verify {excerpt(args.scene)}: no cam: add --cam CAM, or give a run folder in the scene's place"
+        )
+    if args.outside:
+        from camopt.verifier.from_outside import require_outside
+
+        require_outside()
     scene = _scene_of(args)
     lift = _cam_of(args, scene)
     from camopt.verifier.accuracy import verify as verdict_of
 
     _say_compilation(args)
-    asked = {"speeds_rpm": args.speeds, "methods": args.method, "accuracy": args.accuracy}
+    asked = {"speeds_rpm": args.speeds, "methods": args.method, "accuracy": args.accuracy, "outside": args.outside}
     report = verdict_of(scene, lift, **asked, progress=not args.quiet)
     record, lines = report.as_dict(), []
     if args.energy or args.periodic:
@@ -112,6 +122,11 @@ def verify(args: Namespace) -> int:
         write_json(args.json, record)
     _print_area_words(lift, scene)
     print("\n".join([str(report), *lines]))
+    if report.outside and run and args.cam == args.scene:
+        from camopt.report import write_report
+
+        write_json(run / "outside.json", [one.as_dict() for one in report.outside])
+        print(f"report: {write_report(run)}")
     return 0 if report.verdict == "confirmed" else 3
 
 

@@ -73,8 +73,8 @@ def spoiling_sentences(record: Mapping[str, Any]) -> list[str]:
     if any(to_blame.values()):
         parts = [f"{label} {100 * part:.0f} %" for label, part in to_blame.items() if part >= LEAST_BLAME]
         rest = record.get("unexplained")
-        parts += [f"by none of them alone {100 * rest:.0f} %"] if is_number(rest) and rest >= LEAST_BLAME else []
-        sentences.append(f"to blame (squared rank correlations with the worst used limit): {', '.join(parts)}")
+        words = f"to blame (squared rank correlations with the worst used limit): {', '.join(parts)}"
+        sentences.append(words + (f"; {100 * rest:.0f} % unexplained" if is_number(rest) else ""))
     return sentences
 
 

@@ -10,9 +10,12 @@ from typing import TypeVar
 
 from camopt.measure.yield_words import standing
 from camopt.scene.errors import InputError
+from camopt.verifier.outside_speeds import outside_entries, with_outside
 
 MOST_BYTES = 50_000_000
 MOST_FIGURES = 30
+OUTSIDE = "outside.json"
+"""What a judge from outside said, where it was asked."""
 Part = TypeVar("Part")
 
 
@@ -57,11 +60,12 @@ def read_run_folder(folder: Path) -> RunFolder:
         except (ValueError, csv.Error, RecursionError) as error:  # JSON, TOML and UTF-8 errors are ValueErrors
             raise InputError(f"{path}: cannot be read: {error}") from error
 
+    outside = part(OUTSIDE, outside_entries, []) if (folder / OUTSIDE).exists() else []
     return RunFolder(
         name=folder.resolve().name,
         scene=part("scene.toml", tomllib.loads, {}),
         design=part("design.json", _object, {}),
-        verification=part("verification.json", _verification, {}),
+        verification=with_outside(part("verification.json", _verification, {}), outside),
         comparison=part("comparison.csv", _rows, []),
         provenance=part("provenance.json", _object, {}),
         history=part("history.jsonl", _lines, []),

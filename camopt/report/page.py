@@ -57,6 +57,7 @@ from camopt.scene.design import Design
 from camopt.scene.quantities import is_number
 from camopt.storage import write_text
 from camopt.verifier.at_speed import ALONE
+from camopt.verifier.outside_speeds import outside_sentence
 
 HERE = Path(__file__).parent
 SECTIONS = (
@@ -144,6 +145,7 @@ def render(run: RunFolder, cams: RunCams) -> str:
             cards=cards(cams),
             geometry=geometry(cams),
             speeds=speed_rows(run),
+            outside=outside_sentence([s["outside"] for s in run.verification.get("speeds") or [] if "outside" in s]),
             speed_columns=[heading(c) for c in SPEED_COLUMNS],
             methods=method_tables(run),
             accuracy=accuracy(run),

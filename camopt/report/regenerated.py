@@ -28,6 +28,7 @@ from camopt.report.page import render, write_report
 from camopt.scene import InputError, Scene, load_scene
 from camopt.scene.units import DEG, MM
 from camopt.storage import check_file, plain
+from camopt.verifier.outside_speeds import with_outside
 
 SAME = 1e-6
 """Relative difference of two numbers that counts as none: no table of a run prints more digits."""
@@ -114,7 +115,9 @@ def _judged_anew(run: RunFolder, folder: Path, scene: Scene) -> RunFolder:
     if "highest_lift_mm" in run.design:  # runs of before camopt wrote it are judged too
         areas["highest_lift_mm"] = lift.max_lift / MM
     built = _trains_anew(run, scene, lift, settings)
-    return replace(run, verification=plain(verdict.as_dict() | built), design=run.design | areas)
+    outside = [s["outside"] for s in run.verification.get("speeds") or [] if "outside" in s]
+    verification = with_outside(plain(verdict.as_dict() | built), outside)
+    return replace(run, verification=verification, design=run.design | areas)
 
 
 def _trains_anew(run: RunFolder, scene: Scene, lift: Lift, settings: dict) -> dict:

@@ -173,6 +173,7 @@ def speed_rows(run: RunFolder) -> list[dict]:
                 "error": "–" if error is None else f"±{shown(error, 2)}",
                 "range": shown(speed.get("bounce_range_mm"), 3),
                 "cells": [shown(speed.get(key)) for key in SPEED_COLUMNS],
+                "outside": shown((speed.get("outside") or {}).get("difference_nm"), 2),
             }
         )
     return rows

@@ -25,13 +25,13 @@ def builtin_scenes() -> dict[str, str]:
 
 
 def scene_text(source: str | Path) -> str:
-    """TOML text of a built-in scene or of a file. Raises InputError where neither is there."""
+    """TOML text of a built-in scene, a file, or the scene of a run folder. Raises InputError where none is there."""
     known = builtin_scenes()
     if str(source) in known:
         return known[str(source)]
     path = usable_path(source, "scene")
-    if (inside := path / "scene.toml").is_file():
-        raise InputError(f"scene {excerpt(str(source))}: a run folder; its scene is {inside}")
+    if path.is_dir():
+        path = path / "scene.toml"
     if not path.is_file():
         if path.suffix == ".toml" or path.parent != Path("."):
             raise InputError(f"scene {excerpt(str(source))}: there is no such file: check the path")

@@ -19,6 +19,8 @@ How verification works
   is held against the upper end, over neighbouring states, speeds (0.1 %) and lifts (0.1 um), at the listed speeds and
   at the worst speeds of the swept band (`verdict`). Limits on the shape are judged exactly, from the roots of the
   pieces (`camopt.measure.limits`).
+- A judge from outside may be asked too (`from_outside`): Exudyn, in a process that imports nothing of camopt but
+  `camopt.verifier.outside`. It decides nothing; where it disagrees the verdict is not converged.
 - *confirmed*: they agree and every limit holds. *rejected*: they agree and a limit is broken, named in `broken`.
   *sensitive*: the neighbourhood straddles a limit. *not converged*: no agreement; one method alone never confirms.
 """

@@ -33,6 +33,7 @@ from camopt.scene.settled import SETTLED_POSITION
 from camopt.scene.train import Train, build_train
 from camopt.scene.units import MM, UM
 from camopt.verifier.convergence import FINEST, Demand
+from camopt.verifier.from_outside import from_outside, require_outside
 from camopt.verifier.stored_curves import stored_curves
 from camopt.verifier.verdict import METHODS, Verdict, methods_for, verdict_on
 
@@ -98,6 +99,7 @@ def verify(
     methods: str = "all",
     accuracy: str | float = "standard",
     progress: bool = False,
+    outside: bool = False,
 ) -> Verdict:
     """Judges a cam at `speeds_rpm` (k) [r/min of the crankshaft; the scene's by default] and over the scene's band.
 
@@ -105,13 +107,22 @@ def verify(
     of "event", "rkg", "tmm", "houbolt" and "dop853". One method alone gives figures but no agreement, and so never
     confirms. `accuracy` is a name of EFFORTS or a number of micrometres; the verdict says what was asked and what error
     is estimated for what was delivered, at best where it was not reached: every method halves its step so many times at
-    most (`camopt.verifier.convergence.Demand`). With `progress` bars count the speeds that have been judged. Raises
-    InputError for what cannot be judged.
+    most (`camopt.verifier.convergence.Demand`). With `progress` bars count the speeds that have been judged. With
+    `outside` Exudyn moves the valve from rest too, at the same speeds (`camopt.verifier.from_outside`): it decides
+    nothing, but where it disagrees beyond the stated errors the verdict is "not converged". Raises InputError for what
+    cannot be judged, and where Exudyn is asked for and missing.
     """
+    if outside:
+        require_outside()
     if not isinstance(lift, Lift):
         raise InputError(f"verify: {lift!r} in place of a cam: expected one, as camopt.read_cam or a family gives it")
     effort = effort_of(accuracy)
     every = methods_for(build_train(scene))[: 2 if accuracy == "draft" else None]
     asked = every if methods == "all" else (methods,)
     verdict = verdict_on(scene, lift, speeds_rpm, asked, effort.band_step_rpm, effort.demand, progress=progress)
-    return replace(verdict, asked=accuracy)
+    verdict = replace(verdict, asked=accuracy)
+    if not outside:
+        return verdict
+    found = from_outside(scene, lift, [s.speed_rpm for s in verdict.speeds])
+    agreed = verdict.verdict if all(one.agrees for one in found) else "not converged"
+    return replace(verdict, outside=found, verdict=agreed)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from camopt.measure.reserve import STARTS, reserve_sentences
+from camopt.verifier.outside_speeds import outside_sentence
 from camopt.verifier.worst import worst_in
 
 if TYPE_CHECKING:
@@ -42,9 +43,10 @@ MOST_LINES = 20
 
 def text(verdict: "Verdict") -> str:
     """The verdict for a terminal, a screen at most: a line for each speed, the worst of the band, and the outcome."""
-    lines = ["  ".join(f"{label:>{width}}" for label, width in TEXT.values()) + "  verdict"]
-    rows = [s.as_dict() for s in verdict.speeds]
-    lines += [_line(row, row["verdict"]) for row in rows[:MOST_LINES]]
+    rows = verdict.as_dict()["speeds"]
+    heads = (f"{label:>{width}}" for label, width in TEXT.values())
+    lines = ["  ".join([*heads, _beside("verdict", "outside nm", rows)])]
+    lines += [_line(row, _beside(row["verdict"], _outside(row), rows)) for row in rows[:MOST_LINES]]
     if len(rows) > MOST_LINES:
         lines.append(f"and {len(rows) - MOST_LINES} more speeds")
     if verdict.band is not None:
@@ -56,9 +58,21 @@ def text(verdict: "Verdict") -> str:
         lines.append(_line({name: one and one.speed_rpm for name, one in worst.items()}, "r/min"))
     reason = f". {verdict.reason}" if verdict.reason else ""
     says = [f"{verdict.shape_says}."] * bool(verdict.shape_says)
+    if verdict.outside and not reason.endswith(outside := outside_sentence([one.as_dict() for one in verdict.outside])):
+        says.append(outside)
     return "\n".join(
         [*lines, verdict.accuracy["statement"], *says, f"verdict: {verdict.verdict}{reason}", *_reserve(verdict)]
     )
+
+
+def _outside(row: dict) -> str:
+    """How far the judge from outside is off at a speed [nm]."""
+    return f"{row['outside']['difference_nm']:.2g}" if "outside" in row else ""
+
+
+def _beside(verdict: str, outside: str, rows: list[dict]) -> str:
+    """A verdict, and beside it what is said from outside where that was asked."""
+    return f"{verdict:<13}  {outside:>10}" if any("outside" in row for row in rows) else verdict
 
 
 def _reserve(verdict: "Verdict") -> list[str]:
@@ -90,8 +104,11 @@ def html(verdict: "Verdict") -> str:
     """The verdict, what is broken, and a row for each speed that all methods looked at."""
     from pandas import DataFrame
 
-    rows = [s.as_dict() for s in (*verdict.speeds, *verdict.worst_in_band)]
+    record = verdict.as_dict()
+    rows = [*record["speeds"], *record["worst_in_band"]]
     table = DataFrame({label: [row[name] for row in rows] for name, label in COLUMNS.items()})
+    if verdict.outside:
+        table["from outside, off by [nm]"] = [_outside(row) for row in rows]
     shown = table.to_html(index=False, float_format="{:.4g}".format, na_rep="never seats")
     return f"<p><b>{escape(verdict.verdict)}</b> {escape(verdict.reason)}</p>{shown}"
 

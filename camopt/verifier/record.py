@@ -8,6 +8,7 @@ from camopt.measure.reserve import STARTS
 from camopt.measure.sweep import Band
 from camopt.scene.quantities import QUANTITIES
 from camopt.verifier.convergence import Converged
+from camopt.verifier.outside_speeds import outside_sentence, with_outside
 
 if TYPE_CHECKING:
     from camopt.verifier.at_speed import SpeedVerdict
@@ -22,7 +23,7 @@ def verification(verdict: "Verdict") -> dict:
 
     `band` is null and `worst_in_band` empty where no band was swept.
     """
-    return {
+    record = {
         "verdict": verdict.verdict,
         "broken": list(verdict.broken),
         "reason": verdict.reason,
@@ -33,10 +34,13 @@ def verification(verdict: "Verdict") -> dict:
         "accuracy": verdict.accuracy,
         **({"shape_says": verdict.shape_says} if verdict.shape_says else {}),
     }
+    return with_outside(record, [one.as_dict() for one in verdict.outside])
 
 
 def why_not_confirmed(verdict: "Verdict") -> str:
     """What speaks against a verdict's cam, as a sentence; empty where nothing does."""
+    if any(not one.agrees for one in verdict.outside):
+        return outside_sentence([one.as_dict() for one in verdict.outside])
     if verdict.verdict == "confirmed":
         return ""
     if verdict.verdict == "rejected":

@@ -21,6 +21,7 @@ from camopt.verifier.accuracy_statement import stated, who_looked
 from camopt.verifier.at_speed import Case, SpeedVerdict, judge_speed
 from camopt.verifier.convergence import WANDERING_REVOLUTIONS, Demand, Prepare, first_steps
 from camopt.verifier.methods import INDEPENDENT, verdict_methods
+from camopt.verifier.outside_speeds import OutsideSpeed
 from camopt.verifier.record import verification, why_not_confirmed
 from camopt.verifier.spot_checks import WORKERS, Verdicts, allows, at_every, event_alone, spot_checked, until_broken
 
@@ -53,6 +54,7 @@ class Verdict:
     scene: Scene | None = None  # what was judged, and which cam: for the figure alone
     cam: str = "cam"
     shape_says: str = ""  # how exactly a rounded table tells the shape; empty for other cams
+    outside: tuple[OutsideSpeed, ...] = ()  # what a judge from outside says at the listed speeds, where it was asked
 
     @property
     def accuracy(self) -> dict:

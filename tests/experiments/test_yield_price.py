@@ -34,7 +34,7 @@ def test_narrower_tolerances_give_larger_cams_and_fresh_trains_bear_them_out():
     assert areas == sorted(areas, reverse=True)
     asked = [rows[f"{100 * share:g} % asked"]["area_ratio"] for share in yield_price.SHARES["full"]]
     assert rows["1"]["area_ratio"] < rows[yield_price.MORE_PRELOAD]["area_ratio"]
-    assert asked == sorted(asked, reverse=True) and asked[2] > rows["1"]["area_ratio"] > asked[3]
+    assert asked == sorted(asked, reverse=True) and asked[2] > rows["1"]["area_ratio"]
     for row in rows.values():
         assert row["low"] >= 1 - 2 * (1 - row["wanted"]) and row["high"] >= row["wanted"] and row["agrees"]
 

@@ -9,10 +9,10 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.report import write_report
+from camopt.report.advice import advice
 from camopt.report.assumed import Hanging, assumed_numbers, assumed_rows, first_to_measure, ranked
 from camopt.report.folder import read_run_folder
 from camopt.report.motion import RunCams
-from camopt.report.summary import next_steps
 from camopt.report.train import train_tables
 from camopt.scene import load_scene, parse_scene
 from camopt.scene.as_built import with_numbers
@@ -82,7 +82,8 @@ def test_commands_work_from_where_the_report_is_made(tmp_path, monkeypatch, fold
     (place / "scene.toml").write_text(scene_toml(SCENE))
     (place / "design.json").write_text("{}")
     monkeypatch.chdir(tmp_path / here)
-    steps = next_steps(read_run_folder(Path(os.path.relpath(place))))
+    run = read_run_folder(Path(os.path.relpath(place)))
+    steps = advice(run, f"{run.path}/scene.toml", run.path)
     words = shlex.split(steps[0]["command"])
     assert words[:2] == ["camopt", "verify"] and Path(words[2]).is_file() and Path(words[-1]).is_dir()
     assert Path(words[2]).resolve() == place / "scene.toml" and not Path(words[2]).is_absolute()

@@ -65,7 +65,7 @@ def test_the_page_and_the_table_state_the_share(write, contents):
     assert row["source"] == "verification.json yield.share"
     first, blame = yield_sentences(run)
     assert first == "breaks first: jump_max_mm in 100 trains, most often at 7000 r/min"
-    assert blame.endswith("spring rate 40 %, by none of them alone 60 %")
+    assert blame.endswith("spring rate 40 %; 60 % unexplained")
     page = page_of(write(contents))
     assert "50 of 150 trains hold every limit on the motion at 3 speeds from 5000 to 7000 r/min: 33.3 %" in page.text
     assert page.text.index("50 of 150") < page.text.index("What to do next") and first in page.text

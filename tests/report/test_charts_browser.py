@@ -120,7 +120,7 @@ def test_the_phase_plane_is_that_of_the_chosen_speed(open_page):
 
 def test_the_first_screen_says_verdict_cam_price_and_what_next(open_page):
     page = open_page()
-    for part in (".verdict strong", ".sketch", "#worth", "#next", "#matrix", ".matrix tr >> nth=3"):
+    for part in (".verdict .line >> nth=0", ".sketch", "#worth", "#next", "#matrix", ".matrix tr >> nth=3"):
         box = page.locator(part).bounding_box()
         assert box["y"] + box["height"] <= 768, part
     assert "worst" in page.locator(".matrix").inner_text()

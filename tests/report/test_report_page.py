@@ -1,3 +1,4 @@
+import json
 import re
 from html.parser import HTMLParser
 
@@ -6,6 +7,7 @@ from jinja2 import Environment
 
 from camopt.report import page, write_report
 from camopt.scene.errors import InputError
+from camopt.verifier.outside_speeds import OutsideSpeed
 
 COMPILE = Environment.compile
 
@@ -83,6 +85,29 @@ def test_other_verdicts_are_not_green(write, contents, verdict):
     kinds = [value for key, value in page.attributes if key == "class" and value.startswith("verdict ")]
     assert kinds == ["verdict bad" if verdict == "rejected" else "verdict doubt"]
     assert verdict.capitalize() in page.text and "Broken: bounce." in page.text
+
+
+def said_from_outside(speed_rpm: float, difference_nm: float) -> dict:
+    return OutsideSpeed(speed_rpm, "Exudyn 1", 2, difference_nm, 1.1).as_dict()
+
+
+def test_a_judge_from_outside_has_a_column_and_a_sentence(write, contents):
+    folder = write(contents)
+    assert "from outside" not in page_of(folder).text
+    (folder / "outside.json").write_text(json.dumps([said_from_outside(5000, 0.25)]), encoding="utf-8")
+    page = page_of(folder)
+    assert "from outside, off by [nm]" in page.text
+    assert "Exudyn 1 agrees within 0.25 nm at 1 speed, by the valve's motion from rest." in page.text
+    assert page.text.index("Confirmed") < page.text.index("Limits")
+
+
+def test_a_judge_from_outside_who_disagrees_undoes_the_verdict(write, contents):
+    folder = write(contents)
+    found = [said_from_outside(5000, 0.25), said_from_outside(6000, 2.5)]
+    (folder / "outside.json").write_text(json.dumps(found), encoding="utf-8")
+    page = page_of(folder)
+    assert [v for k, v in page.attributes if k == "class" and v.startswith("verdict ")] == ["verdict doubt"]
+    assert "Not converged" in page.text and "Exudyn 1 disagrees at 6000 r/min" in page.text
 
 
 def test_without_a_band_nothing_is_said_about_floating(write, contents):

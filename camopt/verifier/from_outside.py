@@ -1,0 +1,126 @@
+"""What an engine that nobody here wrote says of a motion: Exudyn, started in a process of its own.
+
+`camopt.verifier.outside` is that process: it reads a scene file and a design file and imports nothing of camopt. Here
+its motions from rest are held against event-exact's, or for curved laws against DOP853's, which takes them as they are.
+"""
+
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from camopt.cam.design_file import as_written, write_design
+from camopt.cam.lift import Lift
+from camopt.scene.errors import InputError
+from camopt.scene.response import end_state
+from camopt.scene.rest import state_at_rest
+from camopt.scene.schema import Scene
+from camopt.scene.shapes import Float
+from camopt.scene.toml_text import scene_toml
+from camopt.scene.train import build_train
+from camopt.scene.units import MM
+from camopt.storage import write_text
+from camopt.verifier.outside_speeds import OutsideSpeed
+from camopt.verifier.verdict import method_named
+
+ENGINE = "Exudyn"
+AGREES_NM = 1.0
+"""How far two motions may differ [nm] beyond the error estimates of both."""
+NM = 1e-9
+JUMPS_MM = 0.05
+"""Beyond this jump the motion is chaotic within a revolution or two: only the first revolution is compared there."""
+REVOLUTIONS = 2
+PATIENCE_S = 300.0
+"""How long the judge may take for a speed [s]; a few seconds are usual."""
+SAMPLES = 720
+"""Equal parts of a revolution at whose ends the valve is compared."""
+DOP853_STEPS = 4 * SAMPLES
+"""With these DOP853's permitted error is 1e-8 of a motion, and an eighth of it with twice as many."""
+
+
+def require_outside() -> None:
+    """Raises InputError, with the remedy, where Exudyn is not installed."""
+    if find_spec("exudyn") is None:
+        raise InputError(
+            f"the judge from outside needs {ENGINE}, which is not installed: pip install 'camopt[outside]', "
+            f"or leave --outside away"
+        )
+
+
+def outside_motions(scene: Scene, lift: Lift, speeds_rpm: Sequence[float], *options: str) -> dict:
+    """The record of `python -m camopt.verifier.outside` for a scene and a cam at speeds (k) [r/min].
+
+    `options` go to it as they are. Raises InputError where Exudyn is missing or the judge refuses.
+    """
+    require_outside()
+    assert scene.design is not None, "a cam has a maximum lift"
+    with TemporaryDirectory() as folder:
+        files = [str(Path(folder) / name) for name in ("scene.toml", "design.json", "motion.json")]
+        write_text(files[0], scene_toml(scene))
+        write_design(files[1], lift, scene.design.max_lift_mm * MM)
+        asked = ["--speeds", *(repr(float(s)) for s in speeds_rpm), "--out", files[2], *options]
+        command = [sys.executable, "-m", "camopt.verifier.outside", *files[:2], *asked]
+        patience_s = PATIENCE_S * len(speeds_rpm)
+        try:
+            ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=patience_s)
+        except subprocess.TimeoutExpired:
+            raise InputError(
+                f"the judge from outside has no answer after {patience_s:g} s: ask for fewer speeds, or leave "
+                f"--outside away where contacts chatter"
+            ) from None
+        if ended.returncode == 2:
+            raise InputError(ended.stderr.strip())
+        if ended.returncode:
+            raise RuntimeError(f"the judge from outside broke off: {ended.stderr.strip()[-500:]}")
+        return json.loads(Path(files[2]).read_text(encoding="utf-8"))
+
+
+def valve_from_rest(
+    scene: Scene, lift: Lift, speed_rpm: float
+) -> tuple[Float[np.ndarray, "revolutions samples"], Float[np.ndarray, " revolutions"]]:
+    """Valve position [m] in the first revolutions from rest at SAMPLES + 1 equal angles, by camopt, and its error [m].
+
+    It is event-exact's motion where all laws are straight lines, and counts as exact. Otherwise it is DOP853's, and the
+    error is what twice the number of steps changed.
+    """
+    if build_train(scene).straight:
+        return _valve(scene, lift, speed_rpm, "event", SAMPLES), np.zeros(REVOLUTIONS)
+    coarse, fine = (_valve(scene, lift, speed_rpm, "dop853", n) for n in (DOP853_STEPS, 2 * DOP853_STEPS))
+    return fine, np.abs(fine - coarse).max(axis=1)
+
+
+def _valve(scene: Scene, lift: Lift, speed_rpm: float, method: str, steps: int) -> np.ndarray:
+    """Valve position [m] by a method at some steps per revolution, a multiple of SAMPLES."""
+    train = build_train(scene)
+    revolve = method_named(method)(train, lift, scene.cam_speed(speed_rpm), steps)
+    angles, state, rows = np.linspace(-np.pi, np.pi, SAMPLES + 1), state_at_rest(train), []
+    for _ in range(REVOLUTIONS):
+        found = revolve(state)
+        after = np.clip(np.searchsorted(found.angle, angles), 1, len(found.angle) - 1)
+        before = np.abs(found.angle[after - 1] - angles) < np.abs(found.angle[after] - angles)
+        rows.append(found.x[after - before, train.valve])
+        state = end_state(found)
+    return np.array(rows)
+
+
+def from_outside(scene: Scene, lift: Lift, speeds_rpm: Sequence[float]) -> tuple[OutsideSpeed, ...]:
+    """How far the judge's motions from rest are from camopt's at speeds (k) [r/min]; errors as of `outside_motions`."""
+    lift = as_written(lift)
+    found = outside_motions(scene, lift, speeds_rpm, "--revolutions", str(REVOLUTIONS), "--samples", str(SAMPLES))
+    return tuple(
+        compared(found["engine"], row, *valve_from_rest(scene, lift, row["speed_rpm"])) for row in found["speeds"]
+    )
+
+
+def compared(engine: str, row: dict, valve: np.ndarray, error: np.ndarray) -> OutsideSpeed:
+    """The judge's record of a speed beside what `valve_from_rest` gives."""
+    calm = all(figures["jump_mm"] < JUMPS_MM for figures in row["figures"])
+    count = len(valve) if calm else 1
+    difference = np.abs(np.array(row["valve_m"])[:count] - valve[:count]).max() / NM
+    stated = AGREES_NM + max(row["moved_nm"][:count]) + error[:count].max() / NM
+    return OutsideSpeed(row["speed_rpm"], engine, count, float(difference), float(stated))

@@ -1,0 +1,129 @@
+"""Bounce, jump, seating velocity and contact forces of recorded revolutions, read by the definitions of docs/model.md.
+
+The reading is the judge's own: between two steps of the solver a motion is the cubic through positions and velocities,
+looked at in a few more places.
+"""
+
+import numpy as np
+
+from camopt.verifier.outside.engine import FiledMotion
+from camopt.verifier.outside.filed import GROUND, MM, FiledCam, FiledElement, FiledTrain
+from camopt.verifier.outside.forces import NEVER_PULLS, force, lift, touch
+from camopt.verifier.outside.rest import compression
+
+BETWEEN = 4
+"""Places at which each step of the solver is looked at."""
+TURN = 2 * np.pi
+
+
+def sampled(motion: FiledMotion, mass: int, speed: float, angles: np.ndarray) -> np.ndarray:
+    """Position (k) [m] of a mass at angles (k) [rad] of a revolution."""
+    return hermite(motion.angle, motion.x[:, [mass]], motion.v[:, [mass]] / speed, angles)[0][:, 0]
+
+
+def hermite(angle: np.ndarray, y: np.ndarray, slope: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Cubics through values (k, n) and slopes (k, n) at angles (k): values and slopes (m, n) at angles (m)."""
+    i = np.clip(np.searchsorted(angle, at, "right") - 1, 0, len(angle) - 2)
+    h = (angle[i + 1] - angle[i])[:, None]
+    u = (at - angle[i])[:, None] / h
+    begin, end, by_begin, by_end = y[i], y[i + 1], h * slope[i], h * slope[i + 1]
+    rise = end - begin
+    b, c = 3 * rise - 2 * by_begin - by_end, by_begin + by_end - 2 * rise
+    return begin + u * (by_begin + u * (b + u * c)), (by_begin + u * (2 * b + 3 * u * c)) / h
+
+
+def way_from_cam(train: FiledTrain) -> list[FiledElement]:
+    """The elements from the one that the cam drives to the valve, the shortest way; none leads over the ground."""
+    ways = [(e.b, [e]) for e in train.elements if e.driven and e.b != GROUND]
+    while ways:
+        mass, path = ways.pop(0)
+        if mass == train.valve:
+            return path
+        for e in (e for e in train.elements if e not in path):
+            ends = [(e.a, e.b)] if e.contact else [(e.a, e.b), (e.b, e.a)]
+            ways += [(to, [*path, e]) for at, to in ends if at == mass and to != GROUND]
+    return []
+
+
+def figures(
+    train: FiledTrain, cam: FiledCam, speed: float, motions: list[FiledMotion], law: str = NEVER_PULLS
+) -> list[dict[str, float | None]]:
+    """Figures of every revolution of a record but its last, which only provides a window; a valve that has not touched
+    its seat has no bounce and no seating velocity."""
+    if len(motions) < 2:
+        raise ValueError("figures need two revolutions or more: the window of bounce runs into the next one")
+    angle, x, v, z = _joined(motions, speed)
+    height, slope = lift(cam, _within(angle), np.where)
+    between = [e for e in way_from_cam(train) if e.contact and e.law != "plunger"]
+    d = [compression(e, x, height) for e in between]
+    rate = [compression(e, v, slope * speed) + e.gap for e in between]
+    forces = [force(e, one, its_rate, np.where, law) for e, one, its_rate in zip(between, d, rate, strict=True)]
+    gaps = [touch(e) - one for e, one in zip(between, d, strict=True)]
+    memory = [e for e in train.elements if e.has_memory]
+    oils = [i for i, e in enumerate(memory) if e.law == "oil" and _on_way(train, e)]
+    seat = touch(train.seat) - compression(train.seat, x, height)
+    record = np.stack([angle, seat, height - sum(e.gap for e in between), z[:, oils].sum(axis=1)])
+    found = []
+    for nose in TURN * np.arange(len(motions) - 1):
+        event = np.abs(angle - nose) <= cam.duration / 2
+        bounce, seating = _closed(cam, nose, record, speed)
+        found.append(
+            {
+                "bounce_mm": bounce,
+                "seating_velocity_m_per_s": seating,
+                "jump_mm": max(0.0, *(float(gap[event].max()) for gap in gaps)) / MM,
+                "contact_force_min_N": min(float(f[event].min()) for f in forces),
+                "contact_force_max_N": max(float(f[event].max()) for f in forces),
+            }
+        )
+    return found
+
+
+def _on_way(train: FiledTrain, oil: FiledElement) -> bool:
+    """Whether an oil column stands beside a plunger between cam and valve."""
+    return any(e.law == "plunger" and f"{e.name}-oil" == oil.name for e in way_from_cam(train))
+
+
+def _within(angle: np.ndarray) -> np.ndarray:
+    """The angles brought into [-pi, pi)."""
+    return (angle + np.pi) % TURN - np.pi
+
+
+def _joined(motions: list[FiledMotion], speed: float) -> tuple[np.ndarray, ...]:
+    """Angle (k) [rad], going on from revolution to revolution, positions, velocities and memories of all of them."""
+    parts = []
+    for r, m in enumerate(motions):
+        share = np.arange(BETWEEN) / BETWEEN
+        at = (m.angle[:-1, None] + np.diff(m.angle)[:, None] * share).ravel()
+        x, slope = hermite(m.angle, m.x, m.v / speed, at)
+        z = np.array([np.interp(at, m.angle, column) for column in m.z.T]).reshape(-1, len(at)).T
+        parts.append((at + TURN * r, x, slope * speed, z))
+    angle, x, v, z = (np.concatenate(some) for some in zip(*parts, strict=True))
+    return angle, x, v, z
+
+
+def _closed(cam: FiledCam, nose: float, record: np.ndarray, speed: float) -> tuple[float | None, float | None]:
+    """Bounce [mm] and seating velocity [m/s] of the revolution whose nose is at the angle `nose`, None where the valve
+    never seats; a record (4, k) holds angle, distance from the seat, lift above the lash and what adjusters leaked."""
+    angle, s, above_lash, leaked = record
+    foot = float(cam.start[np.flatnonzero(np.any(cam.coefficients != 0.0, axis=1))[0]])
+    own = np.flatnonzero((angle >= nose - np.pi) & (angle < nose + np.pi))
+    peak = own[np.argmax(s[own])]
+    if s[peak] <= 0.0:
+        return 0.0, 0.0
+    window = np.arange(peak, np.searchsorted(angle, nose + TURN + foot))
+    falls = window[:-1][(s[window[:-1]] > 0.0) & (s[window[1:]] <= 0.0)]
+    if not len(falls):
+        return None, None
+    i = falls[0]
+    shorter = max(0.0, float(leaked[i] - np.interp(nose + foot, angle, leaked)))
+    last = own[above_lash[own] > shorter].max()
+    begin = min(_zero(angle, s, i), _zero(angle, above_lash - shorter, last))  # of the touch, of the nominal closing
+    after = window[angle[window] >= begin]
+    seating = (s[i] - s[i + 1]) / (angle[i + 1] - angle[i]) * speed
+    return max(0.0, float(np.interp(begin, angle, s)), float(s[after].max())) / MM, float(seating)
+
+
+def _zero(angle: np.ndarray, y: np.ndarray, i: int) -> float:
+    """The angle at which y (k) falls through zero, between places i and i + 1."""
+    return float(angle[i] + y[i] / (y[i] - y[i + 1]) * (angle[i + 1] - angle[i]))

@@ -1,0 +1,108 @@
+"""The laws of force and the lift as formulas that hold for numbers and for Exudyn's symbols alike.
+
+Both choose between branches by `pick(condition, value, other)`: NumPy's `where` for arrays, a symbolic IfThenElse for
+Exudyn, which compiles the formula into its own expression tree.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from camopt.verifier.outside.filed import FiledCam, FiledElement
+
+Pick = Callable[[Any, Any, Any], Any]
+NEVER_PULLS, MAY_PULL, DAMPING_UP_TO_SPRING = LAWS_OF_CONTACT = "never pulls", "may pull", "damping up to spring"
+"""What the damper of a contact may do: camopt's law; pull until the contact parts (Kodama's printed criterion, and
+Exudyn's own contact); push or pull no more than the spring pushes (Modelica's ElastoGap)."""
+
+
+def selected(x, borders: np.ndarray, piece: Callable[[int], Any], pick: Pick, first: int = 0):
+    """`piece(i)` where borders[i - 1] <= x < borders[i], for as many pieces as borders and one, by halving."""
+    if not len(borders):
+        return piece(first)
+    middle = len(borders) // 2
+    low = selected(x, borders[:middle], piece, pick, first)
+    return pick(x < float(borders[middle]), low, selected(x, borders[middle + 1 :], piece, pick, first + middle + 1))
+
+
+def polynomials(x, start: np.ndarray, coefficients: np.ndarray, pick: Pick):
+    """The polynomial of the piece in which x lies, at x."""
+
+    def piece(i: int):
+        s, value = x - float(start[i]), float(coefficients[i, -1])
+        for c in coefficients[i, -2::-1]:
+            value = value * s + float(c)
+        return value
+
+    return selected(x, start[1:], piece, pick)
+
+
+def lift(cam: FiledCam, angle, pick: Pick):
+    """Lift [m] at an angle [rad] in [-pi, pi] and its derivative [m/rad]."""
+    return polynomials(angle, cam.start, cam.coefficients, pick), polynomials(angle, cam.start, cam.slopes(), pick)
+
+
+def on_rows(x, rows: Sequence[tuple[float, float]], pick: Pick):
+    """Straight lines through rows of (x, y); those at the ends go on."""
+    at, y = np.array(rows).T
+    slope = np.diff(y) / np.diff(at)
+    return polynomials(x, at[:-1], np.stack([y[:-1], slope], axis=1), pick)
+
+
+def elastic(e: FiledElement, d, pick: Pick):
+    """Elastic force [N] of an element at a compression d [m]; of oil and friction d is less their memory."""
+    if e.law == "hertz":
+        depth = d + (e.preload / e.stiffness) ** (1.0 / e.exponent)
+        return e.stiffness * pick(depth > 0.0, depth, 0.0 * depth) ** e.exponent
+    if e.law == "progressive":
+        return e.preload + _integral(e.rows, d, pick)
+    if e.law in ("table", "plunger"):
+        return on_rows(d, e.rows, pick)
+    if e.law == "oil":
+        return e.stiffness * pick(d > e.travel, d - e.travel, 0.0 * d)
+    if e.law == "friction":
+        force = e.stiffness * d
+        return pick(force > e.slip, e.slip + 0.0 * d, pick(force < -e.slip, -e.slip + 0.0 * d, force))
+    return e.preload + e.stiffness * d
+
+
+def _integral(rows: Sequence[tuple[float, float]], d, pick: Pick):
+    """Integral from 0 to d of a stiffness that follows rows in straight lines and is constant beyond them."""
+    at, k = np.array(rows).T
+    start = np.concatenate([at[:1] - 1.0, at])
+    value = np.concatenate([k[:1], k])
+    slope = np.concatenate([[0.0], np.diff(k) / np.diff(at), [0.0]])
+    steps = np.diff(start) * (value[:-1] + 0.5 * np.diff(start) * slope[:-1])
+    area = np.concatenate([[0.0], np.cumsum(steps)])
+    pieces = np.stack([area, value, 0.5 * slope], axis=1)
+    return polynomials(d, start, pieces, pick) - float(polynomials(np.zeros(()), start, pieces, np.where))
+
+
+def force(e: FiledElement, d, rate, pick: Pick, law: str = NEVER_PULLS):
+    """Force [N] of an element by compression d [m] and its rate [m/s], with which it pushes its ends apart."""
+    p, damper = elastic(e, d, pick), e.damping * rate
+    if not e.contact:
+        return p + damper
+    if law == MAY_PULL:
+        pushing = p + damper
+    elif law == DAMPING_UP_TO_SPRING:
+        pushing = p + pick(damper > p, p, pick(damper < -p, -p, damper))
+    else:
+        pushing = pick(p + damper > 0.0, p + damper, 0.0 * p)
+    return pick(p > 0.0, pushing, 0.0 * p)
+
+
+def touch(e: FiledElement) -> float:
+    """Compression [m] at which a contact's elastic force falls to zero."""
+    if e.law == "hertz":
+        return -((e.preload / e.stiffness) ** (1.0 / e.exponent))
+    if e.law in ("table", "plunger"):
+        return float(on_rows(np.zeros(()), [(y, x) for x, y in e.rows], np.where))
+    if e.law == "progressive":
+        low, high = e.rows[0][0] - 1.0, e.rows[-1][0] + 1.0  # a metre beyond either end: the force rises throughout
+        for _ in range(200):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if elastic(e, np.array(middle), np.where) < 0.0 else (low, middle)
+        return low
+    return -e.preload / e.stiffness

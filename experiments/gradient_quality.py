@@ -1,0 +1,122 @@
+"""How right are gradients through a damped contact by what researchers use, beside the exact and the smooth path?
+
+First one mass that flies onto a damped contact and off again, whose end has a closed form: the derivatives of its end
+by speed, distance, damping and stiffness. Then `kodama` with its Polydyne: the seating velocity of a settled revolution
+by the heights of bumps on the cam, against central differences of the exact motion. A damped contact closes with a
+force that jumps by damping times speed, so that derivatives jump there too; a solver that merely switches its
+right-hand side does not know it. MuJoCo MJX is left out, with a line that says so, where it is not installed.
+"""
+
+import time
+from collections.abc import Callable
+from importlib.util import find_spec
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from camopt.cam.families.polydyne import polydyne
+from camopt.exact.adjoint.gradient import value_and_gradient
+from camopt.scene import load_scene
+from camopt.smooth.adaptive import adaptive_states
+from camopt.smooth.contact import RAMPS, Layer, SmoothingRamp
+from camopt.smooth.grid import equal_grid
+from camopt.smooth.metrics import revolution_metrics
+from camopt.smooth.scan import DrivenSystem
+from camopt.smooth.simulate import lift_samples, touch_layer
+from camopt.smooth.system import build_system
+from camopt.study.timing import fastest
+from experiments.gradient_batch import on_common_pieces
+from experiments.gradient_bias import compiled
+from experiments.support.gradient_ball import (
+    Answer,
+    diffrax_events,
+    diffrax_switch,
+    exact_path,
+    judged,
+    smooth_path,
+)
+from experiments.support.gradient_bumps import METRIC, Problem, against, exact_differences, exact_value, problem
+from experiments.support.gradient_mjx import mjx_contact, mjx_force
+from experiments.support.record import RESULTS, run_script, write_result
+
+WIDTHS = {"small": (1e-6,), "full": (1e-5, 1e-6, 1e-7)}
+"""Widths of the smooth path's layer [m]."""
+TOLERANCE = 1e-8
+MJX_STEPS = {"small": (500,), "full": (2000, 20_000)}
+REPEATS = {"small": 1, "full": 5}
+SPEED_RPM, BUMPS = 6000.0, {"small": 2, "full": 10}
+SAMPLES = 11_520
+"""Angles at which diffrax tells its motion: between them the touch of the seat is sought on cubics."""
+RAMPS["switch"] = SmoothingRamp(jax.nn.relu, lambda r: jnp.where(r > 0.0, 1.0, 0.0), 0.0, 1)
+"""No ramp at all: the law of the non-smooth model by `where`, through which diffrax is to step."""
+
+
+def main(size: str = "full", folder=RESULTS) -> dict:
+    """Errors, cosines and times; small: one width, two bumps and few steps."""
+    ball = [{"method": name, **judged(make(), REPEATS[size])} for name, make in ball_methods(size).items()]
+    train = of_kodama(size)
+    missing = [] if find_spec("mujoco") else ["MuJoCo MJX is not installed and is left out."]
+    content = {"ball": ball, "kodama": train, "metric": METRIC, "speed_rpm": SPEED_RPM, "missing": missing}
+    for row in [*ball, *train]:
+        print(row)
+    write_result("gradient_quality", size, content, {}, folder)
+    return content
+
+
+def ball_methods(size: str) -> dict[str, Callable[[], Callable[[], Answer]]]:
+    """What makes each method, by its name in the table."""
+    methods: dict[str, Callable[[], Callable[[], Answer]]] = {"exact path": lambda: exact_path}
+    methods |= {f"smooth path, {w:g} m": lambda w=w: smooth_path(w) for w in WIDTHS[size]}
+    methods["diffrax, switch by where"] = lambda: diffrax_switch(TOLERANCE)
+    methods["diffrax, two events"] = lambda: diffrax_events(TOLERANCE)
+    if find_spec("mujoco"):
+        for steps in MJX_STEPS[size]:
+            methods[f"MJX, its contact, {steps} steps"] = lambda steps=steps: mjx_contact(steps)
+            methods[f"MJX, the law as a force, {steps} steps"] = lambda steps=steps: mjx_force(steps)
+    return methods
+
+
+def of_kodama(size: str) -> list[dict]:
+    """The same question on `kodama`."""
+    scene = load_scene("kodama")
+    p = problem(scene, polydyne(scene), (SPEED_RPM,), BUMPS[size])
+    value, differences = exact_value(p, p.lift, 0), exact_differences(p, 0)
+    rows = [_row("exact path", lambda: exact(p), value, differences, REPEATS[size])]
+    bias = compiled(p, "refined", "float64")
+    for width in WIDTHS[size]:
+        rows.append(_row(f"smooth path, {width:g} m", lambda w=width: bias(w, 0), value, differences, REPEATS[size]))
+    switch = by_switch(p)
+    return [*rows, _row("diffrax, switch by where", switch, value, differences, REPEATS[size])]
+
+
+def _row(name: str, method: Callable, value: float, differences: np.ndarray, repeats: int) -> dict:
+    seconds, (found, gradient) = fastest(lambda: jax.block_until_ready(method()), repeats, time.perf_counter)
+    judged_ = against(np.asarray(gradient), differences)
+    return {"method": name, "value_error": abs(float(found) / value - 1), **judged_, "ms": 1e3 * float(seconds)}
+
+
+def exact(p: Problem) -> tuple[float, np.ndarray]:
+    """Value and gradient by the bumps (m), by the discrete adjoint."""
+    lift, bumps = on_common_pieces(p)
+    found = value_and_gradient(p.train, lift, p.cam_speeds[0], [METRIC], p.states[0], revolutions=2)
+    return float(found.values[0]), np.tensordot(found.by_coefficients[0], bumps, 2)
+
+
+def by_switch(p: Problem) -> Callable:
+    """Value and gradient by the bumps (m), by reverse mode through diffrax's Tsit5."""
+    system, angle = build_system(p.train), jnp.asarray(equal_grid(SAMPLES))
+    base, parts = jnp.asarray(lift_samples(p.lift)), jnp.asarray(np.stack([lift_samples(b) for b in p.bumps], -1))
+    layer, y0 = Layer(1e-12, ramp="switch"), jnp.asarray(p.states[0].reshape(2, -1))
+
+    def value(z):
+        motion = adaptive_states(DrivenSystem(system, base + parts @ z, p.cam_speeds[0]), y0, angle, layer, 1e-12)
+        shape = p.lift.half_duration, p.lift.opening_foot
+        return revolution_metrics(system, motion, p.cam_speeds[0], *shape, layer=touch_layer(1e-12))[METRIC]
+
+    both = jax.jit(jax.value_and_grad(value))
+    return lambda: both(jnp.zeros(len(p.bumps)))
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)

@@ -1,0 +1,178 @@
+"""Does an engine that nobody here wrote confirm the motions of camopt, and does it notice what is not so?
+
+Exudyn gets the scene file and the pieces of a design file alone (`camopt.verifier.outside`). The valve is compared at
+every half degree of the first two revolutions from rest; beyond a jump of 0.05 mm only in the first, since the motion
+is chaotic there. Settled figures are compared too, with event-exact's; where the motion wanders, as ranges. The cams
+are a draft's delivered design of each built-in scene that has one, and its Polydyne. Then ten small changes are made to
+what the judge is given, and each of them must show.
+"""
+
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from camopt.cam.design_file import as_written, read_design
+from camopt.cam.families.polydyne import polydyne
+from camopt.cam.lift import Lift
+from camopt.exact import prepare
+from camopt.optimizer.run import optimize
+from camopt.scene import InputError, Scene, build_train, builtin_scenes, load_scene
+from camopt.scene.rest import state_at_rest
+from camopt.verifier.accuracy import EFFORTS
+from camopt.verifier.from_outside import NM, compared, outside_motions, valve_from_rest
+from camopt.verifier.verdict import verdict_on
+from experiments.support.outside_changes import CHANGES
+from experiments.support.outside_figure import motion_figure
+from experiments.support.record import RESULTS, run_script, write_result
+
+FIGURES = "bounce_mm", "jump_mm", "seating_velocity_m_per_s", "contact_force_max_N"
+WITHIN_MM, WITHIN = 1e-4, 0.01
+"""How far settled figures may differ: lengths by so many millimetres, anything by this share of itself."""
+MEASURED = 4, 8
+"""Revolutions that are measured of a settled motion, and of one that wanders."""
+CHANGED, CHANGED_RPM = "kodama", 6000.0
+"""Scene and speed at which the judge is given something else."""
+DRAWN = ("kodama", 6000.0), ("exhaust-gas", 6000.0), ("finger-hydraulic", 6000.0)
+REPEATS = 5
+
+
+def main(size: str = "full", folder=RESULTS, runs: Path | str | None = None) -> dict:
+    """Differences from rest and of settled figures, what of the changes shows, and what the judge costs.
+
+    `runs` is a folder of run folders by the scenes' names, in place of designs that are made here.
+    """
+    with TemporaryDirectory() as made:
+        place = Path(runs or made)
+        if size == "small":
+            scene = load_scene("motori-1")
+            rows, cams = of_cam(scene, "polydyne", polydyne(scene), [5000.0]), {}
+            changes = changed(load_scene(CHANGED), polydyne(load_scene(CHANGED)), 2)
+        else:
+            scenes = [load_scene(name) for name in builtin_scenes() if load_scene(name).design]
+            cams = {scene.name: delivered(scene, place) for scene in scenes}
+            rows = [row for scene in scenes for row in of_scene(scene, cams[scene.name])]
+            changes = changed(load_scene(CHANGED), needed(cams[CHANGED]), len(CHANGES))
+    content = {"rows": rows, "changes": changes, "summary": summary(rows, changes)}
+    figures = {} if size == "small" else {"motion": motion_figure([_drawn(cams, *case) for case in DRAWN])}
+    print(content["summary"])
+    write_result("outside_judges", size, content, figures, folder)
+    return content
+
+
+def delivered(scene: Scene, runs: Path) -> Lift | None:
+    """The cam that a draft delivers for a scene; None where it finds none."""
+    run = runs / scene.name
+    if not run.is_dir():
+        try:
+            optimize(scene, accuracy="draft", out=run, compare=False)
+        except InputError as error:
+            print(f"{scene.name}: {error}")
+    return read_design(run / "design.json", scene) if (run / "design.json").is_file() else None
+
+
+def of_scene(scene: Scene, design: Lift | None) -> list[dict]:
+    """Rows of a scene's delivered cam, where there is one, and of its Polydyne."""
+    assert scene.operation is not None, "a scene with a design has one"
+    speeds = list(scene.operation.speeds_rpm)
+    rows = of_cam(scene, "design", design, speeds) if design else []
+    return rows + of_cam(scene, "polydyne", polydyne(scene), speeds)
+
+
+def of_cam(scene: Scene, cam: str, lift: Lift, speeds_rpm: list[float]) -> list[dict]:
+    """A row for each speed [r/min]."""
+    lift, rows = as_written(lift), []
+    verdict = verdict_on(scene, lift, tuple(speeds_rpm), ("event",), None, EFFORTS["draft"].demand)
+    for speed in verdict.speeds:
+        answer = speed.methods["event"]
+        measured = MEASURED[0] if answer.periodic else MEASURED[1]
+        options = "--settled", str(answer.revolutions), "--measured", str(measured)
+        found = outside_motions(scene, lift, [speed.speed_rpm], *options)
+        one = found["speeds"][0]
+        said = compared(found["engine"], one, *valve_from_rest(scene, lift, speed.speed_rpm))
+        settled = {
+            name: _beside(name, answer.range[name], answer.error[name], one["settled"], answer.periodic)
+            for name in FIGURES
+        }
+        ms = {"exudyn": 1e3 * one["seconds_per_revolution"], "event": revolution_ms(scene, lift, speed.speed_rpm)}
+        jump_mm = max(f["jump_mm"] for f in one["figures"])
+        row = {"scene": scene.name, "cam": cam, **said.as_dict(), "jump_mm": jump_mm, "tolerance": one["tolerance"]}
+        rows.append(row | {"periodic": answer.periodic, "settled": settled, "ms": ms})
+        print({key: rows[-1][key] for key in ("scene", "cam", "speed_rpm", "difference_nm", "stated_nm", "agrees")})
+    return rows
+
+
+def _beside(name: str, ours: tuple[float, float], error: float, theirs: list[dict], periodic: bool) -> dict:
+    """One settled figure on both sides: the range of each, and whether they are the same.
+
+    The worst revolution counts where the motion repeats itself; where it wanders, ranges must overlap. Our own stated
+    error is allowed for.
+    """
+    values = [np.nan if f.get(name) is None else f[name] for f in theirs]
+    low, high = min(values), max(values)
+    allowed = error + max(WITHIN * abs(ours[1]), WITHIN_MM if name.endswith("_mm") else 0.0)
+    if periodic:
+        same = abs(high - ours[1]) <= allowed
+    else:
+        same = low <= ours[1] + allowed and ours[0] <= high + allowed
+    return {"ours": list(ours), "theirs": [low, high], "off": abs(high - ours[1]), "same": bool(same)}
+
+
+def revolution_ms(scene: Scene, lift: Lift, speed_rpm: float) -> float:
+    """Least processor time of an event-exact revolution from rest [ms]."""
+    train = build_train(scene)
+    revolve, state, least = prepare(train, lift, scene.cam_speed(speed_rpm)), state_at_rest(train), np.inf
+    for _ in range(REPEATS):
+        begin = time.process_time()
+        revolve(state)
+        least = min(least, time.process_time() - begin)
+    return 1e3 * least
+
+
+def changed(scene: Scene, lift: Lift, count: int) -> list[dict]:
+    """What shows of the first `count` changes where the judge, and it alone, is given them."""
+    lift = as_written(lift)
+    valve, rows = valve_from_rest(scene, lift, CHANGED_RPM), []
+    for change in CHANGES[:count]:
+        given = change.scene(scene), as_written(change.cam(lift)), [CHANGED_RPM]
+        found = outside_motions(*given, "--law", change.law)
+        said = compared(found["engine"], found["speeds"][0], *valve)
+        rows.append({"change": change.name, **said.as_dict(), "noticed": not said.agrees})
+    return rows
+
+
+def summary(rows: list[dict], changes: list[dict]) -> dict:
+    """The claims as numbers."""
+    calm = [row for row in rows if row["revolutions"] == 2]
+    settled = [row for row in rows if row["periodic"]]
+    return {
+        "motions": len(rows),
+        "agree": sum(row["agrees"] for row in rows),
+        "calm": len(calm),
+        "calm_within_nm": max(row["difference_nm"] for row in calm),
+        "beyond_within_nm": max((r["difference_nm"] for r in rows if r["revolutions"] == 1), default=0.0),
+        "settled": len(settled),
+        "settled_same": sum(all(f["same"] for f in row["settled"].values()) for row in settled),
+        "wander": len(rows) - len(settled),
+        "wander_same": sum(all(f["same"] for f in r["settled"].values()) for r in rows if not r["periodic"]),
+        "noticed": sum(row["noticed"] for row in changes),
+        "changes": len(changes),
+    }
+
+
+def needed(cam: Lift | None) -> Lift:
+    assert cam is not None, "a draft delivers a cam for this scene"
+    return cam
+
+
+def _drawn(cams: dict[str, Lift | None], name: str, speed_rpm: float) -> dict:
+    """A motion of a delivered cam for the figure: the valve by camopt [m], and the judge's less that [nm]."""
+    scene, lift = load_scene(name), as_written(needed(cams[name]))
+    ours, _ = valve_from_rest(scene, lift, speed_rpm)
+    theirs = np.array(outside_motions(scene, lift, [speed_rpm])["speeds"][0]["valve_m"])
+    return {"title": f"{name}, {speed_rpm:.0f} r/min", "valve_m": ours, "off_nm": (theirs - ours) / NM}
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)

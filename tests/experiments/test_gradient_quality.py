@@ -1,0 +1,41 @@
+"""Gradients through a damped contact: the closed form is one, and who knows of the jump is right.
+
+The table of the experiment at its small size takes minutes of compilation; the ball alone shows the point.
+"""
+
+import numpy as np
+import pytest
+
+from experiments import gradient_quality
+from experiments.support import gradient_ball as ball
+
+
+def test_the_closed_form_conserves_momentum_by_its_coefficient_of_restitution():
+    """With little damping the speed turns round, and less damping turns round more of it."""
+    speeds = [ball.closed_form(np.array([2.0, 0.01, c, 1e6]))[1] for c in (1e-6, 100.0, 400.0)]
+    assert speeds[0] == pytest.approx(2.0, rel=1e-8)
+    assert speeds[0] > speeds[1] > speeds[2] > 0.0
+
+
+def test_the_exact_path_and_events_are_right_and_a_switch_is_not():
+    found = {name: ball.judged(make(), 1) for name, make in METHODS.items()}
+    assert found["exact path"]["relative_error"] < 1e-8  # the differences of the closed form
+    assert found["diffrax, two events"]["relative_error"] < 1e-5  # of a tolerance of 1e-8
+    assert found["diffrax, switch by where"]["value_error"] < 1e-5
+    assert found["diffrax, switch by where"]["relative_error"] > 1.0
+
+
+METHODS = {
+    "exact path": lambda: ball.exact_path,
+    "diffrax, switch by where": lambda: ball.diffrax_switch(1e-8),
+    "diffrax, two events": lambda: ball.diffrax_events(1e-8),
+}
+
+
+@pytest.mark.long
+def test_the_small_size(tmp_path):
+    content = gradient_quality.main("small", tmp_path)
+    by = {row["method"]: row for row in content["kodama"]}
+    assert by["exact path"]["relative_error"] < 1e-5
+    assert by["diffrax, switch by where"]["relative_error"] > 0.1
+    assert (tmp_path / "gradient_quality.json").is_file()
