@@ -17,6 +17,8 @@ ACCURACIES = ("draft", "standard", "fine")
 LESS_WANTED = (0.99, 0.97, 0.95, 0.9, 0.8, 0.7, 0.6, 0.5)
 """Yields that are asked for where a larger one was missed at the finest accuracy."""
 FEW_TRAINS = 200
+NAMED = 2
+"""Assumed numbers of the geometry that a sentence names; the others are counted."""
 
 
 def advice(run: RunFolder, scene: str, cam: str, assumed: Sequence[Hanging] = ()) -> list[dict[str, str]]:
@@ -86,7 +88,8 @@ def _to_the_grinder(run: RunFolder, share: str, assumed: Sequence[Hanging]) -> s
     guessed = geometry.get("assumed") if isinstance(geometry, dict) else None
     names = [label_and_unit(str(key))[0] for key in guessed] if isinstance(guessed, list) else []
     parts = [f"of the train first {first_to_measure(assumed)}"] if assumed else []
-    parts += [f"of the geometry {', '.join(names)}"] if names else []
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    parts += [f"of the geometry {', '.join(names[:NAMED])}{more}"] if names else []
     scatters = run.scene.get("tolerance") or run.scene.get("grinding")
     held = f"; {share}" if share else "" if scatters else "; the scene does not say how trains differ"
     if not parts:

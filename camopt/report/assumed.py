@@ -23,7 +23,7 @@ from camopt.scene.train import build_train
 
 MOVED = 0.1
 """Share by which each number is moved: what a guess may well be off by."""
-MOST_SHOWN = 4
+MOST_SHOWN = 2
 """Names in the sentence on what to measure first."""
 
 

@@ -57,7 +57,7 @@ def test_the_table_and_the_sentence_name_them_in_order():
         ["seat.damping_N_s_per_m", "500", "bounce", "50 %", "no motion that counts"],
         ["m1.mass_kg", "0.1", "bounce", "50 %", "80 %"],
     ]
-    said = "seat.damping_N_s_per_m, m1.mass_kg, m2.mass_kg, m3.mass_kg and 2 more, ranked in the valve train's section"
+    said = "seat.damping_N_s_per_m, m1.mass_kg and 4 more, ranked in the valve train's section"
     assert first_to_measure(found) == said
     assert first_to_measure(found[:2]) == "seat.damping_N_s_per_m, m1.mass_kg" and first_to_measure([]) == ""
 
