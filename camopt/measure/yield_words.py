@@ -78,6 +78,19 @@ def spoiling_sentences(record: Mapping[str, Any]) -> list[str]:
     return sentences
 
 
+def ideal_sentence(record: Mapping[str, Any]) -> str:
+    """What the largest cam for the train as designed would have, and in what share it holds; empty where none stands
+    beside the cam."""
+    ideal = _mapped(record.get("ideal"))
+    if not all(is_number(ideal.get(key)) for key in ("area_ratio", "share", "trains")):
+        return ""
+    held = f"{100 * ideal['share']:.3g} % of {ideal['trains']:g} trains"
+    return (
+        f"the largest cam for the train as designed has an area ratio of {ideal['area_ratio']:.5f} by the search's own "
+        f"judge and holds in {held}: it lies in ideal/"
+    )
+
+
 def counted_trains(trains: float) -> str:
     """`1 train`, `12 trains`."""
     return f"{trains:g} train{'' if trains == 1 else 's'}"

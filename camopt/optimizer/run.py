@@ -226,27 +226,21 @@ class _OpenRun:
         assert search.first is not None, "a search with a cam has ended its first stage"
         return search.confirmed, search.first
 
-    def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam]:
-        """The same of the search for yield; the second cam is the best for which nothing was differentiated."""
+    def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], None]:
+        """The same of the search for yield, which has no program alone."""
         from camopt.optimizer.as_built.design import EFFORTS, yield_search
         from camopt.optimizer.as_built.journal import TrainsLog
 
         asked = self.settings
         with self.clock.stage("yield_search"):
-            search = yield_search(
-                self.scene,
-                asked["yield"],
-                EFFORTS[asked["accuracy"]],
-                gradient=asked["gradient"],
-                seed=asked["seed"],
-                log=TrainsLog(folder),
-                show=shown.step,
-            )
+            how = {"gradient": asked["gradient"], "seed": asked["seed"], "log": TrainsLog(folder), "show": shown.step}
+            search = yield_search(self.scene, asked["yield"], EFFORTS[asked["accuracy"]], **how)
         self.found = {"cams_judged": search.steps, "trains_drawn": search.trains_drawn}
-        return search.held, search.held[0]
+        return search.held, None
 
     def state_yield(self, folder: Path, lift: Lift, verdict: Verdict, shown: Progress) -> "YieldStatement | None":
         """What fresh trains say of the cam, written into verification.json; None where nothing scatters."""
+        from camopt.optimizer.as_built.ideal import write_ideal
         from camopt.optimizer.as_built.statement import statement_of_run
         from camopt.optimizer.baselines.comparison import NO_JERK, plain_baselines
 
@@ -257,8 +251,9 @@ class _OpenRun:
         with self.clock.stage("yield"):
             asked = {"baselines": baselines, "advance": shown.advance}
             stated = statement_of_run(self.scene, lift, self.settings, folder, **asked)
+            ideal = {"ideal": write_ideal(self.scene, self.settings, folder)} if "yield" in self.settings else {}
         if stated is not None:
-            write_json(folder / "verification.json", verdict.as_dict() | {"yield": stated.as_dict()})
+            write_json(folder / "verification.json", verdict.as_dict() | {"yield": stated.as_dict() | ideal})
             self.write_provenance(folder)
         return stated
 

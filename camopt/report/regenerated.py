@@ -126,7 +126,11 @@ def _trains_anew(run: RunFolder, scene: Scene, lift: Lift, settings: dict) -> di
     if "yield" not in run.verification:
         return {}
     stated = statement_of_run(scene, lift, {"seed": 0} | settings, None)
-    return {} if stated is None else {"yield": stated.as_dict() | {"baselines": run.built.get("baselines", {})}}
+    return (
+        {}
+        if stated is None
+        else {"yield": stated.as_dict() | {key: run.built[key] for key in ("baselines", "ideal") if key in run.built}}
+    )
 
 
 def _apart(file: str, stated: Any, found: Any) -> list[str]:
