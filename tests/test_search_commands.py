@@ -28,7 +28,7 @@ class TestVerbsThatSearch:
 
         def verify(scene, lift, **options):
             asked.update(options, scene=scene.name, family=lift.family)
-            return Shown(verdict=verdict, as_dict=lambda: content)
+            return Shown(verdict=verdict, as_dict=lambda: content, outside=())
 
         monkeypatch.setattr("camopt.verifier.accuracy.verify", verify)
         file = tmp_path / "v.json"
@@ -53,6 +53,7 @@ class TestVerbsThatSearch:
             "methods": "rkg",
             "accuracy": "standard",
             "progress": True,
+            "outside": False,
         }
         assert json.loads(file.read_text()) == content
         assert out == "the verdict in words\n"  # what it says: tests of `Verdict`

@@ -11,7 +11,7 @@ def test_small_size(tmp_path, capsys):
     content = job_time.main("small", tmp_path)
     (row,) = content["cases"].values()
     assert row["exit_code"] == 0 and row["area_ratio"] > 0.5
-    assert list(row["stages"]) == ["bound", "search", "verdict", "comparison"]
+    assert list(row["stages"]) == ["bound", "search", "verdict", "yield", "comparison"]
     spent = sum(stage["processor_s"] for stage in row["stages"].values())
     assert 0 < spent < row["processor_s"] and row["loop_s"] > 0
     for stage in row["stages"].values():

@@ -91,7 +91,10 @@ class SmoothForces:
                 break
         force = np.asarray(paths.force)[:, self._at]
         if not np.all(np.isfinite(force)):
-            raise NoCamFound("the smoothed motion with tied contacts grows without bound in a drawn train")
+            raise NoCamFound(
+                "the smoothed motion with tied contacts grows without bound in a drawn train: give elements more "
+                "damping_N_s_per_m, or make the tolerances narrower"
+            )
         self._starts += list(start)
         return np.moveaxis(force, (3, 2), (1, 2))
 
