@@ -15,6 +15,7 @@ from camopt.optimizer.as_built.openings import STEP
 from camopt.optimizer.program.force_rows import Window
 from camopt.optimizer.program.periodic import LIFT_DERIVATIVES, CamSamples, periodic_response, sample_cam
 from camopt.optimizer.program.phases import static_angles
+from camopt.scene.errors import NoCamFound
 from camopt.scene.train import Train
 
 
@@ -36,7 +37,8 @@ class ExactForces:
 
     def __init__(self, trains: Sequence[TrainAsBuilt], nominal: Train, cam: FreeCam, cam_speeds: np.ndarray):
         window, top = Window(), float(cam.breaks[0])
-        last = static_angles(nominal, cam).seat_closes - window.before_seat - top
+        self._usual = static_angles(nominal, cam)
+        last = self._usual.seat_closes - window.before_seat - top
         self.theta = top + STEP * np.arange(np.ceil(window.after_top / STEP - 1e-9), np.floor(last / STEP) + 1)
         shape = len(trains), cam_speeds.shape[1], len(nominal.cam_side), len(self.theta), 1 + cam.Z.shape[1]
         self._forces = np.empty(shape, dtype=np.float32)
@@ -49,7 +51,10 @@ class ExactForces:
 
     def _put(self, found: np.ndarray, one: TrainAsBuilt, cam: FreeCam, cam_speeds: np.ndarray) -> None:
         """Puts those of one train in their place (s, c, k, 1 + m)."""
-        angles = static_angles(one.train, cam)
+        try:
+            angles = static_angles(one.train, cam)
+        except NoCamFound:  # its lash is larger than the ramp is high: it hits, and event-exact judges how hard
+            angles = self._usual
         samples = sample_cam(cam, angles, STEP)
         error = _error_samples(one, cam, samples)
         at = np.searchsorted(samples.edges, self.theta - 1e-9)

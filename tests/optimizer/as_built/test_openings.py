@@ -1,5 +1,7 @@
 """Openings foretold from tied forces, these forces, and the program on them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -13,6 +15,7 @@ from camopt.optimizer.as_built.tied_forces import ExactForces
 from camopt.optimizer.program.periodic import periodic_response, sample_cam
 from camopt.optimizer.program.phases import LIFTED, incidence, phase_contacts, static_angles
 from camopt.scene import load_scene
+from camopt.scene.errors import NoCamFound
 from camopt.scene.train import build_train
 
 
@@ -97,3 +100,17 @@ def test_no_train_that_is_kept_opens_more_than_its_limit(kodama):
         assert np.all(worst[~program.kept] > limit)
         areas.append(found.area_ratio)
     assert areas[0] < areas[1] < areas[2]
+
+
+def test_a_train_whose_lash_no_ramp_takes_has_forces_at_the_usual_angles(kodama):
+    """Twice the tolerances ended the search with the sentence that is meant for a scene."""
+    plain, z, speeds, trains, _ = kodama
+    one = trains[0]
+    lash = int(np.argmax(one.train.gap))
+    gap = one.train.gap.copy()
+    gap[lash] += 2e-4
+    wide = replace(one, train=replace(one.train, gap=gap))
+    with pytest.raises(NoCamFound, match="must lie on the opening ramp"):
+        static_angles(wide.train, plain.cam)
+    found = ExactForces([wide], plain.train, plain.cam, speeds[:1]).about(z)
+    assert np.all(np.isfinite(found)) and found[0, ..., 0].max() > 0.0
