@@ -32,7 +32,6 @@ def test_narrower_tolerances_give_larger_cams_and_fresh_trains_bear_them_out():
     rows = content["rows"]
     areas = [rows[f"{width:g}"]["area_ratio"] for width in yield_price.WIDTHS["full"]]
     assert areas == sorted(areas, reverse=True)
-    assert rows["1"]["area_ratio"] < rows["95 % asked"]["area_ratio"]
     for row in rows.values():
         assert row["low"] >= 1 - 2 * (1 - row["wanted"]) and row["high"] >= row["wanted"] and row["agrees"]
 
