@@ -217,7 +217,7 @@ class _OpenRun:
         except NoCamFound as none:
             return [], None, str(none)
 
-    def _cams(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam]:
+    def _cams(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam | None]:
         """The confirmed cams of the search, each larger than the one before, and the best of the program alone."""
         asked, log = self.settings, Logbook(Journal(folder), shown.step, self.clock)
         how = {"log": log, "start": self.start, "seed": asked["seed"]}
@@ -226,7 +226,7 @@ class _OpenRun:
         assert search.first is not None, "a search with a cam has ended its first stage"
         return search.confirmed, search.first
 
-    def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], None]:
+    def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam | None]:
         """The same of the search for yield, which has no program alone."""
         from camopt.optimizer.as_built.design import EFFORTS, yield_search
         from camopt.optimizer.as_built.journal import TrainsLog
