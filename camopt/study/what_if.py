@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from camopt.cam.lift import Lift
-from camopt.measure.limits import motion_limits
 from camopt.optimizer.accuracy import accuracy_named
+from camopt.optimizer.as_built.wanted import has_a_yield
 from camopt.optimizer.candidates import Families, full_verdict, largest_confirmed
 from camopt.optimizer.search.search import find_cam
 from camopt.scene import InputError, Scene, parse_scene
@@ -118,8 +118,7 @@ def changed_scene(
 
 def _outcome(scene: Scene, cam: Lift, trains: int) -> CamOutcome:
     verdict = full_verdict(scene, cam, "band", accuracy_named("draft"))
-    scatters = bool(scene.tolerance or scene.grinding) and bool(motion_limits(scene.design))
-    share = 100 * manufacturing_yield(scene, cam, trains).share.share if scatters else None
+    share = 100 * manufacturing_yield(scene, cam, trains).share.share if has_a_yield(scene) else None
     assert scene.design is not None, "load_scene(..., need='design') guarantees it"
     ratio, area = cam.area_ratio_in(scene.design), cam.area / MM / DEG
     starts = verdict.first_jump_rpm, verdict.first_bounce_rpm

@@ -16,10 +16,9 @@ from camopt.exact.settled import settled_metrics
 from camopt.measure.as_built import TrainAsBuilt, trains_as_built
 from camopt.measure.limits import MotionLimit, motion_limits
 from camopt.optimizer.as_built.track import WORKERS
-from camopt.optimizer.search.judge import MEASURES, SETTLES, next_starts
+from camopt.optimizer.search.judge import MEASURES, most_to_settle, next_starts
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
-from camopt.scene.settled import PLAIN_REVOLUTIONS
 from camopt.scene.train import build_train
 
 SPEEDS, STAGGER = 11, 4
@@ -106,14 +105,13 @@ class DrawnTrains:
 
     def _one(self, lift: Lift, t: int, at: np.ndarray) -> None:
         one, starts = self.trains[t], self.states[t, at]
-        most = PLAIN_REVOLUTIONS if one.train.memory else SETTLES
         found = settled_metrics(
             [one.train],
             [one.cam(lift)],
             self.speeds(t)[at].tolist(),
             starts=starts,
             decay=np.inf,
-            most=most,
+            most=most_to_settle(one.train),
             measured=MEASURES,
             workers=1,
         )

@@ -35,11 +35,4 @@ def write_ideal(scene: Scene, settings: Mapping[str, Any], folder: Path) -> dict
     write_design(place / "design.json", cam.lift, scene.design.max_lift_mm * MM)
     write_lift_table(place / "lift.csv", lift)
     stated = yield_statement(scene, lift, None, trains=TRAINS, speeds=SPEEDS, seed=settings["seed"], sample=0)
-    share = stated.share
-    return {
-        "area_ratio": cam.area_ratio,
-        "share": share.share,
-        "low": share.low,
-        "high": share.high,
-        "trains": share.trains,
-    }
+    return {"area_ratio": cam.area_ratio, **vars(stated.share)}

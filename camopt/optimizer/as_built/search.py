@@ -78,7 +78,7 @@ class YieldSearch:
         """Whether enough of the trains hold the last cam, as far as they were judged."""
         return self.drawn.failing <= self.allowed
 
-    def consider(self, stage: str, found: NoJumpOptimum) -> bool:
+    def consider(self, found: NoJumpOptimum) -> bool:
         """Judges a cam, keeps it if it is the largest that enough trains hold, and reports the step."""
         drawn, self.steps = self.drawn, self.steps + 1
         if not self.log.recalled(self.steps, found.z, drawn):
@@ -88,7 +88,7 @@ class YieldSearch:
             self.held.append(found)
         line = {
             "iteration": self.steps,
-            "stage": stage,
+            "stage": LEVELS,
             "area_ratio": found.area_ratio,
             "area_mm_deg": found.lift.area / MM / DEG,
             "trains": len(drawn.trains),
@@ -147,7 +147,7 @@ class YieldSearch:
             self.program.keep(max(-level, 0.0) * NEWTONS)
             found = self.program.largest(z, max(level, 0.0) * jump, lost, box)
             z, area, before = found.z, found.area_ratio, low
-            if self.consider(LEVELS, found):
+            if self.consider(found):
                 low = level, area
             elif level <= LOWEST_LEVEL:
                 raise self._none_holds()

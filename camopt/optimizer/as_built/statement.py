@@ -10,12 +10,12 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.measure.as_built import TrainAsBuilt, trains_as_built
-from camopt.measure.limits import motion_limits
 from camopt.measure.looks import Looks
 from camopt.measure.yield_words import ADVISED, asked_sentence, share_sentence, spoiling_sentences
 from camopt.measure.yields import Share, UsedLimits, blame, share_of, yield_record
 from camopt.optimizer.as_built.measured import TrainsJournal, cam_digest, measure_trains
 from camopt.optimizer.as_built.track import Track, track
+from camopt.optimizer.as_built.wanted import has_a_yield
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 from camopt.verifier.verdict import verdict_on
@@ -100,7 +100,7 @@ class YieldStatement:
             **yield_record(self.used, self.share, self.seed, self.blame),
             "independent": list(self.independent),
             "baselines": {
-                name: _of(found) if isinstance(found, Share) else {"reason": found}
+                name: dict(vars(found)) if isinstance(found, Share) else {"reason": found}
                 for name, found in self.baselines.items()
             },
         }
@@ -118,10 +118,6 @@ class YieldStatement:
         return "<br>".join(self.sentences)
 
 
-def _of(share: Share) -> dict:
-    return {"share": share.share, "low": share.low, "high": share.high, "trains": share.trains}
-
-
 def statement_of_run(
     scene: Scene,
     lift: Lift,
@@ -137,7 +133,7 @@ def statement_of_run(
     Trains are stored in the folder, if any, as they are judged, and an interrupted statement goes on there. `baselines`
     are asked for where a yield is wanted; where none is, no independent method judges any of the trains.
     """
-    if not motion_limits(scene.design) or not (scene.tolerance or scene.grinding):
+    if not has_a_yield(scene):
         return None
     assert scene.operation is not None, "load_scene(..., need=...) guarantees it"
     effort, wanted = STATED_BY[settings["accuracy"]], settings.get("yield")

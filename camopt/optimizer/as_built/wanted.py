@@ -5,6 +5,11 @@ from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 
 
+def has_a_yield(scene: Scene) -> bool:
+    """Whether a scene says how trains as built scatter, and limits their motion."""
+    return bool(scene.tolerance or scene.grinding) and bool(motion_limits(scene.design))
+
+
 def check_scatter(scene: Scene) -> None:
     """Raises InputError for a scene whose trains as built would all be the same one."""
     if not scene.tolerance and scene.grinding is None:

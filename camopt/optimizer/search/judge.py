@@ -12,7 +12,7 @@ from camopt.scene.quantities import LESS_IS_WORSE
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.settled import PLAIN_REVOLUTIONS
-from camopt.scene.train import build_train
+from camopt.scene.train import Train, build_train
 
 WATCHED_SHARE = 0.4
 """Part of a limit from whose use on the speeds beside one are judged too, where not all are."""
@@ -71,6 +71,11 @@ def next_starts(states: np.ndarray, share: np.ndarray, anew: np.ndarray) -> np.n
     """
     holds = share.max(axis=0, initial=0.0)[:, None] <= 1.0
     return np.where(holds & np.isfinite(states), states, anew)
+
+
+def most_to_settle(train: Train) -> int:
+    """Revolutions that a motion of a train may take to settle from the state of the cam judged before."""
+    return PLAIN_REVOLUTIONS if train.memory else SETTLES
 
 
 class Judge:
@@ -133,14 +138,13 @@ class Judge:
         """Figures, settled state and whether the motion repeats itself, at the speeds of the indices `at`."""
         names = dict.fromkeys(("bounce_mm", *(n for n, _ in motion_limits(self.scene.design).values())))
         speeds = [self.scene.cam_speed(s) for s in self.speeds_rpm[at]]
-        most = PLAIN_REVOLUTIONS if self._train.memory else SETTLES
         found = settled_metrics(
             [self._train],
             [lift],
             speeds,
             starts=self._states[at],
             decay=np.inf,
-            most=most,
+            most=most_to_settle(self._train),
             measured=MEASURES,
             workers=self._workers,
         )

@@ -66,7 +66,7 @@ class Levels:
 def test_the_limit_on_openings_is_bisected_to_the_largest_that_holds(monkeypatch, first, most):
     search = YieldSearch(DrawnTrains(SCENE, 0), Levels(), 0.9)
 
-    def consider(_, cam):
+    def consider(cam):
         search.held += [cam] if cam.area_ratio <= most else []
         return cam.area_ratio <= most
 
