@@ -6,11 +6,10 @@ from typing import Any
 
 from camopt.scene.design import Design
 from camopt.scene.errors import InputError
-from camopt.scene.row_numbers import RATE, number_of
+from camopt.scene.parameters import RATE, number_of, valve_spring
 from camopt.scene.schema import Scene
 from camopt.scene.tolerances import Tolerance
 from camopt.scene.train import build_train
-from camopt.scene.valve_spring import valve_spring
 
 NO_JUMP, KINEMATIC = "no-jump", "kinematic"
 PROGRAMS = (NO_JUMP, KINEMATIC)

@@ -8,10 +8,10 @@ from typing import Any
 from camopt.designer.controls import DESIGN, NO_JUMP, Control, lash_element, tolerance_key
 from camopt.scene.errors import InputError
 from camopt.scene.faults import checked
+from camopt.scene.parameters import SceneNumber, with_numbers, with_spring
 from camopt.scene.schema import Scene
 from camopt.scene.table import LARGEST
 from camopt.scene.text_file import excerpt
-from camopt.scene.valve_spring import with_spring
 
 NEEDED = ("valve", "seat", "operation", "design")
 LONGEST_KEY = 80
@@ -101,12 +101,10 @@ def _with_train(scene: Scene, values: Mapping[str, Any]) -> Scene:
     factors = [values.get(f"spring_{number}_percent", 100.0) / 100.0 for number in ("rate", "preload")]
     if factors != [1.0, 1.0]:
         scene = with_spring(scene, *factors)
-    at = lash_element(scene)
-    if "lash_mm" not in values or values["lash_mm"] == scene.element[at].gap_mm:
+    lash = SceneNumber("element", lash_element(scene), "gap_mm")
+    if values.get("lash_mm", lash.of(scene)) == lash.of(scene):
         return scene
-    elements = list(scene.element)
-    elements[at] = elements[at].model_copy(update={"gap_mm": values["lash_mm"]})
-    return scene.model_copy(update={"element": tuple(elements)})
+    return with_numbers(scene, {lash: values["lash_mm"]})
 
 
 def _as_built(scene: Scene, values: Mapping[str, Any]) -> dict[str, Any]:
