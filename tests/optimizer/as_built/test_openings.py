@@ -92,7 +92,7 @@ def test_no_train_that_is_kept_opens_more_than_its_limit(kodama):
     areas = []
     for lost, limit in ((0, 2e-5), (0, 4e-5), (3, 4e-5)):
         program = OpeningsProgram(plain, source.theta, speeds, source.about(z))
-        found = program.largest(z, limit, lost)
+        found = program.largest(z, np.full(program.cam_speeds.shape, limit), lost)
         cases = np.argwhere(np.ones((len(trains), 2), dtype=bool))
         worst = program.foretold(found.z, cases).max(axis=(1, 2)).reshape(-1, 2).max(axis=1)
         assert np.sum(~program.kept) == lost
