@@ -14,9 +14,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from camopt.autodiff.exact_rule import exact_metrics
-from camopt.autodiff.families import DifferentiableCam, differentiable
-from camopt.autodiff.smooth_rule import differentiable_motion
 from camopt.cam.lift import Lift
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import MotionLimit, motion_limits
@@ -24,6 +21,9 @@ from camopt.optimizer.ascent.train_variables import TrainVariables
 from camopt.scene import QUANTITIES, InputError, Scene, Train, build_train
 from camopt.scene.spelling import did_you_mean
 from camopt.scene.units import DEG, MM
+from camopt.smooth.exact_rule import exact_metrics
+from camopt.smooth.families import DifferentiableCam, differentiable
+from camopt.smooth.smooth_rule import differentiable_motion
 
 AREA_RATIO = "area_ratio"
 AIM = 0.8
