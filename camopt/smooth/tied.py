@@ -124,16 +124,27 @@ class TiedSystem(eqx.Module):
 def tied_system(train: Train) -> TiedSystem:
     """The system of a train with the tangents of its contacts between cam and valve."""
     system, on = build_system(train), np.array(train.cam_side)
-    low, high = np.zeros(len(train.stiffness)), np.full(len(train.stiffness), 1e-2)
-    for _ in range(60):  # every elastic law grows
-        middle = 0.5 * (low + high)
-        below = np.asarray(system.elastic(jnp.asarray(middle))) < TANGENT_N
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
-    begin = jnp.asarray(high if train.laws is not None else np.zeros_like(high))
-    force, slope = jax.jvp(system.elastic, (begin,), (jnp.ones_like(begin),))
     closed = train.compression(rest_position(train), 0.0)[on] >= train.touch_compression[on] - 1e-12
     at_rest = closed & ~closed.all()
-    return TiedSystem(system, (begin[on], force[on], slope[on]), jnp.asarray(at_rest, float))
+    begin, force, slope = (part[on] for part in _tangents(system))
+    return TiedSystem(system, (begin, force, slope), jnp.asarray(at_rest, float))
+
+
+@jax.jit
+def _tangents(system: System) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Compression (e) [m], force [N] and stiffness [N/m] where each element's tangent begins: at zero where all laws
+    are linear, else where the elastic force, which grows, has come to `TANGENT_N`."""
+    begin = jnp.zeros_like(system.stiffness)
+    if system.laws is not None:
+
+        def halve(_, bracket):
+            low, high = bracket
+            middle = 0.5 * (low + high)
+            below = system.elastic(middle) < TANGENT_N
+            return jnp.where(below, middle, low), jnp.where(below, high, middle)
+
+        _, begin = jax.lax.fori_loop(0, 60, halve, (begin, jnp.full_like(begin, 1e-2)))
+    return (begin, *jax.jvp(system.elastic, (begin,), (jnp.ones_like(begin),)))
 
 
 class TiedPaths(NamedTuple):
@@ -175,7 +186,6 @@ def tied_paths(tied: TiedSystem, samples, cam_speed, y0, event, tie, layer: Laye
         lift, lift_dt, share = drive(theta)
         return tied.rate(y, lift, lift_dt, layer, share, tied.system.push(theta)) / cam_speed[None, None]
 
-    @partial(jax.checkpoint, prevent_cse=False)  # the way back repeats a step's stages, which would fill the memory
     def step(y, ends):
         y = low_storage_step(rate, y, ends[0], ends[1] - ends[0], parts)
         lift, lift_dt, share = drive(ends[1])
@@ -183,7 +193,8 @@ def tied_paths(tied: TiedSystem, samples, cam_speed, y0, event, tie, layer: Laye
         return y, (tied.force(y, lift, lift_dt, layer, share)[on], -u[on], -u[tied.system.topology.seat])
 
     grid = jnp.asarray(equal_grid(samples.shape[0] - 1), y0.dtype)
-    end, paths = jax.lax.scan(step, y0, (grid[:-1], grid[1:]))
+    repeated = jax.checkpoint(step, prevent_cse=False)  # the stages of all steps would fill the memory on the way back
+    end, paths = jax.lax.scan(repeated, y0, (grid[:-1], grid[1:]))
     return TiedPaths(*paths, end)
 
 

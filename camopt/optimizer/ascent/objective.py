@@ -112,7 +112,11 @@ class BoundObjective:
         return self.value_and_terms(parameters)[0]
 
     def value_and_terms(self, parameters: Mapping[str, Any]) -> tuple[jax.Array, Terms]:
-        """The number to maximise, and its parts."""
+        """The number to maximise, and its parts, by one program that is kept on disk."""
+        return _value_and_terms(self, dict(parameters))
+
+    def computed(self, parameters: Mapping[str, Any]) -> tuple[jax.Array, Terms]:
+        """The same, operation by operation."""
         asked = self.objective
         own = {name: jnp.asarray(value, dtype=float) for name, value in parameters.items()}
         factors = own.pop("train", jnp.ones(len(self.train.names)))
@@ -168,6 +172,9 @@ class BoundObjective:
         varies = trains[0].parameters if asked.trains or self.train.names else ()
         numbers = {name: np.array([t.parameters[name] for t in trains for _ in speeds]) for name in varies}
         return numbers, np.tile(speeds, len(trains))
+
+
+_value_and_terms = jax.jit(BoundObjective.computed, static_argnums=0)
 
 
 def objective(
