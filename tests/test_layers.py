@@ -167,9 +167,6 @@ CIRCULAR = {
     ("camopt.cam.families.free_limits", "camopt.cam.families.free"),
     ("camopt.cam.families.radius_rows", "camopt.cam.families.free"),
     ("camopt.cam.waves", "camopt.cam.families.free"),
-    ("camopt.verifier.record", "camopt.verifier.at_speed"),
-    ("camopt.verifier.record", "camopt.verifier.verdict"),
-    ("camopt.verifier.display", "camopt.verifier.verdict"),
     ("camopt.designer.saving", "camopt"),
 }
 """Imports that close a circle of files: the importer and what it imports. No import may join them, and one that closes

@@ -125,7 +125,7 @@ def verify(args: Namespace) -> int:
     if report.outside and run and args.cam == args.scene:
         from camopt.report import write_report
 
-        write_json(run / "outside.json", [one.as_dict() for one in report.outside])
+        write_json(run / "outside.json", list(report.outside))
         print(f"report: {write_report(run)}")
     return 0 if report.verdict == "confirmed" else 3
 
