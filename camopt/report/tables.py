@@ -7,10 +7,9 @@ from pathlib import Path
 
 from camopt.optimizer.baselines.comparison_table import FAILED, NO_JERK
 from camopt.plots.style import DESIGN, cam_line, family_of
-from camopt.report.folder import RunFolder, comparison_rows
+from camopt.report.folder import RunFolder, bounce_error_um, comparison_rows
 from camopt.report.outcome import broken_limits, broken_words
 from camopt.report.wording import VERDICTS, as_number, cell, label_and_unit, shown
-from camopt.report.worst import bounce_error_um, judged_speeds, worst_of
 from camopt.scene.quantities import QUANTITIES, is_number
 from camopt.verifier.methods import METHOD_NAMES
 from camopt.verifier.verdict import ORDER
@@ -40,7 +39,7 @@ def area_rows(run: RunFolder) -> tuple[list[dict], list[dict]]:
     """Area ratios: the design, the certified bound and what else keeps the limits on the cam, largest first; and apart
     from them those cams that do not, of which the bound says nothing."""
     bound = run.design.get("area_ratio_bound")
-    verdict = run.verification.get("verdict", "")
+    verdict = run.verdict or ""
     within = [
         ("certified bound", bound, "", "#888888"),
         ("no-jump linear program", run.design.get("area_ratio_no_jump"), "", "#bbbbbb"),
@@ -81,11 +80,8 @@ def _area_rows(rows: list[tuple], largest: float, bound: float | None) -> list[d
 
 def worth_rows(run: RunFolder) -> list[dict]:
     """Per cent more area for one per cent more of each limit, where design.json records them, largest first."""
-    worth = run.design.get("limit_worth")
-    known = [(k, v) for k, v in worth.items() if is_number(v)] if isinstance(worth, dict) else []
-    return [
-        {"label": label_and_unit(str(k))[0], "worth": shown(v, 3)} for k, v in sorted(known, key=lambda pair: -pair[1])
-    ]
+    largest_first = sorted(run.worth.items(), key=lambda pair: -pair[1])
+    return [{"label": label_and_unit(key)[0], "worth": shown(value, 3)} for key, value in largest_first]
 
 
 def comparison_groups(run: RunFolder) -> list[dict]:
@@ -108,7 +104,7 @@ def comparison_groups(run: RunFolder) -> list[dict]:
             "within": entry["limits"] == "all" and (failed or all(_of_the_motion(word) for word in broken)),
             "colour": cam_line(cam)["color"],
         }
-        if cam == DESIGN and run.verification.get("verdict"):
+        if cam == DESIGN and run.verdict:
             group |= _as_verified(run)
         groups.append(group | {"kind": VERDICTS[group["verdict"]][0] if group["verdict"] in VERDICTS else ""})
     return groups
@@ -175,9 +171,9 @@ def _words_of(row: dict[str, str]) -> list[str]:
 
 def _as_verified(run: RunFolder) -> dict:
     """The entries of the design's group, from verification.json."""
-    found = {key: worst_of(run, name) for key, name in DESIGN_CELLS.items()}
+    found = {key: run.worst(name) for key, name in DESIGN_CELLS.items()}
     cells = {key: "none" if w.value is None else shown(w.value) for key, w in found.items() if w is not None}
-    return cells | {"verdict": run.verification["verdict"], "broken": "; ".join(broken_limits(run)) or "–"}
+    return cells | {"verdict": run.verdict, "broken": "; ".join(broken_limits(run)) or "–"}
 
 
 def _largest(cells: Iterable[str]) -> float | None:
@@ -200,7 +196,7 @@ def worst_rows(run: RunFolder) -> list[dict]:
 def speed_rows(run: RunFolder) -> list[dict]:
     """Per speed that all methods looked at: verdict, bounce with its error and range, and the other metrics."""
     rows, listed = [], {s.get("speed_rpm") for s in run.verification.get("speeds") or []}
-    for speed in judged_speeds(run.verification):
+    for speed in run.speeds:
         verdict = str(speed.get("verdict", ""))
         bounce = shown(speed["bounce_mm"]) if is_number(speed.get("bounce_mm")) else "never seats"
         error = bounce_error_um(speed)
@@ -223,7 +219,7 @@ def speed_rows(run: RunFolder) -> list[dict]:
 def method_tables(run: RunFolder) -> list[dict]:
     """Per speed: a row per figure with the methods side by side, and the largest difference between them."""
     tables = []
-    for speed in judged_speeds(run.verification):
+    for speed in run.speeds:
         methods = speed.get("methods") or {}
         names = [m for m in METHOD_NAMES if m in methods] + sorted(m for m in methods if m not in METHOD_NAMES)
         rows = []
