@@ -157,7 +157,7 @@ def verify(args: Namespace) -> int:
     if verdict.outside and run and args.cam == args.scene:
         from camopt.report import write_report
 
-        write_json(run / "outside.json", [one.as_dict() for one in verdict.outside])
+        write_json(run / "outside.json", list(verdict.outside))
         print(f"report: {write_report(run)}")
     return 0 if verdict.verdict == "confirmed" else 3
 

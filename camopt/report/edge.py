@@ -43,7 +43,7 @@ def _narrow_reserve(run: RunFolder) -> list[str]:
 
 def _long_open(run: RunFolder) -> list[str]:
     """That a contact is open over tens of degrees and nothing in the scene forbids it."""
-    angle, jump = run.worst("jump_deg"), run.worst("jump_mm")
+    angle, jump = run.verification.worst("jump_deg"), run.verification.worst("jump_mm")
     limited = "jump_max_deg" in run.demands or "contact_force_min_N" in run.demands
     if limited or angle is None or angle.value is None or angle.value <= LONG_OPEN_DEG:
         return []
@@ -56,7 +56,7 @@ def _long_open(run: RunFolder) -> list[str]:
 
 def _unsettled(run: RunFolder) -> list[str]:
     """That the motion does not settle at some of the judged speeds."""
-    speeds = [s.get("speed_rpm") for s in run.speeds if s.get("periodic") is False]
+    speeds = [s.get("speed_rpm") for s in run.verification.by_speed if s.get("periodic") is False]
     if not speeds:
         return []
     return [

@@ -11,10 +11,7 @@ from typing import TypeVar
 from camopt.measure.yield_words import standing
 from camopt.scene.errors import InputError
 from camopt.scene.quantities import is_number
-from camopt.scene.units import MM, UM
-from camopt.verifier.convergence import FINEST
-from camopt.verifier.outside_speeds import outside_entries, with_outside
-from camopt.verifier.worst import JUDGED, Worst, worst_in
+from camopt.verifier.record import VerificationRecord, outside_entries
 
 MOST_BYTES = 50_000_000
 MOST_FIGURES = 30
@@ -30,7 +27,7 @@ class RunFolder:
     name: str
     scene: dict
     design: dict
-    verification: dict
+    verification: VerificationRecord
     comparison: list[dict[str, str]]
     provenance: dict
     history: list[dict]
@@ -42,16 +39,6 @@ class RunFolder:
     def verdict(self) -> str | None:
         """The verdict's word; None where the cam was not verified."""
         return self.verification.get("verdict")
-
-    @property
-    def speeds(self) -> list[dict]:
-        """The records of all speeds that every method looked at, each speed once, ascending."""
-        records = {s.get("speed_rpm"): s for key in reversed(JUDGED) for s in self.verification.get(key) or []}
-        return sorted(records.values(), key=lambda s: s["speed_rpm"] if is_number(s.get("speed_rpm")) else 0.0)
-
-    def worst(self, name: str) -> Worst | None:
-        """The worst figure of a metric that verification.json states; None where nothing was verified."""
-        return worst_in(self.verification, name)
 
     @property
     def built(self) -> dict:
@@ -92,12 +79,6 @@ def _table(content: dict, key: str) -> dict:
     return part if isinstance(part, dict) else {}
 
 
-def bounce_error_um(speed: dict) -> float | None:
-    """The estimated error of bounce at a speed [um], None where there is none; never less than a verdict states."""
-    error = speed.get("bounce_error_mm")
-    return max(error, FINEST["bounce_mm"]) * MM / UM if is_number(error) else None
-
-
 def read_run_folder(folder: Path) -> RunFolder:
     """Read all that a report needs.
 
@@ -122,7 +103,7 @@ def read_run_folder(folder: Path) -> RunFolder:
         name=folder.resolve().name,
         scene=part("scene.toml", tomllib.loads, {}),
         design=part("design.json", _object, {}),
-        verification=with_outside(part("verification.json", _verification, {}), outside),
+        verification=part("verification.json", _verification, VerificationRecord()).with_outside(outside),
         comparison=part("comparison.csv", comparison_rows, []),
         provenance=part("provenance.json", _object, {}),
         history=part("history.jsonl", _lines, []),
@@ -155,7 +136,7 @@ def _object(text: str) -> dict:
     return data
 
 
-def _verification(text: str) -> dict:
+def _verification(text: str) -> VerificationRecord:
     data = _object(text)
     if not isinstance(data.get("verdict", ""), str):
         raise ValueError("verdict: expected a word")
@@ -175,7 +156,7 @@ def _verification(text: str) -> dict:
     worst = (data.get("band") or {}).get("worst") or {}
     if not isinstance(worst, dict) or not all(isinstance(w, dict) for w in worst.values()):
         raise ValueError("band.worst: expected an object of objects")
-    return data
+    return VerificationRecord(data)
 
 
 def comparison_rows(text: str) -> list[dict[str, str]]:

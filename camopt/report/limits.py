@@ -10,8 +10,8 @@ from camopt.report.shape import EVERYWHERE, Reached, reached_by_shape
 from camopt.report.wording import as_number, label_and_unit, shown
 from camopt.scene.design import ROUNDING, Design
 from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES, is_number
+from camopt.verifier.record import worst_case_value
 from camopt.verifier.verdict import ORDER
-from camopt.verifier.worst import JUDGED, upper_end
 
 CAM_LIMITS = ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3")
 BROKEN = "verification.json broken"
@@ -75,7 +75,7 @@ def _shape_row(found: Reached, broken: set[str]) -> dict:
 
 
 def _motion_row(run: RunFolder, name: str, key: str, limit: float) -> dict:
-    found, least = run.worst(name), name in LESS_IS_WORSE
+    found, least = run.verification.worst(name), name in LESS_IS_WORSE
     if found is None:
         return _row(key, name, limit, least, None, "not verified", "verification.json")
     where = found.where if found.value is not None else f"no figure {found.where}"
@@ -119,14 +119,13 @@ def disagreements(run: RunFolder, rows: Iterable[dict]) -> list[str]:
     verdict = found.get("verdict")
     if verdict not in ORDER:
         return []
-    every = [s for key in JUDGED for s in found.get(key) or []]
     passed = [row["label"] for row in rows if row["held"] is False]
     sentences = []
     if verdict == "confirmed" and passed:
         sentences.append(f"The verdict is confirmed, yet by the figures below it breaks: {', '.join(passed)}.")
     sentences += [
         f"The verdict is {verdict}, yet at {shown(s.get('speed_rpm'))} r/min it is {shown(s.get('verdict'))}."
-        for s in every
+        for s in found.judged
         if s.get("verdict") not in ORDER or ORDER.index(s["verdict"]) > ORDER.index(verdict)
     ]
     sentences += [
@@ -145,7 +144,7 @@ def matrix(run: RunFolder, limits: list[dict]) -> dict:
     A limit on the motion has a cell for each speed and one for the band. One on the cam's shape holds at every speed:
     its row has one cell, which spans them all. The price is what one per cent more of the limit buys.
     """
-    judged, design, worth = run.speeds, run.demands, run.worth
+    judged, design, worth = run.verification.by_speed, run.demands, run.worth
     worst = (run.verification.get("band") or {}).get("worst") or {}
     of_motion = {quantity.limit for quantity in QUANTITIES.values()}
     shape = [
@@ -159,7 +158,7 @@ def matrix(run: RunFolder, limits: list[dict]) -> dict:
         if not is_number(limit):
             continue
         least = quantity.name in LESS_IS_WORSE
-        values = [upper_end(speed, quantity.name)[0] for speed in judged]
+        values = [worst_case_value(speed, quantity.name)[0] for speed in judged]
         stated = (worst.get(quantity.name) or {}).get("value")
         values += [stated if is_number(stated) else None] if worst else []
         shares = [share_of(limit, least, value) for value in values]

@@ -39,7 +39,7 @@ def outcome_rows(run: RunFolder) -> list[dict]:
             limit = f"{asked} {shown(cap)}" if key == LIFT and is_number(cap) else ""
             rows.append(_row(key, first.get(key), run.design[key], limit, "", f"design.json {key}"))
     for name in MOTION:
-        found = run.worst(name)
+        found = run.verification.worst(name)
         if found is None:
             continue
         key = name if name == "contact_force_min_N" else f"worst_{name}"  # the least force is a worst one by its name
@@ -195,7 +195,7 @@ def yield_sentences(run: RunFolder) -> list[str]:
 
 def contact_sentence(run: RunFolder) -> list[str]:
     """Whether and how far the contacts between cam and valve open; empty where nothing was verified."""
-    jump, angle, force = (run.worst(name) for name in ("jump_mm", "jump_deg", "contact_force_min_N"))
+    jump, angle, force = (run.verification.worst(name) for name in ("jump_mm", "jump_deg", "contact_force_min_N"))
     if jump is None or angle is None or force is None or angle.value is None or force.value is None:
         return []
     if not angle.value and force.value > 0:

@@ -7,11 +7,12 @@ from pathlib import Path
 
 from camopt.optimizer.baselines.comparison_table import FAILED, NO_JERK
 from camopt.plots.style import DESIGN, cam_line, family_of
-from camopt.report.folder import RunFolder, bounce_error_um, comparison_rows
+from camopt.report.folder import RunFolder, comparison_rows
 from camopt.report.outcome import broken_limits, broken_words
 from camopt.report.wording import VERDICTS, as_number, cell, label_and_unit, shown
 from camopt.scene.quantities import QUANTITIES, is_number
 from camopt.verifier.methods import METHOD_NAMES
+from camopt.verifier.record import bounce_error_um
 from camopt.verifier.verdict import ORDER
 
 SPEED_COLUMNS = (
@@ -171,7 +172,7 @@ def _words_of(row: dict[str, str]) -> list[str]:
 
 def _as_verified(run: RunFolder) -> dict:
     """The entries of the design's group, from verification.json."""
-    found = {key: run.worst(name) for key, name in DESIGN_CELLS.items()}
+    found = {key: run.verification.worst(name) for key, name in DESIGN_CELLS.items()}
     cells = {key: "none" if w.value is None else shown(w.value) for key, w in found.items() if w is not None}
     return cells | {"verdict": run.verdict, "broken": "; ".join(broken_limits(run)) or "–"}
 
@@ -196,7 +197,7 @@ def worst_rows(run: RunFolder) -> list[dict]:
 def speed_rows(run: RunFolder) -> list[dict]:
     """Per speed that all methods looked at: verdict, bounce with its error and range, and the other metrics."""
     rows, listed = [], {s.get("speed_rpm") for s in run.verification.get("speeds") or []}
-    for speed in run.speeds:
+    for speed in run.verification.by_speed:
         verdict = str(speed.get("verdict", ""))
         bounce = shown(speed["bounce_mm"]) if is_number(speed.get("bounce_mm")) else "never seats"
         error = bounce_error_um(speed)
@@ -219,7 +220,7 @@ def speed_rows(run: RunFolder) -> list[dict]:
 def method_tables(run: RunFolder) -> list[dict]:
     """Per speed: a row per figure with the methods side by side, and the largest difference between them."""
     tables = []
-    for speed in run.speeds:
+    for speed in run.verification.by_speed:
         methods = speed.get("methods") or {}
         names = [m for m in METHOD_NAMES if m in methods] + sorted(m for m in methods if m not in METHOD_NAMES)
         rows = []

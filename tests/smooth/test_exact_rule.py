@@ -9,10 +9,6 @@ import numpy as np
 import pytest
 
 import camopt
-from camopt.autodiff import exact_rule
-from camopt.autodiff.exact_rule import exact_metrics
-from camopt.autodiff.families import differentiable
-from camopt.autodiff.varying_motion import Varying
 from camopt.cam.families.free import free_cam
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint.gradient import value_and_gradient
@@ -20,6 +16,10 @@ from camopt.exact.adjoint.metrics import METRICS
 from camopt.scene import InputError
 from camopt.scene.rest import state_at_rest
 from camopt.scene.train import TRAIN_PARAMETERS
+from camopt.smooth import exact_rule
+from camopt.smooth.exact_rule import exact_metrics
+from camopt.smooth.families import differentiable
+from camopt.smooth.varying_motion import Varying
 from camopt.study.simulate.motion import motion_parameters
 from tests.exact.gradient_problems import by_train, from_rest, kodama, least_error
 

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import camopt
-from camopt.autodiff.families import differentiable
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.scene import InputError, build_train
 from camopt.scene.rest import state_at_rest
-from tests.autodiff.test_families import KODAMA, compiled, moved, start
+from camopt.smooth.families import differentiable
+from tests.smooth.test_families import KODAMA, compiled, moved, start
 
 RPM = 6000.0
 TRAIN = build_train(KODAMA)

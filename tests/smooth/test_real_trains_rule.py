@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import camopt
-from camopt.autodiff.exact_rule import exact_metrics
 from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.scene import InputError, build_train, load_scene
 from camopt.scene.as_built import matching, with_numbers
 from camopt.scene.rest import state_at_rest
 from camopt.scene.train import LAW_PARAMETERS
+from camopt.smooth.exact_rule import exact_metrics
 from camopt.study.simulate.motion import motion_parameters
 from tests.exact.gradient_problems import by_train, differences, least_error
 from tests.exact.test_real_trains import FAST, METRICS, SCENE, STEPS, real

@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from camopt.autodiff.families import differentiable
 from camopt.cam.families.dwell import TABLES
 from camopt.cam.families.free import free_cam
 from camopt.cam.families.record import number, numbers
@@ -17,6 +16,7 @@ from camopt.cam.lift import Lift
 from camopt.cam.ramps import scene_ramps
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import DEG, MM
+from camopt.smooth.families import differentiable
 
 KODAMA = load_scene("kodama")
 DESIGN = KODAMA.design

@@ -20,7 +20,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax.custom_derivatives import SymbolicZero
 
-from camopt.autodiff.varying_motion import CAM_PARAMETERS, Arrays, Varying
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint.metrics import METRICS
 from camopt.exact.adjoint.motion import Samples, SamplesWithMemory, TracedMotion, metric_numbers
@@ -28,6 +27,7 @@ from camopt.scene.errors import InputError
 from camopt.scene.response import Response
 from camopt.scene.shapes import Float
 from camopt.scene.train import Train
+from camopt.smooth.varying_motion import CAM_PARAMETERS, Arrays, Varying
 
 VELOCITY = "m_per_s"
 """Ending of the names of those metrics that grow in proportion to all velocities."""

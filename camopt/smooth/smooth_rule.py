@@ -11,14 +11,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from camopt.cam.lift import Lift, join_as_in
+from camopt.cam.lift import Lift, permitted_steps, steps_at_borders
 from camopt.scene.response import Response
 from camopt.scene.shapes import Float
 from camopt.scene.train import LAW_PARAMETERS, Train
 from camopt.smooth.grid import LARGEST_PHASE, equal_grid
 from camopt.smooth.interpolation import at_angle
 from camopt.smooth.metrics import revolution_metrics
-from camopt.smooth.rest import rest_state
+from camopt.smooth.rest import rest_of
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import EPS, LIFT_SAMPLES, STEPS, response_arrays, touch_layer
 from camopt.smooth.system import System, SystemState, build_system
@@ -64,14 +64,12 @@ def differentiable_motion(
     that it may be. The record's arrays are JAX arrays.
     A motion that the `allowed_steps` do not resolve is NaN, and one under pieces that do not join.
     """
-    system = system_with(train, parameters)
-    pieces = jnp.asarray(parameters.get("lift", lift.coefficients), system.mass.dtype)
-    borders = jnp.asarray(parameters.get("borders", lift.borders), system.mass.dtype)
-    samples = jnp.where(join_as_in(lift, borders, pieces), samples_of_pieces(borders, pieces), jnp.nan)
-    foot = np.argmin(np.abs(lift.borders - lift.opening_foot))
-    numbers = parameters.get("half_duration", lift.half_duration), borders[foot]
-    y0, most = rest_state(train, system), allowed_steps(train, slowest)
-    motion, metrics = _motion(DrivenSystem(system, samples, cam_speed), y0, numbers, revolutions, steps, most)
+    own = {name: jnp.asarray(value, float) for name, value in parameters.items()}
+    pieces, borders = own.get("lift", lift.coefficients), own.get("borders", lift.borders)
+    cam = pieces, borders, own.get("half_duration", lift.half_duration), permitted_steps(lift)
+    settings = {"revolutions": revolutions, "steps": steps, "most": allowed_steps(train, slowest)}
+    foot = int(np.argmin(np.abs(lift.borders - lift.opening_foot)))
+    motion, metrics = _motion(system_with(train, own), *cam, cam_speed, foot=foot, **settings)
     return Response(train, cam_speed, regular_angles(revolutions, steps), *motion[1:5]), metrics
 
 
@@ -88,12 +86,16 @@ def regular_angles(revolutions: int, steps: int) -> np.ndarray:
     return np.linspace(-np.pi, (2 * revolutions - 1) * np.pi, revolutions * steps + 1)
 
 
-@partial(jax.jit, static_argnames=("revolutions", "steps", "most"))
-def _motion(driven: DrivenSystem, y0, numbers, revolutions: int, steps: int, most: int):
-    (half_duration, opening_foot), cam_speed = numbers, driven.cam_speed
-    motion = response_arrays(driven, y0, revolutions=revolutions, steps=most)
+@partial(jax.jit, static_argnames=("foot", "revolutions", "steps", "most"))
+def _motion(system: System, pieces, borders, half_duration, permitted, cam_speed, *, foot, revolutions, steps, most):
+    """The motion at regular angles and its metrics, in one program that is kept on disk; NaN where the pieces step by
+    more than is permitted. The border number `foot` is the opening foot."""
+    joined = (steps_at_borders(borders, pieces) <= permitted).all()
+    samples = jnp.where(joined, samples_of_pieces(borders, pieces), jnp.nan)
+    driven = DrivenSystem(system, samples, cam_speed)
+    motion = response_arrays(driven, rest_of(system), revolutions=revolutions, steps=most)
     found = [
-        revolution_metrics(driven.system, motion, cam_speed, half_duration, opening_foot, r, touch_layer(EPS))
+        revolution_metrics(system, motion, cam_speed, half_duration, borders[foot], r, touch_layer(EPS))
         for r in range(revolutions - 1)
     ]
     metrics = {name: jnp.stack([f[name] for f in found]) for name in found[0]} if found else {}
