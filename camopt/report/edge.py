@@ -6,7 +6,6 @@ Each finding is one sentence that ends with what would mend it.
 from camopt.measure.yield_words import ENOUGH, HELD, standing
 from camopt.report.folder import RunFolder
 from camopt.report.wording import in_words, shown
-from camopt.report.worst import judged_speeds, worst_of
 from camopt.scene.quantities import is_number
 
 NARROW_PERCENT = 2.0
@@ -45,7 +44,7 @@ def _narrow_reserve(run: RunFolder) -> list[str]:
 
 def _long_open(run: RunFolder) -> list[str]:
     """That a contact is open over tens of degrees and nothing in the scene forbids it."""
-    angle, jump, design = worst_of(run, "jump_deg"), worst_of(run, "jump_mm"), run.scene.get("design")
+    angle, jump, design = run.verification.worst("jump_deg"), run.verification.worst("jump_mm"), run.scene.get("design")
     limited = isinstance(design, dict) and ("jump_max_deg" in design or "contact_force_min_N" in design)
     if limited or angle is None or angle.value is None or angle.value <= LONG_OPEN_DEG:
         return []
@@ -58,7 +57,7 @@ def _long_open(run: RunFolder) -> list[str]:
 
 def _unsettled(run: RunFolder) -> list[str]:
     """That the motion does not settle at some of the judged speeds."""
-    speeds = [s.get("speed_rpm") for s in judged_speeds(run.verification) if s.get("periodic") is False]
+    speeds = [s.get("speed_rpm") for s in run.verification.by_speed if s.get("periodic") is False]
     if not speeds:
         return []
     return [

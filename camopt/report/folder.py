@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from camopt.measure.yield_words import standing
 from camopt.scene.errors import InputError
-from camopt.verifier.outside_speeds import outside_entries, with_outside
+from camopt.verifier.record import VerificationRecord, outside_entries
 
 MOST_BYTES = 50_000_000
 MOST_FIGURES = 30
@@ -26,7 +26,7 @@ class RunFolder:
     name: str
     scene: dict
     design: dict
-    verification: dict
+    verification: VerificationRecord
     comparison: list[dict[str, str]]
     provenance: dict
     history: list[dict]
@@ -65,8 +65,8 @@ def read_run_folder(folder: Path) -> RunFolder:
         name=folder.resolve().name,
         scene=part("scene.toml", tomllib.loads, {}),
         design=part("design.json", _object, {}),
-        verification=with_outside(part("verification.json", _verification, {}), outside),
-        comparison=part("comparison.csv", _rows, []),
+        verification=part("verification.json", _verification, VerificationRecord()).with_outside(outside),
+        comparison=part("comparison.csv", comparison_rows, []),
         provenance=part("provenance.json", _object, {}),
         history=part("history.jsonl", _lines, []),
         figures={p.stem: _text(p) for p in sorted((folder / "figures").glob("*.svg"))[:MOST_FIGURES]},
@@ -98,7 +98,7 @@ def _object(text: str) -> dict:
     return data
 
 
-def _verification(text: str) -> dict:
+def _verification(text: str) -> VerificationRecord:
     data = _object(text)
     if not isinstance(data.get("verdict", ""), str):
         raise ValueError("verdict: expected a word")
@@ -118,10 +118,11 @@ def _verification(text: str) -> dict:
     worst = (data.get("band") or {}).get("worst") or {}
     if not isinstance(worst, dict) or not all(isinstance(w, dict) for w in worst.values()):
         raise ValueError("band.worst: expected an object of objects")
-    return data
+    return VerificationRecord(data)
 
 
-def _rows(text: str) -> list[dict[str, str]]:
+def comparison_rows(text: str) -> list[dict[str, str]]:
+    """The rows of a comparison.csv; raises ValueError or csv.Error for a text that is none."""
     reader = csv.DictReader(text.splitlines(), restkey="", restval="", strict=True)
     rows = [{str(k): str(v) for k, v in row.items()} for row in reader]
     if reader.fieldnames is None or "cam" not in reader.fieldnames:

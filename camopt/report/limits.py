@@ -8,11 +8,9 @@ from camopt.plots.style import DESIGN, family_of
 from camopt.report.folder import RunFolder
 from camopt.report.shape import EVERYWHERE, Reached, reached_by_shape
 from camopt.report.wording import as_number, label_and_unit, shown
-from camopt.report.worst import worst_of
 from camopt.scene.design import ROUNDING, Design
 from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES, is_number
 from camopt.verifier.verdict import ORDER
-from camopt.verifier.worst import JUDGED
 
 CAM_LIMITS = ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3")
 BROKEN = "verification.json broken"
@@ -74,7 +72,7 @@ def _shape_row(found: Reached, broken: set[str]) -> dict:
 
 
 def _motion_row(run: RunFolder, name: str, key: str, limit: float) -> dict:
-    found, least = worst_of(run, name), name in LESS_IS_WORSE
+    found, least = run.verification.worst(name), name in LESS_IS_WORSE
     if found is None:
         return _row(key, name, limit, least, None, "not verified", "verification.json")
     where = found.where if found.value is not None else f"no figure {found.where}"
@@ -118,14 +116,13 @@ def disagreements(run: RunFolder, rows: Iterable[dict]) -> list[str]:
     verdict = found.get("verdict")
     if verdict not in ORDER:
         return []
-    every = [s for key in JUDGED for s in found.get(key) or []]
     passed = [row["label"] for row in rows if row["held"] is False]
     sentences = []
     if verdict == "confirmed" and passed:
         sentences.append(f"The verdict is confirmed, yet by the figures below it breaks: {', '.join(passed)}.")
     sentences += [
         f"The verdict is {verdict}, yet at {shown(s.get('speed_rpm'))} r/min it is {shown(s.get('verdict'))}."
-        for s in every
+        for s in found.judged
         if s.get("verdict") not in ORDER or ORDER.index(s["verdict"]) > ORDER.index(verdict)
     ]
     sentences += [

@@ -3,9 +3,8 @@
 from camopt.report.folder import RunFolder
 from camopt.report.limits import share_of
 from camopt.report.wording import shown
-from camopt.report.worst import judged_speeds
 from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES, is_number
-from camopt.verifier.worst import upper_end
+from camopt.verifier.record import worst_case_value
 
 NEAR = 0.9
 """Share of a limit from which a cell says that it is near."""
@@ -18,7 +17,7 @@ def matrix(run: RunFolder, limits: list[dict]) -> dict:
     A limit on the motion has a cell for each speed and one for the band. One on the cam's shape holds at every speed:
     its row has one cell, which spans them all. The price is what one per cent more of the limit buys.
     """
-    judged = judged_speeds(run.verification)
+    judged = run.verification.by_speed
     design, worth = run.scene.get("design"), run.design.get("limit_worth")
     design, worth = (part if isinstance(part, dict) else {} for part in (design, worth))
     worst = (run.verification.get("band") or {}).get("worst") or {}
@@ -34,7 +33,7 @@ def matrix(run: RunFolder, limits: list[dict]) -> dict:
         if not is_number(limit):
             continue
         least = quantity.name in LESS_IS_WORSE
-        values = [upper_end(speed, quantity.name)[0] for speed in judged]
+        values = [worst_case_value(speed, quantity.name)[0] for speed in judged]
         values += [_number((worst.get(quantity.name) or {}).get("value"))] if worst else []
         shares = [share_of(limit, least, value) for value in values]
         known = [share for share in shares if share is not None]

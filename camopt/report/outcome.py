@@ -8,7 +8,6 @@ from camopt.report.edge import edge_sentences
 from camopt.report.folder import RunFolder
 from camopt.report.limits import demanded
 from camopt.report.wording import in_words, label_and_unit, shown
-from camopt.report.worst import worst_of
 from camopt.scene.quantities import QUANTITIES, is_number
 
 LIFT = "highest_lift_mm"
@@ -41,7 +40,7 @@ def outcome_rows(run: RunFolder) -> list[dict]:
             limit = f"{asked} {shown(cap)}" if key == LIFT and is_number(cap) else ""
             rows.append(_row(key, first.get(key), run.design[key], limit, "", f"design.json {key}"))
     for name in MOTION:
-        found = worst_of(run, name)
+        found = run.verification.worst(name)
         if found is None:
             continue
         key = name if name == "contact_force_min_N" else f"worst_{name}"  # the least force is a worst one by its name
@@ -198,7 +197,7 @@ def yield_sentences(run: RunFolder) -> list[str]:
 
 def contact_sentence(run: RunFolder) -> list[str]:
     """Whether and how far the contacts between cam and valve open; empty where nothing was verified."""
-    jump, angle, force = (worst_of(run, name) for name in ("jump_mm", "jump_deg", "contact_force_min_N"))
+    jump, angle, force = (run.verification.worst(name) for name in ("jump_mm", "jump_deg", "contact_force_min_N"))
     if jump is None or angle is None or force is None or angle.value is None or force.value is None:
         return []
     if not angle.value and force.value > 0:

@@ -52,12 +52,10 @@ from camopt.report.tables import (
 )
 from camopt.report.train import train_tables
 from camopt.report.wording import in_words, shown
-from camopt.report.worst import bounce_error_um, judged_speeds, worst_of
 from camopt.scene.design import Design
 from camopt.scene.quantities import is_number
 from camopt.storage import write_text
-from camopt.verifier.at_speed import ALONE
-from camopt.verifier.outside_speeds import outside_sentence
+from camopt.verifier.record import ALONE, bounce_error_um, outside_sentence
 
 HERE = Path(__file__).parent
 SECTIONS = (
@@ -145,7 +143,7 @@ def render(run: RunFolder, cams: RunCams) -> str:
             cards=cards(cams),
             geometry=geometry(cams),
             speeds=speed_rows(run),
-            outside=outside_sentence([s["outside"] for s in run.verification.get("speeds") or [] if "outside" in s]),
+            outside=outside_sentence(run.verification.outside),
             speed_columns=[heading(c) for c in SPEED_COLUMNS],
             methods=method_tables(run),
             accuracy=accuracy(run),
@@ -213,7 +211,7 @@ def headline(run: RunFolder) -> list[str]:
         )
         sentences.append(f"Area ratio {shown(d['area_ratio'])}{below}.")
     sentences += lift_sentence(run) + gain_sentences(run)
-    band, bounce = v.get("band") or {}, worst_of(run, "bounce_mm")
+    band, bounce = v.get("band") or {}, v.worst("bounce_mm")
     speeds = [s.get("speed_rpm") for s in v.get("speeds") or []]
     if band and bounce:
         most = f"{shown(bounce.value)} mm, {bounce.where}" if bounce.value is not None else f"none {bounce.where}"
@@ -236,7 +234,7 @@ def accuracy(run: RunFolder) -> list[str]:
     sentences = [
         f"Asked for: {shown(asked)}{unit}." if asked is not None else "The accuracy asked for is not recorded."
     ]
-    stated, speeds = run.verification.get("accuracy") or {}, judged_speeds(run.verification)
+    stated, speeds = run.verification.get("accuracy") or {}, run.verification.by_speed
     errors = [(error, s.get("speed_rpm")) for s in speeds if (error := bounce_error_um(s)) is not None]
     if stated.get("reached") is False:
         sentences.append(f"Delivered: {str(stated.get('statement')).partition('; ')[2]}.")

@@ -28,7 +28,7 @@ from camopt.report.page import render, write_report
 from camopt.scene import InputError, Scene, load_scene
 from camopt.scene.units import DEG, MM
 from camopt.storage import check_file, plain
-from camopt.verifier.outside_speeds import with_outside
+from camopt.verifier.record import VerificationRecord
 
 SAME = 1e-6
 """Relative difference of two numbers that counts as none: no table of a run prints more digits."""
@@ -115,8 +115,7 @@ def _judged_anew(run: RunFolder, folder: Path, scene: Scene) -> RunFolder:
     if "highest_lift_mm" in run.design:  # runs of before camopt wrote it are judged too
         areas["highest_lift_mm"] = lift.max_lift / MM
     built = _trains_anew(run, scene, lift, settings)
-    outside = [s["outside"] for s in run.verification.get("speeds") or [] if "outside" in s]
-    verification = with_outside(plain(verdict.as_dict() | built), outside)
+    verification = VerificationRecord(plain(verdict.as_dict() | built)).with_outside(run.verification.outside)
     return replace(run, verification=verification, design=run.design | areas)
 
 
