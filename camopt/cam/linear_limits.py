@@ -21,7 +21,7 @@ this is at most 1 / p with p = rho + r, and where it is concave if it is at leas
     concave     P'' <= P + P^2 / d
 
 leave P'^2 out to the safe side, and the tangent of P^2 at any P0 makes both linear, to the safe side too. The free
-cam's programs come nearer to the radii (`camopt.cam.families.radius_rows`); these limits are for all others.
+cam's programs come nearer to the radii (`camopt.cam.families.radius_planes`); these limits are for all others.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ import numpy as np
 from camopt.cam.level import Level, flat_level
 from camopt.cam.lift import APART, Lift
 from camopt.cam.piston import piston_room
-from camopt.scene.design import Design
+from camopt.scene.design import RADII, Design
 from camopt.scene.units import DEG, MM
 
 FLANK = 0.25
@@ -94,6 +94,13 @@ def linear_limits(design: Design, centres: tuple[float, ...] = ()) -> list[Linea
         clearance = design.piston.clearance_mm
         found.append(LinearLimit("piston", "piston.clearance_mm", (1.0,), room, clearance, -1 / MM))
     return found + _of_a_flat_follower(design, half) + _of_a_roller(design, half)
+
+
+def radii_held_near(design: Design) -> tuple[str, ...]:
+    """The keys of the limits on radii that programs hold near a cam, solved again and again: those under a circle."""
+    if design.geometry is None or design.geometry.contact_radius_mm is None:
+        return ()
+    return tuple(key for key in RADII if getattr(design, key) is not None)
 
 
 def at_least(least_deg: float) -> str:

@@ -14,8 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from camopt.cam.families.free import FreeCam
-from camopt.cam.families.radius_rows import Neighbourhood, radii_held_near
+from camopt.cam.families.radius_planes import Neighbourhood
 from camopt.cam.lift import Lift
+from camopt.cam.linear_limits import radii_held_near
 from camopt.highs import Infeasible
 from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import (
