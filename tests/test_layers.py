@@ -24,13 +24,12 @@ MAY_IMPORT = {
     "plots": {"scene", "cam", "storage"},  # the colours of cam families; otherwise its arguments are arrays
     "cam": {"highs", "scene", "storage"},
     "measure": {"cam", "programs"} | SUPPORT,
-    "smooth": {"cam", "scene", "cache"},
+    "smooth": {"cam", "exact", "scene", "cache"},
     "exact": {"cam", "programs", "by_address"} | SUPPORT,
     "verifier": {"cam", "measure", "programs"} | SUPPORT,
-    "autodiff": {"cam", "smooth", "exact", "scene"},
-    "optimizer": {"highs", "cam", "measure", "smooth", "exact", "verifier", "autodiff", "programs"} | SUPPORT,
+    "optimizer": {"highs", "cam", "measure", "smooth", "exact", "verifier", "programs"} | SUPPORT,
     "tasks": {"cam", "scene", "storage"},
-    "study": {"cam", "measure", "smooth", "exact", "verifier", "autodiff", "optimizer", "programs", "tasks"} | SUPPORT,
+    "study": {"cam", "measure", "smooth", "exact", "verifier", "optimizer", "programs", "tasks"} | SUPPORT,
     "report": {"cache", "cam", "measure", "smooth", "exact", "verifier", "optimizer", "study"} | SUPPORT,
     "designer": {"highs", "cam", "measure", "exact", "verifier", "optimizer", "report"} | SUPPORT,
 }
@@ -151,10 +150,10 @@ def test_double_precision_is_switched_on_in_one_place():
     snippet = "import camopt.{}, jax; assert jax.config.jax_enable_x64"
     ended = run_each(
         {"none": "import jax; assert jax.config.jax_enable_x64"}
-        | {module: snippet.format(module) for module in ("smooth", "autodiff")},
+        | {module: snippet.format(module) for module in ("smooth",)},
         (*LIBRARIES, "jax"),
     )
-    assert ended.codes == {"none": 1, "smooth": 0, "autodiff": 0}, ended.said
+    assert ended.codes == {"none": 1, "smooth": 0}, ended.said
 
 
 def dotted(path: Path) -> str:

@@ -111,7 +111,7 @@ USED_FIRST = ("verify", "optimize", "simulate", "reduce", "differentiable")
 @cache
 def after_the_first_use() -> Ended:
     """Names of USED_FIRST, each used in a process of its own, and one that a module hides."""
-    snippet = "import camopt, camopt.autodiff; first = camopt.{0}; assert callable(first) and camopt.{0} is first"
+    snippet = "import camopt, camopt.smooth; first = camopt.{0}; assert callable(first) and camopt.{0} is first"
     hidden = "import camopt, camopt.scene; assert callable(camopt.scene)"
     return run_each({name: snippet.format(name) for name in USED_FIRST} | {"hidden": hidden}, (*LIBRARIES, "jax"))
 

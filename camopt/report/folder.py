@@ -66,7 +66,7 @@ def read_run_folder(folder: Path) -> RunFolder:
         scene=part("scene.toml", tomllib.loads, {}),
         design=part("design.json", _object, {}),
         verification=part("verification.json", _verification, VerificationRecord()).with_outside(outside),
-        comparison=part("comparison.csv", _rows, []),
+        comparison=part("comparison.csv", comparison_rows, []),
         provenance=part("provenance.json", _object, {}),
         history=part("history.jsonl", _lines, []),
         figures={p.stem: _text(p) for p in sorted((folder / "figures").glob("*.svg"))[:MOST_FIGURES]},
@@ -121,7 +121,8 @@ def _verification(text: str) -> VerificationRecord:
     return VerificationRecord(data)
 
 
-def _rows(text: str) -> list[dict[str, str]]:
+def comparison_rows(text: str) -> list[dict[str, str]]:
+    """The rows of a comparison.csv; raises ValueError or csv.Error for a text that is none."""
     reader = csv.DictReader(text.splitlines(), restkey="", restval="", strict=True)
     rows = [{str(k): str(v) for k, v in row.items()} for row in reader]
     if reader.fieldnames is None or "cam" not in reader.fieldnames:

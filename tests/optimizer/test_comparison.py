@@ -231,3 +231,9 @@ def test_faults(tmp_path):
     with pytest.raises(InputError, match="nothing to compare"):
         compare(MOTORI, {}, tmp_path / "out", baselines="none")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_comparison_without_any_cam_is_its_table_alone(tmp_path):
+    assert comparison.compare_in(tmp_path, KODAMA, {}, {}, ACCURACIES["draft"], {"kurz": "no member"}) == {}
+    (row,) = csv.DictReader((tmp_path / "comparison.csv").read_text(encoding="utf-8").splitlines())
+    assert (row["cam"], row["verdict"]) == ("kurz", "failed")

@@ -14,9 +14,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from camopt.autodiff.exact_rule import exact_metrics
-from camopt.autodiff.families import DifferentiableCam, differentiable
-from camopt.autodiff.smooth_rule import differentiable_motion
 from camopt.cam.lift import Lift
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import MotionLimit, motion_limits
@@ -24,6 +21,9 @@ from camopt.optimizer.ascent.train_variables import TrainVariables
 from camopt.scene import QUANTITIES, InputError, Scene, Train, build_train
 from camopt.scene.spelling import did_you_mean
 from camopt.scene.units import DEG, MM
+from camopt.smooth.exact_rule import exact_metrics
+from camopt.smooth.families import DifferentiableCam, differentiable
+from camopt.smooth.smooth_rule import differentiable_motion
 
 AREA_RATIO = "area_ratio"
 AIM = 0.8
@@ -112,7 +112,11 @@ class BoundObjective:
         return self.value_and_terms(parameters)[0]
 
     def value_and_terms(self, parameters: Mapping[str, Any]) -> tuple[jax.Array, Terms]:
-        """The number to maximise, and its parts."""
+        """The number to maximise, and its parts, by one program that is kept on disk."""
+        return _value_and_terms(self, dict(parameters))
+
+    def computed(self, parameters: Mapping[str, Any]) -> tuple[jax.Array, Terms]:
+        """The same, operation by operation."""
         asked = self.objective
         own = {name: jnp.asarray(value, dtype=float) for name, value in parameters.items()}
         factors = own.pop("train", jnp.ones(len(self.train.names)))
@@ -168,6 +172,9 @@ class BoundObjective:
         varies = trains[0].parameters if asked.trains or self.train.names else ()
         numbers = {name: np.array([t.parameters[name] for t in trains for _ in speeds]) for name in varies}
         return numbers, np.tile(speeds, len(trains))
+
+
+_value_and_terms = jax.jit(BoundObjective.computed, static_argnums=0)
 
 
 def objective(

@@ -190,7 +190,8 @@ def compare_in(
     baselines: Mapping[str, Lift | str] | None = None,
     judged: Callable[[float], object] = lambda share: None,
 ) -> dict[str, Figure]:
-    """comparison.csv and figures, by name, into a folder; cams with a verdict are not verified again.
+    """comparison.csv and figures, by name, into a folder, without figures where there is no cam; cams with a verdict
+    are not verified again.
 
     `judged` is told after each baseline what share of the work it was.
 
@@ -240,7 +241,7 @@ def _write(
 ) -> dict[str, Figure]:
     write_table(folder, scene, cams, found)
     shown = {name: lift for name, lift in cams.items() if not name.endswith(NO_JERK)}
-    return draw(folder, scene, shown, {name: found[name] for name in shown}, speeds_rpm)
+    return draw(folder, scene, shown, {name: found[name] for name in shown}, speeds_rpm) if shown else {}
 
 
 def _judged(scene: Scene, lift: Lift, effort: Accuracy, band_step_rpm: float | None, to_the_end: bool = True) -> dict:

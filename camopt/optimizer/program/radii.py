@@ -1,6 +1,6 @@
 """Radii of the cam under a roller or pad: linear programs in a row, each about the cam that the last one found.
 
-Near a cam linear limits stand for the radii that are a little stricter (`camopt.cam.families.radius_rows`). A program
+Near a cam linear limits stand for the radii that are a little stricter (`camopt.cam.families.radius_planes`). A program
 may break them at a price, so that it has a solution from whichever cam it starts. Once they hold, its neighbourhood is
 half as wide as the last one's, down to a width at which the limits are as good as the radii themselves (sequential
 linear programs in a trust region: Nocedal and Wright, Numerical Optimization, 2006, ch. 18). What stands at the end

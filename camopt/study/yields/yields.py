@@ -19,7 +19,7 @@ from camopt.optimizer.as_built.measured import TrainsJournal, cam_digest, measur
 from camopt.optimizer.as_built.track import Track, track
 from camopt.optimizer.as_built.wanted import check_scatter
 from camopt.plots import save
-from camopt.scene.as_built import GRINDING
+from camopt.scene.as_built import scatter_labels, with_scatter
 from camopt.scene.errors import InputError
 from camopt.scene.schema import AS_BUILT, Scene
 from camopt.scene.toml_text import scene_toml
@@ -158,17 +158,7 @@ def _summary(scene: Scene, cam: Lift, seed: int, used: UsedLimits, others: dict[
 
 def _halved(scene: Scene) -> dict[str, Scene]:
     """By tolerance the scene with half of it; the draws stay those of its label."""
-    found = {}
-    for i, tolerance in enumerate(scene.tolerance):
-        widths = {key: getattr(tolerance, key) for key in ("relative", "plus_minus")}
-        half = {key: width / 2 for key, width in widths.items() if width is not None}
-        rows = list(scene.tolerance)
-        rows[i] = tolerance.model_copy(update=half)
-        found[tolerance.label] = scene.model_copy(update={"tolerance": tuple(rows)})
-    if scene.grinding is not None:
-        half = scene.grinding.model_copy(update={"error_um": scene.grinding.error_um / 2})
-        found[GRINDING] = scene.model_copy(update={"grinding": half})
-    return found
+    return {label: with_scatter(scene, {label: 0.5}) for label in scatter_labels(scene)}
 
 
 def _speeds(scene: Scene, speeds_rpm: Sequence[float] | None) -> list[float]:
