@@ -1,7 +1,7 @@
 """The radii of a cam under a roller or pad: planes on the safe side of the limit, near a given cam.
 
 At a lift s and a velocity v the curvature of the centre's path over the cam is affine in the acceleration a, and it
-falls as a grows (`camopt.cam.followers.circle`): it is k where a = g(s, v; k). With the circle's radius r a convex cam
+falls as a grows (`camopt.cam.followers.touch`): it is k where a = g(s, v; k). With the circle's radius r a convex cam
 has the radius rho or more if a >= g(s, v; 1 / (rho + r)), a concave one if a <= g(s, v; -1 / (rho - r)). Neither is
 linear in the lift. Near a given cam a plane on the safe side of g replaces it: the tangent at the given cam, moved by
 what g leaves it within the neighbourhood. The planes come as near to g as the neighbourhood is small, to second order.
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camopt.cam.followers.registry import follower_of
+from camopt.cam.followers.kinds import follower_of
 from camopt.cam.lift import Lift
 from camopt.scene.errors import InputError
 from camopt.scene.geometry import Geometry
