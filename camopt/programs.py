@@ -13,11 +13,15 @@ from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numba
 from numba.core import config
 from numba.core.caching import FunctionCache, _CacheLocator
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.environment import lookup_environment
 
 from camopt.cache import cache_folder
 
@@ -39,7 +43,7 @@ def compiled(function: Callable | None = None, **options: Any) -> Any:
     """
     if function is None:
         return lambda f: compiled(f, **options)
-    options = OPTIONS | options
+    options = OPTIONS | {"pipeline_class": ProgramCompiler} | options
     if _folder(Path(function.__code__.co_filename)) is None:
         return numba.njit(**options)(function)
     settings: Any = config  # whose type does not list what it holds
@@ -55,9 +59,67 @@ def compiled(function: Callable | None = None, **options: Any) -> Any:
 
 
 def inner(function: Callable | None = None, **options: Any) -> Any:
-    """`compiled` for a function that only compiled functions call. It has no entry for Python, which takes as long to
-    compile as many a function itself; a call from Python would end the process (tests/test_programs.py looks)."""
-    return compiled(function, no_cpython_wrapper=True, **options)
+    """`compiled` for a function that only compiled functions call: it is part of their programs and not kept by itself.
+
+    It has no entry for Python, which takes as long to compile as many a function itself; a call from Python would end
+    the process (tests/test_programs.py looks).
+    """
+    if function is None:
+        return lambda f: inner(f, **options)
+    options = OPTIONS | {"pipeline_class": InnerCompiler, "no_cpython_wrapper": True} | options
+    return numba.njit(**options)(function)
+
+
+class InnerCode(JITCodeLibrary):
+    """What numba makes of an `inner` function. LLVM neither optimises it nor turns it into machine code by itself, as
+    numba would have it do: that is done to what each program contains of it, and was most of what compiling took."""
+
+    def finalize(self) -> None:
+        """Leaves the function as it is, and what it calls to the program that will contain both."""
+        self._finalized = True
+
+    @property
+    def codegen(self) -> Any:
+        """Takes the place of the code generator where numba would give the machine code its environment."""
+        return SimpleNamespace(set_env=lambda name, environment: None)
+
+
+class ProgramCode(JITCodeLibrary):
+    """What numba makes of a `compiled` function: a program with everything that the function calls in it."""
+
+    def finalize(self) -> None:
+        """Adds the parts of the parts, optimises all of it and turns it into machine code."""
+        libraries = self._linking_libraries  # which grows on the way
+        for library in libraries:
+            if isinstance(library, InnerCode):
+                libraries.extend(one for one in library._linking_libraries if one not in libraries)
+        super().finalize()
+
+    def _finalize_specific(self) -> None:
+        super()._finalize_specific()
+        codegen: Any = self._codegen
+        for variable in self._final_module.global_variables:
+            environment = lookup_environment(variable.name)
+            if environment is not None:
+                codegen.set_env(variable.name, environment)
+
+
+class ProgramCompiler(Compiler):
+    """numba's compiler of a `compiled` function."""
+
+    library: type[JITCodeLibrary] = ProgramCode
+
+    def _compile_core(self) -> Any:
+        codegen = self.state.targetctx.codegen()
+        self.state.library = self.library(codegen, self.state.func_id.func_qualname)
+        self.state.library.enable_object_caching()
+        return super()._compile_core()
+
+
+class InnerCompiler(ProgramCompiler):
+    """numba's compiler of an `inner` function."""
+
+    library = InnerCode
 
 
 class KeptPrograms(FunctionCache):

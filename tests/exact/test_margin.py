@@ -1,7 +1,5 @@
 """The contact force margin: the least contact force where nothing parts, and a gradient where something does."""
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -10,8 +8,6 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.margin import contact_force_margin
 from camopt.scene import InputError, build_train, load_scene
-from camopt.smooth.margin import contact_force_margin as smooth_margin
-from camopt.smooth.simulate import lift_samples
 from tests.exact.gradient_problems import by_train, kodama
 
 LEAST = ["contact_force_min_N"]
@@ -54,23 +50,6 @@ def test_holding_does_not_change_the_gradients_by_the_train():
     least = by_train(value_and_gradient(train, lift, speed, LEAST, mechanical=True))
     assert margin.preload[0] == pytest.approx(least.preload[0], rel=0.05, abs=0.02)  # N per N, but for the lash
     assert np.abs(least.preload[0]).max() > 0.1
-
-
-def test_both_paths_agree_on_a_train_that_jumps():
-    scene = load_scene("motori-1")
-    train, base = build_train(scene), polydyne(scene)
-    lift, directions = with_bumps(base, 1)
-    speed = scene.cam_speed(1.5 * max(scene.operation.speeds_rpm))
-    exact = contact_force_margin(train, lift, speed)
-    part = jnp.asarray(lift_samples(moved(lift, directions, np.ones(1))) - lift_samples(lift))
-    samples = jnp.asarray(lift_samples(lift))
-
-    def smooth(height):
-        return smooth_margin(train, samples + height * part, speed, lift.half_duration)
-
-    value, slope = jax.jit(jax.value_and_grad(smooth))(0.0)
-    assert float(value) == pytest.approx(exact.values[0], rel=1e-3, abs=0.1)
-    assert float(slope) == pytest.approx(by_bumps(exact, directions)[0], rel=1e-2)
 
 
 def test_nonlinear_contacts_are_not_held():

@@ -17,7 +17,6 @@ from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_ju
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import standing
 from camopt.optimizer.search.region import first_region
-from camopt.scene.design import Design
 from camopt.scene.schema import Scene
 from camopt.scene.standing_in import is_linear
 from camopt.scene.train import build_train
@@ -78,13 +77,13 @@ def yield_search(
     Raises NoCamFound where no cam holds.
     """
     assert scene.design is not None, "load_scene(..., need='design') guarantees it"
-    plain, z = _plain(scene)
-    cam_speeds, trains = _cam_speeds(scene), trains_as_built(scene, effort.trains, seed=seed + DRAWS_SEED)
+    plain, z = free_program(scene)
+    cam_speeds, trains = band_speeds(scene), trains_as_built(scene, effort.trains, seed=seed + DRAWS_SEED)
     source = _source(gradient, trains, plain, cam_speeds)
     program = OpeningsProgram(plain, source.theta, cam_speeds, source.about(z))
     unseen = DrawnTrains(scene, seed + UNSEEN_SEED)
     search = YieldSearch(unseen, program, wanted, log or TrainsLog(None), show)
-    limits, lost = _limits(scene.design, cam_speeds), int((1.0 - wanted) * effort.trains + 1e-9)
+    limits, lost = opening_limits(scene, cam_speeds), int((1.0 - wanted) * effort.trains + 1e-9)
     first, box = _about_its_own_cam(program, source, z, FIRST_LEVEL * limits, lost)
     level, cam = FIRST_LEVEL, first
     for count in search.counts(effort.unseen):
@@ -94,7 +93,7 @@ def yield_search(
     return search
 
 
-def _plain(scene: Scene) -> tuple[NoJumpProgram, np.ndarray]:
+def free_program(scene: Scene) -> tuple[NoJumpProgram, np.ndarray]:
     """The program of the limits on the shape, and the coefficients (m) of a cam that the train as designed follows."""
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
@@ -103,21 +102,23 @@ def _plain(scene: Scene) -> tuple[NoJumpProgram, np.ndarray]:
     return program, program.solve_below(np.full((3, len(speeds)), FIRST_MARGIN_N)).z
 
 
-def _cam_speeds(scene: Scene) -> np.ndarray:
-    """Cam speeds (classes, s) [rad/s]."""
+def band_speeds(scene: Scene, low_speeds: int = LOW_SPEEDS, high_speeds: int = HIGH_SPEEDS) -> np.ndarray:
+    """Cam speeds of trains (classes, s) [rad/s], so many of the band below and above NEAR_TOP of its top."""
     assert scene.operation is not None, "load_scene(..., need=...) guarantees it"
     low, top = scene.operation.band_rpm
     near = max(NEAR_TOP * top, low)
-    below = np.linspace(low, near, LOW_SPEEDS * CLASSES, endpoint=False).reshape(LOW_SPEEDS, CLASSES).T
-    above = np.linspace(near, top, HIGH_SPEEDS * CLASSES).reshape(HIGH_SPEEDS, CLASSES).T
+    below = np.linspace(low, near, low_speeds * CLASSES, endpoint=False).reshape(low_speeds, CLASSES).T
+    above = np.linspace(near, top, high_speeds * CLASSES).reshape(high_speeds, CLASSES).T
     rpm = np.hstack([below, above])
     rpm[:, -1] = top
     return np.array([[scene.cam_speed(speed) for speed in row] for row in rpm])
 
 
-def _limits(design: Design, cam_speeds: np.ndarray) -> np.ndarray:
+def opening_limits(scene: Scene, cam_speeds: np.ndarray) -> np.ndarray:
     """The limits on foretold openings at the cam speeds (classes, s) [rad/s] at level one [m]."""
-    limits = np.full(cam_speeds.shape, design.jump_max_mm * MM if design.jump_max_mm else USUAL_JUMP)
+    assert scene.design is not None, "load_scene(..., need='design') guarantees it"
+    jump = scene.design.jump_max_mm
+    limits = np.full(cam_speeds.shape, jump * MM if jump else USUAL_JUMP)
     limits[:, -1] *= AT_TOP
     return limits
 

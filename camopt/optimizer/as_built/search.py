@@ -40,7 +40,7 @@ FIRST_JUDGED = 200
 """Trains that are judged at all speeds with the first cam, and say at which speeds the rest of them may fail."""
 NEAR = 0.8
 """Part of a limit from which on a scout calls everyone."""
-WATCHED = 0.5
+WATCHED = 0.6
 """A train is judged with every cam at the speeds where it last used more of a limit than this."""
 SCOUTS, FAR_SCOUTS = 12, 48
 """Of the other trains one in so many is judged with every cam, and with the next cam the next ones, at the speeds that
@@ -119,16 +119,24 @@ class YieldSearch:
     def _judge(self, lift: Lift) -> np.ndarray:
         """Judges a cam with the trains that are watched and with scouts, and where a scout falls short with everyone.
 
-        Returns which trains were judged at which speeds (t, s: bool).
+        It begins at the top of the band and ends there if too many trains fail. Returns which trains were judged at
+        which speeds (t, s: bool).
         """
         drawn, (watched, matters) = self.drawn, self._watched()
         turn = (np.arange(len(drawn.trains)) + self.steps)[:, None]
         scouts = ~watched & (turn % np.where(matters, SCOUTS, FAR_SCOUTS) == 0)
-        drawn.judge(lift, watched | scouts)
-        short = (scouts & (drawn.used.max(axis=1) > NEAR)).any(axis=0)
-        others = short & ~(watched | scouts)
-        drawn.judge(lift, others)
-        return watched | scouts | others
+        judged = np.zeros_like(watched)
+        for speeds in (slice(-1, None), slice(None, -1)):
+            asked = np.zeros_like(watched)
+            asked[:, speeds] = (watched | scouts)[:, speeds]
+            drawn.judge(lift, asked)
+            short = (scouts & asked & (drawn.used.max(axis=1) > NEAR)).any(axis=0)
+            others = short & ~(watched | scouts)
+            drawn.judge(lift, others)
+            judged |= asked | others
+            if np.sum(drawn.used[:, :, -1].max(axis=1) > 1.0) > self.allowed:
+                break
+        return judged
 
     def _watched(self) -> tuple[np.ndarray, np.ndarray]:
         """Which trains are watched at which speeds (t, s: bool), and which speeds (s: bool) have many of them."""
@@ -157,12 +165,12 @@ class YieldSearch:
         trains are given up. Below zero tied contacts are to keep a force. Raises NoCamFound where not even the lowest
         has a cam that holds.
         """
-        low: Tried | None = None
-        high: Tried | None = None
+        low: Level | None = None
+        high: Level | None = None
         while True:
             self.program.keep(max(-level, 0.0) * NEWTONS)
             found = self.program.largest(z, max(level, 0.0) * limits, lost, box)
-            z, tried = found.z, Tried(level, found.area_ratio, self.consider(found))
+            z, tried = found.z, Level(level, found.area_ratio, self.consider(found))
             if tried.used <= 1.0:
                 if low is not None and high is None and tried.area_ratio < low.area_ratio + RESOLUTION:
                     return level  # the limits bind no more
@@ -189,7 +197,7 @@ class YieldSearch:
         )
 
 
-class Tried(NamedTuple):
+class Level(NamedTuple):
     """A level of foretold openings, the area ratio of its cam, and what the trains that may not fail use with it."""
 
     level: float
@@ -197,7 +205,7 @@ class Tried(NamedTuple):
     used: float
 
 
-def _between(low: Tried, high: Tried) -> float:
+def _between(low: Level, high: Level) -> float:
     """The level between one whose cam holds and one whose cam does not at which, on the line through both, the limits
     are just used up, but no nearer to either than MIDDLE of the way."""
     part = -np.log(low.used) / np.log(min(high.used, WORST) / low.used)

@@ -29,7 +29,7 @@ from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 from camopt.storage import run_folder, run_identity
 from camopt.verifier.accuracy import EFFORTS
-from camopt.verifier.convergence import Demand
+from camopt.verifier.convergence import Tolerances
 from camopt.verifier.verdict import Verdict, verdict_on
 
 __all__ = ["BASELINES", "NO_JERK", "Comparison", "best_baselines", "compare", "compare_again", "compare_in",
@@ -245,8 +245,9 @@ def _write(
 
 
 def _judged(scene: Scene, lift: Lift, effort: Accuracy, band_step_rpm: float | None, to_the_end: bool = True) -> dict:
-    methods, demand = EFFORTS["draft"].methods_of(build_train(scene)), Demand(effort.verdict.tolerance_um, HALVINGS)
-    return verdict_on(scene, lift, None, methods, band_step_rpm, demand, to_the_end).as_dict()
+    methods = EFFORTS["draft"].methods_of(build_train(scene))
+    tolerances = Tolerances(effort.verdict.tolerances.tolerance_um, HALVINGS)
+    return verdict_on(scene, lift, None, methods, band_step_rpm, tolerances, to_the_end).as_dict()
 
 
 def _judged_baseline(scene: Scene, lift: Lift | str, effort: Accuracy, band_step_rpm: float | None) -> dict:

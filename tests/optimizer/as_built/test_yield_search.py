@@ -11,7 +11,7 @@ from camopt.cli.parser import main
 from camopt.measure.limits import broken_by_shape
 from camopt.measure.yields import UsedLimits, share_of
 from camopt.optimizer.as_built import search as search_module
-from camopt.optimizer.as_built.design import AT_TOP, UNSEEN_SEED, YieldEffort, _limits, yield_search
+from camopt.optimizer.as_built.design import AT_TOP, UNSEEN_SEED, YieldEffort, opening_limits, yield_search
 from camopt.optimizer.as_built.drawn import DrawnTrains
 from camopt.optimizer.as_built.journal import FOLDER, TrainsLog
 from camopt.optimizer.as_built.search import YieldSearch
@@ -105,7 +105,7 @@ def test_few_trains_begin_where_enough_of_them_may_fail(wanted, unseen, counts):
 
 
 def test_the_limits_are_larger_at_the_top_of_the_band(found):
-    limits = _limits(SCENE.design, found.program.cam_speeds)
+    limits = opening_limits(SCENE, found.program.cam_speeds)
     assert limits[:, -1] == pytest.approx(AT_TOP * limits[:, 0]) and np.all(limits[:, :-1] == limits[0, 0])
     assert limits[0, 0] == pytest.approx(SCENE.design.jump_max_mm * 1e-3)
 
