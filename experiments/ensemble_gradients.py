@@ -16,11 +16,12 @@ from camopt.cam.bumps import moved, with_bumps
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.motion import TracedMotion
-from camopt.exact.ensemble import CamEnsemble, cosine, ensemble_gradient, evolution_strategy_gradient
 from camopt.plots.legend import legend_above
 from camopt.plots.style import INK, lines, new_figure, styled
 from camopt.scene import build_train, load_scene
 from camopt.scene.rest import state_at_rest
+from camopt.study.gradient.paths import cosine
+from experiments.support.ensemble import CamEnsemble, ensemble_gradient, evolution_strategy_gradient
 from experiments.support.record import RESULTS, run_script, write_result
 
 RPM = 7000.0

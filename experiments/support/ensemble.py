@@ -20,12 +20,13 @@ import numpy as np
 
 from camopt.cam.bumps import moved
 from camopt.cam.lift import Lift
+from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.exact.affine.lines import rest_of
-from camopt.exact.batch import value_and_gradient_many
 from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.shapes import Float
 from camopt.scene.train import Train
+from camopt.study.gradient.paths import cosine
 
 FEWEST_PAIRS = 2
 
@@ -85,15 +86,16 @@ def ensemble_gradient(
 
     Raises InputError for an unknown metric, MotionRefused where fewer than two pairs count.
     """
-    found = value_and_gradient_many(train, ensemble.lifts(), [cam_speed] * ensemble.members, metrics, workers=workers)
     directions = ensemble.directions
-    nothing = np.full(len(metrics), np.nan), np.full((len(metrics), len(directions)), np.nan)
-    values, slopes = zip(
-        *(nothing if g is None else (g.values, np.einsum("lpq,mpq->lm", g.by_coefficients, directions)) for g in found),
-        strict=True,
-    )
-    paired = np.array(slopes).reshape(-1, 2, len(metrics), len(directions))
-    return _summary(metrics, np.array(values).reshape(len(paired), 2, -1), paired.mean(axis=1))
+
+    def numbers_of(member: Lift) -> np.ndarray:
+        gradient = value_and_gradient(train, member, cam_speed, metrics)
+        return np.column_stack([gradient.values, np.einsum("lpq,mpq->lm", gradient.by_coefficients, directions)])
+
+    numbers = _side_by_side(numbers_of, ensemble.lifts(), (len(metrics), 1 + len(directions)), workers)
+    values, slopes = numbers[:, :, 0], numbers[:, :, 1:]
+    paired = slopes.reshape(-1, 2, len(metrics), len(directions))
+    return _summary(metrics, values.reshape(len(paired), 2, -1), paired.mean(axis=1))
 
 
 def evolution_strategy_gradient(
@@ -108,19 +110,19 @@ def evolution_strategy_gradient(
     def values_of(member: Lift) -> np.ndarray:
         return TracedMotion(train, member, cam_speed, at).values(metrics)
 
-    values = _side_by_side(values_of, ensemble.lifts(), len(metrics), workers).reshape(len(pairs), 2, -1)
+    values = _side_by_side(values_of, ensemble.lifts(), (len(metrics),), workers).reshape(len(pairs), 2, -1)
     rise = (values[:, 0] - values[:, 1]) / (2.0 * ensemble.sigma_m**2)
     return _summary(metrics, values, rise[:, :, None] * pairs[:, None, :])
 
 
-def _side_by_side(values_of: Callable[[Lift], np.ndarray], lifts: list[Lift], count: int, workers: int) -> np.ndarray:
-    """Values (k, count) of k cams in threads; NaN where the motion is refused."""
+def _side_by_side(values_of: Callable[[Lift], np.ndarray], lifts: list[Lift], shape: tuple, workers: int) -> np.ndarray:
+    """Values (k, *shape) of k cams in threads; NaN where the motion is refused."""
 
     def one(lift: Lift) -> np.ndarray:
         try:
             return values_of(lift)
         except MotionRefused:
-            return np.full(count, np.nan)
+            return np.full(shape, np.nan)
 
     with ThreadPoolExecutor(workers) as pool:
         return np.array(list(pool.map(one, lifts)))
@@ -148,9 +150,3 @@ def _summary(
         members=2 * count,
         refused=2 * (len(usable) - count),
     )
-
-
-def cosine(a: Float[np.ndarray, " m"], b: Float[np.ndarray, " m"]) -> float:
-    """Cosine of the angle between two gradients; NaN where one of them is zero."""
-    size = np.linalg.norm(a) * np.linalg.norm(b)
-    return float(a @ b / size) if size > 0.0 else float("nan")

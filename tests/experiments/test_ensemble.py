@@ -6,8 +6,9 @@ import pytest
 from camopt.cam.bumps import moved, with_bumps
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact.adjoint.gradient import value_and_gradient
-from camopt.exact.ensemble import CamEnsemble, _summary, cosine, ensemble_gradient, evolution_strategy_gradient
 from camopt.scene import InputError, MotionRefused
+from camopt.study.gradient.paths import cosine
+from experiments.support.ensemble import CamEnsemble, _summary, ensemble_gradient, evolution_strategy_gradient
 from tests.exact.gradient_problems import kodama
 
 NAMES = ["jump_mm", "bounce_mm"]
