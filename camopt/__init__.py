@@ -37,7 +37,6 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr__`
-    from camopt.autodiff.families import differentiable
     from camopt.cam.card import CrankTiming, cam_card
     from camopt.cam.conversion import converted
     from camopt.cam.families.dwell import cycloidal, polynomial_345, polynomial_4567
@@ -60,6 +59,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr_
     from camopt.optimizer.program.differentiable import linear_program
     from camopt.optimizer.run import optimize
     from camopt.scene import load_scene
+    from camopt.smooth.families import differentiable
     from camopt.study.camshaft import camshaft_torque
     from camopt.study.fronts import joint_spring, pareto
     from camopt.study.identify.identification import MeasuredLift, identify
@@ -129,7 +129,7 @@ _PUBLIC = {
     "cycloidal": "camopt.cam.families.dwell",
     "polynomial_345": "camopt.cam.families.dwell",
     "polynomial_4567": "camopt.cam.families.dwell",
-    "differentiable": "camopt.autodiff.families",
+    "differentiable": "camopt.smooth.families",
     "read_cam": "camopt.cam.read",
     "read_lift_table": "camopt.cam.tables.lift_table",
     "cam_card": "camopt.cam.card",

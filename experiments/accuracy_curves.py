@@ -22,7 +22,7 @@ from camopt.scene.units import MM, UM
 from camopt.storage import write_json
 from camopt.study.simulate.accuracy_control import apart_um, valve_position
 from camopt.study.simulate.motion import dialled
-from camopt.verifier.stored_curves import FILE
+from camopt.verifier.accuracy import FILE
 from experiments.support.drawn_cases import DrawnCase, drawn_cases
 from experiments.support.record import RESULTS, run_script, write_result
 

@@ -8,6 +8,7 @@ and how far a motion that never repeats wanders is not known. An answer is good 
 all of that, and where that cannot be told there is no truth and the answer must be flagged.
 """
 
+import math
 import time
 from collections import Counter
 from itertools import islice
@@ -22,7 +23,7 @@ from camopt.scene.units import MM, UM
 from camopt.study.simulate.accuracy_control import apart_um, valve_position
 from camopt.study.simulate.motion import delivered, dialled
 from camopt.verifier.accuracy import effort_of
-from camopt.verifier.accuracy_statement import bounce_error_um
+from camopt.verifier.record import bounce_error_um
 from camopt.verifier.verdict import verdict_on
 from experiments.support.drawn_cases import DrawnCase, drawn_cases
 from experiments.support.record import RESULTS, run_script, write_result
@@ -64,7 +65,7 @@ def bounce_row(case: DrawnCase, asked_um: float) -> dict:
     """`verify` by event-exact; a motion that does not repeat is known to its range."""
     effort, train = effort_of(asked_um), build_train(case.scene)
     begin = time.perf_counter()
-    verdict = verdict_on(case.scene, case.lift, (case.speed_rpm,), ("event",), None, effort.demand)
+    verdict = verdict_on(case.scene, case.lift, (case.speed_rpm,), ("event",), None, effort.tolerances)
     seconds = time.perf_counter() - begin
     (speed,) = verdict.speeds
     bounces, spreads = [], []
@@ -77,7 +78,7 @@ def bounce_row(case: DrawnCase, asked_um: float) -> dict:
         spreads.append(0.0 if settled.periodic else (high - low) * MM / UM)
     unknown = max(abs(bounces[0] - bounces[1]), *spreads)
     true = abs(speed.methods["event"].worst["bounce_mm"] * MM / UM - bounces[0])
-    return row("bounce, event", asked_um, bounce_error_um(speed), true, unknown, seconds)
+    return row("bounce, event", asked_um, bounce_error_um(speed.as_dict()) or math.inf, true, unknown, seconds)
 
 
 def row(quantity: str, asked: float, estimate: float, true: float, unknown: float, seconds: float) -> dict:

@@ -18,7 +18,7 @@ from camopt.optimizer.accuracy import ACCURACIES, design_speeds
 from camopt.optimizer.baselines.largest_member import POPULATION, Baseline, MemberLimits, largest_area_member
 from camopt.scene import Scene, load_scene
 from camopt.scene.units import DEG, MM
-from camopt.verifier.convergence import Demand
+from camopt.verifier.convergence import Tolerances
 from camopt.verifier.verdict import verdict_on
 from experiments.support.record import RESULTS, run_script, write_result
 
@@ -73,7 +73,7 @@ def confirmed(scene: Scene, found: Baseline, size: str) -> dict:
     """Bounce of a holding member by both methods, over neighbouring motions too."""
     if not found.holds or not HALVINGS[size]:
         return {"bounce_verified_mm": None, "methods_agree": None}
-    speeds = verdict_on(scene, found.lift, None, ("event", "rkg"), None, Demand(5.0, HALVINGS[size])).speeds
+    speeds = verdict_on(scene, found.lift, None, ("event", "rkg"), None, Tolerances(5.0, HALVINGS[size])).speeds
     return {
         "bounce_verified_mm": max(s.bounce_range_mm[1] for s in speeds),
         "methods_agree": all(s.verdict != "not converged" for s in speeds),

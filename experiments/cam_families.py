@@ -31,7 +31,7 @@ from camopt.scene import Scene, load_scene
 from camopt.scene.design import Design
 from camopt.scene.units import DEG, MM
 from camopt.storage import write_json
-from camopt.verifier.convergence import Demand
+from camopt.verifier.convergence import Tolerances
 from camopt.verifier.verdict import verdict_on
 from experiments.support.cam_families_table import bounces, markdown, orders_of_continuity
 from experiments.support.provenance import provenance
@@ -101,7 +101,7 @@ def motion(lift: Lift, scene: Scene, where: str, size: str) -> dict:
         return {}
     return {
         "bounce": bounces(
-            verdict_on(scene, lift, SPEEDS[size], ("event", "rkg"), None, Demand(TOLERANCE_UM, HALVINGS[size]))
+            verdict_on(scene, lift, SPEEDS[size], ("event", "rkg"), None, Tolerances(TOLERANCE_UM, HALVINGS[size]))
         )
     }
 

@@ -19,7 +19,6 @@ import jax.numpy as jnp
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from camopt.autodiff.exact_rule import exact_metrics
 from camopt.cam.design_file import read_design
 from camopt.cam.lift import Lift, recentred
 from camopt.exact.adjoint.gradient import value_and_gradient
@@ -29,12 +28,21 @@ from camopt.measure.hermite import Hermite
 from camopt.scene import load_scene
 from camopt.scene.units import DEG
 from camopt.smooth.adaptive import adaptive_states
-from camopt.smooth.batch import BATCH_EPS, batch_metrics, batch_motion, stage_lifts
 from camopt.smooth.contact import Layer
+from camopt.smooth.exact_rule import exact_metrics
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.scan import DrivenSystem
-from camopt.smooth.simulate import EPS, lift_samples, prepare, response_arrays, touch_layer
+from camopt.smooth.simulate import (
+    BATCH_EPS,
+    EPS,
+    batch_motion,
+    lift_samples,
+    prepare,
+    response_arrays,
+    stage_lifts,
+    touch_layer,
+)
 from camopt.smooth.system import build_system
 from camopt.study.timing import fastest
 from experiments.support.gradient_bumps import METRIC, Problem, against, exact_differences, problem
@@ -125,9 +133,11 @@ def equal_steps(p: Problem, z: np.ndarray) -> Timed:
     base, parts = (jnp.asarray(q) for q in lifts(steps))
 
     def total(z, speed, y0):
-        found = batch_metrics(
-            system, base[..., None] + parts @ z, speed, y0, p.lift.half_duration, p.lift.opening_foot
-        )[METRIC]
+        motions, layer = batch_motion(system, base[..., None] + parts @ z, speed, y0), touch_layer(BATCH_EPS)
+        half, foot = p.lift.half_duration, p.lift.opening_foot
+        found = jax.vmap(lambda one, at: revolution_metrics(system, one, at, half, foot, layer=layer)[METRIC])(
+            motions, speed
+        )
         return jnp.sum(found), found
 
     @jax.jit

@@ -83,7 +83,7 @@ def of_scene(scene: Scene, design: Lift | None) -> list[dict]:
 def of_cam(scene: Scene, cam: str, lift: Lift, speeds_rpm: list[float]) -> list[dict]:
     """A row for each speed [r/min]."""
     lift, rows = as_written(lift), []
-    verdict = verdict_on(scene, lift, tuple(speeds_rpm), ("event",), None, EFFORTS["draft"].demand)
+    verdict = verdict_on(scene, lift, tuple(speeds_rpm), ("event",), None, EFFORTS["draft"].tolerances)
     for speed in verdict.speeds:
         answer = speed.methods["event"]
         measured = MEASURED[0] if answer.periodic else MEASURED[1]
@@ -97,7 +97,7 @@ def of_cam(scene: Scene, cam: str, lift: Lift, speeds_rpm: list[float]) -> list[
         }
         ms = {"exudyn": 1e3 * one["seconds_per_revolution"], "event": revolution_ms(scene, lift, speed.speed_rpm)}
         jump_mm = max(f["jump_mm"] for f in one["figures"])
-        row = {"scene": scene.name, "cam": cam, **said.as_dict(), "jump_mm": jump_mm, "tolerance": one["tolerance"]}
+        row = {"scene": scene.name, "cam": cam, **said, "jump_mm": jump_mm, "tolerance": one["tolerance"]}
         rows.append(row | {"periodic": answer.periodic, "settled": settled, "ms": ms})
         print({key: rows[-1][key] for key in ("scene", "cam", "speed_rpm", "difference_nm", "stated_nm", "agrees")})
     return rows
@@ -138,7 +138,7 @@ def changed(scene: Scene, lift: Lift, count: int) -> list[dict]:
         given = change.scene(scene), as_written(change.cam(lift)), [CHANGED_RPM]
         found = outside_motions(*given, "--law", change.law)
         said = compared(found["engine"], found["speeds"][0], *valve)
-        rows.append({"change": change.name, **said.as_dict(), "noticed": not said.agrees})
+        rows.append({"change": change.name, **said, "noticed": not said["agrees"]})
     return rows
 
 

@@ -18,7 +18,7 @@ from camopt.scene.rest import state_at_rest
 from camopt.scene.settled import APERIODIC, SETTLED_POSITION, SETTLED_VELOCITY
 from camopt.scene.train import Train
 from camopt.verifier.at_speed import Case
-from camopt.verifier.convergence import Converged, Demand
+from camopt.verifier.convergence import Converged, Tolerances
 from camopt.verifier.methods import rkg
 from camopt.verifier.spot_checks import event_alone
 from camopt.verifier.verdict import event_exact
@@ -47,9 +47,9 @@ def first_broken(scene: Scene, lift: Lift) -> float | None:
 
 def said(scene: Scene, lift: Lift, speed_rpm: float) -> Converged:
     """What event-exact says of the motion at a speed, as in a verdict."""
-    demand = Demand(limited=limited_metrics(scene.design))
+    tolerances = Tolerances(limited=limited_metrics(scene.design))
     methods = {"event": event_exact, "rkg": rkg.prepare}
-    return event_alone(Case(scene, lift, methods, demand, settled_metrics), speed_rpm).methods["event"]
+    return event_alone(Case(scene, lift, methods, tolerances, settled_metrics), speed_rpm).methods["event"]
 
 
 def apart(train: Train, lift: Lift, cam_speed: float, state: np.ndarray, revolutions: int) -> np.ndarray:

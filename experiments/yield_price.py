@@ -26,7 +26,8 @@ from camopt.optimizer.as_built.track import track
 from camopt.optimizer.baselines.family_spaces import family_space
 from camopt.optimizer.baselines.largest_member import MemberLimits, MemberMotion, member_within
 from camopt.optimizer.stage_clock import StageClock
-from camopt.scene import Scene, load_scene
+from camopt.scene import load_scene
+from camopt.scene.as_built import scatter_labels, with_scatter
 from camopt.scene.design import Design
 from experiments.support.record import RESULTS, run_script, write_result
 from experiments.support.sweeping import called
@@ -74,7 +75,8 @@ def designed(
     """The largest cam that a search finds with tolerances of a `width`, what fresh trains say of it, and what the
     search took; of another yield, scene or accuracy where one is named."""
     wanted = WANTED[size] if wanted is None else wanted
-    varied = scattered(load_scene(scene or SCENE[size]), width)
+    plain = load_scene(scene or SCENE[size])
+    varied = with_scatter(plain, dict.fromkeys(scatter_labels(plain), width))
     effort = EFFORTS[accuracy] if accuracy and size == "full" else EFFORT[size]
     clock = StageClock()
     with clock.stage("search"):
@@ -92,16 +94,6 @@ def designed(
         "search_processor_s": clock.as_dict()["search"]["processor_s"],
         "motions": search.drawn.motions,
     }
-
-
-def scattered(scene: Scene, width: float) -> Scene:
-    """The scene with all its tolerances, grinding included, so many times as wide."""
-    wider = tuple(
-        t.model_copy(update={key: width * getattr(t, key) for key in ("relative", "plus_minus") if getattr(t, key)})
-        for t in scene.tolerance
-    )
-    grinding = scene.grinding and scene.grinding.model_copy(update={"error_um": width * scene.grinding.error_um})
-    return scene.model_copy(update={"tolerance": wider, "grinding": grinding})
 
 
 def literature(size: str) -> dict[str, dict]:

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from camopt.cli import arguments, verbs
 from camopt.cli import parser as cli
-from camopt.cli import verbs
 from camopt.optimizer import candidates
 from camopt.optimizer.baselines import comparison
 from camopt.scene import scene_text
@@ -39,7 +39,7 @@ class World:
     commands: list[str] = field(default_factory=list)
 
     def optimize(self, args) -> int:
-        folder, level = verbs._run_folder(args, "scene"), ACCURACIES.index(args.accuracy)
+        folder, level = verbs.folder_of(args, "scene"), ACCURACIES.index(args.accuracy)
         folder.mkdir(parents=True)
         text = scene_text("motori-1")
         write_text(folder / "scene.toml", text if self.scatters else text[: text.index("[[tolerance]]")])
@@ -59,7 +59,7 @@ class World:
         return 0 if content["verdict"] == "confirmed" and confirmed is not False else 3
 
     def yield_(self, args) -> int:
-        folder = verbs._run_folder(args, "scene")
+        folder = verbs.folder_of(args, "scene")
         folder.mkdir(parents=True, exist_ok=True)
         record = {"share": self.share, "low": self.share - 0.02, "high": self.share + 0.02, "trains": args.trains}
         write_json(folder / "yield.json", record)
@@ -70,7 +70,7 @@ class World:
 
     def nothing(self, args) -> int:
         if hasattr(args, "out"):
-            verbs._run_folder(args, "scene").mkdir(parents=True)
+            verbs.folder_of(args, "scene").mkdir(parents=True)
         return 0
 
     def table(self, args) -> int:
@@ -83,7 +83,7 @@ def follow(capsys, monkeypatch, tmp_path, world: World, *words: str) -> list[str
     """The commands from the first one on until a table for the grinder is written."""
     monkeypatch.chdir(tmp_path)
     runs = iter(range(MOST_STEPS))
-    monkeypatch.setattr(verbs, "default_run_folder", lambda name: Path("runs") / f"{name}-{next(runs)}")
+    monkeypatch.setattr(arguments, "default_run_folder", lambda name: Path("runs") / f"{name}-{next(runs)}")
     for verb in ("design", "modes", "bound", "gradient", "tradeoff", "extremes", "simulate", "scenes"):
         monkeypatch.setattr(verbs, verb, world.nothing)
     for verb, act in (("optimize", world.optimize), ("yield_", world.yield_), ("verify", world.verify)):

@@ -10,7 +10,7 @@ import pytest
 
 from camopt.cli import parser as cli
 from camopt.cli import verbs
-from camopt.cli.collecting import RARELY
+from camopt.cli.parser import COLLECTED_AFTER
 
 ANSWERS = {
     "help": (0, ["--help"]),
@@ -107,7 +107,7 @@ def test_a_command_looks_for_garbage_rarely_and_its_caller_as_before(monkeypatch
     monkeypatch.setattr(verbs, "scenes", lambda args: seen.append(gc.get_threshold()) or 0)
     assert cli.main(["scenes"]) == 0
     # Python looks at more than the newest objects after 7000 new ones, from 3.13 on after 20 000
-    assert seen == [RARELY] and RARELY[0] * RARELY[1] >= 100 * before[0] * before[1]
+    assert seen == [COLLECTED_AFTER] and COLLECTED_AFTER[0] * COLLECTED_AFTER[1] >= 100 * before[0] * before[1]
     assert gc.get_threshold() == before
 
 

@@ -15,7 +15,6 @@ import pytest
 import camopt
 import camopt.cam.families
 import camopt.verifier.methods
-from camopt.autodiff.families import differentiable
 from camopt.cam.families.record import Family
 from camopt.cam.families.registry import FAMILIES
 from camopt.cli import parser as cli
@@ -24,6 +23,7 @@ from camopt.optimizer.baselines.family_spaces import family_space
 from camopt.plots.style import OTHERS, cam_line
 from camopt.scene import InputError, build_train, load_scene, rest_position
 from camopt.scene.units import DEG, MM, MM_PER_DEG
+from camopt.smooth.families import differentiable
 from camopt.verifier.methods import INDEPENDENT
 from camopt.verifier.verdict import verdict_on
 

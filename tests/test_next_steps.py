@@ -8,7 +8,7 @@ import pytest
 
 from camopt.cli import parser as cli
 from camopt.cli import verbs
-from camopt.cli.comparison_lines import comparison_lines
+from camopt.report.tables import comparison_lines
 from camopt.scene import InputError, scene_text
 from camopt.storage import write_csv
 from tests.test_cli import VERBS, run
@@ -46,7 +46,7 @@ def stand_in(monkeypatch, tmp_path, verb: str, outcome) -> None:
 
     def act(args):
         if "run" in COMMANDS[verb]:
-            verbs._run_folder(args, "kodama")
+            verbs.folder_of(args, "kodama")
         return outcome(args)
 
     monkeypatch.setattr(verbs, cli.verb_named(verb), act)
@@ -177,7 +177,7 @@ class TestNotes:
 
     @pytest.mark.parametrize(("verb", "option"), [("simulate", "--speed"), ("verify", "--speeds")])
     def test_speeds_of_the_command_line(self, capsys, monkeypatch, verb, option):
-        monkeypatch.setattr(verbs, verb, lambda args: verbs._scene_of(args) and 0)
+        monkeypatch.setattr(verbs, verb, lambda args: verbs.scene_of(args) and 0)
         _, _, err = run(capsys, verb, "kodama", *CAM, option, "60000", "--quiet")
         assert err.startswith(f"camopt: note: {option}: 60000 is outside the usual 100 to 20000")
 

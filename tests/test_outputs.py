@@ -9,9 +9,8 @@ import pytest
 import camopt
 from camopt import storage
 from camopt.cam.families.polydyne import polydyne
-from camopt.cli import verbs
-from camopt.cli.outputs import WRITTEN
-from camopt.cli.parser import parser, verb_named
+from camopt.cli import arguments, verbs
+from camopt.cli.parser import WRITTEN, parser, verb_named
 from camopt.report.regenerated import regenerate
 from camopt.scene import InputError, load_scene
 from camopt.scene.toml_text import scene_toml
@@ -31,7 +30,7 @@ NEEDED = {
 """What a verb needs beside its scene."""
 SCENES = {"rise": (), "sweep": ("plan.toml",)}
 FIRST = {
-    "camopt.cli.verbs": ("_cam_of",),
+    "camopt.cli.verbs": ("cam_of",),
     "camopt.optimizer.run": ("optimize", "kinematic_optimum", "with_best_values"),
     "camopt.optimizer.baselines.comparison": ("compare", "compare_again"),
     "camopt.study.extremes.extremes": ("extremes",),
@@ -99,7 +98,7 @@ def test_an_output_of_a_verb_is_tried_before_it_computes(capsys, monkeypatch, pl
 @pytest.mark.parametrize("verb", ["optimize", "compare", "tradeoff", "extremes"])
 def test_the_folder_of_a_default_name_is_tried_too(capsys, monkeypatch, places, verb):
     forbid(monkeypatch)
-    monkeypatch.setattr(verbs, "default_run_folder", lambda name: places / "closed" / "runs" / name)
+    monkeypatch.setattr(arguments, "default_run_folder", lambda name: places / "closed" / "runs" / name)
     code, _, err = run(capsys, verb, "motori-1")
     assert (code, "cannot be written to (Permission denied)" in err) == (2, True)
 

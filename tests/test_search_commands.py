@@ -154,7 +154,7 @@ class TestVerbsThatSearch:
             "seat_margin_N": 20.0,
             "worth_percent": {"max_lift_mm": 0.56743219, "jerk_max_mm_per_deg3": 0.0},
         }
-        stand_in(monkeypatch, "camopt.optimizer.bound.summary", area_bound=lambda scene: content)
+        monkeypatch.setattr("camopt.optimizer.bound.summary.area_bound", lambda scene: content)
         code, out, _ = run(capsys, "bound", "kodama", "--json", str(tmp_path / "b.json"))
         assert code == 0
         for words in (

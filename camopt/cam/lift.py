@@ -192,9 +192,12 @@ def join_as_in(cam: Lift, borders, coefficients) -> Any:
 
     The pieces of another cam between the borders of this one do not. Arrays of NumPy or of JAX.
     """
-    rounding = JOINING * np.abs(cam.coefficients[:, :2]).max(axis=0)
-    allowed = steps_at_borders(cam.borders, cam.coefficients) + rounding
-    return (steps_at_borders(borders, coefficients) <= allowed).all()
+    return (steps_at_borders(borders, coefficients) <= permitted_steps(cam)).all()
+
+
+def permitted_steps(cam: Lift) -> np.ndarray:
+    """Steps of lift [m] and velocity [m/rad] (2) that pieces in place of a cam's may have: its own, and rounding."""
+    return steps_at_borders(cam.borders, cam.coefficients) + JOINING * np.abs(cam.coefficients[:, :2]).max(axis=0)
 
 
 def lift_with(cam: Lift, numbers: Mapping[str, Any]) -> Lift:

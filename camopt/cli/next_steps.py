@@ -111,10 +111,6 @@ def _after_optimize(args: Namespace, code: int) -> str:
     return f"{table} writes the cam's lift table for the grinder; the run folder has one with every digit"
 
 
-def _after_design(args: Namespace, code: int) -> str:
-    return f"{_camopt('optimize', args.scene)} searches for the largest cam, and has it confirmed; so for a saved scene"
-
-
 def _after_verify(args: Namespace, code: int) -> str:
     if code:
         from camopt.report.advice import further
@@ -132,12 +128,6 @@ def _after_verify(args: Namespace, code: int) -> str:
     return f"{_lift_table(*_cam_of(args))} writes the cam's lift table for the grinder"
 
 
-def _after_simulate(args: Namespace, code: int) -> str:
-    if args.csv is None:
-        return f"{_camopt('simulate', *_cam_of(args), '--speed', f'{args.speed:g}', '--csv', 'motion.csv')} writes it"
-    return f"{_camopt('verify', *_cam_of(args), '--speeds', f'{args.speed:g}')} holds it against the limits"
-
-
 def _after_compare(args: Namespace, code: int) -> str:
     cams = args.folder / "cams"
     first = min(cams.glob("*.json"), default=None) if cams.is_dir() else None
@@ -147,40 +137,22 @@ def _after_compare(args: Namespace, code: int) -> str:
 
 
 def _after_cam(args: Namespace, code: int) -> str:
-    if args.csv is None and not _is_table(args):
+    if _is_table(args):
+        return f"{_camopt('verify', *_cam_of(args))} says whether the valve train follows it"
+    if args.csv is None:
         table = f"{_lift_table(*_cam_of(args))} writes the cam's lift table for the grinder"
         return _advised(args.scene, args.cam) or table
-    if args.csv is None or _is_table(args):
-        return f"{_camopt('verify', *_cam_of(args))} says whether the valve train follows it"
     return f"{_camopt('verify', args.scene, '--cam', args.csv)} judges the table as it was written, with its rounding"
 
 
-def _after_modes(args: Namespace, code: int) -> str:
-    return f"{_camopt('bound', args.scene)} says how much area a cam can have, where the scene has its limits"
-
-
-def _after_bound(args: Namespace, code: int) -> str:
-    return f"{_camopt('optimize', args.scene, '--accuracy', 'draft')} designs a cam towards this bound"
-
-
 def _after_rise(args: Namespace, code: int) -> str:
-    asked = ["--rise-mm", f"{args.rise_mm:g}", "--over-deg", f"{args.over_deg:g}"]
+    rise = "rise", "--rise-mm", f"{args.rise_mm:g}", "--over-deg", f"{args.over_deg:g}"
     if not args.csv:
         least = ["--least", args.least] if args.least else []
-        return (
-            f"{_camopt('rise', *asked, *least, '--csv', 'rise.csv')} writes the motion of least {args.least or 'jerk'}"
-        )
+        return f"{_camopt(*rise, *least, '--csv', 'rise.csv')} writes the motion of least {args.least or 'jerk'}"
     if args.least:
         return f"{args.csv} is the table of the motion"
-    return f"{_camopt('rise', *asked, '--least', 'acceleration')} says how much lower its acceleration may be"
-
-
-def _after_gradient(args: Namespace, code: int) -> str:
-    return f"{_camopt('optimize', args.scene)} designs a cam with such gradients"
-
-
-def _after_tradeoff(args: Namespace, code: int) -> str:
-    return f"{_camopt('optimize', args.scene, '--accuracy', 'draft')} runs the job at the accuracy you choose"
+    return f"{_camopt(*rise, '--least', 'acceleration')} says how much lower its acceleration may be"
 
 
 def _after_yield(args: Namespace, code: int) -> str:
@@ -196,26 +168,10 @@ def _after_yield(args: Namespace, code: int) -> str:
 
 def _enough(args: Namespace) -> bool:
     """Whether as many trains hold as the cam's run asked for, or as are advised where it asked for none."""
-    run, found = _run_at(args.cam), {}
+    run, record = _run_at(args.cam), {}
     with suppress(OSError, ValueError):
-        found = json.loads((Path(args.folder) / "yield.json").read_text(encoding="utf-8"))
-    return standing(found) == ENOUGH or (run is not None and standing(run.built) == HELD)
-
-
-def _after_what_if(args: Namespace, code: int) -> str:
-    return f"{_camopt('optimize', args.scene)} designs a cam for a scene with the numbers that you keep"
-
-
-def _after_extremes(args: Namespace, code: int) -> str:
-    if code:
-        return f"a wrong row without a warning is a defect of camopt: report it with {args.folder / 'extremes.csv'}"
-    return f"{_camopt('tradeoff', args.scene or 'kodama')} measures what accuracy costs"
-
-
-def _after_reduce(args: Namespace, code: int) -> str:
-    if args.json is None:
-        return f"{_camopt('reduce', args.scene, '--cam', args.cam, '--json', 'reduced.json')} keeps the proposed scene"
-    return f"the proposed scene is in {args.json} as proposed_toml: save it as a TOML file and verify a cam there too"
+        record = json.loads((Path(args.folder) / "yield.json").read_text(encoding="utf-8"))
+    return standing(record) == ENOUGH or (run is not None and standing(run.built) == HELD)
 
 
 def _after_report(args: Namespace, code: int) -> str:
@@ -232,31 +188,51 @@ def _after_sweep(args: Namespace, code: int) -> str:
     return f"{_camopt('scenes')} lists scenes for another plan"
 
 
-def _after_scenes(args: Namespace, code: int) -> str:
-    if args.name is None:
-        return "`camopt scenes kodama > mine.toml` writes one to edit"
-    return (
-        f"write it to a file, as in `camopt scenes {args.name} > mine.toml`, edit it, and try `camopt modes mine.toml`"
-    )
-
-
 _AFTER = {
     "optimize": _after_optimize,
-    "design": _after_design,
     "verify": _after_verify,
-    "simulate": _after_simulate,
     "compare": _after_compare,
     "cam": _after_cam,
-    "modes": _after_modes,
-    "bound": _after_bound,
     "rise": _after_rise,
-    "gradient": _after_gradient,
     "yield": _after_yield,
-    "tradeoff": _after_tradeoff,
-    "what-if": _after_what_if,
-    "extremes": _after_extremes,
-    "reduce": _after_reduce,
     "report": _after_report,
     "sweep": _after_sweep,
-    "scenes": _after_scenes,
+    "design": lambda args, _: (
+        f"{_camopt('optimize', args.scene)} searches for the largest cam, and has it confirmed; so for a saved scene"
+    ),
+    "simulate": lambda args, _: (
+        f"{_camopt('simulate', *_cam_of(args), '--speed', f'{args.speed:g}', '--csv', 'motion.csv')} writes it"
+        if args.csv is None
+        else f"{_camopt('verify', *_cam_of(args), '--speeds', f'{args.speed:g}')} holds it against the limits"
+    ),
+    "modes": lambda args, _: (
+        f"{_camopt('bound', args.scene)} says how much area a cam can have, where the scene has its limits"
+    ),
+    "bound": lambda args, _: (
+        f"{_camopt('optimize', args.scene, '--accuracy', 'draft')} designs a cam towards this bound"
+    ),
+    "gradient": lambda args, _: f"{_camopt('optimize', args.scene)} designs a cam with such gradients",
+    "tradeoff": lambda args, _: (
+        f"{_camopt('optimize', args.scene, '--accuracy', 'draft')} runs the job at the accuracy you choose"
+    ),
+    "what-if": lambda args, _: (
+        f"{_camopt('optimize', args.scene)} designs a cam for a scene with the numbers that you keep"
+    ),
+    "extremes": lambda args, code: (
+        f"a wrong row without a warning is a defect of camopt: report it with {args.folder / 'extremes.csv'}"
+        if code
+        else f"{_camopt('tradeoff', args.scene or 'kodama')} measures what accuracy costs"
+    ),
+    "reduce": lambda args, _: (
+        f"{_camopt('reduce', args.scene, '--cam', args.cam, '--json', 'reduced.json')} keeps the proposed scene"
+        if args.json is None
+        else f"the proposed scene is in {args.json} as proposed_toml: save it as a TOML file and verify a cam there too"
+    ),
+    "scenes": lambda args, _: (
+        "`camopt scenes kodama > mine.toml` writes one to edit"
+        if args.name is None
+        else f"write it to a file, as in `camopt scenes {args.name} > mine.toml`, edit it, and try "
+        f"`camopt modes mine.toml`"
+    ),
 }
+"""By command: what to do after it, from its arguments and its exit code."""

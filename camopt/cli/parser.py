@@ -5,25 +5,45 @@
 """
 
 import argparse
+import atexit
 import errno
+import gc
 import os
 import sys
+import tomllib
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from io import TextIOWrapper
 from keyword import iskeyword
+from pathlib import Path
+from typing import Any
 
 from camopt import __version__
-from camopt.cli import options
-from camopt.cli.collecting import collecting_rarely
+from camopt.cli import values
 from camopt.cli.next_steps import left_behind, next_step
-from camopt.cli.outputs import check_outputs
-from camopt.cli.suggesting_parser import SuggestingParser
+from camopt.scene.errors import InputError, NoCamFound, brief
+from camopt.scene.spelling import did_you_mean
+from camopt.scene.text_file import excerpt
+from camopt.storage import check_file
+from camopt.verifier.methods import verdict_methods
 
+TABLE = Path(__file__).with_name("commands.toml")
+"""Every command with its purpose, its example and its arguments."""
 DONE, DEFECT, BAD_INPUT, NOT_CONFIRMED, INTERRUPTED = 0, 1, 2, 3, 130
 REFUSALS = (errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EPERM, errno.EROFS, errno.EMFILE, errno.EIO)
 """What the system answers where a disk is full or a folder may not be written to: no defect of camopt."""
+WRITTEN = ("json", "csv", "contour", "dxf", "figure", "valve_lift", "dynamic_lift", "card_csv", "store")
+"""Options that name a file which a command writes; `--out` names a folder, which each command checks with its scene."""
+READ = ("scene", "cam", "exhaust", "plan")
+"""Options and arguments that may name a file, as a parsed command has them."""
+COLLECTED_AFTER = 100_000, 20, 50
+"""Thresholds of the cyclic garbage collection: commands create few reference cycles, and with Python's own thresholds
+(700 new objects, 2000 from 3.13 on) the collector walks again and again through all that numba, SciPy and matplotlib
+keep until the process ends."""
+
+atexit.register(gc.freeze)  # what is left goes with the process: no collection need visit it once more
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -59,9 +79,35 @@ def verb_named(command: str) -> str:
     return f"{command}_" if iskeyword(command) else command.replace("-", "_")
 
 
-def _failed(error: Exception, args: argparse.Namespace) -> int:
-    from camopt.scene.errors import InputError, NoCamFound, brief
+@contextmanager
+def collecting_rarely() -> Iterator[None]:
+    """Collects cyclic garbage rarely inside, and as often as before outside; a collector that was off stays off."""
+    before = gc.get_threshold()
+    if before[0]:
+        gc.set_threshold(*COLLECTED_AFTER)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
 
+
+def check_outputs(args: argparse.Namespace) -> None:
+    """Raises InputError for a file that cannot be written, and for one that the command reads: it would be lost."""
+    read = {name: path for name in READ if os.path.isfile(path := getattr(args, name, None) or "")}
+    for option in WRITTEN:
+        path = getattr(args, option, None)
+        if path is None:
+            continue
+        check_file(path)
+        for name, source in read.items():
+            if os.path.exists(path) and os.path.samefile(path, source):
+                raise InputError(
+                    f"--{option.replace('_', '-')} {path}: this command reads that file as its {name}, and would "
+                    f"overwrite it: name another file"
+                )
+
+
+def _failed(error: Exception, args: argparse.Namespace) -> int:
     if args.debug:
         traceback.print_exc()
     left = left_behind(args)
@@ -79,31 +125,90 @@ def _failed(error: Exception, args: argparse.Namespace) -> int:
 
 
 def parser() -> argparse.ArgumentParser:
-    """The parser of all commands."""
+    """The parser of all commands, made from the table."""
+    table = tomllib.loads(TABLE.read_text(encoding="utf-8"))
+    formatted: dict[str, Any] = {"formatter_class": argparse.RawDescriptionHelpFormatter, "allow_abbrev": False}
     top = SuggestingParser(
         prog="camopt",
         description="Designs cams for valve trains that neither bounce nor jump; independent methods confirm it.",
         epilog="example: camopt optimize kodama --accuracy draft\n`camopt COMMAND --help` explains a command.",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
+        **formatted,
     )
     top.add_argument("--version", action="version", version=f"camopt {__version__}")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
-
-    def command(name: str, purpose: str, example: str) -> argparse.ArgumentParser:
-        one = commands.add_parser(
+    for name, entry in table["commands"].items():
+        purpose = entry["purpose"]
+        command = commands.add_parser(
             name,
             help=purpose,
             description=purpose[0].upper() + purpose[1:] + ".",
-            epilog=f"example: {example}",
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-            allow_abbrev=False,
+            epilog="\n\n".join([*([entry["notes"]] if "notes" in entry else []), f"example: {entry['example']}"]),
+            **formatted,
         )
-        one.add_argument("--debug", action="store_true", help="show the traceback of an error")
-        one.add_argument("--quiet", action="store_true", help="no progress bar and no hint of what to do next")
-        return one
-
-    for add in options.COMMANDS:
-        add(command)
+        command.add_argument("--debug", action="store_true", help="show the traceback of an error")
+        command.add_argument("--quiet", action="store_true", help="no progress bar and no hint of what to do next")
+        for argument, settings in _arguments(entry["arguments"], table["shared"]):
+            command.add_argument(argument, **settings)
     top.verbs = list(commands.choices)
     return top
+
+
+def _arguments(listed: Mapping[str, Any], shared: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Names and argparse settings of a command's arguments; a name that is "shared" stands for a group of them."""
+    for name, settings in listed.items():
+        if settings == "shared":
+            yield from _arguments(shared[name], shared)
+            continue
+        settings = dict(settings)
+        if "type" in settings:
+            settings["type"] = getattr(values, settings["type"])
+        if "choices" in settings:
+            methods = verdict_methods()
+            settings["choices"] = [w for c in settings["choices"] for w in (methods if c == "METHODS" else (c,))]
+        yield name, settings
+
+
+class SuggestingParser(argparse.ArgumentParser):
+    """As argparse's; unknown commands and options are refused first, with a suggestion, before anything is missed."""
+
+    def __init__(self, *args, **options):
+        self.known: set[str] = set()
+        self.verbs: list[str] = []
+        super().__init__(*args, **options)
+
+    def add_argument(self, *names, **options):
+        """`choices` become a type, whose sentence suggests one of them."""
+        choices = options.pop("choices", None)
+        if choices is not None:
+            options |= {"type": one_of(choices), "metavar": options.get("metavar", f"{{{','.join(choices)}}}")}
+        action = super().add_argument(*names, **options)
+        self.known.update(action.option_strings)
+        return action
+
+    def parse_known_args(self, args=None, namespace=None):  # pyright: ignore[reportIncompatibleMethodOverride]
+        """As argparse's, which every parser of a command goes through."""
+        for word in sys.argv[1:] if args is None else args:
+            name = word.partition("=")[0]
+            if word == "--":
+                break
+            if word.startswith("--"):
+                if name not in self.known:
+                    self.error(f"no option {excerpt(name)}{did_you_mean(name, self.known)}")
+            elif self.verbs and not word.startswith("-"):
+                if word not in self.verbs:
+                    meant = did_you_mean(word, self.verbs) or f": expected one of {', '.join(self.verbs)}"
+                    self.error(f"no command {excerpt(word)}{meant}")
+                break
+        return super().parse_known_args(args, namespace)
+
+
+def one_of(choices: Sequence[str]) -> Callable[[str], str]:
+    """A word out of some, as argparse wants a type."""
+
+    def word(text: str) -> str:
+        if text not in choices:
+            expected = f"{', '.join(choices[:-1])} or {choices[-1]}" if len(choices) > 1 else choices[0]
+            raise argparse.ArgumentTypeError(f"{excerpt(text)}: expected {expected}{did_you_mean(text, choices)}")
+        return text
+
+    return word

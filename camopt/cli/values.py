@@ -2,6 +2,7 @@
 
 import argparse
 import math
+from collections.abc import Callable
 
 from camopt.scene.spelling import did_you_mean
 from camopt.scene.table import LARGEST, SMALLEST
@@ -58,10 +59,6 @@ def columns(text: str) -> tuple[str, str]:
     return angle.strip(), lift.strip()
 
 
-def line_number(text: str) -> int:
-    return _integer(text, 1, 10_000_000)
-
-
 def probe(text: str) -> float:
     """Radius [mm] of a probe's ball, infinite for the word flat."""
     return math.inf if text == "flat" else positive(text)
@@ -92,18 +89,6 @@ def angles(text: str) -> tuple[float, ...]:
     return tuple(angle(part) for part in text.split(","))
 
 
-def count(text: str) -> int:
-    return _integer(text, 1, 1000)
-
-
-def trains(text: str) -> int:
-    return _integer(text, 1, 1_000_000)
-
-
-def digits(text: str) -> int:
-    return _integer(text, 0, 12)
-
-
 def named_range(text: str) -> tuple[str, tuple[float, float]]:
     """NAME=LOW:HIGH as the name and its two numbers."""
     name, _, ends = text.rpartition("=")
@@ -132,26 +117,10 @@ def change(text: str) -> tuple[str, tuple[bool, float]]:
     return name.strip(), (number.strip().startswith("*"), value)
 
 
-def port(text: str) -> int:
-    return _integer(text, 0, 65_535)
-
-
 def picture_file(text: str) -> str:
     if not text.lower().endswith((".png", ".svg")):
         raise argparse.ArgumentTypeError(f"{text!r}: expected a file that ends in .png or .svg")
     return text
-
-
-def seed(text: str) -> int:
-    return _integer(text, 0, 2**32 - 1)
-
-
-def _integer(text: str, low: int, high: int) -> int:
-    usable = text.isascii() and text.isdigit() and len(text) <= 20  # Python converts no more than some thousand digits
-    if not usable or not low <= int(text) <= high:
-        shown = "2^32 - 1" if high == 2**32 - 1 else high
-        raise argparse.ArgumentTypeError(f"{excerpt(text)}: expected an integer from {low} to {shown}")
-    return int(text)
 
 
 def accuracy(text: str) -> str | float:
@@ -164,3 +133,20 @@ def accuracy(text: str) -> str | float:
             f"{excerpt(text)}: expected {', '.join(ACCURACIES)} or a number of micrometres"
             f"{did_you_mean(text, ACCURACIES)}"
         ) from None
+
+
+def integer(low: int, high: int) -> Callable[[str], int]:
+    """The type of an integer in a range, both ends included."""
+
+    def number(text: str) -> int:
+        usable = text.isascii() and text.isdigit() and len(text) <= 20  # Python converts no more than some thousand
+        if not usable or not low <= int(text) <= high:
+            largest = "2^32 - 1" if high == 2**32 - 1 else high
+            raise argparse.ArgumentTypeError(f"{excerpt(text)}: expected an integer from {low} to {largest}")
+        return int(text)
+
+    return number
+
+
+line_number, count, trains = integer(1, 10_000_000), integer(1, 1000), integer(1, 1_000_000)
+digits, port, seed = integer(0, 12), integer(0, 65_535), integer(0, 2**32 - 1)

@@ -116,7 +116,9 @@ class Chosen:
 def full_verdict(scene: Scene, lift: Lift, speeds: str, effort: Accuracy) -> Verdict:
     """The verdict on a run's design: at the listed speeds and, with `speeds` "band", over the band."""
     asked = effort.verdict
-    return verdict_on(scene, lift, None, asked.methods_of(build_train(scene)), _band_step(speeds, effort), asked.demand)
+    return verdict_on(
+        scene, lift, None, asked.methods_of(build_train(scene)), _band_step(speeds, effort), asked.tolerances
+    )
 
 
 def _band_step(speeds: str, effort: Accuracy) -> float | None:

@@ -10,7 +10,8 @@ from typing import TypeVar
 
 from camopt.measure.yield_words import standing
 from camopt.scene.errors import InputError
-from camopt.verifier.outside_speeds import outside_entries, with_outside
+from camopt.scene.quantities import is_number
+from camopt.verifier.record import VerificationRecord, outside_entries
 
 MOST_BYTES = 50_000_000
 MOST_FIGURES = 30
@@ -26,7 +27,7 @@ class RunFolder:
     name: str
     scene: dict
     design: dict
-    verification: dict
+    verification: VerificationRecord
     comparison: list[dict[str, str]]
     provenance: dict
     history: list[dict]
@@ -35,10 +36,47 @@ class RunFolder:
     path: str = ""  # of the folder, from where the report is made
 
     @property
+    def verdict(self) -> str | None:
+        """The verdict's word; None where the cam was not verified."""
+        return self.verification.get("verdict")
+
+    @property
     def built(self) -> dict:
         """What the run says of trains as built; empty where it says nothing that can be understood."""
-        found = self.verification.get("yield")
-        return found if isinstance(found, dict) and standing(found) else {}
+        record = _table(self.verification, "yield")
+        return record if standing(record) else {}
+
+    @property
+    def demands(self) -> dict:
+        """The scene's [design]: every limit by its key."""
+        return _table(self.scene, "design")
+
+    @property
+    def band_rpm(self) -> tuple[float, float] | None:
+        """The scene's band of crankshaft speeds [r/min]."""
+        ends = _table(self.scene, "operation").get("band_rpm")
+        return (ends[0], ends[1]) if isinstance(ends, list) and len(ends) == 2 and all(map(is_number, ends)) else None
+
+    @property
+    def scatters(self) -> bool:
+        """Whether the scene says how trains differ."""
+        return bool(self.scene.get("tolerance") or self.scene.get("grinding"))
+
+    @property
+    def settings(self) -> dict:
+        """The options that the run was given."""
+        return _table(self.provenance, "settings")
+
+    @property
+    def worth(self) -> dict[str, float]:
+        """Per cent more area for one per cent more of a limit, by the limit's key."""
+        return {str(k): v for k, v in _table(self.design, "limit_worth").items() if is_number(v)}
+
+
+def _table(content: dict, key: str) -> dict:
+    """A part of a file's content; empty where it is not there or is no table."""
+    part = content.get(key)
+    return part if isinstance(part, dict) else {}
 
 
 def read_run_folder(folder: Path) -> RunFolder:
@@ -65,8 +103,8 @@ def read_run_folder(folder: Path) -> RunFolder:
         name=folder.resolve().name,
         scene=part("scene.toml", tomllib.loads, {}),
         design=part("design.json", _object, {}),
-        verification=with_outside(part("verification.json", _verification, {}), outside),
-        comparison=part("comparison.csv", _rows, []),
+        verification=part("verification.json", _verification, VerificationRecord()).with_outside(outside),
+        comparison=part("comparison.csv", comparison_rows, []),
         provenance=part("provenance.json", _object, {}),
         history=part("history.jsonl", _lines, []),
         figures={p.stem: _text(p) for p in sorted((folder / "figures").glob("*.svg"))[:MOST_FIGURES]},
@@ -98,7 +136,7 @@ def _object(text: str) -> dict:
     return data
 
 
-def _verification(text: str) -> dict:
+def _verification(text: str) -> VerificationRecord:
     data = _object(text)
     if not isinstance(data.get("verdict", ""), str):
         raise ValueError("verdict: expected a word")
@@ -118,10 +156,11 @@ def _verification(text: str) -> dict:
     worst = (data.get("band") or {}).get("worst") or {}
     if not isinstance(worst, dict) or not all(isinstance(w, dict) for w in worst.values()):
         raise ValueError("band.worst: expected an object of objects")
-    return data
+    return VerificationRecord(data)
 
 
-def _rows(text: str) -> list[dict[str, str]]:
+def comparison_rows(text: str) -> list[dict[str, str]]:
+    """The rows of a comparison.csv; raises ValueError or csv.Error for a text that is none."""
     reader = csv.DictReader(text.splitlines(), restkey="", restval="", strict=True)
     rows = [{str(k): str(v) for k, v in row.items()} for row in reader]
     if reader.fieldnames is None or "cam" not in reader.fieldnames:

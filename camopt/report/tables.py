@@ -1,15 +1,18 @@
 """The report's tables as plain rows of text, from a run folder's data."""
 
-from itertools import groupby
+import math
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 from camopt.optimizer.baselines.comparison_table import FAILED, NO_JERK
 from camopt.plots.style import DESIGN, cam_line, family_of
-from camopt.report.folder import RunFolder
+from camopt.report.folder import RunFolder, comparison_rows
 from camopt.report.outcome import broken_limits, broken_words
 from camopt.report.wording import VERDICTS, as_number, cell, label_and_unit, shown
-from camopt.report.worst import bounce_error_um, judged_speeds, worst_of
 from camopt.scene.quantities import QUANTITIES, is_number
 from camopt.verifier.methods import METHOD_NAMES
+from camopt.verifier.record import bounce_error_um
 from camopt.verifier.verdict import ORDER
 
 SPEED_COLUMNS = (
@@ -22,6 +25,9 @@ METHOD_ROWS = (
 )  # fmt: skip
 DESIGN_CELLS = {"bounce": "bounce_mm", "jump": "jump_mm", "seating": "seating_velocity_m_per_s"}
 WORST_FIRST = (FAILED, *reversed(ORDER))
+AT_A_SPEED = re.compile(r" at [\d.e+]+ r/min$")
+BROKEN_WIDTH = 48
+"""Characters of what is broken that a line of a terminal shows."""
 
 
 def heading(key: str) -> str:
@@ -34,7 +40,7 @@ def area_rows(run: RunFolder) -> tuple[list[dict], list[dict]]:
     """Area ratios: the design, the certified bound and what else keeps the limits on the cam, largest first; and apart
     from them those cams that do not, of which the bound says nothing."""
     bound = run.design.get("area_ratio_bound")
-    verdict = run.verification.get("verdict", "")
+    verdict = run.verdict or ""
     within = [
         ("certified bound", bound, "", "#888888"),
         ("no-jump linear program", run.design.get("area_ratio_no_jump"), "", "#bbbbbb"),
@@ -75,11 +81,8 @@ def _area_rows(rows: list[tuple], largest: float, bound: float | None) -> list[d
 
 def worth_rows(run: RunFolder) -> list[dict]:
     """Per cent more area for one per cent more of each limit, where design.json records them, largest first."""
-    worth = run.design.get("limit_worth")
-    known = [(k, v) for k, v in worth.items() if is_number(v)] if isinstance(worth, dict) else []
-    return [
-        {"label": label_and_unit(str(k))[0], "worth": shown(v, 3)} for k, v in sorted(known, key=lambda pair: -pair[1])
-    ]
+    largest_first = sorted(run.worth.items(), key=lambda pair: -pair[1])
+    return [{"label": label_and_unit(key)[0], "worth": shown(value, 3)} for key, value in largest_first]
 
 
 def comparison_groups(run: RunFolder) -> list[dict]:
@@ -89,31 +92,71 @@ def comparison_groups(run: RunFolder) -> list[dict]:
     all limits of the scene and keeps those on its shape.
     """
     groups = []
-    ordered = sorted(run.comparison, key=lambda r: (r["cam"] != DESIGN, r.get("limits", ""), r["cam"]))
-    for (limits, cam), rows in groupby(ordered, key=lambda r: (r.get("limits", ""), r["cam"])):
-        rows = list(rows)
-        lost = [r for r in rows if as_number(r.get("bounce_mm", "")) is None]
-        high = [as_number(r.get("bounce_high_mm", "") or r.get("bounce_mm", "")) for r in rows]
-        verdicts = {r.get("verdict", "") for r in rows}
-        broken = list(dict.fromkeys(word for r in rows for word in _words_of(r)))
-        group = {
-            "cam": cam,
-            "limits": limits,
-            "area": as_number(rows[0].get("area_ratio", "")),
-            "shown_area": cell(rows[0].get("area_ratio", "")),
-            "bounce": f"no figure at {len(lost)} of {len(rows)} speeds" if lost else _largest(high),
-            "jump": _largest([as_number(r.get("jump_mm", "")) for r in rows]),
-            "seating": _largest([as_number(r.get("seating_velocity_m_per_s", "")) for r in rows]),
-            "jerk": _jerk([r.get("jerk_max_mm_per_deg3", "") for r in rows]),
-            "verdict": next((v for v in WORST_FIRST if v in verdicts), ""),
-            "broken": "; ".join(broken if FAILED in verdicts else broken_words(broken)) or "–",
-            "within": limits == "all" and (FAILED in verdicts or all(_of_the_motion(word) for word in broken)),
+    for entry in sorted(worst_by_cam(run.comparison), key=lambda e: (e["cam"] != DESIGN, e["limits"], e["cam"])):
+        cam, broken, failed = entry["cam"], entry["broken"], entry["verdict"] == FAILED
+        no_figure = f"no figure at {entry['lost']} of {entry['speeds']} speeds"
+        group = entry | {
+            "shown_area": cell(entry["area_cell"]),
+            "bounce": no_figure if entry["lost"] else shown(entry["bounce"]),
+            "jump": shown(entry["jump"]),
+            "seating": shown(entry["seating"]),
+            "jerk": "infinite" if entry["jerk"] == math.inf else shown(entry["jerk"]),
+            "broken": "; ".join(broken if failed else broken_words(broken)) or "–",
+            "within": entry["limits"] == "all" and (failed or all(_of_the_motion(word) for word in broken)),
             "colour": cam_line(cam)["color"],
         }
-        if cam == DESIGN and run.verification.get("verdict"):
+        if cam == DESIGN and run.verdict:
             group |= _as_verified(run)
         groups.append(group | {"kind": VERDICTS[group["verdict"]][0] if group["verdict"] in VERDICTS else ""})
     return groups
+
+
+def worst_by_cam(rows: Sequence[dict[str, str]]) -> list[dict]:
+    """One entry per cam and set of limits of comparison.csv, in the file's order: `area`, the worst `bounce`, `jump`,
+    `seating` and `jerk` over the speeds (None where there is none), the number of `speeds` and of those without a
+    bounce (`lost`), the worst `verdict`, and every word of `broken` once."""
+    cams: dict[tuple[str, str], list[dict[str, str]]] = {}
+    for row in rows:
+        cams.setdefault((row["cam"], row.get("limits", "")), []).append(row)
+    entries = []
+    for (cam, limits), own in cams.items():
+        verdicts = {row.get("verdict", "") for row in own}
+        area, jerks = own[0].get("area_ratio", ""), [row.get("jerk_max_mm_per_deg3", "") for row in own]
+        entries.append(
+            {
+                "cam": cam,
+                "limits": limits,
+                "area": as_number(area),
+                "area_cell": area,
+                "bounce": _largest(row.get("bounce_high_mm", "") or row.get("bounce_mm", "") for row in own),
+                "jump": _largest(row.get("jump_mm", "") for row in own),
+                "seating": _largest(row.get("seating_velocity_m_per_s", "") for row in own),
+                "jerk": math.inf if "inf" in jerks else _largest(jerks),  # of a cam whose acceleration steps
+                "speeds": len(own),
+                "lost": sum(as_number(row.get("bounce_mm", "")) is None for row in own),
+                "verdict": next((v for v in WORST_FIRST if v in verdicts), ""),
+                "broken": list(dict.fromkeys(word for row in own for word in _words_of(row))),
+            }
+        )
+    return entries
+
+
+def comparison_lines(folder: Path) -> list[str]:
+    """The end of `camopt compare`: cam, area ratio, worst bounce and jump over the speeds [mm], verdict, and which
+    limits are broken, of which comparison.csv holds all."""
+    table: list[tuple[str, ...]] = [("cam", "area ratio", "bounce mm", "jump mm", "verdict", "broken")]
+    for entry in worst_by_cam(comparison_rows((folder / "comparison.csv").read_text(encoding="utf-8"))):
+        limits = (AT_A_SPEED.sub("", word) for text in entry["broken"] for word in text.split("; "))
+        broken = ", ".join(dict.fromkeys(limits)) or "nothing"
+        shortened = broken if len(broken) <= BROKEN_WIDTH else broken[: BROKEN_WIDTH - 3] + "..."
+        numbers = ("none" if entry[key] is None else f"{entry[key]:.4f}" for key in ("area", "bounce", "jump"))
+        table.append((entry["cam"], *numbers, entry["verdict"], shortened))
+    columns = [
+        [text.rjust(width) if 1 <= i <= 3 else text.ljust(width) for text in column]
+        for i, column in enumerate(zip(*table, strict=True))
+        for width in [max(map(len, column))]
+    ]
+    return ["  ".join(line).rstrip() for line in zip(*columns, strict=True)]
 
 
 def _of_the_motion(word: str) -> bool:
@@ -129,18 +172,13 @@ def _words_of(row: dict[str, str]) -> list[str]:
 
 def _as_verified(run: RunFolder) -> dict:
     """The entries of the design's group, from verification.json."""
-    found = {key: worst_of(run, name) for key, name in DESIGN_CELLS.items()}
+    found = {key: run.verification.worst(name) for key, name in DESIGN_CELLS.items()}
     cells = {key: "none" if w.value is None else shown(w.value) for key, w in found.items() if w is not None}
-    return cells | {"verdict": run.verification["verdict"], "broken": "; ".join(broken_limits(run)) or "–"}
+    return cells | {"verdict": run.verdict, "broken": "; ".join(broken_limits(run)) or "–"}
 
 
-def _largest(values: list[float | None]) -> str:
-    return shown(max((v for v in values if v is not None), default=None))
-
-
-def _jerk(cells: list[str]) -> str:
-    """The largest jerk of a cam; that of one whose acceleration steps is infinite."""
-    return "infinite" if "inf" in cells else _largest(list(map(as_number, cells)))
+def _largest(cells: Iterable[str]) -> float | None:
+    return max((number for text in cells if (number := as_number(text)) is not None), default=None)
 
 
 def worst_rows(run: RunFolder) -> list[dict]:
@@ -159,7 +197,7 @@ def worst_rows(run: RunFolder) -> list[dict]:
 def speed_rows(run: RunFolder) -> list[dict]:
     """Per speed that all methods looked at: verdict, bounce with its error and range, and the other metrics."""
     rows, listed = [], {s.get("speed_rpm") for s in run.verification.get("speeds") or []}
-    for speed in judged_speeds(run.verification):
+    for speed in run.verification.by_speed:
         verdict = str(speed.get("verdict", ""))
         bounce = shown(speed["bounce_mm"]) if is_number(speed.get("bounce_mm")) else "never seats"
         error = bounce_error_um(speed)
@@ -182,7 +220,7 @@ def speed_rows(run: RunFolder) -> list[dict]:
 def method_tables(run: RunFolder) -> list[dict]:
     """Per speed: a row per figure with the methods side by side, and the largest difference between them."""
     tables = []
-    for speed in judged_speeds(run.verification):
+    for speed in run.verification.by_speed:
         methods = speed.get("methods") or {}
         names = [m for m in METHOD_NAMES if m in methods] + sorted(m for m in methods if m not in METHOD_NAMES)
         rows = []

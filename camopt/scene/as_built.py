@@ -96,6 +96,28 @@ def with_numbers(scene: Scene, values: Mapping[Number, float]) -> Scene:
     return scene.model_copy(update={table: tuple(changed) for table, changed in rows.items()})
 
 
+def scatter_labels(scene: Scene) -> list[str]:
+    """What scatters in a scene: its tolerances' labels, and GRINDING where the cam has an error."""
+    return [tolerance.label for tolerance in scene.tolerance] + [GRINDING] * (scene.grinding is not None)
+
+
+def with_scatter(scene: Scene, factors: Mapping[str, float]) -> Scene:
+    """The scene with tolerances so many times as wide, by label, GRINDING among them; zero leaves one out.
+
+    The draws of all others stay what they are.
+    """
+    rows = []
+    for tolerance in scene.tolerance:
+        factor = factors.get(tolerance.label, 1.0)
+        widths = {key: getattr(tolerance, key) for key in ("relative", "plus_minus")}
+        wide = {key: factor * width for key, width in widths.items() if width is not None}
+        rows += [tolerance.model_copy(update=wide)] if factor else []
+    grinding, factor = scene.grinding, factors.get(GRINDING, 1.0)
+    if grinding is not None:
+        grinding = grinding.model_copy(update={"error_um": factor * grinding.error_um}) if factor else None
+    return scene.model_copy(update={"tolerance": tuple(rows), "grinding": grinding})
+
+
 def tolerance_faults(scene: Scene) -> list[str]:
     """What is wrong with the tolerances of a scene whose masses and elements have no fault, a sentence each."""
     faults, labels = [], [tolerance.label for tolerance in scene.tolerance]

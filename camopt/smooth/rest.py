@@ -86,16 +86,19 @@ def rest_positions(system: System) -> Float[Array, " n"]:
     return jnp.where(jnp.max(jnp.abs(found.unbalanced)) <= slack, x, jnp.nan)
 
 
-def rest_state(train: Train, system: System | None = None) -> Float[Array, "2 n"]:
-    """State (2, n + r) at rest on the base circle, of the train or of a `system` that takes its place.
+def rest_of(system: System) -> Float[Array, "2 n"]:
+    """State (2, n + r) of a system at rest on the base circle, NaN where there is none; every memory has faded."""
+    return _faded(system, rest_positions(system))
 
-    Where there is no rest, a train raises InputError (see `camopt.scene.rest`) and a system gives NaN. Every memory has
-    faded.
-    """
-    x = jnp.asarray(rest_position(train)) if system is None else rest_positions(system)
+
+def rest_state(train: Train) -> Float[Array, "2 n"]:
+    """The same of a train, found without JAX; raises InputError where there is no rest (see `camopt.scene.rest`)."""
+    return _faded(build_system(train), jnp.asarray(rest_position(train)))
+
+
+def _faded(system: System, x) -> jax.Array:
     at_rest = jnp.stack([x, jnp.zeros_like(x)])
-    if not train.memory:
+    if not system.topology.memory:
         return at_rest
-    system = build_system(train) if system is None else system
-    z = system.compression(at_rest, 0.0, 0.0)[0][np.array(train.memory)]
+    z = system.compression(at_rest, 0.0, 0.0)[0][np.array(system.topology.memory)]
     return jnp.concatenate([at_rest, jnp.stack([z, jnp.zeros_like(z)])], axis=1)

@@ -10,28 +10,26 @@ Tied contact forces of a train whose laws are linear are affine in the lift as l
 contact at the same angles.
 """
 
+from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from camopt.scene.rest import rest_position
+from camopt.scene.smoothing import Smoothing
 from camopt.scene.train import Train
-from camopt.smooth.adaptive import ADJOINTS
 from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
-from camopt.smooth.low_storage import LowStorage
 from camopt.smooth.scan import lift_at
 from camopt.smooth.system import Array, System, build_system, column
 
-WIDTH = 1e-6
-"""Default width of the contacts' layer [m]: steps of a quarter of a degree run over it without regard to its edges."""
-STEPS = 1440
-"""Steps of a revolution at whose ends the motion is read: every quarter of a degree."""
+WIDTH, _, STEPS = Smoothing()
+"""Default width of the contacts' layer [m], and default steps of a revolution at whose ends the motion is read, every
+quarter of a degree: they run over the layer without regard to its edges."""
 LARGEST_PHASE = 1.7
 """Longest step, as a phase [rad] of the stiffest mass on its own elements. The fastest mode of a train is at most 1.42
 times as fast, and a Hertz contact at its largest force a little more: that is within the method's limit."""
@@ -45,6 +43,55 @@ GROWS = 1.0 + 1e-6
 is one, but for rounding."""
 MOST_PARTS = 64
 """Parts of a step beyond which a train is too stiff for the lowest speed asked."""
+
+
+CARRIED = (
+    0.0,
+    -567301805773 / 1357537059087,
+    -2404267990393 / 2016746695238,
+    -3550918686646 / 2091501179385,
+    -1275806237668 / 842570457699,
+)
+"""Share of the increment that each stage takes over from the one before."""
+ADDED = (
+    1432997174477 / 9575080441755,
+    5161836677717 / 13612068292357,
+    1720146321549 / 2090206949498,
+    3134564353537 / 4481467310338,
+    2277821191437 / 14882151754819,
+)
+"""Share of the increment that each stage adds to the state."""
+NODES = (
+    0.0,
+    1432997174477 / 9575080441755,
+    2526269341429 / 6820363962896,
+    2006345519317 / 3224310063776,
+    2802321613138 / 2924317926251,
+)
+IMAGINARY_LIMIT = 3.34
+"""Largest phase of an undamped oscillation per step for which the method is stable."""
+
+
+def low_storage_step(rate: Callable, y: jax.Array, angle, width, parts: int = 1) -> jax.Array:
+    """The state a step of `width` after y at `angle`, in equal `parts`, where the derivative is rate(angle, y).
+
+    A Runge-Kutta method of order four whose stages need two registers. A Jacobian by forward mode carries dozens of
+    tangents through every stage. A method that keeps the slopes of all its stages then spends its time on memory; this
+    one keeps the state and one increment. Its stages stand in a loop, so that programs stay small and compile in
+    seconds for every contact law.
+    Source: Carpenter, Kennedy (1994), Fourth-order 2N-storage Runge-Kutta schemes, NASA TM 109112, solution 3.
+    """
+    width = width / parts
+    carried, added, nodes = (jnp.tile(jnp.asarray(row, y.dtype), parts) for row in (CARRIED, ADDED, NODES))
+    begin = jnp.repeat(jnp.arange(parts), len(NODES))
+
+    def stage(registers, of):
+        y, increment = registers
+        carry, add, node, part = of
+        increment = carry * increment + width * rate(angle + (part + node) * width, y)
+        return (y + add * increment, increment), None
+
+    return jax.lax.scan(stage, (y, jnp.zeros_like(y)), (carried, added, nodes, begin))[0][0]
 
 
 class TiedSystem(eqx.Module):
@@ -77,16 +124,27 @@ class TiedSystem(eqx.Module):
 def tied_system(train: Train) -> TiedSystem:
     """The system of a train with the tangents of its contacts between cam and valve."""
     system, on = build_system(train), np.array(train.cam_side)
-    low, high = np.zeros(len(train.stiffness)), np.full(len(train.stiffness), 1e-2)
-    for _ in range(60):  # every elastic law grows
-        middle = 0.5 * (low + high)
-        below = np.asarray(system.elastic(jnp.asarray(middle))) < TANGENT_N
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
-    begin = jnp.asarray(high if train.laws is not None else np.zeros_like(high))
-    force, slope = jax.jvp(system.elastic, (begin,), (jnp.ones_like(begin),))
     closed = train.compression(rest_position(train), 0.0)[on] >= train.touch_compression[on] - 1e-12
     at_rest = closed & ~closed.all()
-    return TiedSystem(system, (begin[on], force[on], slope[on]), jnp.asarray(at_rest, float))
+    begin, force, slope = (part[on] for part in _tangents(system))
+    return TiedSystem(system, (begin, force, slope), jnp.asarray(at_rest, float))
+
+
+@jax.jit
+def _tangents(system: System) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Compression (e) [m], force [N] and stiffness [N/m] where each element's tangent begins: at zero where all laws
+    are linear, else where the elastic force, which grows, has come to `TANGENT_N`."""
+    begin = jnp.zeros_like(system.stiffness)
+    if system.laws is not None:
+
+        def halve(_, bracket):
+            low, high = bracket
+            middle = 0.5 * (low + high)
+            below = system.elastic(middle) < TANGENT_N
+            return jnp.where(below, middle, low), jnp.where(below, high, middle)
+
+        _, begin = jax.lax.fori_loop(0, 60, halve, (begin, jnp.full_like(begin, 1e-2)))
+    return (begin, *jax.jvp(system.elastic, (begin,), (jnp.ones_like(begin),)))
 
 
 class TiedPaths(NamedTuple):
@@ -98,26 +156,27 @@ class TiedPaths(NamedTuple):
     end: jax.Array  # (2, n + r, b), the state at the end
 
 
-def path_angles() -> np.ndarray:
+def path_angles(steps: int = STEPS) -> np.ndarray:
     """Angles [rad] at which paths are read, from the end of the first step to that of the last one."""
-    return equal_grid(STEPS)[1:]
+    return equal_grid(steps)[1:]
 
 
-def parts_of_steps(tied: TiedSystem, slowest: float) -> int:
+def parts_of_steps(tied: TiedSystem, slowest: float, steps: int = STEPS) -> int:
     """Into how many parts each step is divided for the lowest cam speed [rad/s]."""
-    phase = float(jnp.max(tied.system.stiffest())) * 2 * np.pi / STEPS / slowest
+    phase = float(jnp.max(tied.system.stiffest())) * 2 * np.pi / steps / slowest
     return max(1, int(np.ceil(phase / LARGEST_PHASE)))
 
 
-@partial(jax.jit, static_argnames=("parts", "adjoint"))
+@partial(jax.jit, static_argnames=("parts", "whole"))
 def tied_paths(
-    tied: TiedSystem, samples, cam_speed, y0, event, tie, layer: Layer, *, parts: int, adjoint: str = "forward"
-) -> TiedPaths:
-    """One revolution from the states y0 (2, n + r, b) at the cam speeds (b) [rad/s].
+    tied: TiedSystem, samples, cam_speed, y0, event, tie, layer: Layer, *, parts: int, whole: bool = False
+) -> Any:
+    """One revolution from the states y0 (2, n + r, b) at the cam speeds (b) [rad/s]: its `TiedPaths` or, the `whole` of
+    it, the states (k, 2, n + r, b) at the ends of its steps and the forces (k, e, b) [N] there.
 
-    The `event` is where the contacts are tied, from one angle to another [rad]. `samples` (STEPS + 1, 2) are lift and
-    slope at equal angles (`camopt.smooth.simulate.lift_samples`). `adjoint` is "forward" or "reverse", the one mode in
-    which the paths may be differentiated: in the numbers of the system, the samples and the start.
+    The `event` is where the contacts are tied, from one angle to another [rad]. `samples` (k + 1, 2) are lift and slope
+    at the ends of the revolution's k equal steps (`camopt.smooth.simulate.lift_samples`). The paths may be
+    differentiated in the numbers of the system, the samples and the start.
     """
     on = np.array(tied.system.topology.cam_side)
 
@@ -126,31 +185,20 @@ def tied_paths(
         lift, lift_dtheta = lift_at(samples, theta)
         return lift, lift_dtheta * cam_speed, tie * jnp.where(inside, 1.0, tied.at_rest)[:, None]
 
-    def rate(theta, y, _):
+    def rate(theta, y):
         lift, lift_dt, share = drive(theta)
         return tied.rate(y, lift, lift_dt, layer, share, tied.system.push(theta)) / cam_speed[None, None]
 
-    def reading(theta, y, _):
-        lift, lift_dt, share = drive(theta)
-        u, _ = tied.system.compression(y, lift, lift_dt)
-        return tied.force(y, lift, lift_dt, layer, share)[on], -u[on], -u[tied.system.topology.seat]
+    def step(y, ends):
+        y = low_storage_step(rate, y, ends[0], ends[1] - ends[0], parts)
+        lift, lift_dt, share = drive(ends[1])
+        force, (u, _) = tied.force(y, lift, lift_dt, layer, share), tied.system.compression(y, lift, lift_dt)
+        return y, (y, force) if whole else (force[on], -u[on], -u[tied.system.topology.seat])
 
-    grid = jnp.asarray(equal_grid(STEPS), y0.dtype)
-    solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(rate),
-        LowStorage(parts),
-        grid[0],
-        grid[-1],
-        None,
-        y0,
-        saveat=diffrax.SaveAt(subs=[diffrax.SubSaveAt(steps=True, fn=reading), diffrax.SubSaveAt(t1=True)]),
-        stepsize_controller=diffrax.StepTo(ts=grid),
-        adjoint=ADJOINTS[adjoint](),
-        max_steps=STEPS,
-    )
-    assert solution.ys is not None
-    (force, gap, seat_gap), (end,) = solution.ys
-    return TiedPaths(force, gap, seat_gap, end)
+    grid = jnp.asarray(equal_grid(samples.shape[0] - 1), y0.dtype)
+    repeated: Any = jax.checkpoint(step, prevent_cse=False)  # all stages would fill the memory on the way back
+    end, read = jax.lax.scan(repeated, y0, (grid[:-1], grid[1:]))
+    return read if whole else TiedPaths(read[0], read[1], read[2], end)
 
 
 class Directions(NamedTuple):

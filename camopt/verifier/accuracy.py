@@ -1,30 +1,34 @@
-"""What `--accuracy` means to the verifier, and the verdict as the command line asks for it.
+"""What `--accuracy` means to the verifier, and the public verb `camopt.verify`.
 
 Choosing an accuracy
 ====================
 
-- **draft** while you try things: the band in steps of 100 r/min and a verdict within seconds. Event-exact looks at
-  every speed, a second method where a limit is nearest: at the worst speed of each limited figure and of the peak
-  force, and at both ends; its step is halved once. The verdict says at which speeds. A cam that draft rejects is
-  rejected; one that draft confirms may still be caught between its speeds.
-- **standard** for what you keep: every method (the optimiser asks three), 20 r/min, halved steps may move 2 um.
+- **draft** while you try things: the band in steps of 100 r/min and a verdict within seconds. Event-exact judges
+  every speed, a second method those where a limit is nearest: the worst speed of each limited metric and of the peak
+  force, and both ends; its step is halved once. The verdict says at which speeds. A cam that draft rejects is
+  rejected; one that draft confirms may still break a limit between its speeds.
+- **standard** for what you keep: every method (the optimiser runs three), 20 r/min, halved steps may change 2 um.
 - **fine** before anything is ground: every method, 5 r/min, 1 um. Minutes.
 - A number of micrometres, for `verify`, is `standard` with that tolerance: below 1 it takes long where
   the cam bounces, because methods that locate no switching converge with the first power of their step there.
 
-The name also sets the optimiser's effort (`camopt.optimizer.accuracy`: knots, speeds, steps, margins). What was asked
-and what was delivered stand side by side in every verification: each figure has its error, estimated from the last
-halvings, and a figure whose error is large says so instead of being wrong. Beyond the jump the motion does not settle
-and no accuracy helps: there the answer is a range.
+The name also sets the optimiser's effort (`camopt.optimizer.accuracy`: knots, speeds, steps, margins). Every
+verification states the requested and the delivered accuracy: each metric has its error, estimated from the last
+halvings. Beyond the jump the motion does not settle and no accuracy helps: there the answer is a range.
 
 Where time matters more, use a smaller model (`camopt reduce`, which tells its error) or fewer speeds rather than a
-looser tolerance: with event-exact the price of an accurate motion is a fraction of a millisecond. Prices on a scene of
-your own: `camopt tradeoff SCENE`. How often what is delivered is what was asked (534 of 535 promises kept over 200
+looser tolerance: with event-exact an accurate motion costs a fraction of a millisecond. `camopt tradeoff SCENE`
+measures the costs on a scene of your own. How often the stated error bounds the true one (in 534 of 535 cases over 200
 drawn scenes, cams and speeds; 2.6 % of the good answers flagged): `python -m experiments.accuracy_promise`.
 """
 
+import json
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cache
+from importlib import resources
+
+import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.scene.errors import InputError
@@ -32,44 +36,33 @@ from camopt.scene.schema import Scene
 from camopt.scene.settled import SETTLED_POSITION
 from camopt.scene.train import Train, build_train
 from camopt.scene.units import MM, UM
-from camopt.verifier.convergence import FINEST, Demand
+from camopt.verifier.convergence import FINEST, Tolerances
 from camopt.verifier.from_outside import from_outside, require_outside
-from camopt.verifier.stored_curves import stored_curves
 from camopt.verifier.verdict import METHODS, Verdict, methods_for, verdict_on
+
+FILE = "accuracy_curves.json"
+"""Stored work-precision curves, which `python -m experiments.accuracy_curves` measures and writes."""
+KEYS = ("setting", "median_um", "p90_um")
 
 
 @dataclass(frozen=True)
 class Effort:
-    """The effort of a verdict: the methods that must agree, and the step with which the band is swept.
-
-    `tolerance_um` is how far halving a method's step may still move bounce and jump; `settled_um` is how far the state
-    of a settled motion may still move over a revolution.
-    """
+    """The effort of a verdict: the methods that must agree, the step with which the band is swept, and when a method
+    has converged."""
 
     methods: tuple[str, ...]
     band_step_rpm: float
-    tolerance_um: float
-    settled_um: float = SETTLED_POSITION / UM
-    everywhere: bool = True
-    stands: int = 2
+    tolerances: Tolerances = field(default_factory=Tolerances)
 
     def methods_of(self, train: Train) -> tuple[str, ...]:
         """As many methods for a train as the effort has: its own, or those that carry the train's laws."""
         return methods_for(train)[: len(self.methods)]
 
-    @property
-    def demand(self) -> Demand:
-        """What is asked of every method: no more than the least error that is ever stated, which would be in vain."""
-        tolerance_um, settled_um = (
-            max(um, FINEST["bounce_mm"] * MM / UM) for um in (self.tolerance_um, self.settled_um)
-        )
-        return Demand(tolerance_um, position=settled_um * UM, everywhere=self.everywhere, stands=self.stands)
-
 
 EFFORTS = {
-    "draft": Effort(("event", "rkg"), 100.0, 5.0, everywhere=False, stands=1),
-    "standard": Effort(("event", "rkg", "tmm"), 20.0, 2.0),
-    "fine": Effort(METHODS, 5.0, 1.0),
+    "draft": Effort(("event", "rkg"), 100.0, Tolerances(5.0, everywhere=False, stands=1)),
+    "standard": Effort(("event", "rkg", "tmm"), 20.0),
+    "fine": Effort(METHODS, 5.0, Tolerances(1.0)),
 }
 
 
@@ -78,18 +71,51 @@ def effort_of(accuracy: str | float) -> Effort:
 
     For a number, the stored curves choose the band's step and the settling. They are the coarsest with which, in nine
     draws out of ten, the largest bounce was right within that number and the settled bounce within half of it; neither
-    is coarser than that of "draft".
+    is coarser than that of "draft". No method has a tolerance below the least error that is ever stated.
     """
     if isinstance(accuracy, str):
         if accuracy not in EFFORTS:
             raise InputError(f"accuracy {accuracy!r}: expected {', '.join(EFFORTS)} or a number of micrometres")
         return EFFORTS[accuracy]
-    asked, draft, curves = float(accuracy), EFFORTS["draft"], stored_curves()
-    if not (math.isfinite(asked) and asked > 0):
+    tolerance_um, curves = float(accuracy), stored_curves()
+    if not (math.isfinite(tolerance_um) and tolerance_um > 0):
         raise InputError(f"accuracy {accuracy}: a number of micrometres above 0 is needed")
-    band_step = min(draft.band_step_rpm, round(curves["band_step"].coarsest(asked)))
-    settled = min(draft.settled_um, curves["settling"].coarsest(0.5 * asked), asked)
-    return Effort(EFFORTS["standard"].methods, band_step, asked, settled)
+    band_step = min(EFFORTS["draft"].band_step_rpm, round(curves["band_step"].coarsest(tolerance_um)))
+    settled_um = min(SETTLED_POSITION / UM, curves["settling"].coarsest(0.5 * tolerance_um), tolerance_um)
+    tolerance_um, settled_um = (max(um, FINEST["bounce_mm"] * MM / UM) for um in (tolerance_um, settled_um))
+    return Effort(EFFORTS["standard"].methods, band_step, Tolerances(tolerance_um, position=settled_um * UM))
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Errors [um] at k ascending settings: the median and the 90th percentile over scenes drawn at random.
+
+    A curve only chooses the setting with which a run begins; the delivered error is estimated on the run itself.
+    """
+
+    unit: str  # of the setting
+    setting: np.ndarray
+    median_um: np.ndarray
+    p90_um: np.ndarray
+
+    def coarsest(self, error_um: float, typical: bool = False) -> float:
+        """The coarsest setting with an error of at most `error_um` in nine draws out of ten, or in half with `typical`.
+
+        Between the measured settings it is interpolated on the logarithms; it never lies outside them.
+        """
+        # an erratic curve is read as the largest error at this setting or a finer one
+        error = np.maximum.accumulate(self.median_um if typical else self.p90_um)
+        least = np.finfo(float).tiny
+        rising = np.log(np.maximum(error, least)) + 1e-9 * np.arange(len(error))
+        return float(np.exp(np.interp(np.log(error_um), rising, np.log(self.setting))))
+
+
+@cache
+def stored_curves() -> dict[str, Curve]:
+    """The stored curves by what is set: a method's steps, "settling" or "band_step"."""
+    text = (resources.files("camopt.verifier") / FILE).read_text(encoding="utf-8")
+    curves = json.loads(text)["curves"]
+    return {name: Curve(c["unit"], *(np.array(c[k], dtype=float) for k in KEYS)) for name, c in curves.items()}
 
 
 def verify(
@@ -104,13 +130,13 @@ def verify(
     """Judges a cam at `speeds_rpm` (k) [r/min of the crankshaft; the scene's by default] and over the scene's band.
 
     `methods` is "all", which means those that can simulate the scene's laws (for "draft" the first two of them), or one
-    of "event", "rkg", "tmm", "houbolt" and "dop853". One method alone gives figures but no agreement, and so never
-    confirms. `accuracy` is a name of EFFORTS or a number of micrometres; the verdict says what was asked and what error
-    is estimated for what was delivered, at best where it was not reached: every method halves its step so many times at
-    most (`camopt.verifier.convergence.Demand`). With `progress` bars count the speeds that have been judged. With
-    `outside` Exudyn moves the valve from rest too, at the same speeds (`camopt.verifier.from_outside`): it decides
+    of "event", "rkg", "tmm", "houbolt" and "dop853". One method alone gives metrics but no agreement, and so never
+    confirms. `accuracy` is a name of EFFORTS or a number of micrometres; the verdict states it with the error that is
+    estimated for what was delivered, the best one where it was not reached: every method halves its step so many times
+    at most (`camopt.verifier.convergence.Tolerances`). With `progress` bars count the speeds that have been judged.
+    With `outside` Exudyn moves the valve from rest too, at the same speeds (`camopt.verifier.from_outside`): it decides
     nothing, but where it disagrees beyond the stated errors the verdict is "not converged". Raises InputError for what
-    cannot be judged, and where Exudyn is asked for and missing.
+    cannot be judged, and where Exudyn is requested and missing.
     """
     if outside:
         require_outside()
@@ -118,11 +144,11 @@ def verify(
         raise InputError(f"verify: {lift!r} in place of a cam: expected one, as camopt.read_cam or a family gives it")
     effort = effort_of(accuracy)
     every = methods_for(build_train(scene))[: 2 if accuracy == "draft" else None]
-    asked = every if methods == "all" else (methods,)
-    verdict = verdict_on(scene, lift, speeds_rpm, asked, effort.band_step_rpm, effort.demand, progress=progress)
+    names = every if methods == "all" else (methods,)
+    verdict = verdict_on(scene, lift, speeds_rpm, names, effort.band_step_rpm, effort.tolerances, progress=progress)
     verdict = replace(verdict, asked=accuracy)
     if not outside:
         return verdict
-    found = from_outside(scene, lift, [s.speed_rpm for s in verdict.speeds])
-    agreed = verdict.verdict if all(one.agrees for one in found) else "not converged"
-    return replace(verdict, outside=found, verdict=agreed)
+    entries = from_outside(scene, lift, [s.speed_rpm for s in verdict.speeds])
+    agreed = verdict.verdict if all(one["agrees"] for one in entries) else "not converged"
+    return replace(verdict, outside=entries, verdict=agreed)

@@ -1,65 +1,88 @@
 """The verdict at one speed: do the methods agree, and does every limit on the motion hold over the neighbourhood.
 
-A verdict asks no more than its answer needs. To confirm, or to say that nothing is known, every method is halved until
-its figures stand. A limit that is broken far beyond every error estimate needs less: event-exact once, one other method
-at its first step that says the same, and the neighbourhood.
+To confirm a cam, or to find that the methods do not agree, the step of every method is halved until its metrics have
+converged. A limit that is broken far beyond every error estimate needs less: event-exact once, one other method at its
+first step with the same outcome, and the neighbourhood.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.measure.limits import motion_limits
-from camopt.measure.settling import Figures
+from camopt.measure.settling import Figures, decay_per_revolution, settle_and_measure
 from camopt.measure.sweep import SettledMany
 from camopt.scene.errors import MotionRefused
+from camopt.scene.laws import OIL
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.settled import RANGED
-from camopt.scene.train import build_train
+from camopt.scene.train import Train, build_train
 from camopt.verifier.convergence import (
     MARGIN,
     RELATIVE,
     WANDERING_REVOLUTIONS,
     Converged,
-    Demand,
-    Halving,
     Prepare,
+    StepRefinement,
+    Tolerances,
     apart,
     at_once,
-    tolerances,
 )
-from camopt.verifier.neighbourhood import against_limits, neighbours
-from camopt.verifier.record import speed_record
+from camopt.verifier.record import HALVED, ONE_STEP, method_record, metrics_record, numbers, ranges_record
 
 FAR = 3.0
-"""A limit is broken far beyond every error estimate where it is by FAR times the first method's estimate and the
-distance of the two methods together."""
-FIRST_LOOK = 2
-"""Steps after which a first method with samples has an error estimate."""
-HALVED, ONE_STEP, ALONE = "halving", "one step", "event-exact alone"
-"""After what a verdict was decided: its methods were halved until they stood (or could not), one step showed it, or no
-other method was asked at that speed (`camopt.verifier.spot_checks`)."""
+"""A limit is broken far beyond every error estimate where it is exceeded by FAR times the sum of the first method's
+estimate and the distance of the two methods."""
+FIRST_STEPS = 2
+"""Number of steps after which a first method with samples has an error estimate."""
+SPEED_NEIGHBOUR = 1e-3
+LIFT_NEIGHBOUR = 1e-7  # m, at the largest lift
+OTHER_STARTS = (2, 5)
+"""Which of the neighbours have the speed and the lift themselves, and begin in another state."""
+STATE_NEIGHBOUR = (1e-6, 1e-3)  # m (and m of a memory), m/s: as far apart as two states that count as settled
 
 
 @dataclass(frozen=True)
 class Case:
-    """What is judged at every speed, by which methods, and how far each of them is asked to go."""
+    """What is judged at every speed, by which methods, and to which tolerances."""
 
     scene: Scene
     lift: Lift
     methods: Mapping[str, Prepare]
-    demand: Demand
+    tolerances: Tolerances
     many: SettledMany | None = None  # measures many settled motions of the first method, where it can
     progress: bool = False  # whether bars count the speeds that have been judged
+
+    @cached_property
+    def train(self) -> Train:
+        return build_train(self.scene)
+
+    @property
+    def first(self) -> str:
+        """The method whose metrics are reported."""
+        return next(iter(self.methods))
+
+    def refinement(self, method: str, speed_rpm: float, **changed) -> StepRefinement:
+        """A method's refinement from rest at a speed [r/min], to the case's tolerances with those `changed`."""
+        tolerances, rest = replace(self.tolerances, **changed), state_at_rest(self.train)
+        return StepRefinement(
+            self.methods[method], self.train, self.lift, self.scene.cam_speed(speed_rpm), rest, tolerances
+        )
+
+    def many_from_rest(self, speed_rpm: float) -> Converged:
+        """The first method's settled motion by `many`. Raises MotionRefused."""
+        assert self.many is not None, "`can_spot_check` says so"
+        many = partial(self.many, aperiodic=RANGED)
+        return at_once(many, self.train, self.lift, self.scene.cam_speed(speed_rpm), state_at_rest(self.train))
 
 
 @dataclass(frozen=True, repr=False)
 class SpeedVerdict:
-    """What the methods found at one speed, and what follows. Figures are the first method's."""
+    """The methods' answers at one speed, and the verdict. The first method's metrics are the reported ones."""
 
     speed_rpm: float
     verdict: str
@@ -68,7 +91,7 @@ class SpeedVerdict:
     ranges: dict[str, tuple[float, float]]  # of every metric, over measured revolutions and neighbours
     methods: dict[str, Converged]
     decided_after: str = HALVED
-    near: tuple[Figures, ...] = ()  # of the first method's neighbourhood, where it alone was asked
+    near: tuple[Figures, ...] = ()  # of the first method's neighbourhood, where no other method was run
 
     @property
     def bounce_range_mm(self) -> tuple[float, float]:
@@ -79,39 +102,40 @@ class SpeedVerdict:
         return f"SpeedVerdict({self.speed_rpm:g} r/min: {self.verdict}, by {', '.join(self.methods)})"
 
     def as_dict(self) -> dict:
-        """One record of `speeds` in verification.json."""
-        return speed_record(self)
+        """One record of `speeds` in verification.json: the first method's metrics, then those of every method."""
+        name, first = next(iter(self.methods.items()))
+        return {
+            "speed_rpm": self.speed_rpm,
+            "verdict": self.verdict,
+            "decided_after": self.decided_after,
+            "method": name,
+            **metrics_record(first),
+            "bounce_range_mm": numbers(self.bounce_range_mm),
+            "ranges": ranges_record(self.ranges),
+            "methods": {name: method_record(answer) for name, answer in self.methods.items()},
+        }
 
 
 def judge_speed(case: Case, speed_rpm: float) -> SpeedVerdict:
-    """The verdict on a case at one speed [r/min]; a limit that is plainly broken ends it early."""
-    train, cam_speed = build_train(case.scene), case.scene.cam_speed(speed_rpm)
-    rest, first = state_at_rest(train), next(iter(case.methods))
-    halved = {
-        name: Halving(prepare, train, case.lift, cam_speed, rest, replace(case.demand, certain=name == first))
-        for name, prepare in case.methods.items()
-    }
-    near_to = partial(neighbours, case.methods[first], train, case.lift, cam_speed, many=case.many)
+    """The verdict on a case at one speed [r/min]; a limit that is broken far beyond its errors ends it early."""
+    first = case.first
+    refinements = {name: case.refinement(name, speed_rpm, certain=name == first) for name in case.methods}
     try:
-        many = partial(case.many, aperiodic=RANGED) if case.many else None
-        look = at_once(many, train, case.lift, cam_speed, rest) if many else halved[first].answer(FIRST_LOOK)
-        early = plainly_broken(case, speed_rpm, look, near_to)
+        coarse = case.many_from_rest(speed_rpm) if case.many else refinements[first].answer(FIRST_STEPS)
+        early = plainly_broken(case, speed_rpm, coarse)
     except MotionRefused:
         early = None
     if early is not None:
         return early
-    answers = {name: one.answer() for name, one in halved.items()}
-    if answers[first].state is None:
-        return SpeedVerdict(speed_rpm, "not converged", (), (), answers[first].range, answers)
+    answers = {name: one.answer() for name, one in refinements.items()}
     try:
-        near = near_to(answers[first])
+        near = neighbours(case, speed_rpm, answers[first])
     except MotionRefused:
         return SpeedVerdict(speed_rpm, "not converged", (), (), answers[first].range, answers)
-    agree = agreement(list(answers.values()), case.demand.tolerance_um, case.demand.limited)
-    return held(case, speed_rpm, answers, near, agree=agree)
+    return verdict_from_answers(case, speed_rpm, answers, near, agree=agreement([*answers.values()], case.tolerances))
 
 
-def held(
+def verdict_from_answers(
     case: Case,
     speed_rpm: float,
     answers: dict[str, Converged],
@@ -120,7 +144,7 @@ def held(
     agree: bool,
     decided_after: str = HALVED,
 ) -> SpeedVerdict:
-    """What follows from the methods' answers, whether they agree, and the first one's neighbourhood."""
+    """The verdict that follows from the methods' answers, whether they agree, and the first one's neighbourhood."""
     first = next(iter(answers.values()))
     broken, straddled = against_limits(case.scene, speed_rpm, first, near)
     verdict = "rejected" if broken else "sensitive" if straddled else "confirmed"
@@ -130,41 +154,39 @@ def held(
 
 
 def plainly_broken(
-    case: Case, speed_rpm: float, look: Converged, near_to: Callable[[Converged], list[Figures]]
+    case: Case, speed_rpm: float, look: Converged, near: list[Figures] | None = None
 ) -> SpeedVerdict | None:
-    """A rejection for which the first two methods need not stand, or None.
+    """A rejection for which the first two methods need not have converged, or None.
 
-    Every limit that it names is broken by both methods, and one of them at least far beyond every error estimate. The
-    first method says so in its first `look`, the second one at its first step, after WANDERING_REVOLUTIONS at most: a
-    motion far beyond its limits seldom settles. Both must also agree on whether the valve seats. `near_to` gives the
-    figures of the neighbourhood of an answer. Raises MotionRefused where a motion of the neighbourhood is refused.
+    Both methods must violate the limit, and at least one limit must be exceeded by FAR times the error estimate. `look`
+    is the first method's answer; the second one takes its first step, with WANDERING_REVOLUTIONS at most to settle: a
+    motion far beyond its limits seldom does. Both must also agree on whether the valve seats. `near` holds the metrics
+    of the neighbourhood where they are known. Raises MotionRefused where a motion of the neighbourhood is refused.
     """
-    if len(case.methods) < 2 or not far_beyond(case.scene, [look.worst], look.error):
+    if len(case.methods) < 2 or not violates_by_margin(case.scene, [look.worst], look.error):
         return None
-    names, train = list(case.methods)[:2], build_train(case.scene)
-    prepare, demand = case.methods[names[1]], replace(case.demand, most=WANDERING_REVOLUTIONS)
-    cam_speed, rest = case.scene.cam_speed(speed_rpm), state_at_rest(train)
-    other = Halving(prepare, train, case.lift, cam_speed, rest, demand).answer(1)
-    doubt = {name: error + apart(look.worst[name], other.worst[name]) for name, error in look.error.items()}
-    if np.isnan(look.worst["bounce_mm"]) != np.isnan(other.worst["bounce_mm"]) or not far_beyond(
-        case.scene, [look.worst, other.worst], doubt
+    first, second = list(case.methods)[:2]
+    other = case.refinement(second, speed_rpm, most=WANDERING_REVOLUTIONS).answer(1)
+    error = {name: own + apart(look.worst[name], other.worst[name]) for name, own in look.error.items()}
+    if np.isnan(look.worst["bounce_mm"]) != np.isnan(other.worst["bounce_mm"]) or not violates_by_margin(
+        case.scene, [look.worst, other.worst], error
     ):
         return None
-    near, first = near_to(look), replace(look, error=doubt)
-    every = [look.worst, other.worst, *({name: f.worst(name) for name in doubt} for f in near)]
-    if not far_beyond(case.scene, every, doubt):
+    near = neighbours(case, speed_rpm, look) if near is None else near
+    every = [look.worst, other.worst, *({name: f.worst(name) for name in error} for f in near)]
+    if not violates_by_margin(case.scene, every, error):
         return None
-    answers = dict(zip(names, (first, other), strict=True))
-    return held(case, speed_rpm, answers, near, agree=True, decided_after=ONE_STEP)
+    answers = {first: replace(look, error=error), second: other}
+    return verdict_from_answers(case, speed_rpm, answers, near, agree=True, decided_after=ONE_STEP)
 
 
-def far_beyond(scene: Scene, figures: list[dict[str, float]], doubt: dict[str, float]) -> bool:
-    """Whether all `figures` break one and the same limit by more than FAR times its `doubt`.
+def violates_by_margin(scene: Scene, metrics: list[dict[str, float]], error: dict[str, float]) -> bool:
+    """Whether all of the `metrics` break one and the same limit by more than FAR times its `error`.
 
-    A figure that is none (the valve does not seat, the motion is refused) shows nothing here.
+    Missing metrics are ignored (the valve does not seat, the motion is refused).
     """
     for limit in motion_limits(scene.design).values():
-        values, margin = [f[limit.metric] for f in figures], FAR * doubt[limit.metric]
+        values, margin = [m[limit.metric] for m in metrics], FAR * error[limit.metric]
         if np.all(np.isfinite([*values, margin])) and all(limit.breaks(value, margin) for value in values):
             return True
     return False
@@ -176,19 +198,19 @@ def ranges_of(answer: Converged, near: list[Figures]) -> dict[str, tuple[float, 
     return {name: (float(values.min()), float(values.max())) for name, values in every.items()}
 
 
-def agreement(answers: list[Converged], tolerance_um: float, limited: Collection[str] = ()) -> bool:
-    """Whether two methods or more have converged and their deciding figures overlap within range and error estimate.
+def agreement(answers: list[Converged], tolerances: Tolerances) -> bool:
+    """Whether two methods or more have converged and their deciding metrics overlap within range and error estimate.
 
-    Methods that all find that the valve does not seat agree, whatever their other figures are: that alone rejects the
-    cam. Half of what a halved step was allowed to change is the least error of a figure: then two exact answers still
-    agree when they differ by what either may move. Changes across contacts are erratic and can be small by chance.
+    Methods agree whose valve does not seat in any of them, whatever their other metrics are: that alone rejects the
+    cam. Half of what a halved step was allowed to change is the least error of a metric: two exact answers then agree
+    when they differ by what either may change. Changes across contacts are erratic and can be small by chance.
     """
     if len(answers) < 2 or not all(a.converged for a in answers):
         return False
     seated = [not np.isnan(a.worst["bounce_mm"]) for a in answers]
     if not all(seated):
         return not any(seated)
-    for name, tolerance in tolerances(tolerance_um, limited).items():
+    for name, tolerance in tolerances.absolute.items():
         least = [0.5 * (tolerance + RELATIVE * abs(a.worst[name])) for a in answers]
         errors = [max(a.error[name] / MARGIN, e) for a, e in zip(answers, least, strict=True)]  # what halving moved
         lows = [a.range[name][0] - error for a, error in zip(answers, errors, strict=True)]
@@ -196,3 +218,69 @@ def agreement(answers: list[Converged], tolerance_um: float, limited: Collection
         if not max(lows) <= min(highs):
             return False
     return True
+
+
+def neighbours(case: Case, speed_rpm: float, answer: Converged, many: SettledMany | None = None) -> list[Figures]:
+    """The first method's metrics at neighbouring speeds (+-0.1 %), lifts (+-0.1 um at the largest lift) and initial
+    states.
+
+    `many`, by default that of the case, measures settled motions without the step of the samples and many times as
+    fast. Raises MotionRefused where a motion is refused, `answer` or a neighbour.
+    """
+    if answer.state is None:
+        raise MotionRefused(f"the motion at {speed_rpm:g} r/min is refused")
+    train, lift, many = case.train, case.lift, many or case.many
+    cam_speed, n, length = case.scene.cam_speed(speed_rpm), len(train.mass), train.state_size
+    units = np.repeat((*STATE_NEIGHBOUR, STATE_NEIGHBOUR[0]), (n, n, length - 2 * n))
+    away = units * np.random.default_rng(0).choice([-1.0, 1.0], length)
+    motions = []
+    for sign in (-1.0, 1.0):
+        scaled = replace(lift, coefficients=lift.coefficients * (1 + sign * LIFT_NEIGHBOUR / lift.max_lift))
+        motions.append((lift, cam_speed * (1 + sign * SPEED_NEIGHBOUR), answer.state))
+        motions.append((scaled, cam_speed, answer.state))
+        motions.append((lift, cam_speed, answer.state + sign * away))
+    if many is not None:
+        answers = [at_once(many, train, *motion) for motion in motions]
+        return [Figures({name: np.array(ends) for name, ends in one.range.items()}) for one in answers]
+    steps = answer.steps_per_revolution // 2  # the error estimate is what the last halving changed
+    most, prepare = None if answer.periodic else WANDERING_REVOLUTIONS, case.methods[case.first]
+    return [
+        settle_and_measure(
+            prepare(train, cam, speed, steps), state, cam, most, decay=decay_per_revolution(train, speed)
+        ).figures
+        for cam, speed, state in motions
+    ]
+
+
+def against_limits(
+    scene: Scene, speed_rpm: float, answer: Converged, near: list[Figures]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Limits that the whole neighbourhood breaks, and those that a part of it breaks or may break."""
+    at = f"at {speed_rpm:g} r/min"
+    seats = [not np.isnan(v) for v in (answer.worst["bounce_mm"], *(f.worst("bounce_mm") for f in near))]
+    if not all(seats):
+        never = f"{'pump-up, ' * pumped_up(build_train(scene), answer.state)}never seats {at}"
+        return ((never,), ()) if not any(seats) else ((), (never,))
+    broken, straddled = [], []
+    for key, limit in motion_limits(scene.design).items():
+        values, error = [answer.worst[limit.metric], *(f.worst(limit.metric) for f in near)], answer.error[limit.metric]
+        if all(limit.breaks(value, error) for value in values):
+            broken.append(f"{key} {at}")
+        elif not all(limit.keeps(value, answer.doubt(limit.metric)) for value in values):
+            straddled.append(f"{key} {at}")
+    return tuple(broken), tuple(straddled)
+
+
+def pumped_up(train: Train, state: np.ndarray | None) -> bool:
+    """Whether, in a settled state (2n + r) at -pi, an adjuster that filled while the valve flew holds it off its seat.
+
+    The cam stands on its base circle there: the valve is off its seat, and a column of oil is longer than in the train
+    at rest by more than its ball travels. Whether the oil carries load at that instant depends on the vibration.
+    """
+    if train.laws is None or state is None:
+        return False
+    n = len(train.mass)
+    off = train.compression(state[:n], 0.0)[train.seat] < train.touch_compression[train.seat]
+    longer = (state_at_rest(train) - state)[2 * n :]
+    oil = [i for i, e in enumerate(train.memory) if train.laws.kind[e] == OIL]
+    return bool(off and any(longer[i] > train.laws.travel[train.memory[i]] for i in oil))

@@ -1,4 +1,4 @@
-"""How a verdict shows itself: a table by speed for a notebook, and bounce and jump against speed as a figure."""
+"""How a verification is shown: as text for a terminal, as a table for a notebook, and as a figure over the speed."""
 
 from html import escape
 from typing import TYPE_CHECKING
@@ -6,14 +6,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from camopt.measure.reserve import STARTS, reserve_sentences
-from camopt.verifier.outside_speeds import outside_sentence
-from camopt.verifier.worst import worst_in
+from camopt.scene.schema import Scene
+from camopt.verifier.record import VerificationRecord, outside_sentence
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from camopt.measure.sweep import Band
-    from camopt.verifier.verdict import Verdict
 
 COLUMNS = {
     "speed_rpm": "speed [r/min]",
@@ -38,56 +35,49 @@ TEXT = {
     "seating_velocity_m_per_s": ("seating m/s", 11),
 }
 MOST_LINES = 20
-"""Speeds that a printed verdict lists; verification.json has them all."""
+"""Speeds that the text lists; verification.json has them all."""
 
 
-def text(verdict: "Verdict") -> str:
+def text(record: VerificationRecord, scene: Scene | None) -> str:
     """The verdict for a terminal, a screen at most: a line for each speed, the worst of the band, and the outcome."""
-    rows = verdict.as_dict()["speeds"]
+    rows, band, outside = record["speeds"], record["band"], outside_sentence(record.outside)
     heads = (f"{label:>{width}}" for label, width in TEXT.values())
     lines = ["  ".join([*heads, _beside("verdict", "outside nm", rows)])]
     lines += [_line(row, _beside(row["verdict"], _outside(row), rows)) for row in rows[:MOST_LINES]]
     if len(rows) > MOST_LINES:
         lines.append(f"and {len(rows) - MOST_LINES} more speeds")
-    if verdict.band is not None:
-        record = verdict.as_dict()
-        worst = {name: worst_in(record, name) for name in TEXT if name != "speed_rpm"}
-        over = _judged_speeds(verdict.band, rows)
+    if band is not None:
+        worst = {name: record.worst(name) for name in TEXT if name != "speed_rpm"}
+        over = _judged_speeds(band, rows)
         lines.append(f"worst over {over}, neighbouring speeds, lifts and states included, each at its speed")
         lines.append(_line({name: one and one.value for name, one in worst.items()}))
         lines.append(_line({name: one and one.speed_rpm for name, one in worst.items()}, "r/min"))
-    reason = f". {verdict.reason}" if verdict.reason else ""
-    says = [f"{verdict.shape_says}."] * bool(verdict.shape_says)
-    if verdict.outside and not reason.endswith(outside := outside_sentence([one.as_dict() for one in verdict.outside])):
-        says.append(outside)
-    return "\n".join(
-        [*lines, verdict.accuracy["statement"], *says, f"verdict: {verdict.verdict}{reason}", *_reserve(verdict)]
-    )
+    reason = f". {record['reason']}" if record["reason"] else ""
+    lines.append(record["accuracy"]["statement"])
+    lines += [f"{record['shape_says']}."] if "shape_says" in record else []
+    lines += [outside] if outside and not reason.endswith(outside) else []
+    lines.append(f"verdict: {record['verdict']}{reason}")
+    if band is not None and scene is not None and scene.operation is not None:
+        limits = scene.design.model_dump() if scene.design else {}
+        lines += reserve_sentences(record["limits"], limits, scene.operation.band_rpm)
+    return "\n".join(lines)
 
 
 def _outside(row: dict) -> str:
-    """How far the judge from outside is off at a speed [nm]."""
+    """How far the valve's motion from rest is from that of another engine at a speed [nm]."""
     return f"{row['outside']['difference_nm']:.2g}" if "outside" in row else ""
 
 
 def _beside(verdict: str, outside: str, rows: list[dict]) -> str:
-    """A verdict, and beside it what is said from outside where that was asked."""
+    """A verdict, and beside it what another engine says where it was run."""
     return f"{verdict:<13}  {outside:>10}" if any("outside" in row for row in rows) else verdict
 
 
-def _reserve(verdict: "Verdict") -> list[str]:
-    """How far beyond the scene's band the cam keeps its limits, where a band was swept."""
-    scene, limits = verdict.scene, verdict.as_dict()["limits"]
-    if verdict.band is None or scene is None or scene.operation is None:
-        return []
-    return reserve_sentences(limits, scene.design.model_dump() if scene.design else {}, scene.operation.band_rpm)
-
-
-def _judged_speeds(band: "Band", rows: list[dict]) -> str:
-    """The speeds that the worst figures are of: the band, and the listed ones that lie outside it."""
-    outside = [f"{row['speed_rpm']:g}" for row in rows if not band.from_rpm <= row["speed_rpm"] <= band.to_rpm]
-    listed = f" and at {', '.join(outside)} r/min" if outside else ""
-    return f"{band.from_rpm:g} to {band.to_rpm:g} r/min{listed}"
+def _judged_speeds(band: dict, rows: list[dict]) -> str:
+    """The speeds to which the worst values belong: the band, and the listed ones that lie outside it."""
+    low, high = band["from_rpm"], band["to_rpm"]
+    beyond = [f"{row['speed_rpm']:g}" for row in rows if not low <= row["speed_rpm"] <= high]
+    return f"{low:g} to {high:g} r/min" + (f" and at {', '.join(beyond)} r/min" if beyond else "")
 
 
 def _line(row: dict, last: str = "") -> str:
@@ -100,39 +90,31 @@ def _line(row: dict, last: str = "") -> str:
     return ("  ".join(cells) + f"  {last}").rstrip()
 
 
-def html(verdict: "Verdict") -> str:
-    """The verdict, what is broken, and a row for each speed that all methods looked at."""
+def html(record: VerificationRecord) -> str:
+    """The verdict, the reason, and a row for each judged speed."""
     from pandas import DataFrame
 
-    record = verdict.as_dict()
-    rows = [*record["speeds"], *record["worst_in_band"]]
+    rows = record.judged
     table = DataFrame({label: [row[name] for row in rows] for name, label in COLUMNS.items()})
-    if verdict.outside:
+    if record.outside:
         table["from outside, off by [nm]"] = [_outside(row) for row in rows]
     shown = table.to_html(index=False, float_format="{:.4g}".format, na_rep="never seats")
-    return f"<p><b>{escape(verdict.verdict)}</b> {escape(verdict.reason)}</p>{shown}"
+    return f"<p><b>{escape(record['verdict'])}</b> {escape(record['reason'])}</p>{shown}"
 
 
-def figure(verdict: "Verdict") -> "Figure":
+def figure(record: VerificationRecord, scene: Scene, cam: str) -> "Figure":
     """Bounce and jump against speed: over the band where one was swept, and at the listed speeds otherwise.
 
     The curve has a gap where the valve never seats.
     """
     from camopt.plots import Sweep, bounce_against_speed
 
-    scene = verdict.scene
-    assert scene is not None and scene.operation is not None, "`verify` saw to it"
-    first = [next(iter(s.methods.values())) for s in verdict.speeds]
-    listed = [s.speed_rpm for s in verdict.speeds]
-    starts, worst = None, {}
-    if verdict.band is None:
-        speeds = np.array(listed)
-        bounce, jump = (np.array([m.worst[name] for m in first]) for name in ("bounce_mm", "jump_mm"))
-    else:
-        speeds, swept = verdict.band.speeds_rpm, verdict.band.figures
-        bounce, jump = swept["bounce_mm"], swept.get("jump_mm", np.full(len(speeds), np.nan))
-        starts = {metric: getattr(verdict, key) for key, metric in STARTS.items()}
-        worst = {name: verdict.band.worst(name) for name in starts}
+    assert scene.operation is not None, "a verdict needs it"
+    band, listed = record["band"], [row["speed_rpm"] for row in record["speeds"]]
+    curves = band["curves"] if band else {name: [row[name] for row in record["speeds"]] for name in COLUMNS}
+    speeds, bounce, jump = (np.array(curves[name], dtype=float) for name in ("speed_rpm", "bounce_mm", "jump_mm"))
+    starts = {metric: record["limits"][key] for key, metric in STARTS.items()} if band else None
+    worst = {name: (band["worst"][name]["speed_rpm"], band["worst"][name]["value"]) for name in starts or ()}
     order = np.argsort(speeds)
-    sweep = Sweep(verdict.cam, speeds[order], bounce[order], jump[order], starts_rpm=starts, worst=worst)
+    sweep = Sweep(cam, speeds[order], bounce[order], jump[order], starts_rpm=starts, worst=worst)
     return bounce_against_speed([sweep], scene.design, scene.operation.band_rpm, listed)

@@ -25,7 +25,7 @@ from camopt.scene.toml_text import scene_toml
 from camopt.scene.train import build_train
 from camopt.scene.units import MM
 from camopt.storage import write_text
-from camopt.verifier.outside_speeds import OutsideSpeed
+from camopt.verifier.record import outside_entry
 from camopt.verifier.verdict import method_named
 
 ENGINE = "Exudyn"
@@ -108,7 +108,7 @@ def _valve(scene: Scene, lift: Lift, speed_rpm: float, method: str, steps: int) 
     return np.array(rows)
 
 
-def from_outside(scene: Scene, lift: Lift, speeds_rpm: Sequence[float]) -> tuple[OutsideSpeed, ...]:
+def from_outside(scene: Scene, lift: Lift, speeds_rpm: Sequence[float]) -> tuple[dict, ...]:
     """How far the judge's motions from rest are from camopt's at speeds (k) [r/min]; errors as of `outside_motions`."""
     lift = as_written(lift)
     found = outside_motions(scene, lift, speeds_rpm, "--revolutions", str(REVOLUTIONS), "--samples", str(SAMPLES))
@@ -117,10 +117,10 @@ def from_outside(scene: Scene, lift: Lift, speeds_rpm: Sequence[float]) -> tuple
     )
 
 
-def compared(engine: str, row: dict, valve: np.ndarray, error: np.ndarray) -> OutsideSpeed:
+def compared(engine: str, row: dict, valve: np.ndarray, error: np.ndarray) -> dict:
     """The judge's record of a speed beside what `valve_from_rest` gives."""
     calm = all(figures["jump_mm"] < JUMPS_MM for figures in row["figures"])
     count = len(valve) if calm else 1
     difference = np.abs(np.array(row["valve_m"])[:count] - valve[:count]).max() / NM
     stated = AGREES_NM + max(row["moved_nm"][:count]) + error[:count].max() / NM
-    return OutsideSpeed(row["speed_rpm"], engine, count, float(difference), float(stated))
+    return outside_entry(row["speed_rpm"], engine, count, float(difference), float(stated))

@@ -1,84 +1,258 @@
-"""A verdict as verification.json: the one source of every number that reports, tables and figures state about it."""
+"""The record of a verification, verification.json: the one source of every number that is stated about a verdict.
 
-from typing import TYPE_CHECKING
+The terminal, the report, the designer and the figures read a `VerificationRecord`, be it of a verdict or of a file.
+"""
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from camopt.measure.reserve import STARTS
 from camopt.measure.sweep import Band
-from camopt.scene.quantities import QUANTITIES
-from camopt.verifier.convergence import Converged
-from camopt.verifier.outside_speeds import outside_sentence, with_outside
+from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES, is_number
+from camopt.scene.units import MM, UM
+from camopt.verifier.convergence import FINEST, Converged
 
-if TYPE_CHECKING:
-    from camopt.verifier.at_speed import SpeedVerdict
-    from camopt.verifier.verdict import Verdict
-
+HALVED, ONE_STEP, ALONE = "halving", "one step", "event-exact alone"
+"""How a speed was decided: the methods' steps were halved until they converged (or could not), one step showed it, or
+no other method was run at that speed (`camopt.verifier.spot_checks`)."""
+JUDGED = ("speeds", "worst_in_band")
+"""Lists of verification.json that hold a verdict per speed: at the listed speeds, and at the band's worst ones."""
 REPORTED = tuple(name for name in QUANTITIES if name != "excess_lift_mm")
 """Metrics of verification.json."""
+OUTSIDE = ("speed_rpm", "engine", "revolutions", "difference_nm", "stated_nm", "agrees")
+"""Keys of an entry of outside.json: how far the valve's motion from rest is from that of another engine at one speed,
+over so many revolutions, and up to what difference both count as one motion."""
+RESONANCE = ("speed_rpm", "half_width_rpm", "harmonic", "frequency_Hz")
+"""Keys of a resonance of the band."""
+TEN_THOUSAND = 1e4
+"""From here on four digits would round a speed to tens."""
 
 
-def verification(verdict: "Verdict") -> dict:
-    """The content of verification.json (design.md section 7); NaN becomes null.
+@dataclass(frozen=True)
+class Worst:
+    """A figure of verification.json: its value (None where there is none), its speed [r/min] and its place there."""
 
-    `band` is null and `worst_in_band` empty where no band was swept.
+    value: float | None
+    speed_rpm: float | None
+    source: str
+
+    @property
+    def where(self) -> str:
+        if not is_number(self.speed_rpm):
+            return "at – r/min"
+        return f"at {self.speed_rpm:{'.0f' if self.speed_rpm >= TEN_THOUSAND else '.4g'}} r/min"
+
+
+class VerificationRecord(dict[str, Any]):
+    """The content of verification.json (design.md section 7), of a verdict or read from a file, which is untrusted.
+
+    NaN is null there. `band` is null and `worst_in_band` empty where no band was swept.
     """
-    record = {
-        "verdict": verdict.verdict,
-        "broken": list(verdict.broken),
-        "reason": verdict.reason,
-        "speeds": [speed_record(s) for s in verdict.speeds],
-        "worst_in_band": [speed_record(s) for s in verdict.worst_in_band],
-        "band": None if verdict.band is None else band_record(verdict.band),
-        "limits": {key: getattr(verdict, key) for key in STARTS},
-        "accuracy": verdict.accuracy,
-        **({"shape_says": verdict.shape_says} if verdict.shape_says else {}),
-    }
-    return with_outside(record, [one.as_dict() for one in verdict.outside])
+
+    @property
+    def judged(self) -> list[dict]:
+        """The records of all judged speeds, the listed ones first."""
+        return [speed for key in JUDGED for speed in self.get(key) or []]
+
+    @property
+    def by_speed(self) -> list[dict]:
+        """The records of all judged speeds, each speed once, ascending."""
+        once = {speed.get("speed_rpm"): speed for key in reversed(JUDGED) for speed in self.get(key) or []}
+        return sorted(once.values(), key=lambda s: s["speed_rpm"] if is_number(s.get("speed_rpm")) else 0.0)
+
+    @property
+    def outside(self) -> list[dict]:
+        """What another engine says at the listed speeds, as the entries of outside.json; empty where none was run."""
+        return [speed["outside"] for speed in self.get("speeds") or [] if "outside" in speed]
+
+    def worst(self, name: str) -> Worst | None:
+        """The worst verified value of a metric, the bad end of its ranges at the judged speeds and over the band.
+
+        Its value is None where one of them has none, so that nothing can be said; None where nothing was verified.
+        """
+        values = list(self._values(name))
+        if not values:
+            return None
+        sign = -1.0 if name in LESS_IS_WORSE else 1.0
+        unknown = next((one for one in values if one.value is None), None)
+        return unknown or max(values, key=lambda one: sign * (one.value or 0.0))
+
+    def _values(self, name: str) -> Iterator[Worst]:
+        band = self.get("band") or {}
+        if band:
+            entry = (band.get("worst") or {}).get(name) or {}
+            value, speed = entry.get("value"), entry.get("speed_rpm")
+            yield Worst(value if is_number(value) else None, speed, f"band.worst.{name}.value")
+        for key in reversed(JUDGED):
+            for i, speed in enumerate(self.get(key) or []):
+                value, place = worst_case_value(speed, name)
+                yield Worst(value, speed.get("speed_rpm"), f"{key}[{i}].{place}")
+
+    def with_outside(self, entries: Sequence[Mapping]) -> "VerificationRecord":
+        """This record with the entries of outside.json, each at its speed as `outside`.
+
+        Where one of them disagrees, the verdict is "not converged" and the reason says so.
+        """
+        if not entries:
+            return self
+        at = {one["speed_rpm"]: dict(one) for one in entries}
+        speeds = [
+            entry | ({"outside": at[entry["speed_rpm"]]} if entry.get("speed_rpm") in at else {})
+            for entry in self.get("speeds") or []
+        ]
+        apart = not all(one["agrees"] for one in entries)
+        outcome = {"verdict": "not converged", "reason": outside_sentence(entries)} if apart else {}
+        return VerificationRecord(self | {"speeds": speeds} | outcome)
 
 
-def why_not_confirmed(verdict: "Verdict") -> str:
-    """What speaks against a verdict's cam, as a sentence; empty where nothing does."""
-    if any(not one.agrees for one in verdict.outside):
-        return outside_sentence([one.as_dict() for one in verdict.outside])
-    if verdict.verdict == "confirmed":
-        return ""
-    if verdict.verdict == "rejected":
-        return f"The cam breaks {', '.join(verdict.broken)}."
-    decisive = [s for s in (*verdict.speeds, *verdict.worst_in_band) if s.verdict == verdict.verdict]
-    if verdict.verdict == "not converged":
-        at = ", ".join(dict.fromkeys(f"{s.speed_rpm:g}" for s in decisive))
-        return f"The methods do not agree, or have not converged, at {at} r/min."
-    limits = ", ".join(dict.fromkeys(limit for s in decisive for limit in s.straddled))
-    return f"Of the neighbouring speeds, lifts and states some keep and some break {limits}."
+def worst_case_value(speed: dict, name: str) -> tuple[float | None, str]:
+    """The value that a limit judges, and its key: the bad end of the range, the value plus its error, or the value."""
+    value, ranges = speed.get(name), speed.get("ranges")
+    key = f"ranges.{name}"
+    spread = ranges.get(name) if isinstance(ranges, dict) else None
+    if spread is None and name == "bounce_mm":
+        key, spread = "bounce_range_mm", speed.get("bounce_range_mm")
+    if isinstance(spread, list) and spread and all(map(is_number, spread)):
+        end = min(spread) if name in LESS_IS_WORSE else max(spread)
+        return end, f"{key}[{spread.index(end)}]"
+    error = speed.get("bounce_error_mm")
+    if name == "bounce_mm" and is_number(value) and is_number(error):
+        return value + error, "bounce_mm + bounce_error_mm"
+    return (value if is_number(value) else None), name
 
 
-def speed_record(speed: "SpeedVerdict") -> dict:
-    """One speed: the figures of the method named under `method`, then those of every method."""
-    name, first = next(iter(speed.methods.items()))
+def bounce_error_um(speed: dict) -> float | None:
+    """The estimated error of the bounce at a speed [um], to which an aperiodic motion adds the width of its range.
+
+    It is None where there is no bounce, because the valve does not seat, and where no second step was taken; it is
+    never less than a verdict states.
+    """
+    error = speed.get("bounce_error_mm")
+    return max(error, FINEST["bounce_mm"]) * MM / UM if is_number(error) else None
+
+
+def accuracy_record(speeds: Sequence[dict], requested_um: float, requested: str | float | None) -> dict:
+    """What verification.json says under "accuracy", from the records of the judged speeds.
+
+    `requested_um` is the tolerance, and `requested` its name or number, None where there was none. The accuracy counts
+    as reached where the error is within the tolerance at every speed.
+    """
+    by_speed = {s["speed_rpm"]: s for s in speeds}
+    errors = {rpm: bounce_error_um(s) for rpm, s in by_speed.items()}
+    delivered = max((np.inf if e is None else e for e in errors.values()), default=np.inf)
+    words = f"accuracy asked: {requested_um:g} um" + (f" ({requested})" if isinstance(requested, str) else "")
+    if delivered <= requested_um:
+        finest = delivered <= FINEST["bounce_mm"] * MM / UM * (1 + 1e-9)
+        words += f"; estimated error of bounce: {'at most ' if finest else ''}{delivered:.2g} um"
+    else:
+        none = [rpm for rpm, s in by_speed.items() if not all(map(is_number, s["bounce_range_mm"]))]
+        short = [rpm for rpm, error in errors.items() if rpm not in none and (error is None or error > requested_um)]
+        ranges = [_range(by_speed[rpm]) for rpm in short]
+        words += f"; not reached: bounce is known to a range only, {', '.join(ranges)}" if ranges else ""
+        at = ", ".join(f"{rpm:g}" for rpm in none)
+        words += f"; there is no bounce at {at} r/min, where the valve does not seat" if none else ""
     return {
-        "speed_rpm": speed.speed_rpm,
-        "verdict": speed.verdict,
-        "decided_after": speed.decided_after,
-        "method": name,
-        **_figures(first),
-        "bounce_range_mm": [_number(b) for b in speed.bounce_range_mm],
-        "ranges": _ranges(speed.ranges),
-        "methods": {name: _method(answer) for name, answer in speed.methods.items()},
+        "asked": requested_um if requested is None else requested,
+        "asked_um": requested_um,
+        "delivered_um": delivered if np.isfinite(delivered) else None,
+        "reached": bool(delivered <= requested_um),
+        "statement": words + coverage_sentence(by_speed),
     }
+
+
+def coverage_sentence(by_speed: Mapping[float, dict]) -> str:
+    """The speeds [r/min] at which all methods were run, for the end of the statement; empty where that is every one."""
+    alone = [rpm for rpm, speed in by_speed.items() if speed["decided_after"] == ALONE]
+    if not alone:
+        return ""
+    covered = ", ".join(f"{rpm:g}" for rpm in sorted(by_speed.keys() - set(alone)))
+    others = f"{len(alone)} other speed{'s' * (len(alone) > 1)}"
+    return f"; all methods looked at {covered} r/min, event-exact alone at {others}"
+
+
+def _range(speed: dict) -> str:
+    """The bounce at one speed: that of a periodic motion with its error, else its range."""
+    (low, high), error = speed["bounce_range_mm"], bounce_error_um(speed) or np.inf
+    value = f"{high:.4f} mm +- {error:.2g} um" if speed["periodic"] else f"{low:.4f} to {high:.4f} mm"
+    return f"{value} at {speed['speed_rpm']:g} r/min"
+
+
+def outside_sentence(entries: Sequence[Mapping]) -> str:
+    """What another engine says in the entries of outside.json, as one sentence; empty where none was run."""
+    if not entries:
+        return ""
+    engine, apart = entries[0]["engine"], [one for one in entries if not one["agrees"]]
+    if apart:
+        worst = max(apart, key=lambda one: one["difference_nm"] / one["stated_nm"])
+        at = ", ".join(f"{one['speed_rpm']:g}" for one in apart)
+        return (
+            f"{engine} disagrees at {at} r/min: the valve from rest is {worst['difference_nm']:.3g} nm apart at "
+            f"{worst['speed_rpm']:g} r/min, where the stated errors explain {worst['stated_nm']:.3g} nm."
+        )
+    largest = max(one["difference_nm"] for one in entries)
+    speeds = f"{len(entries)} speed{'s' * (len(entries) != 1)}"
+    return f"{engine} agrees within {largest:.2g} nm at {speeds}, by the valve's motion from rest."
+
+
+def outside_entry(speed_rpm: float, engine: str, revolutions: int, difference_nm: float, stated_nm: float) -> dict:
+    """An entry of outside.json; the engines agree where the difference is within the stated errors."""
+    values = speed_rpm, engine, revolutions, difference_nm, stated_nm, difference_nm <= stated_nm
+    return dict(zip(OUTSIDE, values, strict=True))
+
+
+def outside_entries(text: str) -> list[dict]:
+    """The entries of the text of an outside.json, which is untrusted. Raises ValueError for anything else."""
+    data, keys = json.loads(text), OUTSIDE[:-1]
+    if not isinstance(data, list) or not all(isinstance(one, dict) and set(keys) <= set(one) for one in data):
+        raise ValueError(f"expected a list of objects with {', '.join(sorted(keys))}")
+    if not all(isinstance(one[key], (int, float)) for one in data for key in keys if key != "engine"):
+        raise ValueError("expected numbers beside the engine")
+    return [outside_entry(*(one[key] for key in keys)) for one in data]
+
+
+def method_record(answer: Converged) -> dict:
+    """A method's answer at one speed."""
+    return {
+        **metrics_record(answer),
+        "bounce_range_mm": numbers(answer.range["bounce_mm"]),
+        "ranges": ranges_record(answer.range),
+        "steps_per_revolution": answer.steps_per_revolution,
+        "converged": answer.converged,
+    }
+
+
+def metrics_record(answer: Converged) -> dict:
+    """The metrics of a method's answer with their errors, and whether its motion repeats."""
+    metrics = dict(zip(REPORTED, numbers(answer.worst[name] for name in REPORTED), strict=True))
+    errors = dict(zip(REPORTED, numbers(answer.doubt(name) for name in REPORTED), strict=True))
+    return {
+        **metrics,
+        "bounce_error_mm": errors["bounce_mm"],
+        "errors": errors,
+        "revolutions": answer.revolutions,
+        "periodic": answer.periodic,
+    }
+
+
+def ranges_record(ranges: Mapping[str, tuple[float, float]]) -> dict[str, list[float | None]]:
+    """The range of every metric."""
+    return {name: numbers(ranges[name]) for name in REPORTED}
 
 
 def band_record(band: Band) -> dict:
     """The band: ends and step, the worst value of every metric with its speed and method, and the curves themselves.
 
     The worst values are those of the curves, which hold the sweep and, at the judged speeds, the first method's
-    figures: what a text names is what a figure draws.
+    metrics: what a text names is what a figure draws.
     """
     worst = {}
     for name in REPORTED:
         i = band.worst_index(name)
-        value, speed = band.figures[name][i], float(band.speeds_rpm[i])
-        worst[name] = {"value": _number(value), "speed_rpm": speed, "method": band.methods[i]}
+        (value,), speed = numbers([band.figures[name][i]]), float(band.speeds_rpm[i])
+        worst[name] = {"value": value, "speed_rpm": speed, "method": band.methods[i]}
     return {
         "from_rpm": band.from_rpm,
         "to_rpm": band.to_rpm,
@@ -87,49 +261,15 @@ def band_record(band: Band) -> dict:
         "worst_bounce_mm": worst["bounce_mm"]["value"],
         "worst_speed_rpm": worst["bounce_mm"]["speed_rpm"],
         "worst": worst,
-        "resonances": [
-            {
-                "speed_rpm": r.speed_rpm,
-                "half_width_rpm": r.half_width_rpm,
-                "harmonic": r.harmonic,
-                "frequency_Hz": r.frequency_Hz,
-            }
-            for r in band.resonances
-        ],
+        "resonances": [{key: getattr(one, key) for key in RESONANCE} for one in band.resonances],
         "resonances_left_out": band.resonances_left_out,
         "curves": {
             "speed_rpm": band.speeds_rpm.tolist(),
-            **{name: [_number(v) for v in band.figures[name]] for name in REPORTED},
+            **{name: numbers(band.figures[name]) for name in REPORTED},
         },
     }
 
 
-def _method(answer: Converged) -> dict:
-    return {
-        **_figures(answer),
-        "bounce_range_mm": [_number(b) for b in answer.range["bounce_mm"]],
-        "ranges": _ranges(answer.range),
-        "steps_per_revolution": answer.steps_per_revolution,
-        "converged": answer.converged,
-    }
-
-
-def _figures(answer: Converged) -> dict:
-    figures = {name: _number(answer.worst[name]) for name in REPORTED}
-    errors = {name: _number(answer.doubt(name)) for name in REPORTED}
-    return {
-        **figures,
-        "bounce_error_mm": errors["bounce_mm"],
-        "errors": errors,
-        "revolutions": answer.revolutions,
-        "periodic": answer.periodic,
-    }
-
-
-def _ranges(ranges: dict[str, tuple[float, float]]) -> dict[str, list[float | None]]:
-    return {name: [_number(value) for value in ranges[name]] for name in REPORTED}
-
-
-def _number(value: float) -> float | None:
-    """JSON has no NaN: null."""
-    return float(value) if np.isfinite(value) else None
+def numbers(values: Iterable[float]) -> list[float | None]:
+    """The values as JSON has them, which knows no NaN: null."""
+    return [float(value) if np.isfinite(value) else None for value in values]

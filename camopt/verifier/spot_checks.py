@@ -1,8 +1,8 @@
-"""Verdicts at many speeds in which not every method looks at every speed: those of a draft, and of a rejected baseline.
+"""Verdicts at many speeds of which not every method judges every one: those of a draft, and of a rejected baseline.
 
-Event-exact locates its switchings and extremes and has no step that could be halved. It looks at every speed with its
-neighbourhood, and states its own error. The other methods look where a limit is nearest: at the worst speed of every
-limited metric and of the peak force, and at both ends. The verdict of every other speed says "event-exact alone".
+Event-exact locates its switchings and extremes and has no step that could be halved. It judges every speed with its
+neighbourhood, and states its own error. The other methods judge the speeds at which a limit is nearest: the worst one
+of every limited metric and of the peak force, and both ends. The verdict of every other speed says "event-exact alone".
 """
 
 from collections.abc import Callable, Iterable
@@ -17,29 +17,20 @@ from camopt.measure.limits import motion_limits
 from camopt.measure.settling import decay_per_revolution
 from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import LESS_IS_WORSE
-from camopt.scene.rest import state_at_rest
-from camopt.scene.settled import MOST_REVOLUTIONS, RANGED, revolutions_needed
-from camopt.scene.train import build_train
+from camopt.scene.settled import MOST_REVOLUTIONS, revolutions_needed
 from camopt.verifier.at_speed import (
-    ALONE,
+    OTHER_STARTS,
     Case,
     SpeedVerdict,
     agreement,
-    far_beyond,
-    held,
     judge_speed,
+    neighbours,
     plainly_broken,
+    verdict_from_answers,
+    violates_by_margin,
 )
-from camopt.verifier.convergence import (
-    MARGIN,
-    RELATIVE,
-    WANDERING_REVOLUTIONS,
-    Halving,
-    apart,
-    at_once,
-    tolerances,
-)
-from camopt.verifier.neighbourhood import OTHER_STARTS, neighbours
+from camopt.verifier.convergence import MARGIN, RELATIVE, WANDERING_REVOLUTIONS, apart
+from camopt.verifier.record import ALONE
 
 PEAK_FORCE = "contact_force_max_N"
 WORKERS = 2
@@ -49,73 +40,70 @@ Verdicts = tuple[SpeedVerdict, ...]
 
 
 def at_every(judge: Callable[[Case, float], SpeedVerdict], case: Case, speeds_rpm: Iterable[float]) -> Verdicts:
-    """The verdicts at crankshaft speeds [r/min], some of them side by side."""
+    """The verdicts at crankshaft speeds [r/min], WORKERS of them at a time."""
     speeds, hidden = [float(speed) for speed in speeds_rpm], None if case.progress else True
     with ThreadPoolExecutor(WORKERS) as pool:
-        found = pool.map(lambda speed: judge(case, speed), speeds)
-        return tuple(tqdm(found, total=len(speeds), desc="judged", unit="speed", leave=False, disable=hidden))
+        verdicts = pool.map(lambda speed: judge(case, speed), speeds)
+        return tuple(tqdm(verdicts, total=len(speeds), desc="judged", unit="speed", leave=False, disable=hidden))
 
 
 def event_alone(case: Case, speed_rpm: float) -> SpeedVerdict:
     """The verdict of event-exact without another method; of all methods where event-exact refuses a motion, where its
-    answer does not stand, or where the train's slowest mode had no time to die out.
+    metrics have not converged, or where the train's slowest mode had no time to decay.
 
-    A periodic motion stands where those that settle from other states near by have the same figures within the
-    tolerances of a halved step: contacts that part multiply what settling leaves. Its error is what the method states
-    or, where that is more, MARGIN times the distance of these figures. A motion that never repeats has its range.
+    The metrics of a periodic motion have converged where motions that settle from other states near by have the same
+    ones within the tolerances of a halved step: contacts that open multiply what settling leaves. Its error is what the
+    method states or, where that is more, MARGIN times the distance of these metrics. An aperiodic motion has its range.
     """
-    train, cam_speed, first = build_train(case.scene), case.scene.cam_speed(speed_rpm), next(iter(case.methods))
-    assert case.many is not None, "`allows` says so"
+    assert case.many is not None, "`can_spot_check` says so"
     try:
-        look = at_once(partial(case.many, aperiodic=RANGED), train, case.lift, cam_speed, state_at_rest(train))
+        look = case.many_from_rest(speed_rpm)
         many = case.many if look.periodic else partial(case.many, most=WANDERING_REVOLUTIONS)
-        near = neighbours(case.methods[first], train, case.lift, cam_speed, look, many)
+        near = neighbours(case, speed_rpm, look, many)
     except MotionRefused:
         return judge_speed(case, speed_rpm)
-    if not look.periodic and revolutions_needed(decay_per_revolution(train, cam_speed)) > MOST_REVOLUTIONS:
+    decay = decay_per_revolution(case.train, case.scene.cam_speed(speed_rpm))
+    if not look.periodic and revolutions_needed(decay) > MOST_REVOLUTIONS:
         return judge_speed(case, speed_rpm)
-    error, allowed = dict(look.error), tolerances(case.demand.tolerance_um, case.demand.limited)
+    error, allowed = dict(look.error), case.tolerances.absolute
     for name in error if look.periodic else ():
-        moved = max(apart(near[i].worst(name), look.worst[name]) for i in OTHER_STARTS)
-        if name in allowed and moved > allowed[name] + RELATIVE * np.nan_to_num(abs(look.worst[name])):
+        distance = max(apart(near[i].worst(name), look.worst[name]) for i in OTHER_STARTS)
+        if name in allowed and distance > allowed[name] + RELATIVE * np.nan_to_num(abs(look.worst[name])):
             return judge_speed(case, speed_rpm)
-        error[name] = max(error[name], MARGIN * moved)
-    look = replace(look, error=error, converged=True)
-    return replace(held(case, speed_rpm, {first: look}, near, agree=True, decided_after=ALONE), near=tuple(near))
+        error[name] = max(error[name], MARGIN * distance)
+    answers = {case.first: replace(look, error=error, converged=True)}
+    verdict = verdict_from_answers(case, speed_rpm, answers, near, agree=True, decided_after=ALONE)
+    return replace(verdict, near=tuple(near))
 
 
 def with_all_methods(case: Case, alone: SpeedVerdict) -> SpeedVerdict:
-    """A verdict of event-exact alone, judged again by all methods; the error is then also how far they are apart."""
+    """A verdict of event-exact alone, judged again by all methods; the error then includes how far they are apart."""
     if alone.decided_after != ALONE:
         return alone
     speed_rpm, near = alone.speed_rpm, list(alone.near)
     ((first, look),) = alone.methods.items()
-    early = plainly_broken(case, speed_rpm, look, lambda _: near)
+    early = plainly_broken(case, speed_rpm, look, near)
     if early is not None:
         return early
-    train, cam_speed = build_train(case.scene), case.scene.cam_speed(speed_rpm)
-    others = {
-        name: Halving(prepare, train, case.lift, cam_speed, state_at_rest(train), case.demand).answer()
-        for name, prepare in case.methods.items()
-        if name != first
-    }
-    agree = agreement([look, *others.values()], case.demand.tolerance_um, case.demand.limited)
+    others = {name: case.refinement(name, speed_rpm).answer() for name in case.methods if name != first}
+    agree = agreement([look, *others.values()], case.tolerances)
     away = {name: max(apart(look.worst[name], o.worst[name]) for o in others.values()) for name in look.error}
     error = {name: max(own, away[name]) for name, own in look.error.items()}
-    return held(case, speed_rpm, {first: replace(look, error=error), **others}, near, agree=agree)
+    answers = {first: replace(look, error=error), **others}
+    return verdict_from_answers(case, speed_rpm, answers, near, agree=agree)
 
 
-def allows(case: Case) -> bool:
-    """Whether the first method can answer alone at a speed, and another one look at it as well."""
+def can_spot_check(case: Case) -> bool:
+    """Whether the first method can judge a speed alone, and there is another one to check it."""
     return case.many is not None and len(case.methods) > 1
 
 
-def until_broken(case: Case, alone: Verdicts) -> Verdicts | None:
-    """Verdicts that reject: all methods looked at the speed where a limit is broken most, none at the others.
+def early_rejection(case: Case, alone: Verdicts) -> Verdicts | None:
+    """Verdicts that reject: all methods have judged the speed where a limit is broken most, and none of the others.
 
-    None where event-exact finds no limit broken far beyond its error, or another method does not confirm it.
+    None where event-exact breaks no limit far beyond its error, or another method does not confirm it.
     """
-    plainly = [s for s in alone if s.decided_after == ALONE and far_beyond(case.scene, *_alone(s))]
+    plainly = [s for s in alone if s.decided_after == ALONE and violates_by_margin(case.scene, *_alone(s))]
     if not plainly:
         return None
     most = max(plainly, key=lambda s: _excess(case, s))
@@ -124,42 +112,42 @@ def until_broken(case: Case, alone: Verdicts) -> Verdicts | None:
 
 
 def spot_checked(case: Case, alone: Verdicts) -> dict[float, SpeedVerdict]:
-    """By speed [r/min], the verdicts of those that all methods are to look at.
+    """By speed [r/min], the verdicts of all methods where these judge.
 
-    These are both ends, and the worst speed of every limited metric and of the peak force. If they reject nothing, also
-    those that event-exact does not confirm. Where all methods have rejected one already, they are to look at no other.
+    The speeds are both ends, and the worst one of every limited metric and of the peak force. If they reject nothing,
+    also those that event-exact does not confirm. Where all methods have rejected one already, they judge no other.
     """
     if any(s.verdict == "rejected" and s.decided_after != ALONE for s in alone):
         return {}
     by_speed = {s.speed_rpm: s for s in alone}
     chosen = {min(by_speed), max(by_speed)}
-    for name in {*case.demand.limited, PEAK_FORCE}:
+    for name in {*case.tolerances.limited, PEAK_FORCE}:
         chosen.add(max(alone, key=lambda s: _badness(s, name)).speed_rpm)
 
     def judged(speeds: set[float]) -> dict[float, SpeedVerdict]:
-        found = at_every(lambda _, speed: with_all_methods(case, by_speed[speed]), case, sorted(speeds))
-        return {s.speed_rpm: s for s in found}
+        verdicts = at_every(lambda _, speed: with_all_methods(case, by_speed[speed]), case, sorted(speeds))
+        return {s.speed_rpm: s for s in verdicts}
 
-    found = judged(chosen)
-    if any(s.verdict == "rejected" for s in found.values()):
-        return found
-    return found | judged({s.speed_rpm for s in alone if s.verdict != "confirmed"} - chosen)
+    first = judged(chosen)
+    if any(s.verdict == "rejected" for s in first.values()):
+        return first
+    return first | judged({s.speed_rpm for s in alone if s.verdict != "confirmed"} - chosen)
 
 
 def _alone(one: SpeedVerdict) -> tuple[list[dict[str, float]], dict[str, float]]:
-    """Figures and errors of a verdict's only method."""
+    """Metrics and errors of a verdict's only method."""
     (look,) = one.methods.values()
     return [look.worst], look.error
 
 
 def _badness(one: SpeedVerdict, name: str) -> float:
-    """How bad a metric is over the neighbourhood; no figure is the worst."""
+    """How bad a metric is over the neighbourhood; a missing one is the worst."""
     low, high = one.ranges[name]
     return float(np.nan_to_num(-low if name in LESS_IS_WORSE else high, nan=np.inf))
 
 
 def _excess(case: Case, one: SpeedVerdict) -> float:
-    """The largest of a verdict's figures in parts of their limits; those without a figure are left out."""
-    (figures,), _ = _alone(one)
-    shares = [limit.share(np.array(figures[limit.metric])) for limit in motion_limits(case.scene.design).values()]
+    """The largest share of a limit that a verdict's metrics use; missing metrics are left out."""
+    (metrics,), _ = _alone(one)
+    shares = [limit.share(np.array(metrics[limit.metric])) for limit in motion_limits(case.scene.design).values()]
     return max(float(share) for share in shares if np.isfinite(share))

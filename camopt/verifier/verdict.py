@@ -1,6 +1,6 @@
 """The verdict on a cam in a scene: do independent methods agree, and does every limit of the scene hold.
 
-The only file of this package that reaches for the event-exact method, and only when it is asked for.
+The only file of this package that imports the event-exact method, and only when it is used.
 """
 
 from dataclasses import dataclass, replace
@@ -17,23 +17,30 @@ from camopt.scene.errors import InputError
 from camopt.scene.response import Revolve
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
-from camopt.verifier.accuracy_statement import stated, who_looked
+from camopt.verifier import display
 from camopt.verifier.at_speed import Case, SpeedVerdict, judge_speed
-from camopt.verifier.convergence import WANDERING_REVOLUTIONS, Demand, Prepare, first_steps
+from camopt.verifier.convergence import WANDERING_REVOLUTIONS, Prepare, Tolerances, first_steps
 from camopt.verifier.methods import INDEPENDENT, verdict_methods
-from camopt.verifier.outside_speeds import OutsideSpeed
-from camopt.verifier.record import verification, why_not_confirmed
-from camopt.verifier.spot_checks import WORKERS, Verdicts, allows, at_every, event_alone, spot_checked, until_broken
+from camopt.verifier.record import VerificationRecord, accuracy_record, band_record, outside_sentence
+from camopt.verifier.spot_checks import (
+    WORKERS,
+    Verdicts,
+    at_every,
+    can_spot_check,
+    early_rejection,
+    event_alone,
+    spot_checked,
+)
 
 METHODS = ("event", "rkg", "tmm", "houbolt")
 """Methods for a train whose laws are straight lines in pieces; of which event-exact is the first."""
 NONLINEAR_METHODS = ("event", "rkg", "dop853")
 """Methods for a train with Hertz or progressive laws, in whose place event-exact has chords."""
 ROUNDS = 2
-"""How often the worst speeds of a band are judged: where a motion is erratic the judged figure is not the sweep's, and
+"""How often the worst speeds of a band are judged: where a motion is erratic the judged metric is not the sweep's, and
 another speed is the worst then."""
-DEMAND = Demand()
-"""What a verdict asks of every method, where nothing else is said."""
+TOLERANCES = Tolerances()
+"""The tolerances of a verdict where no others are given."""
 ORDER = ("confirmed", "sensitive", "not converged", "rejected")
 """From best to worst: one speed at which a limit is surely broken rejects the cam, whatever the others say."""
 
@@ -45,7 +52,7 @@ class Verdict:
     verdict: str
     broken: tuple[str, ...]
     speeds: tuple[SpeedVerdict, ...]
-    band: Band | None  # the sweep, with the first method's figures at the judged speeds
+    band: Band | None  # the sweep, with the first method's metrics at the judged speeds
     worst_in_band: tuple[SpeedVerdict, ...]  # all methods at the worst speeds of the band
     first_jump_rpm: float | None
     first_bounce_rpm: float | None
@@ -54,44 +61,60 @@ class Verdict:
     scene: Scene | None = None  # what was judged, and which cam: for the figure alone
     cam: str = "cam"
     shape_says: str = ""  # how exactly a rounded table tells the shape; empty for other cams
-    outside: tuple[OutsideSpeed, ...] = ()  # what a judge from outside says at the listed speeds, where it was asked
+    outside: tuple[dict, ...] = ()  # entries of outside.json at the listed speeds, where another engine was run
 
     @property
     def accuracy(self) -> dict:
-        """What was asked and what was delivered: verification.json's "accuracy"."""
-        every = *self.speeds, *self.worst_in_band
-        asked_um = self.tolerance_um if self.asked is None or isinstance(self.asked, str) else float(self.asked)
-        found = stated(every, asked_um, self.asked)
-        return found | {"statement": found["statement"] + who_looked(every)}
+        """The requested and the delivered accuracy: verification.json's "accuracy"."""
+        return self.as_dict()["accuracy"]
 
     @property
     def reason(self) -> str:
         """Why the cam is not confirmed, as a sentence; empty for a confirmed one."""
-        return why_not_confirmed(self)
+        if not all(one["agrees"] for one in self.outside):
+            return outside_sentence(self.outside)
+        if self.verdict == "confirmed":
+            return ""
+        if self.verdict == "rejected":
+            return f"The cam breaks {', '.join(self.broken)}."
+        decisive = [s for s in (*self.speeds, *self.worst_in_band) if s.verdict == self.verdict]
+        if self.verdict == "not converged":
+            at = ", ".join(dict.fromkeys(f"{s.speed_rpm:g}" for s in decisive))
+            return f"The methods do not agree, or have not converged, at {at} r/min."
+        limits = ", ".join(dict.fromkeys(limit for s in decisive for limit in s.straddled))
+        return f"Of the neighbouring speeds, lifts and states some keep and some break {limits}."
 
     def plot(self):
         """Bounce and jump against speed, with the scene's limits, as a matplotlib Figure."""
-        from camopt.verifier.display import figure
-
-        return figure(self)
+        assert self.scene is not None, "`verdict_on` gives it"
+        return display.figure(self.as_dict(), self.scene, self.cam)
 
     def __repr__(self) -> str:
         speeds = ", ".join(f"{s.speed_rpm:g}" for s in self.speeds[:6]) + ", ..." * (len(self.speeds) > 6)
         return f"Verdict({self.verdict}, at {speeds} r/min{', and the band' * (self.band is not None)})"
 
     def __str__(self) -> str:
-        from camopt.verifier.display import text
-
-        return text(self)
+        return display.text(self.as_dict(), self.scene)
 
     def _repr_html_(self) -> str:
-        from camopt.verifier.display import html
+        return display.html(self.as_dict())
 
-        return html(self)
-
-    def as_dict(self) -> dict:
+    def as_dict(self) -> VerificationRecord:
         """verification.json: NaN becomes null; `band` is null where no band was swept."""
-        return verification(self)
+        speeds, worst = ([s.as_dict() for s in some] for some in (self.speeds, self.worst_in_band))
+        requested_um = self.tolerance_um if self.asked is None or isinstance(self.asked, str) else float(self.asked)
+        record = VerificationRecord(
+            verdict=self.verdict,
+            broken=list(self.broken),
+            reason=self.reason,
+            speeds=speeds,
+            worst_in_band=worst,
+            band=None if self.band is None else band_record(self.band),
+            limits={key: getattr(self, key) for key in STARTS},
+            accuracy=accuracy_record([*speeds, *worst], requested_um, self.asked),
+            **({"shape_says": self.shape_says} if self.shape_says else {}),
+        )
+        return record.with_outside(self.outside)
 
 
 def verdict_on(
@@ -100,31 +123,30 @@ def verdict_on(
     speeds_rpm: tuple[float, ...] | None = None,
     methods: tuple[str, ...] | None = None,
     band_step_rpm: float | None = 20.0,
-    demand: Demand = DEMAND,
+    tolerances: Tolerances = TOLERANCES,
     to_the_end: bool = True,
     progress: bool = False,
 ) -> Verdict:
     """Judge a cam at `speeds_rpm` (crankshaft; the scene's by default) and over the scene's band.
 
     `methods` are "event" or names of INDEPENDENT, by default the first two for the scene's laws; the first one's
-    figures are reported and its neighbourhood is searched; two at least are needed for an agreement, so a single
-    method ends as "not converged". `band_step_rpm` None leaves the band and the starting speeds out; they are swept
-    with event-exact, also where a lightly damped mode resonates between its steps, and all methods look at the worst
-    speed of every limited metric and at the starting speeds inside the band. Bounce and jump "start" where they exceed
-    the scene's limit, or 0.05 mm where it sets none. `demand` says how far every method is asked to go, and whether
-    all of them look at every speed; its limited metrics are the scene's. Without `to_the_end` a cam is rejected as
-    soon as the answer stands: all methods look at the one speed of `speeds_rpm` where it is broken far beyond a limit,
-    and the band is swept in steps of at least SEARCH_STEP_RPM, with WANDERING_REVOLUTIONS at most to settle. With
-    `progress` bars count the speeds that have been judged. Raises InputError for a scene without valve or operation, or
-    an unknown method.
+    metrics are reported and its neighbourhood is searched; two at least are needed for an agreement, so a single method
+    ends as "not converged". `band_step_rpm` None leaves the band and the starting speeds out; they are swept with
+    event-exact, also where a lightly damped mode resonates between its steps, and all methods judge the worst speed of
+    every limited metric and the starting speeds inside the band. Bounce and jump "start" where they exceed the scene's
+    limit, or 0.05 mm where it sets none. `tolerances` say when a method has converged, and whether all of them judge
+    every speed; the limited metrics are the scene's. Without `to_the_end` a cam is rejected as soon as the verdict is
+    known: all methods judge the one speed of `speeds_rpm` where it is broken far beyond a limit, and the band is swept
+    in steps of at least SEARCH_STEP_RPM, with WANDERING_REVOLUTIONS at most to settle. With `progress` bars count the
+    speeds that have been judged. Raises InputError for a scene without valve or operation, or an unknown method.
     """
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name!r}: a verdict needs valve, seat and [operation]")
     methods = _known_methods(scene, methods)
-    demand = replace(demand, limited=limited_metrics(scene.design))
+    tolerances = replace(tolerances, limited=limited_metrics(scene.design))
     many = _settled_metrics() if methods[0] == "event" and build_train(scene).straight else None
-    case = Case(scene, lift, {name: method_named(name) for name in methods}, demand, many, progress)
-    few = allows(case) and not demand.everywhere
+    case = Case(scene, lift, {name: method_named(name) for name in methods}, tolerances, many, progress)
+    few = can_spot_check(case) and not tolerances.everywhere
     listed = [float(s) for s in (scene.operation.speeds_rpm if speeds_rpm is None else speeds_rpm)]
     at_speeds = _judged(case, listed, few, to_the_end)
     band, worst, first = None, (), {"bounce_mm": None, "jump_mm": None}
@@ -140,16 +162,15 @@ def verdict_on(
     every = (*at_speeds, *worst)
     broken = dict.fromkeys([*shape, *(name for s in every for name in s.broken)])
     overall = max([*(s.verdict for s in every), "rejected" if shape else "confirmed"], key=ORDER.index)
-    starts = first["jump_mm"], first["bounce_mm"]
-    tolerance_um = demand.tolerance_um
     return Verdict(
         overall,
         tuple(broken),
         at_speeds,
         band,
         worst,
-        *starts,
-        tolerance_um,
+        first["jump_mm"],
+        first["bounce_mm"],
+        tolerances.tolerance_um,
         scene=scene,
         cam=lift.family,
         shape_says=rounding_sentence(lift),
@@ -158,56 +179,56 @@ def verdict_on(
 
 def _judged(case: Case, speeds_rpm: list[float], few: bool, to_the_end: bool) -> Verdicts:
     """The verdicts at the crankshaft speeds [r/min] that are asked for; with `few`, of event-exact alone."""
-    if (to_the_end and not few) or not allows(case):
+    if (to_the_end and not few) or not can_spot_check(case):
         return at_every(judge_speed, case, speeds_rpm)
     alone = at_every(event_alone, case, speeds_rpm)
-    stopped = None if to_the_end else until_broken(case, alone)
+    stopped = None if to_the_end else early_rejection(case, alone)
     return stopped or (alone if few else at_every(judge_speed, case, speeds_rpm))
 
 
 def _judged_band(
     case: Case, swept: Band, suspects: list[float], at_speeds: Verdicts, few: bool
 ) -> tuple[Band, Verdicts]:
-    """The band with the first method's figures at all judged speeds, and the verdicts at its worst speeds [r/min].
+    """The band with the first method's metrics at all judged speeds, and the verdicts at its worst speeds [r/min].
 
-    All methods look at the `suspects` of the sweep, and again at what is then the worst speed of a limited metric;
-    event-exact alone with `few`. Without suspects they look at none.
+    All methods judge the `suspects` of the sweep, and then the speed that is the worst of a limited metric; event-exact
+    alone with `few`. Without suspects they judge none.
     """
-    worst, method = (), next(iter(case.methods))
+    worst, method = (), case.first
     band = swept.with_judged(method, {s.speed_rpm: s.methods[method].worst for s in at_speeds})
     for _ in range(ROUNDS if suspects else 0):
         new = [s for s in suspects if s not in [w.speed_rpm for w in worst]]
         worst += at_every(event_alone if few else judge_speed, case, new)
         judged = {s.speed_rpm: s.methods[method].worst for s in (*at_speeds, *worst)}
         band = swept.with_judged(method, judged)
-        suspects = [band.worst(name)[0] for name in case.demand.limited]
+        suspects = [band.worst(name)[0] for name in case.tolerances.limited]
     return band, tuple(sorted(worst, key=lambda s: s.speed_rpm))
 
 
 def _known_methods(scene: Scene, methods: tuple[str, ...] | None) -> tuple[str, ...]:
-    """The methods that are asked for, by default the first two for the scene's laws; InputError for an unknown one."""
-    asked = methods_for(build_train(scene))[:2] if methods is None else methods
-    known = verdict_methods()
-    if not asked or (unknown := [m for m in asked if m not in known]):
-        raise InputError(f"methods {asked}: give names out of {', '.join(known)}" + f"; not {unknown}" * bool(asked))
-    return asked
+    """The methods of a verdict, by default the first two for the scene's laws; InputError for an unknown one."""
+    names = methods_for(build_train(scene))[:2] if methods is None else methods
+    every = verdict_methods()
+    if not names or (unknown := [m for m in names if m not in every]):
+        raise InputError(f"methods {names}: give names out of {', '.join(every)}" + f"; not {unknown}" * bool(names))
+    return names
 
 
 def _swept_band(
     scene: Scene, lift: Lift, step_rpm: float, refined: bool, *, coarsely: bool
 ) -> tuple[Band, dict[str, float | None], list[float]]:
-    """The swept band, where bounce and jump start, and the speeds [r/min] that all methods must look at.
+    """The swept band, where bounce and jump start, and the speeds [r/min] that all methods must judge.
 
-    These are the worst speed of every limited metric and a start that lies inside the band although the metric is
-    limited: what a search of its own has found may not be left out.
+    These are the worst speed of every limited metric, and a start that lies inside the band although the metric is
+    limited: the search for the starts may find a worse speed than the sweep.
     """
     many = _settled_metrics() if refined else partial(_settled_metrics(), most=WANDERING_REVOLUTIONS)
     swept = Swept(_at_first_steps, scene, lift, WORKERS, "event", many)
     limited = limited_metrics(scene.design)
-    found, left_out = resonances(scene, lift, step_rpm)
-    sweep(swept, step_rpm, limited if refined else (), found, coarsely=coarsely)
+    missed, left_out = resonances(scene, lift, step_rpm)
+    sweep(swept, step_rpm, limited if refined else (), missed, coarsely=coarsely)
     first = first_exceeding(swept, _starts(scene), max(SEARCH_STEP_RPM, step_rpm))
-    band = replace(swept.band(step_rpm), resonances=tuple(found), resonances_left_out=left_out, refined=refined)
+    band = replace(swept.band(step_rpm), resonances=tuple(missed), resonances_left_out=left_out, refined=refined)
     suspects = {band.worst(name)[0] for name in limited}
     for metric, speed in first.items():
         if metric in limited and speed is not None and band.from_rpm <= speed <= band.to_rpm:
@@ -221,12 +242,12 @@ def methods_for(train: Train) -> tuple[str, ...]:
 
 
 def method_named(name: str) -> Prepare:
-    """The `prepare` of one of `verdict_methods`; event-exact is imported on demand."""
+    """The `prepare` of one of `verdict_methods`; event-exact is imported on tolerances."""
     return event_exact if name == "event" else import_module(INDEPENDENT[name]).prepare
 
 
 def event_exact(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int) -> Revolve:
-    """Event-exact as a verdict asks it: where laws are curved, chords grow with the root of the steps.
+    """Event-exact as a verdict runs it: where laws are curved, the number of chords grows with the root of the steps.
 
     The error of their force falls with the square of their number, so that halving the step halves it, and the error
     estimate includes it.
@@ -258,5 +279,5 @@ def _settled_metrics() -> SettledMany:
 
 
 def _starts(scene: Scene) -> dict[str, float]:
-    given = {limit.metric: limit.value for limit in motion_limits(scene.design).values()}
-    return {metric: given.get(metric, STARTS_MM) for metric in STARTS.values()}
+    limits = {limit.metric: limit.value for limit in motion_limits(scene.design).values()}
+    return {metric: limits.get(metric, STARTS_MM) for metric in STARTS.values()}

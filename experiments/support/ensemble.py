@@ -1,18 +1,13 @@
 """Gradients of a mean over many slightly different cams, for motions whose single gradients are rough or disagree.
 
-The mean of a metric over cams with bumps of random height is J_sigma(z) = E J(z + sigma xi), with xi normal. Two
-estimates of its gradient stand here:
-
-    pathwise               E dJ/dz(z + sigma xi)                              exact gradients, averaged
-    evolution strategy     E [J(z + sigma xi) - J(z - sigma xi)] xi / (2 sigma)    values only (Nesterov, Spokoiny 2017)
-
-Where the motion is smooth over the ensemble, the pathwise mean is the one with less noise. It misses what steps of the
-metric contribute (a contact that closes once more or once less), and agreement of its halves does not show that; once
-the motion is chaotic its variance has no bound, which their disagreement shows (`split_half_cosine`). So the evolution
-strategy judges it: `experiments/ensemble_gradients.py`. Members come in pairs, xi and -xi.
+The mean of a metric over cams with bumps of random height is J_sigma(z) = E J(z + sigma xi), with xi normal. Its
+gradient is estimated by exact gradients, averaged: E dJ/dz(z + sigma xi). It misses what steps of the metric contribute
+(a contact that closes once more or once less), and agreement of its halves does not show that; once the motion is
+chaotic its variance has no bound, which their disagreement shows (`split_half_cosine`). An evolution strategy, from
+values alone, judges it in `experiments/ensemble_gradients.py`. Members come in pairs, xi and -xi.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -21,8 +16,6 @@ import numpy as np
 from camopt.cam.bumps import moved
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint.gradient import value_and_gradient
-from camopt.exact.adjoint.motion import TracedMotion
-from camopt.exact.affine.lines import rest_of
 from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.shapes import Float
 from camopt.scene.train import Train
@@ -89,46 +82,19 @@ def ensemble_gradient(
     directions = ensemble.directions
 
     def numbers_of(member: Lift) -> np.ndarray:
-        gradient = value_and_gradient(train, member, cam_speed, metrics)
+        try:
+            gradient = value_and_gradient(train, member, cam_speed, metrics)
+        except MotionRefused:
+            return np.full((len(metrics), 1 + len(directions)), np.nan)
         return np.column_stack([gradient.values, np.einsum("lpq,mpq->lm", gradient.by_coefficients, directions)])
 
-    numbers = _side_by_side(numbers_of, ensemble.lifts(), (len(metrics), 1 + len(directions)), workers)
-    values, slopes = numbers[:, :, 0], numbers[:, :, 1:]
-    paired = slopes.reshape(-1, 2, len(metrics), len(directions))
-    return _summary(metrics, values.reshape(len(paired), 2, -1), paired.mean(axis=1))
-
-
-def evolution_strategy_gradient(
-    train: Train, ensemble: CamEnsemble, cam_speed: float, metrics: Sequence[str], *, workers: int = 2
-) -> EnsembleGradient:
-    """Like `ensemble_gradient`, but from values alone: noisier, and right however the motion behaves.
-
-    Arguments, result and errors are those of `ensemble_gradient`.
-    """
-    at, pairs = rest_of(train), ensemble.heights()
-
-    def values_of(member: Lift) -> np.ndarray:
-        return TracedMotion(train, member, cam_speed, at).values(metrics)
-
-    values = _side_by_side(values_of, ensemble.lifts(), (len(metrics),), workers).reshape(len(pairs), 2, -1)
-    rise = (values[:, 0] - values[:, 1]) / (2.0 * ensemble.sigma_m**2)
-    return _summary(metrics, values, rise[:, :, None] * pairs[:, None, :])
-
-
-def _side_by_side(values_of: Callable[[Lift], np.ndarray], lifts: list[Lift], shape: tuple, workers: int) -> np.ndarray:
-    """Values (k, *shape) of k cams in threads; NaN where the motion is refused."""
-
-    def one(lift: Lift) -> np.ndarray:
-        try:
-            return values_of(lift)
-        except MotionRefused:
-            return np.full(shape, np.nan)
-
     with ThreadPoolExecutor(workers) as pool:
-        return np.array(list(pool.map(one, lifts)))
+        numbers = np.array(list(pool.map(numbers_of, ensemble.lifts())))
+    pairs = numbers.reshape(-1, 2, len(metrics), 1 + len(directions))
+    return summary(metrics, pairs[:, :, :, 0], pairs[:, :, :, 1:].mean(axis=1))
 
 
-def _summary(
+def summary(
     metrics: Sequence[str], values: Float[np.ndarray, "pairs 2 l"], slopes: Float[np.ndarray, "pairs l m"]
 ) -> EnsembleGradient:
     """The ensemble's means and errors from its values and the gradients of its pairs."""

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from camopt.verifier.stored_curves import stored_curves
+from camopt.verifier.accuracy import stored_curves
 from experiments import accuracy_curves, accuracy_promise
 from experiments.accuracy_promise import counts, row
 from experiments.support.record import RESULTS

@@ -8,7 +8,8 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.scene import InputError, MotionRefused
 from camopt.study.gradient.paths import cosine
-from experiments.support.ensemble import CamEnsemble, _summary, ensemble_gradient, evolution_strategy_gradient
+from experiments.ensemble_gradients import evolution_strategy_gradient
+from experiments.support.ensemble import CamEnsemble, ensemble_gradient, summary
 from tests.exact.gradient_problems import kodama
 
 NAMES = ["jump_mm", "bounce_mm"]
@@ -60,14 +61,14 @@ def test_pairs_without_a_value_are_left_out_of_all_means():
     """Of four pairs one has a refused member: the others make mean, error and halves."""
     values = np.array([[1.0, 3.0], [2.0, np.nan], [5.0, 7.0], [0.0, 2.0]])[:, :, None]
     slopes = np.array([[1.0, 0.0], [9.0, 9.0], [0.0, 2.0], [0.0, 4.0]])[:, None, :]
-    found = _summary(["bounce_mm"], values, slopes)
+    found = summary(["bounce_mm"], values, slopes)
     assert (found.members, found.refused) == (6, 2)
     assert found.values == pytest.approx([3.0])
     assert found.gradient[0] == pytest.approx([1 / 3, 2.0])
     assert found.standard_error[0] == pytest.approx([1 / 3, 2 / np.sqrt(3)])
     assert found.split_half_cosine == pytest.approx([0.0])
     with pytest.raises(MotionRefused, match="of 4 pairs of cams 0 move"):
-        _summary(["bounce_mm"], np.where(values > 1.9, np.nan, values), slopes)
+        summary(["bounce_mm"], np.where(values > 1.9, np.nan, values), slopes)
 
 
 def test_members_come_in_pairs_of_opposite_heights():

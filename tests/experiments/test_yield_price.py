@@ -7,6 +7,7 @@ import pytest
 
 from camopt.measure.as_built import trains_as_built
 from camopt.scene import load_scene
+from camopt.scene.as_built import scatter_labels, with_scatter
 from experiments import yield_price
 
 
@@ -22,7 +23,8 @@ def test_small_size(tmp_path):
 @pytest.mark.parametrize("width", [0.5, 2.0])
 def test_twice_the_tolerance_scatters_twice_as_far(width):
     scene = load_scene("motori-1")
-    plain, wider = (trains_as_built(made, 30, seed=3) for made in (scene, yield_price.scattered(scene, width)))
+    wider_scene = with_scatter(scene, dict.fromkeys(scatter_labels(scene), width))
+    plain, wider = (trains_as_built(made, 30, seed=3) for made in (scene, wider_scene))
     masses = [[one.train.mass[0] for one in trains] for trains in (plain, wider)]
     assert np.std(masses[1]) / np.std(masses[0]) == pytest.approx(width, rel=1e-6)
 

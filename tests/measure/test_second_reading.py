@@ -16,7 +16,7 @@ from camopt.measure.metrics import measure
 from camopt.scene import QUANTITIES, build_train, builtin_scenes, load_scene
 from camopt.scene.response import Response, end_state, joined
 from camopt.scene.rest import state_at_rest
-from camopt.verifier.convergence import RELATIVE, Demand, apart, converge, first_steps, tolerances
+from camopt.verifier.convergence import RELATIVE, StepRefinement, Tolerances, apart, first_steps
 from camopt.verifier.verdict import method_named
 from tests.measure.raw_motion import TURN, Equations, raw_motion, samples
 from tests.measure.second_reading import Reading
@@ -71,7 +71,7 @@ def settled(name, cam, rpm, method):
     """A method's answer at standard accuracy."""
     _, train, speed, lift = case(name, cam, rpm)
     rest = state_at_rest(train)
-    return converge(method_named(method), train, lift, speed, rest, Demand(TOLERANCE_UM, HALVINGS))
+    return StepRefinement(method_named(method), train, lift, speed, rest, Tolerances(TOLERANCE_UM, HALVINGS)).answer()
 
 
 @cache
@@ -140,7 +140,7 @@ def test_equal_samples_decide_alike(name, table):
     force = np.concatenate([force, more], axis=1)
     record = Response(train, speed, after, rise, y[:, :n], y[:, n : 2 * n], force, y[:, 2 * n :])
     stated, found = measure(record, lift), second_reading(*where)
-    for metric, absolute in tolerances(TOLERANCE_UM).items():
+    for metric, absolute in Tolerances(TOLERANCE_UM).absolute.items():
         allowed = 0.5 * (absolute + RELATIVE * abs(found[metric]))
         assert apart(stated[metric][0], found[metric]) <= allowed, (metric, stated[metric], found[metric])
 

@@ -24,7 +24,7 @@ from camopt.plots.style import cam_line
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import DEG, MM
 from camopt.study.cam_sheet import sheet
-from camopt.verifier.convergence import Demand
+from camopt.verifier.convergence import Tolerances
 from camopt.verifier.verdict import verdict_on
 
 KODAMA = load_scene("kodama")
@@ -102,7 +102,7 @@ def test_the_jerk_limit_does_not_reject_in_the_table_without_it():
     scene = KODAMA.model_copy(update={"design": design})
     lift = polydyne(scene)
     assert broken_by_shape(lift, design) == ["jerk_max_mm_per_deg3"]
-    verdict = verdict_on(scene, lift, (5000.0,), ("event",), None, Demand(5.0, 0))
+    verdict = verdict_on(scene, lift, (5000.0,), ("event",), None, Tolerances(5.0, 0))
     (row,) = comparison_rows(scene, "polydyne", lift, verdict.as_dict())
     assert (row["limits"], row["verdict"]) == ("no-jerk", verdict.speeds[0].verdict)
     assert "jerk" not in row["broken"]
@@ -112,7 +112,7 @@ def test_a_family_without_member_is_said(tmp_path, monkeypatch):
     monkeypatch.setattr(comparison, "draw", lambda *a: {"bounce_against_speed": Figure()})
     monkeypatch.setitem(comparison.BASELINES, "plain", lambda *_: {"polydyne": "no member, because"})
     lift = polydyne(MOTORI)
-    verdict = verdict_on(MOTORI, lift, None, ("event",), None, Demand(5.0, 0))
+    verdict = verdict_on(MOTORI, lift, None, ("event",), None, Tolerances(5.0, 0))
     monkeypatch.setattr(comparison, "verdict_on", lambda *a, **k: verdict)
     found = compare(MOTORI, {"mine": lift}, tmp_path / "out")
     folder = found.folder
@@ -128,7 +128,7 @@ def test_two_designs_alone_are_compared_without_the_literature(tmp_path, monkeyp
     monkeypatch.setattr(
         comparison,
         "_judged",
-        lambda scene, lift, *a: verdict_on(MOTORI, lift, (5000.0,), ("event",), None, Demand(5.0, 0)).as_dict(),
+        lambda scene, lift, *a: verdict_on(MOTORI, lift, (5000.0,), ("event",), None, Tolerances(5.0, 0)).as_dict(),
     )
     shown = []
     monkeypatch.setattr(comparison, "draw", lambda folder, scene, cams, *a: shown.extend(cams) or {})
@@ -231,3 +231,9 @@ def test_faults(tmp_path):
     with pytest.raises(InputError, match="nothing to compare"):
         compare(MOTORI, {}, tmp_path / "out", baselines="none")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_comparison_without_any_cam_is_its_table_alone(tmp_path):
+    assert comparison.compare_in(tmp_path, KODAMA, {}, {}, ACCURACIES["draft"], {"kurz": "no member"}) == {}
+    (row,) = csv.DictReader((tmp_path / "comparison.csv").read_text(encoding="utf-8").splitlines())
+    assert (row["cam"], row["verdict"]) == ("kurz", "failed")

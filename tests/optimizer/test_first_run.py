@@ -7,7 +7,7 @@ from argparse import Namespace
 import pytest
 
 from camopt import programs
-from camopt.cli.given import say_compilation
+from camopt.cli.arguments import say_compilation
 from camopt.optimizer import first_run, run
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.progress import Progress

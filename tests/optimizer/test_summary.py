@@ -4,11 +4,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from camopt.cli.bound_lines import bound_lines
 from camopt.cli.parser import main
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.bound import summary
-from camopt.optimizer.bound.summary import area_bound
+from camopt.optimizer.bound.summary import area_bound, bound_lines
 from camopt.optimizer.search.search import find_cam
 from camopt.scene import InputError, load_scene, scene_text
 

@@ -7,7 +7,7 @@ from jinja2 import Environment
 
 from camopt.report import page, write_report
 from camopt.scene.errors import InputError
-from camopt.verifier.outside_speeds import OutsideSpeed
+from camopt.verifier.record import outside_entry
 
 COMPILE = Environment.compile
 
@@ -88,7 +88,7 @@ def test_other_verdicts_are_not_green(write, contents, verdict):
 
 
 def said_from_outside(speed_rpm: float, difference_nm: float) -> dict:
-    return OutsideSpeed(speed_rpm, "Exudyn 1", 2, difference_nm, 1.1).as_dict()
+    return outside_entry(speed_rpm, "Exudyn 1", 2, difference_nm, 1.1)
 
 
 def test_a_judge_from_outside_has_a_column_and_a_sentence(write, contents):

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from camopt.scene.units import RPM
-from camopt.smooth.batch import batch_metrics, batch_motion, stage_lifts
 from camopt.smooth.contact import Layer
+from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import DrivenSystem
-from camopt.smooth.simulate import compiled_response, lift_samples
+from camopt.smooth.simulate import batch_motion, compiled_response, lift_samples, stage_lifts, touch_layer
 from camopt.smooth.system import build_system
 from tests.smooth.trains import motori
 
@@ -28,14 +28,10 @@ METRICS = ("seating_velocity_m_per_s", "dynamic_area_mm_deg", "contact_force_max
 
 @jax.jit
 def batch(system, height, speeds, eps):
-    found = batch_metrics(
-        system,
-        STAGES + SCALED * height[None, None, None],
-        speeds,
-        rest_state(TRAIN),
-        LIFT.half_duration,
-        LIFT.opening_foot,
-        eps,
+    motions = batch_motion(system, STAGES + SCALED * height[None, None, None], speeds, rest_state(TRAIN), eps)
+    shape = LIFT.half_duration, LIFT.opening_foot
+    found = jax.vmap(lambda one, at: revolution_metrics(system, one, at, *shape, layer=touch_layer(eps)))(
+        motions, speeds
     )
     return jnp.stack([found[name] for name in METRICS])
 

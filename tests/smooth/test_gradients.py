@@ -21,7 +21,7 @@ from camopt.measure.metrics import measure
 from camopt.scene.response import end_state, joined
 from camopt.scene.units import DEG
 from camopt.smooth.metrics import revolution_metrics
-from camopt.smooth.rest import rest_state
+from camopt.smooth.rest import rest_of, rest_state
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import EPS, STEPS, lift_samples, response_arrays, touch_layer
 from camopt.smooth.system import build_system
@@ -201,7 +201,7 @@ def test_gradients_by_the_train_are_those_of_the_exact_motion():
     """Stiffness, damping, preload, gap and mass, the state at rest moving along."""
     scene, train, lift = kodama()
     speed, system = scene.cam_speed(5000), build_system(train)
-    start, back = jax.vjp(lambda s: rest_state(train, s), system)
+    start, back = jax.vjp(lambda s: rest_of(s), system)
     _, (held, _, by_start) = smooth(train, lift, speed, start)
     gradient = jax.tree.map(lambda a, b: a[0] + b, held, back(by_start[0])[0])
     seat = train.seat

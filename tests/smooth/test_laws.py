@@ -15,7 +15,7 @@ from camopt.scene.laws import HERTZ, LINEAR, PROGRESSIVE
 from camopt.scene.rest import state_at_rest
 from camopt.smooth.contact import Layer
 from camopt.smooth.laws import elastic_laws
-from camopt.smooth.rest import rest_state
+from camopt.smooth.rest import rest_of, rest_state
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import lift_samples, prepare, response_arrays
 from camopt.smooth.system import build_system
@@ -97,7 +97,7 @@ def test_rest_and_its_derivative():
     system = build_system(train)
     np.testing.assert_allclose(rest_state(train)[0], rest_position(train), rtol=1e-9, atol=1e-15)
     press = train.element_names.index("cam_follower")
-    by_stiffness = jax.jacfwd(lambda s: rest_state(train, s)[0])(system).stiffness[:, press]
+    by_stiffness = jax.jacfwd(lambda s: rest_of(s)[0])(system).stiffness[:, press]
     u = (19.1 / 2.3138e10) ** (2 / 3)  # the follower sinks by u, held by 19.1 N: du/dk = -2 u / (3 k)
     assert by_stiffness[1] == pytest.approx(2 * u / (3 * 2.3138e10), rel=1e-6)
 

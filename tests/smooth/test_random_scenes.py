@@ -17,7 +17,7 @@ import pytest
 from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.scene.units import RPM
 from camopt.smooth.metrics import revolution_metrics
-from camopt.smooth.rest import rest_state
+from camopt.smooth.rest import rest_of
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import EPS, lift_samples, response_arrays, touch_layer
 from camopt.smooth.system import build_system
@@ -39,7 +39,7 @@ METRICS = ("dynamic_area_mm_deg", "contact_force_max_N", "seating_velocity_m_per
 
 
 def metrics(system, speed):
-    motion = response_arrays(DrivenSystem(system, SAMPLES, speed), rest_state(TRAIN, system), steps=OFFERED)
+    motion = response_arrays(DrivenSystem(system, SAMPLES, speed), rest_of(system), steps=OFFERED)
     found = revolution_metrics(system, motion, speed, LIFT.half_duration, LIFT.opening_foot, layer=touch_layer(EPS))
     return jnp.stack([found[name] for name in METRICS])
 

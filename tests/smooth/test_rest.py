@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from camopt.scene import build_train, load_scene, rest_position
-from camopt.smooth.rest import rest_positions, rest_state
+from camopt.smooth.rest import rest_of, rest_positions
 from camopt.smooth.system import build_system
 from tests.smooth.trains import ball
 
@@ -60,4 +60,4 @@ def test_the_derivative_is_that_of_central_differences():
 
 def test_a_mass_that_nothing_holds_has_no_rest():
     train = dataclasses.replace(ball(0.05, 3e4, 0.0), mass_force=np.array([1.0]))  # pulled off its ground
-    assert np.all(np.isnan(rest_state(train, build_system(train))[0]))
+    assert np.all(np.isnan(rest_of(build_system(train))[0]))

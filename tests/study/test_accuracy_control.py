@@ -15,7 +15,7 @@ from camopt.study.simulate import accuracy_control as module
 from camopt.study.simulate import motion as motion_module
 from camopt.study.simulate.accuracy_control import ANGLES, Delivered, apart_um, deliver, valve_position
 from camopt.study.simulate.motion import dialled, simulate
-from camopt.verifier.stored_curves import Curve, stored_curves
+from camopt.verifier.accuracy import Curve, stored_curves
 from tests.test_cli import run as command
 
 MOTOR, KODAMA = load_scene("motori-1"), load_scene("kodama")

@@ -26,11 +26,11 @@ from camopt.study.extremes.classification import (
 )
 from camopt.study.extremes.extremes import COLUMNS, defects, extremes
 from camopt.study.extremes.step_methods import STEP_METHODS
-from camopt.verifier.convergence import Converged, tolerances
+from camopt.verifier.convergence import Converged, Tolerances
 from camopt.verifier.methods import rkg
 from camopt.verifier.verdict import event_exact
 
-NAMES = tuple(tolerances(2.0))
+NAMES = tuple(Tolerances(2.0).absolute)
 MOTOR = load_scene("motori-1")
 
 

@@ -1,7 +1,6 @@
 """`verify --accuracy`: settings from the stored curves, and what was asked beside what was delivered."""
 
 from dataclasses import dataclass
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,17 +11,17 @@ from camopt.scene import InputError, build_train, load_scene
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import UM
 from camopt.verifier import accuracy as module
-from camopt.verifier.accuracy import EFFORTS, effort_of, verify
-from camopt.verifier.accuracy_statement import bounce_error_um, stated
-from camopt.verifier.convergence import Converged, Demand, converge
+from camopt.verifier.accuracy import EFFORTS, effort_of, stored_curves, verify
+from camopt.verifier.convergence import Converged, StepRefinement, Tolerances
 from camopt.verifier.methods import rkg
-from camopt.verifier.stored_curves import stored_curves
+from camopt.verifier.record import HALVED, REPORTED, accuracy_record, bounce_error_um, method_record
 
 
-def at(speed: float, error_mm: float, low: float = 0.1, high: float = 0.1, periodic: bool = True):
-    """A speed of a verdict with one method."""
-    answer = Converged(1440, True, {}, {"bounce_mm": (low, high)}, {"bounce_mm": error_mm}, 5, periodic, None)
-    return SimpleNamespace(speed_rpm=speed, bounce_range_mm=(low, high), methods={"event": answer})
+def at(speed: float, error_mm: float, low: float = 0.1, high: float = 0.1, periodic: bool = True) -> dict:
+    """The record of a speed of a verdict with one method."""
+    values, spread, error = ({name: one for name in REPORTED} for one in (high, (low, high), error_mm))
+    answer = Converged(1440, True, values, spread, error, 5, periodic, None)
+    return {"speed_rpm": speed, "decided_after": HALVED, **method_record(answer)}
 
 
 class TestEstimate:
@@ -30,20 +29,20 @@ class TestEstimate:
         assert bounce_error_um(at(5000, 2e-3)) == pytest.approx(2.0)
         assert bounce_error_um(at(5000, 2e-3, 0.1, 0.3)) == pytest.approx(2.0)  # a period of several revolutions
         assert bounce_error_um(at(5000, 2e-3, 0.1, 0.3, periodic=False)) == pytest.approx(202.0)
-        assert bounce_error_um(at(5000, np.nan)) == np.inf
+        assert bounce_error_um(at(5000, np.nan)) is None
         for periodic in (False, True):
-            assert bounce_error_um(at(5000, 0.0, np.nan, np.nan, periodic=periodic)) == np.inf
+            assert bounce_error_um(at(5000, 0.0, np.nan, np.nan, periodic=periodic)) is None
 
 
 class TestWords:
     def test_reached(self):
-        found = stated([at(5000, 2e-4), at(6000, 5e-4)], 1.0, "fine")
+        found = accuracy_record([at(5000, 2e-4), at(6000, 5e-4)], 1.0, "fine")
         assert found["statement"] == "accuracy asked: 1 um (fine); estimated error of bounce: 0.5 um"
         assert (found["asked"], found["asked_um"], found["reached"]) == ("fine", 1.0, True)
         assert found["delivered_um"] == pytest.approx(0.5)
 
     def test_not_reached_is_a_range_at_the_speeds_concerned(self):
-        found = stated([at(5000, 2e-4), at(7000, 0.0, 0.12, 0.34, periodic=False)], 1.0, None)
+        found = accuracy_record([at(5000, 2e-4), at(7000, 0.0, 0.12, 0.34, periodic=False)], 1.0, None)
         assert found["statement"] == (
             "accuracy asked: 1 um; not reached: bounce is known to a range only, 0.1200 to 0.3400 mm at 7000 r/min"
         )
@@ -51,16 +50,20 @@ class TestWords:
         assert found["delivered_um"] == pytest.approx(220.0)
 
     def test_not_reached_by_a_motion_that_repeats_is_the_best_figure_with_its_error(self):
-        found = stated([at(7000, 3e-3, 0.12, 0.12)], 1.0, None)
+        found = accuracy_record([at(7000, 3e-3, 0.12, 0.12)], 1.0, None)
         assert found["statement"].endswith("bounce is known to a range only, 0.1200 mm +- 3 um at 7000 r/min")
 
+    def test_one_step_alone_has_no_error(self):
+        found = accuracy_record([at(7000, np.inf, 0.12, 0.12)], 1.0, None)
+        assert found["statement"].endswith("bounce is known to a range only, 0.1200 mm +- inf um at 7000 r/min")
+
     def test_a_valve_that_does_not_seat_has_no_figure(self):
-        found = stated([at(7000, np.nan, np.nan, np.nan)], 1.0, None)
+        found = accuracy_record([at(7000, np.nan, np.nan, np.nan)], 1.0, None)
         assert found["delivered_um"] is None and not found["reached"]
         assert found["statement"] == (
             "accuracy asked: 1 um; there is no bounce at 7000 r/min, where the valve does not seat"
         )
-        both = stated([at(6000, 0.0, 0.12, 0.34, periodic=False), at(7000, np.nan, np.nan, np.nan)], 1.0, None)
+        both = accuracy_record([at(6000, 0.0, 0.12, 0.34, periodic=False), at(7000, np.nan, np.nan, np.nan)], 1.0, None)
         assert both["statement"].endswith(
             "0.1200 to 0.3400 mm at 6000 r/min; there is no bounce at 7000 r/min, where the valve does not seat"
         )
@@ -77,15 +80,15 @@ class Result:
 class TestEffort:
     def test_a_number_picks_from_the_stored_curves(self):
         fine, coarse = effort_of(2.0), effort_of(50.0)
-        assert (fine.tolerance_um, coarse.tolerance_um) == (2.0, 50.0)
+        assert (fine.tolerances.tolerance_um, coarse.tolerances.tolerance_um) == (2.0, 50.0)
         assert fine.band_step_rpm == round(stored_curves()["band_step"].coarsest(2.0)) < coarse.band_step_rpm
-        assert fine.settled_um <= coarse.settled_um <= EFFORTS["draft"].settled_um
+        assert fine.tolerances.position <= coarse.tolerances.position <= EFFORTS["draft"].tolerances.position
         assert effort_of(1e6).band_step_rpm == EFFORTS["draft"].band_step_rpm
-        assert effort_of(0.01).settled_um == pytest.approx(0.01)
+        assert effort_of(0.01).tolerances.position == pytest.approx(0.01 * UM)
 
-    def test_no_method_is_asked_for_less_than_the_least_error_that_is_stated(self):
-        demand = effort_of(1e-5).demand
-        assert demand.tolerance_um == 0.01 and demand.position == pytest.approx(0.01 * UM)
+    def test_no_method_is_asked_for_less_than_the_least_error_that_is_accuracy_record(self):
+        tolerances = effort_of(1e-5).tolerances
+        assert tolerances.tolerance_um == 0.01 and tolerances.position == pytest.approx(0.01 * UM)
 
     def test_a_number_below_it_ends_with_the_best_that_was_reached(self):
         scene = load_scene("motori-1")
@@ -105,9 +108,9 @@ class TestEffort:
         scene = load_scene("motori-1")
         found = verify(scene, polydyne(scene), (5000.0,), "event", 50.0)
         effort = effort_of(50.0)
-        speeds, methods, band_step, demand = found.arguments[2:]
+        speeds, methods, band_step, tolerances = found.arguments[2:]
         assert (speeds, methods, band_step) == ((5000.0,), ("event",), effort.band_step_rpm)
-        assert (demand.tolerance_um, demand.position) == (50.0, pytest.approx(effort.settled_um * UM))
+        assert tolerances == effort.tolerances and tolerances.tolerance_um == 50.0
         assert found.asked == 50.0
 
 
@@ -117,9 +120,10 @@ def test_the_bounce_delivered_is_within_what_was_asked():
     rest = state_at_rest(train)
 
     def answer(prepare, asked_um: float, halvings: int):
-        return converge(prepare, train, cam, scene.cam_speed(6500), rest, Demand(asked_um, halvings, certain=True))
+        tolerances = Tolerances(asked_um, halvings, certain=True)
+        return StepRefinement(prepare, train, cam, scene.cam_speed(6500), rest, tolerances).answer()
 
     found, true = answer(rkg.prepare, 20.0, 6), answer(event_exact, 0.01, 3)
-    delivered_um = bounce_error_um(SimpleNamespace(methods={"rkg": found}))
+    delivered_um = bounce_error_um(method_record(found))
     assert true.worst["bounce_mm"] > 0.01
     assert 1e3 * abs(found.worst["bounce_mm"] - true.worst["bounce_mm"]) <= delivered_um <= 20.0

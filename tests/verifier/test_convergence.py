@@ -11,7 +11,7 @@ from camopt.scene import QUANTITIES, MotionRefused, build_train, load_scene, res
 from camopt.scene.settled import APERIODIC, RANGED
 from camopt.scene.train import GROUND
 from camopt.verifier import convergence as module
-from camopt.verifier.convergence import FEWEST_STEPS, FINEST, Demand, converge, first_steps, tolerances
+from camopt.verifier.convergence import FEWEST_STEPS, FINEST, StepRefinement, Tolerances, first_steps
 from camopt.verifier.methods import rkg, tmm
 from tests.verifier.trains import no_lift, train, two_springs
 
@@ -38,7 +38,7 @@ def answers(monkeypatch):
 
         monkeypatch.setattr(module, "settle_and_measure", settled)
         prepare = lambda train, lift, cam_speed, steps: steps  # noqa: E731
-        return converge(prepare, SLOW, no_lift(), 1.0, np.zeros(2), Demand(2.0, halvings))
+        return StepRefinement(prepare, SLOW, no_lift(), 1.0, np.zeros(2), Tolerances(2.0, halvings)).answer()
 
     return run
 
@@ -72,8 +72,9 @@ def test_the_range_of_a_wandering_motion_is_that_of_many_revolutions_where_it_is
         return SimpleNamespace(state=state, revolutions=40, periodic=False, faded=True, figures=figures)
 
     monkeypatch.setattr(module, "settle_and_measure", settled)
-    demand = Demand(2.0, 4, certain=certain)
-    done = converge(lambda train, lift, cam_speed, steps: steps, SLOW, no_lift(), 1.0, np.zeros(2), demand)
+    tolerances = Tolerances(2.0, 4, certain=certain)
+    start = np.zeros(2)
+    done = StepRefinement(lambda train, lift, speed, steps: steps, SLOW, no_lift(), 1.0, start, tolerances).answer()
     assert done.converged and not done.periodic and done.range["bounce_mm"] == spread
     assert done.doubt("bounce_mm") == done.error["bounce_mm"] + spread[1] - spread[0]
     assert certain == (ran[-1] == (done.steps_per_revolution, 0, RANGED))
@@ -133,8 +134,12 @@ def test_a_first_revolution_is_measured_from_the_start_at_every_step():
     scene = load_scene("motori-1")
     parts, lift, cam_speed = build_train(scene), polydyne(scene), scene.cam_speed(6000)
     rest = np.append(rest_position(parts), 0.0)
-    done = converge(rkg.prepare, parts, lift, cam_speed, rest, Demand(2.0, 2, settled=False, steps=5760))
-    again = converge(rkg.prepare, parts, lift, cam_speed, rest, Demand(2.0, 0, settled=False, steps=4 * 5760 + 2))
+    done, again = (
+        StepRefinement(
+            rkg.prepare, parts, lift, cam_speed, rest, Tolerances(2.0, n, settled=False, steps=steps)
+        ).answer()
+        for n, steps in ((2, 5760), (0, 4 * 5760 + 2))
+    )
     assert done.worst == again.worst and done.steps_per_revolution == 4 * 5760 + 2
 
 
@@ -166,5 +171,5 @@ def test_a_halved_step_that_repeats_the_coarser_ones_delay_is_seen():
 
 
 def test_micrometres_that_are_asked_for_are_the_tolerance_of_bounce_and_jump():
-    found = tolerances(5.0)
+    found = Tolerances(5.0).absolute
     assert (found["bounce_mm"], found["jump_mm"]) == pytest.approx((0.005, 0.005))

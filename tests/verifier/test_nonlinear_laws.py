@@ -16,7 +16,7 @@ from camopt.scene.train import GROUND
 from camopt.scene.units import MM
 from camopt.verifier import verdict
 from camopt.verifier.accuracy import verify
-from camopt.verifier.convergence import Demand, first_steps
+from camopt.verifier.convergence import Tolerances, first_steps
 from camopt.verifier.methods import dop853, houbolt, rkg, tmm
 from tests.verifier.trains import laws, no_lift, train
 
@@ -173,7 +173,9 @@ def test_event_exact_with_chords_is_the_curved_motion():
 @pytest.mark.long  # two minutes: DOP853 settles and looks at six neighbours; the small sizes are above
 def test_the_verdict_on_kodama_hertz_at_5000_is_an_agreement():
     scene, _, _ = hertz()
-    judged = verdict.verdict_on(scene, polydyne(scene), (5000.0,), band_step_rpm=None, demand=Demand(halvings=2))
+    judged = verdict.verdict_on(
+        scene, polydyne(scene), (5000.0,), band_step_rpm=None, tolerances=Tolerances(halvings=2)
+    )
     (found,) = judged.speeds
     assert found.verdict == "confirmed"
     assert list(found.methods) == ["event", "rkg"]

@@ -21,7 +21,7 @@ from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import MM
 from camopt.verifier import from_outside as side
 from camopt.verifier.outside import filed, forces, rest
-from camopt.verifier.outside_speeds import OutsideSpeed, outside_entries, outside_sentence, with_outside
+from camopt.verifier.record import VerificationRecord, outside_entries, outside_entry, outside_sentence
 from camopt.verifier.verdict import event_exact
 from tests.verifier.test_independence import imported
 
@@ -124,8 +124,8 @@ def test_exudyn_agrees_from_rest_within_a_nanometre():
     """motori-1 with its Polydyne at 5000 r/min, whose jump stays below 0.05 mm: both revolutions count."""
     scene = load_scene("motori-1")
     (found,) = side.from_outside(scene, camopt.polydyne(scene), [5000.0])
-    assert found.agrees and found.revolutions == side.REVOLUTIONS
-    assert found.difference_nm < side.AGREES_NM
+    assert found["agrees"] and found["revolutions"] == side.REVOLUTIONS
+    assert found["difference_nm"] < side.AGREES_NM
 
 
 @needs_exudyn
@@ -154,12 +154,12 @@ def test_exudyn_notices_a_seat_damping_that_is_one_per_cent_off():
     found = side.outside_motions(scene, cam, [5000.0])
     valve = side.valve_from_rest(scene.model_copy(update={"element": elements}), cam, 5000.0)
     noticed = side.compared(found["engine"], found["speeds"][0], *valve)
-    assert not noticed.agrees
-    assert "disagrees at 5000 r/min" in outside_sentence([noticed.as_dict()])
+    assert not noticed["agrees"]
+    assert "disagrees at 5000 r/min" in outside_sentence([noticed])
 
 
 def said(difference_nm: float) -> dict:
-    return OutsideSpeed(5000.0, "Exudyn 1", 2, difference_nm, 1.1).as_dict()
+    return outside_entry(5000.0, "Exudyn 1", 2, difference_nm, 1.1)
 
 
 def test_the_sentence_states_the_largest_difference():
@@ -170,14 +170,16 @@ def test_the_sentence_states_the_largest_difference():
 
 
 def test_agreement_decides_nothing_and_disagreement_undoes_a_verdict():
-    record = {"verdict": "rejected", "reason": "why", "speeds": [{"speed_rpm": 5000.0}, {"speed_rpm": 6000.0}]}
-    agreed = with_outside(record, [said(0.5)])
+    speeds = [{"speed_rpm": 5000.0}, {"speed_rpm": 6000.0}]
+    record = VerificationRecord(verdict="rejected", reason="why", speeds=speeds)
+    agreed = record.with_outside([said(0.5)])
     assert (agreed["verdict"], agreed["reason"]) == ("rejected", "why")
     assert [set(entry) for entry in agreed["speeds"]] == [{"speed_rpm", "outside"}, {"speed_rpm"}]
-    apart = with_outside(record, [said(1.2)])
+    apart = record.with_outside([said(1.2)])
     assert apart["verdict"] == "not converged"
     assert apart["reason"].startswith("Exudyn 1 disagrees at 5000 r/min")
-    assert with_outside(record, []) == record
+    assert record.with_outside([]) == record
+    assert agreed.outside == [said(0.5)] and record.outside == []
 
 
 def test_an_outside_json_from_anywhere_is_read_or_refused():

@@ -11,8 +11,8 @@ from camopt.scene import build_train, load_scene
 from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Forcing
 from camopt.verifier import verdict
-from camopt.verifier.convergence import Demand, Halving
-from camopt.verifier.neighbourhood import neighbours
+from camopt.verifier.at_speed import Case, neighbours
+from camopt.verifier.convergence import StepRefinement, Tolerances
 from tests.verifier.test_real_scene import SCENE
 
 
@@ -43,8 +43,8 @@ def test_independent_methods_agree_on_a_train_with_memories(scene):
 def test_neighbouring_memories_lead_to_the_same_motion(scene):
     train, lift, cam_speed = build_train(scene), exponent(scene), scene.cam_speed(2000)
     prepare = verdict.method_named("rkg")
-    answer = Halving(prepare, train, lift, cam_speed, state_at_rest(train), Demand()).answer(2)
-    near = neighbours(prepare, train, lift, cam_speed, answer)
+    answer = StepRefinement(prepare, train, lift, cam_speed, state_at_rest(train), Tolerances()).answer(2)
+    near = neighbours(Case(scene, lift, {"rkg": prepare}, Tolerances()), 2000, answer)
     seating = [figures.worst("seating_velocity_m_per_s") for figures in near]
     assert np.ptp(seating) < 0.02 * answer.worst["seating_velocity_m_per_s"]
 

@@ -11,7 +11,7 @@ from camopt.measure.sweep import at_speeds
 from camopt.scene import build_train, load_scene
 from camopt.scene.rest import state_at_rest
 from camopt.verifier import verdict
-from camopt.verifier.convergence import Demand
+from camopt.verifier.convergence import Tolerances
 from camopt.verifier.verdict import verdict_on
 from tests.verifier.coil_scene import FREQUENCY_HZ, coil_scene
 
@@ -60,7 +60,7 @@ def test_a_cam_that_bounces_between_the_speeds_of_the_grid_is_not_confirmed():
     lift = polydyne(scene)
     plain = at_speeds(engine.prepare, scene, lift, np.arange(6065.0, 6246.0, 60.0))
     assert max(row["bounce_mm"] for row in plain) < 0.05  # steps of 60 r/min alone see nothing
-    result = verdict_on(scene, lift, (6065.0,), ("event", "rkg"), band_step_rpm=60.0, demand=Demand(halvings=4))
+    result = verdict_on(scene, lift, (6065.0,), ("event", "rkg"), band_step_rpm=60.0, tolerances=Tolerances(halvings=4))
     assert result.verdict != "confirmed"
     assert result.band.worst("bounce_mm")[1] > 0.1
     assert result.first_bounce_rpm < 6165  # below the band, at the harmonic 8, the cam bounces too
@@ -77,7 +77,7 @@ def test_what_the_search_for_the_first_bounce_finds_inside_the_band_is_judged(mo
     monkeypatch.setattr(verdict, "sweep", lambda swept, *_, **__: swept([6065.0, 6245.0]))  # a band that sees nothing
     monkeypatch.setattr(verdict, "first_exceeding", lambda *_: {"bounce_mm": 6155.0, "jump_mm": 6160.0})
     result = verdict_on(
-        scene, polydyne(scene), (6065.0,), ("event", "rkg"), band_step_rpm=20.0, demand=Demand(halvings=3)
+        scene, polydyne(scene), (6065.0,), ("event", "rkg"), band_step_rpm=20.0, tolerances=Tolerances(halvings=3)
     )
     assert 6155.0 in [s.speed_rpm for s in result.worst_in_band]
     assert 6160.0 not in [s.speed_rpm for s in result.worst_in_band]  # the scene does not limit jump
@@ -105,6 +105,6 @@ def test_a_motion_that_had_no_time_to_settle_is_not_converged():
     none = {"damping_N_s_per_m": 0.0}
     undamped = tuple(e.model_copy(update=none if "spring" in e.name else {}) for e in scene.element)
     scene = scene.model_copy(update={"element": undamped})
-    for demand in (Demand(halvings=2), Demand(halvings=2, everywhere=False, stands=1)):
-        result = verdict_on(scene, polydyne(scene), (6065.0,), band_step_rpm=None, demand=demand)
+    for tolerances in (Tolerances(halvings=2), Tolerances(halvings=2, everywhere=False, stands=1)):
+        result = verdict_on(scene, polydyne(scene), (6065.0,), band_step_rpm=None, tolerances=tolerances)
         assert result.verdict == "not converged"

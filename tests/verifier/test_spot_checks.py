@@ -6,17 +6,18 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact.settled import settled_metrics
+from camopt.measure.settling import Figures
 from camopt.scene import load_scene
-from camopt.verifier import neighbourhood, spot_checks, verdict
+from camopt.verifier import at_speed, spot_checks, verdict
 from camopt.verifier.accuracy import EFFORTS
-from camopt.verifier.at_speed import ALONE, HALVED, ONE_STEP
 from camopt.verifier.convergence import WANDERING_REVOLUTIONS
+from camopt.verifier.record import ALONE, HALVED, ONE_STEP
 from camopt.verifier.verdict import verdict_on
 
 SCENE = load_scene("motori-1")
 SPEEDS = (3000.0, 3500.0, 4000.0, 4500.0, 5000.0)
 BOTH = ("event", "rkg")
-DRAFT = EFFORTS["draft"].demand
+DRAFT = EFFORTS["draft"].tolerances
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +62,7 @@ def test_a_rejected_baseline_is_rejected_at_its_worst_speed_alone(cam):
 
 def test_a_wrong_event_exact_is_found_out_where_a_limit_is_nearest(monkeypatch, cam):
     """Its peak force is a tenth too high at every speed: no limit breaks, but the other method does not agree."""
-    real = spot_checks.at_once
+    real = at_speed.at_once
 
     def wrong(*case):
         look = real(*case)
@@ -71,21 +72,18 @@ def test_a_wrong_event_exact_is_found_out_where_a_limit_is_nearest(monkeypatch, 
             look, worst=look.worst | {name: 1.1 * look.worst[name]}, range=look.range | {name: (1.1 * low, 1.1 * high)}
         )
 
-    for module in (spot_checks, neighbourhood):
-        monkeypatch.setattr(module, "at_once", wrong)
+    monkeypatch.setattr(at_speed, "at_once", wrong)
     assert verdict_on(SCENE, cam, SPEEDS[::4], BOTH, None, DRAFT).speeds[0].verdict == "not converged"
 
 
 def test_a_motion_that_hangs_on_its_start_is_judged_by_halving(monkeypatch, cam):
     """Motions from other states near by have another peak force: event-exact's one look does not stand."""
-    real = neighbourhood.at_once
+    real, name = spot_checks.neighbours, "contact_force_max_N"
 
     def other(*case):
-        near = real(*case)
-        name = "contact_force_max_N"
-        return replace(near, range=near.range | {name: tuple(1.1 * end for end in near.range[name])})
+        return [Figures(f.by_revolution | {name: 1.1 * f.by_revolution[name]}) for f in real(*case)]
 
-    monkeypatch.setattr(neighbourhood, "at_once", other)
+    monkeypatch.setattr(spot_checks, "neighbours", other)
     (found,) = verdict_on(SCENE, cam, SPEEDS[:1], BOTH, None, DRAFT).speeds
     assert found.methods["event"].steps_per_revolution > 0
 

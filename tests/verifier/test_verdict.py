@@ -13,15 +13,14 @@ from camopt.exact import engine
 from camopt.measure.settling import Figures
 from camopt.scene import QUANTITIES, InputError, load_scene
 from camopt.verifier import verdict
-from camopt.verifier.at_speed import FAR, HALVED, ONE_STEP, agreement, far_beyond
-from camopt.verifier.convergence import Converged, Demand
+from camopt.verifier.at_speed import FAR, HALVED, ONE_STEP, against_limits, agreement, violates_by_margin
+from camopt.verifier.convergence import Converged, Tolerances
 from camopt.verifier.display import COLUMNS
-from camopt.verifier.neighbourhood import against_limits
 from camopt.verifier.verdict import verdict_on
-from camopt.verifier.worst import worst_in
 
 SHAPE = ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3", "nose_deg")
-AT_5000 = {"speeds_rpm": (5000.0,), "band_step_rpm": None, "demand": Demand(halvings=2)}
+AT_2_UM = Tolerances(2.0)
+AT_5000 = {"speeds_rpm": (5000.0,), "band_step_rpm": None, "tolerances": Tolerances(halvings=2)}
 
 
 @cache
@@ -42,23 +41,25 @@ def answer(worst=0.1, error=0.001, half_range=0.0, converged=True, **changed):
 
 
 def test_agreement_needs_two_converged_methods_whose_intervals_meet():
-    assert agreement([answer(), answer(bounce_mm=0.1029)], 2.0)
-    assert not agreement([answer(), answer(bounce_mm=0.1031)], 2.0)  # 0.5 (0.002 + 1 %) each, above the errors of 0.001
-    assert agreement([answer(error=0.006), answer(bounce_mm=0.104)], 2.0)  # halving moved it by half of that
-    assert agreement([answer(half_range=0.002), answer(bounce_mm=0.1045)], 2.0)
-    assert not agreement([answer()], 2.0)
-    assert not agreement([answer(), answer(converged=False)], 2.0)
-    assert agreement([answer(), answer(impact_velocity_m_per_s=9.0)], 2.0)  # carries no limit
-    assert not agreement([answer(), answer(contact_force_max_N=9.0)], 2.0)
+    assert agreement([answer(), answer(bounce_mm=0.1029)], AT_2_UM)
+    assert not agreement(
+        [answer(), answer(bounce_mm=0.1031)], AT_2_UM
+    )  # 0.5 (0.002 + 1 %) each, above the errors of 0.001
+    assert agreement([answer(error=0.006), answer(bounce_mm=0.104)], AT_2_UM)  # halving moved it by half of that
+    assert agreement([answer(half_range=0.002), answer(bounce_mm=0.1045)], AT_2_UM)
+    assert not agreement([answer()], AT_2_UM)
+    assert not agreement([answer(), answer(converged=False)], AT_2_UM)
+    assert agreement([answer(), answer(impact_velocity_m_per_s=9.0)], AT_2_UM)  # carries no limit
+    assert not agreement([answer(), answer(contact_force_max_N=9.0)], AT_2_UM)
 
 
 def test_not_seating_agrees_only_with_not_seating():
     lost = answer(bounce_mm=np.nan, seating_velocity_m_per_s=np.nan)
-    assert agreement([lost, lost], 2.0)
-    assert not agreement([lost, answer()], 2.0) and not agreement([answer(), lost], 2.0)
+    assert agreement([lost, lost], AT_2_UM)
+    assert not agreement([lost, answer()], AT_2_UM) and not agreement([answer(), lost], AT_2_UM)
     parted = replace(lost, worst=lost.worst | {"jump_mm": 9.0}, range=lost.range | {"jump_mm": (9.0, 9.0)})
-    assert agreement([lost, parted], 2.0)  # no seat is the answer, and the jump beside it decides nothing
-    assert not agreement([lost, replace(lost, converged=False)], 2.0)
+    assert agreement([lost, parted], AT_2_UM)  # no seat is the answer, and the jump beside it decides nothing
+    assert not agreement([lost, replace(lost, converged=False)], AT_2_UM)
 
 
 def test_a_limit_is_broken_only_beyond_error_and_neighbours():
@@ -114,14 +115,17 @@ def test_every_limited_metric_is_judged_at_its_bad_end_with_its_error(key, limit
 def test_what_is_limited_decides_whether_methods_agree():
     """Least force and jump angle hang on contacts that barely open: they decide only where they are limited."""
     for metric, far in (("contact_force_min_N", 30.0), ("jump_deg", 9.0)):
-        assert agreement([answer(), answer(**{metric: far})], 2.0)
-        assert not agreement([answer(), answer(**{metric: far})], 2.0, [metric])
+        assert agreement([answer(), answer(**{metric: far})], AT_2_UM)
+        assert not agreement([answer(), answer(**{metric: far})], Tolerances(2.0, limited=[metric]))
 
 
 def test_a_cam_that_floats_is_rejected_where_jump_angle_or_least_force_are_limited():
     """motori-1 with its polydyne at 5400 r/min: the contact is open over 32 degrees and parts by 0.025 mm."""
     floating = motori(**NONE | {"jump_max_mm": 0.05})
-    lift, at_5400 = polydyne(floating), {"speeds_rpm": (5400.0,), "band_step_rpm": None, "demand": Demand(halvings=4)}
+    lift, at_5400 = (
+        polydyne(floating),
+        {"speeds_rpm": (5400.0,), "band_step_rpm": None, "tolerances": Tolerances(halvings=4)},
+    )
     free = verdict_on(floating, lift, **at_5400)
     worst = next(iter(free.speeds[0].methods.values())).worst
     assert free.verdict == "confirmed" and worst["jump_deg"] > 30 and worst["contact_force_min_N"] == 0.0
@@ -133,13 +137,13 @@ def test_a_cam_that_floats_is_rejected_where_jump_angle_or_least_force_are_limit
 def test_a_verdict_prints_on_one_screen():
     base = motori(**NONE)
     result = verdict_on(
-        base, polydyne(base), (4000.0, 5000.0, 5400.0), ("event", "rkg"), 1000.0, demand=Demand(halvings=2)
+        base, polydyne(base), (4000.0, 5000.0, 5400.0), ("event", "rkg"), 1000.0, tolerances=Tolerances(halvings=2)
     )
     shown = str(result)
     assert len(shown.splitlines()) <= 30 and max(map(len, shown.splitlines())) <= 100 and len(shown) < 2500
     for words in ("jump deg", "least N", "worst over 4000 to 6000 r/min", "verdict: "):
         assert words in shown
-    least = worst_in(result.as_dict(), "contact_force_min_N")  # what the end of `camopt optimize` states
+    least = result.as_dict().worst("contact_force_min_N")  # what the end of `camopt optimize` states
     assert f"{least.value:.5g}" in shown and f"{least.speed_rpm:.5g}" in shown
     assert {"jump angle [deg]", "least contact force [N]"} <= set(COLUMNS.values())
     for record in (result, result.speeds[0], result.speeds[0].methods["event"], result.band):
@@ -151,7 +155,7 @@ def test_a_verdict_prints_on_one_screen():
 
 
 def test_an_error_says_no_more_than_it_knows():
-    """Halving moves event-exact by 1e-11 mm; settling to a micrometre and cubics leave more."""
+    """StepRefinement moves event-exact by 1e-11 mm; settling to a micrometre and cubics leave more."""
     result = verdict_on(scene(), lift(), **AT_5000)
     for record in result.as_dict()["speeds"]:
         assert record["bounce_error_mm"] == record["errors"]["bounce_mm"] == 1e-5
@@ -193,12 +197,12 @@ def test_a_broken_limit_is_named_and_rejects():
 def test_a_limit_is_far_broken_where_every_figure_breaks_it_beyond_all_doubt():
     limited = scene(**NONE | {"jump_max_mm": 0.05})
     figures, doubt = [{"jump_mm": 0.5}, {"jump_mm": 0.3}], {"jump_mm": 0.25 / FAR}
-    assert far_beyond(limited, figures, {"jump_mm": 0.24 / FAR})
-    assert not far_beyond(limited, figures, {"jump_mm": 0.26 / FAR})
-    assert not far_beyond(limited, [{"jump_mm": 0.5}, {"jump_mm": 0.04}], dict.fromkeys(doubt, 0.0))
+    assert violates_by_margin(limited, figures, {"jump_mm": 0.24 / FAR})
+    assert not violates_by_margin(limited, figures, {"jump_mm": 0.26 / FAR})
+    assert not violates_by_margin(limited, [{"jump_mm": 0.5}, {"jump_mm": 0.04}], dict.fromkeys(doubt, 0.0))
     for unknown in (np.nan, np.inf):
-        assert not far_beyond(limited, [*figures, {"jump_mm": unknown}], doubt)
-        assert not far_beyond(limited, figures, {"jump_mm": unknown})
+        assert not violates_by_margin(limited, [*figures, {"jump_mm": unknown}], doubt)
+        assert not violates_by_margin(limited, figures, {"jump_mm": unknown})
 
 
 def test_a_limit_broken_far_beyond_every_error_is_decided_by_one_step_for_half_the_price():
@@ -207,7 +211,7 @@ def test_a_limit_broken_far_beyond_every_error_is_decided_by_one_step_for_half_t
     def judged(**limits):
         case = scene(**NONE | limits)
         started = time.process_time()
-        result = verdict_on(case, lift(), (6500.0,), ("event", "rkg", "tmm"), None, Demand(halvings=4))
+        result = verdict_on(case, lift(), (6500.0,), ("event", "rkg", "tmm"), None, Tolerances(halvings=4))
         return result, time.process_time() - started
 
     judged(bounce_max_mm=0.05)  # compiles, and builds what the further ones share
@@ -271,7 +275,9 @@ def motori(**limits):
 @pytest.mark.parametrize("bounce_max_mm", [1.0, 1e-4])
 def test_the_record_of_a_band_holds_what_any_report_states_about_it(bounce_max_mm):
     train = motori(bounce_max_mm=bounce_max_mm, jump_max_mm=None, seating_velocity_max_m_per_s=None)
-    result = verdict_on(train, polydyne(train), (6000.0, 6500.0), band_step_rpm=500.0, demand=Demand(halvings=4))
+    result = verdict_on(
+        train, polydyne(train), (6000.0, 6500.0), band_step_rpm=500.0, tolerances=Tolerances(halvings=4)
+    )
     data = json.loads(json.dumps(result.as_dict(), allow_nan=False))
     assert data["verdict"] == ("rejected" if bounce_max_mm < 1 else result.verdict)
     band, listed, worst = data["band"], data["speeds"], data["worst_in_band"]
@@ -299,7 +305,7 @@ def test_the_record_of_a_band_holds_what_any_report_states_about_it(bounce_max_m
 def test_what_another_method_found_in_the_band_is_said_so():
     train = motori(jump_max_mm=None, seating_velocity_max_m_per_s=None)
     result = verdict_on(
-        train, polydyne(train), (5500.0,), ("rkg", "event"), band_step_rpm=1000.0, demand=Demand(halvings=2)
+        train, polydyne(train), (5500.0,), ("rkg", "event"), band_step_rpm=1000.0, tolerances=Tolerances(halvings=2)
     )
     methods = dict(zip(result.band.speeds_rpm, result.band.methods, strict=True))
     assert methods[5500.0] == "rkg" and methods[4000.0] == "event"

@@ -4,7 +4,7 @@ A table states lift, velocity, acceleration and jerk at the start and the end of
 et al. do. A section has as many terms as conditions, which makes it unique (their Eq. (4), where the terms are powers).
 The levels are the accelerations and jerks at the borders that the table leaves to the designer. For fixed section
 angles everything is linear in them: the pieces, the area, and every limit imposed on control points. The construction
-runs on arrays of NumPy, and on those of JAX for `camopt.autodiff.families`.
+runs on arrays of NumPy, and on those of JAX for `camopt.smooth.families`.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -79,29 +79,30 @@ class OpeningsProgram:
                 found[at, c] = forces[at, c] @ rows.T
         return found
 
-    def largest(self, z: np.ndarray, limit: float, given_up: int, box: Box | None = None) -> NoJumpOptimum:
-        """The cam of largest area whose foretold openings are at most `limit` [m] in all but `given_up` trains.
+    def largest(self, z: np.ndarray, limits: np.ndarray, given_up: int, box: Box | None = None) -> NoJumpOptimum:
+        """The cam of largest area whose foretold openings at every speed are at most its one of the `limits`
+        (classes, s) [m] in all but `given_up` trains.
 
         The generation of rows begins from the cam of z (m), and goes on from the rows and the trains given up for the
         limit before. Where no cam keeps the limit in all of them, all openings may be larger by what it takes, until
         enough trains are given up.
         """
         while True:
-            found, pressure = self._solved(z, limit, box)
+            found, pressure = self._solved(z, limits, box)
             z, left = found.z, given_up - int(np.sum(~self.kept))
             if left <= 0 or not pressure.any():
                 return found
             count = min((left + 1) // 2, max(1, int(np.sum(pressure > 0)) // GIVEN_UP_AT_ONCE))
             self.kept[np.argsort(-pressure, kind="stable")[:count]] = False
 
-    def _solved(self, z: np.ndarray, limit: float, box: Box | None) -> tuple[NoJumpOptimum, np.ndarray]:
+    def _solved(self, z: np.ndarray, limits: np.ndarray, box: Box | None) -> tuple[NoJumpOptimum, np.ndarray]:
         """The optimum for the trains that are kept, and by how much each of them (t) holds the area back."""
         every = np.argwhere(np.broadcast_to(self.kept[:, None], self.forces.shape[:2]))
-        more, near = self._broken(z, limit, every, begin=not self._work)
+        more, near = self._broken(z, limits, every, begin=not self._work)
         for _ in range(MOST_SOLUTIONS):
             self._work |= more
-            found, pressure = self._optimum(limit, box)
-            allowed = max(limit, -UM * float(found.margins.min(initial=0.0)))
+            found, pressure, beyond = self._optimum(limits, box)
+            allowed = limits + beyond
             more, near = self._broken(found.z, allowed, near)
             if not more - self._work:
                 more, near = self._broken(found.z, allowed, every)
@@ -110,11 +111,12 @@ class OpeningsProgram:
         return found, pressure
 
     def _broken(
-        self, z: np.ndarray, limit: float, cases: np.ndarray, begin: bool = False
+        self, z: np.ndarray, limits: np.ndarray, cases: np.ndarray, begin: bool = False
     ) -> tuple[set[Key], np.ndarray]:
         """Of `cases` (i, 2) the rows that the cam of z (m) breaks by most, to `begin` with those that it comes nearest
         to breaking; and the cases that come near to it, which the next cam may break."""
-        beyond = self.foretold(z, cases) - np.float32(limit)
+        limit = limits[cases[:, 0] % len(limits), cases[:, 1]].astype(np.float32)
+        beyond = self.foretold(z, cases) - limit[:, None, None]
         worst, length = beyond.max(axis=(1, 2)), len(self.theta)
         order = np.argsort(-worst, kind="stable")[: FIRST if begin else AT_ONCE]
         order = order[worst[order] > (-np.inf if begin else BROKEN)]
@@ -136,7 +138,9 @@ class OpeningsProgram:
             self._rows[key] = rows @ forces / UM
         return self._rows[key]
 
-    def _optimum(self, limit: float, box: Box | None) -> tuple[NoJumpOptimum, np.ndarray]:
+    def _optimum(self, limits: np.ndarray, box: Box | None) -> tuple[NoJumpOptimum, np.ndarray, float]:
+        """The optimum with the rows at hand, by how much each train (t) holds it back, and by how much all openings may
+        be beyond their limits [m], since no cam keeps these."""
         cases: dict[tuple[int, int], list[Key]] = {}
         for key in sorted(self._work):
             if self.kept[key[0]]:
@@ -144,11 +148,13 @@ class OpeningsProgram:
         blocks = tuple(self._block(keys) for keys in cases.values())
         program = replace(self.plain, blocks=blocks, box=box)
         vars(program)["limits"] = self._limits
-        found = program.solve_below(np.full((3, len(blocks)), -limit / UM))
+        at = np.array([(t % len(limits), s) for t, s in cases])
+        margins = np.tile(-limits[at[:, 0], at[:, 1]] / UM, (3, 1))
+        found = program.solve_below(margins)
         first = len(self._limits.bound)
         trains, pressure = np.array([t for t, _ in cases]), np.zeros(len(self.forces))
         np.add.at(pressure, trains[program.speed], found.optimum.duals[first : first + len(program.speed)])
-        return found, pressure
+        return found, pressure, UM * max(0.0, float((margins - found.margins).max(initial=0.0)))
 
     def _block(self, keys: list[Key]) -> SpeedRows:
         """The rows of one train at one speed, as forces that are to be at least minus the limit [um]."""

@@ -1,13 +1,15 @@
 """The cam of largest area that a wanted share of drawn trains holds.
 
 Openings that are foretold from tied forces of one set of trains shape the cam (`openings_program`): the program of
-largest area under one limit on them, in which as many trains are given up as the yield may lose. How large that limit
-may be is bisected on another set, whose motions are judged by event-exact. The final statement asks still others. The
-draws are the same for every cam (common random numbers).
+largest area under limits on them, in which as many trains are given up as the yield may lose. How large these limits
+may be, as a multiple of the limit on the jump, is sought on another set, whose motions are judged by event-exact: the
+train that uses most of its limits of those that may not fail uses all of them. The final statement asks still others.
+The draws are the same for every cam (common random numbers).
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,25 +22,31 @@ from camopt.optimizer.program.no_jump import NoJumpOptimum
 from camopt.scene.errors import NoCamFound
 from camopt.scene.units import DEG, MM
 
-LEVELS, FIRST_LEVEL, LEVEL_FACTOR, LEAST_LEVEL = "foretold openings", 0.65, 1.4, 0.02
+LEVELS, FIRST_LEVEL, LEVEL_FACTOR, LEAST_LEVEL = "foretold openings", 0.5, 1.7, 0.02
 """What the history calls the steps; the first limit on foretold openings, as a part of that on the jump, the factor
-from one to the next until it is bisected, and the least before zero. Real openings are a half larger at the median
+from one to the next until it is between two, and the least before zero. Real openings are a half larger at the median
 where several masses give way, and many times as large where one mass does."""
 NEWTONS, LOWEST_LEVEL = 100.0, -0.8
 """Levels below zero stand for the force that contacts are to keep [N], as parts of the first; the lowest of them."""
+MIDDLE, WORST = 0.2, 10.0
+"""Part of the way between two levels that the next one leaves on either side, and the most that a cam counts as using:
+a motion that is refused uses infinitely much."""
 NEAR_ENOUGH = 1e-3
 """Difference of area ratio between a cam that holds and one that does not which ends the bisection."""
+FEWER, FEWEST_ALLOWED = 3, 3
+"""Part of the trains that say how large the cam may be which say so first, and of how many of them that may fail a
+count says something."""
 FIRST_JUDGED = 200
 """Trains that are judged at all speeds with the first cam, and say at which speeds the rest of them may fail."""
 NEAR = 0.8
 """Part of a limit from which on a scout calls everyone."""
-WATCHED = 0.45
+WATCHED = 0.6
 """A train is judged with every cam at the speeds where it last used more of a limit than this."""
 SCOUTS, FAR_SCOUTS = 12, 48
 """Of the other trains one in so many is judged with every cam, and with the next cam the next ones, at the speeds that
 matter: the top of the band, and where more than a quarter as many trains are watched as may fail. At the remaining
 speeds it is one in the second number. A train that uses little of a limit with one cam may break it with the next."""
-SPENT = 0.7
+SPENT = 0.8
 """Part of the wanted loss that a cam may spend on the trains that say how large it may be: the rest is for what a count
 leaves open, so that still other trains bear it out more often than not."""
 RESOLUTION = 2e-4
@@ -66,7 +74,14 @@ class YieldSearch:
     @property
     def allowed(self) -> int:
         """Trains of those drawn that may fail with a cam."""
-        return int(SPENT * (1.0 - self.wanted) * len(self.drawn.trains) + 1e-9)
+        return self._allowed(len(self.drawn.trains))
+
+    def _allowed(self, count: int) -> int:
+        return int(SPENT * (1.0 - self.wanted) * count + 1e-9)
+
+    def counts(self, unseen: int) -> list[int]:
+        """Numbers of trains that say one after the other how large the cam may be, `unseen` being the last."""
+        return [unseen // FEWER, unseen] if self._allowed(unseen // FEWER) >= FEWEST_ALLOWED else [unseen]
 
     @property
     def trains_drawn(self) -> int:
@@ -74,17 +89,18 @@ class YieldSearch:
         return len(self.program.forces) + len(self.drawn.trains)
 
     @property
-    def holds(self) -> bool:
-        """Whether enough of the trains hold the last cam, as far as they were judged."""
-        return self.drawn.failing <= self.allowed
+    def used(self) -> float:
+        """What the train that uses most of its limits uses of them with the last cam, apart from those that may fail:
+        at most one where enough trains hold. Only trains that come near their limits are judged with every cam."""
+        return float(np.sort(self.drawn.worst)[::-1][self.allowed])
 
-    def consider(self, found: NoJumpOptimum) -> bool:
-        """Judges a cam, keeps it if it is the largest that enough trains hold, and reports the step."""
+    def consider(self, found: NoJumpOptimum) -> float:
+        """Judges a cam, keeps it if it is the largest that enough trains hold, and reports the step; returns `used`."""
         drawn, self.steps = self.drawn, self.steps + 1
         if not self.log.recalled(self.steps, found.z, drawn):
             self.log.keep(self.steps, found.z, drawn, self._judge(found.lift))
-        holds = self.holds
-        if holds and (self.best is None or found.area_ratio > self.best.area_ratio + RESOLUTION):
+        used = self.used
+        if used <= 1.0 and (self.best is None or found.area_ratio > self.best.area_ratio + RESOLUTION):
             self.held.append(found)
         line = {
             "iteration": self.steps,
@@ -98,21 +114,29 @@ class YieldSearch:
         }
         self.log.note(line)
         self.show(line)
-        return holds
+        return used
 
     def _judge(self, lift: Lift) -> np.ndarray:
         """Judges a cam with the trains that are watched and with scouts, and where a scout falls short with everyone.
 
-        Returns which trains were judged at which speeds (t, s: bool).
+        It begins at the top of the band and ends there if too many trains fail. Returns which trains were judged at
+        which speeds (t, s: bool).
         """
         drawn, (watched, matters) = self.drawn, self._watched()
         turn = (np.arange(len(drawn.trains)) + self.steps)[:, None]
         scouts = ~watched & (turn % np.where(matters, SCOUTS, FAR_SCOUTS) == 0)
-        drawn.judge(lift, watched | scouts)
-        short = (scouts & (drawn.used.max(axis=1) > NEAR)).any(axis=0)
-        others = short & ~(watched | scouts)
-        drawn.judge(lift, others)
-        return watched | scouts | others
+        judged = np.zeros_like(watched)
+        for speeds in (slice(-1, None), slice(None, -1)):
+            asked = np.zeros_like(watched)
+            asked[:, speeds] = (watched | scouts)[:, speeds]
+            drawn.judge(lift, asked)
+            short = (scouts & asked & (drawn.used.max(axis=1) > NEAR)).any(axis=0)
+            others = short & ~(watched | scouts)
+            drawn.judge(lift, others)
+            judged |= asked | others
+            if np.sum(drawn.used[:, :, -1].max(axis=1) > 1.0) > self.allowed:
+                break
+        return judged
 
     def _watched(self) -> tuple[np.ndarray, np.ndarray]:
         """Which trains are watched at which speeds (t, s: bool), and which speeds (s: bool) have many of them."""
@@ -133,36 +157,36 @@ class YieldSearch:
             self.drawn.draw(count, self._watched()[1])
         self.held.clear()
 
-    def by_level(self, z: np.ndarray, jump: float, lost: int, level: float, box: Box | None = None) -> float:
-        """Bisects the limit on foretold openings, as a part of the limit `jump` [m], to the largest whose cam holds,
-        and returns it.
+    def by_level(self, z: np.ndarray, limits: np.ndarray, lost: int, level: float, box: Box | None = None) -> float:
+        """Seeks how many times the `limits` (classes, s) [m] foretold openings may be large, to the largest level whose
+        cam holds, and returns it.
 
         It begins at `level`; the cam of z (m) is the first from which the program takes its rows, and `lost` of its
         trains are given up. Below zero tied contacts are to keep a force. Raises NoCamFound where not even the lowest
         has a cam that holds.
         """
-        low: tuple[float, float] | None = None  # level and area ratio of the largest cam that holds
-        high: tuple[float, float] | None = None  # and of the smallest that does not
+        low: Level | None = None
+        high: Level | None = None
         while True:
             self.program.keep(max(-level, 0.0) * NEWTONS)
-            found = self.program.largest(z, max(level, 0.0) * jump, lost, box)
-            z, area, before = found.z, found.area_ratio, low
-            if self.consider(found):
-                low = level, area
+            found = self.program.largest(z, max(level, 0.0) * limits, lost, box)
+            z, tried = found.z, Level(level, found.area_ratio, self.consider(found))
+            if tried.used <= 1.0:
+                if low is not None and high is None and tried.area_ratio < low.area_ratio + RESOLUTION:
+                    return level  # the limits bind no more
+                low = tried
             elif level <= LOWEST_LEVEL:
                 raise self._none_holds()
             else:
-                high = level, area
+                high = tried
             if low is None:
                 level = _below(level)
             elif high is None:
-                if before is not None and area < before[1] + RESOLUTION:  # the limit binds no more
-                    return level
                 level *= LEVEL_FACTOR
-            elif high[1] - low[1] < NEAR_ENOUGH:
-                return low[0]
+            elif high.area_ratio - low.area_ratio < NEAR_ENOUGH:
+                return low.level
             else:
-                level = 0.5 * (low[0] + high[0])
+                level = _between(low, high)
 
     def _none_holds(self) -> NoCamFound:
         drawn = self.drawn
@@ -171,6 +195,21 @@ class YieldSearch:
             f"{drawn.failing} fail with the smallest one. Ask for a smaller yield, relax the limits on the motion or "
             f"make the tolerances narrower; `camopt yield` says which is to blame"
         )
+
+
+class Level(NamedTuple):
+    """A level of foretold openings, the area ratio of its cam, and what the trains that may not fail use with it."""
+
+    level: float
+    area_ratio: float
+    used: float
+
+
+def _between(low: Level, high: Level) -> float:
+    """The level between one whose cam holds and one whose cam does not at which, on the line through both, the limits
+    are just used up, but no nearer to either than MIDDLE of the way."""
+    part = -np.log(low.used) / np.log(min(high.used, WORST) / low.used)
+    return low.level + float(np.clip(part, MIDDLE, 1.0 - MIDDLE)) * (high.level - low.level)
 
 
 def _below(level: float) -> float:

@@ -13,8 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from camopt.autodiff.families import DifferentiableCam, differentiable
-from camopt.cam.families.registry import family_named
+from camopt.cam.families.record import family_named
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import LinearLimit, linear_limits
 from camopt.optimizer.ascent.projection import Empty, Polyhedron, ShapeLimits
@@ -24,6 +23,7 @@ from camopt.scene.design import ROUNDING, Design
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
+from camopt.smooth.families import DifferentiableCam, differentiable
 
 FREE = "free"
 NOSE_ANGLES = 41

@@ -29,7 +29,7 @@ from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 from camopt.storage import run_folder, run_identity
 from camopt.verifier.accuracy import EFFORTS
-from camopt.verifier.convergence import Demand
+from camopt.verifier.convergence import Tolerances
 from camopt.verifier.verdict import Verdict, verdict_on
 
 __all__ = ["BASELINES", "NO_JERK", "Comparison", "best_baselines", "compare", "compare_again", "compare_in",
@@ -190,7 +190,8 @@ def compare_in(
     baselines: Mapping[str, Lift | str] | None = None,
     judged: Callable[[float], object] = lambda share: None,
 ) -> dict[str, Figure]:
-    """comparison.csv and figures, by name, into a folder; cams with a verdict are not verified again.
+    """comparison.csv and figures, by name, into a folder, without figures where there is no cam; cams with a verdict
+    are not verified again.
 
     `judged` is told after each baseline what share of the work it was.
 
@@ -240,12 +241,13 @@ def _write(
 ) -> dict[str, Figure]:
     write_table(folder, scene, cams, found)
     shown = {name: lift for name, lift in cams.items() if not name.endswith(NO_JERK)}
-    return draw(folder, scene, shown, {name: found[name] for name in shown}, speeds_rpm)
+    return draw(folder, scene, shown, {name: found[name] for name in shown}, speeds_rpm) if shown else {}
 
 
 def _judged(scene: Scene, lift: Lift, effort: Accuracy, band_step_rpm: float | None, to_the_end: bool = True) -> dict:
-    methods, demand = EFFORTS["draft"].methods_of(build_train(scene)), Demand(effort.verdict.tolerance_um, HALVINGS)
-    return verdict_on(scene, lift, None, methods, band_step_rpm, demand, to_the_end).as_dict()
+    methods = EFFORTS["draft"].methods_of(build_train(scene))
+    tolerances = Tolerances(effort.verdict.tolerances.tolerance_um, HALVINGS)
+    return verdict_on(scene, lift, None, methods, band_step_rpm, tolerances, to_the_end).as_dict()
 
 
 def _judged_baseline(scene: Scene, lift: Lift | str, effort: Accuracy, band_step_rpm: float | None) -> dict:

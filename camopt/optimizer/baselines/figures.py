@@ -31,7 +31,7 @@ from camopt.scene.errors import MotionRefused
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
-from camopt.verifier.convergence import WANDERING_REVOLUTIONS, Demand, Halving, at_once
+from camopt.verifier.convergence import WANDERING_REVOLUTIONS, StepRefinement, Tolerances, at_once
 
 FIGURE_SPEEDS = 60
 """Steps of the figure's own sweep of a band that the verdict was not asked about."""
@@ -124,7 +124,7 @@ def settled_motion(
     state, periodic = once.state, once.periodic if stated is None else stated
     if periodic and not once.periodic:
         rest = state_at_rest(train)
-        search = Halving(prepare, train, lift, cam_speed, rest, Demand(halvings=HALVINGS))
+        search = StepRefinement(prepare, train, lift, cam_speed, rest, Tolerances(halvings=HALVINGS))
         while not (search.periodic or search.ended):
             search.refine()
         answer = search.answer(0)

@@ -18,6 +18,8 @@ from camopt.scene.train import build_train
 KNOT_DEG = 2.0
 MARGIN_N = 20.0
 """Least force on a contact [N] where nothing else is asked for."""
+LEAST_WORTH = 5e-5
+"""Per cent of area that would show as zero."""
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # the matrices are small: threads would wait for each other
@@ -72,3 +74,36 @@ def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float | None 
         "seat_margin_N": seat,
         "worth_percent": limit_worth(feasible),
     }
+
+
+def bound_lines(content: dict) -> list[str]:
+    """The content of `bound --json` in sentences and a table, with units and as many digits as can matter."""
+    lines = [
+        "area ratio: the lift's integral over the duration, by max_lift_mm times duration_deg",
+        _row("no cam has more (certified)", content["area_ratio_bound"]),
+        _row("a cam within the limits on the shape has", content["area_ratio_feasible"]),
+    ]
+    if content["bound_leaves_out"]:
+        left_out = ", ".join(content["bound_leaves_out"])
+        lines.append(f"  the bound ignores {left_out}, so that the true maximum may be lower")
+    speeds = ", ".join(f"{speed:g}" for speed in content["speeds_rpm"])
+    force, seat = content["margins_N"], content["seat_margin_N"]
+    apart = "" if seat == force else f", and the seat by {seat:g} N,"
+    lines.append(f"with contacts closed by {force:g} N or more{apart} at {speeds} r/min, by the linear model:")
+    if content["area_ratio_no_jump_bound"] is not None:
+        lines.append(_row("no cam has more", content["area_ratio_no_jump_bound"]))
+    if content["area_ratio_no_jump"] is not None:
+        lines.append(_row("a cam has", content["area_ratio_no_jump"]))
+    if content["no_jump_says"]:
+        lines.append(f"  {content['no_jump_says']}")
+    worth = {name: value for name, value in content["worth_percent"].items() if abs(value) >= LEAST_WORTH}
+    if worth:
+        lines.append("1 % more of a limit on the shape buys, in per cent of area:")
+        width = max(map(len, worth))
+        lines += [f"  {name:<{width}} {value:8.4f} %" for name, value in worth.items()]
+    free = [name for name in content["worth_percent"] if name not in worth]
+    return lines + [f"  nothing: {', '.join(free)}"] * bool(free)
+
+
+def _row(label: str, ratio: float) -> str:
+    return f"  {label:<42} {ratio:.5f}"

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-import camopt.autodiff  # noqa: F401  (64-bit floats)
+import camopt.smooth  # noqa: F401  (64-bit floats)
 from camopt.highs import Infeasible, Unbounded
 from camopt.optimizer.program.linear_program import ADDED_PER_ROUND, Rows, maximise
 from camopt.scene.errors import InputError

@@ -18,12 +18,11 @@ from camopt.verifier.convergence import (
     FINEST_STEPS,
     RELATIVE,
     Converged,
-    Demand,
     Prepare,
+    StepRefinement,
+    Tolerances,
     apart,
-    converge,
     first_steps,
-    tolerances,
 )
 
 TOLERANCE_UM = 2.0
@@ -66,10 +65,10 @@ class Truth:
 def first_answer(
     prepare: Prepare, train: Train, lift: Lift, cam_speed: float, halvings: int = 4, steps: int | None = None
 ) -> Converged:
-    """A method's figures of the first revolution from rest; `cam_speed` is in rad/s, `steps` as for `converge`."""
+    """A method's figures of the first revolution from rest; `cam_speed` is in rad/s, `steps` as of `Tolerances`."""
     start = state_at_rest(train)
-    demand = Demand(TOLERANCE_UM, halvings, settled=False, steps=steps)
-    return converge(prepare, train, lift, cam_speed, start, demand)
+    tolerances = Tolerances(TOLERANCE_UM, halvings, settled=False, steps=steps)
+    return StepRefinement(prepare, train, lift, cam_speed, start, tolerances).answer()
 
 
 def truth(prepare: Prepare, train: Train, lift: Lift, cam_speed: float) -> Truth:
@@ -84,7 +83,7 @@ def truth(prepare: Prepare, train: Train, lift: Lift, cam_speed: float) -> Truth
     revolve = prepare(train, lift, cam_speed, count)
     start, n = state_at_rest(train), len(train.mass)
     rng = np.random.default_rng(0)
-    figures = {name: answer.worst[name] for name in tolerances(TOLERANCE_UM)}
+    figures = {name: answer.worst[name] for name in Tolerances(TOLERANCE_UM).absolute}
     still = first_revolution(revolve, start).metrics(lift)
     spread = dict.fromkeys(figures, 0.0)
     for _ in range(DISTURBED):
@@ -92,7 +91,9 @@ def truth(prepare: Prepare, train: Train, lift: Lift, cam_speed: float) -> Truth
         moved[:n] += DISTURBANCE * rng.choice([-1.0, 1.0], n)
         moved = first_revolution(revolve, moved).metrics(lift)
         spread = {name: max(spread[name], apart(moved.worst(name), still.worst(name))) for name in figures}
-    allowed = {name: t + RELATIVE * abs(np.nan_to_num(figures[name])) for name, t in tolerances(TOLERANCE_UM).items()}
+    allowed = {
+        name: t + RELATIVE * abs(np.nan_to_num(figures[name])) for name, t in Tolerances(TOLERANCE_UM).absolute.items()
+    }
     return Truth(figures, allowed, spread, answer, train)
 
 

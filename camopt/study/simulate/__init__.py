@@ -14,7 +14,7 @@ Gradients. Under `parameters` the speed may be traced too, by `jax.grad`, `jax.j
 holds JAX arrays (`.data`); a motion that the method cannot follow is NaN throughout. A traced speed is taken to be one
 of the scene's, or above: "smooth" offers steps for the lowest of these, and a slower motion may be NaN. By "event" the
 gradients are those of the exact motion, and for many motions metrics alone are cheaper by
-`camopt.autodiff.exact_rule.exact_metrics`.
+`camopt.smooth.exact_rule.exact_metrics`.
 
     def seating_velocity(gap):
         motion = camopt.simulate(scene, cam, 6000, method="smooth", parameters={"gap": gap})

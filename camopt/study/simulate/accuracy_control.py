@@ -18,8 +18,7 @@ from camopt.measure.hermite import Hermite
 from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.response import Response
 from camopt.scene.units import UM
-from camopt.verifier.accuracy import effort_of
-from camopt.verifier.stored_curves import stored_curves
+from camopt.verifier.accuracy import effort_of, stored_curves
 
 ANGLES = 1440
 """Angles per revolution at which answers are compared."""
@@ -98,7 +97,8 @@ def deliver(
     the budget is spent, where every setting counts twice as much as the one before. Raises InputError for an unknown
     accuracy, MotionRefused where no setting gives a motion.
     """
-    asked_um = effort_of(accuracy).tolerance_um
+    effort = effort_of(accuracy)
+    asked_um = effort.tolerances.tolerance_um if isinstance(accuracy, str) else float(accuracy)
     if not (np.isfinite(asked_um) and asked_um > 0):
         raise InputError(f"accuracy {accuracy}: a number of micrometres above 0 is needed")
     coarser = ESTIMATES.get(method, STEPPING)[0]

@@ -23,7 +23,7 @@ from camopt.scene.units import DEG, MM, UM
 from camopt.storage import write_json
 from camopt.study.reduce.reduction import reduce
 from camopt.study.tradeoff.measurement import REFERENCE, Measurement
-from camopt.verifier.neighbourhood import LIFT_NEIGHBOUR, SPEED_NEIGHBOUR, STATE_NEIGHBOUR
+from camopt.verifier.at_speed import LIFT_NEIGHBOUR, SPEED_NEIGHBOUR, STATE_NEIGHBOUR
 
 SETTLING_UM = {"small": (1.0,), "full": (100.0, 10.0, 1.0, 0.1)}
 SETTLED_UM = 1e-3

@@ -8,12 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from camopt.scene import MotionRefused, Response
-from camopt.smooth.batch import batch_motion, stage_lifts
 from camopt.smooth.contact import Layer
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import DrivenSystem
-from camopt.smooth.simulate import lift_samples, prepare, response_arrays, touch_layer
+from camopt.smooth.simulate import batch_motion, lift_samples, prepare, response_arrays, stage_lifts, touch_layer
 from camopt.smooth.system import SystemState, build_system, stacked
 from camopt.study.tradeoff.case import RevolutionCase, valve_lift
 from camopt.study.tradeoff.measurement import Measurement, timed

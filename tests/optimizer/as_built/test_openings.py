@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from camopt.measure.as_built import trains_as_built
-from camopt.optimizer.as_built.design import _cam_speeds, _plain
+from camopt.optimizer.as_built.design import band_speeds, free_program
 from camopt.optimizer.as_built.openings import LONG, STEP, opening_rows
 from camopt.optimizer.as_built.openings_program import BROKEN, OpeningsProgram
 from camopt.optimizer.as_built.smooth_forces import SmoothForces
@@ -23,8 +23,8 @@ from camopt.scene.train import build_train
 def kodama():
     """Scene, program of the shape, a cam of it, cam speeds, drawn trains and the source of their forces."""
     scene = load_scene("kodama")
-    plain, z = _plain(scene)
-    speeds, trains = _cam_speeds(scene)[:2, -2:], trains_as_built(scene, 12, seed=4)
+    plain, z = free_program(scene)
+    speeds, trains = band_speeds(scene)[:2, -2:], trains_as_built(scene, 12, seed=4)
     return plain, z, speeds, trains, ExactForces(trains, plain.train, plain.cam, speeds)
 
 
@@ -92,7 +92,7 @@ def test_no_train_that_is_kept_opens_more_than_its_limit(kodama):
     areas = []
     for lost, limit in ((0, 2e-5), (0, 4e-5), (3, 4e-5)):
         program = OpeningsProgram(plain, source.theta, speeds, source.about(z))
-        found = program.largest(z, limit, lost)
+        found = program.largest(z, np.full(program.cam_speeds.shape, limit), lost)
         cases = np.argwhere(np.ones((len(trains), 2), dtype=bool))
         worst = program.foretold(found.z, cases).max(axis=(1, 2)).reshape(-1, 2).max(axis=1)
         assert np.sum(~program.kept) == lost

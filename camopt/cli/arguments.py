@@ -1,0 +1,98 @@
+"""What a verb makes of its arguments: the scene with the notes on it, the cam, and the folder that it writes."""
+
+import sys
+from argparse import Namespace
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from camopt.scene import InputError, Scene, load_scene
+from camopt.scene.notes import scene_notes, speed_notes
+from camopt.scene.text_file import excerpt
+from camopt.storage import check_run_folder, default_run_folder, write_json
+
+if TYPE_CHECKING:
+    from camopt.cam.lift import Lift
+
+SIMULATED = ("valve", "seat", "operation", "design")
+"""What a scene needs for a simulation."""
+
+
+def scene_of(args: Namespace, need: tuple[str, ...] = SIMULATED) -> Scene:
+    """The scene that a command names; prints notes on what is unusual about it or about its speeds."""
+    scene = load_scene(args.scene, need)
+    notes = [f"{args.scene}: {note}" for note in scene_notes(scene)]
+    if (speed := getattr(args, "speed", None)) is not None:
+        notes += speed_notes("--speed", [speed])
+    if isinstance(speeds := getattr(args, "speeds", None), tuple):
+        notes += speed_notes("--speeds", speeds)
+    for note in notes:
+        print(f"camopt: note: {note}", file=sys.stderr)
+    return scene
+
+
+def cam_of(args: Namespace, scene: Scene, cam: str | Path | None = None) -> "Lift":
+    """The cam that a command names, or another one that is read in the same way."""
+    from camopt.cam.read import read_cam
+
+    text = {"table_first_line": args.table_first_line, "table_columns": args.table_columns}
+    layout = args.table_angle, args.table_lift, args.table_ratio, args.table_probe_mm
+    return read_cam(args.cam if cam is None else cam, scene, *layout, **text)
+
+
+def run_named(args: Namespace) -> Path | None:
+    """The run folder in the scene's place, if there is one; its cam is the command's where no other is named.
+
+    Raises InputError where no cam is named at all.
+    """
+    run = Path(args.scene) if (Path(args.scene) / "scene.toml").is_file() else None
+    args.cam = args.cam or (run and args.scene)
+    if args.cam is None:
+        words = "no cam: add --cam CAM, or give a run folder in the scene's place"
+        raise InputError(f"{args.command} {excerpt(args.scene)}: {words}")
+    return run if args.cam == args.scene else None
+
+
+def folder_of(args: Namespace, name: str) -> Path:
+    """The folder that a command is to write, known to be free or to be resumed; `args.folder` from here on."""
+    resume = getattr(args, "resume", False)
+    if resume and args.out is None:
+        raise InputError(f"{args.command}: --resume needs the folder to go on in: add --out DIR")
+    folder = Path(args.out) if args.out else default_run_folder(name)
+    check_run_folder(folder, resume)
+    args.folder = folder
+    return folder
+
+
+def once_each(pairs: Sequence[tuple[str, Any]], sentence: str) -> dict[str, Any]:
+    """Values by name; raises InputError with the sentence, which names `{name}`, for a name that comes twice."""
+    values = dict(pairs)
+    if len(values) < len(pairs):
+        twice = next(name for i, (name, _) in enumerate(pairs) if name in dict(pairs[:i]))
+        raise InputError(sentence.format(name=excerpt(twice)))
+    return values
+
+
+def say_compilation(args: Namespace) -> None:
+    """Says, before a command is silent for minutes, that it compiles its programs."""
+    from camopt.optimizer.first_run import SAYING, programs_missing
+
+    if not args.quiet and programs_missing():
+        print(SAYING, file=sys.stderr, flush=True)
+
+
+def print_area_words(lift: "Lift", scene: Scene, whose: str = "") -> None:
+    """Prints what must be said of a cam's duration and area ratio, a line each."""
+    from camopt.optimizer.bound.area_words import area_words
+
+    assert scene.design is not None, "scene_of asks for it"
+    for sentence in area_words(lift, scene.design):
+        print(f"note: {whose}{sentence}")
+
+
+def tell(args: Namespace, content: Mapping[str, Any], lines: Iterable[object]) -> int:
+    """Writes a result to the JSON file that was named, if one was, and prints its lines; returns the exit code 0."""
+    if args.json:
+        write_json(args.json, content)
+    print("\n".join(map(str, lines)))
+    return 0

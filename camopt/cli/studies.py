@@ -1,0 +1,181 @@
+"""The verbs of the command line that study a scene: bounds, modes, yields, sweeps and measurements of accuracy."""
+
+import sys
+import tomllib
+from argparse import Namespace
+from contextlib import nullcontext
+from pathlib import Path
+
+from camopt.cli.arguments import SIMULATED, cam_of, folder_of, once_each, run_named, say_compilation, scene_of, tell
+from camopt.scene import InputError, builtin_scenes, load_scene, scene_text
+from camopt.scene.spelling import did_you_mean
+from camopt.scene.text_file import excerpt
+from camopt.storage import write_csv
+
+ORDERS = {"acceleration": 2, "jerk": 3, "snap": 4, "crackle": 5}
+"""Derivatives whose peak `camopt rise` can make least, with their orders."""
+
+
+def modes(args: Namespace) -> int:
+    scene = scene_of(args, ())
+    from camopt.study.modes import mode_lines
+    from camopt.study.modes import modes as modes_of
+
+    result = modes_of(scene, args.state)
+    first = f"{scene.name}, {args.state}; closed contacts: {', '.join(result.closed) or 'none'}"
+    return tell(args, result.as_dict(), [first, *mode_lines(result)])
+
+
+def bound(args: Namespace) -> int:
+    scene = scene_of(args)
+    from camopt.optimizer.bound.summary import area_bound, bound_lines
+
+    content = area_bound(scene)
+    return tell(args, content, bound_lines(content))
+
+
+def rise(args: Namespace) -> int:
+    """Prints the least peak and the bound, and writes the motion."""
+    from camopt.study.rise import rise as least_rise
+
+    if args.least and args.jerk_max_mm_per_deg3:
+        raise InputError("--jerk-max-mm-per-deg3: what is least is then the acceleration: leave --least out")
+    order = ORDERS[args.least or "jerk"]
+    motion = least_rise(args.rise_mm, args.over_deg, order, args.jerk_max_mm_per_deg3)
+    if args.csv:
+        write_csv(args.csv, motion.table(args.step_deg))
+    return tell(args, motion.as_dict(), [motion])
+
+
+def reduce(args: Namespace) -> int:
+    scene = scene_of(args)
+    lift = cam_of(args, scene)
+    from camopt.study.reduce.reduction import reduce as reduction_of
+    from camopt.study.reduce.reduction import reduction_lines
+
+    reduction = reduction_of(scene, lift, args.speeds, tolerance_mm=args.tolerance_mm)
+    return tell(args, reduction.as_dict(), reduction_lines(reduction))
+
+
+def yield_(args: Namespace) -> int:
+    run = run_named(args)
+    scene = scene_of(args)
+    folder = folder_of(args, scene.name)
+    cam = cam_of(args, scene)
+    from camopt.study.yields.yields import manufacturing_yield, yield_lines
+
+    say_compilation(args)
+    drawn = {"speeds_rpm": args.speeds, "seed": args.seed, "halve": args.halve, "price": args.price}
+    kept = {"out": folder, "resume": args.resume}
+    result = manufacturing_yield(scene, cam, args.trains, **drawn, **kept, progress=not args.quiet)
+    lines = [*yield_lines(result), f"folder: {folder}"]
+    if result.prices and run:
+        from camopt.plots import save
+        from camopt.report import write_report
+
+        save(result.prices.plot(), run / "figures", "prices")
+        lines.append(f"report: {write_report(run)}")
+    return tell(args, result.as_dict(), lines)
+
+
+def what_if(args: Namespace) -> int:
+    """Prints what a cam comes to before and after the change."""
+    scene = scene_of(args)
+    cam = cam_of(args, scene)
+    changes = once_each(args.set, "--set {name}: is given twice: give one value")
+    from camopt.study.what_if import what_if as outcome_of
+
+    say_compilation(args)
+    outcome = outcome_of(scene, cam, changes, redesign=args.redesign, trains=args.trains)
+    return tell(args, outcome.as_dict(), [outcome])
+
+
+def sweep(args: Namespace) -> int:
+    """Computes the tasks of a plan and says how they ended; 3 where some failed."""
+    from camopt.tasks.cluster import cluster
+    from camopt.tasks.plan import load_plan
+
+    store = Path(args.store)
+    if store.exists() and not args.resume:
+        raise InputError(f"{store}: exists already: --resume goes on in it with the same plan; or name another --store")
+    if args.resume and not store.exists():
+        raise InputError(f"{store}: is not there, so there is nothing to go on with: leave --resume out")
+    if args.insecure and args.scheduler is None:
+        raise InputError("--insecure: belongs to --scheduler: give both, or leave it out")
+    if args.retry_failed and not args.resume:
+        raise InputError("--retry-failed: computes the failed tasks of a store once more: add --resume")
+    plan = load_plan(args.plan)
+    from camopt.tasks.sweep import sweep as sweep_tasks
+
+    with cluster(args.scheduler, args.insecure) if args.scheduler else nullcontext((None, None)) as (executor, threads):
+        if not args.quiet:
+            print(f"{args.plan}: {len(plan)} tasks into {store}", file=sys.stderr, flush=True)
+        args.begun = True
+        settings = {"retry_failed": args.retry_failed, "progress": not args.quiet}
+        try:
+            rows = sweep_tasks(plan, store, executor, args.workers or threads, **settings)
+        except InputError:
+            args.begun = False  # its sentence says what became of the store
+            raise
+    if args.csv:
+        rows.write_csv(args.csv)
+    print("\n".join(rows.lines()))
+    return 3 if "failed" in rows.counts else 0
+
+
+def tradeoff(args: Namespace) -> int:
+    scene = scene_of(args)
+    folder = folder_of(args, scene.name)
+    cam = None if args.cam is None else cam_of(args, scene)
+    from camopt.study.tradeoff.tradeoff import tradeoff as measure
+
+    measured = measure(scene, folder, args.resume, size=args.size, progress=not args.quiet, cam=cam)
+    print("\n".join(measured.table))
+    print(f"in words: {measured.folder / 'tradeoff.txt'}, every row: {measured.folder / 'tradeoff.csv'}")
+    print(f"figures: {measured.folder / 'figures'}")
+    return 0
+
+
+def extremes(args: Namespace) -> int:
+    dynamic = (name for name, text in builtin_scenes().items() if "seat" in tomllib.loads(text))
+    scenes = [scene_of(args)] if args.scene else [load_scene(name, need=SIMULATED) for name in dynamic]
+    folder = folder_of(args, scenes[0].name if args.scene else "extremes")
+    from camopt.plots import save
+    from camopt.plots.verdicts import verdict_matrix
+    from camopt.study.extremes.extremes import counts, defects
+    from camopt.study.extremes.extremes import extremes as rows_of
+
+    rows = rows_of(scenes, folder, args.resume, progress=not args.quiet)
+    for scene in scenes:
+        mine = [r for r in rows if r["case"].startswith(f"{scene.name}: ")]
+        save(verdict_matrix(mine, scene.name), folder / "figures", f"extremes-{scene.name}")
+    for method, by_verdict in counts(rows).items():
+        print(f"{method:<44}" + ", ".join(f"{n} {v}" for v, n in by_verdict.items()))
+    wrong = defects(rows)
+    for row in wrong:
+        print(f"wrong: {row['case']}, {row['method']}: {row['error_of']} off by {float(row['error']):.3g}")
+    print(f"{len(rows)} rows, {len(wrong)} wrong without a warning: {folder}")
+    return 3 if wrong else 0
+
+
+def gradient(args: Namespace) -> int:
+    scene = scene_of(args)
+    lift = cam_of(args, scene)
+    from camopt.study.gradient.report import gradient_report, report_lines
+
+    report = gradient_report(scene, lift, args.speed, progress=not args.quiet)
+    first = f"{scene.name}, {lift.family}, {args.speed:g} r/min"
+    return tell(args, report.as_dict(), [first, *report_lines(report)])
+
+
+def scenes(args: Namespace) -> int:
+    if args.name is not None:
+        if args.name not in builtin_scenes():
+            meant = did_you_mean(args.name, builtin_scenes()) or f"; built in are {', '.join(builtin_scenes())}"
+            raise InputError(f"scene {excerpt(args.name)}: not built in{meant}")
+        print(scene_text(args.name), end="")
+        return 0
+    width = max(map(len, builtin_scenes()))
+    for name, text in builtin_scenes().items():
+        print(f"{name:<{width}} {tomllib.loads(text)['title']}")
+    return 0

@@ -1,0 +1,159 @@
+"""What each tolerance of a scene costs in lift area, and what its numbers are worth, by the programs of the search.
+
+The program of largest area (`openings_program`) is solved for the trains as the scene has them, for the same trains
+with one tolerance left out or halved, and for trains about another number: the draws stay what they are, and so do the
+limits on foretold openings. These are as large as makes the program's cam as large as the cam at hand, where it can
+be. Two sets of trains tell how much a price hangs on the draws.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+from threadpoolctl import threadpool_limits
+
+from camopt.measure.as_built import trains_as_built
+from camopt.optimizer.as_built.design import DRAWS_SEED, band_speeds, free_program, opening_limits
+from camopt.optimizer.as_built.openings_program import OpeningsProgram
+from camopt.optimizer.as_built.search import FIRST_LEVEL
+from camopt.optimizer.as_built.tied_forces import ExactForces
+from camopt.optimizer.as_built.wanted import check_scatter
+from camopt.scene.as_built import moved_together, scatter_labels, with_numbers, with_scatter
+from camopt.scene.errors import InputError
+from camopt.scene.schema import Scene
+from camopt.scene.standing_in import is_linear
+from camopt.scene.train import build_train
+
+SETS, TRAINS = 2, 150
+"""Sets of trains, and how many trains each has."""
+LOW_SPEEDS, HIGH_SPEEDS = 1, 2
+"""Speeds of a train below and above a share of the band's top, the top among them: half as many as the search's."""
+CHANGE = 0.02
+"""Part by which a number of the scene is raised to see what it is worth."""
+LEVELS = 0.05, 4.0
+"""Lowest and highest level of the limits that may make the program's cam as large as the one at hand."""
+
+
+@dataclass(frozen=True)
+class PriceList:
+    """Changes of the largest area ratio at which `wanted` of the trains as built hold: by tolerance where it is left
+    out and where it is halved, and by tolerance for every per cent by which the numbers that it moves are raised.
+
+    `noise` and `worth_noise` are standard errors of one such change, pooled over the list.
+    """
+
+    wanted: float
+    area_ratio: float
+    left_out: Mapping[str, float]
+    halved: Mapping[str, float]
+    noise: float
+    worth: Mapping[str, float]
+    worth_noise: float
+
+    def as_dict(self) -> dict:
+        """The content of `prices.json`."""
+        return {key: dict(value) if isinstance(value, Mapping) else value for key, value in vars(self).items()}
+
+    def __str__(self) -> str:
+        width = max(map(len, ("tolerance", *self.left_out)))
+        lines = [f"{'tolerance':<{width}}  left out    halved  1 % more of its numbers"]
+        for label in sorted(self.left_out, key=lambda name: -self.left_out[name]):
+            worth = f"{self.worth[label]:+.4f}" if label in self.worth else "–"
+            lines.append(f"{label:<{width}}  {self.left_out[label]:+8.4f}  {self.halved[label]:+8.4f}  {worth:>23}")
+        lines.append(
+            f"changes of the area ratio {self.area_ratio:.4f} that {100 * self.wanted:g} % of trains as built hold; "
+            f"standard error {self.noise:.4f}, of a number's worth {self.worth_noise:.4f}"
+        )
+        return "\n".join(lines)
+
+    def plot(self):
+        """What each tolerance costs, and what the scene's numbers are worth, as a matplotlib Figure."""
+        from camopt.plots.yields import price_bars
+
+        return price_bars(self.left_out, self.halved, self.noise, self.worth, self.worth_noise)
+
+
+@threadpool_limits.wrap(limits=1, user_api="blas")  # the matrices are small
+def price_list(
+    scene: Scene,
+    wanted: float,
+    *,
+    area_ratio: float | None = None,
+    seed: int = 0,
+    advance: Callable[[float], object] = lambda share: None,
+) -> PriceList:
+    """The price list of a scene for a share `wanted` of trains as built, beside a cam of an `area_ratio`, if one is
+    named; `advance` is told the share of the work done.
+
+    Raises InputError for a scene in which nothing scatters, or whose laws are curved.
+    """
+    check_scatter(scene)
+    if not is_linear(build_train(scene)):
+        raise InputError(
+            f"yield: {scene.name} has curved laws, and prices need the closed response of straight ones: leave --price "
+            f"out; `camopt yield --halve` says what half of each tolerance buys"
+        )
+    plain, z = free_program(scene)
+    cam_speeds = band_speeds(scene, LOW_SPEEDS, HIGH_SPEEDS)
+    limits, lost = opening_limits(scene, cam_speeds), int((1.0 - wanted) * TRAINS + 1e-9)
+    scenes = _variants(scene)
+    areas, done = {name: np.empty(SETS) for name in scenes}, 0
+    for k in range(SETS):
+        level = None
+        for name, one in scenes.items():
+            trains = trains_as_built(one, TRAINS, seed=seed + DRAWS_SEED, first=k * TRAINS)
+            source = ExactForces(trains, plain.train, plain.cam, cam_speeds)
+            program = OpeningsProgram(plain, source.theta, cam_speeds, source.about(z))
+
+            def area_at(at: float, program=program) -> float:
+                return program.largest(z, at * limits, lost).area_ratio
+
+            level = level or _level(area_at, area_ratio)
+            areas[name][k] = area_at(level)
+            done += 1
+            advance(done / SETS / len(scenes))
+    return _priced(wanted, areas)
+
+
+def _level(area_at: Callable[[float], float], area_ratio: float | None) -> float:
+    """The level of the limits at which the program's cam has this area ratio, or the search's first one."""
+    low, high = LEVELS
+    if area_ratio is None or not area_at(low) < area_ratio < area_at(high):
+        return FIRST_LEVEL
+    return float(brentq(lambda level: area_at(level) - area_ratio, low, high, xtol=0.01))  # pyright: ignore[reportArgumentType]
+
+
+Variant = tuple[str, str]
+"""What is changed of a scene, and of which tolerance."""
+
+
+def _variants(scene: Scene) -> dict[Variant, Scene]:
+    """The scene as it is, without each tolerance, with half of it, and with its numbers raised by CHANGE."""
+    labels = scatter_labels(scene)
+    found = {("as given", ""): scene}
+    found |= {("left out", label): with_scatter(scene, {label: 0.0}) for label in labels if len(labels) > 1}
+    found |= {("halved", label): with_scatter(scene, {label: 0.5}) for label in labels}
+    for tolerance in scene.tolerance:
+        numbers = [n for together in moved_together(scene, tolerance) for n in together]
+        raised = {number: (1.0 + CHANGE) * number.of(scene) for number in numbers}
+        found["raised", tolerance.label] = with_numbers(scene, raised)
+    return found
+
+
+def _priced(wanted: float, areas: Mapping[Variant, np.ndarray]) -> PriceList:
+    """The list by the area ratios (sets) of all variants."""
+    changes = {name: area - areas["as given", ""] for name, area in areas.items() if name[0] != "as given"}
+
+    def of(kind: str, unit: float = 1.0) -> dict[str, float]:
+        return {label: float(change.mean()) / unit for (one, label), change in changes.items() if one == kind}
+
+    def noise(*kinds: str) -> float:
+        apart = [np.ptp(change) for (kind, _), change in changes.items() if kind in kinds]
+        return float(np.sqrt(np.mean(np.square(apart)))) / 2 if apart else 0.0
+
+    percent = 100 * CHANGE
+    return PriceList(
+        wanted, float(areas["as given", ""].mean()), of("left out"), of("halved"), noise("left out", "halved"),
+        of("raised", percent), noise("raised") / percent,
+    )  # fmt: skip

@@ -1,0 +1,271 @@
+"""The JAX rule of the exact path: `jax.grad`, `jax.jit` and `jax.vmap` through event-exact motions.
+
+The motion runs outside JAX. A batch takes one host call, in which its motions run side by side in threads; derivatives
+come from their discrete adjoint. The rule stands here and not in `camopt.exact`, because the verifier's verdict imports
+`camopt.exact` and must not load JAX.
+
+A motion that cannot be followed is NaN throughout, and so are its derivatives. That happens where there is no rest, the
+motion switches endlessly or has no bound, a number is not finite, a mass, stiffness, leak or slip is not positive, or
+the compressions of a table do not ascend.
+"""
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.custom_derivatives import SymbolicZero
+
+from camopt.cam.lift import Lift
+from camopt.exact.adjoint.metrics import METRICS
+from camopt.exact.adjoint.motion import Samples, SamplesWithMemory, TracedMotion, metric_numbers
+from camopt.scene.errors import InputError
+from camopt.scene.response import Response
+from camopt.scene.shapes import Float
+from camopt.scene.train import Train
+from camopt.smooth.varying_motion import CAM_PARAMETERS, Arrays, Varying
+
+VELOCITY = "m_per_s"
+"""Ending of the names of those metrics that grow in proportion to all velocities."""
+SLOWER = 100.0
+"""How many times slower than expected a traced speed may come out before the motion is given up."""
+WORKERS = os.cpu_count() or 1
+
+
+def exact_metrics(
+    train: Train,
+    lift: Lift,
+    cam_speed,
+    parameters: Mapping[str, Any],
+    metrics: Sequence[str],
+    *,
+    revolutions: int = 1,
+    revolution: int = 0,
+    spacing: float | None = None,
+) -> Float[jax.Array, " l"]:
+    """Values of metrics in one revolution of an event-exact motion, in the units of their names.
+
+    `parameters` replaces numbers by arrays that JAX may trace: of the train by the names of `train.parameters`, "lift"
+    (p, q) [m/rad^k] and "borders" (p + 1) [rad] of the cam's pieces, "half_duration" [rad], "start" (2n + r: [m],
+    [m/s], [m]), the state at -pi, which is rest where it is left out. `cam_speed` [rad/s] may be traced. Derivatives
+    by the borders take lift and velocity to be continuous across them, and the opening foot not to end a hop. `spacing`
+    [rad] as of `TracedMotion`, for batches of many cams at few speeds.
+
+    The values cost one motion. Values with their gradients by the cam cost one motion and one sweep back per metric.
+    Raises InputError for an unknown metric or an unknown parameter.
+    """
+    motion, variables = _varying(train, lift, cam_speed, parameters, revolutions, spacing)
+    metric_numbers(train, metrics)
+    asked = _AskedMetrics(motion, tuple(metrics), revolution)
+    rows = np.zeros(len(metrics))
+
+    @jax.custom_vjp
+    def values(variables):
+        return host_call(asked.values, rows, variables)
+
+    def forward(variables):
+        given, names = _perturbed(variables)
+        slopes = {name: np.zeros((len(rows), *given[name].shape)) for name in names}
+        return host_call(lambda g: asked.values_and_slopes(g, names), (rows, slopes), given)
+
+    def backward(slopes, bar):
+        zero = isinstance(bar, SymbolicZero)
+        found = {} if zero else {name: weighted(bar, slope) for name, slope in slopes.items()}
+        return ({name: found.get(name) for name in variables},)
+
+    values.defvjp(forward, backward, symbolic_zeros=True)
+    return values(variables)
+
+
+@dataclass(frozen=True)
+class _AskedMetrics:
+    """Metrics of one revolution of a varying motion, and their slopes; NaN where the motion cannot be followed."""
+
+    motion: Varying
+    metrics: tuple[str, ...]
+    revolution: int
+
+    def values(self, given: Arrays) -> np.ndarray:
+        """The l values at the given numbers."""
+        traced = self.motion.trace(given, ())
+        return np.full(len(self.metrics), np.nan) if traced is None else traced.values(self.metrics, self.revolution)
+
+    def values_and_slopes(self, given: Arrays, names: tuple[str, ...]) -> tuple[np.ndarray, Arrays]:
+        """The l values, and by name their slopes (l, ...) by the given numbers."""
+        traced, count = self.motion.trace(given, names), len(self.metrics)
+        if traced is None:
+            return np.full(count, np.nan), {n: np.full((count, *given[n].shape), np.nan) for n in names}
+        found, swept = traced.swept(self.metrics, self.revolution)
+        moving = found[:, 0] * of_velocity(self.metrics)
+        by_window = traced.by_half_duration(self.metrics, self.revolution) if "half_duration" in names else None
+        slopes = self.motion.by_names(names, given, traced, swept, moving, by_window)
+        for slope in slopes.values():
+            slope[np.isnan(found[:, 0])] = np.nan
+        return found[:, 0], slopes
+
+
+def differentiable_motion(
+    train: Train,
+    lift: Lift,
+    parameters: Mapping[str, Any],
+    cam_speed,
+    revolutions: int,
+    steps: int,
+    slowest: float | None = None,
+) -> tuple[Response, dict[str, jax.Array]]:
+    """Motion from rest on `steps` equal steps per revolution, and the metrics of all revolutions but the last.
+
+    Arguments are those of `exact_metrics`, and the record's arrays are JAX arrays. Differentiating costs the motion a
+    second time and a sweep per revolution. A motion at less than a hundredth of the `slowest` speed [rad/s] is NaN,
+    because it would take hours.
+    """
+    motion, variables = _varying(train, lift, cam_speed, parameters, revolutions, slowest=slowest)
+    names = () if train.seat < 0 or not train.cam_side else tuple(METRICS)
+    angle = np.linspace(-np.pi, (2 * revolutions - 1) * np.pi, revolutions * steps + 1)
+    recorded = _Recorded(motion, names, revolutions - 1, angle)
+    shape = recorded.shape
+
+    @jax.custom_vjp
+    def moved(variables):
+        return host_call(recorded.record, shape, variables)
+
+    def forward(variables):
+        given, wanted = _perturbed(variables)
+        return host_call(recorded.record, shape, given), (given, dict.fromkeys(wanted, 0.0))
+
+    def backward(kept, bars):
+        given, wanted = kept[0], tuple(kept[1])
+        bars = jax.tree.map(lambda bar: jnp.zeros(bar.shape) if isinstance(bar, SymbolicZero) else bar, bars)
+        found = host_call(lambda g, b: recorded.slopes(g, b, wanted), {k: given[k] for k in wanted}, given, bars)
+        return ({name: found.get(name) for name in variables},)
+
+    moved.defvjp(forward, backward, symbolic_zeros=True)
+    found, values = moved(variables)
+    record = {name: found[name] for name in ("lift", "x", "v", "force", "memory") if name in found}
+    response = Response(train, cam_speed, angle, **record)
+    return response, dict(zip(names, values, strict=True))
+
+
+@dataclass(frozen=True)
+class _Recorded:
+    """A varying motion sampled at angles (k) [rad], with the metrics of its first `measured` revolutions."""
+
+    motion: Varying
+    metrics: tuple[str, ...]
+    measured: int
+    angle: np.ndarray
+
+    @property
+    def shape(self):
+        """A tree of zeros like a record."""
+        n, e, r = len(self.motion.train.mass), len(self.motion.train.a), len(self.motion.train.memory)
+        samples = self._samples(*(np.zeros((len(self.angle), *shape)) for shape in ((n,), (n,), (), (), (e,), (r,))))
+        return vars(samples), np.zeros((len(self.metrics), self.measured))
+
+    def _samples(self, x, v, lift, lift_rate, force, memory=None) -> Samples:
+        """Samples with or without memories, as the train has them."""
+        if self.motion.train.memory and memory is not None:
+            return SamplesWithMemory(x, v, lift, lift_rate, force, memory)
+        return Samples(x, v, lift, lift_rate, force)
+
+    def record(self, given: Arrays):
+        """The samples by name, and the metrics (l, measured); NaN where the motion cannot be followed."""
+        traced = self.motion.trace(given, ())
+        if traced is None:
+            return jax.tree.map(lambda part: np.full_like(part, np.nan), self.shape)
+        rows = [traced.values(self.metrics, r) for r in range(self.measured)]
+        return vars(traced.at(self.angle)), np.array(rows).reshape(self.measured, len(self.metrics)).T
+
+    def slopes(self, given: Arrays, bars, wanted: tuple[str, ...]) -> Arrays:
+        """Slopes by the wanted numbers of the sum of all recorded values times their weights `bars`."""
+        traced = self.motion.trace(given, wanted)
+        if traced is None:
+            return {name: np.full_like(given[name], np.nan) for name in wanted}
+        total = {name: np.zeros_like(given[name]) for name in wanted}
+        for part, moving, by_window in self._parts(traced, bars[0], bars[1], "half_duration" in wanted):
+            moved = self.motion.by_names(wanted, given, traced, part, np.array([moving]), np.array([by_window]))
+            for name, slope in moved.items():
+                total[name] = total[name] + (slope[0] if np.isfinite(moving) else np.nan)
+        return total
+
+    def _parts(self, traced: TracedMotion, by_samples, by_metrics, window: bool):
+        """(slopes, weighted sum of the velocities, slope by the half duration) of samples, then of each revolution."""
+        if any(np.any(bar) for bar in by_samples.values()):
+            found = vars(traced.at(self.angle))
+            moving = sum(float(np.sum(by_samples[k] * found[k])) for k in ("v", "lift_rate"))
+            yield (
+                traced.pull_back(self.angle, self._samples(**{k: bar[None] for k, bar in by_samples.items()})),
+                moving,
+                0.0,
+            )
+        speeds = of_velocity(self.metrics)
+        for r in range(self.measured):
+            bar = by_metrics[:, r]
+            if np.any(bar):
+                found, swept = traced.swept(self.metrics, r, bar)
+                moving = sum(b * v for b, v in zip(bar[speeds], found[speeds, 0], strict=True) if b)
+                by_window = traced.by_half_duration(self.metrics, r) if window else np.zeros(len(bar))
+                lost = np.any(np.isnan(found[bar != 0, 0]))
+                yield swept, np.nan if lost else moving, float(bar[bar != 0] @ by_window[bar != 0])
+
+
+def of_velocity(metrics: Sequence[str]) -> np.ndarray:
+    """Which of the metrics grow in proportion to all velocities."""
+    return np.array([name.endswith(VELOCITY) for name in metrics], dtype=bool)
+
+
+def weighted(bar: Float[jax.Array, " l"], slope: Float[jax.Array, " l *shape"]) -> Float[jax.Array, " *shape"]:
+    """Sum of the slopes times their weights `bar`, without those of weight zero, which may be NaN."""
+    bar = jnp.reshape(bar, (len(bar), *(1,) * (slope.ndim - 1)))
+    return jnp.sum(jnp.where(bar == 0.0, 0.0, bar * slope), 0)
+
+
+def host_call(function: Callable, result: Any, *args: Any) -> Any:
+    """Calls a `function` of NumPy arrays, which returns a tree like `result`, from JAX.
+
+    Under `vmap` it is still one call, whose rows run in threads.
+    """
+    shapes = jax.tree.map(lambda part: jax.ShapeDtypeStruct(np.shape(part), jnp.float64), result)
+    ranks = [np.ndim(leaf) for leaf in jax.tree.leaves(args)]
+
+    def many(*args):
+        leaves, tree = jax.tree.flatten(args)
+        arrays = [np.array(leaf, dtype=float) for leaf in leaves]  # writable: compiled for such
+        batch = arrays[0].shape[: arrays[0].ndim - ranks[0]]
+        rows = [a.reshape(-1, *a.shape[len(batch) :]) for a in arrays]
+
+        def one(i: int):
+            return function(*jax.tree.unflatten(tree, [row[i] for row in rows]))
+
+        count = len(rows[0])
+        if count == 1:
+            found = [one(0)]
+        else:
+            with ThreadPoolExecutor(WORKERS) as pool:
+                found = list(pool.map(one, range(count)))
+        return jax.tree.map(
+            lambda *parts: np.reshape(np.array(parts, dtype=float), (*batch, *np.shape(parts[0]))), *found
+        )
+
+    return jax.pure_callback(many, shapes, *args, vmap_method="broadcast_all")
+
+
+def _varying(train: Train, lift: Lift, cam_speed, parameters, revolutions: int, spacing=None, slowest=None):
+    """(what is kept, what varies); raises InputError for an unknown parameter."""
+    known = (*train.parameters, *CAM_PARAMETERS, "start")
+    unknown = [name for name in parameters if name not in known]
+    if unknown:
+        raise InputError(f"event-exact: parameter {', '.join(unknown)}: expected one of {', '.join(known)}")
+    variables = {name: jnp.asarray(value, float) for name, value in parameters.items()}
+    varying = Varying(train, lift, revolutions, spacing, (slowest or 0.0) / SLOWER)
+    return varying, variables | {"cam_speed": jnp.asarray(cam_speed, float)}
+
+
+def _perturbed(variables) -> tuple[dict[str, jax.Array], tuple[str, ...]]:
+    """The values of the variables in a forward rule, and the names of those by which JAX differentiates."""
+    names = tuple(name for name, variable in variables.items() if variable.perturbed)
+    return {name: variable.value for name, variable in variables.items()}, names
