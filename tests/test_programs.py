@@ -130,8 +130,8 @@ def compiled_as(node: ast.AST) -> tuple[str, bool] | None:
     for decorator in node.decorator_list if isinstance(node, ast.FunctionDef) else []:
         call = decorator if isinstance(decorator, ast.Call) else None
         name = ast.unparse(call.func if call else decorator)
-        if name in ("compiled", "inner", "njit_no_refcount"):
-            return name, name == "compiled"
+        if name in ("compiled", "inner", "njit_no_refcount", "njit"):
+            return name, name in ("compiled", "njit")
     return None
 
 
