@@ -1,7 +1,9 @@
-"""Draws the figures of docs/model.md: `python -m docs.figures` writes docs/model-metrics.png and docs/model-train.png.
+"""Draws the figures of the pages: `python -m docs.figures` writes docs/model-metrics.png, docs/model-train.png and
+docs/smoothing.png.
 
 Everything in the first is computed: the cam is the scene's Polydyne, the motion is the settled event-exact one, and the
-angles and values that the figure names are those that the metrics use. The second is a sketch.
+angles and values that the figure names are those that the metrics use. The second is a sketch; the
+third is computed (`docs.smoothing_figure`).
 """
 
 import io
@@ -23,6 +25,7 @@ from camopt.scene.rest import rest_position
 from camopt.scene.train import build_train
 from camopt.scene.units import DEG, MM
 from camopt.storage import write_bytes
+from docs.smoothing_figure import smoothing
 from docs.train_figure import model_train
 
 SCENE, SPEED_RPM = "motori-1", 6000
@@ -152,7 +155,8 @@ def _closing(axes: Axes, drawn: Drawn) -> None:
 
 def main() -> None:
     """Writes the pictures."""
-    for path, figure in ((PICTURE, model_metrics(motion())), (TRAIN, model_train())):
+    drawn = {PICTURE: model_metrics(motion()), TRAIN: model_train(), PICTURE.with_name("smoothing.png"): smoothing()}
+    for path, figure in drawn.items():
         content = io.BytesIO()
         figure.savefig(content, format="png", dpi=130)
         write_bytes(path, content.getvalue())

@@ -38,7 +38,8 @@ SIGNATURES = {
     "margin_N=0.0, evaluations=30",
     "kurz": "scene, sections_deg=None, a23=None, *, jerk=True",
     "linear_program": "objective, matrix, bound, *, size=None",
-    "linearised": "scene, cam, speeds_rpm=None, *, trains=0, seed=0, tie=1.0, width_um=1.0, source='smooth', free=()",
+    "linearised": "scene, cam, speeds_rpm=None, *, trains=0, seed=0, tie=1.0, width_um=1.0, source='smooth', "
+    "steps_per_revolution=1440, free=()",
     "live": "scene, *, folder=None",
     "load_scene": "source, need=()",
     "manufacturing_yield": "scene, cam, trains=1000, *, speeds_rpm=None, seed=0, halve=False, out=None, "
@@ -48,10 +49,11 @@ SIGNATURES = {
     "nearest_free_cam": "scene, cam, *, knot_deg=3.0",
     "new_design": "scene, sections_deg=None, a12=None, *, a34=None, j34=None, j23=None, start_ratio=None, "
     "quintic=False, jerk=True",
-    "objective": "scene, *, speeds_rpm=None, maximise='area_ratio', penalties=None, path='auto', revolutions=4, "
-    "trains=0, seed=0, constraints=None, tie=1.0, width_um=1.0",
+    "objective": "scene, *, speeds_rpm=None, maximise='area_ratio', penalties=None, source='auto', revolutions=4, "
+    "trains=0, seed=0, constraints=None, tie=1.0, width_um=None, steps_per_revolution=1440, path=None",
     "optimize": "scene, speeds='band', accuracy='standard', gradient='auto', out=None, seed=0, "
-    "resume=False, progress=False, designed=<lambda>, *, compare=True, wanted_yield=None, free=None, start=None",
+    "resume=False, progress=False, designed=<lambda>, *, compare=True, wanted_yield=None, free=None, start=None, "
+    "source=None, width_um=1.0, tie=1.0, steps_per_revolution=1440",
     "pareto": "scene, against='bounce_max_mm', values=None, *, release=(), speeds='band', "
     "accuracy='draft', gradient='none', seed=0, out=None, progress=False",
     "polydyne": "scene, exponents=(2, 10, 18, 26, 34), design_speed_rpm=None, *, ramp_height_mm=None, dynamic=None",
@@ -63,7 +65,7 @@ SIGNATURES = {
     "table_first_line=None, table_columns=None",
     "reduce": "scene, cam=None, speeds_rpm=None, *, tolerance_mm=0.01, smooth=True, workers=2",
     "simulate": "scene, cam, speed_rpm, method='event', *, revolutions=2, step_deg=0.1, parameters=None, "
-    "accuracy=None, progress=False",
+    "accuracy=None, progress=False, width_um=None, tie=None, steps_per_revolution=None",
     "sweep": "tasks, store, executor=None, workers=None, *, retry_failed=False, progress=False",
     "tradeoff": "scene, out=None, resume=False, *, size='full', progress=False, cam=None",
     "trains_as_built": "scene, count, *, seed=0, first=0",

@@ -28,6 +28,7 @@ from camopt.optimizer.search.search import find_cam
 from camopt.optimizer.stage_clock import StageClock
 from camopt.scene.errors import InputError, NoCamFound
 from camopt.scene.schema import Scene
+from camopt.scene.smoothing import smoothing, smoothing_in
 from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import MM
 from camopt.storage import check_run_folder, default_run_folder, run_folder, run_identity, write_json, write_text
@@ -66,11 +67,10 @@ class Run:
         from pandas import DataFrame
 
         rows = {name.replace("_", " "): self.record[name] for name in SHOWN} | {"run folder": str(self.folder)}
-        table = DataFrame([rows.keys(), rows.values()]).T.to_html(
-            index=False, header=False, float_format="{:.5f}".format
-        )
+        table = DataFrame([rows.keys(), rows.values()]).T
+        shown = table.to_html(index=False, header=False, float_format="{:.5f}".format)
         built = "" if self.as_built is None else f"<p>{self.as_built._repr_html_()}</p>"
-        return table + built + self.verdict._repr_html_()
+        return shown + built + self.verdict._repr_html_()
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # the matrices are small, and the judge has threads of its own
@@ -89,6 +89,10 @@ def optimize(
     wanted_yield: float | None = None,
     free: Mapping[str, Sequence[float]] | None = None,
     start: Lift | None = None,
+    source: str | None = None,
+    width_um: float = 1.0,
+    tie: float = 1.0,
+    steps_per_revolution: int = 1440,
 ) -> Run:
     """Design the cam of largest area that a scene's limits allow, and have it verified and compared.
 
@@ -102,15 +106,16 @@ def optimize(
     of the answer has it. `designed` is called with the folder once the design, its verdict, that share and the
     provenance are written, before the comparison, which can cost none of them; without `compare` there is none. With
     `wanted_yield`, a share such as 0.99, the cam must hold in that share of them over its band, or the run is not
-    confirmed. `free` names numbers of the scene that the design may choose, with their ranges (low, high)
-    in the key's unit, as {"spring.preload_N": (200, 320)} (`camopt.optimizer.free_numbers`); the folder's scene.toml
-    has the values that it chose. Where a family's largest member is confirmed and larger than the search's cam, it is
-    the design (`camopt.optimizer.candidates`).
+    confirmed. `free` names numbers of the scene that the design may choose, with their ranges (low, high) in the key's
+    unit, as {"spring.preload_N": (200, 320)} (`camopt.optimizer.free_numbers`); the folder's scene.toml has the chosen
+    values. `source` is what `gradient` is called elsewhere; `width_um`, `tie` and `steps_per_revolution` are as of
+    `linearised`. Where a family's largest member is confirmed and larger than the search's cam, it is the design.
 
     Raises InputError for unknown words, contradictory limits, an unusable folder or one of another run, and NoCamFound,
     which is one, where the search finds no cam and no family's largest one is confirmed.
     """
-    settings = {"speeds": speeds, "accuracy": accuracy, "gradient": gradient, "seed": seed}
+    how = smoothing("optimize", width_um, tie, steps_per_revolution).as_asked
+    settings = {"speeds": speeds, "accuracy": accuracy, "gradient": source or gradient, "seed": seed} | how
     settings |= {} if wanted_yield is None else {"yield": wanted_yield}
     settings |= {} if start is None else {"start": {"family": start.family, "area_m_rad": float(start.area)}}
     settings |= {} if not free else {"free": {name: list(map(float, ends)) for name, ends in free.items()}}
@@ -127,7 +132,7 @@ def optimize(
         bound = area_ratio_bound(design).bound
     with run_folder(folder, identity, resume, ["design.json"]):
         write_text(folder / "scene.toml", scene_toml(scene))
-        with Progress(progress, effort, gradient, compare) as shown:
+        with Progress(progress, effort, settings["gradient"], compare) as shown:
             job.make_programs(shown)
             lift, verdict, record = job.design(folder, shown, kinematic, bound)
             shown.begin("yield")
@@ -149,6 +154,7 @@ def _understood(scene: Scene, settings: dict) -> Accuracy:
     for name, known in (("speeds", SPEEDS), ("gradient", GRADIENTS)):
         if settings[name] not in known:
             raise InputError(f"{name} {settings[name]!r}: expected one of {', '.join(known)}")
+    smoothing_in(settings)
     if "yield" in settings:
         check_wanted(scene, settings["yield"], settings["speeds"])
     return effort
@@ -220,7 +226,7 @@ class _OpenRun:
     def _cams(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam | None]:
         """The confirmed cams of the search, each larger than the one before, and the best of the program alone."""
         asked, log = self.settings, Logbook(Journal(folder), shown.step, self.clock)
-        how = {"log": log, "start": self.start, "seed": asked["seed"]}
+        how = {"log": log, "start": self.start, "seed": asked["seed"], "smoothing": smoothing_in(asked)}
         search = find_cam(self.scene, asked["speeds"], self.effort, asked["gradient"], **how)
         self.further["search"], self.found = search.course, {"cams_judged": search.judge.calls}
         assert search.first is not None, "a search with a cam has ended its first stage"
@@ -286,8 +292,7 @@ def _compared(
         from camopt.optimizer.baselines.figures import draw  # loads matplotlib: only once there is a design
 
         assert scene.operation is not None, "load_scene(..., need=...) guarantees it"
-        speeds = drawn_speeds(scene.operation, effort)
-        draw(folder, scene, {"design": lift}, {"design": verdict.as_dict()}, speeds)
+        draw(folder, scene, {"design": lift}, {"design": verdict.as_dict()}, drawn_speeds(scene.operation, effort))
         return
     from camopt.optimizer.baselines.comparison import compare_in, plain_baselines
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import accumulate, pairwise
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import matplotlib
@@ -16,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.textpath import TextPath
 from matplotlib.ticker import FuncFormatter
 
-from camopt.cam.families.registry import FAMILIES, family_named
+from camopt.cam.families.registry import FAMILIES
 from camopt.storage import write_bytes
 
 INK = "#222222"
@@ -99,7 +100,7 @@ def line_of(family: str) -> tuple[str, Any] | None:
     """Colour and dashes of a family or the design; None where a family's record has none, and for no family."""
     if family == DESIGN:
         return DESIGN_LINE
-    return family_named(family).line if family else None
+    return resolve_name(FAMILIES[family]).line if family else None
 
 
 def cam_line(cam: str) -> dict:

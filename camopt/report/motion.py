@@ -22,7 +22,7 @@ from camopt.scene import InputError, Scene, Train, build_train, load_scene
 from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import is_number
 from camopt.scene.units import DEG, MM
-from camopt.study.simulate.motion import resampled
+from camopt.study.simulate.dataset import resampled
 
 STEPS_DEG = (0.5, 1.0, 2.0, 5.0)
 MOST_NUMBERS = 400_000

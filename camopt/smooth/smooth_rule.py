@@ -15,6 +15,7 @@ from camopt.cam.lift import Lift, permitted_steps, steps_at_borders
 from camopt.scene.response import Response
 from camopt.scene.shapes import Float
 from camopt.scene.train import LAW_PARAMETERS, Train
+from camopt.smooth.contact import Layer
 from camopt.smooth.grid import LARGEST_PHASE, equal_grid
 from camopt.smooth.interpolation import at_angle
 from camopt.smooth.metrics import revolution_metrics
@@ -55,13 +56,14 @@ def differentiable_motion(
     revolutions: int,
     steps: int,
     slowest: float,
+    eps: float = EPS,
 ) -> tuple[Response, dict[str, jax.Array]]:
     """Motion from rest on `steps` equal steps per revolution, and the metrics of all revolutions but the last.
 
     `parameters` maps names of `train.parameters` to arrays of their shapes, "lift" to the coefficients of the
     cam's pieces (p, q) [m/rad^k], "borders" to these pieces' (p + 1) [rad], "half_duration" to a number [rad]; what is
     left out is the train's and the cam's. `cam_speed` [rad/s] may be traced, and steps are offered for the `slowest`
-    that it may be. The record's arrays are JAX arrays.
+    that it may be. The contacts' layer is `eps` [m] wide. The record's arrays are JAX arrays.
     A motion that the `allowed_steps` do not resolve is NaN, and one under pieces that do not join.
     """
     own = {name: jnp.asarray(value, float) for name, value in parameters.items()}
@@ -69,7 +71,7 @@ def differentiable_motion(
     cam = pieces, borders, own.get("half_duration", lift.half_duration), permitted_steps(lift)
     settings = {"revolutions": revolutions, "steps": steps, "most": allowed_steps(train, slowest)}
     foot = int(np.argmin(np.abs(lift.borders - lift.opening_foot)))
-    motion, metrics = _motion(system_with(train, own), *cam, cam_speed, foot=foot, **settings)
+    motion, metrics = _motion(system_with(train, own), *cam, cam_speed, eps, foot=foot, **settings)
     return Response(train, cam_speed, regular_angles(revolutions, steps), *motion[1:5]), metrics
 
 
@@ -87,15 +89,17 @@ def regular_angles(revolutions: int, steps: int) -> np.ndarray:
 
 
 @partial(jax.jit, static_argnames=("foot", "revolutions", "steps", "most"))
-def _motion(system: System, pieces, borders, half_duration, permitted, cam_speed, *, foot, revolutions, steps, most):
+def _motion(
+    system: System, pieces, borders, half_duration, permitted, cam_speed, eps, *, foot, revolutions, steps, most
+):
     """The motion at regular angles and its metrics, in one program that is kept on disk; NaN where the pieces step by
     more than is permitted. The border number `foot` is the opening foot."""
     joined = (steps_at_borders(borders, pieces) <= permitted).all()
     samples = jnp.where(joined, samples_of_pieces(borders, pieces), jnp.nan)
     driven = DrivenSystem(system, samples, cam_speed)
-    motion = response_arrays(driven, rest_of(system), revolutions=revolutions, steps=most)
+    motion = response_arrays(driven, rest_of(system), Layer(eps), revolutions=revolutions, steps=most)
     found = [
-        revolution_metrics(system, motion, cam_speed, half_duration, borders[foot], r, touch_layer(EPS))
+        revolution_metrics(system, motion, cam_speed, half_duration, borders[foot], r, touch_layer(eps))
         for r in range(revolutions - 1)
     ]
     metrics = {name: jnp.stack([f[name] for f in found]) for name in found[0]} if found else {}

@@ -12,7 +12,7 @@ contact at the same angles.
 
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -20,16 +20,16 @@ import jax.numpy as jnp
 import numpy as np
 
 from camopt.scene.rest import rest_position
+from camopt.scene.smoothing import Smoothing
 from camopt.scene.train import Train
 from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.scan import lift_at
 from camopt.smooth.system import Array, System, build_system, column
 
-WIDTH = 1e-6
-"""Default width of the contacts' layer [m]: steps of a quarter of a degree run over it without regard to its edges."""
-STEPS = 1440
-"""Steps of a revolution at whose ends the motion is read: every quarter of a degree."""
+WIDTH, _, STEPS = Smoothing()
+"""Default width of the contacts' layer [m], and default steps of a revolution at whose ends the motion is read, every
+quarter of a degree: they run over the layer without regard to its edges."""
 LARGEST_PHASE = 1.7
 """Longest step, as a phase [rad] of the stiffest mass on its own elements. The fastest mode of a train is at most 1.42
 times as fast, and a Hertz contact at its largest force a little more: that is within the method's limit."""
@@ -167,9 +167,12 @@ def parts_of_steps(tied: TiedSystem, slowest: float, steps: int = STEPS) -> int:
     return max(1, int(np.ceil(phase / LARGEST_PHASE)))
 
 
-@partial(jax.jit, static_argnames="parts")
-def tied_paths(tied: TiedSystem, samples, cam_speed, y0, event, tie, layer: Layer, *, parts: int) -> TiedPaths:
-    """One revolution from the states y0 (2, n + r, b) at the cam speeds (b) [rad/s].
+@partial(jax.jit, static_argnames=("parts", "whole"))
+def tied_paths(
+    tied: TiedSystem, samples, cam_speed, y0, event, tie, layer: Layer, *, parts: int, whole: bool = False
+) -> Any:
+    """One revolution from the states y0 (2, n + r, b) at the cam speeds (b) [rad/s]: its `TiedPaths` or, the `whole` of
+    it, the states (k, 2, n + r, b) at the ends of its steps and the forces (k, e, b) [N] there.
 
     The `event` is where the contacts are tied, from one angle to another [rad]. `samples` (k + 1, 2) are lift and slope
     at the ends of the revolution's k equal steps (`camopt.smooth.simulate.lift_samples`). The paths may be
@@ -189,13 +192,13 @@ def tied_paths(tied: TiedSystem, samples, cam_speed, y0, event, tie, layer: Laye
     def step(y, ends):
         y = low_storage_step(rate, y, ends[0], ends[1] - ends[0], parts)
         lift, lift_dt, share = drive(ends[1])
-        u, _ = tied.system.compression(y, lift, lift_dt)
-        return y, (tied.force(y, lift, lift_dt, layer, share)[on], -u[on], -u[tied.system.topology.seat])
+        force, (u, _) = tied.force(y, lift, lift_dt, layer, share), tied.system.compression(y, lift, lift_dt)
+        return y, (y, force) if whole else (force[on], -u[on], -u[tied.system.topology.seat])
 
     grid = jnp.asarray(equal_grid(samples.shape[0] - 1), y0.dtype)
-    repeated = jax.checkpoint(step, prevent_cse=False)  # the stages of all steps would fill the memory on the way back
-    end, paths = jax.lax.scan(repeated, y0, (grid[:-1], grid[1:]))
-    return TiedPaths(*paths, end)
+    repeated: Any = jax.checkpoint(step, prevent_cse=False)  # all stages would fill the memory on the way back
+    end, read = jax.lax.scan(repeated, y0, (grid[:-1], grid[1:]))
+    return read if whole else TiedPaths(read[0], read[1], read[2], end)
 
 
 class Directions(NamedTuple):

@@ -7,8 +7,8 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.scene import InputError, Response, build_train, load_scene, rest_position
 from camopt.scene.quantities import QUANTITIES
 from camopt.study.simulate import motion
-from camopt.study.simulate.dataset import motion_table
-from camopt.study.simulate.motion import resampled, simulate
+from camopt.study.simulate.dataset import motion_table, resampled
+from camopt.study.simulate.motion import simulate
 
 KODAMA = load_scene("kodama")
 POLYDYNE = polydyne(KODAMA)

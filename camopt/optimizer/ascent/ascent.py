@@ -176,7 +176,7 @@ class Climb:
         if not np.isfinite(climbed) or not all(np.all(np.isfinite(part)) for part in gradient.values()):
             raise InputError(
                 f"ascend: the motion of iterate {len(self.iterates)} or its gradient cannot be followed on the "
-                f"{self.objective.path} path: take smaller steps, another start or the other path"
+                f"{self.objective.source} source: take smaller steps, another start or the other source"
             )
         faces = self.variables.faces(self.point, gradient)
         length = np.sqrt(sum(float(np.sum((faces[name] @ part) ** 2)) for name, part in gradient.items()))
@@ -212,7 +212,7 @@ class Climb:
 
     def history(self) -> AscentHistory:
         """All iterates until now, with the best and the nearest of them."""
-        about = {"scene": self.objective.scene.name, "path": self.objective.path, "maximise": self.objective.maximise}
+        about = {"scene": self.objective.scene.name, "path": self.objective.source, "maximise": self.objective.maximise}
         steps = notable(self.iterates)
         data = dataset_of(self.iterates, self.variables.train.names).assign_attrs(about, **steps)
         ones = {name: self.iterates[step] for name, step in steps.items()}

@@ -25,11 +25,11 @@ from camopt.optimizer.program.force_rows import Window
 from camopt.optimizer.search.smooth_rows import in_event, on_seat
 from camopt.scene.errors import InputError
 from camopt.scene.train import build_train
-from camopt.scene.units import MM, UM
+from camopt.scene.units import MM
 from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.rest import rest_state
-from camopt.smooth.tied import STEPS, TiedPaths, parts_of_steps, path_angles, settled_paths, tied_paths, tied_system
+from camopt.smooth.tied import TiedPaths, parts_of_steps, path_angles, settled_paths, tied_paths, tied_system
 
 PATH_OF = {FORCE: (1.0, 1.0, "force"), GAP: (-1.0, MM, "gap"), SEAT_GAP: (-1.0, MM, "seat_gap")}
 """By constraint whether it asks for more (1) or less (-1), its unit, and the path in which it stands."""
@@ -58,15 +58,16 @@ class PathLagrangian:
 
     def __init__(self, bound: BoundObjective):
         asked = bound.objective
-        self._bound, self._limits, self._tie = bound, asked.constraints, asked.tie
-        self._train, self._layer = build_train(asked.scene), Layer(asked.width_um * UM)
+        self._bound, self._limits, self._train = bound, asked.constraints, build_train(asked.scene)
+        width, self._tie, self._steps = asked.smoothing
+        self._layer = Layer(width)
         self._tied = tied_system(self._train)
         speeds = np.array([asked.scene.cam_speed(speed) for speed in asked.speeds_rpm])
-        self._speeds, self._parts = jnp.asarray(speeds), parts_of_steps(self._tied, float(speeds.min()))
+        self._speeds, self._parts = jnp.asarray(speeds), parts_of_steps(self._tied, float(speeds.min()), self._steps)
 
     def _motion(self, parameters: Mapping[str, Any], start: jax.Array) -> tuple[Any, ...]:
         """The arguments of `tied_paths` and its kin."""
-        cam, own, theta = self._bound.cam, dict(parameters), jnp.asarray(equal_grid(STEPS))
+        cam, own, theta = self._bound.cam, dict(parameters), jnp.asarray(equal_grid(self._steps))
         samples = jnp.stack([cam.lift(theta, own, order) for order in (0, 1)], axis=-1)
         half = cam.half_duration(own)
         return self._tied, samples, self._speeds, start, (-half, half), self._tie, self._layer
@@ -140,7 +141,7 @@ class PathLagrangian:
 
     def _event(self, parameters: Mapping[str, Any]) -> jax.Array:
         half = self._bound.cam.half_duration(dict(parameters))
-        return in_event(jnp.asarray(path_angles()), (-half, half), Window().after_top)
+        return in_event(jnp.asarray(path_angles(self._steps)), (-half, half), Window().after_top)
 
     def _seated(self, lift: Lift, paths: TiedPaths) -> jax.Array:
         gaps = np.asarray(paths.seat_gap).T

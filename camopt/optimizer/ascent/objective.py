@@ -19,10 +19,12 @@ from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import MotionLimit, motion_limits
 from camopt.optimizer.ascent.train_variables import TrainVariables
 from camopt.scene import QUANTITIES, InputError, Scene, Train, build_train
+from camopt.scene.smoothing import Smoothing, smoothing
 from camopt.scene.spelling import did_you_mean
 from camopt.scene.units import DEG, MM
 from camopt.smooth.exact_rule import exact_metrics
 from camopt.smooth.families import DifferentiableCam, differentiable
+from camopt.smooth.simulate import EPS
 from camopt.smooth.smooth_rule import differentiable_motion
 
 AREA_RATIO = "area_ratio"
@@ -36,7 +38,7 @@ CONSTRAINTS = (FORCE, GAP, SEAT_GAP)
 and the valve's largest gap from its seat, from its closing to the next opening."""
 CONSTRAINED_SPEEDS = 9
 """Speeds of the band at which constraints hold where none are asked for: between them a contact force is smooth."""
-PATHS = ("auto", "exact", "smooth")
+SOURCES = ("auto", "exact", "smooth")
 REPRESENTATIVE = 4
 """Number of the revolution from rest whose metrics stand for the settled motion's: it is the first in which nearly all
 bounces and jumps that break a limit are within a fifth of the settled ones, of which the first revolution may have less
@@ -50,22 +52,22 @@ Terms = dict[str, jax.Array]
 class Objective:
     """A number to maximise, of any cam of a scene. `of(cam)` makes it a function of that cam's parameters.
 
-    `path` is "exact" or "smooth", `revolutions` the number of the revolution from rest that is measured, `trains` how
-    many drawn trains there are, by `seed`. `constraints` are limits along the paths of contacts that are tied by the
-    share `tie` and push across `width_um` [um].
+    `source` is "exact" or "smooth", `revolutions` the number of the revolution from rest that is measured, `trains` how
+    many drawn trains there are, by `seed`. `constraints` are limits along paths under a `smoothing`; the smooth motions
+    of metrics have a layer of the width `metric_width` [m].
     """
 
     scene: Scene
     speeds_rpm: tuple[float, ...]
     maximise: str
     penalties: Mapping[str, float]
-    path: str
+    source: str
     revolutions: int
     trains: int
     seed: int
     constraints: Mapping[str, float]
-    tie: float
-    width_um: float
+    smoothing: Smoothing
+    metric_width: float
 
     def of(self, cam: Lift, train: TrainVariables | None = None) -> "BoundObjective":
         """The objective as a function of the parameters of `cam`, a free cam or a family's member, and of a train's.
@@ -141,7 +143,7 @@ class BoundObjective:
             return motion(self.train.applied(numbers, factors) | moving, cam_speed, names)
 
         cases = jax.tree.map(jnp.asarray, self._cases)
-        values = jax.vmap(one)(cases) if self.objective.path == "exact" else jax.lax.map(one, cases)
+        values = jax.vmap(one)(cases) if self.objective.source == "exact" else jax.lax.map(one, cases)
         shape = -1, len(self.objective.speeds_rpm)
         return {name: values[:, i].reshape(shape) for i, name in enumerate(names)}
 
@@ -156,10 +158,11 @@ class BoundObjective:
 
         def smooth(numbers, cam_speed, names):
             slowest = self.objective.scene.cam_speed(min(self.objective.speeds_rpm))
-            found = differentiable_motion(train, lift, numbers, cam_speed, measured + 1, SMOOTH_STEPS, slowest)[1]
+            settings = {"slowest": slowest, "eps": self.objective.metric_width}
+            found = differentiable_motion(train, lift, numbers, cam_speed, measured + 1, SMOOTH_STEPS, **settings)[1]
             return jnp.stack([found[name][-1] for name in names])
 
-        return exact if self.objective.path == "exact" else smooth
+        return exact if self.objective.source == "exact" else smooth
 
     @cached_property
     def _cases(self) -> tuple[dict[str, np.ndarray], np.ndarray]:
@@ -183,13 +186,15 @@ def objective(
     speeds_rpm: Sequence[float] | None = None,
     maximise: str = AREA_RATIO,
     penalties: Mapping[str, float] | None = None,
-    path: str = "auto",
+    source: str = "auto",
     revolutions: int = REPRESENTATIVE,
     trains: int = 0,
     seed: int = 0,
     constraints: Mapping[str, float] | None = None,
     tie: float = 1.0,
-    width_um: float = 1.0,
+    width_um: float | None = None,
+    steps_per_revolution: int = 1440,
+    path: str | None = None,
 ) -> Objective:
     """A number to maximise by `camopt.ascend`: the area ratio or a metric, less penalties, as JAX differentiates it.
 
@@ -197,18 +202,20 @@ def objective(
     metric; `penalties` are weights by metric: of one that the scene limits, of the share of its limit that it uses
     beyond 0.8; of any other one, of its value in its unit. Metrics are means over the speeds and over `trains`
     drawn within the scene's tolerances by `seed` (0: the train as designed; grinding errors are left out), each in
-    the revolution of the number `revolutions` from rest, by default one that stands for the settled motion. `path` is
-    "exact", "smooth", or "auto", which is the exact one. `objective(...).of(cam)` is a function of that cam's
-    parameters.
+    the revolution of the number `revolutions` from rest, by default one that stands for the settled motion. `source` is
+    "exact", "smooth", or "auto", which is the exact one; `path` is an older name of it. `objective(...).of(cam)` is a
+    function of that cam's parameters.
 
     `constraints` are limits that `ascend` keeps at every angle of a revolution and at every speed, on the smooth path,
     by default at nine speeds of the band: "contact_force_N" the least force between cam and valve [N] and "gap_mm"
     their largest gap, both from 2 deg after the ramp's top to the end of the duration, and "seat_gap_mm" the valve's
     largest gap from its seat from its closing on. A share `tie` of the law between cam and valve is bilateral there (1:
-    contacts pull and cannot open, 0: the law of the scene); other contacts begin to push across `width_um` [um].
+    contacts pull and cannot open, 0: the law of the scene); other contacts begin to push across `width_um` [um], and
+    the revolution has `steps_per_revolution`. By default the layer is 1 um wide there, and 0.002 um for metrics on the
+    smooth path, whose steps follow it.
 
-    Raises InputError for unknown metrics, constraints and paths, speeds that are none, constraints on the exact path or
-    with drawn trains, and scenes without valve, seat or [design].
+    Raises InputError for unknown metrics, constraints and sources, speeds that are none, constraints on the exact
+    path or with drawn trains, and scenes without valve, seat or [design].
     """
     known = {AREA_RATIO, *QUANTITIES}
     weights = dict(penalties or {})
@@ -217,11 +224,12 @@ def objective(
             raise InputError(
                 f"objective: {name!r}: expected one of {', '.join(sorted(known))}{did_you_mean(name, known)}"
             )
-    if path not in PATHS:
-        raise InputError(f"objective: path {path!r}: expected one of {', '.join(PATHS)}")
+    source = source if path is None else path
+    if source not in SOURCES:
+        raise InputError(f"objective: source {source!r}: expected one of {', '.join(SOURCES)}")
     if scene.design is None or scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name}: an objective needs valve, seat, [operation] and [design]")
-    limits = _constraints(constraints, path, trains, tie, width_um)
+    limits = _constraints(constraints, source, trains)
     band = np.linspace(*scene.operation.band_rpm, CONSTRAINED_SPEEDS)
     asked = speeds_rpm if speeds_rpm is not None else band if limits else scene.operation.speeds_rpm
     speeds = tuple(float(speed) for speed in asked)
@@ -229,13 +237,15 @@ def objective(
         raise InputError(f"objective: speeds_rpm {speeds_rpm}: crankshaft speeds above 0 r/min are needed")
     if revolutions < 1 or trains < 0:
         raise InputError(f"objective: revolutions {revolutions}, trains {trains}: at least 1 and 0 are needed")
-    followed = "smooth" if limits else "exact" if path == "auto" else path
+    followed = "smooth" if limits else "exact" if source == "auto" else source
+    how = smoothing("objective", width_um, tie, steps_per_revolution)
+    of_metrics = EPS if width_um is None else how.width
     return Objective(
-        scene, speeds, maximise, weights, followed, revolutions, trains, seed, limits, float(tie), float(width_um),
+        scene, speeds, maximise, weights, followed, revolutions, trains, seed, limits, how, of_metrics,
     )  # fmt: skip
 
 
-def _constraints(asked: Mapping[str, float] | None, path: str, trains: int, tie, width_um) -> dict[str, float]:
+def _constraints(asked: Mapping[str, float] | None, source: str, trains: int) -> dict[str, float]:
     """The limits along paths by name; they and what goes with them are checked."""
     limits = dict(asked or {})
     for name, limit in limits.items():
@@ -246,14 +256,14 @@ def _constraints(asked: Mapping[str, float] | None, path: str, trains: int, tie,
             )
         if not (np.isfinite(limit) and (name == FORCE or limit > 0)):
             raise InputError(f"objective: constraint {name} {limit}: expected a number, and above 0 for a gap, as 0.03")
-    if limits and path == "exact":
-        raise InputError("objective: constraints with path='exact': its contacts cannot be tied: take path='smooth'")
+    if limits and source == "exact":
+        raise InputError(
+            "objective: constraints with source='exact': its contacts cannot be tied: take source='smooth'"
+        )
     if limits and trains:
         raise InputError(
             f"objective: constraints with trains={trains}: they hold for the train as designed: leave out trains"
         )
-    if not (0.0 <= tie <= 1.0 and np.isfinite(width_um) and width_um > 0):
-        raise InputError(f"objective: tie {tie}, width_um {width_um}: expected a share from 0 to 1 and a width above 0")
     return {name: float(limit) for name, limit in limits.items()}
 
 

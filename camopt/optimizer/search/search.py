@@ -29,6 +29,7 @@ from camopt.optimizer.search.region import RowSource, first_region, stepped
 from camopt.scene.design import Design
 from camopt.scene.errors import NoCamFound
 from camopt.scene.schema import Scene
+from camopt.scene.smoothing import Smoothing
 from camopt.scene.standing_in import is_linear
 from camopt.scene.train import Train, build_train
 
@@ -65,13 +66,15 @@ def find_cam(
     log: Logbook | None = None,
     start: Lift | None = None,
     seed: int = 0,
+    smoothing: Smoothing = Smoothing(),  # noqa: B008  it cannot change
 ) -> Search:
     """The search with its confirmed cams, each larger than the one before.
 
     `speeds` is "band" or "nominal". With `gradient` "smooth", for which "auto" stands, the slopes are those of the
     smoothed motion by JAX, with "exact" those of the closed periodic response, and with "none" the search ends before
     margins are fed back. It begins from the cam within the limits on the shape that is nearest to `start`, by default
-    from the calmest one. `seed`, where it is not zero, draws the knots. Raises NoCamFound where no cam holds.
+    from the calmest one. `smoothing` is how the smoothed motion stands in for the laws. `seed`, where it is not zero,
+    draws the knots. Raises NoCamFound where no cam holds.
     """
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
@@ -84,7 +87,7 @@ def find_cam(
         import jax.monitoring  # noqa: F401  the clock listens to its compilations
     with log.clock.stage("search"):
         program = without_rows(build_train(scene), design, cam, [scene.cam_speed(speed) for speed in searched])
-        source = _source(smooth, program)
+        source = _source(smooth, program, smoothing)
         search = Search(Judge(scene, searched), between, source, log, start.family if start else "calmest")
         nearest = ShapeLimits(cam, design).nearest_to(start) if start else np.zeros(cam.Z.shape[1])
         program, z = source.first(program, nearest)
@@ -105,7 +108,7 @@ def without_rows(train: Train, design: Design, cam: FreeCam, speeds: Sequence[fl
     return NoJumpProgram(train, design, cam, Window(), blocks)
 
 
-def _source(smooth: bool, program: NoJumpProgram) -> RowSource:
+def _source(smooth: bool, program: NoJumpProgram, smoothing: Smoothing) -> RowSource:
     """The source of the rows; only the smoothed motion loads JAX."""
     if not smooth:
         from camopt.optimizer.search.exact_rows import ExactRows
@@ -113,7 +116,7 @@ def _source(smooth: bool, program: NoJumpProgram) -> RowSource:
         return ExactRows()
     from camopt.optimizer.search.smooth_rows import SmoothRows
 
-    return SmoothRows(program)
+    return SmoothRows(program, smoothing)
 
 
 def _programs(search: Search, source: RowSource, program: NoJumpProgram, z: np.ndarray, rounds: int) -> None:

@@ -20,14 +20,13 @@ from camopt.optimizer.program.radii import near, with_radii
 from camopt.optimizer.program.tangents import HELD_N
 from camopt.optimizer.program.waves import with_switches
 from camopt.scene.errors import NoCamFound
+from camopt.scene.smoothing import Smoothing
 from camopt.scene.train import Train
 from camopt.scene.units import MM
 from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.rest import rest_state
 from camopt.smooth.tied import (
-    STEPS,
-    WIDTH,
     Directions,
     PeriodicSlopes,
     TiedPaths,
@@ -63,15 +62,17 @@ class SmoothRows:
 
     name = "smooth"
 
-    def __init__(self, program: NoJumpProgram):
+    def __init__(self, program: NoJumpProgram, smoothing: Smoothing = Smoothing()):  # noqa: B008  it cannot change
         train, cam = program.train, program.cam
+        width, tie, self._steps = smoothing
+        self._law, self._theta = (tie, Layer(width)), path_angles(self._steps)
         self._tied = tied_system(train)
-        grid = equal_grid(STEPS)
+        grid = equal_grid(self._steps)
         pieces = [cam.basis(grid, order) for order in (0, 1)]
         self._basis = np.stack([matrix @ cam.Z for matrix, _ in pieces], axis=1)
         self._offset = np.stack([offset + matrix @ cam.x_p for matrix, offset in pieces], axis=1)
         self._speeds = jnp.asarray(program.speeds)
-        self._parts = parts_of_steps(self._tied, float(program.speeds.min()))
+        self._parts = parts_of_steps(self._tied, float(program.speeds.min()), self._steps)
         self._tied_in = -float(cam.breaks[-1]), end_of_contact(train, cam, program.window)
         self._rest = jnp.repeat(rest_state(train)[:, :, None], len(self._speeds), axis=2)
         self._known: _Known | None = None  # about which the rows are
@@ -117,7 +118,7 @@ class SmoothRows:
         )
 
     def _samples(self, z: np.ndarray) -> jax.Array:
-        """Lift and slope of the cam of z (m) at the ends of the steps (STEPS + 1, 2)."""
+        """Lift and slope of the cam of z (m) at the ends of the steps (k + 1, 2)."""
         return jnp.asarray(self._offset + self._basis @ z)
 
     def _slopes(self, program: NoJumpProgram, z: np.ndarray, start: jax.Array) -> PeriodicSlopes:
@@ -125,14 +126,14 @@ class SmoothRows:
         self._known = None  # both Jacobians at once would be most of what a search needs of memory
         self.jacobians += 1
         along = Directions(samples=jnp.asarray(np.moveaxis(self._basis, 2, 0)))
-        motion = self._samples(z), self._speeds, start, self._tied_in, 1.0, Layer(WIDTH)
+        motion = self._samples(z), self._speeds, start, self._tied_in, *self._law
         slopes = periodic_slopes(self._tied, *motion, [along], parts=self._parts)
         return slopes._replace(force=slopes.force[self._event(program)], gap=np.zeros(0))
 
     def _settled(self, z: np.ndarray, start: jax.Array) -> TiedPaths | None:
         """The settled motion's paths from `start` or, at speeds at which the valve is off its seat at the end, from
         rest, since an adjuster that pumped up would stay so. None where the motion is not finite."""
-        motion, how = (self._tied_in, 1.0, Layer(WIDTH)), {"parts": self._parts, "most": MOST_TURNS, "within": SETTLED}
+        motion, how = (self._tied_in, *self._law), {"parts": self._parts, "most": MOST_TURNS, "within": SETTLED}
         for _ in range(2):
             _, paths = settled_paths(self._tied, self._samples(z), self._speeds, start, *motion, **how)
             if not bool(jnp.all(jnp.isfinite(paths.end))):
@@ -144,7 +145,7 @@ class SmoothRows:
         return paths
 
     def _blocks(self, program: NoJumpProgram, known: "_Known") -> tuple[SpeedRows, ...]:
-        design, train, theta, z = program.design, program.train, path_angles(), known.at
+        design, train, theta, z = program.design, program.train, self._theta, known.at
         force, gap = np.asarray(known.paths.force), np.asarray(known.paths.seat_gap)
         of_force, of_gap = known.slopes.force, known.slopes.seat_gap
         inside = self._event(program)
@@ -172,7 +173,7 @@ class SmoothRows:
 
     def _event(self, program: NoJumpProgram) -> np.ndarray:
         """Indices of the angles at which the contacts between cam and valve are to push."""
-        return np.flatnonzero(in_event(path_angles(), self._tied_in, program.window.after_top))
+        return np.flatnonzero(in_event(self._theta, self._tied_in, program.window.after_top))
 
     def _seated(self, program: NoJumpProgram, z: np.ndarray, gap: np.ndarray) -> np.ndarray:
         """Indices of the angles at which the valve is to be on its seat."""
@@ -188,7 +189,7 @@ def in_event(theta: Any, event: Any, after_top: float) -> Any:
 def on_seat(lift: Lift, lash: float, gap: np.ndarray) -> np.ndarray:
     """Whether the valve is to be on its seat at the angles `path_angles()` (k), where its gap there is `gap` (k) [m]:
     from the earlier one of its touch and the nominal closing to the next opening foot."""
-    theta = path_angles()
+    theta = path_angles(len(gap))
     below = (theta > 0) & (lift(theta) <= lash)
     touches = (theta > theta[np.argmax(gap)]) & (gap <= 0.0)
     begin = min(theta[np.argmax(below)], theta[np.argmax(touches)] if touches.any() else np.pi)

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.optimizer.program.periodic import SAMPLE
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
+from camopt.scene.smoothing import Smoothing, smoothing
 from camopt.scene.units import DEG, MM, UM
 from camopt.study.linearised.cases import LinearPaths, cases_of, free_cam_in
 
@@ -34,6 +34,7 @@ def linearised(
     tie: float = 1.0,
     width_um: float = 1.0,
     source: str = "smooth",
+    steps_per_revolution: int = 1440,
     free: Sequence[str] = (),
 ) -> "xr.Dataset":
     """Forces and gaps of the settled motion with tied contacts along a revolution, and their derivatives.
@@ -43,10 +44,10 @@ def linearised(
     can ask for its sign.
 
     The dataset has the dimensions speed_rpm (s crankshaft speeds, by default the scene's listed ones), cam_angle_deg
-    (1440, every quarter of a degree up to 180) and contact (c, those between cam and valve), with `trains` before
-    them train (so many, drawn within the scene's tolerances by `seed`, grinding error and all). Its variables are
-    contact_force_N, gap_mm (negative where a contact is compressed), seat_gap_mm of the valve from its seat, and the
-    derivatives of the three:
+    (`steps_per_revolution` up to 180, by default every quarter of a degree) and contact (c, those between cam and
+    valve), with `trains` before them train (so many, drawn within the scene's tolerances by `seed`, grinding error and
+    all). Its variables are contact_force_N, gap_mm (negative where a contact is compressed), seat_gap_mm of the valve
+    from its seat, and the derivatives of the three:
 
     - NAME_by_z along coefficient (m), by the coefficients z [mm/deg^2] of the free cam, whose values stand in z;
     - NAME_by_number along number (f), by the numbers that `free` names as `optimize --free` does, in their keys' units,
@@ -65,10 +66,16 @@ def linearised(
     Raises InputError for unusable arguments, a cam that is no free cam of the scene, a name of no number, and a train
     or motion that the source cannot carry.
     """
-    speeds = _checked(scene, speeds_rpm, trains, seed, tie, width_um, source)
+    speeds = _checked(scene, speeds_rpm, trains, seed, source)
+    how = smoothing("linearised", width_um, tie, steps_per_revolution)
+    if source == "exact" and (how.tie, how.steps) != (1.0, Smoothing().steps):
+        raise InputError(
+            f"linearised: tie {tie:g} with source 'exact' and {how.steps} steps_per_revolution: its contacts are tied "
+            f"by 1 and read at {Smoothing().steps} angles: ask for 'smooth'"
+        )
     free_cam, z = free_cam_in(scene, cam)
     cases, numbers = cases_of(scene, cam, trains, seed, (free,) if isinstance(free, str) else free)
-    angle = np.linspace(-np.pi, np.pi, round(2 * np.pi / SAMPLE) + 1)[1:]
+    angle = np.linspace(-np.pi, np.pi, how.steps + 1)[1:]
     cam_speeds = np.array([scene.cam_speed(speed) for speed in speeds])
     if source == "exact":
         from camopt.study.linearised.exact_source import exact_paths
@@ -76,7 +83,7 @@ def linearised(
         found = exact_paths(cases, free_cam, cam_speeds, angle)
     else:
         smooth = import_module("camopt.study.linearised.smooth_source")  # the one source that loads JAX
-        found = smooth.smooth_paths(cases, free_cam, cam_speeds, float(tie), width_um * UM)
+        found = smooth.smooth_paths(cases, free_cam, cam_speeds, how)
     contacts = [cases[0].nominal.train.element_names[e] for e in cases[0].nominal.train.cam_side]
     coords = {"speed_rpm": list(speeds), "cam_angle_deg": angle / DEG, "contact": contacts}
     said = {"scene": scene.name, "source": source, "trains": trains}
@@ -105,7 +112,7 @@ def _dataset(found: list[LinearPaths], m: int, numbers: list[str], coords: dict)
     return xr.Dataset(variables, coords | {"train": np.arange(len(found)), "number": numbers})
 
 
-def _checked(scene: Scene, speeds_rpm, trains, seed, tie, width_um, source) -> tuple[float, ...]:
+def _checked(scene: Scene, speeds_rpm, trains, seed, source) -> tuple[float, ...]:
     """The speeds [r/min]; every argument that is a number or a choice is checked."""
     if source not in SOURCES:
         raise InputError(f"linearised: source {source!r}: expected one of {', '.join(SOURCES)}")
@@ -119,14 +126,6 @@ def _checked(scene: Scene, speeds_rpm, trains, seed, tie, width_um, source) -> t
         raise InputError(
             f"linearised: speeds_rpm {speeds_rpm!r}: expected crankshaft speeds above 0 r/min, such as (6000, 7000)"
         )
-    if not (isinstance(width_um, (int, float)) and np.isfinite(width_um) and width_um > 0):
-        raise InputError(
-            f"linearised: width_um {width_um!r}: expected a width of the contacts' layer above 0, such as 1"
-        )
-    if not (isinstance(tie, (int, float)) and 0.0 <= tie <= 1.0):
-        raise InputError(f"linearised: tie {tie!r}: expected a share from 0 to 1")
-    if source == "exact" and tie != 1.0:
-        raise InputError(f"linearised: tie {tie:g} with source 'exact': its contacts are tied by 1: ask for 'smooth'")
     if not all(isinstance(number, (int, np.integer)) and number >= 0 for number in (trains, seed)):
         raise InputError(f"linearised: trains {trains!r} of seed {seed!r}: expected integers from 0 on")
     return speeds

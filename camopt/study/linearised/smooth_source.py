@@ -9,26 +9,28 @@ import numpy as np
 
 from camopt.cam.families.free import FreeCam
 from camopt.scene.errors import MotionRefused
+from camopt.scene.smoothing import Smoothing
 from camopt.scene.units import RPM
 from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples
-from camopt.smooth.tied import STEPS, Directions, parts_of_steps, periodic_slopes, settled_paths, tied_system
+from camopt.smooth.tied import Directions, parts_of_steps, periodic_slopes, settled_paths, tied_system
 from camopt.study.linearised.cases import LinearisedCase, LinearPaths
 
 
 def smooth_paths(
-    cases: Sequence[LinearisedCase], cam: FreeCam, cam_speeds: np.ndarray, tie: float, width: float
+    cases: Sequence[LinearisedCase], cam: FreeCam, cam_speeds: np.ndarray, smoothing: Smoothing
 ) -> list[LinearPaths]:
-    """The paths of every train at the cam speeds (s) [rad/s], with a layer of `width` [m]."""
+    """The paths of every train at the cam speeds (s) [rad/s], under a smoothing."""
+    width, tie, steps = smoothing
     systems = [tied_system(case.nominal.train) for case in cases]
-    parts = max(parts_of_steps(tied, float(cam_speeds.min())) for tied in systems)
-    grid = equal_grid(STEPS)
+    parts = max(parts_of_steps(tied, float(cam_speeds.min()), steps) for tied in systems)
+    grid = equal_grid(steps)
     basis = Directions(samples=jnp.asarray(np.stack([(cam.basis(grid, k)[0] @ cam.Z).T for k in (0, 1)], axis=-1)))
     event, speeds, found = (-cam.breaks[-1], cam.breaks[-1]), jnp.asarray(cam_speeds), []
     for case, tied in zip(cases, systems, strict=True):
-        samples = jnp.asarray(lift_samples(case.nominal.lift, STEPS))
+        samples = jnp.asarray(lift_samples(case.nominal.lift, steps))
         rest = jnp.repeat(rest_state(case.nominal.train)[:, :, None], len(speeds), axis=2)
         motion = speeds, event, tie, Layer(width)
         start, paths = settled_paths(tied, samples, speeds, rest, *motion[1:], parts=parts)
@@ -39,7 +41,7 @@ def smooth_paths(
                 f"the smoothed motion with tied contacts grows without bound at {lost:g} r/min of the camshaft: give a "
                 f"larger width_um, another speed, or more damping_N_s_per_m"
             )
-        directions = [basis, _numbers(case, tied)] if len(case.steps) else [basis]
+        directions = [basis, _numbers(case, tied, steps)] if len(case.steps) else [basis]
         slopes = periodic_slopes(tied, samples, speeds, start, *motion[1:], directions, parts=parts)
         values = paths.force, paths.gap, paths.seat_gap
         pairs = zip(values, slopes[:3], strict=True)
@@ -49,12 +51,12 @@ def smooth_paths(
     return found
 
 
-def _numbers(case: LinearisedCase, tied) -> Directions:
+def _numbers(case: LinearisedCase, tied, steps: int) -> Directions:
     """How system and lift move with each free number; which contacts are closed at rest stays."""
 
     def slope(below, above, step):
         system = jax.tree.map(lambda a, b: (b - a) / (2 * step), tied_system(below.train), tied_system(above.train))
-        samples = (lift_samples(above.lift, STEPS) - lift_samples(below.lift, STEPS)) / (2 * step)
+        samples = (lift_samples(above.lift, steps) - lift_samples(below.lift, steps)) / (2 * step)
         return eqx.tree_at(lambda t: t.at_rest, system, jnp.zeros_like(tied.at_rest)), jnp.asarray(samples)
 
     pairs = [slope(*sides, step) for sides, step in zip(case.beside, case.steps, strict=True)]

@@ -79,3 +79,23 @@ def motion_table(motion: "xr.Dataset") -> Mapping[str, np.ndarray]:
         for i, name in enumerate(motion[dimension].values):
             columns[f"{name}_{unit}"] = motion[variable].values[:, i]
     return columns
+
+
+def resampled(response: Response, steps: int) -> Response:
+    """A record on `steps` + 1 equally spaced angles over its whole range."""
+    grid = np.linspace(response.angle[0], response.angle[-1], steps + 1)
+    # a sample that misses its grid angle by round-off is that grid angle's sample, not the end of the interval before
+    left = np.searchsorted(response.angle, grid + 1e-12 * np.abs(grid[-1]), side="right") - 1
+    left = np.minimum(left, len(response.angle) - 2)
+    width = np.diff(response.angle)[left]
+    s = np.divide(grid - response.angle[left], width, out=np.ones_like(grid), where=width > 0).clip(0.0, 1.0)[:, None]
+    dt = (width / response.cam_speed)[:, None]
+    x0, x1, v0, v1 = response.x[left], response.x[left + 1], response.v[left], response.v[left + 1]
+    rise, u0, u1 = x1 - x0, dt * v0, dt * v1  # cubic Hermite: x0 + s u0 + s^2 a + s^3 b
+    a, b = 3 * rise - 2 * u0 - u1, u0 + u1 - 2 * rise
+    x = x0 + s * (u0 + s * (a + s * b))
+    slope = u0 + s * (2 * a + s * 3 * b)
+    v = np.divide(slope, dt, out=v1.copy(), where=dt > 0)
+    force = (1 - s) * response.force[left] + s * response.force[left + 1]
+    lift = (1 - s[:, 0]) * response.lift[left] + s[:, 0] * response.lift[left + 1]
+    return Response(response.train, response.cam_speed, grid, lift, x, v, force)

@@ -10,9 +10,10 @@ from camopt.cam.lift import Lift, lift_with
 from camopt.scene import InputError, Response, Scene, Train, build_train
 from camopt.scene.response import end_state, joined
 from camopt.scene.rest import state_at_rest
+from camopt.scene.smoothing import Smoothing, smoothing
 from camopt.scene.units import DEG
 from camopt.scene.vibration import highest_rate
-from camopt.study.simulate.dataset import motion_dataset, recorded_metrics
+from camopt.study.simulate.dataset import motion_dataset, recorded_metrics, resampled
 from camopt.verifier.methods import verdict_methods
 from camopt.verifier.verdict import chords_at, method_named
 
@@ -52,6 +53,9 @@ def simulate(
     parameters: Mapping[str, Any] | None = None,
     accuracy: str | float | None = None,
     progress: bool = False,
+    width_um: float | None = None,
+    tie: float | None = None,
+    steps_per_revolution: int | None = None,
 ) -> "xr.Dataset":
     """Motion of the valve train from rest at -180 degrees, `revolutions` of the cam at a crankshaft speed [r/min].
 
@@ -67,24 +71,47 @@ def simulate(
     `parameters` (see `motion_parameters`) replaces
     numbers of scene and cam by arrays that JAX may trace; `camopt.study.simulate` tells of steps and of gradients.
 
+    By "smooth" a contact begins to push across `width_um` [um], by default 0.002, on steps that follow it. Where a
+    share `tie` or `steps_per_revolution` are given, the motion is that of `linearised`, with 1 um by default.
+
     Raises InputError for unusable arguments, a motion that the method refuses, or a record that would be too large.
     """
     train, cam_speed, steps, finer = _planned(scene, speed_rpm, method, revolutions, step_deg)
+    how = _smoothing(method, width_um, tie, steps_per_revolution, parameters, accuracy)
     if parameters is not None:
         _check_parameters(train, cam, method, parameters)
         rule = import_module(DIFFERENTIABLE[method]).differentiable_motion
         known_speed = scene.cam_speed(known_rpm(scene, speed_rpm))
-        shown, metrics = rule(train, cam, parameters, cam_speed, revolutions, steps, known_speed)
+        layer = {} if width_um is None else {"eps": how.width}
+        shown, metrics = rule(train, cam, parameters, cam_speed, revolutions, steps, known_speed, **layer)
         return motion_dataset(scene, cam, speed_rpm, method, shown, metrics)
     if accuracy is not None:
         done = delivered(train, cam, cam_speed, method, revolutions, accuracy, progress=progress)
         response, said = done.response, done.attributes()
+    elif tie is not None or steps_per_revolution is not None:
+        response, said = (
+            import_module("camopt.study.simulate.tied_motion").tied_motion(train, cam, cam_speed, revolutions, how),
+            {},
+        )
+    elif width_um is not None:
+        response, said = dialled(train, cam, cam_speed, method, revolutions)(how.width), {}
     else:
         response, said = _motion(train, cam, cam_speed, method, revolutions, steps * finer), {}
         if method == "event" and not train.straight:
             said = _error_of_chords(train, cam, cam_speed, response, steps * finer)
     shown, metrics = resampled(response, steps * revolutions), recorded_metrics(response, cam)
     return motion_dataset(scene, cam, speed_rpm, method, shown, metrics).assign_attrs(said)
+
+
+def _smoothing(method: str, width_um, tie, steps, parameters, accuracy) -> Smoothing:
+    """The smoothing that is asked for; raises InputError where it goes with nothing else that is."""
+    how = smoothing("simulate", width_um, tie, steps)
+    given = [name for name, value in zip(how.names, (width_um, tie, steps), strict=True) if value is not None]
+    if given and (method != "smooth" or accuracy is not None):
+        raise InputError(f"simulate: {given[0]} with method {method!r}: take method='smooth', without an accuracy")
+    if parameters is not None and given not in ([], ["width_um"]):
+        raise InputError(f"simulate: {given[-1]} with parameters: take camopt.linearised or camopt.objective")
+    return how
 
 
 def recorded(
@@ -264,23 +291,3 @@ def _motion(
         parts.append(revolve(state))
         state = end_state(parts[-1])
     return joined(parts)
-
-
-def resampled(response: Response, steps: int) -> Response:
-    """A record on `steps` + 1 equally spaced angles over its whole range."""
-    grid = np.linspace(response.angle[0], response.angle[-1], steps + 1)
-    # a sample that misses its grid angle by round-off is that grid angle's sample, not the end of the interval before
-    left = np.searchsorted(response.angle, grid + 1e-12 * np.abs(grid[-1]), side="right") - 1
-    left = np.minimum(left, len(response.angle) - 2)
-    width = np.diff(response.angle)[left]
-    s = np.divide(grid - response.angle[left], width, out=np.ones_like(grid), where=width > 0).clip(0.0, 1.0)[:, None]
-    dt = (width / response.cam_speed)[:, None]
-    x0, x1, v0, v1 = response.x[left], response.x[left + 1], response.v[left], response.v[left + 1]
-    rise, u0, u1 = x1 - x0, dt * v0, dt * v1  # cubic Hermite: x0 + s u0 + s^2 a + s^3 b
-    a, b = 3 * rise - 2 * u0 - u1, u0 + u1 - 2 * rise
-    x = x0 + s * (u0 + s * (a + s * b))
-    slope = u0 + s * (2 * a + s * 3 * b)
-    v = np.divide(slope, dt, out=v1.copy(), where=dt > 0)
-    force = (1 - s) * response.force[left] + s * response.force[left + 1]
-    lift = (1 - s[:, 0]) * response.lift[left] + s[:, 0] * response.lift[left + 1]
-    return Response(response.train, response.cam_speed, grid, lift, x, v, force)

@@ -186,9 +186,9 @@ PROGRAMS = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), 
     [("optax.adam(1e-3)", 50), ("optax.lbfgs()", 4), pytest.param("optax.lbfgs()", 50, marks=pytest.mark.long)],
 )
 def test_the_lines_of_the_page_run_on_the_exact_path(optimiser, steps, capsys):
-    program = PROGRAMS[0].replace('path="smooth"', 'path="exact"').replace("optax.adam(1e-3)", optimiser)
+    program = PROGRAMS[0].replace('source="smooth"', 'source="exact"').replace("optax.adam(1e-3)", optimiser)
     program = program.replace("steps=50", f"steps={steps}")
-    assert 'path="exact"' in program and optimiser in program and f"steps={steps})" in program
+    assert 'source="exact"' in program and optimiser in program and f"steps={steps})" in program
     exec(program, {})
     assert "holds every limit" in capsys.readouterr().out
 

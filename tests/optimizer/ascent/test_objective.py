@@ -137,7 +137,7 @@ def test_factors_of_the_train_are_those_of_its_scene():
         ({"maximise": "area_rate"}, "did you mean 'area_ratio'?"),
         ({"penalties": {"bounce": 1.0}}, "did you mean 'bounce_mm'?"),
         ({"penalties": {"area_ratio": 1.0}}, "'area_ratio': expected one of"),
-        ({"path": "event"}, "path 'event': expected one of auto, exact, smooth"),
+        ({"path": "event"}, "source 'event': expected one of auto, exact, smooth"),
         ({"speeds_rpm": ()}, "crankshaft speeds above 0"),
         ({"speeds_rpm": (-1,)}, "crankshaft speeds above 0"),
         ({"revolutions": 0}, "at least 1 and 0 are needed"),

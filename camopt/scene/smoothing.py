@@ -1,0 +1,69 @@
+"""How the smooth path stands in for a scene's laws: the arguments that the public verbs share, under one name each."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from camopt.scene.errors import InputError
+from camopt.scene.units import UM
+
+FEWEST_STEPS, MOST_STEPS = 360, 28800
+"""Steps of a revolution that may be asked for: one in a degree, and one in an eightieth."""
+
+
+class Smoothing(NamedTuple):
+    """Width of the layer across which contacts begin to push, share of the law between cam and valve that is
+    bilateral, and equal steps of a revolution."""
+
+    width: float = 1e-6  # m
+    tie: float = 1.0
+    steps: int = 1440
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the arguments."""
+        return "width_um", "tie", "steps_per_revolution"
+
+    @property
+    def as_asked(self) -> dict[str, Any]:
+        """Those that differ from the defaults, by the names of the arguments."""
+        numbers = self.width / UM, self.tie, self.steps
+        own = zip(self.names, numbers, self, Smoothing(), strict=True)
+        return {name: number for name, number, value, usual in own if value != usual}
+
+
+def smoothing(verb: str, width_um, tie, steps_per_revolution) -> Smoothing:
+    """The smoothing that a verb is asked for; None stands for the default.
+
+    Raises InputError for a width that is none [um], a share outside 0 to 1, and steps beyond the limits of this module.
+    """
+    usual = Smoothing()
+    width_um, tie = usual.width / UM if width_um is None else width_um, usual.tie if tie is None else tie
+    steps = usual.steps if steps_per_revolution is None else steps_per_revolution
+    if not (_number(width_um) and width_um > 0):
+        raise InputError(f"{verb}: width_um {width_um!r}: expected a width of the contacts' layer above 0, such as 1")
+    if not (_number(tie) and 0.0 <= tie <= 1.0):
+        raise InputError(f"{verb}: tie {tie!r}: expected a share from 0 to 1")
+    if not (_number(steps) and int(steps) == steps and FEWEST_STEPS <= steps <= MOST_STEPS):
+        raise InputError(
+            f"{verb}: steps_per_revolution {steps!r}: expected an integer from {FEWEST_STEPS} to {MOST_STEPS}"
+        )
+    return Smoothing(float(width_um) * UM, float(tie), int(steps))
+
+
+def smoothing_in(settings: Mapping[str, Any]) -> Smoothing:
+    """The smoothing that stands in the settings of a run (`Smoothing.as_asked`).
+
+    Raises InputError where it is not the usual one and the run has no smoothed motion, or is for a yield.
+    """
+    found = smoothing("optimize", *(settings.get(name) for name in Smoothing().names))
+    if found != Smoothing() and (settings.get("gradient") == "exact" or "yield" in settings):
+        raise InputError(
+            "optimize: width_um, tie or steps_per_revolution with source 'exact' or a wanted yield: leave them out"
+        )
+    return found
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, (int, float, np.integer, np.floating)) and bool(np.isfinite(value))

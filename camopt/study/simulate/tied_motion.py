@@ -1,0 +1,37 @@
+"""A motion whose contacts between cam and valve are tied by a share: that of the rows of a search, state by state."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from camopt.cam.lift import Lift
+from camopt.scene.errors import MotionRefused
+from camopt.scene.response import Response
+from camopt.scene.smoothing import Smoothing
+from camopt.scene.train import Train
+from camopt.scene.units import RPM
+from camopt.smooth.contact import Layer
+from camopt.smooth.rest import rest_state
+from camopt.smooth.simulate import lift_samples
+from camopt.smooth.tied import parts_of_steps, tied_paths, tied_system
+
+
+def tied_motion(train: Train, lift: Lift, cam_speed: float, revolutions: int, smoothing: Smoothing) -> Response:
+    """Motion from rest over `revolutions` with tied contacts; raises MotionRefused where it has no bound."""
+    width, tie, steps = smoothing
+    tied, samples = tied_system(train), jnp.asarray(lift_samples(lift, steps))
+    speed, half, parts = jnp.asarray([cam_speed]), lift.half_duration, parts_of_steps(tied, cam_speed, steps)
+    states, forces = [rest_state(train)[None, ..., None]], []
+    for _ in range(revolutions):
+        motion = speed, states[-1][-1], (-half, half), tie, Layer(width)
+        state, force = tied_paths(tied, samples, *motion, parts=parts, whole=True)
+        states.append(state)
+        forces.append(force)
+    if not bool(jnp.all(jnp.isfinite(states[-1]))):
+        raise MotionRefused(
+            f"the smoothed motion with tied contacts grows without bound at {cam_speed / RPM:g} r/min of the camshaft: "
+            f"give a larger width_um, or another speed"
+        )
+    y, n = np.asarray(jnp.concatenate(states))[..., 0], len(train.mass)
+    force = np.asarray(jnp.concatenate([forces[-1][-1:], *forces]))[..., 0]  # at the start as a revolution later
+    angle = np.linspace(-np.pi, (2 * revolutions - 1) * np.pi, revolutions * steps + 1)
+    return Response(train, cam_speed, angle, lift(angle), y[:, 0, :n], y[:, 1, :n], force, y[:, 0, n:])
