@@ -9,7 +9,7 @@ import numpy as np
 
 from camopt.cam.geometry import contact, crossing
 from camopt.cam.lift import Lift
-from camopt.cam.piston import piston_drop
+from camopt.cam.linear_limits import piston_drop
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.bound.limit_terms import left_out

@@ -8,10 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import camopt
-from camopt.cam.film import film_ratio
-from camopt.cam.followers.registry import follower_of
+from camopt.cam.followers.kinds import follower_of
 from camopt.cam.geometry import contact
-from camopt.cam.hertz import line_pressure
+from camopt.cam.hertz import film_ratio, line_pressure
 from camopt.plots.style import new_figure, styled
 from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM, RPM

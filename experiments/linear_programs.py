@@ -16,7 +16,7 @@ import numpy as np
 import tomli_w
 
 from camopt.cam.families.free import free_cam
-from camopt.cam.families.free_limits import About
+from camopt.cam.families.shape_rows import LinearisationPoint
 from camopt.highs import Infeasible, Unbounded
 from camopt.optimizer.program.kinematic import area_ratio_row, first_working, reached_in_the_middle, spline_rows
 from camopt.optimizer.program.linear_program import Rows, WarmModel, maximise
@@ -99,7 +99,7 @@ def programs(number: int) -> Iterator[Posed]:
     speeds = [scene.cam_speed(speed) for speed in scene.operation.speeds_rpm]
     for knots in KNOTS_PER_DURATION:
         cam = free_cam(design, design.duration_deg / knots)
-        cam = replace(cam, about=About((0.0,) * len(design.duration_at)))
+        cam = replace(cam, about=LinearisationPoint((0.0,) * len(design.duration_at)))
         row, _ = area_ratio_row(design, cam)
         limits = cam.limits(design)
         matrix, bound = reached_in_the_middle(cam, design, limits.matrix, limits.bound)

@@ -162,11 +162,6 @@ def dotted(path: Path) -> str:
 
 CIRCULAR = {
     ("camopt.scene.design", "camopt.scene.schema"),
-    ("camopt.cam.families.record", "camopt.cam.lift"),
-    ("camopt.cam.families.free_limits", "camopt.cam.families.free"),
-    ("camopt.cam.families.radius_rows", "camopt.cam.families.free"),
-    ("camopt.cam.waves", "camopt.cam.families.free"),
-    ("camopt.designer.saving", "camopt"),
 }
 """Imports that close a circle of files: the importer and what it imports. No import may join them, and one that closes
 no circle any more leaves this set."""

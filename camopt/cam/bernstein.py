@@ -1,5 +1,9 @@
-"""Bernstein control points: a polynomial lies between its smallest and its largest one (Farin 2002, ch. 5)."""
+"""Polynomials on intervals: Bernstein control points, and a level over the cam angle that consists of pieces.
 
+A polynomial lies between its smallest and its largest control point (Farin, Curves and Surfaces for CAGD, 2002, ch. 5).
+"""
+
+from dataclasses import dataclass
 from functools import cache
 from math import comb
 
@@ -13,3 +17,50 @@ def from_powers(degree: int) -> Float[np.ndarray, "{degree}+1 {degree}+1"]:
     """Matrix from the power coefficients of a polynomial on [0, 1] to its control points."""
     k = range(degree + 1)
     return np.array([[comb(i, j) / comb(degree, j) for j in k] for i in k])
+
+
+@dataclass(frozen=True)
+class Level:
+    """Pieces sum_k c[i, k] (theta - borders[i])^k [SI] between `borders` [rad]; two equal borders are one angle.
+
+    What is meant lies within `error` of the pieces: who holds it takes the lower side, who bounds it the upper.
+    """
+
+    borders: Float[np.ndarray, " edges"]
+    coefficients: Float[np.ndarray, "p q"]
+    error: float = 0.0
+
+    @property
+    def low(self) -> float:
+        """First angle [rad]."""
+        return float(self.borders[0])
+
+    @property
+    def high(self) -> float:
+        """Last angle [rad]."""
+        return float(self.borders[-1])
+
+    @property
+    def size(self) -> float:
+        """Largest value at a border."""
+        return float(np.abs(self.coefficients[:, 0]).max())
+
+    def taylor(self, start: Float[np.ndarray, " k"], within: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k q"]:
+        """Power coefficients about angles `start` (k) [rad] of the pieces that hold at angles `within` (k)."""
+        piece = np.clip(np.searchsorted(self.borders, within, side="right") - 1, 0, len(self.coefficients) - 1)
+        return about(self.coefficients[piece], start - self.borders[piece])
+
+
+def about(coefficients: Float[np.ndarray, "k q"], moved: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k q"]:
+    """Power coefficients about points that lie `moved` (k) further, by Newton's binomial."""
+    count = coefficients.shape[1]
+    found = np.zeros_like(coefficients)
+    for k in range(count):
+        for j in range(k, count):
+            found[:, k] += comb(j, k) * coefficients[:, j] * moved ** (j - k)
+    return found
+
+
+def flat_level(value: float, low: float, high: float) -> Level:
+    """The same value at all angles from `low` to `high` [rad]."""
+    return Level(np.array([low, high]), np.array([[value]]))

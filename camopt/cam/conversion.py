@@ -6,7 +6,7 @@ closed form. Where these angles do not ascend the follower would bridge a hollow
 
 import numpy as np
 
-from camopt.cam.followers.registry import follower_of
+from camopt.cam.followers.kinds import follower_of
 from camopt.cam.geometry import Contact, contact
 from camopt.cam.lift import Lift
 from camopt.cam.tables.interpolation import centred, spline_pieces

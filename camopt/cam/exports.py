@@ -1,10 +1,14 @@
-"""What is handed to whoever grinds the cam: the lift table and the contour, in millimetres with the digits asked for.
+"""Files for grinding and for engine simulation: lift tables and the contour, in millimetres with a number of digits.
 
 The contour gives the point that touches the follower at each cam angle of the table. Its coordinates carry one digit
 more than the lift: two rounded coordinates miss a point by up to 0.71 of a unit, and a roller's lift by that over the
 cosine of the pressure angle, so with the lift's own digits half a unit of lift could not be kept. As each point comes
 with its cam angle, nothing need be interpolated to rebuild the lift there: the support function of the points (flat
 follower) or the roller laid on them meets it within half a unit of the lift's last digit.
+
+Engine simulations read the valve's lift by the crank's angle, a row each degree: EngMod4T takes two columns without a
+header, parted by a tab. The lift is the static one, which is the cam's less the lash, or that of a motion at a speed.
+Degree 0 is the last whole one before the valve opens.
 """
 
 from dataclasses import dataclass
@@ -12,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from camopt.cam.geometry import Contact, contact
+from camopt.cam.geometry import Contact, contact, crossing
 from camopt.cam.lift import Lift, angles_deg
 from camopt.scene import InputError
 from camopt.scene.geometry import Geometry
@@ -23,6 +27,8 @@ from camopt.storage import write_csv, write_text
 MOST_DIGITS = 12
 BETWEEN = 8
 """Places between two rows at which an interpolation is looked at."""
+NOTHING = 5e-4 * MM
+"""Lift [m] from which a valve without lash counts as open."""
 
 
 def write_rounded_table(path: str | Path, lift: Lift, step_deg: float, digits: int, rocker_ratio: float = 1.0) -> None:
@@ -121,3 +127,24 @@ def rounded(values: Float[np.ndarray, " k"], digits: int) -> list[str]:
 def _angle_cells(degrees: np.ndarray) -> list[str]:
     """Angles to 1e-9 deg, whole ones without a point."""
     return [f"{angle:.12g}" for angle in degrees]
+
+
+def crank_rows(lift: Lift, lash: float, cam_per_crank: float) -> Float[np.ndarray, " k"]:
+    """Crank angles [deg] from the middle of the cam's duration, a degree apart, from before the opening to after the
+    closing, which are where the lift passes the lash [m], or half a micrometre without one.
+
+    Raises InputError where the lift never does.
+    """
+    opens, closes = (angle / DEG / cam_per_crank for angle in crossing(lift, max(lash, NOTHING)))
+    return np.arange(np.floor(opens), np.ceil(closes) + 1)
+
+
+def static_lift(lift: Lift, lash: float, theta: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+    """The valve's lift [m] at cam angles [rad] where it follows the cam: max(0, lift - lash)."""
+    return np.maximum(lift(theta) - lash, 0.0)
+
+
+def write_valve_lift(path: str | Path, lift: Float[np.ndarray, " k"], digits: int) -> None:
+    """Writes a valve's lifts [m], a crank degree apart, with this many decimals of a millimetre."""
+    rows = enumerate(rounded(lift / MM, digits))
+    write_text(path, "".join(f"{degree}\t{height}\n" for degree, height in rows))

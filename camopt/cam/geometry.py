@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from camopt.cam.followers.registry import follower_of
+from camopt.cam.followers.kinds import follower_of
 from camopt.cam.followers.touch import turned
 from camopt.cam.lift import Lift
 from camopt.scene import InputError

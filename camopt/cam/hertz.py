@@ -1,11 +1,19 @@
-"""Hertz stress between cam and follower: line contact of two elastic cylinders with parallel axes (Hertz 1881).
+"""Line contact of cam and follower: Hertz stress of two elastic cylinders with parallel axes, and the oil film.
 
 With P the force per length of the line, R the radii's and E* the moduli's combination, the largest pressure, in the
-middle of the contact, is (Johnson, Contact Mechanics, 1985, Eq. (4.45))
+middle of the contact, is (Hertz 1881; Johnson, Contact Mechanics, 1985, Eq. (4.45))
     p_0 = sqrt(P E* / (pi R)),   1/R = 1/R_cam + 1/R_follower,   1/E* = (1 - nu_cam^2)/E_cam + (1 - nu_f^2)/E_f.
 A flat face has 1/R_follower = 0; a concave flank counts with a negative radius. The force along the way of what rides
 on the cam is the simulated one, which acts on the valve's axis, times the ratio of the valve's velocity to its own; the
 normal force that of it over the cosine of the pressure angle. Friction, edges and lubrication are left out.
+
+The least thickness of the oil film is Dowson's for elastic bodies and a piezoviscous oil (Dowson, Elastohydrodynamics,
+Proc. IMechE 182(3A), 1968):
+    h / R = 2.65 U^0.7 G^0.54 W^-0.13,   U = eta u / (E' R),   G = alpha E',   W = P / (E' R),
+with u the entrainment velocity, R the radii's and E' = 2 E* the moduli's combination, P the force per length, eta the
+viscosity without pressure and alpha its growth with it. It serves the report only. Every angle is taken by itself,
+without squeeze, heat and edges: the film vanishes where the entrainment reverses, where squeezing carries a real one
+over.
 """
 
 from dataclasses import dataclass
@@ -17,12 +25,14 @@ from camopt.cam.lift import Lift
 from camopt.scene import InputError
 from camopt.scene.geometry import Geometry
 from camopt.scene.shapes import Float
-from camopt.scene.units import DEG, MM
+from camopt.scene.units import DEG, MM, UM
 
 GPA = 1e9
 """Pascals in a gigapascal."""
 MPA = 1e6
 """Pascals in a megapascal."""
+MPA_S = 1e-3
+"""Pascal seconds in a millipascal second."""
 
 
 @dataclass(frozen=True)
@@ -100,3 +110,24 @@ def combined_curvature(along: Contact) -> np.ndarray:
         return cam
     undercut = (own <= 0) & (own >= -radius * MM)
     return np.where(undercut, -np.inf, cam + 1 / (radius * MM))
+
+
+def film_ratio(
+    along: Contact, cam_speed: float, normal_force: Float[np.ndarray, " k"]
+) -> Float[np.ndarray, " k"] | None:
+    """Film thickness over roughness at a cam speed [rad/s] under the normal force [N]; infinite without force, and not
+    a number where there is no line contact (`camopt.cam.hertz.hertz_stress` refuses such a cam).
+
+    None where the scene states no oil or no roughness. Raises InputError where it gives no width of the contact.
+    """
+    geometry = along.geometry
+    if geometry.oil_viscosity_mPa_s is None or geometry.roughness_um is None:
+        return None
+    curvature = combined_curvature(along)
+    radius = np.divide(1.0, curvature, out=np.full_like(curvature, np.nan), where=curvature > 0)
+    modulus = 2 * contact_modulus(geometry)
+    speed = geometry.oil_viscosity_mPa_s * MPA_S * np.abs(along.entrainment) * cam_speed / (modulus * radius)
+    load = normal_force / contact_width(geometry) / (modulus * radius)
+    oil = geometry.oil_pressure_viscosity_per_GPa / GPA * modulus
+    with np.errstate(divide="ignore"):
+        return 2.65 * speed**0.7 * oil**0.54 * load**-0.13 * radius / (geometry.roughness_um * UM)

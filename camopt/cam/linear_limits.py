@@ -21,21 +21,31 @@ this is at most 1 / p with p = rho + r, and where it is concave if it is at leas
     concave     P'' <= P + P^2 / d
 
 leave P'^2 out to the safe side, and the tangent of P^2 at any P0 makes both linear, to the safe side too. The free
-cam's programs come nearer to the radii (`camopt.cam.families.radius_rows`); these limits are for all others.
+cam's programs come nearer to the radii (`camopt.cam.families.radius_planes`); these limits are for all others.
+
+A piston limits the lift by the room that it leaves for the valve. With the crank's radius r, the rod l, the pin offset
+e and the crank angle phi from the vertical, the piston stands r cos(phi) + sqrt(l^2 - (r sin(phi) - e)^2) above the
+crank (Heywood, Internal Combustion Engine Fundamentals, 1988, ch. 2). It is highest where crank and rod are in line,
+sin(phi) = e / (l + r), and crank angles count from there.
 """
 
 from dataclasses import dataclass
+from math import asin, cos
 
 import numpy as np
 
-from camopt.cam.level import Level, flat_level
+from camopt.cam.bernstein import Level, flat_level
 from camopt.cam.lift import APART, Lift
-from camopt.cam.piston import piston_room
-from camopt.scene.design import Design
+from camopt.scene.design import RADII, Design, Piston
+from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM
 
 FLANK = 0.25
 """Share of the lift at which cams are most concave; elsewhere the limit is held with room."""
+PIECE = 1.0 * DEG
+"""Longest piece of the polynomials [rad of the cam]: their error is then a few nanometres."""
+SERIES_END = 1e-18
+"""Size of the terms of a series, relative to its sum, after which it ends; the rest is a geometric series."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +104,13 @@ def linear_limits(design: Design, centres: tuple[float, ...] = ()) -> list[Linea
         clearance = design.piston.clearance_mm
         found.append(LinearLimit("piston", "piston.clearance_mm", (1.0,), room, clearance, -1 / MM))
     return found + _of_a_flat_follower(design, half) + _of_a_roller(design, half)
+
+
+def radii_held_near(design: Design) -> tuple[str, ...]:
+    """The keys of the limits on radii that programs hold near a cam, solved again and again: those under a circle."""
+    if design.geometry is None or design.geometry.contact_radius_mm is None:
+        return ()
+    return tuple(key for key in RADII if getattr(design, key) is not None)
 
 
 def at_least(least_deg: float) -> str:
@@ -185,3 +202,52 @@ def less_level(lift: Lift, level: Level) -> Lift:
     total = np.pad(own, ((0, 0), (0, max(0, other.shape[1] - own.shape[1]))))
     total[:, : other.shape[1]] -= other
     return Lift(edges, total, lift.half_duration)
+
+
+def piston_drop(piston: Piston, crank: Float[np.ndarray, "*k"], order: int = 0) -> Float[np.ndarray, "*k"]:
+    """How far the piston is below its highest place [m], or its derivative, at crank angles from there [rad]."""
+    r, rod, e = (x * MM for x in (piston.stroke_mm / 2, piston.rod_mm, piston.pin_offset_mm))
+    phi = crank + asin(e / (rod + r))
+    side = r * np.sin(phi) - e
+    upright = np.sqrt(rod**2 - side**2)
+    if order == 1:
+        return r * np.sin(phi) + side * r * np.cos(phi) / upright
+    return np.sqrt((rod + r) ** 2 - e**2) - r * np.cos(phi) - upright
+
+
+def piston_room(piston: Piston, cam_per_crank: float, half: float) -> Level:
+    """The largest lift [m] that keeps the clearance, at cam angles from -half to half [rad].
+
+    Cubic Hermite pieces: their error is width^4 / 384 times a bound on the fourth derivative.
+    """
+    slope = cos(piston.valve_angle_deg * DEG)
+    room = (piston.gap_at_top_mm - piston.clearance_mm) * MM
+    edges = np.linspace(-half, half, int(np.ceil(2 * half / PIECE)) + 1)
+    crank = piston.lobe_centre_deg * DEG + edges / cam_per_crank
+    value = room + slope * piston_drop(piston, crank)
+    rate = slope * piston_drop(piston, crank, 1) / cam_per_crank
+    h = np.diff(edges)
+    rise = np.diff(value) / h
+    bend, twist = (3 * rise - 2 * rate[:-1] - rate[1:]) / h, (rate[:-1] + rate[1:] - 2 * rise) / h**2
+    pieces = np.stack([value[:-1], rate[:-1], bend, twist], axis=1)
+    fourth = slope * largest_fourth_derivative(piston) / cam_per_crank**4
+    return Level(edges, pieces, float(h.max()) ** 4 / 384 * fourth)
+
+
+def largest_fourth_derivative(piston: Piston) -> float:
+    """A bound on the fourth derivative of the piston's place by the crank angle [m/rad^4].
+
+    With u = (r sin(phi) - e) / l, the root is l (1 - sum over n of a_n u^(2n)) with positive a_n, and the fourth
+    derivative of a trigonometric polynomial of degree 2n is at most (2n)^4 times its largest value (Bernstein 1912).
+    """
+    r, rod, e = (x * MM for x in (piston.stroke_mm / 2, piston.rod_mm, piston.pin_offset_mm))
+    share = ((r + abs(e)) / rod) ** 2
+    total, term, n = 0.0, share / 2, 1  # term: a_n u^(2n)
+    while True:
+        total += term * (2 * n) ** 4
+        if share * ((n + 1) / n) ** 4 < 1:  # from here on the terms fall at least as fast as a geometric series
+            rest = term * (2 * n) ** 4 / (1 - share * ((n + 1) / n) ** 4)
+            if rest < SERIES_END * total or n > 10_000:
+                return r + rod * (total + rest)
+        term *= share * (2 * n - 1) / (2 * n + 2)
+        n += 1

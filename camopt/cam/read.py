@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from camopt.cam.design_file import read_design
-from camopt.cam.families.record import EXPECTED
-from camopt.cam.families.registry import FAMILIES, family_named
+from camopt.cam.families.record import EXPECTED, family_named
+from camopt.cam.families.registry import FAMILIES
 from camopt.cam.lift import Lift
 from camopt.scene import InputError, Scene
 from camopt.scene.spelling import did_you_mean

@@ -40,6 +40,19 @@ def cam_of(args: Namespace, scene: Scene, cam: str | Path | None = None) -> "Lif
     return read_cam(args.cam if cam is None else cam, scene, *layout, **text)
 
 
+def run_named(args: Namespace) -> Path | None:
+    """The run folder in the scene's place, if there is one; its cam is the command's where no other is named.
+
+    Raises InputError where no cam is named at all.
+    """
+    run = Path(args.scene) if (Path(args.scene) / "scene.toml").is_file() else None
+    args.cam = args.cam or (run and args.scene)
+    if args.cam is None:
+        words = "no cam: add --cam CAM, or give a run folder in the scene's place"
+        raise InputError(f"{args.command} {excerpt(args.scene)}: {words}")
+    return run if args.cam == args.scene else None
+
+
 def folder_of(args: Namespace, name: str) -> Path:
     """The folder that a command is to write, known to be free or to be resumed; `args.folder` from here on."""
     resume = getattr(args, "resume", False)

@@ -6,7 +6,7 @@ from argparse import Namespace
 from contextlib import nullcontext
 from pathlib import Path
 
-from camopt.cli.arguments import SIMULATED, cam_of, folder_of, once_each, say_compilation, scene_of, tell
+from camopt.cli.arguments import SIMULATED, cam_of, folder_of, once_each, run_named, say_compilation, scene_of, tell
 from camopt.scene import InputError, builtin_scenes, load_scene, scene_text
 from camopt.scene.spelling import did_you_mean
 from camopt.scene.text_file import excerpt
@@ -58,16 +58,24 @@ def reduce(args: Namespace) -> int:
 
 
 def yield_(args: Namespace) -> int:
+    run = run_named(args)
     scene = scene_of(args)
     folder = folder_of(args, scene.name)
     cam = cam_of(args, scene)
     from camopt.study.yields.yields import manufacturing_yield, yield_lines
 
     say_compilation(args)
-    drawn = {"speeds_rpm": args.speeds, "seed": args.seed, "halve": args.halve}
+    drawn = {"speeds_rpm": args.speeds, "seed": args.seed, "halve": args.halve, "price": args.price}
     kept = {"out": folder, "resume": args.resume}
     result = manufacturing_yield(scene, cam, args.trains, **drawn, **kept, progress=not args.quiet)
-    return tell(args, result.as_dict(), [*yield_lines(result), f"folder: {folder}"])
+    lines = [*yield_lines(result), f"folder: {folder}"]
+    if result.prices and run:
+        from camopt.plots import save
+        from camopt.report import write_report
+
+        save(result.prices.plot(), run / "figures", "prices")
+        lines.append(f"report: {write_report(run)}")
+    return tell(args, result.as_dict(), lines)
 
 
 def what_if(args: Namespace) -> int:

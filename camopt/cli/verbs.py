@@ -11,7 +11,16 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from camopt.cli.arguments import SIMULATED, cam_of, folder_of, once_each, print_area_words, say_compilation, scene_of
+from camopt.cli.arguments import (
+    SIMULATED,
+    cam_of,
+    folder_of,
+    once_each,
+    print_area_words,
+    run_named,
+    say_compilation,
+    scene_of,
+)
 from camopt.cli.studies import bound as bound
 from camopt.cli.studies import extremes as extremes
 from camopt.cli.studies import gradient as gradient
@@ -24,7 +33,6 @@ from camopt.cli.studies import tradeoff as tradeoff
 from camopt.cli.studies import what_if as what_if
 from camopt.cli.studies import yield_ as yield_
 from camopt.scene import InputError, Scene, build_train, load_scene
-from camopt.scene.text_file import excerpt
 from camopt.storage import write_csv, write_csv_rows, write_json
 
 if TYPE_CHECKING:
@@ -126,12 +134,7 @@ def design(args: Namespace) -> int:
 
 
 def verify(args: Namespace) -> int:
-    run = Path(args.scene) if (Path(args.scene) / "scene.toml").is_file() else None
-    args.cam = args.cam or (run and args.scene)
-    if args.cam is None:
-        raise InputError(
-            f"verify {excerpt(args.scene)}: no cam: add --cam CAM, or give a run folder in the scene's place"
-        )
+    run = run_named(args)
     if args.outside:
         from camopt.verifier.from_outside import require_outside
 
@@ -154,7 +157,7 @@ def verify(args: Namespace) -> int:
         write_json(args.json, record)
     print_area_words(lift, scene)
     print("\n".join([str(verdict), *lines]))
-    if verdict.outside and run and args.cam == args.scene:
+    if verdict.outside and run:
         from camopt.report import write_report
 
         write_json(run / "outside.json", list(verdict.outside))

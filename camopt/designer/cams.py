@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from camopt.cam.families.free import FreeCam, free_cam
-from camopt.cam.families.radius_rows import radii_held_near
 from camopt.cam.lift import Lift
+from camopt.cam.linear_limits import radii_held_near
 from camopt.designer.controls import KINEMATIC, NO_JUMP
 from camopt.designer.edits import Asked
 from camopt.designer.warm_start import begin_like

@@ -3,10 +3,10 @@
 import platform
 import re
 import time
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from camopt import __version__
 from camopt.cam.design_file import as_written, design_record
 from camopt.cam.tables.lift_table import write_lift_table
 from camopt.designer.session import Edited
@@ -54,7 +54,7 @@ def save_run(folder: Path, name: object, design: Edited, verification: dict[str,
         if verification is not None:
             write_json(path / "verification.json", verification)
         content = {
-            "versions": {"camopt": __version__, "python": platform.python_version()},
+            "versions": {"camopt": version("camopt"), "python": platform.python_version()},
             "settings": {"command": "design", "program": found.program},
             "finished_utc": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         }

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from camopt.cam.families.radius_rows import radii_held_near
 from camopt.cam.lift import Lift
+from camopt.cam.linear_limits import radii_held_near
 from camopt.designer.cams import CamFinder, FoundCam, program_speeds_rpm
 from camopt.designer.controls import controls
 from camopt.designer.edits import Asked, Refused, asked_of, edited_scene, read_values

@@ -8,10 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from camopt.cam.families.radius_rows import radii_held_near
 from camopt.cam.geometry import crossing, smallest_radii
 from camopt.cam.lift import Lift
-from camopt.cam.linear_limits import linear_limits
+from camopt.cam.linear_limits import linear_limits, radii_held_near
 from camopt.cam.waves import sign_changes
 from camopt.measure.rounded import RAMP_VELOCITY, rows_of, surely_broken
 from camopt.scene.design import RADII, REACH, ROUNDING, Design

@@ -5,6 +5,7 @@ import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import matplotlib
@@ -14,7 +15,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from camopt.cam.families.registry import FAMILIES, family_named
+from camopt.cam.families.registry import FAMILIES
 from camopt.storage import write_bytes
 
 INK = "#222222"
@@ -90,7 +91,7 @@ def line_of(family: str) -> tuple[str, Any] | None:
     """Colour and dashes of a family or the design; None where a family's record has none, and for no family."""
     if family == DESIGN:
         return DESIGN_LINE
-    return family_named(family).line if family else None
+    return resolve_name(FAMILIES[family]).line if family else None
 
 
 def cam_line(cam: str) -> dict:

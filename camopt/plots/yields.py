@@ -53,3 +53,34 @@ def blame_bars(blame: Mapping[str, float], bought: Mapping[str, float]) -> Figur
         axes.axvline(0.0, color="#777777", linewidth=0.7)
         axes.set_xlabel(words)
     return figure
+
+
+@styled
+def price_bars(
+    left_out: Mapping[str, float],
+    halved: Mapping[str, float],
+    noise: float,
+    worth: Mapping[str, float],
+    worth_noise: float,
+) -> Figure:
+    """Draws by tolerance the changes of the area ratio where it is left out and halved, and those for one per cent more
+    of its numbers, each with a standard error."""
+    labels = sorted(left_out or halved, key=lambda label: (left_out or halved)[label])
+    figure = new_figure(7.6, 1.5 + 0.42 * max(len(labels), 1))
+    both, raised = figure.subplots(1, 2, sharey=True)
+    rows = np.arange(len(labels))
+    for axes, values, error, place, height, label, depth in (
+        (both, left_out, noise, 0.2, 0.38, "left out", 1.0),
+        (both, halved, noise, -0.2, 0.38, "halved", 0.45),
+        (raised, worth, worth_noise, 0.0, 0.5, "", 1.0),
+    ):
+        known = [i for i, name in enumerate(labels) if name in values]
+        widths = [values[labels[i]] for i in known]
+        axes.barh(rows[known] + place, widths, height, color=COLOUR, alpha=depth, label=label or None)
+        axes.errorbar(widths, rows[known] + place, xerr=error, fmt="none", ecolor="#444444", elinewidth=0.8)
+        axes.axvline(0.0, color="#777777", linewidth=0.7)
+    both.set_yticks(rows, labels)
+    both.set_xlabel("change of the area ratio [-]")
+    raised.set_xlabel("change for 1 % more of its numbers [-]")
+    legend_above(figure, both)
+    return figure

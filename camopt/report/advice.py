@@ -27,7 +27,7 @@ def advice(run: RunFolder, scene: str, cam: str, assumed: Sequence[Hanging] = ()
     `scene` and `cam` are what the commands name: a scene's name or file, and the run folder's path. `assumed` are the
     train's assumed numbers, those first on which most hangs.
     """
-    verdict, steps = run.verification.get("verdict"), _Commands(run, scene, cam)
+    verdict, steps = run.verdict, _Commands(run, scene, cam)
     move = steps.step("Move the limits and watch the cam.", "design", scene)
     if verdict == "confirmed":
         return [*_before_the_grinder(run, steps, assumed), _dearest(run, steps)]
@@ -90,8 +90,7 @@ def _to_the_grinder(run: RunFolder, share: str, assumed: Sequence[Hanging]) -> s
     parts = [f"of the train first {first_to_measure(assumed)}"] if assumed else []
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
     parts += [f"of the geometry {', '.join(names[:NAMED])}{more}"] if names else []
-    scatters = run.scene.get("tolerance") or run.scene.get("grinding")
-    held = f"; {share}" if share else "" if scatters else "; the scene does not say how trains differ"
+    held = f"; {share}" if share else "" if run.scatters else "; the scene does not say how trains differ"
     if not parts:
         return f"Take the cam to the grinder{held}."
     return f"Measure what the scene assumes ({'; '.join(parts)}), then take the cam to the grinder{held}."
@@ -99,9 +98,8 @@ def _to_the_grinder(run: RunFolder, share: str, assumed: Sequence[Hanging]) -> s
 
 def _dearest(run: RunFolder, steps: "_Commands") -> dict[str, str]:
     """To move the limits, the one first of which one per cent buys most."""
-    worth = run.design.get("limit_worth")
-    known = {str(k): v for k, v in worth.items() if is_number(v)} if isinstance(worth, dict) else {}
-    first = max(known, key=lambda key: known[key]) if known else None
+    worth = run.worth
+    first = max(worth, key=lambda key: worth[key]) if worth else None
     words = f"Move the limits; {label_and_unit(first)[0]} buys most area." if first else "Move the limits."
     return steps.step(words, "design", steps.scene)
 
@@ -110,13 +108,11 @@ class _Commands:
     """The commands about a run, with the words that it was given."""
 
     def __init__(self, run: RunFolder, scene: str, cam: str):
-        settings = run.provenance.get("settings")
-        asked = settings if isinstance(settings, dict) else {}
-        named, wanted, free = asked.get("accuracy"), asked.get("yield"), asked.get("free")
+        named, wanted, free = (run.settings.get(key) for key in ("accuracy", "yield", "free"))
         self.scene, self.cam = scene, cam
         self.accuracy = ACCURACIES.index(named) if named in ACCURACIES else 1
         self.wanted = wanted if is_number(wanted) else None
-        self._nominal = asked.get("speeds") == "nominal"
+        self._nominal = run.settings.get("speeds") == "nominal"
         self._free = _ranges(free) if isinstance(free, dict) else []
 
     @property

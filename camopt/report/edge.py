@@ -18,7 +18,7 @@ LONG_OPEN_DEG = 10.0
 def edge_sentences(run: RunFolder) -> list[str]:
     """The findings on a confirmed cam: too little reserve of speed, a contact that is open for long, a motion that does
     not settle; none for another verdict, which says worse."""
-    if run.verification.get("verdict") != "confirmed":
+    if run.verdict != "confirmed":
         return []
     return [*_narrow_reserve(run), *_long_open(run), *_unsettled(run)]
 
@@ -28,12 +28,11 @@ def _narrow_reserve(run: RunFolder) -> list[str]:
     them."""
     if standing(run.built) in (HELD, ENOUGH):
         return []
-    operation, starts = run.scene.get("operation"), run.verification.get("limits")
-    ends = operation.get("band_rpm") if isinstance(operation, dict) else None
-    if not isinstance(starts, dict) or not isinstance(ends, list) or not ends or not is_number(ends[-1]):
+    starts, band = run.verification.get("limits"), run.band_rpm
+    if not starts or band is None:
         return []
-    above = [speed for speed in starts.values() if is_number(speed) and speed > ends[-1]]
-    reserve = 100 * (min(above) / ends[-1] - 1) if above else NARROW_PERCENT
+    above = [speed for speed in starts.values() if is_number(speed) and speed > band[1]]
+    reserve = 100 * (min(above) / band[1] - 1) if above else NARROW_PERCENT
     if reserve >= NARROW_PERCENT:
         return []
     return [
@@ -44,8 +43,8 @@ def _narrow_reserve(run: RunFolder) -> list[str]:
 
 def _long_open(run: RunFolder) -> list[str]:
     """That a contact is open over tens of degrees and nothing in the scene forbids it."""
-    angle, jump, design = run.verification.worst("jump_deg"), run.verification.worst("jump_mm"), run.scene.get("design")
-    limited = isinstance(design, dict) and ("jump_max_deg" in design or "contact_force_min_N" in design)
+    angle, jump = run.verification.worst("jump_deg"), run.verification.worst("jump_mm")
+    limited = "jump_max_deg" in run.demands or "contact_force_min_N" in run.demands
     if limited or angle is None or angle.value is None or angle.value <= LONG_OPEN_DEG:
         return []
     little = f" though by {shown(jump.value, 2)} mm at most" if jump is not None and is_number(jump.value) else ""
@@ -68,5 +67,4 @@ def _unsettled(run: RunFolder) -> list[str]:
 
 def _or_yield(run: RunFolder) -> str:
     """The other remedy, for a scene that says how trains differ, and for a run that has not been asked so."""
-    scatters = run.scene.get("tolerance") or run.scene.get("grinding")
-    return ", or --yield," if scatters and not is_number(run.built.get("wanted")) else ""
+    return ", or --yield," if run.scatters and not is_number(run.built.get("wanted")) else ""

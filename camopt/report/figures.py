@@ -34,6 +34,11 @@ CAPTIONS = {
         "Area ratio of its steps, and worst bounce or, for a yield, the drawn trains that fail; only filled steps may "
         "be returned.",
     ),
+    "prices": (
+        "What tolerances cost",
+        "Change of the largest area ratio where a tolerance is left out or halved, and for every per cent by which the "
+        "numbers that it moves are raised; lines are standard errors.",
+    ),
     "modes": ("Natural modes", "Shapes over the masses, of unit norm, with their frequencies."),
 }
 """Figures that a run writes, in the order of the page: title and caption."""

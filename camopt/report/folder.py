@@ -10,6 +10,7 @@ from typing import TypeVar
 
 from camopt.measure.yield_words import standing
 from camopt.scene.errors import InputError
+from camopt.scene.quantities import is_number
 from camopt.verifier.record import VerificationRecord, outside_entries
 
 MOST_BYTES = 50_000_000
@@ -35,10 +36,47 @@ class RunFolder:
     path: str = ""  # of the folder, from where the report is made
 
     @property
+    def verdict(self) -> str | None:
+        """The verdict's word; None where the cam was not verified."""
+        return self.verification.get("verdict")
+
+    @property
     def built(self) -> dict:
         """What the run says of trains as built; empty where it says nothing that can be understood."""
-        found = self.verification.get("yield")
-        return found if isinstance(found, dict) and standing(found) else {}
+        record = _table(self.verification, "yield")
+        return record if standing(record) else {}
+
+    @property
+    def demands(self) -> dict:
+        """The scene's [design]: every limit by its key."""
+        return _table(self.scene, "design")
+
+    @property
+    def band_rpm(self) -> tuple[float, float] | None:
+        """The scene's band of crankshaft speeds [r/min]."""
+        ends = _table(self.scene, "operation").get("band_rpm")
+        return (ends[0], ends[1]) if isinstance(ends, list) and len(ends) == 2 and all(map(is_number, ends)) else None
+
+    @property
+    def scatters(self) -> bool:
+        """Whether the scene says how trains differ."""
+        return bool(self.scene.get("tolerance") or self.scene.get("grinding"))
+
+    @property
+    def settings(self) -> dict:
+        """The options that the run was given."""
+        return _table(self.provenance, "settings")
+
+    @property
+    def worth(self) -> dict[str, float]:
+        """Per cent more area for one per cent more of a limit, by the limit's key."""
+        return {str(k): v for k, v in _table(self.design, "limit_worth").items() if is_number(v)}
+
+
+def _table(content: dict, key: str) -> dict:
+    """A part of a file's content; empty where it is not there or is no table."""
+    part = content.get(key)
+    return part if isinstance(part, dict) else {}
 
 
 def read_run_folder(folder: Path) -> RunFolder:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camopt.cam.followers.arm import Arm
+from camopt.cam.followers.kinds import Arm
 from camopt.scene.geometry import SWINGING, Geometry
 from camopt.scene.units import MM
 

@@ -1,4 +1,4 @@
-"""The scene's limits against what the run folder says was reached: held, broken, or not known."""
+"""The scene's limits against what the run folder says was reached: held, broken, or not known, and the share used."""
 
 from collections.abc import Iterable
 
@@ -10,10 +10,14 @@ from camopt.report.shape import EVERYWHERE, Reached, reached_by_shape
 from camopt.report.wording import as_number, label_and_unit, shown
 from camopt.scene.design import ROUNDING, Design
 from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES, is_number
+from camopt.verifier.record import worst_case_value
 from camopt.verifier.verdict import ORDER
 
 CAM_LIMITS = ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3")
 BROKEN = "verification.json broken"
+NEAR = 0.9
+"""Share of a limit from which a cell says that it is near."""
+NO_PRICE = "–"
 STATES = {True: ("good", "✓ held"), False: ("bad", "✗ broken"), None: ("doubt", "? not known")}
 
 
@@ -23,8 +27,7 @@ def limit_rows(run: RunFolder, shape: tuple[Lift, Design] | None = None) -> list
 
     `shape` is the run's cam with the design that it is held to: with it every limit on the shape has a row, too.
     """
-    design = run.scene.get("design")
-    design = design if isinstance(design, dict) else {}
+    design = run.demands
     rows = [_cam_row(run, key, design[key]) for key in CAM_LIMITS if is_number(design.get(key))]
     if shape is not None:
         recorded = {row["key"] for row in rows if row["held"] is not None}
@@ -133,3 +136,61 @@ def disagreements(run: RunFolder, rows: Iterable[dict]) -> list[str]:
     if verdict == "rejected" and not named:
         sentences.append("The verdict is rejected, yet it names no limit that is broken.")
     return list(dict.fromkeys(sentences))
+
+
+def matrix(run: RunFolder, limits: list[dict]) -> dict:
+    """`speeds`, and `rows` with label, demand, price and `cells`: words, class, and whether it is the row's worst.
+
+    A limit on the motion has a cell for each speed and one for the band. One on the cam's shape holds at every speed:
+    its row has one cell, which spans them all. The price is what one per cent more of the limit buys.
+    """
+    judged, design, worth = run.verification.by_speed, run.demands, run.worth
+    worst = (run.verification.get("band") or {}).get("worst") or {}
+    of_motion = {quantity.limit for quantity in QUANTITIES.values()}
+    shape = [
+        {**_named(row["label"], row["limit"], row["unit"], worth.get(row["key"])), "shape": _of_shape(row)}
+        for row in limits
+        if row["key"] not in of_motion
+    ]
+    rows = []
+    for quantity in QUANTITIES.values():
+        limit = design.get(quantity.limit or "")
+        if not is_number(limit):
+            continue
+        least = quantity.name in LESS_IS_WORSE
+        values = [worst_case_value(speed, quantity.name)[0] for speed in judged]
+        stated = (worst.get(quantity.name) or {}).get("value")
+        values += [stated if is_number(stated) else None] if worst else []
+        shares = [share_of(limit, least, value) for value in values]
+        largest = max((share for share in shares if share is not None), default=0.0)
+        first = shares.index(largest) if largest > 0 else None
+        cells = [_cell(share, i == first) for i, share in enumerate(shares)]
+        named = _named(quantity.label, demanded(design, quantity.name), quantity.unit, None)
+        rows.append({**named, "cells": cells, "shape": None})
+    speeds = [shown(speed.get("speed_rpm")) for speed in judged]
+    rows += shape
+    priced = any(row["price"] != NO_PRICE for row in rows)
+    return {"speeds": speeds + ["band"] * bool(worst), "rows": rows, "priced": priced}
+
+
+def _named(label: str, demand: str, unit: str, price) -> dict:
+    return {
+        "label": label,
+        "demand": f"{demand} {unit}".strip(),
+        "price": NO_PRICE if price is None else shown(price, 2),
+    }
+
+
+def _of_shape(row: dict) -> dict:
+    """The cell of a limit on the shape; where no share can be told, whether it holds."""
+    kind = {True: "calm", False: "bad", None: "unknown"}[row["held"]]
+    cell = _cell(row["share"]) if row["share"] is not None else {"words": row["state"], "worst": False}
+    return cell | {"kind": kind}
+
+
+def _cell(share: float | None, worst: bool = False) -> dict:
+    if share is None:
+        return {"words": "?", "kind": "unknown", "worst": False}
+    words = f"{100 * share:.0f} %" if share < 10 else f"{share:.0f} times"
+    kind = "bad" if share > 1 + 1e-6 else "near" if share >= NEAR else "calm"
+    return {"words": ("✗ " if kind == "bad" else "") + words, "kind": kind, "worst": worst}

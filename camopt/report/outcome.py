@@ -31,9 +31,8 @@ def outcome_rows(run: RunFolder) -> list[dict]:
     The end's motion is the worst that verification.json states; the start is "–" where the history does not hold it.
     """
     first = next((step for step in run.history if is_number(step.get("area_ratio"))), {})
-    design = run.scene.get("design")
-    design = design if isinstance(design, dict) else {}
-    rows, cap = [], design.get("max_lift_mm")
+    design, rows = run.demands, []
+    cap = design.get("max_lift_mm")
     for key in OF_THE_CAM:
         if is_number(run.design.get(key)):
             asked = "to reach" if design.get("reach_max_lift") is True else "at most"
@@ -81,7 +80,7 @@ def outcome_lines(run: RunFolder) -> list[str]:
     if is_number(d.get("area_ratio_no_jump")):
         words.append(f"no-jump program {d['area_ratio_no_jump']:.5f}")
     lines += [", ".join(words)] * bool(words) + free_sentences(run) + lift_sentence(run) + gain_sentences(run)
-    verdict, broken = run.verification.get("verdict", "not verified"), broken_limits(run)
+    verdict, broken = run.verdict or "not verified", broken_limits(run)
     reason = run.verification.get("reason")
     why = f". {reason}" if isinstance(reason, str) and reason else ""
     verdict_line = f"verdict: {verdict}" + (f" (broken: {'; '.join(broken)})" if broken else why)
@@ -92,18 +91,15 @@ def outcome_lines(run: RunFolder) -> list[str]:
 
 def reserve(run: RunFolder) -> list[str]:
     """Sentences on the speeds at which the design's jump and bounce exceed their limits; none where nobody looked."""
-    starts, band = (run.verification.get(key) for key in ("limits", "band"))
-    design, operation = (run.scene.get(key) for key in ("design", "operation"))
-    ends = operation.get("band_rpm") if isinstance(operation, dict) else None
-    if not band or not isinstance(starts, dict) or not isinstance(ends, list):
+    starts = run.verification.get("limits")
+    if not run.verification.get("band") or not starts or run.band_rpm is None:
         return []  # null then says that nobody looked, not that there is none
-    return reserve_sentences(starts, design if isinstance(design, dict) else {}, (ends[0], ends[1]))
+    return reserve_sentences(starts, run.demands, run.band_rpm)
 
 
 def lift_sentence(run: RunFolder) -> list[str]:
     """That the highest lift stays below the scene's limit, and what would change that; empty where it is reached."""
-    design, reached = run.scene.get("design"), run.design.get(LIFT)
-    cap = design.get("max_lift_mm") if isinstance(design, dict) else None
+    reached, cap = run.design.get(LIFT), run.demands.get("max_lift_mm")
     if not is_number(reached) or not is_number(cap) or reached > cap - LOW_MM:
         return []
     return [
@@ -131,8 +127,8 @@ def gain_sentences(run: RunFolder) -> list[str]:
     d, sentences = run.design, []
     if isinstance(d.get("why_a_family"), str):
         return [d["why_a_family"]]
-    gain, asked = d.get("gradient_gain"), run.provenance.get("settings")
-    if is_number(gain) and not (isinstance(asked, dict) and asked.get("gradient") == "none"):
+    gain = d.get("gradient_gain")
+    if is_number(gain) and run.settings.get("gradient") != "none":
         if abs(gain) < LEAST_GAIN:
             tried = len(run.history)
             sentences.append(
@@ -146,7 +142,7 @@ def gain_sentences(run: RunFolder) -> list[str]:
     back = d.get("verdict_fell_back")
     judged, refused = (back.get(k) for k in BACK) if isinstance(back, dict) else (None, None)
     if is_number(refused) and is_number(judged):
-        confirmed = run.verification.get("verdict") == "confirmed"
+        confirmed = run.verdict == "confirmed"
         outcome = "the last of them is delivered" if confirmed else "it confirmed none of them"
         sentences.append(
             f"The verdict judged {shown(judged)} cams of the search, the largest first, and {outcome}; the largest "
@@ -173,8 +169,10 @@ def as_built_words(run: RunFolder) -> str:
     found = run.built
     if found:
         return f"{share_sentence(found)}; {asked_sentence(found)}"
-    if not run.scene or (run.scene.get("tolerance") or run.scene.get("grinding")):
-        return "not known: this run states no yield" if run.scene else ""
+    if not run.scene:
+        return ""
+    if run.scatters:
+        return "not known: this run states no yield"
     return "not known: the scene does not say how trains differ ([[tolerance]], [grinding])"
 
 
@@ -202,8 +200,7 @@ def contact_sentence(run: RunFolder) -> list[str]:
         return []
     if not angle.value and force.value > 0:
         return [f"No contact between cam and valve opens: its least force is {shown(force.value)} N, {force.where}."]
-    design = run.scene.get("design")
-    duration = design.get("duration_deg") if isinstance(design, dict) else None
+    duration = run.demands.get("duration_deg")
     of = f" of the event's {shown(duration)}" if is_number(duration) else ""
     return [
         f"A contact between cam and valve opens: jump {shown(jump.value)} mm, {jump.where}; open over "

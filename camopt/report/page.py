@@ -15,15 +15,13 @@ from camopt.cam.lift import Lift
 from camopt.plots.style import DESIGN
 from camopt.report.advice import advice
 from camopt.report.assumed import of_the_run
-from camopt.report.banner import banner
-from camopt.report.card import cards
-from camopt.report.contact import geometry
+from camopt.report.cams import cards, geometry
 from camopt.report.curves import curves
 from camopt.report.edge import edge_sentences
 from camopt.report.figures import CAPTIONS, inline_svg, ordered
+from camopt.report.first_screen import banner, facts, sketch
 from camopt.report.folder import RunFolder, read_run_folder
-from camopt.report.limits import disagreements, limit_rows
-from camopt.report.matrix import matrix
+from camopt.report.limits import disagreements, limit_rows, matrix
 from camopt.report.motion import RunCams, animation, cams_of
 from camopt.report.outcome import (
     broken_limits,
@@ -35,7 +33,6 @@ from camopt.report.outcome import (
     yield_rows,
     yield_sentences,
 )
-from camopt.report.summary import facts, sketch
 from camopt.report.tables import (
     COSTS,
     SPEED_COLUMNS,
@@ -211,7 +208,7 @@ def headline(run: RunFolder) -> list[str]:
         )
         sentences.append(f"Area ratio {shown(d['area_ratio'])}{below}.")
     sentences += lift_sentence(run) + gain_sentences(run)
-    band, bounce = v.get("band") or {}, v.worst("bounce_mm")
+    band, bounce = v.get("band") or {}, run.verification.worst("bounce_mm")
     speeds = [s.get("speed_rpm") for s in v.get("speeds") or []]
     if band and bounce:
         most = f"{shown(bounce.value)} mm, {bounce.where}" if bounce.value is not None else f"none {bounce.where}"
@@ -228,8 +225,7 @@ def headline(run: RunFolder) -> list[str]:
 
 def accuracy(run: RunFolder) -> list[str]:
     """What accuracy was asked for, and what error was estimated for what was delivered."""
-    settings = run.provenance.get("settings")
-    asked = settings.get("accuracy") if isinstance(settings, dict) else run.provenance.get("accuracy")
+    asked = run.settings.get("accuracy", run.provenance.get("accuracy"))
     unit = " µm" if is_number(asked) else ""
     sentences = [
         f"Asked for: {shown(asked)}{unit}." if asked is not None else "The accuracy asked for is not recorded."

@@ -4,11 +4,12 @@ What can be made again is the verdict of the design and all that is written from
 `area_ratio_no_jump` and `gradient_gain` stand as recorded, and baselines keep the verdicts in `verdicts/`.
 """
 
+import html
 import json
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import replace
-from html.parser import HTMLParser
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -103,8 +104,8 @@ def _scene_of(folder: Path) -> Scene:
 
 
 def _judged_anew(run: RunFolder, folder: Path, scene: Scene) -> RunFolder:
-    settings = run.provenance.get("settings")
-    if not isinstance(settings, dict) or not {"accuracy", "speeds"} <= settings.keys():
+    settings = run.settings
+    if not {"accuracy", "speeds"} <= settings.keys():
         raise InputError(f"{folder}: provenance.json does not say with which speeds and accuracy the run was judged")
     lift, design = read_design(folder / "design.json", scene), scene.design
     assert design is not None, "load_scene(..., need='design') guarantees it"
@@ -125,11 +126,9 @@ def _trains_anew(run: RunFolder, scene: Scene, lift: Lift, settings: dict) -> di
     if "yield" not in run.verification:
         return {}
     stated = statement_of_run(scene, lift, {"seed": 0} | settings, None)
-    return (
-        {}
-        if stated is None
-        else {"yield": stated.as_dict() | {key: run.built[key] for key in ("baselines", "ideal") if key in run.built}}
-    )
+    if stated is None:
+        return {}
+    return {"yield": stated.as_dict() | {key: run.built[key] for key in ("baselines", "ideal") if key in run.built}}
 
 
 def _apart(file: str, stated: Any, found: Any) -> list[str]:
@@ -157,29 +156,10 @@ def _same(one: Any, other: Any) -> bool:
     return one == other
 
 
-class _Words(HTMLParser):
-    """The lines of text of a page, without its style, its animation's data and script, and its commands, whose paths
-    hang on where it was made."""
-
-    def __init__(self):
-        super().__init__()
-        self.lines: list[str] = []
-        self._inside = ""
-
-    def handle_starttag(self, tag: str, attrs: list) -> None:
-        self._inside = tag if tag in ("style", "script", "code") else self._inside
-        if tag in ("tr", "p", "li", "h1", "h2", "h3", "figcaption", "strong"):
-            self.lines.append("")
-
-    def handle_endtag(self, tag: str) -> None:
-        self._inside = "" if tag == self._inside else self._inside
-
-    def handle_data(self, data: str) -> None:
-        if not self._inside and data.strip():
-            self.lines[-1:] = [f"{self.lines[-1]} {' '.join(data.split())}".strip() if self.lines else data.strip()]
-
-
 def _words(page: str) -> list[str]:
-    parser = _Words()
-    parser.feed(page)
-    return [line for line in parser.lines if line]
+    """The lines of text of a page, one for each row, paragraph, item and heading; without its style, its data, its
+    script and its commands, whose paths depend on where it was made."""
+    text = re.sub(r"<(style|script|code)\b.*?</\1>", " ", page, flags=re.DOTALL)
+    blocks = re.split(r"<(?:tr|p|li|h[123]|figcaption|strong)\b[^>]*>", text)
+    lines = (" ".join(html.unescape(re.sub(r"<[^>]*>", " ", block)).split()) for block in blocks)
+    return [line for line in lines if line]

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camopt.cam.families.radius_rows import radii_held_near
 from camopt.cam.geometry import crossing, smallest_radii
 from camopt.cam.lift import Lift
-from camopt.cam.linear_limits import linear_limits
+from camopt.cam.linear_limits import linear_limits, radii_held_near
 from camopt.scene.design import RADII, Design
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 

@@ -40,7 +40,7 @@ def area_rows(run: RunFolder) -> tuple[list[dict], list[dict]]:
     """Area ratios: the design, the certified bound and what else keeps the limits on the cam, largest first; and apart
     from them those cams that do not, of which the bound says nothing."""
     bound = run.design.get("area_ratio_bound")
-    verdict = run.verification.get("verdict", "")
+    verdict = run.verdict or ""
     within = [
         ("certified bound", bound, "", "#888888"),
         ("no-jump linear program", run.design.get("area_ratio_no_jump"), "", "#bbbbbb"),
@@ -81,11 +81,8 @@ def _area_rows(rows: list[tuple], largest: float, bound: float | None) -> list[d
 
 def worth_rows(run: RunFolder) -> list[dict]:
     """Per cent more area for one per cent more of each limit, where design.json records them, largest first."""
-    worth = run.design.get("limit_worth")
-    known = [(k, v) for k, v in worth.items() if is_number(v)] if isinstance(worth, dict) else []
-    return [
-        {"label": label_and_unit(str(k))[0], "worth": shown(v, 3)} for k, v in sorted(known, key=lambda pair: -pair[1])
-    ]
+    largest_first = sorted(run.worth.items(), key=lambda pair: -pair[1])
+    return [{"label": label_and_unit(key)[0], "worth": shown(value, 3)} for key, value in largest_first]
 
 
 def comparison_groups(run: RunFolder) -> list[dict]:
@@ -108,7 +105,7 @@ def comparison_groups(run: RunFolder) -> list[dict]:
             "within": entry["limits"] == "all" and (failed or all(_of_the_motion(word) for word in broken)),
             "colour": cam_line(cam)["color"],
         }
-        if cam == DESIGN and run.verification.get("verdict"):
+        if cam == DESIGN and run.verdict:
             group |= _as_verified(run)
         groups.append(group | {"kind": VERDICTS[group["verdict"]][0] if group["verdict"] in VERDICTS else ""})
     return groups
@@ -177,7 +174,7 @@ def _as_verified(run: RunFolder) -> dict:
     """The entries of the design's group, from verification.json."""
     found = {key: run.verification.worst(name) for key, name in DESIGN_CELLS.items()}
     cells = {key: "none" if w.value is None else shown(w.value) for key, w in found.items() if w is not None}
-    return cells | {"verdict": run.verification["verdict"], "broken": "; ".join(broken_limits(run)) or "–"}
+    return cells | {"verdict": run.verdict, "broken": "; ".join(broken_limits(run)) or "–"}
 
 
 def _largest(cells: Iterable[str]) -> float | None:

@@ -89,7 +89,7 @@ class Tolerance(Table):
 class Grinding(Table):
     """The error of one ground cam: its largest value, and the harmonics of a revolution in it.
 
-    Every harmonic from the lowest to the highest is drawn with equal expected size (`camopt.cam.grinding`).
+    Every harmonic from the lowest to the highest is drawn with equal expected size (`camopt.measure.as_built`).
     """
 
     error_um: Positive

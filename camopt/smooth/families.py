@@ -24,8 +24,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from camopt.cam.families.record import Parameters
-from camopt.cam.families.registry import BY_COEFFICIENTS, FAMILIES, family_named
+from camopt.cam.families.record import Parameters, family_named
+from camopt.cam.families.registry import BY_COEFFICIENTS, FAMILIES
 from camopt.cam.lift import Lift, whole_turn
 from camopt.cam.ramps import Ramp, scene_ramps, symmetric_conditions
 from camopt.scene import InputError, Scene

@@ -80,7 +80,7 @@ def _valve_lifts(scene: Scene, lift: Lift, files: Files) -> list[str]:
     """Writes the valve's static lift, and its lift at a speed, by crank degrees; where their rows begin."""
     if not (files.valve_lift or files.dynamic_lift):
         return []
-    from camopt.cam.valve_lift import crank_rows, static_lift, write_valve_lift
+    from camopt.cam.exports import crank_rows, static_lift, write_valve_lift
 
     assert scene.operation is not None, "the verb asks for it"
     per_crank, digits = scene.operation.cam_per_crank, USUAL_DIGITS if files.digits is None else files.digits

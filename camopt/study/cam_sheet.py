@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from camopt.cam.film import film_ratio
 from camopt.cam.geometry import DURATION_LIFTS_MM, Contact, contact, crossing
-from camopt.cam.hertz import HertzStress, contact_width, hertz_stress
+from camopt.cam.hertz import HertzStress, contact_width, film_ratio, hertz_stress
 from camopt.cam.lift import Lift
 from camopt.cam.waves import sign_changes
 from camopt.measure.by_means import by_means

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from camopt.cam.film import film_ratio
 from camopt.cam.geometry import contact
+from camopt.cam.hertz import film_ratio
 from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM, RPM
 from tests.cam.test_geometry import CAM

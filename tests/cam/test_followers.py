@@ -5,8 +5,7 @@ import pytest
 
 from camopt.cam.conversion import converted, lift_along
 from camopt.cam.families.multi_pol import multi_pol
-from camopt.cam.followers.arm import Arm
-from camopt.cam.followers.registry import follower_of
+from camopt.cam.followers.kinds import Arm, follower_of
 from camopt.cam.geometry import contact
 from camopt.cam.hertz import line_pressure
 from camopt.cam.lift import Lift

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.multi_pol import multi_pol
-from camopt.cam.followers.circle import signed_radius
+from camopt.cam.followers.touch import signed_radius
 from camopt.cam.geometry import contact, crossing, durations
 from camopt.cam.lift import Lift
 from camopt.scene import InputError, load_scene

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.free import free_cam
-from camopt.cam.linear_limits import linear_limits
-from camopt.cam.piston import largest_fourth_derivative, piston_drop, piston_room
+from camopt.cam.linear_limits import largest_fourth_derivative, linear_limits, piston_drop, piston_room
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.bound.limit_terms import left_out

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.free import free_cam
-from camopt.cam.families.radius_rows import Neighbourhood, near_rows
+from camopt.cam.families.radius_planes import Neighbourhood
+from camopt.cam.families.shape_rows import near_rows
 from camopt.measure.limits import broken_by_shape, drawing_excess
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.bound.limit_terms import left_out

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.free import free_cam
-from camopt.cam.waves import cells, sign_changes
+from camopt.cam.families.shape_rows import cells
+from camopt.cam.waves import sign_changes
 from camopt.highs import Infeasible
 from camopt.optimizer.program.kinematic import first_working, kinematic_optimum, spline_rows, unexplained_optimum
 from camopt.optimizer.program.linear_program import least_relaxation

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from camopt.report.advice import advice
-from camopt.report.banner import banner
 from camopt.report.edge import edge_sentences
+from camopt.report.first_screen import banner
 from camopt.report.folder import read_run_folder
 from camopt.report.outcome import outcome_lines, outcome_rows, yield_sentences
 from tests.report.conftest import EVIL_TITLE

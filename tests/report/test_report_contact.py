@@ -3,7 +3,7 @@ import pytest
 
 from camopt.cam.geometry import contact
 from camopt.cam.read import read_cam
-from camopt.report.contact import geometry, tightest
+from camopt.report.cams import geometry, tightest
 from camopt.report.motion import RunCams
 from camopt.scene import load_scene
 from camopt.scene.geometry import Geometry

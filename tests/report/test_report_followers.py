@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from camopt.cam.followers.arm import Arm
+from camopt.cam.followers.kinds import Arm
 from camopt.report.followers import drawn_follower, room_for
 from camopt.scene import load_scene
 from camopt.scene.geometry import Geometry

@@ -9,8 +9,8 @@ import pytest
 
 from camopt.cam.families.dwell import TABLES
 from camopt.cam.families.free import free_cam
-from camopt.cam.families.record import number, numbers
-from camopt.cam.families.registry import FAMILIES, family_named
+from camopt.cam.families.record import family_named, number, numbers
+from camopt.cam.families.registry import FAMILIES
 from camopt.cam.families.sections import closed, flank
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import scene_ramps

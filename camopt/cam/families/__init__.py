@@ -15,7 +15,7 @@ has, so many terms its polynomial takes. `camopt/cam/families/two_parabolas.py` 
 
     from collections.abc import Sequence
 
-    from camopt.cam.families.member import member
+    from camopt.cam.families.sectioned import member
     from camopt.cam.families.sectioned import sectioned_family
     from camopt.cam.families.sections import Section, SectionTable, U
     from camopt.cam.lift import Lift

@@ -13,8 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from camopt.cam.families.member import member
-from camopt.cam.families.sectioned import sectioned_family
+from camopt.cam.families.sectioned import member, sectioned_family
 from camopt.cam.families.sections import Section, SectionTable, U
 from camopt.cam.lift import Lift
 from camopt.scene import Scene

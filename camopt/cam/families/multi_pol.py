@@ -7,8 +7,7 @@ nose, so that the maximum lift is added as the condition that determines one lev
 
 from collections.abc import Sequence
 
-from camopt.cam.families.member import member
-from camopt.cam.families.sectioned import sectioned_family
+from camopt.cam.families.sectioned import member, sectioned_family
 from camopt.cam.families.sections import Section, SectionTable, U
 from camopt.cam.lift import Lift
 from camopt.scene import Scene

@@ -10,9 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from camopt.cam.families.member import member
 from camopt.cam.families.record import Family, Parameter, Space, number, yes_or_no
-from camopt.cam.families.sectioned import section_parameters, sections_construction, sections_space
+from camopt.cam.families.sectioned import member, section_parameters, sections_construction, sections_space
 from camopt.cam.families.sections import Section, SectionTable, U
 from camopt.cam.lift import Lift
 from camopt.scene import InputError, Scene

@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pkgutil import resolve_name
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from camopt.cam.families.registry import BY_COEFFICIENTS, FAMILIES
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import Ramp
 from camopt.scene.schema import Scene
@@ -90,3 +92,8 @@ class Family:
     symmetric: bool = True
     space: Callable[..., Space] | None = None
     line: tuple[str, Any] | None = None
+
+
+def family_named(name: str) -> Family:
+    """The record of a family; KeyError for a name that is none."""
+    return resolve_name((FAMILIES | BY_COEFFICIENTS)[name])

@@ -1,13 +1,7 @@
-"""Where the record of each cam family stands. A record is imported when it is first asked for.
+"""Where the record of each cam family stands. A record is imported when it is first used.
 
 So a command that ends in help or in an input error loads no family.
 """
-
-from pkgutil import resolve_name
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from camopt.cam.families.record import Family
 
 FAMILIES = {
     "polydyne": "camopt.cam.families.polydyne:FAMILY",
@@ -23,8 +17,3 @@ FAMILIES = {
 """Families whose members are designed from a scene: name on the command line -> module and name of the record."""
 BY_COEFFICIENTS = {"free": "camopt.cam.families.free:FAMILY"}
 """Families whose members come from their coefficients, so that no command names one."""
-
-
-def family_named(name: str) -> "Family":
-    """The record of a family; KeyError for a name that is none."""
-    return resolve_name((FAMILIES | BY_COEFFICIENTS)[name])

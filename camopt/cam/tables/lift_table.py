@@ -11,9 +11,8 @@ from camopt.cam.conversion import converted
 from camopt.cam.lift import Lift, lift_table
 from camopt.cam.ramps import Ramp, scene_ramps
 from camopt.cam.tables.interpolation import centred, event_borders, own_pieces, spline_pieces
-from camopt.cam.tables.mending import TableRows, mended
 from camopt.cam.tables.smoothing import check_between_rows, smoothed
-from camopt.cam.tables.text import TableText, parsed
+from camopt.cam.tables.text import TableRows, TableText, mended, parsed
 from camopt.scene import InputError, Scene
 from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM
@@ -60,7 +59,7 @@ def read_lift_table(
     `table_first_line`. It covers a turn, one event that begins and ends on the base circle, or half a lobe from its
     nose, and the middle of its duration becomes angle zero. What was done to it (mends, noise, outliers, largest shift
     of a row, lift added where a ramp is missing, error of the acceleration) is in the lift's `parameters`; see
-    `camopt.cam.tables.mending` and `smoothing`. The duration of every table lies between the scene's ramp heights.
+    `camopt.cam.tables.text` and `smoothing`. The duration of every table lies between the scene's ramp heights.
     Raises InputError with file and line for anything else.
     """
     assert scene.design is not None and scene.operation is not None, "load_scene(..., need=...) guarantees both"

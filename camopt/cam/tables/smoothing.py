@@ -7,8 +7,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from camopt.cam.ramps import Ramp
-from camopt.cam.tables.completion import completed
-from camopt.cam.tables.event import BASE_MM, TURN, Event, find_event
+from camopt.cam.tables.event import BASE_MM, TURN, Event, completed, find_event
 from camopt.cam.tables.smoothing_spline import Fit, acceleration_error, fitted, fitted_non_negative
 from camopt.scene import InputError
 

@@ -22,6 +22,8 @@ from camopt.optimizer.as_built.wanted import check_scatter
 from camopt.scene.as_built import moved_together, scatter_labels, with_numbers, with_scatter
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
+from camopt.scene.standing_in import is_linear
+from camopt.scene.train import build_train
 
 SETS, TRAINS = 2, 150
 """Sets of trains, and how many trains each has."""
@@ -87,12 +89,12 @@ def price_list(
     Raises InputError for a scene in which nothing scatters, or whose laws are curved.
     """
     check_scatter(scene)
-    plain, z = free_program(scene)
-    if not plain.train.straight:
+    if not is_linear(build_train(scene)):
         raise InputError(
             f"yield: {scene.name} has curved laws, and prices need the closed response of straight ones: leave --price "
             f"out; `camopt yield --halve` says what half of each tolerance buys"
         )
+    plain, z = free_program(scene)
     cam_speeds = band_speeds(scene, LOW_SPEEDS, HIGH_SPEEDS)
     limits, lost = opening_limits(scene, cam_speeds), int((1.0 - wanted) * TRAINS + 1e-9)
     scenes = _variants(scene)
@@ -111,7 +113,7 @@ def price_list(
             areas[name][k] = area_at(level)
             done += 1
             advance(done / SETS / len(scenes))
-    return _priced(wanted, areas, scenes)
+    return _priced(wanted, areas)
 
 
 def _level(area_at: Callable[[float], float], area_ratio: float | None) -> float:
@@ -139,7 +141,7 @@ def _variants(scene: Scene) -> dict[Variant, Scene]:
     return found
 
 
-def _priced(wanted: float, areas: Mapping[Variant, np.ndarray], scenes: Mapping[Variant, Scene]) -> PriceList:
+def _priced(wanted: float, areas: Mapping[Variant, np.ndarray]) -> PriceList:
     """The list by the area ratios (sets) of all variants."""
     changes = {name: area - areas["as given", ""] for name, area in areas.items() if name[0] != "as given"}
 

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from camopt.cam.families.registry import family_named
+from camopt.cam.families.record import family_named
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import LinearLimit, linear_limits
 from camopt.optimizer.ascent.projection import Empty, Polyhedron, ShapeLimits

@@ -1,7 +1,6 @@
 """The search space of a cam family, from its record and from what the user fixes of it."""
 
-from camopt.cam.families.record import Space
-from camopt.cam.families.registry import family_named
+from camopt.cam.families.record import Space, family_named
 from camopt.cam.read import family_and_keywords, read_cam
 from camopt.scene import InputError, Scene
 

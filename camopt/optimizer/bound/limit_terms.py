@@ -12,9 +12,8 @@ from math import factorial
 import numpy as np
 from scipy.interpolate import PPoly
 
-from camopt.cam.families.radius_rows import radii_held_near
-from camopt.cam.level import Level
-from camopt.cam.linear_limits import LinearLimit, linear_limits
+from camopt.cam.bernstein import Level
+from camopt.cam.linear_limits import LinearLimit, linear_limits, radii_held_near
 from camopt.cam.ramps import Ramp
 from camopt.scene.design import Design
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from camopt.cam.families.free import FreeCam
-from camopt.cam.families.radius_rows import radii_held_near
+from camopt.cam.linear_limits import radii_held_near
 from camopt.optimizer.bound.certificate import INTERVALS, Certificate, Further, control_is_limited, piecewise_sum
 from camopt.optimizer.bound.fine_program import Discretised, equal_grid
 from camopt.optimizer.program.force_rows import PEAK, SEAT, Margins, SpeedRows, speed_rows

@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from camopt.cam.families.free import FreeCam, free_cam
-from camopt.cam.families.free_limits import NEAR, SIGNS, Limits
+from camopt.cam.families.shape_rows import NEAR, SIGNS, Limits
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import at_least
 from camopt.highs import Infeasible

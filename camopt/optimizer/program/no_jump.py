@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from camopt.cam.families.free import FreeCam
-from camopt.cam.families.free_limits import Limits
+from camopt.cam.families.shape_rows import Limits
 from camopt.cam.lift import Lift
 from camopt.highs import Infeasible
 from camopt.optimizer.program.force_rows import PEAK, SEAT, Box, Margins, SpeedRows, Window, speed_rows

@@ -15,8 +15,8 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from camopt.cam.families.free import FreeCam, free_cam
-from camopt.cam.families.free_limits import About
-from camopt.cam.families.radius_rows import radii_held_near
+from camopt.cam.families.shape_rows import LinearisationPoint
+from camopt.cam.linear_limits import radii_held_near
 from camopt.highs import Infeasible
 from camopt.optimizer.program.kinematic import area_ratio_row, first_working, reach, spline_rows
 from camopt.optimizer.program.radii import near_its_best
@@ -43,9 +43,10 @@ def program_cam(design: Design, knot_deg: float) -> FreeCam:
 
 
 @lru_cache(maxsize=64)
-def _about(design: Design) -> About:
+def _about(design: Design) -> LinearisationPoint:
     """Where the limits that are not linear are taken: the durations' centres, the waves' sign changes, the radii."""
-    about = About(centres(design.model_copy(update={"waves_max": None}))) if design.duration_at else About()
+    plain = design.model_copy(update={"waves_max": None})
+    about = LinearisationPoint(centres(plain) if design.duration_at else ())
     cam = replace(free_cam(design, COARSE_DEG), about=about)
     if design.waves_max is not None:
         cam = replace(cam, about=replace(about, switches=kinematic_switches(design, cam)))
@@ -57,7 +58,7 @@ def centres(design: Design) -> tuple[float, ...]:
     cam, count = free_cam(design, COARSE_DEG), len(design.duration_at)
 
     def area(at: tuple[float, ...]) -> float:
-        tried = replace(cam, about=About(at))
+        tried = replace(cam, about=LinearisationPoint(at))
         limits, (row, _) = tried.limits(design), area_ratio_row(design, tried)
         try:
             return reach(tried, design, row, spline_rows(limits.matrix), limits.bound, first_working(limits)).value

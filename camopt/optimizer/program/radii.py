@@ -1,6 +1,6 @@
 """Radii of the cam under a roller or pad: linear programs in a row, each about the cam that the last one found.
 
-Near a cam linear limits stand for the radii that are a little stricter (`camopt.cam.families.radius_rows`). A program
+Near a cam linear limits stand for the radii that are a little stricter (`camopt.cam.families.radius_planes`). A program
 may break them at a price, so that it has a solution from whichever cam it starts. Once they hold, its neighbourhood is
 half as wide as the last one's, down to a width at which the limits are as good as the radii themselves (sequential
 linear programs in a trust region: Nocedal and Wright, Numerical Optimization, 2006, ch. 18). What stands at the end
@@ -14,8 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from camopt.cam.families.free import FreeCam
-from camopt.cam.families.radius_rows import Neighbourhood, radii_held_near
+from camopt.cam.families.radius_planes import Neighbourhood
 from camopt.cam.lift import Lift
+from camopt.cam.linear_limits import radii_held_near
 from camopt.highs import Infeasible
 from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import (

@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from camopt.cam.families.free import FreeCam
-from camopt.cam.families.free_limits import Limits
+from camopt.cam.families.shape_rows import Limits, cells, sign_rows
 from camopt.cam.lift import Lift
-from camopt.cam.waves import cells, sign_changes, sign_rows
+from camopt.cam.waves import sign_changes
 from camopt.highs import Infeasible
 from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import (

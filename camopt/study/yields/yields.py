@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +13,10 @@ from tqdm import tqdm
 from camopt.cam.lift import Lift
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import broken_by_shape, motion_limits
-from camopt.measure.yield_words import counted_trains, share_sentence, spoiling_sentences
+from camopt.measure.yield_words import ADVISED, counted_trains, share_sentence, spoiling_sentences
 from camopt.measure.yields import Share, UsedLimits, blame, counted, share_of, yield_record
 from camopt.optimizer.as_built.measured import TrainsJournal, cam_digest, measure_trains
+from camopt.optimizer.as_built.prices import PriceList, price_list
 from camopt.optimizer.as_built.track import Track, track
 from camopt.optimizer.as_built.wanted import check_scatter
 from camopt.plots import save
@@ -27,6 +28,9 @@ from camopt.storage import plain, run_folder, run_identity, write_json, write_te
 
 TRAINS, SPEEDS = 1000, 11
 """How many trains are drawn, and at how many speeds of the band they are judged, where nothing else is said."""
+HIGHEST = 0.99
+"""Largest share of the trains for which prices are stated: of so few trains as tell them one in a hundred is given
+up."""
 JOURNAL, SUMMARY = "trains.jsonl", "yield.json"
 
 
@@ -46,6 +50,7 @@ class Yield:
     blame: dict[str, float]
     halved: dict[str, dict]
     broken_by_shape: tuple[str, ...]
+    prices: PriceList | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """The content of `yield.json`."""
@@ -54,6 +59,7 @@ class Yield:
             **yield_record(self.used, self.share, self.seed, self.blame),
             "halved": self.halved,
             "broken_by_shape": list(self.broken_by_shape),
+            **({"prices": self.prices.as_dict()} if self.prices else {}),
         }
 
     @property
@@ -91,6 +97,7 @@ def manufacturing_yield(
     speeds_rpm: Sequence[float] | None = None,
     seed: int = 0,
     halve: bool = False,
+    price: bool = False,
     out: Path | str | None = None,
     resume: bool = False,
     progress: bool = False,
@@ -98,7 +105,8 @@ def manufacturing_yield(
     """The share of drawn trains that hold every limit on the motion at every speed, and what spoils the others.
 
     `speeds_rpm` (s) are crankshaft speeds, by default `SPEEDS` of them over the scene's band. Train i hangs on `seed`
-    and i alone. With `halve` the same trains are measured with every tolerance halved in turn. With `out` a run folder
+    and i alone. With `halve` the same trains are measured with every tolerance halved in turn; with `price` it is said
+    what each costs in area at the share that holds, or at the advised one where fewer hold. With `out` a run folder
     is written, train by train; with `resume` it goes on there, and more trains may be asked for. Raises InputError
     for a scene without limits on the motion or without anything that scatters, and for a folder as `run_folder` does.
     """
@@ -116,6 +124,8 @@ def manufacturing_yield(
         by_halved = {name: _measured(one, way, trains, journal, seed, name, progress) for name, one in scenes.items()}
         used = UsedLimits(tuple(way.limits), np.array(speeds), by_halved.pop(""))
         found = _summary(scene, cam, seed, used, by_halved)
+        if price:
+            found = replace(found, prices=_prices(scene, cam, found.share, seed, progress))
         if folder is not None:
             _write(folder, scene, found)
     return found
@@ -130,6 +140,18 @@ def _measured(
         return measure_trains(scene, way, trains, journal, seed=seed, halved=halved, advance=bar.update)
 
 
+def _prices(scene: Scene, cam: Lift, share: Share, seed: int, progress: bool) -> PriceList:
+    """The price list at the share that holds, with limits on openings that give the cam's own area; where fewer hold
+    than are advised, at that share, since prices are those of a cam that can be built."""
+    assert scene.design is not None, "a scene whose motion is limited has it"
+    wanted = min(max(share.share, ADVISED), HIGHEST)
+    area = cam.area_ratio_in(scene.design) if share.share >= ADVISED else None
+    with tqdm(total=100, disable=None if progress else True, desc="prices", unit="%") as bar:
+        return price_list(
+            scene, wanted, area_ratio=area, seed=seed, advance=lambda part: bar.update(round(100 * part) - bar.n)
+        )
+
+
 def yield_lines(found: Yield) -> list[str]:
     """What was found, in sentences."""
     record = found.as_dict()
@@ -137,6 +159,7 @@ def yield_lines(found: Yield) -> list[str]:
     for label, entry in sorted(found.halved.items(), key=lambda item: -item[1]["share"]):
         gained = f"{counted_trains(entry['gained'])} gained and {entry['lost']} lost"
         lines.append(f"{label} halved: {100 * entry['share']:.1f} %, {gained}")
+    lines += str(found.prices).splitlines() if found.prices else []
     if found.broken_by_shape:
         lines.append(f"note: the cam's shape, as designed, breaks {', '.join(found.broken_by_shape)}")
     return lines
@@ -176,4 +199,6 @@ def _write(folder: Path, scene: Scene, found: Yield) -> None:
     write_text(folder / "scene.toml", scene_toml(scene))
     save(found.plot(), folder / "figures", "used_limits")
     save(found.plot_blame(), folder / "figures", "blame")
+    if found.prices:
+        save(found.prices.plot(), folder / "figures", "prices")
     write_json(folder / SUMMARY, found.as_dict())

@@ -8,7 +8,7 @@ from camopt.cam.families.multi_pol import multi_pol
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import scene_ramps
 from camopt.cam.read import read_cam
-from camopt.cam.tables.completion import _profile
+from camopt.cam.tables.event import _profile
 from camopt.cam.tables.smoothing import smoothed
 from camopt.cam.tables.smoothing_spline import PENALTY_ORDERS, _log_determinant, _penalty, _scale, fitted_non_negative
 from camopt.scene import InputError, load_scene

@@ -1,7 +1,8 @@
-"""The report's geometry section: curvature and contact along every cam, the design's contour and its tightest spot."""
+"""The report's sections on the cams themselves: curvature and contact with the follower, the contour, the cam card."""
 
 import numpy as np
 
+from camopt.cam.card import LIFTS_MM, cam_card
 from camopt.cam.geometry import Contact, contact
 from camopt.plots.style import DESIGN, cam_line
 from camopt.report.motion import RunCams
@@ -11,6 +12,7 @@ from camopt.scene.units import DEG, MM
 
 WIDTH = 320.0
 """Width of the drawing [px]."""
+CARD_DIGITS = 5
 
 
 def geometry(cams: RunCams) -> dict | None:
@@ -70,3 +72,20 @@ def _drawing(c: Contact, name: str) -> dict:
         "sentence": f"Tightest spot of {name}: {kind} radius {shown(abs(float(radius)))} mm at "
         f"{shown(float(c.theta[i] / DEG), 3)} deg.",
     }
+
+
+def cards(cams: RunCams) -> list[dict]:
+    """A row per cam and lift that it passes: `cam`, `colour`, and `cells` of lift, opening, closing, duration, centre
+    and the angle of the largest lift, in mm and cam degrees."""
+    rows = []
+    for name, lift in cams.lifts.items():
+        lifts = [height for height in LIFTS_MM if height * MM < lift.max_lift]
+        if not lifts:
+            continue
+        card = cam_card(lift, lifts)
+        for event in card.events:
+            middle, top = (round(angle, 6) + 0.0 for angle in (event.centre_deg, card.max_lift_deg))
+            values = (event.lift_mm, event.opening_deg, event.closing_deg, event.duration_deg, middle, top)
+            cells = [shown(value, CARD_DIGITS) for value in values]
+            rows.append({"cam": name, "colour": cam_line(name)["color"], "cells": cells})
+    return rows

@@ -1,27 +1,88 @@
-"""A body that swings about a pivot between cam and valve: finger (valve on the cam's side) and rocker (on the other).
-
-The pad on the flat valve tip keeps its distance to the tip, so that the valve's lift h is that of the pad's centre:
-with l the valve arm and beta its angle against the square to the valve's axis, h = l (sin beta - sin beta_0). The ratio
-of the valve's velocity to that of the roller or pad on the cam, l cos beta over the cam arm, varies with the lift. The
-centre on the cam swings on a circle about the pivot; of the two places that the triangle of cam axis, pivot and centre
-allows on the base circle it has the one from which the opening valve takes it away from the cam.
-"""
+"""The kinematics of the followers that a scene's [geometry] names."""
 
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from camopt.cam.followers.circle import Path, touch_of_circle
-from camopt.cam.followers.touch import Touch, cross, direction, quarter_turn, turned
+from camopt.cam.followers.touch import Follower, Path, Touch, cross, direction, quarter_turn, touch_of_circle, turned
 from camopt.scene.errors import InputError
 from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM
 
 
 @dataclass(frozen=True)
+class Flat:
+    """A flat face at right angles to its axis, which is the valve's and passes through the cam's.
+
+    With R the base radius and s the follower's lift (Norton, Cam Design and Manufacturing Handbook, 2009, ch. 7): the
+    distance r = R + s of the face is the contour's support function, so that its radius of curvature is r + s'' and the
+    contact lies at s' from the axis. The contact runs along the cam at r + s'' and along the face at s'' a radian, of
+    which the mean, r/2 + s'', entrains oil.
+    """
+
+    base: float  # radius of the base circle [m]
+    ratio: float  # valve lift over follower lift
+
+    @classmethod
+    def of(cls, geometry: Geometry) -> "Flat":
+        return cls(geometry.base_radius_mm * MM, geometry.rocker_ratio)
+
+    def touch(self, law: np.ndarray) -> Touch:
+        s, velocity, acceleration = law / self.ratio
+        r, none = self.base + s, np.zeros_like(s)
+        return Touch(
+            point=np.stack([r, velocity], axis=1),
+            normal=np.stack([none + 1, none], axis=1),
+            radius=r + acceleration,
+            eccentricity=velocity,
+            pressure_angle=none,
+            ratio=none + self.ratio,
+            entrainment=r / 2 + acceleration,
+            sliding=r,
+        )
+
+    def lift_on(self, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return direction(normals), self.ratio * (np.sum(points * normals, axis=-1) - self.base)
+
+
+@dataclass(frozen=True)
+class Roller:
+    """A roller whose centre moves along the valve's axis, through the cam's, and which rolls without slip."""
+
+    base: float  # radius of the base circle [m]
+    radius: float  # of the roller [m]
+    ratio: float  # valve lift over follower lift
+
+    @classmethod
+    def of(cls, geometry: Geometry) -> "Roller":
+        assert geometry.roller_radius_mm is not None, "by the schema"
+        return cls(geometry.base_radius_mm * MM, geometry.roller_radius_mm * MM, geometry.rocker_ratio)
+
+    def touch(self, law: np.ndarray) -> Touch:
+        s, velocity, acceleration = law / self.ratio
+        none = np.zeros_like(s)
+        along = [
+            np.stack([one, none], axis=1) for one in (self.base + self.radius + s, velocity, acceleration, none + 1)
+        ]
+        return touch_of_circle(Path(*along, turning=none, ratio=none + self.ratio), self.radius, rolls=True)
+
+    def lift_on(self, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        centres = points + self.radius * normals
+        return direction(centres), self.ratio * (np.hypot(centres[:, 0], centres[:, 1]) - self.base - self.radius)
+
+
+@dataclass(frozen=True)
 class Arm:
-    """The follower `finger` or `rocker` of a [geometry], in the engine's frame."""
+    """A body that swings about a pivot between cam and valve, in the engine's frame: a finger, whose valve is on the
+    cam's side, or a rocker, whose valve is on the other one.
+
+    The pad on the flat valve tip keeps its distance to the tip, so that the valve's lift h is that of the pad's centre:
+    with l the valve arm and beta its angle against the square to the valve's axis, h = l (sin beta - sin beta_0). The
+    ratio of the valve's velocity to that of the roller or pad on the cam, l cos beta over the cam arm, varies with the
+    lift. The centre on the cam swings on a circle about the pivot; of the two places that the triangle of cam axis,
+    pivot and centre allows on the base circle it has the one from which the opening valve takes it away from the cam.
+    """
 
     geometry: Geometry
 
@@ -129,3 +190,11 @@ class Arm:
         angle = np.arctan2(cross(rest, here - self.pivot), (here - self.pivot) @ rest)
         beta = self._shut - self.valve_side * angle
         return theta, self._valve_arm * (np.sin(beta) - np.sin(self._shut))
+
+
+FOLLOWERS = {"flat": Flat, "roller": Roller, "finger": Arm, "rocker": Arm}
+
+
+def follower_of(geometry: Geometry) -> Follower:
+    """The follower that a [geometry] describes."""
+    return FOLLOWERS[geometry.follower].of(geometry)

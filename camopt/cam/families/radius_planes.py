@@ -1,0 +1,77 @@
+"""The radii of a cam under a roller or pad: planes on the safe side of the limit, near a given cam.
+
+At a lift s and a velocity v the curvature of the centre's path over the cam is affine in the acceleration a, and it
+falls as a grows (`camopt.cam.followers.touch`): it is k where a = g(s, v; k). With the circle's radius r a convex cam
+has the radius rho or more if a >= g(s, v; 1 / (rho + r)), a concave one if a <= g(s, v; -1 / (rho - r)). Neither is
+linear in the lift. Near a given cam a plane on the safe side of g replaces it: the tangent at the given cam, moved by
+what g leaves it within the neighbourhood. The planes come as near to g as the neighbourhood is small, to second order.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from camopt.cam.followers.kinds import follower_of
+from camopt.cam.lift import Lift
+from camopt.scene.errors import InputError
+from camopt.scene.geometry import Geometry
+from camopt.scene.units import MM
+
+NODES = np.linspace(0.0, 1.0, 5)
+"""Where, within a neighbourhood, a plane is compared with what it replaces."""
+ACCELERATION = 0.01
+"""An acceleration of usual size [m/rad^2], by which the curvature's slope is taken."""
+
+
+@dataclass(frozen=True)
+class Neighbourhood:
+    """Cams whose lift differs from that of `lift` by at most `share` of the largest lift, and their velocity alike."""
+
+    lift: Lift
+    share: float
+
+    def box(self, edges: np.ndarray, top: float) -> tuple[np.ndarray, np.ndarray]:
+        """Least and largest lift and velocity between neighbours of `edges` (k + 1) [rad], both (2, k).
+
+        No lift lies beyond 0 and `top` [m].
+        """
+        ends = np.stack([self.lift(edges), self.lift(edges, 1)])
+        reach = self.share * np.array([[top], [np.abs(self.lift.extremes(1)).max()]])
+        low, high = (pick(ends[:, 1:], ends[:, :-1]) for pick in (np.minimum, np.maximum))
+        low, high = low - reach, high + reach
+        low[0], high[0] = np.maximum(low[0], 0.0), np.minimum(high[0], top)
+        return low, high
+
+
+SIDES = {"nose_radius_min_mm": -1.0, "concave_radius_min_mm": 1.0}
+"""Sign of the acceleration of which a limit sets the largest value."""
+
+
+def planes(geometry: Geometry, key: str, radius: float, low: np.ndarray, high: np.ndarray):
+    """Weights (2, k) of lift and velocity and level (k) with side * a + weights @ (s, v) <= level, and d level by the
+    radius, in k neighbourhoods."""
+    side = SIDES[key]
+    assert geometry.contact_radius_mm is not None, "by the schema"
+    size = radius - side * geometry.contact_radius_mm * MM
+    s, v = (a[:, None] + (b - a)[:, None] * NODES for a, b in zip(low, high, strict=True))
+    zero, slope = _acceleration(geometry, s[:, :, None] + 0 * v[:, None, :], v[:, None, :] + 0 * s[:, :, None])
+    limit = side * (zero - side * slope / size)  # the path's curvature is -side / size
+    middle = len(NODES) // 2
+    by_s = (limit[:, -1, middle] - limit[:, 0, middle]) / (high[0] - low[0])
+    by_v = (limit[:, middle, -1] - limit[:, middle, 0]) / (high[1] - low[1])
+    plane = by_s[:, None, None] * s[:, :, None] + by_v[:, None, None] * v[:, None, :]
+    rest = limit - plane
+    between = sum(np.abs(np.diff(rest, 2, axis=axis)).max(axis=(1, 2)) / 8 for axis in (1, 2))
+    return -np.stack([by_s, by_v]), rest.min(axis=(1, 2)) - between, slope[:, middle, middle] / size**2
+
+
+def _acceleration(geometry: Geometry, s: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The acceleration at which the centre's path is straight, and its slope by the path's curvature, which is below
+    zero; arrays like `s` [m] and `v` [m/rad]."""
+    follower, circle = follower_of(geometry), (geometry.contact_radius_mm or 0.0) * MM
+    laws = [np.stack([s.ravel(), v.ravel(), np.full(s.size, a)]) for a in (0.0, ACCELERATION)]
+    flat, bent = (1 / (follower.touch(law).radius + circle) for law in laws)
+    slope = ACCELERATION / (bent - flat)
+    if not np.all(slope < 0):
+        raise InputError("[geometry]: the pressure angle reaches 90 deg, beyond which no cam drives: move the pivot")
+    return (-flat * slope).reshape(s.shape), slope.reshape(s.shape)

@@ -1,0 +1,89 @@
+"""What tolerances cost: the sign of every price, its noise, and that a price is what the search itself gains."""
+
+import json
+
+import numpy as np
+import pytest
+
+from camopt.cli.parser import main
+from camopt.optimizer.as_built import prices
+from camopt.optimizer.as_built.prices import _level, _priced, price_list
+from camopt.scene import InputError, load_scene, parse_scene
+from camopt.scene.as_built import GRINDING, scatter_labels, with_scatter
+from camopt.scene.toml_text import scene_toml
+from tests.scene.test_load import EXAMPLE
+
+SCATTER = """
+[[tolerance]]
+of = "spring.preload_N"
+relative = 0.05
+[[tolerance]]
+name = "mass"
+of = "*.mass_kg"
+relative = 0.02
+[grinding]
+error_um = 2.0
+harmonics = [2, 40]
+"""
+SCENE = parse_scene(EXAMPLE + SCATTER, "mine.toml")
+
+
+@pytest.fixture
+def few(monkeypatch):
+    monkeypatch.setattr(prices, "TRAINS", 12)
+
+
+@pytest.fixture
+def listed(few):
+    return price_list(SCENE, 0.9)
+
+
+def test_a_narrower_tolerance_never_costs_area(listed):
+    assert set(listed.left_out) == set(listed.halved) == {"spring.preload_N", "mass", GRINDING}
+    for label, gained in listed.left_out.items():
+        assert gained > -2 * listed.noise and listed.halved[label] > -2 * listed.noise
+    assert max(listed.left_out.values()) > 0.0
+    assert set(listed.worth) == {"spring.preload_N", "mass"}  # the grinding error has no number of the scene
+    assert listed.worth["spring.preload_N"] > 0.0 > listed.worth["mass"]  # a heavier train needs a smaller cam
+    text = str(listed)
+    assert "left out" in text and f"{listed.noise:.4f}" in text
+    json.dumps(listed.as_dict(), allow_nan=False)
+
+
+def test_noise_is_pooled_over_the_list():
+    """Two sets whose prices differ by 0.02 and 0.0: their mean has a variance of 0.02**2 / 4 and of zero."""
+    areas = {("as given", ""): [0.5, 0.5], ("left out", "a"): [0.51, 0.53], ("halved", "a"): [0.51, 0.51]}
+    listed = _priced(0.9, {name: np.array(area) for name, area in areas.items()})
+    assert listed.left_out["a"] == pytest.approx(0.02) and listed.halved["a"] == pytest.approx(0.01)
+    assert listed.noise == pytest.approx(0.02 / 2 / np.sqrt(2)) and listed.worth_noise == 0.0
+
+
+def test_the_level_gives_the_area_at_hand():
+    assert _level(lambda level: 0.1 * level, 0.12) == pytest.approx(1.2, abs=0.01)
+    assert _level(lambda level: 0.1 * level, 0.9) == _level(lambda level: 0.1 * level, None) == prices.FIRST_LEVEL
+
+
+@pytest.mark.parametrize("label", ["mass", GRINDING])
+def test_scatter_that_is_left_out_is_gone_and_the_rest_stays(label):
+    without = with_scatter(SCENE, {label: 0.0})
+    assert scatter_labels(without) == [one for one in scatter_labels(SCENE) if one != label]
+    half = with_scatter(SCENE, {label: 0.5})
+    assert scatter_labels(half) == scatter_labels(SCENE) and half != SCENE
+
+
+def test_no_prices_without_scatter_or_with_curved_laws():
+    with pytest.raises(InputError, match="needs \\[\\[tolerance\\]\\]"):
+        price_list(parse_scene(EXAMPLE, "mine.toml"), 0.9)
+    with pytest.raises(InputError, match="curved laws"):
+        price_list(load_scene("finger-hydraulic"), 0.9)
+
+
+def test_the_command_prints_and_draws_them(few, tmp_path, capsys):
+    scene, out = tmp_path / "mine.toml", tmp_path / "out"
+    scene.write_text(scene_toml(SCENE))
+    drawn = ["--cam", "polydyne", "--trains", "3", "--speeds", "2000", "--quiet", "--out", str(out)]
+    assert main(["yield", str(scene), *drawn, "--price"]) == 0
+    assert "1 % more of its numbers" in capsys.readouterr().out
+    found = json.loads((out / "yield.json").read_text())
+    assert set(found["prices"]["halved"]) == {"spring.preload_N", "mass", GRINDING}
+    assert (out / "figures" / "prices.svg").is_file()
