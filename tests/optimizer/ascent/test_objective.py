@@ -154,7 +154,7 @@ def test_unusable_arguments_are_sentences(arguments, words):
 @pytest.mark.parametrize(
     ("bounds", "words"),
     [
-        ({"spring.preload": (0.9, 1.1)}, "is no number of the train that may vary; did you mean 'spring.preload_N'?"),
+        ({"spring.preload": (0.9, 1.1)}, "has no such number: expected NAME.KEY of a mass or an element; did you mean"),
         ({"spring.preload_N": (1.1, 1.2)}, "bounds about 1 are needed"),
     ],
 )
