@@ -10,13 +10,12 @@ from typing import Any
 from camopt.scene.design import Design
 from camopt.scene.errors import InputError
 from camopt.scene.faults import checked
-from camopt.scene.row_numbers import RATE, number_of
+from camopt.scene.parameters import RATE, SceneNumber, number_of, valve_spring, with_numbers, with_spring
 from camopt.scene.schema import Scene
 from camopt.scene.table import LARGEST
 from camopt.scene.text_file import excerpt
 from camopt.scene.tolerances import Tolerance
 from camopt.scene.train import build_train
-from camopt.scene.valve_spring import valve_spring, with_spring
 
 NO_JUMP, KINEMATIC = "no-jump", "kinematic"
 PROGRAMS = (NO_JUMP, KINEMATIC)
@@ -231,12 +230,10 @@ def _with_train(scene: Scene, values: Mapping[str, Any]) -> Scene:
     factors = [values.get(f"spring_{number}_percent", 100.0) / 100.0 for number in ("rate", "preload")]
     if factors != [1.0, 1.0]:
         scene = with_spring(scene, *factors)
-    at = lash_element(scene)
-    if "lash_mm" not in values or values["lash_mm"] == scene.element[at].gap_mm:
+    lash = SceneNumber("element", lash_element(scene), "gap_mm")
+    if values.get("lash_mm", lash.of(scene)) == lash.of(scene):
         return scene
-    elements = list(scene.element)
-    elements[at] = elements[at].model_copy(update={"gap_mm": values["lash_mm"]})
-    return scene.model_copy(update={"element": tuple(elements)})
+    return with_numbers(scene, {lash: values["lash_mm"]})
 
 
 def _as_built(scene: Scene, values: Mapping[str, Any]) -> dict[str, Any]:

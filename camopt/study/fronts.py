@@ -13,8 +13,8 @@ from camopt.optimizer.accuracy import accuracy_named
 from camopt.optimizer.free_numbers import widest
 from camopt.optimizer.search.search import find_cam
 from camopt.scene.errors import InputError
+from camopt.scene.parameters import with_spring
 from camopt.scene.schema import AS_BUILT, Scene
-from camopt.scene.valve_spring import with_spring
 from camopt.storage import check_file, write_json
 
 VALUES = {

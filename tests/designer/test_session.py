@@ -20,8 +20,8 @@ from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum, limit_worth
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.scene import builtin_scenes, load_scene
+from camopt.scene.parameters import with_spring
 from camopt.scene.train import build_train
-from camopt.scene.valve_spring import with_spring
 
 NEED = ("valve", "seat", "operation", "design")
 SCENE = load_scene("motori-1", need=NEED)
