@@ -53,6 +53,7 @@ for name, climb in climbs.items():
 area.set_title("area ratio")
 force.set_title("least contact force [N]")
 area.legend()
+plt.close(figure)  # its last line shows it, once
 figure
 
 # %% [markdown]
