@@ -58,7 +58,8 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
             starts = jnp.asarray(np.stack(rests[:count]), dtype)
             cases = count * len(speeds)
             rows.append({
-                "precision": precision, "trains": count, "motion_ms": 1e3 * least(motion, samples, batch, starts) / cases,
+                "precision": precision, "trains": count,
+                "motion_ms": 1e3 * least(motion, samples, batch, starts) / cases,
                 "gradient_ms": 1e3 * least(slope, samples, batch, starts) / cases,
                 "memory_MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000,
             })  # fmt: skip
