@@ -8,9 +8,8 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.measure.as_built import trains_as_built
-from camopt.measure.looks import Looks
 from camopt.measure.yield_words import ENOUGH, HELD, MISSED, NOT_ASKED, asked_sentence, share_sentence, standing
-from camopt.measure.yields import UsedLimits
+from camopt.measure.yields import Looks, UsedLimits
 from camopt.optimizer import candidates
 from camopt.optimizer.as_built import measured, statement
 from camopt.optimizer.as_built.measured import CHUNK
