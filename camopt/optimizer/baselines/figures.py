@@ -15,7 +15,7 @@ from camopt.exact.engine import prepare
 from camopt.exact.settled import settled_metrics
 from camopt.measure.reserve import STARTS
 from camopt.measure.settling import Settled, first_revolution
-from camopt.measure.sweep import SEARCH_STEP_RPM, START_RPM, Swept, at_speeds, sweep
+from camopt.measure.sweep import SEARCH_STEP_RPM, START_RPM, SpeedCache, at_speeds, sweep
 from camopt.plots import (
     DrawnMotion,
     History,
@@ -180,7 +180,7 @@ def curve(scene: Scene, name: str, lift: Lift, found: dict, top_rpm: float) -> S
     else:
         assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
         step = np.ptp(scene.operation.band_rpm) / FIGURE_SPEEDS
-        swept = sweep(Swept(prepare, scene, lift, many=settled_metrics), float(step), DRAWN)
+        swept = sweep(SpeedCache(prepare, scene, lift, many=settled_metrics), float(step), DRAWN)
         speeds, inside, worst, starts = swept.speeds_rpm, swept.figures, {}, None
     beside = np.setdiff1d(_beside_the_band(scene, found, top_rpm), speeds)
     briefly = band is not None and band.get("refined") is False  # as the verdict's own sweep looked

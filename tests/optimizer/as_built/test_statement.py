@@ -10,9 +10,8 @@ from camopt.cam.design_file import read_design
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.read import read_cam
 from camopt.measure.as_built import trains_as_built
-from camopt.measure.looks import Looks
 from camopt.measure.yield_words import ENOUGH, HELD, MISSED, NOT_ASKED, asked_sentence, share_sentence, standing
-from camopt.measure.yields import UsedLimits
+from camopt.measure.yields import Looks, UsedLimits
 from camopt.optimizer import candidates
 from camopt.optimizer.as_built import design, ideal, measured, prices, statement
 from camopt.optimizer.as_built.measured import CHUNK
