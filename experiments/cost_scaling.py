@@ -186,8 +186,8 @@ def side_by_side_row(scene: Scene, cam, count: int) -> dict:
 
     by_speed, by_cam = jax.jit(jax.vmap(end, (None, 0))), jax.jit(jax.vmap(end, (0, None)))
     calls = {
-        "event, speeds": lambda: engine.advance_many(train, cam, list(speeds), rest, 1, 1),
-        "event, cams": lambda: engine.advance_many(train, cams, [top] * count, rest, 1, 1),
+        "event, speeds": lambda: [engine.prepare(train, cam, speed).advance(rest) for speed in speeds],
+        "event, cams": lambda: [engine.prepare(train, one, top).advance(rest) for one in cams],
         "smooth batch, speeds": lambda: jax.block_until_ready(by_speed(samples[0], jnp.asarray(speeds))),
         "smooth batch, cams": lambda: jax.block_until_ready(by_cam(samples, top)),
     }

@@ -21,8 +21,8 @@ from threadpoolctl import threadpool_limits
 
 from camopt.cam.design_file import read_design
 from camopt.cam.lift import Lift, recentred
+from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.motion import TracedMotion
-from camopt.exact.batch import value_and_gradient_many
 from camopt.exact.engine import prepare as prepare_exact
 from camopt.measure.hermite import Hermite
 from camopt.scene import load_scene
@@ -170,17 +170,19 @@ def refined_grid(p: Problem, z: np.ndarray) -> Timed:
 
 
 def exact_numpy(p: Problem, z: np.ndarray) -> Timed:
-    """All cams and speeds by `value_and_gradient_many`, gradients by the pieces turned into those by the bumps."""
+    """All cams and speeds in threads, gradients by the pieces turned into those by the bumps."""
     lift, bumps = on_common_pieces(p)
     speeds, states = np.tile(p.cam_speeds, z.shape[1]), np.tile(p.states, (z.shape[1], 1))
 
     def all_gradients():
         cams = [replace(lift, coefficients=lift.coefficients + change) for change in np.moveaxis(bumps @ z, -1, 0)]
         lifts = [cam for cam in cams for _ in p.cam_speeds]
-        many = value_and_gradient_many(p.train, lifts, speeds, [METRIC], states, workers=WORKERS, spacing=SPACING)
-        done = [one for one in many if one is not None]
-        assert len(done) == len(many), "a motion was refused"
-        return np.tensordot(np.array([one.by_coefficients[0] for one in done]), bumps, 2)
+
+        def slope(lift: Lift, speed: float, start: np.ndarray) -> np.ndarray:
+            return value_and_gradient(p.train, lift, speed, [METRIC], start, spacing=SPACING).by_coefficients[0]
+
+        with ThreadPoolExecutor(WORKERS) as pool:
+            return np.tensordot(np.array(list(pool.map(slope, lifts, speeds, states))), bumps, 2)
 
     seconds, slopes = timed(all_gradients)
     return seconds / len(speeds), slopes[: len(p.speeds_rpm)], exact_setting(p, lift)

@@ -1,8 +1,8 @@
 """The modules whose array shapes every test checks, by jaxtyping's import hook and beartype.
 
 The hook wraps every function of a module. A compiled function cannot be wrapped, which leaves out `camopt.exact.kernel`
-and those modules of `camopt.exact` that hold compiled functions beside others (batch, adjoint.evaluate, adjoint.seeds,
-adjoint.sweep, adjoint.integrals, adjoint.metrics). What has no shapes to check is left out as well.
+and those modules of `camopt.exact` that hold compiled functions beside others (adjoint.seeds, adjoint.sweep,
+adjoint.integrals, adjoint.metrics). What has no shapes to check is left out as well.
 """
 
 from beartype import beartype
@@ -22,10 +22,8 @@ MODULES = [
     "camopt.smooth.smooth_rule",
     "camopt.smooth.varying_motion",
     "camopt.exact.adjoint.gradient",
-    "camopt.exact.adjoint.margin",
     "camopt.exact.adjoint.motion",
     "camopt.exact.engine",
-    "camopt.exact.ensemble",
     "camopt.measure.energy",
     "camopt.measure.hermite",
     "camopt.measure.metrics",

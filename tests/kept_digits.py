@@ -10,15 +10,17 @@ from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
+import pytest
 
 from camopt.cam.families.exponent import exponent
 from camopt.cam.families.polydyne import polydyne
-from camopt.exact import batch, prepare, settled_metrics
+from camopt.exact import engine, prepare, settled_metrics
+from camopt.exact.adjoint import motion as motion_of
 from camopt.exact.adjoint.gradient import Gradient, value_and_gradient
 from camopt.exact.adjoint.metrics import METRICS
 from camopt.exact.adjoint.motion import Slopes, TracedMotion
 from camopt.measure.metrics import measure
-from camopt.scene import build_train, load_scene
+from camopt.scene import MotionRefused, build_train, load_scene
 from camopt.scene.response import joined
 from camopt.scene.rest import state_at_rest
 from camopt.storage import write_json
@@ -115,16 +117,15 @@ def traced() -> np.ndarray:
 
 
 def many() -> np.ndarray:
-    """A batch in which the room of a trace grows, and a motion that is refused."""
+    """Motions for which the room of a trace grows, and one that is refused."""
     train, lift, speed = case("motori-1", 12000)
-    higher = replace(lift, coefficients=1.01 * lift.coefficients)
-    with patch.object(batch, "FIRST_SEGMENTS", 4):
-        starts = np.array([state_at_rest(train), [np.nan, 0.0], [1e-4, 0.1]])
-        found = batch.value_and_gradient_many(
-            train, [lift, lift, higher], [speed, speed, speed], METRICS, starts, workers=1, cotangent=WEIGHTS
-        )
-    assert found[1] is None
-    return np.concatenate([numbers(one) for one in found if one is not None])
+    higher, weighted = replace(lift, coefficients=1.01 * lift.coefficients), []
+    with patch.object(engine, "FIRST_SEGMENTS", 4), patch.object(motion_of, "_BUFFER", engine.TraceBuffer()):
+        with pytest.raises(MotionRefused):
+            value_and_gradient(train, lift, speed, METRICS, np.array([np.nan, 0.0]), cotangent=WEIGHTS)
+        for cam, start in ((lift, state_at_rest(train)), (higher, np.array([1e-4, 0.1]))):
+            weighted.append(value_and_gradient(train, cam, speed, METRICS, start, cotangent=WEIGHTS))
+    return np.concatenate([numbers(one) for one in weighted])
 
 
 def settled(moving: Callable[[], tuple], **options) -> np.ndarray:

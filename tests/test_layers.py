@@ -17,7 +17,6 @@ SUPPORT = {"scene", "storage", "plots"}
 MAY_IMPORT = {
     "cache": set(),
     "programs": {"cache"},
-    "by_address": set(),
     "highs": set(),
     "storage": {"scene"},
     "scene": set(),
@@ -25,7 +24,7 @@ MAY_IMPORT = {
     "cam": {"highs", "scene", "storage"},
     "measure": {"cam", "programs"} | SUPPORT,
     "smooth": {"cam", "exact", "scene", "cache"},
-    "exact": {"cam", "programs", "by_address"} | SUPPORT,
+    "exact": {"cam", "programs"} | SUPPORT,
     "verifier": {"cam", "measure", "programs"} | SUPPORT,
     "optimizer": {"highs", "cam", "measure", "smooth", "exact", "verifier", "programs"} | SUPPORT,
     "tasks": {"cam", "optimizer", "scene", "storage"},

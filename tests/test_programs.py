@@ -17,7 +17,8 @@ from camopt.cache import cache_folder
 from camopt.programs import CONSTANTS, PACKAGE, TOGETHER, compiled, digest, sources
 from tests.campaign.starved import mounted
 
-CODE = "import numpy as np; from camopt.exact.kernel.switching import first_suspect as f; f(np.ones(9), 1, 1, 2); "
+CODE = "import numpy as np; from camopt.measure.cubics import with_stationary_points as f; "
+CODE += "f(*np.ones((2, 1)), np.ones(0), np.ones((4, 0))); "
 SAY = "print(sum(f.stats.cache_hits.values()), sum(f.stats.cache_misses.values()), f.stats.cache_path)"
 
 
@@ -29,7 +30,7 @@ def fresh(code: str, folder: Path) -> list[str]:
 
 
 def files_that_compile() -> list[Path]:
-    imported = re.compile("from camopt.programs import (compiled|inner)")
+    imported = re.compile("from camopt.programs import .*(compiled|inner|njit_no_refcount)")
     return [p for p in sorted(PACKAGE.rglob("*.py")) if imported.search(p.read_text())]
 
 
@@ -98,7 +99,7 @@ def test_programs_of_other_versions_go_when_they_are_old(tmp_path, monkeypatch):
     old = time.time() - (programs.KEPT_DAYS + 1) * 86400
     os.utime(above / "exact-old", (old, old))
     programs._folder.cache_clear()
-    file = PACKAGE / "exact/batch.py"
+    file = PACKAGE / "exact/engine.py"
     folder = programs._folder(file)
     programs._folder.cache_clear()
     assert folder is not None and {p.name for p in above.iterdir()} == {"exact-new", folder.name}
@@ -129,9 +130,8 @@ def compiled_as(node: ast.AST) -> tuple[str, bool] | None:
     for decorator in node.decorator_list if isinstance(node, ast.FunctionDef) else []:
         call = decorator if isinstance(decorator, ast.Call) else None
         name = ast.unparse(call.func if call else decorator)
-        if name in ("compiled", "inner", "borrowing"):
-            options = {word.arg for word in call.keywords} if call else set()
-            return name, name == "compiled" or "from_python" in options
+        if name in ("compiled", "inner", "njit_no_refcount", "njit"):
+            return name, name in ("compiled", "njit")
     return None
 
 

@@ -5,20 +5,19 @@ exact polynomial pieces, and each switching of a contact is located inside the s
 that is watched.
 """
 
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from threading import local
 
 import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.exact.affine.inputs import Inputs
-from camopt.exact.kernel.arrays import cam_arrays, train_arrays
+from camopt.exact.kernel.arrays import CamArrays, cam_arrays
 from camopt.exact.kernel.propagators import Propagators, default_step, propagators
-from camopt.exact.kernel.revolution import CHATTER, DONE, NEED_TABLES, revolve
-from camopt.exact.kernel.trace import empty_trace
+from camopt.exact.kernel.revolution import CHATTER, DONE, NEED_TABLES, TRACE_FULL, follow
+from camopt.exact.kernel.trace import NO_TRACE, Trace, empty_trace
 from camopt.scene.errors import MotionRefused
 from camopt.scene.response import Response
-from camopt.scene.shapes import Float, State
+from camopt.scene.shapes import State
 from camopt.scene.train import Train
 
 MOST_SWITCHINGS = 20_000
@@ -31,14 +30,16 @@ MOST_AT_ONCE = 8
 """Largest number of steps between two samples."""
 FEWEST_STEPS = 360
 """A revolution is divided into at least this many steps, however slow the train's modes are."""
-NO_TRACE = empty_trace(0, 0, 0)
+FIRST_SEGMENTS = 1024
+"""Number of segments per revolution for which a trace has room at first."""
+NO_ROWS = np.empty((0, 0))
+"""Those of a motion that is not sampled."""
 
 
 class EventExact:
     """Event-exact motion at one speed: a call gives one sampled revolution, `advance` only the state at its end."""
 
     def __init__(self, train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int | None = None):
-        self._arrays = train_arrays(train)
         self.train, self.lift, self.cam_speed = train, lift, cam_speed
         self.period = 2 * np.pi / cam_speed
         self.step, self._per_sample = _step(train, self.period, steps_per_revolution)
@@ -46,13 +47,13 @@ class EventExact:
         self._rows: np.ndarray | None = None
 
     def __call__(self, state: State) -> Response:
-        """One revolution from -pi to pi from a state ([m], [m/s], [m]), sampled as asked and at every
-        switching and piece border. Raises MotionRefused for endless switching or a motion without bound."""
+        """One revolution from -pi to pi from a state ([m], [m/s], [m]), sampled at the requested steps, at every
+        switching and at every piece border. Raises MotionRefused for endless switching or a motion without bound."""
         n, at, e = len(self.train.mass), self.train.state_size, len(self.train.a)
         if self._rows is None:
             samples = int(self.period / self.step) + len(self._cam.borders) + 2 * MOST_SWITCHINGS + 16
             self._rows = np.empty((samples, at + 2 + e + 2))
-        count, _ = self._revolve(np.array(state, dtype=float), self._rows, self._tables(self._per_sample))
+        count = run(self._tables(self._per_sample), self._cam, np.array(state, dtype=float), rows=self._rows)[0]
         done = self._rows[:count].copy()
         angle = done[:, -2] * self.cam_speed - np.pi
         angle[-1] = np.pi
@@ -64,28 +65,66 @@ class EventExact:
 
         Raises MotionRefused for endless switching or a motion without bound.
         """
-        after, tables = np.array(state, dtype=float), self._tables(AT_ONCE)
-        nothing = np.empty((0, 0))
-        for _ in range(revolutions):
-            self._revolve(after, nothing, tables)
+        after = np.array(state, dtype=float)
+        run(self._tables(AT_ONCE), self._cam, after, revolutions)
         return after
 
     def _tables(self, at_once: int) -> Propagators:
         return propagators(self.train, self.step, self.lift.coefficients.shape[1], at_once)
 
-    def _revolve(self, state: np.ndarray, rows: np.ndarray, tables: Propagators) -> tuple[int, int]:
-        """Runs one revolution, which changes `state` in place; returns (number of samples, number of switchings)."""
-        code, start = NEED_TABLES, state.copy()
-        while code == NEED_TABLES:
-            state[:] = start
-            code, count, switchings = revolve(
-                self._arrays, self._cam, self.step, tables.built, state, rows, NO_TRACE, MOST_SWITCHINGS
-            )
-            if code == NEED_TABLES:
-                tables.build(count)
-        if code != DONE:
-            raise refusal(code, self.cam_speed, switchings)
-        return count, switchings
+
+class TraceBuffer(local):
+    """Room for the traces of each thread's motions, one after the other; it grows fourfold where a motion needs more.
+
+    New room costs as much as a short motion, because the system has to clear it.
+    """
+
+    def __init__(self) -> None:
+        self._segments, self._trace = FIRST_SEGMENTS, NO_TRACE
+
+    def trace(self, tables: Propagators, revolutions: int) -> Trace:
+        """The trace of a motion of so many revolutions that uses these tables; what it held before is overwritten."""
+        self._segments = max(self._segments, FIRST_SEGMENTS * revolutions)
+        width, looks = tables.built.steps.shape[3], tables.built.span.shape[2] - tables.built.steps.shape[3]
+        kept = self._trace
+        if (len(kept.length), kept.y.shape[1], kept.looks.shape[1]) != (self._segments, width, looks):
+            self._trace = empty_trace(self._segments, width, looks)
+        return self._trace
+
+    def grow(self) -> None:
+        """Makes room for four times as many segments."""
+        self._segments *= 4
+
+
+def run(
+    tables: Propagators,
+    cam: CamArrays,
+    state: np.ndarray,
+    revolutions: int = 1,
+    rows: np.ndarray = NO_ROWS,
+    buffer: TraceBuffer | None = None,
+) -> tuple[int, Trace]:
+    """Runs whole revolutions from `state` (2n + r) at -pi, which is changed in place to the end.
+
+    Returns (number of segments in the trace, the trace in the `buffer`) or, without a buffer, (number of samples in
+    `rows`, no trace). Missing tables are built, and the buffer grows, on the way. Raises MotionRefused for endless
+    switching or a motion without bound.
+    """
+    start = state.copy()
+    while True:
+        state[:] = start
+        trace = NO_TRACE if buffer is None else buffer.trace(tables, revolutions)
+        code, count, switchings = follow(
+            tables.arrays, cam, tables.step, tables.built, state, revolutions, MOST_SWITCHINGS, rows, trace
+        )
+        if code == DONE:
+            return count, trace
+        if code == NEED_TABLES:
+            tables.build(count)
+        elif code == TRACE_FULL and buffer is not None:
+            buffer.grow()
+        else:
+            raise refusal(code, cam.speed, switchings)
 
 
 def refusal(code: int, cam_speed: float, switchings: int) -> MotionRefused:
@@ -107,33 +146,6 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
     them all.
     """
     return EventExact(train, lift, cam_speed, steps_per_revolution)
-
-
-def advance_many(
-    train: Train,
-    lifts: Lift | Sequence[Lift],
-    cam_speeds: Sequence[float],
-    states: State | Float[np.ndarray, "k two_n"],
-    revolutions: int,
-    workers: int = 2,
-) -> Float[np.ndarray, "k two_n"]:
-    """End states of k motions after `revolutions` each, computed side by side in threads.
-
-    `lifts` is one lift or k, `cam_speeds` (k) [rad/s]; `states` is one start for all or k of them. A refused motion
-    ends in a row of NaN.
-    """
-    k = len(cam_speeds)
-    cams = [lifts] * k if isinstance(lifts, Lift) else list(lifts)
-    starts = np.broadcast_to(states, (k, np.shape(states)[-1]))
-
-    def end(i: int) -> np.ndarray:
-        try:
-            return prepare(train, cams[i], cam_speeds[i]).advance(starts[i], revolutions)
-        except MotionRefused:
-            return np.full(starts.shape[1], np.nan)
-
-    with ThreadPoolExecutor(workers) as pool:
-        return np.array(list(pool.map(end, range(k))))
 
 
 def free_step(train: Train, cam_speed: float) -> float:

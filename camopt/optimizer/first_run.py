@@ -9,8 +9,6 @@ import subprocess
 import sys
 from collections.abc import Callable
 
-import numpy as np
-
 from camopt.programs import kept
 
 SAYING = "compiles its programs, once for an installation: this takes some minutes"
@@ -43,47 +41,41 @@ def compile_programs() -> None:
 
 
 def settled_programs() -> None:
-    """What the search's judge and the sweeps call: a settled motion with its metrics."""
+    """What the search's judge and the sweeps call: a motion, and a settled one with its metrics."""
+    from camopt.exact import prepare
+    from camopt.exact.affine.lines import rest_of
     from camopt.exact.settled import settled_metrics
 
-    train, lift, cam_speed, _ = _motion()
+    train, lift, cam_speed = _motion()
+    prepare(train, lift, cam_speed).advance(rest_of(train))
     settled_metrics([train], [lift], [cam_speed], workers=1)
 
 
-def gradient_programs() -> None:
-    """What slopes of a yield and the verdict call: gradients, and a revolution by each method of a verdict."""
-    from camopt.exact.batch import value_and_gradient_many
+def verdict_programs() -> None:
+    """What a verdict calls: a revolution by each of its methods but event-exact, which the other process compiles."""
     from camopt.scene.rest import state_at_rest
     from camopt.verifier.accuracy import EFFORTS
     from camopt.verifier.convergence import FEWEST_STEPS
     from camopt.verifier.verdict import method_named
 
-    train, lift, cam_speed, metrics = _motion()
-    rest = state_at_rest(train)
-    for method in EFFORTS["standard"].methods:  # first, so that the other process has the kernel's programs ready
-        method_named(method)(train, lift, cam_speed, FEWEST_STEPS)(rest)
-    value_and_gradient_many(train, [lift], [cam_speed], metrics, np.array([rest]), workers=1)
+    train, lift, cam_speed = _motion()
+    for method in (name for name in EFFORTS["standard"].methods if name != "event"):
+        method_named(method)(train, lift, cam_speed, FEWEST_STEPS)(state_at_rest(train))
 
 
-PARTS: dict[str, Callable[[], None]] = {"settled": settled_programs, "gradient": gradient_programs}
+PARTS: dict[str, Callable[[], None]] = {"settled": settled_programs, "verdict": verdict_programs}
 """By name, what one process compiles."""
 
 
 def _motion() -> tuple:
-    """A train, a cam, a cam speed [rad/s] and the limited metrics: of which scene makes no difference to a program."""
+    """A train, a cam and a cam speed [rad/s]: of which scene makes no difference to a program."""
     from camopt.cam.families.polydyne import polydyne
-    from camopt.measure.limits import limited_metrics
     from camopt.scene.load import load_scene
     from camopt.scene.train import build_train
 
     scene = load_scene("motori-1")
     assert scene.operation is not None, "motori-1 has speeds"
-    return (
-        build_train(scene),
-        polydyne(scene),
-        scene.cam_speed(scene.operation.speeds_rpm[0]),
-        limited_metrics(scene.design),
-    )
+    return build_train(scene), polydyne(scene), scene.cam_speed(scene.operation.speeds_rpm[0])
 
 
 if __name__ == "__main__":

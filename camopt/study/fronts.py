@@ -38,7 +38,7 @@ class Front:
 
     def plot(self):
         """The front as a matplotlib Figure."""
-        from camopt.plots.front import front
+        from camopt.plots.studies import front
 
         return front(self.against, self.table["limit"].values, self.table["area_ratio"].values, self.scene)
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.exact.adjoint.evaluate import evaluate
+from camopt.exact.adjoint.metrics import evaluate
 from camopt.exact.adjoint.motion import OBSERVATIONS, TracedMotion, metric_numbers
 from camopt.exact.adjoint.seeds import empty_seeds
 from camopt.exact.engine import prepare

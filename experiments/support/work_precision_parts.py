@@ -2,16 +2,18 @@
 
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from matplotlib.figure import Figure
 from numba import njit
 
 from camopt.exact import prepare
-from camopt.exact.engine import AT_ONCE, advance_many
+from camopt.exact.engine import AT_ONCE
 from camopt.exact.kernel.advance import advance, apply
 from camopt.exact.kernel.switching import first_suspect, next_switch
 from camopt.plots.style import INK, LIMIT, new_figure, styled
+from camopt.programs import ProgramCompiler
 from camopt.scene import build_train
 from camopt.study.timing import fastest
 
@@ -55,7 +57,7 @@ def _time_at(points: list[tuple[float, float]]) -> float | None:
     return None
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True, pipeline_class=ProgramCompiler)
 def _spans(times, tables, slot, y, columns, count, out):
     steps = 0
     for _ in range(times):
@@ -64,7 +66,7 @@ def _spans(times, tables, slot, y, columns, count, out):
     return steps
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True, pipeline_class=ProgramCompiler)
 def _searches(times, tables, slot, y, columns, out, scratch):
     found = 0.0
     for _ in range(times):
@@ -72,7 +74,7 @@ def _searches(times, tables, slot, y, columns, out, scratch):
     return found
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True, pipeline_class=ProgramCompiler)
 def _jumps(times, tables, slot, h, columns, y, work):
     for i in range(times):
         advance(tables, slot, h, columns, 0.03 + (i % 60) / 16.0, y.copy(), work)
@@ -123,7 +125,9 @@ def band_seconds(case, speeds: int) -> dict:
     for workers in (1, 2):
         train = build_train(case.scene)  # a new train: no tables yet
         begin = time.perf_counter()
-        advance_many(train, case.lift, cam_speeds, case.rest, 8, workers)
+        with ThreadPoolExecutor(workers) as pool:
+            motions = [prepare(train, case.lift, speed) for speed in cam_speeds]
+            list(pool.map(lambda motion: motion.advance(case.rest, 8), motions))
         seconds[f"threads_{workers}_s"] = time.perf_counter() - begin
     return {"speeds": speeds, "revolutions": 8, **seconds}
 

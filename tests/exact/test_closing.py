@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from camopt.exact.adjoint import evaluate as metrics_of
+from camopt.exact.adjoint import metrics as metrics_of
 from camopt.exact.adjoint.closing import leaked, nominal_closing, seed_leaked, touch
 from camopt.exact.adjoint.seeds import Seeds, seed_end
 from camopt.exact.kernel.tables import ACTING, SEPARATED, Sizes

@@ -8,7 +8,7 @@ import pytest
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.exact import prepare
-from camopt.exact.engine import advance_many, default_step
+from camopt.exact.engine import default_step
 from camopt.exact.kernel.propagators import highest_frequency
 from camopt.scene import MotionRefused, build_train, load_scene, parse_scene
 from camopt.scene.response import end_state
@@ -86,18 +86,6 @@ def test_advance_ends_where_the_sampled_revolution_ends():
     assert np.abs(ends - state).max() > 1e-3  # it does not stand still
 
 
-def test_many_motions_side_by_side_are_the_single_ones():
-    scene = load_scene("kodama")
-    train, lift = build_train(scene), polydyne(scene)
-    rest = state_at_rest(train)
-    speeds = [scene.cam_speed(s) for s in (5000, 6000, 6990)]
-    lower = replace(lift, coefficients=0.9 * lift.coefficients)
-    many = advance_many(train, [lift, lower, lift], speeds, rest, 2)
-    for end, cam, speed in zip(many, (lift, lower, lift), speeds, strict=True):
-        assert np.array_equal(end, prepare(train, cam, speed).advance(rest, 2))
-    assert np.abs(many[0] - many[2]).max() > 1e-3
-
-
 def floor(stiffness, damping):
     train = build_train(parse_scene(SEAT_ONLY.format(stiffness=stiffness, damping=damping), "drop"))
     return train, Lift(np.array([-np.pi, np.pi]), np.zeros((1, 2)), 1.0)
@@ -148,8 +136,6 @@ def test_chatter_is_refused_by_advance_too():
     train, flat = floor(1e12, 0.0)
     with pytest.raises(MotionRefused, match="switch more than"):
         prepare(train, flat, 2 * np.pi).advance(np.array([1e-9, 0.0]))
-    ends = advance_many(train, flat, [2 * np.pi], np.array([1e-9, 0.0]), 1)
-    assert np.all(np.isnan(ends))
 
 
 def test_step_without_samples_asked_serves_all_speeds():

@@ -1,7 +1,7 @@
 """A ball in free flight, all of whose figures are polynomials: metrics, their cotangents, whole revolutions.
 
 Python runs what is compiled otherwise, `camopt.exact.adjoint.metrics`, `camopt.exact.kernel.revolution` and
-`camopt.exact.kernel.setting` among it, which are reached through a traced motion.
+`camopt.exact.kernel.revolution` among it, which are reached through a traced motion.
 """
 
 from dataclasses import replace

@@ -9,7 +9,6 @@ from camopt.exact import prepare
 from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.metrics import METRICS
 from camopt.exact.adjoint.motion import Samples, TracedMotion
-from camopt.exact.batch import value_and_gradient_many
 from camopt.measure.metrics import measure
 from camopt.scene import InputError
 from camopt.scene.response import end_state, joined
@@ -167,47 +166,23 @@ def test_any_function_of_samples_and_of_the_end():
     assert least_error(by_train(slopes).stiffness @ train.stiffness, stiffer) < 1e-5
 
 
-def test_many_motions_side_by_side_are_the_single_ones():
-    scene, train = kodama()
-    lifts = [cam_with_bumps(name, 20)[0] for name in ("polydyne", "design")]
-    speeds = [scene.cam_speed(rpm) for rpm in (6500, 5500)]
-    many = value_and_gradient_many(train, lifts, speeds, ["bounce_mm"])
-    for found, lift, speed in zip(many, lifts, speeds, strict=True):
-        single = value_and_gradient(train, lift, speed, ["bounce_mm"])
-        assert found is not None
-        assert np.array_equal(found.by_coefficients, single.by_coefficients)
-        assert found.grazing == single.grazing and np.array_equal(found.end, single.end)
-    first, second = (found.values[0] for found in many if found is not None)
-    assert first > 10 * second
-
-
 @pytest.mark.parametrize("cotangent", [None, np.array([2.0, -3.0])])
-def test_many_motions_with_spans_on_the_borders_move_as_others(cotangent):
+def test_motions_with_spans_on_the_borders_move_as_others(cotangent):
     scene, train = kodama()
-    lift, speeds = cam_with_bumps("design", 20)[0], [scene.cam_speed(rpm) for rpm in (6500, 5000, 6500)]
+    lift, speeds = cam_with_bumps("design", 20)[0], [scene.cam_speed(rpm) for rpm in (6500, 5000)]
     starts = np.array([value_and_gradient(train, lift, speed, []).end for speed in speeds])
     options = {"revolutions": 2, "revolution": 0, "cotangent": cotangent, "mechanical": True}
     names = ["seating_velocity_m_per_s", "jump_mm"]
-    many = value_and_gradient_many(train, [lift] * 3, speeds, names, starts, spacing=2 * DEG, **options)
-    for found, speed, start in zip(many, speeds, starts, strict=True):
+    for speed, start in zip(speeds, starts, strict=True):
+        found = value_and_gradient(train, lift, speed, names, start, spacing=2 * DEG, **options)
         single = value_and_gradient(train, lift, speed, names, start, **options)
-        assert found is not None and found.by_train is not None and single.by_train is not None
+        assert found.by_train is not None and single.by_train is not None
         assert found.values == pytest.approx(single.values, rel=1e-7)
         for part in ("by_coefficients", "by_start"):
             a, b = getattr(found, part), getattr(single, part)
             assert a.shape == b.shape and np.abs(a - b).max() < 1e-6 * np.abs(b).max()
         for a, b in zip(vars(found.by_train).values(), vars(single.by_train).values(), strict=True):
             assert np.abs(a - b).max() <= 1e-6 * np.abs(b).max()
-
-
-def test_a_refused_motion_among_many_is_none():
-    scene, train = kodama()
-    lift = cam_with_bumps("design", 20)[0]
-    starts = np.array([state_at_rest(train)] * 3)
-    starts[1, 0] = np.nan
-    many = value_and_gradient_many(train, [lift] * 3, [scene.cam_speed(6000)] * 3, ["bounce_mm"], starts)
-    assert [found is None for found in many] == [False, True, False]
-    assert np.array_equal(many[0].values, many[2].values)
 
 
 def test_an_unknown_metric_is_refused():

@@ -7,7 +7,7 @@ from scipy.linalg import expm
 from camopt.exact.kernel.arrays import train_arrays
 from camopt.exact.kernel.building import linear_system
 from camopt.exact.kernel.elements import compression, value
-from camopt.exact.kernel.leap import leap_of, leap_over, settles
+from camopt.exact.kernel.leap import leap_of, modal_step, no_switch_possible
 from camopt.scene import build_train, load_scene
 from camopt.scene.rest import rest_position
 from tests.exact.interpreted import interpret
@@ -48,8 +48,8 @@ def test_a_leap_is_the_exponential_of_the_equations_of_motion(still):
     for duration in (1e-5, 1e-4, 2e-3):
         start = rest + scale * random.normal(size=n2)
         found, modes = start.copy(), np.empty(2 * count)
-        settles(leap, start, modes, np.empty(count))
-        leap_over(leap, duration, modes, found)
+        no_switch_possible(leap, start, modes, np.empty(count))
+        modal_step(leap, duration, modes, found)
         wanted = (expm(duration * system) @ np.append(start, 1.0))[:n2]
         np.testing.assert_allclose((found - rest) / scale, (wanted - rest) / scale, rtol=1e-6, atol=1e-7)
 

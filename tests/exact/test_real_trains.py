@@ -11,7 +11,6 @@ from camopt.cam.families.exponent import exponent
 from camopt.exact import prepare, settled_metrics
 from camopt.exact.adjoint.gradient import periodic_value_and_gradient, value_and_gradient
 from camopt.exact.adjoint.motion import SamplesWithMemory, TracedMotion
-from camopt.exact.batch import value_and_gradient_many
 from camopt.measure.metrics import measure
 from camopt.scene import build_train, parse_scene
 from camopt.scene.response import end_state, joined
@@ -161,19 +160,6 @@ def test_by_the_cam_and_by_samples():
 
     exact = np.sum(slopes.by_coefficients * change, axis=(1, 2))
     assert least_error(exact, differences(total, STEPS * 1e-2)) < 1e-5
-
-
-def test_a_batch_gives_what_one_motion_gives():
-    train, lift = real()
-    speeds = [SCENE.cam_speed(rpm) for rpm in (SLOW, FAST)]
-    many = value_and_gradient_many(train, [lift] * 2, speeds, METRICS, mechanical=True)
-    for one, speed in zip(many, speeds, strict=True):
-        alone = value_and_gradient(train, lift, speed, METRICS, mechanical=True)
-        assert one is not None
-        np.testing.assert_allclose(one.values, alone.values, rtol=1e-12)
-        np.testing.assert_allclose(one.by_coefficients, alone.by_coefficients, rtol=1e-12)
-        for name, slope in vars(by_train(alone)).items():
-            np.testing.assert_allclose(getattr(by_train(one), name), slope, rtol=1e-12, err_msg=name)
 
 
 def test_a_periodic_motion_carries_its_memories():

@@ -9,7 +9,7 @@ from camopt.exact.kernel.revolution import CHATTER, DONE, NEED_TABLES, NOT_FINIT
 from camopt.exact.kernel.trace import empty_trace
 from camopt.exact.settled import run as stages
 from camopt.exact.settled.figures import NAMES
-from camopt.exact.settled.run import PERIODIC, REFUSED, SETTLING, Cams, measured, of_motion, went_on
+from camopt.exact.settled.run import PERIODIC, REFUSED, SETTLING, Cams, accept_code, measured, setting_for
 from tests.exact.interpreted import interpret
 
 
@@ -21,7 +21,7 @@ def _by_python(monkeypatch):
 @pytest.mark.parametrize("code", [DONE, -CHATTER, -NOT_FINITE, NEED_TABLES, TRACE_FULL])
 def test_a_motion_goes_on_unless_something_is_missing_and_is_marked_where_it_cannot_be_followed(code):
     motions = SimpleNamespace(stage=np.full(3, SETTLING))
-    assert went_on(motions, 1, code) == (code <= 0)
+    assert accept_code(motions, 1, code) == (code <= 0)
     assert motions.stage.tolist() == [SETTLING, REFUSED if code < 0 else SETTLING, SETTLING]
 
 
@@ -35,7 +35,7 @@ def test_every_motion_has_the_borders_and_pieces_of_its_own_cam():
     s = SimpleNamespace(train=None, step=1.0, tables=None, valve=0, seat=0, cam_side=None)
     motions = SimpleNamespace(cam=np.array([2, 0, 1]), speed=np.array([10.0, 20.0, 30.0]))
     for i, j in enumerate(motions.cam):
-        one = of_motion(s, cams, motions, i)
+        one = setting_for(s, cams, motions, i)
         assert np.array_equal(one.cam.borders, own[j]) and np.array_equal(one.cam.pieces, pieces[j])
         assert (one.cam.speed, one.half_duration) == (motions.speed[i], cams.half_duration[j])
         assert one.opening_foot == cams.foot[j]
@@ -46,16 +46,16 @@ def test_measured_revolutions_follow_each_other_in_a_trace_without_room_to_spare
     trace = empty_trace(segments * (turns + 1), 1, 0)
     trace.angle[:] = np.nan
 
-    def turned(s, plan, room, state, rest):
+    def one_revolution(s, plan, room, state, rest):
         rest.angle[: segments + 1] = np.linspace(-np.pi, np.pi, segments + 1)
         state += 1.0
         return DONE, segments
 
-    def figures(s, both, seeds, turn, row):
+    def figures(s, both, turn, row):
         seen.append(both.angle.copy())
         row[:] = turn
 
-    monkeypatch.setattr(stages, "turned", turned)
+    monkeypatch.setattr(stages, "one_revolution", one_revolution)
     monkeypatch.setattr(stages, "figures", figures)
     rows = np.empty((1, len(NAMES)))
     motions = SimpleNamespace(
@@ -65,7 +65,7 @@ def test_measured_revolutions_follow_each_other_in_a_trace_without_room_to_spare
     )  # fmt: skip
     plan = SimpleNamespace(measured=turns, watched=False, position=1e-6, velocity=1e-3)
     s = SimpleNamespace(train=SimpleNamespace(mass=np.ones(1)))
-    assert measured(s, plan, motions, (None, None, trace, None), 0) == (DONE, 0)
+    assert measured(s, plan, motions, (None, None, trace), 0) == (DONE, 0)
     for turn, angles in enumerate(seen):
         assert angles == pytest.approx(2.0 * np.pi * turn + np.linspace(-np.pi, 3.0 * np.pi, 2 * segments + 1))
     assert np.all(motions.lowest == 0.0) and np.all(motions.highest == turns - 1.0)

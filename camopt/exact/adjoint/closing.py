@@ -3,25 +3,24 @@
 import numpy as np
 
 from camopt.exact.adjoint.seeds import observe
-from camopt.exact.kernel.borrowing import borrowing
 from camopt.exact.kernel.elements import closeness, touch_line
 from camopt.exact.kernel.instants import acceleration, state_at
 from camopt.exact.kernel.switching import _value_and_slope
 from camopt.exact.kernel.tables import SEPARATED, TERMS
-from camopt.programs import compiled, inner
+from camopt.programs import inner, njit_no_refcount
 
 SAME_ANGLE = 1e-9
 """Angle [rad] within which a segment begins at the opening foot."""
 
 
-@borrowing
+@njit_no_refcount
 def closes(s, trace, k, e):
     """Whether segment k ends where contact e closes."""
     slot, watch = trace.slot[k], trace.watch[k]
     return watch >= 0 and s.tables.element[slot, watch] == e and s.tables.states[slot, e] == SEPARATED
 
 
-@borrowing
+@njit_no_refcount
 def touch(s, trace, turn):
     """(the segment that ends with the touch of a revolution, -1 for no touch; whether the valve opened)."""
     top, peak, e, states, train = 0.0, -1, s.seat, s.tables.states, s.train
@@ -40,7 +39,7 @@ def touch(s, trace, turn):
     return -1, True
 
 
-@borrowing
+@njit_no_refcount
 def leaked(s, trace, turn, touched):
     """(by how much [m] the adjusters between cam and valve are shorter at the touch, which ends segment `touched`, than
     at the opening foot of that revolution, and never below zero; the segment that begins there)."""
@@ -53,7 +52,7 @@ def leaked(s, trace, turn, touched):
     return max(0.0, total), foot
 
 
-@compiled
+@inner
 def nominal_closing(s, trace, turn, touched):
     """(segment, length [steps]) where the lift of a revolution, whose touch ends segment `touched`, falls for the last
     time to the lash and what the adjusters have leaked; -1 for never."""

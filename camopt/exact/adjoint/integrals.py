@@ -4,14 +4,13 @@ import numpy as np
 
 from camopt.exact.adjoint.seeds import touch_back
 from camopt.exact.kernel.advance import apply
-from camopt.exact.kernel.borrowing import borrowing
 from camopt.exact.kernel.elements import touch_line
 from camopt.exact.kernel.instants import series_at, watch_of
 from camopt.exact.kernel.tables import TERMS
-from camopt.programs import inner
+from camopt.programs import inner, njit_no_refcount
 
 
-@borrowing
+@njit_no_refcount
 def distance_integral(s, trace, k, w, there):
     """Integral of the seat's distance over segment k [m steps], in which the seat must be apart."""
     slot, length, y = trace.slot[k], trace.length[k], trace.y[k]

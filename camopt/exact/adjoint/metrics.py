@@ -2,18 +2,20 @@
 
 Names and definitions are those of `camopt.scene.quantities`. A window that runs past the end of the trace ends with
 it. Where the valve opens but never touches its seat again, the metrics of the closing are NaN and have no cotangents.
+Without seeds (None) there are values alone: numba leaves the cotangents out of such a program.
+
+A motion grazes where a contact only just touches, or only just fails to: there its gradient is one-sided.
 """
 
 import numpy as np
 
 from camopt.exact.adjoint.closing import closed_window, closes, seed_leaked, seed_nominal, touch
 from camopt.exact.adjoint.integrals import distance_integral, seed_integral, seed_square, square_integral
-from camopt.exact.adjoint.seeds import observe, seed_end, seed_force, seed_separation
-from camopt.exact.kernel.borrowing import borrowing
-from camopt.exact.kernel.elements import touch_line
-from camopt.exact.kernel.instants import acceleration, largest
+from camopt.exact.adjoint.seeds import clear, observe, seed_end, seed_force, seed_separation
+from camopt.exact.kernel.elements import compression, element_forces, touch_line
+from camopt.exact.kernel.instants import acceleration, largest, nearest_miss, state_at
 from camopt.exact.kernel.tables import ACTING, SEPARATED, TERMS
-from camopt.programs import inner
+from camopt.programs import compiled, inner, njit_no_refcount
 from camopt.scene.units import DEG, MM
 
 METRICS = (
@@ -29,6 +31,8 @@ METRICS = (
 )
 """Names of the metrics, in the order of the numbers that `measure` takes."""
 NONE = -np.inf
+TIED = 1e-12
+"""A value and its runner-up within this relative difference are one but for rounding, which decides between them."""
 
 
 @inner
@@ -61,16 +65,17 @@ def bounce(s, trace, seeds, turn):
     if k < 0 or value <= 0.0 or (at_start and nominal < 0):  # at the touch the distance is zero but for rounding
         return 0.0, NONE
     unit = 1.0 / (touch_line(s.train, s.seat)[1] * MM)  # the watch of an open contact is slope times separation
-    seed_separation(s, seeds, k, length, s.seat, 1.0 / MM)
-    if at_start:
-        by_lash = seed_nominal(s, trace, seeds, k, length, slope * unit / s.step)
-        seed_leaked(s, trace, seeds, turn, touched, by_lash)
-    else:
-        seed_end(s, trace, seeds, k, length, slope * unit)
+    if seeds is not None:
+        seed_separation(s, seeds, k, length, s.seat, 1.0 / MM)
+        if at_start:
+            by_lash = seed_nominal(s, trace, seeds, k, length, slope * unit / s.step)
+            seed_leaked(s, trace, seeds, turn, touched, by_lash)
+        else:
+            seed_end(s, trace, seeds, k, length, slope * unit)
     return value * unit, second * unit
 
 
-@borrowing
+@njit_no_refcount
 def event(s, turn):
     """Angles [rad] between which the contacts between cam and valve are judged: half the duration about the nose."""
     return 2 * np.pi * turn - s.half_duration, 2 * np.pi * turn + s.half_duration
@@ -86,9 +91,10 @@ def jump_height(s, trace, seeds, turn):
         second = max(second, runner * unit, min(best, value * unit) if k >= 0 and contact >= 0 else NONE)
         if k >= 0 and value * unit > best:
             best, where, at, slope, contact = value * unit, k, length, steep * unit, e
-    if where >= 0:
-        seed_separation(s, seeds, where, at, contact, 1.0 / MM)
-        seed_end(s, trace, seeds, where, at, slope)
+    if seeds is not None:
+        if where >= 0:
+            seed_separation(s, seeds, where, at, contact, 1.0 / MM)
+            seed_end(s, trace, seeds, where, at, slope)
     return best, second
 
 
@@ -108,8 +114,9 @@ def contact_force(s, trace, seeds, turn, sign):
             best, where, at, slope, contact = value, k, length, steep, e
     if where < 0:
         return 0.0, NONE
-    seed_force(s, trace, seeds, where, at, contact, 1.0)
-    seed_end(s, trace, seeds, where, at, sign * slope)
+    if seeds is not None:
+        seed_force(s, trace, seeds, where, at, contact, 1.0)
+        seed_end(s, trace, seeds, where, at, sign * slope)
     return sign * best, sign * second
 
 
@@ -124,13 +131,14 @@ def jump_angle(s, trace, seeds, turn):
                 total += max(0.0, min(high, trace.angle[k + 1]) - max(low, trace.angle[k]))
         if total > best:
             best, second, contact = total, best, e
-    for k in range(len(trace.length)):
-        if contact < 0 or s.tables.states[trace.slot[k], contact] != SEPARATED:
-            continue
-        if low < trace.angle[k] < high and k > 0 and trace.watch[k - 1] >= 0:
-            seeds.time[k - 1] -= seeds.weight[0] * s.cam.speed / DEG
-        if low < trace.angle[k + 1] < high and trace.watch[k] >= 0:
-            seeds.time[k] += seeds.weight[0] * s.cam.speed / DEG
+    if seeds is not None:
+        for k in range(len(trace.length)):
+            if contact < 0 or s.tables.states[trace.slot[k], contact] != SEPARATED:
+                continue
+            if low < trace.angle[k] < high and k > 0 and trace.watch[k - 1] >= 0:
+                seeds.time[k - 1] -= seeds.weight[0] * s.cam.speed / DEG
+            if low < trace.angle[k + 1] < high and trace.watch[k] >= 0:
+                seeds.time[k] += seeds.weight[0] * s.cam.speed / DEG
     return best / DEG, second / DEG
 
 
@@ -138,8 +146,9 @@ def jump_angle(s, trace, seeds, turn):
 def seed_speed(s, trace, seeds, k):
     """The speed [m/s] at which the valve falls onto its seat at the end of segment k, with its cotangents."""
     n, y = len(s.train.mass), trace.y[k + 1]
-    observe(seeds, k, trace.length[k])[n + s.valve] -= seeds.weight[0]
-    seeds.time[k] -= seeds.weight[0] * acceleration(s, trace.slot[k], y, s.valve)
+    if seeds is not None:
+        observe(seeds, k, trace.length[k])[n + s.valve] -= seeds.weight[0]
+        seeds.time[k] -= seeds.weight[0] * acceleration(s, trace.slot[k], y, s.valve)
     return -y[n + s.valve]
 
 
@@ -196,3 +205,65 @@ def closed_integral(s, trace, seeds, turn):
             total += square_integral(s, trace, k, w, there)
             seed_square(s, trace, seeds, k, per_step, w, there)
     return total * per_step, NONE
+
+
+@compiled
+def evaluate(s, trace, seeds, metrics, weights, turn, values):
+    """Fills values (l, 2: value, runner-up) of the metrics of a revolution.
+
+    `seeds` then holds the cotangents of the sum of the values, each times its weight. They are NaN where a value and
+    its runner-up are TIED: at such a kink there is no gradient.
+    """
+    last = len(trace.length) - 1
+    clear(seeds, last + 1)
+    for i in range(len(metrics)):
+        seeds.weight[0] = weights[i]
+        value, second = measure(metrics[i], s, trace, seeds, turn)
+        values[i, 0], values[i, 1] = value, second
+        if weights[i] != 0.0 and abs(value - second) <= TIED * abs(value):
+            observe(seeds, last, trace.length[last])[:] = np.nan
+    seeds.weight[0] = 1.0
+
+
+@compiled
+def closings_margin(s, trace):
+    """(slowest closing of a damped contact [m/s], smallest separation at which one turned back [m]).
+
+    Each is infinite where nothing of the kind happens.
+    """
+    approach, gap = np.inf, np.inf
+    train = s.train
+    for k in range(len(trace.length)):
+        if trace.watch[k] >= 0:
+            slot, watch = trace.slot[k], trace.watch[k]
+            if train.kick[s.tables.watch[slot, watch], 0] != 0.0:
+                e = s.tables.element[slot, watch]
+                approach = min(approach, compression(train, e, s.step, trace.y[k + 1])[1])
+    for e in range(len(train.contact)):
+        if train.contact[e] and train.law[train.touch[e], 2] > 0.0:
+            gap = min(gap, nearest_miss(s, trace, e) / touch_line(train, e)[1])
+    return approach, gap
+
+
+@compiled
+def sample(s, trace, segments, lengths, rows):
+    """Fills rows (m, 2n + r + 2 + e) with x, v, z, lift, lift velocity and the elements' forces at m instants."""
+    at = s.tables.sizes.state
+    for i in range(len(segments)):
+        y = state_at(s, trace, segments[i], lengths[i])
+        rows[i, : at + 1] = y[: at + 1]
+        rows[i, at + 1] = y[at + 1] / s.step
+    element_forces(s.train, s.tables.pieces, trace.slot[segments], rows)
+
+
+@compiled
+def collect(s, trace, seeds, segments, lengths, bar):
+    """Fills `seeds` with the cotangents bar (m, 2n + r + 2 + e) of the rows that `sample` fills."""
+    begin = s.tables.sizes.state + 2
+    clear(seeds, len(trace.length))
+    for i in range(len(bar)):
+        k = segments[i]
+        observe(seeds, k, lengths[i])[:] = bar[i, :begin]
+        for e in range(bar.shape[1] - begin):
+            if bar[i, begin + e] != 0.0 and s.tables.states[trace.slot[k], e] == ACTING:
+                seed_force(s, trace, seeds, k, lengths[i], e, bar[i, begin + e])

@@ -6,31 +6,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.exact.adjoint.evaluate import closings_margin, collect, evaluate, sample
-from camopt.exact.adjoint.metrics import METRICS
+from camopt.exact.adjoint.metrics import METRICS, closings_margin, collect, evaluate, sample
 from camopt.exact.adjoint.seeds import empty_seeds
 from camopt.exact.adjoint.slopes import ByTrain as ByTrain
 from camopt.exact.adjoint.slopes import Slopes as Slopes
 from camopt.exact.adjoint.slopes import by_train, room_for_bars
 from camopt.exact.adjoint.sweep import Bars, sweep
 from camopt.exact.affine.inputs import Inputs
-from camopt.exact.engine import AT_ONCE, MOST_SWITCHINGS, free_step, refusal, step_on_borders
-from camopt.exact.kernel.arrays import CamArrays, TrainArrays, cam_arrays, train_arrays
-from camopt.exact.kernel.propagators import Propagators, propagators
-from camopt.exact.kernel.revolution import DONE, NEED_TABLES, TRACE_FULL
-from camopt.exact.kernel.setting import Setting, follow
-from camopt.exact.kernel.trace import Trace, empty_trace, first
+from camopt.exact.engine import AT_ONCE, TraceBuffer, free_step, run, step_on_borders
+from camopt.exact.kernel.arrays import cam_arrays
+from camopt.exact.kernel.propagators import propagators
+from camopt.exact.kernel.revolution import Setting
+from camopt.exact.kernel.trace import Trace
 from camopt.scene.errors import InputError
 from camopt.scene.shapes import Float, State
 from camopt.scene.train import Train
 
-FIRST_SEGMENTS = 1024
-"""Number of segments per revolution for which there is room at first; where a motion needs more it grows fourfold."""
 OBSERVATIONS = 5
 """Instants that one metric looks at, at most, and one more where it has no gradient."""
 WINDOW_STEP = 1e-6
 """Step of the difference by half the duration [rad]: curvature and rounding leave less than 1e-8 of a metric."""
-NO_ROWS = np.empty((0, 0))
+_BUFFER = TraceBuffer()
 
 
 @dataclass(frozen=True)
@@ -101,14 +97,18 @@ class TracedMotion:
         """
         self.train, self.lift, self.cam_speed, self.mechanical = train, lift, cam_speed, mechanical
         self.inputs = Inputs(train.forcing, lift.borders)
-        arrays, cam = train_arrays(train), cam_arrays(self.inputs, lift, cam_speed)
-        step, at_once = steps_of(train, cam_speed, spacing)
+        cam = cam_arrays(self.inputs, lift, cam_speed)
+        step, at_once = (
+            (free_step(train, cam_speed), AT_ONCE) if spacing is None else step_on_borders(train, cam_speed, spacing)
+        )
         tables = propagators(train, step, lift.coefficients.shape[1], at_once)
         self.end = np.array(start, dtype=float)
-        self.trace = _followed(arrays, cam, step, tables, self.end, revolutions)
+        count, trace = run(tables, cam, self.end, revolutions, buffer=_BUFFER)
+        ends = Trace._fields.index("angle"), Trace._fields.index("y")  # of every segment, and of the last one
+        self.trace = Trace(*(array[: count + (i in ends)].copy() for i, array in enumerate(trace)))
         sides = np.array(train.cam_side, dtype=np.int64)
         numbers = train.valve, train.seat, sides, lift.half_duration, lift.opening_foot
-        self.setting = Setting(arrays, cam, step, tables.built, *numbers)
+        self.setting = Setting(tables.arrays, cam, step, tables.built, *numbers)
 
     def gradient(
         self, metrics: Sequence[str], revolution: int = 0, cotangent: Float[np.ndarray, " l"] | None = None
@@ -224,18 +224,6 @@ class TracedMotion:
         return Slopes(by_coefficients, bars.start, by_train(self.train, bars, by_rows) if self.mechanical else None)
 
 
-def room_for(tables: Propagators, segments: int) -> Trace:
-    """An empty trace of motions that use these tables."""
-    return empty_trace(segments, tables.built.steps.shape[3], tables.built.span.shape[2] - tables.built.steps.shape[3])
-
-
-def steps_of(train: Train, cam_speed: float, spacing: float | None) -> tuple[float, int]:
-    """(step [s], steps per span); with a `spacing` [rad], such that borders of the lift so far apart end spans."""
-    if spacing is not None:
-        return step_on_borders(train, cam_speed, spacing)
-    return free_step(train, cam_speed), AT_ONCE
-
-
 def metric_numbers(train: Train, metrics: Sequence[str]) -> np.ndarray:
     """The numbers by which `measure` knows the metrics of these names.
 
@@ -247,25 +235,3 @@ def metric_numbers(train: Train, metrics: Sequence[str]) -> np.ndarray:
     if train.seat < 0 or not train.cam_side:
         raise InputError("metrics need a valve on a seat and a contact between cam and valve: name them in the scene")
     return np.array([METRICS.index(name) for name in metrics], dtype=np.int64)
-
-
-def _followed(
-    arrays: TrainArrays, cam: CamArrays, step: float, tables: Propagators, state: np.ndarray, revolutions: int
-) -> Trace:
-    """The trace of whole revolutions from `state` (2n + r), which is changed in place to the end."""
-    start, segments = state.copy(), FIRST_SEGMENTS * revolutions
-    trace = room_for(tables, segments)
-    while True:
-        state[:] = start
-        code, count, switchings = follow(
-            arrays, cam, step, tables.built, state, revolutions, MOST_SWITCHINGS, NO_ROWS, trace
-        )
-        if code == DONE:
-            return first(trace, count)
-        if code == NEED_TABLES:
-            tables.build(count)
-        elif code == TRACE_FULL:
-            segments *= 4
-            trace = room_for(tables, segments)
-        else:
-            raise refusal(code, cam.speed, switchings)

@@ -7,15 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from camopt.by_address import by_address
 from camopt.exact.kernel.arrays import TrainArrays
-from camopt.exact.kernel.borrowing import borrowing
 from camopt.exact.kernel.elements import compression, lift_at, memory_of, touch_line
 from camopt.exact.kernel.instants import state_at
-from camopt.programs import inner
+from camopt.programs import inner, njit_no_refcount, pass_by_pointer
 
 
-@by_address
+@pass_by_pointer
 class Seeds(NamedTuple):
     """Cotangents of one number. An observation is an instant at which the number depends on the state.
 
@@ -52,7 +50,7 @@ def empty_seeds(segments: int, observations: int, train: TrainArrays) -> Seeds:
     )
 
 
-@borrowing
+@njit_no_refcount
 def clear(seeds, segments):
     """Removes all cotangents, for a trace with this number of segments."""
     seeds.used[0] = 0
@@ -82,7 +80,7 @@ def seed_force(s, trace, seeds, k, length, e, weight):
     law_back(s.train, e, piece, s.train.law[piece], (d, rate, memory_of(s.train, e, y)), weight, seeds.law, seeds.gap)
 
 
-@borrowing
+@njit_no_refcount
 def form_back(train, e, form, weight, bar):
     """Adds to bar (2n + r + 2: x, v, z, lift, lift velocity) the cotangents of weight * (a form of element e)."""
     n, at = len(train.mass), lift_at(train)
@@ -97,7 +95,7 @@ def form_back(train, e, form, weight, bar):
         bar[at + 1] += weight * form[2]
 
 
-@borrowing
+@njit_no_refcount
 def law_back(train, e, row, form, where, weight, by_law, by_gap):
     """Adds the cotangents of weight * (a form of element e) at where = (d, d', z) by the form, which stands in `row` of
     all forms, and by the gap."""
@@ -124,7 +122,7 @@ def seed_separation(s, seeds, k, length, e, weight):
     touch_back(train, e, weight, seeds)
 
 
-@borrowing
+@njit_no_refcount
 def touch_back(train, e, weight, seeds):
     """Adds the cotangents of weight * separation of contact e by its own numbers, its ends held."""
     constant, slope = touch_line(train, e)

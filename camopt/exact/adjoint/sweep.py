@@ -16,11 +16,10 @@ import numpy as np
 from camopt.exact.adjoint.integrals import integrals_back
 from camopt.exact.adjoint.seeds import form_back, law_back
 from camopt.exact.kernel.advance import carry_back
-from camopt.exact.kernel.borrowing import borrowing
 from camopt.exact.kernel.elements import compression, memory_of, value
 from camopt.exact.kernel.instants import state_at
 from camopt.exact.kernel.tables import ACTING
-from camopt.programs import compiled, inner
+from camopt.programs import compiled, inner, njit_no_refcount
 
 MOST_POINTS = 14
 """Largest number of Gauss points in one segment."""
@@ -40,7 +39,7 @@ class Bars(NamedTuple):
     gap: np.ndarray  # (e)
 
 
-@borrowing
+@njit_no_refcount
 def inputs_back(bar, forces, offset, scale, by_piece):
     """Adds to by_piece (q + 2f) the cotangent by a piece's coefficients that follows from `bar`.
 
@@ -62,7 +61,7 @@ def inputs_back(bar, forces, offset, scale, by_piece):
         by_piece[k] += bar[k]
 
 
-@borrowing
+@njit_no_refcount
 def lift_point_back(lift_bar, rate_bar, offset, cam_speed, q, by_piece):
     """Adds to by_piece, whose first q numbers are the lift's, the cotangent that follows from those of the lift [m] and
     its velocity [m/s] at one angle, `offset` [rad] from the piece's start.
@@ -73,7 +72,7 @@ def lift_point_back(lift_bar, rate_bar, offset, cam_speed, q, by_piece):
         before, power = power, power * offset
 
 
-@borrowing
+@njit_no_refcount
 def switch_back(s, trace, seeds, k, bars, seen):
     """Carries the cotangent bars.start from after the switching that ends segment k to before it; `seen` (2n + r + 2)
     is room for the cotangents by state, lift and lift velocity."""
@@ -108,7 +107,7 @@ def switch_back(s, trace, seeds, k, bars, seen):
     law_back(train, e, w, train.law[w], where, pull, bars.law, bars.gap)
 
 
-@borrowing
+@njit_no_refcount
 def watch_rate(s, slot, watch, y):
     """Rate [1/s] of a watch in a state y."""
     series = s.tables.series[slot, watch]
@@ -118,7 +117,7 @@ def watch_rate(s, slot, watch, y):
     return total / s.step
 
 
-@borrowing
+@njit_no_refcount
 def rates_back(s, slot, y, bar, share, bars):
     """Adds share times the cotangent `bar` (of y) times the derivatives of all rates by the numbers of the train."""
     train, sizes, by_mass = s.train, s.tables.sizes, bars.mass

@@ -5,7 +5,7 @@ miss by the same: for p = k u^m at u = D (i / N)^(2 / m), where F = k D^m is the
 error is then (m - 1) / (2 m) F / N^2, which is F / (6 N^2) for a point contact, m = 3/2. Beyond D, where a contact only
 comes when it hammers, a chord's force grows by (1 + 1 / N)^4, so that its error keeps one share of the force there:
 2 (m - 1) / (m N^2), which is four times that at D. Beyond `REACH` times F the last chord goes on. Numbers may be
-complex, which is how they are differentiated (`camopt.exact.affine.numbers`).
+complex, which is how they are differentiated (`camopt.exact.adjoint.slopes`).
 """
 
 from dataclasses import replace

@@ -4,14 +4,14 @@ A length is divided into whole steps, a fine node and a small rest. The first tw
 a short power series of the equations of motion, so that any instant costs little more than a node.
 """
 
-from camopt.exact.kernel.borrowing import borrowing
 from camopt.exact.kernel.tables import FINE
+from camopt.programs import njit_no_refcount
 
 ORDER = 7
 """Highest power of the series that follows a fine node: its remainder is below 1e-15 of the highest mode's motion."""
 
 
-@borrowing(from_python=True, fastmath={"contract"})
+@njit_no_refcount(fastmath={"contract"})
 def apply(matrix, y, columns, used, out):
     """Writes to out (used) the first rows of a transposed matrix times the first `columns` of y, plus its constant."""
     constant = matrix[len(y)]
@@ -37,14 +37,14 @@ def apply(matrix, y, columns, used, out):
         j += 1
 
 
-@borrowing
+@njit_no_refcount
 def split(length, most):
     """(whole steps, fine node, rest) of a length [steps] of at most `most`; the rest is at most 1 / (2 FINE) steps."""
     nearest = min(max(int(length * FINE + 0.5), 0), most * FINE)
     return nearest // FINE, nearest % FINE, length - nearest / FINE
 
 
-@borrowing(fastmath={"contract"})
+@njit_no_refcount(fastmath={"contract"})
 def short_series(motion, sizes, h, used, tau, y, term, rates):
     """Adds to x, v and z in y their change over tau, a small part of a step, by power series.
 
@@ -83,7 +83,7 @@ def short_series(motion, sizes, h, used, tau, y, term, rates):
             y[i] += term[i]
 
 
-@borrowing
+@njit_no_refcount
 def add_memories_and_forces(motion, sizes, k, power, y, term, rates):
     """Adds to rates (n + r) what memories and forces by the cam angle contribute to term k of a power series."""
     at = sizes.state
@@ -96,14 +96,14 @@ def add_memories_and_forces(motion, sizes, k, power, y, term, rates):
             rates[i] += motion[at + 2 + j, i] * force
 
 
-@borrowing
+@njit_no_refcount
 def copy(source, target):
     """Writes one vector over another; for so short ones quicker than an assignment of slices."""
     for i in range(len(target)):
         target[i] = source[i]
 
 
-@borrowing(from_python=True)
+@njit_no_refcount
 def advance(tables, slot, h, columns, length, y, work):
     """Advances y, of which the first `columns` may differ from zero, by `length` steps within a span."""
     there, term, rates = work
@@ -119,7 +119,7 @@ def advance(tables, slot, h, columns, length, y, work):
         short_series(tables.motion[slot], sizes, h, columns - sizes.state, rest, y, term, rates)
 
 
-@borrowing(fastmath={"contract", "reassoc"})
+@njit_no_refcount(fastmath={"contract", "reassoc"})
 def apply_transposed(matrix, g, used, rows, out):
     """Writes to out (rows) the first `used` columns of a transposed propagator times g: the transpose of `apply`."""
     for j in range(rows):
@@ -129,7 +129,7 @@ def apply_transposed(matrix, g, used, rows, out):
         out[j] = total
 
 
-@borrowing(fastmath={"contract"})
+@njit_no_refcount(fastmath={"contract"})
 def short_series_back(rates, sizes, h, tau, g, term, push):
     """Replaces g, of the length of y, by exp(tau S)' g, where S is the system of x, v, z and the inputs per step.
 
@@ -165,7 +165,7 @@ def short_series_back(rates, sizes, h, tau, g, term, push):
             g[i] += term[i]
 
 
-@borrowing
+@njit_no_refcount
 def memories_and_forces_back(sizes, share, h, term, push):
     """Writes the next term of the series of `short_series_back` by memories and forces by the cam angle."""
     for i in range(2 * sizes.masses, sizes.state):
@@ -176,7 +176,7 @@ def memories_and_forces_back(sizes, share, h, term, push):
         term[at] = share * h * push[sizes.state + 2 + j]
 
 
-@borrowing
+@njit_no_refcount
 def carry_back(tables, slot, h, length, bar, out, work):
     """Writes to out the cotangent of y at a start that belongs to the cotangent `bar` (2n + r) of the state, `length`
     steps later."""

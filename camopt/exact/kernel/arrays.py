@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from camopt.by_address import by_address
 from camopt.cam.lift import Lift
 from camopt.exact.affine.inputs import Inputs
 from camopt.exact.affine.pieces import Parts, forms_of, numbers_of, parts_of
+from camopt.programs import pass_by_pointer
 from camopt.scene.errors import InputError
 from camopt.scene.train import Train
 
@@ -16,7 +16,7 @@ MOST_COMBINATIONS = 2**63 - 1
 """Combinations of pieces are numbered in 64 bits."""
 
 
-@by_address
+@pass_by_pointer
 class TrainArrays(NamedTuple):
     """A train of n masses, e elements in p pieces with w watches, r memories and f forces by the cam angle, SI units.
 

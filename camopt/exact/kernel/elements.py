@@ -1,16 +1,15 @@
 """The elements in a state y, which is (x, v, z) and then the lift's coefficients: compression, force and piece."""
 
-from camopt.exact.kernel.borrowing import borrowing
-from camopt.programs import compiled
+from camopt.programs import compiled, njit_no_refcount
 
 
-@borrowing
+@njit_no_refcount
 def lift_at(train):
     """Where the lift stands in y: behind the 2n + r numbers of the state."""
     return 2 * len(train.mass) + len(train.reach)
 
 
-@borrowing
+@njit_no_refcount
 def closeness(a, b, gap, n, y):
     """(d, d') [m], [m/s] of an element between the masses a and b that the cam does not drive."""
     d, rate = -gap, 0.0
@@ -23,7 +22,7 @@ def closeness(a, b, gap, n, y):
     return d, rate
 
 
-@borrowing
+@njit_no_refcount
 def compression(train, e, h, y):
     """(d, d') of element e: compression [m] and its rate [m/s]; h [s] is the step."""
     d, rate = closeness(train.a[e], train.b[e], train.gap[e], len(train.mass), y)
@@ -34,19 +33,19 @@ def compression(train, e, h, y):
     return d, rate
 
 
-@borrowing
+@njit_no_refcount
 def memory_of(train, e, y):
     """The memory z [m] of element e, zero where it has none."""
     return y[2 * len(train.mass) + train.memory[e]] if train.memory[e] >= 0 else 0.0
 
 
-@borrowing
+@njit_no_refcount
 def value(form, d, rate, z):
     """The value of an affine form."""
     return form[0] + form[1] * d + form[2] * rate + form[3] * z
 
 
-@borrowing
+@njit_no_refcount
 def element_forces(train, pieces, slots, rows):
     """Writes the forces [N] that the elements exert to rows (k, 2n + r + 2 + e or more) of x, v, z, lift, lift velocity
     and forces; where a contact lets go, rounding may be left.
@@ -82,7 +81,7 @@ def classify(train, h, y, status):
         status[e] = piece_that_holds(train, e, d, rate, memory_of(train, e, y))
 
 
-@borrowing
+@njit_no_refcount
 def piece_that_holds(train, e, d, rate, z):
     """The piece of element e none of whose watches is negative: from its first piece on, a negative watch leads to the
     piece that follows. Where rounding lets two pieces point at each other, it is the one that came first."""
@@ -101,7 +100,7 @@ def piece_that_holds(train, e, d, rate, z):
     return piece
 
 
-@borrowing
+@njit_no_refcount
 def find(keys, status, place):
     """(slot of the tables for a combination of pieces or -1, its key)."""
     key = 0
@@ -113,14 +112,14 @@ def find(keys, status, place):
     return -1, key
 
 
-@borrowing
+@njit_no_refcount
 def touch_line(train, e):
     """(force at compression zero [N], stiffness [N/m]) of the line on which a contact's elastic force begins."""
     form = train.law[train.touch[e]]
     return form[0], form[1]
 
 
-@borrowing(from_python=True)
+@compiled(_nrt=False)
 def form_row(train, e, form, row):
     """Writes the row (2n + r + 3 + f) of an affine form of element e by x, v, z, lift, lift velocity, the forces by the
     cam angle and 1."""

@@ -3,10 +3,9 @@
 import numpy as np
 
 from camopt.exact.kernel.advance import advance, apply
-from camopt.exact.kernel.borrowing import borrowing
 from camopt.exact.kernel.revolution import inputs_at
 from camopt.exact.kernel.tables import SEPARATED, TERMS
-from camopt.programs import inner
+from camopt.programs import inner, njit_no_refcount
 
 LOOKS = 8
 """A crest is sought in this many intervals of a step: the highest mode turns by less than 0.2 rad in one."""
@@ -31,7 +30,7 @@ def state_at(s, trace, k, length):
     return y
 
 
-@borrowing
+@njit_no_refcount
 def acceleration(s, slot, y, mass):
     """Acceleration of a mass [m/s^2] in a combination of pieces; from n on, the rate of a memory [m/s]."""
     sizes, motion = s.tables.sizes, s.tables.motion[slot]
@@ -44,7 +43,7 @@ def acceleration(s, slot, y, mass):
     return total
 
 
-@borrowing
+@njit_no_refcount
 def watch_of(s, slot, e):
     """The first watch of element e in a combination of pieces; -1 where it has none."""
     for w in range(s.tables.count[slot]):
@@ -53,7 +52,7 @@ def watch_of(s, slot, e):
     return -1
 
 
-@borrowing
+@njit_no_refcount
 def series_at(s, trace, k, step, watch, w, there):
     """Writes to w (TERMS + 1) the power series of a watch about the start of a step of segment k."""
     slot = trace.slot[k]
@@ -62,7 +61,7 @@ def series_at(s, trace, k, step, watch, w, there):
     apply(s.tables.series[slot, watch], there, c, TERMS + 1, w)
 
 
-@borrowing
+@njit_no_refcount
 def evaluate(w, t):
     """(value, slope, curvature) of a power series."""
     value, slope, curve = 0.0, 0.0, 0.0
@@ -73,7 +72,7 @@ def evaluate(w, t):
     return value, slope, curve
 
 
-@borrowing
+@njit_no_refcount
 def crest(w, sign, low, high):
     """(t, value, slope) of the largest sign * w in [low, high], and whether it is a crest inside the interval."""
     best, at, steep, inside = -np.inf, low, 0.0, False
@@ -93,7 +92,7 @@ def crest(w, sign, low, high):
     return at, best, steep, inside
 
 
-@borrowing
+@njit_no_refcount
 def _summit(w, sign, low, high):
     """Root of the slope in a bracket in which it falls through zero, by Newton's method kept inside the bracket."""
     t = 0.5 * (low + high)
@@ -113,7 +112,7 @@ def _summit(w, sign, low, high):
     return t
 
 
-@borrowing
+@njit_no_refcount
 def _highest_look(s, trace, e, status, sign, low, high):
     """Largest sign * watch over the ends of the steps inside [low, high] [rad]; -inf where no step ends there."""
     best = -np.inf
@@ -166,7 +165,7 @@ def largest(s, trace, e, status, sign, low, high):
     return value, where, length, steep, second
 
 
-@borrowing
+@njit_no_refcount
 def _bound(looks, k, at, count, sign):
     """A level that sign * watch does not exceed within a step, from its values and slopes at the step's ends."""
     f0, g0 = sign * looks[k, at], sign * looks[k, at + count]

@@ -7,10 +7,10 @@ import numpy as np
 
 from camopt.exact.kernel.advance import apply
 from camopt.exact.kernel.arrays import TrainArrays
-from camopt.exact.kernel.borrowing import borrowing
 from camopt.exact.kernel.building import linear_system
 from camopt.exact.kernel.elements import classify, form_row
 from camopt.exact.kernel.tables import Leap, no_leap
+from camopt.programs import njit_no_refcount
 
 REBUILT = 1e-12
 """Error, relative to each row's largest number, with which the modes must give the equations of motion back."""
@@ -56,8 +56,8 @@ def leap_of(train: TrainArrays, rest: np.ndarray) -> Leap:
     return Leap(*(np.ascontiguousarray(part) for part in parts))
 
 
-@borrowing
-def settles(leap, y, modes, size):
+@njit_no_refcount
+def no_switch_possible(leap, y, modes, size):
     """Whether no contact can switch any more while the cam stands still; writes the modes (2r) of y (2n)."""
     count = len(size)
     apply(leap.to_modes, y, len(y), 2 * count, modes)
@@ -72,8 +72,8 @@ def settles(leap, y, modes, size):
     return True
 
 
-@borrowing
-def leap_over(leap, duration, modes, y):
+@njit_no_refcount
+def modal_step(leap, duration, modes, y):
     """Writes to y (2n) the state `duration` [s] after the one whose modes (2r) are given, which are changed."""
     count = leap.rate.shape[1]
     for j in range(count):

@@ -5,18 +5,32 @@ from typing import NamedTuple
 import numpy as np
 
 from camopt.exact.kernel.advance import advance, apply, copy
-from camopt.exact.kernel.borrowing import borrowing
+from camopt.exact.kernel.arrays import CamArrays, TrainArrays
 from camopt.exact.kernel.elements import classify, element_forces, find
-from camopt.exact.kernel.leap import leap_over, settles
+from camopt.exact.kernel.leap import modal_step, no_switch_possible
 from camopt.exact.kernel.switching import SAMPLES, TICK, first_suspect, next_switch
-from camopt.exact.kernel.tables import TERMS
-from camopt.exact.kernel.trace import begin_segment, end_segment
-from camopt.programs import compiled
+from camopt.exact.kernel.tables import TERMS, Tables
+from camopt.exact.kernel.trace import begin_segment, end_segment, later
+from camopt.programs import compiled, inner, njit_no_refcount
 
 DONE, NEED_TABLES, CHATTER, NOT_FINITE, TRACE_FULL = 0, 1, 2, 3, 4
 
 
-@borrowing
+class Setting(NamedTuple):
+    """A train with its tables; a cam and its speed; the elements of which metrics are taken."""
+
+    train: TrainArrays
+    cam: CamArrays
+    step: float  # s
+    tables: Tables
+    valve: int
+    seat: int
+    cam_side: np.ndarray  # contacts between cam and valve
+    half_duration: float  # rad
+    opening_foot: float  # rad
+
+
+@njit_no_refcount
 def inputs_at(piece, forces, offset, scale, u):
     """Coefficients u (q + 2f) in tau of lift and `forces` about the angle `offset` [rad] inside a piece (q + 2f).
 
@@ -44,7 +58,7 @@ def inputs_at(piece, forces, offset, scale, u):
     return len(piece)
 
 
-@borrowing
+@njit_no_refcount
 def record(row, at, t, slot, y, h):
     """Writes one sample but for its forces: x, v, z, lift, lift velocity; time and slot of the tables in the end."""
     for i in range(at + 1):
@@ -53,7 +67,7 @@ def record(row, at, t, slot, y, h):
     row[-2], row[-1] = t, slot
 
 
-@borrowing
+@njit_no_refcount
 def next_stop(cam, piece, t, target, step):
     """(border, target, end) of the span that begins at t [s]: where the lift's piece ends, where the span was to end
     (moved onto a border within its rounding), and the earlier of the two."""
@@ -64,7 +78,7 @@ def next_stop(cam, piece, t, target, step):
     return border, target, max(t, min(target, border))
 
 
-class Work(NamedTuple):
+class Workspace(NamedTuple):
     """Room for one revolution."""
 
     y: np.ndarray  # (2n + r + q + 2f) x, v, z and the inputs
@@ -76,7 +90,7 @@ class Work(NamedTuple):
     size: np.ndarray  # (m)
 
 
-@borrowing
+@njit_no_refcount
 def cross(tables, slot, h, columns, remaining, work):
     """Advances y by the span whose table gave `out`, or by `remaining` steps of it, or to the first switching.
 
@@ -95,6 +109,26 @@ def cross(tables, slot, h, columns, remaining, work):
 
 
 @compiled
+def follow(train, cam, h, tables, state, revolutions, most, rows, trace):
+    """Runs whole revolutions from `state` (2n + r), which it changes in place, one after the other in the trace.
+
+    Returns (code, number of samples of the last revolution, of segments or missing key, number of switchings of the
+    last revolution). `rows`, `trace` and `most` are those of `revolve`.
+    """
+    code, used, count, switchings = DONE, 0, 0, 0
+    for turn in range(revolutions):
+        rest = later(trace, used)
+        code, count, switchings = revolve(train, cam, h, tables, state, rows, rest, most)
+        if code != DONE:
+            return code, count, switchings
+        if len(trace.length) > 0:
+            for k in range(count + 1):
+                rest.angle[k] += 2.0 * np.pi * turn
+            used += count
+    return DONE, used if len(trace.length) > 0 else count, switchings
+
+
+@inner
 def revolve(train, cam, h, tables, state, rows, trace, most):
     """Runs one revolution from `state` (2n + r), which it changes in place.
 
@@ -107,7 +141,7 @@ def revolve(train, cam, h, tables, state, rows, trace, most):
     scratch = np.zeros(c), np.zeros(TERMS + 1), np.zeros(SAMPLES + 1), np.zeros(SAMPLES + 1)
     inside = np.zeros(c), np.zeros(inputs - 1), np.zeros(rates)
     status, out = np.zeros(len(train.contact), dtype=np.int64), np.zeros(tables.span.shape[2])
-    work = Work(np.zeros(c), status, out, scratch, inside, np.zeros(2 * modes), np.zeros(modes))
+    work = Workspace(np.zeros(c), status, out, scratch, inside, np.zeros(2 * modes), np.zeros(modes))
     y = work.y
     y[:at] = state
     inputs_at(cam.pieces[0], tables.sizes.forces, 0.0, cam.speed * h, y[at:])
@@ -121,7 +155,7 @@ def revolve(train, cam, h, tables, state, rows, trace, most):
     return code, count, switchings
 
 
-@borrowing
+@njit_no_refcount
 def turn(train, cam, h, tables, work, room, most):
     """The revolution of `revolve`, with everything made ready in `work`; `room` is (rows, trace)."""
     rows, trace = room
@@ -139,8 +173,8 @@ def turn(train, cam, h, tables, work, room, most):
     while t < period:
         if columns == at and key == tables.leap.key[0] and not (sampled or traced):
             end = next_stop(cam, piece, t, period, h)[2]
-            if end - t > span and settles(tables.leap, y[:at], work.modes, work.size):
-                leap_over(tables.leap, end - t, work.modes, y[:at])
+            if end - t > span and no_switch_possible(tables.leap, y[:at], work.modes, work.size):
+                modal_step(tables.leap, end - t, work.modes, y[:at])
                 t = end
                 if piece + 2 < len(cam.borders):
                     piece += 1

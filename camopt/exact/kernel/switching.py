@@ -1,8 +1,8 @@
 """Switching instants: the first time within a step at which the power series of a watched quantity turns negative."""
 
 from camopt.exact.kernel.advance import apply
-from camopt.exact.kernel.borrowing import borrowing
 from camopt.exact.kernel.tables import TERMS
+from camopt.programs import njit_no_refcount
 
 TICK = 1e-13
 """Smallest time [s] between two switchings that is resolved. It is far below any step and above the series' rounding.
@@ -14,7 +14,7 @@ SAMPLES = 15
 most one extremum lies there."""
 
 
-@borrowing
+@njit_no_refcount
 def suspect(out, at, w, count):
     """Whether a watch may turn negative within a step, judged from values and slopes at the step's two ends.
 
@@ -25,7 +25,7 @@ def suspect(out, at, w, count):
     return before < 0.0 or after < 0.0 or before + out[at + count + w] < 0.0 or after - out[at + 3 * count + w] < 0.0
 
 
-@borrowing(from_python=True)
+@njit_no_refcount
 def first_suspect(out, at, count, steps):
     """The first of the steps in which any watch is suspect; `steps` if there is none."""
     low = 0
@@ -43,7 +43,7 @@ def first_suspect(out, at, count, steps):
     return steps
 
 
-@borrowing(from_python=True)
+@njit_no_refcount
 def next_switch(tables, slot, y, columns, out, length, tick, scratch):
     """The first switching in (0, length] steps, as (whole steps before it, rest [steps], watch).
 
@@ -74,7 +74,7 @@ def next_switch(tables, slot, y, columns, out, length, tick, scratch):
     return 0, length, -1
 
 
-@borrowing(fastmath={"contract"})
+@njit_no_refcount(fastmath={"contract"})
 def _value_and_slope(w, t):
     value, slope = 0.0, 0.0
     for k in range(TERMS, -1, -1):
@@ -83,7 +83,7 @@ def _value_and_slope(w, t):
     return value, slope
 
 
-@borrowing(fastmath={"contract"})
+@njit_no_refcount(fastmath={"contract"})
 def _sample(w, value, slope):
     """Writes values and slopes at i / SAMPLES, i = 0 to SAMPLES, in one loop, so that the processor does several at
     once."""
@@ -96,7 +96,7 @@ def _sample(w, value, slope):
             value[i] = value[i] * t + w[k]
 
 
-@borrowing
+@njit_no_refcount
 def first_negative(w, start, end, value, slope):
     """The first t in [start, end] at which the series w turns negative, or -1; 0 <= start << 1 and end <= 1.
 
@@ -125,7 +125,7 @@ def first_negative(w, start, end, value, slope):
     return -1.0
 
 
-@borrowing
+@njit_no_refcount
 def _dip(w, start, high):
     """The t at which w turns negative before its lowest point in (start, high); -1 if that point is not negative."""
     low, above = start, _value_and_slope(w, start)[0]
@@ -143,7 +143,7 @@ def _dip(w, start, high):
     return -1.0
 
 
-@borrowing
+@njit_no_refcount
 def _root(w, low, high, above, below):
     """The t at which w turns negative, by Newton's method kept inside a bracket that shrinks.
 

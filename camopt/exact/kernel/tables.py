@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from camopt.by_address import by_address
+from camopt.programs import pass_by_pointer
 
 FINE = 16
 """Number of ready propagators inside a step: any instant is at most 1/32 of a step from one, which is 0.047 rad of the
@@ -38,7 +38,7 @@ class Sizes(NamedTuple):
     forces: int  # f
 
 
-@by_address
+@pass_by_pointer
 class Tables(NamedTuple):
     """Everything that the kernel reads for each of s combinations of pieces.
 

@@ -4,8 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from camopt.exact.kernel.borrowing import borrowing
-from camopt.programs import compiled, inner
+from camopt.programs import inner, njit_no_refcount
 
 
 class Trace(NamedTuple):
@@ -26,7 +25,7 @@ class Trace(NamedTuple):
 
 
 def empty_trace(segments: int, width: int, looks: int) -> Trace:
-    """A trace with room for `segments`, with a y of `width` numbers; a motion that is not traced gets none."""
+    """A trace with room for `segments`, with a y of `width` numbers."""
     return Trace(
         np.empty(segments + 1),
         np.empty(segments),
@@ -39,7 +38,11 @@ def empty_trace(segments: int, width: int, looks: int) -> Trace:
     )
 
 
-@borrowing
+NO_TRACE = empty_trace(0, 0, 0)
+"""That of a motion which is not traced."""
+
+
+@njit_no_refcount
 def begin_segment(trace, k, angle, offset, slot, piece, y, looks):
     """Writes row k of a trace, except for the end of its segment."""
     trace.angle[k], trace.offset[k] = angle, offset
@@ -51,7 +54,7 @@ def begin_segment(trace, k, angle, offset, slot, piece, y, looks):
         seen[i] = looks[i]
 
 
-@borrowing
+@njit_no_refcount
 def end_segment(trace, k, length, watch, angle, y):
     """Writes the end of row k: how long the segment was, what ended it, and the state at its end."""
     trace.length[k], trace.watch[k], trace.angle[k + 1] = length, watch, angle
@@ -75,7 +78,7 @@ def later(trace, k):
     )
 
 
-@compiled
+@inner
 def first(trace, k):
     """The first k rows of a trace (views)."""
     return Trace(

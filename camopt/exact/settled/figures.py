@@ -6,28 +6,36 @@ distance and its slope at every step, between which they are cubics, as `camopt.
 
 import numpy as np
 
-from camopt.exact.adjoint.metrics import METRICS, measure
-from camopt.exact.adjoint.seeds import clear
+from camopt.exact.adjoint.metrics import (
+    METRICS,
+    bounce,
+    contact_force,
+    impact_velocity,
+    jump_angle,
+    jump_height,
+    seating_velocity,
+)
 from camopt.exact.kernel.advance import apply
-from camopt.exact.kernel.borrowing import borrowing
 from camopt.exact.kernel.elements import closeness, touch_line
 from camopt.exact.kernel.tables import SEPARATED
-from camopt.programs import inner
+from camopt.programs import inner, njit_no_refcount
 from camopt.scene.units import DEG, MM
 
-AT_INSTANTS = METRICS[:7]
-"""Metrics that are read at exact instants, as their cotangents need it; the two others are integrals and extremes."""
-NAMES = (*AT_INSTANTS, "dynamic_area_mm_deg", "excess_lift_mm")
+NAMES = (*METRICS[:7], "dynamic_area_mm_deg", "excess_lift_mm")
 """The metrics in the order of the rows that `figures` fills."""
 HALVINGS = 40
 
 
 @inner
-def figures(s, trace, seeds, turn, row):
+def figures(s, trace, turn, row):
     """Writes the metrics (9) of revolution `turn` to row; the trace reaches to the end of the next one."""
-    clear(seeds, len(trace.length))
-    for metric in range(len(AT_INSTANTS)):
-        row[metric] = measure(metric, s, trace, seeds, turn)[0]
+    row[0] = bounce(s, trace, None, turn)[0]
+    row[1] = jump_height(s, trace, None, turn)[0]
+    row[2] = jump_angle(s, trace, None, turn)[0]
+    row[3] = contact_force(s, trace, None, turn, -1.0)[0]
+    row[4] = contact_force(s, trace, None, turn, 1.0)[0]
+    row[5] = seating_velocity(s, trace, None, turn)[0]
+    row[6] = impact_velocity(s, trace, None, turn)[0]
     row[7], row[8] = area_and_excess(s, trace, turn)
 
 
@@ -60,7 +68,7 @@ def area_and_excess(s, trace, turn):
     return area * s.cam.speed * s.step / (MM * DEG), best / MM
 
 
-@borrowing
+@njit_no_refcount
 def seat_distance(s, y):
     """The seat's distance [m] and its slope [m/step] in a state y."""
     train, e = s.train, s.seat
@@ -69,7 +77,7 @@ def seat_distance(s, y):
     return -d - constant / slope, -rate * s.step
 
 
-@borrowing
+@njit_no_refcount
 def lifted(u, tau, width, lash):
     """Lift above the lash and its slope at both ends of a part of a step, as a cubic: (value, slope, value, slope)."""
     v0, m0, v1, m1 = 0.0, 0.0, 0.0, 0.0
@@ -81,7 +89,7 @@ def lifted(u, tau, width, lash):
     return v0 - lash, m0 * width, v1 - lash, m1 * width
 
 
-@borrowing
+@njit_no_refcount
 def excess(distance, lift, best):
     """Largest distance - max(0, lift) on [0, 1], where it exceeds `best`, of cubics (value, slope, value, slope)."""
     apart = (distance[0] - lift[0], distance[1] - lift[1], distance[2] - lift[2], distance[3] - lift[3])
@@ -101,14 +109,14 @@ def excess(distance, lift, best):
     return max(top(distance, 0.0, low, best), top(apart, low, 1.0, best))
 
 
-@borrowing
+@njit_no_refcount
 def value(cubic, t):
     """Value at t of a cubic on [0, 1]."""
     f0, m0, f1, m1 = cubic
     return f0 + t * (m0 + t * (3.0 * (f1 - f0) - 2.0 * m0 - m1 + t * (m0 + m1 - 2.0 * (f1 - f0))))
 
 
-@borrowing
+@njit_no_refcount
 def top(cubic, low, high, best):
     """Largest value of a cubic in [low, high], where it may exceed `best`; otherwise any value below that."""
     f0, m0, f1, m1 = cubic

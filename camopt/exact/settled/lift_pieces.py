@@ -26,7 +26,7 @@ NODES = -np.cos(np.pi * np.arange(17) / 16)
 
 
 @lru_cache(maxsize=256)
-def few_pieces(lift_id: "LiftKey") -> tuple[np.ndarray, np.ndarray]:
+def compress_lift(lift_id: "LiftKey") -> tuple[np.ndarray, np.ndarray]:
     """Borders (p + 1) [rad] and coefficients (p, WIDTH) [m/rad^k] of a lift law; base circle stays base circle."""
     lift = lift_id.lift
     borders, flat = lift.borders, ~np.any(lift.coefficients, axis=1)

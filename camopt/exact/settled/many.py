@@ -9,23 +9,20 @@ where the slowest mode needs more than 40 revolutions, these are run and not loo
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from queue import SimpleQueue
 
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.exact.adjoint.motion import FIRST_SEGMENTS, NO_ROWS, OBSERVATIONS, room_for
-from camopt.exact.adjoint.seeds import empty_seeds
 from camopt.exact.affine.inputs import Inputs
 from camopt.exact.affine.lines import rest_of
-from camopt.exact.engine import AT_ONCE, MOST_SWITCHINGS, NO_TRACE, free_step
+from camopt.exact.engine import AT_ONCE, MOST_SWITCHINGS, NO_ROWS, TraceBuffer, free_step
 from camopt.exact.kernel.arrays import CamArrays
 from camopt.exact.kernel.propagators import Propagators, propagators
-from camopt.exact.kernel.revolution import DONE, NEED_TABLES
-from camopt.exact.kernel.setting import Setting
+from camopt.exact.kernel.revolution import DONE, NEED_TABLES, Setting
+from camopt.exact.kernel.trace import NO_TRACE
 from camopt.exact.settled import run as stages
 from camopt.exact.settled.figures import NAMES
-from camopt.exact.settled.lift_pieces import WIDTH, LiftKey, few_pieces
+from camopt.exact.settled.lift_pieces import WIDTH, LiftKey, compress_lift
 from camopt.scene import settled
 from camopt.scene.errors import InputError
 from camopt.scene.quantities import LESS_IS_WORSE
@@ -48,6 +45,7 @@ the last micrometre and millimetre per second make of it, at which both call a m
 multiply it (`experiments/drawn_trains.py`)."""
 PARTS = 4
 """Parts per thread into which the motions of one train are cut."""
+_BUFFER = TraceBuffer()
 
 
 @dataclass(frozen=True, repr=False)
@@ -107,16 +105,9 @@ def settled_metrics(
     cams = {forcing: _cams(lifts, forcing) for forcing in {train.forcing for train in trains}}
     found = _nothing(len(trains), len(lifts), speeds, trains[0].state_size)
     begin = None if starts is None else np.broadcast_to(starts, found.states.shape)
-    rooms: SimpleQueue[Room] = SimpleQueue()
-    for _ in range(workers):
-        rooms.put(Room())
 
     def one_job(job: Job) -> None:
-        room = rooms.get()
-        try:
-            _run(job, cams[trains[job.t].forcing], room, (measured, aperiodic))
-        finally:
-            rooms.put(room)
+        _run(job, cams[trains[job.t].forcing], (measured, aperiodic))
         job.write(found)
 
     def one_train(t: int) -> list[Job]:
@@ -138,26 +129,6 @@ def settled_metrics(
         else:
             list(pool.map(one_job, [job for t in range(len(trains)) for job in one_train(t)]))
     return found
-
-
-class Room:
-    """A trace and seeds for the motions of one thread; they grow fourfold where a motion needs more."""
-
-    def __init__(self) -> None:
-        self.segments = FIRST_SEGMENTS * (settled.APERIODIC + 1)
-        self._parts: tuple | None = None
-
-    def parts(self, tables: Propagators) -> tuple:
-        """(rows, no trace, trace, seeds) for motions that use these tables."""
-        if self._parts is None:
-            trace = room_for(tables, self.segments)
-            seeds = empty_seeds(self.segments, OBSERVATIONS * len(NAMES), tables.arrays)
-            self._parts = NO_ROWS, NO_TRACE, trace, seeds
-        return self._parts
-
-    def grow(self) -> None:
-        """Makes room for four times as many segments."""
-        self.segments, self._parts = 4 * self.segments, None
 
 
 @dataclass(frozen=True)
@@ -189,7 +160,7 @@ def _nothing(t: int, c: int, speeds: np.ndarray, width: int) -> SettledMetrics:
 
 def _cams(lifts: Sequence[Lift], forcing: tuple[Forcing, ...]) -> stages.Cams:
     """The cams on few pieces, one after the other, with the forces by the cam angle."""
-    few = [few_pieces(LiftKey(lift)) for lift in lifts]
+    few = [compress_lift(LiftKey(lift)) for lift in lifts]
     inputs = [Inputs(forcing, borders) for borders, _ in few]
     pieces = [cut.pieces(coefficients) for cut, (_, coefficients) in zip(inputs, few, strict=True)]
     return stages.Cams(
@@ -245,7 +216,7 @@ def _motions(
     )
 
 
-def _run(job: Job, cams: stages.Cams, room: Room, turns: tuple[int, int]) -> None:
+def _run(job: Job, cams: stages.Cams, turns: tuple[int, int]) -> None:
     """Runs all motions of a job; tables and room in the trace are made where they are missing. `turns` are the
     revolutions that are measured of a periodic motion and of one that wanders."""
     tables, train = job.tables, job.tables.train
@@ -262,8 +233,9 @@ def _run(job: Job, cams: stages.Cams, room: Room, turns: tuple[int, int]) -> Non
     i = 0
     while i < len(job.cam):
         setting = Setting(tables.arrays, cam, tables.step, tables.built, train.valve, train.seat, sides, 0.0, 0.0)
-        i, code, key = stages.run(setting, plan, cams, job.motions, room.parts(tables), i)
+        room = NO_ROWS, NO_TRACE, _BUFFER.trace(tables, settled.APERIODIC + 1)
+        i, code, key = stages.run(setting, plan, cams, job.motions, room, i)
         if code == NEED_TABLES:
             tables.build(key)
         elif code != DONE:
-            room.grow()
+            _BUFFER.grow()

@@ -5,8 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from camopt.exact.kernel.arrays import CamArrays
-from camopt.exact.kernel.revolution import CHATTER, DONE, NOT_FINITE, revolve
-from camopt.exact.kernel.setting import Setting
+from camopt.exact.kernel.revolution import CHATTER, DONE, NOT_FINITE, Setting, revolve
 from camopt.exact.kernel.trace import first, later
 from camopt.exact.settled.figures import NAMES, figures
 from camopt.programs import compiled, inner
@@ -61,16 +60,16 @@ class SettlingMotions(NamedTuple):
 def run(s, plan, cams, motions, room, begin):
     """Runs the motions from `begin` on; the setting s gives the train, its tables, valve, seat and contacts.
 
-    `room` is (rows, no trace, trace, seeds). Stops where a table or room in the trace is missing; called again, it goes
+    `room` is (rows, no trace, trace). Stops where a table or room in the trace is missing; called again, it goes
     on from the last revolution. Returns (number of the motion, code of `revolve`, the missing key).
     """
     for i in range(begin, len(motions.cam)):
-        one = of_motion(s, cams, motions, i)
+        one = setting_for(s, cams, motions, i)
         while wanted(plan, motions, i):
             code, key = settle(one, plan, motions, room, i) if motions.stage[i] == SETTLING else (DONE, 0)
             if code == DONE:
                 code, key = measured(one, plan, motions, room, i)
-            if not went_on(motions, i, code):
+            if not accept_code(motions, i, code):
                 return i, code, key
         if motions.stage[i] == REFUSED:
             motions.state[i], motions.lowest[i], motions.highest[i] = np.nan, np.nan, np.nan
@@ -86,7 +85,7 @@ def wanted(plan, motions, i):
 
 
 @inner
-def went_on(motions, i, code):
+def accept_code(motions, i, code):
     """Whether the motions can go on after a code; one that cannot be followed is marked."""
     if code == DONE:
         return True
@@ -97,7 +96,7 @@ def went_on(motions, i, code):
 
 
 @inner
-def of_motion(s, cams, motions, i):
+def setting_for(s, cams, motions, i):
     """The setting of motion i."""
     j = motions.cam[i]
     low, high = cams.first[j], cams.first[j + 1]
@@ -107,7 +106,7 @@ def of_motion(s, cams, motions, i):
 
 
 @inner
-def turned(s, plan, room, state, trace):
+def one_revolution(s, plan, room, state, trace):
     """One revolution of `state` (2n + r), changed in place: (code, segments or missing key), code < 0 for refusals."""
     code, count, _ = revolve(s.train, s.cam, s.step, s.tables, state, room[0], trace, plan.switchings)
     if code == DONE and np.abs(state[: len(s.train.mass)]).max() > plan.unbound:
@@ -134,7 +133,7 @@ def settle(s, plan, motions, room, i):
     """Revolutions until the way that is left is short enough, or there have been the most: (code, missing key)."""
     after = motions.state[i].copy()
     while goes_on(motions.revolutions[i], motions.most[i], motions.within[i]):
-        code, key = turned(s, plan, room, after, room[1])
+        code, key = one_revolution(s, plan, room, after, room[1])
         if code != DONE:
             return code, key
         motions.revolutions[i] += 1
@@ -157,7 +156,7 @@ def measured(s, plan, motions, room, i):
     ends = np.empty((turns + 1, len(state)))
     for turn in range(turns + 1):
         rest = later(room[2], used)
-        code, count = turned(s, plan, room, state, rest)
+        code, count = one_revolution(s, plan, room, state, rest)
         if code != DONE:
             return code, count
         for k in range(count + 1):
@@ -179,7 +178,7 @@ def measured(s, plan, motions, room, i):
     motions.turns[i] += turns
     for turn in range(turns):
         both = first(later(room[2], starts[turn]), starts[turn + 2] - starts[turn])
-        figures(s, both, room[3], turn, row)
+        figures(s, both, turn, row)
         for j in range(len(row)):
             unknown = np.isnan(row[j]) or np.isnan(motions.lowest[i, j])
             motions.lowest[i, j] = np.nan if unknown else min(motions.lowest[i, j], row[j])

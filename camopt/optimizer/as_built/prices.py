@@ -117,6 +117,20 @@ def price_list(
     return _priced(wanted, areas)
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def estimated_area_ratio(scene: Scene, wanted: float, seed: int = 0) -> float | None:
+    """The area ratio of a cam that `wanted` of the trains as built hold, by the search's first program; None where laws
+    are curved, whose forces take longer than an estimate is worth. No motion is run, so it may be too large."""
+    if not is_linear(build_train(scene)):
+        return None
+    plain, z = free_program(scene)
+    cam_speeds = band_speeds(scene, LOW_SPEEDS, HIGH_SPEEDS)
+    source = ExactForces(trains_as_built(scene, TRAINS, seed=seed + DRAWS_SEED), plain.train, plain.cam, cam_speeds)
+    program = OpeningsProgram(plain, source.theta, cam_speeds, source.about(z))
+    limits = FIRST_LEVEL * opening_limits(scene, cam_speeds)
+    return program.largest(z, limits, int((1.0 - wanted) * TRAINS + 1e-9)).area_ratio
+
+
 def _level(area_at: Callable[[float], float], area_ratio: float | None) -> float:
     """The level of the limits at which the program's cam has this area ratio, or the search's first one."""
     low, high = LEVELS

@@ -19,12 +19,12 @@ from camopt.exact.adjoint import metrics as exact_metrics
 from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.motion import Gradient, TracedMotion
 from camopt.exact.engine import prepare as prepare_event
-from camopt.exact.ensemble import cosine
 from camopt.measure.metrics import measure
 from camopt.scene.quantities import QUANTITIES
 from camopt.scene.response import end_state, joined
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
+from camopt.scene.shapes import Float
 from camopt.scene.train import Train, build_train
 from camopt.smooth.contact import Layer
 from camopt.smooth.metrics import revolution_metrics
@@ -173,3 +173,9 @@ def spectral_radius(p: Problem) -> float:
     later."""
     cycle = TracedMotion(p.train, p.lift, p.cam_speed, p.start)
     return float(np.abs(np.linalg.eigvals(cycle.pull_back(ends=np.eye(len(p.start))).by_start)).max())
+
+
+def cosine(a: Float[np.ndarray, " m"], b: Float[np.ndarray, " m"]) -> float:
+    """Cosine of the angle between two gradients; NaN where one of them is zero."""
+    size = np.linalg.norm(a) * np.linalg.norm(b)
+    return float(a @ b / size) if size > 0.0 else float("nan")

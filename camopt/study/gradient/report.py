@@ -25,15 +25,14 @@ and the verdict, of each path and, for the metric, of the exact path, which the 
     none             neither; or the differences agree with each other at no height (agreement > 0.1: the metric is
                      rough at every scale, as in chaotic motion, and has no gradient that a step could use); or the
                      metric is zero all around (no bounce, no jump: nothing to improve; a least contact force of zero:
-                     take `camopt.exact.adjoint.margin.contact_force_margin`); or it has no value (the valve never
-                     seats)
+                     a contact has parted); or it has no value (the valve never seats)
 
 Distance to grazing says how far the verdict reaches. A contact that closes at a low approach speed, or all but closes
 (gap), is near a motion with one closing more or less, where gradients of a damped contact jump. The spectral radius of
 the cycle map says how a change of the state lives on: well below 1 it is forgotten, and the gradient of one revolution
 is nearly that of the periodic motion (`periodic_value_and_gradient` has the rest); above 1 it grows. Where verdicts are
-"none" because of jump and chaos, use the contact force margin, or the gradients of a mean over neighbouring cams
-(`camopt.exact.ensemble`).
+"none" because of jump and chaos, take a cam or a speed at which contacts keep, or the mean of a metric over
+neighbouring cams.
 """
 
 from dataclasses import dataclass

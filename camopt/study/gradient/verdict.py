@@ -5,9 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from camopt.exact.ensemble import cosine
 from camopt.smooth.simulate import EPS
-from camopt.study.gradient.paths import Found
+from camopt.study.gradient.paths import Found, cosine
 
 MOST_ERROR, LEAST_COSINE, MOST_DISAGREEMENT = 1e-2, 0.9, 0.1
 STILL = 1e-9

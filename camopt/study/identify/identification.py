@@ -81,7 +81,7 @@ class Identification:
 
     def plot(self):
         """Estimates with their intervals, and the residual, as a matplotlib Figure."""
-        from camopt.plots.identification import identification
+        from camopt.plots.studies import identification
 
         speeds = [m.speed_rpm for m in self.measured]
         angles = [m.cam_angle_deg for m in self.measured]

@@ -1,4 +1,4 @@
-"""What a page may ask, whoever carries its messages: a server of this machine or a notebook's kernel."""
+"""The requests of a page, which a server of this machine or a notebook's kernel passes on."""
 
 import json
 from collections import OrderedDict
@@ -8,13 +8,12 @@ from threading import Lock
 from typing import Any
 
 from camopt.cam.design_file import as_written
-from camopt.designer.cams import Superseded
-from camopt.designer.edits import Refused
+from camopt.designer.cams import Cancelled
+from camopt.designer.controls import Refused
 from camopt.designer.saving import save_run, save_scene
 from camopt.designer.session import QUICK, Session
 from camopt.designer.slow_parts import PARTS, WHY
-from camopt.designer.verification import Verification
-from camopt.designer.worker import SlowProcess, Stopped
+from camopt.designer.worker import SlowProcess, Stopped, Verification
 from camopt.scene.errors import InputError
 from camopt.scene.text_file import excerpt
 from camopt.storage import plain
@@ -23,7 +22,7 @@ MOST_CLIENTS = 32
 """Pages whose last question is remembered."""
 
 
-class Desk:
+class RequestHandler:
     """Answers the messages of pages about one scene; with a `folder` it verifies, and saves there and nowhere else."""
 
     def __init__(self, session: Session, folder: Path | None = None):
@@ -80,10 +79,10 @@ class Desk:
             if part in QUICK:
                 with self._one_at_a_time:
                     if not wanted():
-                        raise Superseded
+                        raise Cancelled
                     return told | self.session.answer(_values(message), part, wanted)
             return told | self._slow_answer(part, message)
-        except Superseded:
+        except Cancelled:
             return told | {"state": "superseded"}
 
     def _slow_answer(self, part: str, message: Mapping[str, Any]) -> dict[str, Any]:

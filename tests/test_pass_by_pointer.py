@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from camopt.by_address import by_address
+from camopt.programs import pass_by_pointer
 
 
-@by_address
+@pass_by_pointer
 class Pair(NamedTuple):
     first: np.ndarray
     second: np.ndarray

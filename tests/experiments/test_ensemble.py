@@ -6,9 +6,10 @@ import pytest
 from camopt.cam.bumps import moved, with_bumps
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact.adjoint.gradient import value_and_gradient
-from camopt.exact.ensemble import CamEnsemble, cosine, ensemble_gradient, summary
 from camopt.scene import InputError, MotionRefused
+from camopt.study.gradient.paths import cosine
 from experiments.ensemble_gradients import evolution_strategy_gradient
+from experiments.support.ensemble import CamEnsemble, ensemble_gradient, summary
 from tests.exact.gradient_problems import kodama
 
 NAMES = ["jump_mm", "bounce_mm"]

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from camopt.plots.legend import legend_above
-from camopt.plots.style import cam_line, family_of, lines, new_figure, styled
+from camopt.plots.style import cam_line, family_of, legend_above, lines, new_figure, styled
 
 
 @dataclass(frozen=True)

@@ -8,16 +8,18 @@ values alone, judges it in `experiments/ensemble_gradients.py`. Members come in 
 """
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
 from camopt.cam.bumps import moved
 from camopt.cam.lift import Lift
-from camopt.exact.batch import value_and_gradient_many
+from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.shapes import Float
 from camopt.scene.train import Train
+from camopt.study.gradient.paths import cosine
 
 FEWEST_PAIRS = 2
 
@@ -77,15 +79,19 @@ def ensemble_gradient(
 
     Raises InputError for an unknown metric, MotionRefused where fewer than two pairs count.
     """
-    found = value_and_gradient_many(train, ensemble.lifts(), [cam_speed] * ensemble.members, metrics, workers=workers)
     directions = ensemble.directions
-    nothing = np.full(len(metrics), np.nan), np.full((len(metrics), len(directions)), np.nan)
-    values, slopes = zip(
-        *(nothing if g is None else (g.values, np.einsum("lpq,mpq->lm", g.by_coefficients, directions)) for g in found),
-        strict=True,
-    )
-    paired = np.array(slopes).reshape(-1, 2, len(metrics), len(directions))
-    return summary(metrics, np.array(values).reshape(len(paired), 2, -1), paired.mean(axis=1))
+
+    def numbers_of(member: Lift) -> np.ndarray:
+        try:
+            gradient = value_and_gradient(train, member, cam_speed, metrics)
+        except MotionRefused:
+            return np.full((len(metrics), 1 + len(directions)), np.nan)
+        return np.column_stack([gradient.values, np.einsum("lpq,mpq->lm", gradient.by_coefficients, directions)])
+
+    with ThreadPoolExecutor(workers) as pool:
+        numbers = np.array(list(pool.map(numbers_of, ensemble.lifts())))
+    pairs = numbers.reshape(-1, 2, len(metrics), 1 + len(directions))
+    return summary(metrics, pairs[:, :, :, 0], pairs[:, :, :, 1:].mean(axis=1))
 
 
 def summary(
@@ -110,9 +116,3 @@ def summary(
         members=2 * count,
         refused=2 * (len(usable) - count),
     )
-
-
-def cosine(a: Float[np.ndarray, " m"], b: Float[np.ndarray, " m"]) -> float:
-    """Cosine of the angle between two gradients; NaN where one of them is zero."""
-    size = np.linalg.norm(a) * np.linalg.norm(b)
-    return float(a @ b / size) if size > 0.0 else float("nan")
