@@ -25,8 +25,8 @@ from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import standing
 from camopt.scene.design import Design
 from camopt.scene.errors import InputError
+from camopt.scene.linearisation import is_linear
 from camopt.scene.schema import Scene
-from camopt.scene.standing_in import is_linear
 from camopt.scene.train import Train
 from camopt.scene.units import DEG
 

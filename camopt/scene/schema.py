@@ -14,7 +14,7 @@ from camopt.scene.tolerances import Grinding, Tolerance
 
 MOST_ROWS = {"mass": 200, "element": 400, "force": 20, "tolerance": 200}
 AS_BUILT = {"tolerance", "grinding"}
-"""The tables of a scene that say how trains differ: whoever takes the train as given reads none of them."""
+"""Tables used only for manufacturing scatter."""
 
 
 class Mass(Table):

@@ -10,7 +10,7 @@ from camopt.optimizer.program.periodic import periodic_response, sample_cam
 from camopt.optimizer.program.relocation import located_angles, settled_revolution, standing
 from camopt.optimizer.program.tangents import tangents_along
 from camopt.scene import build_train, load_scene
-from camopt.scene.standing_in import is_linear, standing_in
+from camopt.scene.linearisation import is_linear, linearised_at_rest
 from camopt.scene.units import MM
 
 MARGIN_N = 20.0
@@ -54,7 +54,7 @@ def test_a_program_of_a_real_train_says_what_its_cam_does():
 def test_a_linear_train_has_no_tangents():
     scene = load_scene("motori-1")
     train, cam = build_train(scene), free_cam(scene.design, 6.0)
-    assert is_linear(train) and standing_in(train) is train
+    assert is_linear(train) and linearised_at_rest(train) is train
     program = no_jump_program(train, scene.design, cam, [scene.cam_speed(5000)])
     assert standing(program) is program
     motion = settled_revolution(train, cam.lift(np.zeros(cam.Z.shape[1])), scene.cam_speed(5000), 1)

@@ -21,8 +21,7 @@ from camopt.study.tradeoff import tradeoff as module
 from camopt.study.tradeoff.case import RevolutionCase
 from camopt.study.tradeoff.measurement import COLUMNS, REFERENCE, Measurement, error_of, measured, rows_of, timed
 from camopt.study.tradeoff.methods import CHORDS, fixed_steps
-from camopt.study.tradeoff.recommended import table_of
-from camopt.study.tradeoff.summary import words_of
+from camopt.study.tradeoff.summary import table_of, words_of
 from camopt.study.tradeoff.tradeoff import LINES, tradeoff
 from experiments import tradeoff as experiment
 

@@ -14,8 +14,8 @@ from camopt.cam.families.record import Event, Family, Parameter, Parameters, Spa
 from camopt.cam.lift import Lift, with_ramps
 from camopt.cam.ramps import Ramp, symmetric_conditions
 from camopt.scene import InputError, Scene, Train, build_train
+from camopt.scene.linearisation import linearised_at_rest
 from camopt.scene.rest import static_matrices
-from camopt.scene.standing_in import standing_in
 from camopt.scene.train import GROUND
 from camopt.scene.units import DEG, MM
 
@@ -35,7 +35,7 @@ def equivalent_train(train: Train) -> tuple[float, float, float]:
     square of its share in a slow lift of the valve (Rayleigh). Raises InputError where a slow cam does not move the
     valve.
     """
-    train = standing_in(train)
+    train = linearised_at_rest(train)
     way = np.isin(np.arange(len(train.a)), train.cam_side)
     closed = ~train.contact | (train.preload > 0) | way  # a spring may be declared as a preloaded contact
     closed[train.seat] = False

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from camopt.optimizer.program.phases import LIFTED, incidence, phase_contacts
-from camopt.scene.standing_in import standing_in
+from camopt.scene.linearisation import linearised_at_rest
 from camopt.scene.train import Train
 from camopt.scene.units import DEG
 
@@ -26,7 +26,7 @@ def opening_after_impulse(train: Train, contact: int, step: float, count: int) -
 
     The train has this contact and the seat open and all others closed, with the laws that stand in for curved ones.
     """
-    train = standing_in(train)
+    train = linearised_at_rest(train)
     closed = phase_contacts(train)[LIFTED].copy()
     closed[contact] = False
     d, n = incidence(train), len(train.mass)

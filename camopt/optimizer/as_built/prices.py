@@ -21,9 +21,9 @@ from camopt.optimizer.as_built.tied_forces import ExactForces
 from camopt.optimizer.as_built.wanted import check_scatter
 from camopt.scene.as_built import moved_together, scatter_labels, with_scatter
 from camopt.scene.errors import InputError
+from camopt.scene.linearisation import is_linear
 from camopt.scene.parameters import with_numbers
 from camopt.scene.schema import Scene
-from camopt.scene.standing_in import is_linear
 from camopt.scene.train import build_train
 
 SETS, TRAINS = 2, 150

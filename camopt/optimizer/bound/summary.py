@@ -11,8 +11,8 @@ from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import standing
 from camopt.scene.errors import InputError
+from camopt.scene.linearisation import is_linear
 from camopt.scene.schema import Scene
-from camopt.scene.standing_in import is_linear
 from camopt.scene.train import build_train
 
 KNOT_DEG = 2.0

@@ -20,7 +20,7 @@ from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
 from camopt.optimizer.program.phases import Angles, incidence, phase_contacts
 from camopt.optimizer.program.tangents import Tangents
-from camopt.scene.standing_in import standing_in
+from camopt.scene.linearisation import linearised_at_rest
 from camopt.scene.train import Train
 from camopt.scene.units import DEG
 
@@ -167,7 +167,7 @@ class PeriodicResponse:
 
 def periodic_response(train: Train, samples: CamSamples, cam_speed: float, angles: Angles) -> PeriodicResponse:
     """The periodic motion at `cam_speed` [rad/s] with the phases of `angles`, affine in the cam's free coefficients."""
-    train = standing_in(train)
+    train = linearised_at_rest(train)
     steps, first = exact_steps(train, samples.edges, cam_speed, angles), samples.first
     count, kind = np.diff(np.append(first, len(steps.kind))), steps.kind[first]
     powers, n2 = steps.powers(int(count.max())), 2 * len(train.mass)

@@ -10,8 +10,8 @@ from camopt.cam.families.free import FreeCam
 from camopt.cam.ramps import Ramp
 from camopt.optimizer.program.tangents import Tangents
 from camopt.scene.errors import NoCamFound
+from camopt.scene.linearisation import linearised_at_rest
 from camopt.scene.rest import rest_position, static_matrices
-from camopt.scene.standing_in import standing_in
 from camopt.scene.train import GROUND, Train
 from camopt.scene.units import MM
 
@@ -49,7 +49,7 @@ def phase_contacts(train: Train) -> np.ndarray:
     In the seated phase the set closed at rest acts. Raises NoCamFound where more than one contact between cam and valve
     is open at rest.
     """
-    train = standing_in(train)
+    train = linearised_at_rest(train)
     x = rest_position(train)
     margin = train.compression(x, 0.0) - train.touch_compression
     seated = ~train.contact | (margin >= -1e-12)  # a contact at its touch, to round-off, counts as closed
@@ -65,7 +65,7 @@ def phase_contacts(train: Train) -> np.ndarray:
 
 def static_angles(train: Train, cam: FreeCam) -> Angles:
     """Switching angles by the quasi-static load transfer on the ramps; raises NoCamFound where a ramp is too low."""
-    train = standing_in(train)
+    train = linearised_at_rest(train)
     seated, shared, _ = phase_contacts(train)
     opening = _lift_at_touch(train, shared, train.seat)
     lash = [e for e in train.cam_side if not seated[e]]

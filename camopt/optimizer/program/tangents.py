@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from camopt.scene.laws import FRICTION, HERTZ, LINEAR, OIL, PROGRESSIVE, STAND_IN_FORCE
+from camopt.scene.linearisation import is_linear
 from camopt.scene.response import Response
-from camopt.scene.standing_in import is_linear
 from camopt.scene.train import Train
 
 HELD_N = 20.0

@@ -28,9 +28,9 @@ from camopt.optimizer.search.none_holds import why_none_holds
 from camopt.optimizer.search.region import RowSource, first_region, stepped
 from camopt.scene.design import Design
 from camopt.scene.errors import NoCamFound
+from camopt.scene.linearisation import is_linear
 from camopt.scene.schema import Scene
 from camopt.scene.smoothing import Smoothing
-from camopt.scene.standing_in import is_linear
 from camopt.scene.train import Train, build_train
 
 KNOT_SPREAD = 0.1

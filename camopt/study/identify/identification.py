@@ -13,9 +13,8 @@ from camopt.cam.lift import Lift
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.units import DEG, MM
-from camopt.study.identify.fit_starts import fits_from_starts
 from camopt.study.identify.free_parameters import FreeParameters
-from camopt.study.identify.lift_fit import Fitted, LiftFit, Series
+from camopt.study.identify.lift_fit import Fitted, LiftFit, Series, fits_from_starts
 
 UM = 1e-3 * MM
 WIDEST = np.log(2.0)

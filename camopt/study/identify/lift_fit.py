@@ -3,6 +3,11 @@
 The gradient of the squares is the exact adjoint's, one sweep per series whatever the number of parameters. The Jacobian
 that turns it into a step is one of forward differences, kept while the steps do what it promises; that of the
 covariance is one of central differences at the end, and is compared with the adjoint there.
+
+A fit begins with the start of the motion, goes on to more of it, and is tried from several starts. Where a valve
+bounces, the sum of squares has many minima: a parameter a tenth off moves the hops by more than their length. Up to its
+closing the motion is smooth in every parameter, and what is fitted there is near enough for the rest: a homotopy in the
+data (Voss, Timmer and Kurths 2004, Int. J. Bifurcation Chaos 14, on fits by initial values).
 """
 
 from collections.abc import Sequence
@@ -148,7 +153,7 @@ def descend(fit: LiftFit, logs: np.ndarray, most_steps: int = MOST_FIT_STEPS, ce
     for steps in range(most_steps):
         noise = certain * max(float(np.sqrt(np.mean(residual**2))), ROUNDING_M)
         gradient = fit.pulled_back(logs, motions, residual)
-        if standing(jacobian, gradient, noise):
+        if gradient_is_zero_within_noise(jacobian, gradient, noise):
             if fresh:
                 return Fitted(logs, residual, motions, steps, True)
             jacobian, fresh = fit.slopes(logs, residual), True
@@ -174,7 +179,7 @@ def told_apart(jacobian: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarr
     return s[s > noise], directions[s > noise]
 
 
-def standing(jacobian: np.ndarray, gradient: np.ndarray, noise: float) -> bool:
+def gradient_is_zero_within_noise(jacobian: np.ndarray, gradient: np.ndarray, noise: float) -> bool:
     """Whether Gauss-Newton's whole step would gain next to nothing."""
     s, directions = told_apart(jacobian, noise)
     return float(np.sum((directions @ gradient / s) ** 2)) <= STANDING * noise**2
@@ -194,3 +199,59 @@ def limited_step(jacobian: np.ndarray, gradient: np.ndarray, noise: float, radiu
     longest = np.linalg.norm(along) / radius  # with this damping every step is short enough
     damping: Any = brentq(lambda d: float(np.linalg.norm(step(d))) - radius, 0.0, longest)
     return step(float(damping)) @ directions
+
+
+SHARES = np.arange(3, 12) / 12
+"""Shares of the samples that are fitted one after another before all are."""
+STAGE_STEPS = 12
+"""Steps within one of these, which need not come to a stand."""
+CERTAIN = 20.0
+"""In these a direction moves only where it is known to a twentieth: less would lead away from a better start."""
+BOX = 0.2
+"""Half-width of the box around the start values, in the logarithms, from which other starts are drawn."""
+FEWEST_STARTS, MOST_STARTS = 2, 4
+"""Starts that are compared, and that are tried while no fit is as good as the noise allows."""
+
+
+def homotopy(fit: LiftFit, logs: np.ndarray) -> Fitted:
+    """The fit of all samples, led there over growing shares of them. Raises MotionRefused or InputError where there is
+    no motion at the start."""
+    steps = 0
+    for share in SHARES:
+        part = fit.until(share)
+        if sum(len(s.angle) for s in part.series) > 2 * len(logs):
+            found = descend(part, logs, STAGE_STEPS, CERTAIN)
+            logs, steps = found.logs, steps + found.steps
+    found = descend(fit, logs)
+    return Fitted(found.logs, found.residual, found.motions, steps + found.steps, found.converged)
+
+
+def fits_from_starts(fit: LiftFit, good_enough: float) -> list[Fitted]:
+    """Fits from the start values and from drawn ones, the best first, until two of them have been compared and the best
+    stands with squares [m^2] of at most `good_enough`, or all starts are used up.
+
+    From each start all samples are fitted at once, which is the cheaper way where there is one minimum, and by the
+    homotopy where that is not good enough. Raises MotionRefused or InputError where the start values have no motion.
+    """
+    random, count = np.random.default_rng(0), len(fit.parameters.tied)
+    found: list[Fitted] = []
+
+    def good() -> bool:
+        return bool(found) and found[0].converged and found[0].squares <= good_enough
+
+    def keep(one: Fitted) -> None:
+        found.append(one)
+        found.sort(key=lambda f: f.squares)
+
+    for tried in range(MOST_STARTS):
+        logs = random.uniform(-BOX, BOX, count) if tried else np.zeros(count)
+        try:
+            keep(descend(fit, logs))
+            if not good():
+                keep(homotopy(fit, logs))
+        except (MotionRefused, InputError):  # a drawn start without a motion is none
+            if not tried:
+                raise
+        if tried + 1 >= FEWEST_STARTS and good():
+            break
+    return found

@@ -11,7 +11,7 @@ from camopt.optimizer.program.phases import Angles, phase_contacts
 from camopt.optimizer.program.relocation import NoLoadTransfer, located_angles, settled_revolution
 from camopt.scene.errors import InputError
 from camopt.scene.laws import FRICTION
-from camopt.scene.standing_in import is_linear
+from camopt.scene.linearisation import is_linear
 from camopt.scene.units import RPM
 from camopt.study.linearised.cases import LinearisedCase, LinearPaths, TrainAndCam
 

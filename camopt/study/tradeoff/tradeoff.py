@@ -24,7 +24,7 @@ from camopt.storage import (
 )
 from camopt.study.tradeoff.figures import draw
 from camopt.study.tradeoff.measurement import COLUMNS, measured, rows_of
-from camopt.study.tradeoff.recommended import table_of
+from camopt.study.tradeoff.summary import table_of
 
 LINES = "measured.jsonl"
 KNOT_DEG = 3.0

@@ -1,4 +1,4 @@
-"""The linear train that stands in for a real one, where only small motions about rest are asked for."""
+"""Linearisation of a train about its rest state."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -19,7 +19,7 @@ def is_linear(train: Train) -> bool:
 
 
 @lru_cache(maxsize=64)
-def standing_in(train: Train) -> Train:
+def linearised_at_rest(train: Train) -> Train:
     """The train with a linear law in place of every other: itself, where it has none.
 
     Tables and curved laws count with their tangents at rest, or `Laws.stand_in`; oil does not leak; nothing rubs.
