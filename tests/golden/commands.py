@@ -76,7 +76,6 @@ for scene, name, varied in zip(SCENES, ("slow", "measured"), ("spring.preload_N"
     )
     LONG |= {
         f"{name}-reduce": (f"reduce {scene} --speeds {rpm} --json models.json",),
-        f"{name}-gradient": (f"gradient {scene} --cam polydyne --speed {rpm} --json metrics.json",),
         f"{name}-free": (f"{search} --no-compare --gradient none --free {varied}=200:260 --out run",),
         f"{name}-compare": (f"compare {scene} --out comparison",),
     }
@@ -91,10 +90,7 @@ QUICK |= {
     ),
     "scenes": ("scenes", "scenes motori-1"),
 }
-LONG |= {
-    "slow-tradeoff": ("tradeoff slow.toml --size small --out folder",),
-    "slow-extremes": ("extremes slow.toml --out folder",),
-}
+LONG["slow-gradient"] = ("gradient slow.toml --cam polydyne --speed 4500 --json metrics.json",)
 
 
 def answer(commands: tuple[str, ...], folder: Path) -> str:
