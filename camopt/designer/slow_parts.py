@@ -15,7 +15,7 @@ from camopt.designer.cams import EFFORT
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import broken_by_shape, motion_limits
 from camopt.measure.yields import UsedLimits, counted, share_of
-from camopt.optimizer.as_built.track import track
+from camopt.optimizer.as_built.measured import track
 from camopt.optimizer.baselines.comparison import member_or_sentence
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.program.kinematic import kinematic_optimum
