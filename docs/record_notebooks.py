@@ -1,10 +1,11 @@
-"""Runs the notebooks at their small size and writes what their cells show.
+"""Runs the notebooks at their small size and stores each with its outputs: `notebooks/NAME.ipynb` beside `NAME.py`.
 
 `python -m docs.record_notebooks [NAME ...]` runs those that are named, or all.
 
-The site shows these outputs and runs nothing, so that it builds in a fresh environment without compiling anything.
-`tests/test_notebooks.py` runs the notebooks themselves, and `tests/site/test_notebook_outputs.py` holds the stored
-outputs against their code.
+The percent script is what is edited, by hand or through jupytext; the notebook is for whoever opens one, and the site
+shows its outputs and runs nothing, so that it builds in a fresh environment without compiling anything.
+`tests/test_notebooks.py` runs the scripts themselves, and `tests/site/test_notebook_outputs.py` holds the notebooks
+against them.
 """
 
 import os
@@ -13,13 +14,13 @@ import tempfile
 from pathlib import Path
 
 import nbclient
+import nbformat
 from nbformat.v4 import new_code_cell
 
-from camopt.storage import write_json
-from docs.generators.notebook import OUTPUTS, code_cells, digest, percent_script
+from camopt.storage import write_text
+from docs.generators.notebook import NOTEBOOKS, code_cells, read_script
 from experiments.support.provenance import provenance
 
-NOTEBOOKS = Path(__file__).parents[1] / "notebooks"
 FIRST = """
 import sys
 sys.modules["ipywidgets"] = None  # a page has no kernel that a slider could ask
@@ -30,26 +31,31 @@ SHOWN = ("image/png", "text/html", "text/markdown", "text/plain")
 """Kinds of output that a page can show; the first that an output has is kept."""
 
 
-def recorded(path: Path) -> dict:
-    """A notebook's outputs cell by cell, and its code, to which they belong."""
-    notebook = percent_script(path.read_text(encoding="utf-8"))
-    found = {
-        "provenance": provenance(path.stem, "small") | {"command": "python -m docs.record_notebooks"},
-        "code": digest(notebook),
-    }
+def recorded(path: Path) -> nbformat.NotebookNode:
+    """The notebook of a percent script, with what its cells show."""
+    notebook = read_script(path.read_text(encoding="utf-8"))
     notebook.cells.insert(0, new_code_cell(FIRST))
     with tempfile.TemporaryDirectory() as folder:
         nbclient.NotebookClient(notebook, timeout=None, resources={"metadata": {"path": folder}}).execute()
-    cells = code_cells(notebook)[1:]
-    return found | {"cells": [[kept(one) for one in cell.outputs if one.get("name") != "stderr"] for cell in cells]}
+    notebook.cells.pop(0)
+    for number, cell in enumerate(notebook.cells):
+        cell.id = f"{path.stem}-{number}".replace("_", "-")[:64]  # of the place: two records of one script are alike
+        cell.metadata = {}
+    for number, cell in enumerate(code_cells(notebook)):
+        cell.execution_count = number + 1
+        cell.outputs = [kept(one) for one in cell.outputs if one.get("name") != "stderr"]
+    made = {"provenance": provenance(path.stem, "small") | {"command": "python -m docs.record_notebooks"}}
+    notebook.metadata["camopt"] = made
+    return notebook
 
 
-def kept(output: dict) -> dict:
+def kept(output: dict) -> nbformat.NotebookNode:
     """An output as nbformat has it, with the one representation that the page shows."""
     if output["output_type"] == "stream":
-        return {key: output[key] for key in ("output_type", "name", "text")}
+        return nbformat.from_dict({key: output[key] for key in ("output_type", "name", "text")})
     kind = next(kind for kind in SHOWN if kind in output["data"])
-    return {"output_type": "display_data", "metadata": {}, "data": {kind: output["data"][kind]}}
+    data = {kind: output["data"][kind]}
+    return nbformat.from_dict({"output_type": "display_data", "metadata": {}, "data": data})
 
 
 def main() -> None:
@@ -58,7 +64,7 @@ def main() -> None:
     os.environ["PYTHONPATH"] = str(NOTEBOOKS.parent)  # camopt as this checkout has it
     for path in sorted(NOTEBOOKS.glob("*.py")):
         if path.stem in sys.argv[1:] or not sys.argv[1:]:
-            write_json(OUTPUTS / f"{path.stem}.json", recorded(path))
+            write_text(path.with_suffix(".ipynb"), nbformat.writes(recorded(path)) + "\n")
             print(path.stem, flush=True)
 
 

@@ -1,4 +1,4 @@
-"""The figure of docs/how-to/smoothing.md: what the width of the layer and the share of the tie do to a contact's force."""
+"""The figure of docs/how-to/smoothing.md: a contact's force by the width of its layer and by the share of the tie."""
 
 import numpy as np
 

@@ -20,8 +20,7 @@ from camopt.cam.lift import Lift
 from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.exact.affine.lines import rest_of
-from camopt.plots.legend import legend_above
-from camopt.plots.style import INK, lines, new_figure, styled
+from camopt.plots.style import INK, legend_above, lines, new_figure, styled
 from camopt.scene import MotionRefused, Train, build_train, load_scene
 from camopt.scene.rest import state_at_rest
 from camopt.study.gradient.paths import cosine

@@ -10,7 +10,7 @@ import tempfile
 from collections import Counter
 from pathlib import Path
 
-from camopt.plots.verdicts import verdict_matrix
+from camopt.plots.studies import verdict_matrix
 from camopt.scene import load_scene
 from camopt.study.extremes import extremes as study
 from camopt.study.extremes.cases import AS_IT_IS

@@ -65,7 +65,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
 
 
 def timed(script: str, cache: str) -> dict:
-    """A process of its own that keeps compiled programs in a folder: its times, and whether it said that it compiles."""
+    """The times of a process that keeps compiled programs in a folder, and how often it said that it compiles."""
     environment = {name: value for name, value in os.environ.items() if name != "JAX_COMPILATION_CACHE_DIR"}
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     done = subprocess.run(

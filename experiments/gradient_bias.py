@@ -11,8 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from camopt.cam.families.polydyne import polydyne
-from camopt.plots.legend import legend_above
-from camopt.plots.style import LIMIT, lines, new_figure, styled
+from camopt.plots.style import LIMIT, legend_above, lines, new_figure, styled
 from camopt.scene import load_scene
 from camopt.smooth.contact import Layer
 from camopt.smooth.metrics import revolution_metrics

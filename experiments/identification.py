@@ -72,9 +72,9 @@ def fit(name: str, seed: int, step_deg: float) -> dict:
     for tied in truth.tied:
         row = found.table.sel(parameter=tied.name)
         low, high, known = float(row.low), float(row.high), bool(row.identified)
-        rows.append({"parameter": tied.name, "truth": tied.start, "start": float(row.start),
+        rows.append({"parameter": tied.name, "truth": tied.of(scene), "start": float(row.start),
                      "estimate": float(row.estimate), "identified": known, "low": low if known else None,
-                     "high": high if known else None, "covered": known and low <= tied.start <= high})  # fmt: skip
+                     "high": high if known else None, "covered": known and low <= tied.of(scene) <= high})  # fmt: skip
     return {"scene": name, "seed": seed, "noise_um": found.noise_um, "jacobian_error": found.jacobian_error,
             "steps": found.steps, "remarks": list(found.remarks), "parameters": rows}  # fmt: skip
 

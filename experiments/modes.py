@@ -10,11 +10,11 @@ from scipy.linalg import eigh
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.plots import modes as draw_modes
-from camopt.plots.campbell import campbell
 from camopt.scene import Scene, build_train, builtin_scenes, load_scene
 from camopt.scene.units import MM
 from camopt.scene.vibration import assembled
 from camopt.study.modes import modes
+from experiments.support.campbell import campbell
 from experiments.support.record import RESULTS, run_script, write_result
 
 PAPER_HZ = (2832.25, 15642.9, 72247.8)

@@ -13,8 +13,8 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.exact import prepare
-from camopt.plots.panels import Panel, panels
 from camopt.scene import Scene, Train, build_train, load_scene
+from experiments.support.panels import Panel, panels
 from experiments.support.record import RESULTS, run_script, write_result
 from experiments.table5 import bounces, cams, in_threads, summary
 

@@ -14,6 +14,7 @@ EXPECTED = {
     "bring your own valve train": "own_valve_train",
     "a thousand valve trains": "thousand_trains",
     "compare": "compare_families",
+    "an experiment of your own": "own_experiment",
     "first design": "first_design",
     "robust band": "robust_band",
     "speed against accuracy": "speed_against_accuracy",

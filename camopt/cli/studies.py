@@ -141,7 +141,7 @@ def extremes(args: Namespace) -> int:
     scenes = [scene_of(args)] if args.scene else [load_scene(name, need=SIMULATED) for name in dynamic]
     folder = folder_of(args, scenes[0].name if args.scene else "extremes")
     from camopt.plots import save
-    from camopt.plots.verdicts import verdict_matrix
+    from camopt.plots.studies import verdict_matrix
     from camopt.study.extremes.extremes import counts, defects
     from camopt.study.extremes.extremes import extremes as rows_of
 

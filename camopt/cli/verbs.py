@@ -107,21 +107,21 @@ def report(args: Namespace) -> int:
 def design(args: Namespace) -> int:
     """Serves the designer's page on this machine and prints its address; an interrupt is its ordinary end."""
     scene = load_scene(args.scene, need=SIMULATED)
-    from camopt.designer.desk import Desk
+    from camopt.designer.requests import RequestHandler
     from camopt.designer.server import DesignServer
     from camopt.designer.session import QUICK, Session
     from camopt.optimizer.first_run import SAYING, compile_programs, programs_missing
 
-    desk = Desk(Session(scene), Path.cwd())
-    server = DesignServer(desk, args.port)
+    requests = RequestHandler(Session(scene), Path.cwd())
+    server = DesignServer(requests, args.port)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         if programs_missing():
             print(SAYING, file=sys.stderr, flush=True)
             compile_programs()
-        desk.slow.start()
+        requests.slow.start()
         for part in QUICK:  # loads the programs, so that the page's first answers are as quick as all others
-            desk.session.answer({}, part)
+            requests.session.answer({}, part)
         gc.freeze()  # else a collection now and then delays an answer
         print(f"{scene.name}: open {server.address} in a browser on this machine; Ctrl-C ends it", flush=True)
         server.serve_forever()
@@ -129,7 +129,7 @@ def design(args: Namespace) -> int:
         print("the designer has ended", file=sys.stderr)
     finally:
         server.server_close()
-        desk.stop()
+        requests.stop()
     return 0
 
 

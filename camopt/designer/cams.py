@@ -8,6 +8,7 @@ rests: they take a row of programs.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,8 +16,6 @@ from camopt.cam.families.free import FreeCam, free_cam
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import radii_held_near
 from camopt.designer.controls import KINEMATIC, NO_JUMP
-from camopt.designer.edits import Asked
-from camopt.designer.warm_start import begin_like
 from camopt.highs import Infeasible
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.program.force_rows import PEAK, Margins, Window
@@ -46,8 +45,8 @@ GEOMETRY = ("duration_deg", *RAMPS, *(f"closing_{key}" for key in RAMPS[:2]))
 """Keys of the design on which the left side of every row hangs."""
 
 
-class Superseded(Exception):
-    """Somebody has asked for something newer, so that this answer is not wanted any more."""
+class Cancelled(Exception):
+    """A newer request has come in, so that this answer is no longer wanted."""
 
 
 @dataclass(frozen=True)
@@ -71,18 +70,24 @@ class CamFinder:
     dearest: tuple[int, ...] = (0, -1)  # indices of the speeds that the coarse programs keep
 
     def largest(
-        self, scene: Scene, train: Train, asked: Asked, coarse: bool, wanted: Callable[[], bool] = lambda: True
+        self,
+        scene: Scene,
+        train: Train,
+        margin_N: float | None,
+        coarse: bool,
+        wanted: Callable[[], bool] = lambda: True,
     ) -> FoundCam:
-        """The cam of largest area that the scene's limits allow, under the program that is asked for.
+        """The cam of largest area that the scene's limits allow: under the no-jump program with a margin, or under the
+        kinematic one where the margin is None.
 
         Where no cam keeps contact it is that of the kinematic program, which says why. With `coarse` the force rows
         may be few, unless all of them are there from the last answer. Raises InputError for limits that contradict
-        each other, and Superseded between two steps once it is not `wanted` any more.
+        each other, and Cancelled between two steps once it is not `wanted` any more.
         """
-        if asked.program == KINEMATIC:
+        if margin_N is None:
             return self._kinematic(scene, coarse)
         try:
-            return self._no_jump(scene, train, asked.margin_N, coarse, wanted)
+            return self._no_jump(scene, train, margin_N, coarse, wanted)
         except InputError as error:
             return self._kinematic(scene, coarse, f"No cam keeps contact, so this is the kinematic one: {error}.")
 
@@ -105,7 +110,7 @@ class CamFinder:
             shape = (*shape, self.dearest)
         program = self._program(scene, train, shape, coarse)
         if not wanted():
-            raise Superseded
+            raise Cancelled
         if not coarse and (program.cam.about.near is not None or not is_linear(train)):
             program = standing(program, margin_N)
         try:
@@ -182,3 +187,42 @@ def _worth(found: NoJumpOptimum) -> dict[str, float]:
         peak = program.kind == PEAK
         worth["contact_force_max_N"] = float(duals[first : first + forces][peak].sum() * most / found.area_ratio)
     return worth
+
+
+def begin_like(known: NoJumpProgram, new: NoJumpProgram) -> None:
+    """Lets the solver begin a program where it ended on another one, if that has as many columns and speeds.
+
+    A longer duration or another lash has its rows at other angles, and one more here and there. What is active in one
+    program is active nearby in the other, so that the solver needs tens of pivots in place of hundreds.
+    """
+    if known.rows.matrix.shape[1] == new.rows.matrix.shape[1] and len(known.blocks) == len(new.blocks):
+        level = new.bound(Margins().table(len(new.blocks))) / new.rows.norm
+        like = counterparts(known, new)[known.rows.model.held]
+        new.rows.model.begin_like(known.rows.model, level, new.first_working(), like)
+
+
+def counterparts(known: NoJumpProgram, new: NoJumpProgram) -> np.ndarray:
+    """For every row of a program the row of another one in its place: of the same limit, or of the same contact at the
+    same speed, and as far along. Shape (r), -1 where the other has no such rows."""
+    found = np.full(len(known.rows.norm), -1)
+    there = runs(new)
+    for name, (first, count) in runs(known).items():
+        if name in there:
+            begin, length = there[name]
+            along = np.arange(count) * ((length - 1) / max(1, count - 1))
+            found[first : first + count] = begin + np.rint(along).astype(int)
+    return found
+
+
+def runs(program: NoJumpProgram) -> dict[tuple, tuple[int, int]]:
+    """The first row and the number of rows of every limit, and of every kind of force by speed and contact."""
+    limits, element = program.limits, np.concatenate([block.element for block in program.blocks])
+    forces = np.stack([program.speed, program.kind, element], axis=1)
+    found: dict[tuple, tuple[int, int]] = {}
+    for first, names in ((0, limits.group[:, None]), (len(limits.group), forces)):
+        changes = np.flatnonzero(np.any(np.diff(names, axis=0, prepend=-1, append=-1), axis=1))
+        for begin, end in pairwise(changes.tolist()):
+            one = tuple(names[begin].tolist())
+            name = one if first else (limits.names[one[0]],)
+            found[name] = first + begin, end - begin  # the rows of a name lie together
+    return found

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.designer.cams import Superseded
+from camopt.designer.cams import Cancelled
 from camopt.exact.engine import prepare
 from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import motion_limits
@@ -29,33 +29,32 @@ BAND_SPEEDS, AT_ONCE = 41, 12
 """Speeds of the band's curve, and how many of them are computed between two looks at whether they are still wanted."""
 
 
-class Mover:
-    """The settled motion of one designer's edited scenes; a sketch of it begins where the last motion ended."""
+def motion_at(
+    scene: Scene, train: Train, lift: Lift, speed_rpm: float, sketch: bool, start: np.ndarray | None
+) -> tuple[dict[str, Any], np.ndarray | None]:
+    """One revolution at a crankshaft speed with its metrics, the share of every limit that it uses, and what the
+    animation draws, or in place of these a sentence where the motion is refused; and the state in which it ends.
 
-    def __init__(self) -> None:
-        self._end: np.ndarray | None = None
+    The motion is settled, but that of a `sketch`, which runs at most FEW_REVOLUTIONS before, from the state `start`
+    where there is one.
+    """
+    cam_speed = scene.cam_speed(speed_rpm)
+    try:
+        if sketch:
+            settled = _sketched(train, lift, cam_speed, start)
+        else:
+            settled = settled_from_rest(prepare, train, lift, cam_speed)
+    except (MotionRefused, InputError) as error:
+        return {"speed_rpm": speed_rpm, "says": f"The motion is refused: {error}"}, None
+    return shown_motion(scene, train, lift, speed_rpm, settled), end_state(settled.response)
 
-    def motion_at(self, scene: Scene, train: Train, lift: Lift, speed_rpm: float, sketch: bool) -> dict[str, Any]:
-        """One revolution at a crankshaft speed with its metrics, the part of every limit that it uses, and what the
-        animation draws; a sentence in place of all of these where the motion is refused. It is settled, but that of a
-        `sketch`, which runs at most FEW_REVOLUTIONS before."""
-        cam_speed = scene.cam_speed(speed_rpm)
-        try:
-            settled = (
-                self._sketched(train, lift, cam_speed) if sketch else settled_from_rest(prepare, train, lift, cam_speed)
-            )
-        except (MotionRefused, InputError) as error:
-            self._end = None
-            return {"speed_rpm": speed_rpm, "says": f"The motion is refused: {error}"}
-        self._end = end_state(settled.response)
-        return shown_motion(scene, train, lift, speed_rpm, settled)
 
-    def _sketched(self, train: Train, lift: Lift, cam_speed: float) -> Settled:
-        start, decay = self._end, decay_per_revolution(train, cam_speed)
-        if start is None or len(start) != train.state_size:
-            start = state_at_rest(train)
-        found = settle(prepare(train, lift, cam_speed), start, FEW_REVOLUTIONS, 1, 1, decay=decay)
-        return replace(found, periodic=True)  # whether it settles is said at rest
+def _sketched(train: Train, lift: Lift, cam_speed: float, start: np.ndarray | None) -> Settled:
+    decay = decay_per_revolution(train, cam_speed)
+    if start is None or len(start) != train.state_size:
+        start = state_at_rest(train)
+    settled = settle(prepare(train, lift, cam_speed), start, FEW_REVOLUTIONS, 1, 1, decay=decay)
+    return replace(settled, periodic=True)  # whether it settles is said at rest
 
 
 def shown_motion(scene: Scene, train: Train, lift: Lift, speed_rpm: float, settled: Settled) -> dict[str, Any]:
@@ -82,14 +81,14 @@ def _used(scene: Scene, metrics: dict[str, float]) -> dict[str, float]:
 def band_of(scene: Scene, train: Train, lift: Lift, wanted: Callable[[], bool] = lambda: True) -> dict[str, Any]:
     """Every metric at speeds over the scene's band, and by limit on the motion the largest part used and where.
 
-    Raises Superseded between some of the speeds once it is not `wanted` any more.
+    Raises Cancelled between some of the speeds once it is not `wanted` any more.
     """
     assert scene.operation is not None, "an edited scene has a band"
     speeds = np.linspace(*scene.operation.band_rpm, BAND_SPEEDS)
     parts: dict[str, list[np.ndarray]] = {name: [] for name in QUANTITIES}
     for begin in range(0, len(speeds), AT_ONCE):
         if not wanted():
-            raise Superseded
+            raise Cancelled
         some = [scene.cam_speed(s) for s in speeds[begin : begin + AT_ONCE]]
         found = settled_metrics([train], [lift], some)
         for name, values in parts.items():

@@ -9,11 +9,12 @@ import json
 import sys
 import traceback
 from collections.abc import Mapping
+from functools import cache
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib import resources
 from typing import Any
 
-from camopt.designer.desk import Desk
-from camopt.designer.page_files import module_text, page_text, style_text
+from camopt.designer.requests import RequestHandler
 from camopt.scene.errors import InputError
 
 HOST = "127.0.0.1"
@@ -34,17 +35,42 @@ HEADERS = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
+SHARED = ("animation", "charts")
+"""Scripts and style sheets of the report that come first: the moving train, and the charts."""
+SCRIPTS = ("fields.js", "panels.js", "verdict.js", "saving.js", "live.js", "start.js")
+"""Parts of the module in the order in which they stand in it, after the shared ones."""
+
+
+@cache
+def module_text() -> str:
+    """The ES module: what the report shares, and the page's own scripts, one after the other."""
+    return "\n".join([*_shared("js"), *map(_page, SCRIPTS)])
+
+
+@cache
+def style_text() -> str:
+    """The style sheet: what the report shares, and the page's own."""
+    return "\n".join([*_shared("css"), _page("live.css")])
+
+
+def _page(name: str) -> str:
+    return (resources.files("camopt.designer") / "page" / name).read_text(encoding="utf-8")
+
+
+def _shared(kind: str) -> list[str]:
+    report = resources.files("camopt.report")
+    return [(report / f"{name}.{kind}").read_text(encoding="utf-8") for name in SHARED]
 
 
 class DesignServer(ThreadingHTTPServer):
-    """The server of one desk; `port` 0 takes a free one. Raises InputError where the port cannot be had."""
+    """Serves one handler of requests; `port` 0 takes a free one. Raises InputError where the port cannot be had."""
 
     daemon_threads = True
 
-    def __init__(self, desk: Desk, port: int = 0):
-        self.desk = desk
+    def __init__(self, requests: RequestHandler, port: int = 0):
+        self.requests = requests
         self.pages = {
-            "/": ("text/html; charset=utf-8", page_text()),
+            "/": ("text/html; charset=utf-8", _page("index.html")),
             "/live.js": ("text/javascript; charset=utf-8", module_text()),
             "/live.css": ("text/css; charset=utf-8", style_text()),
         }
@@ -66,7 +92,7 @@ class DesignServer(ThreadingHTTPServer):
         return f"http://{HOST}:{self.port}/"
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A browser that closed its connection is none of our business; a defect is."""
+        """Reports defects, but not that a browser closed its connection."""
         if not isinstance(sys.exc_info()[1], ConnectionError | TimeoutError):
             super().handle_error(request, client_address)
 
@@ -81,7 +107,7 @@ class Handler(BaseHTTPRequestHandler):
     wbufsize = -1  # an answer's head and body go at once
 
     def version_string(self) -> str:
-        """Says no more of itself than it must."""
+        """The name alone, without versions."""
         return "camopt"
 
     def log_message(self, format: str, *args: Any) -> None:
@@ -109,7 +135,7 @@ class Handler(BaseHTTPRequestHandler):
         if message is None:
             return
         try:
-            self._send_json(200, self.server.desk.reply(message))
+            self._send_json(200, self.server.requests.reply(message))
         except InputError as error:
             self._send_json(400, {"says": str(error)})
         except ConnectionError:

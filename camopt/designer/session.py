@@ -17,14 +17,14 @@ from threadpoolctl import ThreadpoolController
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import radii_held_near
 from camopt.designer.cams import CamFinder, FoundCam, program_speeds_rpm
-from camopt.designer.controls import controls
-from camopt.designer.edits import Asked, Refused, asked_of, edited_scene, read_values
-from camopt.designer.motion import Mover, band_of
+from camopt.designer.controls import NO_JUMP, Refused, controls, edited_scene, read_values
+from camopt.designer.motion import band_of, motion_at
 from camopt.measure.limits import broken_by_shape
+from camopt.report.curves import LAWS
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
-from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3
+from camopt.scene.units import DEG, MM
 from camopt.storage import plain
 
 QUICK = ("sketch", "cam", "band")
@@ -32,14 +32,9 @@ QUICK = ("sketch", "cam", "band")
 CURVE_STEP_DEG = 0.5
 THREADS = ThreadpoolController()  # to look for the libraries' threads takes milliseconds
 REMEMBERED = 4
-"""CamFinder of the last values that are remembered."""
-DERIVATIVES = {
-    "lift_mm": (MM, 6),
-    "velocity_mm_per_deg": (MM_PER_DEG, 8),
-    "acceleration_mm_per_deg2": (MM_PER_DEG2, 9),
-    "jerk_mm_per_deg3": (MM_PER_DEG3, 9),
-}
-"""Unit of the lift and its derivatives, and decimals of what is sent: far more than a chart shows, half the bytes."""
+"""Cams of the last values that are kept."""
+DECIMALS = (6, 8, 9, 9)
+"""Decimals of the lift and its derivatives that are sent: far more than a chart shows, half the bytes."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +47,13 @@ class Edited:
 
 
 class Session:
-    """A scene under somebody's hand: answers values by key, and remembers what the next answer can use."""
+    """A scene that a user edits: answers values by key, and keeps what the next answer can use."""
 
     def __init__(self, scene: Scene):
         self.scene = scene
         self.controls = {control.key: control for control in controls(scene)}
-        self._cams, self._mover = CamFinder(), Mover()
+        self._cams = CamFinder()
+        self._end: np.ndarray | None = None  # the state in which the last motion ended
         self._train: tuple[tuple, Train] | None = None
         self._designs: OrderedDict[str, Edited] = OrderedDict()
 
@@ -77,11 +73,10 @@ class Session:
         """One of the QUICK parts of the answer to values by key, as JSON knows it; a value left out is the scene's.
 
         "state" is "ok", "refused" with `faults` (sentences by key), or "no cam" with the sentence `says`. Raises
-        Superseded on the way once it is not `wanted` any more.
+        Cancelled on the way once it is not `wanted` any more.
         """
         try:
-            read = read_values(self.controls, values)
-            asked = asked_of(read)
+            speed_rpm = read_values(self.controls, values)["speed_rpm"]
             design = self.design(values, part == "sketch", wanted)
         except Refused as refused:
             return {"part": part, "state": "refused", "faults": refused.faults}
@@ -90,7 +85,7 @@ class Session:
         if part == "band":
             found = band_of(design.scene, design.train, design.cam.lift, wanted)
         else:
-            found = self._cam_answer(design, asked)
+            found = self._cam_answer(design, speed_rpm)
         return {"part": part, "state": "ok", **plain(found)}
 
     def edited(self, values: Mapping[str, Any]) -> Scene:
@@ -103,7 +98,7 @@ class Session:
         """The edited scene, its train and its cam; raises Refused for values that are none, and InputError where the
         limits contradict each other."""
         read = read_values(self.controls, values)
-        asked = asked_of(read)
+        margin_N = read["margin_N"] if read["program"] == NO_JUMP else None
         subject = {k: v for k, v in read.items() if k != "speed_rpm"}
         key, exact = json.dumps([coarse, subject]), json.dumps([False, subject])
         if exact in self._designs:
@@ -114,7 +109,7 @@ class Session:
         scene = edited_scene(self.scene, read)
         train = self._train_of(scene)
         with THREADS.limit(limits=1, user_api="blas"):  # small matrices: threads would only wait for each other
-            cam = self._cams.largest(scene, train, asked, coarse, wanted)
+            cam = self._cams.largest(scene, train, margin_N, coarse, wanted)
         found = self._designs[key if cam.coarse or cam.says else exact] = Edited(scene, train, cam)
         while len(self._designs) > REMEMBERED:
             self._designs.popitem(last=False)
@@ -127,10 +122,11 @@ class Session:
             self._train = made_of, build_train(scene)
         return self._train[1]
 
-    def _cam_answer(self, design: Edited, asked: Asked) -> dict[str, Any]:
+    def _cam_answer(self, design: Edited, speed_rpm: float) -> dict[str, Any]:
         scene, cam = design.scene, design.cam
         assert scene.design is not None, "an edited scene has one"
         broken = broken_by_shape(cam.lift, scene.design)
+        motion, self._end = motion_at(scene, design.train, cam.lift, speed_rpm, cam.coarse, self._end)
         at_rest = radii_held_near(scene.design) if cam.coarse else ()
         return {
             "coarse": cam.coarse,
@@ -145,15 +141,15 @@ class Session:
             "broken_by_shape": [key for key in broken if key not in at_rest],
             "looked_for": [key for key in broken if key in at_rest],
             "curves": curves(cam.lift),
-            "motion": self._mover.motion_at(scene, design.train, cam.lift, asked.speed_rpm, cam.coarse),
+            "motion": motion,
         }
 
 
 def curves(lift: Lift) -> dict[str, np.ndarray]:
     """Lift and its derivatives by cam angle, from -180 to 180 deg."""
     angle = np.linspace(-180.0, 180.0, round(360 / CURVE_STEP_DEG) + 1)
-    found = {
-        name: np.round(lift(angle * DEG, order) / unit, decimals)
-        for order, (name, (unit, decimals)) in enumerate(DERIVATIVES.items())
+    laws = {
+        key: np.round(lift(angle * DEG, order) / unit, DECIMALS[order])
+        for order, (key, _, _, unit, _) in enumerate(LAWS)
     }
-    return {"angle_deg": angle, **found}
+    return {"angle_deg": angle, **laws}

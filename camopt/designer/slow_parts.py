@@ -4,6 +4,7 @@ They are functions of an edited scene and its cam alone, so that another process
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -51,16 +52,6 @@ def baselines_part(scene: Scene, lift: Lift) -> dict[str, Any]:
     return {"baselines": rows}
 
 
-def few_trains_part(scene: Scene, lift: Lift) -> dict[str, Any]:
-    """`trains_of` for FEW trains."""
-    return trains_of(scene, lift, FEW)
-
-
-def many_trains_part(scene: Scene, lift: Lift) -> dict[str, Any]:
-    """`trains_of` for MANY trains."""
-    return trains_of(scene, lift, MANY)
-
-
 def trains_of(scene: Scene, lift: Lift, count: int) -> dict[str, Any]:
     """The share of the first `count` drawn trains that hold the limits on the motion, and what others break first."""
     if not motion_limits(scene.design):
@@ -89,19 +80,10 @@ def why_none(scene: Scene, lift: None) -> dict[str, Any]:
     return {"says": ""}
 
 
-def draft_verdict(scene: Scene, lift: Lift) -> dict[str, Any]:
-    """verification.json of a verdict at accuracy "draft"."""
-    return _verified(scene, lift, "draft")
-
-
-def full_verdict(scene: Scene, lift: Lift) -> dict[str, Any]:
-    """verification.json of the verdict that `camopt verify` gives."""
-    return _verified(scene, lift, "standard")
-
-
-def _verified(scene: Scene, lift: Lift, accuracy: str) -> dict[str, Any]:
-    found = verify(scene, lift, accuracy=accuracy)
-    return {"verification": found.as_dict(), "reason": found.reason}
+def verdict_at(scene: Scene, lift: Lift, accuracy: str) -> dict[str, Any]:
+    """verification.json of the verdict that `camopt verify` gives at an accuracy, and its reason."""
+    verdict = verify(scene, lift, accuracy=accuracy)
+    return {"verification": verdict.as_dict(), "reason": verdict.reason}
 
 
 WHY = "why"
@@ -109,9 +91,12 @@ PARTS: dict[str, Callable[[Scene, Any], dict[str, Any]]] = {
     WHY: why_none,
     "bound": bound_part,
     "baselines": baselines_part,
-    "few trains": few_trains_part,
-    "trains": many_trains_part,
+    "few trains": partial(trains_of, count=FEW),
+    "trains": partial(trains_of, count=MANY),
 }
 """By name, the slow parts of an answer."""
-VERDICTS = {"draft verdict": draft_verdict, "verdict": full_verdict}
+VERDICTS = {
+    "draft verdict": partial(verdict_at, accuracy="draft"),
+    "verdict": partial(verdict_at, accuracy="standard"),
+}
 """By name, the stages of a verdict: a first one that is soon there, and the one that counts."""

@@ -6,8 +6,8 @@ from typing import Any
 import anywidget
 
 from camopt.cam.lift import Lift
-from camopt.designer.desk import Desk
-from camopt.designer.page_files import module_text, style_text
+from camopt.designer.requests import RequestHandler
+from camopt.designer.server import module_text, style_text
 from camopt.designer.session import Session
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
@@ -23,30 +23,30 @@ class LiveWidget(anywidget.AnyWidget):
         super().__init__()
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
-        self.desk = Desk(Session(scene), folder)
-        self.values: dict[str, Any] = self.desk.session.values()
+        self.requests = RequestHandler(Session(scene), folder)
+        self.values: dict[str, Any] = self.requests.session.values()
         self.on_msg(self.hear)
 
     @property
     def value(self) -> Lift:
         """The cam of the page's numbers; raises InputError where they allow none."""
-        return self.desk.session.design(self.values).cam.lift
+        return self.requests.session.design(self.values).cam.lift
 
     @property
     def scene(self) -> Scene:
         """The scene with the page's numbers; raises InputError where they make none."""
-        return self.desk.session.design(self.values).scene
+        return self.requests.session.design(self.values).scene
 
     @property
     def verification(self) -> dict[str, Any] | None:
         """verification.json of the page's numbers; None where no verdict on them has ended."""
-        return self.desk.verified(self.values)
+        return self.requests.verified(self.values)
 
     def hear(self, widget: Any, content: dict[str, Any], buffers: Any) -> None:
         """A message of the page: its number comes back with the reply, or with why there is none."""
         message = content["message"]
         try:
-            reply = self.desk.reply(message)
+            reply = self.requests.reply(message)
         except InputError as error:
             self.send({"number": content["number"], "says": str(error)})
             return
@@ -56,5 +56,5 @@ class LiveWidget(anywidget.AnyWidget):
 
     def close(self) -> None:
         """Ends the widget and its process."""
-        self.desk.stop()
+        self.requests.stop()
         super().close()

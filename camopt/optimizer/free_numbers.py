@@ -18,15 +18,14 @@ from camopt.optimizer.accuracy import Accuracy
 from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.no_jump import NoCamHoldsContact, NoJumpOptimum, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
-from camopt.scene.as_built import Number, matching, moved_together, with_numbers
+from camopt.scene.as_built import moved_together
 from camopt.scene.errors import InputError
-from camopt.scene.load import parse_scene
+from camopt.scene.load import checked_scene
+from camopt.scene.parameters import Tied, matching, no_such_number, settable
 from camopt.scene.schema import Scene
-from camopt.scene.spelling import did_you_mean
-from camopt.scene.toml_text import scene_toml
 from camopt.scene.train import build_train
 
-RAMP = {f"design.{key}": key for key in ("ramp_height_mm", "ramp_velocity_mm_per_deg")}
+RAMP = ("design.ramp_height_mm", "design.ramp_velocity_mm_per_deg")
 MARGIN_N = 20.0
 """The margin under which values are compared, that of the no-jump program where nothing else is asked."""
 BAND_SPEEDS = 9
@@ -41,30 +40,11 @@ LEAST_GAIN = 1e-7
 
 
 @dataclass(frozen=True)
-class FreeNumber:
-    """A number from `low` to `high` in its key's unit; several move in proportion, and the first one is named."""
+class FreeNumber(Tied):
+    """A number that may be chosen from `low` to `high` in its key's unit; others move in proportion to it."""
 
-    name: str
     low: float
     high: float
-    numbers: tuple[Number, ...]  # none for a ramp
-
-    def of(self, scene: Scene) -> float:
-        """Its value in a scene."""
-        return self.numbers[0].of(scene) if self.numbers else getattr(scene.design, RAMP[self.name])
-
-    def put(self, scene: Scene, value: float) -> Scene:
-        """The scene with another value of it."""
-        if not self.numbers:
-            assert scene.design is not None, "load_scene(..., need=...) guarantees it"
-            return scene.model_copy(update={"design": scene.design.model_copy(update={RAMP[self.name]: value})})
-        first, *others = self.numbers
-        factor = value / first.of(scene) if others else 0.0
-        return with_numbers(scene, {first: value} | {other: other.of(scene) * factor for other in others})
-
-    def named(self, scene: Scene) -> str:
-        """What is free, by its place in the scene."""
-        return self.numbers[0].named(scene) if self.numbers else self.name
 
 
 def free_numbers(scene: Scene, asked: Mapping[str, Sequence[float]]) -> tuple[FreeNumber, ...]:
@@ -76,9 +56,7 @@ def free_numbers(scene: Scene, asked: Mapping[str, Sequence[float]]) -> tuple[Fr
     """
     found = tuple(free_number(scene, name, *map(float, ends)) for name, ends in asked.items())
     for which, values in (("lowest", [one.low for one in found]), ("highest", [one.high for one in found])):
-        parse_scene(
-            scene_toml(with_values(scene, found, values)), f"{scene.name} with the {which} free numbers", ("design",)
-        )
+        checked_scene(with_values(scene, found, values), f"{scene.name} with the {which} free numbers", ("design",))
     return found
 
 
@@ -88,22 +66,18 @@ def free_number(scene: Scene, name: str, low: float = -np.inf, high: float = np.
         raise InputError(f"free {name}={low:g}:{high:g}: expected LOW:HIGH with LOW below HIGH, such as 200:320")
     tolerance = next((one for one in scene.tolerance if one.label == name), None)
     if tolerance is not None:
-        numbers = tuple(number for group in moved_together(scene, tolerance) for number in group)
+        numbers = [number for group in moved_together(scene, tolerance) for number in group]
     else:
-        numbers = tuple(matching(scene, name))
-    if not numbers and name not in RAMP:
-        known = [*(one.label for one in scene.tolerance), *RAMP]
-        raise InputError(
-            f"free {name!r}: {scene.name} has no such number: expected NAME.KEY of a mass or an element, or one of "
-            f"{', '.join(known)}{did_you_mean(name, known)}"
-        )
+        numbers = settable(scene, name) if name in RAMP else matching(scene, name)
+    if not numbers:
+        raise no_such_number(scene, name, "free", [*(one.label for one in scene.tolerance), *RAMP])
     if missing := [number.named(scene) for number in numbers if number.of(scene) is None]:
         raise InputError(f"free {name!r}: the scene {scene.name} does not state {missing[0]}: add it to the scene")
     if len(numbers) > 1 and numbers[0].of(scene) == 0.0:
         raise InputError(
             f"free {name!r}: its first number is zero, in proportion to which no others can move: give it another value"
         )
-    return FreeNumber(name, low, high, numbers)
+    return FreeNumber(name, tuple(numbers), low, high)
 
 
 def with_values(scene: Scene, free: Sequence[FreeNumber], values: Sequence[float] | np.ndarray) -> Scene:

@@ -4,8 +4,8 @@ from camopt.plots.cams import profiles
 from camopt.plots.motion import DrawnMotion, last_revolution, valve_motion
 from camopt.plots.search import History, convergence
 from camopt.plots.speeds import Sweep, bounce_against_speed
+from camopt.plots.studies import modes
 from camopt.plots.style import cam_line, save
-from camopt.plots.vibration import modes
 
 __all__ = [
     "DrawnMotion",

@@ -6,8 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from camopt.plots.legend import legend_above
-from camopt.plots.style import BASE, SHADE, cam_lines, draw_limit, new_figure, quoted, styled
+from camopt.plots.style import BASE, SHADE, cam_lines, draw_limit, legend_above, new_figure, quoted, styled
 from camopt.scene.design import Design
 
 Table = Mapping[str, np.ndarray]

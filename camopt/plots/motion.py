@@ -7,17 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from camopt.plots.legend import legend_above
-from camopt.plots.style import (
-    BASE,
-    DESIGN,
-    cam_lines,
-    draw_limit,
-    family_of,
-    new_figure,
-    quoted,
-    styled,
-)
+from camopt.plots.style import BASE, DESIGN, cam_lines, draw_limit, family_of, legend_above, new_figure, quoted, styled
 from camopt.scene.design import Design
 from camopt.scene.response import Response
 from camopt.scene.units import DEG, MM

@@ -1,9 +1,10 @@
-"""One look for all figures: a cam keeps its colour and dashes, limits look alike, and files are deterministic."""
+"""One look for all figures: cams keep colour and dashes, limits and legends look alike; files are deterministic."""
 
 import io
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import accumulate, pairwise
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.textpath import TextPath
 from matplotlib.ticker import FuncFormatter
 
 from camopt.cam.families.registry import FAMILIES
@@ -39,6 +41,13 @@ other cam of the figure has it."""
 OTHERS_DASHES = (0, (6, 1)), (0, (2, 1)), (0, (6, 1, 1, 1)), (0, (4, 2))
 """Their dashes in a figure, in turn."""
 OWN_NAMES = {"free", "free-cam", "camopt", "optimized", "optimised"}
+
+_HANDLE = 3.2
+"""Length of a line in a legend, over the size of its letters."""
+_BESIDE = _HANDLE + 0.8 + 2.0
+"""What a column has beside its words: line, gap and distance from the next one, over the size of its letters."""
+LONGEST = 200
+"""Letters of a label, of which no figure shows more."""
 
 RC: dict[Any, Any] = {
     "axes.axisbelow": True,
@@ -103,6 +112,13 @@ def cam_line(cam: str) -> dict:
         line = OTHERS[number % len(OTHERS)], (0, (2 + number // 7 % 3, 1.5))
     front = family == DESIGN
     return {"color": line[0], "linestyle": line[1], "linewidth": 2.0 if front else 1.4, "zorder": 3.0 if front else 2.5}
+
+
+def page_line(cam: str) -> dict:
+    """`cam_line` for a page: its `colour`, and its `dashes` in pixels, empty for a whole line."""
+    line = cam_line(cam)
+    dashes = line["linestyle"]
+    return {"colour": line["color"], "dashes": [] if isinstance(dashes, str) else [2 * d for d in dashes[1]]}
 
 
 def cam_lines(cams: Iterable[str]) -> dict[str, dict]:
@@ -170,6 +186,49 @@ def zero_and_decades(axes: Axes, limit: float | None, finest: float) -> None:
     axes.set_yscale("symlog", linthresh=finest, linscale=0.5, subs=[2, 5])
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.set_ylim(0, 1.5 * max(largest, 3 * (limit or 0.0), 10 * finest))
+
+
+def legend_above(figure: Figure, axes: Axes, columns: int = 5) -> None:
+    """Draws one legend for the whole figure, from the labelled lines of one of its axes, in as many columns, up to
+    `columns`, as the figure is wide; a label that is longer than the figure loses its middle."""
+    handles, labels = axes.get_legend_handles_labels()
+    if not handles:
+        return
+    room = 72 * figure.get_figwidth() - 4 * BASE
+    labels = [_shortened(label, room - _BESIDE * BASE) for label in labels]
+    widths = [_width(label) + _BESIDE * BASE for label in labels]
+    count = min(columns, len(handles))
+    while count > 1 and sum(max(part) for part in _columns(widths, count)) > room:
+        count -= 1
+    figure.legend(handles, labels, loc="outside upper left", ncols=count, handlelength=_HANDLE)
+
+
+def _width(label: str) -> float:
+    """Width [pt] of words in a legend, which are drawn up to a twentieth wider than their letters' outlines."""
+    return 1.05 * float(TextPath((0, 0), label, size=BASE).get_extents().width) if label.strip() else 0.0
+
+
+def _shortened(label: str, room: float) -> str:
+    """The label, without its middle where it is wider than some room [pt]."""
+    label = label if len(label) <= LONGEST else _without_middle(label, LONGEST)
+    wide = _width(label)
+    if wide <= room:
+        return label
+    kept = int(len(label) * room / wide)
+    while kept > 8 and _width(_without_middle(label, kept)) > room:
+        kept -= 1
+    return _without_middle(label, kept)
+
+
+def _without_middle(label: str, kept: int) -> str:
+    return f"{label[: kept // 2]}…{label[len(label) - kept // 2 :]}"
+
+
+def _columns(widths: Sequence[float], count: int) -> list[Sequence[float]]:
+    """The widths by column, as matplotlib fills a legend's columns: the first ones with one more."""
+    rows, longer = divmod(len(widths), count)
+    ends = [0, *accumulate(rows + (i < longer) for i in range(count))]
+    return [widths[a:b] for a, b in pairwise(ends)]
 
 
 def save(figure: Figure, folder: Path | str, name: str) -> tuple[Path, Path]:

@@ -5,8 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.figure import Figure
 
-from camopt.plots.legend import legend_above
-from camopt.plots.style import DESIGN_LINE, draw_limit, new_figure, styled
+from camopt.plots.style import DESIGN_LINE, draw_limit, legend_above, new_figure, styled
 
 SHOWN = 2.0
 """Parts of a limit beyond which the axis ends: how far a limit is broken there does not matter."""

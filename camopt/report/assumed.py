@@ -15,10 +15,9 @@ from camopt.measure.limits import motion_limits
 from camopt.plots.style import DESIGN
 from camopt.report.motion import RunCams
 from camopt.report.wording import shown
-from camopt.scene.as_built import Number, with_numbers
+from camopt.scene.parameters import KEYS, SceneNumber, with_numbers
 from camopt.scene.quantities import QUANTITIES
 from camopt.scene.schema import Scene
-from camopt.scene.tolerances import SCATTERING
 from camopt.scene.train import build_train
 
 MOVED = 0.1
@@ -39,11 +38,11 @@ class Hanging:
     moved_to: float
 
 
-def assumed_numbers(scene: Scene) -> list[Number]:
+def assumed_numbers(scene: Scene) -> list[SceneNumber]:
     """The numbers of masses and elements that the scene marks as assumed and that are not zero."""
     found = [
-        Number(table, i, key)
-        for table, keys in SCATTERING.items()
+        SceneNumber(table, i, key)
+        for table, keys in KEYS.items()
         for i, row in enumerate(getattr(scene, table))
         for key in row.assumed
         if key in keys

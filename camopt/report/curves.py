@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.plots.style import DESIGN, cam_line
+from camopt.plots.style import DESIGN, page_line
 from camopt.report.folder import RunFolder
 from camopt.report.motion import RunCams
 from camopt.scene.design import Design
@@ -61,14 +61,11 @@ def _end_deg(lift: Lift) -> float:
 
 
 def _cam(name: str, lift: Lift, theta: np.ndarray, verdict: dict) -> dict[str, Any]:
-    line = cam_line(name)
-    dashes = line["linestyle"]
     broken = [str(word) for word in verdict.get("broken") or []]
     lawful = all(" at " in word for word in broken)
     return {
         "name": name,
-        "colour": line["color"],
-        "dashes": [] if isinstance(dashes, str) else [2 * d for d in dashes[1]],
+        **page_line(name),
         "place": DESIGN if name == DESIGN else "within" if lawful else "beyond",
         "verdict": str(verdict.get("verdict", "not verified")),
         **{key: _rounded(lift(theta, order) / unit) for order, (key, _, _, unit, _) in enumerate(LAWS)},

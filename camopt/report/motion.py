@@ -13,8 +13,8 @@ from camopt.cam.read import read_cam
 from camopt.measure.settling import Settled
 from camopt.optimizer.baselines.comparison_table import FAILED, verdicts_in
 from camopt.optimizer.baselines.figures import settled_motion, stated_periodic
-from camopt.plots.style import DESIGN, cam_line, family_of
-from camopt.report.drawing import Strokes, drawing
+from camopt.plots.style import DESIGN, family_of, page_line
+from camopt.report.drawing import drawing
 from camopt.report.folder import RunFolder
 from camopt.report.followers import BASE_MM, drawn_follower, room_for
 from camopt.report.wording import as_number, shown
@@ -115,7 +115,7 @@ def animated(scene: Scene, train: Train, entries: list[dict], step_deg: float) -
     follower = drawn_follower(scene.geometry)
     return {
         "step_deg": step_deg,
-        "drawing": drawing(train, Strokes.of(train, x), room_for(follower, float(radius))),
+        "drawing": drawing(train, x, room_for(follower, float(radius))),
         **follower,
         "contacts": contacts,
         "seat": contacts.index(train.seat),
@@ -175,7 +175,6 @@ def cam_entry(name: str, lift: Lift, scene: Scene, step_deg: float) -> dict:
     """A cam's line, its lift [um] by angle and its contour [mm], the nose towards +y, seen with the angle growing to
     the right of it (or its mirror image, as `turn` says); without [geometry] that of a pointed follower on a base
     circle of BASE_MM."""
-    line = cam_line(name)
     theta = np.linspace(-180, 180, round(360 / step_deg) + 1) * DEG
     if scene.geometry is None:
         angle = np.linspace(-np.pi, np.pi, 361)
@@ -184,10 +183,8 @@ def cam_entry(name: str, lift: Lift, scene: Scene, step_deg: float) -> dict:
     else:
         contour = contact(lift, scene.geometry, np.linspace(-np.pi, np.pi, 721)).contour[:, ::-1] / MM
         contour[:, 0] *= drawn_follower(scene.geometry)["turn"]
-    dashes = line["linestyle"]
     return {
-        "colour": line["color"],
-        "dashes": [] if isinstance(dashes, str) else [2 * d for d in dashes[1]],
+        **page_line(name),
         "lift_um": _rounded(lift(theta) / UM, 0),
         "contour_mm": _rounded(contour, 3),
     }

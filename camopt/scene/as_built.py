@@ -7,45 +7,26 @@ list begins with the shorter one, and a narrower tolerance leaves every draw whe
 import zlib
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from fnmatch import fnmatchcase
 
 import numpy as np
 
-from camopt.scene.row_numbers import number_of, with_number
+from camopt.scene.parameters import KEYS, SceneNumber, has_wildcards, matching, with_numbers
 from camopt.scene.schema import Scene
 from camopt.scene.spelling import did_you_mean
-from camopt.scene.table import Table
 from camopt.scene.text_file import excerpt
-from camopt.scene.tolerances import EVERY, SCATTERING, Tolerance
+from camopt.scene.tolerances import Tolerance
 
 REACH = 4.0
 """Standard deviations at which a normal draw is cut off, which one draw in 16 000 meets: no part beyond them is built
 in, and a number that stays positive within them is positive in every train."""
 MAY_BE_NEGATIVE = ("force_N", "preload_N")
-MAY_BE_ZERO = ("damping_N_s_per_m", "gap_mm", "installed_mm")
-
-
+MAY_BE_ZERO = ("damping_N_s_per_m", "gap_mm", "installed_mm", "check_travel_mm")
 GRINDING = "grinding"
 """What results call the scene's grinding error."""
 
 
-class Number(NamedTuple):
-    """A number of a scene: its table ("mass" or "element"), row and key."""
-
-    table: str
-    row: int
-    key: str
-
-    def of(self, scene: Scene) -> float:
-        """Its value in the key's unit; None where the scene has none."""
-        return number_of(getattr(scene, self.table)[self.row], self.key)  # pyright: ignore[reportReturnType]
-
-    def named(self, scene: Scene) -> str:
-        """NAME.KEY."""
-        return f"{getattr(scene, self.table)[self.row].name}.{self.key}"
-
-
-def moved_together(scene: Scene, tolerance: Tolerance) -> list[list[Number]]:
+def moved_together(scene: Scene, tolerance: Tolerance) -> list[list[SceneNumber]]:
     """The numbers that a tolerance moves, those with a common draw in one list."""
     numbers = [number for text in tolerance.numbers for number in matching(scene, text)]
     if isinstance(tolerance.of, str):
@@ -88,14 +69,6 @@ def scene_as_built(scene: Scene, draws: Mapping[str, np.ndarray]) -> Scene:
     return with_numbers(scene, values)
 
 
-def with_numbers(scene: Scene, values: Mapping[Number, float]) -> Scene:
-    """The scene with other values of some of its numbers, in their keys' units."""
-    rows: dict[str, list[Table]] = {table: list(getattr(scene, table)) for table in SCATTERING}
-    for number, value in values.items():
-        rows[number.table][number.row] = with_number(rows[number.table][number.row], number.key, value)
-    return scene.model_copy(update={table: tuple(changed) for table, changed in rows.items()})
-
-
 def scatter_labels(scene: Scene) -> list[str]:
     """What scatters in a scene: its tolerances' labels, and GRINDING where the cam has an error."""
     return [tolerance.label for tolerance in scene.tolerance] + [GRINDING] * (scene.grinding is not None)
@@ -130,31 +103,22 @@ def tolerance_faults(scene: Scene) -> list[str]:
     return faults or [*_too_wide(scene)]
 
 
-def matching(scene: Scene, text: str) -> Iterator[Number]:
-    """The numbers that a text NAME.KEY means; none where it means nothing."""
-    name, _, key = text.rpartition(".")
-    for table, keys in SCATTERING.items():
-        for i, row in enumerate(getattr(scene, table) if key in keys else ()):
-            if row.name == name or (name == EVERY and getattr(row, key)):
-                yield Number(table, i, key)
-
-
 def _fault(scene: Scene, tolerance: Tolerance, text: str) -> str:
     """Why a text NAME.KEY of a tolerance does not do, or an empty text."""
     name, dot, key = text.rpartition(".")
     if not dot:
         return f'{excerpt(text)} is not NAME.KEY, such as "spring.stiffness_N_per_m"'
-    homes = [table for table in SCATTERING if name in [row.name for row in getattr(scene, table)]]
-    if not homes and name != EVERY:
-        names = [row.name for table in SCATTERING for row in getattr(scene, table)]
+    homes = [table for table in KEYS if any(fnmatchcase(row.name, name) for row in getattr(scene, table))]
+    if not homes:
+        names = [row.name for table in KEYS for row in getattr(scene, table)]
         return f"no mass or element is named {excerpt(name)}{did_you_mean(name, names)}"
-    keys = [key for table in homes or SCATTERING for key in SCATTERING[table]]
+    keys = [key for table in homes or KEYS for key in KEYS[table]]
     if key not in keys:
-        of = "no mass or element" if name == EVERY else f"the {' or '.join(homes)} {name!r}"
-        has = f"has no number {excerpt(key)} that may scatter"
-        return f"{of} {has}{did_you_mean(key, keys) or ': expected ' + ' or '.join(dict.fromkeys(keys))}"
-    found = list(matching(scene, text))
-    if name != EVERY and len(found) > 1:
+        has = f"no mass or element {name!r} has a" if has_wildcards(name) else f"the {homes[0]} {name!r} has no"
+        expected = did_you_mean(key, keys) or f": expected {' or '.join(dict.fromkeys(keys))}"
+        return f"{has} number {excerpt(key)} that may scatter{expected}"
+    found = matching(scene, text)
+    if not has_wildcards(name) and len(found) > 1:
         return f"{excerpt(text)} is a number of a mass and of an element: give one of them another name"
     if any(number.of(scene) is None for number in found):
         return f"{excerpt(text)}: no number there to scatter"

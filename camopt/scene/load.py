@@ -1,5 +1,6 @@
 """Reading scene files: every fault is reported at once, with file and key; files are untrusted."""
 
+from collections.abc import Mapping
 from functools import cache
 from importlib import import_module, resources
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 from camopt.scene.design import FROM_DURATION_AT
 from camopt.scene.errors import InputError
 from camopt.scene.faults import checked
+from camopt.scene.parameters import TABLES, no_such_number, settable, with_numbers
 from camopt.scene.schema import Scene
 from camopt.scene.spelling import did_you_mean
 from camopt.scene.text_file import excerpt, read_text, usable_path
@@ -63,6 +65,28 @@ def parse_scene(text: str, where: str, need: tuple[str, ...] = ()) -> Scene:
     if scene is None or faults:
         raise InputError("\n".join(f"{where}: {fault}" for fault in faults))
     return _with_its_duration(scene, where) if left_open else scene
+
+
+def checked_scene(scene: Scene, where: str, need: tuple[str, ...] = ()) -> Scene:
+    """A scene whose numbers were changed, checked as a file is; `where`, `need` and errors are as for `parse_scene`."""
+    found, faults = checked(scene.model_dump(exclude_none=True, exclude_defaults=True), need)
+    if found is None or faults:
+        raise InputError("\n".join(f"{where}: {fault}" for fault in faults))
+    return found
+
+
+def scene_with(scene: Scene, numbers: Mapping[str, float], asked_by: str = "set", need: tuple[str, ...] = ()) -> Scene:
+    """The scene with the numbers by NAME.KEY (`camopt.scene.parameters`), which `asked_by` begins the errors of.
+
+    Raises InputError for a name that means no number of the scene, and for numbers that make it faulty.
+    """
+    changed = scene
+    for text, value in numbers.items():
+        if not (places := settable(scene, text)):
+            raise no_such_number(scene, text, asked_by, [f"{table}.KEY" for table in TABLES])
+        changed = with_numbers(changed, dict.fromkeys(places, value))
+    said = ", ".join(f"{text} = {value:g}" for text, value in numbers.items())
+    return checked_scene(changed, f"scene {scene.name} with {said}", need) if numbers else scene
 
 
 def _standing_in(rows: Any) -> float:

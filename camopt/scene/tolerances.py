@@ -6,22 +6,6 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, fie
 
 from camopt.scene.table import Positive, Table
 
-EVERY = "*"
-"""In place of a name: each mass and element that has the key."""
-SCATTERING = {
-    "mass": ("mass_kg", "damping_N_s_per_m", "force_N"),
-    "element": (
-        "stiffness_N_per_m",
-        "damping_N_s_per_m",
-        "preload_N",
-        "installed_mm",
-        "gap_mm",
-        "spring_N_per_m",
-        "leak_N_s_per_m",
-        "slip_N",
-    ),
-}
-"""The keys of either table whose numbers may scatter from train to train."""
 HIGHEST_HARMONIC = 200
 
 
@@ -41,14 +25,15 @@ def _not_all_of_it(value: float) -> float:
 class Tolerance(Table):
     """How one number, or several, scatter from train to train.
 
-    `of` is NAME.KEY of a mass or an element; with "*" as NAME it is each of them whose number under the key is not
-    zero, every one with a draw of its own. Where `of` is an array, one draw moves all its numbers together.
+    `of` is NAME.KEY of a mass or an element; with wildcards in NAME, as in "*", it is each of them whose number under
+    the key is not zero, every one with a draw of its own. Where `of` is an array, one draw moves all its numbers
+    together.
 
     How far a draw moves the number is given as its share `relative`, or as `plus_minus` in the key's own unit. Either
     is the standard deviation under "normal", which is cut off at `camopt.scene.as_built.REACH` of them, and half the
     width under "uniform". Under "lognormal" a draw multiplies the number by exp(relative * a standard normal draw).
     A spring with a force_table has a stiffness and a preload too, those of the table with the valve closed: both in one
-    array scatter its loads (`camopt.scene.row_numbers`). `name` is what results call the tolerance, by default `of`
+    array scatter its loads (`camopt.scene.parameters`). `name` is what results call the tolerance, by default `of`
     itself.
     """
 

@@ -13,8 +13,8 @@ from camopt.optimizer.accuracy import accuracy_named
 from camopt.optimizer.free_numbers import widest
 from camopt.optimizer.search.search import find_cam
 from camopt.scene.errors import InputError
+from camopt.scene.parameters import with_spring
 from camopt.scene.schema import AS_BUILT, Scene
-from camopt.scene.valve_spring import with_spring
 from camopt.storage import check_file, write_json
 
 VALUES = {
@@ -38,7 +38,7 @@ class Front:
 
     def plot(self):
         """The front as a matplotlib Figure."""
-        from camopt.plots.front import front
+        from camopt.plots.studies import front
 
         return front(self.against, self.table["limit"].values, self.table["area_ratio"].values, self.scene)
 

@@ -11,11 +11,11 @@ from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import motion_limits
 from camopt.optimizer.as_built.track import Track, track
 from camopt.scene import Scene, build_train
+from camopt.scene.load import scene_with
 from camopt.scene.quantities import LESS_IS_WORSE
 from camopt.scene.settled import RANGED
 from camopt.study.simulate.motion import simulate
-from camopt.tasks.task import SettledTask, SimulateTask, TaskOnScene, YieldTask
-from camopt.tasks.varied import varied_scene
+from camopt.tasks.task import NEEDED, SettledTask, SimulateTask, TaskOnScene, YieldTask, scene_of_text
 
 
 def settled_task(task: SettledTask) -> dict:
@@ -65,7 +65,13 @@ def scene_key(task: TaskOnScene) -> SceneKey:
 
 def scene_of(task: TaskOnScene) -> Scene:
     """The scene of a task, with the numbers that it varies."""
-    return varied_scene(*scene_key(task))
+    return _scene(scene_key(task))
+
+
+@lru_cache(maxsize=64)
+def _scene(key: SceneKey) -> Scene:
+    text, numbers = key
+    return scene_with(scene_of_text(text), dict(numbers), "vary", NEEDED)
 
 
 def cam_of(task: TaskOnScene) -> Lift:
@@ -75,11 +81,11 @@ def cam_of(task: TaskOnScene) -> Lift:
 
 @lru_cache(maxsize=64)
 def _cam(cam: str, key: SceneKey) -> Lift:
-    scene = varied_scene(*key)
+    scene = _scene(key)
     return lift_of_text(cam, scene, "the task's cam") if cam.startswith("{") else read_cam(cam, scene)
 
 
 @lru_cache(maxsize=16)
 def _track(key: SceneKey, cam: str, speeds_rpm: tuple[float, ...]) -> Track:
     """As in `camopt yield`: drawn trains settle from the states of the train as designed."""
-    return track(varied_scene(*key), _cam(cam, key), speeds_rpm)
+    return track(_scene(key), _cam(cam, key), speeds_rpm)

@@ -8,16 +8,12 @@ from camopt.optimizer.accuracy import accuracy_named
 from camopt.optimizer.as_built.wanted import has_a_yield
 from camopt.optimizer.candidates import Families, full_verdict, largest_confirmed
 from camopt.optimizer.search.search import find_cam
-from camopt.scene import InputError, Scene, parse_scene
-from camopt.scene.as_built import matching, with_numbers
-from camopt.scene.spelling import did_you_mean
-from camopt.scene.text_file import excerpt
-from camopt.scene.toml_text import scene_toml
+from camopt.scene import InputError, Scene
+from camopt.scene.load import checked_scene
+from camopt.scene.parameters import TABLES, no_such_number, settable, with_numbers
 from camopt.scene.units import DEG, MM
 from camopt.study.yields.yields import manufacturing_yield
 
-TABLES = ("design", "operation", "geometry")
-"""Tables of a scene, beside masses and elements, whose numbers may be changed."""
 NEEDED = ("valve", "seat", "operation", "design")
 ROWS = (
     ("cam", "", "s"),
@@ -96,24 +92,13 @@ def changed_scene(
     found: dict[str, tuple[float, float]] = {}
     after = scene
     for name, (factor, value) in changes.items():
-        numbers = [number for number in matching(after, name) if number.of(after) is not None]
-        table, _, key = name.partition(".")
-        if numbers:
-            values = {number: number.of(after) * value if factor else value for number in numbers}
-            found |= {number.named(after): (number.of(after), new) for number, new in values.items()}
-            after = with_numbers(after, values)
-        elif table in TABLES and isinstance(was := getattr(getattr(after, table), key, None), float):
-            found[name] = was, was * value if factor else value
-            changed = getattr(after, table).model_copy(update={key: found[name][1]})
-            after = after.model_copy(update={table: changed})
-        else:
-            rows = *scene.mass, *scene.element
-            known = [f"{row.name}.{key}" for row in rows for key in type(row).model_fields]
-            raise InputError(
-                f"--set {excerpt(name)}: {scene.name} has no such number: expected NAME.KEY of a mass or an element, "
-                f"or design.KEY{did_you_mean(name, known)}"
-            )
-    return parse_scene(scene_toml(after), f"{scene.name} with the change", NEEDED), found
+        numbers = [number for number in settable(after, name) if number.of(after) is not None]
+        if not numbers:
+            raise no_such_number(scene, name, "--set", [f"{table}.KEY" for table in TABLES])
+        values = {number: number.of(after) * value if factor else value for number in numbers}
+        found |= {number.named(after): (number.of(after), new) for number, new in values.items()}
+        after = with_numbers(after, values)
+    return checked_scene(after, f"{scene.name} with the change", NEEDED), found
 
 
 def _outcome(scene: Scene, cam: Lift, trains: int) -> CamOutcome:

@@ -32,12 +32,12 @@ from pydantic import Field, ValidationError, field_validator
 from camopt.cam.families.registry import FAMILIES
 from camopt.scene import builtin_scenes
 from camopt.scene.errors import InputError
+from camopt.scene.load import scene_with
 from camopt.scene.spelling import did_you_mean
 from camopt.scene.table import Positive, Table
 from camopt.scene.text_file import read_text, usable_path
 from camopt.scene.toml_text import toml_data
-from camopt.tasks.task import Count, PlanVerb, as_tuples, cam_as_text, scene_as_text, scene_of_text, task_faults
-from camopt.tasks.varied import scene_with
+from camopt.tasks.task import NEEDED, Count, PlanVerb, as_tuples, cam_as_text, scene_as_text, scene_of_text, task_faults
 
 MOST_BYTES = 1_000_000
 Some = Field(min_length=1, max_length=100_000)
@@ -202,7 +202,7 @@ def _filled_in(file: PlanFile, settings: Table, folder: Path) -> SweepPlan:
     speeds = tuple(file.speeds_rpm or _listed(scene) for scene in scenes)
     plan = SweepPlan(file, settings, scenes, cams, speeds)
     for scene in scenes:
-        scene_with(scene_of_text(scene), next(plan._numbers()))
+        scene_with(scene_of_text(scene), next(plan._numbers()), "vary", NEEDED)
     return plan
 
 

@@ -1,36 +1,35 @@
 """The notebooks of the repository, plain percent scripts, as Sphinx reads them: with the outputs that are stored."""
 
-import hashlib
-import json
 import re
 from pathlib import Path
 
 import jupytext
 import nbformat
 
-OUTPUTS = Path(__file__).parents[1] / "outputs"
-"""What `python -m docs.record_notebooks` wrote, a file for each notebook."""
+NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
+"""Percent scripts, and beside each the notebook that `python -m docs.record_notebooks` made of it."""
 
 
 def notebook(text: str) -> nbformat.NotebookNode:
-    """A percent script with the outputs of its cells, which stand where a run would have put them.
+    """A percent script with the outputs of its cells, which stand where a run would have put them, and with its links
+    to pages as they are within the site.
 
     ValueError where its code is not that whose outputs are stored.
     """
-    found = percent_script(text)
-    outputs = stored_outputs().get(digest(found))
+    found = read_script(re.sub(r"\]\(\.\./docs/", "](../", text))
+    outputs = stored_outputs().get(code(found))
     if outputs is None:
         raise ValueError(
             "the code of a notebook has changed since its outputs were stored: python -m docs.record_notebooks"
         )
     for cell, shown in zip(code_cells(found), outputs, strict=True):
-        cell.outputs = [nbformat.from_dict(one) for one in shown]
+        cell.outputs = shown
     return found
 
 
-def percent_script(text: str) -> nbformat.NotebookNode:
-    """A percent script as a notebook of Python, with its links to pages as they are within the site."""
-    found = jupytext.reads(re.sub(r"\]\(\.\./docs/", "](../", text), fmt="py:percent")
+def read_script(text: str) -> nbformat.NotebookNode:
+    """A percent script as a notebook of Python."""
+    found = jupytext.reads(text, fmt="py:percent")
     found.metadata["kernelspec"] = {"name": "python3", "display_name": "Python 3", "language": "python"}
     found.metadata["language_info"] = {"name": "python", "pygments_lexer": "ipython3"}
     return found
@@ -41,12 +40,12 @@ def code_cells(found: nbformat.NotebookNode) -> list[nbformat.NotebookNode]:
     return [cell for cell in found.cells if cell.cell_type == "code"]
 
 
-def digest(found: nbformat.NotebookNode) -> str:
-    """SHA-256 of a notebook's code, to which its outputs belong."""
-    return hashlib.sha256("\n".join(cell.source for cell in code_cells(found)).encode()).hexdigest()
+def code(found: nbformat.NotebookNode) -> tuple[str, ...]:
+    """The code of a notebook, to which its outputs belong, cell by cell."""
+    return tuple(cell.source for cell in code_cells(found))
 
 
-def stored_outputs() -> dict[str, list]:
-    """Outputs cell by cell, by the digest of the code that made them."""
-    records = [json.loads(path.read_text(encoding="utf-8")) for path in OUTPUTS.glob("*.json")]
-    return {one["code"]: one["cells"] for one in records}
+def stored_outputs() -> dict[tuple[str, ...], list]:
+    """Outputs cell by cell, by the code that made them."""
+    stored = [nbformat.read(path, as_version=4) for path in NOTEBOOKS.glob("*.ipynb")]
+    return {code(one): [cell.outputs for cell in code_cells(one)] for one in stored}

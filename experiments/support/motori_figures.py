@@ -7,9 +7,9 @@ from matplotlib.figure import Figure
 
 from camopt.cam.lift import Lift
 from camopt.measure.settling import Settled
-from camopt.plots.panels import Panel, panels
 from camopt.scene.response import Response
 from camopt.scene.units import DEG, MM
+from experiments.support.panels import Panel, panels
 
 EVENT = (-110, 110)
 """Cam angles drawn [deg]: the event with its ramps."""

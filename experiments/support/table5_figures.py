@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from camopt.plots import last_revolution, valve_motion
-from camopt.plots.panels import Panel, panels
 from camopt.scene.design import Design
 from camopt.scene.response import Response
+from experiments.support.panels import Panel, panels
 
 Motions = Mapping[tuple[str, float], Response]
 """By cam or method, and speed [r/min]."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from camopt.designer.desk import Desk
+from camopt.designer.requests import RequestHandler
 from camopt.designer.server import HOST, DesignServer
 from camopt.designer.session import QUICK, Session
 from camopt.scene import load_scene
@@ -45,8 +45,8 @@ def drawn(seed: int, own: dict[str, Any]) -> bytes:
 def served() -> Iterator[DesignServer]:
     """A designer that saves into a folder that goes away."""
     with tempfile.TemporaryDirectory() as folder:
-        desk = Desk(Session(load_scene(SCENE)), Path(folder))
-        with DesignServer(desk) as server:
+        requests = RequestHandler(Session(load_scene(SCENE)), Path(folder))
+        with DesignServer(requests) as server:
             thread = threading.Thread(target=server.serve_forever)
             thread.start()
             try:
@@ -54,12 +54,12 @@ def served() -> Iterator[DesignServer]:
             finally:
                 server.shutdown()
                 thread.join()
-        desk.stop()
+        requests.stop()
 
 
 def answered(server: DesignServer, seed: int) -> dict[str, Any]:
     """What a message got: its status, and what is wrong with the answer, "" for nothing."""
-    body = drawn(seed, server.desk.session.values())
+    body = drawn(seed, server.requests.session.values())
     begun = time.process_time()
     connection = http.client.HTTPConnection(HOST, server.port, timeout=10 * SECONDS)
     try:

@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from camopt.designer.desk import Desk
+from camopt.designer.requests import RequestHandler
 from camopt.designer.server import DesignServer
 from camopt.designer.session import Session
 from tests.browser import started_browser
@@ -14,8 +14,8 @@ class Served:
     """A server of a scene in a thread."""
 
     def __init__(self, scene, folder):
-        self.desk = Desk(Session(scene), folder)
-        self.server = DesignServer(self.desk)
+        self.requests = RequestHandler(Session(scene), folder)
+        self.server = DesignServer(self.requests)
         self.address = self.server.address
         self._thread = threading.Thread(target=self.server.serve_forever)
         self._thread.start()
@@ -24,7 +24,7 @@ class Served:
         self.server.shutdown()
         self._thread.join()
         self.server.server_close()
-        self.desk.stop()
+        self.requests.stop()
 
 
 @pytest.fixture(scope="session")

@@ -188,7 +188,7 @@ def test_a_verdict_is_carried_to_its_end_and_goes_into_the_run_folder(open_page,
     page.locator("#camopt-name").fill("verdict-run")
     page.get_by_role("button", name="Save run folder").click()
     wait(page, lambda: "Saved as verdict-run" in page.locator(".saved").inner_text())
-    stored = json.loads((served.desk.folder / "verdict-run" / "verification.json").read_text())
+    stored = json.loads((served.requests.folder / "verdict-run" / "verification.json").read_text())
     assert stored["verdict"] == verdict
     number(page, "max_lift_mm").fill("8.8")
     wait(page, lambda: "the last verdict was of other numbers" in status.inner_text())
@@ -218,7 +218,7 @@ def test_a_scene_is_saved_from_the_page(open_page, served):
     page.locator("#camopt-name").fill("from-page")
     page.get_by_role("button", name="Save scene").click()
     wait(page, lambda: "Saved as from-page.toml" in page.locator(".saved").inner_text())
-    assert load_scene(served.desk.folder / "from-page.toml").design.max_lift_mm == 8.7
+    assert load_scene(served.requests.folder / "from-page.toml").design.max_lift_mm == 8.7
 
 
 def test_every_control_can_be_reached_and_moved_by_keys(open_page):

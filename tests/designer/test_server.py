@@ -11,7 +11,7 @@ import time
 import pytest
 
 import camopt
-from camopt.designer.desk import Desk
+from camopt.designer.requests import RequestHandler
 from camopt.designer.server import HOST, MOST_BYTES, DesignServer
 from camopt.designer.session import Session
 from camopt.scene import InputError, load_scene
@@ -22,14 +22,14 @@ SCENE = load_scene("motori-1")
 @pytest.fixture(scope="module")
 def server(tmp_path_factory):
     """A server that saves into a folder of its own."""
-    desk = Desk(Session(SCENE), tmp_path_factory.mktemp("designer"))
-    with DesignServer(desk) as found:
+    requests = RequestHandler(Session(SCENE), tmp_path_factory.mktemp("designer"))
+    with DesignServer(requests) as found:
         thread = threading.Thread(target=found.serve_forever)
         thread.start()
         yield found
         found.shutdown()
         thread.join()
-    desk.stop()
+    requests.stop()
 
 
 def request(server, method="GET", path="/", body=None, **headers):
@@ -160,14 +160,16 @@ def test_a_scene_and_a_run_folder_are_saved_once(server):
     values = {"max_lift_mm": 9.0}
     save = {"kind": "save", "what": "scene", "name": "mine", "values": values}
     assert ask(server, save) == (200, {"state": "ok", "saved": "mine.toml"})
-    folder = server.desk.folder
+    folder = server.requests.folder
     assert load_scene(folder / "mine.toml").design.max_lift_mm == 9.0
     assert "exists already" in ask(server, save)[1]["says"]
     status, found = ask(server, save | {"what": "run", "name": "run-1"})
     assert (status, found["saved"]) == (200, "run-1")
     scene = load_scene(folder / "run-1" / "scene.toml")
     cam = camopt.read_cam(str(folder / "run-1"), scene)
-    assert cam.area_ratio_in(scene.design) == pytest.approx(server.desk.session.design(values).cam.area_ratio, abs=1e-9)
+    assert cam.area_ratio_in(scene.design) == pytest.approx(
+        server.requests.session.design(values).cam.area_ratio, abs=1e-9
+    )
     assert (folder / "run-1" / "report.html").exists() and (folder / "run-1" / "lift.csv").exists()
     assert ask(server, save | {"what": "run", "name": "run-1"})[0] == 400
     assert {p.name for p in folder.iterdir()} == {"mine.toml", "run-1"}
@@ -193,16 +195,16 @@ def test_a_verdict_is_that_of_verify_and_goes_into_the_run_folder(server):
         time.sleep(0.2)
     from camopt.cam.design_file import as_written
 
-    direct = camopt.verify(SCENE, as_written(server.desk.session.design({}).cam.lift))
+    direct = camopt.verify(SCENE, as_written(server.requests.session.design({}).cam.lift))
     assert state["state"] == "done" and state["verdict"] == direct.verdict
     ask(server, {"kind": "save", "what": "run", "name": "verified", "values": {}})
-    stored = json.loads((server.desk.folder / "verified" / "verification.json").read_text())
+    stored = json.loads((server.requests.folder / "verified" / "verification.json").read_text())
     assert stored["verdict"] == direct.verdict
 
 
 def test_a_port_that_is_taken_is_said(server):
     with pytest.raises(InputError, match=f"--port {server.port}: cannot be listened on"):
-        DesignServer(server.desk, server.port)
+        DesignServer(server.requests, server.port)
 
 
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])

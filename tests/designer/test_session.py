@@ -9,12 +9,10 @@ from threadpoolctl import threadpool_limits
 
 import camopt
 from camopt.designer import slow_parts
-from camopt.designer.cams import CONTRADICTION, EFFORT, Superseded, program_speeds_rpm
-from camopt.designer.controls import controls, lash_element
-from camopt.designer.edits import Refused, edited_scene, read_values
+from camopt.designer.cams import CONTRADICTION, EFFORT, Cancelled, counterparts, program_speeds_rpm, runs
+from camopt.designer.controls import Refused, controls, edited_scene, lash_element, read_values
 from camopt.designer.session import Session
 from camopt.designer.slow_parts import YIELD_SPEEDS, baselines_part, bound_part, trains_of, why_none
-from camopt.designer.warm_start import counterparts, runs
 from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.bound.certificate import area_ratio_bound
@@ -22,8 +20,8 @@ from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum, limit_worth
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.scene import builtin_scenes, load_scene
+from camopt.scene.parameters import with_spring
 from camopt.scene.train import build_train
-from camopt.scene.valve_spring import with_spring
 
 NEED = ("valve", "seat", "operation", "design")
 SCENE = load_scene("motori-1", need=NEED)
@@ -239,9 +237,9 @@ def test_a_margin_that_no_cam_keeps_leaves_the_kinematic_cam(session):
 
 
 def test_an_answer_that_is_not_wanted_any_more_ends(session):
-    with pytest.raises(Superseded):
+    with pytest.raises(Cancelled):
         session.answer({"duration_deg": 141.5}, "cam", lambda: False)
-    with pytest.raises(Superseded):
+    with pytest.raises(Cancelled):
         session.answer({}, "band", lambda: False)
 
 

@@ -255,7 +255,7 @@ def test_a_figure_can_be_saved(tmp_path):
 
 
 def test_campbell_dots_lie_where_a_ray_meets_a_frequency_inside_the_band():
-    from camopt.plots.campbell import campbell
+    from experiments.support.campbell import campbell
 
     axes = campbell([350.0], [6, 7], (5000, 7000), 0.5).axes[0]
     dots = [(float(line.get_xdata()[0]), float(line.get_ydata()[0])) for line in axes.lines if line.get_marker() == "o"]
@@ -264,7 +264,7 @@ def test_campbell_dots_lie_where_a_ray_meets_a_frequency_inside_the_band():
 
 
 def test_panels_keep_a_label_in_one_colour_and_cams_in_their_own():
-    from camopt.plots.panels import Panel, panels
+    from experiments.support.panels import Panel, panels
 
     x = np.array([0.0, 1.0])
     rows = [[Panel("a", [("polydyne", x, x), ("rkg", x, 2 * x)])], [Panel("b", [("rkg", x, x), ("tmm", x, x)])]]

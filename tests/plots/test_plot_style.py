@@ -8,8 +8,18 @@ from matplotlib.axis import Axis
 from matplotlib.colors import to_rgb
 
 from camopt.plots import style
-from camopt.plots.legend import legend_above
-from camopt.plots.style import RC, TICKS, cam_line, cam_lines, draw_limit, family_of, lines, new_figure, save
+from camopt.plots.style import (
+    RC,
+    TICKS,
+    cam_line,
+    cam_lines,
+    draw_limit,
+    family_of,
+    legend_above,
+    lines,
+    new_figure,
+    save,
+)
 from camopt.scene import InputError
 
 # Machado, Oliveira, Fernandes 2009, Table 1: linear RGB as a protanope and a deuteranope see it

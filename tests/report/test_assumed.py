@@ -15,7 +15,7 @@ from camopt.report.folder import read_run_folder
 from camopt.report.motion import RunCams
 from camopt.report.train import train_tables
 from camopt.scene import load_scene, parse_scene
-from camopt.scene.as_built import with_numbers
+from camopt.scene.parameters import with_numbers
 from camopt.scene.toml_text import scene_toml
 
 SCENE = load_scene("motori-1")

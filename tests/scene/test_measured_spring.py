@@ -1,17 +1,21 @@
 """The whole way of a spring by its measured load: table, place of the closed valve, tolerance, free number, slider."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import camopt.smooth  # noqa: F401 - double precision
 from camopt.designer.controls import controls
+from camopt.optimizer.ascent.train_variables import TrainVariables
 from camopt.optimizer.free_numbers import free_number, free_numbers, with_values
 from camopt.scene import InputError, build_train, parse_scene, rest_position
 from camopt.scene.as_built import deviates, scene_as_built
+from camopt.scene.load import scene_with
 from camopt.scene.notes import scene_notes
+from camopt.scene.parameters import number_of, valve_spring, with_number, with_spring
 from camopt.scene.rest import static_forces
-from camopt.scene.row_numbers import number_of, with_number
-from camopt.scene.valve_spring import valve_spring, with_spring
 from camopt.study.fronts import joint_spring
+from camopt.study.identify.free_parameters import FreeParameters
 
 ROWS = [[0.0, 210], [1, 244], [2, 279], [4, 350], [6, 423], [8, 499], [10.2, 585]]
 FREE = [[0.0, 0.0], *([at + 11.5, force] for at, force in ROWS)]
@@ -157,6 +161,37 @@ def test_it_is_free_by_preload_rate_or_place():
         assert number_of(changed.element[1], "preload_N") == pytest.approx(force)
     with pytest.raises(InputError, match=r"free 'cam\.leak_N_s_per_m': the scene measured does not state"):
         free_number(FROM_FREE, "cam.leak_N_s_per_m", 1.0, 2.0)
+
+
+def test_it_scatters_with_all_others_that_have_the_key():
+    scene = parse_scene(
+        TEXT.replace("ROWS", f"{ROWS}") + '\n[[tolerance]]\nof = "*.preload_N"\nrelative = 0.03\n', "it"
+    )
+    assert len(deviates(scene, 0, 3)["*.preload_N"]) == 2  # its own and the seat's
+
+
+def test_its_rate_and_preload_are_factors_of_an_objective():
+    """The arrays of the train that an ascent differentiates are those of the scene with the factors on it."""
+    variables = TrainVariables(FROM_FREE, {"spring.stiffness_N_per_m": (0.5, 2.0), "*.preload_N": (0.5, 2.0)})
+    factors = np.array([1.2, 0.9])
+    numbers = {name: jnp.asarray(array) for name, array in build_train(FROM_FREE).parameters.items()}
+    applied = variables.applied(numbers, factors)
+    for name, array in build_train(variables.scene_with(factors)).parameters.items():
+        np.testing.assert_allclose(applied[name], array, rtol=1e-12)
+    with pytest.raises(InputError, match=r"spring\.preload_N has two factors"):
+        TrainVariables(FROM_FREE, {"spring.preload_N": (0.5, 2.0), "*.preload_N": (0.5, 2.0)})
+
+
+def test_its_rate_and_preload_are_fitted():
+    free = FreeParameters(FROM_FREE, ["spring.stiffness_N_per_m", "spring.preload_N"])
+    spring = free.moved_scene(np.log([1.2, 0.9])).element[1]
+    assert number_of(spring, "stiffness_N_per_m") == pytest.approx(1.2 * 34_000.0)
+    assert number_of(spring, "preload_N") == pytest.approx(0.9 * 210.0)
+
+
+def test_another_number_of_it_is_set():
+    changed = scene_with(FROM_FREE, {"spring.preload_N": 230.0, "design.max_lift_mm": 9.0}).element[1]
+    assert number_of(changed, "preload_N") == pytest.approx(230.0)
 
 
 def test_it_is_a_valve_spring_with_sliders():

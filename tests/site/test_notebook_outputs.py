@@ -1,21 +1,39 @@
-"""The stored outputs of the notebooks are those of the notebooks' code, and nothing in them is of one machine."""
+"""Each notebook is in step with its script, its outputs are of one run, and nothing in them is of one machine."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 pytest.importorskip("jupytext", reason="the extra `docs` is not installed; .ci/run installs it")
-from docs.generators.notebook import OUTPUTS, code_cells, notebook
+import nbformat
 
-ROOT = Path(__file__).parents[2]
-NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
+from docs.generators.notebook import NOTEBOOKS, code_cells, notebook, read_script
 
-
-def test_every_notebook_has_one_file_of_outputs():
-    assert {path.stem for path in OUTPUTS.glob("*.json")} == {path.stem for path in NOTEBOOKS}
+SCRIPTS = sorted(NOTEBOOKS.glob("*.py"))
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
+def stored(path: Path) -> nbformat.NotebookNode:
+    """The notebook beside a script."""
+    return nbformat.read(path.with_suffix(".ipynb"), as_version=4)
+
+
+def test_every_script_has_one_notebook():
+    assert {path.stem for path in NOTEBOOKS.glob("*.ipynb")} == {path.stem for path in SCRIPTS}
+
+
+@pytest.mark.parametrize("path", SCRIPTS, ids=lambda p: p.stem)
+def test_the_notebook_is_in_step_with_its_script(path):
+    """Text and code, cell by cell; `python -m docs.record_notebooks NAME` brings a notebook into step."""
+    made, kept = read_script(path.read_text(encoding="utf-8")), stored(path)
+    assert [(one.cell_type, one.source) for one in kept.cells] == [(one.cell_type, one.source) for one in made.cells]
+    assert kept.metadata["kernelspec"] == made.metadata["kernelspec"]
+    nbformat.validate(kept)
+
+
+@pytest.mark.parametrize("path", SCRIPTS, ids=lambda p: p.stem)
 def test_the_outputs_are_those_of_its_code(path):
     cells = code_cells(notebook(path.read_text(encoding="utf-8")))
     kinds = {kind for cell in cells for output in cell.outputs for kind in output.get("data", {})}
@@ -29,4 +47,17 @@ def test_the_outputs_are_those_of_its_code(path):
 
 def test_other_code_has_no_outputs():
     with pytest.raises(ValueError, match=r"docs\.record_notebooks"):
-        notebook(NOTEBOOKS[0].read_text(encoding="utf-8") + "\n# %%\n1 + 1\n")
+        notebook(SCRIPTS[0].read_text(encoding="utf-8") + "\n# %%\n1 + 1\n")
+
+
+@pytest.mark.long
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("path", SCRIPTS, ids=lambda p: p.stem)
+def test_nbconvert_executes_it(path, tmp_path):
+    pytest.importorskip("nbconvert")
+    command = [sys.executable, "-m", "nbconvert", "--to", "notebook", "--execute", "--output-dir", str(tmp_path)]
+    environment = os.environ | {"CAMOPT_NOTEBOOK_SIZE": "small", "PYTHONPATH": str(NOTEBOOKS.parent)}
+    subprocess.run([*command, str(path.with_suffix(".ipynb"))], cwd=tmp_path, env=environment, check=True)
+    cells = code_cells(nbformat.read(tmp_path / f"{path.stem}.ipynb", as_version=4))
+    assert all(cell.execution_count for cell in cells)
+    assert not any(output.output_type == "error" for cell in cells for output in cell.outputs)

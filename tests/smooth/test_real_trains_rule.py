@@ -11,7 +11,7 @@ import camopt
 from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.scene import InputError, build_train, load_scene
-from camopt.scene.as_built import matching, with_numbers
+from camopt.scene.parameters import matching, with_numbers
 from camopt.scene.rest import state_at_rest
 from camopt.scene.train import LAW_PARAMETERS
 from camopt.smooth.exact_rule import exact_metrics

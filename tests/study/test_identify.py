@@ -101,7 +101,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
     for seed in range(10):
         found = identify(SCENE, LIFT, lifts(0.5, seed), FREE, noise_um=0.5)
         assert found.sound and found.table["identified"].all(), found.remarks
-        start = np.array([t.start for t in truth.tied])
+        start = np.array([t.of(SCENE) for t in truth.tied])
         covered += int(np.sum((found.table["low"] <= start) & (start <= found.table["high"])))
         deviations.append(np.log(found.table["estimate"].values / start) / found.table["relative_error"].values)
     assert covered >= 34
@@ -126,7 +126,7 @@ def bouncing(truth, seed):
 
 def deviations(found, truth):
     """Of the estimates from the truth, over their standard errors."""
-    values = np.array([t.start for t in FreeParameters(SCENE, BOUNCING).tied]) * np.exp(truth)
+    values = np.array([t.of(SCENE) for t in FreeParameters(SCENE, BOUNCING).tied]) * np.exp(truth)
     return np.log(found.table["estimate"].values / values) / found.table["relative_error"].values
 
 
@@ -150,7 +150,7 @@ def test_intervals_hold_drawn_truths_from_starts_ten_percent_off():
         measured, start = bouncing(truth, seed)
         found = identify(start, LIFT, measured, BOUNCING)
         if found.verdict == "identified":
-            values = np.array([t.start for t in FreeParameters(SCENE, BOUNCING).tied]) * np.exp(truth)
+            values = np.array([t.of(SCENE) for t in FreeParameters(SCENE, BOUNCING).tied]) * np.exp(truth)
             held += int(np.sum((found.table["low"].values <= values) & (values <= found.table["high"].values)))
             intervals += 3
             assert np.abs(deviations(found, truth)).max() < 5
@@ -220,7 +220,7 @@ def test_a_step_is_the_whole_one_or_as_long_as_allowed():
 @pytest.mark.parametrize(
     ("measured", "free", "says"),
     [
-        (lifts(0.0), ["valve.mas_kg"], "no such parameter"),
+        (lifts(0.0), ["valve.mas_kg"], "no such number"),
         (lifts(0.0), ["train.preload_N"], "0 or none"),
         (lifts(0.0), ["train.gap_mm", "*.gap_mm"], "none of them twice"),
         (lifts(0.0), [], "at least one"),

@@ -74,7 +74,7 @@ def test_files_stand_beside_the_plan_and_count_by_their_content(tmp_path):
         (HEAD.replace("motori-1", "motori"), "scene "),
         (HEAD.replace("polydyne", "polydyn"), "neither a family"),
         (HEAD + "speeds_rpm = [0]\n", "speeds_rpm.0: must be greater than 0 (given: '0')"),
-        (HEAD + "[vary]\nspring.preload = [1]\n", "'spring' has no such number; did you mean 'preload_N'?"),
+        (HEAD + "[vary]\nspring.preload = [1]\n", "'spring.preload': motori-1 has no such number"),
         (HEAD + "[vary]\nspring.preload_N = 1\n", "vary.spring.preload_N: must be a valid tuple"),
         (HEAD + 'combine = "list"\n[vary]\nspring.preload_N = [1]\nvalve.mass_kg = [1, 2]\n', "these are spring"),
         (HEAD + "[settings]\ntrains = 3\n", "trains: unknown key"),

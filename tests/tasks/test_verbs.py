@@ -10,10 +10,10 @@ from camopt.cam.design_file import as_written
 from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import motion_limits
 from camopt.scene import InputError, build_train, load_scene
+from camopt.scene.load import scene_with
 from camopt.scene.quantities import QUANTITIES
 from camopt.tasks.plan import load_plan
 from camopt.tasks.task import filed
-from camopt.tasks.varied import scene_with
 from tests.tasks.tasks_of_tests import motions, stored
 from tests.tasks.test_sweep import Killer, rows_after_the_end
 

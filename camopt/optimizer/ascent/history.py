@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from camopt.cam.design_file import write_design
 from camopt.cam.lift import Lift
 from camopt.plots import save
-from camopt.plots.ascent import course
+from camopt.plots.search import course
 from camopt.scene.quantities import QUANTITIES
 from camopt.scene.schema import Scene
 from camopt.scene.toml_text import scene_toml

@@ -7,26 +7,25 @@ from typing import Any
 
 import numpy as np
 
-from camopt.scene.element import Element
 from camopt.scene.errors import InputError
+from camopt.scene.parameters import PRELOAD, RATE, SceneNumber, Tied, matching, no_such_number
 from camopt.scene.parts import OIL_OF
-from camopt.scene.schema import Mass, Scene
-from camopt.scene.spelling import did_you_mean
+from camopt.scene.schema import Scene
 from camopt.scene.text_file import excerpt
 from camopt.scene.train import build_train
 
 ARRAYS = {
-    "mass_kg": "mass",
-    "damping_N_s_per_m": "damping",
-    "force_N": "mass_force",
-    "stiffness_N_per_m": "stiffness",
-    "preload_N": "preload",
-    "gap_mm": "gap",
-    "leak_N_s_per_m": "leak",
-    "slip_N": "slip",
+    "mass": {"mass_kg": "mass", "damping_N_s_per_m": "mass_damping", "force_N": "mass_force"},
+    "element": {
+        RATE: "stiffness",
+        "damping_N_s_per_m": "damping",
+        PRELOAD: "preload",
+        "gap_mm": "gap",
+        "leak_N_s_per_m": "leak",
+        "slip_N": "slip",
+    },
 }
-"""Keys of a scene whose numbers may vary, and the arrays of a train in which they stand."""
-
+"""Keys of a scene whose numbers may vary, by their table, and the arrays of a train in which they stand."""
 Names = str | tuple[str, ...]
 
 
@@ -41,12 +40,14 @@ class TrainVariables:
         for names, (low, high) in self.bounds.items():
             if not 0.0 < low <= 1.0 <= high:
                 raise InputError(f"train {names}: factors from {low:g} to {high:g}: bounds about 1 are needed")
-        self._places  # noqa: B018 - unknown names are answered now
+        numbers = [number for tied in self._tied for number in tied.numbers]  # unknown names are answered now
+        if twice := [number.named(self.scene) for number in set(numbers) if numbers.count(number) > 1]:
+            raise InputError(f"train: {min(twice)} has two factors: name it once")
 
     @property
     def names(self) -> list[str]:
         """What each factor is called."""
-        return [names if isinstance(names, str) else " = ".join(names) for names in self.bounds]
+        return [tied.name for tied in self._tied]
 
     @property
     def limits(self) -> np.ndarray:
@@ -54,54 +55,51 @@ class TrainVariables:
         return np.array(list(self.bounds.values()), dtype=float).reshape(-1, 2).T
 
     @cached_property
-    def _places(self) -> list[list[tuple[str, int]]]:
-        """By factor the arrays of the train, with the indices in them, on which it acts."""
+    def _tied(self) -> list[Tied]:
+        """The numbers of each factor."""
         several = [[names] if isinstance(names, str) else list(names) for names in self.bounds]
-        return [[self._place(text) for text in names] for names in several]
+        return [
+            Tied(" = ".join(names), tuple(number for name in names for number in self._numbers(name)))
+            for names in several
+        ]
 
-    def _place(self, text: str) -> tuple[str, int]:
-        name, _, key = text.rpartition(".")
-        for rows, schema in ((self.scene.mass, Mass), (self.scene.element, Element)):
-            for i, row in enumerate(rows):
-                if row.name == name and key in ARRAYS and getattr(row, key, None) is not None:
-                    if isinstance(row, Element) and row.form == "table" and key == "preload_N":
-                        break  # its force is all in its table
-                    if isinstance(row, Element) and row.kind == "adjuster":
-                        if key != "leak_N_s_per_m":
-                            break  # it moves the rows of the plunger's table, which are no multiples of it
-                        i = build_train(self.scene).element_names.index(OIL_OF.format(name))
-                    array = "mass_damping" if schema is Mass and key == "damping_N_s_per_m" else ARRAYS[key]
-                    return array, i
-        known = [f"{row.name}.{key}" for row in self.scene.mass for key in ("mass_kg", "damping_N_s_per_m", "force_N")]
-        keys = "stiffness_N_per_m", "damping_N_s_per_m", "preload_N", "gap_mm", "leak_N_s_per_m", "slip_N"
-        known += [f"{row.name}.{key}" for row in self.scene.element for key in keys]
-        raise InputError(f"train: {excerpt(text)} is no number of the train that may vary{did_you_mean(text, known)}")
+    def _numbers(self, name: str) -> list[SceneNumber]:
+        """The numbers that a name means; raises InputError where one of them is no factor on arrays of a train."""
+        numbers = matching(self.scene, name)
+        if not numbers:
+            raise no_such_number(self.scene, name, "train")
+        for number in numbers:
+            of_adjuster = number.table == "element" and self.scene.element[number.row].kind == "adjuster"
+            out_of_proportion = of_adjuster and number.key != "leak_N_s_per_m"  # it moves the rows of the plunger
+            if number.key not in ARRAYS[number.table] or out_of_proportion or number.of(self.scene) is None:
+                raise InputError(f"train: {excerpt(number.named(self.scene))} is no number of the train that may vary")
+        return numbers
 
     def applied(self, numbers: Mapping[str, Any], factors: Any) -> dict[str, Any]:
         """A train's arrays by name, in JAX, with the factors (k) on them."""
-        found = dict(numbers)
-        for k, places in enumerate(self._places):
-            for array, i in places:
-                found[array] = found[array].at[i].multiply(factors[k])
-        return found
+        arrays = dict(numbers)
+        for k, tied in enumerate(self._tied):
+            for number in tied.numbers:
+                self._multiply(arrays, number, factors[k])
+        return arrays
+
+    def _multiply(self, arrays: dict[str, Any], number: SceneNumber, factor: Any) -> None:
+        """Multiplies one number of a train; that of a table moves its rows as `camopt.scene.parameters` says."""
+        array, at = ARRAYS[number.table][number.key], number.row
+        element = self.scene.element[at] if number.table == "element" else None
+        if element is not None and element.kind == "adjuster":
+            at = build_train(self.scene).element_names.index(OIL_OF.format(element.name))
+        if element is not None and number.key == PRELOAD and element.force_table:
+            arrays["table"] = arrays["table"].at[at, :, 1].add((factor - 1.0) * arrays["preload"][at])
+        elif element is not None and number.key == RATE and element.form in ("progressive", "table"):
+            installed = arrays["preload"][at] if element.force_table else 0.0
+            rows = arrays["table"][at, :, 1]
+            arrays["table"] = arrays["table"].at[at, :, 1].set(installed + factor * (rows - installed))
+        arrays[array] = arrays[array].at[at].multiply(factor)
 
     def scene_with(self, factors: np.ndarray) -> Scene:
         """The scene with the factors (k) on its numbers."""
-        numbers = {}
-        for names, factor in zip(self.bounds, factors, strict=True):
-            for text in [names] if isinstance(names, str) else names:
-                numbers[text] = float(factor)
-        return scaled_scene(self.scene, numbers)
-
-
-def scaled_scene(scene: Scene, factors: Mapping[str, float]) -> Scene:
-    """The scene with each number NAME.KEY multiplied by its factor."""
-    tables = {}
-    for table in ("mass", "element"):
-        rows = []
-        for row in getattr(scene, table):
-            mine = {t.rpartition(".")[2]: f for t, f in factors.items() if t.rpartition(".")[0] == row.name}
-            keys = {key: getattr(row, key) * factor for key, factor in mine.items() if key in type(row).model_fields}
-            rows.append(row.model_copy(update=keys))
-        tables[table] = tuple(rows)
-    return scene.model_copy(update=tables)
+        scene = self.scene
+        for tied, factor in zip(self._tied, factors, strict=True):
+            scene = tied.scaled(scene, float(factor))
+        return scene

@@ -81,7 +81,7 @@ class Identification:
 
     def plot(self):
         """Estimates with their intervals, and the residual, as a matplotlib Figure."""
-        from camopt.plots.identification import identification
+        from camopt.plots.studies import identification
 
         speeds = [m.speed_rpm for m in self.measured]
         angles = [m.cam_angle_deg for m in self.measured]
@@ -234,7 +234,7 @@ def _another(other: Fitted, best: Fitted, estimate: _Estimate) -> bool:
 
 
 def _table(parameters: FreeParameters, fitted: Fitted, estimate: _Estimate, sound: bool) -> xr.Dataset:
-    start = np.array([t.start for t in parameters.tied])
+    start = np.array([tied.of(parameters.scene) for tied in parameters.tied])
     identified = (estimate.half_width <= WIDEST) & sound
     width = np.where(identified, estimate.half_width, np.inf)
     value = start * np.exp(fitted.logs)

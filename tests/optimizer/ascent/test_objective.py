@@ -136,6 +136,8 @@ def test_factors_of_the_train_are_those_of_its_scene():
     [
         ({"maximise": "area_rate"}, "did you mean 'area_ratio'?"),
         ({"penalties": {"bounce": 1.0}}, "did you mean 'bounce_mm'?"),
+        ({"penalties": {"peak_contact_force_N": 1.0}}, "did you mean 'contact_force_max_N'?"),
+        ({"maximise": "least_contact_force_N"}, "did you mean 'contact_force_min_N'?"),
         ({"penalties": {"area_ratio": 1.0}}, "'area_ratio': expected one of"),
         ({"path": "event"}, "source 'event': expected one of auto, exact, smooth"),
         ({"speeds_rpm": ()}, "crankshaft speeds above 0"),
@@ -152,7 +154,7 @@ def test_unusable_arguments_are_sentences(arguments, words):
 @pytest.mark.parametrize(
     ("bounds", "words"),
     [
-        ({"spring.preload": (0.9, 1.1)}, "is no number of the train that may vary; did you mean 'spring.preload_N'?"),
+        ({"spring.preload": (0.9, 1.1)}, "has no such number: expected NAME.KEY of a mass or an element; did you mean"),
         ({"spring.preload_N": (1.1, 1.2)}, "bounds about 1 are needed"),
     ],
 )

@@ -1,0 +1,74 @@
+"""Why do gradients by all coefficients of a cam's pieces differ between the exact and the smooth path?
+
+    python -m experiments.raw_coefficients [small|full]
+
+One coefficient of one piece moves the lift on one side of a border alone: it makes a step in lift or velocity, and what
+a motion owes to a step no path promises. The exact path takes it as a step, the smooth one reads the lift from cubics
+between samples. So the two gradients of the seating velocity are compared three times: along all directions, along
+those that leave the lift continuous, and along those that leave lift and velocity continuous, as every family's do.
+"""
+
+from pathlib import Path
+
+import jax
+import numpy as np
+
+import camopt
+from camopt.cam.lift import Lift
+from camopt.study.simulate.motion import motion_parameters
+from experiments.support.record import RESULTS, run_script, write_result
+
+CASES = {"small": {"motori-1": 4000.0}, "full": {"kodama": 5500.0, "motori-1": 4000.0}}
+"""Crankshaft speeds [r/min] at which nothing bounces."""
+METRIC = "seating_velocity_m_per_s"
+DIRECTIONS = {"all": (), "lift continuous": (0,), "lift and velocity continuous": (0, 1)}
+
+
+def main(size: str = "full", folder: Path = RESULTS) -> dict:
+    """By scene and set of directions their number, and cosine, norm ratio and relative difference of the gradients."""
+    rows = []
+    for name, rpm in CASES[size].items():
+        scene = camopt.load_scene(name)
+        cam = camopt.polydyne(scene)
+        exact, smooth = (gradient(scene, cam, rpm, method) for method in ("event", "smooth"))
+        for words, orders in DIRECTIONS.items():
+            along = continuous(cam, orders)
+            a, b = along @ exact, along @ smooth
+            sizes = np.linalg.norm(a), np.linalg.norm(b)
+            rows.append({
+                "scene": name, "directions": words, "count": len(along), "cosine": float(a @ b / sizes[0] / sizes[1]),
+                "norm_ratio": float(sizes[1] / sizes[0]), "difference": float(np.linalg.norm(b - a) / sizes[0]),
+            })  # fmt: skip
+    content = {"metric": METRIC, "rows": rows}
+    write_result("raw_coefficients", size, content, {}, folder)
+    return content
+
+
+def gradient(scene, cam: Lift, rpm: float, method: str) -> np.ndarray:
+    """Slopes (p * q) of the metric by the coefficients, each times the width of its piece to its power [m]."""
+
+    def value(coefficients):
+        return camopt.simulate(scene, cam, rpm, method, parameters={"lift": coefficients})[METRIC].data[0]
+
+    found = np.asarray(jax.grad(value)(motion_parameters(scene, cam)["lift"]))
+    return (found / np.diff(cam.borders)[:, None] ** np.arange(found.shape[1])).ravel()
+
+
+def continuous(cam: Lift, orders: tuple[int, ...]) -> np.ndarray:
+    """Orthonormal directions (d, p * q) in these coefficients without a step of the derivatives `orders` anywhere."""
+    (pieces, powers), widths, rows = cam.coefficients.shape, np.diff(cam.borders), []
+    for order in orders:
+        falling = np.array([np.prod(np.arange(k, k - order, -1)) if k >= order else 0.0 for k in range(powers)])
+        for i in range(pieces):
+            row, j = np.zeros((pieces, powers)), (i + 1) % pieces
+            row[i] = falling / widths[i] ** order
+            row[j, order] -= falling[order] / widths[j] ** order
+            rows.append(row.ravel())
+    if not rows:
+        return np.eye(pieces * powers)
+    _, sizes, directions = np.linalg.svd(np.array(rows))
+    return directions[int(np.sum(sizes > 1e-10 * sizes[0])) :]
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)

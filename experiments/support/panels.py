@@ -1,0 +1,71 @@
+"""A grid of panels with curves over one abscissa; a label has the same colour in all panels."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from camopt.plots.style import cam_line, family_of, legend_above, lines, new_figure, styled
+
+
+@dataclass(frozen=True)
+class Panel:
+    """The curves of one panel, each with its label, abscissa (k) and ordinate (k)."""
+
+    ylabel: str
+    curves: Sequence[tuple[str, np.ndarray, np.ndarray]]
+    title: str = ""
+    ylim: tuple[float, float] | None = None
+
+
+@styled
+def panels(
+    rows: Sequence[Sequence[Panel]],
+    xlabel: str,
+    xlim: tuple[float, float] | None = None,
+    width: float = 7.6,
+    row_height: float = 1.6,
+    sharey: bool = False,
+) -> Figure:
+    """Draws rows of panels over a shared abscissa, with one legend.
+
+    Cam families keep their own colour; other labels get one in the order in which they first appear.
+    """
+    labels = list(dict.fromkeys(label for row in rows for panel in row for label, _, _ in panel.curves))
+    line = _lines(labels)
+    figure = new_figure(width, 0.9 + row_height * len(rows))
+    grid = figure.subplots(len(rows), len(rows[0]), sharex=True, sharey="row" if sharey else False, squeeze=False)
+    for axes_row, row in zip(grid, rows, strict=True):
+        for axes, panel in zip(axes_row, row, strict=True):
+            for label, x, y in panel.curves:
+                axes.plot(x, y, **line[label])
+            axes.set_title(panel.title)
+            axes.set_ylabel(panel.ylabel)
+            if panel.ylim is not None:
+                axes.set_ylim(panel.ylim)
+            axes.axhline(0, color="#777777", linewidth=0.7, zorder=1)
+    for axes in grid[-1]:
+        axes.set_xlabel(xlabel)
+    if xlim is not None:
+        grid[0, 0].set_xlim(xlim)
+    for label in labels:  # the legend's own lines: not every panel shows every label
+        grid[0, 0].plot([], [], label=label, **line[label])
+    figure.align_ylabels()
+    legend_above(figure, grid[0, 0], 6)
+    return figure
+
+
+def _lines(labels: Sequence[str]) -> dict[str, dict]:
+    """Line properties by label: cams look as in all figures, other labels take the colours that no cam here has."""
+    own = {family_of(label) for label in labels}
+    free = [colour for family, (colour, _) in lines().items() if family not in own]
+    found, taken = {}, 0
+    for label in labels:
+        if family_of(label):
+            found[label] = cam_line(label)
+            continue
+        dashes = ("-", (0, (5, 1.3)), (0, (2, 1)))[taken // len(free) % 3]
+        found[label] = {"color": free[taken % len(free)], "linestyle": dashes, "linewidth": 1.1}
+        taken += 1
+    return found

@@ -1,0 +1,67 @@
+# %% [markdown]
+# # An experiment of your own
+#
+# A number to maximise, a cam to start from, an optimiser, and a judge: twenty lines. Here forces between cam and valve
+# are to stay positive, and two optimisers climb from the calmest cam. Replace any of the four by your own.
+
+# %%
+import os
+
+import jax
+import matplotlib.pyplot as plt
+import optax
+import pandas
+
+import camopt
+
+SMALL = os.environ.get("CAMOPT_NOTEBOOK_SIZE", "full") == "small"
+scene = camopt.load_scene("motori-1" if SMALL else "kodama")
+
+# %% [markdown]
+# The objective is the area. Its constraints hold at every angle and speed, by the smoothed motion whose contacts are
+# tied: [width, tie, steps and source](../docs/how-to/smoothing.md) says what that means.
+
+# %%
+objective = camopt.objective(
+    scene,
+    constraints={"contact_force_N": 0.0, "seat_gap_mm": 0.03},
+    source="smooth",
+    speeds_rpm=(5000, 6000) if SMALL else None,
+)
+
+# %% [markdown]
+# Two optimisers of [optax](https://optax.readthedocs.io), from the same start. With a `metric` a step of length one
+# moves the forces by one unit, whatever the coefficients mean. Event-exact judges the last cam of each.
+
+# %%
+steps = 12 if SMALL else 90
+climbs = {
+    name: camopt.ascend(objective, "calmest", optimiser, steps, knot_deg=6.0, metric=True, judge_every=steps)
+    for name, optimiser in {"Adam": optax.adam(0.02), "L-BFGS": optax.lbfgs()}.items()
+}
+shown = ("area_ratio", "contact_force_N", "largest_share")
+pandas.DataFrame({name: {key: float(climb.dataset[key][-1]) for key in shown} for name, climb in climbs.items()})
+
+# %% [markdown]
+# What each came to on its way. A force a little below zero is no harm: the judge's word counts, in which contacts open.
+
+# %%
+figure, (area, force) = plt.subplots(1, 2, figsize=(9, 3.2), layout="constrained")
+for name, climb in climbs.items():
+    climb.dataset.area_ratio.plot(ax=area, label=name)
+    climb.dataset.contact_force_N.plot(ax=force, label=name)
+area.set_title("area ratio")
+force.set_title("least contact force [N]")
+area.legend()
+plt.close(figure)  # its last line shows it, once
+figure
+
+# %% [markdown]
+# A loop of your own needs the value and its gradient only. One compiled program gives both, and JAX keeps it for the
+# next process.
+
+# %%
+cam = climbs["L-BFGS"].best or climbs["L-BFGS"].nearest
+value = camopt.objective(scene, speeds_rpm=(5000,), maximise="dynamic_area_mm_deg", source="exact").of(cam)
+step = jax.value_and_grad(value)(value.parameters)
+f"dynamic area {float(step[0]):.1f} mm deg, length of its gradient {float(abs(step[1]['z']).max()):.3g}"
