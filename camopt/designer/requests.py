@@ -89,16 +89,16 @@ class RequestHandler:
         values = _values(message)
         try:
             if part == WHY:
-                found = self.slow.ask(part, self.session.edited(values), None)
+                answer = self.slow.ask(part, self.session.edited(values), None)
             else:
                 with self._one_at_a_time:
                     design = self.session.design(values, part == "few trains")
-                found = self.slow.ask(part, design.scene, design.cam.lift)
+                answer = self.slow.ask(part, design.scene, design.cam.lift)
         except Refused as refused:
             return {"state": "refused", "faults": refused.faults}
         except (InputError, Stopped) as error:
             return {"state": "no cam", "says": str(error)}
-        return {"state": "ok", **found}
+        return {"state": "ok", **answer}
 
     def _verify(self, message: Mapping[str, Any]) -> dict[str, Any]:
         values = _values(message)
@@ -107,7 +107,7 @@ class RequestHandler:
         return self.verification.start(design.scene, as_written(design.cam.lift), _subject(values))
 
     def _save(self, message: Mapping[str, Any]) -> dict[str, Any]:
-        assert self.folder is not None, "else nobody may ask"
+        assert self.folder is not None, "without a folder no page may save"
         values, what = _values(message), message.get("what")
         with self._one_at_a_time:
             design = self.session.design(values)
@@ -128,5 +128,5 @@ def _values(message: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _subject(values: Mapping[str, Any]) -> str:
-    """Values as a text, but for the speed that is looked at: what a verdict is of."""
+    """Values as a text, but for the speed that is shown: the subject of a verdict."""
     return json.dumps({k: v for k, v in sorted(values.items()) if k != "speed_rpm"})

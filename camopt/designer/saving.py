@@ -34,19 +34,19 @@ def save_scene(folder: Path, name: object, design: Edited) -> Path:
 def save_run(folder: Path, name: object, design: Edited, verification: dict[str, Any] | None) -> Path:
     """Writes scene, cam and lift table into the new run folder `<name>`, with the verdict where there is one, and a
     report of them."""
-    scene, found = design.scene, design.cam
+    scene, cam = design.scene, design.cam
     assert scene.design is not None, "an edited scene has one"
-    path, lift = folder / _named(name), as_written(found.lift)
-    with run_folder(path, run_identity("design", scene, program=found.program)):
+    path, lift = folder / _named(name), as_written(cam.lift)
+    with run_folder(path, run_identity("design", scene, program=cam.program)):
         bound = float(area_ratio_bound(scene.design).bound)
         record = design_record(
-            found.lift,
+            cam.lift,
             scene.design.max_lift_mm * MM,
             area_ratio_bound=bound,
-            area_gap_percent=100 * (bound - found.area_ratio) / bound,
-            area_ratio_no_jump=found.area_ratio if found.margin_price is not None else None,
+            area_gap_percent=100 * (bound - cam.area_ratio) / bound,
+            area_ratio_no_jump=cam.area_ratio if cam.margin_price is not None else None,
             gradient_gain=0.0,
-            limit_worth=found.worth,
+            limit_worth=cam.worth,
         )
         write_text(path / "scene.toml", scene_toml(scene))
         write_json(path / "design.json", record)
@@ -55,7 +55,7 @@ def save_run(folder: Path, name: object, design: Edited, verification: dict[str,
             write_json(path / "verification.json", verification)
         content = {
             "versions": {"camopt": version("camopt"), "python": platform.python_version()},
-            "settings": {"command": "design", "program": found.program},
+            "settings": {"command": "design", "program": cam.program},
             "finished_utc": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         }
         write_json(path / "provenance.json", content)

@@ -41,7 +41,7 @@ class SlowProcess:
         self._connection: Connection | None = None
 
     def ask(self, part: str, scene: Scene, lift: Lift | None) -> dict[str, Any]:
-        """One part of the answer, as JSON knows it; whoever asks meanwhile waits. Raises InputError as the part does,
+        """One part of the answer, as JSON; other callers wait meanwhile. Raises InputError as the part does,
         and Stopped."""
         with self._asking:
             connection = self._started()
@@ -82,14 +82,14 @@ class SlowProcess:
 
 
 def answer_all(connection: Connection, niceness: int) -> None:
-    """The process: answers questions until nobody is there to ask any more."""
+    """The process: answers questions until the connection closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the keyboard's interrupt is the designer's business
     os.nice(niceness)
     from threadpoolctl import threadpool_limits
 
     from camopt.designer.slow_parts import PARTS, VERDICTS
 
-    threadpool_limits(limits=1, user_api="blas")  # small matrices, and cores that the hand needs
+    threadpool_limits(limits=1, user_api="blas")  # small matrices, and the interactive answers need the cores
     while True:
         try:
             part, scene, lift = connection.recv()
