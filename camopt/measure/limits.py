@@ -12,7 +12,7 @@ from camopt.cam.geometry import crossing, smallest_radii
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import linear_limits, radii_held_near
 from camopt.cam.waves import sign_changes
-from camopt.measure.rounded import RAMP_VELOCITY, rows_of, surely_broken
+from camopt.measure.rounded import RAMP_VELOCITY, rows_of, violated_beyond_rounding
 from camopt.scene.design import RADII, REACH, ROUNDING, Design
 from camopt.scene.errors import InputError
 from camopt.scene.quantities import QUANTITIES
@@ -133,7 +133,7 @@ def broken_by_shape(lift: Lift, design: Design | None) -> list[str]:
         broken.append("waves_max")
     broken += [key for key, over in drawing_excess(lift, design).items() if over > ROUNDING]
     rows = rows_of(lift)
-    return broken if rows is None else surely_broken(broken, rows, design)
+    return broken if rows is None else violated_beyond_rounding(broken, rows, design)
 
 
 def drawing_excess(lift: Lift, design: Design) -> dict[str, float]:

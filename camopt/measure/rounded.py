@@ -86,7 +86,7 @@ def rows_of(lift: Lift) -> RoundedRows | None:
     return RoundedRows(lift, error * MM, step * DEG)
 
 
-def surely_broken(broken: list[str], rows: RoundedRows, design: Design) -> list[str]:
+def violated_beyond_rounding(broken: list[str], rows: RoundedRows, design: Design) -> list[str]:
     """Of the limits that the law through the rows breaks, those that no cam within the rows' error keeps."""
     half = design.duration_deg / 2 * DEG
     drawn = {limit.key for limit in linear_limits(design)} | set(RADII)

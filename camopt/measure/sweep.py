@@ -176,7 +176,7 @@ def _figures(prepare: AtSpeed, train: Train, lift: Lift, cam_speed: float) -> di
     return {name: figures.worst(name) for name in QUANTITIES}
 
 
-class Swept:
+class SpeedCache:
     """The speeds of one cam looked at so far by one method; no speed is worked out twice.
 
     The same speeds serve the band, its refinement and the search for the starts of jump and bounce. A peak that one of
@@ -214,7 +214,7 @@ class Swept:
 
 
 def sweep(
-    swept: Swept,
+    swept: SpeedCache,
     step_rpm: float,
     refine: tuple[str, ...] = ("bounce_mm",),
     lightly_damped: Iterable[Resonance] = (),
@@ -241,7 +241,7 @@ def sweep(
 
 
 def first_exceeding(
-    swept: Swept, limits: dict[str, float], step_rpm: float = SEARCH_STEP_RPM
+    swept: SpeedCache, limits: dict[str, float], step_rpm: float = SEARCH_STEP_RPM
 ) -> dict[str, float | None]:
     """The lowest speed [r/min] at which each metric exceeds its limit, to START_RPM.
 
@@ -265,7 +265,7 @@ def first_exceeding(
     return first
 
 
-def _bisect(swept: Swept, name: str, limit: float, below: float, above: float) -> float:
+def _bisect(swept: SpeedCache, name: str, limit: float, below: float, above: float) -> float:
     while above - below > START_RPM:
         middle = float(round(0.5 * (below + above)))
         below, above = (below, middle) if not swept([middle])[0][name] <= limit else (middle, above)

@@ -9,7 +9,7 @@ from camopt.cam.dxf import write_dxf
 from camopt.cam.exports import table_error, write_contour, write_crank_table, write_rounded_table
 from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import write_lift_table
-from camopt.measure.by_means import by_means
+from camopt.measure.moving_average import moving_average
 from camopt.scene import Scene, build_train
 from camopt.scene.geometry import BELONGS
 from camopt.scene.units import DEG, MM, UM
@@ -47,11 +47,11 @@ class Files:
 def export(scene: Scene, lift: Lift, files: Files) -> list[str]:
     """Writes the files that are asked for, and says in a sentence each what they are off by.
 
-    Contour, drawing and figure of a rounded table are those of its means (`camopt.measure.by_means`).
+    Contour, drawing and figure of a rounded table are those of its means (`camopt.measure.moving_average`).
     Raises InputError where no contour gives this lift to the scene's follower, and for steps that divide no turn.
     """
     said = _table(scene, lift, files) if files.table else []
-    geometry, law = scene.geometry, by_means(lift)[0]
+    geometry, law = scene.geometry, moving_average(lift)[0]
     if files.contour:
         assert geometry is not None, "the verb asks for it"
         write_contour(

@@ -6,8 +6,8 @@ from camopt.cam.geometry import DURATION_LIFTS_MM, Contact, contact, crossing
 from camopt.cam.hertz import HertzStress, contact_width, film_ratio, hertz_stress
 from camopt.cam.lift import Lift
 from camopt.cam.waves import sign_changes
-from camopt.measure.by_means import by_means
 from camopt.measure.limits import broken_by_shape, drawing_excess, steps_at
+from camopt.measure.moving_average import moving_average
 from camopt.scene import InputError, Scene, Train, build_train
 from camopt.scene.design import Design
 from camopt.scene.geometry import SWINGING, Geometry
@@ -40,8 +40,8 @@ LABELS = {
 
 def sheet(scene: Scene, lift: Lift, speed_rpm: float | None = None) -> list[str]:
     """Lines of text: limits, durations, and with [geometry] the contact and, at a speed, Hertz stress, velocities and
-    oil film. Derivatives of a rounded table are those of its means (`camopt.measure.by_means`)."""
-    law, told = by_means(lift)
+    oil film. Derivatives of a rounded table are those of its means (`camopt.measure.moving_average`)."""
+    law, told = moving_average(lift)
     lines = _limits(scene, lift, law)
     lines += [f"{told}."] * bool(told)
     if scene.geometry is not None:

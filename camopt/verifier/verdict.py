@@ -12,7 +12,7 @@ from camopt.measure.limits import broken_by_shape, limited_metrics, motion_limit
 from camopt.measure.reserve import STARTS
 from camopt.measure.resonance import resonances
 from camopt.measure.rounded import rounding_sentence
-from camopt.measure.sweep import SEARCH_STEP_RPM, STARTS_MM, Band, SettledMany, Swept, first_exceeding, sweep
+from camopt.measure.sweep import SEARCH_STEP_RPM, STARTS_MM, Band, SettledMany, SpeedCache, first_exceeding, sweep
 from camopt.scene.errors import InputError
 from camopt.scene.response import Revolve
 from camopt.scene.schema import Scene
@@ -223,7 +223,7 @@ def _swept_band(
     limited: the search for the starts may find a worse speed than the sweep.
     """
     many = _settled_metrics() if refined else partial(_settled_metrics(), most=WANDERING_REVOLUTIONS)
-    swept = Swept(_at_first_steps, scene, lift, WORKERS, "event", many)
+    swept = SpeedCache(_at_first_steps, scene, lift, WORKERS, "event", many)
     limited = limited_metrics(scene.design)
     missed, left_out = resonances(scene, lift, step_rpm)
     sweep(swept, step_rpm, limited if refined else (), missed, coarsely=coarsely)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from camopt.measure.elastic import Elastic
+from camopt.measure.energy import Elastic
 from camopt.scene import build_train, load_scene
 
 COMPRESSION = np.linspace(-2e-4, 2e-4, 401)

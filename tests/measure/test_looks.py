@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from camopt.measure.looks import EARLY, Looks
-from camopt.measure.yields import share_of
+from camopt.measure.yields import EARLY, Looks, share_of
 from camopt.optimizer.as_built.statement import STATED_BY
 from camopt.scene import load_scene
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.polydyne import polydyne
-from camopt.measure.rounded import RAMP_VELOCITY, RoundedRows, surely_broken
+from camopt.measure.rounded import RAMP_VELOCITY, RoundedRows, violated_beyond_rounding
 from camopt.scene import load_scene
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG3
 
@@ -42,7 +42,7 @@ def test_the_jerk_is_limited_to_both_sides(sign):
     found = rows(lambda x: sign * (np.sin(x) + np.sin(2 * x) / 8))
     for limit, broken in ((1.5, ["jerk_max_mm_per_deg3"]), (2.01, [])):
         design = changed(jerk_max_mm_per_deg3=limit / MM_PER_DEG3)
-        assert surely_broken(["jerk_max_mm_per_deg3"], found, design) == broken
+        assert violated_beyond_rounding(["jerk_max_mm_per_deg3"], found, design) == broken
 
 
 @pytest.mark.parametrize(("part", "broken"), [(0.5, False), (1.5, True)])
@@ -50,7 +50,7 @@ def test_a_ramp_may_be_faster_by_the_stated_share(part, broken):
     velocity = DESIGN.ramp_velocity_mm_per_deg * MM_PER_DEG * (1 + part * RAMP_VELOCITY)
     found = rows(lambda x: velocity * (np.pi - np.abs(x)))
     key = "ramp_velocity_mm_per_deg"
-    assert surely_broken([key], found, DESIGN) == [key] * broken
+    assert violated_beyond_rounding([key], found, DESIGN) == [key] * broken
 
 
 @pytest.mark.parametrize(("roundings", "broken"), [(1.0, False), (3.0, True)])
@@ -58,7 +58,7 @@ def test_the_maximum_lift_is_missed_where_twice_the_rounding_does_not_reach_it(r
     error, design = 1e-3 * MM, changed(reach_max_lift=True)
     top = design.max_lift_mm * MM - roundings * error
     found = rows(lambda x: top * np.cos(x / 2) ** 2, top, error)
-    assert surely_broken(["reach_max_lift"], found, design) == ["reach_max_lift"] * broken
+    assert violated_beyond_rounding(["reach_max_lift"], found, design) == ["reach_max_lift"] * broken
 
 
 @pytest.mark.parametrize(("roundings", "broken"), [(0.5, False), (1.5, True)])
@@ -68,4 +68,4 @@ def test_a_lift_at_an_angle_is_missed_where_the_rounding_does_not_reach_it(side,
     level = float(lift(30.0 * DEG) - side * roundings * error) / MM
     design = changed(lift_at=((30.0, 0.0, level) if side > 0 else (30.0, level, DESIGN.max_lift_mm),))
     found = RoundedRows(lift, error, 0.1 * DEG)
-    assert surely_broken(["lift_at"], found, design) == ["lift_at"] * broken
+    assert violated_beyond_rounding(["lift_at"], found, design) == ["lift_at"] * broken

@@ -7,7 +7,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.exact import engine
 from camopt.measure import sweep as module
 from camopt.measure.resonance import Resonance
-from camopt.measure.sweep import Swept, first_exceeding, sweep
+from camopt.measure.sweep import SpeedCache, first_exceeding, sweep
 from camopt.scene import QUANTITIES, load_scene
 from camopt.scene.units import RPM
 
@@ -30,7 +30,7 @@ def known(monkeypatch):
 def test_worst_speed_is_found_to_1_rpm(known):
     known["bounce_mm"] = lambda rpm: 0.3 - ((rpm - 6463) / 1000) ** 2
     known["contact_force_min_N"] = lambda rpm: 10 + abs(rpm - 5333)
-    band = sweep(Swept(None, SCENE, None), 100.0, ("bounce_mm", "contact_force_min_N"))
+    band = sweep(SpeedCache(None, SCENE, None), 100.0, ("bounce_mm", "contact_force_min_N"))
     assert band.worst("bounce_mm") == pytest.approx((6463.0, 0.3))
     assert band.worst("contact_force_min_N") == pytest.approx((5333.0, 10.0))
     assert (band.from_rpm, band.to_rpm, band.step_rpm) == (5000.0, 7000.0, 100.0)
@@ -40,20 +40,20 @@ def test_worst_speed_is_found_to_1_rpm(known):
 
 def test_a_valve_that_does_not_seat_is_the_worst(known):
     known["bounce_mm"] = lambda rpm: np.nan if rpm == 5200 else 1.0
-    speed, value = sweep(Swept(None, SCENE, None), 100.0).worst("bounce_mm")
+    speed, value = sweep(SpeedCache(None, SCENE, None), 100.0).worst("bounce_mm")
     assert speed == 5200.0 and np.isnan(value)
 
 
 def test_starting_speeds_to_10_rpm(known):
     known["bounce_mm"] = lambda rpm: 0.0 if rpm < 6123 else 0.2
     known["jump_mm"] = lambda rpm: 0.0
-    found = first_exceeding(Swept(None, SCENE, None), {"bounce_mm": 0.05, "jump_mm": 0.05})
+    found = first_exceeding(SpeedCache(None, SCENE, None), {"bounce_mm": 0.05, "jump_mm": 0.05})
     assert found["jump_mm"] is None
     assert 6123 <= found["bounce_mm"] <= 6133
     known["bounce_mm"] = lambda rpm: 0.2 if rpm > 10_480 else 0.0  # the band ends at 7000: looked at up to 10 500
-    assert 10_480 < first_exceeding(Swept(None, SCENE, None), {"bounce_mm": 0.05})["bounce_mm"] <= 10_490
+    assert 10_480 < first_exceeding(SpeedCache(None, SCENE, None), {"bounce_mm": 0.05})["bounce_mm"] <= 10_490
     known["bounce_mm"] = lambda rpm: 0.2
-    assert first_exceeding(Swept(None, SCENE, None), {"bounce_mm": 0.05})["bounce_mm"] == 2500.0
+    assert first_exceeding(SpeedCache(None, SCENE, None), {"bounce_mm": 0.05})["bounce_mm"] == 2500.0
 
 
 def test_the_three_worst_peaks_are_refined_and_not_the_largest_alone(known):
@@ -61,7 +61,7 @@ def test_the_three_worst_peaks_are_refined_and_not_the_largest_alone(known):
         return sum(height * max(0.0, 1 - abs(rpm - at) / 40) for at, height in ((5230, 1.0), (5930, 0.9), (6630, 0.8)))
 
     known["bounce_mm"] = peaks
-    found = sweep(Swept(None, SCENE, None), 100.0)
+    found = sweep(SpeedCache(None, SCENE, None), 100.0)
     heights = dict(zip(found.speeds_rpm, found.figures["bounce_mm"], strict=True))
     assert [heights[s] for s in (5230.0, 5930.0, 6630.0)] == pytest.approx([1.0, 0.9, 0.8])
 
@@ -69,18 +69,18 @@ def test_the_three_worst_peaks_are_refined_and_not_the_largest_alone(known):
 def test_the_grid_looks_at_resonances_between_its_steps(known):
     known["jump_mm"] = lambda rpm: 1.0 if 6444 < rpm < 6450 else 0.0  # 6 r/min wide
     narrow = Resonance(6447.0, 6446.9, 6447.1, 3.0, 7, 376.0, 1e-3)
-    assert sweep(Swept(None, SCENE, None), 100.0, ("jump_mm",)).worst("jump_mm")[1] == 0.0
-    speed, value = sweep(Swept(None, SCENE, None), 100.0, ("jump_mm",), [narrow]).worst("jump_mm")
+    assert sweep(SpeedCache(None, SCENE, None), 100.0, ("jump_mm",)).worst("jump_mm")[1] == 0.0
+    speed, value = sweep(SpeedCache(None, SCENE, None), 100.0, ("jump_mm",), [narrow]).worst("jump_mm")
     assert value == 1.0 and 6444 < speed < 6450
 
 
 def test_the_search_for_starts_and_the_band_know_the_same_speeds(known):
     known["bounce_mm"] = lambda rpm: 1.0 if 6443 < rpm < 6449 else 0.0  # a window between the search's 40 r/min
-    swept = Swept(None, SCENE, None)
+    swept = SpeedCache(None, SCENE, None)
     swept([6445.0])
     assert 6443 <= first_exceeding(swept, {"bounce_mm": 0.05})["bounce_mm"] <= 6453
     known["bounce_mm"] = lambda rpm: 1.0 if 6418 < rpm < 6424 else 0.0  # 6420 is a speed of that search, not of a band
-    swept = Swept(None, SCENE, None)
+    swept = SpeedCache(None, SCENE, None)
     first_exceeding(swept, {"bounce_mm": 0.05})
     assert 6418 < sweep(swept, 100.0).worst("bounce_mm")[0] < 6424
 
@@ -96,7 +96,7 @@ def test_threads_deal_every_speed_to_its_place():
 
 def test_the_step_about_a_peak_is_quartered_until_it_is_the_finest(known):
     known["bounce_mm"] = lambda rpm: -abs(rpm - 6000.0)
-    looked = set(sweep(Swept(None, SCENE, None), 64.0).speeds_rpm)
+    looked = set(sweep(SpeedCache(None, SCENE, None), 64.0).speeds_rpm)
     nearest = min(looked, key=lambda rpm: abs(rpm - 6000.0))
     assert nearest == 6000.0
     first = min(np.arange(5000.0, 7000.0, 64.0), key=lambda rpm: abs(rpm - 6000.0))

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import norm
 
 import camopt
-from camopt.measure.yields import UsedLimits, blame, counted, share_of
+from camopt.measure.yields import UsedLimits, counted, rank_correlation_shares, share_of
 from camopt.scene import InputError, parse_scene
 from camopt.scene.as_built import deviates
 from tests.scene.test_load import EXAMPLE
@@ -90,11 +90,11 @@ def test_blame_goes_to_what_moves_the_worst_part():
     }
     worst = np.exp(2.0 * draws["a"][:, 0] - draws["b"].sum(axis=1) / np.sqrt(3.0))
     worst[:3] = np.inf
-    found = blame(draws, worst)
+    found = rank_correlation_shares(draws, worst)
     assert list(found) == ["a", "b", "idle"]
     assert found["a"] == pytest.approx(0.8, abs=0.06) and found["b"] == pytest.approx(0.2, abs=0.06)
     assert found["idle"] < 0.03
-    assert blame(draws, np.ones(500)) == dict.fromkeys(draws, 0.0)
+    assert rank_correlation_shares(draws, np.ones(500)) == dict.fromkeys(draws, 0.0)
 
 
 def test_a_share_is_shown_in_per_cent_with_its_interval():

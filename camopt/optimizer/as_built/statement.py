@@ -10,9 +10,8 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.measure.as_built import TrainAsBuilt, trains_as_built
-from camopt.measure.looks import Looks
 from camopt.measure.yield_words import ADVISED, asked_sentence, share_sentence, spoiling_sentences
-from camopt.measure.yields import Share, UsedLimits, blame, share_of, yield_record
+from camopt.measure.yields import Looks, Share, UsedLimits, rank_correlation_shares, share_of, yield_record
 from camopt.optimizer.as_built.measured import TrainsJournal, cam_digest, measure_trains
 from camopt.optimizer.as_built.track import Track, track
 from camopt.optimizer.as_built.wanted import has_a_yield
@@ -184,7 +183,7 @@ def yield_statement(
     others = {name: _baseline(scene, cam, speeds_rpm, drawn) for name, cam in (baselines or {}).items()}
     judged = tuple(by_independent_methods(drawn[t], lift, used, t) for t in sampled(used.worst, sample))
     share = share_of(used.holds, asked)
-    return YieldStatement(wanted, seed, used, share, blame(draws, used.worst), judged, others)
+    return YieldStatement(wanted, seed, used, share, rank_correlation_shares(draws, used.worst), judged, others)
 
 
 def _judged(

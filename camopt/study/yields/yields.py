@@ -14,7 +14,7 @@ from camopt.cam.lift import Lift
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import broken_by_shape, motion_limits
 from camopt.measure.yield_words import ADVISED, counted_trains, share_sentence, spoiling_sentences
-from camopt.measure.yields import Share, UsedLimits, blame, counted, share_of, yield_record
+from camopt.measure.yields import Share, UsedLimits, counted, rank_correlation_shares, share_of, yield_record
 from camopt.optimizer.as_built.measured import TrainsJournal, cam_digest, measure_trains
 from camopt.optimizer.as_built.prices import PriceList, price_list
 from camopt.optimizer.as_built.track import Track, track
@@ -175,7 +175,7 @@ def _summary(scene: Scene, cam: Lift, seed: int, used: UsedLimits, others: dict[
         share = share_of(now)
         halved[label] = {"share": share.share, "low": share.low, "high": share.high}
         halved[label] |= {"gained": int((now & ~holds).sum()), "lost": int((holds & ~now).sum())}
-    to_blame, shape = blame(draws, used.worst), tuple(broken_by_shape(cam, scene.design))
+    to_blame, shape = rank_correlation_shares(draws, used.worst), tuple(broken_by_shape(cam, scene.design))
     return Yield(scene.name, cam.family, seed, used, share_of(holds), counted(used), to_blame, halved, shape)
 
 

@@ -11,7 +11,7 @@ from camopt.cam.families.free import free_cam
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.geometry import contact
 from camopt.cam.tables.lift_table import read_lift_table, write_lift_table
-from camopt.measure.by_means import MEANS, by_means
+from camopt.measure.moving_average import MEANS, moving_average
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.scene import load_scene
 from camopt.scene.geometry import Geometry
@@ -35,7 +35,7 @@ def five_digits(cam, tmp_path):
 
 
 def test_means_tell_the_extremes_of_the_cam_where_the_rows_law_shows_rounding(cam, five_digits):
-    law, said = by_means(five_digits)
+    law, said = moving_average(five_digits)
     for order, near in ((2, 0.01), (3, 0.08)):
         assert law.extremes(order) == pytest.approx(cam.extremes(order), rel=near)
     assert np.abs(five_digits.extremes(3)).max() > 10 * np.abs(cam.extremes(3)).max()
@@ -46,7 +46,7 @@ def test_means_tell_the_extremes_of_the_cam_where_the_rows_law_shows_rounding(ca
 
 
 def test_the_lift_of_the_means_is_as_near_as_the_module_says(cam, five_digits):
-    law, _ = by_means(five_digits)
+    law, _ = moving_average(five_digits)
     assert MEANS == 4  # windows, of a variance of H^2 / 12 each
     at = np.linspace(-np.pi, np.pi, 3601)
     widest = np.radians(2.0)
@@ -56,8 +56,8 @@ def test_the_lift_of_the_means_is_as_near_as_the_module_says(cam, five_digits):
 def test_a_table_with_every_digit_and_a_designed_cam_are_taken_as_they_are(cam, tmp_path):
     write_lift_table(tmp_path / "lift.csv", cam)
     table = read_lift_table(tmp_path / "lift.csv", SCENE)
-    assert by_means(table) == (table, "")
-    assert by_means(cam) == (cam, "")
+    assert moving_average(table) == (table, "")
+    assert moving_average(cam) == (cam, "")
 
 
 def test_the_sheet_and_the_contour_of_a_rounded_table_show_no_cusp(five_digits, tmp_path):
@@ -72,7 +72,7 @@ def test_the_sheet_and_the_contour_of_a_rounded_table_show_no_cusp(five_digits, 
 def test_what_is_said_is_told_by_the_errors_of_differences_over_the_window(tmp_path):
     """A row that is off by q shows in the k-th difference over H as 2^k q / H^k."""
     write_rounded_table(tmp_path / "lift.csv", polydyne(KODAMA), 0.1, 5)
-    _, said = by_means(read_lift_table(tmp_path / "lift.csv", SCENE))
+    _, said = moving_average(read_lift_table(tmp_path / "lift.csv", SCENE))
     numbers = re.search(r"over (\S+) deg.* to (\S+) mm/deg\^2 .* to (\S+) mm/deg\^3$", said)
     assert numbers is not None
     span, acceleration, jerk = map(float, numbers.groups())

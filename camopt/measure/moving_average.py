@@ -1,4 +1,4 @@
-"""The law of a cam that a rounded table gives, by means: what its rows tell of acceleration, jerk and curvature.
+"""The moving average of a cam that a rounded table gives, for its acceleration, jerk and curvature.
 
 The mean of the lift over a window, taken four times, has for its k-th derivative, k up to 4, means of the cam's own,
 so that it keeps whatever limit the cam keeps. An error q of the rows shows in them as 2^k q / H^k at most, with the
@@ -15,13 +15,14 @@ from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
 MEANS = 4
 """Times that the mean is taken: once for every derivative that a scene limits."""
 TOLD = 0.05
-"""Largest share of the largest jerk that the rows' error may make up in the means: the narrowest such window serves."""
+"""Largest share of the largest jerk that the rows' error may make up in the average: the narrowest such window is
+taken."""
 
 
-def by_means(lift: Lift) -> tuple[Lift, str]:
-    """The law of the means, and a sentence on how exactly it tells its derivatives.
+def moving_average(lift: Lift) -> tuple[Lift, str]:
+    """The moving average of a cam, and a sentence on how exact its derivatives are.
 
-    The cam itself and an empty sentence where no table gives it, or one whose rows are exact enough without means.
+    The cam itself and an empty sentence where no table gives it, or one whose rows are exact enough without averages.
     """
     rows = rows_of(lift)
     window = 1 if rows is None else _window(rows)
@@ -43,7 +44,7 @@ def by_means(lift: Lift) -> tuple[Lift, str]:
 
 
 def _window(rows: RoundedRows) -> int:
-    """The least odd number of rows over which the means tell the jerk well enough, up to `WIDEST`."""
+    """The least odd number of rows over which the jerk of the average is accurate enough, up to `WIDEST`."""
     window = 1
     for window in range(1, int(WIDEST / rows.step) + 1, 2):
         jerk, error = rows.mean(3, window)
