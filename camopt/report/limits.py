@@ -145,41 +145,28 @@ def matrix(run: RunFolder, limits: list[dict]) -> dict:
     A limit on the motion has a cell for each speed and one for the band. One on the cam's shape holds at every speed:
     its row has one cell, which spans them all. The price is what one per cent more of the limit buys.
     """
-    judged, design, worth = run.verification.by_speed, run.demands, run.worth
+    judged = run.verification.by_speed
     worst = (run.verification.get("band") or {}).get("worst") or {}
-    of_motion = {quantity.limit for quantity in QUANTITIES.values()}
-    shape = [
-        {**_named(row["label"], row["limit"], row["unit"], worth.get(row["key"])), "shape": _of_shape(row)}
-        for row in limits
-        if row["key"] not in of_motion
-    ]
-    rows = []
-    for quantity in QUANTITIES.values():
-        limit = design.get(quantity.limit or "")
-        if not is_number(limit):
-            continue
-        least = quantity.name in LESS_IS_WORSE
-        values = [worst_case_value(speed, quantity.name)[0] for speed in judged]
-        stated = (worst.get(quantity.name) or {}).get("value")
-        values += [stated if is_number(stated) else None] if worst else []
-        shares = [share_of(limit, least, value) for value in values]
-        largest = max((share for share in shares if share is not None), default=0.0)
-        first = shares.index(largest) if largest > 0 else None
-        cells = [_cell(share, i == first) for i, share in enumerate(shares)]
-        named = _named(quantity.label, demanded(design, quantity.name), quantity.unit, None)
-        rows.append({**named, "cells": cells, "shape": None})
-    speeds = [shown(speed.get("speed_rpm")) for speed in judged]
-    rows += shape
-    priced = any(row["price"] != NO_PRICE for row in rows)
-    return {"speeds": speeds + ["band"] * bool(worst), "rows": rows, "priced": priced}
-
-
-def _named(label: str, demand: str, unit: str, price) -> dict:
-    return {
-        "label": label,
-        "demand": f"{demand} {unit}".strip(),
-        "price": NO_PRICE if price is None else shown(price, 2),
-    }
+    of_motion = {quantity.limit: quantity for quantity in QUANTITIES.values()}
+    motion, shape = [], []
+    for row in limits:
+        quantity, limit = of_motion.get(row["key"]), run.demands.get(row["key"])
+        price = run.worth.get(row["key"]) if quantity is None else None
+        words = {"label": row["label"], "demand": f"{row['limit']} {row['unit']}".strip()}
+        words["price"] = NO_PRICE if price is None else shown(price, 2)
+        if quantity is None:
+            shape.append({**words, "shape": _of_shape(row)})
+        elif is_number(limit):
+            values = [worst_case_value(speed, quantity.name)[0] for speed in judged]
+            stated = (worst.get(quantity.name) or {}).get("value")
+            values += [stated if is_number(stated) else None] if worst else []
+            shares = [share_of(limit, quantity.less_is_worse, value) for value in values]
+            largest = max((share for share in shares if share is not None), default=0.0)
+            first = shares.index(largest) if largest > 0 else None
+            motion.append({**words, "cells": [_cell(s, i == first) for i, s in enumerate(shares)], "shape": None})
+    speeds = [shown(speed.get("speed_rpm")) for speed in judged] + ["band"] * bool(worst)
+    priced = any(row["price"] != NO_PRICE for row in shape)
+    return {"speeds": speeds, "rows": motion + shape, "priced": priced}
 
 
 def _of_shape(row: dict) -> dict:
