@@ -46,7 +46,7 @@ GEOMETRY = ("duration_deg", *RAMPS, *(f"closing_{key}" for key in RAMPS[:2]))
 
 
 class Cancelled(Exception):
-    """A newer request has come in, so that this answer is no longer wanted."""
+    """There is no answer: a newer request has come in, or the process that computes it was stopped."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from camopt.designer.controls import Refused
 from camopt.designer.saving import save_run, save_scene
 from camopt.designer.session import QUICK, Session
 from camopt.designer.slow_parts import PARTS, WHY
-from camopt.designer.worker import SlowProcess, Stopped, Verification
+from camopt.designer.worker import SlowProcess, Verification
 from camopt.scene.errors import InputError
 from camopt.scene.text_file import excerpt
 from camopt.storage import plain
@@ -96,7 +96,7 @@ class RequestHandler:
                 answer = self.slow.ask(part, design.scene, design.cam.lift)
         except Refused as refused:
             return {"state": "refused", "faults": refused.faults}
-        except (InputError, Stopped) as error:
+        except (InputError, Cancelled) as error:
             return {"state": "no cam", "says": str(error)}
         return {"state": "ok", **answer}
 

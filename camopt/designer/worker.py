@@ -14,6 +14,7 @@ from threading import Lock, Thread
 from typing import Any
 
 from camopt.cam.lift import Lift
+from camopt.designer.cams import Cancelled
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.storage import plain
@@ -27,10 +28,6 @@ STAGES = {
 """Stages of a verdict, by the part that is computed, and what the page calls them."""
 
 
-class Stopped(Exception):
-    """The process was stopped, or ended by itself, before it had answered."""
-
-
 class SlowProcess:
     """One process, started when it is first asked; it answers one question at a time, at this niceness."""
 
@@ -42,14 +39,14 @@ class SlowProcess:
 
     def ask(self, part: str, scene: Scene, lift: Lift | None) -> dict[str, Any]:
         """One part of the answer, as JSON; other callers wait meanwhile. Raises InputError as the part does,
-        and Stopped."""
+        and Cancelled."""
         with self._asking:
             connection = self._started()
             try:
                 connection.send((part, scene, lift))
                 outcome, content = connection.recv()
             except (EOFError, OSError):
-                raise Stopped(f"{part}: stopped before it was done") from None
+                raise Cancelled(f"{part}: stopped before it was done") from None
         if outcome == "refused":
             raise InputError(content)
         if outcome == "failed":
@@ -61,7 +58,7 @@ class SlowProcess:
         self._started()
 
     def stop(self) -> None:
-        """End the process; what it was asked ends with Stopped."""
+        """End the process; what it was asked ends with Cancelled."""
         with self._starting:
             process, self._process = self._process, None
             if process is not None:
@@ -158,7 +155,7 @@ class Verification:
                 return
             try:
                 answer = self.worker.ask(part, scene, lift)
-            except Stopped:
+            except Cancelled:
                 self._update(number, state="cancelled")
                 return
             except Exception as error:  # an InputError's sentence, or a defect of camopt
