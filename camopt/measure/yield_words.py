@@ -91,6 +91,17 @@ def ideal_sentence(record: Mapping[str, Any]) -> str:
     )
 
 
+def advised_sentence(record: Mapping[str, Any]) -> str:
+    """What a cam for trains as built would have, where none was asked for; empty where that was not estimated."""
+    advised = _mapped(record.get("advised"))
+    if not all(is_number(advised.get(key)) for key in ("share", "area_ratio")):
+        return ""
+    return (
+        f"for a cam that {100 * advised['share']:g} % of the trains hold, the first program of its search estimates an "
+        f"area ratio of {advised['area_ratio']:.3f}"
+    )
+
+
 def counted_trains(trains: float) -> str:
     """`1 train`, `12 trains`."""
     return f"{trains:g} train{'' if trains == 1 else 's'}"

@@ -5,7 +5,6 @@ towards +x, a stands above b: the seat comes to lie above the valve, the spring'
 lengths are pixels of the drawing; masses move by `SCALE` pixels per millimetre.
 """
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -30,49 +29,42 @@ STROKE_MM = 10.0
 """Room below the lowest mass, for its motion."""
 
 
-@dataclass(frozen=True)
-class Strokes:
-    """What the motions demand of the drawing, per element (e) [mm]: by how much its ends come nearer than in the
-    installed position, and how far its compression varies while it is compressed."""
+def strokes(train: Train, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What positions x (k, n) [mm] of all motions demand of the drawing, per element (e) [mm]: by how much its ends
+    come nearer than in the installed position, and how far its compression varies while it is compressed.
 
-    approach: np.ndarray
-    span: np.ndarray
-
-    @classmethod
-    def of(cls, train: Train, x: np.ndarray) -> "Strokes":
-        """From positions x (k, n) [mm] of all motions; the cam's own lift is part of the cam, not of its element."""
-        padded = np.concatenate([x, np.zeros((len(x), 1))], axis=1)
-        d = padded[:, train.a] - padded[:, train.b]
-        beyond = d - (train.gap + train.touch_compression) / MM
-        squeezed = np.where(train.contact, np.maximum(beyond, 0.0), beyond)
-        return cls(np.maximum(d.max(axis=0), 0.0), np.where(train.cam_driven, 0.0, np.ptp(squeezed, axis=0)))
+    The cam's own lift is part of the cam, not of its element.
+    """
+    padded = np.concatenate([x, np.zeros((len(x), 1))], axis=1)
+    d = padded[:, train.a] - padded[:, train.b]
+    beyond = d - (train.gap + train.touch_compression) / MM
+    squeezed = np.where(train.contact, np.maximum(beyond, 0.0), beyond)
+    return np.maximum(d.max(axis=0), 0.0), np.where(train.cam_driven, 0.0, np.ptp(squeezed, axis=0))
 
 
-def drawing(train: Train, strokes: Strokes, room: FollowerRoom) -> dict:
-    """Masses and elements in pixels, with that room for cam and follower.
+def drawing(train: Train, x: np.ndarray, room: FollowerRoom) -> dict:
+    """Masses and elements in pixels for positions x (k, n) [mm] of all motions, with that room for cam and follower.
 
     Keys: width, height, scale; masses: name, kind (mass, valve, small, hub: the cam's centre), x, y, left, right,
     height; elements: name, look (coil, rod, cam), contact, a, b (-1: ground), x, top, bottom: y of an end on the
     ground, else None, and words: on which side its words stand (-1 left).
     """
-    kinds = _kinds(train)
-    looks = [
-        "cam" if c else "coil" if s > COIL_MM else "rod" for c, s in zip(train.cam_driven, strokes.span, strict=True)
-    ]
+    kinds, (approach, span) = _kinds(train), strokes(train, x)
+    looks = ["cam" if c else "coil" if s > COIL_MM else "rod" for c, s in zip(train.cam_driven, span, strict=True)]
     half = np.array([HEIGHT[k] / 2 for k in kinds])
-    need = [_need(train, e, looks[e], strokes.approach[e], room.below) for e in range(len(train.a))]
+    need = [_need(train, e, looks[e], approach[e], room.below) for e in range(len(train.a))]
     y = _heights(train, need, half)
     column = _columns(train, y)
     offset, lanes = _lanes(train, column, y)
     widths = [max((abs(o) for e, o in enumerate(offset) if lanes[e] == c), default=0) for c in range(max(column) + 1)]
     centre = np.cumsum([0.0, *(LANE * (a + b + 1.15) for a, b in pairwise(widths))])
     beside = {e: room.train * SCALE for e in _about_the_cam(train)}
-    x = [float(centre[lanes[e]] + LANE * offset[e]) - beside.get(e, 0.0) for e in range(len(train.a))]
+    across = [float(centre[lanes[e]] + LANE * offset[e]) - beside.get(e, 0.0) for e in range(len(train.a))]
     hubs = _hubs(train)
     masses = []
     for i, (name, kind) in enumerate(zip(train.mass_names, kinds, strict=True)):
         middle = float(centre[column[i]]) - (room.train * SCALE if i in hubs else 0.0)
-        left, right = _edges(train, i, x, middle, kind)
+        left, right = _edges(train, i, across, middle, kind)
         masses.append({"name": name, "kind": kind, "x": middle, "y": float(y[i]), "left": left, "right": right,
                        "height": 2 * float(half[i])})  # fmt: skip
     elements = []
@@ -80,8 +72,8 @@ def drawing(train: Train, strokes: Strokes, room: FollowerRoom) -> dict:
         a, b = int(train.a[e]), int(train.b[e])
         top = None if a != GROUND else float(y[b] - half[b] - need[e])
         bottom = None if b != GROUND else float(y[a] + half[a] + need[e])
-        elements.append({"name": name, "look": looks[e], "contact": bool(train.contact[e]), "a": a, "b": b,
-                         "x": x[e], "top": top, "bottom": bottom, "words": -1 if offset[e] < 0 else 1})  # fmt: skip
+        place = {"x": across[e], "top": top, "bottom": bottom, "words": -1 if offset[e] < 0 else 1}
+        elements.append({"name": name, "look": looks[e], "contact": bool(train.contact[e]), "a": a, "b": b} | place)
     return _framed(masses, elements, room)
 
 

@@ -6,7 +6,7 @@ from camopt.cam.lift import Lift
 from camopt.measure.limits import broken_by_shape
 from camopt.plots.style import DESIGN, family_of
 from camopt.report.folder import RunFolder
-from camopt.report.shape import EVERYWHERE, Reached, reached_by_shape
+from camopt.report.shape import EVERYWHERE, reached_by_shape
 from camopt.report.wording import as_number, label_and_unit, shown
 from camopt.scene.design import ROUNDING, Design
 from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES, is_number
@@ -33,7 +33,7 @@ def limit_rows(run: RunFolder, shape: tuple[Lift, Design] | None = None) -> list
         recorded = {row["key"] for row in rows if row["held"] is not None}
         rows = [row for row in rows if row["key"] in recorded]
         broken = {*broken_by_shape(*shape), *_broken(run)}
-        rows += [_shape_row(found, broken) for found in reached_by_shape(*shape) if found.key not in recorded]
+        rows += [_shape_row(one, broken) for one in reached_by_shape(*shape) if one["key"] not in recorded]
     for quantity in QUANTITIES.values():
         limit = design.get(quantity.limit or "")
         if is_number(limit):
@@ -68,10 +68,11 @@ def _cam_row(run: RunFolder, key: str, limit: float) -> dict:
     return row
 
 
-def _shape_row(found: Reached, broken: set[str]) -> dict:
+def _shape_row(reached: dict, broken: set[str]) -> dict:
     """All rows of a limit that is `broken` are: it holds at both flanks and in every window, or it does not hold."""
-    row = _row(found.key, found.key, found.limit, found.least, found.value, found.where, "design.json pieces")
-    return row | {"label": found.label, "unit": found.unit} | _state(found.key not in broken)
+    key, limit, least, value, where = (reached[name] for name in ("key", "limit", "least", "value", "where"))
+    row = _row(key, key, limit, least, value, where, "design.json pieces")
+    return row | {"label": reached["label"], "unit": reached["unit"]} | _state(key not in broken)
 
 
 def _motion_row(run: RunFolder, name: str, key: str, limit: float) -> dict:

@@ -14,7 +14,7 @@ from camopt.measure.settling import Settled
 from camopt.optimizer.baselines.comparison_table import FAILED, verdicts_in
 from camopt.optimizer.baselines.figures import settled_motion, stated_periodic
 from camopt.plots.style import DESIGN, family_of, page_line
-from camopt.report.drawing import Strokes, drawing
+from camopt.report.drawing import drawing
 from camopt.report.folder import RunFolder
 from camopt.report.followers import BASE_MM, drawn_follower, room_for
 from camopt.report.wording import as_number, shown
@@ -115,7 +115,7 @@ def animated(scene: Scene, train: Train, entries: list[dict], step_deg: float) -
     follower = drawn_follower(scene.geometry)
     return {
         "step_deg": step_deg,
-        "drawing": drawing(train, Strokes.of(train, x), room_for(follower, float(radius))),
+        "drawing": drawing(train, x, room_for(follower, float(radius))),
         **follower,
         "contacts": contacts,
         "seat": contacts.index(train.seat),

@@ -3,7 +3,13 @@
 from collections.abc import Iterable
 
 from camopt.measure.reserve import reserve_sentences
-from camopt.measure.yield_words import asked_sentence, ideal_sentence, share_sentence, spoiling_sentences
+from camopt.measure.yield_words import (
+    advised_sentence,
+    asked_sentence,
+    ideal_sentence,
+    share_sentence,
+    spoiling_sentences,
+)
 from camopt.report.edge import edge_sentences
 from camopt.report.folder import RunFolder
 from camopt.report.limits import demanded
@@ -181,7 +187,7 @@ def yield_sentences(run: RunFolder) -> list[str]:
     found = run.built
     if not found:
         return []
-    lines = spoiling_sentences(found) + [sentence for sentence in (ideal_sentence(found),) if sentence]
+    lines = spoiling_sentences(found) + [one for one in (ideal_sentence(found), advised_sentence(found)) if one]
     for row in yield_rows(run)[1:]:
         lines.append(
             f"trains as built, {row['cam']}: {row['share']:.1f} % of {row['trains']} hold every limit "

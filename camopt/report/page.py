@@ -52,7 +52,7 @@ from camopt.report.wording import in_words, shown
 from camopt.scene.design import Design
 from camopt.scene.quantities import is_number
 from camopt.storage import write_text
-from camopt.verifier.record import ALONE, bounce_error_um, outside_sentence
+from camopt.verifier.record import outside_sentence
 
 HERE = Path(__file__).parent
 SECTIONS = (
@@ -224,30 +224,14 @@ def headline(run: RunFolder) -> list[str]:
 
 
 def accuracy(run: RunFolder) -> list[str]:
-    """What accuracy was asked for, and what error was estimated for what was delivered."""
+    """What accuracy was asked for, and what was delivered, in the words of the verification's own statement."""
     asked = run.settings.get("accuracy", run.provenance.get("accuracy"))
     unit = " µm" if is_number(asked) else ""
-    sentences = [
-        f"Asked for: {shown(asked)}{unit}." if asked is not None else "The accuracy asked for is not recorded."
+    stated = (run.verification.get("accuracy") or {}).get("statement")
+    return [
+        f"Asked for: {shown(asked)}{unit}." if asked is not None else "The accuracy asked for is not recorded.",
+        f"Delivered: {str(stated).partition('; ')[2]}." if stated else "No error estimate was delivered.",
     ]
-    stated, speeds = run.verification.get("accuracy") or {}, run.verification.by_speed
-    errors = [(error, s.get("speed_rpm")) for s in speeds if (error := bounce_error_um(s)) is not None]
-    if stated.get("reached") is False:
-        sentences.append(f"Delivered: {str(stated.get('statement')).partition('; ')[2]}.")
-    elif errors:
-        worst, at = max(errors, key=lambda e: e[0])
-        sentences.append(
-            f"Delivered: bounce to ±{shown(worst, 2)} µm or better, the largest estimate at {shown(at)} r/min."
-        )
-    else:
-        sentences.append("No error estimate was delivered.")
-    alone = [s.get("speed_rpm") for s in speeds if s.get("decided_after") == ALONE]
-    if alone:
-        sentences.append(f"At {in_words(alone)} r/min event-exact looked alone, at the other speeds all methods did.")
-    without = [s.get("speed_rpm") for s in speeds if bounce_error_um(s) is None]
-    if errors and without:
-        sentences.append(f"There is no error estimate at {in_words(without)} r/min.")
-    return sentences
 
 
 def figures(run: RunFolder) -> list[dict]:

@@ -128,7 +128,8 @@ def _trains_anew(run: RunFolder, scene: Scene, lift: Lift, settings: dict) -> di
     stated = statement_of_run(scene, lift, {"seed": 0} | settings, None)
     if stated is None:
         return {}
-    return {"yield": stated.as_dict() | {key: run.built[key] for key in ("baselines", "ideal") if key in run.built}}
+    beside = {key: run.built[key] for key in ("baselines", "ideal", "advised") if key in run.built}
+    return {"yield": stated.as_dict() | beside}
 
 
 def _apart(file: str, stated: Any, found: Any) -> list[str]:

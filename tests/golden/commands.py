@@ -94,7 +94,6 @@ QUICK |= {
 LONG |= {
     "slow-tradeoff": ("tradeoff slow.toml --size small --out folder",),
     "slow-extremes": ("extremes slow.toml --out folder",),
-    "slow-optimize-yield": ("optimize slow.toml --accuracy draft --no-compare --yield 0.9 --out run",),
 }
 
 

@@ -6,12 +6,12 @@ import pytest
 
 from tests.golden.commands import HERE, LONG, QUICK, answer
 
-RELATIVE = 1e-6
+RELATIVE = 1e-5
 """Numbers may differ by this much of themselves. Another processor rounds sums of products otherwise, by 1e-16 of a
 number, which searches, differences of neighbouring values and bouncing motions make larger: programs that are compiled
-for a processor without fused products (NUMBA_CPU_NAME=generic) differ by up to 1e-8 here."""
-ABSOLUTE = 1e-9
-"""Differences below it, in the unit of the number, are such rounding where a number would be zero."""
+for a processor without fused products (NUMBA_CPU_NAME=generic) differ by up to 4e-6 here."""
+ABSOLUTE = 1e-7
+"""Differences below it, in the unit of the number, are such rounding where a number is small: there up to 7e-8."""
 OF_GRADIENTS = 1e-6
 """The same of `camopt gradient`, whose errors are those of differences of neighbouring values."""
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w])")
@@ -62,7 +62,7 @@ def test_every_stored_answer_has_its_commands():
         ("area 0.6019", "area 0.6022"),
         ("8 trains", "9 trains"),
         ("verdict: confirmed", "verdict: rejected"),
-        ('"bounce_mm": 0.05123456789012345', '"bounce_mm": 0.05123466789012345'),
+        ('"bounce_mm": 0.05123456789012345', '"bounce_mm": 0.05133456789012345'),
         ("one\ntwo", "one"),
     ],
 )

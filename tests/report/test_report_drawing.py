@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from camopt.report.drawing import LENGTH, SCALE, Strokes, drawing
+from camopt.report.drawing import LENGTH, SCALE, drawing
 from camopt.report.followers import BASE_MM, drawn_follower, room_for
 from camopt.scene import build_train, load_scene
 from camopt.scene.load import parse_scene, scene_text
@@ -22,7 +22,7 @@ def moved(train) -> np.ndarray:
 def drawn(scene):
     train = build_train(scene)
     x = moved(train)
-    return x, drawing(train, Strokes.of(train, x), room_for(drawn_follower(scene.geometry), BASE_MM + 9.4))
+    return x, drawing(train, x, room_for(drawn_follower(scene.geometry), BASE_MM + 9.4))
 
 
 def edges(picture, x_mm):

@@ -72,7 +72,7 @@ def test_verdict_comes_first_in_words(write, contents):
         "Jump exceeds 0.05 mm from 7060 r/min on, 0.9 % above the band.",
         "Bounce does not exceed 0.05 mm below 1.5 times the band's top.",
         "Asked for: standard.",
-        "Delivered: bounce to ±0.08 µm or better, the largest estimate at 7000 r/min.",
+        "Delivered: estimated error of bounce: 0.08 um.",
     ):
         assert sentence in page.text
     assert "is not in the run folder" not in page.text and "Contradiction" not in page.text

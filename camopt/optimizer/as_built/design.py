@@ -10,7 +10,7 @@ from camopt.measure.as_built import TrainAsBuilt, trains_as_built
 from camopt.optimizer.as_built.drawn import DrawnTrains
 from camopt.optimizer.as_built.journal import TrainsLog
 from camopt.optimizer.as_built.openings_program import OpeningsProgram
-from camopt.optimizer.as_built.search import FIRST_LEVEL, YieldSearch
+from camopt.optimizer.as_built.search import FIRST_LEVEL, LATER_FACTOR, LEVEL_FACTOR, YieldSearch
 from camopt.optimizer.as_built.tied_forces import ExactForces, ForceSource
 from camopt.optimizer.program.force_rows import Box
 from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
@@ -85,11 +85,11 @@ def yield_search(
     search = YieldSearch(unseen, program, wanted, log or TrainsLog(None), show)
     limits, lost = opening_limits(scene, cam_speeds), int((1.0 - wanted) * effort.trains + 1e-9)
     first, box = _about_its_own_cam(program, source, z, FIRST_LEVEL * limits, lost)
-    level, cam = FIRST_LEVEL, first
+    level, cam, factor = FIRST_LEVEL, first, LEVEL_FACTOR
     for count in search.counts(effort.unseen):
         search.ask(cam.lift, count)
-        level = search.by_level(cam.z, limits, lost, level, box)
-        cam = search.held[-1]
+        level = search.by_level(cam.z, limits, lost, level, box, factor)
+        cam, factor = search.held[-1], LATER_FACTOR
     return search
 
 

@@ -8,12 +8,12 @@ from camopt.cam.design_file import as_written, write_design
 from camopt.cam.tables.lift_table import write_lift_table
 from camopt.optimizer.accuracy import accuracy_named
 from camopt.optimizer.as_built.statement import yield_statement
+from camopt.optimizer.baselines.figures import IDEAL
 from camopt.optimizer.search.search import find_cam
 from camopt.scene.errors import NoCamFound
 from camopt.scene.schema import Scene
 from camopt.scene.units import MM
 
-FOLDER = "ideal"
 TRAINS, SPEEDS = 200, 11
 """Fresh trains that say in what share of them it holds, and their speeds over the band."""
 
@@ -30,7 +30,7 @@ def write_ideal(scene: Scene, settings: Mapping[str, Any], folder: Path) -> dict
     except NoCamFound:
         return None
     cam = search.confirmed[-1]
-    lift, place = as_written(cam.lift), folder / FOLDER
+    lift, place = as_written(cam.lift), folder / IDEAL
     place.mkdir(exist_ok=True)
     write_design(place / "design.json", cam.lift, scene.design.max_lift_mm * MM)
     write_lift_table(place / "lift.csv", lift)

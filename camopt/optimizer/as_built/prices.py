@@ -19,8 +19,9 @@ from camopt.optimizer.as_built.openings_program import OpeningsProgram
 from camopt.optimizer.as_built.search import FIRST_LEVEL
 from camopt.optimizer.as_built.tied_forces import ExactForces
 from camopt.optimizer.as_built.wanted import check_scatter
-from camopt.scene.as_built import moved_together, scatter_labels, with_numbers, with_scatter
+from camopt.scene.as_built import moved_together, scatter_labels, with_scatter
 from camopt.scene.errors import InputError
+from camopt.scene.parameters import with_numbers
 from camopt.scene.schema import Scene
 from camopt.scene.standing_in import is_linear
 from camopt.scene.train import build_train
@@ -114,6 +115,20 @@ def price_list(
             done += 1
             advance(done / SETS / len(scenes))
     return _priced(wanted, areas)
+
+
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def estimated_area_ratio(scene: Scene, wanted: float, seed: int = 0) -> float | None:
+    """The area ratio of a cam that `wanted` of the trains as built hold, by the search's first program; None where laws
+    are curved, whose forces take longer than an estimate is worth. No motion is run, so it may be too large."""
+    if not is_linear(build_train(scene)):
+        return None
+    plain, z = free_program(scene)
+    cam_speeds = band_speeds(scene, LOW_SPEEDS, HIGH_SPEEDS)
+    source = ExactForces(trains_as_built(scene, TRAINS, seed=seed + DRAWS_SEED), plain.train, plain.cam, cam_speeds)
+    program = OpeningsProgram(plain, source.theta, cam_speeds, source.about(z))
+    limits = FIRST_LEVEL * opening_limits(scene, cam_speeds)
+    return program.largest(z, limits, int((1.0 - wanted) * TRAINS + 1e-9)).area_ratio
 
 
 def _level(area_at: Callable[[float], float], area_ratio: float | None) -> float:

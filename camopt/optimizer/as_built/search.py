@@ -22,10 +22,11 @@ from camopt.optimizer.program.no_jump import NoJumpOptimum
 from camopt.scene.errors import NoCamFound
 from camopt.scene.units import DEG, MM
 
-LEVELS, FIRST_LEVEL, LEVEL_FACTOR, LEAST_LEVEL = "foretold openings", 0.5, 1.7, 0.02
-"""What the history calls the steps; the first limit on foretold openings, as a part of that on the jump, the factor
-from one to the next until it is between two, and the least before zero. Real openings are a half larger at the median
-where several masses give way, and many times as large where one mass does."""
+LEVELS, FIRST_LEVEL, LEVEL_FACTOR, LATER_FACTOR, LEAST_LEVEL = "foretold openings", 0.5, 1.7, 1.2, 0.02
+"""What the history calls the steps; the first limit on foretold openings, as a part of that on the jump, the factors
+from one to the next until it is between two, where fewer trains have found one the smaller, and the least before zero.
+Real openings are a half larger at the median where several masses give way, and many times as large where one mass
+does."""
 NEWTONS, LOWEST_LEVEL = 100.0, -0.8
 """Levels below zero stand for the force that contacts are to keep [N], as parts of the first; the lowest of them."""
 MIDDLE, WORST = 0.2, 10.0
@@ -157,13 +158,21 @@ class YieldSearch:
             self.drawn.draw(count, self._watched()[1])
         self.held.clear()
 
-    def by_level(self, z: np.ndarray, limits: np.ndarray, lost: int, level: float, box: Box | None = None) -> float:
+    def by_level(
+        self,
+        z: np.ndarray,
+        limits: np.ndarray,
+        lost: int,
+        level: float,
+        box: Box | None = None,
+        factor: float = LEVEL_FACTOR,
+    ) -> float:
         """Seeks how many times the `limits` (classes, s) [m] foretold openings may be large, to the largest level whose
         cam holds, and returns it.
 
-        It begins at `level`; the cam of z (m) is the first from which the program takes its rows, and `lost` of its
-        trains are given up. Below zero tied contacts are to keep a force. Raises NoCamFound where not even the lowest
-        has a cam that holds.
+        It begins at `level`, and goes on by a `factor`; the cam of z (m) is the first from which the program takes its
+        rows, and `lost` of its trains are given up. Below zero tied contacts are to keep a force. Raises NoCamFound
+        where not even the lowest has a cam that holds.
         """
         low: Level | None = None
         high: Level | None = None
@@ -180,9 +189,9 @@ class YieldSearch:
             else:
                 high = tried
             if low is None:
-                level = _below(level)
+                level = _below(level, factor)
             elif high is None:
-                level *= LEVEL_FACTOR
+                level *= factor
             elif high.area_ratio - low.area_ratio < NEAR_ENOUGH:
                 return low.level
             else:
@@ -212,8 +221,8 @@ def _between(low: Level, high: Level) -> float:
     return low.level + float(np.clip(part, MIDDLE, 1.0 - MIDDLE)) * (high.level - low.level)
 
 
-def _below(level: float) -> float:
+def _below(level: float, factor: float) -> float:
     """The next level to try after one whose cam too few trains hold."""
     if level > LEAST_LEVEL:
-        return level / LEVEL_FACTOR
+        return level / factor
     return 0.0 if level > 0.0 else min(2 * level, -LEAST_LEVEL * 2)

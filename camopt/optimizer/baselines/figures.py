@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from camopt.cam.design_file import read_design
 from camopt.cam.lift import Lift, lift_table
 from camopt.exact.engine import prepare
 from camopt.exact.settled import settled_metrics
@@ -43,6 +44,8 @@ TABLE_STEP_DEG = 0.1
 DRAWN = ("bounce_mm", "jump_mm")
 HALVINGS = 6
 """Of event-exact's step on the way to the settled motion, as many as a verdict allows by default."""
+IDEAL, AS_DESIGNED = "ideal", "for the train as designed"
+"""Folder of the cam that stands beside one for trains as built, and what its profile is called."""
 UNLAWFUL = " (breaks limits on the cam)"
 """Ending of a name in the figures: what carries it is no cam that these limits allow."""
 
@@ -65,6 +68,8 @@ def draw(
     figures.mkdir(exist_ok=True)
     named = {name: name if _lawful(found[name]) else name + UNLAWFUL for name in cams}
     tables = [(named[name], lift_table(lift, TABLE_STEP_DEG)) for name, lift in cams.items()]
+    if (ideal := folder / IDEAL / "design.json").exists():
+        tables.append((AS_DESIGNED, lift_table(read_design(ideal, scene), TABLE_STEP_DEG)))
     drawn = {"profiles": profiles(tables, design)}
     motions = [
         m for name, lift in cams.items() for m in settled_motions(scene, named[name], lift, found[name], speeds_rpm)

@@ -6,12 +6,14 @@ import shutil
 import numpy as np
 import pytest
 
+from camopt.cam.design_file import read_design
 from camopt.cam.families.polydyne import polydyne
+from camopt.cam.read import read_cam
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.yield_words import ENOUGH, HELD, MISSED, NOT_ASKED, asked_sentence, share_sentence, standing
 from camopt.measure.yields import Looks, UsedLimits
 from camopt.optimizer import candidates
-from camopt.optimizer.as_built import measured, statement
+from camopt.optimizer.as_built import design, ideal, measured, prices, statement
 from camopt.optimizer.as_built.measured import CHUNK
 from camopt.optimizer.as_built.statement import STATED_BY, by_independent_methods, sampled, statement_of_run
 from camopt.optimizer.as_built.track import Track
@@ -80,6 +82,39 @@ def test_terminal_and_page_say_it(job):
     assert '<section class="verdict doubt">' in page and "as built" in page and "No yield was asked for." in page
     assert undocumented(job.folder) == set()
     assert differences(job.folder) == []
+
+
+def test_a_job_estimates_the_cam_that_is_advised(job, tmp_path, monkeypatch):
+    """The first program of the search for a yield says what a cam for 95 % would have, and no more than this one."""
+    monkeypatch.setattr(prices, "TRAINS", 20)
+    run = optimize(SCENE, out=tmp_path / "run", **JOB | {"speeds": "band"})
+    found = json.loads((run.folder / "verification.json").read_text())["yield"]
+    assert found["low"] < 0.95 and found["advised"]["share"] == 0.95
+    at_most = run.lift.area_ratio_in(SCENE.design)
+    assert found["advised"]["area_ratio"] == min(prices.estimated_area_ratio(SCENE, 0.95), at_most)
+    write_report(run.folder)
+    (line,) = (line for line in outcome_lines(read_run_folder(run.folder)) if "estimates an area ratio" in line)
+    assert f"{found['advised']['area_ratio']:.3f}" in line and line in (run.folder / "report.html").read_text()
+    assert "advised" not in json.loads((job.folder / "verification.json").read_text())["yield"]  # nominal speeds alone
+
+
+def test_beside_a_cam_for_a_yield_lies_the_one_for_the_train_as_designed(tmp_path, monkeypatch):
+    monkeypatch.setitem(design.EFFORTS, "draft", design.YieldEffort(10, 20))
+    monkeypatch.setattr(ideal, "TRAINS", 10)
+    run = optimize(SCENE, out=tmp_path / "run", **JOB | {"speeds": "band"}, wanted_yield=0.8)
+    beside = run.folder / "ideal"
+    larger, found = (
+        read_design(beside / "design.json", SCENE),
+        json.loads((run.folder / "verification.json").read_text()),
+    )
+    stated = found["yield"]["ideal"]
+    assert stated["area_ratio"] == pytest.approx(larger.area_ratio_in(SCENE.design), rel=1e-6)
+    assert stated["area_ratio"] > run.record["area_ratio"] and stated["trains"] == 10
+    assert stated["share"] <= found["yield"]["share"]
+    assert read_cam(beside / "lift.csv", SCENE).area == pytest.approx(larger.area, rel=1e-4)
+    assert read_design(run.folder / "design.json", SCENE).area < larger.area  # what is ground is the other one
+    assert any("lies in ideal/" in line for line in outcome_lines(read_run_folder(run.folder)))
+    assert "for the train as designed" in (run.folder / "figures" / "profiles.svg").read_text()
 
 
 def test_an_interrupted_statement_leaves_a_whole_run_and_goes_on(job, tmp_path, monkeypatch, judged):

@@ -1,0 +1,32 @@
+"""Many trains in one program: the small size runs, and the stored table says where it was made."""
+
+import json
+
+import pytest
+
+from experiments import batch_scaling
+
+
+def test_small_size(tmp_path):
+    content = batch_scaling.main("small", tmp_path)
+    assert [row["trains"] for row in content["rows"]] == [1, 4, 1, 4]
+    assert all(
+        row["motion_ms"] > 0.01 and row["gradient_processor_ms"] > row["motion_processor_ms"] for row in content["rows"]
+    )
+    assert 0.0 < content["float32_error_N"] < 100.0  # of forces of a thousand newtons
+
+
+def test_the_stored_result():
+    content = json.loads((batch_scaling.RESULTS / "batch_scaling.json").read_text())
+    rows = {(row["precision"], row["trains"]): row for row in content["rows"]}
+    assert set(rows) == {(p, n) for p in batch_scaling.PRECISIONS for n in batch_scaling.COUNTS["full"]}
+    assert content["device"] == "cpu"  # the page says that no accelerator was at hand
+    assert rows["float64", 64]["motion_processor_ms"] < 0.8 * rows["float64", 1]["motion_processor_ms"]  # a batch pays
+
+
+@pytest.mark.parametrize("seconds", [0.01])
+def test_the_least_time_is_that_of_the_call(seconds):
+    import time
+
+    found = batch_scaling.least(time.sleep, seconds)
+    assert seconds <= found["ms"] and found["processor_ms"] < seconds  # it sleeps
