@@ -25,7 +25,7 @@ from camopt.exact.settled.figures import NAMES
 from camopt.exact.settled.lift_pieces import WIDTH, LiftKey, compress_lift
 from camopt.scene import settled
 from camopt.scene.errors import InputError
-from camopt.scene.quantities import LESS_IS_WORSE
+from camopt.scene.settled import SettledMetrics
 from camopt.scene.train import Forcing, Train
 from camopt.scene.vibration import slowest_rate
 
@@ -46,36 +46,6 @@ multiply it (`experiments/drawn_trains.py`)."""
 PARTS = 4
 """Parts per thread into which the motions of one train are cut."""
 _BUFFER = TraceBuffer()
-
-
-@dataclass(frozen=True, repr=False)
-class SettledMetrics:
-    """Metrics of settled motions by train (t), cam (c) and speed (s), in the units of their names.
-
-    `lowest` and `highest` are over the measured revolutions, four of a periodic motion and eight of another one; they
-    are NaN where the valve did not seat in one of them, and where the motion is refused.
-    """
-
-    cam_speeds: np.ndarray  # (s) rad/s
-    lowest: dict[str, np.ndarray]  # (t, c, s)
-    highest: dict[str, np.ndarray]  # (t, c, s)
-    periodic: np.ndarray  # (t, c, s) bool
-    refused: np.ndarray  # (t, c, s) bool: endless switching, or a motion without bound
-    revolutions: np.ndarray  # (t, c, s) run before the measured ones
-    states: np.ndarray  # (t, c, s, 2n + r) after the measured ones [m], [m/s], [m]; NaN where refused
-
-    @property
-    def errors(self) -> dict[str, float]:
-        """`ERRORS`, which hold for a periodic motion whose contacts keep."""
-        return ERRORS
-
-    def worst(self, name: str) -> np.ndarray:
-        """The worst of the measured revolutions (t, c, s)."""
-        return (self.lowest if name in LESS_IS_WORSE else self.highest)[name]
-
-    def __repr__(self) -> str:
-        t, c, s = self.periodic.shape
-        return f"SettledMetrics({t} trains, {c} cams, {s} speeds, {int(self.periodic.sum())} of them periodic)"
 
 
 def settled_metrics(
@@ -155,7 +125,7 @@ def _nothing(t: int, c: int, speeds: np.ndarray, width: int) -> SettledMetrics:
     shape = t, c, len(speeds)
     low, high = ({name: np.empty(shape) for name in NAMES} for _ in range(2))
     flags = np.zeros(shape, bool), np.zeros(shape, bool), np.zeros(shape, int)
-    return SettledMetrics(speeds, low, high, *flags, np.empty((*shape, width)))
+    return SettledMetrics(speeds, low, high, *flags, np.empty((*shape, width)), ERRORS)
 
 
 def _cams(lifts: Sequence[Lift], forcing: tuple[Forcing, ...]) -> stages.Cams:
