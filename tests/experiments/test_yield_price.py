@@ -40,7 +40,7 @@ def test_narrower_tolerances_give_larger_cams_and_fresh_trains_bear_them_out():
 
 
 def test_prices_agree_with_searches_that_leave_a_tolerance_out():
-    """Within three standard errors of the price and what two drafts scatter by: each lets 3 of 400 unseen trains fail, a
+    """Within three standard errors of the price and what two drafts scatter by: each lets 3 of 400 trains fail, a
     count that scatters by 58 %, and an e-fold of failing trains is worth 0.008 of area ratio: 0.0046 each."""
     content = json.loads((yield_price.RESULTS / "yield_price.json").read_text())
     rows, prices = content["rows"], content["prices"]
