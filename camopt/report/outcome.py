@@ -148,12 +148,13 @@ def gain_sentences(run: RunFolder) -> list[str]:
     back = d.get("verdict_fell_back")
     judged, refused = (back.get(k) for k in BACK) if isinstance(back, dict) else (None, None)
     if is_number(refused) and is_number(judged):
-        confirmed = run.verdict == "confirmed"
-        outcome = "the last of them is delivered" if confirmed else "it confirmed none of them"
-        sentences.append(
-            f"The verdict judged {shown(judged)} cams of the search, the largest first, and {outcome}; the largest "
-            f"that it refused has an area ratio of {shown(refused, 5)}."
-        )
+        largest = f"an area ratio of {shown(refused, 5)}"
+        if run.verdict == "confirmed":
+            outcome = f"the last of them is delivered; the largest that was rejected has {largest}"
+        else:
+            why = f", because they break limits such as {broken[0]}" if (broken := broken_limits(run)) else ""
+            outcome = f"all were rejected{why}; the largest has {largest}"
+        sentences.append(f"The {shown(judged)} largest cams of the search were verified, and {outcome}.")
     return sentences
 
 
