@@ -52,8 +52,7 @@ def bounce_against_speed(
 ) -> Figure:
     """Draws bounce and jump against speed with their limits; the band is shaded, the `speeds_rpm` judged are marked."""
     figure = new_figure(7.6, 5.8)
-    rows = figure.subplots(2, 1, sharex=True)
-    lines = cam_lines(s.cam for s in sweeps)
+    rows, lines = figure.subplots(2, 1, sharex=True), cam_lines(s.cam for s in sweeps)
     for axes, key in zip(rows, ("bounce_mm", "jump_mm"), strict=True):
         quantity = QUANTITIES[key]
         limit = getattr(design, quantity.limit or "", None)

@@ -92,8 +92,7 @@ def family_of(cam: str) -> str:
 
 def lines() -> dict[str, tuple[str, Any]]:
     """Colour and dashes of the design and of every family whose record has them."""
-    by_name = {name: line_of(name) for name in (DESIGN, *FAMILIES)}
-    return {name: line for name, line in by_name.items() if line is not None}
+    return {name: line for name in (DESIGN, *FAMILIES) if (line := line_of(name)) is not None}
 
 
 def line_of(family: str) -> tuple[str, Any] | None:
