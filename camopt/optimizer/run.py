@@ -19,7 +19,6 @@ from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.candidates import Families, KnownCam, largest_confirmed
 from camopt.optimizer.first_run import SAYING, compile_programs, programs_missing
 from camopt.optimizer.free_numbers import free_numbers, with_best_values
-from camopt.optimizer.outcome import Run
 from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_worth
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.progress import Progress
@@ -41,6 +40,37 @@ if TYPE_CHECKING:
 PACKAGES = ("camopt", "jax", "diffrax", "optax", "numpy", "scipy", "highspy", "numba", "matplotlib")
 SPEEDS = ("band", "nominal")
 GRADIENTS = ("auto", "smooth", "exact", "none")
+SHOWN = ("area_ratio", "area_ratio_bound", "area_gap_percent", "area_ratio_no_jump", "gradient_gain")
+"""Figures of the record that a notebook shows above the verdict."""
+
+
+@dataclass(frozen=True, repr=False)
+class Run:
+    """The outcome of an optimisation: where it lies, the cam, its verdict, and the figures of `design.json`."""
+
+    folder: Path
+    lift: Lift
+    verdict: Verdict
+    record: dict
+    exit_code: int  # 0 confirmed, 3 not
+    as_built: "YieldStatement | None" = None  # what drawn trains say; None where the scene says not how they differ
+
+    def __repr__(self) -> str:
+        built = "" if self.as_built is None else f", {self.as_built.share} of trains as built"
+        return f"Run({self.verdict.verdict}, area ratio {self.record['area_ratio']:.5f}{built}, {self.folder})"
+
+    def plot(self):
+        """Bounce and jump against speed as a matplotlib Figure."""
+        return self.verdict.plot()
+
+    def _repr_html_(self) -> str:
+        from pandas import DataFrame
+
+        rows = {name.replace("_", " "): self.record[name] for name in SHOWN} | {"run folder": str(self.folder)}
+        table = DataFrame([rows.keys(), rows.values()]).T
+        shown = table.to_html(index=False, header=False, float_format="{:.5f}".format)
+        built = "" if self.as_built is None else f"<p>{self.as_built._repr_html_()}</p>"
+        return shown + built + self.verdict._repr_html_()
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # the matrices are small, and the judge has threads of its own
