@@ -56,9 +56,9 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr_
     from camopt.optimizer.ascent.projection import nearest_free_cam
     from camopt.optimizer.baselines.comparison import compare
     from camopt.optimizer.bound.summary import area_bound
+    from camopt.optimizer.program.chosen_duration import load_scene
     from camopt.optimizer.program.differentiable import linear_program
     from camopt.optimizer.run import optimize
-    from camopt.scene import load_scene
     from camopt.smooth.families import differentiable
     from camopt.study.camshaft import camshaft_torque
     from camopt.study.fronts import joint_spring, pareto
@@ -118,7 +118,7 @@ __all__ = [
 _PUBLIC = {
     "optimize": "camopt.optimizer.run",
     "verify": "camopt.verifier.accuracy",
-    "load_scene": "camopt.scene",
+    "load_scene": "camopt.optimizer.program.chosen_duration",
     "polydyne": "camopt.cam.families.polydyne",
     "multi_pol": "camopt.cam.families.multi_pol",
     "new_design": "camopt.cam.families.new_design",

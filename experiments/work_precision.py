@@ -20,8 +20,8 @@ from camopt.scene import build_train, load_scene
 from camopt.scene.response import end_state
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import MM
-from camopt.study.tradeoff.dormand_prince import dormand_prince, problem, right_hand_side
 from camopt.verifier.methods import METHOD_NAMES, houbolt, rkg, tmm
+from experiments.support.dormand_prince import dormand_prince, problem, right_hand_side
 from experiments.support.record import RESULTS, run_script, write_result
 from experiments.support.work_precision_parts import (
     band_seconds,

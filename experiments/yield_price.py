@@ -21,8 +21,8 @@ from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import motion_limits
 from camopt.measure.yields import share_of
 from camopt.optimizer.as_built.design import EFFORTS, YieldEffort, yield_search
+from camopt.optimizer.as_built.measured import track
 from camopt.optimizer.as_built.statement import yield_statement
-from camopt.optimizer.as_built.track import track
 from camopt.optimizer.baselines.family_spaces import family_space
 from camopt.optimizer.baselines.largest_member import MemberLimits, MemberMotion, member_within
 from camopt.optimizer.stage_clock import StageClock

@@ -27,7 +27,7 @@ MAY_IMPORT = {
     "exact": {"cam", "programs"} | SUPPORT,
     "verifier": {"cam", "measure", "programs"} | SUPPORT,
     "optimizer": {"highs", "cam", "measure", "smooth", "exact", "verifier", "programs"} | SUPPORT,
-    "tasks": {"cam", "scene", "storage"},
+    "tasks": {"cam", "optimizer", "scene", "storage"},
     "study": {"cam", "measure", "smooth", "exact", "verifier", "optimizer", "programs", "tasks"} | SUPPORT,
     "report": {"cache", "cam", "measure", "smooth", "exact", "verifier", "optimizer", "study"} | SUPPORT,
     "designer": {"highs", "cam", "measure", "exact", "verifier", "optimizer", "report"} | SUPPORT,
@@ -41,10 +41,9 @@ UPWARD = {
     VERDICT: {"exact"},
     "cam/lift.py": {"plots"},
     "tasks/compute.py": {"study"},
-    "scene/load.py": {"optimizer"},
 }
-"""The four files that may import a layer above their own: the verdict, a lift law, which can draw itself, what computes
-a task, which loads its verb, and the reading of a scene that leaves its duration to camopt."""
+"""The three files that may import a layer above their own: the verdict, a lift law, which can draw itself, and what
+computes a task, which loads its verb."""
 
 
 def modules() -> list[Path]:

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from camopt.scene import InputError, Scene, load_scene
+from camopt.optimizer.program.chosen_duration import load_scene
+from camopt.scene import InputError, Scene
 from camopt.scene.notes import scene_notes, speed_notes
 from camopt.scene.text_file import excerpt
 from camopt.storage import check_run_folder, default_run_folder, write_json

@@ -32,7 +32,8 @@ from camopt.cli.studies import sweep as sweep
 from camopt.cli.studies import tradeoff as tradeoff
 from camopt.cli.studies import what_if as what_if
 from camopt.cli.studies import yield_ as yield_
-from camopt.scene import InputError, Scene, build_train, load_scene
+from camopt.optimizer.program.chosen_duration import load_scene
+from camopt.scene import InputError, Scene, build_train
 from camopt.storage import write_csv, write_csv_rows, write_json
 
 if TYPE_CHECKING:

@@ -1,12 +1,12 @@
 """Reading scene files: every fault is reported at once, with file and key; files are untrusted."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
-from importlib import import_module, resources
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from camopt.scene.design import FROM_DURATION_AT
+from camopt.scene.design import FROM_DURATION_AT, Design
 from camopt.scene.errors import InputError
 from camopt.scene.faults import checked
 from camopt.scene.parameters import TABLES, no_such_number, settable, with_numbers
@@ -44,27 +44,46 @@ def scene_text(source: str | Path) -> str:
     return read_text(path, MAX_FILE_BYTES, "scene file")
 
 
-def load_scene(source: str | Path, need: tuple[str, ...] = ()) -> Scene:
+def no_duration(design: Design) -> float:
+    """Refuses to choose the duration that a design leaves open, which takes a linear program."""
+    raise InputError(
+        f'design.duration_deg: "{FROM_DURATION_AT}" is chosen by the command line and by camopt.load_scene: read the '
+        "scene there, or give a number"
+    )
+
+
+def load_scene(
+    source: str | Path, need: tuple[str, ...] = (), duration_of: Callable[[Design], float] = no_duration
+) -> Scene:
     """The scene of a built-in name or TOML file, fully checked.
 
     `need` names optional parts that the caller cannot do without, out of "valve", "seat", "operation", "design",
-    "geometry". Numbers keep the units of their keys (`_mm`, `_deg`, `_rpm`). Raises InputError with one line per fault.
+    "geometry". Numbers keep the units of their keys (`_mm`, `_deg`, `_rpm`). `duration_of` gives the duration_deg of a
+    design that leaves it to its duration_at. Raises InputError with one line per fault.
     """
-    return parse_scene(scene_text(source), str(source), need)
+    return parse_scene(scene_text(source), str(source), need, duration_of)
 
 
-def parse_scene(text: str, where: str, need: tuple[str, ...] = ()) -> Scene:
-    """The scene of a TOML text; `where` names its source in the messages. `need` and errors are as for `load_scene`."""
+def parse_scene(
+    text: str, where: str, need: tuple[str, ...] = (), duration_of: Callable[[Design], float] = no_duration
+) -> Scene:
+    """The scene of a TOML text; `where` names its source in the messages. All else is as for `load_scene`."""
     data: dict[str, Any] = {key: _tuples(value) for key, value in toml_data(text, where).items()}
     design = data.get("design")
     design = design if isinstance(design, dict) else {}
     left_open = design.get("duration_deg") == FROM_DURATION_AT
     if left_open:
-        data["design"] = design | {"duration_deg": _standing_in(design.get("duration_at"))}
+        data["design"] = design | {"duration_deg": _provisional_duration(design.get("duration_at"))}
     scene, faults = checked(data, need)
     if scene is None or faults:
         raise InputError("\n".join(f"{where}: {fault}" for fault in faults))
-    return _with_its_duration(scene, where) if left_open else scene
+    if not left_open:
+        return scene
+    assert scene.design is not None, "its duration_deg was given"
+    try:
+        return scene.model_copy(update={"design": scene.design.of_duration(duration_of(scene.design))})
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
 
 
 def checked_scene(scene: Scene, where: str, need: tuple[str, ...] = ()) -> Scene:
@@ -89,22 +108,11 @@ def scene_with(scene: Scene, numbers: Mapping[str, float], asked_by: str = "set"
     return checked_scene(changed, f"scene {scene.name} with {said}", need) if numbers else scene
 
 
-def _standing_in(rows: Any) -> float:
+def _provisional_duration(rows: Any) -> float:
     """A duration [deg] with which the rest of a scene can be checked before its own is chosen."""
-    given = rows if isinstance(rows, tuple) else ()
-    least = [row[1] for row in given if isinstance(row, tuple) and len(row) == 3 and isinstance(row[1], int | float)]
+    windows = rows if isinstance(rows, tuple) else ()
+    least = [row[1] for row in windows if isinstance(row, tuple) and len(row) == 3 and isinstance(row[1], int | float)]
     return min(1.1 * (max(least, default=0.0) or 130.0), 290.0)
-
-
-def _with_its_duration(scene: Scene, where: str) -> Scene:
-    """The scene with the duration that its duration_at needs."""
-    programs = import_module("camopt.optimizer.program.chosen_duration")  # which no other scene needs
-    assert scene.design is not None, "its duration_deg was given"
-    try:
-        chosen = programs.chosen_duration_deg(scene.design)
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
-    return scene.model_copy(update={"design": scene.design.of_duration(chosen)})
 
 
 def _tuples(value: Any) -> Any:

@@ -15,7 +15,8 @@ from camopt.cam.design_file import design_record
 from camopt.cam.families.registry import FAMILIES
 from camopt.cam.lift import Lift
 from camopt.cam.read import read_cam
-from camopt.scene import Scene, builtin_scenes, load_scene, scene_text
+from camopt.optimizer.program.chosen_duration import chosen_duration_deg, load_scene
+from camopt.scene import Scene, builtin_scenes, scene_text
 from camopt.scene.errors import InputError
 from camopt.scene.load import parse_scene
 from camopt.scene.table import Positive, Table
@@ -227,7 +228,9 @@ def _record_text(lift: SameLift) -> str:
 @lru_cache(maxsize=64)
 def scene_of_text(text: str) -> Scene:
     """The scene of a built-in name or a TOML text."""
-    return parse_scene(text, "the task's scene", NEEDED) if "\n" in text else load_scene(text, NEEDED)
+    if "\n" in text:
+        return parse_scene(text, "the task's scene", NEEDED, chosen_duration_deg)
+    return load_scene(text, NEEDED)
 
 
 def _digest(text: str) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from camopt.study.tradeoff.dormand_prince import DENSE, ERROR, A, dormand_prince, right_hand_side
+from experiments.support.dormand_prince import DENSE, ERROR, A, dormand_prince, right_hand_side
 from experiments.support.work_precision_parts import fastest_rows, ratios
 from experiments.work_precision import Case, main
 

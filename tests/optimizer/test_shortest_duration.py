@@ -2,9 +2,10 @@
 
 import pytest
 
+import camopt
 from camopt.cam.families.free import free_cam
 from camopt.highs import Infeasible
-from camopt.optimizer.program.chosen_duration import ROOM
+from camopt.optimizer.program.chosen_duration import ROOM, chosen_duration_deg
 from camopt.optimizer.program.kinematic import (
     DURATION_STEP_DEG,
     TRIED_KNOT_DEG,
@@ -16,6 +17,7 @@ from camopt.optimizer.program.program_cam import program_cam
 from camopt.scene import InputError, load_scene, parse_scene, scene_text
 from camopt.scene.notes import scene_notes
 from camopt.scene.units import MM
+from camopt.tasks.task import scene_of_text
 
 TEXT = scene_text("motori-1")
 GIVEN = "duration_deg = 144"
@@ -28,7 +30,7 @@ def left_open(rows: str = ROWS, text: str = TEXT) -> str:
 
 
 def test_a_tenth_of_a_degree_less_has_no_cam():
-    design = parse_scene(left_open(), "left open").design
+    design = parse_scene(left_open(), "left open", (), chosen_duration_deg).design
     shortest = shortest_duration_deg(design)
     assert shortest > 118.0
     for less, has_one in ((0.0, True), (DURATION_STEP_DEG, False)):
@@ -41,7 +43,7 @@ def test_a_tenth_of_a_degree_less_has_no_cam():
 
 
 def test_the_chosen_duration_is_said_and_its_cam_is_open_so_long():
-    scene = parse_scene(left_open(), "left open")
+    scene = parse_scene(left_open(), "left open", (), chosen_duration_deg)
     design = scene.design
     assert design.duration_deg == pytest.approx((1 + ROOM) * shortest_duration_deg(design), abs=DURATION_STEP_DEG)
     said = scene_notes(scene)[0]
@@ -67,8 +69,21 @@ def test_a_duration_that_is_given_is_not_called_chosen():
 )
 def test_a_scene_that_leaves_its_duration_open_in_vain_is_refused(rows, says):
     with pytest.raises(InputError, match=says) as error:
-        parse_scene(left_open(rows), "left open")
+        parse_scene(left_open(rows), "left open", (), chosen_duration_deg)
     assert len(str(error.value).splitlines()) == 1
+
+
+def test_what_reads_no_open_duration_says_where_it_is_read():
+    with pytest.raises(
+        InputError, match=r"left open: design\.duration_deg: .*chosen by the command line and by camopt"
+    ):
+        parse_scene(left_open(), "left open")
+
+
+def test_a_file_that_leaves_its_duration_open_is_read(tmp_path):
+    (tmp_path / "open.toml").write_text(left_open(), encoding="utf-8")
+    design = camopt.load_scene(tmp_path / "open.toml").design
+    assert design.duration_chosen and scene_of_text(left_open()).design == design
 
 
 def test_a_word_that_is_no_duration_is_refused_by_the_schema():
@@ -77,7 +92,7 @@ def test_a_word_that_is_no_duration_is_refused_by_the_schema():
 
 
 def test_a_conflict_with_a_duration_names_the_one_that_is_long_enough():
-    design = parse_scene(left_open(), "left open").design
+    design = parse_scene(left_open(), "left open", (), chosen_duration_deg).design
     short = design.model_copy(update={"duration_deg": 119.0})
     with pytest.raises(InputError, match=f"lengthen duration_deg to at least {shortest_duration_deg(short):g}") as said:
         kinematic_optimum(short, program_cam(short, 3.0))

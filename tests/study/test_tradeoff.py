@@ -79,7 +79,7 @@ class TestRun:
     def test_errors_and_times_are_sane(self, small):
         lifts = {r["method"]: r for r in table(small) if r["error_of"] == "lift_mm" and r["case"].startswith("rev")}
         assert float(lifts["event-exact"]["error"]) < 1e-6
-        for method in ("Runge-Kutta-Gill", "transition matrix", "Houbolt", "SciPy LSODA"):
+        for method in ("Runge-Kutta-Gill", "transition matrix", "Houbolt"):
             assert 1e-6 < float(lifts[method]["error"]) < 5e-3  # they step over no contact: those of this cam hold
         assert all(1e-6 < float(r["seconds"]) < 60 for r in table(small))
         (finest,) = (r for r in table(small) if (r["case"], r["method"]) == ("job: band step", REFERENCE))

@@ -73,12 +73,12 @@ def settled_metrics(
     """
     speeds = np.asarray(cam_speeds, dtype=float)
     cams = {forcing: _cams(lifts, forcing) for forcing in {train.forcing for train in trains}}
-    found = _nothing(len(trains), len(lifts), speeds, trains[0].state_size)
-    begin = None if starts is None else np.broadcast_to(starts, found.states.shape)
+    metrics = _nothing(len(trains), len(lifts), speeds, trains[0].state_size)
+    begin = None if starts is None else np.broadcast_to(starts, metrics.states.shape)
 
     def one_job(job: Job) -> None:
         _run(job, cams[trains[job.t].forcing], (measured, aperiodic))
-        job.write(found)
+        job.write(metrics)
 
     def one_train(t: int) -> list[Job]:
         start = None if begin is None else begin[t]
@@ -92,13 +92,13 @@ def settled_metrics(
     if workers == 1:  # without the price of threads, which is that of a few motions
         for t in range(len(trains)):
             all_of(t)
-        return found
+        return metrics
     with ThreadPoolExecutor(workers) as pool:
         if len(trains) >= workers:
             list(pool.map(all_of, range(len(trains))))
         else:
             list(pool.map(one_job, [job for t in range(len(trains)) for job in one_train(t)]))
-    return found
+    return metrics
 
 
 @dataclass(frozen=True)
@@ -111,17 +111,17 @@ class Job:
     speed: np.ndarray
     motions: stages.SettlingMotions
 
-    def write(self, found: SettledMetrics) -> None:
-        """Puts what was found of the motions in its place."""
+    def write(self, metrics: SettledMetrics) -> None:
+        """Writes the results of these motions to their places in `metrics`."""
         at, m = (self.t, self.cam, self.speed), self.motions
         for i, name in enumerate(NAMES):
-            found.lowest[name][at], found.highest[name][at] = m.lowest[:, i], m.highest[:, i]
-        found.periodic[at], found.refused[at] = m.stage == stages.PERIODIC, m.stage == stages.REFUSED
-        found.revolutions[at], found.states[at] = m.revolutions, m.state
+            metrics.lowest[name][at], metrics.highest[name][at] = m.lowest[:, i], m.highest[:, i]
+        metrics.periodic[at], metrics.refused[at] = m.stage == stages.PERIODIC, m.stage == stages.REFUSED
+        metrics.revolutions[at], metrics.states[at] = m.revolutions, m.state
 
 
 def _nothing(t: int, c: int, speeds: np.ndarray, width: int) -> SettledMetrics:
-    """Room for what is found."""
+    """Metrics without values."""
     shape = t, c, len(speeds)
     low, high = ({name: np.empty(shape) for name in NAMES} for _ in range(2))
     flags = np.zeros(shape, bool), np.zeros(shape, bool), np.zeros(shape, int)

@@ -1,16 +1,28 @@
-"""The duration between the ramps of a scene that states the duration at a lift alone.
+"""Reading a scene that may leave its duration to camopt: the duration between the ramps, from that at a lift alone.
 
 An engineer's figure is often "250 crank degrees at 1 mm", and the duration between the ramp tops follows from it, from
 the ramps and from the limits on the shape.
 """
 
-from camopt.optimizer.program.kinematic import DURATION_STEP_DEG, longest_duration_deg, shortest_duration_deg
+from pathlib import Path
+
+from camopt.scene import load
 from camopt.scene.design import FROM_DURATION_AT, Design
 from camopt.scene.errors import InputError
+from camopt.scene.schema import Scene
 
 ROOM = 0.02
 """Share by which a chosen duration exceeds the shortest one: there the flanks are given by their limits alone, and the
 search for what the valve train can follow has no room."""
+
+
+def load_scene(source: str | Path, need: tuple[str, ...] = ()) -> Scene:
+    """The scene of a built-in name or TOML file, fully checked; one that leaves its duration open gets one.
+
+    `need` names optional parts that the caller cannot do without, out of "valve", "seat", "operation", "design",
+    "geometry". Numbers keep the units of their keys (`_mm`, `_deg`, `_rpm`). Raises InputError with one line per fault.
+    """
+    return load.load_scene(source, need, chosen_duration_deg)
 
 
 def chosen_duration_deg(design: Design) -> float:
@@ -18,6 +30,8 @@ def chosen_duration_deg(design: Design) -> float:
 
     Raises InputError where no duration will do, and where `duration_at` asks for no least duration.
     """
+    from camopt.optimizer.program.kinematic import DURATION_STEP_DEG, longest_duration_deg, shortest_duration_deg
+
     if not any(least for _, least, _ in design.duration_at):
         raise InputError(
             f'design.duration_deg: "{FROM_DURATION_AT}" needs duration_at with a least duration, '

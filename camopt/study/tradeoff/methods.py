@@ -1,44 +1,27 @@
-"""Work-precision of every method on one revolution, alone and side by side, with its peers (for `camopt tradeoff`).
+"""Work-precision of every method on one revolution, alone and side by side (for `camopt tradeoff`).
 
-Error is that of the first revolution from rest at the lowest and the highest listed speed; time
-is processor time per revolution. Compilation and tables are in `setup_seconds`.
+Error is that of the first revolution from rest at the lowest and the highest listed speed; time is processor time per
+revolution. Compilation and tables are in `setup_seconds`. `experiments.work_precision` has general solvers beside them.
 """
 
 from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from camopt.cam.lift import Lift
-from camopt.scene import Response, Scene, Train
-from camopt.scene.standing_in import is_linear
+from camopt.scene import Scene
 from camopt.scene.vibration import highest_rate
 from camopt.study.tradeoff.case import RevolutionCase, valve_lift
-from camopt.study.tradeoff.dormand_prince import dormand_prince, problem, right_hand_side
 from camopt.study.tradeoff.measurement import REFERENCE, Measurement, timed
 from camopt.verifier.methods import METHOD_NAMES, dop853, houbolt, rkg, tmm
 
-try:
-    from sksundae.cvode import CVODE  # pyright: ignore[reportMissingImports]  # an extra, "peers"
-except ImportError:
-    CVODE = None
-
-PEER_ANGLES = 3600
-"""Angles per revolution at which a peer reports its state; what its seating velocity is off by is mostly theirs."""
 PHASES = {"small": (0.3,), "full": (0.6, 0.3, 0.1, 0.03)}
 """Step times highest rate [rad] of the fixed-step methods."""
 EVENT_STEPS = {"small": (720,), "full": (360, 1440, 5760)}
 CHORDS = {"small": (16,), "full": (8, 16, 32, 64, 128)}
 """Chords under each curved law, with which event-exact takes it."""
 REFERENCE_STEPS = 20_000
-TOLERANCES = {
-    "Dormand-Prince, compiled": (1e-4, 1e-6, 1e-8, 1e-10),
-    "SciPy LSODA": (1e-4, 1e-6, 1e-9),
-    "SciPy DOP853": (1e-4, 1e-6, 1e-9),
-    "SciPy Radau": (1e-3, 1e-5),
-    "CVODE Adams": (1e-4, 1e-6, 1e-9),
-}
 SIDE_BY_SIDE = 16
 
 
@@ -49,7 +32,7 @@ def method_work(scene: Scene, cam: Lift, size: str) -> list[Measurement]:
     cases = [RevolutionCase(scene, cam, s) for s in sorted({min(speeds), max(speeds)})]
     work: list[Measurement] = []
     for case in cases[-1:] if size == "small" else cases:
-        work += [*_reference(case), *fixed_steps(case, size), *_peers(case, size)]
+        work += [*_reference(case), *fixed_steps(case, size)]
         if size == "full":
             from camopt.study.tradeoff.smooth_path import smooth_work
 
@@ -130,56 +113,6 @@ def fixed_steps(case: RevolutionCase, size: str) -> list[Measurement]:
 def _timed_gradient(case: RevolutionCase) -> dict:
     times, gradient = timed(lambda: exact_gradient(case))
     return {**times, "figures": {"gradient": gradient}}
-
-
-def _peers(case: RevolutionCase, size: str) -> list[Measurement]:
-    """What a user would take instead, on one compiled right-hand side."""
-    if not is_linear(case.train):
-        return []
-    return [
-        Measurement(case.name, name, f"rtol {rtol:g}", lambda n=name, r=rtol: case.measured(lambda: peer(case, n, r)))
-        for name, tolerances in TOLERANCES.items()
-        for rtol in (tolerances if size == "full" else tolerances[:1])
-        if (CVODE is not None or name != "CVODE Adams") and (size == "full" or name != "SciPy Radau")
-    ]
-
-
-def peer(case: RevolutionCase, name: str, rtol: float) -> Response:
-    """Two revolutions by a general solver. Raises RuntimeError where it gives up."""
-    arrays, derivative = problem(case.train, case.cam, case.cam_speed), np.empty(len(case.rest))
-    times = np.linspace(0.0, 4 * np.pi / case.cam_speed, 2 * PEER_ANGLES + 1)
-    longest = times[-1] / 400  # from rest the step grows without bound and leaps over the whole event
-
-    def slope(t, y):
-        right_hand_side(t, y, derivative, arrays)
-        return derivative.copy()
-
-    def in_place(t, y, out):
-        right_hand_side(t, np.asarray(y), derivative, arrays)
-        out[:] = derivative
-
-    if name.startswith("Dormand"):
-        states, _ = dormand_prince(case.rest, times, rtol, rtol * 1e-3, arrays)
-    elif name.startswith("CVODE"):
-        assert CVODE is not None
-        solver = CVODE(in_place, method="Adams", rtol=rtol, atol=rtol * 1e-3, max_num_steps=10**7, max_step=longest)
-        states = solver.solve(times, case.rest).y
-    else:
-        method, atol = name.removeprefix("SciPy "), rtol * 1e-3
-        done = solve_ivp(slope, (0.0, times[-1]), case.rest, method, times, rtol=rtol, atol=atol, max_step=longest)
-        if not done.success:
-            raise RuntimeError(done.message)
-        states = done.y.T
-    return _response(case.train, case.cam, case.cam_speed, times, states)
-
-
-def _response(train: Train, cam: Lift, cam_speed: float, times: np.ndarray, states: np.ndarray) -> Response:
-    """A record without forces, which none of FIGURES reads."""
-    angle, n = times * cam_speed - np.pi, len(train.mass)
-    cam_lift = cam((angle + np.pi) % (2 * np.pi) - np.pi)
-    return Response(
-        train, cam_speed, angle, cam_lift, states[:, :n], states[:, n:], np.zeros((len(times), len(train.a)))
-    )
 
 
 def _side_by_side(case: RevolutionCase, size: str) -> list[Measurement]:

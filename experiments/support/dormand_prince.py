@@ -1,4 +1,4 @@
-"""What a user would take instead of camopt's methods: a compiled adaptive Dormand-Prince 5(4).
+"""A general solver to compare the methods with: a compiled adaptive Dormand-Prince 5(4).
 
 It integrates the non-smooth equations, as a compiled right-hand side. No event is located; the step control has to cope
 with the switchings.
