@@ -189,17 +189,17 @@ def sources(file: Path) -> list[Path]:
 
 def kept(folder: str) -> bool | None:
     """Whether any program of a folder of `TOGETHER` is kept for its sources; None where there is no cache folder."""
-    found = _folder(PACKAGE / folder / "__init__.py")
-    return None if found is None else any(found.glob("*.nbi"))
+    kept_in = _folder(PACKAGE / folder / "__init__.py")
+    return None if kept_in is None else any(kept_in.glob("*.nbi"))
 
 
 @cache
 def digest(file: Path) -> str:
     """SHA-256 of the sources of a file's programs, of their names, and of how they are compiled."""
-    found = sha256(repr(OPTIONS).encode())
+    hashed = sha256(repr(OPTIONS).encode())
     for path in sources(file):
-        found.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
-    return found.hexdigest()
+        hashed.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return hashed.hexdigest()
 
 
 @cache

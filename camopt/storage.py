@@ -259,37 +259,37 @@ def _same_run(folder: Path, identity: dict) -> None:
     started = _read_run(folder)
     if started is None:
         raise InputError(f"{folder}: there is no {RUN_FILE}, so nothing says what to go on with: give another --out")
-    for key, asked in identity.items():
-        known = started.get(key)
-        if known == asked:
+    for key, now in identity.items():
+        stored = started.get(key)
+        if stored == now:
             continue
         differ = "differ" if key == "settings" else "differs"
         raise InputError(
             f"{folder}: belongs to another run, and nothing in it was changed: its {key} {differ}"
-            f"{_difference(known, asked)}; --resume with what it was begun with, or give another --out"
+            f"{_difference(stored, now)}; --resume with what it was begun with, or give another --out"
         )
 
 
-def _difference(known: Any, asked: Any) -> str:
+def _difference(stored: Any, now: Any) -> str:
     """What differs, in brackets: names of a run's settings or scenes with their values where these are short."""
-    if not isinstance(known, dict) or not isinstance(asked, dict):
-        return f" ({known} there, {asked} now)"
-    parts = []
-    for name in {**known, **asked}:
-        there, now = known.get(name), asked.get(name)
-        if there != now:
-            long = isinstance(there, dict) or isinstance(now, dict)
-            parts.append(str(name) if long else f"{name}: {there} there, {now} now")
-    return f" ({'; '.join(parts)})"
+    if not isinstance(stored, dict) or not isinstance(now, dict):
+        return f" ({stored} there, {now} now)"
+    differences = []
+    for name in {**stored, **now}:
+        before, after = stored.get(name), now.get(name)
+        if before != after:
+            long = isinstance(before, dict) or isinstance(after, dict)
+            differences.append(str(name) if long else f"{name}: {before} there, {after} now")
+    return f" ({'; '.join(differences)})"
 
 
 def _read_run(folder: Path) -> dict | None:
     """What a folder says of the run that began it; None where it says nothing that can be read."""
     try:
-        found = json.loads((folder / RUN_FILE).read_text(encoding="utf-8"))
+        record = json.loads((folder / RUN_FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         return None
-    return found if isinstance(found, dict) else None
+    return record if isinstance(record, dict) else None
 
 
 def create_run_folder(folder: str | Path) -> Path:

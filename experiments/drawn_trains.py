@@ -18,11 +18,12 @@ from camopt.cam.families.free import free_cam
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.exact import prepare
-from camopt.exact.settled import ERRORS, SettledMetrics, settled_metrics
+from camopt.exact.settled import ERRORS, settled_metrics
 from camopt.measure.settling import settled_from_rest
 from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.scene import Scene, build_train, load_scene
+from camopt.scene.settled import SettledMetrics
 from camopt.scene.train import Train
 from experiments.support.record import RESULTS, run_script, write_result
 

@@ -16,8 +16,8 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.yields import share_of
+from camopt.optimizer.as_built.measured import track
 from camopt.optimizer.as_built.statement import STATED_BY, by_independent_methods, statement_of_run
-from camopt.optimizer.as_built.track import track
 from camopt.optimizer.run import optimize
 from camopt.scene import Scene, load_scene
 from experiments.support.record import RESULTS, run_script, write_result

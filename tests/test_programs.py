@@ -9,12 +9,13 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import camopt
 from camopt import programs
 from camopt.cache import cache_folder
-from camopt.programs import CONSTANTS, PACKAGE, TOGETHER, compiled, digest, sources
+from camopt.programs import CONSTANTS, PACKAGE, TOGETHER, compiled, digest, inner, sources
 from tests.campaign.starved import mounted
 
 CODE = "import numpy as np; from camopt.measure.cubics import with_stationary_points as f; "
@@ -110,6 +111,28 @@ def test_options_reach_numba():
     assert compiled(fastmath=True)(lambda x: x * 2.0).targetoptions["fastmath"]
 
 
+def test_an_inner_function_is_compiled_within_the_program_that_calls_it_and_nowhere_else():
+    @inner
+    def root(x):
+        if x < 0.0:
+            raise ValueError("no root")
+        return np.sqrt(x)
+
+    @inner
+    def twice(x):
+        return 2.0 * root(x)
+
+    @compiled
+    def program(x):
+        return twice(x) + root(x)
+
+    assert program(4.0) == 6.0
+    with pytest.raises(ValueError, match="no root"):
+        program(-1.0)
+    made = [next(iter(function.overloads.values())).library._compiled for function in (root, twice, program)]
+    assert made == [False, False, True]
+
+
 @pytest.mark.parametrize("path", files_that_compile(), ids=lambda p: p.relative_to(PACKAGE).as_posix())
 def test_everything_that_is_compiled_in_is_among_the_sources(path):
     """What a file with programs imports of camopt in capitals (a constant), or from files with programs."""
@@ -161,13 +184,13 @@ def test_python_calls_no_function_that_only_compiled_code_may_call():
     folders = PACKAGE, PACKAGE.parent / "tests", PACKAGE.parent / "experiments"
     trees = {file: ast.parse(file.read_text()) for folder in folders for file in folder.rglob("*.py")}
     modules = {".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts): tree for file, tree in trees.items()}
-    inner = {
+    without_entry = {
         (module, node.name)
         for module, tree in modules.items()
         for node in tree.body
         if (found := compiled_as(node)) and not found[1]
     }
-    assert len(inner) > 50
+    assert len(without_entry) > 50
     for module, tree in modules.items():
         if run_by_python(tree):
             continue
@@ -177,9 +200,9 @@ def test_python_calls_no_function_that_only_compiled_code_may_call():
             if isinstance(node, ast.ImportFrom)
             for alias in node.names
         }
-        own = {name: (module, name) for where, name in inner if where == module}
+        own = {name: (module, name) for where, name in without_entry if where == module}
         for name, line in uncompiled_names(tree):
-            assert (imported | own).get(name) not in inner, f"{module}, line {line}: {name}"
+            assert (imported | own).get(name) not in without_entry, f"{module}, line {line}: {name}"
 
 
 def test_the_folders_that_stand_together_exist():

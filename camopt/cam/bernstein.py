@@ -20,7 +20,7 @@ def from_powers(degree: int) -> Float[np.ndarray, "{degree}+1 {degree}+1"]:
 
 
 @dataclass(frozen=True)
-class Level:
+class PiecewiseLevel:
     """Pieces sum_k c[i, k] (theta - borders[i])^k [SI] between `borders` [rad]; two equal borders are one angle.
 
     What is meant lies within `error` of the pieces: who holds it takes the lower side, who bounds it the upper.
@@ -61,6 +61,6 @@ def about(coefficients: Float[np.ndarray, "k q"], moved: Float[np.ndarray, " k"]
     return found
 
 
-def flat_level(value: float, low: float, high: float) -> Level:
+def flat_level(value: float, low: float, high: float) -> PiecewiseLevel:
     """The same value at all angles from `low` to `high` [rad]."""
-    return Level(np.array([low, high]), np.array([[value]]))
+    return PiecewiseLevel(np.array([low, high]), np.array([[value]]))

@@ -34,7 +34,7 @@ from math import asin, cos
 
 import numpy as np
 
-from camopt.cam.bernstein import Level, flat_level
+from camopt.cam.bernstein import PiecewiseLevel, flat_level
 from camopt.cam.lift import APART, Lift
 from camopt.scene.design import RADII, Design, Piston
 from camopt.scene.shapes import Float
@@ -60,7 +60,7 @@ class LinearLimit:
     key: str
     name: str
     weights: tuple[float, ...]
-    level: Level
+    level: PiecewiseLevel
     value: float
     rate: float
     chosen: bool = False
@@ -179,8 +179,8 @@ def _of_a_roller(design: Design, half: float) -> list[LinearLimit]:
     return found
 
 
-def _scaled(level: Level, factor: float) -> Level:
-    return Level(level.borders, factor * level.coefficients, abs(factor) * level.error)
+def _scaled(level: PiecewiseLevel, factor: float) -> PiecewiseLevel:
+    return PiecewiseLevel(level.borders, factor * level.coefficients, abs(factor) * level.error)
 
 
 def weighted_sum(lift: Lift, weights: tuple[float, ...]) -> Lift:
@@ -192,13 +192,13 @@ def weighted_sum(lift: Lift, weights: tuple[float, ...]) -> Lift:
     return Lift(lift.borders, total, lift.half_duration)
 
 
-def less_level(lift: Lift, level: Level) -> Lift:
+def less_level(lift: Lift, level: PiecewiseLevel) -> Lift:
     """A lift law less a level over the whole turn."""
     edges = np.union1d(lift.borders, level.borders)
     edges = edges[np.append(True, np.diff(edges) > APART)]
     edges[-1] = lift.borders[-1]
     start, middle = edges[:-1], 0.5 * (edges[1:] + edges[:-1])
-    own, other = Level(lift.borders, lift.coefficients).taylor(start, middle), level.taylor(start, middle)
+    own, other = PiecewiseLevel(lift.borders, lift.coefficients).taylor(start, middle), level.taylor(start, middle)
     total = np.pad(own, ((0, 0), (0, max(0, other.shape[1] - own.shape[1]))))
     total[:, : other.shape[1]] -= other
     return Lift(edges, total, lift.half_duration)
@@ -215,7 +215,7 @@ def piston_drop(piston: Piston, crank: Float[np.ndarray, "*k"], order: int = 0) 
     return np.sqrt((rod + r) ** 2 - e**2) - r * np.cos(phi) - upright
 
 
-def piston_room(piston: Piston, cam_per_crank: float, half: float) -> Level:
+def piston_room(piston: Piston, cam_per_crank: float, half: float) -> PiecewiseLevel:
     """The largest lift [m] that keeps the clearance, at cam angles from -half to half [rad].
 
     Cubic Hermite pieces: their error is width^4 / 384 times a bound on the fourth derivative.
@@ -231,7 +231,7 @@ def piston_room(piston: Piston, cam_per_crank: float, half: float) -> Level:
     bend, twist = (3 * rise - 2 * rate[:-1] - rate[1:]) / h, (rate[:-1] + rate[1:] - 2 * rise) / h**2
     pieces = np.stack([value[:-1], rate[:-1], bend, twist], axis=1)
     fourth = slope * largest_fourth_derivative(piston) / cam_per_crank**4
-    return Level(edges, pieces, float(h.max()) ** 4 / 384 * fourth)
+    return PiecewiseLevel(edges, pieces, float(h.max()) ** 4 / 384 * fourth)
 
 
 def largest_fourth_derivative(piston: Piston) -> float:

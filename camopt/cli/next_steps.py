@@ -60,12 +60,12 @@ def _cam_of(args: Namespace) -> list[object]:
     named["--table-probe-mm"] = "flat" if args.table_probe_mm == float("inf") else args.table_probe_mm
     named["--table-columns"] = None if args.table_columns is None else ",".join(args.table_columns)
     named["--table-first-line"] = args.table_first_line
-    given = [word for option, value in named.items() if value is not None for word in (option, value)]
-    return [args.scene, "--cam", args.cam, *given]
+    layout = [word for option, value in named.items() if value is not None for word in (option, value)]
+    return [args.scene, "--cam", args.cam, *layout]
 
 
 def _is_table(args: Namespace) -> bool:
-    """Whether the cam is a lift table already, which nobody needs to be told to write."""
+    """Whether the cam is a lift table already, so that no advice to write one is needed."""
     return Path(args.cam).is_file() and Path(args.cam).suffix != ".json"
 
 

@@ -159,7 +159,7 @@ def _arguments(listed: Mapping[str, Any], shared: Mapping[str, Any]) -> Iterator
         if settings == "shared":
             yield from _arguments(shared[name], shared)
             continue
-        settings = dict(settings)
+        settings = settings | {"help": settings["help"].replace("%", "%%")}  # argparse formats help texts with %
         if "type" in settings:
             settings["type"] = getattr(values, settings["type"])
         if "choices" in settings:

@@ -20,6 +20,7 @@ from camopt.cli.arguments import (
     run_named,
     say_compilation,
     scene_of,
+    tell,
 )
 from camopt.cli.studies import bound as bound
 from camopt.cli.studies import extremes as extremes
@@ -154,10 +155,8 @@ def verify(args: Namespace) -> int:
         settled = settled_motions(lift, verdict, with_energy=args.energy, with_periodic=args.periodic)
         record["speeds"] = [entry | more for entry, more in zip(record["speeds"], settled, strict=True)]
         lines = settled_lines(verdict, settled)
-    if args.json:
-        write_json(args.json, record)
     print_area_words(lift, scene)
-    print("\n".join([str(verdict), *lines]))
+    tell(args, record, [verdict, *lines])
     if verdict.outside and run:
         from camopt.report import write_report
 
@@ -179,10 +178,9 @@ def simulate(args: Namespace) -> int:
     motion = motion_of(scene, lift, args.speed, method, **settings, progress=not args.quiet)
     if args.csv:
         write_csv(args.csv, motion_table(motion))
-    print(f"{scene.name}, {lift.family}, {args.speed:g} r/min, {method}, from rest")
-    if "accuracy_statement" in motion.attrs:
-        print(motion.attrs["accuracy_statement"])
-    print("\n".join(motion_lines(motion, scene)))
+    stated = [motion.attrs["accuracy_statement"]] if "accuracy_statement" in motion.attrs else []
+    first = f"{scene.name}, {lift.family}, {args.speed:g} r/min, {method}, from rest"
+    print("\n".join([first, *stated, *motion_lines(motion, scene)]))
     return 0
 
 

@@ -2,8 +2,8 @@
 
 What a program is made of is kept from one answer to the next. Where only the sizes of limits change, its rows stay and
 the solver goes on from its last basis. Where the train, the duration or the ramps change, rows are made again: few and
-far apart while a hand is dragging, all of them once it rests. Radii of the cam under a roller or pad are held once it
-rests: they take a row of programs.
+far apart while the user drags a slider, all of them once it rests. Radii of the cam under a roller or pad are held once
+it rests, because they take a sequence of programs.
 """
 
 from collections.abc import Callable
@@ -33,20 +33,20 @@ from camopt.scene.units import DEG
 EFFORT = ACCURACIES["draft"]
 """The knots are those of `camopt optimize --accuracy draft`."""
 BAND_SPEEDS = 5
-"""Speeds of the program over the band: an answer may take no longer than a hand that drags waits for."""
+"""Speeds of the program over the band: an answer must come while the user drags."""
 COARSE_SPEEDS, COARSE_STEP = 2, 1.5 * DEG
-"""Speeds and step of the rows while a hand is dragging: of all the speeds those that cost most area."""
+"""Speeds and step of the rows while the user drags: of all the speeds those that cost most area."""
 SAME_KNOTS = 1.25
-"""Largest change of the knots' usual distance by which their number stays while a hand drags the duration."""
+"""Largest change of the knots' usual distance up to which their number stays while the user drags the duration."""
 CONTRADICTION = "no cam holds these limits together: loosen one"
 """What would have to change takes seconds to find: `camopt.designer.slow_parts.why_none`."""
 RAMPS = ("ramp_height_mm", "ramp_velocity_mm_per_deg", "ramp_foot_deg")
 GEOMETRY = ("duration_deg", *RAMPS, *(f"closing_{key}" for key in RAMPS[:2]))
-"""Keys of the design on which the left side of every row hangs."""
+"""Keys of the design that the left side of every row depends on."""
 
 
 class Cancelled(Exception):
-    """A newer request has come in, so that this answer is no longer wanted."""
+    """There is no answer: a newer request has come in, or the process that computes it was stopped."""
 
 
 @dataclass(frozen=True)
@@ -94,11 +94,11 @@ class CamFinder:
     def _kinematic(self, scene: Scene, coarse: bool, says: str = "") -> FoundCam:
         design = _design(scene)
         try:
-            found = unexplained_optimum(design, free_cam(design, EFFORT.knot_deg) if coarse else _cam(design))
+            optimum = unexplained_optimum(design, free_cam(design, EFFORT.knot_deg) if coarse else _cam(design))
         except Infeasible:
             raise InputError(CONTRADICTION) from None
         coarse = coarse and bool(radii_held_near(design))
-        return FoundCam(found.lift, KINEMATIC, found.area_ratio, limit_worth(found), None, coarse, says)
+        return FoundCam(optimum.lift, KINEMATIC, optimum.area_ratio, limit_worth(optimum), None, coarse, says)
 
     def _no_jump(
         self, scene: Scene, train: Train, margin_N: float, coarse: bool, wanted: Callable[[], bool]
@@ -114,25 +114,25 @@ class CamFinder:
         if not coarse and (program.cam.about.near is not None or not is_linear(train)):
             program = standing(program, margin_N)
         try:
-            found = program.unexplained(Margins(margin_N, margin_N, margin_N))
+            optimum = program.unexplained(Margins(margin_N, margin_N, margin_N))
         except Infeasible:
             raise InputError(
                 f"no free cam keeps {margin_N:g} N at all of the program's speeds: lower the margin or the speeds"
             ) from None
         self.kept[coarse] = shape, program
         if not coarse:
-            prices = found.margin_prices.sum(axis=0)
+            prices = optimum.margin_prices.sum(axis=0)
             self.dearest = tuple(sorted(np.argsort(prices, kind="stable")[:COARSE_SPEEDS].tolist()))
-        price = float(found.margin_prices.sum())
-        return FoundCam(found.lift, NO_JUMP, found.area_ratio, _worth(found), price, coarse)
+        price = float(optimum.margin_prices.sum())
+        return FoundCam(optimum.lift, NO_JUMP, optimum.area_ratio, _worth(optimum), price, coarse)
 
     def _program(self, scene: Scene, train: Train, shape: tuple, coarse: bool) -> NoJumpProgram:
         """The program of a scene, made from the last one: under other limits alone its rows stay."""
-        design, (known, program) = _design(scene), self.kept.get(coarse, ((), None))
-        if program is not None and known == shape and is_linear(train):
+        design, (last_shape, program) = _design(scene), self.kept.get(coarse, ((), None))
+        if program is not None and last_shape == shape and is_linear(train):
             held = program.cam.about.near is not None
             return replace(program, design=design, cam=_cam(design)) if held else program.under(design)
-        if program is not None and coarse and known[1:] == shape[1:] and program.design == design:
+        if program is not None and coarse and last_shape[1:] == shape[1:] and program.design == design:
             new = program.with_train(train)
         else:
             speeds, window = program_speeds_rpm(scene), None
@@ -155,11 +155,11 @@ def _cam(design: Design) -> FreeCam:
     return (program_cam if radii_held_near(design) else free_cam)(design, EFFORT.knot_deg)
 
 
-def _knot_deg(design: Design, known: NoJumpProgram | None) -> float:
+def _knot_deg(design: Design, last: NoJumpProgram | None) -> float:
     """The distance of the knots of a coarse program, as many of them as the last one had where that is about usual."""
-    if known is None:
+    if last is None:
         return EFFORT.knot_deg
-    same = design.duration_deg / (len(known.cam.breaks) - 1)
+    same = design.duration_deg / (len(last.cam.breaks) - 1)
     return same if 1 / SAME_KNOTS <= same / EFFORT.knot_deg <= SAME_KNOTS else EFFORT.knot_deg
 
 
@@ -170,59 +170,59 @@ def program_speeds_rpm(scene: Scene) -> np.ndarray:
 
 
 def _shape(scene: Scene, train: Train) -> tuple:
-    """What the left sides of a program's force rows hang on; a train is told apart from others by its identity."""
+    """What the left sides of a program's force rows depend on; trains are distinguished by identity."""
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "an edited scene has both"
     limited = design.contact_force_max_N is not None
     return (id(train), *(getattr(design, key) for key in GEOMETRY), limited, operation)
 
 
-def _worth(found: NoJumpOptimum) -> dict[str, float]:
+def _worth(optimum: NoJumpOptimum) -> dict[str, float]:
     """What each limit on the shape, and the largest contact force, is worth in the no-jump program, in % per %."""
-    program, duals = found.program, found.optimum.duals
+    program, duals = optimum.program, optimum.optimum.duals
     first, forces = len(program.limits.bound), len(program.kind)
-    worth = worth_of(program.limits, duals, duals[first + forces :], found.area_ratio)
+    worth = worth_of(program.limits, duals, duals[first + forces :], optimum.area_ratio)
     most = program.design.contact_force_max_N
     if most is not None:
         peak = program.kind == PEAK
-        worth["contact_force_max_N"] = float(duals[first : first + forces][peak].sum() * most / found.area_ratio)
+        worth["contact_force_max_N"] = float(duals[first : first + forces][peak].sum() * most / optimum.area_ratio)
     return worth
 
 
-def begin_like(known: NoJumpProgram, new: NoJumpProgram) -> None:
+def begin_like(last: NoJumpProgram, new: NoJumpProgram) -> None:
     """Lets the solver begin a program where it ended on another one, if that has as many columns and speeds.
 
     A longer duration or another lash has its rows at other angles, and one more here and there. What is active in one
     program is active nearby in the other, so that the solver needs tens of pivots in place of hundreds.
     """
-    if known.rows.matrix.shape[1] == new.rows.matrix.shape[1] and len(known.blocks) == len(new.blocks):
+    if last.rows.matrix.shape[1] == new.rows.matrix.shape[1] and len(last.blocks) == len(new.blocks):
         level = new.bound(Margins().table(len(new.blocks))) / new.rows.norm
-        like = counterparts(known, new)[known.rows.model.held]
-        new.rows.model.begin_like(known.rows.model, level, new.first_working(), like)
+        like = counterparts(last, new)[last.rows.model.held]
+        new.rows.model.begin_like(last.rows.model, level, new.first_working(), like)
 
 
-def counterparts(known: NoJumpProgram, new: NoJumpProgram) -> np.ndarray:
+def counterparts(last: NoJumpProgram, new: NoJumpProgram) -> np.ndarray:
     """For every row of a program the row of another one in its place: of the same limit, or of the same contact at the
     same speed, and as far along. Shape (r), -1 where the other has no such rows."""
-    found = np.full(len(known.rows.norm), -1)
+    rows = np.full(len(last.rows.norm), -1)
     there = runs(new)
-    for name, (first, count) in runs(known).items():
+    for name, (first, count) in runs(last).items():
         if name in there:
             begin, length = there[name]
             along = np.arange(count) * ((length - 1) / max(1, count - 1))
-            found[first : first + count] = begin + np.rint(along).astype(int)
-    return found
+            rows[first : first + count] = begin + np.rint(along).astype(int)
+    return rows
 
 
 def runs(program: NoJumpProgram) -> dict[tuple, tuple[int, int]]:
     """The first row and the number of rows of every limit, and of every kind of force by speed and contact."""
     limits, element = program.limits, np.concatenate([block.element for block in program.blocks])
     forces = np.stack([program.speed, program.kind, element], axis=1)
-    found: dict[tuple, tuple[int, int]] = {}
+    by_name: dict[tuple, tuple[int, int]] = {}
     for first, names in ((0, limits.group[:, None]), (len(limits.group), forces)):
         changes = np.flatnonzero(np.any(np.diff(names, axis=0, prepend=-1, append=-1), axis=1))
         for begin, end in pairwise(changes.tolist()):
             one = tuple(names[begin].tolist())
             name = one if first else (limits.names[one[0]],)
-            found[name] = first + begin, end - begin  # the rows of a name lie together
-    return found
+            by_name[name] = first + begin, end - begin  # the rows of a name lie together
+    return by_name

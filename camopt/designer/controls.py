@@ -53,7 +53,7 @@ class Control:
     choices: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
-        """The control as JSON knows it."""
+        """The control as JSON."""
         return asdict(self) | {"choices": list(self.choices)}
 
 
@@ -111,20 +111,20 @@ def _of_design(design: Design, key: str) -> Control:
 
 def _of_train(scene: Scene) -> list[Control]:
     """Rate and preload of the valve spring in per cent of the scene's, and the lash."""
-    found = []
+    listed = []
     try:
         spring = valve_spring(scene)
     except InputError:
         spring = []
     if any(number_of(e, RATE) for e in scene.element if e.name in spring):
-        found.append(Control("spring_rate_percent", "Spring rate", "% of the scene's", "Train", 100.0, *_about(100.0)))
+        listed.append(Control("spring_rate_percent", "Spring rate", "% of the scene's", "Train", 100.0, *_about(100.0)))
     if spring:
         label = "Spring preload, with the seat's"
-        found.append(Control("spring_preload_percent", label, "% of the scene's", "Train", 100.0, *_about(100.0)))
+        listed.append(Control("spring_preload_percent", label, "% of the scene's", "Train", 100.0, *_about(100.0)))
     gap = scene.element[lash_element(scene)].gap_mm
     if gap > 0:
-        found.append(Control("lash_mm", "Lash", "mm", "Train", gap, *_about(gap)))
-    return found
+        listed.append(Control("lash_mm", "Lash", "mm", "Train", gap, *_about(gap)))
+    return listed
 
 
 def lash_element(scene: Scene) -> int:
@@ -175,19 +175,19 @@ def read_values(controls: Mapping[str, Control], values: object) -> dict[str, An
     if not isinstance(values, Mapping):
         raise Refused({"": f"values: expected an object of numbers by key (given: {excerpt(str(values))})"})
     faults = {str(key)[:LONGEST_KEY]: "unknown key" for key in values if key not in controls}
-    found = {}
+    numbers = {}
     for key, control in controls.items():
         value = values.get(key, control.value)
         sentence = _fault(control, value)
         if sentence:
             faults[key] = sentence
         else:
-            found[key] = float(value) if isinstance(value, int) and not isinstance(value, bool) else value
-    if not faults and not found["speed_rpm"] > 0:
+            numbers[key] = float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+    if not faults and not numbers["speed_rpm"] > 0:
         faults["speed_rpm"] = "a speed above 0 r/min is needed"
     if faults:
         raise Refused(faults)
-    return found
+    return numbers
 
 
 def _fault(control: Control, value: Any) -> str:
@@ -219,10 +219,10 @@ def edited_scene(scene: Scene, values: Mapping[str, Any]) -> Scene:
     operation = edited.operation.model_copy(update={"band_rpm": tuple(values[key] for key in BAND)})
     edited = edited.model_copy(update={"design": design, "operation": operation, **_as_built(scene, values)})
     data = edited.model_dump(exclude_none=True, exclude_defaults=True)
-    found, faults = checked(data, NEEDED)
-    if found is None or faults:
+    checked_scene, faults = checked(data, NEEDED)
+    if checked_scene is None or faults:
         raise Refused(_by_key(faults))
-    return found
+    return checked_scene
 
 
 def _with_train(scene: Scene, values: Mapping[str, Any]) -> Scene:
@@ -244,19 +244,19 @@ def _as_built(scene: Scene, values: Mapping[str, Any]) -> dict[str, Any]:
         key = "relative" if tolerance.relative is not None else "plus_minus"
         if width is not None:
             rows.append(tolerance.model_copy(update={key: width}))
-    found: dict[str, Any] = {"tolerance": tuple(rows)}
+    tables: dict[str, Any] = {"tolerance": tuple(rows)}
     if scene.grinding is not None:
         error = values["grinding_error_um"]
-        found["grinding"] = None if error is None else scene.grinding.model_copy(update={"error_um": error})
-    return found
+        tables["grinding"] = None if error is None else scene.grinding.model_copy(update={"error_um": error})
+    return tables
 
 
 def _by_key(faults: list[str]) -> dict[str, str]:
     """The schema's sentences by the control that they belong to; those of several share the empty key."""
-    found: dict[str, list[str]] = {}
+    by_key: dict[str, list[str]] = {}
     for fault in faults:
         place, _, sentence = fault.partition(": ")
         table, _, key = place.partition(".")
-        known = key if table == "design" and key in DESIGN else BAND[1] if place == "operation.band_rpm" else ""
-        found.setdefault(known, []).append(sentence if known else fault)
-    return {key: "; ".join(sentences) for key, sentences in found.items()}
+        control = key if table == "design" and key in DESIGN else BAND[1] if place == "operation.band_rpm" else ""
+        by_key.setdefault(control, []).append(sentence if control else fault)
+    return {key: "; ".join(sentences) for key, sentences in by_key.items()}

@@ -26,7 +26,7 @@ STEP_DEG = 1.0
 FEW_REVOLUTIONS = 6
 """Most revolutions that a sketch of the motion runs before the one that is shown."""
 BAND_SPEEDS, AT_ONCE = 41, 12
-"""Speeds of the band's curve, and how many of them are computed between two looks at whether they are still wanted."""
+"""Speeds of the band's curve, and how many of them are computed between two checks whether they are still wanted."""
 
 
 def motion_at(
@@ -90,9 +90,9 @@ def band_of(scene: Scene, train: Train, lift: Lift, wanted: Callable[[], bool] =
         if not wanted():
             raise Cancelled
         some = [scene.cam_speed(s) for s in speeds[begin : begin + AT_ONCE]]
-        found = settled_metrics([train], [lift], some)
+        metrics = settled_metrics([train], [lift], some)
         for name, values in parts.items():
-            values.append(found.worst(name)[0, 0])
+            values.append(metrics.worst(name)[0, 0])
     curves = {name: np.concatenate(values) for name, values in parts.items()}
     worst = {}
     for key, limit in motion_limits(scene.design).items():

@@ -1,25 +1,39 @@
-"""The requests of a page, which a server of this machine or a notebook's kernel passes on."""
+"""The requests of a page, which a server of this machine or a notebook's kernel passes on.
+
+Among them is to save an edited scene and its cam as files that the command line reads: a scene file, or a run folder
+with a report.
+"""
 
 import json
+import platform
+import re
+import time
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
+from importlib.metadata import version
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from camopt.cam.design_file import as_written
+from camopt.cam.design_file import as_written, design_record
+from camopt.cam.tables.lift_table import write_lift_table
 from camopt.designer.cams import Cancelled
 from camopt.designer.controls import Refused
-from camopt.designer.saving import save_run, save_scene
-from camopt.designer.session import QUICK, Session
+from camopt.designer.session import QUICK, Edited, Session
 from camopt.designer.slow_parts import PARTS, WHY
-from camopt.designer.worker import SlowProcess, Stopped, Verification
+from camopt.designer.worker import SlowProcess, Verification
+from camopt.optimizer.bound.certificate import area_ratio_bound
+from camopt.report.page import write_report
 from camopt.scene.errors import InputError
 from camopt.scene.text_file import excerpt
-from camopt.storage import plain
+from camopt.scene.toml_text import scene_toml
+from camopt.scene.units import MM
+from camopt.storage import plain, run_folder, run_identity, write_json, write_text
 
 MOST_CLIENTS = 32
 """Pages whose last question is remembered."""
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
+"""What a saved file or folder may be called: nothing that leads out of the folder that the designer was started in."""
 
 
 class RequestHandler:
@@ -89,16 +103,16 @@ class RequestHandler:
         values = _values(message)
         try:
             if part == WHY:
-                found = self.slow.ask(part, self.session.edited(values), None)
+                answer = self.slow.ask(part, self.session.edited(values), None)
             else:
                 with self._one_at_a_time:
                     design = self.session.design(values, part == "few trains")
-                found = self.slow.ask(part, design.scene, design.cam.lift)
+                answer = self.slow.ask(part, design.scene, design.cam.lift)
         except Refused as refused:
             return {"state": "refused", "faults": refused.faults}
-        except (InputError, Stopped) as error:
+        except (InputError, Cancelled) as error:
             return {"state": "no cam", "says": str(error)}
-        return {"state": "ok", **found}
+        return {"state": "ok", **answer}
 
     def _verify(self, message: Mapping[str, Any]) -> dict[str, Any]:
         values = _values(message)
@@ -107,7 +121,7 @@ class RequestHandler:
         return self.verification.start(design.scene, as_written(design.cam.lift), _subject(values))
 
     def _save(self, message: Mapping[str, Any]) -> dict[str, Any]:
-        assert self.folder is not None, "else nobody may ask"
+        assert self.folder is not None, "without a folder no page may save"
         values, what = _values(message), message.get("what")
         with self._one_at_a_time:
             design = self.session.design(values)
@@ -128,5 +142,54 @@ def _values(message: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _subject(values: Mapping[str, Any]) -> str:
-    """Values as a text, but for the speed that is looked at: what a verdict is of."""
+    """Values as a text, but for the speed that is shown: the subject of a verdict."""
     return json.dumps({k: v for k, v in sorted(values.items()) if k != "speed_rpm"})
+
+
+def save_scene(folder: Path, name: object, design: Edited) -> Path:
+    """Writes the scene to `<name>.toml`; an existing file is refused."""
+    path = folder / f"{_named(name)}.toml"
+    if path.exists():
+        raise InputError(f"{path.name}: exists already: give another name")
+    write_text(path, scene_toml(design.scene))
+    return path
+
+
+def save_run(folder: Path, name: object, design: Edited, verification: dict[str, Any] | None) -> Path:
+    """Writes scene, cam and lift table into the new run folder `<name>`, with the verdict where there is one, and a
+    report of them."""
+    scene, cam = design.scene, design.cam
+    assert scene.design is not None, "an edited scene has one"
+    path, lift = folder / _named(name), as_written(cam.lift)
+    with run_folder(path, run_identity("design", scene, program=cam.program)):
+        bound = float(area_ratio_bound(scene.design).bound)
+        record = design_record(
+            cam.lift,
+            scene.design.max_lift_mm * MM,
+            area_ratio_bound=bound,
+            area_gap_percent=100 * (bound - cam.area_ratio) / bound,
+            area_ratio_no_jump=cam.area_ratio if cam.margin_price is not None else None,
+            gradient_gain=0.0,
+            limit_worth=cam.worth,
+        )
+        write_text(path / "scene.toml", scene_toml(scene))
+        write_json(path / "design.json", record)
+        write_lift_table(path / "lift.csv", lift)
+        if verification is not None:
+            write_json(path / "verification.json", verification)
+        content = {
+            "versions": {"camopt": version("camopt"), "python": platform.python_version()},
+            "settings": {"command": "design", "program": cam.program},
+            "finished_utc": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        }
+        write_json(path / "provenance.json", content)
+        write_report(path)
+    return path
+
+
+def _named(name: object) -> str:
+    if not isinstance(name, str) or not NAME.fullmatch(name):
+        raise InputError(
+            f"name {excerpt(str(name))}: expected letters, digits, - and _, at most 64 of them, a letter or digit first"
+        )
+    return name

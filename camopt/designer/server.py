@@ -149,8 +149,8 @@ class Handler(BaseHTTPRequestHandler):
         hosts = {f"{name}:{self.server.port}" for name in NAMES}
         host, origin = self.headers.get("Host"), self.headers.get("Origin")
         cross = self.headers.get("Sec-Fetch-Site", "same-origin") not in ("same-origin", "none")
-        known = host in hosts and (origin is None or origin in {f"http://{name}" for name in hosts})
-        if known and not (cross and self.command == "POST"):
+        own = host in hosts and (origin is None or origin in {f"http://{name}" for name in hosts})
+        if own and not (cross and self.command == "POST"):
             return False
         self._refuse(403, "only this machine's own page may ask")
         return True
@@ -166,11 +166,11 @@ class Handler(BaseHTTPRequestHandler):
             self._refuse(415, "a message is application/json")
         else:
             try:
-                found = json.loads(self.rfile.read(int(length)), parse_constant=_no_constant)
+                message = json.loads(self.rfile.read(int(length)), parse_constant=_no_constant)
             except (ValueError, RecursionError):
-                found = None
-            if isinstance(found, dict):
-                return found
+                message = None
+            if isinstance(message, dict):
+                return message
             self._send_json(400, {"says": "the message is no JSON object"})
         return None
 

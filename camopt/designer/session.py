@@ -1,6 +1,6 @@
 """What the designer answers to the numbers of an edited scene, without any page or server around it.
 
-An answer has parts, which are asked for one by one, the quick ones first: "sketch" while a hand is dragging, "cam" and
+An answer has parts, which are asked for one by one, the quick ones first: "sketch" while the user drags, "cam" and
 "band" once it rests, and then what takes seconds ("bound", "baselines", "trains"), of which a server lets another
 process take care. Every number is the one that camopt's own functions give for the edited scene.
 """
@@ -70,7 +70,7 @@ class Session:
     def answer(
         self, values: Mapping[str, Any], part: str = "cam", wanted: Callable[[], bool] = lambda: True
     ) -> dict[str, Any]:
-        """One of the QUICK parts of the answer to values by key, as JSON knows it; a value left out is the scene's.
+        """One of the QUICK parts of the answer to values by key, as JSON; a value left out is the scene's.
 
         "state" is "ok", "refused" with `faults` (sentences by key), or "no cam" with the sentence `says`. Raises
         Cancelled on the way once it is not `wanted` any more.
@@ -83,10 +83,10 @@ class Session:
         except InputError as error:
             return {"part": part, "state": "no cam", "says": str(error)}
         if part == "band":
-            found = band_of(design.scene, design.train, design.cam.lift, wanted)
+            content = band_of(design.scene, design.train, design.cam.lift, wanted)
         else:
-            found = self._cam_answer(design, speed_rpm)
-        return {"part": part, "state": "ok", **plain(found)}
+            content = self._cam_answer(design, speed_rpm)
+        return {"part": part, "state": "ok", **plain(content)}
 
     def edited(self, values: Mapping[str, Any]) -> Scene:
         """The scene with the values; raises Refused for values that are none."""
@@ -110,10 +110,10 @@ class Session:
         train = self._train_of(scene)
         with THREADS.limit(limits=1, user_api="blas"):  # small matrices: threads would only wait for each other
             cam = self._cams.largest(scene, train, margin_N, coarse, wanted)
-        found = self._designs[key if cam.coarse or cam.says else exact] = Edited(scene, train, cam)
+        edited = self._designs[key if cam.coarse or cam.says else exact] = Edited(scene, train, cam)
         while len(self._designs) > REMEMBERED:
             self._designs.popitem(last=False)
-        return found
+        return edited
 
     def _train_of(self, scene: Scene) -> Train:
         """The scene's train: the last one itself where nothing of it was edited, with all that is kept of it."""

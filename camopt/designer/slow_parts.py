@@ -15,7 +15,7 @@ from camopt.designer.cams import EFFORT
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import broken_by_shape, motion_limits
 from camopt.measure.yields import UsedLimits, counted, share_of
-from camopt.optimizer.as_built.track import track
+from camopt.optimizer.as_built.measured import track
 from camopt.optimizer.baselines.comparison import member_or_sentence
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.program.kinematic import kinematic_optimum
@@ -26,7 +26,7 @@ from camopt.verifier.accuracy import verify
 FAMILIES = {"polydyne": "Polydyne", "multi-pol": "Multi-Pol"}
 """The literature's cams that stand beside the design, and what the page calls them."""
 FEW, MANY = 8, 100
-"""Trains drawn while a hand is dragging, and once it rests."""
+"""Trains drawn while the user drags a slider, and once it rests."""
 YIELD_SPEEDS = 5
 """Speeds of the band at which the drawn trains are judged."""
 
@@ -42,13 +42,13 @@ def baselines_part(scene: Scene, lift: Lift) -> dict[str, Any]:
     assert scene.design is not None, "an edited scene has one"
     rows = []
     for family, label in FAMILIES.items():
-        found = member_or_sentence(scene, family)
-        if isinstance(found, str):
-            rows.append({"label": label, "area_ratio": None, "says": found})
+        member = member_or_sentence(scene, family)
+        if isinstance(member, str):
+            rows.append({"label": label, "area_ratio": None, "says": member})
             continue
-        broken = broken_by_shape(found, scene.design)
+        broken = broken_by_shape(member, scene.design)
         says = f"breaks {', '.join(broken)}" if broken else ""
-        rows.append({"label": label, "area_ratio": float(found.area_ratio_in(scene.design)), "says": says})
+        rows.append({"label": label, "area_ratio": float(member.area_ratio_in(scene.design)), "says": says})
     return {"baselines": rows}
 
 

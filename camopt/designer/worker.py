@@ -14,6 +14,7 @@ from threading import Lock, Thread
 from typing import Any
 
 from camopt.cam.lift import Lift
+from camopt.designer.cams import Cancelled
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.storage import plain
@@ -27,10 +28,6 @@ STAGES = {
 """Stages of a verdict, by the part that is computed, and what the page calls them."""
 
 
-class Stopped(Exception):
-    """The process was stopped, or ended by itself, before it had answered."""
-
-
 class SlowProcess:
     """One process, started when it is first asked; it answers one question at a time, at this niceness."""
 
@@ -41,15 +38,15 @@ class SlowProcess:
         self._connection: Connection | None = None
 
     def ask(self, part: str, scene: Scene, lift: Lift | None) -> dict[str, Any]:
-        """One part of the answer, as JSON knows it; whoever asks meanwhile waits. Raises InputError as the part does,
-        and Stopped."""
+        """One part of the answer, as JSON; other callers wait meanwhile. Raises InputError as the part does,
+        and Cancelled."""
         with self._asking:
             connection = self._started()
             try:
                 connection.send((part, scene, lift))
                 outcome, content = connection.recv()
             except (EOFError, OSError):
-                raise Stopped(f"{part}: stopped before it was done") from None
+                raise Cancelled(f"{part}: stopped before it was done") from None
         if outcome == "refused":
             raise InputError(content)
         if outcome == "failed":
@@ -61,7 +58,7 @@ class SlowProcess:
         self._started()
 
     def stop(self) -> None:
-        """End the process; what it was asked ends with Stopped."""
+        """End the process; what it was asked ends with Cancelled."""
         with self._starting:
             process, self._process = self._process, None
             if process is not None:
@@ -82,14 +79,14 @@ class SlowProcess:
 
 
 def answer_all(connection: Connection, niceness: int) -> None:
-    """The process: answers questions until nobody is there to ask any more."""
+    """The process: answers questions until the connection closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the keyboard's interrupt is the designer's business
     os.nice(niceness)
     from threadpoolctl import threadpool_limits
 
     from camopt.designer.slow_parts import PARTS, VERDICTS
 
-    threadpool_limits(limits=1, user_api="blas")  # small matrices, and cores that the hand needs
+    threadpool_limits(limits=1, user_api="blas")  # small matrices, and the interactive answers need the cores
     while True:
         try:
             part, scene, lift = connection.recv()
@@ -158,7 +155,7 @@ class Verification:
                 return
             try:
                 answer = self.worker.ask(part, scene, lift)
-            except Stopped:
+            except Cancelled:
                 self._update(number, state="cancelled")
                 return
             except Exception as error:  # an InputError's sentence, or a defect of camopt

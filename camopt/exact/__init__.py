@@ -3,5 +3,4 @@
 from camopt.exact.affine.lines import chord_error as chord_error
 from camopt.exact.affine.lines import with_chords as with_chords
 from camopt.exact.engine import prepare as prepare
-from camopt.exact.settled import SettledMetrics as SettledMetrics
 from camopt.exact.settled import settled_metrics as settled_metrics

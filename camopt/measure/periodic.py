@@ -1,15 +1,14 @@
-"""The periodic motion is found directly, as a fixed point of the cycle map, and its stability is told.
+"""The periodic motion as a fixed point of the cycle map, found directly, and its stability.
 
 The cycle map G takes the state at -180 degrees to the state one revolution later. Plain settling repeats it, and the
-lightly damped surge of a valve spring then dies out slowly. Here two plain revolutions lead into the neighbourhood.
+lightly damped surge of a valve spring then decays slowly. Here two plain revolutions lead into the neighbourhood.
 Anderson acceleration follows (D. G. Anderson, Iterative procedures for nonlinear integral equations, J. ACM 12 (1965),
 in the least-squares form of Walker and Ni, SIAM J. Numerical Analysis 49 (2011)), and Newton's method on G(y) - y
-polishes. A fixed point is a motion only if disturbances die out, so it counts where the spectral radius of G's Jacobian
-there is below one.
+polishes. A fixed point is a stable motion only if disturbances decay: the spectral radius of G's Jacobian must be below
+one there.
 
-`settle` comes here only where surge is slow to die out. To its 1 um plain revolutions are as quick on a damped train,
-the radius alone costs 2n + r revolutions, and where contacts bounce the kinks of G stop both accelerations. The direct
-search also pays where the state must stand to nanometres.
+For damped trains plain iteration is as fast; use this only when surge decays slowly, or when the state is needed to
+nanometres. The radius alone costs 2n + r revolutions, and where contacts bounce the kinks of G stop both accelerations.
 """
 
 from collections.abc import Callable
@@ -31,8 +30,8 @@ PLAIN, DEPTH, MOST_ACCELERATED, MOST_NEWTON = 2, 5, 25, 4
 """Numbers of plain revolutions at first, of earlier states that Anderson mixes, and at most of its revolutions and of
 Newton's steps."""
 PASSED, RANGED = 20, 8
-"""Numbers of plain revolutions that are let pass, and then looked at, where no stable state was found. They start apart
-from what was found, because a motion lingers at an unstable state."""
+"""Numbers of plain revolutions that are discarded, and then measured, where no stable state was found. They start away
+from the state that was found, because a motion stays long near an unstable one."""
 LARGEST_RADIUS = 1 - 1e-3
 """Spectral radius below which a fixed point counts as stable. Finite differences do not tell closer ones from one."""
 SMALLEST_DIRECTION = 1e-8

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES
 from camopt.scene.response import Revolve
 from camopt.scene.schema import Scene
+from camopt.scene.settled import SettledMetrics
 from camopt.scene.shapes import Float
 from camopt.scene.train import Train, build_train
 
@@ -35,50 +35,7 @@ AtSpeed = Callable[[Train, Lift, float], Revolve]
 """The sweeping method: train, lift, cam speed [rad/s]."""
 
 
-class ManySettled(Protocol):
-    """What is read of many settled motions, as arrays by train, cam and speed (t, c, s)."""
-
-    @property
-    def lowest(self) -> dict[str, np.ndarray]:
-        """The least of the measured revolutions, by metric."""
-        ...
-
-    @property
-    def highest(self) -> dict[str, np.ndarray]:
-        """The largest of the measured revolutions, by metric."""
-        ...
-
-    @property
-    def periodic(self) -> np.ndarray:
-        """Whether the motion settled."""
-        ...
-
-    @property
-    def refused(self) -> np.ndarray:
-        """Whether the motion is refused."""
-        ...
-
-    @property
-    def revolutions(self) -> np.ndarray:
-        """Number of revolutions before the measured ones."""
-        ...
-
-    @property
-    def states(self) -> np.ndarray:
-        """The states after the measured revolutions (t, c, s, 2n)."""
-        ...
-
-    @property
-    def errors(self) -> dict[str, float]:
-        """By metric, the stated error of a motion whose contacts keep."""
-        ...
-
-    def worst(self, name: str) -> np.ndarray:
-        """The worst value of a metric; NaN where the motion is refused."""
-        ...
-
-
-SettledMany = Callable[..., ManySettled]
+SettledMany = Callable[..., SettledMetrics]
 """A method that measures settled motions of trains and lifts at cam speeds [rad/s] together:
 `camopt.exact.settled.settled_metrics`."""
 
@@ -125,18 +82,18 @@ class Band:
         return self.speeds_rpm[at[np.argsort(-badness[at], kind="stable")]].tolist()
 
     def with_judged(self, method: str, judged: dict[float, dict[str, float]]) -> "Band":
-        """The band with the figures that `method` found at some speeds, `judged` (speed [r/min] -> metric -> value).
+        """The band with the metrics of `method` at some speeds, `judged` (speed [r/min] -> metric -> value).
 
-        At speeds that the sweep looked at they take the place of its figures; other speeds inside the band are added,
+        At speeds of the sweep they replace its metrics; other speeds inside the band are added,
         and those outside are left out.
         """
-        found = {float(s): (m, {}) for s, m in zip(self.speeds_rpm, self.methods, strict=True)}
-        for i, (_, row) in enumerate(found.values()):
+        rows = {float(s): (m, {}) for s, m in zip(self.speeds_rpm, self.methods, strict=True)}
+        for i, (_, row) in enumerate(rows.values()):
             row.update({name: float(values[i]) for name, values in self.figures.items()})
-        found |= {s: (method, row) for s, row in judged.items() if self.from_rpm <= s <= self.to_rpm}
-        speeds = sorted(found)
-        figures = {name: np.array([found[s][1][name] for s in speeds]) for name in self.figures}
-        return replace(self, speeds_rpm=np.array(speeds), figures=figures, methods=tuple(found[s][0] for s in speeds))
+        rows |= {s: (method, row) for s, row in judged.items() if self.from_rpm <= s <= self.to_rpm}
+        speeds = sorted(rows)
+        figures = {name: np.array([rows[s][1][name] for s in speeds]) for name in self.figures}
+        return replace(self, speeds_rpm=np.array(speeds), figures=figures, methods=tuple(rows[s][0] for s in speeds))
 
 
 def at_speeds(
@@ -155,8 +112,8 @@ def at_speeds(
     speeds = list(speeds_rpm)
     train = build_train(scene)
     if many is not None:
-        found = many([train], [lift], [scene.cam_speed(s) for s in speeds], workers=workers)
-        worst = {name: found.worst(name)[0, 0] for name in QUANTITIES}
+        settled = many([train], [lift], [scene.cam_speed(s) for s in speeds], workers=workers)
+        worst = {name: settled.worst(name)[0, 0] for name in QUANTITIES}
         return [{name: float(values[i]) for name, values in worst.items()} for i in range(len(speeds))]
 
     def deal(worker: int) -> list[dict[str, float]]:
@@ -172,15 +129,15 @@ def _figures(prepare: AtSpeed, train: Train, lift: Lift, cam_speed: float) -> di
     try:
         figures = settled_from_rest(prepare, train, lift, cam_speed).metrics(lift)
     except MotionRefused:
-        return dict.fromkeys(QUANTITIES, np.nan)  # ranks as the worst, so that the verdict looks at it
+        return dict.fromkeys(QUANTITIES, np.nan)  # ranks as the worst, so that the verdict judges it
     return {name: figures.worst(name) for name in QUANTITIES}
 
 
 class SpeedCache:
-    """The speeds of one cam looked at so far by one method; no speed is worked out twice.
+    """The metrics of one cam at the speeds computed so far by one method; no speed is computed twice.
 
-    The same speeds serve the band, its refinement and the search for the starts of jump and bounce. A peak that one of
-    them finds is therefore known to all.
+    The same speeds serve the band, its refinement and the search for the starts of jump and bounce: a peak that one of
+    them finds is used by all.
     """
 
     def __init__(
@@ -194,22 +151,22 @@ class SpeedCache:
     ):
         assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
         self.ends, self.method = scene.operation.band_rpm, method
-        self.found: dict[float, dict[str, float]] = {}
-        self._look = lambda speeds: at_speeds(prepare, scene, lift, speeds, workers, many)
+        self.metrics: dict[float, dict[str, float]] = {}
+        self._compute = lambda speeds: at_speeds(prepare, scene, lift, speeds, workers, many)
 
     def __call__(self, speeds_rpm: Iterable[float]) -> list[dict[str, float]]:
-        """Figures at these speeds [r/min]."""
-        wanted = [float(s) for s in speeds_rpm]
-        new = sorted({*wanted} - self.found.keys())
+        """Metrics at these speeds [r/min]."""
+        speeds = [float(s) for s in speeds_rpm]
+        new = sorted({*speeds} - self.metrics.keys())
         if new:
-            self.found.update(zip(new, self._look(new), strict=True))
-        return [self.found[s] for s in wanted]
+            self.metrics.update(zip(new, self._compute(new), strict=True))
+        return [self.metrics[s] for s in speeds]
 
     def band(self, step_rpm: float) -> Band:
-        """What was found inside the band."""
+        """The metrics at the speeds inside the band."""
         low, high = self.ends
-        speeds = [s for s in sorted(self.found) if low <= s <= high]
-        figures = {name: np.array([self.found[s][name] for s in speeds]) for name in QUANTITIES}
+        speeds = [s for s in sorted(self.metrics) if low <= s <= high]
+        figures = {name: np.array([self.metrics[s][name] for s in speeds]) for name in QUANTITIES}
         return Band(low, high, step_rpm, np.array(speeds), figures, (self.method,) * len(speeds))
 
 
@@ -251,7 +208,7 @@ def first_exceeding(
     never does gets None.
     """
     low, high = swept.ends
-    grid = sorted({*np.arange(0.5 * low, 1.5 * high, step_rpm).tolist(), 1.5 * high, *swept.found})
+    grid = sorted({*np.arange(0.5 * low, 1.5 * high, step_rpm).tolist(), 1.5 * high, *swept.metrics})
     first: dict[str, float | None] = dict.fromkeys(limits)
     for begin in range(0, len(grid), CHUNK):
         missing = [name for name in limits if first[name] is None]

@@ -13,7 +13,6 @@ from threadpoolctl import threadpool_limits
 from camopt.cam.design_file import as_written, design_record
 from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import write_lift_table
-from camopt.measure.yield_words import ADVISED
 from camopt.optimizer.accuracy import Accuracy, accuracy_named, drawn_speeds
 from camopt.optimizer.as_built.wanted import check_wanted
 from camopt.optimizer.bound.certificate import area_ratio_bound
@@ -236,7 +235,7 @@ class _OpenRun:
     def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam | None]:
         """The same of the search for yield, which has no program alone."""
         from camopt.optimizer.as_built.design import EFFORTS, yield_search
-        from camopt.optimizer.as_built.journal import TrainsLog
+        from camopt.optimizer.as_built.drawn import TrainsLog
 
         asked = self.settings
         with self.clock.stage("yield_search"):
@@ -247,6 +246,7 @@ class _OpenRun:
 
     def state_yield(self, folder: Path, lift: Lift, verdict: Verdict, shown: Progress) -> "YieldStatement | None":
         """What fresh trains say of the cam, written into verification.json; None where nothing scatters."""
+        from camopt.optimizer.as_built.ideal import beside
         from camopt.optimizer.as_built.statement import statement_of_run
         from camopt.optimizer.baselines.comparison import NO_JERK, plain_baselines
 
@@ -257,31 +257,11 @@ class _OpenRun:
         with self.clock.stage("yield"):
             asked = {"baselines": baselines, "advance": shown.advance}
             stated = statement_of_run(self.scene, lift, self.settings, folder, **asked)
-            beside = self._beside(folder, lift, stated)
+            further = beside(self.scene, lift, self.settings, stated, folder)
         if stated is not None:
-            write_json(folder / "verification.json", verdict.as_dict() | {"yield": stated.as_dict() | beside})
+            write_json(folder / "verification.json", verdict.as_dict() | {"yield": stated.as_dict() | further})
             self.write_provenance(folder)
         return stated
-
-    def _beside(self, folder: Path, lift: Lift, stated: "YieldStatement | None") -> dict:
-        """What stands beside the statement: for a yield that was asked for the cam for the train as designed, and else,
-        where fewer trains hold than are advised, an estimate of the cam for so many, which is no larger than this."""
-        if "yield" in self.settings:
-            from camopt.optimizer.as_built.ideal import write_ideal
-
-            return {"ideal": write_ideal(self.scene, self.settings, folder)}
-        if stated is None or stated.share.low >= ADVISED or self.settings["speeds"] != "band":
-            return {}
-        from camopt.optimizer.as_built.prices import estimated_area_ratio
-
-        try:
-            area_ratio = estimated_area_ratio(self.scene, ADVISED, self.settings["seed"])
-        except NoCamFound:
-            return {}
-        if area_ratio is None or self.scene.design is None:
-            return {}
-        at_most = lift.area_ratio_in(self.scene.design)
-        return {"advised": {"share": ADVISED, "area_ratio": min(area_ratio, at_most)}}
 
     def write_provenance(self, folder: Path) -> None:
         """provenance.json as far as the run has come."""

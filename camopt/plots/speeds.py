@@ -52,8 +52,7 @@ def bounce_against_speed(
 ) -> Figure:
     """Draws bounce and jump against speed with their limits; the band is shaded, the `speeds_rpm` judged are marked."""
     figure = new_figure(7.6, 5.8)
-    rows = figure.subplots(2, 1, sharex=True)
-    lines = cam_lines(s.cam for s in sweeps)
+    rows, lines = figure.subplots(2, 1, sharex=True), cam_lines(s.cam for s in sweeps)
     for axes, key in zip(rows, ("bounce_mm", "jump_mm"), strict=True):
         quantity = QUANTITIES[key]
         limit = getattr(design, quantity.limit or "", None)
@@ -104,9 +103,9 @@ def _mark_starts(axes: Axes, sweeps: Sequence[Sweep], key: str, limit: float | N
     Beside it stands the verdict's speed, or, where none was given, the drawn curve's, marked as about, to 10 r/min. It
     stands on the left, or on the right where there is a diamond near on the left, each higher than the one before.
     """
-    found = [(*_start(s, key, limit), s) for s in sweeps]
+    starts = [(*_start(s, key, limit), s) for s in sweeps]
     before, level = -np.inf, 0  # how many diamonds stand near one another on the left
-    for at, words, s in sorted(((at, w, s) for at, w, s in found if at is not None), key=lambda one: one[0]):
+    for at, words, s in sorted(((at, w, s) for at, w, s in starts if at is not None), key=lambda one: one[0]):
         level = level + 1 if at - before <= NUMBER_WIDTH * np.ptp(sweeps[0].speed_rpm) else 0
         colour, left, before = lines[s.cam]["color"], level == 0, at
         height = float(np.interp(at, s.speed_rpm, getattr(s, key))) if limit is None else limit

@@ -31,10 +31,11 @@ def front(against: str, limit: np.ndarray, area_ratio: np.ndarray, title: str = 
     """Draws the area ratio (k) over the k values of a design limit; a value without a cam is a cross on the axis."""
     figure = new_figure(5.2, 3.4)
     axes = figure.subplots()
-    found = np.isfinite(area_ratio)
-    axes.plot(limit[found], area_ratio[found], "o-", color=cam_line(DESIGN)["color"], markersize=4)
-    if not found.all():
-        axes.plot(limit[~found], np.full((~found).sum(), np.nanmin(area_ratio)), "x", color="#8a1c1c", label="no cam")
+    feasible = np.isfinite(area_ratio)
+    axes.plot(limit[feasible], area_ratio[feasible], "o-", color=cam_line(DESIGN)["color"], markersize=4)
+    if not feasible.all():
+        lowest = np.full((~feasible).sum(), np.nanmin(area_ratio))
+        axes.plot(limit[~feasible], lowest, "x", color=LIMIT, label="no cam")
         axes.legend()
     name, unit = next((against.removesuffix(f"_{u}"), v) for u, v in list(UNITS.items())[::-1] if against.endswith(u))
     axes.set(xlabel=f"{name.replace('_', ' ')} [{unit}]", ylabel="area ratio [-]")
@@ -54,15 +55,16 @@ def identification(
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.4))
     rows = np.arange(table.sizes["parameter"])
     ratio, low, high = (table[k].values / table["start"].values for k in ("estimate", "low", "high"))
-    known = table["identified"].values
-    ends = np.sort(np.stack([low, high])[:, known], axis=0)
-    left.hlines(rows[known], *ends, color=INK)
-    left.plot(ratio[known], rows[known], "o", color=INK, markersize=4)
-    left.plot(np.ones(int(np.sum(~known))), rows[~known], "x", color=LIMIT, markersize=5, label="not identified")
+    identified = table["identified"].values
+    ends = np.sort(np.stack([low, high])[:, identified], axis=0)
+    left.hlines(rows[identified], *ends, color=INK)
+    left.plot(ratio[identified], rows[identified], "o", color=INK, markersize=4)
+    at_start = np.ones(int(np.sum(~identified)))
+    left.plot(at_start, rows[~identified], "x", color=LIMIT, markersize=5, label="not identified")
     left.set_yticks(rows, table["parameter"].values)
     left.invert_yaxis()
     left.set_xlabel("estimate over start value")
-    if np.any(~known):
+    if np.any(~identified):
         left.legend(loc="lower left", bbox_to_anchor=(0, 1))
     for i, (speed, angle, residual) in enumerate(zip(speeds_rpm, angles_deg, residuals_um, strict=True)):
         right.plot(angle, residual, color=OTHERS[i % len(OTHERS)], linewidth=0.6, label=f"{speed:g} r/min")

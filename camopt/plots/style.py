@@ -92,8 +92,7 @@ def family_of(cam: str) -> str:
 
 def lines() -> dict[str, tuple[str, Any]]:
     """Colour and dashes of the design and of every family whose record has them."""
-    found = {name: line_of(name) for name in (DESIGN, *FAMILIES)}
-    return {name: line for name, line in found.items() if line is not None}
+    return {name: line for name in (DESIGN, *FAMILIES) if (line := line_of(name)) is not None}
 
 
 def line_of(family: str) -> tuple[str, Any] | None:
@@ -124,7 +123,7 @@ def page_line(cam: str) -> dict:
 def cam_lines(cams: Iterable[str]) -> dict[str, dict]:
     """`cam_line` of each cam of a figure; cams outside the families take dashes in turn, and other colours where
     they would look alike."""
-    found, taken = {}, set()
+    by_cam, taken = {}, set()
     for cam in dict.fromkeys(cams):
         line = cam_line(cam)
         if line_of(family_of(cam)) is None:
@@ -133,8 +132,8 @@ def cam_lines(cams: Iterable[str]) -> dict[str, dict]:
             line["color"] = next((colour for colour in turns if colour not in taken), line["color"])
             line["linestyle"] = OTHERS_DASHES[len(taken) % len(OTHERS_DASHES)]
             taken.add(line["color"])
-        found[cam] = line
-    return found
+        by_cam[cam] = line
+    return by_cam
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -198,7 +197,7 @@ def legend_above(figure: Figure, axes: Axes, columns: int = 5) -> None:
     labels = [_shortened(label, room - _BESIDE * BASE) for label in labels]
     widths = [_width(label) + _BESIDE * BASE for label in labels]
     count = min(columns, len(handles))
-    while count > 1 and sum(max(part) for part in _columns(widths, count)) > room:
+    while count > 1 and sum(max(column) for column in _columns(widths, count)) > room:
         count -= 1
     figure.legend(handles, labels, loc="outside upper left", ncols=count, handlelength=_HANDLE)
 
@@ -272,14 +271,14 @@ def _keep_ticks(axis: Axis) -> None:
     Else it makes them anew whenever something asks where they are, five times for a layout and twice for each file.
     They are the same in points whatever the file, which matters since the files differ in dots per inch.
     """
-    update, known = getattr(axis, TICKS), {}
+    update, kept = getattr(axis, TICKS), {}
 
     def ticks() -> list:
         at = *axis.get_view_interval(), *axis.axes.get_position().bounds
-        if at not in known:
-            known.clear()
-            known[at] = update()
-        return known[at]
+        if at not in kept:
+            kept.clear()
+            kept[at] = update()
+        return kept[at]
 
     setattr(axis, TICKS, ticks)
 

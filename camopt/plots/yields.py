@@ -73,10 +73,10 @@ def price_bars(
         (both, halved, noise, -0.2, 0.38, "halved", 0.45),
         (raised, worth, worth_noise, 0.0, 0.5, "", 1.0),
     ):
-        known = [i for i, name in enumerate(labels) if name in values]
-        widths = [values[labels[i]] for i in known]
-        axes.barh(rows[known] + place, widths, height, color=COLOUR, alpha=depth, label=label or None)
-        axes.errorbar(widths, rows[known] + place, xerr=error, fmt="none", ecolor="#444444", elinewidth=0.8)
+        drawn = [i for i, name in enumerate(labels) if name in values]
+        widths = [values[labels[i]] for i in drawn]
+        axes.barh(rows[drawn] + place, widths, height, color=COLOUR, alpha=depth, label=label or None)
+        axes.errorbar(widths, rows[drawn] + place, xerr=error, fmt="none", ecolor="#444444", elinewidth=0.8)
         axes.axvline(0.0, color="#777777", linewidth=0.7)
     both.set_yticks(rows, labels)
     both.set_xlabel("change of the area ratio [-]")

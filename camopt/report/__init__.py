@@ -1,4 +1,4 @@
-"""The report page of a run folder; nobody in the package imports this but the command line."""
+"""The report page of a run folder."""
 
 from camopt.report.page import write_report
 

@@ -1,14 +1,14 @@
-"""What to do next with a run, from what it found: the same for the page and for the command line's last line.
+"""What to do next with a run, from its outcome: the same for the page and for the command line's last line.
 
-No command is advised that ran already with the same words: accuracy rises from step to step, then the wanted yield
-falls to what was held, and at last the limits are for the user to move.
+No command is advised that ran already with the same options: accuracy rises from step to step, then the wanted yield
+falls to what was reached, and in the end the user has to move the limits.
 """
 
 import shlex
 from collections.abc import Sequence
 
 from camopt.measure.yield_words import ADVISED, ENOUGH, HELD, MISSED, NOT_ASKED, standing
-from camopt.report.assumed import Hanging, first_to_measure
+from camopt.report.assumed import AssumedNumber, first_to_measure
 from camopt.report.folder import RunFolder
 from camopt.report.wording import label_and_unit
 from camopt.scene.quantities import is_number
@@ -21,11 +21,11 @@ NAMED = 2
 """Assumed numbers of the geometry that a sentence names; the others are counted."""
 
 
-def advice(run: RunFolder, scene: str, cam: str, assumed: Sequence[Hanging] = ()) -> list[dict[str, str]]:
+def advice(run: RunFolder, scene: str, cam: str, assumed: Sequence[AssumedNumber] = ()) -> list[dict[str, str]]:
     """What to do with this run, the first thing first: a sentence each, and the command that does it.
 
     `scene` and `cam` are what the commands name: a scene's name or file, and the run folder's path. `assumed` are the
-    train's assumed numbers, those first on which most hangs.
+    train's assumed numbers, the most influential first.
     """
     verdict, steps = run.verdict, _Commands(run, scene, cam)
     move = steps.step("Move the limits and watch the cam.", "design", scene)
@@ -46,11 +46,11 @@ def advice(run: RunFolder, scene: str, cam: str, assumed: Sequence[Hanging] = ()
 def further(run: RunFolder, scene: str, cam: str) -> dict[str, str]:
     """To search again for what this run was to find, with more effort; to move the limits where there is no more."""
     steps = _Commands(run, scene, cam)
-    found = steps.further("Search further.")
-    return found[0] if found else steps.step("Move the limits and watch the cam.", "design", scene)
+    next_steps = steps.further("Search further.")
+    return next_steps[0] if next_steps else steps.step("Move the limits and watch the cam.", "design", scene)
 
 
-def _before_the_grinder(run: RunFolder, steps: "_Commands", assumed: Sequence[Hanging]) -> list[dict[str, str]]:
+def _before_the_grinder(run: RunFolder, steps: "_Commands", assumed: Sequence[AssumedNumber]) -> list[dict[str, str]]:
     """What is left to do with a confirmed cam until it is ground."""
     record = run.built
     stands = standing(record)
@@ -82,8 +82,8 @@ def _after_a_miss(record: dict, share: str, steps: "_Commands") -> list[dict[str
     return [steps.halved(f"{words}: see which tolerance spoils most, and narrow it.")]
 
 
-def _to_the_grinder(run: RunFolder, share: str, assumed: Sequence[Hanging]) -> str:
-    """To have the cam ground, once what its motion hangs on and its outline stands on is measured."""
+def _to_the_grinder(run: RunFolder, share: str, assumed: Sequence[AssumedNumber]) -> str:
+    """To have the cam ground, once the numbers that its motion and its outline depend on are measured."""
     geometry = run.scene.get("geometry")
     guessed = geometry.get("assumed") if isinstance(geometry, dict) else None
     names = [label_and_unit(str(key))[0] for key in guessed] if isinstance(guessed, list) else []

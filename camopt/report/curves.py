@@ -80,8 +80,8 @@ def _band(band: Any) -> dict[str, list] | None:
     if not isinstance(curves, dict) or not isinstance(speeds, list) or not speeds or not all(map(is_number, speeds)):
         return None
     values = {key: curves.get(key) for key in OVER_BAND}
-    known = {key: v for key, v in values.items() if isinstance(v, list) and len(v) == len(speeds)}
-    return {"speed_rpm": speeds} | {key: [_short(v) for v in row] for key, row in known.items()}
+    stated = {key: v for key, v in values.items() if isinstance(v, list) and len(v) == len(speeds)}
+    return {"speed_rpm": speeds} | {key: [_short(v) for v in row] for key, row in stated.items()}
 
 
 def _limits(design: Design, keys: tuple[str, ...]) -> list[float]:

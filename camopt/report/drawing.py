@@ -154,12 +154,12 @@ def _columns(train: Train, y: np.ndarray) -> list[int]:
     for start in range(len(y)):
         if start in column:
             continue
-        branch, found = [start], {start}
+        branch, reached = [start], {start}
         for i in branch:
             more = [b if a == i else a for a, b in pairs if i in (a, b)]
-            fresh = [m for m in dict.fromkeys(more) if m not in column and m not in found]
+            fresh = [m for m in dict.fromkeys(more) if m not in column and m not in reached]
             branch += fresh
-            found |= set(fresh)
+            reached |= set(fresh)
         level: dict[float, int] = {}
         for i in branch:
             place = level.get(round(float(y[i])), 0)

@@ -12,7 +12,7 @@ NARROW_PERCENT = 2.0
 """A reserve of speed that counts as narrow. Frequencies follow the root of stiffness, so that a spring whose rate is
 twice as much softer in per cent meets in the band what this one meets beyond it; 2 to 4 % is what springs scatter."""
 LONG_OPEN_DEG = 10.0
-"""A contact that is open over more of the cam than this hangs on little, however little it opens."""
+"""A contact that is open over more of the cam than this is sensitive to small changes, however little it opens."""
 
 
 def edge_sentences(run: RunFolder) -> list[str]:

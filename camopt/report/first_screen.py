@@ -76,20 +76,20 @@ def sketch(lift: Lift, duration_deg: float) -> dict[str, Any]:
 
 def facts(run: RunFolder, cams: RunCams) -> list[tuple[str, str]]:
     """The cam's figures by their names: area, bound, lift, and the best other cam that is confirmed."""
-    d, lift, found = run.design, cams.lifts.get(DESIGN), []
+    d, lift, figures = run.design, cams.lifts.get(DESIGN), []
     if is_number(d.get("area_ratio")):
-        found.append(("area ratio", shown(d["area_ratio"])))
+        figures.append(("area ratio", shown(d["area_ratio"])))
     if is_number(d.get("area_gap_percent")):
-        found.append(("below the bound", f"{shown(d['area_gap_percent'], 3)} %"))
+        figures.append(("below the bound", f"{shown(d['area_gap_percent'], 3)} %"))
     if lift is not None:
-        found.append(("largest lift", f"{shown(lift.max_lift / MM)} mm"))
-        found.append(("duration", f"{shown(2 * lift.half_duration / DEG)} deg"))
+        figures.append(("largest lift", f"{shown(lift.max_lift / MM)} mm"))
+        figures.append(("duration", f"{shown(2 * lift.half_duration / DEG)} deg"))
     groups = comparison_groups(run)
     others = [g for g in groups if g["cam"] != DESIGN and g["within"] and g["verdict"] == "confirmed" and g["area"]]
     if others and is_number(d.get("area_ratio")):
         best = max(others, key=lambda g: g["area"])
         more = 100 * (d["area_ratio"] / best["area"] - 1)
-        found.append((f"area against {best['cam']}", f"{'+' if more >= 0 else '−'}{shown(abs(more), 3)} %"))
+        figures.append((f"area against {best['cam']}", f"{'+' if more >= 0 else '−'}{shown(abs(more), 3)} %"))
     elif groups:
-        found.append(("other cams under these limits", "none confirmed"))
-    return found
+        figures.append(("other cams under these limits", "none confirmed"))
+    return figures

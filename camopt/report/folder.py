@@ -75,8 +75,8 @@ class RunFolder:
 
 def _table(content: dict, key: str) -> dict:
     """A part of a file's content; empty where it is not there or is no table."""
-    part = content.get(key)
-    return part if isinstance(part, dict) else {}
+    table = content.get(key)
+    return table if isinstance(table, dict) else {}
 
 
 def read_run_folder(folder: Path) -> RunFolder:

@@ -38,8 +38,8 @@ def limit_rows(run: RunFolder, shape: tuple[Lift, Design] | None = None) -> list
         limit = design.get(quantity.limit or "")
         if is_number(limit):
             rows.append(_motion_row(run, quantity.name, str(quantity.limit), limit))
-    known = {row["key"] for row in rows}
-    others = {key: where for key, where in _broken(run).items() if key not in known}
+    listed = {row["key"] for row in rows}
+    others = {key: where for key, where in _broken(run).items() if key not in listed}
     return rows + [_other_row(key, where) for key, where in others.items()]
 
 
@@ -63,7 +63,7 @@ def _cam_row(run: RunFolder, key: str, limit: float) -> dict:
     values = [v for v in (as_number(r.get(key, "")) for r in mine) if v is not None]
     worst = max(values, key=lambda v: v / limit) if values else None  # a negative limit is passed by a lower value
     row = _row(key, key, limit, limit < 0, worst, EVERYWHERE, f"comparison.csv {key}", ROUNDING * abs(limit))
-    if row["held"] is not False and key in _broken(run):  # the judge of the shape knows of steps, which have no value
+    if row["held"] is not False and key in _broken(run):  # broken at a step, which has no value
         row |= _state(False) | {"where": "at a step of the cam's velocity or acceleration", "source": BROKEN}
     return row
 
@@ -76,11 +76,11 @@ def _shape_row(reached: dict, broken: set[str]) -> dict:
 
 
 def _motion_row(run: RunFolder, name: str, key: str, limit: float) -> dict:
-    found, least = run.verification.worst(name), name in LESS_IS_WORSE
-    if found is None:
+    worst, least = run.verification.worst(name), name in LESS_IS_WORSE
+    if worst is None:
         return _row(key, name, limit, least, None, "not verified", "verification.json")
-    where = found.where if found.value is not None else f"no figure {found.where}"
-    return _row(key, name, limit, least, found.value, where, f"verification.json {found.source}")
+    where = worst.where if worst.value is not None else f"no figure {worst.where}"
+    return _row(key, name, limit, least, worst.value, where, f"verification.json {worst.source}")
 
 
 def _other_row(key: str, where: str) -> dict:
@@ -96,8 +96,8 @@ def _row(
     held = None
     if worst is not None:
         held = worst >= limit - slack if least else worst <= limit + slack
-    asked, reached = f"at {'least' if least else 'most'} {shown(limit)}", shown(worst)
-    words = {"key": key, "label": label, "unit": unit, "limit": asked, "reached": reached, "where": where}
+    demand, reached = f"at {'least' if least else 'most'} {shown(limit)}", shown(worst)
+    words = {"key": key, "label": label, "unit": unit, "limit": demand, "reached": reached, "where": where}
     return words | {"source": source, "share": share_of(limit, least, worst)} | _state(held)
 
 
@@ -116,8 +116,8 @@ def _state(held: bool | None) -> dict:
 
 def disagreements(run: RunFolder, rows: Iterable[dict]) -> list[str]:
     """Sentences where the verdict and the figures beside it do not go together, whatever the verdict is."""
-    rows, found, named = list(rows), run.verification, _broken(run)
-    verdict = found.get("verdict")
+    rows, verification, named = list(rows), run.verification, _broken(run)
+    verdict = verification.get("verdict")
     if verdict not in ORDER:
         return []
     passed = [row["label"] for row in rows if row["held"] is False]
@@ -126,7 +126,7 @@ def disagreements(run: RunFolder, rows: Iterable[dict]) -> list[str]:
         sentences.append(f"The verdict is confirmed, yet by the figures below it breaks: {', '.join(passed)}.")
     sentences += [
         f"The verdict is {verdict}, yet at {shown(s.get('speed_rpm'))} r/min it is {shown(s.get('verdict'))}."
-        for s in found.judged
+        for s in verification.judged
         if s.get("verdict") not in ORDER or ORDER.index(s["verdict"]) > ORDER.index(verdict)
     ]
     sentences += [
@@ -145,41 +145,28 @@ def matrix(run: RunFolder, limits: list[dict]) -> dict:
     A limit on the motion has a cell for each speed and one for the band. One on the cam's shape holds at every speed:
     its row has one cell, which spans them all. The price is what one per cent more of the limit buys.
     """
-    judged, design, worth = run.verification.by_speed, run.demands, run.worth
+    judged = run.verification.by_speed
     worst = (run.verification.get("band") or {}).get("worst") or {}
-    of_motion = {quantity.limit for quantity in QUANTITIES.values()}
-    shape = [
-        {**_named(row["label"], row["limit"], row["unit"], worth.get(row["key"])), "shape": _of_shape(row)}
-        for row in limits
-        if row["key"] not in of_motion
-    ]
-    rows = []
-    for quantity in QUANTITIES.values():
-        limit = design.get(quantity.limit or "")
-        if not is_number(limit):
-            continue
-        least = quantity.name in LESS_IS_WORSE
-        values = [worst_case_value(speed, quantity.name)[0] for speed in judged]
-        stated = (worst.get(quantity.name) or {}).get("value")
-        values += [stated if is_number(stated) else None] if worst else []
-        shares = [share_of(limit, least, value) for value in values]
-        largest = max((share for share in shares if share is not None), default=0.0)
-        first = shares.index(largest) if largest > 0 else None
-        cells = [_cell(share, i == first) for i, share in enumerate(shares)]
-        named = _named(quantity.label, demanded(design, quantity.name), quantity.unit, None)
-        rows.append({**named, "cells": cells, "shape": None})
-    speeds = [shown(speed.get("speed_rpm")) for speed in judged]
-    rows += shape
-    priced = any(row["price"] != NO_PRICE for row in rows)
-    return {"speeds": speeds + ["band"] * bool(worst), "rows": rows, "priced": priced}
-
-
-def _named(label: str, demand: str, unit: str, price) -> dict:
-    return {
-        "label": label,
-        "demand": f"{demand} {unit}".strip(),
-        "price": NO_PRICE if price is None else shown(price, 2),
-    }
+    of_motion = {quantity.limit: quantity for quantity in QUANTITIES.values()}
+    motion, shape = [], []
+    for row in limits:
+        quantity, limit = of_motion.get(row["key"]), run.demands.get(row["key"])
+        price = run.worth.get(row["key"]) if quantity is None else None
+        words = {"label": row["label"], "demand": f"{row['limit']} {row['unit']}".strip()}
+        words["price"] = NO_PRICE if price is None else shown(price, 2)
+        if quantity is None:
+            shape.append({**words, "shape": _of_shape(row)})
+        elif is_number(limit):
+            values = [worst_case_value(speed, quantity.name)[0] for speed in judged]
+            stated = (worst.get(quantity.name) or {}).get("value")
+            values += [stated if is_number(stated) else None] if worst else []
+            shares = [share_of(limit, quantity.less_is_worse, value) for value in values]
+            largest = max((share for share in shares if share is not None), default=0.0)
+            first = shares.index(largest) if largest > 0 else None
+            motion.append({**words, "cells": [_cell(s, i == first) for i, s in enumerate(shares)], "shape": None})
+    speeds = [shown(speed.get("speed_rpm")) for speed in judged] + ["band"] * bool(worst)
+    priced = any(row["price"] != NO_PRICE for row in shape)
+    return {"speeds": speeds, "rows": motion + shape, "priced": priced}
 
 
 def _of_shape(row: dict) -> dict:

@@ -71,8 +71,8 @@ def cams_of(folder: Path, run: RunFolder) -> RunCams:
             left_out.append(f"{name} is not simulated here: {error}")
             if name == DESIGN:
                 break  # other cams alone would pass for the run's motion
-    found = {DESIGN: run.verification} | verdicts_in(folder)
-    return RunCams(scene, lifts, left_out, found)
+    verdicts = {DESIGN: run.verification} | verdicts_in(folder)
+    return RunCams(scene, lifts, left_out, verdicts)
 
 
 def _rebuilt(name: str, area: float | None, folder: Path, scene: Scene) -> Lift:
@@ -85,9 +85,9 @@ def _rebuilt(name: str, area: float | None, folder: Path, scene: Scene) -> Lift:
     else:
         raise InputError(f"the run folder does not hold its lift, cams/{name}.json")
     assert scene.design is not None, "load_scene(..., need='design') guarantees it"
-    found = lift.area_ratio_in(scene.design)
-    if not is_number(area) or abs(found - area) > SAME_AREA:
-        raise InputError(f"its area ratio comes out as {shown(found, 6)}, the run recorded {shown(area, 6)}")
+    ratio = lift.area_ratio_in(scene.design)
+    if not is_number(area) or abs(ratio - area) > SAME_AREA:
+        raise InputError(f"its area ratio comes out as {shown(ratio, 6)}, the run recorded {shown(area, 6)}")
     return lift
 
 
@@ -140,8 +140,8 @@ def _moved(
         motions, stated = [], stated_periodic(cams.verdicts.get(name, {}))
         for speed in speeds:
             try:
-                found = motion(train, lift, scene.cam_speed(speed), step, contacts, stated.get(speed))
-                motions.append({"speed_rpm": speed, **found})
+                numbers = motion(train, lift, scene.cam_speed(speed), step, contacts, stated.get(speed))
+                motions.append({"speed_rpm": speed, **numbers})
             except (MotionRefused, InputError) as error:
                 left_out.append(f"{name} at {shown(speed)} r/min is not shown: {error}")
         if motions:
@@ -192,5 +192,5 @@ def cam_entry(name: str, lift: Lift, scene: Scene, step_deg: float) -> dict:
 
 def _rounded(values: np.ndarray, digits: int) -> list:
     """Nested lists of rounded numbers, without a decimal point where none is asked for."""
-    found = np.round(values, digits) + 0.0  # no negative zeros
-    return (found if digits else found.astype(int)).tolist()
+    rounded = np.round(values, digits) + 0.0  # no negative zeros
+    return (rounded if digits else rounded.astype(int)).tolist()

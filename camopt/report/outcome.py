@@ -25,7 +25,7 @@ BACK = ("candidates_judged", "largest_refused_area_ratio")
 FREE = ("value", "as_given", "low", "high")
 """Keys of a number in `free` of design.json."""
 LOW_MM = 0.005
-"""A lift that stays below its limit by less than this is at it, for who reads a lift."""
+"""A lift that stays below its limit by less than this counts as at the limit."""
 STATED = "verification.json"
 LEAST_GAIN = 5e-6
 """A smaller difference of area ratios is none: it would not show in their printed digits."""
@@ -41,29 +41,29 @@ def outcome_rows(run: RunFolder) -> list[dict]:
     cap = design.get("max_lift_mm")
     for key in OF_THE_CAM:
         if is_number(run.design.get(key)):
-            asked = "to reach" if design.get("reach_max_lift") is True else "at most"
-            limit = f"{asked} {shown(cap)}" if key == LIFT and is_number(cap) else ""
+            relation = "to reach" if design.get("reach_max_lift") is True else "at most"
+            limit = f"{relation} {shown(cap)}" if key == LIFT and is_number(cap) else ""
             rows.append(_row(key, first.get(key), run.design[key], limit, "", f"design.json {key}"))
     for name in MOTION:
-        found = run.verification.worst(name)
-        if found is None:
+        worst = run.verification.worst(name)
+        if worst is None:
             continue
         key = name if name == "contact_force_min_N" else f"worst_{name}"  # the least force is a worst one by its name
-        where = found.where if found.value is not None else f"no figure {found.where}"
-        limit, source = demanded(design, name), f"{STATED} {found.source}"
-        rows.append(_row(key, first.get(f"worst_{name}"), found.value, limit, where, source))
+        where = worst.where if worst.value is not None else f"no figure {worst.where}"
+        limit, source = demanded(design, name), f"{STATED} {worst.source}"
+        rows.append(_row(key, first.get(f"worst_{name}"), worst.value, limit, where, source))
     return rows + _built_row(run)
 
 
 def _built_row(run: RunFolder) -> list[dict]:
     """The row of the trains as built, where their share was stated."""
-    found = run.built
-    if not found:
+    built = run.built
+    if not built:
         return []
-    share, low, high = (shown(100 * found[key], 3) for key in ("share", "low", "high"))
-    limit = f"at least {shown(100 * found['wanted'])}" if is_number(found.get("wanted")) else ""
+    share, low, high = (shown(100 * built[key], 3) for key in ("share", "low", "high"))
+    limit = f"at least {shown(100 * built['wanted'])}" if is_number(built.get("wanted")) else ""
     words = {"label": "trains as built that hold", "unit": "%", "start": "–", "end": share, "limit": limit}
-    return [words | {"where": f"{low} to {high} of {shown(found['trains'])} trains", "source": f"{STATED} yield.share"}]
+    return [words | {"where": f"{low} to {high} of {shown(built['trains'])} trains", "source": f"{STATED} yield.share"}]
 
 
 def _row(key: str, start, end, limit: str, where: str, source: str) -> dict:
@@ -96,10 +96,10 @@ def outcome_lines(run: RunFolder) -> list[str]:
 
 
 def reserve(run: RunFolder) -> list[str]:
-    """Sentences on the speeds at which the design's jump and bounce exceed their limits; none where nobody looked."""
+    """Sentences on the speeds at which jump and bounce exceed their limits; none where no band was swept."""
     starts = run.verification.get("limits")
     if not run.verification.get("band") or not starts or run.band_rpm is None:
-        return []  # null then says that nobody looked, not that there is none
+        return []  # null then means that no speed was computed, not that none exceeds a limit
     return reserve_sentences(starts, run.demands, run.band_rpm)
 
 
@@ -120,10 +120,10 @@ def free_sentences(run: RunFolder) -> list[str]:
     for name, one in chosen.items() if isinstance(chosen, dict) else ():
         if not isinstance(one, dict) or not all(is_number(one.get(key)) for key in FREE):
             continue
-        value, given, low, high = (shown(one[key], 5) for key in FREE)
+        value, before, low, high = (shown(one[key], 5) for key in FREE)
         what = name if one.get("of") in (name, None) else f"{name} ({one['of']})"
         end = ", the end of what it might choose" if value in (low, high) else ""
-        sentences.append(f"Of {what} from {low} to {high} the design chose {value}{end}; the scene had {given}.")
+        sentences.append(f"Of {what} from {low} to {high} the design chose {value}{end}; the scene had {before}.")
     return sentences
 
 
@@ -148,20 +148,21 @@ def gain_sentences(run: RunFolder) -> list[str]:
     back = d.get("verdict_fell_back")
     judged, refused = (back.get(k) for k in BACK) if isinstance(back, dict) else (None, None)
     if is_number(refused) and is_number(judged):
-        confirmed = run.verdict == "confirmed"
-        outcome = "the last of them is delivered" if confirmed else "it confirmed none of them"
-        sentences.append(
-            f"The verdict judged {shown(judged)} cams of the search, the largest first, and {outcome}; the largest "
-            f"that it refused has an area ratio of {shown(refused, 5)}."
-        )
+        largest = f"an area ratio of {shown(refused, 5)}"
+        if run.verdict == "confirmed":
+            outcome = f"the last of them is delivered; the largest that was rejected has {largest}"
+        else:
+            why = f", because they break limits such as {broken[0]}" if (broken := broken_limits(run)) else ""
+            outcome = f"all were rejected{why}; the largest has {largest}"
+        sentences.append(f"The {shown(judged)} largest cams of the search were verified, and {outcome}.")
     return sentences
 
 
 def yield_rows(run: RunFolder) -> list[dict]:
     """By cam the share of trains as built that hold, with its interval in per cent; empty where none was stated."""
-    found = run.built
-    others = found.get("baselines")
-    cams = {"design": found, **(others if isinstance(others, dict) else {})}
+    built = run.built
+    others = built.get("baselines")
+    cams = {"design": built, **(others if isinstance(others, dict) else {})}
     keys = ("share", "low", "high")
     return [
         {"cam": name, "trains": one["trains"], **{key: 100 * one[key] for key in keys}}
@@ -172,9 +173,9 @@ def yield_rows(run: RunFolder) -> list[dict]:
 
 def as_built_words(run: RunFolder) -> str:
     """Whether the cam holds in the trains that are built, in one line; empty where the scene is not known."""
-    found = run.built
-    if found:
-        return f"{share_sentence(found)}; {asked_sentence(found)}"
+    built = run.built
+    if built:
+        return f"{share_sentence(built)}; {asked_sentence(built)}"
     if not run.scene:
         return ""
     if run.scatters:
@@ -184,16 +185,16 @@ def as_built_words(run: RunFolder) -> str:
 
 def yield_sentences(run: RunFolder) -> list[str]:
     """What spoils the trains as built, a line for each baseline, and how many trains independent methods judged."""
-    found = run.built
-    if not found:
+    built = run.built
+    if not built:
         return []
-    lines = spoiling_sentences(found) + [one for one in (ideal_sentence(found), advised_sentence(found)) if one]
+    lines = spoiling_sentences(built) + [one for one in (ideal_sentence(built), advised_sentence(built)) if one]
     for row in yield_rows(run)[1:]:
         lines.append(
             f"trains as built, {row['cam']}: {row['share']:.1f} % of {row['trains']} hold every limit "
             f"(95 % interval {row['low']:.1f} to {row['high']:.1f} %)"
         )
-    sample = found.get("independent")
+    sample = built.get("independent")
     if isinstance(sample, list) and sample:
         lines.append(f"independent methods judged {len(sample)} of the trains")
     return lines
@@ -227,7 +228,7 @@ def broken_words(broken: Iterable) -> list[str]:
         places.setdefault(key, []).append(where.removesuffix(" r/min"))
     lines = []
     for key, speeds in places.items():
-        known = list(dict.fromkeys(s for s in speeds if s))
+        listed = list(dict.fromkeys(s for s in speeds if s))
         label = next((q.label for q in QUANTITIES.values() if q.limit == key), label_and_unit(key)[0])
-        lines.append(f"{label} at {in_words(known)} r/min" if known else label)
+        lines.append(f"{label} at {in_words(listed)} r/min" if listed else label)
     return lines

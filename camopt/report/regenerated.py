@@ -132,9 +132,9 @@ def _trains_anew(run: RunFolder, scene: Scene, lift: Lift, settings: dict) -> di
     return {"yield": stated.as_dict() | beside}
 
 
-def _apart(file: str, stated: Any, found: Any) -> list[str]:
+def _apart(file: str, stated: Any, fresh: Any) -> list[str]:
     """Sentences on the leaves of two JSON values that differ."""
-    old, new = dict(_leaves(stated)), dict(_leaves(found))
+    old, new = dict(_leaves(stated)), dict(_leaves(fresh))
     keys = [key for key in {**old, **new} if not _same(old.get(key), new.get(key))]
     return [f"{file} {key} says {old.get(key)}, it comes out as {new.get(key)}" for key in keys]
 

@@ -71,26 +71,26 @@ def _lift_and_ramps(lift: Lift, design: Design) -> Iterator[dict[str, Any]]:
 
 def _drawn(lift: Lift, design: Design) -> Iterator[dict[str, Any]]:
     """The limits of a drawing: those that are linear, the durations at a lift, the radii under a roller or pad."""
-    found: dict[str, dict[str, Any]] = {}
+    by_name: dict[str, dict[str, Any]] = {}
     for linear in linear_limits(design):
         if linear.chosen:
             continue
         label, unit = LABELS[linear.key]
         value, least = linear.value + linear.rate * linear.excess(lift), linear.rate < 0
         one = _reached(linear.key, label, unit, value, linear.value, least, _where(linear.key, linear.name))
-        known = found.get(linear.name)
-        worse = known is None or (value < known["value"] if least else value > known["value"])
-        found |= {linear.name: one} if worse else {}  # the two flanks need a face of one width
-    yield from found.values()
+        before = by_name.get(linear.name)
+        worse = before is None or (value < before["value"] if least else value > before["value"])
+        by_name |= {linear.name: one} if worse else {}  # the two flanks need a face of one width
+    yield from by_name.values()
     for height, least_deg, most_deg in design.duration_at:
         opening, closing = crossing(lift, height * MM) if height * MM < lift.max_lift else (0.0, 0.0)
         long = (closing - opening) / DEG
         for bound, is_least in ((least_deg, True), (most_deg, False)):
             yield _reached("duration_at", f"duration at {height:g} mm", "deg", long, bound, is_least, "the crossings")
-    asked, geometry = radii_held_near(design), design.geometry
-    if asked and geometry is not None:
+    radii, geometry = radii_held_near(design), design.geometry
+    if radii and geometry is not None:
         for key, size in zip(RADII, smallest_radii(lift, geometry), strict=True):
-            if key in asked and size is not None:
+            if key in radii and size is not None:
                 yield _reached(key, *LABELS[key], size / MM, getattr(design, key), least=True)
 
 

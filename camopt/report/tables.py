@@ -172,8 +172,8 @@ def _words_of(row: dict[str, str]) -> list[str]:
 
 def _as_verified(run: RunFolder) -> dict:
     """The entries of the design's group, from verification.json."""
-    found = {key: run.verification.worst(name) for key, name in DESIGN_CELLS.items()}
-    cells = {key: "none" if w.value is None else shown(w.value) for key, w in found.items() if w is not None}
+    worst = {key: run.verification.worst(name) for key, name in DESIGN_CELLS.items()}
+    cells = {key: "none" if w.value is None else shown(w.value) for key, w in worst.items() if w is not None}
     return cells | {"verdict": run.verdict, "broken": "; ".join(broken_limits(run)) or "–"}
 
 
@@ -195,7 +195,7 @@ def worst_rows(run: RunFolder) -> list[dict]:
 
 
 def speed_rows(run: RunFolder) -> list[dict]:
-    """Per speed that all methods looked at: verdict, bounce with its error and range, and the other metrics."""
+    """Per speed that all methods judged: verdict, bounce with its error and range, and the other metrics."""
     rows, listed = [], {s.get("speed_rpm") for s in run.verification.get("speeds") or []}
     for speed in run.verification.by_speed:
         verdict = str(speed.get("verdict", ""))
@@ -262,10 +262,10 @@ COSTS = {
 def cost_rows(provenance: dict) -> list[list[str]]:
     """Per stage of the run: its name and what it cost, in the order of COSTS; empty where none is recorded."""
     stages = provenance.get("stages")
-    known = stages.items() if isinstance(stages, dict) else ()
+    costs = stages.items() if isinstance(stages, dict) else ()
     return [
         [str(name).replace("_", " "), *(shown(cost.get(key)) for key in COSTS)]
-        for name, cost in known
+        for name, cost in costs
         if isinstance(cost, dict)
     ]
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from camopt.cam.hertz import HertzStress
 from camopt.plots.style import DESIGN
-from camopt.report.assumed import MOVED, Hanging, assumed_rows
+from camopt.report.assumed import MOVED, AssumedNumber, assumed_rows
 from camopt.report.motion import RunCams
 from camopt.report.wording import shown
 from camopt.scene import InputError, Scene, build_train
@@ -17,7 +17,7 @@ from camopt.study.cam_sheet import dynamic_stress, static_stress
 DIGITS = 4
 
 
-def train_tables(cams: RunCams, assumed: Sequence[Hanging] = ()) -> dict[str, Any] | None:
+def train_tables(cams: RunCams, assumed: Sequence[AssumedNumber] = ()) -> dict[str, Any] | None:
     """Rows of `masses` and `elements` with what is assumed in each, the assumed numbers `ranked`, and `stress`; None
     without a scene."""
     scene = cams.scene
@@ -61,9 +61,9 @@ def _assumed(keys: tuple[str, ...]) -> str:
     return ", ".join(keys) if keys else "–"
 
 
-def _stress_cells(found: HertzStress, geometry: Geometry) -> list[str]:
+def _stress_cells(stress: HertzStress, geometry: Geometry) -> list[str]:
     """Stress, angle and force, and the share of what the materials bear, where the scene says so."""
-    limit, figures = geometry.hertz_max_MPa, found.figures()
+    limit, figures = geometry.hertz_max_MPa, stress.figures()
     share = "–" if limit is None else f"{100 * figures['hertz_stress_MPa'] / limit:.0f} % of {limit:g} MPa"
     return [*(shown(value, DIGITS) for value in figures.values()), share]
 
@@ -79,11 +79,11 @@ def _stress(cams: RunCams, scene: Scene) -> dict[str, Any]:
     try:
         for speed in scene.operation.speeds_rpm if scene.operation else ():
             try:
-                found, _ = dynamic_stress(scene, train, lift, speed)
+                stress, _ = dynamic_stress(scene, train, lift, speed)
             except MotionRefused as refused:
                 rows.append([f"{shown(speed)} r/min", "–", "–", f"refused: {refused}", "–"])
                 continue
-            rows.append([f"{shown(speed)} r/min", *_stress_cells(found, scene.geometry)])
+            rows.append([f"{shown(speed)} r/min", *_stress_cells(stress, scene.geometry)])
         rows.append(["standing still", *_stress_cells(static_stress(scene, train, lift), scene.geometry)])
     except InputError as error:
         return {"rows": [], "says": f"There is no Hertz stress: {error}."}

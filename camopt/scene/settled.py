@@ -1,6 +1,10 @@
-"""When a motion counts as settled (docs/model.md), in numbers that every way of settling reads."""
+"""When a motion counts as settled (docs/model.md), in numbers that every way of settling reads, and its metrics."""
+
+from dataclasses import dataclass
 
 import numpy as np
+
+from camopt.scene.quantities import LESS_IS_WORSE
 
 SETTLED_POSITION = 1e-6
 """Largest change that a position of a settled motion still has before it [m] (docs/model.md)."""
@@ -64,3 +68,29 @@ def shrinks(largest: float, start: float, before: float, last: float, turns: int
         return False
     q = (late / largest) ** (1.0 / turns)
     return start * q < 1.0 - q
+
+
+@dataclass(frozen=True, repr=False)
+class SettledMetrics:
+    """Metrics of settled motions by train (t), cam (c) and speed (s), in the units of their names.
+
+    `lowest` and `highest` are over the measured revolutions, four of a periodic motion and eight of another one; they
+    are NaN where the valve did not seat in one of them, and where the motion is refused.
+    """
+
+    cam_speeds: np.ndarray  # (s) rad/s
+    lowest: dict[str, np.ndarray]  # (t, c, s)
+    highest: dict[str, np.ndarray]  # (t, c, s)
+    periodic: np.ndarray  # (t, c, s) bool
+    refused: np.ndarray  # (t, c, s) bool: endless switching, or a motion without bound
+    revolutions: np.ndarray  # (t, c, s) run before the measured ones
+    states: np.ndarray  # (t, c, s, 2n + r) after the measured ones [m], [m/s], [m]; NaN where refused
+    errors: dict[str, float]  # of a periodic motion whose contacts do not switch, by metric
+
+    def worst(self, name: str) -> np.ndarray:
+        """The worst of the measured revolutions (t, c, s)."""
+        return (self.lowest if name in LESS_IS_WORSE else self.highest)[name]
+
+    def __repr__(self) -> str:
+        t, c, s = self.periodic.shape
+        return f"SettledMetrics({t} trains, {c} cams, {s} speeds, {int(self.periodic.sum())} of them periodic)"

@@ -9,7 +9,7 @@ from camopt.exact.settled import settled_metrics
 from camopt.exact.settled.figures import NAMES
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import motion_limits
-from camopt.optimizer.as_built.track import Track, track
+from camopt.optimizer.as_built.measured import Track, track
 from camopt.scene import Scene, build_train
 from camopt.scene.load import scene_with
 from camopt.scene.quantities import LESS_IS_WORSE

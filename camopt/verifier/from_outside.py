@@ -1,7 +1,7 @@
-"""What an engine that nobody here wrote says of a motion: Exudyn, started in a process of its own.
+"""Comparison with an engine that is no part of camopt: Exudyn, in a process of its own.
 
 `camopt.verifier.outside` is that process: it reads a scene file and a design file and imports nothing of camopt. Here
-its motions from rest are held against event-exact's, or for curved laws against DOP853's, which takes them as they are.
+its motions from rest are compared with event-exact's, or for curved laws with DOP853's, which needs no chords.
 """
 
 import json
@@ -36,7 +36,7 @@ JUMPS_MM = 0.05
 """Beyond this jump the motion is chaotic within a revolution or two: only the first revolution is compared there."""
 REVOLUTIONS = 2
 PATIENCE_S = 300.0
-"""How long the judge may take for a speed [s]; a few seconds are usual."""
+"""How long Exudyn may take for a speed [s]; a few seconds are usual."""
 SAMPLES = 720
 """Equal parts of a revolution at whose ends the valve is compared."""
 DOP853_STEPS = 4 * SAMPLES
@@ -55,7 +55,7 @@ def require_outside() -> None:
 def outside_motions(scene: Scene, lift: Lift, speeds_rpm: Sequence[float], *options: str) -> dict:
     """The record of `python -m camopt.verifier.outside` for a scene and a cam at speeds (k) [r/min].
 
-    `options` go to it as they are. Raises InputError where Exudyn is missing or the judge refuses.
+    `options` are passed on as they are. Raises InputError where Exudyn is missing or refuses the motion.
     """
     require_outside()
     assert scene.design is not None, "a cam has a maximum lift"
@@ -63,8 +63,8 @@ def outside_motions(scene: Scene, lift: Lift, speeds_rpm: Sequence[float], *opti
         files = [str(Path(folder) / name) for name in ("scene.toml", "design.json", "motion.json")]
         write_text(files[0], scene_toml(scene))
         write_design(files[1], lift, scene.design.max_lift_mm * MM)
-        asked = ["--speeds", *(repr(float(s)) for s in speeds_rpm), "--out", files[2], *options]
-        command = [sys.executable, "-m", "camopt.verifier.outside", *files[:2], *asked]
+        arguments = ["--speeds", *(repr(float(s)) for s in speeds_rpm), "--out", files[2], *options]
+        command = [sys.executable, "-m", "camopt.verifier.outside", *files[:2], *arguments]
         patience_s = PATIENCE_S * len(speeds_rpm)
         try:
             ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=patience_s)
@@ -100,25 +100,28 @@ def _valve(scene: Scene, lift: Lift, speed_rpm: float, method: str, steps: int) 
     revolve = method_named(method)(train, lift, scene.cam_speed(speed_rpm), steps)
     angles, state, rows = np.linspace(-np.pi, np.pi, SAMPLES + 1), state_at_rest(train), []
     for _ in range(REVOLUTIONS):
-        found = revolve(state)
-        after = np.clip(np.searchsorted(found.angle, angles), 1, len(found.angle) - 1)
-        before = np.abs(found.angle[after - 1] - angles) < np.abs(found.angle[after] - angles)
-        rows.append(found.x[after - before, train.valve])
-        state = end_state(found)
+        motion = revolve(state)
+        after = np.clip(np.searchsorted(motion.angle, angles), 1, len(motion.angle) - 1)
+        before = np.abs(motion.angle[after - 1] - angles) < np.abs(motion.angle[after] - angles)
+        rows.append(motion.x[after - before, train.valve])
+        state = end_state(motion)
     return np.array(rows)
 
 
 def from_outside(scene: Scene, lift: Lift, speeds_rpm: Sequence[float]) -> tuple[dict, ...]:
-    """How far the judge's motions from rest are from camopt's at speeds (k) [r/min]; errors as of `outside_motions`."""
+    """The entries of outside.json: how far Exudyn's motions from rest are from camopt's at speeds (k) [r/min].
+
+    Errors as of `outside_motions`.
+    """
     lift = as_written(lift)
-    found = outside_motions(scene, lift, speeds_rpm, "--revolutions", str(REVOLUTIONS), "--samples", str(SAMPLES))
+    record = outside_motions(scene, lift, speeds_rpm, "--revolutions", str(REVOLUTIONS), "--samples", str(SAMPLES))
     return tuple(
-        compared(found["engine"], row, *valve_from_rest(scene, lift, row["speed_rpm"])) for row in found["speeds"]
+        compared(record["engine"], row, *valve_from_rest(scene, lift, row["speed_rpm"])) for row in record["speeds"]
     )
 
 
 def compared(engine: str, row: dict, valve: np.ndarray, error: np.ndarray) -> dict:
-    """The judge's record of a speed beside what `valve_from_rest` gives."""
+    """The entry of a speed, from Exudyn's record of it and what `valve_from_rest` gives."""
     calm = all(figures["jump_mm"] < JUMPS_MM for figures in row["figures"])
     count = len(valve) if calm else 1
     difference = np.abs(np.array(row["valve_m"])[:count] - valve[:count]).max() / NM

@@ -188,8 +188,8 @@ def test_a_contact_that_stays_closed_is_said_to(write, contents):
             "the motion; others were not tried."]),
         (-0.0012, (2, 0.58652), [
             "The delivered cam has 0.0012 less area ratio than the no-jump program's cam.",
-            "The verdict judged 2 cams of the search, the largest first, and the last of them is delivered; the "
-            "largest that it refused has an area ratio of 0.58652."]),
+            "The 2 largest cams of the search were verified, and the last of them is delivered; the largest that was "
+            "rejected has an area ratio of 0.58652."]),
         (0.0041, (1, None), ["Margins that follow the judged motion gained 0.0041 of area ratio."]),
     ],
 )  # fmt: skip
@@ -204,6 +204,17 @@ def test_the_gain_is_what_the_delivered_cam_gained(write, contents, gain, back, 
     lines, text = outcome_lines(read_run_folder(folder)), page_of(folder).text
     assert [line for line in lines if "gained" in line or "cam" in line.split(":")[0]] == sentences
     assert all(sentence in text for sentence in sentences)
+
+
+def test_it_is_said_why_all_candidates_were_rejected(write, contents):
+    contents["verification"] |= {"verdict": "rejected", "broken": ["bounce_max_mm at 7000 r/min"]}
+    contents["design"] |= {"gradient_gain": 0.0041} | {
+        "verdict_fell_back": {"candidates_judged": 4, "largest_refused_area_ratio": 0.586}
+    }
+    assert (
+        "The 4 largest cams of the search were verified, and all were rejected, because they break limits such as "
+        "bounce at 7000 r/min; the largest has an area ratio of 0.586." in page_of(write(contents)).text
+    )
 
 
 def test_an_error_does_not_pretend_digits(write, contents):

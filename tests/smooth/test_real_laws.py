@@ -18,7 +18,7 @@ from camopt.scene.units import DEG, MM
 from camopt.smooth.contact import Layer
 from camopt.smooth.interpolation import at_angle
 from camopt.smooth.laws import elastic_laws
-from camopt.smooth.rest import rest_of
+from camopt.smooth.rest import rest_of, rest_state
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import compiled_response, lift_samples, prepare
 from camopt.smooth.system import System, build_system, stacked
@@ -54,8 +54,8 @@ def test_a_table_is_the_scenes_with_corners_rounded_over_the_layer():
 
 def test_rest_has_faded_memories():
     train, _, _, start = case()
-    for system in (None, build_system(train)):
-        np.testing.assert_allclose(rest_of(system), stacked(start, len(train.mass)), rtol=1e-9, atol=1e-15)
+    for at_rest in (rest_state(train), rest_of(build_system(train))):
+        np.testing.assert_allclose(at_rest, stacked(start, len(train.mass)), rtol=1e-9, atol=1e-15)
 
 
 @pytest.mark.long

@@ -10,7 +10,7 @@ from math import comb, perm
 
 import numpy as np
 
-from camopt.cam.bernstein import Level, from_powers
+from camopt.cam.bernstein import PiecewiseLevel, from_powers
 from camopt.cam.families.sections import Flank
 from camopt.cam.linear_limits import LinearLimit, linear_limits
 from camopt.scene.design import ROUNDING, Design
@@ -128,7 +128,7 @@ def drawing_rows(one: Flank, limit: LinearLimit, side: int, parts: int) -> tuple
     return matrix.reshape(-1, matrix.shape[2]) / size, np.minimum(bound / size, NOWHERE)
 
 
-def _least(level: Level, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+def _least(level: PiecewiseLevel, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
     """A number below the level between `begin` and `end` (k) [rad], from the pieces there; infinite outside it."""
     width = np.diff(level.borders)[:, None] ** np.arange(level.coefficients.shape[1])
     least = (level.coefficients * width @ from_powers(level.coefficients.shape[1] - 1).T).min(axis=1) - level.error

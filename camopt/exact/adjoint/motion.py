@@ -167,8 +167,8 @@ class TracedMotion:
         rows = np.empty((len(angles), at + 2 + len(self.train.a)))
         sample(self.setting, self.trace, *self._instants(angles), rows)
         x, v, z, lift, rate, force = np.split(rows, [n, 2 * n, at, at + 1, at + 2], axis=1)
-        found = x, v, lift[:, 0], rate[:, 0], force
-        return SamplesWithMemory(*found, z) if self.train.memory else Samples(*found)
+        fields = x, v, lift[:, 0], rate[:, 0], force
+        return SamplesWithMemory(*fields, z) if self.train.memory else Samples(*fields)
 
     def pull_back(
         self,

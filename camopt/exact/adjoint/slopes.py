@@ -54,7 +54,7 @@ class ByTrainAndLaws(ByTrain):
 
 @dataclass(frozen=True)
 class Slopes:
-    """Gradients of g numbers; `by_train` is None where it was not asked for."""
+    """Gradients of g numbers; `by_train` is None unless it was requested."""
 
     by_coefficients: Float[np.ndarray, "g p q"]  # by lift.coefficients [m/rad^k]
     by_start: Float[np.ndarray, "g state"]  # by the state at -pi
@@ -69,13 +69,13 @@ def room_for_bars(train: TrainArrays, pieces: tuple[int, ...], sweeps: int, mech
 
 
 def by_train(train: Train, bars: Bars, by_rows: np.ndarray | None = None) -> ByTrain:
-    """The gradients that sweeps found of l numbers, under the names of the parameters; `by_rows` (l, rows) are those by
+    """The gradients of l numbers from their sweeps, under the names of the parameters; `by_rows` (l, rows) are those by
     the rows of forces by the cam angle, which do not act at rest."""
-    by_mass, found = bars.mass.transpose(1, 0, 2), by_numbers(train, bars.law)
+    by_mass, gradients = bars.mass.transpose(1, 0, 2), by_numbers(train, bars.law)
     if train.laws is None and not train.forcing:
-        return ByTrain(*by_mass, **found, gap=bars.gap)
+        return ByTrain(*by_mass, **gradients, gap=bars.gap)
     rows = np.zeros((len(bars.gap), sum(len(forcing.angle) for forcing in train.forcing)))
-    return ByTrainAndLaws(*by_mass, **found, gap=bars.gap, forcing=rows if by_rows is None else by_rows)
+    return ByTrainAndLaws(*by_mass, **gradients, gap=bars.gap, forcing=rows if by_rows is None else by_rows)
 
 
 def by_numbers(train: Train, by_law: np.ndarray) -> dict[str, np.ndarray]:
@@ -84,12 +84,12 @@ def by_numbers(train: Train, by_law: np.ndarray) -> dict[str, np.ndarray]:
     A train of linear elements alone has only the first three of them.
     """
     owner, slopes = _slopes(train)
-    count, found = len(by_law), {}
+    count, gradients = len(by_law), {}
     for name, slope in slopes.items():
         shape = slope.shape[2:]
         moved = np.einsum("lfc,fck->lfk", by_law, slope.reshape(*slope.shape[:2], -1))
-        found[name] = np.einsum("lfk,fe->lek", moved, owner).reshape(count, owner.shape[1], *shape)
-    return found
+        gradients[name] = np.einsum("lfk,fe->lek", moved, owner).reshape(count, owner.shape[1], *shape)
+    return gradients
 
 
 @lru_cache(maxsize=64)
@@ -100,12 +100,12 @@ def _slopes(train: Train) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     pieces = [e for e, element in enumerate(parts) for _ in element.pieces]
     watches = [e for e, element in enumerate(parts) for piece in element.pieces for _ in piece.watches]
     owner = np.eye(len(parts))[[*pieces, *pieces, *watches]]
-    found = {}
+    derivatives = {}
     for field in fields(Numbers) if train.laws is not None or train.forcing else LINEAR_NUMBERS:
         value = getattr(numbers, field.name)
         shape = value.shape[1:]
         steps = np.eye(int(np.prod(shape))).reshape(-1, *shape)
         moved = (replace(numbers, **{field.name: value + 1j * STEP * step}) for step in steps)
         rows = [np.imag(forms_of(parts_of(train, one))) / STEP for one in moved]
-        found[field.name] = np.stack(rows, axis=-1).reshape(len(owner), 4, *shape)
-    return owner, found
+        derivatives[field.name] = np.stack(rows, axis=-1).reshape(len(owner), 4, *shape)
+    return owner, derivatives

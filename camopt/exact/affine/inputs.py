@@ -42,12 +42,12 @@ class Inputs:
     def _rows(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         """Of each force: the row (m) before each piece, how far on to the next one it begins (m), and how far rows are
         apart (m) [rad]."""
-        found = []
+        rows = []
         for force in self.forcing:
             i = np.clip(np.searchsorted(force.angle, self.borders[:-1] + APART, "right") - 1, 0, len(force.angle) - 2)
             width = force.angle[i + 1] - force.angle[i]
-            found.append((i, (self.borders[:-1] - force.angle[i]) / width, width))
-        return found
+            rows.append((i, (self.borders[:-1] - force.angle[i]) / width, width))
+        return rows
 
     def pieces(self, coefficients: np.ndarray) -> np.ndarray:
         """Coefficients (m, q + 2f) of all inputs, [m/rad^k] then [N, N/rad], from those of the lift (p, q)."""

@@ -93,12 +93,12 @@ def exponential(matrix):
 @inner
 def powers(leap, most):
     """leap^i for i = 0 to most, each from two halves, so that rounding grows with the logarithm of `most` only."""
-    found = np.empty((most + 1, len(leap), len(leap)))
-    found[0] = np.eye(len(leap))
-    found[1] = leap
+    result = np.empty((most + 1, len(leap), len(leap)))
+    result[0] = np.eye(len(leap))
+    result[1] = leap
     for i in range(2, most + 1):
-        product(found[i // 2], found[i - i // 2], found[i])
-    return found
+        product(result[i // 2], result[i - i // 2], result[i])
+    return result
 
 
 @inner

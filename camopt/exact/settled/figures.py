@@ -122,12 +122,12 @@ def top(cubic, low, high, best):
     f0, m0, f1, m1 = cubic
     if max(max(f0, f1), max(f0 + max(m0, 0.0), f1 + max(-m1, 0.0))) <= best:
         return min(f0, f1)
-    found = max(value(cubic, low), value(cubic, high))
+    largest = max(value(cubic, low), value(cubic, high))
     b, c, d = m0, 3.0 * (f1 - f0) - 2.0 * m0 - m1, m0 + m1 - 2.0 * (f1 - f0)
     under = c * c - 3.0 * b * d
     if under > 0.0:
         q = -(c + np.sqrt(under)) if c >= 0.0 else -(c - np.sqrt(under))
         for root in (q / (3.0 * d) if d != 0.0 else -1.0, b / q if q != 0.0 else -1.0):
             if low < root < high:
-                found = max(found, value(cubic, root))
-    return found
+                largest = max(largest, value(cubic, root))
+    return largest

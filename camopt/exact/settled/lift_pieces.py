@@ -95,10 +95,10 @@ def _fitted(lift: Lift, begin: np.ndarray, end: np.ndarray) -> tuple[np.ndarray,
         value = value * offset + lift.coefficients[piece, k]
     slope = slope * half
     ends = np.stack([value[:, 0], slope[:, 0], value[:, -1], slope[:, -1]], axis=1)
-    found = ends @ HERMITE + (value - ends @ HERMITE_AT) @ FIT  # (k, WIDTH) in powers of -1 to 1
-    error = np.abs(found @ POWERS - value).max(axis=1, initial=0.0)
-    slope_error = (np.abs(found @ SLOPES - slope) / half).max(axis=1, initial=0.0)
-    about_start = found @ TO_START / half ** np.arange(WIDTH)
+    fitted = ends @ HERMITE + (value - ends @ HERMITE_AT) @ FIT  # (k, WIDTH) in powers of -1 to 1
+    error = np.abs(fitted @ POWERS - value).max(axis=1, initial=0.0)
+    slope_error = (np.abs(fitted @ SLOPES - slope) / half).max(axis=1, initial=0.0)
+    about_start = fitted @ TO_START / half ** np.arange(WIDTH)
     return about_start, (error < LIFT_ERROR) & (slope_error < SLOPE_ERROR)
 
 

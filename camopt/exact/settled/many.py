@@ -25,7 +25,7 @@ from camopt.exact.settled.figures import NAMES
 from camopt.exact.settled.lift_pieces import WIDTH, LiftKey, compress_lift
 from camopt.scene import settled
 from camopt.scene.errors import InputError
-from camopt.scene.quantities import LESS_IS_WORSE
+from camopt.scene.settled import SettledMetrics
 from camopt.scene.train import Forcing, Train
 from camopt.scene.vibration import slowest_rate
 
@@ -46,36 +46,6 @@ multiply it (`experiments/drawn_trains.py`)."""
 PARTS = 4
 """Parts per thread into which the motions of one train are cut."""
 _BUFFER = TraceBuffer()
-
-
-@dataclass(frozen=True, repr=False)
-class SettledMetrics:
-    """Metrics of settled motions by train (t), cam (c) and speed (s), in the units of their names.
-
-    `lowest` and `highest` are over the measured revolutions, four of a periodic motion and eight of another one; they
-    are NaN where the valve did not seat in one of them, and where the motion is refused.
-    """
-
-    cam_speeds: np.ndarray  # (s) rad/s
-    lowest: dict[str, np.ndarray]  # (t, c, s)
-    highest: dict[str, np.ndarray]  # (t, c, s)
-    periodic: np.ndarray  # (t, c, s) bool
-    refused: np.ndarray  # (t, c, s) bool: endless switching, or a motion without bound
-    revolutions: np.ndarray  # (t, c, s) run before the measured ones
-    states: np.ndarray  # (t, c, s, 2n + r) after the measured ones [m], [m/s], [m]; NaN where refused
-
-    @property
-    def errors(self) -> dict[str, float]:
-        """`ERRORS`: what is known of a periodic motion whose contacts keep."""
-        return ERRORS
-
-    def worst(self, name: str) -> np.ndarray:
-        """The worst of the measured revolutions (t, c, s)."""
-        return (self.lowest if name in LESS_IS_WORSE else self.highest)[name]
-
-    def __repr__(self) -> str:
-        t, c, s = self.periodic.shape
-        return f"SettledMetrics({t} trains, {c} cams, {s} speeds, {int(self.periodic.sum())} of them periodic)"
 
 
 def settled_metrics(
@@ -103,12 +73,12 @@ def settled_metrics(
     """
     speeds = np.asarray(cam_speeds, dtype=float)
     cams = {forcing: _cams(lifts, forcing) for forcing in {train.forcing for train in trains}}
-    found = _nothing(len(trains), len(lifts), speeds, trains[0].state_size)
-    begin = None if starts is None else np.broadcast_to(starts, found.states.shape)
+    metrics = _nothing(len(trains), len(lifts), speeds, trains[0].state_size)
+    begin = None if starts is None else np.broadcast_to(starts, metrics.states.shape)
 
     def one_job(job: Job) -> None:
         _run(job, cams[trains[job.t].forcing], (measured, aperiodic))
-        job.write(found)
+        job.write(metrics)
 
     def one_train(t: int) -> list[Job]:
         start = None if begin is None else begin[t]
@@ -122,13 +92,13 @@ def settled_metrics(
     if workers == 1:  # without the price of threads, which is that of a few motions
         for t in range(len(trains)):
             all_of(t)
-        return found
+        return metrics
     with ThreadPoolExecutor(workers) as pool:
         if len(trains) >= workers:
             list(pool.map(all_of, range(len(trains))))
         else:
             list(pool.map(one_job, [job for t in range(len(trains)) for job in one_train(t)]))
-    return found
+    return metrics
 
 
 @dataclass(frozen=True)
@@ -141,21 +111,21 @@ class Job:
     speed: np.ndarray
     motions: stages.SettlingMotions
 
-    def write(self, found: SettledMetrics) -> None:
-        """Puts what was found of the motions in its place."""
+    def write(self, metrics: SettledMetrics) -> None:
+        """Writes the results of these motions to their places in `metrics`."""
         at, m = (self.t, self.cam, self.speed), self.motions
         for i, name in enumerate(NAMES):
-            found.lowest[name][at], found.highest[name][at] = m.lowest[:, i], m.highest[:, i]
-        found.periodic[at], found.refused[at] = m.stage == stages.PERIODIC, m.stage == stages.REFUSED
-        found.revolutions[at], found.states[at] = m.revolutions, m.state
+            metrics.lowest[name][at], metrics.highest[name][at] = m.lowest[:, i], m.highest[:, i]
+        metrics.periodic[at], metrics.refused[at] = m.stage == stages.PERIODIC, m.stage == stages.REFUSED
+        metrics.revolutions[at], metrics.states[at] = m.revolutions, m.state
 
 
 def _nothing(t: int, c: int, speeds: np.ndarray, width: int) -> SettledMetrics:
-    """Room for what is found."""
+    """Metrics without values."""
     shape = t, c, len(speeds)
     low, high = ({name: np.empty(shape) for name in NAMES} for _ in range(2))
     flags = np.zeros(shape, bool), np.zeros(shape, bool), np.zeros(shape, int)
-    return SettledMetrics(speeds, low, high, *flags, np.empty((*shape, width)))
+    return SettledMetrics(speeds, low, high, *flags, np.empty((*shape, width)), ERRORS)
 
 
 def _cams(lifts: Sequence[Lift], forcing: tuple[Forcing, ...]) -> stages.Cams:

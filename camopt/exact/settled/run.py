@@ -40,7 +40,7 @@ class Cams(NamedTuple):
 
 
 class SettlingMotions(NamedTuple):
-    """m motions of one train: what they are, how far they are, and what was found."""
+    """m motions of one train: their cams and speeds, their states, and their metrics."""
 
     cam: np.ndarray  # (m) its number
     speed: np.ndarray  # (m) rad/s

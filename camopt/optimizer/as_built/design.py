@@ -7,8 +7,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from camopt.measure.as_built import TrainAsBuilt, trains_as_built
-from camopt.optimizer.as_built.drawn import DrawnTrains
-from camopt.optimizer.as_built.journal import TrainsLog
+from camopt.optimizer.as_built.drawn import DrawnTrains, TrainsLog
 from camopt.optimizer.as_built.openings_program import OpeningsProgram
 from camopt.optimizer.as_built.search import FIRST_LEVEL, LATER_FACTOR, LEVEL_FACTOR, YieldSearch
 from camopt.optimizer.as_built.tied_forces import ExactForces, ForceSource

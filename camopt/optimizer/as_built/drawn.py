@@ -8,6 +8,7 @@ it settled, so that of the next cam, which differs little, only what matters nee
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
@@ -15,12 +16,14 @@ from camopt.cam.lift import Lift
 from camopt.exact.settled import settled_metrics
 from camopt.measure.as_built import TrainAsBuilt, trains_as_built
 from camopt.measure.limits import MotionLimit, motion_limits
-from camopt.optimizer.as_built.track import WORKERS
+from camopt.optimizer.as_built.measured import WORKERS
 from camopt.optimizer.search.judge import MEASURES, most_to_settle, next_starts
+from camopt.optimizer.step_files import StepFiles
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 
+FOLDER = "drawn"
 SPEEDS, STAGGER = 11, 4
 """Speeds at which a train is judged, and after how many trains the same speeds come again."""
 UNJUDGED = 0.99
@@ -118,3 +121,28 @@ class DrawnTrains:
         used = np.array([limit.share(found.worst(limit.metric)[0, 0]) for limit in self.limits])
         self.states[t, at] = next_starts(found.states[0, 0], used, self._nominal[t % STAGGER, at])
         self.used[t][:, at] = used
+
+
+class TrainsLog(StepFiles):
+    """The steps' lines, and of each of them what the trains used and where they settled, as far as they were judged."""
+
+    def __init__(self, folder: Path | None):
+        super().__init__(folder, FOLDER)
+
+    def recalled(self, step: int, z: np.ndarray, drawn: DrawnTrains) -> bool:
+        """Whether an interrupted run judged this cam z (m) at this step; then `drawn` knows what it found.
+
+        Raises InputError where the stored step belongs to another cam.
+        """
+        stored = self.stored(step, z, ("at", "used", "states"))
+        if stored is None:
+            return False
+        trains, speeds = stored["at"]
+        drawn.used[trains, :, speeds], drawn.states[trains, speeds] = stored["used"], stored["states"]
+        return True
+
+    def keep(self, step: int, z: np.ndarray, drawn: DrawnTrains, judged: np.ndarray) -> None:
+        """Stores what the trains met at a step, at the speeds at which they were `judged` (t, s: bool)."""
+        if self.kept:  # the states of thousands of trains are not copied for nothing
+            at = np.nonzero(judged)
+            self.store(step, z, {"at": np.stack(at), "used": drawn.used[at[0], :, at[1]], "states": drawn.states[at]})

@@ -81,11 +81,14 @@ def price_list(
     wanted: float,
     *,
     area_ratio: float | None = None,
+    trains: int = TRAINS,
     seed: int = 0,
     advance: Callable[[float], object] = lambda share: None,
 ) -> PriceList:
-    """The price list of a scene for a share `wanted` of trains as built, beside a cam of an `area_ratio`, if one is
-    named; `advance` is told the share of the work done.
+    """The price list of a scene for a share `wanted` of trains as built, by SETS of so many `trains`.
+
+    A cam of an `area_ratio`, if one is named, says how large the limits are; `advance` is told the share of the work
+    done.
 
     Raises InputError for a scene in which nothing scatters, or whose laws are curved.
     """
@@ -97,14 +100,14 @@ def price_list(
         )
     plain, z = free_program(scene)
     cam_speeds = band_speeds(scene, LOW_SPEEDS, HIGH_SPEEDS)
-    limits, lost = opening_limits(scene, cam_speeds), int((1.0 - wanted) * TRAINS + 1e-9)
+    limits, lost = opening_limits(scene, cam_speeds), int((1.0 - wanted) * trains + 1e-9)
     scenes = _variants(scene)
     areas, done = {name: np.empty(SETS) for name in scenes}, 0
     for k in range(SETS):
         level = None
         for name, one in scenes.items():
-            trains = trains_as_built(one, TRAINS, seed=seed + DRAWS_SEED, first=k * TRAINS)
-            source = ExactForces(trains, plain.train, plain.cam, cam_speeds)
+            drawn = trains_as_built(one, trains, seed=seed + DRAWS_SEED, first=k * trains)
+            source = ExactForces(drawn, plain.train, plain.cam, cam_speeds)
             program = OpeningsProgram(plain, source.theta, cam_speeds, source.about(z))
 
             def area_at(at: float, program=program) -> float:

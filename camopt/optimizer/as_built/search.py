@@ -14,8 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.optimizer.as_built.drawn import DrawnTrains
-from camopt.optimizer.as_built.journal import TrainsLog
+from camopt.optimizer.as_built.drawn import DrawnTrains, TrainsLog
 from camopt.optimizer.as_built.openings_program import OpeningsProgram
 from camopt.optimizer.program.force_rows import Box
 from camopt.optimizer.program.no_jump import NoJumpOptimum
@@ -174,12 +173,12 @@ class YieldSearch:
         rows, and `lost` of its trains are given up. Below zero tied contacts are to keep a force. Raises NoCamFound
         where not even the lowest has a cam that holds.
         """
-        low: Level | None = None
-        high: Level | None = None
+        low: LevelTried | None = None
+        high: LevelTried | None = None
         while True:
             self.program.keep(max(-level, 0.0) * NEWTONS)
             found = self.program.largest(z, max(level, 0.0) * limits, lost, box)
-            z, tried = found.z, Level(level, found.area_ratio, self.consider(found))
+            z, tried = found.z, LevelTried(level, found.area_ratio, self.consider(found))
             if tried.used <= 1.0:
                 if low is not None and high is None and tried.area_ratio < low.area_ratio + RESOLUTION:
                     return level  # the limits bind no more
@@ -206,7 +205,7 @@ class YieldSearch:
         )
 
 
-class Level(NamedTuple):
+class LevelTried(NamedTuple):
     """A level of foretold openings, the area ratio of its cam, and what the trains that may not fail use with it."""
 
     level: float
@@ -214,7 +213,7 @@ class Level(NamedTuple):
     used: float
 
 
-def _between(low: Level, high: Level) -> float:
+def _between(low: LevelTried, high: LevelTried) -> float:
     """The level between one whose cam holds and one whose cam does not at which, on the line through both, the limits
     are just used up, but no nearer to either than MIDDLE of the way."""
     part = -np.log(low.used) / np.log(min(high.used, WORST) / low.used)

@@ -12,8 +12,7 @@ from camopt.cam.lift import Lift
 from camopt.measure.as_built import TrainAsBuilt, trains_as_built
 from camopt.measure.yield_words import ADVISED, asked_sentence, share_sentence, spoiling_sentences
 from camopt.measure.yields import Looks, Share, UsedLimits, rank_correlation_shares, share_of, yield_record
-from camopt.optimizer.as_built.measured import TrainsJournal, cam_digest, measure_trains
-from camopt.optimizer.as_built.track import Track, track
+from camopt.optimizer.as_built.measured import Track, TrainsJournal, cam_digest, measure_trains, track
 from camopt.optimizer.as_built.wanted import has_a_yield
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train

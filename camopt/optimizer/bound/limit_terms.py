@@ -12,7 +12,7 @@ from math import factorial
 import numpy as np
 from scipy.interpolate import PPoly
 
-from camopt.cam.bernstein import Level
+from camopt.cam.bernstein import PiecewiseLevel
 from camopt.cam.linear_limits import LinearLimit, linear_limits, radii_held_near
 from camopt.cam.ramps import Ramp
 from camopt.scene.design import Design
@@ -85,7 +85,7 @@ def _subtract_means(taylor, borders, begin, end, mass, n: int) -> None:
             taylor[j, inside] -= m * sign * x[inside] ** q / factorial(q) / (b - a)
 
 
-def _mean_level(level: Level, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+def _mean_level(level: PiecewiseLevel, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
     """The mean of the level's pieces over every cell."""
     if len(level.coefficients) == 1:
         return np.full(len(begin), level.coefficients[0, 0])

@@ -14,9 +14,8 @@ from camopt.measure.yield_words import ENOUGH, HELD, MISSED, NOT_ASKED, asked_se
 from camopt.measure.yields import Looks, UsedLimits
 from camopt.optimizer import candidates
 from camopt.optimizer.as_built import design, ideal, measured, prices, statement
-from camopt.optimizer.as_built.measured import CHUNK
+from camopt.optimizer.as_built.measured import CHUNK, Track
 from camopt.optimizer.as_built.statement import STATED_BY, by_independent_methods, sampled, statement_of_run
-from camopt.optimizer.as_built.track import Track
 from camopt.optimizer.baselines import comparison
 from camopt.optimizer.run import optimize
 from camopt.report import write_report

@@ -12,8 +12,7 @@ from camopt.measure.limits import broken_by_shape
 from camopt.measure.yields import UsedLimits, share_of
 from camopt.optimizer.as_built import search as search_module
 from camopt.optimizer.as_built.design import AT_TOP, UNSEEN_SEED, YieldEffort, opening_limits, yield_search
-from camopt.optimizer.as_built.drawn import DrawnTrains
-from camopt.optimizer.as_built.journal import FOLDER, TrainsLog
+from camopt.optimizer.as_built.drawn import FOLDER, DrawnTrains, TrainsLog
 from camopt.optimizer.as_built.search import YieldSearch
 from camopt.optimizer.as_built.statement import YieldStatement, sampled
 from camopt.optimizer.as_built.wanted import check_wanted

@@ -1,0 +1,53 @@
+"""Compiled programs are kept, and one that takes long to compile says so."""
+
+import time
+
+import jax
+import jax.monitoring
+import jax.numpy as jnp
+import pytest
+
+import camopt
+import camopt.smooth as smooth
+from camopt.scene.train import build_train
+from camopt.smooth.contact import Layer
+from camopt.smooth.rest import rest_state
+from camopt.smooth.simulate import lift_samples
+from camopt.smooth.tied import STEPS, WIDTH, parts_of_steps, tied_paths, tied_system
+
+
+@pytest.mark.parametrize(("wait", "lines"), [(0.3, 1), (0.0, 0)])
+def test_a_line_says_what_takes_long(wait, lines, monkeypatch, capsys):
+    monkeypatch.setattr(smooth, "LONG_S", 0.1)
+    jax.monitoring.record_event_duration_secs("/jax/core/compile/jaxpr_to_mlir_module_duration", 0.0)
+    time.sleep(wait)
+    jax.monitoring.record_event_duration_secs("/jax/core/compile/backend_compile_duration", wait)
+    time.sleep(0.15)
+    assert capsys.readouterr().err.count("camopt: JAX compiles a program, ") == lines
+
+
+@pytest.mark.parametrize("name", ["motori-1", "pushrod-hydraulic"])
+def test_the_tied_motion_and_its_gradient_have_no_host_callback(name):
+    """JAX keeps no program on disk that calls back to the host."""
+    scene = camopt.load_scene(name)
+    train, cam = build_train(scene), camopt.polydyne(scene, ramp_height_mm=scene.design.ramp_height_mm)
+    tied, speed = tied_system(train), scene.cam_speed(scene.operation.speeds_rpm[0])
+    samples, start = jnp.asarray(lift_samples(cam, STEPS)), rest_state(train)[:, :, None]
+    parts, half = parts_of_steps(tied, speed), cam.half_duration
+
+    def total(samples):
+        at = jnp.asarray([speed]), start, (-half, half), 1.0, Layer(WIDTH)
+        return jnp.sum(tied_paths(tied, samples, *at, parts=parts).force)
+
+    text = jax.jit(jax.grad(total)).lower(samples).as_text()
+    assert "while" in text and "callback" not in text
+
+
+def test_a_folder_that_jax_has_is_left_to_it(tmp_path):
+    before = jax.config.values["jax_compilation_cache_dir"]
+    try:
+        jax.config.update("jax_compilation_cache_dir", str(tmp_path))
+        assert smooth.cache_compilations() == tmp_path
+        assert jax.config.values["jax_compilation_cache_dir"] == str(tmp_path)
+    finally:
+        jax.config.update("jax_compilation_cache_dir", before)
