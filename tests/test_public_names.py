@@ -42,7 +42,7 @@ SIGNATURES = {
     "steps_per_revolution=1440, free=()",
     "live": "scene, *, folder=None",
     "load_scene": "source, need=()",
-    "manufacturing_yield": "scene, cam, trains=1000, *, speeds_rpm=None, seed=0, halve=False, out=None, "
+    "manufacturing_yield": "scene, cam, trains=1000, *, speeds_rpm=None, seed=0, halve=False, price=False, out=None, "
     "resume=False, progress=False",
     "modes": "scene, state='lifted'",
     "multi_pol": "scene, sections_deg=None, a12=None, *, a45=None, j34=None, j45=None, jerk=True",

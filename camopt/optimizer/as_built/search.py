@@ -173,12 +173,12 @@ class YieldSearch:
         rows, and `lost` of its trains are given up. Below zero tied contacts are to keep a force. Raises NoCamFound
         where not even the lowest has a cam that holds.
         """
-        low: LevelTried | None = None
-        high: LevelTried | None = None
+        low: Level | None = None
+        high: Level | None = None
         while True:
             self.program.keep(max(-level, 0.0) * NEWTONS)
             found = self.program.largest(z, max(level, 0.0) * limits, lost, box)
-            z, tried = found.z, LevelTried(level, found.area_ratio, self.consider(found))
+            z, tried = found.z, Level(level, found.area_ratio, self.consider(found))
             if tried.used <= 1.0:
                 if low is not None and high is None and tried.area_ratio < low.area_ratio + RESOLUTION:
                     return level  # the limits bind no more
@@ -205,7 +205,7 @@ class YieldSearch:
         )
 
 
-class LevelTried(NamedTuple):
+class Level(NamedTuple):
     """A level of foretold openings, the area ratio of its cam, and what the trains that may not fail use with it."""
 
     level: float
@@ -213,7 +213,7 @@ class LevelTried(NamedTuple):
     used: float
 
 
-def _between(low: LevelTried, high: LevelTried) -> float:
+def _between(low: Level, high: Level) -> float:
     """The level between one whose cam holds and one whose cam does not at which, on the line through both, the limits
     are just used up, but no nearer to either than MIDDLE of the way."""
     part = -np.log(low.used) / np.log(min(high.used, WORST) / low.used)
