@@ -102,6 +102,12 @@ def advised_sentence(record: Mapping[str, Any]) -> str:
     )
 
 
+def estimated_words(record: Mapping[str, Any]) -> str:
+    """The estimate of `advised_sentence` in brackets; empty where there is none."""
+    area_ratio = _mapped(record.get("advised")).get("area_ratio")
+    return f" (estimated area ratio {area_ratio:.3f})" if is_number(area_ratio) else ""
+
+
 def counted_trains(trains: float) -> str:
     """`1 train`, `12 trains`."""
     return f"{trains:g} train{'' if trains == 1 else 's'}"

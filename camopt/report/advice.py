@@ -7,7 +7,7 @@ falls to what was reached, and in the end the user has to move the limits.
 import shlex
 from collections.abc import Sequence
 
-from camopt.measure.yield_words import ADVISED, ENOUGH, HELD, MISSED, NOT_ASKED, standing
+from camopt.measure.yield_words import ADVISED, ENOUGH, HELD, MISSED, NOT_ASKED, estimated_words, standing
 from camopt.report.assumed import AssumedNumber, first_to_measure
 from camopt.report.folder import RunFolder
 from camopt.report.wording import label_and_unit
@@ -58,7 +58,10 @@ def _before_the_grinder(run: RunFolder, steps: "_Commands", assumed: Sequence[As
     if stands == MISSED:
         return _after_a_miss(record, share, steps)
     if stands == NOT_ASKED:
-        words = f"Before it is ground, design the cam that {100 * ADVISED:g} % of the trains hold; here {share}."
+        estimate = estimated_words(record)
+        words = (
+            f"Before it is ground, design the cam that {100 * ADVISED:g} % of the trains hold{estimate}; here {share}."
+        )
         return [steps.again(words, max(steps.accuracy, 1), ADVISED), steps.halved()]
     if steps.accuracy == 0:
         return [steps.again("This was a draft: design once more before it is ground.", 1, steps.wanted)]

@@ -92,6 +92,7 @@ def test_a_job_estimates_the_cam_that_is_advised(job, tmp_path, monkeypatch):
     at_most = run.lift.area_ratio_in(SCENE.design)
     assert found["advised"]["area_ratio"] == min(prices.estimated_area_ratio(SCENE, 0.95), at_most)
     write_report(run.folder)
+    assert "(estimated area ratio 0." in (run.folder / "report.html").read_text()
     (line,) = (line for line in outcome_lines(read_run_folder(run.folder)) if "estimates an area ratio" in line)
     assert f"{found['advised']['area_ratio']:.3f}" in line and line in (run.folder / "report.html").read_text()
     assert "advised" not in json.loads((job.folder / "verification.json").read_text())["yield"]  # nominal speeds alone
