@@ -22,8 +22,7 @@ from camopt.optimizer.free_numbers import free_numbers, with_best_values
 from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_worth
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.progress import Progress
-from camopt.optimizer.search.cams import Logbook
-from camopt.optimizer.search.journal import Journal
+from camopt.optimizer.search.cams import Journal, Logbook
 from camopt.optimizer.search.search import find_cam
 from camopt.optimizer.stage_clock import StageClock
 from camopt.scene.errors import InputError, NoCamFound

@@ -8,7 +8,7 @@ import pytest
 from camopt.optimizer.program.no_jump import NoCamHoldsContact
 from camopt.optimizer.search.judge import Judged
 from camopt.optimizer.search.margins import ASKED_TIMES, FIRST_MARGINS_N, first_margins
-from camopt.optimizer.search.none_holds import why_none_holds
+from camopt.optimizer.search.search import why_none_holds
 from camopt.scene import load_scene
 
 DESIGN = load_scene("motori-1").design.model_copy(update={"contact_force_min_N": None})

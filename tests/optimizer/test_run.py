@@ -24,7 +24,7 @@ from camopt.optimizer.baselines import comparison
 from camopt.optimizer.candidates import Families
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.run import optimize
-from camopt.optimizer.search.journal import Journal
+from camopt.optimizer.search.cams import Journal
 from camopt.optimizer.search.judge import Judge
 from camopt.report import write_report
 from camopt.scene import InputError, build_train, load_scene

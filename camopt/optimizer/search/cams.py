@@ -2,16 +2,46 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
 from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
-from camopt.optimizer.search.journal import Journal
 from camopt.optimizer.search.judge import Judge, Judged, with_speeds_between
 from camopt.optimizer.search.region import RowSource
 from camopt.optimizer.stage_clock import StageClock
+from camopt.optimizer.step_files import StepFiles
 from camopt.scene.units import DEG, MM
+
+FOLDER = "judged"
+ARRAYS = ("speeds_rpm", "limit", "share", "states", "spread")
+FIGURE = "figure:"
+
+
+class Journal(StepFiles):
+    """The steps' lines, and what the judge found at each of them."""
+
+    def __init__(self, folder: Path | None):
+        super().__init__(folder, FOLDER)
+
+    def recall(self, step: int, z: np.ndarray) -> Judged | None:
+        """What was judged at this step of an interrupted run, None if nothing was.
+
+        Raises InputError where the stored step belongs to another cam.
+        """
+        stored = self.stored(step, z, (*ARRAYS, "limited"))
+        if stored is None:
+            return None
+        figures = {name.removeprefix(FIGURE): stored[name] for name in stored if name.startswith(FIGURE)}
+        limited = tuple(str(name) for name in stored["limited"])
+        return Judged(figures=figures, limited=limited, **{name: stored[name] for name in ARRAYS})
+
+    def keep(self, step: int, z: np.ndarray, judged: Judged) -> None:
+        """Stores what was judged at a step."""
+        arrays = {name: getattr(judged, name) for name in ARRAYS} | {"limited": np.array(judged.limited, dtype=str)}
+        self.store(step, z, arrays | {FIGURE + name: values for name, values in judged.figures.items()})
+
 
 CANDIDATES, USES_LESS = 4, 0.02
 """Cams that are offered to the verdict, and by how much less of its limits each of them uses than the larger one."""

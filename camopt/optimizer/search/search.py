@@ -4,7 +4,7 @@ From a start the rows of the contact forces and of the gap at the seat are taken
 finds the largest area within a box about it, and its cam is the next one, until little is promised. Then every
 program's cam is judged by event-exact, and the margins of each flank at each speed follow what it uses of the limits.
 The rows come from one of two sources, which nothing here tells apart: for any law the Jacobian of the smoothed motion
-by JAX (`smooth_rows`), or for laws that are straight in pieces the closed periodic response (`exact_rows`).
+by JAX (`smooth_rows`), or for laws that are straight in pieces the closed periodic response (`ExactRows`).
 """
 
 from collections.abc import Sequence
@@ -14,17 +14,18 @@ from threadpoolctl import threadpool_limits
 
 from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
+from camopt.measure.limits import MOTION_LIMITS
 from camopt.optimizer.accuracy import Accuracy, design_speeds
 from camopt.optimizer.ascent.projection import ShapeLimits
-from camopt.optimizer.program.force_rows import SpeedRows, Window
+from camopt.optimizer.program.force_rows import Margins, SpeedRows, Window
 from camopt.optimizer.program.kinematic import area_ratio_row
-from camopt.optimizer.program.no_jump import NoJumpProgram
+from camopt.optimizer.program.no_jump import NoCamHoldsContact, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.phases import Angles
 from camopt.optimizer.program.program_cam import program_cam
+from camopt.optimizer.program.relocation import relocate, standing
 from camopt.optimizer.search.cams import BETWEEN_SHARE, RESOLUTION, Logbook, Search, Tried
-from camopt.optimizer.search.judge import Judge
+from camopt.optimizer.search.judge import Judge, Judged
 from camopt.optimizer.search.margins import FedBack, first_margins, used_by_kind
-from camopt.optimizer.search.none_holds import why_none_holds
 from camopt.optimizer.search.region import RowSource, first_region, stepped
 from camopt.scene.design import Design
 from camopt.scene.errors import NoCamFound
@@ -111,7 +112,7 @@ def without_rows(train: Train, design: Design, cam: FreeCam, speeds: Sequence[fl
 def _source(smooth: bool, program: NoJumpProgram, smoothing: Smoothing) -> RowSource:
     """The source of the rows; only the smoothed motion loads JAX."""
     if not smooth:
-        from camopt.optimizer.search.exact_rows import ExactRows
+        from camopt.optimizer.search.search import ExactRows
 
         return ExactRows()
     from camopt.optimizer.search.smooth_rows import SmoothRows
@@ -173,3 +174,63 @@ def _blend(search: Search) -> None:
         area_ratio = (1 - share) * best.area_ratio + share * beyond.area_ratio
         tried = search.consider("between two cams", beyond.free, z, area_ratio)
         low, high = (share, high) if search.best is tried else (low, share)
+
+
+class ExactRows:
+    """The rows of a program at its speeds, with contacts that switch where event-exact finds it on a cam."""
+
+    name = "exact"
+
+    def __init__(self) -> None:
+        self.jacobians = 0
+
+    def first(self, program: NoJumpProgram, z: np.ndarray) -> tuple[NoJumpProgram, np.ndarray]:
+        """The program at the angles of static load transfer; they do not depend on the cam of z (m)."""
+        self.jacobians += 1
+        return standing(no_jump_program(program.train, program.design, program.cam, program.speeds)), z
+
+    def error_at(self, program: NoJumpProgram, z: np.ndarray) -> float:
+        """Zero: the forces are straight in z (m) while contacts switch at the same angles."""
+        return 0.0
+
+    def about(self, program: NoJumpProgram, z: np.ndarray) -> NoJumpProgram:
+        """The program at the angles of the settled motion of the cam of z (m)."""
+        self.jacobians += 1
+        return relocate(program, program.cam.lift(z))
+
+
+REMEDY = "allow more bounce and jump, raise the spring's preload, or lower the top speed"
+
+
+def why_none_holds(judged: Sequence[Judged], program: NoJumpProgram) -> str:
+    """A sentence on the cams that were judged, all of them refused, of a program that they came from."""
+    nearest = min(judged, key=lambda one: float(one.share.max()))
+    row, column = np.unravel_index(np.argmax(nearest.share), nearest.share.shape)
+    metric = nearest.limited[row]
+    key = next(key for key, limited in MOTION_LIMITS.items() if limited == metric)
+    value, speed = nearest.figures[metric][column], nearest.speeds_rpm[column]
+    reached = f"{metric} of {value:.3g}" if np.isfinite(value) else f"no {metric}"
+    said = (
+        f"no cam of the no-jump program holds the scene's limits on the motion at the judged speeds: the nearest one "
+        f"has {reached} at {speed:.4g} r/min against {key} = {nearest.limit[row]:g}"
+    )
+    broken = nearest.speeds_rpm[nearest.share.max(axis=0) > 1.0]
+    below = nearest.speeds_rpm[nearest.speeds_rpm < broken.min()]
+    if below.size:
+        said += f", and it holds every limit up to {below.max():.4g} r/min"
+    return f"{said}{_most_force(program, program.design)}; {REMEDY}"
+
+
+def _most_force(program: NoJumpProgram, design: Design) -> str:
+    """The largest least contact force of any cam of the program, where it is less than the design's."""
+    asked = design.contact_force_min_N
+    if asked is None:
+        return ""
+    try:
+        program.solve(Margins(asked, asked, -asked))  # the limit leaves the seat out
+    except NoCamHoldsContact as short:
+        most = asked - short.shortfall_N
+        if not np.isfinite(most):
+            return ""
+        return f"; while closed, no cam of the program keeps more than {most:.3g} N on its contacts at all these speeds"
+    return ""
