@@ -11,6 +11,7 @@ clock, and of the processor's threads together, beside which other work does not
 import resource
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import jax
@@ -47,11 +48,11 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         event, layer = (jnp.asarray(-half, dtype), jnp.asarray(half, dtype)), Layer(jnp.asarray(WIDTH, dtype))
         tie, at = jnp.asarray(1.0, dtype), jnp.asarray(speeds, dtype)
 
-        def paths(samples, system, start, event=event, layer=layer, tie=tie, at=at):
-            return tied_paths(system, samples, at, start, event, tie, layer, parts=parts).force
+        def paths(samples, system, start, event=event, layer=layer, tie=tie, at=at, adjoint="forward"):
+            return tied_paths(system, samples, at, start, event, tie, layer, parts=parts, adjoint=adjoint).force
 
         def total(samples, systems, starts, paths=paths):
-            return jnp.sum(jax.vmap(paths, (None, 0, 0))(samples, systems, starts))
+            return jnp.sum(jax.vmap(partial(paths, adjoint="reverse"), (None, 0, 0))(samples, systems, starts))
 
         motion, slope = jax.jit(jax.vmap(paths, (None, 0, 0))), jax.jit(jax.grad(total))
         for count in COUNTS[size]:

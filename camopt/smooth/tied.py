@@ -10,10 +10,10 @@ Tied contact forces of a train whose laws are linear are affine in the lift as l
 contact at the same angles.
 """
 
-from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
+import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -22,8 +22,10 @@ import numpy as np
 from camopt.scene.rest import rest_position
 from camopt.scene.smoothing import Smoothing
 from camopt.scene.train import Train
+from camopt.smooth.adaptive import ADJOINTS
 from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
+from camopt.smooth.low_storage import LowStorage
 from camopt.smooth.scan import lift_at
 from camopt.smooth.system import Array, System, build_system, column
 
@@ -43,55 +45,6 @@ GROWS = 1.0 + 1e-6
 is one, but for rounding."""
 MOST_PARTS = 64
 """Parts of a step beyond which a train is too stiff for the lowest speed asked."""
-
-
-CARRIED = (
-    0.0,
-    -567301805773 / 1357537059087,
-    -2404267990393 / 2016746695238,
-    -3550918686646 / 2091501179385,
-    -1275806237668 / 842570457699,
-)
-"""Share of the increment that each stage takes over from the one before."""
-ADDED = (
-    1432997174477 / 9575080441755,
-    5161836677717 / 13612068292357,
-    1720146321549 / 2090206949498,
-    3134564353537 / 4481467310338,
-    2277821191437 / 14882151754819,
-)
-"""Share of the increment that each stage adds to the state."""
-NODES = (
-    0.0,
-    1432997174477 / 9575080441755,
-    2526269341429 / 6820363962896,
-    2006345519317 / 3224310063776,
-    2802321613138 / 2924317926251,
-)
-IMAGINARY_LIMIT = 3.34
-"""Largest phase of an undamped oscillation per step for which the method is stable."""
-
-
-def low_storage_step(rate: Callable, y: jax.Array, angle, width, parts: int = 1) -> jax.Array:
-    """The state a step of `width` after y at `angle`, in equal `parts`, where the derivative is rate(angle, y).
-
-    A Runge-Kutta method of order four whose stages need two registers. A Jacobian by forward mode carries dozens of
-    tangents through every stage. A method that keeps the slopes of all its stages then spends its time on memory; this
-    one keeps the state and one increment. Its stages stand in a loop, so that programs stay small and compile in
-    seconds for every contact law.
-    Source: Carpenter, Kennedy (1994), Fourth-order 2N-storage Runge-Kutta schemes, NASA TM 109112, solution 3.
-    """
-    width = width / parts
-    carried, added, nodes = (jnp.tile(jnp.asarray(row, y.dtype), parts) for row in (CARRIED, ADDED, NODES))
-    begin = jnp.repeat(jnp.arange(parts), len(NODES))
-
-    def stage(registers, of):
-        y, increment = registers
-        carry, add, node, part = of
-        increment = carry * increment + width * rate(angle + (part + node) * width, y)
-        return (y + add * increment, increment), None
-
-    return jax.lax.scan(stage, (y, jnp.zeros_like(y)), (carried, added, nodes, begin))[0][0]
 
 
 class TiedSystem(eqx.Module):
@@ -167,38 +120,63 @@ def parts_of_steps(tied: TiedSystem, slowest: float, steps: int = STEPS) -> int:
     return max(1, int(np.ceil(phase / LARGEST_PHASE)))
 
 
-@partial(jax.jit, static_argnames=("parts", "whole"))
+@partial(jax.jit, static_argnames=("parts", "adjoint", "whole"))
 def tied_paths(
-    tied: TiedSystem, samples, cam_speed, y0, event, tie, layer: Layer, *, parts: int, whole: bool = False
+    tied: TiedSystem,
+    samples,
+    cam_speed,
+    y0,
+    event,
+    tie,
+    layer: Layer,
+    *,
+    parts: int,
+    adjoint: str = "forward",
+    whole: bool = False,
 ) -> Any:
     """One revolution from the states y0 (2, n + r, b) at the cam speeds (b) [rad/s]: its `TiedPaths` or, the `whole` of
     it, the states (k, 2, n + r, b) at the ends of its steps and the forces (k, e, b) [N] there.
 
     The `event` is where the contacts are tied, from one angle to another [rad]. `samples` (k + 1, 2) are lift and slope
-    at the ends of the revolution's k equal steps (`camopt.smooth.simulate.lift_samples`). The paths may be
-    differentiated in the numbers of the system, the samples and the start.
+    at the ends of the revolution's k equal steps (`camopt.smooth.simulate.lift_samples`). `adjoint` is "forward" or
+    "reverse", the one mode in which the paths may be differentiated: in the numbers of the system, the samples and the
+    start.
     """
-    on = np.array(tied.system.topology.cam_side)
+    on, steps = np.array(tied.system.topology.cam_side), samples.shape[0] - 1
 
     def drive(theta):
         inside = (theta >= event[0] - 1e-9) & (theta < event[1] - 1e-9)
         lift, lift_dtheta = lift_at(samples, theta)
         return lift, lift_dtheta * cam_speed, tie * jnp.where(inside, 1.0, tied.at_rest)[:, None]
 
-    def rate(theta, y):
+    def rate(theta, y, _):
         lift, lift_dt, share = drive(theta)
         return tied.rate(y, lift, lift_dt, layer, share, tied.system.push(theta)) / cam_speed[None, None]
 
-    def step(y, ends):
-        y = low_storage_step(rate, y, ends[0], ends[1] - ends[0], parts)
-        lift, lift_dt, share = drive(ends[1])
+    def reading(theta, y, _):
+        lift, lift_dt, share = drive(theta)
         force, (u, _) = tied.force(y, lift, lift_dt, layer, share), tied.system.compression(y, lift, lift_dt)
-        return y, (y, force) if whole else (force[on], -u[on], -u[tied.system.topology.seat])
+        return (y, force) if whole else (force[on], -u[on], -u[tied.system.topology.seat])
 
-    grid = jnp.asarray(equal_grid(samples.shape[0] - 1), y0.dtype)
-    repeated: Any = jax.checkpoint(step, prevent_cse=False)  # all stages would fill the memory on the way back
-    end, read = jax.lax.scan(repeated, y0, (grid[:-1], grid[1:]))
-    return read if whole else TiedPaths(read[0], read[1], read[2], end)
+    with jax.ensure_compile_time_eval():  # diffrax then checks the grid now, and not by a callback at every call
+        grid = jnp.asarray(equal_grid(steps), y0.dtype)
+        controller = diffrax.StepTo(ts=grid)
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(rate),
+        LowStorage(parts),
+        grid[0],
+        grid[-1],
+        None,
+        y0,
+        saveat=diffrax.SaveAt(subs=[diffrax.SubSaveAt(steps=True, fn=reading), diffrax.SubSaveAt(t1=True)]),
+        stepsize_controller=controller,
+        adjoint=ADJOINTS[adjoint](),
+        max_steps=steps,
+        throw=False,
+    )
+    assert solution.ys is not None
+    read, (end,) = solution.ys
+    return read if whole else TiedPaths(*read, end)
 
 
 class Directions(NamedTuple):

@@ -37,7 +37,7 @@ def test_the_tied_motion_and_its_gradient_have_no_host_callback(name):
 
     def total(samples):
         at = jnp.asarray([speed]), start, (-half, half), 1.0, Layer(WIDTH)
-        return jnp.sum(tied_paths(tied, samples, *at, parts=parts).force)
+        return jnp.sum(tied_paths(tied, samples, *at, parts=parts, adjoint="reverse").force)
 
     text = jax.jit(jax.grad(total)).lower(samples).as_text()
     assert "while" in text and "callback" not in text

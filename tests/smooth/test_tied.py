@@ -1,5 +1,6 @@
 """Motions with tied contacts: the low-storage method, the tie's two ends, and slopes against the closed response."""
 
+import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,14 +15,13 @@ from camopt.optimizer.search.search import without_rows
 from camopt.optimizer.search.smooth_rows import SmoothRows
 from camopt.scene.train import build_train
 from camopt.smooth.contact import Layer
+from camopt.smooth.low_storage import IMAGINARY_LIMIT, LowStorage
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import batch_motion, lift_samples, stage_lifts
 from camopt.smooth.tied import (
-    IMAGINARY_LIMIT,
     LARGEST_PHASE,
     STEPS,
     WIDTH,
-    low_storage_step,
     parts_of_steps,
     tied_paths,
     tied_system,
@@ -33,12 +33,12 @@ HALF = np.deg2rad(72.0)
 def swung(steps: int, parts: int = 1, turns: int = 1) -> jax.Array:
     """State of an undamped oscillation from (1, 0) after some turns."""
     grid = jnp.linspace(0.0, 2 * jnp.pi * turns, steps + 1)
-
-    def step(y, ends):
-        rate = lambda _, y: jnp.stack([y[1], -y[0]])  # noqa: E731
-        return low_storage_step(rate, y, ends[0], ends[1] - ends[0], parts), None
-
-    return jax.lax.scan(step, jnp.array([1.0, 0.0]), (grid[:-1], grid[1:]))[0]
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(lambda t, y, _: jnp.stack([y[1], -y[0]])), LowStorage(parts), grid[0], grid[-1], None,
+        jnp.array([1.0, 0.0]), stepsize_controller=diffrax.StepTo(ts=grid), max_steps=steps,
+    )  # fmt: skip
+    assert solution.ys is not None
+    return solution.ys[-1]
 
 
 def oscillation(steps: int, parts: int = 1) -> float:

@@ -88,9 +88,9 @@ class PathLagrangian:
         rows = self.rows(parameters, held, paths)
         return held._replace(multipliers={name: jnp.zeros_like(row) for name, row in rows.items()})
 
-    def paths(self, parameters: Mapping[str, Any], held: Held) -> TiedPaths:
+    def paths(self, parameters: Mapping[str, Any], held: Held, adjoint: str = "reverse") -> TiedPaths:
         """The paths of one revolution of the cam with these parameters."""
-        return tied_paths(*self._motion(parameters, held.start), parts=self._parts)
+        return tied_paths(*self._motion(parameters, held.start), parts=self._parts, adjoint=adjoint)
 
     def rows(self, parameters: Mapping[str, Any], held: Held, paths: TiedPaths) -> dict[str, jax.Array]:
         """By constraint the rows (k, ..., b) that are to be no less than zero; infinite where nothing is asked."""
@@ -129,7 +129,7 @@ class PathLagrangian:
 
         def scaled(vector):
             own = parameters(vector)
-            rows = self.rows(own, held, self.paths(own, held))
+            rows = self.rows(own, held, self.paths(own, held, "forward"))
             row = jnp.concatenate([row.ravel() for row in rows.values()])
             return jnp.where(jnp.isfinite(row), row, 0.0) / jnp.sqrt(jnp.sum(jnp.isfinite(row)))
 
