@@ -38,8 +38,8 @@ SCENE = {"small": "motori-1", "full": "kodama"}
 OTHERS = {"small": (), "full": ("motori-1", "pushrod-5mass")}
 WIDTHS = {"small": (1.0,), "full": (0.5, 1.0, 2.0)}
 WANTED = {"small": 0.8, "full": 0.99}
-SHARES = {"small": (0.7,), "full": (0.95, 0.97, 0.99)}
-WITHOUT = {"small": (), "full": ("spring rate", "grinding")}
+SHARES = {"small": (0.7,), "full": (0.95, 0.99)}
+WITHOUT = {"small": (), "full": ("spring rate",)}
 """Tolerances that a search leaves out one at a time, to hold its gain against the price list."""
 OF_OTHERS = 0.95
 EFFORT = {"small": YieldEffort(10, 12), "full": EFFORTS["standard"]}
