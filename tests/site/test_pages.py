@@ -89,7 +89,12 @@ def test_the_scene_of_the_tutorial_is_a_scene():
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=[pytest.mark.long] * (n in SLOW)) for n in sorted(PYTHON.keys() - {*GRADIENTS})]
+    "name",
+    [
+        pytest.param(n, marks=[pytest.mark.long] * (n in SLOW))
+        for n in sorted(PYTHON.keys() - {*GRADIENTS})
+        if not n.startswith("cluster-")  # two files of one experiment, which tests/tasks/test_cluster_page.py runs
+    ],
 )
 def test_python_runs(name, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -135,7 +135,7 @@ def test_calm_trains_that_a_cam_breaks_are_seen_at_once(speed):
 
 def test_every_train_has_its_turn_as_a_scout():
     drawn = Told(64, 3)
-    drawn.truth[:13, 0, 1] = drawn.used[:13, 0, 1] = 0.6  # so many that the speed matters
+    drawn.truth[:13, 0, 1] = drawn.used[:13, 0, 1] = 0.7  # so many that the speed matters
     search = YieldSearch(drawn, None, 0.9)
     asked = np.zeros((64, 3), dtype=int)
     for step in range(search_module.FAR_SCOUTS):
