@@ -23,7 +23,7 @@ from camopt.measure.limits import motion_limits
 from camopt.measure.yields import share_of
 from camopt.optimizer.as_built.design import EFFORTS, YieldEffort, yield_search
 from camopt.optimizer.as_built.measured import track
-from camopt.optimizer.as_built.prices import TRAINS, price_list
+from camopt.optimizer.as_built.prices import price_list
 from camopt.optimizer.as_built.statement import yield_statement
 from camopt.optimizer.baselines.family_spaces import family_space
 from camopt.optimizer.baselines.largest_member import MemberLimits, MemberMotion, member_within
@@ -44,8 +44,8 @@ WITHOUT = {"small": (), "full": ("spring rate",)}
 OF_OTHERS = 0.95
 EFFORT = {"small": YieldEffort(10, 12), "full": EFFORTS["standard"]}
 QUICKER = "draft"
-PRICED = {"small": 10, "full": TRAINS}
-"""Trains of each set of the price list."""
+PRICED: dict[str, dict] = {"small": {"trains": 4, "sets": 1}, "full": {}}
+"""Sizes of the price list other than its own."""
 SEARCH = {"small": (1, 2), "full": (30, 8)}
 """Generations of a family's search, and members of each per parameter."""
 STATED, STATED_SEED, SPEEDS = {"small": 10, "full": 1000}, 1_000_007, 11
@@ -109,7 +109,7 @@ def priced(size: str) -> dict:
     """The price list at the wanted share, and what it took."""
     clock = StageClock()
     with clock.stage("prices"):
-        found = price_list(load_scene(SCENE[size]), WANTED[size], trains=PRICED[size])
+        found = price_list(load_scene(SCENE[size]), WANTED[size], **PRICED[size])
     return found.as_dict() | {"processor_s": clock.as_dict()["prices"]["processor_s"]}
 
 

@@ -82,10 +82,12 @@ def price_list(
     *,
     area_ratio: float | None = None,
     trains: int = TRAINS,
+    sets: int = SETS,
     seed: int = 0,
     advance: Callable[[float], object] = lambda share: None,
 ) -> PriceList:
-    """The price list of a scene for a share `wanted` of trains as built, by SETS of so many `trains`.
+    """The price list of a scene for a share `wanted` of trains as built, by `sets` of so many `trains`; the errors of a
+    single set are not known, and zero.
 
     A cam of an `area_ratio`, if one is named, says how large the limits are; `advance` is told the share of the work
     done.
@@ -102,8 +104,8 @@ def price_list(
     cam_speeds = band_speeds(scene, LOW_SPEEDS, HIGH_SPEEDS)
     limits, lost = opening_limits(scene, cam_speeds), int((1.0 - wanted) * trains + 1e-9)
     scenes = _variants(scene)
-    areas, done = {name: np.empty(SETS) for name in scenes}, 0
-    for k in range(SETS):
+    areas, done = {name: np.empty(sets) for name in scenes}, 0
+    for k in range(sets):
         level = None
         for name, one in scenes.items():
             drawn = trains_as_built(one, trains, seed=seed + DRAWS_SEED, first=k * trains)
@@ -116,7 +118,7 @@ def price_list(
             level = level or _level(area_at, area_ratio)
             areas[name][k] = area_at(level)
             done += 1
-            advance(done / SETS / len(scenes))
+            advance(done / sets / len(scenes))
     return _priced(wanted, areas)
 
 

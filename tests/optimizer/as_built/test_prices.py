@@ -1,6 +1,7 @@
 """What tolerances cost: the sign of every price, its noise, and that a price is what the search itself gains."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from camopt.optimizer.as_built.prices import _level, _priced, price_list
 from camopt.scene import InputError, load_scene, parse_scene
 from camopt.scene.as_built import GRINDING, scatter_labels, with_scatter
 from camopt.scene.toml_text import scene_toml
+from camopt.study.yields import yields
 from tests.scene.test_load import EXAMPLE
 
 SCATTER = """
@@ -29,13 +31,8 @@ SCENE = parse_scene(EXAMPLE + SCATTER, "mine.toml")
 
 
 @pytest.fixture
-def few(monkeypatch):
-    monkeypatch.setattr(prices, "TRAINS", 12)
-
-
-@pytest.fixture
-def listed(few):
-    return price_list(SCENE, 0.9)
+def listed():
+    return price_list(SCENE, 0.9, trains=12)
 
 
 def test_a_narrower_tolerance_never_costs_area(listed):
@@ -78,7 +75,8 @@ def test_no_prices_without_scatter_or_with_curved_laws():
         price_list(load_scene("finger-hydraulic"), 0.9)
 
 
-def test_the_command_prints_and_draws_them(few, tmp_path, capsys):
+def test_the_command_prints_and_draws_them(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(yields, "price_list", partial(price_list, trains=3, sets=1))
     scene, out = tmp_path / "mine.toml", tmp_path / "out"
     scene.write_text(scene_toml(SCENE))
     drawn = ["--cam", "polydyne", "--trains", "3", "--speeds", "2000", "--quiet", "--out", str(out)]
