@@ -46,9 +46,10 @@ SCOUTS, FAR_SCOUTS = 12, 48
 """Of the other trains one in so many is judged with every cam, and with the next cam the next ones, at the speeds that
 matter: the top of the band, and where more than a quarter as many trains are watched as may fail. At the remaining
 speeds it is one in the second number. A train that uses little of a limit with one cam may break it with the next."""
-SPENT = 0.8
+SPENT = 0.65
 """Part of the wanted loss that a cam may spend on the trains that say how large it may be: the rest is for what a count
-leaves open, so that still other trains bear it out more often than not."""
+leaves open, and for the choice of the largest cam, which favours those that are lucky with these trains. With 0.8 the
+cam of `kodama` at 0.99 held in 98.8 % of 1000 others."""
 RESOLUTION = 2e-4
 """Area ratio by which a cam must exceed the best one to take its place."""
 
