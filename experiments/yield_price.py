@@ -3,7 +3,7 @@
     python -m experiments.yield_price [small|full]
 
 The search of `camopt optimize kodama --yield 0.99` at accuracy standard; and at accuracy draft with all tolerances half
-and twice as wide, and for other shares of the trains. Each cam is stated by 1000 fresh trains at 11 speeds over the
+and twice as wide, and for other shares of the trains. Each cam is stated by 2000 fresh trains at 11 speeds over the
 band, with the interval of Clopper and Pearson. Beside them stands the price list of `camopt yield --price`, and of each
 family of the literature the member that comes nearest to the limits on the motion, with its share of 2000 trains at the
 top of the band. An interrupted run goes on.
@@ -44,7 +44,7 @@ PRICED: dict[str, dict] = {"small": {"trains": 4, "sets": 1}, "full": {}}
 """Sizes of the price list other than its own."""
 SEARCH = {"small": (1, 2), "full": (30, 8)}
 """Generations of a family's search, and members of each per parameter."""
-STATED, STATED_SEED, SPEEDS = {"small": 10, "full": 1000}, 1_000_007, 11
+STATED, STATED_SEED, SPEEDS = {"small": 10, "full": 2000}, 1_000_007, 11
 """Fresh trains that state a cam's yield, which no search has drawn, and speeds over the band."""
 OF_MEMBERS = {"small": 10, "full": 2000}
 """Of those the ones that state the share of a family's member."""
