@@ -176,7 +176,7 @@ def tied_paths(
     )
     assert solution.ys is not None
     read, (end,) = solution.ys
-    return read if whole else TiedPaths(*read, end)
+    return read if whole else TiedPaths(read[0], read[1], read[2], end)
 
 
 class Directions(NamedTuple):
