@@ -21,6 +21,8 @@ from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 from camopt.storage import append_line, plain, whole_lines
 
+CHUNK = 20
+"""Trains that are measured between two entries in the journal."""
 WORKERS = 2
 """Threads, each with a train of its own."""
 
@@ -52,10 +54,6 @@ def track(scene: Scene, lift: Lift, speeds_rpm: Sequence[float] | np.ndarray) ->
     states = settled_metrics([train], [lift], speeds).states[0, 0]
     starts = np.where(np.isfinite(states), states, state_at_rest(train))
     return Track(lift, speeds, starts, motion_limits(scene.design))
-
-
-CHUNK = 20
-"""Trains that are measured between two entries in the journal."""
 
 
 @dataclass

@@ -53,7 +53,7 @@ class PriceList:
     worth_noise: float
 
     def as_dict(self) -> dict:
-        """The content of `prices.json`."""
+        """The content of yield.json's "prices"."""
         return {key: dict(value) if isinstance(value, Mapping) else value for key, value in vars(self).items()}
 
     def __str__(self) -> str:
@@ -100,23 +100,14 @@ def price_list(
             f"yield: {scene.name} has curved laws, and prices need the closed response of straight ones: leave --price "
             f"out; `camopt yield --halve` says what half of each tolerance buys"
         )
-    plain, z = free_program(scene)
-    cam_speeds = band_speeds(scene, LOW_SPEEDS, HIGH_SPEEDS)
-    limits, lost = opening_limits(scene, cam_speeds), int((1.0 - wanted) * trains + 1e-9)
-    scenes = _variants(scene)
+    program, scenes = _LargestArea(scene, wanted, trains), _variants(scene)
     areas, done = {name: np.empty(sets) for name in scenes}, 0
     for k in range(sets):
         level = None
         for name, one in scenes.items():
-            drawn = trains_as_built(one, trains, seed=seed + DRAWS_SEED, first=k * trains)
-            source = ExactForces(drawn, plain.train, plain.cam, cam_speeds)
-            program = OpeningsProgram(plain, source.theta, cam_speeds, source.about(z))
-
-            def area_at(at: float, program=program) -> float:
-                return program.largest(z, at * limits, lost).area_ratio
-
-            level = level or _level(area_at, area_ratio)
-            areas[name][k] = area_at(level)
+            program.draw(one, seed, first=k * trains)
+            level = level or _level(program, area_ratio)
+            areas[name][k] = program(level)
             done += 1
             advance(done / sets / len(scenes))
     return _priced(wanted, areas)
@@ -128,12 +119,29 @@ def estimated_area_ratio(scene: Scene, wanted: float, seed: int = 0) -> float | 
     are curved, whose forces take longer than an estimate is worth. No motion is run, so it may be too large."""
     if not is_linear(build_train(scene)):
         return None
-    plain, z = free_program(scene)
-    cam_speeds = band_speeds(scene, LOW_SPEEDS, HIGH_SPEEDS)
-    source = ExactForces(trains_as_built(scene, TRAINS, seed=seed + DRAWS_SEED), plain.train, plain.cam, cam_speeds)
-    program = OpeningsProgram(plain, source.theta, cam_speeds, source.about(z))
-    limits = FIRST_LEVEL * opening_limits(scene, cam_speeds)
-    return program.largest(z, limits, int((1.0 - wanted) * TRAINS + 1e-9)).area_ratio
+    program = _LargestArea(scene, wanted, TRAINS)
+    program.draw(scene, seed)
+    return program(FIRST_LEVEL)
+
+
+class _LargestArea:
+    """The largest area ratio of a scene by the level of the limits on foretold openings, for `trains` drawn at a time,
+    of which as many are given up as a `wanted` share may lose."""
+
+    def __init__(self, scene: Scene, wanted: float, trains: int):
+        self._plain, self._z = free_program(scene)
+        self._cam_speeds = band_speeds(scene, LOW_SPEEDS, HIGH_SPEEDS)
+        self._limits, self._trains = opening_limits(scene, self._cam_speeds), trains
+        self._lost = int((1.0 - wanted) * trains + 1e-9)
+
+    def draw(self, scene: Scene, seed: int, first: int = 0) -> None:
+        """Takes the trains as built of a scene from number `first` on, with the program's own speeds and openings."""
+        drawn = trains_as_built(scene, self._trains, seed=seed + DRAWS_SEED, first=first)
+        source = ExactForces(drawn, self._plain.train, self._plain.cam, self._cam_speeds)
+        self._program = OpeningsProgram(self._plain, source.theta, self._cam_speeds, source.about(self._z))
+
+    def __call__(self, level: float) -> float:
+        return self._program.largest(self._z, level * self._limits, self._lost).area_ratio
 
 
 def _level(area_at: Callable[[float], float], area_ratio: float | None) -> float:
@@ -144,15 +152,11 @@ def _level(area_at: Callable[[float], float], area_ratio: float | None) -> float
     return float(brentq(lambda level: area_at(level) - area_ratio, low, high, xtol=0.01))  # pyright: ignore[reportArgumentType]
 
 
-Variant = tuple[str, str]
-"""What is changed of a scene, and of which tolerance."""
-
-
-def _variants(scene: Scene) -> dict[Variant, Scene]:
-    """The scene as it is, without each tolerance, with half of it, and with its numbers raised by CHANGE."""
+def _variants(scene: Scene) -> dict[tuple[str, str], Scene]:
+    """By change and tolerance the scene as it is, without each, with half of it, and with its numbers raised."""
     labels = scatter_labels(scene)
     found = {("as given", ""): scene}
-    found |= {("left out", label): with_scatter(scene, {label: 0.0}) for label in labels if len(labels) > 1}
+    found |= {("left out", label): with_scatter(scene, {label: 0.0}) for label in labels}
     found |= {("halved", label): with_scatter(scene, {label: 0.5}) for label in labels}
     for tolerance in scene.tolerance:
         numbers = [n for together in moved_together(scene, tolerance) for n in together]
@@ -161,7 +165,7 @@ def _variants(scene: Scene) -> dict[Variant, Scene]:
     return found
 
 
-def _priced(wanted: float, areas: Mapping[Variant, np.ndarray]) -> PriceList:
+def _priced(wanted: float, areas: Mapping[tuple[str, str], np.ndarray]) -> PriceList:
     """The list by the area ratios (sets) of all variants."""
     changes = {name: area - areas["as given", ""] for name, area in areas.items() if name[0] != "as given"}
 

@@ -17,6 +17,13 @@ from camopt.scene.units import DEG, MM
 FOLDER = "judged"
 ARRAYS = ("speeds_rpm", "limit", "share", "states", "spread")
 FIGURE = "figure:"
+CANDIDATES, USES_LESS = 4, 0.02
+"""Cams that are offered to the verdict, and by how much less of its limits each of them uses than the larger one."""
+BETWEEN_SHARE = 0.9
+"""Part of every limit on the motion that a cam may use between the speeds at which it was searched."""
+RESOLUTION = 5e-5
+"""Area ratio below which a search tells no two cams apart: half a unit of the fourth digit, to which areas are
+stated."""
 
 
 class Journal(StepFiles):
@@ -41,15 +48,6 @@ class Journal(StepFiles):
         """Stores what was judged at a step."""
         arrays = {name: getattr(judged, name) for name in ARRAYS} | {"limited": np.array(judged.limited, dtype=str)}
         self.store(step, z, arrays | {FIGURE + name: values for name, values in judged.figures.items()})
-
-
-CANDIDATES, USES_LESS = 4, 0.02
-"""Cams that are offered to the verdict, and by how much less of its limits each of them uses than the larger one."""
-BETWEEN_SHARE = 0.9
-"""Part of every limit on the motion that a cam may use between the speeds at which it was searched."""
-RESOLUTION = 5e-5
-"""Area ratio below which a search tells no two cams apart: half a unit of the fourth digit, to which areas are
-stated."""
 
 
 @dataclass(frozen=True)

@@ -46,6 +46,7 @@ RENEWED_EVERY = 4
 """The same for trains whose laws are not straight, after so many rounds each."""
 FLOWN = 2.0
 """Part of a limit beyond which a motion has flown off: by how far says nothing any more."""
+REMEDY = "allow more bounce and jump, raise the spring's preload, or lower the top speed"
 BLENDS = 5
 """Cams between the largest one that holds and a larger one that does not, each halving what is left."""
 
@@ -197,9 +198,6 @@ class ExactRows:
         """The program at the angles of the settled motion of the cam of z (m)."""
         self.jacobians += 1
         return relocate(program, program.cam.lift(z))
-
-
-REMEDY = "allow more bounce and jump, raise the spring's preload, or lower the top speed"
 
 
 def why_none_holds(judged: Sequence[Judged], program: NoJumpProgram) -> str:

@@ -30,20 +30,15 @@ harmonics = [2, 40]
 SCENE = parse_scene(EXAMPLE + SCATTER, "mine.toml")
 
 
-@pytest.fixture
-def listed():
-    return price_list(SCENE, 0.9, trains=12)
-
-
-def test_a_narrower_tolerance_never_costs_area(listed):
+def test_a_narrower_tolerance_never_costs_area():
+    listed = price_list(SCENE, 0.9, trains=12)
     assert set(listed.left_out) == set(listed.halved) == {"spring.preload_N", "mass", GRINDING}
     for label, gained in listed.left_out.items():
         assert gained > -2 * listed.noise and listed.halved[label] > -2 * listed.noise
     assert max(listed.left_out.values()) > 0.0
     assert set(listed.worth) == {"spring.preload_N", "mass"}  # the grinding error has no number of the scene
     assert listed.worth["spring.preload_N"] > 0.0 > listed.worth["mass"]  # a heavier train needs a smaller cam
-    text = str(listed)
-    assert "left out" in text and f"{listed.noise:.4f}" in text
+    assert "left out" in str(listed) and f"{listed.noise:.4f}" in str(listed)
     json.dumps(listed.as_dict(), allow_nan=False)
 
 
@@ -53,6 +48,11 @@ def test_noise_is_pooled_over_the_list():
     listed = _priced(0.9, {name: np.array(area) for name, area in areas.items()})
     assert listed.left_out["a"] == pytest.approx(0.02) and listed.halved["a"] == pytest.approx(0.01)
     assert listed.noise == pytest.approx(0.02 / 2 / np.sqrt(2)) and listed.worth_noise == 0.0
+
+
+def test_a_scene_with_a_single_tolerance_has_its_price():
+    listed = price_list(with_scatter(SCENE, {"mass": 0.0, GRINDING: 0.0}), 0.9, trains=3, sets=1)
+    assert set(listed.left_out) == {"spring.preload_N"} and "spring.preload_N" in str(listed)
 
 
 def test_the_level_gives_the_area_at_hand():
