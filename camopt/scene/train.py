@@ -15,7 +15,7 @@ from camopt.scene.units import DEG
 GROUND = -1
 TRAIN_PARAMETERS = ("mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap")
 """Fields of `Train` whose numbers a user may vary, and by which metrics have derivatives."""
-LAW_PARAMETERS = ("table", "leak", "travel", "slip")
+LAW_PARAMETERS = ("dissipation", "table", "leak", "travel", "slip")
 """Fields of `Laws` of which the same is true, in a train that has laws."""
 
 
@@ -94,7 +94,7 @@ class Train:
     def parameters(self) -> dict[str, np.ndarray]:
         """The numbers by TRAIN_PARAMETERS and, of a train with laws, by LAW_PARAMETERS.
 
-        The stiffness of a train with laws is the coefficient of each law, of a hertz contact in N/m^exponent.
+        The stiffness of a train with laws is the coefficient of each law, of a law of contacts in N/m^exponent.
         """
         numbers = {name: getattr(self, name) for name in TRAIN_PARAMETERS}
         if self.laws is None:

@@ -5,9 +5,9 @@ the contacts between cam and valve is bilateral: their elastic force goes on bel
 train with lash the contacts that are closed at rest are tied on the ramps and on the base circle too, where a follower
 that hops within its lash would make the motion depend on its last digits; an adjuster must be free to push there. With
 a share of one a contact cannot open, and its force has a slope by the cam's coefficients wherever it stands; with zero
-the law is that of the scene, smoothed. An elastic law that is not linear goes on along its tangent below `TANGENT_N`.
-Tied contact forces of a train whose laws are linear are affine in the lift as long as seat and lash change their
-contact at the same angles.
+the law is that of the scene, smoothed. An elastic law that is not linear goes on along its tangent below `TANGENT_N`,
+and what it damps is no less there than at that force. Tied contact forces of a train whose laws are linear are affine
+in the lift as long as seat and lash change their contact at the same angles.
 """
 
 from functools import partial
@@ -59,8 +59,8 @@ class TiedSystem(eqx.Module):
         s, on = self.system, np.array(self.system.topology.cam_side)
         begin, _, slope = (column(part, u) for part in self.tangent)
         lifted = jnp.maximum(u[on], begin)
-        elastic = s.elastic(u.at[on].set(lifted))[on] + slope * jnp.minimum(u[on] - begin, 0.0)
-        return elastic + column(s.damping, u)[on] * u_dt[on]
+        pushing = s.elastic(u.at[on].set(lifted))
+        return pushing[on] + slope * jnp.minimum(u[on] - begin, 0.0) + s.damper(pushing)[on] * u_dt[on]
 
     def force(self, y, lift, lift_dt, layer: Layer, tie) -> jax.Array:
         """Force of every element (e, *b) [N]; a share `tie` of the contacts between cam and valve is bilateral."""

@@ -100,7 +100,8 @@ class _Motion:
         n = len(self.mass)
         d = self.rows @ y[:n] + self.driven * lift - self.gap
         rate = self.rows @ y[n : 2 * n] + self.driven * lift_rate
-        force = self.laws.force(d, y[2 * n :], acting) + self.damping * rate
+        elastic = self.laws.force(d, y[2 * n :], acting)
+        force = elastic + (self.damping + self.laws.dissipation * elastic) * rate
         return d - self.laws.touch, force, d, rate, d[self.memory] - y[2 * n :]
 
     def cam(self, t: float) -> tuple[float, float]:

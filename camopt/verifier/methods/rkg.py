@@ -4,8 +4,8 @@ across a corner of a force: a row of a table, friction that starts or ends to sl
 S. Gill, A process for the step-by-step integration of differential equations in an automatic digital computing machine,
 Proc. Cambridge Philosophical Society 47 (1951). Stable up to about omega h = 2.8. The right-hand side is assembled
 element by element at every stage; a contact pushes f = max(0, p + c d') where its elastic force p > 0, and 0 elsewhere.
-Every law of a scene is carried: p = preload + k d, p = k u^exponent of a hertz contact pressed by u, p = preload +
-integral of the stiffness table from 0 to d, and p on the straight lines of a force table. A memory z is a component of
+Every law of a scene is carried: p = preload + k d, p = k u^exponent of a hertz contact pressed by u, the
+same times 1 + dissipation d' of a Hunt-Crossley contact, p = preload + integral of the stiffness table from 0 to d, and p on the straight lines of a force table. A memory z is a component of
 the state. Friction takes f = k (d - z), cut off at -slip and slip, at every stage, and z follows at the end of a step
 (the return mapping of plasticity: Simo and Hughes 1998, Computational Inelasticity, section 1.4). Oil takes
 f = k max(0, d - min(z, d) - travel) and z' = f / leak, and z falls to d at the end of a step that is beyond it.
@@ -75,9 +75,10 @@ class _TrainAsRead(NamedTuple):
     b: np.ndarray  # (e)
     contact: np.ndarray  # (e)
     cam_driven: np.ndarray  # (e)
-    kind: np.ndarray  # (e) of the elastic law, with its coefficient, exponent and table (e, q, 2)
+    kind: np.ndarray  # (e) of the elastic law, with its coefficient, exponent, dissipation and table (e, q, 2)
     coefficient: np.ndarray  # (e)
     exponent: np.ndarray  # (e)
+    dissipation: np.ndarray  # (e)
     table: np.ndarray
     damping: np.ndarray  # (e)
     preload: np.ndarray  # (e)
@@ -90,12 +91,12 @@ class _TrainAsRead(NamedTuple):
     forced: np.ndarray  # (q) masses of the forces by the cam angle
 
 
-def _elastic_arrays(train: Train) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Kind (e), coefficient (e), exponent (e) and table (e, q, 2) of the elastic laws."""
-    if train.laws is not None:
-        return train.laws.kind, train.laws.coefficient, train.laws.exponent, train.laws.table
-    e = len(train.a)
-    return np.zeros(e, dtype=int), train.stiffness, np.ones(e), np.zeros((e, 1, 2))
+def _elastic_arrays(train: Train) -> tuple[np.ndarray, ...]:
+    """Kind (e), coefficient (e), exponent (e), dissipation (e) and table (e, q, 2) of the elastic laws."""
+    laws, e = train.laws, len(train.a)
+    if laws is not None:
+        return laws.kind, laws.coefficient, laws.exponent, laws.dissipation, laws.table
+    return np.zeros(e, dtype=int), train.stiffness, np.ones(e), np.zeros(e), np.zeros((e, 1, 2))
 
 
 def _memory_arrays(train: Train) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -113,7 +114,7 @@ def _elastic(kind, coefficient, exponent, table, preload, d):
     """Elastic force [N] at compression d [m], of a law without memory."""
     if kind == 0:
         return preload + coefficient * d
-    if kind == 1:
+    if kind == 1 or kind == 6:
         pressed = d + (preload / coefficient) ** (1.0 / exponent)
         return coefficient * pressed**exponent if pressed > 0.0 else 0.0
     if kind == 3:
@@ -162,8 +163,8 @@ def _march(start, cam, h, parts, states, force):
     every stage, counts references and takes ten times as long.
     """
     mass, mass_damping, mass_force, a, b, contact, cam_driven = parts[:7]
-    kind, coefficient, exponent, table, damping, preload, gap, may_pull = parts[7:15]
-    memory, leak, travel, slip, forced = parts[15:]
+    kind, coefficient, exponent, dissipation, table, damping, preload, gap, may_pull = parts[7:16]
+    memory, leak, travel, slip, forced = parts[16:]
     rise, rate, push = cam
     n, last = len(mass), len(states) - 1
     y = start.copy()
@@ -197,7 +198,7 @@ def _march(start, cam, h, parts, states, force):
                 dy[i] = elastic / leak[e] if kind[e] == 4 else 0.0
                 if part == 0 and z != y[i]:
                     y[i], q[i] = z, 0.0
-            f = elastic + damping[e] * d_rate
+            f = elastic + (damping[e] + dissipation[e] * elastic) * d_rate
             if contact[e] and (elastic <= 0.0 or (f < 0.0 and not may_pull)):
                 f = 0.0
             if part == 0:
