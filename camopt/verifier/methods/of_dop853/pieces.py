@@ -173,7 +173,7 @@ class PieceLaws:
             return [Switching(key, e, U, 1.0, PUSHING)]
         if dissipation > 0.0:
             sign, other = (1.0, PUSHING) if phase == PRESSED else (-1.0, PRESSED)
-            return [Switching(key, e, U, -1.0, APART), Switching(key, e, RATE, sign, other, -sign / dissipation)]
+            return [Switching(key, e, U, -1.0, APART), Switching(key, e, RATE, sign, other, -1.0 / dissipation)]
         if phase == PRESSED:
             return [Switching(key, e, F, 1.0, PUSHING), Switching(key, e, U, -1.0, APART)]
         return [Switching(key, e, F, -1.0, PRESSED) if self.damped[e] else Switching(key, e, U, -1.0, APART)]
