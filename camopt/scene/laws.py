@@ -67,7 +67,7 @@ class Laws:
     def of_contacts(self) -> list[tuple[int, ContactLaw, LawNumbers]]:
         """The elements with a law of contacts, each with its law and its numbers."""
         found = np.flatnonzero(np.isin(self.kind, [*OF_CONTACTS]))
-        return [(int(e), self.contact_law(e), LawNumbers(self.coefficient[e], float(self.exponent[e]))) for e in found]
+        return [(e, self.contact_law(e), LawNumbers(self.coefficient[e], self.exponent[e])) for e in found.tolist()]
 
     def contact_law(self, e: int) -> ContactLaw:
         """The law of contacts that element e has."""

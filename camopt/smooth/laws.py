@@ -19,6 +19,7 @@ import numpy as np
 
 from camopt.scene.contact_laws import ContactLaw, LawNumbers, contact_law
 from camopt.scene.laws import FRICTION, OF_CONTACTS, OIL, PROGRESSIVE, STAND_IN_FORCE, TABLE, Laws
+from camopt.scene.train import LAW_PARAMETERS
 from camopt.smooth.contact import RAMPS, Layer
 
 
@@ -123,9 +124,9 @@ class ElasticLaws(eqx.Module):
 
 def elastic_laws(laws: Laws, dtype) -> ElasticLaws:
     """The differentiable laws of a train."""
-    numbers = (jnp.asarray(q, dtype) for q in (laws.dissipation, laws.table, laws.leak, laws.travel, laws.slip))
+    numbers = {name: jnp.asarray(getattr(laws, name), dtype) for name in LAW_PARAMETERS}
     kind, exponent = tuple(map(int, laws.kind)), tuple(float(q) for q in laws.exponent)
-    return ElasticLaws(*numbers, kind, exponent, bool(laws.dissipation.any()))
+    return ElasticLaws(**numbers, kind=kind, exponent=exponent, dissipative=bool(laws.dissipation.any()))
 
 
 def _ramp(r: jax.Array, layer: Layer | None) -> jax.Array:

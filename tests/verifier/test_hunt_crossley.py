@@ -13,6 +13,7 @@ from scipy.special import lambertw
 
 from camopt.exact import prepare as event
 from camopt.exact import with_chords
+from camopt.exact.adjoint.motion import TracedMotion
 from camopt.scene.laws import KINDS
 from camopt.scene.train import GROUND
 from camopt.smooth.contact import Layer
@@ -21,6 +22,7 @@ from camopt.verifier.methods import dop853, rkg
 from tests.verifier.trains import laws, no_lift, train
 
 MASS, HEIGHT, PERIOD = 0.05, 1e-3, 8e-3
+TURNS = 2 * np.pi / PERIOD
 DISSIPATION = 0.3
 
 
@@ -49,10 +51,10 @@ def expected(exponent: float, speed: float) -> tuple[float, float]:
 @pytest.mark.parametrize("speed", [0.5, 1.2])
 def test_an_impact_is_that_of_the_closed_form(exponent, speed):
     depth, rebound = expected(exponent, speed)
-    found = collided(dop853.prepare(ball(exponent), no_lift(), 2 * np.pi / PERIOD, 20_000), speed)
+    found = collided(dop853.prepare(ball(exponent), no_lift(), TURNS, 20_000), speed)
     assert found[1] == pytest.approx(rebound, rel=1e-8)
     assert found[0] == pytest.approx(depth, rel=3e-4)  # read off samples: (half of 0.4 us / 20 us)^2 / 2
-    found = collided(rkg.prepare(ball(exponent), no_lift(), 2 * np.pi / PERIOD, 200_000), speed)
+    found = collided(rkg.prepare(ball(exponent), no_lift(), TURNS, 200_000), speed)
     assert found[1] == pytest.approx(rebound, rel=1e-4)  # it meets the touch up to 0.04 us late
 
 
@@ -67,7 +69,7 @@ def test_a_slow_impact_has_the_restitution_that_the_source_gives():
 
 def test_chords_lose_the_energy_of_the_law_with_an_error_that_falls_with_the_square():
     depth, rebound = expected(1.5, 1.2)
-    found = [collided(event(with_chords(ball(), n), no_lift(), 2 * np.pi / PERIOD, 20_000), 1.2) for n in (8, 16, 32)]
+    found = [collided(event(with_chords(ball(), n), no_lift(), TURNS, 20_000), 1.2) for n in (8, 16, 32)]
     errors = np.abs(np.array(found) - (depth, rebound)) / (depth, rebound)
     assert np.all(errors[0] < 0.01) and np.all(errors[:-1] / errors[1:] > 3.0)
 
@@ -75,7 +77,7 @@ def test_chords_lose_the_energy_of_the_law_with_an_error_that_falls_with_the_squ
 def test_the_smoothed_law_is_the_law():
     """The layer of 2 nm is a part in ten thousand of the depth, and begins to push half of it before the touch."""
     depth, rebound = expected(1.5, 1.2)
-    found = collided(smooth(ball(), no_lift(), 2 * np.pi / PERIOD, layer=Layer(2e-9)), 1.2)
+    found = collided(smooth(ball(), no_lift(), TURNS, layer=Layer(2e-9)), 1.2)
     assert found[1] == pytest.approx(rebound, rel=1e-5)
     assert found[0] == pytest.approx(depth, rel=1e-3)
 
@@ -101,3 +103,30 @@ def test_a_contact_that_is_torn_away_does_not_pull(name):
     at = np.interp(left, motion.time, motion.v[:, 0])
     assert at == pytest.approx(1.0 / 3.0, rel=0.05)
     assert motion.x[np.searchsorted(motion.time, left), 0] < -1e-6
+
+
+def test_the_exact_gradient_is_that_of_the_motion_on_chords_and_nears_the_closed_form():
+    """Of the rebound by the impact speed, the law's dissipation and its stiffness, which it does not depend on."""
+    speed = 1.2
+
+    def rebound(v: float, **numbers: float) -> float:
+        parts = ball()
+        return event(parts.with_parameters({n: np.array([q]) for n, q in numbers.items()}), no_lift(), TURNS, 20_000)(
+            np.array([HEIGHT, -v])
+        ).v[-1, 0]
+
+    found = TracedMotion(ball(), no_lift(), TURNS, np.array([HEIGHT, -speed]), mechanical=True).pull_back(
+        ends=np.eye(2)
+    )
+    stiffness = ball().laws.coefficient[0]
+    mine = -found.by_start[1, 1], found.by_train.dissipation[1, 0], found.by_train.stiffness[1, 0] * stiffness
+    step = 1e-4
+    central = [
+        (rebound(speed + step) - rebound(speed - step)) / (2 * step),
+        (rebound(speed, dissipation=DISSIPATION + step) - rebound(speed, dissipation=DISSIPATION - step)) / (2 * step),
+        (rebound(speed, stiffness=stiffness * (1 + step)) - rebound(speed, stiffness=stiffness * (1 - step)))
+        / (2 * step),
+    ]
+    assert mine == pytest.approx(central, rel=1e-6, abs=1e-7)
+    slope = (expected(1.5, speed + step)[1] - expected(1.5, speed - step)[1]) / (2 * step)
+    assert mine[0] == pytest.approx(slope, rel=0.01) and abs(mine[2]) < 0.01  # sixteen chords

@@ -18,7 +18,8 @@ from camopt.scene.train import Train
 
 HELD_N = 20.0
 """Contact force that the program's cam keeps while its tangents are looked for. No tangent of a law of contacts is
-softer than there: along a motion that parts, tangents without stiffness would let the motion of closed contacts grow."""
+softer than there: along a motion that parts, tangents without stiffness would let the motion of closed contacts
+grow."""
 LEVELS = 20
 """Tangents of curved laws are rounded to so many levels in each factor of e, so that steps share their exponentials."""
 

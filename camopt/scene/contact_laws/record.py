@@ -12,7 +12,7 @@ class LawNumbers(NamedTuple):
     """The numbers of one contact that a law reads."""
 
     stiffness: Number  # N/m^exponent
-    exponent: float
+    exponent: Number
 
 
 class ContactLaw(NamedTuple):

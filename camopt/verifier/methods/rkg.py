@@ -4,9 +4,9 @@ across a corner of a force: a row of a table, friction that starts or ends to sl
 S. Gill, A process for the step-by-step integration of differential equations in an automatic digital computing machine,
 Proc. Cambridge Philosophical Society 47 (1951). Stable up to about omega h = 2.8. The right-hand side is assembled
 element by element at every stage; a contact pushes f = max(0, p + c d') where its elastic force p > 0, and 0 elsewhere.
-Every law of a scene is carried: p = preload + k d, p = k u^exponent of a hertz contact pressed by u, the
-same times 1 + dissipation d' of a Hunt-Crossley contact, p = preload + integral of the stiffness table from 0 to d, and p on the straight lines of a force table. A memory z is a component of
-the state. Friction takes f = k (d - z), cut off at -slip and slip, at every stage, and z follows at the end of a step
+Every law of a scene is carried: p = preload + k d, p = k u^exponent of a contact pressed by u, under "hunt-crossley"
+with f = p (1 + dissipation d'), p = preload + integral of the stiffness table from 0 to d, and p on the straight lines
+of a force table. A memory z is a component of the state. Friction takes f = k (d - z), cut off at -slip and slip, at every stage, and z follows at the end of a step
 (the return mapping of plasticity: Simo and Hughes 1998, Computational Inelasticity, section 1.4). Oil takes
 f = k max(0, d - min(z, d) - travel) and z' = f / leak, and z falls to d at the end of a step that is beyond it.
 The criterion "displacement" is Kodama's printed one, for reproduction only: a contact is open where it is not
@@ -91,7 +91,7 @@ class _TrainAsRead(NamedTuple):
     forced: np.ndarray  # (q) masses of the forces by the cam angle
 
 
-def _elastic_arrays(train: Train) -> tuple[np.ndarray, ...]:
+def _elastic_arrays(train: Train) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Kind (e), coefficient (e), exponent (e), dissipation (e) and table (e, q, 2) of the elastic laws."""
     laws, e = train.laws, len(train.a)
     if laws is not None:

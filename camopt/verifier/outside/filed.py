@@ -18,8 +18,8 @@ KINDS = "spring", "contact", "adjuster", "friction"
 LAWS = "linear", "hertz", "hunt-crossley", "progressive", "table"
 KNOWN = {
     "name", "kind", "between", "law", "stiffness_N_per_m", "exponent", "stiffness_table", "force_table",
-    "dissipation_s_per_m", "leak_N_s_per_m", "spring_N_per_m", "stroke_mm", "check_travel_mm", "slip_N", "damping_N_s_per_m", "preload_N",
-    "gap_mm", "cam_driven", "assumed", "source",
+    "dissipation_s_per_m", "leak_N_s_per_m", "spring_N_per_m", "stroke_mm", "check_travel_mm", "slip_N",
+    "damping_N_s_per_m", "preload_N", "gap_mm", "cam_driven", "assumed", "source",
 }  # fmt: skip
 """Keys of an element that the judge understands."""
 KNOWN_OF_A_MASS = {"name", "mass_kg", "damping_N_s_per_m", "force_N", "assumed", "source"}
