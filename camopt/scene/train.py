@@ -129,6 +129,12 @@ class Train:
                 f"{instead}"
             )
 
+    def require_kinds(self, method: str, most: int, where: str) -> None:
+        """Raises InputError where a method whose file is `where` meets a law whose number is above `most`."""
+        if self.laws is not None and np.any(self.laws.kind > most):
+            names = ", ".join(n for n, kind in zip(self.element_names, self.laws.kind, strict=True) if kind > most)
+            raise InputError(f"{method} has not the law of {names}: write it in {where}, or ask another method")
+
     def compression(self, x: np.ndarray, lift: np.ndarray | float) -> np.ndarray:
         """Compression of every element [m], shape (..., e), for positions x (..., n) [m] and lift (...) [m]."""
         padded = np.concatenate([x, np.zeros((*x.shape[:-1], 1))], axis=-1)  # index -1 reads the ground

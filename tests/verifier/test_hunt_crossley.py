@@ -14,6 +14,7 @@ from scipy.special import lambertw
 from camopt.exact import prepare as event
 from camopt.exact import with_chords
 from camopt.exact.adjoint.motion import TracedMotion
+from camopt.scene import InputError
 from camopt.scene.laws import KINDS
 from camopt.scene.train import GROUND
 from camopt.smooth.contact import Layer
@@ -130,3 +131,11 @@ def test_the_exact_gradient_is_that_of_the_motion_on_chords_and_nears_the_closed
     assert mine == pytest.approx(central, rel=1e-6, abs=1e-7)
     slope = (expected(1.5, speed + step)[1] - expected(1.5, speed - step)[1]) / (2 * step)
     assert mine[0] == pytest.approx(slope, rel=0.01) and abs(mine[2]) < 0.01  # sixteen chords
+
+
+@pytest.mark.parametrize("method", [dop853, rkg], ids=lambda m: m.__name__)
+def test_a_judge_refuses_a_law_that_it_has_not_written(method):
+    parts = ball()
+    later = replace(parts, laws=replace(parts.laws, kind=parts.laws.kind + 1))
+    with pytest.raises(InputError, match="has not the law of e0: write it in camopt/verifier/methods/"):
+        method.prepare(later, no_lift(), TURNS, 20_000)

@@ -6,9 +6,10 @@ Proc. Cambridge Philosophical Society 47 (1951). Stable up to about omega h = 2.
 element by element at every stage; a contact pushes f = max(0, p + c d') where its elastic force p > 0, and 0 elsewhere.
 Every law of a scene is carried: p = preload + k d, p = k u^exponent of a contact pressed by u, under "hunt-crossley"
 with f = p (1 + dissipation d'), p = preload + integral of the stiffness table from 0 to d, and p on the straight lines
-of a force table. A memory z is a component of the state. Friction takes f = k (d - z), cut off at -slip and slip, at every stage, and z follows at the end of a step
-(the return mapping of plasticity: Simo and Hughes 1998, Computational Inelasticity, section 1.4). Oil takes
-f = k max(0, d - min(z, d) - travel) and z' = f / leak, and z falls to d at the end of a step that is beyond it.
+of a force table. A memory z is a component of the state. Friction takes f = k (d - z), cut off at -slip and slip, at
+every stage, and z follows at the end of a step (the return mapping of plasticity: Simo and Hughes 1998, Computational
+Inelasticity, section 1.4). Oil takes f = k max(0, d - min(z, d) - travel) and z' = f / leak, and z falls to d at the
+end of a step that is beyond it.
 The criterion "displacement" is Kodama's printed one, for reproduction only: a contact is open where it is not
 compressed (their x_3 > x_2), and until then its damper may pull, f = p + c d' of either sign.
 """
@@ -29,6 +30,8 @@ CARRIED = np.array([2.0, 1.0, 1.0, 2.0])
 RENEWED = np.array([0.5, 1.0 - ROOT, 1.0 + ROOT, 0.5])
 STAGE = np.array([0, 1, 1, 2])
 """Stage times in half steps."""
+HERTZ, HUNT_CROSSLEY = 1, 6
+"""Numbers of the laws whose elastic force is a power of the depth; no law has a higher one here."""
 MAY_PULL = {"force": False, "displacement": True}
 """By separation criterion: whether a compressed contact's force may be below zero."""
 
@@ -41,6 +44,7 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
     """
     if criterion not in MAY_PULL:
         raise InputError(f"separation criterion {criterion!r}: expected {' or '.join(MAY_PULL)}")
+    train.require_kinds("Runge-Kutta-Gill", HUNT_CROSSLEY, "camopt/verifier/methods/rkg.py")
     steps = steps_per_revolution
     h = 2 * np.pi / cam_speed / steps
     halves = np.linspace(-np.pi, np.pi, 2 * steps + 1)
@@ -114,7 +118,7 @@ def _elastic(kind, coefficient, exponent, table, preload, d):
     """Elastic force [N] at compression d [m], of a law without memory."""
     if kind == 0:
         return preload + coefficient * d
-    if kind == 1 or kind == 6:
+    if kind == HERTZ or kind == HUNT_CROSSLEY:
         pressed = d + (preload / coefficient) ** (1.0 / exponent)
         return coefficient * pressed**exponent if pressed > 0.0 else 0.0
     if kind == 3:
