@@ -87,6 +87,7 @@ class System(eqx.Module):
         lift, lift_dt = (jnp.reshape(q, (1,) * (d.ndim - jnp.ndim(q)) + jnp.shape(q)) for q in (lift, lift_dt))
         return d + drive * lift - column(self.gap + self.touch(), d), d_dt + drive * lift_dt
 
+    @jax.jit  # a program of its own: a loop that is differentiated goes through its operations once, not in every pass
     def force(self, y: Float[Array, "2 n *b"], lift, lift_dt, layer: Layer) -> Float[Array, " e *b"]:
         """Force of every element [N]; it pushes a towards -x and b towards +x."""
         u, u_dt = self.compression(y, lift, lift_dt)
@@ -170,6 +171,7 @@ class System(eqx.Module):
         n = self.mass.shape[0]
         return states[:, 0, :n], states[:, 1, :n], states[:, 0, n:] if self.topology.memory else None
 
+    @jax.jit
     def stiffest(self) -> jax.Array:
         """Largest frequency of a mass on its own elements [rad/s]: the scale of the fastest motion."""
         stiffness = self.stiffness if self.laws is None else self.laws.stand_in(self.stiffness)
