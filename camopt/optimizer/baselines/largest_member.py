@@ -111,7 +111,7 @@ def largest_area_member(
     else:
         asked = {"family": family, "jerk": limits.jerk, "bounce_max_mm": bounce_max_mm, "evaluations": evaluations}
         identity = run_identity("baseline", scene, **asked, seed=seed, speeds_rpm=list(motion.speeds_rpm))
-        search = _MemberSearch(space, design, motion, bounce_max_mm, Notes(journal, identity))
+        search = _MemberSearch(space, design, motion, bounce_max_mm, EvaluationLog(journal, identity))
         with tqdm(total=evaluations, disable=None if progress else True, unit="cam", desc=family) as bar:
             lift, count = search.best(evaluations, seed, bar), search.evaluations
     figures = motion.worst(lift)
@@ -201,7 +201,9 @@ class MemberMotion:
 class _MemberSearch:
     """Differential evolution on the score: below 1 what holds, then what bounces, then what breaks limits."""
 
-    def __init__(self, space: Space, design: Design, motion: MemberMotion, bounce_max_mm: float | None, notes: "Notes"):
+    def __init__(
+        self, space: Space, design: Design, motion: MemberMotion, bounce_max_mm: float | None, notes: "EvaluationLog"
+    ):
         self.space, self.design, self.motion, self.limit, self.notes = space, design, motion, bounce_max_mm, notes
         self.evaluations = 0
 
@@ -253,7 +255,7 @@ def _first_population(space: Space, seed: int) -> np.ndarray:
     return first
 
 
-class Notes:
+class EvaluationLog:
     """What a search has judged, a line per member in a file or nowhere: a search that goes on repeats it at once."""
 
     def __init__(self, path: Path | str | None, identity: dict):
@@ -276,7 +278,7 @@ class Notes:
         return self._scores.get(tuple(x.tolist()))
 
     def keep(self, x: np.ndarray, score: float) -> float:
-        """Notes a score and returns it."""
+        """EvaluationLog a score and returns it."""
         if self._path is not None:
             append_line(self._path, json.dumps({"at": x.tolist(), "score": score}))
         return score
