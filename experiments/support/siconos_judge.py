@@ -29,9 +29,9 @@ import numpy as np
 MM, DEG, RPM, NM = 1e-3, math.pi / 180.0, math.pi / 30.0, 1e-9
 SAMPLES = 720
 """Equal parts of the revolution at whose ends the valve is recorded."""
-COARSEST, FINEST = 28_800, 921_600
+COARSEST, FINEST = 28_800, 460_800
 """Steps of the revolution, from the first to the last: multiples of SAMPLES."""
-STANDS_NM = 1.0
+STANDS_NM = 2.0
 """The valve stands where two halvings of the step move it by less than this [nm] each: one may do so by chance."""
 
 

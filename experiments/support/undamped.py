@@ -32,6 +32,8 @@ NO_SICONOS = (
     "system's (apt-get install python3-siconos)"
 )
 
+CHANGES_FINEST = 57_600
+"""Most steps where Siconos is given a change, which shows by more than the coarser step is off."""
 Case = tuple[Scene, str, Lift, list[float]]
 """A scene, the name of a cam, the cam, and speeds [r/min]."""
 
@@ -46,7 +48,7 @@ def undamped_part(cases: list[Case], of_change: Case | None, finest: int = sicon
         print(NO_SICONOS)
     else:
         rows = [row for case in _copies(cases) for row in judged(python, *case, finest)]
-        changes = [row for case in _copies([of_change] if of_change else []) for row in noticed(python, *case, finest)]
+        changes = [row for case in _copies([of_change] if of_change else []) for row in noticed(python, *case)]
     summary = {
         "undamped": len(rows),
         "undamped_agree": sum(row["agrees"] for row in rows),
@@ -148,7 +150,7 @@ def apart(one: dict, valve: np.ndarray, duration: float) -> dict:
 
 
 def noticed(
-    python: str, scene: Scene, cam: str, lift: Lift, speeds_rpm: list[float], finest: int = siconos_judge.FINEST
+    python: str, scene: Scene, cam: str, lift: Lift, speeds_rpm: list[float], finest: int = CHANGES_FINEST
 ) -> list[dict]:
     """What shows of the changes where Siconos, and it alone, is given them; those of dampers change nothing here."""
     lift, rows = as_written(lift), []
