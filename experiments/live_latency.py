@@ -4,13 +4,13 @@
 
 `camopt design` in a process of its own and Chromium by Playwright, on five scenes: three built-in ones, and a bucket
 tappet and a pushrod train from ../shared/data/scenes beside the repository, which are left out where that folder is
-missing. Sliders are moved by keys, a step every 50 ms: limits of the cam, whose rows stay, and duration, ramp, spring and lash,
-for which rows are made again. The latency is from the input to the frame after the one that shows its first answer, by
-the page's own clock; inputs that a newer one overtook have none. "Rest" is from the last input to the painted curve of
-the band. The targets are for two idle cores. So that runs on busy machines can be read, a fixed loop of arithmetic is
-timed by the clock before every slider: on an idle core its clock and its processor time are the same, and
-`p95_per_loop` are latencies in units of it. Memory is the server's, over `changes` further answers on the first scene.
-The small size is `motori-1` with few steps.
+missing. Sliders are moved by keys, a step every 50 ms: limits of the cam, whose rows stay, and duration, ramp, spring
+and lash, for which rows are made again. The latency is from the input to the frame after the one that shows its first
+answer, by the page's own clock; inputs that a newer one overtook have none. "Rest" is from the last input to the
+painted curve of the band. The targets are for two idle cores. So that runs on busy machines can be read, a fixed loop
+of arithmetic is timed by the clock before every slider: on an idle core its clock and its processor time are the
+same, and `p95_per_loop` are latencies in units of it. Memory is the server's, over `changes` further answers on the
+first scene. The small size is `motori-1` with few steps.
 """
 
 import shutil
