@@ -6,7 +6,6 @@ far apart while the user drags a slider, all of them once it rests. Radii of the
 it rests, because they take a sequence of programs.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -69,25 +68,18 @@ class CamFinder:
     kept: dict[bool, tuple[tuple, NoJumpProgram]] = field(default_factory=dict)  # by whether they are coarse
     dearest: tuple[int, ...] = (0, -1)  # indices of the speeds that the coarse programs keep
 
-    def largest(
-        self,
-        scene: Scene,
-        train: Train,
-        margin_N: float | None,
-        coarse: bool,
-        wanted: Callable[[], bool] = lambda: True,
-    ) -> FoundCam:
+    def largest(self, scene: Scene, train: Train, margin_N: float | None, coarse: bool) -> FoundCam:
         """The cam of largest area that the scene's limits allow: under the no-jump program with a margin, or under the
         kinematic one where the margin is None.
 
         Where no cam keeps contact it is that of the kinematic program, which says why. With `coarse` the force rows
         may be few, unless all of them are there from the last answer. Raises InputError for limits that contradict
-        each other, and Cancelled between two steps once it is not `wanted` any more.
+        each other.
         """
         if margin_N is None:
             return self._kinematic(scene, coarse)
         try:
-            return self._no_jump(scene, train, margin_N, coarse, wanted)
+            return self._no_jump(scene, train, margin_N, coarse)
         except InputError as error:
             return self._kinematic(scene, coarse, f"No cam keeps contact, so this is the kinematic one: {error}.")
 
@@ -102,18 +94,15 @@ class CamFinder:
         coarse = coarse and bool(radii_held_near(design))
         return FoundCam(optimum.lift, KINEMATIC, optimum.area_ratio, limit_sensitivities(optimum), None, coarse, says)
 
-    def _no_jump(
-        self, scene: Scene, train: Train, margin_N: float, coarse: bool, wanted: Callable[[], bool]
-    ) -> FoundCam:
+    def _no_jump(self, scene: Scene, train: Train, margin_N: float, coarse: bool) -> FoundCam:
         shape = _shape(scene, train)
+        takes_a_sequence = bool(radii_held_near(_design(scene))) or not is_linear(train)
         if coarse and self.kept.get(False, (None,))[0] == shape:  # all rows are there, so few are not needed
-            coarse = bool(radii_held_near(_design(scene)))
+            coarse = takes_a_sequence
         if coarse:
             shape = (*shape, self.dearest)
         program = self._program(scene, train, shape, coarse)
-        if not wanted():
-            raise Cancelled
-        if not coarse and (program.cam.about.near is not None or not is_linear(train)):
+        if not coarse and takes_a_sequence:
             program = converge_tangents(program, margin_N)
         try:
             optimum = program.solve(Margins(margin_N, margin_N, margin_N), explain=False)

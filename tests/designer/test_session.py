@@ -243,6 +243,33 @@ def test_an_answer_that_is_not_wanted_any_more_ends(session):
         session.answer({}, "band", lambda: False)
 
 
+def test_an_answer_ends_between_two_programs(session):
+    """The tangents of a curved law take a sequence of programs: of these only those come that are still wanted."""
+    own, asked = Session(load_scene("finger-hydraulic")), []
+
+    def wanted() -> bool:
+        asked.append(None)
+        return len(asked) < 5
+
+    with pytest.raises(Cancelled):
+        own.answer({}, "cam", wanted)
+    assert len(asked) == 5
+    assert own.answer({}, "sketch")["state"] == "ok"
+
+
+def test_a_spring_by_its_measured_load_has_sliders():
+    """finger-hydraulic has nothing but tables; a slider multiplies forces, or their rise, and the cam follows."""
+    own = Session(load_scene("finger-hydraulic"))
+    assert {"spring_rate_percent", "spring_preload_percent"} <= set(own.controls)
+    stiffer = own.edited({"spring_rate_percent": 110.0})
+    for before, after in zip(own.scene.element, stiffer.element, strict=True):
+        if before.force_table:
+            (c0, f0), (c1, f1) = before.force_table[:2]
+            (d0, g0), (d1, g1) = after.force_table[:2]
+            assert (g1 - g0) / (d1 - d0) == pytest.approx(1.1 * (f1 - f0) / (c1 - c0))
+    assert own.answer({"spring_rate_percent": 110.0}, "sketch")["state"] == "ok"
+
+
 def resident_MB() -> float:
     return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * 4096 / 1000**2
 
