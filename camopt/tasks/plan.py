@@ -37,22 +37,20 @@ from camopt.scene.spelling import did_you_mean
 from camopt.scene.table import Positive, Table
 from camopt.scene.text_file import read_text, usable_path
 from camopt.scene.toml_text import toml_data
-from camopt.tasks.task import NEEDED, Count, PlanVerb, as_tuples, cam_as_text, scene_as_text, scene_of_text, task_faults
+from camopt.tasks.task import (
+    NEEDED,
+    Count,
+    PlanVerb,
+    SimulateSettings,
+    as_tuples,
+    cam_as_text,
+    scene_as_text,
+    scene_of_text,
+    task_faults,
+)
 
 MOST_BYTES = 1_000_000
 Some = Field(min_length=1, max_length=100_000)
-
-
-class NoSettings(Table):
-    """The settings of a verb that has none."""
-
-
-class SimulateSettings(Table):
-    """How motions from rest are simulated, as in `camopt.simulate`."""
-
-    method: str = "event"
-    revolutions: Annotated[int, Field(ge=2, le=1000)] = 2
-    step_deg: Positive = 0.1
 
 
 class YieldSettings(Table):
@@ -69,7 +67,7 @@ class RehearseSettings(Table):
     seconds: Annotated[float, Field(ge=0, le=3600)] = 0.0
 
 
-SETTINGS = {"settled": NoSettings, "simulate": SimulateSettings, "yield": YieldSettings, "rehearse": RehearseSettings}
+SETTINGS = {"settled": Table, "simulate": SimulateSettings, "yield": YieldSettings, "rehearse": RehearseSettings}
 
 
 class PlanFile(Table):
@@ -186,11 +184,8 @@ def _key(fault: str) -> str:
 
 def _flat(vary: dict[str, Any]) -> dict[str, Any]:
     """`spring.preload_N = ...` as one key, quoted or not."""
-    found = {}
-    for name, value in vary.items():
-        inner = {f"{name}.{key}": one for key, one in value.items()} if isinstance(value, dict) else {name: value}
-        found |= inner
-    return found
+    inner = {name: value if isinstance(value, dict) else {"": value} for name, value in vary.items()}
+    return {f"{name}.{key}" if key else name: one for name, keys in inner.items() for key, one in keys.items()}
 
 
 def _filled_in(file: PlanFile, settings: Table, folder: Path) -> SweepPlan:

@@ -56,14 +56,19 @@ class SettledTask(TaskOnScene):
     speed_rpm: Positive
 
 
-class SimulateTask(TaskOnScene):
-    """One motion from rest at one crankshaft speed, with the arguments of `camopt.simulate`."""
+class SimulateSettings(Table):
+    """How motions from rest are simulated, as in `camopt.simulate`."""
 
-    verb: Literal["simulate"]
-    speed_rpm: Positive
     method: str = "event"
     revolutions: Annotated[int, Field(ge=2, le=1000)] = 2
     step_deg: Positive = 0.1
+
+
+class SimulateTask(TaskOnScene, SimulateSettings):
+    """One motion from rest at one crankshaft speed."""
+
+    verb: Literal["simulate"]
+    speed_rpm: Positive
 
 
 class YieldTask(TaskOnScene):
