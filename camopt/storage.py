@@ -167,6 +167,51 @@ def whole_lines(path: str | Path) -> list[str]:
     return whole.split("\n")[:-1]
 
 
+class Journal:
+    """Records of finished work, found by the values that they have under `names`: a line of JSON each in a file, or in
+    memory alone where `path` is None.
+
+    A record is on the disk before `add` returns, and a line that an interruption cut off does not count, so that
+    interrupted work goes on where it was. With an `identity`, which tells one work from another, the file begins with
+    it. Raises InputError for a file that begins with another one, or that is no such journal.
+    """
+
+    def __init__(self, path: str | Path | None, *names: str, identity: Mapping[str, Any] | None = None):
+        self.names = names
+        self._path = None if path is None else Path(path)
+        lines = [] if self._path is None else whole_lines(self._path)
+        head = [] if identity is None else [json.dumps(plain(identity))]
+        if lines and lines[: len(head)] != head:
+            raise InputError(
+                f"{path}: belongs to other work, of another version or scene or with other settings, and nothing in it "
+                f"was changed: name another file, or ask as it was asked"
+            )
+        try:
+            self._records = {self._key(record): record for record in map(json.loads, lines[len(head) :])}
+        except (ValueError, KeyError, TypeError) as error:
+            raise InputError(f"{path}: is no journal of {', '.join(names)} ({error}): name another file") from error
+        if self._path is not None and not lines and head:
+            append_line(self._path, head[0])
+
+    def get(self, *key: Any) -> dict[str, Any] | None:
+        """The record with these values of `names`, None where there is none."""
+        return self._records.get(_hashable(key))
+
+    def add(self, *records: Mapping[str, Any]) -> None:
+        """Keeps records, all of them at once; what is not finite in them is null."""
+        new = [plain(record) for record in records]
+        if self._path is not None:
+            append_line(self._path, "\n".join(json.dumps(record, allow_nan=False) for record in new))
+        self._records |= {self._key(record): record for record in new}
+
+    def _key(self, record: Mapping[str, Any]) -> Any:
+        return _hashable([record[name] for name in self.names])
+
+
+def _hashable(value: Any) -> Any:
+    return tuple(map(_hashable, value)) if isinstance(value, list | tuple) else value
+
+
 def default_run_folder(scene_name: str) -> Path:
     """runs/<scene>-<UTC time> below the current folder."""
     return Path("runs") / f"{scene_name}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}"

@@ -15,15 +15,18 @@ from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import broken_by_shape
 from camopt.plots.tradeoff import pareto
 from camopt.scene import InputError, build_train, load_scene, scene_text
-from camopt.study.tradeoff import figures as tradeoff_figures
-from camopt.study.tradeoff import measurement
+from camopt.storage import Journal
+from camopt.study import timing
+from camopt.study.measured_rows import COLUMNS, REFERENCE, measured
+from camopt.study.timing import timed
+from camopt.study.tradeoff import summary
 from camopt.study.tradeoff import tradeoff as module
-from camopt.study.tradeoff.case import RevolutionCase
-from camopt.study.tradeoff.measurement import COLUMNS, REFERENCE, Measurement, error_of, measured, rows_of, timed
-from camopt.study.tradeoff.methods import CHORDS, fixed_steps
+from camopt.study.tradeoff.methods import CHORDS, RevolutionCase, prepared_methods
 from camopt.study.tradeoff.summary import table_of, words_of
-from camopt.study.tradeoff.tradeoff import LINES, tradeoff
+from camopt.study.tradeoff.tradeoff import LINES, error_of, rows_of, tradeoff
 from experiments import tradeoff as experiment
+
+NAMES = "case", "method", "setting"
 
 
 def table(folder) -> list[dict]:
@@ -43,8 +46,8 @@ def drawn():
     """Figures by name, as they would be saved: rendering them takes longer than measuring, which is not repeated."""
     figures = {}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tradeoff_figures, "save", lambda figure, folder, name: figures.update({name: figure}))
-        patch.setattr(measurement, "PATIENCE", 0.0)
+        patch.setattr(summary, "save", lambda figure, folder, name: figures.update({name: figure}))
+        patch.setattr(timing, "PATIENCE", 0.0)
         yield figures
 
 
@@ -124,7 +127,7 @@ class TestCams:
         scene, design, folder = load_scene("motori-1"), tmp_path / "design.json", tmp_path / "run"
         write_design(design, polydyne(scene), 9.4e-3)
         seen = []
-        monkeypatch.setattr(module, "measured", lambda path, work, progress: seen.extend(work) or [])
+        monkeypatch.setattr(module, "measured", lambda journal, work, progress: seen.extend(work) or [])
         words = ["tradeoff", str(unequal), "--cam", str(design), "--size", "small", "--out", str(folder), "--quiet"]
         assert cli.main(words) == 0
         assert len(seen) > 10
@@ -137,7 +140,7 @@ class TestCams:
         row = {"case": "job: band step", "method": "event-exact sweep", "setting": "200 r/min", "error": 0.0,
                "error_of": "bounce_mm", "seconds": 1.0, "converged": True, "verdict": ""}  # fmt: skip
         case = row | {"case": "revolution at 3000 r/min"}
-        assert tradeoff_figures.figures([row, case, row | {"case": "job: masses"}]) == {}
+        assert summary.figures([row, case, row | {"case": "job: masses"}]) == {}
         assert "0 um off" in words_of("motori-1", [row])
 
     def test_a_gradient_of_zero_has_no_relative_error(self):
@@ -149,22 +152,22 @@ class TestLines:
         """The line that the interruption cut off is measured again, the whole ones are not."""
         calls: list[str] = []
 
-        def work(name: str) -> Measurement:
-            return Measurement("case", "method", name, lambda: calls.append(name) or {"figures": {"bounce_mm": 1.0}})
+        def work(name: str):
+            return ("case", "method", name), lambda: calls.append(name) or {"figures": {"bounce_mm": 1.0}}
 
         path = tmp_path / LINES
-        measured(path, [work("a"), work("b")])
+        measured(Journal(path, *NAMES), [work("a"), work("b")])
         path.write_text(path.read_text() + '{"case": "case", "meth')
-        lines = measured(path, [work("c"), work("a"), work("b")])
+        lines = measured(Journal(path, *NAMES), [work("c"), work("a"), work("b")])
         assert calls == ["a", "b", "c"]
         assert [line["setting"] for line in lines] == ["c", "a", "b"]
         assert [json.loads(line)["setting"] for line in path.read_text().splitlines()] == ["a", "b", "c"]
 
-    def test_what_fails_stays_with_its_reason(self, tmp_path):
+    def test_what_fails_stays_with_its_reason(self):
         def fails() -> dict:
             raise RuntimeError("too stiff")
 
-        (row,) = rows_of(measured(tmp_path / LINES, [Measurement("case", "method", "x", fails)]))
+        (row,) = rows_of(measured(Journal(None, *NAMES), [module.or_failure((("case", "method", "x"), fails))]))
         assert (row["verdict"], row["converged"], row["error"]) == ("too stiff", False, None)
 
     def test_errors_are_against_the_reference_of_the_case(self):
@@ -191,14 +194,14 @@ class TestLines:
         assert error_of("bounce_mm", np.nan, 1.0) is None
 
     def test_the_first_call_is_set_apart(self, monkeypatch):
-        monkeypatch.setattr(measurement, "PATIENCE", 0.05)
+        monkeypatch.setattr(timing, "PATIENCE", 0.05)
         durations = chain((0.05, 0.004, 0.002), repeat(0.004))
         times, _ = timed(lambda: busy(next(durations)), 2)
         assert times["seconds"] == pytest.approx(0.001, rel=0.2)
         assert times["setup_seconds"] == pytest.approx(0.048, rel=0.1)
 
     def test_waiting_is_not_counted(self, monkeypatch):
-        monkeypatch.setattr(measurement, "PATIENCE", 0.01)
+        monkeypatch.setattr(timing, "PATIENCE", 0.01)
         times, _ = timed(lambda: time.sleep(0.02) or busy(0.01))
         assert times["seconds"] == pytest.approx(0.01, rel=0.1)
 
@@ -206,9 +209,9 @@ class TestLines:
 def test_under_curved_laws_event_exact_takes_chords():
     scene = load_scene("race-nested")
     case = RevolutionCase(scene, polydyne(scene), max(scene.operation.speeds_rpm))
-    chords = {m.setting: m for m in fixed_steps(case, "full") if m.method == "event-exact"}
+    chords = {setting: run for method, setting, run in prepared_methods(case, "full") if method == "event-exact"}
     assert list(chords) == [f"{count} chords" for count in CHORDS["full"]]
-    lifts = [chords[f"{count} chords"].run()["figures"]["lift_mm"] for count in (8, 16, 128)]
+    lifts = [case.figures(chords[f"{count} chords"]())["lift_mm"] for count in (8, 16, 128)]
     coarse, fine = (np.abs(lift - lifts[2]).max() for lift in lifts[:2])
     assert 0.0 < 3 * fine < coarse < 1e-3
 
