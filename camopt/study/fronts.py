@@ -1,6 +1,5 @@
 """What a limit costs: the largest confirmed area over a range of one limit; cam and valve spring designed together."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,8 @@ from camopt.optimizer.search.search import find_cam
 from camopt.scene.errors import InputError
 from camopt.scene.parameters import with_spring
 from camopt.scene.schema import AS_BUILT, Scene
-from camopt.storage import check_file, write_json
+from camopt.storage import check_file
+from camopt.storage.journal import Records
 
 VALUES = {
     "bounce_max_mm": (0.005, 0.02, 0.05, 0.1, 0.2),
@@ -80,38 +80,27 @@ def pareto(
         ),
     }
     asked |= {"seed": seed} if of_yield else {}
-    stored = _stored(out, asked)
+    if out is not None:
+        check_file(out)
+    points = Records(out, "limit", identity=asked)
     rows, effort, best = [], accuracy_named(accuracy), {"area_ratio": None}
     carried = of_yield or "_max" in against or "_min" in against
     tight_first = sorted(values or VALUES[against], key=lambda value: -value if of_yield else abs(value))
     for value in tqdm(tight_first, disable=None if progress else True, desc=against):
-        key = repr(float(value))
-        if key not in stored:
+        if (point := points.get(float(value))) is None:
+            changed = _changed(scene, dict.fromkeys(release) | ({} if of_yield else {against: value}))
             if of_yield:
-                held = _changed(scene, dict.fromkeys(release)) if release else scene
-                stored[key] = _yield_point(held, value, accuracy, gradient, seed)
+                found = _yield_point(changed, value, accuracy, gradient, seed)
             else:
-                changed = _changed(scene, {against: value} | dict.fromkeys(release))
-                stored[key] = _point(changed, speeds, effort, gradient)
-            if out is not None:
-                write_json(out, {"asked": asked, "points": stored})
-        if not carried or (stored[key]["area_ratio"] or 0.0) > (best["area_ratio"] or 0.0):
-            best = stored[key]
-        rows.append({"limit": float(value)} | best)
+                found = _point(changed, speeds, effort, gradient)
+            point = {"limit": float(value)} | found
+            points.add(point)
+        if not carried or (point["area_ratio"] or 0.0) > (best["area_ratio"] or 0.0):
+            best = point
+        rows.append(best | {"limit": float(value)})
     names = dict.fromkeys(name for row in rows for name in row if name != "limit")
     columns = {n: ("limit", [np.nan if r.get(n) is None else r[n] for r in rows]) for n in names}
     return Front(scene.name, against, xr.Dataset(columns, {"limit": [r["limit"] for r in rows]}))
-
-
-def _stored(out: Path | str | None, asked: dict) -> dict:
-    if out is not None:
-        check_file(out)
-    if out is None or not Path(out).exists():
-        return {}
-    content = json.loads(Path(out).read_text(encoding="utf-8"))
-    if content.get("asked") != json.loads(json.dumps(asked)):
-        raise InputError(f"{out}: holds another front: name another file, or ask as it was asked")
-    return content["points"]
 
 
 def _changed(scene: Scene, limits: dict) -> Scene:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 from tqdm import tqdm
 
-from camopt.storage import Journal
+from camopt.storage.journal import Records
 
 COLUMNS = ("case", "method", "setting", "error", "error_of", "seconds", "converged", "verdict")
 """Columns of tradeoff.csv and extremes.csv."""
@@ -14,7 +14,7 @@ Measurement = tuple[tuple[str, ...], Callable[[], dict]]
 """The values of the journal's names, case and method first, and what gives the rest of the record."""
 
 
-def measured(journal: Journal, work: Sequence[Measurement], progress: bool = False) -> list[dict]:
+def measured(journal: Records, work: Sequence[Measurement], progress: bool = False) -> list[dict]:
     """The records of all measurements, in the order of `work`; those that the journal holds are not made again."""
     records = []
     with tqdm(work, disable=None if progress else True, unit="measurement", dynamic_ncols=True) as bar:

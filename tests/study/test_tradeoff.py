@@ -13,15 +13,15 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cli import parser as cli
 from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import broken_by_shape
-from camopt.plots.tradeoff import pareto
+from camopt.plots.tradeoff import figures, pareto
 from camopt.scene import InputError, build_train, load_scene, scene_text
-from camopt.storage import Journal
+from camopt.storage.journal import Records
 from camopt.study import timing
 from camopt.study.measured_rows import COLUMNS, REFERENCE, measured
 from camopt.study.timing import timed
-from camopt.study.tradeoff import summary
 from camopt.study.tradeoff import tradeoff as module
-from camopt.study.tradeoff.methods import CHORDS, RevolutionCase, prepared_methods
+from camopt.study.tradeoff.case import RevolutionCase
+from camopt.study.tradeoff.methods import CHORDS, prepared_methods
 from camopt.study.tradeoff.summary import table_of, words_of
 from camopt.study.tradeoff.tradeoff import LINES, error_of, rows_of, tradeoff
 from experiments import tradeoff as experiment
@@ -44,11 +44,11 @@ def busy(seconds: float) -> None:
 @pytest.fixture(scope="module")
 def drawn():
     """Figures by name, as they would be saved: rendering them takes longer than measuring, which is not repeated."""
-    figures = {}
+    kept = {}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(summary, "save", lambda figure, folder, name: figures.update({name: figure}))
+        patch.setattr("camopt.plots.style.save", lambda figure, folder, name: kept.update({name: figure}))
         patch.setattr(timing, "PATIENCE", 0.0)
-        yield figures
+        yield kept
 
 
 @pytest.fixture(scope="module")
@@ -140,7 +140,7 @@ class TestCams:
         row = {"case": "job: band step", "method": "event-exact sweep", "setting": "200 r/min", "error": 0.0,
                "error_of": "bounce_mm", "seconds": 1.0, "converged": True, "verdict": ""}  # fmt: skip
         case = row | {"case": "revolution at 3000 r/min"}
-        assert summary.figures([row, case, row | {"case": "job: masses"}]) == {}
+        assert figures([row, case, row | {"case": "job: masses"}]) == {}
         assert "0 um off" in words_of("motori-1", [row])
 
     def test_a_gradient_of_zero_has_no_relative_error(self):
@@ -148,26 +148,22 @@ class TestCams:
 
 
 class TestLines:
-    def test_an_interrupted_run_keeps_what_it_measured(self, tmp_path):
-        """The line that the interruption cut off is measured again, the whole ones are not."""
+    def test_what_the_journal_holds_is_not_measured_again(self):
         calls: list[str] = []
 
         def work(name: str):
             return ("case", "method", name), lambda: calls.append(name) or {"figures": {"bounce_mm": 1.0}}
 
-        path = tmp_path / LINES
-        measured(Journal(path, *NAMES), [work("a"), work("b")])
-        path.write_text(path.read_text() + '{"case": "case", "meth')
-        lines = measured(Journal(path, *NAMES), [work("c"), work("a"), work("b")])
+        journal = Records(None, *NAMES)
+        measured(journal, [work("a"), work("b")])
+        assert [line["setting"] for line in measured(journal, [work("c"), work("a")])] == ["c", "a"]
         assert calls == ["a", "b", "c"]
-        assert [line["setting"] for line in lines] == ["c", "a", "b"]
-        assert [json.loads(line)["setting"] for line in path.read_text().splitlines()] == ["a", "b", "c"]
 
     def test_what_fails_stays_with_its_reason(self):
         def fails() -> dict:
             raise RuntimeError("too stiff")
 
-        (row,) = rows_of(measured(Journal(None, *NAMES), [module.or_failure((("case", "method", "x"), fails))]))
+        (row,) = rows_of(measured(Records(None, *NAMES), [module.or_failure((("case", "method", "x"), fails))]))
         assert (row["verdict"], row["converged"], row["error"]) == ("too stiff", False, None)
 
     def test_errors_are_against_the_reference_of_the_case(self):
@@ -295,23 +291,14 @@ class TestExperiment:
     def test_it_keeps_the_runs_table_and_words(self, small, tmp_path):
         content = experiment.keep(small, "small", tmp_path)
         stored = json.loads((tmp_path / "tradeoff.json").read_text())
-        assert (
-            len(stored["rows"]) == len(table(small))
-            and stored["words"] == (small / "tradeoff.txt").read_text().splitlines()[-1]
-        )
+        assert len(stored["rows"]) == len(table(small))
+        assert stored["words"] == (small / "tradeoff.txt").read_text().splitlines()[-1]
         assert content["float32"] == []  # the small size has no JAX
 
     def test_rounding_is_what_single_precision_changes(self):
         def line(method: str, lift_mm: float, seconds: float) -> dict:
-            figures = {"lift_mm": [0.0, lift_mm]}
-            return {
-                "case": "c",
-                "method": method,
-                "setting": "s",
-                "failure": "",
-                "seconds": seconds,
-                "figures": figures,
-            }
+            shared = {"case": "c", "method": method, "setting": "s", "failure": "", "seconds": seconds}
+            return shared | {"figures": {"lift_mm": [0.0, lift_mm]}}
 
         lines = [line("reference", 1.0, 1.0), line("x, float64", 1.5, 2.0), line("x, float32", 1.25, 1.0)]
         (row,) = experiment.rounding(lines)

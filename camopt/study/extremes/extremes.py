@@ -15,7 +15,8 @@ import numpy as np
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.scene import InputError, Scene, Train, build_train
-from camopt.storage import Journal, run_folder, run_identity, write_csv
+from camopt.storage import run_folder, run_identity, write_csv
+from camopt.storage.journal import Records
 from camopt.study.extremes.cases import AS_IT_IS, ExtremeCase, cases
 from camopt.study.extremes.classification import (
     NOT_CONVERGED,
@@ -61,7 +62,7 @@ def extremes(
     with run_folder(folder, run_identity("extremes", scenes), resume, [LINES]) as begun:
         chosen = [(s, case) for s in scenes for case in cases(s) if named is None or case.name in named]
         work = [one for scene, case in chosen for one in _measurements(scene, case)]
-        rows = measured(Journal(begun / LINES, "case", "method"), work, progress)
+        rows = measured(Records(begun / LINES, "case", "method"), work, progress)
         write_csv(begun / "extremes.csv", {name: [row[name] for row in rows] for name in COLUMNS})
     return rows
 

@@ -11,20 +11,13 @@ import numpy as np
 
 from camopt import exact
 from camopt.cam.lift import Lift
-from camopt.measure.hermite import Hermite
-from camopt.measure.metrics import measure
-from camopt.scene import Response, Scene, build_train
-from camopt.scene.response import end_state, joined
-from camopt.scene.rest import state_at_rest
-from camopt.scene.units import MM
+from camopt.scene import Scene
 from camopt.scene.vibration import highest_rate
 from camopt.study.measured_rows import REFERENCE, Measurement
 from camopt.study.timing import timed
+from camopt.study.tradeoff.case import RevolutionCase, valve_lift
 from camopt.verifier.methods import METHOD_NAMES, dop853, houbolt, rkg, tmm
 
-FIGURES = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s")
-ANGLES = 720
-"""Angles of the revolution at which lifts are compared."""
 PHASES = {"small": (0.3,), "full": (0.6, 0.3, 0.1, 0.03)}
 """Step times highest rate [rad] of the fixed-step methods."""
 EVENT_STEPS = {"small": (720,), "full": (360, 1440, 5760)}
@@ -34,41 +27,6 @@ DOP853_STEPS = {"small": (), "full": (1440, 5760)}
 REFERENCE_STEPS = 20_000
 SIDE_BY_SIDE = 16
 LOCATED = "DOP853, located"
-
-
-class RevolutionCase:
-    """A speed: train, cam and rest state, and how figures are taken from a motion."""
-
-    def __init__(self, scene: Scene, cam: Lift, speed_rpm: float):
-        self.scene, self.cam, self.speed_rpm = scene, cam, speed_rpm
-        self.train, self.cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
-        self.rest = state_at_rest(self.train)
-        self.name = f"revolution at {speed_rpm:g} r/min"
-
-    def figures(self, revolve: Callable[[np.ndarray], Response]) -> dict:
-        """Bounce, jump and seating velocity of the first of two revolutions from rest, since its bounce ends in the
-        second, and its valve lift [mm]."""
-        return self._figures(self._two(revolve))
-
-    def measured(self, revolve: Callable[[np.ndarray], Response]) -> dict:
-        """The same with the times of a revolution, as a record."""
-        times, motion = timed(lambda: self._two(revolve), 2)
-        return {**times, "figures": self._figures(motion)}
-
-    def _two(self, revolve) -> Response:
-        first = revolve(self.rest)
-        return joined([first, revolve(end_state(first))])
-
-    def _figures(self, motion: Response) -> dict:
-        metrics = measure(motion, self.cam)
-        return {**{name: metrics[name][0] for name in FIGURES}, "lift_mm": valve_lift(motion)}
-
-
-def valve_lift(motion: Response) -> np.ndarray:
-    """Valve position at ANGLES + 1 angles of the first revolution [mm]."""
-    grid, valve = np.linspace(-np.pi, np.pi, ANGLES + 1), motion.train.valve
-    curve = Hermite(motion.angle, motion.x[:, valve], motion.v[:, valve] / motion.cam_speed)
-    return np.asarray(curve(grid)) / MM
 
 
 def method_work(scene: Scene, cam: Lift, size: str) -> Iterator[Measurement]:

@@ -18,7 +18,7 @@ from camopt.smooth.simulate import batch_motion, lift_samples, prepare, response
 from camopt.smooth.system import SystemState, build_system, stacked
 from camopt.study.measured_rows import Measurement
 from camopt.study.timing import timed
-from camopt.study.tradeoff.methods import RevolutionCase, valve_lift
+from camopt.study.tradeoff.case import RevolutionCase, valve_lift
 
 REFINED_EPS = (1e-6, 1e-7, 1e-8, 2e-9)
 EQUAL_EPS = (1e-5, 1e-6, 1e-7)

@@ -15,15 +15,8 @@ from camopt.cam.lift import Lift
 from camopt.scene import InputError, MotionRefused, Scene, build_train
 from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import MM
-from camopt.storage import (
-    Journal,
-    check_run_folder,
-    default_run_folder,
-    run_folder,
-    run_identity,
-    write_csv,
-    write_text,
-)
+from camopt.storage import check_run_folder, default_run_folder, run_folder, run_identity, write_csv, write_text
+from camopt.storage.journal import Records
 from camopt.study.measured_rows import COLUMNS, REFERENCE, Measurement, measured
 
 LINES = "measured.jsonl"
@@ -61,9 +54,11 @@ def tradeoff(
     bounces, no method is right. Raises InputError for a scene that cannot be simulated, or for which there is no cam,
     before the folder is made; or for an unusable folder.
     """
+    from camopt.plots.style import save
+    from camopt.plots.tradeoff import figures
     from camopt.study.tradeoff.job import job_work
     from camopt.study.tradeoff.methods import method_work
-    from camopt.study.tradeoff.summary import draw, table_of, words_of
+    from camopt.study.tradeoff.summary import table_of, words_of
 
     if scene.operation is None or scene.design is None or scene.seat is None:
         raise InputError(f"scene {scene.name}: tradeoff needs valve, seat, [operation] and [design]")
@@ -79,7 +74,7 @@ def tradeoff(
     identity = run_identity("tradeoff", scene, size=size, cam=record)
     with run_folder(path, identity, resume, [LINES]) as folder:
         write_text(folder / "scene.toml", scene_toml(scene))
-        journal = Journal(folder / LINES, "case", "method", "setting")
+        journal = Records(folder / LINES, "case", "method", "setting")
         lines = measured(journal, [*map(or_failure, work)], progress)
         rows = rows_of(lines)
         write_csv(folder / "tradeoff.csv", {name: [row[name] for row in rows] for name in COLUMNS})
@@ -88,7 +83,8 @@ def tradeoff(
         write_csv(folder / "setup.csv", {name: [line[name] for line in setup] for name in names})
         table, words = table_of(rows), words_of(scene.name, rows)
         write_text(folder / "tradeoff.txt", "\n".join([*table, words]) + "\n")
-        draw(folder / "figures", rows)
+        for name, figure in figures(rows).items():
+            save(figure, folder / "figures", name)
         return Tradeoff(folder, rows, words, table)
 
 

@@ -15,7 +15,14 @@ from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import broken_by_shape, motion_limits
 from camopt.measure.yield_words import ADVISED, counted_trains, share_sentence, spoiling_sentences
 from camopt.measure.yields import Share, UsedLimits, counted, rank_correlation_shares, share_of, yield_record
-from camopt.optimizer.as_built.measured import Track, TrainsJournal, cam_digest, measure_trains, track
+from camopt.optimizer.as_built.measured import (
+    Track,
+    cam_digest,
+    measure_trains,
+    missing_trains,
+    track,
+    trains_journal,
+)
 from camopt.optimizer.as_built.prices import PriceList, price_list
 from camopt.optimizer.as_built.wanted import check_scatter
 from camopt.plots import save
@@ -24,6 +31,7 @@ from camopt.scene.errors import InputError
 from camopt.scene.schema import AS_BUILT, Scene
 from camopt.scene.toml_text import scene_toml
 from camopt.storage import plain, run_folder, run_identity, write_json, write_text
+from camopt.storage.journal import Records
 
 TRAINS, SPEEDS = 1000, 11
 """How many trains are drawn, and at how many speeds of the band they are judged, where nothing else is said."""
@@ -118,7 +126,7 @@ def manufacturing_yield(
     speeds = _speeds(scene, speeds_rpm)
     identity = run_identity("yield", scene, seed=seed, speeds_rpm=speeds, cam=cam_digest(cam), as_built=_scatter(scene))
     with run_folder(out, identity, resume, [JOURNAL]) if out is not None else nullcontext() as folder:
-        journal, way = TrainsJournal(folder and folder / JOURNAL, cam_digest(cam)), track(scene, cam, speeds)
+        journal, way = trains_journal(folder and folder / JOURNAL), track(scene, cam, speeds)
         scenes = {"": scene} | (_halved(scene) if halve else {})
         by_halved = {name: _measured(one, way, trains, journal, seed, name, progress) for name, one in scenes.items()}
         used = UsedLimits(tuple(way.limits), np.array(speeds), by_halved.pop(""))
@@ -131,10 +139,11 @@ def manufacturing_yield(
 
 
 def _measured(
-    scene: Scene, way: Track, trains: int, journal: TrainsJournal, seed: int, halved: str, progress: bool
+    scene: Scene, way: Track, trains: int, journal: Records, seed: int, halved: str, progress: bool
 ) -> np.ndarray:
     """The used parts (t, l, s) of so many trains, with a bar that counts them."""
-    known, name = trains - len(journal.missing(halved, trains)), f"{halved} halved" if halved else "trains"
+    known = trains - len(missing_trains(journal, cam_digest(way.lift), halved, trains))
+    name = f"{halved} halved" if halved else "trains"
     with tqdm(total=trains, initial=known, disable=None if progress else True, desc=name) as bar:
         return measure_trains(scene, way, trains, journal, seed=seed, halved=halved, advance=bar.update)
 

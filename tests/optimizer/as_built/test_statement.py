@@ -13,7 +13,7 @@ from camopt.measure.as_built import trains_as_built
 from camopt.measure.yield_words import ENOUGH, HELD, MISSED, NOT_ASKED, asked_sentence, share_sentence, standing
 from camopt.measure.yields import Looks, UsedLimits
 from camopt.optimizer import candidates
-from camopt.optimizer.as_built import design, ideal, measured, prices, statement
+from camopt.optimizer.as_built import design, ideal, prices, statement
 from camopt.optimizer.as_built.measured import CHUNK, Track
 from camopt.optimizer.as_built.statement import STATED_BY, by_independent_methods, sampled, statement_of_run
 from camopt.optimizer.baselines import comparison
@@ -23,6 +23,7 @@ from camopt.report.folder import read_run_folder
 from camopt.report.outcome import outcome_lines
 from camopt.report.regenerated import differences
 from camopt.scene import load_scene, parse_scene
+from camopt.storage.journal import Records
 from tests.scene.test_load import EXAMPLE
 from tests.test_docs import undocumented
 
@@ -118,7 +119,7 @@ def test_beside_a_cam_for_a_yield_lies_the_one_for_the_train_as_designed(tmp_pat
 
 
 def test_an_interrupted_statement_leaves_a_whole_run_and_goes_on(job, tmp_path, monkeypatch, judged):
-    folder, add, chunks = tmp_path / "run", measured.TrainsJournal.add, []
+    folder, add, chunks = tmp_path / "run", Records.add, []
 
     def killed(self, *row):
         if len(chunks) == 2:
@@ -127,7 +128,7 @@ def test_an_interrupted_statement_leaves_a_whole_run_and_goes_on(job, tmp_path, 
         add(self, *row)
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(measured.TrainsJournal, "add", killed)
+        patch.setattr(Records, "add", killed)
         optimize(SCENE, out=folder, **JOB)
     for name in ("scene.toml", "design.json", "lift.csv", "verification.json", "provenance.json"):
         assert (folder / name).stat().st_size > 0
