@@ -165,7 +165,7 @@ def gradient(args: Namespace) -> int:
     from camopt.study.gradient.report import gradient_report, report_lines
 
     report = gradient_report(scene, lift, args.speed, progress=not args.quiet)
-    return tell(args, report.as_dict(), [f"{scene.name}, {lift.family}, {args.speed:g} r/min", *report_lines(report)])
+    return tell(args, report, [f"{scene.name}, {lift.family}, {args.speed:g} r/min", *report_lines(report)])
 
 
 def scenes(args: Namespace) -> int:

@@ -1,59 +1,15 @@
 """The verdict on a gradient, from central differences at several heights (see `camopt.study.gradient.report`)."""
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from camopt.smooth.simulate import EPS
-from camopt.study.gradient.paths import Found, cosine
+from camopt.study.gradient.paths import PathGradients, cosine
 
 MOST_ERROR, LEAST_COSINE, MOST_DISAGREEMENT = 1e-2, 0.9, 0.1
 STILL = 1e-9
 """A metric that the largest height changes by less than this, in its unit, does not move."""
-
-
-@dataclass(frozen=True)
-class JudgedMetric:
-    """How a gradient of one metric compares with the differences."""
-
-    relative_error: float
-    cosine: float
-    cost_ratio: float
-    verdict: str  # trust, direction only, none
-    at_height: np.ndarray  # relative error at each height
-
-    def as_dict(self) -> dict:
-        return {name: getattr(self, name) for name in ("relative_error", "cosine", "cost_ratio", "verdict")}
-
-
-@dataclass(frozen=True)
-class MetricReport:
-    """One metric: its true value, what its differences say, and every gradient judged."""
-
-    value: float
-    agreement: float
-    exact: JudgedMetric
-    exact_bias: float
-    smooth: dict[float, JudgedMetric]  # by eps [m]
-    value_bias: dict[float, float]
-    verdict: str
-    reason: str
-
-    def as_dict(self) -> dict:
-        smooth = [{"eps_m": e, "value_bias": self.value_bias[e], **j.as_dict()} for e, j in self.smooth.items()]
-        return {
-            "value": self.value,
-            "exact": {"value_bias": self.exact_bias, **self.exact.as_dict()},
-            "smooth": smooth,
-            "agreement": self.agreement,
-            "relative_error_at_heights": {
-                "exact": self.exact.at_height,
-                "smooth": self.smooth[EPS].at_height,
-            },
-            "verdict": self.verdict,
-            "reason": self.reason,
-        }
 
 
 def judge(
@@ -61,31 +17,39 @@ def judge(
     truth: float,
     differences: np.ndarray,
     heights: tuple[float, ...],
-    exact: Found,
-    smooth: dict[float, Found],
+    exact: PathGradients,
+    smooth: dict[float, PathGradients],
     repeated: float | None,
-) -> MetricReport:
-    """Report on metric number i with the differences (h, m) by bumps at the heights (h) [m].
+) -> dict:
+    """Report on metric number i with the differences (h, m) by bumps at the heights (h) [m], as `gradient --json` has
+    it.
 
     `repeated` is the least cosine with the revolutions that follow, None for a motion that repeats itself.
     """
     still = truth == 0.0 and bool(np.all(np.abs(differences[0]) * heights[0] < STILL))
     agreement = disagreement(differences)
-    reason = _reason(truth, still, agreement, repeated)
+    rough = still or not agreement <= MOST_DISAGREEMENT
 
-    def judged(found: Found) -> JudgedMetric:
-        error = relative_errors(found.gradients[i], differences)
-        best = int(np.nanargmin(error)) if np.any(np.isfinite(error)) and not still else -1
-        least, turn = (error[best], cosine(found.gradients[i], differences[best])) if best >= 0 else (np.nan, np.nan)
-        rough = still or not agreement <= MOST_DISAGREEMENT
-        return JudgedMetric(
-            least, turn, found.cost_ratio[i], "none" if rough else verdict(least, turn, repeated), error
-        )
+    def judged(path: PathGradients) -> tuple[dict, np.ndarray]:
+        errors = relative_errors(path.gradients[i], differences)
+        best = int(np.nanargmin(errors)) if np.any(np.isfinite(errors)) and not still else -1
+        least, turn = (errors[best], cosine(path.gradients[i], differences[best])) if best >= 0 else (np.nan, np.nan)
+        said = "none" if rough else verdict(least, turn, repeated)
+        bias, cost = _bias(path.values[i], truth), path.cost_ratio[i]
+        return {
+            "value_bias": bias, "relative_error": least, "cosine": turn, "cost_ratio": cost, "verdict": said
+        }, errors  # fmt: skip
 
-    by_exact, by_eps = judged(exact), {eps: judged(found) for eps, found in smooth.items()}
-    of_exact, *of_eps = (_bias(found.values[i], truth) for found in (exact, *smooth.values()))
-    biases = dict(zip(smooth, of_eps, strict=True))
-    return MetricReport(float(truth), agreement, by_exact, of_exact, by_eps, biases, by_exact.verdict, reason)
+    (by_exact, exact_errors), by_eps = judged(exact), {eps: judged(path) for eps, path in smooth.items()}
+    return {
+        "value": float(truth),
+        "exact": by_exact,
+        "smooth": [{"eps_m": eps, **one} for eps, (one, _) in by_eps.items()],
+        "agreement": agreement,
+        "relative_error_at_heights": {"exact": exact_errors, "smooth": by_eps[EPS][1]},
+        "verdict": by_exact["verdict"],
+        "reason": _reason(truth, still, agreement, repeated),
+    }
 
 
 def verdict(relative_error: float, cosine: float, repeated: float | None = None) -> str:
