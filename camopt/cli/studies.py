@@ -63,7 +63,7 @@ def yield_(args: Namespace) -> int:
     scene = scene_of(args)
     folder = folder_of(args, scene.name)
     cam = cam_of(args, scene)
-    from camopt.study.yields.yields import manufacturing_yield, yield_lines
+    from camopt.study.yields import manufacturing_yield, yield_lines
 
     say_compilation(args)
     drawn = {"speeds_rpm": args.speeds, "seed": args.seed, "halve": args.halve, "price": args.price}

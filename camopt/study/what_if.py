@@ -12,7 +12,7 @@ from camopt.scene import InputError, Scene
 from camopt.scene.load import checked_scene
 from camopt.scene.parameters import TABLES, no_such_number, settable, with_numbers
 from camopt.scene.units import DEG, MM
-from camopt.study.yields.yields import manufacturing_yield
+from camopt.study.yields import manufacturing_yield
 
 NEEDED = ("valve", "seat", "operation", "design")
 ROWS = (

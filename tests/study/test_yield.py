@@ -12,7 +12,7 @@ from camopt.measure.limits import motion_limits
 from camopt.optimizer.as_built import measured
 from camopt.scene import InputError, load_scene, parse_scene, scene_text
 from camopt.storage.journal import Records
-from camopt.study.yields.yields import JOURNAL, SUMMARY, yield_lines
+from camopt.study.yields import JOURNAL, SUMMARY, yield_lines
 from tests.scene.test_load import EXAMPLE
 from tests.test_docs import documented, keys
 
@@ -37,7 +37,7 @@ def heavy_ones_break(monkeypatch):
         return measured.Track(lift, (), np.zeros(0), motion_limits(scene.design))
 
     monkeypatch.setattr(measured.Track, "used", used)
-    monkeypatch.setattr("camopt.study.yields.yields.track", no_track)
+    monkeypatch.setattr("camopt.study.yields.track", no_track)
     return seen
 
 

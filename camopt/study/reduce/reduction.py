@@ -144,7 +144,7 @@ def reduce(
         from camopt.cam.families.polydyne import polydyne
 
         cam = polydyne(scene)
-    full = LeftOut(scene, (), (), None)
+    full = LeftOut(scene)
     truth = _observe(full, cam, speeds, workers)
     idle = idle_contacts(t.response for t in truth)
     watched = {end for e in scene.element if e.name in idle[0] | idle[1] for end in e.between} - {"ground"}
