@@ -42,8 +42,7 @@ class SweptTasks:
         A failed task has its `reason` instead. A scene or cam that is no name is its digest; `part` gives the text.
         """
         with self._open() as store:
-            for row in store.rows():
-                yield row.as_dict()
+            yield from store.rows()
 
     def part(self, name: str) -> str:
         """The text of a scene or a cam that rows name by its digest."""

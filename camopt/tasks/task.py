@@ -199,7 +199,7 @@ def _named_scene(source: str) -> str:
 def cam_as_text(cam: str | Path | Lift, scene: str) -> str:
     """A member of a family as the command line names it, any other cam as the text of its `design.json`."""
     if isinstance(cam, Lift):
-        return _record_text(SameLift(cam))
+        return _record_text(cam)
     if not isinstance(cam, str | Path):
         raise InputError(f"cam: {type(cam).__name__} given, expected a family, a file, the text of a design or a Lift")
     if isinstance(cam, str) and (cam.startswith("{") or cam.partition(":")[0] in FAMILIES):
@@ -209,25 +209,12 @@ def cam_as_text(cam: str | Path | Lift, scene: str) -> str:
 
 @lru_cache(maxsize=256)
 def _named_cam(source: str, scene: str) -> str:
-    return _record_text(SameLift(read_cam(Path(source), scene_of_text(scene))))
-
-
-class SameLift:
-    """A lift as the key of a cache: by identity, since its arrays cannot be compared."""
-
-    def __init__(self, lift: Lift):
-        self.lift = lift
-
-    def __hash__(self) -> int:
-        return id(self.lift)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, SameLift) and other.lift is self.lift
+    return _record_text(read_cam(Path(source), scene_of_text(scene)))
 
 
 @lru_cache(maxsize=256)
-def _record_text(lift: SameLift) -> str:
-    return json.dumps(plain(design_record(lift.lift, lift.lift.max_lift)), allow_nan=False)
+def _record_text(lift: Lift) -> str:
+    return json.dumps(plain(design_record(lift, lift.max_lift)), allow_nan=False)
 
 
 @lru_cache(maxsize=64)
