@@ -70,19 +70,19 @@ def pareto(
     Raises InputError for an unknown limit or accuracy, or an unusable `out`. A value without a confirmed cam is NaN.
     """
     of_yield = against == YIELD
-    known = of_yield or (scene.design is not None and against in type(scene.design).model_fields)
-    if scene.design is None or not known or (against not in VALUES and not values):
+    is_limit = of_yield or (scene.design is not None and against in type(scene.design).model_fields)
+    if scene.design is None or not is_limit or (against not in VALUES and not values):
         raise InputError(f"pareto: {against!r}: expected a limit of [design] such as {', '.join(VALUES)}, with values")
-    asked = {"against": against, "release": sorted(release), "speeds": speeds, "accuracy": accuracy} | {
+    identity = {"against": against, "release": sorted(release), "speeds": speeds, "accuracy": accuracy} | {
         "gradient": gradient,
         "scene": scene.model_dump(
             mode="json", exclude_none=True, exclude_defaults=True, exclude=None if of_yield else AS_BUILT
         ),
     }
-    asked |= {"seed": seed} if of_yield else {}
+    identity |= {"seed": seed} if of_yield else {}
     if out is not None:
         check_file(out)
-    points = Records(out, "limit", identity=asked)
+    points = Records(out, "limit", identity=identity)
     rows, effort, best = [], accuracy_named(accuracy), {"area_ratio": None}
     carried = of_yield or "_max" in against or "_min" in against
     tight_first = sorted(values or VALUES[against], key=lambda value: -value if of_yield else abs(value))
@@ -90,10 +90,10 @@ def pareto(
         if (point := points.get(float(value))) is None:
             changed = _changed(scene, dict.fromkeys(release) | ({} if of_yield else {against: value}))
             if of_yield:
-                found = _yield_point(changed, value, accuracy, gradient, seed)
+                outcome = _yield_point(changed, value, accuracy, gradient, seed)
             else:
-                found = _point(changed, speeds, effort, gradient)
-            point = {"limit": float(value)} | found
+                outcome = _point(changed, speeds, effort, gradient)
+            point = {"limit": float(value)} | outcome
             points.add(point)
         if not carried or (point["area_ratio"] or 0.0) > (best["area_ratio"] or 0.0):
             best = point
@@ -115,10 +115,10 @@ def _yield_point(scene: Scene, wanted: float, accuracy: str, gradient: str, seed
 
     check_wanted(scene, wanted, "band")
     try:
-        found = yield_search(scene, wanted, EFFORTS[accuracy], gradient=gradient, seed=seed)
+        search = yield_search(scene, wanted, EFFORTS[accuracy], gradient=gradient, seed=seed)
     except InputError:
         return {"area_ratio": None}
-    return {"area_ratio": found.held[-1].area_ratio, "trains": found.trains_drawn, "cams": found.steps}
+    return {"area_ratio": search.held[-1].area_ratio, "trains": search.trains_drawn, "cams": search.steps}
 
 
 def _point(scene: Scene, speeds: str, effort, gradient: str) -> dict:
@@ -160,10 +160,17 @@ def joint_spring(
     `optimize`, which confirm its cam.
     """
     assert scene.design is not None and scene.operation is not None, "load_scene(..., need=...) guarantees both"
-    found = widest(
+    best = widest(
         lambda factors: with_spring(scene, *map(float, factors)), (1.0, 1.0), (rate, preload), speeds,
         accuracy_named(accuracy), margin_N, evaluations,
     )  # fmt: skip
-    rate_found, preload_found = found.values
+    rate_found, preload_found = best.values
     changed = with_spring(scene, rate_found, preload_found)
-    return SpringDesign(rate_found, preload_found, found.area_ratio, found.at_start, changed, found.evaluations)
+    return SpringDesign(
+        rate_found,
+        preload_found,
+        best.area_ratio,
+        best.at_start,
+        changed,
+        best.evaluations,
+    )

@@ -130,21 +130,21 @@ def manufacturing_yield(
         scenes = {"": scene} | (_halved(scene) if halve else {})
         by_halved = {name: _measured(one, way, trains, journal, seed, name, progress) for name, one in scenes.items()}
         used = UsedLimits(tuple(way.limits), np.array(speeds), by_halved.pop(""))
-        found = _summary(scene, cam, seed, used, by_halved)
+        result = _summary(scene, cam, seed, used, by_halved)
         if price:
-            found = replace(found, prices=_prices(scene, cam, found.share, seed, progress))
+            result = replace(result, prices=_prices(scene, cam, result.share, seed, progress))
         if folder is not None:
-            _write(folder, scene, found)
-    return found
+            _write(folder, scene, result)
+    return result
 
 
 def _measured(
     scene: Scene, way: Track, trains: int, journal: Records, seed: int, halved: str, progress: bool
 ) -> np.ndarray:
     """The used parts (t, l, s) of so many trains, with a bar that counts them."""
-    known = trains - len(missing_trains(journal, cam_digest(way.lift), halved, trains))
+    stored = trains - len(missing_trains(journal, cam_digest(way.lift), halved, trains))
     name = f"{halved} halved" if halved else "trains"
-    with tqdm(total=trains, initial=known, disable=None if progress else True, desc=name) as bar:
+    with tqdm(total=trains, initial=stored, disable=None if progress else True, desc=name) as bar:
         return measure_trains(scene, way, trains, journal, seed=seed, halved=halved, advance=bar.update)
 
 
@@ -156,20 +156,20 @@ def _prices(scene: Scene, cam: Lift, share: Share, seed: int, progress: bool) ->
     area = cam.area_ratio_in(scene.design) if share.share >= ADVISED else None
     with tqdm(total=100, disable=None if progress else True, desc="prices", unit="%") as bar:
         return price_list(
-            scene, wanted, area_ratio=area, seed=seed, advance=lambda part: bar.update(round(100 * part) - bar.n)
+            scene, wanted, area_ratio=area, seed=seed, advance=lambda done: bar.update(round(100 * done) - bar.n)
         )
 
 
-def yield_lines(found: Yield) -> list[str]:
+def yield_lines(result: Yield) -> list[str]:
     """What was found, in sentences."""
-    record = found.as_dict()
-    lines = [f"{found.scene}, {found.cam}: {share_sentence(record)}", *spoiling_sentences(record)]
-    for label, entry in sorted(found.halved.items(), key=lambda item: -item[1]["share"]):
+    record = result.as_dict()
+    lines = [f"{result.scene}, {result.cam}: {share_sentence(record)}", *spoiling_sentences(record)]
+    for label, entry in sorted(result.halved.items(), key=lambda item: -item[1]["share"]):
         gained = f"{counted_trains(entry['gained'])} gained and {entry['lost']} lost"
         lines.append(f"{label} halved: {100 * entry['share']:.1f} %, {gained}")
-    lines += str(found.prices).splitlines() if found.prices else []
-    if found.broken_by_shape:
-        lines.append(f"note: the cam's shape, as designed, breaks {', '.join(found.broken_by_shape)}")
+    lines += str(result.prices).splitlines() if result.prices else []
+    if result.broken_by_shape:
+        lines.append(f"note: the cam's shape, as designed, breaks {', '.join(result.broken_by_shape)}")
     return lines
 
 
@@ -203,10 +203,10 @@ def _scatter(scene: Scene) -> dict:
     return plain(scene.model_dump(mode="json", include=AS_BUILT))
 
 
-def _write(folder: Path, scene: Scene, found: Yield) -> None:
+def _write(folder: Path, scene: Scene, result: Yield) -> None:
     write_text(folder / "scene.toml", scene_toml(scene))
-    save(found.plot(), folder / "figures", "used_limits")
-    save(found.plot_blame(), folder / "figures", "blame")
-    if found.prices:
-        save(found.prices.plot(), folder / "figures", "prices")
-    write_json(folder / SUMMARY, found.as_dict())
+    save(result.plot(), folder / "figures", "used_limits")
+    save(result.plot_blame(), folder / "figures", "blame")
+    if result.prices:
+        save(result.prices.plot(), folder / "figures", "prices")
+    write_json(folder / SUMMARY, result.as_dict())

@@ -1,4 +1,4 @@
-"""Local worker processes as an executor of `concurrent.futures`, and what the result of any executor says of a task.
+"""Local worker processes as an executor of `concurrent.futures`, and the outcome of a task from the future of any one.
 
 A pool of several processes breaks as a whole when one of them dies, and does not tell which task it was. So each thread
 of `LocalProcesses` has a pool of one process, to which it gives one task at a time: a death is one task's.
@@ -19,7 +19,7 @@ from camopt.tasks.compute import OtherVersion, Outcome, failed
 MOST_DEATHS = 3
 """Workers that may die of a task before it is given up."""
 MOST_FALSE_STARTS = 8
-"""Processes of one worker in a row that may end before they have begun: more than whoever kills workers will hit."""
+"""Processes of one worker in a row that may end before they have begun."""
 
 
 class LocalProcesses(ThreadPoolExecutor):
@@ -49,7 +49,7 @@ class LocalProcesses(ThreadPoolExecutor):
             future = self._sent(fn, *args, **kwargs)
             with suppress(BrokenProcessPool):
                 return future.result()
-        return deadly()
+        return given_up()
 
     def _sent(self, fn: Callable, *args, **kwargs) -> Future:
         """The future of a task that a living process has; a process that died before it is replaced."""
@@ -77,7 +77,7 @@ class LocalProcesses(ThreadPoolExecutor):
 
 
 def _begin() -> None:
-    """Of every worker process: an interrupt from the keyboard is the parent's business, whose death ends it."""
+    """Initialises a worker process: it ignores an interrupt from the keyboard, and ends when its parent does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_the_parent, daemon=True).start()
 
@@ -89,8 +89,8 @@ def _end_with_the_parent() -> None:
     os._exit(1)
 
 
-def deadly() -> Outcome:
-    """The outcome of a task of which workers die."""
+def given_up() -> Outcome:
+    """The outcome of a task whose worker process died at every attempt."""
     return failed(f"{MOST_DEATHS} workers that computed it died (killed by a signal, or out of memory)")
 
 
@@ -99,8 +99,8 @@ def outcome_of(future: Future[Outcome]) -> Outcome:
     try:
         return future.result()
     except (Exception, CancelledError) as error:
-        if type(error).__name__ == "KilledWorker":  # dask's word for a task of which its workers died
-            return deadly()
+        if type(error).__name__ == "KilledWorker":  # raised by dask for a task whose workers died
+            return given_up()
         raise cannot_go_on(error) from error
 
 

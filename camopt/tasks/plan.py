@@ -168,8 +168,8 @@ def load_plan(path: str | Path) -> SweepPlan:
         file = PlanFile.model_validate(as_tuples(data))
         settings = SETTINGS[file.verb].model_validate(file.settings)
     except ValidationError as error:
-        known = {*PlanFile.model_fields, *(key for table in SETTINGS.values() for key in table.model_fields)}
-        faults = (f"{fault}{did_you_mean(_key(fault), known - {_key(fault)})}" for fault in task_faults(error))
+        keys = {*PlanFile.model_fields, *(key for table in SETTINGS.values() for key in table.model_fields)}
+        faults = (f"{fault}{did_you_mean(_key(fault), keys - {_key(fault)})}" for fault in task_faults(error))
         raise InputError("\n".join(f"{path}: {fault}" for fault in faults)) from None
     try:
         return _filled_in(file, settings, path.parent)
@@ -201,9 +201,9 @@ def _filled_in(file: PlanFile, settings: Table, folder: Path) -> SweepPlan:
     return plan
 
 
-def _beside(name: str, folder: Path, known) -> str | Path:
+def _beside(name: str, folder: Path, names) -> str | Path:
     """A file is looked for beside the plan; what is known by name is no file."""
-    return name if name.partition(":")[0] in known else folder / name
+    return name if name.partition(":")[0] in names else folder / name
 
 
 def _listed(scene: str) -> tuple[float, ...]:

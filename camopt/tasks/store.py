@@ -1,7 +1,7 @@
 """The store of a sweep: an SQLite file with one row for each task, written by the parent process alone.
 
-A row is written whole or not at all, survives the death of the process, and is never changed, but for a failed one that
-is tried again. Long texts that tasks share, scenes and cams, are kept once.
+A row is written whole or not at all, survives the end of the process, and is never changed, except that a failed one
+may be tried again. Long texts that tasks share, scenes and cams, are kept once.
 """
 
 import json
@@ -98,8 +98,8 @@ class TaskStore:
 
     def holds(self, number: int, key: str) -> bool:
         """Whether a task has its row. Raises InputError where this number is another task's: the plan is another."""
-        found = self._db.execute("SELECT number, key FROM row WHERE key = ? OR number = ?", (key, number)).fetchall()
-        if any(n == number and k != key for n, k in found):
+        rows = self._db.execute("SELECT number, key FROM row WHERE key = ? OR number = ?", (key, number)).fetchall()
+        if any(n == number and k != key for n, k in rows):
             raise InputError(
                 f"{self.path}: belongs to other tasks: its row {number} is not task {number} of this plan; nothing in "
                 f"it was changed: name another store"
@@ -107,7 +107,7 @@ class TaskStore:
         if key in self._again:
             self._again.discard(key)
             return False
-        return bool(found)
+        return bool(rows)
 
     def record(self, ended: Iterable[tuple[int, FiledTask, Outcome]]) -> None:
         """Writes the rows of tasks that ended, all at once, with the parts that they refer to.
@@ -133,8 +133,8 @@ class TaskStore:
             try:
                 task = json.loads(text)
                 varied = {f"vary {name}": value for name, value in task.pop("vary", {}).items()}
-                given = task.pop("arguments", {})
-                yield {**given, "task": number, "state": state, **task, **varied, **json.loads(outcome)}
+                arguments = task.pop("arguments", {})
+                yield {**arguments, "task": number, "state": state, **task, **varied, **json.loads(outcome)}
             except (ValueError, TypeError, AttributeError) as error:
                 raise InputError(
                     f"row {number} of the sweep's store is damaged ({error}): name another store"

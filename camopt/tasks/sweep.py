@@ -162,8 +162,8 @@ def _run(
 
     number = -1
     try:
-        for number, given in enumerate(tasks):
-            task = filed(given, made_by, f"task {number}")
+        for number, plain in enumerate(tasks):
+            task = filed(plain, made_by, f"task {number}")
             if rows.holds(number, task.key) or any(task.key == other.key for _, other in running.values()):
                 bar.update(1)
             elif engine is None:

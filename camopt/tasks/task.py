@@ -120,11 +120,11 @@ def filed(task: Mapping[str, Any], version: str, where: str = "task") -> FiledTa
     SHA-256: two tasks have one key if they are the same computation. A cam that is a lift law or a file is taken as its
     `design.json` holds it. Raises InputError for what is no task, and for a scene or a cam that cannot be read.
     """
-    given = dict(task)
+    raw = dict(task)
     try:
-        if given.get("verb") not in ("rehearse", "call"):
-            _fill_in(given)
-        checked = _TASKS.validate_python(as_tuples(given))
+        if raw.get("verb") not in ("rehearse", "call"):
+            _fill_in(raw)
+        checked = _TASKS.validate_python(as_tuples(raw))
     except ValidationError as error:
         raise InputError("; ".join(f"{where}: {sentence}" for sentence in task_faults(error))) from None
     except InputError as error:
@@ -172,12 +172,12 @@ def task_faults(error: ValidationError) -> Iterable[str]:
             yield f"{key}: {fault['msg'].replace('Input should be', 'must be')}{shown}"
 
 
-def _fill_in(given: dict[str, Any]) -> None:
+def _fill_in(task: dict[str, Any]) -> None:
     """Scene and cam of a task as texts, in place."""
-    if "scene" in given:
-        given["scene"] = scene_as_text(given["scene"])
-    if "cam" in given and "scene" in given:
-        given["cam"] = cam_as_text(given["cam"], given["scene"])
+    if "scene" in task:
+        task["scene"] = scene_as_text(task["scene"])
+    if "cam" in task and "scene" in task:
+        task["cam"] = cam_as_text(task["cam"], task["scene"])
 
 
 def scene_as_text(scene: str | Path | Scene) -> str:

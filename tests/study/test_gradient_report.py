@@ -11,7 +11,7 @@ from camopt.scene import load_scene
 from camopt.smooth.simulate import EPS
 from camopt.study.gradient import report as study
 from camopt.study.gradient.paths import METRICS, PathGradients, exact_gradients, problem, repeated_cosines
-from camopt.study.gradient.verdict import disagreement, judge, relative_errors, verdict
+from camopt.study.gradient.report import disagreement, judge, relative_errors, verdict
 
 SLOPES = np.array([[1.0, 2.0], [1.0, 2.0 + 1e-4], [0.5, 2.0]])
 HEIGHTS = 1e-6, 1e-7, 1e-8

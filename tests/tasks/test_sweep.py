@@ -90,7 +90,7 @@ class TestWorkers:
 
 PARENT = """
 import sys, camopt
-from tests.tasks.tasks_of_tests import motions, rehearsals
+from tests.tasks.tasks_of_tests import rehearsals
 if __name__ == "__main__":
     camopt.sweep(TASKS, sys.argv[1], workers=2)
 """

@@ -90,8 +90,8 @@ def true_values(p: Problem, heights: np.ndarray) -> np.ndarray:
         return TracedMotion(p.train, lift, p.cam_speed, p.start, REVOLUTIONS).values(METRICS)
     revolve = prepare_dop853(p.train, lift, p.cam_speed, SAMPLES)
     first = revolve(p.start)
-    found = measure(joined([first, revolve(end_state(first))]), lift)
-    return np.array([found[name][0] for name in METRICS])
+    metrics = measure(joined([first, revolve(end_state(first))]), lift)
+    return np.array([metrics[name][0] for name in METRICS])
 
 
 @dataclass(frozen=True)
@@ -132,8 +132,8 @@ def smooth_gradients(p: Problem) -> Callable[[float], PathGradients]:
     def metrics(heights, eps, steps: int):
         driven = DrivenSystem(system, base + jnp.asarray(parts) @ heights, p.cam_speed)
         motion = response_arrays(driven, y0, Layer(eps), TOLERANCE, revolutions=REVOLUTIONS, steps=steps)
-        found = revolution_metrics(system, motion, p.cam_speed, *shape, layer=touch_layer(eps))
-        return jnp.stack([found[name] for name in METRICS])
+        values = revolution_metrics(system, motion, p.cam_speed, *shape, layer=touch_layer(eps))
+        return jnp.stack([values[name] for name in METRICS])
 
     values_of = jax.jit(metrics, static_argnames="steps")
     both_of = jax.jit(

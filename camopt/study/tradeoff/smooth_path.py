@@ -101,8 +101,8 @@ def _gradient(case: RevolutionCase, eps: float) -> dict:
         return jax.grad(value)(factors)
 
     factors = jnp.ones_like(system.stiffness)
-    times, found = timed(lambda: jax.block_until_ready(gradient(factors)), 2)
-    return {**times, "figures": {"gradient": np.asarray(found)}}
+    times, slopes = timed(lambda: jax.block_until_ready(gradient(factors)), 2)
+    return {**times, "figures": {"gradient": np.asarray(slopes)}}
 
 
 def batch_work(name: str, case: RevolutionCase, cam_speeds: np.ndarray) -> Iterator[Measurement]:

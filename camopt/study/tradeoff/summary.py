@@ -71,12 +71,12 @@ def _gradient(rows: Sequence[dict]) -> list[str]:
 
 
 def _side_by_side(rows: Sequence[dict]) -> list[str]:
-    found = [r for r in rows if "side by side" in r["case"] and r["method"] != REFERENCE]
+    batches = [r for r in rows if "side by side" in r["case"] and r["method"] != REFERENCE]
     parts = []
-    for method in _methods(found):
-        best = min((r for r in found if r["method"] == method), key=lambda r: r["error"])
+    for method in _methods(batches):
+        best = min((r for r in batches if r["method"] == method), key=lambda r: r["error"])
         parts.append(f"{method} {1e3 * best['seconds']:.3g} ms, {_figure(best['error'] * 1e3)} um")
-    return [f"With {found[0]['case']} a revolution takes and is off by: {'; '.join(parts)}."] if parts else []
+    return [f"With {batches[0]['case']} a revolution takes and is off by: {'; '.join(parts)}."] if parts else []
 
 
 def _precision(rows: Sequence[dict]) -> list[str]:

@@ -134,17 +134,17 @@ def rows_of(lines: Sequence[dict]) -> list[dict]:
 
 
 def _errors(line: dict, reference: dict) -> dict[str, float | None]:
-    found, true = line.get("figures", {}), reference.get("figures", {})
-    errors = {name: error_of(name, found[name], true[name]) for name in found if name in true}
+    figures, true = line.get("figures", {}), reference.get("figures", {})
+    errors = {name: error_of(name, figures[name], true[name]) for name in figures if name in true}
     if "verdict" in line and "verdict" in reference:
         errors["verdict"] = float(line["verdict"] != reference["verdict"])
     return errors
 
 
-def error_of(name: str, found, reference) -> float | None:
+def error_of(name: str, figure, reference) -> float | None:
     """Largest absolute difference, of a gradient relative in the Euclidean norm; None where either has no figure."""
-    found, reference = (np.asarray(q, dtype=float) for q in (found, reference))
-    difference = found - reference
+    figure, reference = (np.asarray(q, dtype=float) for q in (figure, reference))
+    difference = figure - reference
     if not np.all(np.isfinite(difference)):
         return None
     if name == "gradient":
