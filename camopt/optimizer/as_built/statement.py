@@ -14,9 +14,10 @@ from camopt.measure.yield_words import ADVISED, asked_sentence, share_sentence, 
 from camopt.measure.yields import Looks, Share, UsedLimits, rank_correlation_shares, share_of, yield_record
 from camopt.optimizer.accuracy import Accuracy, accuracy_named
 from camopt.optimizer.as_built.checks import has_a_yield
-from camopt.optimizer.as_built.measured import Track, TrainsJournal, cam_digest, measure_trains, track
+from camopt.optimizer.as_built.measured import Track, measure_trains, track, trains_journal
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
+from camopt.storage.journal import Records
 from camopt.verifier.verdict import verdict_on
 
 JOURNAL = "trains.jsonl"
@@ -161,7 +162,7 @@ def yield_statement(
     assert scene.operation is not None, "load_scene(..., need=...) guarantees it"
     speeds_rpm = np.linspace(*scene.operation.band_rpm, speeds) if isinstance(speeds, int) else np.array(speeds)
     way, asked = track(scene, lift, speeds_rpm), Looks((*looks, trains), ADVISED if wanted is None else wanted)
-    parts = _judged(scene, way, asked, TrainsJournal(journal, cam_digest(lift)), seed, advance)
+    parts = _judged(scene, way, asked, trains_journal(journal), seed, advance)
     used, drawn = UsedLimits(tuple(way.limits), speeds_rpm, parts), trains_as_built(scene, len(parts), seed=seed)
     draws = {label: np.array([one.draws[label] for one in drawn]) for label in drawn[0].draws}
     others = {name: _baseline(scene, cam, speeds_rpm, drawn) for name, cam in (baselines or {}).items()}
@@ -171,7 +172,7 @@ def yield_statement(
 
 
 def _judged(
-    scene: Scene, way: Track, looks: Looks, journal: TrainsJournal, seed: int, advance: Callable[[float], None]
+    scene: Scene, way: Track, looks: Looks, journal: Records, seed: int, advance: Callable[[float], None]
 ) -> np.ndarray:
     """The used parts (t, l, s) of the trains up to the look after which counting ends."""
     most = looks.trains[-1]

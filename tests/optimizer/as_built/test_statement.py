@@ -15,7 +15,7 @@ from camopt.measure.yield_words import ENOUGH, HELD, MISSED, NOT_ASKED, asked_se
 from camopt.measure.yields import Looks, UsedLimits
 from camopt.optimizer import candidates
 from camopt.optimizer.accuracy import ACCURACIES
-from camopt.optimizer.as_built import ideal, measured, prices, statement
+from camopt.optimizer.as_built import ideal, prices, statement
 from camopt.optimizer.as_built.measured import CHUNK, Track
 from camopt.optimizer.as_built.statement import by_independent_methods, looks_of, sampled, statement_of_run
 from camopt.optimizer.baselines import comparison
@@ -25,6 +25,7 @@ from camopt.report.folder import read_run_folder
 from camopt.report.outcome import outcome_lines
 from camopt.report.regenerated import differences
 from camopt.scene import load_scene, parse_scene
+from camopt.storage.journal import Records
 from tests.scene.test_load import EXAMPLE
 from tests.test_docs import undocumented
 
@@ -121,7 +122,7 @@ def test_beside_a_cam_for_a_yield_lies_the_one_for_the_train_as_designed(tmp_pat
 
 
 def test_an_interrupted_statement_leaves_a_whole_run_and_goes_on(job, tmp_path, monkeypatch, judged):
-    folder, add, chunks = tmp_path / "run", measured.TrainsJournal.add, []
+    folder, add, chunks = tmp_path / "run", Records.add, []
 
     def killed(self, *row):
         if len(chunks) == 2:
@@ -130,7 +131,7 @@ def test_an_interrupted_statement_leaves_a_whole_run_and_goes_on(job, tmp_path, 
         add(self, *row)
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(measured.TrainsJournal, "add", killed)
+        patch.setattr(Records, "add", killed)
         optimize(SCENE, out=folder, **JOB)
     for name in ("scene.toml", "design.json", "lift.csv", "verification.json", "provenance.json"):
         assert (folder / name).stat().st_size > 0
