@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
 import cma
 import jax
@@ -219,8 +220,9 @@ def slsqp(problem: Problem) -> str:
 def trust_constr(problem: Problem) -> str:
     """SciPy's trust-constr, an interior-point method (Byrd, Hribar and Nocedal 1999), with sparse algebra."""
     program = PathProgram(problem)
+    slopes: Any = lambda y: csr_array(program.room_slopes(y))  # noqa: E731  SciPy's stub knows no function here
     held = [
-        NonlinearConstraint(program.room, 0.0, np.inf, jac=lambda y: csr_array(program.room_slopes(y)), hess=BFGS()),
+        NonlinearConstraint(program.room, 0.0, np.inf, jac=slopes, hess=BFGS()),
         LinearConstraint(csr_array(program.matrix), -np.inf, program.level),
     ]
     size = len(program.start)
