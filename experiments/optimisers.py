@@ -4,15 +4,15 @@
 
 Two scenes whose laws are straight, `motori-1` and `kodama`, and two others, `finger-hydraulic` and `kodama-hertz`, at
 their listed speeds, each with a free cam with knots every 6 deg, from the calmest cam and from those within the limits
-on the shape that are nearest to a plain Multi-Pol (on the first two alone) and a plain Polydyne. Methods that see the contact forces and the gap
-at the seat along smoothed, tied paths: ascents of the augmented Lagrangian by Adam and L-BFGS (optax), in the metric of
-one Gauss-Newton matrix and without, SLSQP and trust-constr (SciPy) with the paths' Jacobian, in the same metric, and
-camopt's convex search by rows of the smoothed motion or of the exact response. CMA-ES (Hansen, pycma) sees the judge's
-word alone. IPOPT is not among them: cyipopt is built from sources beside an installed IPOPT, and there was none.
-Every cam that is judged holds the limits on the shape, one judge decides (event-exact, settled, share of each limit at
-most 1), and each has the same budget of processor time, in which its start and compilation do not count. A step under
-way when the budget ends is finished and not counted. What confirms no cam stays, with what ended it. An interrupted run
-goes on.
+on the shape that are nearest to a plain Multi-Pol (on the first two alone) and a plain Polydyne. Methods that see the
+contact forces and the gap at the seat along smoothed, tied paths: ascents of the augmented Lagrangian by Adam and
+L-BFGS (optax), in the metric of one Gauss-Newton matrix and without, SLSQP and trust-constr (SciPy) with the paths'
+Jacobian, in the same metric, and camopt's convex search by rows of the smoothed motion or of the exact response. CMA-ES
+(Hansen, pycma) sees the judge's word alone. IPOPT is not among them: cyipopt is built from sources beside an installed
+IPOPT, and there was none. Every cam that is judged holds the limits on the shape, one judge decides (event-exact,
+settled, share of each limit at most 1), and each has the same budget of processor time, in which its start and
+compilation do not count. A step under way when the budget ends is finished and not counted. What finds no cam that
+holds stays, with what ended it. An interrupted run goes on.
 """
 
 from itertools import product

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import cma
 import jax
@@ -220,9 +220,12 @@ def slsqp(problem: Problem) -> str:
 def trust_constr(problem: Problem) -> str:
     """SciPy's trust-constr, an interior-point method (Byrd, Hribar and Nocedal 1999), with sparse algebra."""
     program = PathProgram(problem)
-    slopes: Any = lambda y: csr_array(program.room_slopes(y))  # noqa: E731  SciPy's stub knows no function here
+
+    def slopes(y: np.ndarray) -> csr_array:
+        return csr_array(program.room_slopes(y))
+
     held = [
-        NonlinearConstraint(program.room, 0.0, np.inf, jac=slopes, hess=BFGS()),
+        NonlinearConstraint(program.room, 0.0, np.inf, jac=cast(Any, slopes), hess=BFGS()),
         LinearConstraint(csr_array(program.matrix), -np.inf, program.level),
     ]
     size = len(program.start)
