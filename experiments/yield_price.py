@@ -10,6 +10,7 @@ with its share of 2000 trains at the top of the band. An interrupted run goes on
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,9 +22,10 @@ from camopt.cam.lift import Lift
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import motion_limits
 from camopt.measure.yields import share_of
-from camopt.optimizer.as_built.design import EFFORTS, YieldEffort, yield_search
+from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.as_built.measured import track
 from camopt.optimizer.as_built.prices import price_list
+from camopt.optimizer.as_built.search import yield_search
 from camopt.optimizer.as_built.statement import yield_statement
 from camopt.optimizer.baselines.family_spaces import family_space
 from camopt.optimizer.baselines.largest_member import MemberLimits, MemberMotion, member_within
@@ -43,7 +45,10 @@ LEFT_OUT = {"small": (), "full": ("spring rate", "grinding")}
 OTHERS = {"small": (), "full": ("motori-1", "pushrod-5mass", "race-nested", "finger-hydraulic")}
 OF_OTHERS = (0.9, 0.99)
 """Other trains, and shares of them."""
-EFFORT = {"small": YieldEffort(10, 12), "full": EFFORTS["standard"]}
+EFFORT = {
+    "small": replace(ACCURACIES["draft"], shaping_trains=10, unseen_trains=12),
+    "full": ACCURACIES["standard"],
+}
 QUICKER = "draft"
 PRICED: dict[str, dict] = {"small": {"trains": 4, "sets": 1}, "full": {}}
 """Sizes of the price list other than its own."""
@@ -97,7 +102,7 @@ def designed(
     wanted = WANTED[size] if wanted is None else wanted
     plain = load_scene(scene or SCENE[size])
     varied = with_scatter(plain, {label: width * (label != left_out) for label in scatter_labels(plain)})
-    effort = EFFORTS[accuracy] if accuracy and size == "full" else EFFORT[size]
+    effort = ACCURACIES[accuracy] if accuracy and size == "full" else EFFORT[size]
     clock = StageClock()
     with clock.stage("search"):
         search = yield_search(varied, wanted, effort)

@@ -9,7 +9,7 @@ import xarray as xr
 from tqdm import tqdm
 
 from camopt.optimizer.accuracy import accuracy_named
-from camopt.optimizer.free_numbers import widest
+from camopt.optimizer.free_numbers import maximise_over_parameters
 from camopt.optimizer.search.search import find_cam
 from camopt.scene.errors import InputError
 from camopt.scene.parameters import with_spring
@@ -110,12 +110,12 @@ def _changed(scene: Scene, limits: dict) -> Scene:
 
 def _yield_point(scene: Scene, wanted: float, accuracy: str, gradient: str, seed: int) -> dict:
     """The largest area ratio that this share of the search's drawn trains holds, None without a cam."""
-    from camopt.optimizer.as_built.design import EFFORTS, yield_search
-    from camopt.optimizer.as_built.wanted import check_wanted
+    from camopt.optimizer.as_built.checks import check_wanted
+    from camopt.optimizer.as_built.search import yield_search
 
     check_wanted(scene, wanted, "band")
     try:
-        search = yield_search(scene, wanted, EFFORTS[accuracy], gradient=gradient, seed=seed)
+        search = yield_search(scene, wanted, accuracy_named(accuracy), gradient=gradient, seed=seed)
     except InputError:
         return {"area_ratio": None}
     return {"area_ratio": search.held[-1].area_ratio, "trains": search.trains_drawn, "cams": search.steps}
@@ -160,7 +160,7 @@ def joint_spring(
     `optimize`, which confirm its cam.
     """
     assert scene.design is not None and scene.operation is not None, "load_scene(..., need=...) guarantees both"
-    best = widest(
+    best = maximise_over_parameters(
         lambda factors: with_spring(scene, *map(float, factors)), (1.0, 1.0), (rate, preload), speeds,
         accuracy_named(accuracy), margin_N, evaluations,
     )  # fmt: skip

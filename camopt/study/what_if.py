@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from camopt.cam.lift import Lift
 from camopt.optimizer.accuracy import accuracy_named
-from camopt.optimizer.as_built.wanted import has_a_yield
+from camopt.optimizer.as_built.checks import has_a_yield
 from camopt.optimizer.candidates import Families, full_verdict, largest_confirmed
 from camopt.optimizer.search.search import find_cam
 from camopt.scene import InputError, Scene

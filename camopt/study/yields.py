@@ -15,6 +15,7 @@ from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import broken_by_shape, motion_limits
 from camopt.measure.yield_words import ADVISED, counted_trains, share_sentence, spoiling_sentences
 from camopt.measure.yields import Share, UsedLimits, counted, rank_correlation_shares, share_of, yield_record
+from camopt.optimizer.as_built.checks import check_scatter
 from camopt.optimizer.as_built.measured import (
     Track,
     cam_digest,
@@ -24,7 +25,6 @@ from camopt.optimizer.as_built.measured import (
     trains_journal,
 )
 from camopt.optimizer.as_built.prices import PriceList, price_list
-from camopt.optimizer.as_built.wanted import check_scatter
 from camopt.plots import save
 from camopt.scene.as_built import scatter_labels, with_scatter
 from camopt.scene.errors import InputError

@@ -55,7 +55,7 @@ def test_area_against_yield_never_rises_with_the_share(tmp_path, monkeypatch):
         cam = SimpleNamespace(area_ratio=areas[wanted])
         return SimpleNamespace(held=[cam], trains_drawn=100, steps=3)
 
-    monkeypatch.setattr("camopt.optimizer.as_built.design.yield_search", searched)
+    monkeypatch.setattr("camopt.optimizer.as_built.search.yield_search", searched)
     front = pareto(KODAMA, "yield", (0.5, 0.9, 0.99), out=tmp_path / "front.json")
     assert asked == [0.99, 0.9, 0.5]
     assert front.table["area_ratio"].values.tolist() == [0.45, 0.45, 0.5]

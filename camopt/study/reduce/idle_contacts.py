@@ -12,6 +12,7 @@ import numpy as np
 
 from camopt.measure.hermite import Hermite
 from camopt.scene import MotionRefused, Response, Scene, Train, build_train
+from camopt.scene.contact_laws import CONTACT_LAWS
 from camopt.scene.response import Revolve
 from camopt.scene.train import GROUND
 from camopt.scene.units import DEG
@@ -81,9 +82,9 @@ def idle_contacts(responses: Iterable[Response]) -> tuple[frozenset[str], frozen
 def leave_out(scene: Scene, never_closed: frozenset[str], never_open: frozenset[str]) -> LeftOut:
     """The scene without the contacts `never_closed`, with those `never_open` as springs, and the watch on both.
 
-    A contact with law "hertz" stays: a spring cannot have it.
+    A law of contacts keeps its element: a spring cannot have it.
     """
-    never_open = frozenset(e.name for e in scene.element if e.name in never_open and e.law != "hertz")
+    never_open = frozenset(e.name for e in scene.element if e.name in never_open and e.law not in CONTACT_LAWS)
     if not never_closed | never_open:
         return LeftOut(scene)
     elements = tuple(
