@@ -18,10 +18,10 @@ from camopt.designer.controls import KINEMATIC, NO_JUMP
 from camopt.highs import Infeasible
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.program.force_rows import PEAK, Margins, Window
-from camopt.optimizer.program.kinematic import limit_worth, unexplained_optimum, worth_of
+from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitivities, sensitivities
 from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
-from camopt.optimizer.program.relocation import standing
+from camopt.optimizer.program.relocation import converge_tangents
 from camopt.scene.design import Design
 from camopt.scene.errors import InputError
 from camopt.scene.linearisation import is_linear
@@ -86,11 +86,13 @@ class CamFinder:
     def _kinematic(self, scene: Scene, coarse: bool, says: str = "") -> FoundCam:
         design = _design(scene)
         try:
-            optimum = unexplained_optimum(design, free_cam(design, EFFORT.knot_deg) if coarse else _cam(design))
+            optimum = kinematic_optimum(
+                design, free_cam(design, EFFORT.knot_deg) if coarse else _cam(design), explain=False
+            )
         except Infeasible:
             raise InputError(CONTRADICTION) from None
         coarse = coarse and bool(radii_held_near(design))
-        return FoundCam(optimum.lift, KINEMATIC, optimum.area_ratio, limit_worth(optimum), None, coarse, says)
+        return FoundCam(optimum.lift, KINEMATIC, optimum.area_ratio, limit_sensitivities(optimum), None, coarse, says)
 
     def _no_jump(self, scene: Scene, train: Train, margin_N: float, coarse: bool) -> FoundCam:
         shape = _shape(scene, train)
@@ -101,9 +103,9 @@ class CamFinder:
             shape = (*shape, self.dearest)
         program = self._program(scene, train, shape, coarse)
         if not coarse and takes_a_sequence:
-            program = standing(program, margin_N)
+            program = converge_tangents(program, margin_N)
         try:
-            optimum = program.unexplained(Margins(margin_N, margin_N, margin_N))
+            optimum = program.solve(Margins(margin_N, margin_N, margin_N), explain=False)
         except Infeasible:
             raise InputError(
                 f"no free cam keeps {margin_N:g} N at all of the program's speeds: lower the margin or the speeds"
@@ -170,7 +172,7 @@ def _worth(optimum: NoJumpOptimum) -> dict[str, float]:
     """What each limit on the shape, and the largest contact force, is worth in the no-jump program, in % per %."""
     program, duals = optimum.program, optimum.optimum.duals
     first, forces = len(program.limits.bound), len(program.kind)
-    worth = worth_of(program.limits, duals, duals[first + forces :], optimum.area_ratio)
+    worth = sensitivities(program.limits, duals, duals[first + forces :], optimum.area_ratio)
     most = program.design.contact_force_max_N
     if most is not None:
         peak = program.kind == PEAK

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 from camopt.cam.lift import Lift
 from camopt.optimizer.accuracy import accuracy_named
-from camopt.optimizer.as_built.wanted import has_a_yield
+from camopt.optimizer.as_built.checks import has_a_yield
 from camopt.optimizer.candidates import Families, full_verdict, largest_confirmed
 from camopt.optimizer.search.search import find_cam
 from camopt.scene import InputError, Scene
 from camopt.scene.load import checked_scene
 from camopt.scene.parameters import TABLES, no_such_number, settable, with_numbers
 from camopt.scene.units import DEG, MM
-from camopt.study.yields.yields import manufacturing_yield
+from camopt.study.yields import manufacturing_yield
 
 NEEDED = ("valve", "seat", "operation", "design")
 ROWS = (
@@ -89,16 +89,16 @@ def changed_scene(
     scene: Scene, changes: Mapping[str, tuple[bool, float]]
 ) -> tuple[Scene, dict[str, tuple[float, float]]]:
     """The scene with the changes of `what_if`, checked as a file would be, and each number from and to."""
-    found: dict[str, tuple[float, float]] = {}
+    changed: dict[str, tuple[float, float]] = {}
     after = scene
     for name, (factor, value) in changes.items():
         numbers = [number for number in settable(after, name) if number.of(after) is not None]
         if not numbers:
             raise no_such_number(scene, name, "--set", [f"{table}.KEY" for table in TABLES])
         values = {number: number.of(after) * value if factor else value for number in numbers}
-        found |= {number.named(after): (number.of(after), new) for number, new in values.items()}
+        changed |= {number.named(after): (number.of(after), new) for number, new in values.items()}
         after = with_numbers(after, values)
-    return checked_scene(after, f"{scene.name} with the change", NEEDED), found
+    return checked_scene(after, f"{scene.name} with the change", NEEDED), changed
 
 
 def _outcome(scene: Scene, cam: Lift, trains: int) -> CamOutcome:

@@ -22,7 +22,7 @@ from camopt.cam.families.free import free_cam
 from camopt.cam.lift import Lift
 from camopt.measure.limits import motion_limits
 from camopt.optimizer.accuracy import ACCURACIES
-from camopt.optimizer.ascent.ascent import Climb
+from camopt.optimizer.ascent.ascent import AscentState
 from camopt.optimizer.ascent.projection import ShapeLimits
 from camopt.optimizer.ascent.train_variables import TrainVariables
 from camopt.optimizer.ascent.variables import FreeVariables, Variables
@@ -150,7 +150,7 @@ def run(scene: str, method: str, seed: int, seconds: float, *, start: str = "sha
 
 def climb(problem: Problem, first: Lift, optimiser: optax.GradientTransformation, path: str) -> None:
     """Ascents of the area less penalties on every limit on the motion; the first step, which compiles, is free."""
-    ascent = Climb(objective(problem, path), variables(problem, first), optimiser)
+    ascent = AscentState(objective(problem, path), variables(problem, first), optimiser)
     ascent.step(judged=False)
     problem.begin()
     problem.share(first)

@@ -17,7 +17,7 @@ from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.program.force_rows import Margins
-from camopt.optimizer.program.kinematic import kinematic_optimum, limit_worth
+from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitivities
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.scene import builtin_scenes, load_scene
 from camopt.scene.parameters import with_spring
@@ -81,7 +81,7 @@ def test_the_kinematic_cam_and_the_worth_of_its_limits(session):
     found = session.answer({"program": "kinematic"})
     direct = kinematic_optimum(SCENE.design, camopt.free_cam(SCENE.design, EFFORT.knot_deg))
     assert found["area_ratio"] == pytest.approx(direct.area_ratio, abs=1e-9)
-    assert found["worth"] == pytest.approx(limit_worth(direct), abs=1e-6)
+    assert found["worth"] == pytest.approx(limit_sensitivities(direct), abs=1e-6)
     assert found["margin_price"] is None
 
 
@@ -155,7 +155,7 @@ def test_a_sketch_keeps_the_dearest_speeds_and_its_knots():
     session = Session(SCENE)
     session.answer({})
     finder, lash = session._cams, SCENE.element[lash_element(SCENE)].gap_mm
-    prices = finder.kept[False][1].unexplained(Margins(0.0, 0.0, 0.0)).margin_prices.sum(axis=0)
+    prices = finder.kept[False][1].solve(Margins(0.0, 0.0, 0.0), explain=False).margin_prices.sum(axis=0)
     assert finder.dearest == tuple(sorted(np.argsort(prices, kind="stable")[:2]))
     session.answer({"lash_mm": lash + 0.01}, "sketch")
     first = finder.kept[True][1]

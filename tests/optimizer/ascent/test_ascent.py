@@ -141,7 +141,7 @@ class TestFolder:
     @pytest.mark.long
     def test_an_ascent_that_was_interrupted_goes_on_to_the_last_digit(self, tmp_path, monkeypatch):
         whole = camopt.ascend(HARD, START, optax.adam(1e-3), 8, knot_deg=12.0, judge_every=2, out=tmp_path / "whole")
-        step, broken = climbing.Climb.step, []
+        step, broken = climbing.AscentState.step, []
 
         def interrupted(self, judged):
             if len(self.iterates) == 5 and not broken:
@@ -149,7 +149,7 @@ class TestFolder:
                 raise KeyboardInterrupt
             step(self, judged)
 
-        monkeypatch.setattr(climbing.Climb, "step", interrupted)
+        monkeypatch.setattr(climbing.AscentState, "step", interrupted)
         asked = HARD, START, optax.adam(1e-3), 8
         with pytest.raises(KeyboardInterrupt):
             camopt.ascend(*asked, knot_deg=12.0, judge_every=2, out=tmp_path / "x")
