@@ -1,84 +1,118 @@
-"""Which optimiser reaches how much area within one budget of processor time, by which start and which gradients?
+"""Which optimiser reaches how much area within one budget of processor time, from three starts, on four scenes?
 
     python -m experiments.optimisers [small|full]
 
-Problems times optimisers, three seeds each: on `motori-1` and `kodama` at their listed speeds, a free cam with knots
-every 6 deg (drawn about that by the seed). Ascents of the area with penalties by Adam, L-BFGS and plain gradient steps,
-projected on the limits on the shape, by exact and (on `motori-1`, first seed) smooth gradients, from the free cams
-nearest to a Polydyne and a Multi-Pol and from the linear program's cam; the program alone, camopt's search, CMA-ES
-(Hansen, pycma) and differential evolution (SciPy) over the program's margins; the same two on the cam's coefficients,
-and SLSQP (SciPy) with exact gradients. These three start from the cam of largest area under the limits on the shape.
-Every method's every candidate holds the limits on the shape, one judge decides (event-exact, settled, share of each
-limit at most 1), and each has the same budget of processor time, in which its start and compilation do not count; what
-they took is told apart. A step under way when the budget ends is finished and not counted. It runs on `camopt.sweep`.
+Two scenes whose laws are straight, `motori-1` and `kodama`, and two others, `finger-hydraulic` and `kodama-hertz`, at
+their listed speeds, each with a free cam with knots every 6 deg, from the calmest cam and from those within the limits
+on the shape that are nearest to a plain Multi-Pol (on the first two alone) and a plain Polydyne. Methods that see the
+contact forces and the gap at the seat along smoothed, tied paths: ascents of the augmented Lagrangian by Adam and
+L-BFGS (optax), in the metric of one Gauss-Newton matrix and without, SLSQP and trust-constr (SciPy) with the paths'
+Jacobian, in the same metric, and camopt's convex search by rows of the smoothed motion or of the exact response. CMA-ES
+(Hansen, pycma) sees the judge's word alone. IPOPT is not among them: cyipopt is built from sources beside an installed
+IPOPT, and there was none. Every cam that is judged holds the limits on the shape, one judge decides (event-exact,
+settled, share of each limit at most 1), and each has the same budget of processor time, in which its start and
+compilation do not count. A step under way when the budget ends is finished and not counted. What finds no cam that
+holds stays, with what ended it. An interrupted run goes on.
 """
 
-from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
 
-from experiments.support.optimiser_runs import METHODS, TRANSFORMATIONS, Problem
-from experiments.support.optimisers_figure import figure
-from experiments.support.optimisers_table import grouped, table
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from camopt.plots.style import new_figure, styled
 from experiments.support.record import RESULTS, run_script, write_result
 from experiments.support.sweeping import called
 
-STARTS = ("polydyne", "multi-pol", "program")
-SCENES = {"small": ("motori-1",), "full": ("motori-1", "kodama")}
-SMOOTH = ("motori-1",)
-"""Scenes on which the smooth path is tried, whose steps take a second and more."""
-SEEDS = {"small": (0,), "full": (0, 2, 3)}
-"""Of which the drawn numbers of knots differ."""
-SECONDS = {"small": 0.5, "full": 8.0}
-FEW = {("L-BFGS", "exact", "program"), ("program alone", "exact", "shape"), ("CMA-ES, coefficients", "exact", "shape")}
-"""What the small size takes: method, path, start."""
+METHODS = (
+    "Adam",
+    "Adam, metric",
+    "L-BFGS",
+    "L-BFGS, metric",
+    "SLSQP",
+    "trust-constr",
+    "convex search, smooth rows",
+    "convex search, exact rows",
+    "CMA-ES",
+)
+SCENES = {"small": ("motori-1",), "full": ("motori-1", "kodama", "finger-hydraulic", "kodama-hertz")}
+STARTS = {"small": ("calmest",), "full": ("calmest", "multi-pol", "polydyne")}
+TWO_STARTS = {"finger-hydraulic": "multi-pol", "kodama-hertz": "multi-pol"}
+"""Scenes whose runs take longest, and the start that is left out there."""
+TRIED = {"small": ("convex search, exact rows", "CMA-ES"), "full": METHODS}
+"""The small size compiles nothing by JAX."""
+SECONDS = {"small": 1.0, "full": 10.0}
+COLOURS = ("#0072B2", "#D55E00", "#222222", "#009E73", "#9A6A00")
+SHOWN = 0.06
+"""Area ratio below the largest one of a scene down to which its panel reaches."""
 
 
-def cases(size: str, scene: str, seed: int) -> Iterator[tuple[str, str, str]]:
-    """Method, path and start."""
-    ascents = [(name, path, start) for path in ("exact", "smooth") for name in TRANSFORMATIONS for start in STARTS]
-    for name, path, start in [*ascents, *((name, "exact", "shape") for name in METHODS)]:
-        if (size == "small" and (name, path, start) not in FEW) or (path == "smooth" and (seed or scene not in SMOOTH)):
-            continue
-        yield name, path, start
+def tasks(size: str) -> list[dict]:
+    """The arguments of every run, one start after the other."""
+    cases = [(b, s, m) for b, s, m in product(STARTS[size], SCENES[size], TRIED[size]) if TWO_STARTS.get(s) != b]
+    return [{"scene": s, "method": m, "start": b, "seconds": SECONDS[size]} for b, s, m in cases]
 
 
-def tasks(size: str) -> Iterator[dict]:
-    """The arguments of every run."""
-    for seed, scene in product(SEEDS[size], SCENES[size]):
-        for method, path, start in cases(size, scene, seed):
-            given = {"scene": scene, "method": method, "seed": seed, "path": path, "start": start}
-            yield given | {"seconds": SECONDS[size]}
-
-
-def gains(rows: list[dict]) -> list[dict]:
-    """The rows with `gain`, their area beyond that of the linear program's cam on the same knots, and `gains`, the same
-    for their stairs."""
-    of = {(scene, seed): program_area(scene, seed) for scene, seed in {(row["scene"], row["seed"]) for row in rows}}
-    found = []
+def areas(rows: list[dict]) -> dict[str, dict[str, list[float | None]]]:
+    """By method and scene the area ratios from each start, None where no cam holds."""
+    found: dict[str, dict[str, list[float | None]]] = {}
     for row in rows:
-        base, area = of[row["scene"], row["seed"]], row["area_ratio"]
-        stairs = [[at, one - base] for at, one in row["stairs"]]
-        found.append(row | {"gain": None if area is None else area - base, "gains": stairs})
+        found.setdefault(row["method"], {}).setdefault(row["scene"], []).append(row["area_ratio"])
     return found
 
 
-def program_area(scene: str, seed: int) -> float:
-    """Area ratio of the linear program's cam without margins, which the judge need not confirm."""
-    problem = Problem(scene, seed, 0.0)
-    return problem.area(problem.start("program"))
+def largest_until(stairs: list, time: np.ndarray) -> np.ndarray:
+    """The largest area ratio until each second; minus infinity before there is one."""
+    at, ratios = np.array(stairs, dtype=float).reshape(-1, 2).T
+    return np.append(-np.inf, ratios)[np.searchsorted(at, time, side="right")]
 
 
-def main(size: str, folder: Path = RESULTS, store: Path | None = None) -> dict:
-    """Sweeps, prints the table, and writes `optimisers.json` and its figure."""
-    runs = [
-        {key: value for key, value in row.items() if key != "seconds"}
-        for row in called("experiments.support.optimiser_runs:run", tasks(size), size, store)
-    ]
-    rows = gains(runs)
-    content = {"budget_s": SECONDS[size], "processor_s": sum(row["processor_s"] for row in rows), "runs": rows}
-    print(table(grouped(rows)))
-    write_result("optimisers", size, content, {"area": figure(grouped(rows), SECONDS[size])}, folder)
+@styled
+def figure(rows: list[dict], budget: float) -> Figure:
+    """A panel for each scene: by method the median over the starts of the largest area until then."""
+    scenes = list(dict.fromkeys(row["scene"] for row in rows))
+    drawn = new_figure(9.0, 3.4 * ((len(scenes) + 1) // 2) + 0.8)
+    panels = drawn.subplots((len(scenes) + 1) // 2, min(2, len(scenes)), squeeze=False, sharex=True)
+    for axes, scene in zip(panels.flat, scenes, strict=False):
+        panel(axes, [row for row in rows if row["scene"] == scene], budget)
+        axes.set_title(scene)
+    for axes in panels[:, 0]:
+        axes.set_ylabel("area ratio that holds, median [-]")
+    for axes in panels[-1]:
+        axes.set_xlabel("processor time [s]")
+    handles, labels = panels.flat[0].get_legend_handles_labels()
+    drawn.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
+    return drawn
+
+
+def panel(axes: Axes, rows: list[dict], budget: float) -> None:
+    """One scene's methods."""
+    time = np.geomspace(0.05, budget, 400)
+    for number, method in enumerate(dict.fromkeys(row["method"] for row in rows)):
+        courses = [largest_until(row["stairs"], time) for row in rows if row["method"] == method]
+        middle = np.sort(courses, axis=0)[(len(courses) - 1) // 2]
+        colour, dashes = COLOURS[number // 2], ("-", "--")[number % 2]
+        axes.plot(time, np.where(np.isfinite(middle), middle, np.nan), dashes, color=colour, label=method)
+    most = max((row["area_ratio"] for row in rows if row["area_ratio"] is not None), default=0.0)
+    axes.set(xscale="log", xlim=(time[0], budget), ylim=(most - SHOWN, most + 0.05 * SHOWN))
+
+
+def main(size: str = "full", folder: Path = RESULTS, store: Path | None = None) -> dict:
+    """Sweeps, prints the areas, and writes `optimisers.json` and its figure."""
+    rows = called("experiments.support.optimiser_runs:run", tasks(size), size, store or folder / "optimisers.sqlite")
+    found = areas(rows)
+    for method, by_scene in found.items():
+        print(method, {s: [a and round(a, 4) for a in ratios] for s, ratios in by_scene.items()})
+    content = {
+        "budget_s": SECONDS[size],
+        "processor_s": sum(row["processor_s"] for row in rows),
+        "starts": STARTS[size],
+        "areas": found,
+        "runs": [{key: value for key, value in row.items() if key != "seconds"} for row in rows],
+    }
+    write_result("optimisers", size, content, {"area": figure(rows, SECONDS[size])}, folder)
     return content
 
 

@@ -200,7 +200,7 @@ def tied_paths(
     )
     assert solution.ys is not None
     found, (end,) = solution.ys
-    return found if whole else TiedPaths(*found, end)
+    return found if whole else TiedPaths(found[0], found[1], found[2], end)
 
 
 class Directions(NamedTuple):

@@ -1,53 +1,52 @@
 """One optimiser at one problem within a budget of processor time: a task of `experiments.optimisers`.
 
-All of them move the same free cam, every candidate holds the limits on the shape, and one judge decides: event-exact,
-settled, at the scene's listed speeds. The clock begins when the start is there and what a method needs is compiled.
+All of them move the same free cam, every cam that is judged holds the limits on the shape, and one judge decides:
+event-exact, settled, at the scene's listed speeds. The clock begins when the start is there and what a method needs is
+compiled.
 """
 
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from functools import cache
+from typing import Any, cast
 
 import cma
 import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
-from scipy.optimize import differential_evolution, minimize
+from scipy.optimize import BFGS, LinearConstraint, NonlinearConstraint, minimize
+from scipy.sparse import csr_array
 
 import camopt
-from camopt.cam.families.free import free_cam
 from camopt.cam.lift import Lift
-from camopt.measure.limits import motion_limits
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.ascent.ascent import AscentState
+from camopt.optimizer.ascent.lagrangian import PathLagrangian
+from camopt.optimizer.ascent.objective import Objective
 from camopt.optimizer.ascent.projection import ShapeLimits
 from camopt.optimizer.ascent.train_variables import TrainVariables
 from camopt.optimizer.ascent.variables import FreeVariables, Variables
-from camopt.optimizer.program.force_rows import Margins
-from camopt.optimizer.program.kinematic import kinematic_optimum
-from camopt.optimizer.program.no_jump import NoCamHoldsContact, no_jump_program
-from camopt.optimizer.search.cams import BETWEEN_SHARE, Logbook
+from camopt.optimizer.program.kinematic import area_ratio_row
+from camopt.optimizer.program.program_cam import program_cam
+from camopt.optimizer.search.cams import Journal, Logbook
 from camopt.optimizer.search.judge import Judge
+from camopt.optimizer.search.region import first_region
 from camopt.optimizer.search.search import find_cam
-from camopt.scene import InputError, build_train, load_scene
+from camopt.scene import load_scene
 
-KNOT_DEG, KNOT_SPREAD = 6.0, 0.1
-"""Knot interval of the free cam, and the share of itself by which a seed changes it."""
-JUDGE_EVERY = 5
-REVOLUTION = 1
-"""The revolution whose metrics are penalised: that with which the stored result was made."""
-MOST_N = 60.0
-SPREAD = 0.03
-"""First step of CMA-ES on the coefficients, and a tenth of the box of differential evolution, over the largest one."""
-TRANSFORMATIONS: dict[str, Callable[[bool], optax.GradientTransformation]] = {
-    "Adam": lambda near: optax.adam(optax.exponential_decay(2e-5 if near else 1e-3, 50, 0.5)),
-    "L-BFGS": lambda near: optax.lbfgs(),
-    "gradient": lambda near: optax.sgd(1e-6 if near else 1e-4),
-}
-"""By whether they start near their goal; the rates are the best of a few tried on the first seed."""
+KNOT_DEG = 6.0
+CONSTRAINTS = {"contact_force_N": 0.0, "seat_gap_mm": 0.03}
+"""Limits along the paths, of every method that sees paths."""
+JUDGE_EVERY = 3
+"""Steps of an ascent between two cams that are judged."""
+SPREAD = 0.2
+"""First step of CMA-ES, as a part of the width of the convex search's first box."""
+EVERY = 4
+"""Steps of the smoothed motion between two angles at which SciPy's methods see a path: a degree."""
+RATES = {False: 1e-3, True: 0.05}
+"""Of Adam, without and with the metric: the best of a few tried on `kodama` from the calmest cam."""
 
 
 class Spent(Exception):
@@ -55,26 +54,27 @@ class Spent(Exception):
 
 
 class Problem:
-    """A scene's free cam and the judge, with every better confirmed cam as (processor second, area ratio)."""
+    """A scene's free cam, the start, and the judge, with every larger cam that holds as (processor second, area)."""
 
-    def __init__(self, scene: str, seed: int, seconds: float):
-        self.scene, self.seed, self.seconds = load_scene(scene), seed, seconds
+    def __init__(self, scene: str, start: str, seconds: float):
+        self.scene, self.seconds = load_scene(scene), seconds
         design, operation = self.scene.design, self.scene.operation
         assert design is not None and operation is not None, "built-in scenes with a design"
         self.design, self.speeds_rpm = design, operation.speeds_rpm
-        drawn = KNOT_DEG * (1 + KNOT_SPREAD * np.random.default_rng(seed).uniform(-1, 1))
-        self.cam = free_cam(design, drawn)
+        self.cam = program_cam(design, KNOT_DEG)
         self.shape = ShapeLimits(self.cam, design)
-        self.program = no_jump_program(
-            build_train(self.scene), design, self.cam, [self.scene.cam_speed(s) for s in self.speeds_rpm]
-        )
+        calmest = self.shape.nearest(np.zeros(self.cam.Z.shape[1]))
+        self.start = calmest if start == "calmest" else self.shape.nearest_to(camopt.read_cam(start, self.scene))
         self.judge = Judge(self.scene, self.speeds_rpm, workers=1)
-        self.stairs: list[tuple[float, float]] = []
-        self.judged, self.started = 0, time.process_time()
+        self.judge(self.cam.lift(self.start))  # compiled programs are loaded before the clock begins
+        self.began = time.process_time()
+        self.begin()
 
     def begin(self) -> None:
         """The clock begins."""
-        self.stairs, self.judged, self.started = [], 0, time.process_time()
+        self.set_up_s = time.process_time() - self.began
+        self.stairs: list[tuple[float, float]] = []
+        self.judged, self.least_share, self.started = 0, np.inf, time.process_time()
 
     def check(self) -> float:
         """Processor seconds since the clock began; raises Spent beyond the budget."""
@@ -82,192 +82,190 @@ class Problem:
             raise Spent
         return now
 
-    def share(self, lift: Lift) -> float:
-        """The largest share of a limit on the motion; a cam that holds all of them and is better is noted."""
-        share, area = float(self.judge(lift).share.max(initial=0.0)), self.area(lift)
-        self.judged += 1
+    def share(self, z: np.ndarray) -> tuple[float, float]:
+        """Area ratio of the cam nearest to z within the limits on the shape, and its largest share of a limit on the
+        motion; one that holds all of them and is larger is noted."""
+        lift = self.cam.lift(self.shape.nearest(z))
+        area, share = self.area(lift), float(self.judge(lift).share.max(initial=0.0))
         now = self.check()
+        self.judged, self.least_share = self.judged + 1, min(self.least_share, share)
         if share <= 1.0 and (not self.stairs or area > self.stairs[-1][1]):
             self.stairs.append((now, area))
-        return share
+        return area, share
 
     def area(self, lift: Lift) -> float:
         """Its area ratio."""
         return float(lift.area_ratio(self.design.max_lift_mm * 1e-3))
 
-    def cost(self, lift: Lift) -> float:
-        """What a method without gradients makes small: minus the area, and what is used beyond `BETWEEN_SHARE`."""
-        return -self.area(lift) + float(np.nan_to_num(max(self.share(lift) - BETWEEN_SHARE, 0.0), posinf=1e6))
-
-    def lift_of(self, z: np.ndarray) -> Lift:
-        """The nearest cam within the limits on the shape."""
-        return self.cam.lift(self.shape.nearest(z))
-
-    def start(self, name: str) -> Lift:
-        """A free cam within the limits: the one of largest area under them ("shape"), the linear program's, or that
-        nearest to a family's plain member."""
-        if name == "shape":
-            return kinematic_optimum(self.design, self.cam).lift
-        if name == "program":
-            return self.program.solve(Margins(0.0, 0.0, 0.0)).lift
-        return camopt.nearest_free_cam(self.scene, member(self.scene.name, name), knot_deg=self.cam.knot_deg)
+    def objective(self) -> Objective:
+        """The area, with constraints along the paths."""
+        return camopt.objective(self.scene, speeds_rpm=self.speeds_rpm, constraints=CONSTRAINTS)
 
 
-@cache
-def member(scene: str, family: str) -> Lift:
-    """A family's plain member."""
-    return camopt.read_cam(family, load_scene(scene))
-
-
-def run(scene: str, method: str, seed: int, seconds: float, *, start: str = "shape", path: str = "exact") -> dict:
-    """What a method reached: `stairs`, the last of them, how many cams it had judged, and its seconds until the clock
-    began; and why it ended before its budget, if it did."""
-    begin = time.process_time()
-    problem = Problem(scene, seed, seconds)
-    first = problem.start(start)
-    problem.judge(first)  # compiled programs are loaded before the clock begins
-    reason = ""
+def run(scene: str, method: str, start: str, seconds: float) -> dict:
+    """What a method reached: `stairs`, the last of them, how many cams it had judged, its seconds until the clock began
+    and until its end, the least share of a limit of any of its cams, and what ended it."""
+    problem = Problem(scene, start, seconds)
     try:
-        if method in TRANSFORMATIONS:
-            climb(problem, first, TRANSFORMATIONS[method](start == "program"), path)
-        else:
-            METHODS[method](problem)
-        reason = "ended by itself"
+        ended = METHODS[method](problem)
     except Spent:
-        pass
-    except InputError as error:
-        reason = str(error)
-    area = problem.stairs[-1][1] if problem.stairs else None
+        ended = "budget spent"
+    except (ValueError, ArithmeticError) as error:  # an InputError, or SciPy's word for slopes that are no numbers
+        ended = str(error)
     return {
-        "area_ratio": area,
+        "area_ratio": problem.stairs[-1][1] if problem.stairs else None,
         "stairs": problem.stairs,
         "judged": problem.judged,
-        "set_up_s": problem.started - begin,
-        "processor_s": time.process_time() - begin,
-        "ended": reason,
+        "least_share": problem.least_share,
+        "set_up_s": problem.set_up_s,
+        "processor_s": time.process_time() - problem.began,
+        "ended": ended,
     }
 
 
-def climb(problem: Problem, first: Lift, optimiser: optax.GradientTransformation, path: str) -> None:
-    """Ascents of the area less penalties on every limit on the motion; the first step, which compiles, is free."""
-    ascent = AscentState(objective(problem, path), variables(problem, first), optimiser)
+def climb(problem: Problem, optimiser: optax.GradientTransformation, metric: bool) -> str:
+    """Ascents of the augmented Lagrangian; the first step, which compiles, is free."""
+    cam = FreeVariables(problem.scene, problem.cam.lift(problem.start), KNOT_DEG)
+    ascent = AscentState(problem.objective(), Variables(cam, TrainVariables(problem.scene, {})), optimiser, metric)
     ascent.step(judged=False)
     problem.begin()
-    problem.share(first)
     while True:
-        problem.share(ascent.variables.cam.lift(ascent.point["cam"]))
+        problem.share(ascent.variables.cam_vector(ascent.point))
         for _ in range(JUDGE_EVERY):
             problem.check()
             ascent.step(judged=False)
 
 
-def objective(problem: Problem, path: str):
-    """The area ratio less a penalty on every metric that the scene limits."""
-    penalties = {limit.metric: 1.0 for limit in motion_limits(problem.design).values()}
-    return camopt.objective(problem.scene, penalties=penalties, path=path, revolutions=REVOLUTION)
+def adam(problem: Problem, metric: bool) -> str:
+    """Adam, in the metric or without."""
+    return climb(problem, optax.adam(RATES[metric]), metric)
 
 
-def variables(problem: Problem, first: Lift) -> Variables:
-    """Those of an ascent."""
-    return Variables(FreeVariables(problem.scene, first, KNOT_DEG), TrainVariables(problem.scene, {}))
+def lbfgs(problem: Problem, metric: bool) -> str:
+    """L-BFGS, in the metric or without."""
+    return climb(problem, optax.lbfgs(), metric)
 
 
-def program_alone(problem: Problem) -> None:
-    """The no-jump program's cam."""
+class Watched(Journal):
+    """The journal of a search, whose cams the problem's judge sees too."""
+
+    def __init__(self, problem: Problem):
+        super().__init__(None)
+        self.problem = problem
+
+    def keep(self, step: int, z: np.ndarray, judged) -> None:
+        self.problem.share(z)
+
+
+def convex(problem: Problem, source: str) -> str:
+    """camopt's search; a first one, which ends at its first cam, compiles."""
+    effort, cam = replace(ACCURACIES["standard"], knot_deg=KNOT_DEG), problem.cam.lift(problem.start)
+    seconds, problem.seconds = problem.seconds, 0.0
+    with suppress(Spent):
+        find_cam(problem.scene, "nominal", effort, source, log=Logbook(Watched(problem)), start=cam)
+    problem.seconds = seconds
     problem.begin()
-    problem.share(problem.start("program"))
+    search = find_cam(problem.scene, "nominal", effort, source, log=Logbook(Watched(problem)), start=cam)
+    return f"ended by itself after {search.steps} rounds"
 
 
-def own_search(problem: Problem) -> None:
-    """camopt's search, with rows of the exact response; it ends by itself."""
-    effort = replace(ACCURACIES["standard"], knot_deg=problem.cam.knot_deg)
+class PathProgram:
+    """The largest area under limits on shape and paths, as SciPy's methods take it, of y with coefficients metric @ y.
+
+    The paths are those of the second revolution from the state in which the motion of the start has settled.
+    """
+
+    def __init__(self, problem: Problem):
+        self.problem, bound = problem, problem.objective().of(problem.cam.lift(problem.start))
+        lagrangian = PathLagrangian(bound)
+        held = lagrangian.begin({"z": problem.start}, problem.cam.lift(problem.start))
+        self.metric = lagrangian.metric(lambda z: {"z": z}, problem.start, held)
+        self.start = np.linalg.solve(self.metric, problem.start)
+
+        def rows(y: jax.Array) -> jax.Array:
+            own = {"z": jnp.asarray(self.metric) @ y}
+            begun = held._replace(start=lagrangian.paths(own, held, "forward").end)
+            found = lagrangian.rows(own, begun, lagrangian.paths(own, begun, "forward"))
+            return jnp.concatenate([row[EVERY - 1 :: EVERY].ravel() for row in found.values()])
+
+        asked = np.flatnonzero(np.isfinite(rows(jnp.asarray(self.start))))
+        self.paths, self.slopes = jax.jit(lambda y: rows(y)[asked]), jax.jit(jax.jacfwd(lambda y: rows(y)[asked]))
+        for compiled in (self.paths, self.slopes):  # before the clock begins
+            compiled(self.start)
+        polyhedron = problem.shape.polyhedron
+        self.matrix, self.level = polyhedron.matrix @ self.metric, polyhedron.bound
+        self.row = area_ratio_row(problem.design, problem.cam)[0] @ self.metric
+
+    def room(self, y: np.ndarray) -> np.ndarray:
+        """By how much each path keeps its limit."""
+        self.problem.check()
+        return np.asarray(self.paths(y))
+
+    def room_slopes(self, y: np.ndarray) -> np.ndarray:
+        """Their Jacobian; a method asks for it once a step, whose cam is judged."""
+        self.problem.share(self.metric @ y)
+        return np.asarray(self.slopes(y))
+
+
+def slsqp(problem: Problem) -> str:
+    """SciPy's SLSQP."""
+    program = PathProgram(problem)
+    held = [
+        {"type": "ineq", "fun": program.room, "jac": program.room_slopes},
+        {"type": "ineq", "fun": lambda y: program.level - program.matrix @ y, "jac": lambda y: -program.matrix},
+    ]
+    return solved(program, "SLSQP", held, {"maxiter": 10**4, "ftol": 1e-7})
+
+
+def trust_constr(problem: Problem) -> str:
+    """SciPy's trust-constr, an interior-point method (Byrd, Hribar and Nocedal 1999), with sparse algebra."""
+    program = PathProgram(problem)
+
+    def slopes(y: np.ndarray) -> csr_array:
+        return csr_array(program.room_slopes(y))
+
+    held = [
+        NonlinearConstraint(program.room, 0.0, np.inf, jac=cast(Any, slopes), hess=BFGS()),
+        LinearConstraint(csr_array(program.matrix), -np.inf, program.level),
+    ]
+    size = len(program.start)
+    options = {"maxiter": 10**4, "sparse_jacobian": True}
+    return solved(program, "trust-constr", held, options, hess=lambda y: np.zeros((size, size)))
+
+
+def solved(program: PathProgram, method: str, held: list, options: dict, **others) -> str:
+    """SciPy's word at the end of a method."""
+    program.problem.begin()
+    row = program.row
+    found = minimize(
+        lambda y: -float(row @ y), program.start, jac=lambda y: -row, method=method, constraints=held, options=options,
+        **others,
+    )  # fmt: skip
+    program.problem.share(program.metric @ found.x)
+    return str(found.message)
+
+
+def cma_es(problem: Problem) -> str:
+    """CMA-ES (Hansen, pycma) over the coefficients: it sees the area, less what is used beyond a limit."""
+
+    def cost(z: np.ndarray) -> float:
+        area, share = problem.share(z)
+        return -area + min(max(share - 1.0, 0.0), 1e6)
+
     problem.begin()
-
-    def show(line: dict) -> None:
-        problem.judged += 1
-        now = problem.check()
-        if line["confirmed"] and (not problem.stairs or line["area_ratio"] > problem.stairs[-1][1]):
-            problem.stairs.append((now, line["area_ratio"]))
-
-    find_cam(problem.scene, "nominal", effort, "exact", log=Logbook(show=show))
+    options = {"seed": 1, "verbose": -9, "maxfevals": 10**6}
+    cma.fmin2(cost, problem.start, SPREAD * first_region(problem.design).first, options, restarts=9)
+    return "ended by itself"
 
 
-def by_margins(problem: Problem, margins: np.ndarray) -> float:
-    """The cost of the program's cam with three margins [N]."""
-    try:
-        return problem.cost(problem.program.solve(Margins(*margins)).lift)
-    except NoCamHoldsContact as short:
-        problem.check()
-        return 1e6 * (1.0 + min(short.shortfall_N, 1e6))
-
-
-def cma_es(problem: Problem, cost: Callable[[np.ndarray], float], start: np.ndarray, step: float) -> None:
-    """CMA-ES until the budget is spent."""
-    cma.fmin2(cost, start, step, {"seed": problem.seed + 1, "verbose": -9, "maxfevals": 10**6}, restarts=9)
-
-
-def cma_margins(problem: Problem) -> None:
-    """CMA-ES over the margins."""
-    problem.begin()
-    cma_es(problem, lambda margins: by_margins(problem, margins), np.zeros(3), MOST_N / 3)
-
-
-def evolution_margins(problem: Problem) -> None:
-    """Differential evolution over the margins."""
-    problem.begin()
-    box = [(-MOST_N, MOST_N)] * 3
-    differential_evolution(lambda margins: by_margins(problem, margins), box, popsize=5, rng=problem.seed, polish=False)
-
-
-def free_start(problem: Problem) -> tuple[np.ndarray, float]:
-    """The coefficients of largest area under the limits on the shape alone, and the largest of them."""
-    z = kinematic_optimum(problem.design, problem.cam).z
-    return z, float(np.abs(z).max())
-
-
-def cma_coefficients(problem: Problem) -> None:
-    """CMA-ES over the coefficients."""
-    z, size = free_start(problem)
-    problem.begin()
-    cma_es(problem, lambda x: problem.cost(problem.lift_of(x)), z, SPREAD * size)
-
-
-def evolution_coefficients(problem: Problem) -> None:
-    """Differential evolution over the coefficients, in a box about the start."""
-    z, size = free_start(problem)
-    box = [(one - 10 * SPREAD * size, one + 10 * SPREAD * size) for one in z]
-    problem.begin()
-    differential_evolution(
-        lambda x: problem.cost(problem.lift_of(x)), box, popsize=2, x0=z, rng=problem.seed, polish=False
-    )
-
-
-def slsqp(problem: Problem) -> None:
-    """SLSQP on the ascents' objective and its exact gradient, the limits on the shape as linear constraints."""
-    z, size = free_start(problem)
-    bound = objective(problem, "exact").of(problem.cam.lift(z))
-    matrix, level = problem.shape.polyhedron.matrix, problem.shape.polyhedron.bound
-    slopes = jax.jit(jax.value_and_grad(lambda u: -bound({"z": size * u})))
-    slopes(jnp.asarray(z / size))
-    problem.begin()
-
-    def value(u: np.ndarray) -> tuple[float, np.ndarray]:
-        found, gradient = slopes(jnp.asarray(u))
-        problem.share(problem.lift_of(size * u))
-        return float(found), np.asarray(gradient)
-
-    held = {"type": "ineq", "fun": lambda u: level / size - matrix @ u, "jac": lambda u: -matrix}
-    with suppress(ValueError):  # SLSQP's word for slopes that are no numbers
-        minimize(value, z / size, jac=True, method="SLSQP", constraints=held, options={"maxiter": 10**4})
-
-
-METHODS: dict[str, Callable[[Problem], None]] = {
-    "program alone": program_alone,
-    "camopt's search": own_search,
-    "CMA-ES, margins": cma_margins,
-    "diff. evolution, margins": evolution_margins,
-    "CMA-ES, coefficients": cma_coefficients,
-    "diff. evolution, coefficients": evolution_coefficients,
-    "SLSQP, coefficients": slsqp,
+METHODS: dict[str, Callable[[Problem], str]] = {
+    "Adam": lambda problem: adam(problem, metric=False),
+    "Adam, metric": lambda problem: adam(problem, metric=True),
+    "L-BFGS": lambda problem: lbfgs(problem, metric=False),
+    "L-BFGS, metric": lambda problem: lbfgs(problem, metric=True),
+    "convex search, smooth rows": lambda problem: convex(problem, "smooth"),
+    "convex search, exact rows": lambda problem: convex(problem, "exact"),
+    "SLSQP": slsqp,
+    "trust-constr": trust_constr,
+    "CMA-ES": cma_es,
 }
-"""Methods without a start of their choice."""
