@@ -108,9 +108,9 @@ class System(eqx.Module):
             return raw_force(u[pick], u_dt[pick], stiffness, damping, layer)
         return raw_force(u, u_dt, lambda pressed: self.elastic(pressed, layer), self.damper, layer)[pick]
 
-    def damper(self, elastic: Float[Array, " e *b"]) -> Float[Array, " e *b"]:
-        """Force by the rate of compression of every element [N s/m]; a law of contacts takes it of its elastic force
-        [N]."""
+    def damper(self, elastic: Float[Array, " e *b"]) -> jax.Array:
+        """Force by the rate of compression of every element (e, *b) [N s/m]: the same in a batch, or what a law of
+        contacts takes of its elastic force [N]."""
         damping = column(self.damping, elastic)
         if self.laws is None or not self.laws.dissipative:
             return damping

@@ -9,22 +9,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.special import lambertw
 
 from camopt.exact import prepare as event
 from camopt.exact import with_chords
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.scene import InputError
-from camopt.scene.laws import KINDS
+from camopt.scene.laws import KINDS, LINEAR
 from camopt.scene.train import GROUND
 from camopt.smooth.contact import Layer
+from camopt.smooth.simulate import lift_samples
 from camopt.smooth.simulate import prepare as smooth
+from camopt.smooth.tied import STEPS, parts_of_steps, path_angles, tied_paths, tied_system
 from camopt.verifier.methods import dop853, rkg
-from tests.verifier.trains import laws, no_lift, train
+from tests.verifier.trains import laws, no_lift, smooth_lift, train
 
 MASS, HEIGHT, PERIOD = 0.05, 1e-3, 8e-3
 TURNS = 2 * np.pi / PERIOD
-DISSIPATION = 0.3
+DISSIPATION, K = 0.3, 1e3 * 1e-5**-1.5
 
 
 def ball(exponent: float = 1.5, dissipation: float = DISSIPATION, force: float = 0.0):
@@ -139,3 +142,36 @@ def test_a_judge_refuses_a_law_that_it_has_not_written(method):
     later = replace(parts, laws=replace(parts.laws, kind=parts.laws.kind + 1))
     with pytest.raises(InputError, match="has not the law of e0: write it in camopt/verifier/methods/"):
         method.prepare(later, no_lift(), TURNS, 20_000)
+
+
+def test_a_tied_contact_is_that_of_dop853_on_its_formula():
+    """A mass under a spring, pulled along by a cam that it would leave: below 20 N the law goes on along its tangent,
+    with the damper of 20 N. Both err by less than a millionth of the largest force."""
+    linear = train(
+        [0.1], [(GROUND, 0, True, True, 1e8, 0.0, 0.0, 0.0), (0, GROUND, False, False, 3e4, 5.0, 50.0, 0.0)],
+        valve=0, seat=0, cam_side=(0,),
+    )  # fmt: skip
+    own = laws([KINDS["hunt-crossley"], LINEAR], [K, 3e4], [1.5, 1.0], dissipation=[DISSIPATION, 0.0])
+    parts, lift, speed = replace(linear, laws=own), smooth_lift(5e-3), 2 * np.pi / 0.005
+    touch, rest = (20.0 / K) ** (2 / 3), -((50.0 / K) ** (2 / 3))
+
+    def pull(theta, x, v):
+        u, rate = lift(theta) - x, lift(theta, 1) * speed - v
+        pressed = K * max(u, touch) ** 1.5
+        return pressed * (1.0 + DISSIPATION * rate) + 1.5 * K * touch**0.5 * min(u - touch, 0.0)
+
+    def rates(theta, y):
+        x, v = y
+        return np.array([v, (pull(theta, x, v) - 50.0 - 3e4 * x - 5.0 * v) / 0.1]) / speed
+
+    angles, start = path_angles(), np.array([rest, 0.0])
+    found = solve_ivp(rates, (-np.pi, np.pi), start, "DOP853", angles, rtol=1e-11, atol=1e-14)
+    theirs = np.array([pull(theta, *y) for theta, y in zip(angles, found.y.T, strict=True)])
+    tied, samples = tied_system(parts), lift_samples(lift, STEPS)
+    more = 4 * parts_of_steps(tied, speed)
+    y0, whole = start.reshape(2, 1, 1), (-np.pi, np.pi)
+    mine = np.asarray(tied_paths(tied, samples, np.array([speed]), y0, whole, 1.0, Layer(1e-6), parts=more).force)[
+        :, 0, 0
+    ]
+    assert theirs.min() < -50.0
+    assert mine == pytest.approx(theirs, abs=1e-6 * np.abs(theirs).max())

@@ -105,7 +105,7 @@ def spring(straight: np.ndarray, borders: np.ndarray, damping: np.ndarray) -> Pa
     pieces = []
     for i, (constant, slope) in enumerate(straight):
         force = constant, slope, damping[i], 0.0
-        pieces.append(Piece(ACTING, force, _neighbours(borders, i, 0)))
+        pieces.append(Piece(ACTING, force, _neighbours(borders, i, 0, np.real(damping))))
     return Parts(pieces)
 
 
