@@ -166,8 +166,9 @@ def of_scene(driver, scene: str, times: int, steps: int, changes: int, pictures:
             row = {"scene": Path(scene).stem, **measured(page, times, steps)}
             if changes:
                 row |= {"over_changes": watched(page, process, changes)}
-            for name, picture in marks(browser, address).items() if pictures else ():
-                write_bytes(pictures / f"live_latency-{name}.png", picture)
+            if pictures:
+                for name, picture in marks(browser, address).items():
+                    write_bytes(pictures / f"live_latency-{name}.png", picture)
             browser.close()
         finally:
             process.terminate()
