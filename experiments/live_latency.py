@@ -18,10 +18,13 @@ import subprocess
 import sys
 import tempfile
 import time
+from functools import partial
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 
+from camopt.storage import write_bytes
 from experiments.job_time import arithmetic_loop
 from experiments.support.record import RESULTS, run_script, write_result
 
@@ -38,6 +41,8 @@ SLIDERS = {
     "shape": ("duration_deg", "ramp_height_mm", "spring_rate_percent", "lash_mm"),
 }
 STEP_MS = 50
+WIDTHS = {1366: 520, 420: 700}
+"""Widths of the window in which the marks of unfinished answers are pictured, and the picture's heights [px]."""
 TARGETS_MS = {"drag_p95": 300.0, "rest_p95": 1000.0}
 ROOT = "document.getElementById('camopt-live')"
 LISTEN = f"window.found = []; {ROOT}.addEventListener('camopt-painted', (e) => window.found.push(e.detail))"
@@ -119,8 +124,32 @@ def measured(page, times: int, steps: int) -> dict:
     return {**content, "p95_per_loop": per_loop, "p95_ms_were_the_loop_alone": alone, "reached": reached}
 
 
-def of_scene(driver, scene: str, times: int, steps: int, changes: int) -> dict:
-    """What is measured of one scene's page; memory where there are `changes`."""
+def marks(browser, address: str) -> dict[str, bytes]:
+    """Pictures (PNG) of the page at WIDTHS: with the numbers before, as the first answer to a longer duration does not
+    come, and with a first answer, as the cam at rest does not; for longer than the second after which that is shown."""
+    pictures = {}
+    for (width, height), (part, mark) in product(WIDTHS.items(), {"sketch": "before", "cam": "first"}.items()):
+        page = browser.new_page(viewport={"width": width, "height": height})
+        page.goto(address)
+        page.wait_for_selector("#camopt-live[data-mark=settled]", timeout=120_000)
+        page.route("**/ask", partial(_unless, part))
+        duration = page.locator("[data-key=duration_deg] input[type=number]")
+        duration.fill(f"{float(duration.input_value()) + width / 1000:g}")
+        page.wait_for_selector(f"#camopt-live[data-mark={mark}]", timeout=120_000)
+        page.wait_for_timeout(2500)
+        pictures[f"{mark}-{width}"] = page.screenshot()
+        page.close()
+    return pictures
+
+
+def _unless(part: str, route) -> None:
+    """Lets a message go on to the server, unless it asks for this part of an answer."""
+    if route.request.post_data_json.get("part") != part:
+        route.continue_()
+
+
+def of_scene(driver, scene: str, times: int, steps: int, changes: int, pictures: Path | None) -> dict:
+    """What is measured of one scene's page; memory where there are `changes`; marks are pictured into a folder."""
     chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))))
     with tempfile.TemporaryDirectory() as held:
         words = [sys.executable, "-m", "camopt", "design", scene]
@@ -137,6 +166,9 @@ def of_scene(driver, scene: str, times: int, steps: int, changes: int) -> dict:
             row = {"scene": Path(scene).stem, **measured(page, times, steps)}
             if changes:
                 row |= {"over_changes": watched(page, process, changes)}
+            if pictures:
+                for name, picture in marks(browser, address).items():
+                    write_bytes(pictures / f"live_latency-{name}.png", picture)
             browser.close()
         finally:
             process.terminate()
@@ -156,7 +188,10 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
             print(f"{', '.join(OTHERS)}: skipped, for {SCENES} is missing")
     paths = [str(SCENES / f"{name}.toml") if name in OTHERS else name for name in names]
     with sync_playwright() as driver:
-        rows = [of_scene(driver, path, times, steps, 0 if i else changes) for i, path in enumerate(paths)]
+        rows = [
+            of_scene(driver, path, times, steps, *((0, None) if i else (changes, folder if size == "full" else None)))
+            for i, path in enumerate(paths)
+        ]
     content = {"targets_ms": TARGETS_MS, "scenes": rows}
     write_result("live_latency", size, content, {}, folder)
     return content
