@@ -60,7 +60,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr_
     from camopt.optimizer.program.differentiable import linear_program
     from camopt.optimizer.run import optimize
     from camopt.smooth.families import differentiable
-    from camopt.study.camshaft import camshaft_torque
+    from camopt.study.cam_force import camshaft_torque
     from camopt.study.fronts import joint_spring, pareto
     from camopt.study.identify.identification import MeasuredLift, identify
     from camopt.study.linearised.linearised import linearised
@@ -68,7 +68,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr_
     from camopt.study.reduce.reduction import reduce
     from camopt.study.simulate.motion import simulate
     from camopt.study.tradeoff.tradeoff import tradeoff
-    from camopt.study.yields.yields import manufacturing_yield
+    from camopt.study.yields import manufacturing_yield
     from camopt.tasks.sweep import sweep
     from camopt.verifier.accuracy import verify
 
@@ -135,7 +135,7 @@ _PUBLIC = {
     "cam_card": "camopt.cam.card",
     "CrankTiming": "camopt.cam.card",
     "converted": "camopt.cam.conversion",
-    "camshaft_torque": "camopt.study.camshaft",
+    "camshaft_torque": "camopt.study.cam_force",
     "simulate": "camopt.study.simulate.motion",
     "modes": "camopt.study.modes",
     "reduce": "camopt.study.reduce.reduction",
@@ -148,7 +148,7 @@ _PUBLIC = {
     "pareto": "camopt.study.fronts",
     "joint_spring": "camopt.study.fronts",
     "trains_as_built": "camopt.measure.as_built",
-    "manufacturing_yield": "camopt.study.yields.yields",
+    "manufacturing_yield": "camopt.study.yields",
     "sweep": "camopt.tasks.sweep",
     "objective": "camopt.optimizer.ascent.objective",
     "ascend": "camopt.optimizer.ascent.ascent",

@@ -3,7 +3,8 @@
 Huangfu and Hall, Parallelizing the dual revised simplex method, Mathematical Programming Computation 10 (2018).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextvars import ContextVar
 from threading import local
 from typing import Any, NamedTuple
 
@@ -44,6 +45,9 @@ rounding leaves none of FEASIBILITY; what is made of their answer is a bound for
 INTERIOR = ({"solver": "ipx"}, {}, {"simplex_scale_strategy": 0})
 """ATTEMPTS at such a program, on which the simplex method takes long."""
 
+WATCH: ContextVar[Callable[[], None]] = ContextVar("WATCH", default=lambda: None)
+"""Called before every run of the solver; what it raises ends a program for which nobody waits any more."""
+
 
 class GaveUp(ArithmeticError):
     """The solver ends without an answer."""
@@ -70,6 +74,7 @@ class Solver:
         for attempt in attempts:
             for name, value in (WAY | attempt).items():
                 succeeds(self.highs.setOptionValue(name, value))
+            WATCH.get()()
             self.highs.run()
             self.pivots += max(self.highs.getInfo().simplex_iteration_count, 0)
             status = self.highs.getModelStatus()

@@ -119,7 +119,7 @@ def by_tables(train: Train) -> Train:
     ends = train.preload[:, None] + train.stiffness[:, None] * np.array([-LONG, LONG])
     table = np.stack([np.broadcast_to([-LONG, LONG], (e, 2)), ends], axis=2)
     kind = np.where(train.contact, LINEAR, TABLE)
-    laws = Laws(kind, train.stiffness, np.ones(e), table, leak=none, travel=none, slip=none, rows=np.full(e, 2))
+    laws = Laws(kind, train.stiffness, np.ones(e), none, table, leak=none, travel=none, slip=none, rows=np.full(e, 2))
     return replace(train, laws=laws)
 
 

@@ -5,13 +5,16 @@ the program and from the bound that no motion is below. Beside them stands the l
 numbers of Table 5.4 of Rothbart's Cam Design Handbook (2004), a rise, a fall and a dwell.
 """
 
-from math import pi, radians
+from collections.abc import Sequence
+from math import factorial, pi, radians
 
 import numpy as np
 from matplotlib.figure import Figure
 from scipy.interpolate import PPoly
 
-from camopt.optimizer.program.dwell_rise import DwellRise, least_acceleration, least_peak, least_peak_through
+from camopt.highs import minimise
+from camopt.optimizer.bound.certificate import absolute_integral
+from camopt.optimizer.program.dwell_rise import DwellRise, least_acceleration, least_peak
 from camopt.plots.style import new_figure
 from experiments.support.record import RESULTS, run_script, write_result
 
@@ -74,6 +77,38 @@ def main(size: str, folder=RESULTS) -> dict:
     figures = {"acceleration": draw(t, best), "table-5-4": draw_table(table)}
     write_result("classical_laws", size, content, figures, folder)
     return content
+
+
+def least_peak_through(conditions: Sequence[tuple[float, int, float]], order: int, intervals: int) -> DwellRise:
+    """The motion from rest through `conditions` whose derivative of `order` m has the least peak.
+
+    Each condition (x, k, value) says that s^(k)(x) = integral of (x - t)_+^(m-1-k) / (m-1-k)! u(t) is the value, with
+    k < m and x > 0; the control u = s^(m) is constant on equal intervals up to the last x. With any multipliers, their
+    sum with the values is at most the peak times the integral of |p|, p being their sum with the kernels.
+    """
+    at, orders, values = (np.array(column, float) for column in zip(*conditions, strict=True))
+    edges = np.linspace(0.0, at.max(), intervals + 1)
+    powers = order - orders.astype(int)
+    size = np.array([factorial(q) for q in powers], float)
+    reach = np.maximum(at[:, None] - edges, 0.0) ** powers[:, None] / size[:, None]
+    rows = reach[:, :-1] - reach[:, 1:]
+    scale = np.abs(rows).sum(axis=1)
+    both = [np.column_stack([sign * np.eye(intervals), -np.ones(intervals)]) for sign in (1, -1)]
+    through = np.column_stack([rows / scale[:, None], np.zeros(len(rows))])
+    level = np.append(values / scale, np.zeros(2 * intervals))
+    low = np.append(values / scale, np.full(2 * intervals, -np.inf))
+    bounds = np.array([(-np.inf, np.inf)] * intervals + [(0.0, np.inf)])
+    found = minimise(np.append(np.zeros(intervals), 1.0), np.vstack([through, *both]), low, level, bounds)
+    multipliers = found.row_duals[: len(rows)] / scale
+    borders = np.unique(np.append(0.0, at))
+    p = np.zeros((order, len(borders) - 1))  # ascending powers about each left border
+    for x, q, multiplier in zip(at, powers, multipliers, strict=True):
+        before = borders[1:] <= x + 1e-12
+        for j in range(q):
+            term = (x - borders[:-1][before]) ** (q - 1 - j) * (-1) ** j / factorial(j) / factorial(q - 1 - j)
+            p[j, before] += multiplier * term
+    bound = float(multipliers @ values) / absolute_integral(PPoly(p[::-1], borders))
+    return DwellRise(found.value, bound, found.x[:-1])
 
 
 def law_row(name: str, acceleration: np.ndarray, t: np.ndarray, intervals: int) -> tuple[dict, DwellRise]:

@@ -96,7 +96,7 @@ def with_coils(scene: Scene, count: int) -> Scene:
 def masses_row(scene: Scene, cam, smooth: bool) -> dict:
     """Times of one scene by path [ms], and what they are made of."""
     train, cam_speed = build_train(scene), scene.cam_speed(SPEED_RPM)
-    ms = path_times(LeftOut(scene, (), (), None), train, cam, cam_speed)
+    ms = path_times(LeftOut(scene), train, cam, cam_speed)
     run = engine.prepare(train, cam, cam_speed)
     rest = state_at_rest(train)
     ms["event, end state"] = milliseconds(lambda: run.advance(rest), 20)

@@ -18,10 +18,10 @@ import tomli_w
 from camopt.cam.families.free import free_cam
 from camopt.cam.families.shape_rows import LinearisationPoint
 from camopt.highs import Infeasible, Unbounded
+from camopt.optimizer.program.elastic import SHORT_OF_FORCE, TYPICAL_FORCE, ElasticProgram
 from camopt.optimizer.program.kinematic import area_ratio_row, first_working, reached_in_the_middle, spline_rows
 from camopt.optimizer.program.linear_program import Rows, WarmModel, maximise
 from camopt.optimizer.program.no_jump import no_jump_program
-from camopt.optimizer.program.priced import SHORT_OF_FORCE, TYPICAL_FORCE, Priced
 from camopt.scene import InputError, Scene, build_train, parse_scene
 from experiments.architectures import ARCHITECTURES, train
 from experiments.support.drawn_scenes import between
@@ -113,7 +113,7 @@ def programs(number: int) -> Iterator[Posed]:
         for _, bound in posed:
             yield Posed(KINDS[1], row, rows, bound, working)
         give = program.given_margins(len(matrix))
-        priced = Priced.of(matrix, give, row, SHORT_OF_FORCE, TYPICAL_FORCE, working)
+        priced = ElasticProgram.of(matrix, give, row, SHORT_OF_FORCE, TYPICAL_FORCE, working)
         yield Posed(KINDS[2], priced.objective, priced.rows, np.append(posed[-1][1], 0.0), priced.working)
 
 

@@ -2,13 +2,15 @@
 
     python -m experiments.live_latency [small|full]
 
-`camopt design` in a process of its own and Chromium by Playwright. Sliders are moved by keys, a step every 50 ms:
-limits of the cam, whose rows stay, and duration, ramp, spring and lash, for which rows are made again. The latency is
-from the input to the frame after the one that shows its answer, by the page's own clock; inputs that a newer one
-overtook have none. "Rest" is from the last input to the painted curve of the band. The targets are for two idle cores.
-So that runs on busy machines can be read, a fixed loop of arithmetic is timed by the clock before every slider: on an
-idle core its clock and its processor time are the same, and `p95_per_loop` are latencies in units of it. Memory is the
-server's, over `changes` further answers. The small size is `motori-1` with few steps.
+`camopt design` in a process of its own and Chromium by Playwright, on five scenes: three built-in ones, and a bucket
+tappet and a pushrod train from ../shared/data/scenes beside the repository, which are left out where that folder is
+missing. Sliders are moved by keys, a step every 50 ms: limits of the cam, whose rows stay, and duration, ramp, spring
+and lash, for which rows are made again. The latency is from the input to the frame after the one that shows its first
+answer, by the page's own clock; inputs that a newer one overtook have none. "Rest" is from the last input to the
+painted curve of the band. The targets are for two idle cores. So that runs on busy machines can be read, a fixed loop
+of arithmetic is timed by the clock before every slider: on an idle core its clock and its processor time are the
+same, and `p95_per_loop` are latencies in units of it. Memory is the server's, over `changes` further answers on the
+first scene. The small size is `motori-1` with few steps.
 """
 
 import shutil
@@ -16,21 +18,31 @@ import subprocess
 import sys
 import tempfile
 import time
+from functools import partial
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 
-from camopt.scene import load_scene
+from camopt.storage import write_bytes
 from experiments.job_time import arithmetic_loop
 from experiments.support.record import RESULTS, run_script, write_result
 
-SIZES = {"small": ("motori-1", 6, 20), "full": ("kodama", 40, 2000)}
-"""Scene, steps of each slider, and changes over which memory is watched."""
+SCENES = Path(__file__).resolve().parents[2] / "shared" / "data" / "scenes"
+OTHERS = "bucket-tappet", "pushrod-exhaust"
+"""Scenes of that folder."""
+SIZES = {
+    "small": (("motori-1",), 1, 6, 20),
+    "full": (("kodama", "motori-1", "finger-hydraulic", *OTHERS), 2, 20, 300),
+}
+"""Scenes, how often each slider is dragged and in how many steps, and changes over which memory is watched."""
 SLIDERS = {
     "limits": ("jerk_max_mm_per_deg3", "acceleration_max_mm_per_deg2", "max_lift_mm"),
     "shape": ("duration_deg", "ramp_height_mm", "spring_rate_percent", "lash_mm"),
 }
 STEP_MS = 50
+WIDTHS = {1366: 520, 420: 700}
+"""Widths of the window in which the marks of unfinished answers are pictured, and the picture's heights [px]."""
 TARGETS_MS = {"drag_p95": 300.0, "rest_p95": 1000.0}
 ROOT = "document.getElementById('camopt-live')"
 LISTEN = f"window.found = []; {ROOT}.addEventListener('camopt-painted', (e) => window.found.push(e.detail))"
@@ -48,7 +60,7 @@ def dragged(page, key: str, steps: int) -> list[dict]:
         page.wait_for_timeout(STEP_MS)
     for _ in range(600):
         now = page.evaluate(f"({{...{ROOT}.dataset}})")
-        if now["band"] == now["sequence"] or now["state"] != "ok":
+        if now["mark"] == "settled" or now["state"] != "ok":
             break
         page.wait_for_timeout(100)
     return page.evaluate("window.found")
@@ -89,33 +101,57 @@ def watched(page, process: subprocess.Popen, changes: int) -> dict:
     return {"states": states, "memory": rows}
 
 
-def measured(size: str, page, process: subprocess.Popen) -> dict:
-    """Latencies by kind of slider, rest, and memory."""
-    _, steps, changes = SIZES[size]
+def measured(page, times: int, steps: int) -> dict:
+    """Latencies by kind of slider, and at rest."""
     found: dict[str, list[dict]] = {kind: [] for kind in SLIDERS}
     loops = []
     for kind, keys in SLIDERS.items():
-        for key in keys:
+        for key in keys * times:
             loops.append(timed_loop())
             found[kind] += dragged(page, key, steps)
     sketches = {kind: [a["latency_ms"] for a in every if a["part"] == "sketch"] for kind, every in found.items()}
-    return {
+    content = {
         "loop_clock_s": float(np.mean([clock for clock, _ in loops])),
         "loop_processor_s": float(np.min([processor for _, processor in loops])),
         "drag": {kind: percentiles(values) for kind, values in sketches.items()},
         "drag_all": percentiles([value for values in sketches.values() for value in values]),
         "rest": percentiles([a["latency_ms"] for every in found.values() for a in every if a["part"] == "band"]),
-        "over_changes": watched(page, process, changes),
     }
+    p95 = {"drag_p95": content["drag_all"]["p95_ms"], "rest_p95": content["rest"]["p95_ms"]}
+    per_loop = {key: ms and ms / 1000 / content["loop_clock_s"] for key, ms in p95.items()}
+    alone = {key: ratio and 1000 * ratio * content["loop_processor_s"] for key, ratio in per_loop.items()}
+    reached = {key: ms is not None and ms <= TARGETS_MS[key] for key, ms in p95.items()}
+    return {**content, "p95_per_loop": per_loop, "p95_ms_were_the_loop_alone": alone, "reached": reached}
 
 
-def main(size: str = "full", folder: Path = RESULTS) -> dict:
-    """Drags every slider, prints a table and writes live_latency.json into `folder`."""
-    from playwright.sync_api import sync_playwright
+def marks(browser, address: str) -> dict[str, bytes]:
+    """Pictures (PNG) of the page at WIDTHS: with the numbers before, as the first answer to a longer duration does not
+    come, and with a first answer, as the cam at rest does not; for longer than the second after which that is shown."""
+    pictures = {}
+    for (width, height), (part, mark) in product(WIDTHS.items(), {"sketch": "before", "cam": "first"}.items()):
+        page = browser.new_page(viewport={"width": width, "height": height})
+        page.goto(address)
+        page.wait_for_selector("#camopt-live[data-mark=settled]", timeout=120_000)
+        page.route("**/ask", partial(_unless, part))
+        duration = page.locator("[data-key=duration_deg] input[type=number]")
+        duration.fill(f"{float(duration.input_value()) + width / 1000:g}")
+        page.wait_for_selector(f"#camopt-live[data-mark={mark}]", timeout=120_000)
+        page.wait_for_timeout(2500)
+        pictures[f"{mark}-{width}"] = page.screenshot()
+        page.close()
+    return pictures
 
-    scene, chromium = SIZES[size][0], next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))))
-    assert load_scene(scene).design is not None
-    with tempfile.TemporaryDirectory() as held, sync_playwright() as driver:
+
+def _unless(part: str, route) -> None:
+    """Lets a message go on to the server, unless it asks for this part of an answer."""
+    if route.request.post_data_json.get("part") != part:
+        route.continue_()
+
+
+def of_scene(driver, scene: str, times: int, steps: int, changes: int, pictures: Path | None) -> dict:
+    """What is measured of one scene's page; memory where there are `changes`; marks are pictured into a folder."""
+    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))))
+    with tempfile.TemporaryDirectory() as held:
         words = [sys.executable, "-m", "camopt", "design", scene]
         process = subprocess.Popen(words, cwd=held, stdout=subprocess.PIPE, text=True)
         try:
@@ -124,31 +160,49 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
             browser = driver.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
             page = browser.new_page(viewport={"width": 1366, "height": 768})
             page.goto(address)
-            page.wait_for_selector("#camopt-live[data-band]", timeout=120_000)
-            time.sleep(1.0 if size == "small" else 8.0)  # until the first slow parts are done
+            page.wait_for_selector("#camopt-live[data-mark=settled]", timeout=120_000)
+            time.sleep(1.0 if steps < 10 else 8.0)  # until the first slow parts are done
             page.evaluate(LISTEN)
-            content = measured(size, page, process)
+            row = {"scene": Path(scene).stem, **measured(page, times, steps)}
+            if changes:
+                row |= {"over_changes": watched(page, process, changes)}
+            if pictures:
+                for name, picture in marks(browser, address).items():
+                    write_bytes(pictures / f"live_latency-{name}.png", picture)
             browser.close()
         finally:
             process.terminate()
             process.communicate()
-    content = {"scene": scene, "targets_ms": TARGETS_MS, **content}
-    per_loop = {"drag": content["drag_all"]["p95_ms"], "rest": content["rest"]["p95_ms"]}
-    content["p95_per_loop"] = {key: ms and ms / 1000 / content["loop_clock_s"] for key, ms in per_loop.items()}
-    content["p95_ms_were_the_loop_alone"] = {
-        key: ratio and 1000 * ratio * content["loop_processor_s"] for key, ratio in content["p95_per_loop"].items()
-    }
+    print(table(row))
+    return row
+
+
+def main(size: str = "full", folder: Path = RESULTS) -> dict:
+    """Drags every slider of every scene, prints tables and writes live_latency.json into `folder`."""
+    from playwright.sync_api import sync_playwright
+
+    names, times, steps, changes = SIZES[size]
+    if not SCENES.is_dir():
+        names = [name for name in names if name not in OTHERS]
+        if size == "full":
+            print(f"{', '.join(OTHERS)}: skipped, for {SCENES} is missing")
+    paths = [str(SCENES / f"{name}.toml") if name in OTHERS else name for name in names]
+    with sync_playwright() as driver:
+        rows = [
+            of_scene(driver, path, times, steps, *((0, None) if i else (changes, folder if size == "full" else None)))
+            for i, path in enumerate(paths)
+        ]
+    content = {"targets_ms": TARGETS_MS, "scenes": rows}
     write_result("live_latency", size, content, {}, folder)
-    print(table(content))
     return content
 
 
-def table(content: dict) -> str:
-    """The latencies as Markdown."""
-    rows = {**{f"drag, {kind}": row for kind, row in content["drag"].items()}, "rest, band": content["rest"]}
-    loop = f"loop {content['loop_clock_s']:.2f} s by the clock, {content['loop_processor_s']:.2f} s alone"
-    lines = [f"| {content['scene']}, {loop} | answers | p50 ms | p95 ms | largest ms |", "|---" * 5 + "|"]
-    return "\n".join([*lines, *(f"| {name} | {' | '.join(map(str, row.values()))} |" for name, row in rows.items())])
+def table(row: dict) -> str:
+    """The latencies of a scene as Markdown."""
+    rows = {**{f"drag, {kind}": found for kind, found in row["drag"].items()}, "rest, band": row["rest"]}
+    loop = f"loop {row['loop_clock_s']:.2f} s by the clock, {row['loop_processor_s']:.2f} s alone"
+    lines = [f"| {row['scene']}, {loop} | answers | p50 ms | p95 ms | largest ms |", "|---" * 5 + "|"]
+    return "\n".join([*lines, *(f"| {name} | {' | '.join(map(str, one.values()))} |" for name, one in rows.items())])
 
 
 if __name__ == "__main__":

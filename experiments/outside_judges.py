@@ -5,6 +5,10 @@ every half degree of the first two revolutions from rest; beyond a jump of 0.05 
 is chaotic there. Settled figures are compared too, with event-exact's; where the motion wanders, as ranges. The cams
 are a draft's delivered design of each built-in scene that has one, and its Polydyne. Then ten small changes are made to
 what the judge is given, and each of them must show.
+
+A second engine, Siconos, poses contact as complementarity and judges undamped copies of the trains with linear laws
+(`experiments.support.undamped`): a row each for the first revolution from rest at the scene's first speed, with the
+delivered cam or, where there is none, the Polydyne, and with the step that it took.
 """
 
 import time
@@ -24,8 +28,9 @@ from camopt.verifier.accuracy import EFFORTS
 from camopt.verifier.from_outside import NM, compared, outside_motions, valve_from_rest
 from camopt.verifier.verdict import verdict_on
 from experiments.support.outside_changes import CHANGES
-from experiments.support.outside_figure import motion_figure
+from experiments.support.outside_figure import halvings_figure, motion_figure
 from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.undamped import Case, undamped_part
 
 FIGURES = "bounce_mm", "jump_mm", "seating_velocity_m_per_s", "contact_force_max_N"
 WITHIN_MM, WITHIN = 1e-4, 0.01
@@ -36,6 +41,8 @@ CHANGED, CHANGED_RPM = "kodama", 6000.0
 """Scene and speed at which the judge is given something else."""
 DRAWN = ("kodama", 6000.0), ("exhaust-gas", 6000.0), ("finger-hydraulic", 6000.0)
 REPEATS = 5
+SMALL_STEPS = 57_600
+"""Most steps of an undamped revolution at the small size."""
 
 
 def main(size: str = "full", folder=RESULTS, runs: Path | str | None = None) -> dict:
@@ -46,16 +53,23 @@ def main(size: str = "full", folder=RESULTS, runs: Path | str | None = None) -> 
     with TemporaryDirectory() as made:
         place = Path(runs or made)
         if size == "small":
-            scene = load_scene("motori-1")
+            scene, other = load_scene("motori-1"), load_scene(CHANGED)
             rows, cams = of_cam(scene, "polydyne", polydyne(scene), [5000.0]), {}
-            changes = changed(load_scene(CHANGED), polydyne(load_scene(CHANGED)), 2)
+            changes = changed(other, polydyne(other), 2)
+            beside = undamped_part([(other, "polydyne", polydyne(other), [5000.0])], None, SMALL_STEPS)
         else:
             scenes = [load_scene(name) for name in builtin_scenes() if load_scene(name).design]
             cams = {scene.name: delivered(scene, place) for scene in scenes}
-            rows = [row for scene in scenes for row in of_scene(scene, cams[scene.name])]
-            changes = changed(load_scene(CHANGED), needed(cams[CHANGED]), len(CHANGES))
-    content = {"rows": rows, "changes": changes, "summary": summary(rows, changes)}
+            cases = [case for scene in scenes for case in cases_of(scene, cams[scene.name])]
+            rows = [row for case in cases for row in of_cam(*case)]
+            other, design = load_scene(CHANGED), needed(cams[CHANGED])
+            changes = changed(other, design, len(CHANGES))
+            slowest = [(*case[:3], case[3][:1]) for case in {case[0].name: case for case in reversed(cases)}.values()]
+            beside = undamped_part(slowest, (other, "design", design, [CHANGED_RPM]))
+    content = {"rows": rows, "changes": changes, **beside, "summary": summary(rows, changes) | beside["summary"]}
     figures = {} if size == "small" else {"motion": motion_figure([_drawn(cams, *case) for case in DRAWN])}
+    if beside["undamped"]:
+        figures["halvings"] = halvings_figure(beside["undamped"])
     print(content["summary"])
     write_result("outside_judges", size, content, figures, folder)
     return content
@@ -72,12 +86,12 @@ def delivered(scene: Scene, runs: Path) -> Lift | None:
     return read_design(run / "design.json", scene) if (run / "design.json").is_file() else None
 
 
-def of_scene(scene: Scene, design: Lift | None) -> list[dict]:
-    """Rows of a scene's delivered cam, where there is one, and of its Polydyne."""
+def cases_of(scene: Scene, design: Lift | None) -> list[Case]:
+    """A scene's delivered cam, where there is one, and its Polydyne, each at the scene's speeds."""
     assert scene.operation is not None, "a scene with a design has one"
+    cams = {"design": design, "polydyne": polydyne(scene)}
     speeds = list(scene.operation.speeds_rpm)
-    rows = of_cam(scene, "design", design, speeds) if design else []
-    return rows + of_cam(scene, "polydyne", polydyne(scene), speeds)
+    return [(scene, name, lift, speeds) for name, lift in cams.items() if lift]
 
 
 def of_cam(scene: Scene, cam: str, lift: Lift, speeds_rpm: list[float]) -> list[dict]:

@@ -2,11 +2,11 @@
 
     python -m experiments.starts [small|full]
 
-Every built-in scene with a design, at its listed speeds, accuracy draft: from the calmest cam, from the literature's
+Every built-in scene with a design, over its band at the accuracy of a job: from the calmest cam, from the literature's
 plain cams, and from random free cams within the limits on the shape, with rows of the smoothed motion by JAX and with
 those of the closed periodic response. Of each search the largest cam that the full verdict confirms, with the rounds,
 the Jacobians and the processor time that it took; beside them the areas of the job before there were paths (at commit
-066e876). An interrupted run goes on.
+066e876). First-order methods from the calmest cam are compared by `experiments.optimisers`. An interrupted run goes on.
 """
 
 import time
@@ -19,7 +19,7 @@ from matplotlib.ticker import MaxNLocator
 
 import camopt
 from camopt.cam.lift import Lift
-from camopt.optimizer.accuracy import ACCURACIES
+from camopt.optimizer.accuracy import ACCURACIES, Accuracy
 from camopt.optimizer.ascent.projection import ShapeLimits
 from camopt.optimizer.candidates import largest_confirmed
 from camopt.optimizer.program.program_cam import program_cam
@@ -41,14 +41,15 @@ BEFORE = {
     "race-nested": 0.6146,
     "pushrod-5mass": None,
 }
-"""Area ratio of the job at commit 066e876 at the listed speeds, accuracy draft; None where it was not kept."""
+"""Area ratio of the default job at commit 066e876; None where it was not kept."""
 SCENES = {"small": ("motori-1",), "full": tuple(BEFORE)}
 FAMILIES = {"Polydyne": camopt.polydyne, "Multi-Pol": camopt.multi_pol, "New Design": camopt.new_design}
 RANDOM = {"random 1": 1, "random 2": 2}
 """Random cams by their seed."""
 STARTS = {"small": ("calmest", "Polydyne", "random 1"), "full": ("calmest", *FAMILIES, *RANDOM)}
 SOURCES = {"small": ("exact",), "full": ("smooth", "exact")}
-SPEEDS, EFFORT = "nominal", ACCURACIES["draft"]
+SPEEDS = {"small": "nominal", "full": "band"}
+ACCURACY = {"small": "draft", "full": "standard"}
 DRAWN, DRAWN_STARTS = "kodama", ("calmest", "Polydyne", "Multi-Pol", "random 1")
 """What the figure shows."""
 COLOURS = ("#222222", "#0072B2", "#D55E00", "#009E73")
@@ -59,10 +60,12 @@ def main(size: str = "full", folder: Path = RESULTS, scenes: tuple[str, ...] | N
     """Searches from every start, prints and writes starts.json and its figure into `folder`; of some `scenes` alone
     where they are named."""
     asked = scenes or SCENES[size]
-    cases = [{"scene": s, "start": b, "gradient": g} for s, g, b in product(asked, SOURCES[size], STARTS[size])]
+    cases = [
+        {"scene": s, "start": b, "gradient": g, "size": size} for g, s, b in product(SOURCES[size], asked, STARTS[size])
+    ]
     rows = called("experiments.starts:searched", cases, size, folder / "starts.sqlite")
     by_scene = {s: summary(s, rows) for s in asked}
-    content = {"accuracy": "draft", "speeds": SPEEDS, "scenes": by_scene, "rows": rows}
+    content = {"accuracy": ACCURACY[size], "speeds": SPEEDS[size], "scenes": by_scene, "rows": rows}
     for name, found in by_scene.items():
         print(name, found, flush=True)
     drawn = {"kodama": figure(rows)} if DRAWN in asked else {}
@@ -70,15 +73,15 @@ def main(size: str = "full", folder: Path = RESULTS, scenes: tuple[str, ...] | N
     return content
 
 
-def searched(scene: str, start: str, gradient: str) -> dict:
+def searched(scene: str, start: str, gradient: str, size: str = "small") -> dict:
     """One search from a start, and the largest of its cams that the full verdict confirms; why there is none where
     there is none."""
-    loaded, lines = load_scene(scene), []
+    loaded, lines, speeds, effort = load_scene(scene), [], SPEEDS[size], ACCURACIES[ACCURACY[size]]
     log = Logbook(show=lines.append)
     try:
-        search = find_cam(loaded, SPEEDS, EFFORT, gradient, log=log, start=start_cam(loaded, start))
+        search = find_cam(loaded, speeds, effort, gradient, log=log, start=start_cam(loaded, start, effort))
         begin = time.process_time()
-        chosen = largest_confirmed(loaded, search.confirmed, SPEEDS, EFFORT)
+        chosen = largest_confirmed(loaded, search.confirmed, speeds, effort)
     except InputError as error:
         return {"area_ratio": None, "verdict": None, "why": str(error)}
     return {
@@ -93,19 +96,19 @@ def searched(scene: str, start: str, gradient: str) -> dict:
     }
 
 
-def start_cam(scene: Scene, name: str) -> Lift | None:
+def start_cam(scene: Scene, name: str, effort: Accuracy) -> Lift | None:
     """The cam that a search begins from; None for the calmest one, with which it begins by itself."""
     if name == "calmest":
         return None
-    return random_cam(scene, RANDOM[name]) if name in RANDOM else FAMILIES[name](scene)
+    return random_cam(scene, RANDOM[name], effort) if name in RANDOM else FAMILIES[name](scene)
 
 
-def random_cam(scene: Scene, seed: int) -> Lift:
+def random_cam(scene: Scene, seed: int, effort: Accuracy) -> Lift:
     """The free cam within the limits on the shape that is nearest to drawn coefficients, which are normal with the
     largest acceleration that the scene allows for their standard deviation."""
     design = scene.design
     assert design is not None, "the scenes have one"
-    cam = program_cam(design, EFFORT.knot_deg)
+    cam = program_cam(design, effort.knot_deg)
     most = design.acceleration_max_mm_per_deg2 or USUAL_ACCELERATION
     drawn = np.random.default_rng(seed).normal(0.0, most, cam.Z.shape[1])
     return cam.lift(ShapeLimits(cam, design).nearest(drawn))

@@ -16,8 +16,9 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.yields import share_of
+from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.as_built.measured import track
-from camopt.optimizer.as_built.statement import STATED_BY, by_independent_methods, statement_of_run
+from camopt.optimizer.as_built.statement import by_independent_methods, looks_of, statement_of_run
 from camopt.optimizer.run import optimize
 from camopt.scene import Scene, load_scene
 from experiments.support.record import RESULTS, run_script, write_result
@@ -80,10 +81,10 @@ def judged(scene: Scene, lift: Lift, count: int) -> dict:
 def coverage(scene: Scene, lift: Lift, population: int) -> dict:
     """How many statements' intervals hold the share of a population from which their trains are drawn."""
     assert scene.operation is not None, "load_scene(..., need=...) guarantees it"
-    effort = STATED_BY[ACCURACY]
-    way = track(scene, lift, np.linspace(*scene.operation.band_rpm, effort.speeds))
+    effort = ACCURACIES[ACCURACY]
+    way = track(scene, lift, np.linspace(*scene.operation.band_rpm, effort.stated_speeds))
     holds = way.used(trains_as_built(scene, population, seed=POPULATION_SEED)).max(axis=(1, 2)) <= 1.0
-    looks, random, inside, trains = effort.looks(scene, None), np.random.default_rng(0), 0, []
+    looks, random, inside, trains = looks_of(effort, scene, None), np.random.default_rng(0), 0, []
     for _ in range(REPETITIONS):
         drawn = random.choice(holds, looks.trains[-1])
         ended = next(drawn[:n] for n in looks.trains if looks.ends(int(drawn[:n].sum()), n))

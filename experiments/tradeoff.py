@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from camopt.cam.families.polydyne import polydyne
+from camopt.plots.tradeoff import figures
 from camopt.scene import load_scene
 from camopt.scene.units import MM, UM
-from camopt.study.tradeoff.figures import figures
 from camopt.study.tradeoff.summary import words_of
 from camopt.study.tradeoff.tradeoff import LINES, tradeoff
 from experiments.support.record import RESULTS, run_script, write_result

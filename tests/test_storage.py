@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import os
 
 import numpy as np
@@ -11,18 +12,17 @@ from camopt import storage
 from camopt.scene import InputError, load_scene
 from camopt.storage import (
     RUN_FILE,
-    append_line,
     check_run_folder,
     create_run_folder,
     default_run_folder,
     run_folder,
     run_identity,
-    whole_lines,
     write_csv,
     write_csv_rows,
     write_json,
     write_text,
 )
+from camopt.storage.journal import Records
 
 MOTOR = load_scene("motori-1")
 IDENTITY = run_identity("optimize", MOTOR, speeds="band", seed=0)
@@ -231,14 +231,32 @@ def test_an_interrupted_run_says_so_and_goes_on(tmp_path):
     assert begun(tmp_path / "run", resume=True) == tmp_path / "run"
 
 
-def test_a_log_is_cut_to_whole_lines_and_goes_on(tmp_path):
-    log = tmp_path / "log"
-    assert whole_lines(log) == [] and not log.exists()
-    append_line(log, "first")
-    log.write_text(log.read_text() + "cut o")
-    assert whole_lines(log) == ["first"]
-    append_line(log, "second")
-    assert log.read_text() == "first\nsecond\n"
+class TestJournal:
+    def test_records_outlive_an_interruption_and_are_found_by_their_names(self, tmp_path):
+        path = tmp_path / "x.jsonl"
+        journal = Records(path, "case", "at", identity={"seed": 1})
+        journal.add({"case": "a", "at": [1.0, 2.0], "error": math.inf}, {"case": "b", "at": [], "error": 0.5})
+        path.write_text(path.read_text() + '{"case": "c", "at"')
+        again = Records(path, "case", "at", identity={"seed": 1})
+        for one in (journal, again):
+            assert one.get("a", (1.0, 2.0)) == {"case": "a", "at": [1.0, 2.0], "error": None}
+            assert one.get("b", ())["error"] == 0.5 and one.get("c", ()) is None
+        assert len(path.read_text().splitlines()) == 3
+
+    def test_other_work_is_left_alone(self, tmp_path):
+        path = tmp_path / "x.jsonl"
+        Records(path, "case", identity={"seed": 1}).add({"case": "a"})
+        before = path.read_bytes()
+        with pytest.raises(InputError, match=r"belongs to other work, .* nothing in it was changed"):
+            Records(path, "case", identity={"seed": 2})
+        with pytest.raises(InputError, match="is no journal of setting"):
+            Records(path, "setting", identity={"seed": 1})
+        assert path.read_bytes() == before
+
+    def test_without_a_file_records_are_in_memory(self):
+        journal = Records(None, "case")
+        journal.add({"case": 1, "value": 2.0})
+        assert journal.get(1) == {"case": 1, "value": 2.0} and journal.get(2) is None
 
 
 def test_run_folder_where_a_file_is(tmp_path):

@@ -33,7 +33,7 @@ MOST_ROWS = 360_000
 """Rows of a lift table at most: 0.001 deg."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # equal only to itself, since arrays have no one answer: so it may be a key
 class Lift:
     """A cam's lift law.
 

@@ -63,7 +63,7 @@ def yield_(args: Namespace) -> int:
     scene = scene_of(args)
     folder = folder_of(args, scene.name)
     cam = cam_of(args, scene)
-    from camopt.study.yields.yields import manufacturing_yield, yield_lines
+    from camopt.study.yields import manufacturing_yield, yield_lines
 
     say_compilation(args)
     drawn = {"speeds_rpm": args.speeds, "seed": args.seed, "halve": args.halve, "price": args.price}
@@ -165,7 +165,7 @@ def gradient(args: Namespace) -> int:
     from camopt.study.gradient.report import gradient_report, report_lines
 
     report = gradient_report(scene, lift, args.speed, progress=not args.quiet)
-    return tell(args, report.as_dict(), [f"{scene.name}, {lift.family}, {args.speed:g} r/min", *report_lines(report)])
+    return tell(args, report, [f"{scene.name}, {lift.family}, {args.speed:g} r/min", *report_lines(report)])
 
 
 def scenes(args: Namespace) -> int:

@@ -225,7 +225,7 @@ def cam(args: Namespace) -> int:
             write_csv_rows(args.card_csv, COLUMNS, [row for card in cards for row in card.cells()])
         print("\n".join(map(str, cards)))
     if args.lobes_deg is not None:
-        from camopt.study.camshaft import camshaft_torque
+        from camopt.study.cam_force import camshaft_torque
 
         print(camshaft_torque(scene, lift, args.lobes_deg, args.speed))
     print_area_words(lift, scene)

@@ -6,7 +6,6 @@ far apart while the user drags a slider, all of them once it rests. Radii of the
 it rests, because they take a sequence of programs.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -19,10 +18,10 @@ from camopt.designer.controls import KINEMATIC, NO_JUMP
 from camopt.highs import Infeasible
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.program.force_rows import PEAK, Margins, Window
-from camopt.optimizer.program.kinematic import limit_worth, unexplained_optimum, worth_of
+from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitivities, sensitivities
 from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
-from camopt.optimizer.program.relocation import standing
+from camopt.optimizer.program.relocation import converge_tangents
 from camopt.scene.design import Design
 from camopt.scene.errors import InputError
 from camopt.scene.linearisation import is_linear
@@ -69,52 +68,44 @@ class CamFinder:
     kept: dict[bool, tuple[tuple, NoJumpProgram]] = field(default_factory=dict)  # by whether they are coarse
     dearest: tuple[int, ...] = (0, -1)  # indices of the speeds that the coarse programs keep
 
-    def largest(
-        self,
-        scene: Scene,
-        train: Train,
-        margin_N: float | None,
-        coarse: bool,
-        wanted: Callable[[], bool] = lambda: True,
-    ) -> FoundCam:
+    def largest(self, scene: Scene, train: Train, margin_N: float | None, coarse: bool) -> FoundCam:
         """The cam of largest area that the scene's limits allow: under the no-jump program with a margin, or under the
         kinematic one where the margin is None.
 
         Where no cam keeps contact it is that of the kinematic program, which says why. With `coarse` the force rows
         may be few, unless all of them are there from the last answer. Raises InputError for limits that contradict
-        each other, and Cancelled between two steps once it is not `wanted` any more.
+        each other.
         """
         if margin_N is None:
             return self._kinematic(scene, coarse)
         try:
-            return self._no_jump(scene, train, margin_N, coarse, wanted)
+            return self._no_jump(scene, train, margin_N, coarse)
         except InputError as error:
             return self._kinematic(scene, coarse, f"No cam keeps contact, so this is the kinematic one: {error}.")
 
     def _kinematic(self, scene: Scene, coarse: bool, says: str = "") -> FoundCam:
         design = _design(scene)
         try:
-            optimum = unexplained_optimum(design, free_cam(design, EFFORT.knot_deg) if coarse else _cam(design))
+            optimum = kinematic_optimum(
+                design, free_cam(design, EFFORT.knot_deg) if coarse else _cam(design), explain=False
+            )
         except Infeasible:
             raise InputError(CONTRADICTION) from None
         coarse = coarse and bool(radii_held_near(design))
-        return FoundCam(optimum.lift, KINEMATIC, optimum.area_ratio, limit_worth(optimum), None, coarse, says)
+        return FoundCam(optimum.lift, KINEMATIC, optimum.area_ratio, limit_sensitivities(optimum), None, coarse, says)
 
-    def _no_jump(
-        self, scene: Scene, train: Train, margin_N: float, coarse: bool, wanted: Callable[[], bool]
-    ) -> FoundCam:
+    def _no_jump(self, scene: Scene, train: Train, margin_N: float, coarse: bool) -> FoundCam:
         shape = _shape(scene, train)
+        takes_a_sequence = bool(radii_held_near(_design(scene))) or not is_linear(train)
         if coarse and self.kept.get(False, (None,))[0] == shape:  # all rows are there, so few are not needed
-            coarse = bool(radii_held_near(_design(scene)))
+            coarse = takes_a_sequence
         if coarse:
             shape = (*shape, self.dearest)
         program = self._program(scene, train, shape, coarse)
-        if not wanted():
-            raise Cancelled
-        if not coarse and (program.cam.about.near is not None or not is_linear(train)):
-            program = standing(program, margin_N)
+        if not coarse and takes_a_sequence:
+            program = converge_tangents(program, margin_N)
         try:
-            optimum = program.unexplained(Margins(margin_N, margin_N, margin_N))
+            optimum = program.solve(Margins(margin_N, margin_N, margin_N), explain=False)
         except Infeasible:
             raise InputError(
                 f"no free cam keeps {margin_N:g} N at all of the program's speeds: lower the margin or the speeds"
@@ -181,7 +172,7 @@ def _worth(optimum: NoJumpOptimum) -> dict[str, float]:
     """What each limit on the shape, and the largest contact force, is worth in the no-jump program, in % per %."""
     program, duals = optimum.program, optimum.optimum.duals
     first, forces = len(program.limits.bound), len(program.kind)
-    worth = worth_of(program.limits, duals, duals[first + forces :], optimum.area_ratio)
+    worth = sensitivities(program.limits, duals, duals[first + forces :], optimum.area_ratio)
     most = program.design.contact_force_max_N
     if most is not None:
         peak = program.kind == PEAK

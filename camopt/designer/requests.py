@@ -47,6 +47,8 @@ class RequestHandler:
         self._kinds: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
             "start": lambda _: self.session.start() | {"files": folder is not None},
             "answer": self._answer,
+            "newest": self._overtaken,
+            "stop": self._stop,
         }
         if folder is not None:
             self._kinds |= {
@@ -75,15 +77,9 @@ class RequestHandler:
 
     def _answer(self, message: Mapping[str, Any]) -> dict[str, Any]:
         """A part of the answer to values; the last question of a page wins, whichever comes through first."""
-        client, sequence, part = str(message.get("client", ""))[:64], message.get("sequence", 0), message.get("part")
-        if isinstance(sequence, bool) or not isinstance(sequence, int):
-            raise InputError(f"sequence {excerpt(str(sequence))}: expected an integer")
+        part, (client, sequence) = message.get("part"), self._asked(message)
         if not isinstance(part, str) or part not in (*QUICK, *PARTS):
             raise InputError(f"part {excerpt(str(part))}: expected one of {', '.join((*QUICK, *PARTS))}")
-        with self._newest_lock:
-            self._newest[client] = max(sequence, self._newest.pop(client, sequence))
-            while len(self._newest) > MOST_CLIENTS:
-                self._newest.popitem(last=False)
 
         def wanted() -> bool:
             return self._newest.get(client, sequence) <= sequence
@@ -98,6 +94,26 @@ class RequestHandler:
             return told | self._slow_answer(part, message)
         except Cancelled:
             return told | {"state": "superseded"}
+
+    def _asked(self, message: Mapping[str, Any]) -> tuple[str, int]:
+        """Page and number of a question, which is the newest one of this page if none has come in before it."""
+        client, sequence = str(message.get("client", ""))[:64], message.get("sequence", 0)
+        if isinstance(sequence, bool) or not isinstance(sequence, int):
+            raise InputError(f"sequence {excerpt(str(sequence))}: expected an integer")
+        with self._newest_lock:
+            self._newest[client] = max(sequence, self._newest.pop(client, sequence))
+            while len(self._newest) > MOST_CLIENTS:
+                self._newest.popitem(last=False)
+        return client, sequence
+
+    def _overtaken(self, message: Mapping[str, Any]) -> dict[str, Any]:
+        """Whatever is being computed for an older question of the page is dropped; nothing is computed for this one."""
+        return {"state": "ok", "sequence": self._asked(message)[1]}
+
+    def _stop(self, message: Mapping[str, Any]) -> dict[str, Any]:
+        """The slow part that is being computed is dropped."""
+        self.slow.stop()
+        return {"state": "ok"}
 
     def _slow_answer(self, part: str, message: Mapping[str, Any]) -> dict[str, Any]:
         values = _values(message)

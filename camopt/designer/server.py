@@ -37,7 +37,7 @@ HEADERS = {
 }
 SHARED = ("animation", "charts")
 """Scripts and style sheets of the report that come first: the moving train, and the charts."""
-SCRIPTS = ("fields.js", "panels.js", "verdict.js", "saving.js", "live.js", "start.js")
+SCRIPTS = ("fields.js", "panels.js", "verdict.js", "mark.js", "slow.js", "saving.js", "live.js", "start.js")
 """Parts of the module in the order in which they stand in it, after the shared ones."""
 
 

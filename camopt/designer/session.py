@@ -7,7 +7,8 @@ process take care. Every number is the one that camopt's own functions give for 
 
 import json
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,9 +17,10 @@ from threadpoolctl import ThreadpoolController
 
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import radii_held_near
-from camopt.designer.cams import CamFinder, FoundCam, program_speeds_rpm
+from camopt.designer.cams import CamFinder, Cancelled, FoundCam, program_speeds_rpm
 from camopt.designer.controls import NO_JUMP, Refused, controls, edited_scene, read_values
 from camopt.designer.motion import band_of, motion_at
+from camopt.highs import WATCH
 from camopt.measure.limits import broken_by_shape
 from camopt.report.curves import LAWS
 from camopt.scene.errors import InputError
@@ -73,11 +75,12 @@ class Session:
         """One of the QUICK parts of the answer to values by key, as JSON; a value left out is the scene's.
 
         "state" is "ok", "refused" with `faults` (sentences by key), or "no cam" with the sentence `says`. Raises
-        Cancelled on the way once it is not `wanted` any more.
+        Cancelled on the way, before the next linear program, once it is not `wanted` any more.
         """
         try:
             speed_rpm = read_values(self.controls, values)["speed_rpm"]
-            design = self.design(values, part == "sketch", wanted)
+            with watched(wanted):
+                design = self.design(values, part == "sketch")
         except Refused as refused:
             return {"part": part, "state": "refused", "faults": refused.faults}
         except InputError as error:
@@ -92,9 +95,7 @@ class Session:
         """The scene with the values; raises Refused for values that are none."""
         return edited_scene(self.scene, read_values(self.controls, values))
 
-    def design(
-        self, values: Mapping[str, Any], coarse: bool = False, wanted: Callable[[], bool] = lambda: True
-    ) -> Edited:
+    def design(self, values: Mapping[str, Any], coarse: bool = False) -> Edited:
         """The edited scene, its train and its cam; raises Refused for values that are none, and InputError where the
         limits contradict each other."""
         read = read_values(self.controls, values)
@@ -109,7 +110,7 @@ class Session:
         scene = edited_scene(self.scene, read)
         train = self._train_of(scene)
         with THREADS.limit(limits=1, user_api="blas"):  # small matrices: threads would only wait for each other
-            cam = self._cams.largest(scene, train, margin_N, coarse, wanted)
+            cam = self._cams.largest(scene, train, margin_N, coarse)
         edited = self._designs[key if cam.coarse or cam.says else exact] = Edited(scene, train, cam)
         while len(self._designs) > REMEMBERED:
             self._designs.popitem(last=False)
@@ -143,6 +144,21 @@ class Session:
             "curves": curves(cam.lift),
             "motion": motion,
         }
+
+
+@contextmanager
+def watched(wanted: Callable[[], bool]) -> Iterator[None]:
+    """Within it, the next linear program raises Cancelled once it is not `wanted` any more."""
+
+    def watch() -> None:
+        if not wanted():
+            raise Cancelled
+
+    token = WATCH.set(watch)
+    try:
+        yield
+    finally:
+        WATCH.reset(token)
 
 
 def curves(lift: Lift) -> dict[str, np.ndarray]:

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from camopt.cam.lift import Lift
-from camopt.scene.laws import FRICTION, HERTZ, OIL, PROGRESSIVE, TABLE, Laws
+from camopt.scene.laws import FRICTION, OIL, PROGRESSIVE, TABLE, Laws
 from camopt.scene.response import Response
 from camopt.scene.shapes import Float
 from camopt.scene.train import Train
@@ -35,7 +35,7 @@ class Elastic:
         self.train, self.curves = train, {}
         self.laws = laws = _linear(train) if train.laws is None else train.laws
         kind = laws.kind
-        self.hertz, self.oil, self.friction = (np.flatnonzero(kind == k).tolist() for k in (HERTZ, OIL, FRICTION))
+        self.oil, self.friction = (np.flatnonzero(kind == k).tolist() for k in (OIL, FRICTION))
         for e in np.flatnonzero((kind == PROGRESSIVE) | (kind == TABLE)):
             force = _curve(laws.table[e], train.preload[e] if kind[e] == PROGRESSIVE else None)
             energy = force.antiderivative()
@@ -48,8 +48,8 @@ class Elastic:
         force = t.preload + t.stiffness * d
         for e, (curve, _) in self.curves.items():
             force[:, e] = curve(d[:, e])
-        for e in self.hertz:
-            force[:, e] = laws.coefficient[e] * self._pressed(d, e) ** laws.exponent[e]
+        for e, law, numbers in laws.of_contacts:
+            force[:, e] = law.elastic(np.maximum(0.0, d[:, e] + law.depth(t.preload[e], numbers)), numbers)
         force[:, t.memory] = 0.0
         return force
 
@@ -61,9 +61,8 @@ class Elastic:
         energy = 0.5 * pressed**2 / t.stiffness
         for e, (force, curve) in self.curves.items():
             energy[:, e] = np.where(~t.contact[e] | (force(d[:, e]) > 0.0), curve(d[:, e]), 0.0)
-        for e in self.hertz:
-            higher = laws.exponent[e] + 1.0
-            energy[:, e] = laws.coefficient[e] * self._pressed(d, e) ** higher / higher
+        for e, law, numbers in laws.of_contacts:
+            energy[:, e] = law.stored(np.maximum(0.0, d[:, e] + law.depth(t.preload[e], numbers)), numbers)
         for j, e in enumerate(t.memory):
             energy[:, e] = 0.5 * self.kept(d[:, e], memory[:, j], e) ** 2 / t.stiffness[e]
         return energy
@@ -74,11 +73,6 @@ class Elastic:
         if e in self.oil:
             return t.stiffness[e] * np.maximum(0.0, d - z - laws.travel[e])
         return np.clip(t.stiffness[e] * (d - z), -laws.slip[e], laws.slip[e])
-
-    def _pressed(self, d: np.ndarray, e: int) -> np.ndarray:
-        """Compression of a hertz contact beyond its touch [m]."""
-        t, laws = self.train, self.laws
-        return np.maximum(0.0, d[:, e] + (t.preload[e] / laws.coefficient[e]) ** (1.0 / laws.exponent[e]))
 
 
 @dataclass(frozen=True)
@@ -158,11 +152,12 @@ def _powers(law: Elastic, x, v, rise, rise_rate) -> tuple[Float[np.ndarray, "3 m
     t = law.train
     rate = t.compression(v, rise_rate) + t.gap  # the gap is no velocity
     elastic = law.force(t.compression(x, rise))
-    force = elastic + t.damping * rate
+    damping = t.damping + law.laws.dissipation * elastic
+    force = elastic + damping * rate
     acting = ~t.contact | ((elastic > 0) & (force > 0))
     letting_go = t.contact & (elastic > 0) & (force <= 0)
     by_cam = acting * t.cam_driven * force * rise_rate[:, None]
-    damped = acting * t.damping * rate**2
+    damped = acting * damping * rate**2
     left = letting_go * elastic * -rate
     return np.stack([by_cam, damped, left]), np.stack([t.mass_force * v, t.mass_damping * v**2])
 
@@ -219,7 +214,7 @@ def _linear(train: Train) -> Laws:
     """The laws of a train that gives none."""
     zero = np.zeros(len(train.a))
     kind, rows, table = zero.astype(int), np.ones(len(zero), int), np.zeros((len(zero), 1, 2))
-    return Laws(kind, train.stiffness, zero + 1.0, table, zero, zero, zero, rows)
+    return Laws(kind, train.stiffness, zero + 1.0, zero, table, zero, zero, zero, rows)
 
 
 def _curve(table: np.ndarray, preload: float | None) -> PPoly:

@@ -1,7 +1,8 @@
 """The first run of an installation: the job's programs are compiled in processes of their own, side by side.
 
 numba compiles one function at a time in a process, and what that leaves in memory stays there. The processes leave the
-programs in the cache folder, from which the job takes them. What they do not finish, the job compiles itself.
+programs in the cache folder, from which the job takes them. Programs that are not compiled by then are compiled on
+demand by the job.
 """
 
 import os

@@ -51,8 +51,8 @@ def free_numbers(scene: Scene, asked: Mapping[str, Sequence[float]]) -> tuple[Fr
     """The numbers that are asked for by name, with their ranges (low, high).
 
     A name is that of a tolerance of the scene, whose numbers move together, NAME.KEY of a mass or an element, or one of
-    `RAMP`. Raises InputError for another one, for a range that is none, and where the scene with all the lowest or all
-    the highest values is none.
+    `RAMP`. Raises InputError for another one, for an empty range, and for bounds of which all the lowest or all the
+    highest values give an invalid scene.
     """
     found = tuple(free_number(scene, name, *map(float, ends)) for name, ends in asked.items())
     for which, values in (("lowest", [one.low for one in found]), ("highest", [one.high for one in found])):
@@ -94,7 +94,9 @@ def with_best_values(
     one and the range."""
     given, ranges = [one.of(scene) for one in free], [(one.low, one.high) for one in free]
     with tqdm(total=EVALUATIONS, desc="free numbers", disable=None if progress else True, leave=False) as bar:
-        best = widest(lambda x: with_values(scene, free, x), given, ranges, speeds, effort, show=lambda _: bar.update())
+        best = maximise_over_parameters(
+            lambda x: with_values(scene, free, x), given, ranges, speeds, effort, show=lambda _: bar.update()
+        )
     pairs = zip(free, best.values, given, strict=True)
     return with_values(scene, free, best.values), {
         one.name: {"of": one.named(scene), "value": value, "as_given": was, "low": one.low, "high": one.high}
@@ -103,7 +105,7 @@ def with_best_values(
 
 
 @dataclass(frozen=True)
-class Widest:
+class LargestOverParameters:
     """The values whose program has the largest area, its area ratio there and at the start, and how often it was
     solved."""
 
@@ -113,7 +115,7 @@ class Widest:
     evaluations: int
 
 
-def widest(
+def maximise_over_parameters(
     scene_of: Callable[[np.ndarray], Scene],
     start: Sequence[float],
     ranges: Sequence[tuple[float, float]],
@@ -122,7 +124,7 @@ def widest(
     margin_N: float = MARGIN_N,
     evaluations: int = EVALUATIONS,
     show: Callable[[float], object] = lambda area: None,
-) -> Widest:
+) -> LargestOverParameters:
     """Of the scenes that `scene_of` makes of values within these ranges, the one whose no-jump program under a margin
     has the largest area; the area of the start is taken as it is, within the ranges or not."""
     low, high = np.array(ranges, dtype=float).T
@@ -131,23 +133,23 @@ def widest(
 
     def fall(share: np.ndarray) -> tuple[float, np.ndarray]:
         if len(met) == evaluations - 1:
-            raise _Spent
+            raise BudgetExhausted
         values = low + np.clip(share, 0.0, 1.0) * (high - low)
         area, slopes = programs.value_and_slopes(values, STEP * np.where(share > 0.5, low - high, high - low))
         met.append((area, values))
         show(area)
         return -area, -slopes * (high - low)
 
-    with suppress(_Spent):
+    with suppress(BudgetExhausted):
         minimize(
             fall, (begin - low) / np.where(high > low, high - low, 1.0), jac=True, method="L-BFGS-B",
             bounds=[(0.0, float(h > l)) for l, h in zip(low, high, strict=True)], options={"ftol": LEAST_GAIN},
         )  # fmt: skip
     area, values = max(met, key=lambda pair: pair[0])
-    return Widest(tuple(values.tolist()), area, at_start, len(met) + 1)
+    return LargestOverParameters(tuple(values.tolist()), area, at_start, len(met) + 1)
 
 
-class _Spent(Exception):
+class BudgetExhausted(Exception):
     """As many programs were solved as may be."""
 
 

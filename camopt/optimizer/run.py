@@ -14,12 +14,12 @@ from camopt.cam.design_file import as_written, design_record
 from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import write_lift_table
 from camopt.optimizer.accuracy import Accuracy, accuracy_named, drawn_speeds
-from camopt.optimizer.as_built.wanted import check_wanted
+from camopt.optimizer.as_built.checks import check_wanted
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.candidates import Families, KnownCam, largest_confirmed
 from camopt.optimizer.first_run import SAYING, compile_programs, programs_missing
 from camopt.optimizer.free_numbers import free_numbers, with_best_values
-from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_worth
+from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_sensitivities
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.progress import Progress
 from camopt.optimizer.search.cams import Journal, Logbook
@@ -205,7 +205,7 @@ class _OpenRun:
             area_ratio_no_jump=no_jump.area_ratio if no_jump else None,
             gradient_gain=cam.area_ratio - no_jump.area_ratio if no_jump and not why else None,
             verdict_fell_back=chosen.fell_back,
-            limit_worth=limit_worth(kinematic),
+            limit_worth=limit_sensitivities(kinematic),
             **({"why_a_family": why} if why else {}),
             **self.further,
         )
@@ -233,13 +233,13 @@ class _OpenRun:
 
     def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam | None]:
         """The same of the search for yield, which has no program alone."""
-        from camopt.optimizer.as_built.design import EFFORTS, yield_search
         from camopt.optimizer.as_built.drawn import TrainsLog
+        from camopt.optimizer.as_built.search import yield_search
 
         asked = self.settings
         with self.clock.stage("yield_search"):
             how = {"gradient": asked["gradient"], "seed": asked["seed"], "log": TrainsLog(folder), "show": shown.step}
-            search = yield_search(self.scene, asked["yield"], EFFORTS[asked["accuracy"]], **how)
+            search = yield_search(self.scene, asked["yield"], self.effort, **how)
         self.found = {"cams_judged": search.steps, "trains_drawn": search.trains_drawn}
         return search.held, None
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from camopt.scene.errors import InputError
-from camopt.storage import append_line, plain, whole_lines, write_bytes
+from camopt.storage import plain, write_bytes
+from camopt.storage.journal import append_line, whole_lines
 
 HISTORY = "history.jsonl"
 

@@ -15,9 +15,10 @@ duplicate or dangling names. A unit always stands in the key.
   both ways, "contact" only pushes. So the cam pushes the valve in a contact between ["ground", "valve"] with
   `cam_driven = true`; a valve spring stands between ["valve", "ground"]; the seat is a contact between
   ["ground", "valve"] whose preload is the force that holds the valve on it.
-- Other laws than linear: `law = "hertz"` with `exponent`, `law = "progressive"` with a `stiffness_table`, or
-  `law = "table"` with a `force_table`, rows of [compression_mm, force_N] as they are measured, and `installed_mm`, the
-  compression with the valve closed, where they count from the free length.
+- Other laws than linear: `law = "hertz"` with `exponent`, `law = "hunt-crossley"` with `dissipation_s_per_m` beside it,
+  `law = "progressive"` with a `stiffness_table`, or `law = "table"` with a `force_table`, rows of [compression_mm,
+  force_N] as they are measured, and `installed_mm`, the compression with the valve closed, where they count from the
+  free length.
 - `kind = "adjuster"`, a hydraulic lash adjuster in the middle of its stroke: `stiffness_N_per_m` of the oil,
   `leak_N_s_per_m`, `spring_N_per_m` and `preload_N` of the plunger spring, `stroke_mm`, `check_travel_mm`.
 - `kind = "friction"`, which sticks and slides: `slip_N` and the `stiffness_N_per_m` of sticking.

@@ -3,12 +3,13 @@
 Let d be the compression, p the elastic force and P the preload, which is the force at d = 0 under every law. Then
 
     linear       p = P + k d
-    hertz        p = k (d - d_touch)^exponent above the touch, 0 below it; d_touch = -(P / k)^(1 / exponent)
+    of contacts  p = p(d - d_touch) above the touch, 0 below it, as `camopt.scene.contact_laws` has them; under "hertz"
+                 k (d - d_touch)^exponent, with d_touch = -(P / k)^(1 / exponent)
     progressive  p = P + integral of K from 0 to d; K piecewise linear in d, constant beyond its first and last row
     table        p follows its rows of compression and force in straight lines; those at its ends go on
 
-so that a contact touches where p falls to zero, whatever its law. A hertz contact without preload touches at d = 0 and
-has p = k d^exponent; for two curved bodies that touch in a point the exponent is 3/2 (Hertz 1882).
+so that a contact touches where p falls to zero, whatever its law. An element's force is p + c d'; under a law of
+contacts that loses energy by itself, such as "hunt-crossley", it is p (1 + dissipation d').
 
 Two laws have a memory, a length z that has a law of motion of its own, and no force at rest:
 
@@ -23,6 +24,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from camopt.scene.contact_laws import CONTACT_LAWS, ContactLaw, LawNumbers, contact_law
+
 LINEAR, HERTZ, PROGRESSIVE, TABLE, OIL, FRICTION = range(6)
 KINDS = {
     "linear": LINEAR,
@@ -32,12 +35,13 @@ KINDS = {
     "oil": OIL,
     "friction": FRICTION,
 }
-CURVED = HERTZ, PROGRESSIVE
+KINDS |= {name: FRICTION + i for i, name in enumerate(CONTACT_LAWS) if name != "hertz"}
+"""The number of each law; those of contacts beyond the first follow in the order of their registry."""
+OF_CONTACTS = {KINDS[name]: name for name in CONTACT_LAWS}
+CURVED = *OF_CONTACTS, PROGRESSIVE
 """Laws that are no straight lines."""
-POINT_CONTACT = 1.5
-"""Exponent of a hertz contact where the scene gives none."""
 STAND_IN_FORCE = 1000.0
-"""Force [N] at which the tangent stiffness of a hertz contact stands in for it in modes and in first step sizes."""
+"""Force [N] at which the tangent stiffness of a law of contacts stands in for it in modes and in first step sizes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +49,9 @@ class Laws:
     """The laws of the elements (e) of a train; zeros where a number belongs to another law."""
 
     kind: np.ndarray  # (e) int, by KINDS
-    coefficient: np.ndarray  # (e): N/m^exponent of a hertz contact, N/m of a linear element, oil or friction
-    exponent: np.ndarray  # (e): 1 unless hertz
+    coefficient: np.ndarray  # (e): N/m^exponent of a law of contacts, N/m of a linear element, oil or friction
+    exponent: np.ndarray  # (e): 1 unless of a law of contacts
+    dissipation: np.ndarray  # (e) s/m: an element's force is p (1 + dissipation d') + c d'
     table: np.ndarray  # (e, q, 2): ascending compression [m]; stiffness [N/m] if progressive, force [N] if table
     leak: np.ndarray  # (e) N s/m, of oil
     travel: np.ndarray  # (e) m, of the ball in an oil column's valve
@@ -57,6 +62,16 @@ class Laws:
     def has_memory(self) -> np.ndarray:
         """Which elements have a memory, shape (e)."""
         return (self.kind == OIL) | (self.kind == FRICTION)
+
+    @property
+    def of_contacts(self) -> list[tuple[int, ContactLaw, LawNumbers]]:
+        """The elements with a law of contacts, each with its law and its numbers."""
+        found = np.flatnonzero(np.isin(self.kind, [*OF_CONTACTS]))
+        return [(e, self.contact_law(e), LawNumbers(self.coefficient[e], self.exponent[e])) for e in found.tolist()]
+
+    def contact_law(self, e: int) -> ContactLaw:
+        """The law of contacts that element e has."""
+        return contact_law(OF_CONTACTS[int(self.kind[e])])
 
     def force(self, d: np.ndarray, preload: np.ndarray) -> np.ndarray:
         """Elastic force [N] at compressions d (e) [m] with the preloads (e) [N]; zero where a memory has faded."""
@@ -73,10 +88,10 @@ class Laws:
             return _on_lines(self.table[e], d)
         if kind == PROGRESSIVE:
             return preload + _integral(self.table[e], d), np.interp(d, *self.table[e].T)
-        if kind == HERTZ:
-            power = self.exponent[e]
-            u = np.maximum(0.0, d + (preload / k) ** (1.0 / power))
-            return k * u**power, k * power * u ** (power - 1.0)
+        if kind in OF_CONTACTS:
+            law, numbers = self.contact_law(e), LawNumbers(k, self.exponent[e])
+            u = np.maximum(0.0, d + law.depth(preload, numbers))
+            return law.elastic(u, numbers), law.slope(u, numbers)
         if kind in (OIL, FRICTION):
             return np.zeros_like(d), np.zeros_like(d)
         return preload + k * d, np.full_like(d, k)
@@ -84,8 +99,8 @@ class Laws:
     def touch(self, preload: np.ndarray) -> np.ndarray:
         """Compression at which each elastic force falls to zero [m], shape (e)."""
         touch = -preload / self.coefficient
-        hertz = self.kind == HERTZ
-        touch[hertz] = -((preload[hertz] / self.coefficient[hertz]) ** (1.0 / self.exponent[hertz]))
+        for e, law, numbers in self.of_contacts:
+            touch[e] = -law.depth(preload[e], numbers)
         for e in np.flatnonzero(self.kind == PROGRESSIVE):
             touch[e] = _compression(self.table[e], -preload[e])
         for e in np.flatnonzero(self.kind == TABLE):
@@ -95,11 +110,12 @@ class Laws:
     def stand_in(self) -> np.ndarray:
         """Constant stiffness [N/m] of each element for modes and step sizes, shape (e).
 
-        For a hertz contact it is the tangent at STAND_IN_FORCE, for an element with a table the stiffness at
+        For a law of contacts it is the tangent at STAND_IN_FORCE, for an element with a table the stiffness at
         compression zero, for oil that of a column that does not leak, for friction that of sticking.
         """
-        exponent = self.exponent
-        stiffness = exponent * self.coefficient ** (1.0 / exponent) * STAND_IN_FORCE ** (1.0 - 1.0 / exponent)
+        stiffness = np.array(self.coefficient)
+        for e, law, numbers in self.of_contacts:
+            stiffness[e] = law.slope(law.depth(STAND_IN_FORCE, numbers), numbers)
         for e in np.flatnonzero(self.kind == PROGRESSIVE):
             stiffness[e] = np.interp(0.0, *self.table[e].T)
         for e in np.flatnonzero(self.kind == TABLE):

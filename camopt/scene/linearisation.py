@@ -30,4 +30,5 @@ def linearised_at_rest(train: Train) -> Train:
     stiffness = np.where(laws.kind == FRICTION, NO_STIFFNESS, train.stiffness)
     at_rest = train.compression(rest_position(train), 0.0)
     preload = np.where(laws.has_memory, -stiffness * at_rest, train.preload)
-    return replace(train, laws=None, forcing=(), stiffness=stiffness, preload=preload)
+    losing = laws.dissipation * np.maximum(laws.force(at_rest, train.preload), 0.0)  # of p (1 + dissipation d')
+    return replace(train, laws=None, forcing=(), stiffness=stiffness, preload=preload, damping=train.damping + losing)

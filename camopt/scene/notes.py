@@ -4,13 +4,14 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from camopt.scene.contact_laws import CONTACT_LAWS, POINT_CONTACT
 from camopt.scene.element import Element
 from camopt.scene.rest import static_forces
 from camopt.scene.schema import Scene
 from camopt.scene.table import Table
 from camopt.scene.train import build_train
 from camopt.scene.units import MM, UM
-from camopt.scene.usual import HERTZ_AT_UM, STIFF, USUAL, Usual
+from camopt.scene.usual import CONTACT_AT_UM, STIFF, USUAL, Usual
 
 MEANT = "if it is meant, nothing needs doing"
 LEAST_SEAT_N = 5.0
@@ -62,11 +63,11 @@ def _is_stiff(scene: Scene, element: Element) -> bool:
 
 
 def _stiff(scene: Scene) -> Iterable[tuple[str, float]]:
-    """Stiffness [N/m] of the contacts that must be stiff; of a law "hertz" the tangent at a usual compression."""
+    """Stiffness [N/m] of the contacts that must be stiff; of a law of contacts the tangent at a usual compression."""
     for element in scene.element:
-        stiffness, power = element.stiffness_N_per_m, element.exponent or 1.5
-        if element.law == "hertz" and stiffness is not None:
-            yield element.name, power * stiffness * (HERTZ_AT_UM * UM) ** (power - 1)
+        stiffness, power = element.stiffness_N_per_m, element.exponent or POINT_CONTACT
+        if element.law in CONTACT_LAWS and stiffness is not None:
+            yield element.name, power * stiffness * (CONTACT_AT_UM * UM) ** (power - 1)
         elif element.form == "linear" and stiffness is not None and _is_stiff(scene, element):
             yield element.name, stiffness
 

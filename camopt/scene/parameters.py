@@ -29,7 +29,7 @@ KEYS = {
     "mass": ("mass_kg", "damping_N_s_per_m", "force_N"),
     "element": (
         *(RATE, "damping_N_s_per_m", PRELOAD, "installed_mm", "gap_mm"),
-        *("spring_N_per_m", "leak_N_s_per_m", "check_travel_mm", "slip_N"),
+        *("dissipation_s_per_m", "spring_N_per_m", "leak_N_s_per_m", "check_travel_mm", "slip_N"),
     ),
 }
 """The numbers of a train, which may scatter, be free and be fitted, by the table in which they stand."""

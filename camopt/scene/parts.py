@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from camopt.scene.contact_laws import CONTACT_LAWS, POINT_CONTACT
 from camopt.scene.element import Element
-from camopt.scene.laws import KINDS, POINT_CONTACT, Laws
+from camopt.scene.laws import KINDS, Laws
 from camopt.scene.units import MM
 
 OIL_OF = "{}-oil"
@@ -27,6 +28,7 @@ class Part:
     preload: float = 0.0
     gap: float = 0.0
     exponent: float = 1.0
+    dissipation: float = 0.0
     table: tuple[tuple[float, float], ...] = ()  # rows of compression and stiffness, or force
     leak: float = 0.0
     travel: float = 0.0
@@ -55,7 +57,8 @@ def _itself(e: Element) -> Part:
         damping=e.damping_N_s_per_m,
         preload=e.preload_N,
         gap=e.gap_mm * MM,
-        exponent=(e.exponent or POINT_CONTACT) if e.law == "hertz" else 1.0,
+        exponent=(e.exponent or POINT_CONTACT) if e.law in CONTACT_LAWS else 1.0,
+        dissipation=e.dissipation_s_per_m or 0.0,
         table=tuple(((at - e.installed_mm) * MM, value) for at, value in rows or ()),
     )
 
@@ -87,6 +90,7 @@ def laws_of(parts: Sequence[Part]) -> Laws:
         kind=np.array([KINDS[p.law] for p in parts]),
         coefficient=np.array([p.stiffness for p in parts]),
         exponent=np.array([p.exponent for p in parts]),
+        dissipation=np.array([p.dissipation for p in parts]),
         table=_of_one_length(parts),
         leak=np.array([p.leak for p in parts]),
         travel=np.array([p.travel for p in parts]),

@@ -15,7 +15,7 @@ from camopt.scene.units import DEG
 GROUND = -1
 TRAIN_PARAMETERS = ("mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap")
 """Fields of `Train` whose numbers a user may vary, and by which metrics have derivatives."""
-LAW_PARAMETERS = ("table", "leak", "travel", "slip")
+LAW_PARAMETERS = ("dissipation", "table", "leak", "travel", "slip")
 """Fields of `Laws` of which the same is true, in a train that has laws."""
 
 
@@ -94,7 +94,7 @@ class Train:
     def parameters(self) -> dict[str, np.ndarray]:
         """The numbers by TRAIN_PARAMETERS and, of a train with laws, by LAW_PARAMETERS.
 
-        The stiffness of a train with laws is the coefficient of each law, of a hertz contact in N/m^exponent.
+        The stiffness of a train with laws is the coefficient of each law, of a law of contacts in N/m^exponent.
         """
         numbers = {name: getattr(self, name) for name in TRAIN_PARAMETERS}
         if self.laws is None:
@@ -128,6 +128,12 @@ class Train:
                 f"{method} needs elements whose force follows straight lines, and these have curved laws: {names}; "
                 f"{instead}"
             )
+
+    def require_kinds(self, method: str, most: int, where: str) -> None:
+        """Raises InputError where a method whose file is `where` meets a law whose number is above `most`."""
+        if self.laws is not None and np.any(self.laws.kind > most):
+            names = ", ".join(n for n, kind in zip(self.element_names, self.laws.kind, strict=True) if kind > most)
+            raise InputError(f"{method} has not the law of {names}: write it in {where}, or ask another method")
 
     def compression(self, x: np.ndarray, lift: np.ndarray | float) -> np.ndarray:
         """Compression of every element [m], shape (..., e), for positions x (..., n) [m] and lift (...) [m]."""

@@ -44,6 +44,7 @@ USUAL = {
     "mass.force_N": Usual(0, 5e3, "up to the gas force on an exhaust valve", {"mN": 1e-3}),
     "element.stiffness_N_per_m": Usual(500, 1e10, "from a lifter's plunger spring to a solid steel part", _STIFFNESS),
     "element.damping_N_s_per_m": Usual(0, 1e5, "up to a stiff contact damped by half of what is critical", {}),
+    "element.dissipation_s_per_m": Usual(0.05, 1.5, "0.12 to 0.48 of steel, and a margin", {"s/mm": 1e3}),
     "element.preload_N": Usual(0, 2e4, "up to the springs of a racing engine, and a margin", {"mN": 1e-3}),
     "element.installed_mm": Usual(0.5, 60, "compression of a closed valve's spring", _LENGTH),
     "element.force_table": Usual(1, 100, "mm of compression over the rows of a spring", _LENGTH),
@@ -98,5 +99,5 @@ USUAL = {
 
 STIFF = Usual(1e6, 1e10, "from a slender pushrod's to solid steel", _STIFFNESS)
 """Stiffness of the contact that the cam drives and of the seat, N/m: those of springs are no tenth of it."""
-HERTZ_AT_UM = 10.0
-"""Compression [um] at which the tangent of a law "hertz" is held against `STIFF`."""
+CONTACT_AT_UM = 10.0
+"""Compression [um] at which the tangent of a law of contacts is held against `STIFF`."""

@@ -2,7 +2,9 @@
 
 With u the compression beyond the touch (d + preload / k), the force of a contact is
 
-    f = clip_0( p(eps S(u / eps)) + c u' S'(u / eps) ),    p(u) = k u where the elastic law is linear.
+    f = clip_0( p(eps S(u / eps)) + c u' S'(u / eps) ),    p(u) = k u where the elastic law is linear,
+
+and c grows by dissipation p under a law of contacts that loses energy by itself.
 
 S is either the compact ramp or the softplus. The compact ramp equals max(0, r) outside |r| < 1/2 and is twice
 continuously differentiable. Outside its layer it *is* the law of the non-smooth model, so that the resting force has no
@@ -63,14 +65,16 @@ def raw_force(u, u_dot, stiffness, damping, layer: Layer) -> jax.Array:
     smooth, eps = RAMPS[layer.ramp], layer.eps
     pressed = smooth.value(u / eps)
     elastic = stiffness(eps * pressed) if callable(stiffness) else stiffness * eps * pressed
-    return elastic + damping * u_dot * smooth.slope(u / eps)
+    damper = damping(elastic) if callable(damping) else damping
+    return elastic + damper * u_dot * smooth.slope(u / eps)
 
 
 def contact_force(u, u_dot, stiffness, damping, layer: Layer) -> jax.Array:
     """Force of contacts [N], never below zero, any shape.
 
     `u` [m] is the compression beyond the touch and `u_dot` [m/s] its rate.
-    `stiffness` [N/m], or the elastic force p [N] as a function of the compression beyond the touch.
+    `stiffness` [N/m], or the elastic force p [N] as a function of the compression beyond the touch; `damping` [N s/m],
+    or the same as a function of the elastic force.
     Source: design of this project; the limit eps -> 0 is max(0, k u + c u') for u > 0 and 0 otherwise.
     """
     force = raw_force(u, u_dot, stiffness, damping, layer)

@@ -10,36 +10,42 @@ change of slope times eps S((d - c) / eps). With s = d - z, oil and friction tak
 so that oil fills, and friction slides, where s is at most eps / 2 beyond its bound.
 """
 
+from collections.abc import Iterator
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from camopt.scene.laws import FRICTION, HERTZ, OIL, PROGRESSIVE, STAND_IN_FORCE, TABLE, Laws
+from camopt.scene.contact_laws import ContactLaw, LawNumbers, contact_law
+from camopt.scene.laws import FRICTION, OF_CONTACTS, OIL, PROGRESSIVE, STAND_IN_FORCE, TABLE, Laws
+from camopt.scene.train import LAW_PARAMETERS
 from camopt.smooth.contact import RAMPS, Layer
 
 
 class ElasticLaws(eqx.Module):
-    """The laws of the elements (e) of a train. A stiffness is in N/m, that of a hertz contact in N/m^exponent."""
+    """The laws of the elements (e) of a train. A stiffness is in N/m, that of a law of contacts in N/m^exponent."""
 
+    dissipation: jax.Array  # (e) s/m, of laws of contacts
     table: jax.Array  # (e, q, 2): compression [m] and stiffness [N/m] where progressive, force [N] where a table
     leak: jax.Array  # (e) N s/m, of oil
     travel: jax.Array  # (e) m, of oil
     slip: jax.Array  # (e) N, of friction
     kind: tuple[int, ...] = eqx.field(static=True)
     exponent: tuple[float, ...] = eqx.field(static=True)
+    dissipative: bool = eqx.field(static=True)
 
     def touch(self, stiffness: jax.Array, preload: jax.Array) -> jax.Array:
         """Compression at which each elastic force falls to zero [m], shape (e).
 
-        A hertz contact without preload touches at zero, and the derivative by its preload is given as zero; the true
+        A law of contacts without preload touches at zero, and the derivative by its preload is given as zero; the true
         derivative, by a preload that grows from nothing, is infinite.
         """
         touch = -preload / stiffness
-        h, q = self._hertz(preload.dtype)
-        pressed = preload[h] > 0
-        shift = (jnp.where(pressed, preload[h], 1.0) / stiffness[h]) ** (1.0 / q)
-        touch = touch.at[h].set(jnp.where(pressed, -shift, 0.0))
+        for h, law, numbers in self._of_contacts(stiffness):
+            pressed = preload[h] > 0
+            shift = law.depth(jnp.where(pressed, preload[h], 1.0), numbers)
+            touch = touch.at[h].set(jnp.where(pressed, -shift, 0.0))
         for e in self._progressive():
             touch = touch.at[e].set(_compression(self.table[e], -preload[e]))
         for e in self._of(TABLE):
@@ -48,12 +54,10 @@ class ElasticLaws(eqx.Module):
 
     def force(self, u: jax.Array, stiffness: jax.Array, preload: jax.Array, layer: Layer | None = None) -> jax.Array:
         """Elastic force [N] of every element at the compression u (e) [m] beyond its touch; zero with a memory."""
-        h, q = self._hertz(u.dtype)
-        pressed = (
-            u[h] > 0.0
-        )  # apart, the power's second slope, which rates of forces are differentiated by, is no number
-        point = jnp.where(pressed, jnp.where(pressed, u[h], 1.0) ** q, 0.0)
-        force = (stiffness * u).at[h].set(stiffness[h] * point)
+        force = stiffness * u
+        for h, law, numbers in self._of_contacts(stiffness):
+            pressed = u[h] > 0.0  # apart, a power's second slope, which rates of forces take, is no number
+            force = force.at[h].set(jnp.where(pressed, law.elastic(jnp.where(pressed, u[h], 1.0), numbers), 0.0))
         force = force.at[np.array(self.memory, dtype=int)].set(0.0)
         if not self._progressive() and not self._of(TABLE):
             return force
@@ -67,8 +71,10 @@ class ElasticLaws(eqx.Module):
 
     def stand_in(self, stiffness: jax.Array) -> jax.Array:
         """Constant stiffness [N/m] that stands for each law; see `camopt.scene.laws.Laws.stand_in`."""
-        h, q = self._hertz(stiffness.dtype)
-        return stiffness.at[h].set(q * stiffness[h] ** (1.0 / q) * STAND_IN_FORCE ** (1.0 - 1.0 / q))
+        stands = stiffness
+        for h, law, numbers in self._of_contacts(stiffness):
+            stands = stands.at[h].set(law.slope(law.depth(STAND_IN_FORCE, numbers), numbers))
+        return stands
 
     @property
     def memory(self) -> list[int]:
@@ -102,10 +108,12 @@ class ElasticLaws(eqx.Module):
             ways += own
         return jnp.stack(ways)
 
-    def _hertz(self, dtype) -> tuple[np.ndarray, np.ndarray]:
-        """Indices of the hertz contacts and their exponents."""
-        h = np.flatnonzero(np.array(self.kind) == HERTZ)
-        return h, np.array(self.exponent)[h].astype(dtype)
+    def _of_contacts(self, stiffness: jax.Array) -> Iterator[tuple[np.ndarray, ContactLaw, LawNumbers]]:
+        """The elements of each law of contacts, the law, and its numbers."""
+        for kind in sorted(set(self.kind) & set(OF_CONTACTS)):
+            h = np.array(self._of(kind))
+            numbers = LawNumbers(stiffness[h], np.array(self.exponent, stiffness.dtype)[h])
+            yield h, contact_law(OF_CONTACTS[kind]), numbers
 
     def _progressive(self) -> list[int]:
         return self._of(PROGRESSIVE)
@@ -116,9 +124,9 @@ class ElasticLaws(eqx.Module):
 
 def elastic_laws(laws: Laws, dtype) -> ElasticLaws:
     """The differentiable laws of a train."""
-    table, leak, travel, slip = (jnp.asarray(q, dtype) for q in (laws.table, laws.leak, laws.travel, laws.slip))
+    numbers = {name: jnp.asarray(getattr(laws, name), dtype) for name in LAW_PARAMETERS}
     kind, exponent = tuple(map(int, laws.kind)), tuple(float(q) for q in laws.exponent)
-    return ElasticLaws(table, leak, travel, slip, kind, exponent)
+    return ElasticLaws(**numbers, kind=kind, exponent=exponent, dissipative=bool(laws.dissipation.any()))
 
 
 def _ramp(r: jax.Array, layer: Layer | None) -> jax.Array:

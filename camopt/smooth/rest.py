@@ -93,9 +93,10 @@ def rest_of(system: System) -> Float[Array, "2 n"]:
 
 def rest_state(train: Train) -> Float[Array, "2 n"]:
     """The same of a train, found without JAX; raises InputError where there is no rest (see `camopt.scene.rest`)."""
-    return _faded(build_system(train), jnp.asarray(rest_position(train)))
+    return _faded(build_system(train), rest_position(train))
 
 
+@jax.jit
 def _faded(system: System, x) -> jax.Array:
     at_rest = jnp.stack([x, jnp.zeros_like(x)])
     if not system.topology.memory:

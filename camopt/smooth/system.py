@@ -69,7 +69,7 @@ class System(eqx.Module):
     mass: Float[Array, " n"]  # kg
     mass_damping: Float[Array, " n"]  # N s/m
     mass_force: Float[Array, " n"]  # N
-    stiffness: Float[Array, " e"]  # N/m, of a hertz contact N/m^exponent
+    stiffness: Float[Array, " e"]  # N/m, of a law of contacts N/m^exponent
     damping: Float[Array, " e"]  # N s/m
     preload: Float[Array, " e"]  # N
     gap: Float[Array, " e"]  # m
@@ -87,6 +87,7 @@ class System(eqx.Module):
         lift, lift_dt = (jnp.reshape(q, (1,) * (d.ndim - jnp.ndim(q)) + jnp.shape(q)) for q in (lift, lift_dt))
         return d + drive * lift - column(self.gap + self.touch(), d), d_dt + drive * lift_dt
 
+    @jax.jit  # a program of its own: a loop that is differentiated goes through its operations once, not in every pass
     def force(self, y: Float[Array, "2 n *b"], lift, lift_dt, layer: Layer) -> Float[Array, " e *b"]:
         """Force of every element [N]; it pushes a towards -x and b towards +x."""
         u, u_dt = self.compression(y, lift, lift_dt)
@@ -102,10 +103,18 @@ class System(eqx.Module):
     ) -> Float[Array, " contacts *b"]:
         """Force of every contact [N], in the order of the elements, before it is clipped at zero."""
         pick = self.topology.contacts
-        damping = column(self.damping, u)
         if self.laws is None:
-            return raw_force(u[pick], u_dt[pick], column(self.stiffness, u)[pick], damping[pick], layer)
-        return raw_force(u, u_dt, lambda pressed: self.elastic(pressed, layer), damping, layer)[pick]
+            stiffness, damping = (column(q, u)[pick] for q in (self.stiffness, self.damping))
+            return raw_force(u[pick], u_dt[pick], stiffness, damping, layer)
+        return raw_force(u, u_dt, lambda pressed: self.elastic(pressed, layer), self.damper, layer)[pick]
+
+    def damper(self, elastic: Float[Array, " e *b"]) -> jax.Array:
+        """Force by the rate of compression of every element (e, *b) [N s/m]: the same in a batch, or what a law of
+        contacts takes of its elastic force [N]."""
+        damping = column(self.damping, elastic)
+        if self.laws is None or not self.laws.dissipative:
+            return damping
+        return damping + column(self.laws.dissipation, elastic) * elastic
 
     def slack(self, y: Float[Array, "2 n *b"], u: Float[Array, " e *b"]) -> Float[Array, " r *b"]:
         """Compression [m] of every element with a memory beyond that memory."""
@@ -162,6 +171,7 @@ class System(eqx.Module):
         n = self.mass.shape[0]
         return states[:, 0, :n], states[:, 1, :n], states[:, 0, n:] if self.topology.memory else None
 
+    @jax.jit
     def stiffest(self) -> jax.Array:
         """Largest frequency of a mass on its own elements [rad/s]: the scale of the fastest motion."""
         stiffness = self.stiffness if self.laws is None else self.laws.stand_in(self.stiffness)

@@ -5,9 +5,9 @@ the contacts between cam and valve is bilateral: their elastic force goes on bel
 train with lash the contacts that are closed at rest are tied on the ramps and on the base circle too, where a follower
 that hops within its lash would make the motion depend on its last digits; an adjuster must be free to push there. With
 a share of one a contact cannot open, and its force has a slope by the cam's coefficients wherever it stands; with zero
-the law is that of the scene, smoothed. An elastic law that is not linear goes on along its tangent below `TANGENT_N`.
-Tied contact forces of a train whose laws are linear are affine in the lift as long as seat and lash change their
-contact at the same angles.
+the law is that of the scene, smoothed. An elastic law that is not linear goes on along its tangent below `TANGENT_N`,
+and what it damps is no less there than at that force. Tied contact forces of a train whose laws are linear are affine
+in the lift as long as seat and lash change their contact at the same angles.
 """
 
 from functools import partial
@@ -59,8 +59,8 @@ class TiedSystem(eqx.Module):
         s, on = self.system, np.array(self.system.topology.cam_side)
         begin, _, slope = (column(part, u) for part in self.tangent)
         lifted = jnp.maximum(u[on], begin)
-        elastic = s.elastic(u.at[on].set(lifted))[on] + slope * jnp.minimum(u[on] - begin, 0.0)
-        return elastic + column(s.damping, u)[on] * u_dt[on]
+        pushing = s.elastic(u.at[on].set(lifted))
+        return pushing[on] + slope * jnp.minimum(u[on] - begin, 0.0) + s.damper(pushing)[on] * u_dt[on]
 
     def force(self, y, lift, lift_dt, layer: Layer, tie) -> jax.Array:
         """Force of every element (e, *b) [N]; a share `tie` of the contacts between cam and valve is bilateral."""
@@ -79,8 +79,8 @@ def tied_system(train: Train) -> TiedSystem:
     system, on = build_system(train), np.array(train.cam_side)
     closed = train.compression(rest_position(train), 0.0)[on] >= train.touch_compression[on] - 1e-12
     at_rest = closed & ~closed.all()
-    begin, force, slope = (part[on] for part in _tangents(system))
-    return TiedSystem(system, (begin, force, slope), jnp.asarray(at_rest, float))
+    begin, force, slope = (np.asarray(part)[on] for part in _tangents(system))
+    return TiedSystem(system, (begin, force, slope), at_rest.astype(float))
 
 
 @jax.jit
@@ -120,6 +120,41 @@ def parts_of_steps(tied: TiedSystem, slowest: float, steps: int = STEPS) -> int:
     return max(1, int(np.ceil(phase / LARGEST_PHASE)))
 
 
+class DrivenTies(eqx.Module):
+    """A train with tied contacts under a cam; the arguments are those of `tied_paths`.
+
+    Both functions are programs of their own inside the revolution's. Its loop is differentiated in several passes, each
+    of which would otherwise go through all of their operations.
+    """
+
+    tied: TiedSystem
+    samples: Array
+    cam_speed: Array
+    event: Any
+    tie: Any
+    layer: Layer
+
+    @jax.jit
+    def rate(self, theta, y):
+        """Derivative of the state by the cam angle, [m/rad] and [m/s/rad]."""
+        lift, lift_dt, share = self._drive(theta)
+        change = self.tied.rate(y, lift, lift_dt, self.layer, share, self.tied.system.push(theta))
+        return change / self.cam_speed[None, None]
+
+    @partial(jax.jit, static_argnums=3)
+    def reading(self, theta, y, whole: bool):
+        """What `tied_paths` reads of the state at an angle."""
+        lift, lift_dt, share = self._drive(theta)
+        system, on = self.tied.system, np.array(self.tied.system.topology.cam_side)
+        force, (u, _) = self.tied.force(y, lift, lift_dt, self.layer, share), system.compression(y, lift, lift_dt)
+        return (y, force) if whole else (force[on], -u[on], -u[system.topology.seat])
+
+    def _drive(self, theta):
+        inside = (theta >= self.event[0] - 1e-9) & (theta < self.event[1] - 1e-9)
+        lift, lift_dtheta = lift_at(self.samples, theta)
+        return lift, lift_dtheta * self.cam_speed, self.tie * jnp.where(inside, 1.0, self.tied.at_rest)[:, None]
+
+
 @partial(jax.jit, static_argnames=("parts", "adjoint", "whole"))
 def tied_paths(
     tied: TiedSystem,
@@ -142,41 +177,30 @@ def tied_paths(
     "reverse", the one mode in which the paths may be differentiated: in the numbers of the system, the samples and the
     start.
     """
-    on, steps = np.array(tied.system.topology.cam_side), samples.shape[0] - 1
+    steps, driven = samples.shape[0] - 1, DrivenTies(tied, samples, cam_speed, event, tie, layer)
 
-    def drive(theta):
-        inside = (theta >= event[0] - 1e-9) & (theta < event[1] - 1e-9)
-        lift, lift_dtheta = lift_at(samples, theta)
-        return lift, lift_dtheta * cam_speed, tie * jnp.where(inside, 1.0, tied.at_rest)[:, None]
-
-    def rate(theta, y, _):
-        lift, lift_dt, share = drive(theta)
-        return tied.rate(y, lift, lift_dt, layer, share, tied.system.push(theta)) / cam_speed[None, None]
-
-    def reading(theta, y, _):
-        lift, lift_dt, share = drive(theta)
-        force, (u, _) = tied.force(y, lift, lift_dt, layer, share), tied.system.compression(y, lift, lift_dt)
-        return (y, force) if whole else (force[on], -u[on], -u[tied.system.topology.seat])
+    def read(theta, y, _):
+        return driven.reading(theta, y, whole)
 
     with jax.ensure_compile_time_eval():  # diffrax then checks the grid now, and not by a callback at every call
         grid = jnp.asarray(equal_grid(steps), y0.dtype)
         controller = diffrax.StepTo(ts=grid)
     solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(rate),
+        diffrax.ODETerm(lambda theta, y, _: driven.rate(theta, y)),
         LowStorage(parts),
         grid[0],
         grid[-1],
         None,
         y0,
-        saveat=diffrax.SaveAt(subs=[diffrax.SubSaveAt(steps=True, fn=reading), diffrax.SubSaveAt(t1=True)]),
+        saveat=diffrax.SaveAt(subs=[diffrax.SubSaveAt(steps=True, fn=read), diffrax.SubSaveAt(t1=True)]),
         stepsize_controller=controller,
         adjoint=ADJOINTS[adjoint](),
         max_steps=steps,
         throw=False,
     )
     assert solution.ys is not None
-    read, (end,) = solution.ys
-    return read if whole else TiedPaths(read[0], read[1], read[2], end)
+    found, (end,) = solution.ys
+    return found if whole else TiedPaths(found[0], found[1], found[2], end)
 
 
 class Directions(NamedTuple):
@@ -224,7 +248,7 @@ def settled_paths(
     """
     for _ in range(most):
         start, paths = y0, tied_paths(tied, samples, cam_speed, y0, event, tie, layer, parts=parts)
-        y0, moved = paths.end, float(jnp.abs(paths.end - start)[0].max())
+        y0, moved = paths.end, float(np.abs(np.asarray(paths.end) - np.asarray(start))[0].max())
         if not np.isfinite(moved) or moved < within:
             break
     return start, paths

@@ -109,7 +109,7 @@ def by_speed(motion: TracedMotion, slopes: Slopes, start: State | None) -> Float
     total = 2 * by_train.mass @ train.mass + by_train.mass_damping @ train.mass_damping
     total = total + by_train.damping @ train.damping
     if train.laws is not None and isinstance(by_train, ByTrainAndLaws):
-        total = total + by_train.leak @ train.laws.leak
+        total = total + by_train.leak @ train.laws.leak + by_train.dissipation @ train.laws.dissipation
     if start is not None:
         n = len(train.mass)
         total = total - slopes.by_start[:, n : 2 * n] @ start[n : 2 * n]

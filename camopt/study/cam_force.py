@@ -1,16 +1,27 @@
-"""One settled revolution of the simulated motion: the force between cam and follower, and the valve's own lift."""
+"""The force between cam and follower over one settled revolution, the valve's own lift, and the torque of a camshaft.
 
+A rigid shaft turns at constant speed, so that the power of a lobe's force F on the valve's axis, F lift' omega, is that
+of its torque. Friction, which a film of oil makes of the sliding, is left out: the mean is what the train's dampings
+take.
+"""
+
+from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.scene import MotionRefused, Response, Scene, Train, build_train
+from camopt.scene import InputError, MotionRefused, Response, Scene, Train, build_train
+from camopt.scene.rest import static_forces
+from camopt.scene.shapes import Float
 from camopt.scene.units import DEG
 
 REVOLUTIONS = 6
 """From rest to the revolution that is read: five to six are usually taken as settled (Wagstaff 1967, as MOTORI 2004
 quotes)."""
+STEP_DEG = 0.5
+MOST_LOBES = 100
 
 
 def settled_force(scene: Scene, train: Train, lift: Lift, speed_rpm: float) -> tuple[np.ndarray, np.ndarray, str]:
@@ -43,3 +54,46 @@ def _settled(scene: Scene, train: Train, lift: Lift, speed_rpm: float) -> tuple[
         motion, method = recorded(scene, lift, speed_rpm, "rkg", revolutions=REVOLUTIONS), "rkg"
     steps = (len(motion.angle) - 1) // REVOLUTIONS
     return motion, (np.arange(steps + 1) * (360.0 / steps) - 180.0) * DEG, slice(-steps - 1, None), method
+
+
+@dataclass(frozen=True)
+class CamshaftTorque:
+    """The `torque` [N m] of all lobes together at cam angles `theta` [rad] of the first, one turn; `speed_rpm` of the
+    crank, None standing still."""
+
+    theta: Float[np.ndarray, " k"] = field(repr=False)
+    torque: Float[np.ndarray, " k"] = field(repr=False)
+    lobes: int
+    speed_rpm: float | None
+
+    def __str__(self) -> str:
+        at = "standing still" if self.speed_rpm is None else f"at {self.speed_rpm:g} r/min"
+        lobes = "1 lobe" if self.lobes == 1 else f"{self.lobes} lobes"
+        mean = float(np.mean(self.torque[:-1]))
+        return f"torque of {lobes} {at}: {self.torque.min():z.3f} to {self.torque.max():z.3f} N m, mean {mean:z.3f}"
+
+
+def camshaft_torque(
+    scene: Scene, cam: Lift, phases_deg: Sequence[float] = (0.0,), speed_rpm: float | None = None
+) -> CamshaftTorque:
+    """The torque of a shaft whose equal lobes follow the first by these cam angles.
+
+    At a crankshaft speed the force is that of the motion from rest in its sixth revolution; without one, that of the
+    train at rest on every lift. Raises InputError for more than `MOST_LOBES` lobes, and as the simulation does.
+    """
+    if not 0 < len(phases_deg) <= MOST_LOBES:
+        raise InputError(f"camshaft: {len(phases_deg)} lobes: from 1 to {MOST_LOBES} are needed")
+    train = build_train(scene)
+    if not np.any(train.cam_driven):
+        raise InputError(
+            f"scene {scene.name}: no element is cam driven, so the cam carries no force: set cam_driven = true in one"
+        )
+    theta = np.linspace(-180.0, 180.0, round(360 / STEP_DEG) + 1) * DEG
+    if speed_rpm is None:
+        force = static_forces(train, cam(theta))[:, int(np.argmax(train.cam_driven))]
+    else:
+        at, moving, _ = settled_force(scene, train, cam, speed_rpm)
+        force = np.interp(theta, at, moving, period=2 * np.pi)
+    own = force * cam(theta, 1)
+    total = sum(np.interp(theta - phase * DEG, theta, own, period=2 * np.pi) for phase in phases_deg)
+    return CamshaftTorque(theta, np.asarray(total), len(phases_deg), speed_rpm)

@@ -45,9 +45,9 @@ def sheet(scene: Scene, lift: Lift, speed_rpm: float | None = None) -> list[str]
     lines = _limits(scene, lift, law)
     lines += [f"{told}."] * bool(told)
     if scene.geometry is not None:
-        found = contact(law, scene.geometry)
-        lines += _contact(lift, found)
-        if speed_rpm is not None and found.contour_fault is not None:
+        touching = contact(law, scene.geometry)
+        lines += _contact(lift, touching)
+        if speed_rpm is not None and touching.contour_fault is not None:
             lines.append("Hertz stress: none without a contour that gives the follower this lift")
         elif speed_rpm is not None:
             lines += _stress(scene, law, scene.geometry, speed_rpm)
@@ -139,13 +139,13 @@ def remarks(lift: Lift, design: Design) -> list[str]:
     return said
 
 
-def _contact(lift: Lift, found: Contact) -> list[str]:
+def _contact(lift: Lift, touching: Contact) -> list[str]:
     """The contact's figures and faults, and the durations at the usual lifts."""
-    geometry = found.geometry
+    geometry = touching.geometry
     lines = [f"{_follower(geometry)} on a base circle of radius {geometry.base_radius_mm:g} mm"]
     if geometry.assumed:
         lines.append(f"  assumed: {', '.join(geometry.assumed)}")
-    for key, value in found.figures().items():
+    for key, value in touching.figures().items():
         unit = key.rpartition("_")[2] if key.endswith(("_mm", "_deg")) else ""
         if value is not None:
             lines.append(f"  {LABELS[key]:<24} {value:10.4f} {unit}".rstrip())
@@ -158,7 +158,7 @@ def _contact(lift: Lift, found: Contact) -> list[str]:
             continue
         opening, closing = (angle / DEG for angle in crossing(lift, height * MM))
         lines.append(f"  {label:<24} {opening:10.4f} to {closing:.4f} deg, {closing - opening:.4f} deg long")
-    return lines + [f"  fault: {sentence}" for sentence in found.faults()]
+    return lines + [f"  fault: {sentence}" for sentence in touching.faults()]
 
 
 def _follower(geometry: Geometry) -> str:
@@ -200,10 +200,10 @@ def _worst_stress(
 ) -> tuple[HertzStress, float]:
     """The largest stress at `BAND_SPEEDS` speeds of the band and at the one asked, and its crankshaft r/min."""
     assert scene.operation is not None, "the verb asks for it"
-    found = [(moving, speed_rpm)]
+    stresses = [(moving, speed_rpm)]
     for speed in np.linspace(*scene.operation.band_rpm, BAND_SPEEDS):
-        found.append((dynamic_stress(scene, train, lift, float(speed))[0], float(speed)))
-    return max(found, key=lambda one: one[0].largest[0])
+        stresses.append((dynamic_stress(scene, train, lift, float(speed))[0], float(speed)))
+    return max(stresses, key=lambda one: one[0].largest[0])
 
 
 def _surfaces(scene: Scene, lift: Lift, moving: HertzStress, speed_rpm: float) -> list[str]:

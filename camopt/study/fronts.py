@@ -1,6 +1,5 @@
 """What a limit costs: the largest confirmed area over a range of one limit; cam and valve spring designed together."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,12 +9,13 @@ import xarray as xr
 from tqdm import tqdm
 
 from camopt.optimizer.accuracy import accuracy_named
-from camopt.optimizer.free_numbers import widest
+from camopt.optimizer.free_numbers import maximise_over_parameters
 from camopt.optimizer.search.search import find_cam
 from camopt.scene.errors import InputError
 from camopt.scene.parameters import with_spring
 from camopt.scene.schema import AS_BUILT, Scene
-from camopt.storage import check_file, write_json
+from camopt.storage import check_file
+from camopt.storage.journal import Records
 
 VALUES = {
     "bounce_max_mm": (0.005, 0.02, 0.05, 0.1, 0.2),
@@ -70,48 +70,37 @@ def pareto(
     Raises InputError for an unknown limit or accuracy, or an unusable `out`. A value without a confirmed cam is NaN.
     """
     of_yield = against == YIELD
-    known = of_yield or (scene.design is not None and against in type(scene.design).model_fields)
-    if scene.design is None or not known or (against not in VALUES and not values):
+    is_limit = of_yield or (scene.design is not None and against in type(scene.design).model_fields)
+    if scene.design is None or not is_limit or (against not in VALUES and not values):
         raise InputError(f"pareto: {against!r}: expected a limit of [design] such as {', '.join(VALUES)}, with values")
-    asked = {"against": against, "release": sorted(release), "speeds": speeds, "accuracy": accuracy} | {
+    identity = {"against": against, "release": sorted(release), "speeds": speeds, "accuracy": accuracy} | {
         "gradient": gradient,
         "scene": scene.model_dump(
             mode="json", exclude_none=True, exclude_defaults=True, exclude=None if of_yield else AS_BUILT
         ),
     }
-    asked |= {"seed": seed} if of_yield else {}
-    stored = _stored(out, asked)
+    identity |= {"seed": seed} if of_yield else {}
+    if out is not None:
+        check_file(out)
+    points = Records(out, "limit", identity=identity)
     rows, effort, best = [], accuracy_named(accuracy), {"area_ratio": None}
     carried = of_yield or "_max" in against or "_min" in against
     tight_first = sorted(values or VALUES[against], key=lambda value: -value if of_yield else abs(value))
     for value in tqdm(tight_first, disable=None if progress else True, desc=against):
-        key = repr(float(value))
-        if key not in stored:
+        if (point := points.get(float(value))) is None:
+            changed = _changed(scene, dict.fromkeys(release) | ({} if of_yield else {against: value}))
             if of_yield:
-                held = _changed(scene, dict.fromkeys(release)) if release else scene
-                stored[key] = _yield_point(held, value, accuracy, gradient, seed)
+                outcome = _yield_point(changed, value, accuracy, gradient, seed)
             else:
-                changed = _changed(scene, {against: value} | dict.fromkeys(release))
-                stored[key] = _point(changed, speeds, effort, gradient)
-            if out is not None:
-                write_json(out, {"asked": asked, "points": stored})
-        if not carried or (stored[key]["area_ratio"] or 0.0) > (best["area_ratio"] or 0.0):
-            best = stored[key]
-        rows.append({"limit": float(value)} | best)
+                outcome = _point(changed, speeds, effort, gradient)
+            point = {"limit": float(value)} | outcome
+            points.add(point)
+        if not carried or (point["area_ratio"] or 0.0) > (best["area_ratio"] or 0.0):
+            best = point
+        rows.append(best | {"limit": float(value)})
     names = dict.fromkeys(name for row in rows for name in row if name != "limit")
     columns = {n: ("limit", [np.nan if r.get(n) is None else r[n] for r in rows]) for n in names}
     return Front(scene.name, against, xr.Dataset(columns, {"limit": [r["limit"] for r in rows]}))
-
-
-def _stored(out: Path | str | None, asked: dict) -> dict:
-    if out is not None:
-        check_file(out)
-    if out is None or not Path(out).exists():
-        return {}
-    content = json.loads(Path(out).read_text(encoding="utf-8"))
-    if content.get("asked") != json.loads(json.dumps(asked)):
-        raise InputError(f"{out}: holds another front: name another file, or ask as it was asked")
-    return content["points"]
 
 
 def _changed(scene: Scene, limits: dict) -> Scene:
@@ -121,15 +110,15 @@ def _changed(scene: Scene, limits: dict) -> Scene:
 
 def _yield_point(scene: Scene, wanted: float, accuracy: str, gradient: str, seed: int) -> dict:
     """The largest area ratio that this share of the search's drawn trains holds, None without a cam."""
-    from camopt.optimizer.as_built.design import EFFORTS, yield_search
-    from camopt.optimizer.as_built.wanted import check_wanted
+    from camopt.optimizer.as_built.checks import check_wanted
+    from camopt.optimizer.as_built.search import yield_search
 
     check_wanted(scene, wanted, "band")
     try:
-        found = yield_search(scene, wanted, EFFORTS[accuracy], gradient=gradient, seed=seed)
+        search = yield_search(scene, wanted, accuracy_named(accuracy), gradient=gradient, seed=seed)
     except InputError:
         return {"area_ratio": None}
-    return {"area_ratio": found.held[-1].area_ratio, "trains": found.trains_drawn, "cams": found.steps}
+    return {"area_ratio": search.held[-1].area_ratio, "trains": search.trains_drawn, "cams": search.steps}
 
 
 def _point(scene: Scene, speeds: str, effort, gradient: str) -> dict:
@@ -171,10 +160,17 @@ def joint_spring(
     `optimize`, which confirm its cam.
     """
     assert scene.design is not None and scene.operation is not None, "load_scene(..., need=...) guarantees both"
-    found = widest(
+    best = maximise_over_parameters(
         lambda factors: with_spring(scene, *map(float, factors)), (1.0, 1.0), (rate, preload), speeds,
         accuracy_named(accuracy), margin_N, evaluations,
     )  # fmt: skip
-    rate_found, preload_found = found.values
+    rate_found, preload_found = best.values
     changed = with_spring(scene, rate_found, preload_found)
-    return SpringDesign(rate_found, preload_found, found.area_ratio, found.at_start, changed, found.evaluations)
+    return SpringDesign(
+        rate_found,
+        preload_found,
+        best.area_ratio,
+        best.at_start,
+        changed,
+        best.evaluations,
+    )

@@ -61,17 +61,17 @@ def modes(scene: Scene, state: State = "lifted") -> Modes:
     return Modes(state, angular / (2 * np.pi), angular, ratio, _normalised(shape), train.mass_names, closed)
 
 
-def mode_lines(found: Modes) -> list[str]:
+def mode_lines(result: Modes) -> list[str]:
     """A line for the headings, then one for every mode: frequencies, damping ratio and shape; last, what does not
     swing."""
-    lines = [f"{'Hz':>12}  {'rad/s':>12}  {'damping':>8}  " + "  ".join(f"{n:>10}" for n in found.mass_names)]
-    for row in zip(found.frequency_Hz, found.angular, found.damping_ratio, found.shape, strict=True):
+    lines = [f"{'Hz':>12}  {'rad/s':>12}  {'damping':>8}  " + "  ".join(f"{n:>10}" for n in result.mass_names)]
+    for row in zip(result.frequency_Hz, result.angular, result.damping_ratio, result.shape, strict=True):
         shape = "  ".join(f"{value:10.4f}" for value in row[3])
         lines.append(f"{row[0]:12.6g}  {row[1]:12.6g}  {100 * row[2]:6.2f} %  {shape}")
-    overdamped = len(found.mass_names) - len(found.frequency_Hz)
+    overdamped = len(result.mass_names) - len(result.frequency_Hz)
     if overdamped:
         lines.append(
-            f"overdamped: {overdamped} of {len(found.mass_names)} modes, damped by more than 100 %: no swinging"
+            f"overdamped: {overdamped} of {len(result.mass_names)} modes, damped by more than 100 %: no swinging"
         )
     return lines
 

@@ -45,11 +45,11 @@ class Rise:
     @cached_property
     def lift(self) -> PPoly:
         """The lift [mm] from 0 to `over_deg`."""
-        found = self.unit.derivative * self.rise_mm / self.over_deg**self.order
+        values = self.unit.derivative * self.rise_mm / self.over_deg**self.order
         if self.jerk_max_mm_per_deg3 is None:
-            return PPoly(found[None], np.linspace(0.0, self.over_deg, len(found) + 1)).antiderivative(self.order)
-        edges = np.linspace(0.0, self.over_deg, len(found))
-        return PPoly(np.stack([np.diff(found) / np.diff(edges), found[:-1]]), edges).antiderivative(self.order)
+            return PPoly(values[None], np.linspace(0.0, self.over_deg, len(values) + 1)).antiderivative(self.order)
+        edges = np.linspace(0.0, self.over_deg, len(values))
+        return PPoly(np.stack([np.diff(values) / np.diff(edges), values[:-1]]), edges).antiderivative(self.order)
 
     def table(self, step_deg: float) -> dict[str, np.ndarray]:
         """Columns at every step [deg] and at the end: cam angle, lift, and its derivatives up to the limited one.
@@ -65,9 +65,9 @@ class Rise:
 
     def as_dict(self) -> dict:
         """What `rise --json` writes."""
-        asked = {"rise_mm": self.rise_mm, "over_deg": self.over_deg, "jerk_max_mm_per_deg3": self.jerk_max_mm_per_deg3}
+        limits = {"rise_mm": self.rise_mm, "over_deg": self.over_deg, "jerk_max_mm_per_deg3": self.jerk_max_mm_per_deg3}
         limited = f"{NAMES[self.order]}_mm_per_deg{self.order}"
-        return asked | {"least": NAMES[self.order], f"{limited}_peak": self.peak, f"{limited}_bound": self.bound}
+        return limits | {"least": NAMES[self.order], f"{limited}_peak": self.peak, f"{limited}_bound": self.bound}
 
     def __str__(self) -> str:
         name, unit = NAMES[self.order], f"mm/deg^{self.order}"

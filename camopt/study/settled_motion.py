@@ -24,7 +24,7 @@ def settled_motions(lift: Lift, verdict: Verdict, *, with_energy: bool, with_per
     They are None at a speed at which the method refused the motion.
     """
     assert verdict.scene is not None, "a verdict knows its scene"
-    train, found = build_train(verdict.scene), []
+    train, records = build_train(verdict.scene), []
     for speed in verdict.speeds:
         name, answer = next(iter(speed.methods.items()))
         prepare, steps = method_named(name), max(answer.steps_per_revolution, SAMPLES)
@@ -34,41 +34,41 @@ def settled_motions(lift: Lift, verdict: Verdict, *, with_energy: bool, with_per
             more["energy"] = None if answer.state is None else energy_record(revolve(answer.state), lift)
         if with_periodic:
             more["periodic_solution"] = None if answer.state is None else periodic_record(train, revolve, answer)
-        found.append(more)
-    return found
+        records.append(more)
+    return records
 
 
 def energy_record(response: Response, lift: Lift) -> dict[str, float]:
     """The energy balance of a motion [J]: put in = dissipated + left in contacts + change + residual."""
-    found = energy(response, lift)
+    balance = energy(response, lift)
     return {
-        "put_in_J": found.put_in,
-        "dissipated_J": found.dissipated,
-        "left_in_contacts_J": float(found.left.sum()),
-        "change_J": float(found.stored[-1] - found.stored[0]),
-        "residual_J": found.residual,
-        "residual_relative": found.residual_relative,
+        "put_in_J": balance.put_in,
+        "dissipated_J": balance.dissipated,
+        "left_in_contacts_J": float(balance.left.sum()),
+        "change_J": float(balance.stored[-1] - balance.stored[0]),
+        "residual_J": balance.residual,
+        "residual_relative": balance.residual_relative,
     }
 
 
 def periodic_record(train: Train, revolve: Revolve, answer: Converged) -> dict:
     """Whether a stable periodic solution lies near a settled motion, how near, and its Floquet multipliers."""
     assert answer.state is not None
-    found, n = periodic_state(revolve, answer.state, memories=len(train.memory)), len(train.mass)
-    apart = float(np.abs(found.state - answer.state)[:n].max()) if found.periodic else None
-    multipliers = sorted(found.multipliers, key=abs, reverse=True)
+    solution, n = periodic_state(revolve, answer.state, memories=len(train.memory)), len(train.mass)
+    apart = float(np.abs(solution.state - answer.state)[:n].max()) if solution.periodic else None
+    multipliers = sorted(solution.multipliers, key=abs, reverse=True)
     return {
-        "stable": found.periodic,
+        "stable": solution.periodic,
         "distance_um": None if apart is None else apart / UM,
-        "largest_multiplier": found.radius if len(multipliers) else None,
+        "largest_multiplier": solution.radius if len(multipliers) else None,
         "multipliers": [[float(m.real), float(m.imag)] for m in multipliers],
     }
 
 
-def settled_lines(verdict: Verdict, found: list[dict]) -> list[str]:
+def settled_lines(verdict: Verdict, records: list[dict]) -> list[str]:
     """The same for a terminal, a line for each speed and each record."""
     lines = []
-    for speed, more in zip(verdict.speeds, found, strict=True):
+    for speed, more in zip(verdict.speeds, records, strict=True):
         at = f"{speed.speed_rpm:g} r/min"
         if balance := more.get("energy"):
             lines.append(

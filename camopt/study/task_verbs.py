@@ -25,12 +25,12 @@ def settled_task(task: SettledTask) -> dict:
     """
     scene = scene_of(task)
     speeds = [scene.cam_speed(task.speed_rpm)]
-    found = settled_metrics([build_train(scene)], [cam_of(task)], speeds, aperiodic=RANGED, workers=1)
+    metrics = settled_metrics([build_train(scene)], [cam_of(task)], speeds, aperiodic=RANGED, workers=1)
     limits = motion_limits(scene.design)
-    broken = [key for key, limit in limits.items() if limit.breaks(float(found.worst(limit.metric)[0, 0, 0]))]
-    values = {f"{name}_low": found.lowest[name][0, 0, 0] for name in NAMES}
-    values |= {f"{name}_high": found.highest[name][0, 0, 0] for name in NAMES}
-    flags = {key: getattr(found, key)[0, 0, 0] for key in ("periodic", "refused", "revolutions")}
+    broken = [key for key, limit in limits.items() if limit.breaks(float(metrics.worst(limit.metric)[0, 0, 0]))]
+    values = {f"{name}_low": metrics.lowest[name][0, 0, 0] for name in NAMES}
+    values |= {f"{name}_high": metrics.highest[name][0, 0, 0] for name in NAMES}
+    flags = {key: getattr(metrics, key)[0, 0, 0] for key in ("periodic", "refused", "revolutions")}
     return {**values, **flags, "broken": broken}
 
 
@@ -41,8 +41,8 @@ def simulate_task(task: SimulateTask) -> dict:
         scene, cam_of(task), task.speed_rpm, task.method, revolutions=task.revolutions, step_deg=task.step_deg
     )
     worst = {name: motion[name].values for name in NAMES if name in motion}
-    found = {name: float(v.min() if name in LESS_IS_WORSE else v.max()) for name, v in worst.items()}
-    return found | {"valve_max_mm": float(motion["position_mm"].sel(mass=scene.valve).max())}
+    extreme = {name: float(v.min() if name in LESS_IS_WORSE else v.max()) for name, v in worst.items()}
+    return extreme | {"valve_max_mm": float(motion["position_mm"].sel(mass=scene.valve).max())}
 
 
 def yield_task(task: YieldTask) -> dict:

@@ -9,13 +9,12 @@ import json
 import os
 import signal
 import time
-from collections.abc import Callable
 from functools import cache
 from hashlib import sha256
 from importlib import import_module
 from importlib.metadata import version
 from multiprocessing import parent_process
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from threadpoolctl import ThreadpoolController
 
@@ -45,25 +44,31 @@ def failed(reason: str) -> Outcome:
     return Outcome(FAILED, json.dumps({"reason": reason[:LONGEST_REASON]}))
 
 
-def compute(task: FiledTask) -> Outcome:
+def compute(filed: FiledTask) -> Outcome:
     """The outcome of a task, computed in this process with one BLAS thread, whose limits are restored."""
-    with _controller(_module(task.task())).limit(limits=1):
+    task = filed.task()
+    with _controller(_module(task)).limit(limits=1):
         return _outcome(task)
 
 
-def compute_at_worker(task: FiledTask, made_by: str) -> Outcome:
+def compute_at_worker(filed: FiledTask, made_by: str) -> Outcome:
     """The same in a process that computes nothing else; raises OtherVersion where camopt is not that of the sender."""
     if (mine := _own_version()) != made_by:
         raise OtherVersion(f"a worker has camopt {mine}, and the tasks are sent by camopt {made_by}")
-    _hold_threads(_module(task.task()))
+    task = filed.task()
+    _hold_threads(_module(task))
     return _outcome(task)
 
 
-def _outcome(filed: FiledTask) -> Outcome:
+def _outcome(task: Task) -> Outcome:
     try:
-        task = filed.task()
-        found = _function(task)(task)
-        return Outcome(DONE, json.dumps(plain(found), separators=(",", ":"), allow_nan=False))
+        if isinstance(task, CallTask):
+            returned = function_of(task)(**task.arguments)
+        elif task.verb == "rehearse":
+            returned = rehearse(task)
+        else:
+            returned = getattr(import_module(ON_SCENES), f"{task.verb}_task")(task)
+        return Outcome(DONE, json.dumps(plain(returned), separators=(",", ":"), allow_nan=False))
     except InputError as error:
         return failed(str(error))
     except Exception as error:
@@ -75,12 +80,6 @@ def _module(task: Task) -> str:
     if isinstance(task, CallTask):
         return task.function.partition(":")[0]
     return __name__ if task.verb == "rehearse" else ON_SCENES
-
-
-def _function(task: Task) -> Callable[[Any], dict]:
-    if isinstance(task, CallTask):
-        return lambda task: function_of(task)(**task.arguments)
-    return rehearse if task.verb == "rehearse" else getattr(import_module(ON_SCENES), f"{task.verb}_task")
 
 
 @cache

@@ -1,118 +1,113 @@
-"""What computes tasks: this process, any executor of `concurrent.futures`, or (`camopt.tasks.workers`) local processes.
+"""Local worker processes as an executor of `concurrent.futures`, and the outcome of a task from the future of any one.
 
-An engine takes tasks while it has room and gives back those that ended, in any order. None of them writes anything.
+A pool of several processes breaks as a whole when one of them dies, and does not tell which task it was. So each thread
+of `LocalProcesses` has a pool of one process, to which it gives one task at a time: a death is one task's.
 """
 
-from concurrent.futures import CancelledError, Executor, Future
-from contextlib import AbstractContextManager
-from queue import SimpleQueue
-from typing import Protocol, TypeVar
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable
+from concurrent.futures import CancelledError, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 
 from camopt.scene.errors import InputError
-from camopt.tasks.compute import OtherVersion, Outcome, compute, compute_at_worker, failed
-from camopt.tasks.task import FiledTask
+from camopt.tasks.compute import OtherVersion, Outcome, failed
 
-AHEAD = 4
-"""Tasks in flight for each worker at most: enough that none waits for the next, and a plan of any length fits."""
 MOST_DEATHS = 3
 """Workers that may die of a task before it is given up."""
-T = TypeVar("T")
-Ended = tuple[int, FiledTask, Outcome]
-"""A task that ended, with its number in the plan."""
+MOST_FALSE_STARTS = 8
+"""Processes of one worker in a row that may end before they have begun."""
 
 
-class Engine(AbstractContextManager, Protocol):
-    """Something that computes tasks; `with engine:` lets go of whatever it holds, at once after an exception."""
+class LocalProcesses(ThreadPoolExecutor):
+    """So many worker processes on this machine, each begun when a task first needs it.
 
-    def has_room(self) -> bool:
-        """Whether another task may be sent."""
-        ...
+    A task whose process dies is computed again by a new one, at most `MOST_DEATHS` times. After an exception
+    `with LocalProcesses(n):` kills the processes, in the middle of a task too.
+    """
 
-    def send(self, number: int, task: FiledTask) -> None:
-        """Takes a task with its number in the plan."""
-        ...
+    def __init__(self, workers: int):
+        super().__init__(workers)
+        self._own, self._pids, self._stopped = threading.local(), set[int](), False
 
-    def ended(self) -> list[Ended]:
-        """The tasks that ended since it was last asked, one at least: it waits for it."""
-        ...
+    def submit(self, fn: Callable, /, *args, **kwargs) -> Future:
+        """The outcome to be of a function, which a process computes."""
+        return super().submit(self._computed, fn, *args, **kwargs)
+
+    def __exit__(self, kind, *exception) -> None:
+        self._stopped = kind is not None
+        self.shutdown(wait=not self._stopped, cancel_futures=True)
+        for child in multiprocessing.active_children():
+            if child.pid in self._pids:
+                child.kill()
+
+    def _computed(self, fn: Callable, *args, **kwargs) -> Outcome:
+        for _ in range(MOST_DEATHS):
+            future = self._sent(fn, *args, **kwargs)
+            with suppress(BrokenProcessPool):
+                return future.result()
+        return given_up()
+
+    def _sent(self, fn: Callable, *args, **kwargs) -> Future:
+        """The future of a task that a living process has; a process that died before it is replaced."""
+        while True:
+            if not hasattr(self._own, "pool"):
+                self._own.pool = self._begun()
+            if self._stopped:
+                raise CancelledError
+            try:
+                return self._own.pool.submit(fn, *args, **kwargs)
+            except BrokenProcessPool:
+                del self._own.pool
+
+    def _begun(self) -> ProcessPoolExecutor:
+        """A process that has begun."""
+        for _ in range(MOST_FALSE_STARTS):
+            pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _begin)
+            with suppress(BrokenProcessPool):
+                self._pids.add(pool.submit(os.getpid).result())
+                return pool
+        raise InputError(
+            "sweep: worker processes end before they begin; a script that sweeps needs `if __name__ == "
+            '"__main__":` around what it does, because every worker reads it too (or give workers=0)'
+        )
 
 
-def deadly() -> Outcome:
-    """The outcome of a task of which workers die."""
+def _begin() -> None:
+    """Initialises a worker process: it ignores an interrupt from the keyboard, and ends when its parent does."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_the_parent, daemon=True).start()
+
+
+def _end_with_the_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None, "a worker is a child"
+    parent.join()
+    os._exit(1)
+
+
+def given_up() -> Outcome:
+    """The outcome of a task whose worker process died at every attempt."""
     return failed(f"{MOST_DEATHS} workers that computed it died (killed by a signal, or out of memory)")
 
 
-def every(queue: "SimpleQueue[T]") -> list[T]:
-    """All that a queue holds, one thing at least: it waits for that."""
-    found = [queue.get()]
-    while not queue.empty():
-        found.append(queue.get())
-    return found
+def outcome_of(future: Future[Outcome]) -> Outcome:
+    """How a task ended that an executor has computed. Raises InputError where the executor cannot go on."""
+    try:
+        return future.result()
+    except (Exception, CancelledError) as error:
+        if type(error).__name__ == "KilledWorker":  # raised by dask for a task whose workers died
+            return given_up()
+        raise cannot_go_on(error) from error
 
 
-class ThisProcess:
-    """The tasks one by one, here."""
-
-    def __init__(self) -> None:
-        self._ended: list[Ended] = []
-
-    def __enter__(self) -> "ThisProcess":
-        return self
-
-    def __exit__(self, *exception) -> None:
-        pass
-
-    def has_room(self) -> bool:
-        return not self._ended
-
-    def send(self, number: int, task: FiledTask) -> None:
-        self._ended.append((number, task, compute(task)))
-
-    def ended(self) -> list[Ended]:
-        found, self._ended = self._ended, []
-        return found
-
-
-class AnyExecutor:
-    """An executor of somebody else's, who also ends it; it computes `workers` tasks at once."""
-
-    def __init__(self, executor: Executor, workers: int, version: str):
-        self._executor, self._most, self._version = executor, AHEAD * workers, version
-        self._flying: dict[Future, tuple[int, FiledTask]] = {}
-        self._done: SimpleQueue[Future] = SimpleQueue()
-
-    def __enter__(self) -> "AnyExecutor":
-        return self
-
-    def __exit__(self, *exception) -> None:
-        for future in self._flying:
-            future.cancel()
-
-    def has_room(self) -> bool:
-        return len(self._flying) < self._most
-
-    def send(self, number: int, task: FiledTask) -> None:
-        try:
-            future = self._executor.submit(compute_at_worker, task, self._version)
-        except Exception as error:
-            raise cannot_go_on(error) from error
-        self._flying[future] = number, task
-        future.add_done_callback(self._done.put)
-
-    def ended(self) -> list[Ended]:
-        return [(*self._flying.pop(future), self._outcome(future)) for future in every(self._done)]
-
-    def _outcome(self, future: Future) -> Outcome:
-        try:
-            return future.result()
-        except (Exception, CancelledError) as error:
-            if type(error).__name__ == "KilledWorker":  # dask's word for a task of which its workers died
-                return deadly()
-            raise cannot_go_on(error) from error
-
-
-def cannot_go_on(error: BaseException | None) -> InputError:
+def cannot_go_on(error: BaseException) -> InputError:
     """The sentence for an executor that cannot go on."""
+    if isinstance(error, InputError):
+        return error
     if isinstance(error, OtherVersion):
         return InputError(f"sweep: {error}; nothing of it was recorded: install one version everywhere")
     return InputError(

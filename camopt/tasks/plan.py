@@ -37,22 +37,20 @@ from camopt.scene.spelling import did_you_mean
 from camopt.scene.table import Positive, Table
 from camopt.scene.text_file import read_text, usable_path
 from camopt.scene.toml_text import toml_data
-from camopt.tasks.task import NEEDED, Count, PlanVerb, as_tuples, cam_as_text, scene_as_text, scene_of_text, task_faults
+from camopt.tasks.task import (
+    NEEDED,
+    Count,
+    PlanVerb,
+    SimulateSettings,
+    as_tuples,
+    cam_as_text,
+    scene_as_text,
+    scene_of_text,
+    task_faults,
+)
 
 MOST_BYTES = 1_000_000
 Some = Field(min_length=1, max_length=100_000)
-
-
-class NoSettings(Table):
-    """The settings of a verb that has none."""
-
-
-class SimulateSettings(Table):
-    """How motions from rest are simulated, as in `camopt.simulate`."""
-
-    method: str = "event"
-    revolutions: Annotated[int, Field(ge=2, le=1000)] = 2
-    step_deg: Positive = 0.1
 
 
 class YieldSettings(Table):
@@ -69,7 +67,7 @@ class RehearseSettings(Table):
     seconds: Annotated[float, Field(ge=0, le=3600)] = 0.0
 
 
-SETTINGS = {"settled": NoSettings, "simulate": SimulateSettings, "yield": YieldSettings, "rehearse": RehearseSettings}
+SETTINGS = {"settled": Table, "simulate": SimulateSettings, "yield": YieldSettings, "rehearse": RehearseSettings}
 
 
 class PlanFile(Table):
@@ -170,8 +168,8 @@ def load_plan(path: str | Path) -> SweepPlan:
         file = PlanFile.model_validate(as_tuples(data))
         settings = SETTINGS[file.verb].model_validate(file.settings)
     except ValidationError as error:
-        known = {*PlanFile.model_fields, *(key for table in SETTINGS.values() for key in table.model_fields)}
-        faults = (f"{fault}{did_you_mean(_key(fault), known - {_key(fault)})}" for fault in task_faults(error))
+        keys = {*PlanFile.model_fields, *(key for table in SETTINGS.values() for key in table.model_fields)}
+        faults = (f"{fault}{did_you_mean(_key(fault), keys - {_key(fault)})}" for fault in task_faults(error))
         raise InputError("\n".join(f"{path}: {fault}" for fault in faults)) from None
     try:
         return _filled_in(file, settings, path.parent)
@@ -186,11 +184,8 @@ def _key(fault: str) -> str:
 
 def _flat(vary: dict[str, Any]) -> dict[str, Any]:
     """`spring.preload_N = ...` as one key, quoted or not."""
-    found = {}
-    for name, value in vary.items():
-        inner = {f"{name}.{key}": one for key, one in value.items()} if isinstance(value, dict) else {name: value}
-        found |= inner
-    return found
+    inner = {name: value if isinstance(value, dict) else {"": value} for name, value in vary.items()}
+    return {f"{name}.{key}" if key else name: one for name, keys in inner.items() for key, one in keys.items()}
 
 
 def _filled_in(file: PlanFile, settings: Table, folder: Path) -> SweepPlan:
@@ -206,9 +201,9 @@ def _filled_in(file: PlanFile, settings: Table, folder: Path) -> SweepPlan:
     return plan
 
 
-def _beside(name: str, folder: Path, known) -> str | Path:
+def _beside(name: str, folder: Path, names) -> str | Path:
     """A file is looked for beside the plan; what is known by name is no file."""
-    return name if name.partition(":")[0] in known else folder / name
+    return name if name.partition(":")[0] in names else folder / name
 
 
 def _listed(scene: str) -> tuple[float, ...]:

@@ -1,14 +1,14 @@
 """The store of a sweep: an SQLite file with one row for each task, written by the parent process alone.
 
-A row is written whole or not at all, survives the death of the process, and is never changed, but for a failed one that
-is tried again. Long texts that tasks share, scenes and cams, are kept once.
+A row is written whole or not at all, survives the end of the process, and is never changed, except that a failed one
+may be tried again. Long texts that tasks share, scenes and cams, are kept once.
 """
 
 import json
 import sqlite3
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from camopt.scene.errors import InputError
 from camopt.scene.text_file import usable_path
@@ -25,31 +25,6 @@ TABLES = (
     "CREATE TABLE row (number INTEGER PRIMARY KEY, key TEXT NOT NULL UNIQUE, task TEXT NOT NULL, "
     "state TEXT NOT NULL, outcome TEXT NOT NULL)",
 )
-
-
-class Row(NamedTuple):
-    """One task's row: its number in the plan, its key, its canonical JSON, how it ended, and the JSON of that."""
-
-    number: int
-    key: str
-    task: str
-    state: str
-    outcome: str
-
-    def as_dict(self) -> dict[str, Any]:
-        """The row as one level of names: `task` (its number), `state`, the task's own keys, and what it returned.
-
-        Raises InputError for a row that was damaged.
-        """
-        try:
-            task = json.loads(self.task)
-            varied = {f"vary {name}": value for name, value in task.pop("vary", {}).items()}
-            given = task.pop("arguments", {})
-            return {**given, "task": self.number, "state": self.state, **task, **varied, **json.loads(self.outcome)}
-        except (ValueError, TypeError, AttributeError) as error:
-            raise InputError(
-                f"row {self.number} of the sweep's store is damaged ({error}): name another store"
-            ) from error
 
 
 class TaskStore:
@@ -123,8 +98,8 @@ class TaskStore:
 
     def holds(self, number: int, key: str) -> bool:
         """Whether a task has its row. Raises InputError where this number is another task's: the plan is another."""
-        found = self._db.execute("SELECT number, key FROM row WHERE key = ? OR number = ?", (key, number)).fetchall()
-        if any(n == number and k != key for n, k in found):
+        rows = self._db.execute("SELECT number, key FROM row WHERE key = ? OR number = ?", (key, number)).fetchall()
+        if any(n == number and k != key for n, k in rows):
             raise InputError(
                 f"{self.path}: belongs to other tasks: its row {number} is not task {number} of this plan; nothing in "
                 f"it was changed: name another store"
@@ -132,7 +107,7 @@ class TaskStore:
         if key in self._again:
             self._again.discard(key)
             return False
-        return bool(found)
+        return bool(rows)
 
     def record(self, ended: Iterable[tuple[int, FiledTask, Outcome]]) -> None:
         """Writes the rows of tasks that ended, all at once, with the parts that they refer to.
@@ -150,10 +125,20 @@ class TaskStore:
                 rows,
             )
 
-    def rows(self) -> Iterator[Row]:
-        """The rows in the order of the plan, one at a time."""
-        query = "SELECT number, key, task, state, outcome FROM row ORDER BY number"
-        return (Row(*found) for found in self._db.execute(query))
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """The rows in the order of the plan, one at a time, each as one level of names: `task`, its number in the plan,
+        `state`, the task's own keys, and what it returned. Raises InputError for a row that was damaged."""
+        query = "SELECT number, task, state, outcome FROM row ORDER BY number"
+        for number, text, state, outcome in self._db.execute(query):
+            try:
+                task = json.loads(text)
+                varied = {f"vary {name}": value for name, value in task.pop("vary", {}).items()}
+                arguments = task.pop("arguments", {})
+                yield {**arguments, "task": number, "state": state, **task, **varied, **json.loads(outcome)}
+            except (ValueError, TypeError, AttributeError) as error:
+                raise InputError(
+                    f"row {number} of the sweep's store is damaged ({error}): name another store"
+                ) from error
 
     def counts(self) -> dict[str, int]:
         """How many rows ended in which state."""

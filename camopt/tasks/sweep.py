@@ -3,9 +3,11 @@
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sized
-from concurrent.futures import Executor
+from concurrent.futures import Executor, Future
+from contextlib import nullcontext
 from importlib.metadata import version
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 import xarray as xr
@@ -13,13 +15,14 @@ from tqdm import tqdm
 
 from camopt.scene.errors import InputError
 from camopt.storage import write_csv_rows
-from camopt.tasks.compute import FAILED
-from camopt.tasks.engines import AnyExecutor, Engine, ThisProcess
+from camopt.tasks.compute import FAILED, Outcome, compute, compute_at_worker
+from camopt.tasks.engines import LocalProcesses, cannot_go_on, outcome_of
 from camopt.tasks.store import TaskStore
-from camopt.tasks.task import PART, filed
-from camopt.tasks.workers import LocalProcesses
+from camopt.tasks.task import PART, FiledTask, filed
 
 MOST_WORKERS = 1000
+AHEAD = 4
+"""Tasks in flight for each worker at most: enough that none waits for the next, and a plan of any length fits."""
 FIRST = ("task", "state", "verb", "scene", "cam")
 """Columns that stand first."""
 
@@ -39,8 +42,7 @@ class SweptTasks:
         A failed task has its `reason` instead. A scene or cam that is no name is its digest; `part` gives the text.
         """
         with self._open() as store:
-            for row in store.rows():
-                yield row.as_dict()
+            yield from store.rows()
 
     def part(self, name: str) -> str:
         """The text of a scene or a cam that rows name by its digest."""
@@ -125,53 +127,66 @@ def sweep(
     Raises InputError for what is no task, for a store of another version of camopt or of other tasks, and where workers
     cannot begin; what has ended by then is recorded.
     """
-    made_by = version("camopt")
+    if workers is not None and not 0 <= workers <= MOST_WORKERS:
+        raise InputError(f"sweep: workers {workers}: expected a number from 0 to {MOST_WORKERS}")
+    made_by, count = version("camopt"), _cores() if workers is None else workers
     with TaskStore(store, made_by, getattr(tasks, "digest", ""), retry_failed=retry_failed) as rows:
         total = len(tasks) if isinstance(tasks, Sized) else None
         if total is not None and rows.last_number() >= total:
             raise _other_plan(rows, total)
-        with (
-            _engine(executor, workers, made_by) as engine,
-            tqdm(total=total, disable=None if progress else True) as bar,
-        ):
-            count = _run(tasks, rows, engine, bar, made_by)
-        if rows.last_number() >= count:
-            raise _other_plan(rows, count)
+        if executor is not None:
+            count, computing = workers or getattr(executor, "_max_workers", count), nullcontext(executor)
+        else:
+            computing = LocalProcesses(count) if count else nullcontext()
+        with computing as engine, tqdm(total=total, disable=None if progress else True) as bar:
+            taken = _run(tasks, rows, engine, AHEAD * count, bar, made_by)
+        if rows.last_number() >= taken:
+            raise _other_plan(rows, taken)
     return SweptTasks(Path(store))
 
 
-def _run(tasks: Iterable[Mapping[str, Any]], rows: TaskStore, engine: Engine, bar: tqdm, made_by: str) -> int:
-    """Sends what has no row and records what ended; how many tasks there were."""
-    flying: set[str] = set()
+def _run(
+    tasks: Iterable[Mapping[str, Any]], rows: TaskStore, engine: Executor | None, most: int, bar: tqdm, made_by: str
+) -> int:
+    """Computes what has no row, at most `most` tasks at a time, and records what ended; how many tasks there were."""
+    running: dict[Future[Outcome], tuple[int, FiledTask]] = {}
+    done: SimpleQueue[Future[Outcome]] = SimpleQueue()
 
-    def collect() -> None:
-        ended = engine.ended()
+    def record(ended: list[tuple[int, FiledTask, Outcome]]) -> None:
         rows.record(ended)
-        flying.difference_update(task.key for _, task, _ in ended)
         bar.update(len(ended))
 
+    def collect() -> None:
+        futures = [done.get(), *(done.get() for _ in range(done.qsize()))]
+        record([(*running.pop(future), outcome_of(future)) for future in futures])
+
     number = -1
-    for number, given in enumerate(tasks):
-        task = filed(given, made_by, f"task {number}")
-        if rows.holds(number, task.key) or task.key in flying:
-            bar.update(1)
-            continue
-        while not engine.has_room():
+    try:
+        for number, plain in enumerate(tasks):
+            task = filed(plain, made_by, f"task {number}")
+            if rows.holds(number, task.key) or any(task.key == other.key for _, other in running.values()):
+                bar.update(1)
+            elif engine is None:
+                record([(number, task, compute(task))])
+            else:
+                while len(running) >= most:
+                    collect()
+                future = _submitted(engine, task, made_by)
+                running[future] = number, task
+                future.add_done_callback(done.put)
+        while running:
             collect()
-        engine.send(number, task)
-        flying.add(task.key)
-    while flying:
-        collect()
+    finally:
+        for future in running:
+            future.cancel()
     return number + 1
 
 
-def _engine(executor: Executor | None, workers: int | None, made_by: str) -> Engine:
-    if workers is not None and not 0 <= workers <= MOST_WORKERS:
-        raise InputError(f"sweep: workers {workers}: expected a number from 0 to {MOST_WORKERS}")
-    count = _cores() if workers is None else workers
-    if executor is not None:
-        return AnyExecutor(executor, workers or getattr(executor, "_max_workers", count), made_by)
-    return LocalProcesses(count, made_by) if count else ThisProcess()
+def _submitted(engine: Executor, task: FiledTask, made_by: str) -> "Future[Outcome]":
+    try:
+        return engine.submit(compute_at_worker, task, made_by)
+    except Exception as error:
+        raise cannot_go_on(error) from error
 
 
 def _cores() -> int:

@@ -56,14 +56,19 @@ class SettledTask(TaskOnScene):
     speed_rpm: Positive
 
 
-class SimulateTask(TaskOnScene):
-    """One motion from rest at one crankshaft speed, with the arguments of `camopt.simulate`."""
+class SimulateSettings(Table):
+    """How motions from rest are simulated, as in `camopt.simulate`."""
 
-    verb: Literal["simulate"]
-    speed_rpm: Positive
     method: str = "event"
     revolutions: Annotated[int, Field(ge=2, le=1000)] = 2
     step_deg: Positive = 0.1
+
+
+class SimulateTask(TaskOnScene, SimulateSettings):
+    """One motion from rest at one crankshaft speed."""
+
+    verb: Literal["simulate"]
+    speed_rpm: Positive
 
 
 class YieldTask(TaskOnScene):
@@ -115,11 +120,11 @@ def filed(task: Mapping[str, Any], version: str, where: str = "task") -> FiledTa
     SHA-256: two tasks have one key if they are the same computation. A cam that is a lift law or a file is taken as its
     `design.json` holds it. Raises InputError for what is no task, and for a scene or a cam that cannot be read.
     """
-    given = dict(task)
+    raw = dict(task)
     try:
-        if given.get("verb") not in ("rehearse", "call"):
-            _fill_in(given)
-        checked = _TASKS.validate_python(as_tuples(given))
+        if raw.get("verb") not in ("rehearse", "call"):
+            _fill_in(raw)
+        checked = _TASKS.validate_python(as_tuples(raw))
     except ValidationError as error:
         raise InputError("; ".join(f"{where}: {sentence}" for sentence in task_faults(error))) from None
     except InputError as error:
@@ -167,12 +172,12 @@ def task_faults(error: ValidationError) -> Iterable[str]:
             yield f"{key}: {fault['msg'].replace('Input should be', 'must be')}{shown}"
 
 
-def _fill_in(given: dict[str, Any]) -> None:
+def _fill_in(task: dict[str, Any]) -> None:
     """Scene and cam of a task as texts, in place."""
-    if "scene" in given:
-        given["scene"] = scene_as_text(given["scene"])
-    if "cam" in given and "scene" in given:
-        given["cam"] = cam_as_text(given["cam"], given["scene"])
+    if "scene" in task:
+        task["scene"] = scene_as_text(task["scene"])
+    if "cam" in task and "scene" in task:
+        task["cam"] = cam_as_text(task["cam"], task["scene"])
 
 
 def scene_as_text(scene: str | Path | Scene) -> str:
@@ -194,7 +199,7 @@ def _named_scene(source: str) -> str:
 def cam_as_text(cam: str | Path | Lift, scene: str) -> str:
     """A member of a family as the command line names it, any other cam as the text of its `design.json`."""
     if isinstance(cam, Lift):
-        return _record_text(SameLift(cam))
+        return _record_text(cam)
     if not isinstance(cam, str | Path):
         raise InputError(f"cam: {type(cam).__name__} given, expected a family, a file, the text of a design or a Lift")
     if isinstance(cam, str) and (cam.startswith("{") or cam.partition(":")[0] in FAMILIES):
@@ -204,25 +209,12 @@ def cam_as_text(cam: str | Path | Lift, scene: str) -> str:
 
 @lru_cache(maxsize=256)
 def _named_cam(source: str, scene: str) -> str:
-    return _record_text(SameLift(read_cam(Path(source), scene_of_text(scene))))
-
-
-class SameLift:
-    """A lift as the key of a cache: by identity, since its arrays cannot be compared."""
-
-    def __init__(self, lift: Lift):
-        self.lift = lift
-
-    def __hash__(self) -> int:
-        return id(self.lift)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, SameLift) and other.lift is self.lift
+    return _record_text(read_cam(Path(source), scene_of_text(scene)))
 
 
 @lru_cache(maxsize=256)
-def _record_text(lift: SameLift) -> str:
-    return json.dumps(plain(design_record(lift.lift, lift.lift.max_lift)), allow_nan=False)
+def _record_text(lift: Lift) -> str:
+    return json.dumps(plain(design_record(lift, lift.max_lift)), allow_nan=False)
 
 
 @lru_cache(maxsize=64)

@@ -35,7 +35,7 @@ from camopt.verifier.spot_checks import (
 METHODS = ("event", "rkg", "tmm", "houbolt")
 """Methods for a train whose laws are straight lines in pieces; of which event-exact is the first."""
 NONLINEAR_METHODS = ("event", "rkg", "dop853")
-"""Methods for a train with Hertz or progressive laws, in whose place event-exact has chords."""
+"""Methods for a train with laws of contacts or progressive springs, in whose place event-exact has chords."""
 ROUNDS = 2
 """How often the worst speeds of a band are judged: where a motion is erratic the judged metric is not the sweep's, and
 another speed is the worst then."""

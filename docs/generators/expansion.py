@@ -9,6 +9,7 @@ from docs.generators.python_names import docstring, python_names
 from docs.generators.questions import questions
 from docs.generators.results import filled_numbers
 from docs.generators.scene_keys import scene_keys
+from docs.generators.source import source
 from docs.generators.tables import origin, result_table, rows_table
 from docs.generators.terminal import terminal
 
@@ -22,6 +23,7 @@ KINDS: dict[str, Callable[[str], str]] = {
     "scene-keys": scene_keys,
     "result-table": result_table,
     "rows": rows_table,
+    "source": source,
     "terminal": terminal,
 }
 """Kind of a generated block -> what makes Markdown of its content."""

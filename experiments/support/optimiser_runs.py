@@ -22,7 +22,7 @@ from scipy.sparse import csr_array
 import camopt
 from camopt.cam.lift import Lift
 from camopt.optimizer.accuracy import ACCURACIES
-from camopt.optimizer.ascent.ascent import Climb
+from camopt.optimizer.ascent.ascent import AscentState
 from camopt.optimizer.ascent.lagrangian import PathLagrangian
 from camopt.optimizer.ascent.objective import Objective
 from camopt.optimizer.ascent.projection import ShapeLimits
@@ -126,7 +126,7 @@ def run(scene: str, method: str, start: str, seconds: float) -> dict:
 def climb(problem: Problem, optimiser: optax.GradientTransformation, metric: bool) -> str:
     """Ascents of the augmented Lagrangian; the first step, which compiles, is free."""
     cam = FreeVariables(problem.scene, problem.cam.lift(problem.start), KNOT_DEG)
-    ascent = Climb(problem.objective(), Variables(cam, TrainVariables(problem.scene, {})), optimiser, metric)
+    ascent = AscentState(problem.objective(), Variables(cam, TrainVariables(problem.scene, {})), optimiser, metric)
     ascent.step(judged=False)
     problem.begin()
     while True:

@@ -115,6 +115,101 @@ def test_fifty_rapid_inputs_end_in_the_right_state(open_page, session):
     assert data(page)["cam"] == data(page)["sequence"]
 
 
+def words(page) -> str:
+    return page.locator(".mark").inner_text()
+
+
+def held_back(page, part: str) -> dict:
+    """Answers of one kind wait until they are let go."""
+    held = {"open": False, "routes": []}
+
+    def hold(route):
+        if not held["open"] and route.request.post_data_json.get("part") == part:
+            held["routes"].append(route)
+        else:
+            route.fallback()
+
+    page.route("**/ask", hold)
+    return held
+
+
+def let_go(held: dict) -> None:
+    held["open"] = True
+    while held["routes"]:
+        held["routes"].pop(0).continue_()
+
+
+def test_what_is_shown_is_marked_as_what_it_is(open_page):
+    """An answer held back: of the numbers before, and which they differ in; a first answer; the cam; settled."""
+    page = open_page()
+    assert data(page)["mark"] == "settled" and words(page) == "Settled: cam, motion and band of these numbers."
+    held = {part: held_back(page, part) for part in ("sketch", "cam", "band")}
+    duration = SCENE.design.duration_deg
+    number(page, "duration_deg").fill(f"{duration + 1:g}")
+    assert words(page).startswith(
+        f"Shown is the answer to the numbers before (Duration {duration:g}, not {duration + 1:g}); the new ones are"
+    )
+    caption = page.locator("figure.chart figcaption >> nth=0")
+    after = "getComputedStyle(document.querySelector('figure.chart figcaption'), '::after').content"
+    assert page.evaluate(after) == '" (of the numbers before)"' and caption.is_visible()
+    wait(page, lambda: held["sketch"]["routes"])
+    let_go(held["sketch"])
+    wait(page, lambda: data(page)["mark"] == "first")
+    assert words(page).startswith("First answer to these numbers") and page.evaluate(after) == '" (first answer)"'
+    wait(page, lambda: held["cam"]["routes"])
+    let_go(held["cam"])
+    wait(page, lambda: data(page)["mark"] == "cam")
+    assert "bounce and jump over the band are being computed" in words(page) and page.evaluate(after) == "none"
+    assert "before" in page.locator("figure.chart").filter(has_text="Bounce over").get_attribute("class")
+    wait(page, lambda: held["band"]["routes"])
+    let_go(held["band"])
+    wait(page, lambda: data(page)["mark"] == "settled")
+    assert page.locator(".chart.before").count() == 0
+
+
+def test_a_long_wait_shows_its_progress_and_can_be_cancelled(open_page):
+    page = open_page()
+    before, shown = number(page, "max_lift_mm").input_value(), page.locator(".result").inner_text()
+    held, cancel = held_back(page, "sketch"), page.get_by_role("button", name="Cancel the answer")
+    number(page, "max_lift_mm").fill("9.2")
+    assert not cancel.is_visible()
+    wait(page, cancel.is_visible)
+    assert page.locator(".marked progress >> nth=0").is_visible() and " s)." in words(page)
+    newest = data(page)["sequence"]
+    with page.expect_request(lambda r: r.post_data_json.get("kind") == "newest") as told:
+        cancel.press("Enter")
+    assert told.value.post_data_json["sequence"] == int(newest) + 1
+    assert number(page, "max_lift_mm").input_value() == before and not cancel.is_visible()
+    assert data(page)["mark"] == "settled" and page.evaluate("document.activeElement.textContent") != ""
+    let_go(held)
+    page.wait_for_timeout(500)  # the cancelled answer comes, and is not shown
+    assert page.locator(".result").inner_text() == shown and data(page)["mark"] == "settled"
+    number(page, "max_lift_mm").fill("9.1")
+    rest(page)
+    assert data(page)["mark"] == "settled" and page.locator(".result").inner_text() != shown
+
+
+def test_the_last_change_wins_over_one_that_takes_long(open_page):
+    """The cam at rest is overtaken at once, a first answer when it has taken half a second."""
+    page = open_page()
+    asked = []
+    page.on("request", lambda r: asked.append(r.post_data_json) if r.method == "POST" else None)
+    for part in ("cam", "sketch"):
+        held = held_back(page, part)
+        number(page, "duration_deg").fill("146")
+        wait(page, lambda held=held: held["routes"])
+        asked.clear()
+        number(page, "duration_deg").fill("145")
+        wait(page, lambda: [m for m in asked if m["kind"] == "newest"])
+        assert [m["sequence"] for m in asked if m["kind"] == "newest"] == [int(data(page)["sequence"])]
+        let_go(held)
+        rest(page)
+        assert [m["values"]["duration_deg"] for m in asked if m.get("part") == "sketch"][-1] == 145
+        page.unroute("**/ask")
+        number(page, "duration_deg").fill("144")
+        rest(page)
+
+
 def test_undo_redo_reset_and_pin(open_page):
     page = open_page()
     first = page.locator(".result").inner_text()

@@ -11,6 +11,7 @@ import time
 import pytest
 
 import camopt
+from camopt.designer.cams import Cancelled
 from camopt.designer.requests import RequestHandler
 from camopt.designer.server import HOST, MOST_BYTES, DesignServer
 from camopt.designer.session import Session
@@ -126,6 +127,7 @@ def test_messages_that_are_none(server):
         {"kind": "answer", "part": "cam"},
         {"kind": "answer", "part": "other", "values": {}},
         {"kind": "answer", "part": "cam", "values": {}, "sequence": "1"},
+        {"kind": "newest", "sequence": "1"},
         {"kind": "save", "what": "all", "name": "a", "values": {}},
     ],
 )
@@ -154,6 +156,42 @@ def test_the_last_question_of_a_page_wins(server):
     assert ask(server, message(7, "c"))[1]["state"] == "ok"
     assert ask(server, message(6, "c"))[1]["state"] == "superseded"
     assert ask(server, message(6, "d"))[1]["state"] == "ok"  # another page has its own numbers
+
+
+def test_what_is_computed_is_dropped_for_a_newer_question(server, monkeypatch):
+    """An answer that would never end, but that it asks whether it is wanted; the newer question computes nothing."""
+    asked, begun = {"kind": "answer", "part": "sketch", "values": {}, "client": "e", "sequence": 1}, threading.Event()
+
+    def endless(values, part, wanted):
+        begun.set()
+        while wanted():
+            time.sleep(0.01)
+        raise Cancelled
+
+    monkeypatch.setattr(server.requests.session, "answer", endless)
+    found: list = []
+    thread = threading.Thread(target=lambda: found.append(ask(server, asked)))
+    thread.start()
+    assert begun.wait(30)
+    assert ask(server, {"kind": "newest", "client": "f", "sequence": 9})[1]["state"] == "ok"  # another page
+    thread.join(0.1)
+    assert thread.is_alive()
+    assert ask(server, {"kind": "newest", "client": "e", "sequence": 2}) == (200, {"state": "ok", "sequence": 2})
+    thread.join(30)
+    assert found == [(200, {"sequence": 1, "part": "sketch", "state": "superseded"})]
+
+
+def test_a_slow_part_is_stopped(server):
+    assert ask(server, {"kind": "stop"}) == (200, {"state": "ok"})  # there is none
+    found: list = []
+    bound = {"kind": "answer", "part": "bound", "values": {}, "client": "g", "sequence": 1}
+    thread = threading.Thread(target=lambda: found.append(ask(server, bound)[1]))
+    thread.start()
+    while thread.is_alive() and not found:  # from when the process has been started
+        ask(server, {"kind": "stop"})
+        time.sleep(0.05)
+    thread.join(60)
+    assert found[0]["state"] == "no cam" and "stopped before it was done" in found[0]["says"]
 
 
 def test_a_scene_and_a_run_folder_are_saved_once(server):

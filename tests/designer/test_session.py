@@ -17,7 +17,7 @@ from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.program.force_rows import Margins
-from camopt.optimizer.program.kinematic import kinematic_optimum, limit_worth
+from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitivities
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.scene import builtin_scenes, load_scene
 from camopt.scene.parameters import with_spring
@@ -81,7 +81,7 @@ def test_the_kinematic_cam_and_the_worth_of_its_limits(session):
     found = session.answer({"program": "kinematic"})
     direct = kinematic_optimum(SCENE.design, camopt.free_cam(SCENE.design, EFFORT.knot_deg))
     assert found["area_ratio"] == pytest.approx(direct.area_ratio, abs=1e-9)
-    assert found["worth"] == pytest.approx(limit_worth(direct), abs=1e-6)
+    assert found["worth"] == pytest.approx(limit_sensitivities(direct), abs=1e-6)
     assert found["margin_price"] is None
 
 
@@ -155,7 +155,7 @@ def test_a_sketch_keeps_the_dearest_speeds_and_its_knots():
     session = Session(SCENE)
     session.answer({})
     finder, lash = session._cams, SCENE.element[lash_element(SCENE)].gap_mm
-    prices = finder.kept[False][1].unexplained(Margins(0.0, 0.0, 0.0)).margin_prices.sum(axis=0)
+    prices = finder.kept[False][1].solve(Margins(0.0, 0.0, 0.0), explain=False).margin_prices.sum(axis=0)
     assert finder.dearest == tuple(sorted(np.argsort(prices, kind="stable")[:2]))
     session.answer({"lash_mm": lash + 0.01}, "sketch")
     first = finder.kept[True][1]
@@ -241,6 +241,33 @@ def test_an_answer_that_is_not_wanted_any_more_ends(session):
         session.answer({"duration_deg": 141.5}, "cam", lambda: False)
     with pytest.raises(Cancelled):
         session.answer({}, "band", lambda: False)
+
+
+def test_an_answer_ends_between_two_programs(session):
+    """The tangents of a curved law take a sequence of programs: of these only those come that are still wanted."""
+    own, asked = Session(load_scene("finger-hydraulic")), []
+
+    def wanted() -> bool:
+        asked.append(None)
+        return len(asked) < 5
+
+    with pytest.raises(Cancelled):
+        own.answer({}, "cam", wanted)
+    assert len(asked) == 5
+    assert own.answer({}, "sketch")["state"] == "ok"
+
+
+def test_a_spring_by_its_measured_load_has_sliders():
+    """finger-hydraulic has nothing but tables; a slider multiplies forces, or their rise, and the cam follows."""
+    own = Session(load_scene("finger-hydraulic"))
+    assert {"spring_rate_percent", "spring_preload_percent"} <= set(own.controls)
+    stiffer = own.edited({"spring_rate_percent": 110.0})
+    for before, after in zip(own.scene.element, stiffer.element, strict=True):
+        if before.force_table:
+            (c0, f0), (c1, f1) = before.force_table[:2]
+            (d0, g0), (d1, g1) = after.force_table[:2]
+            assert (g1 - g0) / (d1 - d0) == pytest.approx(1.1 * (f1 - f0) / (c1 - c0))
+    assert own.answer({"spring_rate_percent": 110.0}, "sketch")["state"] == "ok"
 
 
 def resident_MB() -> float:

@@ -15,6 +15,7 @@ from camopt.measure.metrics import measure
 from camopt.scene import build_train, parse_scene
 from camopt.scene.response import end_state, joined
 from camopt.scene.rest import state_at_rest
+from camopt.scene.train import LAW_PARAMETERS
 from camopt.scene.units import MM
 from tests.exact.gradient_problems import by_train, differences, least_error
 from tests.exact.located_real import located
@@ -46,7 +47,7 @@ def with_numbers(train, name, value):
         return replace(train, forcing=tuple(replace(force, force=part) for force, part in parts))
     if name == "stiffness":
         return replace(train, stiffness=value, laws=replace(train.laws, coefficient=value))
-    if name in ("table", "leak", "travel", "slip"):
+    if name in LAW_PARAMETERS:
         return replace(train, laws=replace(train.laws, **{name: value}))
     return replace(train, **{name: value})
 
@@ -56,7 +57,7 @@ def number(train, name):
         return np.concatenate([force.force for force in train.forcing])
     if name == "stiffness":
         return train.laws.coefficient
-    return getattr(train.laws if name in ("table", "leak", "travel", "slip") else train, name)
+    return getattr(train.laws if name in LAW_PARAMETERS else train, name)
 
 
 def direction(train, name):
@@ -65,7 +66,7 @@ def direction(train, name):
     They are so large that rounding, which depends on the processor, leaves less than 1e-5 of a difference.
     """
     value = number(train, name)
-    size = {"mass_damping": 50.0, "mass_force": 10.0, "gap": 1e-5, "forcing": 50.0, "travel": 1e-6}
+    size = {"mass_damping": 50.0, "mass_force": 10.0, "gap": 1e-5, "forcing": 50.0, "travel": 1e-6, "dissipation": 1.0}
     move = np.cos(np.arange(value.size)).reshape(value.shape) * size.get(name, np.abs(value))
     if name == "forcing":
         move[[0, 1, -1]] = 0.0  # at rest, oil neither full nor empty, there is a gradient to either side only

@@ -1,11 +1,13 @@
 """The experiment on the classical laws: their known peaks, and what the least ones gain."""
 
+from math import factorial
+
 import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
-from camopt.optimizer.program.dwell_rise import least_peak_through
 from experiments import classical_laws
+from experiments.classical_laws import least_peak_through
 
 EXPECTED = {
     "modified trapezoid": (4.888, 61.43, 4.728, 3.3),
@@ -53,3 +55,20 @@ def test_the_least_jerk_of_a_rise_is_the_closed_form_of_the_same_conditions():
     assert found.peak == pytest.approx(32.0, rel=1e-9)
     assert found.bound == pytest.approx(32.0, rel=1e-4)
     assert found.bound <= found.peak
+
+
+@pytest.mark.parametrize("order", [2, 3, 4])
+def test_the_least_peak_through_rest_at_the_end_is_that_of_the_rise(order):
+    least = 4 ** (order - 1) * factorial(order - 1)
+    found = least_peak_through([(1.0, k, float(k == 0)) for k in range(order)], order, 400)
+    assert found.bound <= least * (1 + 1e-9) and found.peak >= least * (1 - 1e-9)
+    assert (found.peak, found.bound) == pytest.approx((least, least), rel=1e-3)
+
+
+@pytest.mark.parametrize(("back", "height", "least"), [(2.0, 1.0, 4.0), (3.0, 1.0, 4.0), (1.5, 1.0, 16.0)])
+def test_the_shorter_of_a_rise_and_its_return_has_the_peak(back, height, least):
+    """From rest to rest in a time T a height needs the acceleration 4 height / T^2."""
+    conditions = [(1.0, 0, height), (1.0, 1, 0.0), (back, 0, 0.0), (back, 1, 0.0)]
+    found = least_peak_through(conditions, 2, 600)
+    assert (found.peak, found.bound) == pytest.approx((least, least), rel=1e-4)
+    assert len(found.derivative) == 600 and np.abs(found.derivative).max() == pytest.approx(least)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from camopt.measure.limits import broken_by_shape
+from camopt.optimizer.accuracy import ACCURACIES
 from camopt.scene import load_scene
 from experiments import starts
 
@@ -26,7 +27,7 @@ def test_every_start_leads_to_the_same_cam_at_small_size(tmp_path):
 
 def test_random_cams_hold_the_shape_and_differ():
     scene = load_scene("motori-1")
-    cams = [starts.start_cam(scene, name) for name in starts.RANDOM]
+    cams = [starts.start_cam(scene, name, ACCURACIES["draft"]) for name in starts.RANDOM]
     assert not any(broken_by_shape(cam, scene.design) for cam in cams)
     angles = np.linspace(-1.0, 1.0, 101) * cams[0].half_duration
     apart = np.abs(cams[0](angles) - cams[1](angles)).max()

@@ -186,3 +186,13 @@ def test_what_an_oil_column_loses_is_known_from_few_samples():
     record = Response(held, 2 * np.pi / end, angle, still[:, 0], still + d, still, k * (d - z), z)
     lost = k * d**2 / 2 * (1 - np.exp(-2 * k * end / leak))
     assert energy(record, no_lift()).damped == pytest.approx([lost], rel=1e-5)
+
+
+def test_balance_closes_with_hunt_crossley_contacts():
+    scene = load_scene("kodama-hertz")
+    law = {"law": "hunt-crossley", "dissipation_s_per_m": 0.3, "damping_N_s_per_m": 0.0}
+    elements = tuple(e.model_copy(update=law) if e.law == "hertz" else e for e in scene.element)
+    train, lift = build_train(scene.model_copy(update={"element": elements})), polydyne(load_scene("kodama"))
+    found = energy(dop853.prepare(train, lift, scene.cam_speed(6000), 7200)(state_at_rest(train)), lift)
+    lost = found.damped[[e.law == "hunt-crossley" for e in elements]]
+    assert abs(found.residual_relative) < CLOSED and np.all(lost > 1e3 * CLOSED * found.stored.max())

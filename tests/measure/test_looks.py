@@ -7,12 +7,13 @@ import pytest
 from scipy.stats import binomtest
 
 from camopt.measure.yields import EARLY, Looks, share_of
-from camopt.optimizer.as_built.statement import STATED_BY
+from camopt.optimizer.accuracy import ACCURACIES
+from camopt.optimizer.as_built.statement import looks_of
 from camopt.scene import load_scene
 
 KODAMA = load_scene("kodama")
 ASKED = (("draft", None), ("standard", None), ("standard", 0.9), ("standard", 0.99))
-PLANS = {f"{name} {wanted}": STATED_BY[name].looks(KODAMA, wanted) for name, wanted in ASKED}
+PLANS = {f"{name} {wanted}": looks_of(ACCURACIES[name], KODAMA, wanted) for name, wanted in ASKED}
 
 
 def ended(looks: Looks, trains: np.ndarray) -> np.ndarray:

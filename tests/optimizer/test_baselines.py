@@ -138,7 +138,7 @@ class TestSearch:
         assert resumed.judged < whole.judged
         lines = [json.loads(line) for line in journal.read_text().splitlines()]
         assert len({tuple(line["at"]) for line in lines[1:]}) == len(lines) - 1  # nothing is judged twice
-        with pytest.raises(InputError, match="another search"):
+        with pytest.raises(InputError, match="belongs to other work"):
             largest_area_member(KODAMA, **asked | {"seed": 1}, journal=journal)
 
     @pytest.mark.parametrize(

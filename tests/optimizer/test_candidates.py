@@ -219,7 +219,7 @@ def search_of(*cams):
     search = Search(judge, None, source, Logbook(), "calmest")
     for area in answers:
         free = SimpleNamespace(lift=lambda z: SimpleNamespace(area_ratio=float(z[0]), area=1.0))
-        search.consider("path constraints", free, np.array([area]), area)
+        search.evaluate("path constraints", free, np.array([area]), area)
     search.confirm()
     return search
 

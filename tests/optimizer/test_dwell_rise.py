@@ -5,7 +5,7 @@ from math import factorial
 import numpy as np
 import pytest
 
-from camopt.optimizer.program.dwell_rise import least_acceleration, least_peak, least_peak_through
+from camopt.optimizer.program.dwell_rise import least_acceleration, least_peak
 from camopt.scene import InputError
 
 
@@ -36,20 +36,3 @@ def test_too_little_of_either_is_refused():
         least_acceleration(32.0)
     with pytest.raises(InputError, match="2, which is the acceleration"):
         least_peak(1)
-
-
-@pytest.mark.parametrize("order", [2, 3, 4])
-def test_the_least_peak_through_rest_at_the_end_is_that_of_the_rise(order):
-    least = 4 ** (order - 1) * factorial(order - 1)
-    found = least_peak_through([(1.0, k, float(k == 0)) for k in range(order)], order, 400)
-    assert found.bound <= least * (1 + 1e-9) and found.peak >= least * (1 - 1e-9)
-    assert (found.peak, found.bound) == pytest.approx((least, least), rel=1e-3)
-
-
-@pytest.mark.parametrize(("back", "height", "least"), [(2.0, 1.0, 4.0), (3.0, 1.0, 4.0), (1.5, 1.0, 16.0)])
-def test_the_shorter_of_a_rise_and_its_return_has_the_peak(back, height, least):
-    """From rest to rest in a time T a height needs the acceleration 4 height / T^2."""
-    conditions = [(1.0, 0, height), (1.0, 1, 0.0), (back, 0, 0.0), (back, 1, 0.0)]
-    found = least_peak_through(conditions, 2, 600)
-    assert (found.peak, found.bound) == pytest.approx((least, least), rel=1e-4)
-    assert len(found.derivative) == 600 and np.abs(found.derivative).max() == pytest.approx(least)

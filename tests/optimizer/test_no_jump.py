@@ -193,12 +193,6 @@ def test_prices_and_jacobian_are_the_slope_of_the_program(kind, name):
     np.testing.assert_allclose(found.jacobian()[:, kind, speed], dz, rtol=1e-3, atol=1e-3 * np.abs(dz).max() + 1e-12)
 
 
-def test_extended_program_is_the_program_of_all_speeds():
-    part = no_jump_program(TRAIN, DESIGN, program().cam, SPEEDS[:2]).extended(SPEEDS[2:])
-    np.testing.assert_array_equal(part.speeds, program().speeds)
-    np.testing.assert_array_equal(part.rows.matrix, program().rows.matrix)
-
-
 def test_impossible_margins_say_by_how_much():
     with pytest.raises(
         NoCamHoldsContact,

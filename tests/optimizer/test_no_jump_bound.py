@@ -32,12 +32,6 @@ def test_kernel_gives_the_forces_of_any_cam(design):
     kernel_gives_the_forces(no_jump_program(TRAIN, design, free_cam(design), SPEEDS))
 
 
-def test_kernel_takes_the_stiffness_and_damping_of_each_speeds_own_train():
-    other = replace(TRAIN, stiffness=1.3 * TRAIN.stiffness, damping=0.5 * TRAIN.damping)
-    p = no_jump_program(TRAIN, FREE, free_cam(FREE), SPEEDS[:1]).extended(SPEEDS[1:], other)
-    kernel_gives_the_forces(p)
-
-
 def kernel_gives_the_forces(p):
     """constant + integral kernel u = sum of multiplier (force - margin), u the jerk (or acceleration) of any spline."""
     cam, design = p.cam, p.design

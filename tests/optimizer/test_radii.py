@@ -11,11 +11,11 @@ from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.bound.limit_terms import left_out
 from camopt.optimizer.bound.no_jump import no_jump_bound
 from camopt.optimizer.program.force_rows import Margins
-from camopt.optimizer.program.kinematic import kinematic_optimum, limit_worth
+from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitivities
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.radii import near
-from camopt.optimizer.program.relocation import relocate, standing
+from camopt.optimizer.program.relocation import converge_tangents, relocate
 from camopt.scene import InputError, load_scene
 from camopt.scene.geometry import Geometry
 from camopt.scene.train import build_train
@@ -89,7 +89,7 @@ def test_a_radius_holds_at_every_angle_and_would_be_broken_without(free, what):
     assert abs(penetration_mm(held.lift, geometry)) < 1e-3
     assert held.area_ratio < free.area_ratio < area_ratio_bound(design).bound
     assert left_out(design) == [key]
-    assert limit_worth(held)[key] < 0
+    assert limit_sensitivities(held)[key] < 0
 
 
 def test_a_cam_is_not_held_back_by_its_neighbourhood(free):
@@ -122,7 +122,7 @@ def test_the_no_jump_program_holds_it_near_its_own_cam():
     geometry, key, least = ASKED["finger with a pad"]
     design = KODAMA.design.model_copy(update={key: least}).within(geometry, KODAMA.operation)
     train, speeds, margins = build_train(KODAMA), [KODAMA.cam_speed(6000.0)], Margins(20.0, 20.0, 20.0)
-    program = standing(no_jump_program(train, design, program_cam(design, 4.0), speeds))
+    program = converge_tangents(no_jump_program(train, design, program_cam(design, 4.0), speeds))
     held = program.solve(margins)
     without = no_jump_program(train, KODAMA.design, free_cam(KODAMA.design, 4.0), speeds).solve(margins)
     assert broken_by_shape(without.lift, design) == [key] and broken_by_shape(held.lift, design) == []

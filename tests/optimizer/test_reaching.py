@@ -11,9 +11,9 @@ from camopt.optimizer.program.kinematic import (
     area_ratio_row,
     conflict,
     first_working,
-    reach,
+    kinematic_optimum,
+    solve_over_peak_angles,
     spline_rows,
-    unexplained_optimum,
 )
 from camopt.optimizer.program.linear_program import maximise
 from camopt.optimizer.program.program_cam import program_cam
@@ -40,7 +40,7 @@ def test_the_least_area_that_reaches_the_lift_is_the_least_over_all_peak_angles(
         except Infeasible:
             continue
     assert len(found) == 5
-    best = reach(cam, design, -row, spline_rows(limits.matrix), limits.bound, working)
+    best = solve_over_peak_angles(cam, design, -row, spline_rows(limits.matrix), limits.bound, working)
     assert best.value == pytest.approx(max(found.values()), abs=1e-7)
     assert cam.lift(best.z).max_lift >= 11.0 * MM * (1 - 1.1e-5)
 
@@ -66,7 +66,7 @@ def reaching(name: str):
 def test_what_programs_and_projections_give_the_judge_of_the_shape_keeps(name):
     design = reaching(name)
     cam = program_cam(design, design.duration_deg / 40)
-    found = unexplained_optimum(design, cam)
+    found = kinematic_optimum(design, cam, explain=False)
     assert broken_by_shape(found.lift, design) == []
     nearest = ShapeLimits(cam, design).nearest
     for z in (2 * found.z, found.z + np.random.default_rng(1).normal(size=len(found.z)) * np.abs(found.z).mean()):
@@ -79,15 +79,15 @@ def test_a_limit_that_the_given_ramps_break_is_a_contradiction_of_the_program_to
     design = drawn(number).design
     cam = program_cam(design, design.duration_deg / 40)
     with pytest.raises(Infeasible):
-        unexplained_optimum(design, cam)
+        kinematic_optimum(design, cam, explain=False)
     said = conflict(design, cam)
     assert f"{key} would have to rise" in said
     needed = float(said.partition(f"{key} would have to rise")[2].split(" to ")[1].split(",")[0])
     wider = design.model_copy(update={key: needed})
-    assert broken_by_shape(unexplained_optimum(wider, cam).lift, wider) == []
+    assert broken_by_shape(kinematic_optimum(wider, cam, explain=False).lift, wider) == []
 
 
 def test_a_lift_short_by_more_than_the_slack_is_not_reached():
-    lift = unexplained_optimum(KODAMA.design, free_cam(KODAMA.design, 6.0)).lift
+    lift = kinematic_optimum(KODAMA.design, free_cam(KODAMA.design, 6.0), explain=False).lift
     asked = {"reach_max_lift": True, "max_lift_mm": lift.max_lift / MM * (1 + 1.1e-5)}
     assert "reach_max_lift" in broken_by_shape(lift, KODAMA.design.model_copy(update=asked))

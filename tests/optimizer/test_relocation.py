@@ -8,7 +8,7 @@ import pytest
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
-from camopt.optimizer.program.relocation import NoLoadTransfer, _crossing, standing
+from camopt.optimizer.program.relocation import NoLoadTransfer, _crossing, converge_tangents
 from camopt.scene import build_train, load_scene
 
 ANGLE = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
@@ -44,6 +44,6 @@ def test_the_program_of_a_bucket_tappet_is_decided_and_keeps_its_limits():
     scene = load_scene(str(BUCKET))
     speeds = [scene.cam_speed(speed) for speed in scene.operation.speeds_rpm]
     program = no_jump_program(build_train(scene), scene.design, program_cam(scene.design, 3.0), speeds)
-    found = standing(program).solve_below(np.full((3, len(speeds)), 20.0))
+    found = converge_tangents(program).solve_below(np.full((3, len(speeds)), 20.0))
     assert 0.55 < found.area_ratio < 0.63
     assert broken_by_shape(found.lift, scene.design) == []

@@ -7,7 +7,7 @@ from camopt.cam.families.free import free_cam
 from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.periodic import periodic_response, sample_cam
-from camopt.optimizer.program.relocation import located_angles, settled_revolution, standing
+from camopt.optimizer.program.relocation import converge_tangents, located_angles, settled_revolution
 from camopt.optimizer.program.tangents import tangents_along
 from camopt.scene import build_train, load_scene
 from camopt.scene.linearisation import is_linear, linearised_at_rest
@@ -26,7 +26,7 @@ def test_the_linear_motion_is_the_settled_one_of_its_cam(name):
     scene = load_scene(name)
     train, cam = build_train(scene), free_cam(scene.design, 4.0)
     speed = scene.cam_speed(scene.operation.speeds_rpm[-1])
-    program = standing(no_jump_program(train, scene.design, cam, [speed]), MARGIN_N)
+    program = converge_tangents(no_jump_program(train, scene.design, cam, [speed]), MARGIN_N)
     found = program.solve(Margins(60.0, 60.0, MARGIN_N))
     real = settled_revolution(train, found.lift, speed, SETTLED)
     angles = located_angles(real)
@@ -41,7 +41,7 @@ def test_a_program_of_a_real_train_says_what_its_cam_does():
     scene = load_scene("exhaust-gas")
     train, cam = build_train(scene), free_cam(scene.design, 4.0)
     speeds = [scene.cam_speed(s) for s in scene.operation.speeds_rpm]
-    program = standing(no_jump_program(train, scene.design, cam, speeds), MARGIN_N)
+    program = converge_tangents(no_jump_program(train, scene.design, cam, speeds), MARGIN_N)
     found = program.solve(Margins(MARGIN_N, MARGIN_N, MARGIN_N))
     least = []
     for speed in speeds:
@@ -56,6 +56,6 @@ def test_a_linear_train_has_no_tangents():
     train, cam = build_train(scene), free_cam(scene.design, 6.0)
     assert is_linear(train) and linearised_at_rest(train) is train
     program = no_jump_program(train, scene.design, cam, [scene.cam_speed(5000)])
-    assert standing(program) is program
+    assert converge_tangents(program) is program
     motion = settled_revolution(train, cam.lift(np.zeros(cam.Z.shape[1])), scene.cam_speed(5000), 1)
     assert tangents_along(motion) is None

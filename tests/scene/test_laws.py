@@ -12,6 +12,7 @@ from camopt.scene.laws import STAND_IN_FORCE
 EXAMPLE = (Path(__file__).parent / "example.toml").read_text()
 TRAIN = "stiffness_N_per_m = 1.5e8"
 SPRING = "stiffness_N_per_m = 38200.0"
+DAMPED, HUNT_CROSSLEY = "damping_N_s_per_m = 1200.0", 'law = "hunt-crossley"\ndissipation_s_per_m = '
 TABLE = 'law = "progressive"\nstiffness_table = [[-1.0, 30000.0], [2.0, 36000.0], [8.0, 90000.0]]'
 
 
@@ -34,9 +35,13 @@ def force(parts, e: int, d: float) -> float:
 @pytest.mark.parametrize(
     ("old", "new", "key", "says"),
     [
-        (TRAIN, TRAIN + '\nlaw = "cubic"', "element.1.law", "'linear', 'hertz', 'progressive' or 'table'"),
+        (TRAIN, TRAIN + '\nlaw = "cubic"', "element.1.law", "'hertz', 'hunt-crossley', 'progressive' or 'table'"),
         (SPRING, 'law = "hertz"', "element.2.stiffness_N_per_m", "missing"),
-        (SPRING, SPRING + "\nexponent = 1.5", "element.2.exponent", "only to it"),
+        (SPRING, SPRING + "\nexponent = 1.5", "element.2.exponent", "only to these"),
+        (DAMPED, 'law = "hunt-crossley"', "element.1.dissipation_s_per_m", "missing"),
+        (DAMPED, HUNT_CROSSLEY + "0.0", "element.1.dissipation_s_per_m", "greater than 0"),
+        (DAMPED, f"{HUNT_CROSSLEY}0.3\n{DAMPED}", "element.1.damping_N_s_per_m", "loses the energy"),
+        (DAMPED, DAMPED + "\ndissipation_s_per_m = 0.3", "element.1.dissipation_s_per_m", "only to it"),
         (TRAIN, TRAIN + '\nlaw = "hertz"\nexponent = 0.5', "element.1.exponent", "greater than or equal to 1"),
         ("preload_N = 0.0 ", 'preload_N = -3.0\nlaw = "hertz" ', "element.1.preload_N", "gap_mm"),
         (SPRING, SPRING + "\nstiffness_table = [[0, 1], [1, 2]]", "element.2.stiffness_table", "only to it"),

@@ -5,7 +5,7 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.scene import InputError, load_scene
-from camopt.study.camshaft import camshaft_torque
+from camopt.study.cam_force import camshaft_torque
 
 SCENE = load_scene("kodama")
 CAM = polydyne(SCENE)

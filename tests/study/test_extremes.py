@@ -11,7 +11,7 @@ from camopt.cli import parser as cli
 from camopt.exact.kernel.propagators import highest_frequency
 from camopt.scene import QUANTITIES, MotionRefused, build_train, load_scene
 from camopt.study.extremes import extremes as module
-from camopt.study.extremes.cases import CHANGES, cases, clearance, contacts, damping, fast_mode, mass_ratio
+from camopt.study.extremes.cases import CHANGES, cases, clearance, contacts, fast_mode, mass_ratio, times
 from camopt.study.extremes.classification import (
     NOT_CONVERGED,
     RANGE,
@@ -24,8 +24,9 @@ from camopt.study.extremes.classification import (
     judge,
     truth,
 )
-from camopt.study.extremes.extremes import COLUMNS, defects, extremes
+from camopt.study.extremes.extremes import LINES, defects, extremes
 from camopt.study.extremes.step_methods import STEP_METHODS
+from camopt.study.measured_rows import COLUMNS
 from camopt.verifier.convergence import Converged, Tolerances
 from camopt.verifier.methods import rkg
 from camopt.verifier.verdict import event_exact
@@ -43,7 +44,7 @@ def answer(bounce=0.1, error=0.0, converged=True, state=True) -> Converged:
 def true(spread=0.0) -> Truth:
     figures = dict.fromkeys(NAMES, 1.0) | {"bounce_mm": 0.1}
     moved = dict.fromkeys(NAMES, 0.0) | {"bounce_mm": spread}
-    return Truth(figures, dict.fromkeys(NAMES, 0.003), moved, answer(), build_train(MOTOR))
+    return Truth(figures, dict.fromkeys(NAMES, 0.003), moved, answer())
 
 
 @pytest.mark.parametrize(
@@ -114,7 +115,7 @@ class TestTheList:
         mass = build_train(mass_ratio(1e4)(kodama)).mass
         assert mass.max() / mass.min() == pytest.approx(1e4)
         assert np.all(build_train(contacts(1e9)(kodama)).stiffness[train.contact] == 1e9)
-        assert build_train(damping(0.0)(kodama)).damping.max() == 0.0
+        assert build_train(times("damping_N_s_per_m", 0.0)(kodama)).damping.max() == 0.0
         assert build_train(clearance(1.0)(kodama)).lash == pytest.approx(1e-3)
         assert build_train(clearance(0.0)(kodama)).lash == 0.0
         spring = MOTOR.element[1]
@@ -157,7 +158,7 @@ def test_command_writes_the_table_and_goes_on_where_it_was_interrupted(short, tm
     assert (folder / "figures" / "extremes-motori-1.png").stat().st_size > 0
     assert cli.main(["extremes", "motori-1", "--out", str(folder)]) == 2
 
-    file = folder / "extremes.csv"
+    file = folder / LINES
     lines = file.read_text().splitlines(keepends=True)
     file.write_text("".join(lines[:-3]) + lines[-3][:20])
     again = extremes([MOTOR], folder, resume=True, progress=False)

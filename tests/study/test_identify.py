@@ -100,7 +100,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
     truth = FreeParameters(SCENE, FREE)
     for seed in range(10):
         found = identify(SCENE, LIFT, lifts(0.5, seed), FREE, noise_um=0.5)
-        assert found.sound and found.table["identified"].all(), found.remarks
+        assert not found.remarks and found.table["identified"].all()
         start = np.array([t.of(SCENE) for t in truth.tied])
         covered += int(np.sum((found.table["low"] <= start) & (start <= found.table["high"])))
         deviations.append(np.log(found.table["estimate"].values / start) / found.table["relative_error"].values)
@@ -195,7 +195,7 @@ def test_a_parameter_without_effect_stays_and_is_said_to_be_unknown():
 
 def test_a_model_that_misses_something_is_not_believed():
     wrong = identify(SCENE, LIFT, lifts(2.0), ("train.damping_N_s_per_m",), noise_um=1.0)
-    assert any("does not fall" in r for r in wrong.remarks) and not wrong.sound
+    assert any("does not fall" in r for r in wrong.remarks)
     heavier, _ = off(("valve.mass_kg",), 3)
     assert any("correlate" in r for r in identify(heavier, LIFT, lifts(0.5), ("seat.damping_N_s_per_m",)).remarks)
 

@@ -13,17 +13,20 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cli import parser as cli
 from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import broken_by_shape
-from camopt.plots.tradeoff import pareto
+from camopt.plots.tradeoff import figures, pareto
 from camopt.scene import InputError, build_train, load_scene, scene_text
-from camopt.study.tradeoff import figures as tradeoff_figures
-from camopt.study.tradeoff import measurement
+from camopt.storage.journal import Records
+from camopt.study import timing
+from camopt.study.measured_rows import COLUMNS, REFERENCE, measured
+from camopt.study.timing import timed
 from camopt.study.tradeoff import tradeoff as module
 from camopt.study.tradeoff.case import RevolutionCase
-from camopt.study.tradeoff.measurement import COLUMNS, REFERENCE, Measurement, error_of, measured, rows_of, timed
-from camopt.study.tradeoff.methods import CHORDS, fixed_steps
+from camopt.study.tradeoff.methods import CHORDS, prepared_methods
 from camopt.study.tradeoff.summary import table_of, words_of
-from camopt.study.tradeoff.tradeoff import LINES, tradeoff
+from camopt.study.tradeoff.tradeoff import LINES, error_of, rows_of, tradeoff
 from experiments import tradeoff as experiment
+
+NAMES = "case", "method", "setting"
 
 
 def table(folder) -> list[dict]:
@@ -41,11 +44,11 @@ def busy(seconds: float) -> None:
 @pytest.fixture(scope="module")
 def drawn():
     """Figures by name, as they would be saved: rendering them takes longer than measuring, which is not repeated."""
-    figures = {}
+    kept = {}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tradeoff_figures, "save", lambda figure, folder, name: figures.update({name: figure}))
-        patch.setattr(measurement, "PATIENCE", 0.0)
-        yield figures
+        patch.setattr("camopt.plots.style.save", lambda figure, folder, name: kept.update({name: figure}))
+        patch.setattr(timing, "PATIENCE", 0.0)
+        yield kept
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +127,7 @@ class TestCams:
         scene, design, folder = load_scene("motori-1"), tmp_path / "design.json", tmp_path / "run"
         write_design(design, polydyne(scene), 9.4e-3)
         seen = []
-        monkeypatch.setattr(module, "measured", lambda path, work, progress: seen.extend(work) or [])
+        monkeypatch.setattr(module, "measured", lambda journal, work, progress: seen.extend(work) or [])
         words = ["tradeoff", str(unequal), "--cam", str(design), "--size", "small", "--out", str(folder), "--quiet"]
         assert cli.main(words) == 0
         assert len(seen) > 10
@@ -137,7 +140,7 @@ class TestCams:
         row = {"case": "job: band step", "method": "event-exact sweep", "setting": "200 r/min", "error": 0.0,
                "error_of": "bounce_mm", "seconds": 1.0, "converged": True, "verdict": ""}  # fmt: skip
         case = row | {"case": "revolution at 3000 r/min"}
-        assert tradeoff_figures.figures([row, case, row | {"case": "job: masses"}]) == {}
+        assert figures([row, case, row | {"case": "job: masses"}]) == {}
         assert "0 um off" in words_of("motori-1", [row])
 
     def test_a_gradient_of_zero_has_no_relative_error(self):
@@ -145,26 +148,22 @@ class TestCams:
 
 
 class TestLines:
-    def test_an_interrupted_run_keeps_what_it_measured(self, tmp_path):
-        """The line that the interruption cut off is measured again, the whole ones are not."""
+    def test_what_the_journal_holds_is_not_measured_again(self):
         calls: list[str] = []
 
-        def work(name: str) -> Measurement:
-            return Measurement("case", "method", name, lambda: calls.append(name) or {"figures": {"bounce_mm": 1.0}})
+        def work(name: str):
+            return ("case", "method", name), lambda: calls.append(name) or {"figures": {"bounce_mm": 1.0}}
 
-        path = tmp_path / LINES
-        measured(path, [work("a"), work("b")])
-        path.write_text(path.read_text() + '{"case": "case", "meth')
-        lines = measured(path, [work("c"), work("a"), work("b")])
+        journal = Records(None, *NAMES)
+        measured(journal, [work("a"), work("b")])
+        assert [line["setting"] for line in measured(journal, [work("c"), work("a")])] == ["c", "a"]
         assert calls == ["a", "b", "c"]
-        assert [line["setting"] for line in lines] == ["c", "a", "b"]
-        assert [json.loads(line)["setting"] for line in path.read_text().splitlines()] == ["a", "b", "c"]
 
-    def test_what_fails_stays_with_its_reason(self, tmp_path):
+    def test_what_fails_stays_with_its_reason(self):
         def fails() -> dict:
             raise RuntimeError("too stiff")
 
-        (row,) = rows_of(measured(tmp_path / LINES, [Measurement("case", "method", "x", fails)]))
+        (row,) = rows_of(measured(Records(None, *NAMES), [module.or_failure((("case", "method", "x"), fails))]))
         assert (row["verdict"], row["converged"], row["error"]) == ("too stiff", False, None)
 
     def test_errors_are_against_the_reference_of_the_case(self):
@@ -191,14 +190,14 @@ class TestLines:
         assert error_of("bounce_mm", np.nan, 1.0) is None
 
     def test_the_first_call_is_set_apart(self, monkeypatch):
-        monkeypatch.setattr(measurement, "PATIENCE", 0.05)
+        monkeypatch.setattr(timing, "PATIENCE", 0.05)
         durations = chain((0.05, 0.004, 0.002), repeat(0.004))
         times, _ = timed(lambda: busy(next(durations)), 2)
         assert times["seconds"] == pytest.approx(0.001, rel=0.2)
         assert times["setup_seconds"] == pytest.approx(0.048, rel=0.1)
 
     def test_waiting_is_not_counted(self, monkeypatch):
-        monkeypatch.setattr(measurement, "PATIENCE", 0.01)
+        monkeypatch.setattr(timing, "PATIENCE", 0.01)
         times, _ = timed(lambda: time.sleep(0.02) or busy(0.01))
         assert times["seconds"] == pytest.approx(0.01, rel=0.1)
 
@@ -206,9 +205,9 @@ class TestLines:
 def test_under_curved_laws_event_exact_takes_chords():
     scene = load_scene("race-nested")
     case = RevolutionCase(scene, polydyne(scene), max(scene.operation.speeds_rpm))
-    chords = {m.setting: m for m in fixed_steps(case, "full") if m.method == "event-exact"}
+    chords = {setting: run for method, setting, run in prepared_methods(case, "full") if method == "event-exact"}
     assert list(chords) == [f"{count} chords" for count in CHORDS["full"]]
-    lifts = [chords[f"{count} chords"].run()["figures"]["lift_mm"] for count in (8, 16, 128)]
+    lifts = [case.figures(chords[f"{count} chords"]())["lift_mm"] for count in (8, 16, 128)]
     coarse, fine = (np.abs(lift - lifts[2]).max() for lift in lifts[:2])
     assert 0.0 < 3 * fine < coarse < 1e-3
 
@@ -292,23 +291,14 @@ class TestExperiment:
     def test_it_keeps_the_runs_table_and_words(self, small, tmp_path):
         content = experiment.keep(small, "small", tmp_path)
         stored = json.loads((tmp_path / "tradeoff.json").read_text())
-        assert (
-            len(stored["rows"]) == len(table(small))
-            and stored["words"] == (small / "tradeoff.txt").read_text().splitlines()[-1]
-        )
+        assert len(stored["rows"]) == len(table(small))
+        assert stored["words"] == (small / "tradeoff.txt").read_text().splitlines()[-1]
         assert content["float32"] == []  # the small size has no JAX
 
     def test_rounding_is_what_single_precision_changes(self):
         def line(method: str, lift_mm: float, seconds: float) -> dict:
-            figures = {"lift_mm": [0.0, lift_mm]}
-            return {
-                "case": "c",
-                "method": method,
-                "setting": "s",
-                "failure": "",
-                "seconds": seconds,
-                "figures": figures,
-            }
+            shared = {"case": "c", "method": method, "setting": "s", "failure": "", "seconds": seconds}
+            return shared | {"figures": {"lift_mm": [0.0, lift_mm]}}
 
         lines = [line("reference", 1.0, 1.0), line("x, float64", 1.5, 2.0), line("x, float32", 1.25, 1.0)]
         (row,) = experiment.rounding(lines)

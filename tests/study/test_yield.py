@@ -11,7 +11,8 @@ from camopt.cli.parser import main
 from camopt.measure.limits import motion_limits
 from camopt.optimizer.as_built import measured
 from camopt.scene import InputError, load_scene, parse_scene, scene_text
-from camopt.study.yields.yields import JOURNAL, SUMMARY, yield_lines
+from camopt.storage.journal import Records
+from camopt.study.yields import JOURNAL, SUMMARY, yield_lines
 from tests.scene.test_load import EXAMPLE
 from tests.test_docs import documented, keys
 
@@ -36,7 +37,7 @@ def heavy_ones_break(monkeypatch):
         return measured.Track(lift, (), np.zeros(0), motion_limits(scene.design))
 
     monkeypatch.setattr(measured.Track, "used", used)
-    monkeypatch.setattr("camopt.study.yields.yields.track", no_track)
+    monkeypatch.setattr("camopt.study.yields.track", no_track)
     return seen
 
 
@@ -62,16 +63,16 @@ def test_a_known_yield_and_what_half_of_its_cause_buys(heavy_ones_break):
 @pytest.mark.long
 def test_a_resumed_run_has_the_rows_of_an_unbroken_one(heavy_ones_break, tmp_path, monkeypatch):
     found(50, out=tmp_path / "whole")
-    add, wrote = measured.TrainsJournal.add, []
+    add, wrote = Records.add, []
 
-    def killed(self, halved, numbers, used):
+    def killed(self, *rows):
         if wrote:
             raise KeyboardInterrupt
-        wrote.extend(numbers)
-        add(self, halved, numbers, used)
+        wrote.extend(rows)
+        add(self, *rows)
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(measured.TrainsJournal, "add", killed)
+        patch.setattr(Records, "add", killed)
         found(50, out=tmp_path / "broken")
     journal = tmp_path / "broken" / JOURNAL
     with open(journal, "a") as file:

@@ -11,12 +11,6 @@ def rehearsals(count: int, seconds: float = 0.0) -> Iterator[dict]:
     return ({"verb": "rehearse", "number": i, "seconds": seconds} for i in range(count))
 
 
-def motions(count: int) -> Iterator[dict]:
-    """So many settled motions, from calm ones to some that bounce."""
-    one = {"verb": "settled", "scene": "motori-1", "cam": "polydyne"}
-    return (one | {"speed_rpm": 3000.0 + 3000.0 * i / count} for i in range(count))
-
-
 @contextmanager
 def opened(path: Path) -> Iterator[sqlite3.Connection]:
     """A database, closed at the end; what was changed is kept. A connection is no more than a transaction itself."""

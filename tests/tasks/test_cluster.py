@@ -11,7 +11,7 @@ import pytest
 import camopt
 from camopt.scene import InputError
 from camopt.tasks.cluster import check_address, cluster
-from tests.tasks.tasks_of_tests import motions, rehearsals, stored
+from tests.tasks.tasks_of_tests import rehearsals, stored
 from tests.tasks.test_sweep import DIED, DIES, Killer
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # dask's own, of sockets that its dead workers leave
@@ -51,18 +51,6 @@ def test_rows_of_a_cluster_with_a_killed_worker_are_those_of_the_serial_sweep(lo
     rows = stored(tmp_path / "x")
     assert [row for row in rows if row[1] != 200] == stored(tmp_path / "serial")
     assert [row[4] for row in rows if row[1] == 200] == [DIED]
-
-
-@pytest.mark.long
-@pytest.mark.timeout(1200)
-def test_200_motions_of_a_cluster_with_a_killed_worker_are_those_of_the_serial_sweep(local, tmp_path):
-    killer = threading.Thread(target=kill_one, args=(local, tmp_path / "x"), daemon=True)
-    killer.start()
-    with cluster(local.scheduler_address) as (executor, workers):
-        camopt.sweep(motions(200), tmp_path / "x", executor, workers)
-    killer.join(10)
-    camopt.sweep(motions(200), tmp_path / "serial", workers=0)
-    assert stored(tmp_path / "x") == stored(tmp_path / "serial") and len(stored(tmp_path / "x")) == 200
 
 
 def test_nobody_at_the_address(monkeypatch):

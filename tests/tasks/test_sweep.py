@@ -16,7 +16,7 @@ import pytest
 import camopt
 from camopt.scene import InputError
 from camopt.tasks import sweep as sweeping
-from camopt.tasks.engines import AHEAD, MOST_DEATHS
+from camopt.tasks.engines import MOST_DEATHS
 from tests.campaign.starved import mounted
 from tests.tasks.tasks_of_tests import opened, rehearsals, stored
 
@@ -90,7 +90,7 @@ class TestWorkers:
 
 PARENT = """
 import sys, camopt
-from tests.tasks.tasks_of_tests import motions, rehearsals
+from tests.tasks.tasks_of_tests import rehearsals
 if __name__ == "__main__":
     camopt.sweep(TASKS, sys.argv[1], workers=2)
 """
@@ -132,7 +132,7 @@ class TestParent:
     def test_rows_that_are_there_are_not_computed_again(self, tmp_path, monkeypatch):
         camopt.sweep(rehearsals(5), tmp_path / "x", workers=0)
         before = stored(tmp_path / "x")
-        monkeypatch.setattr("camopt.tasks.engines.compute", lambda task: pytest.fail("computed again"))
+        monkeypatch.setattr("camopt.tasks.sweep.compute", lambda task: pytest.fail("computed again"))
         assert camopt.sweep(rehearsals(5), tmp_path / "x", workers=0).counts == {"done": 5}
         assert stored(tmp_path / "x") == before
 
@@ -239,7 +239,7 @@ def test_any_executor_with_at_most_four_tasks_for_each_worker(tmp_path, serial):
     with Executor(2) as executor:
         camopt.sweep(watched(), tmp_path / "x", executor)
     assert stored(tmp_path / "x") == serial
-    assert max(most) <= 2 * AHEAD
+    assert max(most) <= 2 * sweeping.AHEAD
 
 
 def test_an_executor_that_is_gone_and_a_worker_of_another_version_are_said(tmp_path, monkeypatch):

@@ -1,7 +1,5 @@
 """What tasks on scenes compute: the numbers of the functions that they stand for, bit by bit in every process."""
 
-import signal
-
 import numpy as np
 import pytest
 
@@ -14,8 +12,7 @@ from camopt.scene.load import scene_with
 from camopt.scene.quantities import QUANTITIES
 from camopt.tasks.plan import load_plan
 from camopt.tasks.task import filed
-from tests.tasks.tasks_of_tests import motions, stored
-from tests.tasks.test_sweep import Killer, rows_after_the_end
+from tests.tasks.tasks_of_tests import stored
 
 SCENE = load_scene("motori-1")
 SPEEDS = (4000.0, 5000.0)
@@ -92,19 +89,6 @@ def test_a_lift_law_and_its_design_are_one_cam(tmp_path):
     metrics = settled_metrics([build_train(SCENE)], [as_written(cam)], [SCENE.cam_speed(5000)], workers=1)
     assert row["jump_mm_high"] == metrics.highest["jump_mm"][0, 0, 0]
     assert found.part(row["cam"]).startswith('{"family": "polydyne"')
-
-
-@pytest.mark.long
-@pytest.mark.timeout(1200)
-def test_200_motions_with_killed_workers_and_a_killed_parent_are_those_of_the_serial_sweep(tmp_path):
-    path = tmp_path / "x"
-    assert 20 <= rows_after_the_end(tmp_path, path, "motions(200)", signal.SIGKILL) < 200
-    killer = Killer(path, [60, 100, 140])
-    killer.start()
-    camopt.sweep(motions(200), path, workers=2)
-    assert len(killer.killed) == 3
-    camopt.sweep(motions(200), tmp_path / "serial", workers=0)
-    assert stored(tmp_path / "x") == stored(tmp_path / "serial") and len(stored(tmp_path / "x")) == 200
 
 
 class TestCall:

@@ -10,7 +10,7 @@ import pytest
 from camopt.cam.read import read_cam
 from camopt.exact.settled import settled_metrics
 from camopt.measure.settling import Figures
-from camopt.optimizer.as_built.drawn import DrawnTrains
+from camopt.optimizer.as_built.drawn import TrainEnsemble
 from camopt.optimizer.search.judge import Judge
 from camopt.scene import QUANTITIES, build_train, load_scene, state_at_rest
 from camopt.verifier import at_speed
@@ -79,7 +79,7 @@ def test_a_search_does_not_begin_with_the_oil_of_the_cam_before():
     full, calm = read_cam("multi-pol", SCENE), read_cam("polydyne", SCENE)
     judge = Judge(SCENE, [7500.0, 8200.0])
     assert judge(full).used > 1.0 >= judge(calm).used
-    drawn = DrawnTrains(SCENE, 0)
+    drawn = TrainEnsemble(SCENE, 0)
     drawn.draw(2)
     failing = []
     for lift in (full, calm):

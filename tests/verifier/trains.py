@@ -32,14 +32,14 @@ def train(mass, elements, force=0.0, mass_damping=0.0, valve=-1, seat=-1, cam_si
     )
 
 
-def laws(kind, coefficient, exponent=1.0, table=None, leak=0.0, travel=0.0, slip=0.0) -> Laws:
+def laws(kind, coefficient, exponent=1.0, table=None, leak=0.0, travel=0.0, slip=0.0, dissipation=0.0) -> Laws:
     """The laws of elements: kinds (e) and coefficients (e); the other numbers are one for all, or (e) each.
 
     `table` (q, 2) is that of every element that has one.
     """
     elements = len(kind)
     rows = np.array([[0.0, 1.0]] if table is None else table)
-    numbers = (np.broadcast_to(q, elements).astype(float) for q in (coefficient, exponent))
+    numbers = (np.broadcast_to(q, elements).astype(float) for q in (coefficient, exponent, dissipation))
     others = (np.broadcast_to(q, elements).astype(float) for q in (leak, travel, slip))
     return Laws(np.array(kind), *numbers, np.stack([rows] * elements), *others, rows=np.full(elements, len(rows)))
 

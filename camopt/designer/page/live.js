@@ -1,12 +1,13 @@
 // The designer: keeps the values, asks for answers (the newest question wins), shows them, and says what is wrong.
 const REST_MS = 150; // a hand that has not moved for so long rests
+const PATIENCE_MS = 500; // a first answer that takes longer is dropped for the next change; what follows it is at once
 const BEAT_MS = 4000;
 const SHAPE_GROUPS = ["Cam", "Ramps", "Limits on the cam"];
 
 class Designer {
   constructor(root, send, beat) {
-    Object.assign(this, { root, send, beat, sequence: 0, busy: false, slowBusy: false, further: {},
-      done: {}, undone: [], redone: [], pinned: null, band: null, answer: null, client: String(Math.random()).slice(2) });
+    Object.assign(this, { root, send, beat, sequence: 0, busy: false, further: {},
+      undone: [], redone: [], pinned: null, band: null, answer: null, shown: null, asked: performance.now(), client: String(Math.random()).slice(2) });
   }
   async begin() {
     const start = await this.send({ kind: "start" });
@@ -15,7 +16,8 @@ class Designer {
     this.values = { ...this.initial };
     this.committed = JSON.stringify(this.values);
     this.fields = new Fields(start.controls, (key, value, settled) => this.changed(key, value, settled));
-    this.panels = new Panels();
+    this.slow = new SlowParts(this);
+    this.panels = new Panels(this.slow.node);
     this.layout(start);
     this.fields.show(this.values);
     this.ask(true);
@@ -26,12 +28,13 @@ class Designer {
     const values = () => this.values;
     this.verdict = new Verdict(this.root, (message) => this.told(message), values, start.files);
     this.result = h("p", { class: "result", "aria-live": "polite" });
+    this.mark = new Mark(this.root, this.controls, () => this.cancel());
     this.trouble = h("p", { class: "trouble", role: "alert", hidden: true });
     const tools = h("div", { class: "tools" },
       button("undo", "Undo", () => this.back()), button("redo", "Redo", () => this.forth()),
       button("reset", "Reset", () => this.take({ ...this.initial })), button("pin", "Pin to compare", () => this.togglePin()), ...this.verdict.tools);
     const saving = start.files ? new Saving(start.name, this.send, values, (error) => (error ? this.failed(error) : this.alive())).node : "";
-    this.root.replaceChildren(h("header", {}, h("h1", {}, start.title), this.verdict.status, tools, this.trouble, this.result),
+    this.root.replaceChildren(h("header", {}, h("h1", {}, start.title), this.verdict.status, tools, this.trouble, this.mark.node, this.result),
       h("div", { class: "columns" }, h("aside", { "aria-label": "Numbers" }, this.fields.node, saving), this.panels.node));
     this.buttons();
     this.verdict.show();
@@ -39,10 +42,11 @@ class Designer {
 
   // ---- values: changed by a hand, taken back, taken as a whole
   changed(key, value, settled) {
+    const same = this.values[key] === value; // a field that is left says its number once more
     this.values = { ...this.values, [key]: value };
     this.last = key;
     if (settled) this.commit();
-    this.ask(false);
+    if (!same) this.ask(false);
   }
   commit() {
     const now = JSON.stringify(this.values);
@@ -82,7 +86,9 @@ class Designer {
     this.pin.textContent = this.pinned ? "Unpin" : "Pin to compare";
     this.pin.setAttribute("aria-pressed", Boolean(this.pinned));
     if (this.answer) this.paint(this.answer);
-    if (this.band) this.panels.band(this.band, this.values, this.pinned);
+    if (!this.band) return;
+    this.panels.band(this.band, this.values, this.pinned);
+    this.panels.bandIsOf(!this.shown?.band);
   }
 
   // ---- questions: one in flight; what was asked meanwhile is asked as its newest state
@@ -94,8 +100,43 @@ class Designer {
     clearTimeout(this.timer);
     this.timer = setTimeout(() => { this.resting = true; this.pump(); }, resting ? 0 : REST_MS);
     this.root.dataset.sequence = this.sequence;
+    this.stopped = null;
     this.verdict.show();
     this.pump();
+    this.overtake();
+    this.marked();
+  }
+  overtake() { // what is computed for other numbers is dropped on the server
+    clearTimeout(this.overtaking);
+    if (!this.busy || this.running.sequence === this.sequence) return;
+    const left = this.running.step === "sketch" ? this.running.begun + PATIENCE_MS - performance.now() : 0;
+    if (left > 0) this.overtaking = setTimeout(() => this.overtake(), left);
+    else this.drop();
+  }
+  drop() { // an error here is one of the answer too, which says it
+    this.send({ kind: "newest", client: this.client, sequence: this.sequence }).catch(() => {});
+  }
+  cancel() { // nothing further is computed, and the numbers are those of what is shown
+    clearTimeout(this.timer);
+    this.sequence += 1;
+    Object.assign(this, { dirty: false, rested: this.sequence, stopped: this.sequence });
+    this.root.dataset.sequence = this.sequence;
+    this.drop();
+    if (this.shown) {
+      this.values = JSON.parse(this.shown.values);
+      this.commit();
+      this.fields.show(this.values);
+      this.fields.faults({}, this.last);
+    }
+    this.verdict.show();
+    this.marked();
+  }
+  marked() {
+    const refused = this.answer === null && this.refusedOf === JSON.stringify(this.values);
+    this.mark.show({ values: this.values, shown: this.shown, asked: this.asked, refused,
+      waits: this.rested !== this.sequence, cancelled: this.stopped === this.sequence });
+    this.panels.trainsAreOf(this.trainsOf === JSON.stringify(this.values));
+    this.slow.draw();
   }
   step() { // what is to be asked next: a sketch of the newest state; at rest its cam, if the sketch was coarse, and the band
     if (this.dirty) return "sketch";
@@ -106,21 +147,24 @@ class Designer {
     const step = this.busy ? null : this.step();
     if (!step) return;
     this.busy = true;
-    const { sequence, asked } = this;
+    const { sequence, asked } = this, of = JSON.stringify(this.values);
+    this.running = { step, sequence, begun: performance.now() };
     this.dirty = false;
     try {
       const answer = await this.request(step, sequence);
       if (answer.state === "ok" && (step === "cam" || (step === "sketch" && !answer.coarse && !answer.says))) this.exact = sequence;
-      if (step === "band" || (step === "cam" && answer.state !== "ok")) this.rested = sequence;
+      if (answer.state !== "superseded" && (step === "band" || (step === "cam" && answer.state !== "ok"))) this.rested = sequence;
       this.goOn(); // the server works on the next question while the page shows this answer
-      if (answer.state !== "superseded" && step !== "band") this.received(answer, asked);
-      else if (answer.state === "ok") this.receivedBand(answer, asked);
+      if (this.stopped !== null && sequence < this.stopped) answer.state = "superseded"; // cancelled meanwhile
+      if (answer.state !== "superseded" && step !== "band") this.received(answer, asked, of);
+      else if (answer.state === "ok") this.receivedBand(answer, asked, of);
     } catch (error) {
       this.failed(error);
       this.rested = sequence; // it is asked again once the server answers
       this.goOn();
     }
-    this.slow();
+    this.marked();
+    this.slow.ask();
   }
   goOn() {
     this.busy = false;
@@ -132,39 +176,14 @@ class Designer {
       return reply;
     });
   }
-  async slow() {
-    const part = this.slowPart();
-    if (this.slowBusy || !part) return;
-    this.slowBusy = true;
-    const { sequence } = this, shape = this.shape();
-    try {
-      const found = await this.request(part, sequence);
-      this.done[part] = part === "bound" || part === "baselines" ? shape : sequence;
-      if (found.state === "ok" && (!["trains", "why"].includes(part) || sequence === this.sequence)) this.receivedSlow(part, found, shape);
-    } catch (error) {
-      this.done[part] = sequence;
-      this.failed(error);
-    }
-    this.slowBusy = false;
-    this.slow();
-  }
-  slowPart() {
-    if (!this.answer) return this.contradicted && this.rested === this.sequence && this.done.why !== this.sequence ? "why" : null;
-    const of = { "few trains": this.sequence, bound: this.shape(), baselines: this.shape(), trains: this.sequence };
-    const parts = this.resting && this.rested === this.sequence ? Object.keys(of) : this.dirty || this.busy ? [] : ["few trains"];
-    return parts.find((part) => this.done[part] !== of[part] && !(part === "few trains" && this.done.trains === this.sequence));
-  }
-  shape() { // what bound and baselines hang on
-    const keys = this.controls.filter((c) => SHAPE_GROUPS.includes(c.group)).map((c) => c.key);
-    return JSON.stringify(keys.filter((k) => k !== "program" && k !== "margin_N").map((k) => this.values[k]));
-  }
 
   // ---- answers
-  received(answer, asked) {
+  received(answer, asked, of) {
     this.fields.faults(answer.faults, this.last);
     this.root.dataset.state = answer.state;
     if (answer.state !== "ok") {
       this.answer = null;
+      this.refusedOf = of;
       this.contradicted = answer.state === "no cam";
       const says = answer.says ?? Object.values(answer.faults).join("; ");
       this.result.textContent = answer.state === "no cam" ? `No cam: ${says}` : `These numbers make no scene: ${says}`;
@@ -173,16 +192,16 @@ class Designer {
       return;
     }
     this.root.classList.remove("stale");
-    if (answer.part === "sketch" || !this.bandOf) this.bandOf = null;
     this.answer = answer;
+    this.shown = { values: of, cam: this.exact === answer.sequence, band: false };
     this.paint(answer);
     this.painted(answer, asked);
   }
   paint(answer) {
-    const used = this.bandOf === this.sequence ? this.band : null;
+    const used = this.shown.band ? this.band : null;
     this.panels.bandIsOf(!used);
-    this.panels.show(answer, this.values, this.pinned);
-    if (JSON.parse(this.furtherShape ?? "null") === null || this.furtherShape !== this.shape()) this.further = {};
+    this.panels.show(answer, JSON.parse(this.shown.values), this.pinned); // the limits drawn are the answer's
+    if (JSON.parse(this.furtherShape ?? "null") === null || this.furtherShape !== this.slow.shape()) this.further = {};
     this.panels.showAreas(answer, this.further, this.pinned);
     this.panels.compare(answer, used, this.pinned);
     this.fields.worths(answer, used);
@@ -196,21 +215,24 @@ class Designer {
     const looked = answer.looked_for.length ? ` A cam that holds ${answer.looked_for.join(", ")} too is still being looked for.` : "";
     return `Area ratio ${how}${shown(answer.area_ratio, 5)} by the ${answer.program} program.${motion}${broken}${looked}${answer.says ? ` ${answer.says}` : ""}`;
   }
-  receivedBand(band, asked) {
+  receivedBand(band, asked, of) {
     this.band = band;
-    this.bandOf = band.sequence;
-    this.panels.band(band, this.values, this.pinned);
+    if (this.shown?.values === of) this.shown.band = true;
+    this.panels.band(band, JSON.parse(of), this.pinned);
+    this.panels.bandIsOf(false);
     this.fields.worths(this.answer, band);
     this.panels.compare(this.answer, band, this.pinned);
     this.painted(band, asked);
   }
-  receivedSlow(part, found, shape) {
+  receivedSlow(part, found, shape, of) {
     if (part === "why") {
       if (this.contradicted && found.says) this.result.textContent = `No cam: ${found.says}`;
       return;
     }
     if (part.endsWith("trains")) {
+      this.trainsOf = of;
       this.panels.showTrains(found, part === "trains");
+      this.marked();
       return;
     }
     if (this.furtherShape !== shape) this.further = {};
@@ -251,7 +273,7 @@ class Designer {
     this.trouble.hidden = true;
     if (this.dead) {
       this.dead = false;
-      this.done = {};
+      this.slow.done = {};
       this.ask(true);
     }
   }

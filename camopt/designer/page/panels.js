@@ -30,7 +30,7 @@ function svgWith(id, label) {
 }
 
 class Panels {
-  constructor() {
+  constructor(waiting) { // waiting: what says how long a slow part has taken
     this.charts = {
       lift: new Chart("Cam lift", "mm"),
       acceleration: new Chart("Acceleration", "mm/deg²"),
@@ -49,7 +49,7 @@ class Panels {
     this.node = h("div", { class: "panels" },
       h("section", { class: "chart-grid", "aria-label": "Charts" }, ...charts),
       h("section", { class: "beside", "aria-label": "Area and yield" },
-        h("h2", {}, "Area under these limits"), this.areas, h("h2", {}, "Trains as built"), this.trains, this.compared),
+        h("h2", {}, "Area under these limits"), this.areas, h("h2", {}, "Trains as built"), this.trains, waiting, this.compared),
       h("section", { class: "moving" }, h("h2", {}, "The valve train in motion"), this.train));
     new IntersectionObserver((entries) => this.seen(entries.at(-1).isIntersecting)).observe(this.node.lastChild);
   }
@@ -107,8 +107,10 @@ class Panels {
   bandIsOf(before) { // while the hand moves, the curves over the band are of the numbers before
     for (const chart of [this.charts.bounce, this.charts.jump]) chart.node.classList.toggle("before", before);
   }
+  trainsAreOf(these) {
+    this.trains.classList.toggle("before", !these && this.trains.textContent.includes("%"));
+  }
   band(band, values, pinned) {
-    this.bandIsOf(false);
     const x = { label: "crankshaft speed [r/min]", low: band.speeds_rpm[0], high: band.speeds_rpm.at(-1) };
     const places = [{ x: Math.min(x.high, Math.max(x.low, values.speed_rpm)), name: "speed shown" }];
     for (const [key, chart, limit] of [["bounce_mm", "bounce", values.bounce_max_mm], ["jump_mm", "jump", values.jump_max_mm]]) {

@@ -45,6 +45,7 @@ class ByTrainAndLaws(ByTrain):
     `stiffness` is by the coefficients of the laws. Names are those of `Laws`.
     """
 
+    dissipation: Float[np.ndarray, "l e"]
     table: Float[np.ndarray, "l e q 2"]
     leak: Float[np.ndarray, "l e"]
     travel: Float[np.ndarray, "l e"]

@@ -3,10 +3,11 @@
 Within a segment, the exact propagator carries a change of the state forward, so its transpose carries a cotangent back.
 A switching happens where a watch w falls through zero. A change dw of it moves the instant by -dw / w', and the state
 behind it then changes by that time multiplied by the jump of the rates (saltation; Aizerman and Gantmakher 1958,
-Hiskens and Pai 2000). Rates jump at two kinds of switching only: the acceleration where a damped contact closes, as
-its force sets in at damping * d', and the rate of a memory where an element begins to slide or to refill, because it
-follows d'. Both jumps are proportional to d', as w' is, so that their quotient, the watch's `kick`, is a number of the
-train and regular however slowly the switching comes. At every other switching the saltation matrix is the identity.
+Hiskens and Pai 2000). Rates jump at three kinds of switching only: the acceleration where a damped contact closes, as
+its force sets in at damping * d', and where the damper of a law of contacts changes from chord to chord; and the rate
+of a memory where an element begins to slide or to refill, because it follows d'. All jumps are proportional to d', as
+w' is, so that their quotient, the watch's `kick`, is a number of the train and regular however slowly the switching
+comes. At every other switching the saltation matrix is the identity.
 """
 
 from typing import NamedTuple

@@ -1,19 +1,25 @@
 """Elastic laws as straight lines: tables as they are, curved laws by chords.
 
-A chord of width w under a curvature p'' misses by p'' w^2 / 8 at most. Knots are set so that all chords of an element
-miss by the same: for p = k u^m at u = D (i / N)^(2 / m), where F = k D^m is the force up to which chords are laid. The
-error is then (m - 1) / (2 m) F / N^2, which is F / (6 N^2) for a point contact, m = 3/2. Beyond D, where a contact only
-comes when it hammers, a chord's force grows by (1 + 1 / N)^4, so that its error keeps one share of the force there:
-2 (m - 1) / (m N^2), which is four times that at D. Beyond `REACH` times F the last chord goes on. Numbers may be
+A chord of width w under a curvature p'' misses by p'' w^2 / 8 at most. Knots are set where a law of contacts has the
+forces F (i / N)^2, with F the force up to which chords are laid. For p = k u^m all chords then miss by the same,
+(m - 1) / (2 m) F / N^2, which is F / (6 N^2) for a point contact, m = 3/2. Beyond F, where a contact only comes when it
+hammers, a chord's force grows by (1 + 1 / N)^4, so that its error keeps one share of the force there:
+2 (m - 1) / (m N^2), which is four times that at F. Beyond `REACH` times F the last chord goes on. Numbers may be
 complex, which is how they are differentiated (`camopt.exact.adjoint.slopes`).
+
+A law that loses energy, p (1 + dissipation d'), has on every chord the damper of the chord's mean force. What it takes
+from a body that crosses the whole chord at a constant speed is then the law's own, and its error falls with the square
+of the number of chords as that of the elastic force does.
 """
 
 from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
-from camopt.scene.laws import HERTZ, LINEAR, PROGRESSIVE, TABLE
+from camopt.scene.contact_laws import LawNumbers, contact_law
+from camopt.scene.laws import CURVED, LINEAR, OF_CONTACTS, PROGRESSIVE, TABLE
 from camopt.scene.parts import last_slope, lengthened
 from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Train
@@ -21,31 +27,41 @@ from camopt.scene.train import Train
 CHORDS = 16
 """Chords of a curved law, unless the caller wants others (`with_chords`)."""
 CHORD_FORCE = 5000.0
-"""Force [N] up to which the chords of a hertz contact miss its law by the same."""
+"""Force [N] up to which the chords of a law of contacts miss it by the same."""
+LOOKS = 101
+"""Depths at which a chord is held against its law: the largest error between two of them is missed by 1e-4 of it."""
 REACH = 20.0
 """Multiple of that force up to which chords are laid at all."""
 
 
-def lines(kind: int, stiffness, preload, exponent: float, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(forces at compression zero and slopes of r lines (r, 2) [N], [N/m], compressions (r - 1) [m] where they meet)
-    of an element's law; `rows` are its table's own."""
+class Lines(NamedTuple):
+    """The r straight lines of an element's elastic force."""
+
+    straight: np.ndarray  # (r, 2) force [N] at compression zero, and slope [N/m]
+    borders: np.ndarray  # (r - 1) compressions [m] where they meet
+    mean: np.ndarray  # (r) N, of the force between the rows at the ends of each
+
+
+def lines(kind: int, stiffness, preload, exponent: float, rows: np.ndarray) -> Lines:
+    """The lines of an element's law; `rows` are its table's own."""
     if kind == LINEAR:
-        return np.array([[preload, stiffness]]), np.empty(0)
-    if kind in (HERTZ, PROGRESSIVE):
+        return Lines(np.array([[preload, stiffness]]), np.empty(0), np.zeros(1))
+    if kind in CURVED:
         rows = chords(kind, stiffness, preload, exponent, rows, CHORDS, CHORD_FORCE)
     d, p = rows.T
     slope = np.diff(p) / np.diff(d)
-    return np.stack([p[:-1] - slope * d[:-1], slope], axis=1), d[1:-1]
+    return Lines(np.stack([p[:-1] - slope * d[:-1], slope], axis=1), d[1:-1], 0.5 * (p[:-1] + p[1:]))
 
 
 def chords(kind: int, stiffness, preload, exponent: float, rows: np.ndarray, count: int, force: float) -> np.ndarray:
-    """Rows (compression [m], force [N]) of about `count` chords of a curved law, hertz contacts up to a `force` [N] and
-    with more chords beyond it; `rows` are its stiffness table."""
-    if kind == HERTZ:
+    """Rows (compression [m], force [N]) of about `count` chords of a curved law, laws of contacts up to a `force` [N]
+    and with more chords beyond it; `rows` are its stiffness table."""
+    if kind in OF_CONTACTS:
         beyond = (1.0 + 1.0 / count) ** (2 * np.arange(1, _beyond(count) + 1))
         share = np.concatenate([np.arange(count + 1) / count, beyond])
-        touch = (preload / stiffness) ** (1.0 / exponent) if np.real(preload) > 0.0 else 0.0
-        u = (force / stiffness) ** (1.0 / exponent) * share ** (2.0 / exponent)
+        law, numbers = contact_law(OF_CONTACTS[kind]), LawNumbers(stiffness, exponent)
+        touch = law.depth(preload, numbers) if np.real(preload) > 0.0 else 0.0
+        u = law.depth(force * share**2, numbers)
         return np.stack([u - touch, force * share**2 + 0.0 * u], axis=1)
     d = knots(rows, count)
     beyond = (d[-1] - d[0]) if len(d) > 1 else 1e-3
@@ -54,7 +70,7 @@ def chords(kind: int, stiffness, preload, exponent: float, rows: np.ndarray, cou
 
 
 def _beyond(count: int) -> int:
-    """Chords of a hertz contact beyond the force up to which `count` are laid."""
+    """Chords of a law of contacts beyond the force up to which `count` are laid."""
     return int(np.ceil(np.log(REACH) / (4.0 * np.log1p(1.0 / count))))
 
 
@@ -87,21 +103,21 @@ def integral(rows: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def with_chords(train: Train, count: int = CHORDS, force: float = CHORD_FORCE) -> Train:
-    """The train with `count` chords in place of every curved law, hertz contacts up to a `force` [N] and more beyond.
+    """The train with `count` chords in place of every curved law, laws of contacts up to a `force` [N] and more beyond.
 
     Event-exact puts the default number of chords in by itself; this train carries another number of them.
     """
     laws = train.laws
-    if laws is None or not np.isin(laws.kind, (HERTZ, PROGRESSIVE)).any():
+    if laws is None or train.straight:
         return train
     tables = []
     for e, kind in enumerate(laws.kind):
         rows = laws.table[e, : laws.rows[e]]
-        if kind in (HERTZ, PROGRESSIVE):
+        if kind in CURVED:
             rows = chords(kind, laws.coefficient[e], train.preload[e], laws.exponent[e], rows, count, force)
         tables.append(rows)
     own = np.array([len(rows) for rows in tables])
-    kinds = np.where(np.isin(laws.kind, (HERTZ, PROGRESSIVE)), TABLE, laws.kind)
+    kinds = np.where(np.isin(laws.kind, CURVED), TABLE, laws.kind)
     table = np.stack([lengthened(rows, own.max(), last_slope(rows)) for rows in tables])
     return replace(train, laws=replace(laws, kind=kinds, table=table, rows=own))
 
@@ -112,16 +128,19 @@ def rest_of(train: Train) -> np.ndarray:
 
 
 def chord_error(train: Train, count: int = CHORDS, force: float = CHORD_FORCE) -> np.ndarray:
-    """Largest error [N] of each element's force (e) under `count` chords, for hertz contacts up to a `force` [N]."""
+    """Largest error [N] of each element's force (e) under `count` chords, for laws of contacts up to a `force` [N]."""
     error, laws = np.zeros(len(train.a)), train.laws
     if laws is None:
         return error
     for e in range(len(error)):
-        kind, m = laws.kind[e], laws.exponent[e]
-        if kind == HERTZ:
-            error[e] = (m - 1.0) / (2.0 * m) * force / count**2
+        kind, rows = laws.kind[e], laws.table[e, : laws.rows[e]]
+        if kind in OF_CONTACTS:
+            law, numbers = laws.contact_law(e), LawNumbers(laws.coefficient[e], laws.exponent[e])
+            p = force * (np.arange(count + 1) / count) ** 2
+            ends = law.depth(p, numbers)
+            u, chord = (np.linspace(q[:-1], q[1:], LOOKS) for q in (ends, p))
+            error[e] = np.abs(law.elastic(u, numbers) - chord).max()
         elif kind == PROGRESSIVE:
-            rows = laws.table[e, : laws.rows[e]]
             bent = np.abs(np.diff(rows[:, 1])) * np.diff(rows[:, 0]) / 8.0
             error[e] = np.max(bent / chords_per_row(rows, count) ** 2, initial=0.0)
     return error

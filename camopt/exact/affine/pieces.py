@@ -3,8 +3,9 @@
 Let d be the compression of an element, d' its rate and z its memory. In a piece its force and the rate of its memory
 are affine forms, constant + by_d d + by_rate d' + by_z z, and so are the piece's watches: each is positive while the
 piece holds, and where it turns negative another piece follows. Force and memory are continuous where two pieces meet,
-but for two things, which a watch's `kick` tells per rate of the watch: the force of a damped contact sets in at its
-closing, and the rate of a memory starts where an element slides or refills.
+but for three things, which a watch's `kick` tells per rate of the watch: the force of a damped contact sets in at its
+closing, its damper changes from chord to chord where its law loses energy by itself, and the rate of a memory starts
+where an element slides or refills.
 """
 
 from dataclasses import dataclass
@@ -56,6 +57,7 @@ class Numbers:
     stiffness: np.ndarray  # (e) the coefficient of the law
     damping: np.ndarray  # (e)
     preload: np.ndarray  # (e)
+    dissipation: np.ndarray  # (e)
     table: np.ndarray  # (e, q, 2)
     leak: np.ndarray  # (e)
     travel: np.ndarray  # (e)
@@ -66,8 +68,10 @@ def numbers_of(train: Train) -> Numbers:
     """The numbers that a train has now."""
     laws, none = train.laws, np.zeros(len(train.a))
     if laws is None:
-        return Numbers(train.stiffness, train.damping, train.preload, np.zeros((len(none), 1, 2)), none, none, none)
-    return Numbers(laws.coefficient, train.damping, train.preload, laws.table, laws.leak, laws.travel, laws.slip)
+        tables = np.zeros((len(none), 1, 2))
+        return Numbers(train.stiffness, train.damping, train.preload, none, tables, none, none, none)
+    of_laws = laws.dissipation, laws.table, laws.leak, laws.travel, laws.slip
+    return Numbers(laws.coefficient, train.damping, train.preload, *of_laws)
 
 
 def parts_of(train: Train, numbers: Numbers) -> list[Parts]:
@@ -91,46 +95,49 @@ def _element(train: Train, numbers: Numbers, e: int) -> Parts:
     if kind == FRICTION:
         return friction(k, numbers.slip[e])
     own = 1 if train.laws is None else train.laws.rows[e]
-    straight, borders = lines(kind, k, numbers.preload[e], exponent, numbers.table[e, :own])
-    return (contact if train.contact[e] else spring)(straight, borders, numbers.damping[e])
+    straight, borders, mean = lines(kind, k, numbers.preload[e], exponent, numbers.table[e, :own])
+    damping = numbers.damping[e] + numbers.dissipation[e] * mean
+    return (contact if train.contact[e] else spring)(straight, borders, damping)
 
 
-def spring(straight: np.ndarray, borders: np.ndarray, damping) -> Parts:
+def spring(straight: np.ndarray, borders: np.ndarray, damping: np.ndarray) -> Parts:
     """An element that pushes and pulls: a piece per line."""
     pieces = []
     for i, (constant, slope) in enumerate(straight):
-        force = constant, slope, damping, 0.0
-        pieces.append(Piece(ACTING, force, _neighbours(borders, i, 0)))
+        force = constant, slope, damping[i], 0.0
+        pieces.append(Piece(ACTING, force, _neighbours(borders, i, 0, np.real(damping))))
     return Parts(pieces)
 
 
-def contact(straight: np.ndarray, borders: np.ndarray, damping) -> Parts:
+def contact(straight: np.ndarray, borders: np.ndarray, damping: np.ndarray) -> Parts:
     """An element that pushes: apart, and on every line above the touch acting; with a damper also pressed in without
-    force, which its damper cancels."""
+    force, which its damper cancels. Each of the r lines has its own damper (r)."""
     zero = np.real(-straight[:, 0] / straight[:, 1])
     first = int(np.sum(zero[:-1] > np.real(borders)))  # the line on which the force falls to zero
-    straight, borders, r = straight[first:], borders[first:], len(straight) - first
-    damped = np.real(damping) > 0.0
+    straight, borders, damping, r = straight[first:], borders[first:], damping[first:], len(straight) - first
+    damped = bool(np.real(damping[0]) > 0.0)
     pressed, acting = 1, 1 + r * damped
     (c0, k0) = straight[0]
-    closing = Watch((-c0, -k0, 0.0, 0.0), acting, (-np.real(damping / k0), 0.0))
+    closing = Watch((-c0, -k0, 0.0, 0.0), acting, (-np.real(damping[0] / k0), 0.0))
     pieces = [Piece(SEPARATED, NOTHING, (closing,))]
     for i in range(r) if damped else ():
         c, k = straight[i]
         lower = () if i else (Watch((c, k, 0.0, 0.0), 0),)
-        closes = Watch((-c, -k, -damping, 0.0), acting + i)
+        closes = Watch((-c, -k, -damping[i], 0.0), acting + i)
         pieces.append(Piece(COMPRESSED, NOTHING, (*lower, closes, *_neighbours(borders, i, pressed))))
     for i in range(r):
         c, k = straight[i]
-        opens = Watch((c, k, damping, 0.0), pressed + i if damped else 0)
-        pieces.append(Piece(ACTING, opens.form, (opens, *_neighbours(borders, i, acting))))
+        opens = Watch((c, k, damping[i], 0.0), pressed + i if damped else 0)
+        pieces.append(Piece(ACTING, opens.form, (opens, *_neighbours(borders, i, acting, np.real(damping)))))
     return Parts(pieces, touch=acting)
 
 
-def _neighbours(borders: np.ndarray, i: int, base: int) -> tuple[Watch, ...]:
-    """The watches of line i at the compressions where it meets the lines beside it; `base` is the piece of line 0."""
-    below = (Watch((-borders[i - 1], 1.0, 0.0, 0.0), base + i - 1),) if i else ()
-    above = (Watch((borders[i], -1.0, 0.0, 0.0), base + i + 1),) if i < len(borders) else ()
+def _neighbours(borders: np.ndarray, i: int, base: int, damping: np.ndarray | None = None) -> tuple[Watch, ...]:
+    """The watches of line i at the compressions where it meets the lines beside it; `base` is the piece of line 0, and
+    `damping` (r) that of every line where they act."""
+    step = np.zeros(len(borders)) if damping is None else np.diff(damping)
+    below = (Watch((-borders[i - 1], 1.0, 0.0, 0.0), base + i - 1, (-step[i - 1], 0.0)),) if i else ()
+    above = (Watch((borders[i], -1.0, 0.0, 0.0), base + i + 1, (-step[i], 0.0)),) if i < len(borders) else ()
     return (*below, *above)
 
 

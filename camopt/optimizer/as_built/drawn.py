@@ -1,7 +1,7 @@
 """Drawn trains with a cam: how much of the limits each uses at each of its speeds.
 
-Every train has its own numbers, its own ground cam and its own speeds: neighbours in the list stand at neighbouring
-speeds, so that the trains together see the band more finely than each alone. A train remembers what it used and where
+Every train has its own numbers, its own ground cam and its own speeds, which are staggered from train to train, so that
+the ensemble samples the band more finely than each train alone. A train remembers what it used and where
 it settled, so that of the next cam, which differs little, only what matters need be judged, and settles sooner.
 """
 
@@ -31,7 +31,7 @@ UNJUDGED = 0.99
 
 
 @dataclass
-class DrawnTrains:
+class TrainEnsemble:
     """Trains (t) drawn for a search, each at its speeds (s) of the scene's band, and what they used of the limits (l).
 
     `used` (t, l, s) is one at the limit and more beyond it, `states` (t, s, 2n + r) is where the motions settled.
@@ -129,7 +129,7 @@ class TrainsLog(StepFiles):
     def __init__(self, folder: Path | None):
         super().__init__(folder, FOLDER)
 
-    def recalled(self, step: int, z: np.ndarray, drawn: DrawnTrains) -> bool:
+    def recalled(self, step: int, z: np.ndarray, drawn: TrainEnsemble) -> bool:
         """Whether an interrupted run judged this cam z (m) at this step; then `drawn` knows what it found.
 
         Raises InputError where the stored step belongs to another cam.
@@ -141,7 +141,7 @@ class TrainsLog(StepFiles):
         drawn.used[trains, :, speeds], drawn.states[trains, speeds] = stored["used"], stored["states"]
         return True
 
-    def keep(self, step: int, z: np.ndarray, drawn: DrawnTrains, judged: np.ndarray) -> None:
+    def keep(self, step: int, z: np.ndarray, drawn: TrainEnsemble, judged: np.ndarray) -> None:
         """Stores what the trains met at a step, at the speeds at which they were `judged` (t, s: bool)."""
         if self.kept:  # the states of thousands of trains are not copied for nothing
             at = np.nonzero(judged)

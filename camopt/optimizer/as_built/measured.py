@@ -3,7 +3,6 @@
 What is measured is stored chunk by chunk, so that an interrupted statement goes on.
 """
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -19,7 +18,7 @@ from camopt.measure.limits import MotionLimit, motion_limits
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
-from camopt.storage import append_line, plain, whole_lines
+from camopt.storage.journal import Records
 
 CHUNK = 20
 """Trains that are measured between two entries in the journal."""
@@ -56,39 +55,6 @@ def track(scene: Scene, lift: Lift, speeds_rpm: Sequence[float] | np.ndarray) ->
     return Track(lift, speeds, starts, motion_limits(scene.design))
 
 
-@dataclass
-class TrainsJournal:
-    """What was measured of a cam, by the tolerance that was halved ("" for none) and the train's number, in a file if
-    named. What the file says of other cams is left there and counts for nothing."""
-
-    path: Path | None
-    cam: str
-
-    def __post_init__(self) -> None:
-        self._rows: dict[tuple[str, int], dict] = {}
-        for line in whole_lines(self.path) if self.path else ():
-            row = json.loads(line)
-            if row.get("cam", self.cam) == self.cam:
-                self._rows[row["halved"], row["train"]] = row
-
-    def add(self, halved: str, numbers: list[int], used: list[Mapping[str, np.ndarray]]) -> None:
-        """Notes how much of each limit the trains of these numbers use at each speed (s)."""
-        named = {"cam": self.cam, "halved": halved}
-        rows = [plain({**named, "train": i, "used": one}) for i, one in zip(numbers, used, strict=True)]
-        self._rows |= {(halved, i): row for i, row in zip(numbers, rows, strict=True)}
-        if self.path is not None:
-            append_line(self.path, "\n".join(json.dumps(row, allow_nan=False) for row in rows))
-
-    def missing(self, halved: str, count: int) -> list[int]:
-        """The numbers below `count` that were not measured yet."""
-        return [i for i in range(count) if (halved, i) not in self._rows]
-
-    def used(self, halved: str, count: int) -> np.ndarray:
-        """The used parts (t, l, s) of the first `count` trains; what the file cannot tell, infinity, is null there."""
-        rows = [[*self._rows[halved, i]["used"].values()] for i in range(count)]
-        return np.nan_to_num(np.array(rows, dtype=float), nan=np.inf)
-
-
 def cam_digest(cam: Lift) -> str:
     """What tells one cam from another."""
     return sha256(cam.borders.tobytes() + cam.coefficients.tobytes() + repr(cam.half_duration).encode()).hexdigest()
@@ -98,7 +64,7 @@ def measure_trains(
     scene: Scene,
     track: Track,
     count: int,
-    journal: TrainsJournal,
+    journal: Records,
     *,
     seed: int,
     halved: str = "",
@@ -108,10 +74,25 @@ def measure_trains(
 
     Trains that the journal knows are not judged again; `advance` is told how many others were.
     """
-    missing = journal.missing(halved, count)
+    cam = cam_digest(track.lift)
+    missing = missing_trains(journal, cam, halved, count)
     for begin in range(0, len(missing), CHUNK):
         numbers = missing[begin : begin + CHUNK]
         drawn = [trains_as_built(scene, 1, seed=seed, first=i)[0] for i in numbers]
-        journal.add(halved, numbers, [dict(zip(track.limits, used, strict=True)) for used in track.used(drawn)])
+        used = [dict(zip(track.limits, parts, strict=True)) for parts in track.used(drawn)]
+        same = {"cam": cam, "halved": halved}
+        journal.add(*(same | {"train": i, "used": one} for i, one in zip(numbers, used, strict=True)))
         advance(len(numbers))
-    return journal.used(halved, count)
+    rows = [[*(journal.get(cam, halved, i) or {})["used"].values()] for i in range(count)]
+    return np.nan_to_num(np.array(rows, dtype=float), nan=np.inf)  # infinity is null in a journal
+
+
+def trains_journal(path: Path | None) -> Records:
+    """What was measured, in a file if named, by the cam, the tolerance that was halved ("" for none) and the train's
+    number. What a file says of other cams counts for nothing."""
+    return Records(path, "cam", "halved", "train")
+
+
+def missing_trains(journal: Records, cam: str, halved: str, count: int) -> list[int]:
+    """The numbers below `count` of the trains that were not measured yet."""
+    return [i for i in range(count) if journal.get(cam, halved, i) is None]

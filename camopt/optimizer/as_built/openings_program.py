@@ -163,4 +163,4 @@ class OpeningsProgram:
         element = np.array([self.plain.train.cam_side[key[2]] for key in keys])
         cam_speed = float(self.cam_speeds[keys[0][0] % len(self.cam_speeds), keys[0][1]])
         kind, angles = np.where(angle < 0, OPENING, CLOSING), self.plain.blocks[0].angles
-        return SpeedRows(self.plain.train, cam_speed, angles, -rows[:, 1:], -rows[:, 0], kind, element, angle)
+        return SpeedRows(cam_speed, angles, -rows[:, 1:], -rows[:, 0], kind, element, angle)

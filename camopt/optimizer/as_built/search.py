@@ -1,228 +1,134 @@
-"""The cam of largest area that a wanted share of drawn trains holds.
+"""The search for yield of a scene, without a run folder around it."""
 
-Openings that are foretold from tied forces of one set of trains shape the cam (`openings_program`): the program of
-largest area under limits on them, in which as many trains are given up as the yield may lose. How large these limits
-may be, as a multiple of the limit on the jump, is sought on another set, whose motions are judged by event-exact: the
-train that uses most of its limits of those that may not fail uses all of them. The final statement asks still others.
-The draws are the same for every cam (common random numbers).
-"""
-
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
-from camopt.cam.lift import Lift
-from camopt.optimizer.as_built.drawn import DrawnTrains, TrainsLog
+from camopt.measure.as_built import TrainAsBuilt, trains_as_built
+from camopt.optimizer.accuracy import Accuracy
+from camopt.optimizer.as_built.drawn import TrainEnsemble, TrainsLog
+from camopt.optimizer.as_built.levels import FIRST_LEVEL, LATER_FACTOR, LEVEL_FACTOR, YieldSearch
 from camopt.optimizer.as_built.openings_program import OpeningsProgram
+from camopt.optimizer.as_built.tied_forces import ExactForces, ForceSource
 from camopt.optimizer.program.force_rows import Box
-from camopt.optimizer.program.no_jump import NoJumpOptimum
-from camopt.scene.errors import NoCamFound
-from camopt.scene.units import DEG, MM
+from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
+from camopt.optimizer.program.program_cam import program_cam
+from camopt.optimizer.program.relocation import converge_tangents
+from camopt.optimizer.search.region import first_region
+from camopt.scene.linearisation import is_linear
+from camopt.scene.schema import Scene
+from camopt.scene.train import build_train
+from camopt.scene.units import MM
 
-LEVELS, FIRST_LEVEL, LEVEL_FACTOR, LATER_FACTOR, LEAST_LEVEL = "foretold openings", 0.5, 1.7, 1.2, 0.02
-"""What the history calls the steps; the first limit on foretold openings, as a part of that on the jump, the factors
-from one to the next until it is between two, where fewer trains have found one the smaller, and the least before zero.
-Real openings are a half larger at the median where several masses give way, and many times as large where one mass
-does."""
-NEWTONS, LOWEST_LEVEL = 100.0, -0.8
-"""Levels below zero stand for the force that contacts are to keep [N], as parts of the first; the lowest of them."""
-MIDDLE, WORST = 0.2, 10.0
-"""Part of the way between two levels that the next one leaves on either side, and the most that a cam counts as using:
-a motion that is refused uses infinitely much."""
-NEAR_ENOUGH = 1e-3
-"""Difference of area ratio between a cam that holds and one that does not which ends the bisection."""
-FEWER, FEWEST_ALLOWED = 3, 3
-"""Part of the trains that say how large the cam may be which say so first, and of how many of them that may fail a
-count says something."""
-FIRST_JUDGED = 200
-"""Trains that are judged at all speeds with the first cam, and say at which speeds the rest of them may fail."""
-NEAR = 0.8
-"""Part of a limit from which on a scout calls everyone."""
-WATCHED = 0.6
-"""A train is judged with every cam at the speeds where it last used more of a limit than this."""
-SCOUTS, FAR_SCOUTS = 12, 48
-"""Of the other trains one in so many is judged with every cam, and with the next cam the next ones, at the speeds that
-matter: the top of the band, and where more than a quarter as many trains are watched as may fail. At the remaining
-speeds it is one in the second number. A train that uses little of a limit with one cam may break it with the next."""
-SPENT = 0.65
-"""Part of the wanted loss that a cam may spend on the trains that say how large it may be: the rest is for what a count
-leaves open, and for the choice of the largest cam, which favours those that are lucky with these trains. With 0.8 the
-cam of `kodama` at 0.99 held in 98.8 % of 1000 others."""
-RESOLUTION = 2e-4
-"""Area ratio by which a cam must exceed the best one to take its place."""
+KNOT_DEG = 3.0
+"""Knot interval of the free cam. Finer ones let the program answer single trains with ripples of their own frequency,
+which no other train shares, and coarser ones lack what a closing flank needs."""
+LOW_SPEEDS, HIGH_SPEEDS, NEAR_TOP, CLASSES = 2, 4, 0.93, 4
+"""Each train has so many speeds of the band below and above this share of its top, at which most of the trains fail: a
+spring's surge meets a harmonic of the cam within a hundredth of a speed. After so many trains the same speeds come
+again, and all have the top."""
+AT_TOP = 2.0
+"""How many times as large the limit on foretold openings is at the top of the band as at the speeds below. At the top
+every train is seen, and real openings are smaller than foretold ones; below it each speed has a quarter of the trains.
+One limit for all speeds costs `kodama` 0.006 of area ratio at 99 of 100 trains."""
+USUAL_JUMP = 0.05 * MM
+"""The limit on the jump that stands for one that the design leaves out [m]."""
+ROUNDS = 3
+"""Programs about one cam after the other where the forces are not the same for all cams."""
+FIRST_MARGIN_N = 40.0
+"""Margin of the cam of the train as designed from which the search begins."""
+DRAWS_SEED, UNSEEN_SEED = 1_000_003, 2_000_003
+"""Added to the seed for the draws that shape the cam and for those that say how large it may be; the draws of the final
+statement meet neither."""
 
 
-@dataclass
-class YieldSearch:
-    """The state of a search: the trains that say how large a cam may be, and the largest one that enough of them
-    hold."""
+@threadpool_limits.wrap(limits=1, user_api="blas")  # the matrices are small, and the judge has threads of its own
+def yield_search(
+    scene: Scene,
+    wanted: float,
+    effort: Accuracy,
+    *,
+    gradient: str = "auto",
+    seed: int = 0,
+    log: TrainsLog | None = None,
+    show: Callable[[dict], None] = lambda line: None,
+) -> YieldSearch:
+    """The search for the cam of largest area that `wanted` of the trains as built hold over the scene's band.
 
-    drawn: DrawnTrains
-    program: OpeningsProgram
-    wanted: float
-    log: TrainsLog = field(default_factory=lambda: TrainsLog(None))
-    show: Callable[[dict], None] = lambda line: None
-    held: list[NoJumpOptimum] = field(default_factory=list)  # each larger than the one before
-    steps: int = 0
-
-    @property
-    def best(self) -> NoJumpOptimum | None:
-        """The largest cam that holds."""
-        return self.held[-1] if self.held else None
-
-    @property
-    def allowed(self) -> int:
-        """Trains of those drawn that may fail with a cam."""
-        return self._allowed(len(self.drawn.trains))
-
-    def _allowed(self, count: int) -> int:
-        return int(SPENT * (1.0 - self.wanted) * count + 1e-9)
-
-    def counts(self, unseen: int) -> list[int]:
-        """Numbers of trains that say one after the other how large the cam may be, `unseen` being the last."""
-        return [unseen // FEWER, unseen] if self._allowed(unseen // FEWER) >= FEWEST_ALLOWED else [unseen]
-
-    @property
-    def trains_drawn(self) -> int:
-        """Trains that were drawn so far, those that shaped the cam and the others."""
-        return len(self.program.forces) + len(self.drawn.trains)
-
-    @property
-    def used(self) -> float:
-        """What the train that uses most of its limits uses of them with the last cam, apart from those that may fail:
-        at most one where enough trains hold. Only trains that come near their limits are judged with every cam."""
-        return float(np.sort(self.drawn.worst)[::-1][self.allowed])
-
-    def consider(self, found: NoJumpOptimum) -> float:
-        """Judges a cam, keeps it if it is the largest that enough trains hold, and reports the step; returns `used`."""
-        drawn, self.steps = self.drawn, self.steps + 1
-        if not self.log.recalled(self.steps, found.z, drawn):
-            self.log.keep(self.steps, found.z, drawn, self._judge(found.lift))
-        used = self.used
-        if used <= 1.0 and (self.best is None or found.area_ratio > self.best.area_ratio + RESOLUTION):
-            self.held.append(found)
-        line = {
-            "iteration": self.steps,
-            "stage": LEVELS,
-            "area_ratio": found.area_ratio,
-            "area_mm_deg": found.lift.area / MM / DEG,
-            "trains": len(drawn.trains),
-            "failing": drawn.failing,
-            "confirmed": self.best is found,
-            "best_area_ratio": self.best.area_ratio if self.best else None,
-        }
-        self.log.note(line)
-        self.show(line)
-        return used
-
-    def _judge(self, lift: Lift) -> np.ndarray:
-        """Judges a cam with the trains that are watched and with scouts, and where a scout falls short with everyone.
-
-        It begins at the top of the band and ends there if too many trains fail. Returns which trains were judged at
-        which speeds (t, s: bool).
-        """
-        drawn, (watched, matters) = self.drawn, self._watched()
-        turn = (np.arange(len(drawn.trains)) + self.steps)[:, None]
-        scouts = ~watched & (turn % np.where(matters, SCOUTS, FAR_SCOUTS) == 0)
-        judged = np.zeros_like(watched)
-        for speeds in (slice(-1, None), slice(None, -1)):
-            asked = np.zeros_like(watched)
-            asked[:, speeds] = (watched | scouts)[:, speeds]
-            drawn.judge(lift, asked)
-            short = (scouts & asked & (drawn.used.max(axis=1) > NEAR)).any(axis=0)
-            others = short & ~(watched | scouts)
-            drawn.judge(lift, others)
-            judged |= asked | others
-            if np.sum(drawn.used[:, :, -1].max(axis=1) > 1.0) > self.allowed:
-                break
-        return judged
-
-    def _watched(self) -> tuple[np.ndarray, np.ndarray]:
-        """Which trains are watched at which speeds (t, s: bool), and which speeds (s: bool) have many of them."""
-        watched = self.drawn.used.max(axis=1) > WATCHED
-        matters = watched.mean(axis=0) > 0.25 * (1.0 - self.wanted)
-        matters[-1] = True
-        return watched, matters
-
-    def ask(self, lift: Lift, count: int) -> None:
-        """Draws trains until there are so many, which begin where the train as designed settles with a cam; the first
-        of all say by their motions with it at which speeds the others may fail. No cam counts as one that holds until
-        it is judged with them."""
-        self.drawn.settle(lift)
-        if not self.drawn.trains:
-            self.drawn.draw(min(FIRST_JUDGED, count))
-            self.drawn.judge(lift, self.drawn.all)
-        if count > len(self.drawn.trains):
-            self.drawn.draw(count, self._watched()[1])
-        self.held.clear()
-
-    def by_level(
-        self,
-        z: np.ndarray,
-        limits: np.ndarray,
-        lost: int,
-        level: float,
-        box: Box | None = None,
-        factor: float = LEVEL_FACTOR,
-    ) -> float:
-        """Seeks how many times the `limits` (classes, s) [m] foretold openings may be large, to the largest level whose
-        cam holds, and returns it.
-
-        It begins at `level`, and goes on by a `factor`; the cam of z (m) is the first from which the program takes its
-        rows, and `lost` of its trains are given up. Below zero tied contacts are to keep a force. Raises NoCamFound
-        where not even the lowest has a cam that holds.
-        """
-        low: Level | None = None
-        high: Level | None = None
-        while True:
-            self.program.keep(max(-level, 0.0) * NEWTONS)
-            found = self.program.largest(z, max(level, 0.0) * limits, lost, box)
-            z, tried = found.z, Level(level, found.area_ratio, self.consider(found))
-            if tried.used <= 1.0:
-                if low is not None and high is None and tried.area_ratio < low.area_ratio + RESOLUTION:
-                    return level  # the limits bind no more
-                low = tried
-            elif level <= LOWEST_LEVEL:
-                raise self._none_holds()
-            else:
-                high = tried
-            if low is None:
-                level = _below(level, factor)
-            elif high is None:
-                level *= factor
-            elif high.area_ratio - low.area_ratio < NEAR_ENOUGH:
-                return low.level
-            else:
-                level = _between(low, high)
-
-    def _none_holds(self) -> NoCamFound:
-        drawn = self.drawn
-        return NoCamFound(
-            f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: of {len(drawn.trains)} trains "
-            f"{drawn.failing} fail with the smallest one. Ask for a smaller yield, relax the limits on the motion or "
-            f"make the tolerances narrower; `camopt yield` says which is to blame"
-        )
+    `held` of the answer has the cams, each larger than the one before; `seed` draws the trains. Their forces are those
+    of the closed periodic response or, where laws are curved or `gradient` is "smooth", of the smoothed motion by JAX.
+    Raises NoCamFound where no cam holds.
+    """
+    assert scene.design is not None, "load_scene(..., need='design') guarantees it"
+    plain, z = free_program(scene)
+    cam_speeds, trains = band_speeds(scene), trains_as_built(scene, effort.shaping_trains, seed=seed + DRAWS_SEED)
+    source = _source(gradient, trains, plain, cam_speeds)
+    program = OpeningsProgram(plain, source.theta, cam_speeds, source.about(z))
+    unseen = TrainEnsemble(scene, seed + UNSEEN_SEED)
+    search = YieldSearch(unseen, program, wanted, log or TrainsLog(None), show)
+    limits, lost = opening_limits(scene, cam_speeds), int((1.0 - wanted) * effort.shaping_trains + 1e-9)
+    first, box = _about_its_own_cam(program, source, z, FIRST_LEVEL * limits, lost)
+    level, cam, factor = FIRST_LEVEL, first, LEVEL_FACTOR
+    for count in search.counts(effort.unseen_trains):
+        search.ask(cam.lift, count)
+        level = search.by_level(cam.z, limits, lost, level, box, factor)
+        cam, factor = search.held[-1], LATER_FACTOR
+    return search
 
 
-class Level(NamedTuple):
-    """A level of foretold openings, the area ratio of its cam, and what the trains that may not fail use with it."""
-
-    level: float
-    area_ratio: float
-    used: float
-
-
-def _between(low: Level, high: Level) -> float:
-    """The level between one whose cam holds and one whose cam does not at which, on the line through both, the limits
-    are just used up, but no nearer to either than MIDDLE of the way."""
-    part = -np.log(low.used) / np.log(min(high.used, WORST) / low.used)
-    return low.level + float(np.clip(part, MIDDLE, 1.0 - MIDDLE)) * (high.level - low.level)
+def free_program(scene: Scene) -> tuple[NoJumpProgram, np.ndarray]:
+    """The program of the limits on the shape, and the coefficients (m) of a cam that the train as designed follows."""
+    design, operation = scene.design, scene.operation
+    assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
+    speeds = [scene.cam_speed(rpm) for rpm in operation.band_rpm]
+    program = converge_tangents(no_jump_program(build_train(scene), design, program_cam(design, KNOT_DEG), speeds))
+    return program, program.solve_below(np.full((3, len(speeds)), FIRST_MARGIN_N)).z
 
 
-def _below(level: float, factor: float) -> float:
-    """The next level to try after one whose cam too few trains hold."""
-    if level > LEAST_LEVEL:
-        return level / factor
-    return 0.0 if level > 0.0 else min(2 * level, -LEAST_LEVEL * 2)
+def band_speeds(scene: Scene, low_speeds: int = LOW_SPEEDS, high_speeds: int = HIGH_SPEEDS) -> np.ndarray:
+    """Cam speeds of trains (classes, s) [rad/s], so many of the band below and above NEAR_TOP of its top."""
+    assert scene.operation is not None, "load_scene(..., need=...) guarantees it"
+    low, top = scene.operation.band_rpm
+    near = max(NEAR_TOP * top, low)
+    below = np.linspace(low, near, low_speeds * CLASSES, endpoint=False).reshape(low_speeds, CLASSES).T
+    above = np.linspace(near, top, high_speeds * CLASSES).reshape(high_speeds, CLASSES).T
+    rpm = np.hstack([below, above])
+    rpm[:, -1] = top
+    return np.array([[scene.cam_speed(speed) for speed in row] for row in rpm])
+
+
+def opening_limits(scene: Scene, cam_speeds: np.ndarray) -> np.ndarray:
+    """The limits on foretold openings at the cam speeds (classes, s) [rad/s] at level one [m]."""
+    assert scene.design is not None, "load_scene(..., need='design') guarantees it"
+    jump = scene.design.jump_max_mm
+    limits = np.full(cam_speeds.shape, jump * MM if jump else USUAL_JUMP)
+    limits[:, -1] *= AT_TOP
+    return limits
+
+
+def _source(gradient: str, trains: Sequence[TrainAsBuilt], plain: NoJumpProgram, cam_speeds: np.ndarray) -> ForceSource:
+    """The source of the forces; only the smoothed motion loads JAX."""
+    if gradient != "smooth" and is_linear(plain.train):
+        return ExactForces(trains, plain.train, plain.cam, cam_speeds)
+    from camopt.optimizer.as_built.smooth_forces import SmoothForces
+
+    return SmoothForces(trains, plain.train, plain.cam, cam_speeds)
+
+
+def _about_its_own_cam(
+    program: OpeningsProgram, source: ForceSource, z: np.ndarray, limits: np.ndarray, lost: int
+) -> tuple[NoJumpOptimum, Box | None]:
+    """The program's cam under limits (classes, s) [m], about which its forces are, and the box in which they are
+    believed, if they are not right for every cam."""
+    if source.for_every_cam:
+        return program.largest(z, limits, lost), None
+    region = first_region(program.plain.design)
+    for _ in range(ROUNDS):
+        found = program.largest(z, limits, lost, Box(z, region.width))
+        before, foretold = program.tied(z), program.tied(found.z)
+        program.about(source.about(found.z))
+        missed, moved = (np.abs(program.tied(found.z) - one).max(axis=(2, 3)) for one in (foretold, before))
+        region.follow(float(np.median(missed / np.maximum(moved, 1.0))))
+        z = found.z
+    return found, Box(z, region.width)

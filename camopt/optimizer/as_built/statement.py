@@ -12,10 +12,12 @@ from camopt.cam.lift import Lift
 from camopt.measure.as_built import TrainAsBuilt, trains_as_built
 from camopt.measure.yield_words import ADVISED, asked_sentence, share_sentence, spoiling_sentences
 from camopt.measure.yields import Looks, Share, UsedLimits, rank_correlation_shares, share_of, yield_record
-from camopt.optimizer.as_built.measured import Track, TrainsJournal, cam_digest, measure_trains, track
-from camopt.optimizer.as_built.wanted import has_a_yield
+from camopt.optimizer.accuracy import Accuracy, accuracy_named
+from camopt.optimizer.as_built.checks import has_a_yield
+from camopt.optimizer.as_built.measured import Track, measure_trains, track, trains_journal
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
+from camopt.storage.journal import Records
 from camopt.verifier.verdict import verdict_on
 
 JOURNAL = "trains.jsonl"
@@ -24,34 +26,6 @@ SAMPLE = 3
 """Trains that the independent methods judge: those that come nearest to their limits on either side, and the first."""
 BASELINE_TRAINS = 60
 """Trains with which each baseline is measured: most of them hold in none."""
-
-
-@dataclass(frozen=True)
-class StatedBy:
-    """By what a statement is made: trains at most, unless a wanted share lets fewer than so many `failing` ones be
-    expected of them, speeds over the band, and after what parts of the trains it may end."""
-
-    trains: int
-    failing: int
-    speeds: int
-    parts: tuple[float, ...]
-
-    def looks(self, scene: Scene, wanted: float | None) -> Looks:
-        """After how many trains a statement may end: where the wanted share, or the advised one, is decided.
-
-        A train with curved laws costs as much as twenty others: there the first look comes sooner.
-        """
-        most = self.trains if wanted is None else max(self.trains, ceil(self.failing / (1.0 - wanted)))
-        parts = (*(() if build_train(scene).straight else (self.parts[0] / 4,)), *self.parts, 1.0)
-        return Looks(tuple(round(part * most) for part in parts), ADVISED if wanted is None else wanted)
-
-
-STATED_BY = {
-    "draft": StatedBy(200, 10, 11, (0.5,)),
-    "standard": StatedBy(1000, 40, 11, (0.15, 0.5)),
-    "fine": StatedBy(4000, 80, 21, (0.15, 0.5)),
-}
-"""By accuracy. 40 failing ones of 4000 tell a loss of one per cent to a sixth of itself."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -134,21 +108,33 @@ def statement_of_run(
     if not has_a_yield(scene):
         return None
     assert scene.operation is not None, "load_scene(..., need=...) guarantees it"
-    effort, wanted = STATED_BY[settings["accuracy"]], settings.get("yield")
-    looks = effort.looks(scene, wanted)
+    effort, wanted = accuracy_named(settings["accuracy"]), settings.get("yield")
+    looks = looks_of(effort, scene, wanted)
     return yield_statement(
         scene,
         lift,
         wanted,
         trains=looks.trains[-1],
         looks=looks.trains[:-1],
-        speeds=sorted(scene.operation.speeds_rpm) if settings["speeds"] == "nominal" else effort.speeds,
+        speeds=sorted(scene.operation.speeds_rpm) if settings["speeds"] == "nominal" else effort.stated_speeds,
         seed=settings["seed"],
         baselines=None if wanted is None else baselines(),
         sample=0 if wanted is None else SAMPLE,
         journal=folder and folder / JOURNAL,
         advance=advance,
     )
+
+
+def looks_of(effort: Accuracy, scene: Scene, wanted: float | None) -> Looks:
+    """After how many trains a statement may end: where the wanted share, or the advised one, is decided.
+
+    A train with curved laws costs as much as twenty others: there the first look comes sooner.
+    """
+    most, parts = effort.stated_trains, effort.stated_parts
+    if wanted is not None:
+        most = max(most, ceil(effort.stated_failing / (1.0 - wanted)))
+    parts = (*(() if build_train(scene).straight else (parts[0] / 4,)), *parts, 1.0)
+    return Looks(tuple(round(part * most) for part in parts), ADVISED if wanted is None else wanted)
 
 
 def yield_statement(
@@ -176,7 +162,7 @@ def yield_statement(
     assert scene.operation is not None, "load_scene(..., need=...) guarantees it"
     speeds_rpm = np.linspace(*scene.operation.band_rpm, speeds) if isinstance(speeds, int) else np.array(speeds)
     way, asked = track(scene, lift, speeds_rpm), Looks((*looks, trains), ADVISED if wanted is None else wanted)
-    parts = _judged(scene, way, asked, TrainsJournal(journal, cam_digest(lift)), seed, advance)
+    parts = _judged(scene, way, asked, trains_journal(journal), seed, advance)
     used, drawn = UsedLimits(tuple(way.limits), speeds_rpm, parts), trains_as_built(scene, len(parts), seed=seed)
     draws = {label: np.array([one.draws[label] for one in drawn]) for label in drawn[0].draws}
     others = {name: _baseline(scene, cam, speeds_rpm, drawn) for name, cam in (baselines or {}).items()}
@@ -186,7 +172,7 @@ def yield_statement(
 
 
 def _judged(
-    scene: Scene, way: Track, looks: Looks, journal: TrainsJournal, seed: int, advance: Callable[[float], None]
+    scene: Scene, way: Track, looks: Looks, journal: Records, seed: int, advance: Callable[[float], None]
 ) -> np.ndarray:
     """The used parts (t, l, s) of the trains up to the look after which counting ends."""
     most = looks.trains[-1]

@@ -86,7 +86,7 @@ def ascend(
     begin = calmest(objective.scene, knot_deg) if isinstance(start, str) else start
     cam = FreeVariables(objective.scene, begin, knot_deg) if form == FREE else FamilyVariables(objective.scene, begin)
     variables = Variables(cam, numbers)
-    climb = Climb(objective, variables, optimiser, metric)
+    climb = AscentState(objective, variables, optimiser, metric)
     identity = run_identity(
         "ascend",
         objective.scene,
@@ -116,7 +116,7 @@ def ascend(
     return history
 
 
-class Climb:
+class AscentState:
     """An ascent under way: the point it has come to, the transformation's state, and the iterates until there."""
 
     def __init__(
@@ -260,7 +260,7 @@ def _check_constraints(objective: Objective, start, form: str, train, metric: bo
 
 
 def _typed(state: Any) -> Any:
-    """A state whose numbers have their types for good: else the second step would be compiled anew."""
+    """The state with fixed types, so that the second step does not compile again."""
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.asarray(leaf).dtype), state)
 
 

@@ -65,7 +65,7 @@ class PathLagrangian:
         speeds = np.array([asked.scene.cam_speed(speed) for speed in asked.speeds_rpm])
         self._speeds, self._parts = jnp.asarray(speeds), parts_of_steps(self._tied, float(speeds.min()), self._steps)
 
-    def _motion(self, parameters: Mapping[str, Any], start: jax.Array) -> tuple[Any, ...]:
+    def _motion(self, parameters: Mapping[str, Any], start: Any) -> tuple[Any, ...]:
         """The arguments of `tied_paths` and its kin."""
         cam, own, theta = self._bound.cam, dict(parameters), jnp.asarray(equal_grid(self._steps))
         samples = jnp.stack([cam.lift(theta, own, order) for order in (0, 1)], axis=-1)
@@ -74,7 +74,7 @@ class PathLagrangian:
 
     def begin(self, parameters: Mapping[str, Any], lift: Lift) -> Held:
         """The first round's, from the settled motion of a cam. Raises InputError where that is not finite."""
-        rest = jnp.repeat(rest_state(self._train)[:, :, None], len(self._speeds), axis=2)
+        rest = np.repeat(np.asarray(rest_state(self._train))[:, :, None], len(self._speeds), axis=2)
         _, paths = settled_paths(*jax.jit(self._motion)(parameters, rest), parts=self._parts)
         if not np.all(np.isfinite(paths.end)):
             raise InputError(
@@ -85,8 +85,8 @@ class PathLagrangian:
         unit = jnp.asarray(np.median(np.abs(np.asarray(paths.force)[event])))
         weight, worst = (jnp.asarray(number, float) for number in (FIRST_WEIGHT, np.inf))
         held = Held(paths.end, self._seated(lift, paths), unit, {}, weight, worst)
-        rows = self.rows(parameters, held, paths)
-        return held._replace(multipliers={name: jnp.zeros_like(row) for name, row in rows.items()})
+        rows = jax.eval_shape(self.rows, parameters, held, paths)
+        return held._replace(multipliers={name: jnp.zeros(row.shape) for name, row in rows.items()})
 
     def paths(self, parameters: Mapping[str, Any], held: Held, adjoint: str = "reverse") -> TiedPaths:
         """The paths of one revolution of the cam with these parameters."""

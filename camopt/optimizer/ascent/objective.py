@@ -31,7 +31,7 @@ AREA_RATIO = "area_ratio"
 AIM = 0.8
 """Share of a limit from which a penalty counts, so that a cam that ends a little beyond it still holds the limit."""
 SMOOTH_STEPS = 8
-"""Samples per revolution of the smooth path's record, which nobody reads: its metrics come from its own steps."""
+"""Output samples per revolution of the smooth path; unused, because metrics come from the solver's own steps."""
 FORCE, GAP, SEAT_GAP = "contact_force_N", "gap_mm", "seat_gap_mm"
 CONSTRAINTS = (FORCE, GAP, SEAT_GAP)
 """What may be limited along a revolution: the least force between cam and valve and their largest gap, in the event,

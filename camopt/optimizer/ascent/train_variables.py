@@ -21,6 +21,7 @@ ARRAYS = {
         "damping_N_s_per_m": "damping",
         PRELOAD: "preload",
         "gap_mm": "gap",
+        "dissipation_s_per_m": "dissipation",
         "leak_N_s_per_m": "leak",
         "slip_N": "slip",
     },

@@ -129,7 +129,7 @@ class FamilyVariables:
         return Lift(np.append(borders[:-1][wide], borders[-1]), coefficients[wide], half, family, own)
 
     def nearest(self, vector: np.ndarray) -> np.ndarray:
-        """By rounds of the nearest point under the limits linearised at the last one."""
+        """Projection by successive linearisation of the limits."""
         moved = vector
         for _ in range(MOST_ROUNDS):
             excess, slopes = self._excess(moved)

@@ -7,7 +7,6 @@ that one worse than any that holds; within each kind excess, bounce and area dec
 settled from rest at every speed, and the metrics of the verifier.
 """
 
-import json
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,7 +29,8 @@ from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 from camopt.scene.units import MM, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
-from camopt.storage import append_line, run_identity, whole_lines, write_text
+from camopt.storage import run_identity
+from camopt.storage.journal import Records
 
 POPULATION = 32
 NEAR = 0.15
@@ -111,7 +111,7 @@ def largest_area_member(
     else:
         asked = {"family": family, "jerk": limits.jerk, "bounce_max_mm": bounce_max_mm, "evaluations": evaluations}
         identity = run_identity("baseline", scene, **asked, seed=seed, speeds_rpm=list(motion.speeds_rpm))
-        search = _MemberSearch(space, design, motion, bounce_max_mm, Notes(journal, identity))
+        search = _MemberSearch(space, design, motion, bounce_max_mm, Records(journal, "at", identity=identity))
         with tqdm(total=evaluations, disable=None if progress else True, unit="cam", desc=family) as bar:
             lift, count = search.best(evaluations, seed, bar), search.evaluations
     figures = motion.worst(lift)
@@ -201,8 +201,8 @@ class MemberMotion:
 class _MemberSearch:
     """Differential evolution on the score: below 1 what holds, then what bounces, then what breaks limits."""
 
-    def __init__(self, space: Space, design: Design, motion: MemberMotion, bounce_max_mm: float | None, notes: "Notes"):
-        self.space, self.design, self.motion, self.limit, self.notes = space, design, motion, bounce_max_mm, notes
+    def __init__(self, space: Space, design: Design, motion: MemberMotion, limit: float | None, judged: Records):
+        self.space, self.design, self.motion, self.limit, self.judged = space, design, motion, limit, judged
         self.evaluations = 0
 
     def best(self, evaluations: int, seed: int, bar: tqdm) -> Lift:
@@ -214,8 +214,10 @@ class _MemberSearch:
         def cost(x: np.ndarray) -> float:
             self.evaluations += 1
             bar.update(1)
-            known = self.notes.recall(x)
-            return self.notes.keep(x, self.score(x)) if known is None else known
+            if (found := self.judged.get(x.tolist())) is None:
+                found = {"at": x.tolist(), "score": self.score(x)}
+                self.judged.add(found)
+            return found["score"]
 
         found = differential_evolution(
             cost,
@@ -251,35 +253,6 @@ def _first_population(space: Space, seed: int) -> np.ndarray:
         near = 0.0 if i < len(space.known) else NEAR * (2 * unit[i] - 1) * (high - low)
         first[i] = np.clip(np.array(space.known[i % len(space.known)]) + near, low, high)
     return first
-
-
-class Notes:
-    """What a search has judged, a line per member in a file or nowhere: a search that goes on repeats it at once."""
-
-    def __init__(self, path: Path | str | None, identity: dict):
-        self._path = None if path is None else Path(path)
-        self._scores: dict[tuple, float] = {}
-        if self._path is None:
-            return
-        lines = whole_lines(self._path)
-        if lines and lines[0] != json.dumps(identity):
-            raise InputError(
-                f"{self._path}: belongs to another search, of another version or scene or with other settings: give "
-                f"another journal, or the same search"
-            )
-        if not lines:
-            write_text(self._path, json.dumps(identity) + "\n")
-        self._scores = {tuple(entry["at"]): entry["score"] for entry in map(json.loads, lines[1:])}
-
-    def recall(self, x: np.ndarray) -> float | None:
-        """The score of a member that was judged before the interruption."""
-        return self._scores.get(tuple(x.tolist()))
-
-    def keep(self, x: np.ndarray, score: float) -> float:
-        """Notes a score and returns it."""
-        if self._path is not None:
-            append_line(self._path, json.dumps({"at": x.tolist(), "score": score}))
-        return score
 
 
 def _words(family: str, over: float, broken: list[str], bounce: float, limit: float | None) -> str:

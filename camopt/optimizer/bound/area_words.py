@@ -1,4 +1,4 @@
-"""What must be said of a cam's area before it is compared with another's: nothing impossible passes in silence."""
+"""Warnings about a cam's area ratio: a longer duration, a ratio above one, a ratio above the certified bound."""
 
 from camopt.cam.lift import Lift
 from camopt.measure.limits import broken_by_shape, duration_words

@@ -26,7 +26,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from camopt.cam.ramps import scene_ramps
-from camopt.optimizer.bound.fine_program import Discretised, equal_grid
+from camopt.optimizer.bound.fine_program import DiscretisedControlProblem, equal_grid
 from camopt.optimizer.bound.limit_terms import limit_terms
 from camopt.scene.design import Design
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
@@ -38,7 +38,7 @@ ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
-class Further:
+class AdditionalConstraintTerms:
     """Further conditions times their multipliers: constant + integral kernel(s) control(s) ds [m rad].
 
     The sum is >= 0 if the conditions are met.
@@ -73,7 +73,7 @@ class Certificate:
         """Upper bound on the area ratio of every cam under the design's limits."""
         return self.evaluate()
 
-    def evaluate(self, further: Further | None = None) -> float:
+    def evaluate(self, further: AdditionalConstraintTerms | None = None) -> float:
         """The bound from the stored multipliers alone, with those of `further` conditions where they are given.
 
         Raises ValueError where a multiplier that must be >= 0 is negative.
@@ -233,7 +233,7 @@ def area_ratio_bound(design: Design, intervals: int = INTERVALS) -> Certificate:
     if not control_is_limited(design):
         zero = np.zeros(len(grid))
         return Certificate(design, grid, zero, zero, zero, zero, np.zeros(3))  # only the lift cap limits: ratio 1
-    return Certificate(design, grid, *Discretised(design, grid).multipliers())
+    return Certificate(design, grid, *DiscretisedControlProblem(design, grid).multipliers())
 
 
 def control_is_limited(design: Design) -> bool:

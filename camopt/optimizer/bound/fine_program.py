@@ -26,7 +26,7 @@ def equal_grid(design: Design, intervals: int) -> np.ndarray:
     return np.unique(np.concatenate(parts)) * DEG
 
 
-class Discretised:
+class DiscretisedControlProblem:
     """The continuous problem with a control that is constant on every interval.
 
     Its units are half the duration and the maximum lift. Its columns are lift, velocity and, under a jerk limit,

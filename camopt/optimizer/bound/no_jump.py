@@ -15,13 +15,20 @@ from scipy.interpolate import PPoly
 
 from camopt.cam.families.free import FreeCam
 from camopt.cam.linear_limits import radii_held_near
-from camopt.optimizer.bound.certificate import INTERVALS, Certificate, Further, control_is_limited, piecewise_sum
-from camopt.optimizer.bound.fine_program import Discretised, equal_grid
+from camopt.optimizer.bound.certificate import (
+    INTERVALS,
+    AdditionalConstraintTerms,
+    Certificate,
+    control_is_limited,
+    piecewise_sum,
+)
+from camopt.optimizer.bound.fine_program import DiscretisedControlProblem, equal_grid
 from camopt.optimizer.program.force_rows import PEAK, SEAT, Margins, SpeedRows, speed_rows
 from camopt.optimizer.program.no_jump import NoJumpProgram
 from camopt.optimizer.program.periodic import exact_steps, sample_cam, velocity_scale
 from camopt.optimizer.program.phases import incidence
 from camopt.optimizer.program.program_cam import program_cam
+from camopt.scene.train import Train
 from camopt.scene.units import DEG, MM
 
 STEP = 0.05 * DEG
@@ -76,18 +83,18 @@ def no_jump_bound(program: NoJumpProgram, margins: Margins, knot_deg: float = KN
     further = force_terms(fine, found.margins, force)
     grid = equal_grid(design, INTERVALS)
     worth = np.diff(further.kernel.antiderivative()(grid))
-    kinematic = Certificate(design, grid, *Discretised(design, grid).multipliers(worth))
+    kinematic = Certificate(design, grid, *DiscretisedControlProblem(design, grid).multipliers(worth))
     return NoJumpCertificate(fine, found.margins, kinematic, force)
 
 
-def force_terms(program: NoJumpProgram, margins: np.ndarray, multipliers: np.ndarray) -> Further:
+def force_terms(program: NoJumpProgram, margins: np.ndarray, multipliers: np.ndarray) -> AdditionalConstraintTerms:
     """The sum of multiplier times (force - margin) over all force rows, as a functional of the control."""
     line = replace(program.cam, x_p=np.zeros_like(program.cam.x_p), Z=np.zeros((len(program.cam.x_p), 0)))
     constant, kernel = 0.0, None
     for i, block in enumerate(program.blocks):
         signed = np.where(block.kind == PEAK, -1.0, 1.0) * multipliers[program.speed == i]
         without = speed_rows(
-            block.train, program.design, sample_cam(line, block.angles), block.cam_speed, block.angles, program.window
+            program.train, program.design, sample_cam(line, block.angles), block.cam_speed, block.angles, program.window
         )
         peak = program.design.contact_force_max_N or 0.0
         level = np.where(block.kind == PEAK, peak, margins[np.minimum(block.kind, SEAT), i])
@@ -95,18 +102,18 @@ def force_terms(program: NoJumpProgram, margins: np.ndarray, multipliers: np.nda
         own = _kernel(program, line, block, signed)
         kernel = own if kernel is None else piecewise_sum(kernel, own)
     assert kernel is not None, "a program has at least one speed"
-    return Further(constant, kernel)
+    return AdditionalConstraintTerms(constant, kernel)
 
 
 def _kernel(program: NoJumpProgram, line: FreeCam, block: SpeedRows, signed: np.ndarray) -> PPoly:
     """What a unit of control at s adds to the sum of `signed` times the forces of one speed, over the duration."""
-    train, speed = block.train, block.cam_speed
+    train, speed = program.train, block.cam_speed
     edges = sample_cam(line, block.angles, STEP).edges
     steps = exact_steps(train, edges, speed, block.angles)
     n2 = 2 * len(train.mass)
     size = n2 + 3  # state, lift, velocity, acceleration
     moves, generators = steps.whole[:, :size, :size], steps.generator[:, :size, :size]
-    readings = _readings(block, signed, edges)
+    readings = _readings(train, block, signed, edges)
     state = _periodic_adjoint(moves[:, :n2, :n2], steps.kind, readings[:, :n2])
     begin, end = (int(np.argmin(np.abs(edges - b))) for b in line.breaks[[0, -1]])
     control = n2 + (2 if program.design.jerk_max_mm_per_deg3 is not None else 1)  # what the control feeds
@@ -125,10 +132,9 @@ def _kernel(program: NoJumpProgram, line: FreeCam, block: SpeedRows, signed: np.
     return PPoly(np.stack([twist, bend, slope[0], value[0]]), edges[begin : end + 1])
 
 
-def _readings(block: SpeedRows, signed: np.ndarray, edges: np.ndarray) -> np.ndarray:
+def _readings(train: Train, block: SpeedRows, signed: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """The factors, at every edge, of state, lift, velocity and acceleration in the sum of `signed` times the forces."""
-    train, n2 = block.train, 2 * len(block.train.mass)
-    d, omega = incidence(train), velocity_scale(train)
+    n2, d, omega = 2 * len(train.mass), incidence(train), velocity_scale(train)
     readings = np.zeros((len(edges), n2 + 3))
     at = np.searchsorted(edges, block.angle - 1e-9)
     assert np.max(np.abs(edges[at] - block.angle)) < 1e-9, "every force row lies on an edge of the finer sweep"

@@ -6,10 +6,10 @@ from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.bound.limit_terms import left_out
 from camopt.optimizer.bound.no_jump import no_jump_bound
 from camopt.optimizer.program.force_rows import Margins
-from camopt.optimizer.program.kinematic import kinematic_optimum, limit_worth
+from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitivities
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
-from camopt.optimizer.program.relocation import standing
+from camopt.optimizer.program.relocation import converge_tangents
 from camopt.scene.errors import InputError
 from camopt.scene.linearisation import is_linear
 from camopt.scene.schema import Scene
@@ -51,7 +51,7 @@ def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float | None 
     force = (design.contact_force_min_N or MARGIN_N) if margin_N is None else margin_N
     seat = min(force, MARGIN_N) if margin_N is None else margin_N
     try:
-        program = standing(no_jump_program(train := build_train(scene), design, cam, speeds), force)
+        program = converge_tangents(no_jump_program(train := build_train(scene), design, cam, speeds), force)
         no_jump = program.solve(margins := Margins(force, force, seat)).area_ratio
         if is_linear(train):
             certificate = no_jump_bound(program, margins)
@@ -72,7 +72,7 @@ def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float | None 
         "speeds_rpm": list(operation.speeds_rpm),
         "margins_N": force,
         "seat_margin_N": seat,
-        "worth_percent": limit_worth(feasible),
+        "worth_percent": limit_sensitivities(feasible),
     }
 
 

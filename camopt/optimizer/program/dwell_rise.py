@@ -5,7 +5,6 @@ derivative of order m is 2^(2(m-1)) (m-1)!, which a control of that size reaches
 (1 - cos(j pi / m)) / 2, and the least peak acceleration under a jerk J >= 32 is (J/4) (1 - sqrt(1 - 32/J)).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import factorial
 
@@ -85,38 +84,6 @@ def least_acceleration(jerk: float, intervals: int = JERK_INTERVALS) -> DwellRis
     found = minimise(cost, rows, low, level, bounds, large=True)
     masses = -found.row_duals[2:][: 2 * (n + 1)]
     bound = _acceleration_bound(jerk, found.row_duals[:2], masses[: n + 1] - masses[n + 1 :], t)
-    return DwellRise(found.value, bound, found.x[:-1])
-
-
-def least_peak_through(conditions: Sequence[tuple[float, int, float]], order: int, intervals: int) -> DwellRise:
-    """The motion from rest through `conditions` whose derivative of `order` m has the least peak.
-
-    Each condition (x, k, value) says that s^(k)(x) = integral of (x - t)_+^(m-1-k) / (m-1-k)! u(t) is the value, with
-    k < m and x > 0; the control u = s^(m) is constant on equal intervals up to the last x. With any multipliers, their
-    sum with the values is at most the peak times the integral of |p|, p being their sum with the kernels.
-    """
-    at, orders, values = (np.array(column, float) for column in zip(*conditions, strict=True))
-    edges = np.linspace(0.0, at.max(), intervals + 1)
-    powers = order - orders.astype(int)
-    size = np.array([factorial(q) for q in powers], float)
-    reach = np.maximum(at[:, None] - edges, 0.0) ** powers[:, None] / size[:, None]
-    rows = reach[:, :-1] - reach[:, 1:]
-    scale = np.abs(rows).sum(axis=1)
-    both = [np.column_stack([sign * np.eye(intervals), -np.ones(intervals)]) for sign in (1, -1)]
-    through = np.column_stack([rows / scale[:, None], np.zeros(len(rows))])
-    level = np.append(values / scale, np.zeros(2 * intervals))
-    low = np.append(values / scale, np.full(2 * intervals, -np.inf))
-    bounds = np.array([(-np.inf, np.inf)] * intervals + [(0.0, np.inf)])
-    found = minimise(np.append(np.zeros(intervals), 1.0), np.vstack([through, *both]), low, level, bounds)
-    multipliers = found.row_duals[: len(rows)] / scale
-    borders = np.unique(np.append(0.0, at))
-    p = np.zeros((order, len(borders) - 1))  # ascending powers about each left border
-    for x, q, multiplier in zip(at, powers, multipliers, strict=True):
-        before = borders[1:] <= x + 1e-12
-        for j in range(q):
-            term = (x - borders[:-1][before]) ** (q - 1 - j) * (-1) ** j / factorial(j) / factorial(q - 1 - j)
-            p[j, before] += multiplier * term
-    bound = float(multipliers @ values) / absolute_integral(PPoly(p[::-1], borders))
     return DwellRise(found.value, bound, found.x[:-1])
 
 

@@ -38,7 +38,6 @@ class Window:
 class SpeedRows:
     """Forces at one speed: force = offset + matrix @ z [N] of `element` at `angle` [rad], row by row; kind as above."""
 
-    train: Train
     cam_speed: float
     angles: Angles
     matrix: np.ndarray  # (r, m)
@@ -102,4 +101,4 @@ def speed_rows(train: Train, design: Design, samples: CamSamples, cam_speed: flo
     force = np.concatenate([p[0] for p in parts])
     kind, angle = (np.concatenate([p[i] for p in parts]) for i in (1, 3))
     element = np.concatenate([np.full(len(p[1]), p[2]) for p in parts])
-    return SpeedRows(train, cam_speed, angles, np.ascontiguousarray(force[:, 1:]), force[:, 0], kind, element, angle)
+    return SpeedRows(cam_speed, angles, np.ascontiguousarray(force[:, 1:]), force[:, 0], kind, element, angle)

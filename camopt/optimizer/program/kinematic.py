@@ -44,25 +44,21 @@ class KinematicOptimum:
         return self.cam.lift(self.z)
 
 
-def kinematic_optimum(design: Design, cam: FreeCam) -> KinematicOptimum:
+def kinematic_optimum(design: Design, cam: FreeCam, explain: bool = True) -> KinematicOptimum:
     """The largest area that the design's limits allow on the free cam `cam`.
 
-    Raises InputError where the limits contradict each other, naming what would have to change and by how much.
-    """
-    try:
-        return unexplained_optimum(design, cam)
-    except Infeasible:
-        raise InputError(conflict(design, cam)) from None
-
-
-def unexplained_optimum(design: Design, cam: FreeCam) -> KinematicOptimum:
-    """`kinematic_optimum` for a caller who cannot wait for a sentence on limits that contradict each other.
-
-    Raises Infeasible in its place.
+    Raises InputError where the limits contradict each other, naming what would have to change and by how much; without
+    `explain`, Infeasible.
     """
     limits = cam.limits(design)
     row, constant = area_ratio_row(design, cam)
-    optimum = reach(cam, design, row, spline_rows(limits.matrix), limits.bound, first_working(limits))
+    rows = spline_rows(limits.matrix)
+    try:
+        optimum = solve_over_peak_angles(cam, design, row, rows, limits.bound, first_working(limits))
+    except Infeasible:
+        if not explain:
+            raise
+        raise InputError(conflict(design, cam)) from None
     return KinematicOptimum(cam, design, optimum.z, optimum.value + constant, optimum, limits)
 
 
@@ -87,7 +83,7 @@ def first_working(limits: Limits) -> np.ndarray:
     return np.union1d(np.flatnonzero(~dense), np.flatnonzero(dense)[::10])
 
 
-def reach(cam: FreeCam, design: Design, objective, rows: Rows, bound, working) -> Optimum:
+def solve_over_peak_angles(cam: FreeCam, design: Design, objective, rows: Rows, bound, working) -> Optimum:
     """`maximise`, over peak angles too where the design wants its maximum lift reached; raises Infeasible.
 
     For each peak angle within 6 degrees of the middle the row lift(peak) >= maximum lift is added (rows appended at
@@ -120,13 +116,13 @@ def lift_to_reach(design: Design) -> float:
     return design.max_lift_mm * MM * (1 - REACH + ROUNDING)
 
 
-def limit_worth(found: KinematicOptimum) -> dict[str, float]:
-    """`worth_of` the limits of the kinematic problem."""
+def limit_sensitivities(found: KinematicOptimum) -> dict[str, float]:
+    """`sensitivities` the limits of the kinematic problem."""
     duals = found.optimum.duals
-    return worth_of(found.limits, duals, duals[len(found.limits.bound) :], found.area_ratio)
+    return sensitivities(found.limits, duals, duals[len(found.limits.bound) :], found.area_ratio)
 
 
-def worth_of(limits: Limits, duals: np.ndarray, reaching: np.ndarray, area_ratio: float) -> dict[str, float]:
+def sensitivities(limits: Limits, duals: np.ndarray, reaching: np.ndarray, area_ratio: float) -> dict[str, float]:
     """Per cent more area that one per cent more of each limit buys, from a program's duals, keyed by the limit's name.
 
     `duals` (r, ...) begin with those of the limits' rows; `reaching` are those of the row that the maximum lift is to
@@ -225,7 +221,7 @@ def longest_duration_deg(design: Design) -> float:
 def _has_a_cam(design: Design, duration_deg: float) -> bool:
     tried = design.model_copy(update={"duration_deg": duration_deg, "waves_max": None})
     try:
-        unexplained_optimum(tried, free_cam(tried, TRIED_KNOT_DEG))
+        kinematic_optimum(tried, free_cam(tried, TRIED_KNOT_DEG), explain=False)
     except Infeasible:
         return False
     return True

@@ -16,7 +16,13 @@ from camopt.cam.families.shape_rows import Limits
 from camopt.cam.lift import Lift
 from camopt.highs import Infeasible
 from camopt.optimizer.program.force_rows import PEAK, SEAT, Box, Margins, SpeedRows, Window, speed_rows
-from camopt.optimizer.program.kinematic import area_ratio_row, first_working, reach, reached_in_the_middle, spline_rows
+from camopt.optimizer.program.kinematic import (
+    area_ratio_row,
+    first_working,
+    reached_in_the_middle,
+    solve_over_peak_angles,
+    spline_rows,
+)
 from camopt.optimizer.program.linear_program import Optimum, Rows, least_relaxation
 from camopt.optimizer.program.periodic import CamSamples, sample_cam
 from camopt.optimizer.program.phases import Angles, static_angles
@@ -177,15 +183,22 @@ class NoJumpProgram:
         """Contact force of every force row [N] under the linear model, shape (r)."""
         return np.concatenate([b.offset + b.matrix @ z for b in self.blocks])
 
-    def solve(self, margins: Margins | None = None) -> NoJumpOptimum:
+    def solve(self, margins: Margins | None = None, explain: bool = True) -> NoJumpOptimum:
         """The cam of largest area with these margins (by default 20 N each); quick after the first ones.
 
-        Raises NoCamHoldsContact where no cam keeps the margins.
+        Raises NoCamHoldsContact, which says by how much they are too large, where no cam keeps the margins; without
+        `explain`, Infeasible.
         """
+        table = (margins or Margins()).table(len(self.blocks))
+        row, constant = area_ratio_row(self.design, self.cam)
+        working = self.first_working()
         try:
-            return self.unexplained(margins)
+            optimum = solve_over_peak_angles(self.cam, self.design, row, self.rows, self.bound(table), working)
         except Infeasible:
-            raise self._shortfall((margins or Margins()).table(len(self.blocks))) from None
+            if not explain:
+                raise
+            raise self._shortfall(table) from None
+        return NoJumpOptimum(self, table, optimum.z, optimum.value + constant, optimum)
 
     def solve_below(self, margins: np.ndarray) -> NoJumpOptimum:
         """The same with the margins (3, s) [N] or, where no cam keeps them, with all of them lower by what it takes.
@@ -198,13 +211,6 @@ class NoJumpProgram:
             if np.isinf(short.shortfall_N):
                 raise
             return self.solve(Margins(*(margins - SHORTFALL * short.shortfall_N)))
-
-    def unexplained(self, margins: Margins | None = None) -> NoJumpOptimum:
-        """`solve` for a caller who cannot wait for by how much the margins are too large; raises Infeasible instead."""
-        table = (margins or Margins()).table(len(self.blocks))
-        row, constant = area_ratio_row(self.design, self.cam)
-        optimum = reach(self.cam, self.design, row, self.rows, self.bound(table), self.first_working())
-        return NoJumpOptimum(self, table, optimum.z, optimum.value + constant, optimum)
 
     def first_working(self) -> np.ndarray:
         """Row indices to begin with where nothing is known: the limits and every fortieth force row."""
@@ -259,18 +265,10 @@ class NoJumpProgram:
         vars(other)["limits"] = self.limits
         return other
 
-    def extended(self, speeds: Sequence[float] | np.ndarray, train: Train | None = None) -> "NoJumpProgram":
-        """This program with further cam speeds [rad/s] at the angles of static load transfer.
-
-        With `train`, a perturbed one (its spring, its lash), the same cam must hold contact in that one too.
-        """
-        more = _blocks(train or self.train, self.design, self.cam, speeds, None, self.window)
-        return replace(self, blocks=self.blocks + more)
-
     def relocated(self, angles: Sequence[Angles]) -> "NoJumpProgram":
         """The same program at other switching angles, one per block."""
         pairs = zip(self.blocks, angles, strict=True)
-        blocks = [_blocks(b.train, self.design, self.cam, [b.cam_speed], [a], self.window)[0] for b, a in pairs]
+        blocks = [_blocks(self.train, self.design, self.cam, [b.cam_speed], [a], self.window)[0] for b, a in pairs]
         return replace(self, blocks=tuple(blocks))
 
 

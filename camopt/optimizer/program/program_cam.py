@@ -18,7 +18,7 @@ from camopt.cam.families.free import FreeCam, free_cam
 from camopt.cam.families.shape_rows import LinearisationPoint
 from camopt.cam.linear_limits import radii_held_near
 from camopt.highs import Infeasible
-from camopt.optimizer.program.kinematic import area_ratio_row, first_working, reach, spline_rows
+from camopt.optimizer.program.kinematic import area_ratio_row, first_working, solve_over_peak_angles, spline_rows
 from camopt.optimizer.program.radii import near_its_best
 from camopt.optimizer.program.waves import kinematic_switches
 from camopt.scene.design import Design
@@ -61,7 +61,9 @@ def centres(design: Design) -> tuple[float, ...]:
         tried = replace(cam, about=LinearisationPoint(at))
         limits, (row, _) = tried.limits(design), area_ratio_row(design, tried)
         try:
-            return reach(tried, design, row, spline_rows(limits.matrix), limits.bound, first_working(limits)).value
+            return solve_over_peak_angles(
+                tried, design, row, spline_rows(limits.matrix), limits.bound, first_working(limits)
+            ).value
         except Infeasible:
             return -1.0
 

@@ -18,15 +18,15 @@ from camopt.cam.families.radius_planes import Neighbourhood
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import radii_held_near
 from camopt.highs import Infeasible
+from camopt.optimizer.program.elastic import SHORT_OF_FORCE, TYPICAL_FORCE, ElasticProgram
 from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import (
     area_ratio_row,
     first_working,
+    kinematic_optimum,
     reached_in_the_middle,
-    unexplained_optimum,
 )
 from camopt.optimizer.program.no_jump import NoJumpProgram
-from camopt.optimizer.program.priced import SHORT_OF_FORCE, TYPICAL_FORCE, Priced
 from camopt.scene.design import RADII, Design
 from camopt.scene.units import MM_PER_DEG2
 
@@ -62,7 +62,7 @@ def near_its_best(design: Design, cam: FreeCam) -> FreeCam:
     if not radii_held_near(design):
         return cam
     try:
-        lift = unexplained_optimum(design.model_copy(update=dict.fromkeys(RADII)), cam).lift
+        lift = kinematic_optimum(design.model_copy(update=dict.fromkeys(RADII)), cam).lift
     except Infeasible:
         return cam
     row, constant = area_ratio_row(design, cam)
@@ -74,7 +74,7 @@ def near_its_best(design: Design, cam: FreeCam) -> FreeCam:
         for key in radii_held_near(design):
             give[limits.rows(key)] = 1.0
         working = np.union1d(first_working(limits), np.arange(len(limits.bound), len(matrix)))
-        found = Priced.of(matrix, give, row, SHORT_OF_RADIUS, TYPICAL_SHORT, working).solve(bound)
+        found = ElasticProgram.of(matrix, give, row, SHORT_OF_RADIUS, TYPICAL_SHORT, working).solve(bound)
         return cam.lift(found.z[:-1]), found.value + constant, float(found.z[-1])
 
     return near(cam, _narrowed(best_near, lift))
@@ -96,7 +96,7 @@ def with_radii(program: NoJumpProgram, margin_N: float) -> NoJumpProgram:
         matrix, bound = reached_in_the_middle(moved.cam, design, moved.rows.matrix, moved.bound(margins))
         give = moved.given_margins(len(matrix))
         working = np.union1d(moved.first_working(), np.arange(len(moved.rows.norm), len(matrix)))
-        found = Priced.of(matrix, give, row, SHORT_OF_FORCE, TYPICAL_FORCE, working).solve(bound)
+        found = ElasticProgram.of(matrix, give, row, SHORT_OF_FORCE, TYPICAL_FORCE, working).solve(bound)
         return moved.cam.lift(found.z[:-1]), found.value, float(found.z[-1])
 
     return replace(program, cam=near(program.cam, _narrowed(best_near, held.lift)))

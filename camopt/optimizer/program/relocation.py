@@ -79,23 +79,23 @@ def relocate(program: NoJumpProgram, lift: Lift, revolutions: int = REVOLUTIONS)
     angles = []
     for block in program.blocks:
         try:
-            angles.append(located_angles(settled_revolution(block.train, lift, block.cam_speed, revolutions)))
+            angles.append(located_angles(settled_revolution(program.train, lift, block.cam_speed, revolutions)))
         except NoLoadTransfer:
             angles.append(block.angles)
     moved = program.relocated(angles)
     return moved if moved.cam.about.near is None else replace(moved, cam=near(moved.cam, lift))
 
 
-def standing(program: NoJumpProgram, margin_N: float = HELD_N) -> NoJumpProgram:
-    """The program with the tangents along the motions of its own cam, solved again with them until its area stands.
+def converge_tangents(program: NoJumpProgram, margin_N: float = HELD_N) -> NoJumpProgram:
+    """The program linearised about the motions of its own cam, and again about the next one, until its area converges.
 
     Before that come the angles at which the jerk changes its sign, for a design that limits how often it does, and the
     cam near which the radii under a roller or pad are held. The margin on all contact forces falls by as much as no cam
-    can hold. A program whose trains are linear is given back with these. Raises NoCamHoldsContact where the limits on
+    can hold. A program whose train is linear is given back with these. Raises NoCamHoldsContact where the limits on
     the shape allow no cam.
     """
     program = with_radii(with_switches(program, margin_N), margin_N)
-    if all(is_linear(block.train) for block in program.blocks):
+    if is_linear(program.train):
         return program
     area = -np.inf
     for _ in range(MOST_SOLUTIONS):

@@ -10,14 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camopt.scene.laws import FRICTION, HERTZ, LINEAR, OIL, PROGRESSIVE, STAND_IN_FORCE
+from camopt.scene.contact_laws import LawNumbers
+from camopt.scene.laws import CURVED, FRICTION, LINEAR, OF_CONTACTS, OIL
 from camopt.scene.linearisation import is_linear
 from camopt.scene.response import Response
 from camopt.scene.train import Train
 
 HELD_N = 20.0
-"""Contact force that the program's cam keeps while its tangents are looked for. No tangent of a Hertz contact is softer
-than there: along a motion that parts, tangents without stiffness would let the motion of closed contacts grow."""
+"""Contact force that the program's cam keeps while its tangents are looked for. No tangent of a law of contacts is
+softer than there: along a motion that parts, tangents without stiffness would let the motion of closed contacts
+grow."""
 LEVELS = 20
 """Tangents of curved laws are rounded to so many levels in each factor of e, so that steps share their exponentials."""
 
@@ -66,9 +68,13 @@ def _lines(train: Train, response: Response, e: int, d: np.ndarray) -> tuple[np.
         stiffness = np.where(np.abs(force) < laws.slip[e] * (1.0 - 1e-9), laws.coefficient[e], 0.0)
         return stiffness, force - stiffness * d
     force, stiffness = laws.along(e, d, train.preload[e])
-    if laws.kind[e] == HERTZ:  # it has no stiffness where it only just touches
-        least = train.stiffness[e] * (HELD_N / STAND_IN_FORCE) ** (1.0 - 1.0 / laws.exponent[e])
-        stiffness = np.maximum(stiffness, least)
-    if laws.kind[e] in (HERTZ, PROGRESSIVE):
+    if laws.kind[e] in OF_CONTACTS:  # it has no stiffness where it only just touches
+        law, numbers = laws.contact_law(e), LawNumbers(laws.coefficient[e], laws.exponent[e])
+        stiffness = np.maximum(stiffness, law.slope(law.depth(HELD_N, numbers), numbers))
+    if (
+        laws.dissipation[e] > 0.0
+    ):  # what the law damps is a load along this motion; where the program stands, it is exact
+        force = response.force[:, e]
+    if laws.kind[e] in CURVED:
         stiffness = np.exp(np.round(np.log(stiffness) * LEVELS) / LEVELS)
     return stiffness, force - stiffness * d

@@ -16,15 +16,15 @@ from camopt.cam.families.shape_rows import Limits, cells, sign_rows
 from camopt.cam.lift import Lift
 from camopt.cam.waves import sign_changes
 from camopt.highs import Infeasible
+from camopt.optimizer.program.elastic import SHORT_OF_FORCE, TYPICAL_FORCE, ElasticProgram
 from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import (
     area_ratio_row,
     first_working,
+    kinematic_optimum,
     reached_in_the_middle,
-    unexplained_optimum,
 )
 from camopt.optimizer.program.no_jump import NoJumpProgram
-from camopt.optimizer.program.priced import SHORT_OF_FORCE, TYPICAL_FORCE, Priced
 from camopt.scene.design import Design
 from camopt.scene.units import MM_PER_DEG3
 
@@ -47,7 +47,7 @@ def kinematic_switches(design: Design, cam: FreeCam) -> Switches:
     """
     assert design.waves_max is not None, "only such designs have switches"
     try:
-        unlimited = unexplained_optimum(design, _about(cam, ())).lift
+        unlimited = kinematic_optimum(design, _about(cam, ())).lift
     except Infeasible:
         return ()
     starts = {_fewer(unlimited, cam, most) for most in (design.waves_max, min(design.waves_max, FEW))}
@@ -58,7 +58,7 @@ def kinematic_switches(design: Design, cam: FreeCam) -> Switches:
     give[signed] = 1.0
     row, _ = area_ratio_row(design, cam)
     jerk = (design.jerk_max_mm_per_deg3 or 1e-3) * MM_PER_DEG3
-    program = Priced.of(matrix, give, row, SHORT_OF_JERK, jerk, _working(first, len(matrix)))
+    program = ElasticProgram.of(matrix, give, row, SHORT_OF_JERK, jerk, _working(first, len(matrix)))
 
     value = _value(program, cam, bound, signed)
     return max((_climbed(value, start, cells(cam)) for start in sorted(starts)), key=value)
@@ -78,18 +78,18 @@ def with_switches(program: NoJumpProgram, margin_N: float) -> NoJumpProgram:
     matrix, bound = reached_in_the_middle(cam, design, program.rows.matrix, at_margins)
     give = program.given_margins(len(matrix))
     row, _ = area_ratio_row(design, cam)
-    elastic = Priced.of(matrix, give, row, SHORT_OF_FORCE, TYPICAL_FORCE, _working(program.limits, len(matrix)))
+    elastic = ElasticProgram.of(matrix, give, row, SHORT_OF_FORCE, TYPICAL_FORCE, _working(program.limits, len(matrix)))
     value = _value(elastic, cam, bound, program.limits.rows("waves_max"))
     starts = [cam.about.switches]
     try:
-        unlimited = replace(program, cam=_about(cam, ())).unexplained(margins)
+        unlimited = replace(program, cam=_about(cam, ())).solve(margins, explain=False)
         starts.append(_fewer(unlimited.lift, cam, design.waves_max))
     except Infeasible:
         pass
     return replace(program, cam=_about(cam, _climbed(value, max(starts, key=value), cells(cam))))
 
 
-def _value(program: Priced, cam: FreeCam, bound: np.ndarray, signed: np.ndarray) -> Callable[[Switches], float]:
+def _value(program: ElasticProgram, cam: FreeCam, bound: np.ndarray, signed: np.ndarray) -> Callable[[Switches], float]:
     """The program's value as a function of the switches, which change the right sides of the rows `signed`."""
 
     def value(switches: Switches) -> float:

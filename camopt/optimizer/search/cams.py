@@ -22,8 +22,8 @@ CANDIDATES, USES_LESS = 4, 0.02
 BETWEEN_SHARE = 0.9
 """Part of every limit on the motion that a cam may use between the speeds at which it was searched."""
 RESOLUTION = 5e-5
-"""Area ratio below which a search tells no two cams apart: half a unit of the fourth digit, to which areas are
-stated."""
+"""Resolution of the area ratio in a search, half a unit of the fourth digit, to which areas are stated: smaller gains
+are ignored."""
 
 
 class Journal(StepFiles):
@@ -52,7 +52,7 @@ class Journal(StepFiles):
 
 @dataclass(frozen=True)
 class Logbook:
-    """What a search leaves behind on its way: the cams it judged, every step it shows, and what its stages cost."""
+    """Journal, progress callback and stage timer of a search."""
 
     journal: Journal = field(default_factory=lambda: Journal(None))
     show: Callable[[dict], None] = lambda line: None
@@ -106,7 +106,7 @@ class Search:
             "seconds": self.log.clock.spent_s("search"),
         }
 
-    def consider(self, stage: str, free: FreeCam, z: np.ndarray, area_ratio: float) -> Tried:
+    def evaluate(self, stage: str, free: FreeCam, z: np.ndarray, area_ratio: float) -> Tried:
         """Judges the cam of z (m), keeps it if it holds and is larger than the best, and reports the step."""
         self.steps += 1
         journal, lift = self.log.journal, free.lift(z)

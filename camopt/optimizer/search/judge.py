@@ -18,8 +18,8 @@ WATCHED_SHARE = 0.4
 """Part of a limit from whose use on the speeds beside one are judged too, where not all are."""
 SETTLES, MEASURES = 16, 1
 """Revolutions that a motion may take to settle from the state of the cam judged before, and how many of a settled one
-are measured: what repeats to a micrometre need not be measured four times before the verdict does. A train with
-memories settles as everywhere else, since its oil leaks over more revolutions."""
+are measured: one periodic revolution suffices during the search, and the verdict measures four. A train with memories
+settles as everywhere else, since its oil leaks over more revolutions."""
 IRREGULAR = 1.5
 """What a motion that does not repeat itself uses of its limits counts so many times: it met only a part of what it
 may. The verdict finds that figures of such motions differ by a quarter to three quarters between neighbours."""

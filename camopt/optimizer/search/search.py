@@ -22,7 +22,7 @@ from camopt.optimizer.program.kinematic import area_ratio_row
 from camopt.optimizer.program.no_jump import NoCamHoldsContact, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.phases import Angles
 from camopt.optimizer.program.program_cam import program_cam
-from camopt.optimizer.program.relocation import relocate, standing
+from camopt.optimizer.program.relocation import converge_tangents, relocate
 from camopt.optimizer.search.cams import BETWEEN_SHARE, RESOLUTION, Logbook, Search, Tried
 from camopt.optimizer.search.judge import Judge, Judged
 from camopt.optimizer.search.margins import FedBack, first_margins, used_by_kind
@@ -106,7 +106,7 @@ def without_rows(train: Train, design: Design, cam: FreeCam, speeds: Sequence[fl
     top = float(cam.breaks[-1])
     angles = Angles(-top, -top, top, top)
     nothing = np.zeros((0, cam.Z.shape[1])), np.zeros(0), np.zeros(0, int), np.zeros(0, int), np.zeros(0)
-    blocks = tuple(SpeedRows(train, float(speed), angles, *nothing) for speed in speeds)
+    blocks = tuple(SpeedRows(float(speed), angles, *nothing) for speed in speeds)
     return NoJumpProgram(train, design, cam, Window(), blocks)
 
 
@@ -134,7 +134,7 @@ def _programs(search: Search, source: RowSource, program: NoJumpProgram, z: np.n
     while left or not settled:
         found = stepped(source, program, z, region, fed.margins)
         stage = "margins fed back" if settled else "path constraints"
-        tried = search.consider(stage, found.program.cam, found.z, found.area_ratio)
+        tried = search.evaluate(stage, found.program.cam, found.z, found.area_ratio)
         seats = bool(np.all(np.isfinite(tried.judged.share))) or not search.held
         gain = abs(found.area_ratio - float(row @ z + constant))
         if not settled:
@@ -173,7 +173,7 @@ def _blend(search: Search) -> None:
         share = 0.5 * (low + high)  # the limits on the shape let a cam through that lies between two
         z = (1 - share) * best.z + share * beyond.z
         area_ratio = (1 - share) * best.area_ratio + share * beyond.area_ratio
-        tried = search.consider("between two cams", beyond.free, z, area_ratio)
+        tried = search.evaluate("between two cams", beyond.free, z, area_ratio)
         low, high = (share, high) if search.best is tried else (low, share)
 
 
@@ -188,7 +188,7 @@ class ExactRows:
     def first(self, program: NoJumpProgram, z: np.ndarray) -> tuple[NoJumpProgram, np.ndarray]:
         """The program at the angles of static load transfer; they do not depend on the cam of z (m)."""
         self.jacobians += 1
-        return standing(no_jump_program(program.train, program.design, program.cam, program.speeds)), z
+        return converge_tangents(no_jump_program(program.train, program.design, program.cam, program.speeds)), z
 
     def error_at(self, program: NoJumpProgram, z: np.ndarray) -> float:
         """Zero: the forces are straight in z (m) while contacts switch at the same angles."""

@@ -168,7 +168,7 @@ class SmoothRows:
             element = np.concatenate([np.full(len(part[0]), part[3]) for part in parts])
             kinds, angle = (np.concatenate([part[i] for part in parts]) for i in (2, 4))
             angles = program.blocks[s].angles
-            blocks.append(SpeedRows(train, float(cam_speed), angles, matrix, value - matrix @ z, kinds, element, angle))
+            blocks.append(SpeedRows(float(cam_speed), angles, matrix, value - matrix @ z, kinds, element, angle))
         return tuple(blocks)
 
     def _event(self, program: NoJumpProgram) -> np.ndarray:

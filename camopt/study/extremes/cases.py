@@ -7,11 +7,13 @@ from itertools import combinations, product
 import numpy as np
 
 from camopt.scene import Scene, build_train
+from camopt.scene.parameters import RATE, SceneNumber, matching, with_numbers
 
 Change = Callable[[Scene], Scene]
 HEAVY = 30.0
 """Factor of every damping constant in the case of heavy damping: the seats of the built-in scenes are over-damped then.
 """
+DAMPING = "damping_N_s_per_m"
 AS_IT_IS = "as it is"
 COMBINED = "kodama"
 """The scene on which every two changes of different kinds are combined."""
@@ -31,26 +33,21 @@ def contacts(stiffness_N_per_m: float) -> Change:
 
     def changed(scene: Scene) -> Scene:
         stiff = max(e.stiffness_N_per_m or 0.0 for e in scene.element)
-        elements = [
-            e.model_copy(update={"stiffness_N_per_m": stiffness_N_per_m})
-            if e.kind == "contact" and e.law == "linear" and (e.stiffness_N_per_m or 0.0) > 1e-2 * stiff
-            else e
-            for e in scene.element
-        ]
-        return scene.model_copy(update={"element": tuple(elements)})
+        for i, e in enumerate(scene.element):
+            if e.kind == "contact" and e.law == "linear" and (e.stiffness_N_per_m or 0.0) > 1e-2 * stiff:
+                scene = with_numbers(scene, {SceneNumber("element", i, RATE): stiffness_N_per_m})
+        return scene
 
     return changed
 
 
-def damping(factor: float) -> Change:
-    """Multiplies every damping constant, of elements and to ground."""
+def times(key: str, factor: float) -> Change:
+    """Multiplies a number of every mass and element that has it."""
 
-    def times(part):
-        return part.model_copy(update={"damping_N_s_per_m": factor * part.damping_N_s_per_m})
+    def changed(scene: Scene) -> Scene:
+        return with_numbers(scene, {number: factor * number.of(scene) for number in matching(scene, f"*.{key}")})
 
-    return lambda scene: scene.model_copy(
-        update={"element": tuple(map(times, scene.element)), "mass": tuple(map(times, scene.mass))}
-    )
+    return changed
 
 
 def clearance(gap_mm: float) -> Change:
@@ -59,11 +56,8 @@ def clearance(gap_mm: float) -> Change:
     def changed(scene: Scene) -> Scene:
         train = build_train(scene)
         holds = max(train.cam_side, key=lambda e: (train.gap[e], -train.cam_side.index(e)))
-        elements = [
-            e.model_copy(update={"gap_mm": (gap_mm if i == holds else 0.0)}) if i in train.cam_side else e
-            for i, e in enumerate(scene.element)
-        ]
-        return scene.model_copy(update={"element": tuple(elements)})
+        gaps = {e: gap_mm if e == holds else 0.0 for e in train.cam_side}
+        return with_numbers(scene, {SceneNumber("element", e, "gap_mm"): gap for e, gap in gaps.items()})
 
     return changed
 
@@ -85,19 +79,6 @@ def mass_ratio(ratio: float) -> Change:
         if len(scene.mass) == 1:
             return scene
         return _with_mass(scene, _stiffest(scene)[0], max(m.mass_kg for m in scene.mass) / ratio)
-
-    return changed
-
-
-def times(key: str, factor: float) -> Change:
-    """Multiplies a number of every element that has it."""
-
-    def changed(scene: Scene) -> Scene:
-        elements = [
-            e if getattr(e, key) is None else e.model_copy(update={key: factor * getattr(e, key)})
-            for e in scene.element
-        ]
-        return scene.model_copy(update={"element": tuple(elements)})
 
     return changed
 
@@ -124,13 +105,12 @@ def _stiffest(scene: Scene) -> tuple[int, float]:
 
 
 def _with_mass(scene: Scene, i: int, mass_kg: float) -> Scene:
-    masses = [m.model_copy(update={"mass_kg": mass_kg}) if j == i else m for j, m in enumerate(scene.mass)]
-    return scene.model_copy(update={"mass": tuple(masses)})
+    return with_numbers(scene, {SceneNumber("mass", i, "mass_kg"): mass_kg})
 
 
 CHANGES: dict[str, dict[str, Change | float]] = {
     "stiffness": {"contacts 1e9 N/m": contacts(1e9), "contacts 1e10 N/m": contacts(1e10)},
-    "damping": {"no damping": damping(0.0), "heavy damping": damping(HEAVY)},
+    "damping": {"no damping": times(DAMPING, 0.0), "heavy damping": times(DAMPING, HEAVY)},
     "speed": {"300 r/min": 300.0, "15000 r/min": 15_000.0},
     "clearance": {"no clearance": clearance(0.0), "clearance 1 mm": clearance(1.0)},
     "mass": {"72 kHz mode": fast_mode(72e3), "mass ratio 1e4": mass_ratio(1e4)},

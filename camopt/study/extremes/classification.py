@@ -55,7 +55,6 @@ class Truth:
     allowed: dict[str, float]
     spread: dict[str, float]
     answer: Converged
-    train: Train
 
     def sensitive(self, name: str) -> bool:
         """Whether no method can be asked for the figure: the motion multiplies any disturbance."""
@@ -94,7 +93,7 @@ def truth(prepare: Prepare, train: Train, lift: Lift, cam_speed: float) -> Truth
     allowed = {
         name: t + RELATIVE * abs(np.nan_to_num(figures[name])) for name, t in Tolerances(TOLERANCE_UM).absolute.items()
     }
-    return Truth(figures, allowed, spread, answer, train)
+    return Truth(figures, allowed, spread, answer)
 
 
 def samples(first: int) -> int:

@@ -90,12 +90,12 @@ def true_values(p: Problem, heights: np.ndarray) -> np.ndarray:
         return TracedMotion(p.train, lift, p.cam_speed, p.start, REVOLUTIONS).values(METRICS)
     revolve = prepare_dop853(p.train, lift, p.cam_speed, SAMPLES)
     first = revolve(p.start)
-    found = measure(joined([first, revolve(end_state(first))]), lift)
-    return np.array([found[name][0] for name in METRICS])
+    metrics = measure(joined([first, revolve(end_state(first))]), lift)
+    return np.array([metrics[name][0] for name in METRICS])
 
 
 @dataclass(frozen=True)
-class Found:
+class PathGradients:
     """Values (l) and gradients (l, m) of METRICS [unit, unit per m], and their cost ratios (l)."""
 
     values: np.ndarray
@@ -103,7 +103,7 @@ class Found:
     cost_ratio: np.ndarray  # seconds of value and gradient over seconds of the value
 
 
-def exact_gradients(p: Problem) -> tuple[Found, Gradient]:
+def exact_gradients(p: Problem) -> tuple[PathGradients, Gradient]:
     """The answer of the exact path, by its adjoint, and the gradient of all metrics together with their grazing."""
     together = value_and_gradient(p.train, p.lift, p.cam_speed, METRICS, p.start, revolutions=REVOLUTIONS)
     ratio = []
@@ -114,10 +114,10 @@ def exact_gradients(p: Problem) -> tuple[Found, Gradient]:
         both, _ = processor_seconds(gradient, REPEATS)
         ratio.append(both / value)
     gradients = np.einsum("lpq,mpq->lm", together.by_coefficients, p.directions)
-    return Found(together.values, gradients, np.array(ratio)), together
+    return PathGradients(together.values, gradients, np.array(ratio)), together
 
 
-def smooth_gradients(p: Problem) -> Callable[[float], Found]:
+def smooth_gradients(p: Problem) -> Callable[[float], PathGradients]:
     """The answer of the smooth path as a function of eps [m]; it is NaN where the path fails.
 
     Two compiled programs serve all eps and metrics.
@@ -132,8 +132,8 @@ def smooth_gradients(p: Problem) -> Callable[[float], Found]:
     def metrics(heights, eps, steps: int):
         driven = DrivenSystem(system, base + jnp.asarray(parts) @ heights, p.cam_speed)
         motion = response_arrays(driven, y0, Layer(eps), TOLERANCE, revolutions=REVOLUTIONS, steps=steps)
-        found = revolution_metrics(system, motion, p.cam_speed, *shape, layer=touch_layer(eps))
-        return jnp.stack([found[name] for name in METRICS])
+        values = revolution_metrics(system, motion, p.cam_speed, *shape, layer=touch_layer(eps))
+        return jnp.stack([values[name] for name in METRICS])
 
     values_of = jax.jit(metrics, static_argnames="steps")
     both_of = jax.jit(
@@ -141,7 +141,7 @@ def smooth_gradients(p: Problem) -> Callable[[float], Found]:
     )
     flat, steps = jnp.zeros(len(units)), FIRST_STEPS
 
-    def run(eps: float) -> Found:
+    def run(eps: float) -> PathGradients:
         nonlocal steps
         while not jnp.isfinite(values_of(flat, eps, steps=steps)[-1]) and steps < MOST_GRID_STEPS:  # the dynamic area
             steps *= 4
@@ -152,7 +152,7 @@ def smooth_gradients(p: Problem) -> Callable[[float], Found]:
             both_s, (_, slope) = wall_seconds(lambda i=i: jax.block_until_ready(both_of(flat, eps, i, steps=steps)), 1)
             slopes.append(np.asarray(slope))
             ratio.append(both_s / value_s)
-        return Found(np.asarray(values), np.array(slopes), np.array(ratio))
+        return PathGradients(np.asarray(values), np.array(slopes), np.array(ratio))
 
     return run
 

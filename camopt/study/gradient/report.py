@@ -4,7 +4,7 @@ The question is asked metric by metric, by experiment: gradients by the heights 
 B-splines between the ramp tops, the ramps stay; 4 bumps where a law is curved) are compared with central differences of
 the truth at several heights. The truth is the event-exact motion, or DOP853 with located switchings where a law is
 curved: there event-exact takes chords, and a chord's slope is off by a share that falls only with their number.
-Gradients that hang on vibration show it, and the smooth path, which has the laws themselves, tells how much. All
+Vibration-dominated metrics reveal the chord error; the smooth path, which has the laws themselves, quantifies it. All
 motions start from one state, which is reached after up to 40 revolutions from rest, and the metrics are those of the
 next revolution. How the cam changes that state is left out.
 
@@ -35,20 +35,21 @@ is nearly that of the periodic motion (`periodic_value_and_gradient` has the res
 neighbouring cams.
 """
 
-from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from tqdm import tqdm
 
 from camopt.cam.lift import Lift
-from camopt.exact.adjoint.motion import Grazing
 from camopt.scene.errors import MotionRefused
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 from camopt.smooth.simulate import EPS
 from camopt.study.gradient.paths import (
     METRICS,
+    PathGradients,
     Problem,
+    cosine,
     exact_gradients,
     problem,
     repeated_cosines,
@@ -56,8 +57,10 @@ from camopt.study.gradient.paths import (
     spectral_radius,
     true_values,
 )
-from camopt.study.gradient.verdict import LEAST_COSINE, MOST_ERROR, MetricReport, judge
 
+MOST_ERROR, LEAST_COSINE, MOST_DISAGREEMENT = 1e-2, 0.9, 0.1
+STILL = 1e-9
+"""A metric that the largest height changes by less than this, in its unit, does not move."""
 BUMPS = {True: 20, False: 4}
 """Number of bumps for laws of straight lines (True) and curved ones (False), whose truth takes a second per motion."""
 HEIGHTS = {True: tuple((10.0 ** np.arange(-5.0, -9.6, -0.5)).tolist()), False: (1e-5, 1e-6, 1e-7)}
@@ -68,33 +71,6 @@ TRUTH = {True: "event-exact motion", False: "DOP853 with located switchings, sin
 """What the differences are taken of."""
 
 
-@dataclass(frozen=True)
-class GradientReport:
-    """Whether the gradient may be trusted: one report per metric, and what is known about the motion."""
-
-    speed_rpm: float
-    bumps: int
-    heights_m: tuple[float, ...]
-    settled: bool
-    grazing: Grazing
-    spectral_radius: float  # of the cycle map
-    straight: bool  # whether no law is curved
-    metrics: dict[str, MetricReport]
-
-    def as_dict(self) -> dict:
-        """Content of `gradient --json` (docs/run-folder.md)."""
-        return {
-            "speed_rpm": self.speed_rpm,
-            "bumps": self.bumps,
-            "heights_m": self.heights_m,
-            "settled": self.settled,
-            "truth": TRUTH[self.straight],
-            "grazing": vars(self.grazing),
-            "spectral_radius": self.spectral_radius,
-            "metrics": {name: m.as_dict() for name, m in self.metrics.items()},
-        }
-
-
 def gradient_report(
     scene: Scene,
     lift: Lift,
@@ -103,8 +79,9 @@ def gradient_report(
     bumps: int | None = None,
     widths: tuple[float, ...] = WIDTHS,
     progress: bool = False,
-) -> GradientReport:
-    """Judges the gradients of a cam in a scene at a crankshaft speed [r/min] (see the module).
+) -> dict:
+    """Judges the gradients of a cam in a scene at a crankshaft speed [r/min] (see the module): the content of
+    `gradient --json` (docs/run-folder.md).
 
     `widths` [m] are those of the smooth path; the default `EPS` is added where it is not among them. Raises
     MotionRefused and InputError where the methods do.
@@ -127,12 +104,20 @@ def gradient_report(
             bar.update()
     truth, differences = true_values(p, np.zeros(count)), np.array(differences)
     repeated = [None] * len(METRICS) if p.settled else list(repeated_cosines(p, exact.gradients))
-    reports = {
+    metrics = {
         name: judge(i, truth[i], differences[:, i], heights, exact, smooth, repeated[i])
         for i, name in enumerate(METRICS)
     }
-    radius = spectral_radius(p)
-    return GradientReport(speed_rpm, count, heights, p.settled, together.grazing, radius, straight, reports)
+    return {
+        "speed_rpm": speed_rpm,
+        "bumps": count,
+        "heights_m": heights,
+        "settled": p.settled,
+        "truth": TRUTH[straight],
+        "grazing": vars(together.grazing),
+        "spectral_radius": spectral_radius(p),
+        "metrics": metrics,
+    }
 
 
 def central_differences(p: Problem, height: float) -> np.ndarray:
@@ -148,32 +133,112 @@ def central_differences(p: Problem, height: float) -> np.ndarray:
     return np.stack([(values(e) - values(-e)) / (2.0 * height) for e in units], axis=-1)
 
 
-def report_lines(report: GradientReport) -> list[str]:
+def judge(
+    i: int,
+    truth: float,
+    differences: np.ndarray,
+    heights: tuple[float, ...],
+    exact: PathGradients,
+    smooth: dict[float, PathGradients],
+    repeated: float | None,
+) -> dict:
+    """Report on metric number i with the differences (h, m) by bumps at the heights (h) [m], as `gradient --json` has
+    it.
+
+    `repeated` is the least cosine with the revolutions that follow, None for a motion that repeats itself.
+    """
+    still = truth == 0.0 and bool(np.all(np.abs(differences[0]) * heights[0] < STILL))
+    agreement = disagreement(differences)
+    rough = still or not agreement <= MOST_DISAGREEMENT
+
+    def judged(path: PathGradients) -> tuple[dict, np.ndarray]:
+        errors = relative_errors(path.gradients[i], differences)
+        best = int(np.nanargmin(errors)) if np.any(np.isfinite(errors)) and not still else -1
+        least, turn = (errors[best], cosine(path.gradients[i], differences[best])) if best >= 0 else (np.nan, np.nan)
+        said = "none" if rough else verdict(least, turn, repeated)
+        bias, cost = _bias(path.values[i], truth), path.cost_ratio[i]
+        return {
+            "value_bias": bias, "relative_error": least, "cosine": turn, "cost_ratio": cost, "verdict": said
+        }, errors  # fmt: skip
+
+    (by_exact, exact_errors), by_eps = judged(exact), {eps: judged(path) for eps, path in smooth.items()}
+    return {
+        "value": float(truth),
+        "exact": by_exact,
+        "smooth": [{"eps_m": eps, **one} for eps, (one, _) in by_eps.items()],
+        "agreement": agreement,
+        "relative_error_at_heights": {"exact": exact_errors, "smooth": by_eps[EPS][1]},
+        "verdict": by_exact["verdict"],
+        "reason": _reason(truth, still, agreement, repeated),
+    }
+
+
+def verdict(relative_error: float, cosine: float, repeated: float | None = None) -> str:
+    """trust, direction only or none, from a gradient's error and cosine.
+
+    `repeated` is the least cosine with the revolutions that follow, None for a motion that repeats itself.
+    """
+    if repeated is None and relative_error <= MOST_ERROR:
+        return "trust"
+    alike = repeated is None or repeated >= LEAST_COSINE
+    return "direction only" if cosine >= LEAST_COSINE and alike else "none"
+
+
+def relative_errors(gradient: np.ndarray, differences: np.ndarray) -> np.ndarray:
+    """Relative errors (h) of a gradient (m) against the differences (h, m) at every height.
+
+    They are infinite where the differences are zero and the gradient is not.
+    """
+    off, size = np.linalg.norm(gradient - differences, axis=1), np.linalg.norm(differences, axis=1)
+    return np.where(size > 0.0, off / np.where(size > 0.0, size, 1.0), np.where(off > 0.0, np.inf, 0.0))
+
+
+def disagreement(differences: np.ndarray) -> float:
+    """Smallest relative change of the differences (h, m) from one height to the next; NaN without values."""
+    steps = [relative_errors(a, b[None])[0] for a, b in pairwise(differences)]
+    return float(np.nanmin(steps)) if np.any(np.isfinite(steps)) else float("nan")
+
+
+def _reason(truth: float, still: bool, agreement: float, repeated: float | None) -> str:
+    if not np.isfinite(truth):
+        return "no value: the valve never seats"
+    if still:
+        return "zero all around: nothing to follow"
+    if not agreement <= MOST_DISAGREEMENT:
+        return "differences agree at no height: rough at every scale"
+    if repeated is None:
+        return ""
+    return f"the motion does not repeat itself: least cosine with its gradients in the next revolutions {repeated:.4f}"
+
+
+def _bias(value: float, truth: float) -> float:
+    if truth == 0.0:
+        return 0.0 if value == 0.0 else float("nan")
+    return abs(value / truth - 1.0)
+
+
+def report_lines(report: dict) -> list[str]:
     """The report as lines of text."""
-    path = f"{'relative error':>14} {'cosine':>8} {'cost':>5}"
-    heights = ", ".join(f"{h:.0e}" for h in report.heights_m)
+    heights, near = ", ".join(f"{h:.0e}" for h in report["heights_m"]), report["grazing"]
     lines = [
-        f"against central differences of {TRUTH[report.straight]}",
-        f"by {report.bumps} bumps of {heights} m on the lift",
+        f"against central differences of {report['truth']}",
+        f"by {report['bumps']} bumps of {heights} m on the lift",
         f"trust: error <= {MOST_ERROR:g} in a motion that repeats itself; direction only: cosine >= {LEAST_COSINE:g}",
-        "the motion repeats itself" if report.settled else "the motion does not repeat itself",
+        "the motion repeats itself" if report["settled"] else "the motion does not repeat itself",
+        f"nearest grazing: closing at {near['approach_m_per_s']:.2g} m/s, missed by {near['gap_m']:.2g} m",
+        f"spectral radius of the cycle map: {report['spectral_radius']:.3g}",
     ]
-    near = report.grazing
-    lines += [f"nearest grazing: closing at {near.approach_m_per_s:.2g} m/s, missed by {near.gap_m:.2g} m"]
-    lines += [f"spectral radius of the cycle map: {report.spectral_radius:.3g}"]
-    for name, metric in report.metrics.items():
-        lines += [
-            "",
-            f"{name} = {metric.value:.6g}: {metric.verdict}" + (f" ({metric.reason})" if metric.reason else ""),
-        ]
-        if metric.reason.startswith(("no value", "zero")):
+    for name, metric in report["metrics"].items():
+        reason = metric["reason"]
+        lines += ["", f"{name} = {metric['value']:.6g}: {metric['verdict']}" + (f" ({reason})" if reason else "")]
+        if reason.startswith(("no value", "zero")):
             continue
-        lines += [f"  {'path':<16} {'value bias':>10} {path}  verdict"]
-        rows = [("exact", metric.exact_bias, metric.exact)]
-        rows += [(f"smooth {eps:.0e} m", metric.value_bias[eps], one) for eps, one in metric.smooth.items()]
-        for label, bias, one in rows:
-            numbers = f"{one.relative_error:14.1e} {one.cosine:8.4f} {one.cost_ratio:5.2f}"
-            lines += [f"  {label:<16} {bias:10.1e} {numbers}  {one.verdict}"]
-        for label, one in (("exact", metric.exact), (f"smooth {EPS:.0e} m", metric.smooth[EPS])):
-            lines += [f"  {label} at each height: {' '.join(f'{e:.1e}' for e in one.at_height)}"]
+        lines += [f"  {'path':<16} {'value bias':>10} {'relative error':>14} {'cosine':>8} {'cost':>5}  verdict"]
+        for one in (metric["exact"], *metric["smooth"]):
+            label = f"smooth {one['eps_m']:.0e} m" if "eps_m" in one else "exact"
+            numbers = f"{one['relative_error']:14.1e} {one['cosine']:8.4f} {one['cost_ratio']:5.2f}"
+            lines += [f"  {label:<16} {one['value_bias']:10.1e} {numbers}  {one['verdict']}"]
+        for path, errors in metric["relative_error_at_heights"].items():
+            label = path if path == "exact" else f"smooth {EPS:.0e} m"
+            lines += [f"  {label} at each height: {' '.join(f'{e:.1e}' for e in errors)}"]
     return lines

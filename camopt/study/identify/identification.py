@@ -70,13 +70,8 @@ class Identification:
     def verdict(self) -> str:
         """Either "identified", where the fit stands, leaves noise alone and fixes every parameter; "partly identified",
         where it leaves some open; or "not identified", where none is fixed or a remark speaks against the fit."""
-        known = self.table["identified"].values
-        return "identified" if known.all() else "partly identified" if known.any() else "not identified"
-
-    @property
-    def sound(self) -> bool:
-        """Whether nothing speaks against the intervals."""
-        return not self.remarks
+        identified = self.table["identified"].values
+        return "identified" if identified.all() else "partly identified" if identified.any() else "not identified"
 
     def plot(self):
         """Estimates with their intervals, and the residual, as a matplotlib Figure."""
@@ -179,8 +174,8 @@ def measured_noise(series: Sequence[Series]) -> float:
     """Standard deviation [m] of white noise in sampled positions: from third differences, which a smooth motion hardly
     has (Gasser, Sroka and Jennen-Steinmetz 1986, Biometrika 73), by their median, which impacts do not move. What the
     samples are too coarse to follow counts as noise, so that this is rather too large; infinite below four samples."""
-    found = [abs(_third_differences(s.angle, s.valve)) for s in series if len(s.angle) >= 4]
-    return float(np.median(np.concatenate(found)) / norm.ppf(0.75)) if found else np.inf
+    differences = [abs(_third_differences(s.angle, s.valve)) for s in series if len(s.angle) >= 4]
+    return float(np.median(np.concatenate(differences)) / norm.ppf(0.75)) if differences else np.inf
 
 
 def _third_differences(angle: np.ndarray, valve: np.ndarray) -> np.ndarray:
@@ -227,8 +222,8 @@ def _another(other: Fitted, best: Fitted, estimate: _Estimate) -> bool:
     """Whether another fit is as good by the F test at 99 % and yet has other values."""
     count = len(best.logs)
     near = count * fisher.ppf(0.99, count, estimate.freedom) * estimate.noise**2
-    known = estimate.half_width <= WIDEST
-    apart = np.abs(other.logs - best.logs)[known] > SURPRISING * estimate.error[known]
+    identified = estimate.half_width <= WIDEST
+    apart = np.abs(other.logs - best.logs)[identified] > SURPRISING * estimate.error[identified]
     return bool(other.squares - best.squares <= near and np.any(apart))
 
 
@@ -255,9 +250,9 @@ def _table(parameters: FreeParameters, fitted: Fitted, estimate: _Estimate, soun
 def _jacobian_error(fit: LiftFit, fitted: Fitted, jacobian: np.ndarray) -> float:
     """Relative distance of the differences' Jacobian to the adjoint's, along one random combination of samples."""
     bar = np.random.default_rng(0).standard_normal(len(fitted.residual))
-    exact, found = fit.pulled_back(fitted.logs, fitted.motions, bar), jacobian.T @ bar
+    exact, differences = fit.pulled_back(fitted.logs, fitted.motions, bar), jacobian.T @ bar
     scale = np.linalg.norm(jacobian, axis=0).max() * np.linalg.norm(bar)
-    return float(np.abs(exact - found).max() / scale)
+    return float(np.abs(exact - differences).max() / scale)
 
 
 def _remarks(fits: Sequence[Fitted], residuals, noise: Noise, estimate: _Estimate, error: float):

@@ -97,12 +97,12 @@ class LiftFit:
         train, total = motions[0].train, np.zeros(len(logs))
         n, e = len(train.mass), len(train.a)
         parts = np.split(bar, self.borders)
-        for motion, series, part in zip(
+        for motion, series, weights in zip(
             motions, self.series, np.split(self._centred(parts), self.borders), strict=True
         ):
-            m = len(part)
+            m = len(weights)
             x = np.zeros((1, m, n))
-            x[0, :, train.valve] = part
+            x[0, :, train.valve] = weights
             bars = Samples(x, np.zeros_like(x), np.zeros((1, m)), np.zeros((1, m)), np.zeros((1, m, e)))
             slopes = motion.pull_back(series.angle, bars)
             assert slopes.by_train is not None
@@ -160,10 +160,10 @@ def descend(fit: LiftFit, logs: np.ndarray, most_steps: int = MOST_FIT_STEPS, ce
             continue
         step = limited_step(jacobian, gradient, noise, radius)
         promised = -2 * gradient @ step - float(np.sum((jacobian @ step) ** 2))
-        trial, found = fit.tried(logs + step)
-        gained = (residual @ residual - found @ found) / promised
+        trial, new_residual = fit.tried(logs + step)
+        gained = (residual @ residual - new_residual @ new_residual) / promised
         if gained > ACCEPTED:
-            logs, residual, motions, fresh = logs + step, found, trial, False
+            logs, residual, motions, fresh = logs + step, new_residual, trial, False
         if gained < DISAPPOINTING and not fresh:
             jacobian, fresh = fit.slopes(logs, residual), True
         if gained < SHORTENED:
@@ -218,12 +218,12 @@ def homotopy(fit: LiftFit, logs: np.ndarray) -> Fitted:
     no motion at the start."""
     steps = 0
     for share in SHARES:
-        part = fit.until(share)
-        if sum(len(s.angle) for s in part.series) > 2 * len(logs):
-            found = descend(part, logs, STAGE_STEPS, CERTAIN)
-            logs, steps = found.logs, steps + found.steps
-    found = descend(fit, logs)
-    return Fitted(found.logs, found.residual, found.motions, steps + found.steps, found.converged)
+        first_samples = fit.until(share)
+        if sum(len(s.angle) for s in first_samples.series) > 2 * len(logs):
+            fitted = descend(first_samples, logs, STAGE_STEPS, CERTAIN)
+            logs, steps = fitted.logs, steps + fitted.steps
+    fitted = descend(fit, logs)
+    return Fitted(fitted.logs, fitted.residual, fitted.motions, steps + fitted.steps, fitted.converged)
 
 
 def fits_from_starts(fit: LiftFit, good_enough: float) -> list[Fitted]:
@@ -234,14 +234,14 @@ def fits_from_starts(fit: LiftFit, good_enough: float) -> list[Fitted]:
     homotopy where that is not good enough. Raises MotionRefused or InputError where the start values have no motion.
     """
     random, count = np.random.default_rng(0), len(fit.parameters.tied)
-    found: list[Fitted] = []
+    fits: list[Fitted] = []
 
     def good() -> bool:
-        return bool(found) and found[0].converged and found[0].squares <= good_enough
+        return bool(fits) and fits[0].converged and fits[0].squares <= good_enough
 
     def keep(one: Fitted) -> None:
-        found.append(one)
-        found.sort(key=lambda f: f.squares)
+        fits.append(one)
+        fits.sort(key=lambda f: f.squares)
 
     for tried in range(MOST_STARTS):
         logs = random.uniform(-BOX, BOX, count) if tried else np.zeros(count)
@@ -254,4 +254,4 @@ def fits_from_starts(fit: LiftFit, good_enough: float) -> list[Fitted]:
                 raise
         if tried + 1 >= FEWEST_STARTS and good():
             break
-    return found
+    return fits

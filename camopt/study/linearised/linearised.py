@@ -11,7 +11,7 @@ from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.smoothing import Smoothing, smoothing
 from camopt.scene.units import DEG, MM, UM
-from camopt.study.linearised.cases import LinearPaths, cases_of, free_cam_in
+from camopt.study.linearised.cases import LinearPaths, cases_of, exact_paths, free_cam_in
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -74,42 +74,40 @@ def linearised(
             f"by 1 and read at {Smoothing().steps} angles: ask for 'smooth'"
         )
     free_cam, z = free_cam_in(scene, cam)
-    cases, numbers = cases_of(scene, cam, trains, seed, (free,) if isinstance(free, str) else free)
+    cases, numbers = cases_of(scene, cam, z, trains, seed, (free,) if isinstance(free, str) else free)
     angle = np.linspace(-np.pi, np.pi, how.steps + 1)[1:]
     cam_speeds = np.array([scene.cam_speed(speed) for speed in speeds])
     if source == "exact":
-        from camopt.study.linearised.exact_source import exact_paths
-
-        found = exact_paths(cases, free_cam, cam_speeds, angle)
+        paths = exact_paths(cases, free_cam, cam_speeds, angle)
     else:
         smooth = import_module("camopt.study.linearised.smooth_source")  # the one source that loads JAX
-        found = smooth.smooth_paths(cases, free_cam, cam_speeds, how)
+        paths = smooth.smooth_paths(cases, free_cam, cam_speeds, how)
     contacts = [cases[0].nominal.train.element_names[e] for e in cases[0].nominal.train.cam_side]
     coords = {"speed_rpm": list(speeds), "cam_angle_deg": angle / DEG, "contact": contacts}
     said = {"scene": scene.name, "source": source, "trains": trains}
     said |= {"tie": float(tie), "width_um": float(width_um)} if source == "smooth" else {"tie": 1.0}
-    dataset = _dataset(found, len(z), [number.name for number in numbers], coords).assign_attrs(said)
+    dataset = _dataset(paths, len(z), [number.name for number in numbers], coords).assign_attrs(said)
     dataset["z"] = ("coefficient", z, {"units": "mm/deg^2"})
     dataset["number_value"] = ("number", [number.of(scene) for number in numbers])
     return dataset if trains else dataset.isel(train=0, drop=True)
 
 
-def _dataset(found: list[LinearPaths], m: int, numbers: list[str], coords: dict) -> "xr.Dataset":
+def _dataset(trains: list[LinearPaths], m: int, numbers: list[str], coords: dict) -> "xr.Dataset":
     """The paths of all trains with labels."""
     import xarray as xr  # loads pandas, which an error has no need of
 
     variables = {}
     for name, field, unit in zip(LABELS, LinearPaths._fields[:3], (1.0, MM, MM), strict=True):
-        values = np.stack([getattr(paths, field) for paths in found]) / unit
+        values = np.stack([getattr(paths, field) for paths in trains]) / unit
         over = ("train", "speed_rpm", "cam_angle_deg", "contact")[: values.ndim - 1]
         units, label = LABELS[name]
         variables[name] = (over, values[..., 0], {"units": units, "long_name": label})
         by_z, by_number = values[..., 1 : 1 + m], values[..., 1 + m :]
         variables[f"{name}_by_z"] = ((*over, "coefficient"), by_z, {"units": f"{units}/(mm/deg^2)"})
         variables[f"{name}_by_number"] = ((*over, "number"), by_number, {"units": f"{units} per unit of the number"})
-    moved = np.stack([paths.moved for paths in found]) / UM
+    moved = np.stack([paths.moved for paths in trains]) / UM
     variables["moved_um"] = (("train", "speed_rpm"), moved, {"units": "um"})
-    return xr.Dataset(variables, coords | {"train": np.arange(len(found)), "number": numbers})
+    return xr.Dataset(variables, coords | {"train": np.arange(len(trains)), "number": numbers})
 
 
 def _checked(scene: Scene, speeds_rpm, trains, seed, source) -> tuple[float, ...]:

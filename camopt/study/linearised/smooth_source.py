@@ -28,7 +28,7 @@ def smooth_paths(
     parts = max(parts_of_steps(tied, float(cam_speeds.min()), steps) for tied in systems)
     grid = equal_grid(steps)
     basis = Directions(samples=jnp.asarray(np.stack([(cam.basis(grid, k)[0] @ cam.Z).T for k in (0, 1)], axis=-1)))
-    event, speeds, found = (-cam.breaks[-1], cam.breaks[-1]), jnp.asarray(cam_speeds), []
+    event, speeds, by_train = (-cam.breaks[-1], cam.breaks[-1]), jnp.asarray(cam_speeds), []
     for case, tied in zip(cases, systems, strict=True):
         samples = jnp.asarray(lift_samples(case.nominal.lift, steps))
         rest = jnp.repeat(rest_state(case.nominal.train)[:, :, None], len(speeds), axis=2)
@@ -47,8 +47,8 @@ def smooth_paths(
         pairs = zip(values, slopes[:3], strict=True)
         joined = [np.concatenate([np.asarray(v)[..., None], s], axis=-1) for v, s in pairs]
         force, gap, seat_gap = (np.moveaxis(q, -2, 0) for q in joined)
-        found.append(LinearPaths(force, gap, seat_gap, moved))
-    return found
+        by_train.append(LinearPaths(force, gap, seat_gap, moved))
+    return by_train
 
 
 def _numbers(case: LinearisedCase, tied, steps: int) -> Directions:

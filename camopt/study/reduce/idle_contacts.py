@@ -6,14 +6,13 @@ between cam and valve are never left out, because the metrics read them.
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
 from camopt.measure.hermite import Hermite
-from camopt.programs import compiled
 from camopt.scene import MotionRefused, Response, Scene, Train, build_train
+from camopt.scene.contact_laws import CONTACT_LAWS
 from camopt.scene.response import Revolve
 from camopt.scene.train import GROUND
 from camopt.scene.units import DEG
@@ -24,9 +23,9 @@ class LeftOut:
     """A scene without its idle contacts, and the watch on them."""
 
     scene: Scene  # those that never closed are gone, those that never opened are bilateral springs
-    open: tuple[str, ...]  # names of contacts that stayed open
-    closed: tuple[str, ...]  # names of contacts that stayed closed
-    watched: Train | None  # the masses of `scene`, and nothing but these contacts; None: nothing is left out
+    open: tuple[str, ...] = ()  # names of contacts that stayed open
+    closed: tuple[str, ...] = ()  # names of contacts that stayed closed
+    watched: Train | None = None  # the masses of `scene`, and nothing but these contacts; None: nothing is left out
 
     def prepare(self, method: Callable[..., Revolve], *arguments) -> Revolve:
         """A method's revolution of this scene, with the `arguments` of the method's own `prepare`.
@@ -45,34 +44,22 @@ class LeftOut:
 
         return watched
 
-    @cached_property
-    def _watches(self) -> list[tuple[int, float, bool]]:
-        """(element of `watched`, distance of its ends [m] at its touch, whether it is open); the cam drives none."""
-        t = self.watched
-        if t is None:
-            return []
-        touch = t.gap + t.touch_compression
-        return [(e, float(touch[e]), name in self.open) for e, name in enumerate(t.element_names)]
-
     def check(self, response: Response) -> None:
         """Raises MotionRefused, naming contact, angle and speed, where a contact left out would have switched."""
         t = self.watched
-        if t is None:
-            return
-        for e, touch, is_open in self._watches:
-            ends = t.a[e], t.b[e]
-            if is_open and _highest(response.angle, response.x, response.v, *ends, response.cam_speed) <= touch:
-                continue
-            beyond = _between(response.x, t, e) - touch
-            if is_open:
-                k = _first_above(response, beyond, t, e)
+        for e, name in enumerate(t.element_names if t is not None else ()):
+            assert t is not None
+            beyond = _between(response.x, t, e) - (t.gap[e] + t.touch_compression[e])
+            rate = _between(response.v, t, e)
+            if name in self.open:
+                k = _first_above(response, beyond, rate)
             else:
-                k = _first(_elastic(t, e, beyond) + t.damping[e] * _between(response.v, t, e) <= 0.0)
+                k = _first(_elastic(t, e, beyond) + t.damping[e] * rate <= 0.0)
             if k is not None:
                 angle = (response.angle[k] / DEG + 180.0) % 360.0 - 180.0
                 raise MotionRefused(
-                    f"model {self.scene.name}: contact {t.element_names[e]!r} is left out as never "
-                    f"{'closing' if is_open else 'opening'}, and would at {angle:.1f} deg and "
+                    f"model {self.scene.name}: contact {name!r} is left out as never "
+                    f"{'closing' if name in self.open else 'opening'}, and would at {angle:.1f} deg and "
                     f"{response.cam_speed * 30 / np.pi:g} cam r/min: simulate the scene that has it"
                 )
 
@@ -95,11 +82,11 @@ def idle_contacts(responses: Iterable[Response]) -> tuple[frozenset[str], frozen
 def leave_out(scene: Scene, never_closed: frozenset[str], never_open: frozenset[str]) -> LeftOut:
     """The scene without the contacts `never_closed`, with those `never_open` as springs, and the watch on both.
 
-    A contact with law "hertz" stays: a spring cannot have it.
+    A law of contacts keeps its element: a spring cannot have it.
     """
-    never_open = frozenset(e.name for e in scene.element if e.name in never_open and e.law != "hertz")
+    never_open = frozenset(e.name for e in scene.element if e.name in never_open and e.law not in CONTACT_LAWS)
     if not never_closed | never_open:
-        return LeftOut(scene, (), (), None)
+        return LeftOut(scene)
     elements = tuple(
         e.model_copy(update={"kind": "spring"}) if e.name in never_open else e
         for e in scene.element
@@ -111,29 +98,13 @@ def leave_out(scene: Scene, never_closed: frozenset[str], never_open: frozenset[
     return LeftOut(scene.model_copy(update={"element": elements}), tuple(names[0]), tuple(names[1]), watched)
 
 
-@compiled
-def _highest(angle, x, v, a, b, cam_speed):
-    """A bound [m] on the compression of [a, b] at and between samples, from the control points of its cubics."""
-    top, last = -np.inf, len(angle) - 1
-    for i in range(last + 1):
-        d, rate = 0.0, 0.0
-        if a >= 0:
-            d += x[i, a]
-            rate += v[i, a]
-        if b >= 0:
-            d -= x[i, b]
-            rate -= v[i, b]
-        top = max(top, d)
-        if i < last:
-            top = max(top, d + rate * (angle[i + 1] - angle[i]) / (3.0 * cam_speed))
-        if i > 0:
-            top = max(top, d - rate * (angle[i] - angle[i - 1]) / (3.0 * cam_speed))
-    return top
-
-
-def _first_above(response: Response, height: np.ndarray, t: Train, e: int) -> int | None:
-    """First sample after which the cubic through heights [m] and rates [m/s] exceeds zero, or None."""
-    curve = Hermite(response.angle, height, _between(response.v, t, e) / response.cam_speed)
+def _first_above(response: Response, height: np.ndarray, rate: np.ndarray) -> int | None:
+    """First sample after which the cubic through heights (k) [m] and rates (k) [m/s] exceeds zero, or None."""
+    third = np.diff(response.angle) / (3.0 * response.cam_speed)
+    control = height, height[:-1] + rate[:-1] * third, height[1:] - rate[1:] * third  # they bound the cubics
+    if max(float(points.max()) for points in control) <= 0.0:
+        return None
+    curve = Hermite(response.angle, height, rate / response.cam_speed)
     k = _first(np.array([curve.maximum(a, b) > 0.0 for a, b in pairwise(curve.angle)]))
     return None if k is None else int(np.searchsorted(response.angle, curve.angle[k]))
 

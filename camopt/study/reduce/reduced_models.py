@@ -53,12 +53,12 @@ def smaller_models(scene: Scene, keep: frozenset[str] = frozenset()) -> list[Sma
     Masses named in `keep` stay as they are. Masses are condensed by descending frequency of the mass between its two
     elements. Each model is a checked scene named `<scene>-<masses>m-<surge masses>s`.
     """
-    found = chains(scene, keep)
-    coils = max((len(c.masses) for c in found), default=0)
+    divided = chains(scene, keep)
+    coils = max((len(c.masses) for c in divided), default=0)
     models = []
     for surge in (coils, *range(min(coils - 1, MOST_SURGE_MASSES), -1, -1)):
-        current, condensed = (scene if surge == coils else fewer_coils(scene, found, surge)), ()
-        stiff = {m.name for m in current.mass} - {m.name for c in found for m in c.masses} - keep
+        current, condensed = (scene if surge == coils else fewer_coils(scene, divided, surge)), ()
+        stiff = {m.name for m in current.mass} - {m.name for c in divided for m in c.masses} - keep
         models.append(_named(scene, current, surge, condensed))
         while (name := _stiffest(current, stiff)) is not None:
             current, condensed = condense(current, name), (*condensed, name)
@@ -80,7 +80,7 @@ def _named(full: Scene, scene: Scene, surge: int, condensed: tuple[str, ...]) ->
 def chains(scene: Scene, keep: frozenset[str] = frozenset()) -> list[Chain]:
     """The divided springs of a scene, without those that hold a mass of `keep`."""
     coil = {m.name: m for m in scene.mass if _is_coil(scene, m) and m.name not in keep}
-    found = []
+    divided = []
     for last in scene.element:
         if last.kind != "spring" or last.law != "linear" or "ground" not in last.between:
             continue
@@ -92,8 +92,8 @@ def chains(scene: Scene, keep: frozenset[str] = frozenset()) -> list[Chain]:
             springs.append(_turned(nearer, at, at_start=False))
             at = springs[-1].between[0]
         if masses and at != "ground" and at not in coil:
-            found.append(Chain(at, tuple(masses[::-1]), tuple(springs[::-1])))
-    return found
+            divided.append(Chain(at, tuple(masses[::-1]), tuple(springs[::-1])))
+    return divided
 
 
 def _is_coil(scene: Scene, mass: Mass) -> bool:
@@ -103,13 +103,13 @@ def _is_coil(scene: Scene, mass: Mass) -> bool:
     return free and bilateral and len(held) == 2
 
 
-def fewer_coils(scene: Scene, found: list[Chain], surge: int) -> Scene:
+def fewer_coils(scene: Scene, divided: list[Chain], surge: int) -> Scene:
     """The scene with each divided spring replaced by its rate and its `surge` lowest modes (all, where it has fewer).
 
     Damping between a mode and the spring's end, zero in a uniform spring, is left out, and so is that between modes.
     """
     masses, elements = {m.name: m for m in scene.mass}, {e.name: e for e in scene.element}
-    for number, chain in enumerate(found, 1):
+    for number, chain in enumerate(divided, 1):
         for part in chain.masses:
             del masses[part.name]
         for part in chain.springs:

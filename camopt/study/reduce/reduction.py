@@ -144,7 +144,7 @@ def reduce(
         from camopt.cam.families.polydyne import polydyne
 
         cam = polydyne(scene)
-    full = LeftOut(scene, (), (), None)
+    full = LeftOut(scene)
     truth = _observe(full, cam, speeds, workers)
     idle = idle_contacts(t.response for t in truth)
     watched = {end for e in scene.element if e.name in idle[0] | idle[1] for end in e.between} - {"ground"}
@@ -152,46 +152,46 @@ def reduce(
     ranges = {s: t.figures.range("bounce_mm") for s, t in zip(speeds, truth, strict=True) if not t.periodic}
     train, cam_speed = build_train(scene), scene.cam_speed(max(speeds))
     full_ms = path_times(full, train, cam, cam_speed)
-    found = Reduction(scene, cam.family, speeds, ranges, tolerance_mm, full_ms, tuple(rows))
+    reduction = Reduction(scene, cam.family, speeds, ranges, tolerance_mm, full_ms, tuple(rows))
     if not smooth:
-        return found
-    best = found.proposed
+        return reduction
+    best = reduction.proposed
     rows[rows.index(best)] = replace(best, ms=best.ms | smooth_times(build_train(best.smaller.scene), cam, cam_speed))
     full_ms |= smooth_times(train, cam, cam_speed)
-    return replace(found, full_ms=full_ms, candidates=tuple(rows))
+    return replace(reduction, full_ms=full_ms, candidates=tuple(rows))
 
 
-def reduction_lines(found: Reduction) -> list[str]:
+def reduction_lines(reduction: Reduction) -> list[str]:
     """The table of `camopt reduce`, what it says about aperiodic speeds, and the proposal in a sentence."""
-    paths = [path for path in PATHS[:3] if path in found.full_ms]
-    speeds = ", ".join(f"{s:g}" for s in found.speeds_rpm)
+    paths = [path for path in PATHS[:3] if path in reduction.full_ms]
+    speeds = ", ".join(f"{s:g}" for s in reduction.speeds_rpm)
     lines = [
-        f"{found.scene.name}, {found.cam}, {speeds} r/min: largest error against the full model; "
+        f"{reduction.scene.name}, {reduction.cam}, {speeds} r/min: largest error against the full model; "
         f"counted operations and measured ms per revolution"
     ]
     heads = ("bounce mm", "jump mm", "lift mm", "seating m/s", "peak N", "operations", *(f"{p} ms" for p in paths))
     lines.append(f"{'model':<24}" + "".join(f"{h:>12}" for h in heads))
-    for c in found.candidates:
+    for c in reduction.candidates:
         if c.refusal:
             lines.append(f"{c.smaller.scene.name:<24}  refused: {c.refusal}")
             continue
         error = [c.error[k] for k in ("bounce_mm", "jump_mm", "lift_mm", *COMPARED[2:])]
-        mark = " <" if c is found.proposed else ""
+        mark = " <" if c is reduction.proposed else ""
         lines.append(
             f"{c.smaller.scene.name:<24}"
             + "".join(f"{v:12.4g}" for v in (*error, c.operations, *(c.ms[p] for p in paths)))
             + mark
         )
-    for speed, (low, high) in found.aperiodic_rpm.items():
+    for speed, (low, high) in reduction.aperiodic_rpm.items():
         lines.append(
             f"at {speed:g} r/min the full model itself does not repeat (bounce {low:.4f} to {high:.4f} mm): its errors "
             f"there are those of one motion of many; --speeds can leave it out"
         )
-    best = found.proposed
-    if not best.within(found.tolerance_mm) or not best.ms:
-        return [*lines, f"no model is within {found.tolerance_mm:g} mm: the full one is needed"]
-    saved = ", ".join(f"{p} {found.full_ms[p] / best.ms[p]:.2f}" for p in PATHS if p in best.ms)
-    lines.append(f"proposed: {best.smaller.scene.name} ({best.smaller.done}), within {found.tolerance_mm:g} mm")
+    best = reduction.proposed
+    if not best.within(reduction.tolerance_mm) or not best.ms:
+        return [*lines, f"no model is within {reduction.tolerance_mm:g} mm: the full one is needed"]
+    saved = ", ".join(f"{p} {reduction.full_ms[p] / best.ms[p]:.2f}" for p in PATHS if p in best.ms)
+    lines.append(f"proposed: {best.smaller.scene.name} ({best.smaller.done}), within {reduction.tolerance_mm:g} mm")
     lines.append(f"times as fast as the full model: {saved}")
     left = [*(f"{n} (never closes)" for n in best.model.open), *(f"{n} (never opens)" for n in best.model.closed)]
     return [*lines, f"left out and watched: {', '.join(left)}"] if left else lines

@@ -117,8 +117,8 @@ def deliver(
                 bar.update(2**tried)
                 continue
             answers.append(valve_position(done, revolutions))
-            found = Delivered(done, accuracy, asked_um, estimate_um(answers, method, revolutions), setting, budget)
-            best = found if best is None or found.estimate_um.max() <= best.estimate_um.max() else best
+            answer = Delivered(done, accuracy, asked_um, estimate_um(answers, method, revolutions), setting, budget)
+            best = answer if best is None or answer.estimate_um.max() <= best.estimate_um.max() else best
             bar.update(2**tried)
             bar.set_postfix_str(f"setting {tried + 1} of {budget}, error {best.estimate_um.max():.2g} um")
             if best.reached or best.estimate_um.max() <= FINEST_UM:

@@ -42,8 +42,9 @@ def motion_dataset(
         "force_N": (("sample", "element"), response.force, {"units": "N", "long_name": "force"}),
     }
     for name, values in metrics.items():
-        known = QUANTITIES.get(name)
-        variables[name] = ("measured", values, {"units": known.unit, "long_name": known.label} if known else {})
+        declared = QUANTITIES.get(name)
+        labels = {"units": declared.unit, "long_name": declared.label} if declared else {}
+        variables[name] = ("measured", values, labels)
     coords = {
         "measured": np.arange(1, response.revolutions),
         "revolution": ("sample", revolution + 1),
@@ -59,11 +60,11 @@ def motion_dataset(
 def motion_lines(motion: "xr.Dataset", scene: Scene) -> list[str]:
     """By revolution the largest valve position and the forces of the contacts, a line each."""
     lines = []
-    for revolution, part in motion.groupby("revolution"):
-        valve = part["position_mm"].sel(mass=scene.valve)
+    for revolution, samples in motion.groupby("revolution"):
+        valve = samples["position_mm"].sel(mass=scene.valve)
         lines.append(f"revolution {revolution}: largest valve position {float(valve.max()):.4f} mm")
         for element in (e.name for e in scene.element if e.kind == "contact"):
-            force = part["force_N"].sel(element=element)
+            force = samples["force_N"].sel(element=element)
             lines.append(f"  {element:<20} force {float(force.min()):10.1f} to {float(force.max()):10.1f} N")
     return lines
 

@@ -106,11 +106,11 @@ def simulate(
 def _smoothing(method: str, width_um, tie, steps, parameters, accuracy) -> Smoothing:
     """The smoothing that is asked for; raises InputError where it goes with nothing else that is."""
     how = smoothing("simulate", width_um, tie, steps)
-    given = [name for name, value in zip(how.names, (width_um, tie, steps), strict=True) if value is not None]
-    if given and (method != "smooth" or accuracy is not None):
-        raise InputError(f"simulate: {given[0]} with method {method!r}: take method='smooth', without an accuracy")
-    if parameters is not None and given not in ([], ["width_um"]):
-        raise InputError(f"simulate: {given[-1]} with parameters: take camopt.linearised or camopt.objective")
+    named = [name for name, value in zip(how.names, (width_um, tie, steps), strict=True) if value is not None]
+    if named and (method != "smooth" or accuracy is not None):
+        raise InputError(f"simulate: {named[0]} with method {method!r}: take method='smooth', without an accuracy")
+    if parameters is not None and named not in ([], ["width_um"]):
+        raise InputError(f"simulate: {named[-1]} with parameters: take camopt.linearised or camopt.objective")
     return how
 
 
@@ -243,16 +243,16 @@ def _numbers(train: Train, cam: Lift) -> dict[str, np.ndarray]:
 def _check_parameters(train: Train, cam: Lift, method: str, parameters: Mapping[str, Any]) -> None:
     if method not in DIFFERENTIABLE:
         raise InputError(f"simulate: method {method!r} with parameters: needs one of {', '.join(DIFFERENTIABLE)}")
-    jax, known = import_module("jax"), _numbers(train, cam)
+    jax, numbers = import_module("jax"), _numbers(train, cam)
     traced = any(isinstance(value, jax.core.Tracer) for value in parameters.values())
     if traced and not jax.config.jax_enable_x64:
         raise InputError("simulate: traced in 32-bit floats: call motion_parameters or import camopt.smooth before")
     for name, value in parameters.items():
-        if name not in known:
-            raise InputError(f"simulate: parameter {name!r}: expected one of {', '.join(known)}")
-        if np.shape(value) != known[name].shape:
+        if name not in numbers:
+            raise InputError(f"simulate: parameter {name!r}: expected one of {', '.join(numbers)}")
+        if np.shape(value) != numbers[name].shape:
             raise InputError(
-                f"simulate: parameter {name!r} has shape {np.shape(value)}: {known[name].shape} is needed, "
+                f"simulate: parameter {name!r} has shape {np.shape(value)}: {numbers[name].shape} is needed, "
                 f"as motion_parameters(scene, cam) gives it"
             )
     if not any(isinstance(parameters.get(name), jax.core.Tracer) for name in ("lift", "borders", "half_duration")):
@@ -261,9 +261,9 @@ def _check_parameters(train: Train, cam: Lift, method: str, parameters: Mapping[
 
 def _steps_per_revolution(speed_rpm, method, revolutions, step_deg) -> int:
     """Steps of the result in a revolution; every argument of `simulate` that is a number or a choice is checked."""
-    known = *verdict_methods(), "smooth"
-    if method not in known:
-        raise InputError(f"simulate: method {method!r}: expected one of {', '.join(known)}")
+    methods = *verdict_methods(), "smooth"
+    if method not in methods:
+        raise InputError(f"simulate: method {method!r}: expected one of {', '.join(methods)}")
     number = concrete(speed_rpm)
     if number is not None and not (np.isfinite(number) and number > 0):
         raise InputError(f"simulate: speed {speed_rpm}: a crankshaft speed above 0 r/min is needed")

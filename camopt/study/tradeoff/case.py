@@ -11,7 +11,7 @@ from camopt.scene import Response, Scene, build_train
 from camopt.scene.response import end_state, joined
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import MM
-from camopt.study.tradeoff.measurement import timed
+from camopt.study.timing import timed
 
 FIGURES = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s")
 ANGLES = 720
@@ -19,7 +19,7 @@ ANGLES = 720
 
 
 class RevolutionCase:
-    """A speed: train, cam and rest state, and how figures are taken."""
+    """A speed: train, cam and rest state, and how figures are taken from a motion."""
 
     def __init__(self, scene: Scene, cam: Lift, speed_rpm: float):
         self.scene, self.cam, self.speed_rpm = scene, cam, speed_rpm
@@ -27,20 +27,23 @@ class RevolutionCase:
         self.rest = state_at_rest(self.train)
         self.name = f"revolution at {speed_rpm:g} r/min"
 
-    def two(self, revolve) -> Response:
-        """Two revolutions from rest: the bounce of the first ends in the second."""
+    def figures(self, revolve: Callable[[np.ndarray], Response]) -> dict:
+        """Bounce, jump and seating velocity of the first of two revolutions from rest, since its bounce ends in the
+        second, and its valve lift [mm]."""
+        return self._figures(self._two(revolve))
+
+    def measured(self, revolve: Callable[[np.ndarray], Response]) -> dict:
+        """The same with the times of a revolution, as a record."""
+        times, motion = timed(lambda: self._two(revolve), 2)
+        return {**times, "figures": self._figures(motion)}
+
+    def _two(self, revolve) -> Response:
         first = revolve(self.rest)
         return joined([first, revolve(end_state(first))])
 
-    def figures(self, motion: Response) -> dict:
-        """Bounce, jump, seating velocity, and the valve's lift over the first revolution."""
+    def _figures(self, motion: Response) -> dict:
         metrics = measure(motion, self.cam)
         return {**{name: metrics[name][0] for name in FIGURES}, "lift_mm": valve_lift(motion)}
-
-    def measured(self, run: Callable[[], Response]) -> dict:
-        times, motion = timed(run, 2)
-        assert isinstance(motion, Response)
-        return {**times, "figures": self.figures(motion)}
 
 
 def valve_lift(motion: Response) -> np.ndarray:

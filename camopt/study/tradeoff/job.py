@@ -4,9 +4,9 @@ Errors of bounce are those of event-exact's largest bounce; seconds are processo
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -21,43 +21,40 @@ from camopt.scene import Scene, build_train
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM, UM
 from camopt.storage import write_json
-from camopt.study.reduce.reduction import reduce
-from camopt.study.tradeoff.measurement import REFERENCE, Measurement
+from camopt.study.measured_rows import REFERENCE, Measurement
+from camopt.study.reduce.reduced_models import smaller_models
+from camopt.study.reduce.reduction import Candidate, reduce
 from camopt.verifier.at_speed import LIFT_NEIGHBOUR, SPEED_NEIGHBOUR, STATE_NEIGHBOUR
 
-SETTLING_UM = {"small": (1.0,), "full": (100.0, 10.0, 1.0, 0.1)}
-SETTLED_UM = 1e-3
-BAND_STEPS = {"small": (200,), "full": (200, 100, 50, 20, 10)}
-FINEST_STEP = {"small": 100, "full": 5}
-SAMPLES = {"small": (2,), "full": (2, 6, 20)}
-MOST_SAMPLES = {"small": 4, "full": 100}
-KNOTS_DEG = (4.0, 3.0, 2.0)
-FINEST_KNOTS_DEG = 1.5
+SETTLING_UM = {"small": (1.0, 1e-3), "full": (100.0, 10.0, 1.0, 0.1, 1e-3)}
+BAND_STEPS = {"small": (200, 100), "full": (200, 100, 50, 20, 10, 5)}
+SAMPLES = {"small": (2, 4), "full": (2, 6, 20, 100)}
+KNOTS_DEG = (4.0, 3.0, 2.0, 1.5)
+EFFORTS = "draft", "standard", "fine"
+"""Settings of the dials, the finest last."""
 JUDGED_STEP_RPM = 10
 
 
-def job_work(scene: Scene, cam: Lift, size: str, folder: Path) -> list[Measurement]:
+def job_work(scene: Scene, cam: Lift, size: str, folder: Path) -> Iterator[Measurement]:
     """The measurements of all dials; a design that one of them finds is kept in `folder`."""
-    work = _of(scene, "settling tolerance", "event-exact, listed speeds", SETTLING_UM[size], SETTLED_UM, "{:g} um",
-               lambda um: _settled(scene, cam, um))  # fmt: skip
-    work += _of(scene, "band step", "event-exact sweep", BAND_STEPS[size], FINEST_STEP[size], "{:g} r/min",
-                lambda step: _band(scene, cam, step))  # fmt: skip
-    work += _of(scene, "perturbation samples", "event-exact, highest speed", SAMPLES[size], MOST_SAMPLES[size],
-                "{:g} samples", lambda count: _perturbed(scene, cam, count))  # fmt: skip
-    work += _masses(scene, cam, size)
+    settled, band, perturbed = (partial(run, scene, cam) for run in (_settled, _band, _perturbed))
+    yield from _dial("settling tolerance", "event-exact, listed speeds", "{:g} um", settled, SETTLING_UM[size])
+    yield from _dial("band step", "event-exact sweep", "{:g} r/min", band, BAND_STEPS[size])
+    yield from _dial("perturbation samples", "event-exact, highest speed", "{:g} samples", perturbed, SAMPLES[size])
+    yield from _masses(scene, cam, size)
     if size == "full":
-        designs = folder / "designs"
-        knots = lambda deg: _designed(scene, "nominal", replace(ACCURACIES["draft"], knot_deg=deg), designs)  # noqa: E731
-        work += _of(scene, "knots", "search, listed speeds", KNOTS_DEG, FINEST_KNOTS_DEG, "{:g} deg", knots)
-        effort = lambda name: _designed(scene, "band", ACCURACIES[name], designs)  # noqa: E731
-        work += _of(scene, "search effort", "search, band", ("draft", "standard"), "fine", "{}", effort)
-    return work
+        designed, designs = partial(_designed, scene), folder / "designs"
+        knots = lambda deg: designed("nominal", replace(ACCURACIES["draft"], knot_deg=deg), designs)  # noqa: E731
+        yield from _dial("knots", "search, listed speeds", "{:g} deg", knots, KNOTS_DEG)
+        effort = lambda name: designed("band", ACCURACIES[name], designs)  # noqa: E731
+        yield from _dial("search effort", "search, band", "{}", effort, EFFORTS)
 
 
-def _of(scene, dial: str, method: str, settings, finest, shown: str, run: Callable) -> list[Measurement]:
-    """Settings of a dial, and its finest as the reference: once as that, once as a row with its time."""
-    named = [Measurement(f"job: {dial}", method, shown.format(s), partial(run, s)) for s in settings]
-    return [*named, Measurement(f"job: {dial}", REFERENCE, shown.format(finest), partial(run, finest))]
+def _dial(dial: str, method: str, shown: str, run: Callable, settings: Sequence) -> Iterator[Measurement]:
+    """Settings of a dial; the last and finest is the reference."""
+    for setting in settings:
+        name = REFERENCE if setting == settings[-1] else method
+        yield (f"job: {dial}", name, shown.format(setting)), partial(run, setting)
 
 
 def _settled(scene: Scene, cam: Lift, um: float) -> dict:
@@ -101,28 +98,24 @@ def _perturbed(scene: Scene, cam: Lift, count: int) -> dict:
     return {"seconds": time.process_time() - begin, "figures": {"bounce_mm": max(bounces)}}
 
 
-def _masses(scene: Scene, cam: Lift, size: str) -> list[Measurement]:
+def _masses(scene: Scene, cam: Lift, size: str) -> Iterator[Measurement]:
     """Smaller models against the full one, from `reduce`; seconds: of a revolution, event-exact."""
     assert scene.operation is not None
     speeds = (min(scene.operation.speeds_rpm),) if size == "small" else None
-    found: dict[str, dict] = {}
 
-    def candidates() -> dict[str, dict]:
-        if not found:
-            for c in reduce(scene, cam, speeds, smooth=False).candidates:
-                errors = {k: v for k, v in c.error.items() if k in ("bounce_mm", "jump_mm", "lift_mm")}
-                seconds = c.ms["event"] / 1e3 if c.ms else None
-                found[c.smaller.scene.name] = {"seconds": seconds, "errors": errors, "failure": c.refusal}
-        return found
+    @cache
+    def candidates() -> dict[str, Candidate]:
+        found = reduce(scene, cam, speeds, smooth=False).candidates
+        return {c.smaller.scene.name: c for c in found}
 
-    from camopt.study.reduce.reduced_models import smaller_models
+    def compared(name: str) -> dict:
+        c = candidates()[name]
+        errors = {k: c.error[k] for k in ("bounce_mm", "jump_mm", "lift_mm")}
+        return {"seconds": c.ms["event"] / 1e3 if c.ms else None, "errors": errors, "failure": c.refusal}
 
-    models = [m.scene for m in smaller_models(scene)]
-    return [
-        Measurement("job: masses", "reduced model, event-exact", f"{len(m.mass)} masses ({m.name})",
-             lambda n=m.name: candidates().get(n) or {"failure": "not among the reduced models"})
-        for m in models
-    ]  # fmt: skip
+    for model in (m.scene for m in smaller_models(scene)):
+        key = "job: masses", "reduced model, event-exact", f"{len(model.mass)} masses ({model.name})"
+        yield key, partial(compared, model.name)
 
 
 def _designed(scene: Scene, speeds: str, effort: Accuracy, folder: Path) -> dict:

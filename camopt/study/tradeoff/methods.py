@@ -4,16 +4,18 @@ Error is that of the first revolution from rest at the lowest and the highest li
 revolution. Compilation and tables are in `setup_seconds`. `experiments.work_precision` has general solvers beside them.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
 
+from camopt import exact
 from camopt.cam.lift import Lift
 from camopt.scene import Scene
 from camopt.scene.vibration import highest_rate
+from camopt.study.measured_rows import REFERENCE, Measurement
+from camopt.study.timing import timed
 from camopt.study.tradeoff.case import RevolutionCase, valve_lift
-from camopt.study.tradeoff.measurement import REFERENCE, Measurement, timed
 from camopt.verifier.methods import METHOD_NAMES, dop853, houbolt, rkg, tmm
 
 PHASES = {"small": (0.3,), "full": (0.6, 0.3, 0.1, 0.03)}
@@ -21,48 +23,45 @@ PHASES = {"small": (0.3,), "full": (0.6, 0.3, 0.1, 0.03)}
 EVENT_STEPS = {"small": (720,), "full": (360, 1440, 5760)}
 CHORDS = {"small": (16,), "full": (8, 16, 32, 64, 128)}
 """Chords under each curved law, with which event-exact takes it."""
+DOP853_STEPS = {"small": (), "full": (1440, 5760)}
 REFERENCE_STEPS = 20_000
 SIDE_BY_SIDE = 16
+LOCATED = "DOP853, located"
 
 
-def method_work(scene: Scene, cam: Lift, size: str) -> list[Measurement]:
+def method_work(scene: Scene, cam: Lift, size: str) -> Iterator[Measurement]:
     """The measurements of all methods."""
     assert scene.operation is not None
     speeds = scene.operation.speeds_rpm
     cases = [RevolutionCase(scene, cam, s) for s in sorted({min(speeds), max(speeds)})]
-    work: list[Measurement] = []
     for case in cases[-1:] if size == "small" else cases:
-        work += [*_reference(case), *fixed_steps(case, size)]
-        if size == "full":
-            from camopt.study.tradeoff.smooth_path import smooth_work
-
-            work += smooth_work(case)
-    return work + _side_by_side(cases[-1], size)
+        yield from _revolution(case, size)
+    yield from _side_by_side(cases[-1], size)
 
 
-def _event(case: RevolutionCase, steps: int | None):
-    from camopt.exact import engine
-
-    return engine.prepare(case.train, case.cam, case.cam_speed, steps)
-
-
-def _chords(case: RevolutionCase, count: int):
-    from camopt.exact import prepare, with_chords
-
-    return prepare(with_chords(case.train, count), case.cam, case.cam_speed)
-
-
-def _reference(case: RevolutionCase) -> list[Measurement]:
-    """Event-exact at fine samples with its adjoint's gradient; located DOP853 where laws are curved."""
-    straight = case.train.straight
-    method = METHOD_NAMES["event"] if straight else "DOP853, located"
+def _revolution(case: RevolutionCase, size: str) -> Iterator[Measurement]:
+    """One revolution by every method. The reference is event-exact at fine samples with its adjoint's gradient, or
+    located DOP853 where laws are curved."""
+    straight, full = case.train.straight, size == "full"
+    name, prepare = (METHOD_NAMES["event"], exact.prepare) if straight else (LOCATED, dop853.prepare)
 
     def reference() -> dict:
-        prepare = _event if straight else lambda c, steps: dop853.prepare(c.train, c.cam, c.cam_speed, steps)
-        figures = case.figures(case.two(prepare(case, REFERENCE_STEPS)))
+        figures = case.figures(prepare(case.train, case.cam, case.cam_speed, REFERENCE_STEPS))
         return {"figures": {**figures, **({"gradient": exact_gradient(case)} if straight else {})}}
 
-    return [Measurement(case.name, REFERENCE, f"{method}, {REFERENCE_STEPS} samples", reference)]
+    def adjoint() -> dict:
+        times, gradient = timed(lambda: exact_gradient(case))
+        return {**times, "figures": {"gradient": gradient}}
+
+    yield (case.name, REFERENCE, f"{name}, {REFERENCE_STEPS} samples"), reference
+    if straight and full:
+        yield (case.name, "event-exact, adjoint", "default step"), adjoint
+    for method, setting, prepared in prepared_methods(case, size):
+        yield (case.name, method, setting), lambda prepared=prepared: case.measured(prepared())
+    if full:
+        from camopt.study.tradeoff.smooth_path import smooth_work
+
+        yield from smooth_work(case)
 
 
 def exact_gradient(case: RevolutionCase) -> np.ndarray:
@@ -75,47 +74,31 @@ def exact_gradient(case: RevolutionCase) -> np.ndarray:
     return slopes.stiffness[0] * case.train.parameters["stiffness"]
 
 
-def fixed_steps(case: RevolutionCase, size: str) -> list[Measurement]:
-    """Event-exact, Runge-Kutta-Gill, both transition matrix methods, Houbolt, located DOP853."""
-    arguments, work = (case.train, case.cam, case.cam_speed), []
-    straight = case.train.straight
-
-    def add(method: str, setting: str, prepare: Callable):
-        def run() -> dict:
-            revolve = prepare()
-            return case.measured(lambda: case.two(revolve))
-
-        work.append(Measurement(case.name, method, setting, run))
-
-    for steps in EVENT_STEPS[size] if straight else ():
-        add(METHOD_NAMES["event"], f"{steps} samples", partial(_event, case, steps))
-    for count in () if straight else CHORDS[size]:
-        add(METHOD_NAMES["event"], f"{count} chords", partial(_chords, case, count))
-    if straight and size == "full":
-        work.append(Measurement(case.name, "event-exact, adjoint", "default step", lambda: _timed_gradient(case)))
-    methods = {METHOD_NAMES["rkg"]: rkg.prepare}
-    if straight:
-        methods |= {
+def prepared_methods(case: RevolutionCase, size: str) -> Iterator[tuple[str, str, Callable]]:
+    """(method, setting, what prepares it): event-exact, Runge-Kutta-Gill, both transition matrix methods, Houbolt,
+    located DOP853."""
+    motion, event = (case.cam, case.cam_speed), METHOD_NAMES["event"]
+    fixed = {METHOD_NAMES["rkg"]: rkg.prepare}
+    if case.train.straight:
+        for steps in EVENT_STEPS[size]:
+            yield event, f"{steps} samples", partial(exact.prepare, case.train, *motion, steps)
+        fixed |= {
             METHOD_NAMES["tmm"]: tmm.prepare,
             "transition matrix, exponential": partial(tmm.prepare, exponential=True),
             METHOD_NAMES["houbolt"]: houbolt.prepare,
         }
+    else:
+        for count in CHORDS[size]:
+            yield event, f"{count} chords", lambda n=count: exact.prepare(exact.with_chords(case.train, n), *motion)
     for phase in PHASES[size]:
         steps = max(720, int(np.ceil(2 * np.pi * highest_rate(case.train) / case.cam_speed / phase)))
-        for name, prepare in methods.items():
-            add(name, f"{steps} steps", partial(prepare, *arguments, steps))
-    if size == "full":
-        for steps in (1440, 5760):
-            add("DOP853, located", f"{steps} samples", partial(dop853.prepare, *arguments, steps))
-    return work
+        for name, prepare in fixed.items():
+            yield name, f"{steps} steps", partial(prepare, case.train, *motion, steps)
+    for steps in DOP853_STEPS[size]:
+        yield LOCATED, f"{steps} samples", partial(dop853.prepare, case.train, *motion, steps)
 
 
-def _timed_gradient(case: RevolutionCase) -> dict:
-    times, gradient = timed(lambda: exact_gradient(case))
-    return {**times, "figures": {"gradient": gradient}}
-
-
-def _side_by_side(case: RevolutionCase, size: str) -> list[Measurement]:
+def _side_by_side(case: RevolutionCase, size: str) -> Iterator[Measurement]:
     """Many speeds just below the highest: lifts of all, time per revolution of one."""
     name, straight = f"{SIDE_BY_SIDE} speeds side by side up to {case.speed_rpm:g} r/min", case.train.straight
     cam_speeds = np.linspace(0.95, 1.0, SIDE_BY_SIDE) * case.cam_speed
@@ -125,19 +108,13 @@ def _side_by_side(case: RevolutionCase, size: str) -> list[Measurement]:
         times, lifts = timed(lambda: np.array([valve_lift(r(case.rest)) for r in revolves]), SIDE_BY_SIDE)
         return {**times, "figures": {"lift_mm": lifts}}
 
-    def exact(steps: int) -> dict:
-        from camopt.exact import engine
-
-        return loop(engine.prepare, steps)
-
-    fixed = {s: partial(loop, rkg.prepare, s) for s in (2880, 11_520)}
-    truth = partial(exact, REFERENCE_STEPS) if straight else partial(loop, dop853.prepare, 5760)
-    work = [Measurement(name, REFERENCE, "fine samples", truth)]
+    truth = partial(loop, exact.prepare, REFERENCE_STEPS) if straight else partial(loop, dop853.prepare, 5760)
+    yield (name, REFERENCE, "fine samples"), truth
     if straight:
-        work.append(Measurement(name, METHOD_NAMES["event"], "1440 samples", partial(exact, 1440)))
-    work += [Measurement(name, METHOD_NAMES["rkg"], f"{steps} steps", run) for steps, run in fixed.items()]
+        yield (name, METHOD_NAMES["event"], "1440 samples"), partial(loop, exact.prepare, 1440)
+    for steps in (2880, 11_520):
+        yield (name, METHOD_NAMES["rkg"], f"{steps} steps"), partial(loop, rkg.prepare, steps)
     if size == "full":
         from camopt.study.tradeoff.smooth_path import batch_work
 
-        work += batch_work(name, case, cam_speeds)
-    return work
+        yield from batch_work(name, case, cam_speeds)

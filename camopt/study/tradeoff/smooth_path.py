@@ -1,6 +1,8 @@
 """Work-precision of the smooth path: refined grid, equal steps in two precisions, diffrax, gradients, batches (JAX)."""
 
+from collections.abc import Iterator
 from functools import partial
+from itertools import product
 
 import equinox as eqx
 import jax
@@ -14,11 +16,13 @@ from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import batch_motion, lift_samples, prepare, response_arrays, stage_lifts, touch_layer
 from camopt.smooth.system import SystemState, build_system, stacked
+from camopt.study.measured_rows import Measurement
+from camopt.study.timing import timed
 from camopt.study.tradeoff.case import RevolutionCase, valve_lift
-from camopt.study.tradeoff.measurement import Measurement, timed
 
 REFINED_EPS = (1e-6, 1e-7, 1e-8, 2e-9)
 EQUAL_EPS = (1e-5, 1e-6, 1e-7)
+BATCH_EPS = (1e-6, 1e-7)
 EQUAL_STEPS = (1440, 5760)
 TOLERANCE_OF_EPS = 5e-3
 GRADIENT_EPS = (1e-6, 1e-7, 2e-9)
@@ -26,31 +30,24 @@ GRADIENT_STEPS = 8192
 PRECISIONS = {"float64": jnp.float64, "float32": jnp.float32}
 
 
-def smooth_work(case: RevolutionCase) -> list[Measurement]:
+def smooth_work(case: RevolutionCase) -> Iterator[Measurement]:
     """Measures one motion: refined grids by eps, equal steps by step, eps, precision; diffrax; gradients."""
-    work = []
 
     def refined(eps: float, method: str, tolerance: float) -> dict:
-        revolve = prepare(case.train, case.cam, case.cam_speed, layer=Layer(eps), tolerance=tolerance, method=method)
-        return case.measured(lambda: case.two(revolve))
+        motion = case.train, case.cam, case.cam_speed
+        return case.measured(prepare(*motion, layer=Layer(eps), tolerance=tolerance, method=method))
 
     for eps in REFINED_EPS:
         run = partial(refined, eps, "scan", eps * TOLERANCE_OF_EPS)
-        work.append(Measurement(case.name, "smooth, refined grid", f"eps {eps:g} m", run))
+        yield (case.name, "smooth, refined grid", f"eps {eps:g} m"), run
     for tolerance in (1e-8, 1e-10):
         setting = f"eps 1e-07 m, tolerance {tolerance:g} m"
-        run = partial(refined, 1e-7, "tsit5", tolerance)
-        work.append(Measurement(case.name, "smooth, diffrax tsit5", setting, run))
-    for name in PRECISIONS:
-        for steps in EQUAL_STEPS:
-            for eps in EQUAL_EPS:
-                setting, run = f"{steps} steps, eps {eps:g} m", partial(_equal, case, name, steps, eps)
-                work.append(Measurement(case.name, f"smooth, equal steps, {name}", setting, run))
-    if case.train.straight:  # the reference of gradients is the exact adjoint
-        for eps in GRADIENT_EPS:
-            run = partial(_gradient, case, eps)
-            work.append(Measurement(case.name, "smooth, refined grid, reverse mode", f"eps {eps:g} m", run))
-    return work
+        yield (case.name, "smooth, diffrax tsit5", setting), partial(refined, 1e-7, "tsit5", tolerance)
+    for name, steps, eps in product(PRECISIONS, EQUAL_STEPS, EQUAL_EPS):
+        run = partial(_equal, case, name, steps, eps)
+        yield (case.name, f"smooth, equal steps, {name}", f"{steps} steps, eps {eps:g} m"), run
+    for eps in GRADIENT_EPS if case.train.straight else ():  # the reference of gradients is the exact adjoint
+        yield (case.name, "smooth, refined grid, reverse mode", f"eps {eps:g} m"), partial(_gradient, case, eps)
 
 
 def equal_steps(case: RevolutionCase, precision: str, steps: int, cam_speeds: np.ndarray):
@@ -77,7 +74,7 @@ def _equal(case: RevolutionCase, precision: str, steps: int, eps: float) -> dict
             )
         return Response(case.train, case.cam_speed, np.linspace(-np.pi, np.pi, steps + 1), lift, x, v, force, memory)
 
-    return case.measured(lambda: case.two(revolve))
+    return case.measured(revolve)
 
 
 def recorded(motion: SystemState) -> list[np.ndarray]:
@@ -104,11 +101,11 @@ def _gradient(case: RevolutionCase, eps: float) -> dict:
         return jax.grad(value)(factors)
 
     factors = jnp.ones_like(system.stiffness)
-    times, found = timed(lambda: jax.block_until_ready(gradient(factors)), 2)
-    return {**times, "figures": {"gradient": np.asarray(found)}}
+    times, slopes = timed(lambda: jax.block_until_ready(gradient(factors)), 2)
+    return {**times, "figures": {"gradient": np.asarray(slopes)}}
 
 
-def batch_work(name: str, case: RevolutionCase, cam_speeds: np.ndarray) -> list[Measurement]:
+def batch_work(name: str, case: RevolutionCase, cam_speeds: np.ndarray) -> Iterator[Measurement]:
     """Measures many speeds in one compiled call, with the axis of the batch last."""
 
     def run(precision: str, steps: int, eps: float) -> dict:
@@ -120,9 +117,6 @@ def batch_work(name: str, case: RevolutionCase, cam_speeds: np.ndarray) -> list[
         ]
         return {**times, "figures": {"lift_mm": np.array([valve_lift(r) for r in records])}}
 
-    return [
-        Measurement(name, f"smooth batch, {p}", f"{steps} steps, eps {eps:g} m", partial(run, p, steps, eps))
-        for p in PRECISIONS
-        for steps in EQUAL_STEPS
-        for eps in (1e-6, 1e-7)
-    ]
+    for precision, steps, eps in product(PRECISIONS, EQUAL_STEPS, BATCH_EPS):
+        key = name, f"smooth batch, {precision}", f"{steps} steps, eps {eps:g} m"
+        yield key, partial(run, precision, steps, eps)

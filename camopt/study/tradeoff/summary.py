@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from camopt.plots.tradeoff import pareto
+from camopt.study.measured_rows import REFERENCE
 
 TARGETS_UM = (100.0, 10.0, 1.0, 0.001)
 STUCK_UM = 1.0
@@ -70,12 +71,12 @@ def _gradient(rows: Sequence[dict]) -> list[str]:
 
 
 def _side_by_side(rows: Sequence[dict]) -> list[str]:
-    found = [r for r in rows if "side by side" in r["case"] and r["method"] != "reference"]
+    batches = [r for r in rows if "side by side" in r["case"] and r["method"] != REFERENCE]
     parts = []
-    for method in _methods(found):
-        best = min((r for r in found if r["method"] == method), key=lambda r: r["error"])
+    for method in _methods(batches):
+        best = min((r for r in batches if r["method"] == method), key=lambda r: r["error"])
         parts.append(f"{method} {1e3 * best['seconds']:.3g} ms, {_figure(best['error'] * 1e3)} um")
-    return [f"With {found[0]['case']} a revolution takes and is off by: {'; '.join(parts)}."] if parts else []
+    return [f"With {batches[0]['case']} a revolution takes and is off by: {'; '.join(parts)}."] if parts else []
 
 
 def _precision(rows: Sequence[dict]) -> list[str]:
@@ -99,7 +100,7 @@ def _dial(case: str, rows: Sequence[dict]) -> list[str]:
     parts, rows = [], [r for r in rows if r["seconds"]]
     for setting in dict.fromkeys(r["setting"] for r in _worth(rows)):
         of = [r for r in rows if r["setting"] == setting]
-        errors = "the reference" if of[0]["method"] == "reference" else " and ".join(_error(r) for r in of)
+        errors = "the reference" if of[0]["method"] == REFERENCE else " and ".join(_error(r) for r in of)
         verdict = f", {of[0]['verdict']}" if of[0]["verdict"] else ""
         parts.append(f"{setting} {_time(of[0]['seconds'])}, {errors}{verdict}")
     return [f"{case.removeprefix('job: ').capitalize()}: {'; '.join(parts)}."] if parts else []

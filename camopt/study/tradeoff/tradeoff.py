@@ -4,6 +4,7 @@ Measurements are lines of `measured.jsonl`, each written once it is known, so th
 stood; `tradeoff.csv`, `setup.csv`, the figures and the words are made from these lines.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,20 +12,12 @@ import numpy as np
 
 from camopt.cam.design_file import design_record
 from camopt.cam.lift import Lift
-from camopt.scene import InputError, Scene, build_train
+from camopt.scene import InputError, MotionRefused, Scene, build_train
 from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import MM
-from camopt.storage import (
-    check_run_folder,
-    default_run_folder,
-    run_folder,
-    run_identity,
-    write_csv,
-    write_text,
-)
-from camopt.study.tradeoff.figures import draw
-from camopt.study.tradeoff.measurement import COLUMNS, measured, rows_of
-from camopt.study.tradeoff.summary import table_of
+from camopt.storage import check_run_folder, default_run_folder, run_folder, run_identity, write_csv, write_text
+from camopt.storage.journal import Records
+from camopt.study.measured_rows import COLUMNS, REFERENCE, Measurement, measured
 
 LINES = "measured.jsonl"
 KNOT_DEG = 3.0
@@ -36,16 +29,13 @@ SIZES = ("small", "full")
 
 @dataclass(frozen=True)
 class Tradeoff:
-    """What was measured: the folder, the rows of `tradeoff.csv`, and what they say in words."""
+    """What was measured: the folder, the rows of `tradeoff.csv`, what they say in words, and lines with the cheapest
+    setting of each method within a micrometre, one of them recommended."""
 
     folder: Path
     rows: list[dict]
     words: str
-
-    @property
-    def table(self) -> list[str]:
-        """Lines with the cheapest setting of each method within a micrometre, one of them recommended."""
-        return table_of(self.rows)
+    table: list[str]
 
 
 def tradeoff(
@@ -64,9 +54,11 @@ def tradeoff(
     bounces, no method is right. Raises InputError for a scene that cannot be simulated, or for which there is no cam,
     before the folder is made; or for an unusable folder.
     """
+    from camopt.plots.style import save
+    from camopt.plots.tradeoff import figures
     from camopt.study.tradeoff.job import job_work
     from camopt.study.tradeoff.methods import method_work
-    from camopt.study.tradeoff.summary import words_of
+    from camopt.study.tradeoff.summary import table_of, words_of
 
     if scene.operation is None or scene.design is None or scene.seat is None:
         raise InputError(f"scene {scene.name}: tradeoff needs valve, seat, [operation] and [design]")
@@ -75,23 +67,38 @@ def tradeoff(
     path = Path(out or default_run_folder(scene.name))
     check_run_folder(path, resume)
     cam = holding_cam(scene) if cam is None else cam
-    work = method_work(scene, cam, size)
+    work = [*method_work(scene, cam, size)]
     if build_train(scene).laws is None:
         work += job_work(scene, cam, size, path)
     record = design_record(cam, scene.design.max_lift_mm * MM)
     identity = run_identity("tradeoff", scene, size=size, cam=record)
     with run_folder(path, identity, resume, [LINES]) as folder:
         write_text(folder / "scene.toml", scene_toml(scene))
-        lines = measured(folder / LINES, work, progress)
+        journal = Records(folder / LINES, "case", "method", "setting")
+        lines = measured(journal, [*map(or_failure, work)], progress)
         rows = rows_of(lines)
         write_csv(folder / "tradeoff.csv", {name: [row[name] for row in rows] for name in COLUMNS})
         setup = [line for line in lines if line.get("setup_seconds") is not None]
         names = ("case", "method", "setting", "setup_seconds")
         write_csv(folder / "setup.csv", {name: [line[name] for line in setup] for name in names})
-        found = Tradeoff(folder, rows, words_of(scene.name, rows))
-        write_text(folder / "tradeoff.txt", "\n".join([*found.table, found.words]) + "\n")
-        draw(folder / "figures", rows)
-        return found
+        table, words = table_of(rows), words_of(scene.name, rows)
+        write_text(folder / "tradeoff.txt", "\n".join([*table, words]) + "\n")
+        for name, figure in figures(rows).items():
+            save(figure, folder / "figures", name)
+        return Tradeoff(folder, rows, words, table)
+
+
+def or_failure(one: Measurement) -> Measurement:
+    """A measurement that stays in the table with its reason where it fails."""
+    key, run = one
+
+    def tried() -> dict:
+        try:
+            return {"failure": "", **run()}
+        except (InputError, MotionRefused, ArithmeticError, RuntimeError) as failure:
+            return {"failure": str(failure)}
+
+    return key, tried
 
 
 def holding_cam(scene: Scene) -> Lift:
@@ -108,3 +115,39 @@ def holding_cam(scene: Scene) -> Lift:
         return program.solve_below(np.full((3, len(speeds)), MARGIN_N)).lift
     except InputError:
         return polydyne(scene)
+
+
+def rows_of(lines: Sequence[dict]) -> list[dict]:
+    """Rows of tradeoff.csv: one per figure of a measurement, its error against the case's reference; that of a verdict
+    is 1 where it differs. A reference that took its time for the same job is a row of error 0."""
+    references = {line["case"]: line for line in lines if line["method"] == REFERENCE}
+    rows = []
+    for line in lines:
+        shared = {name: line[name] for name in ("case", "method", "setting")}
+        shared |= {"seconds": line.get("seconds"), "verdict": line["failure"] or line.get("verdict", "")}
+        if line["failure"]:
+            rows.append({**shared, "error": None, "error_of": "", "converged": False})
+        elif line["method"] != REFERENCE or "seconds" in line:
+            errors = _errors(line, references.get(line["case"], {})) | line.get("errors", {})
+            rows += [{**shared, "error": e, "error_of": name, "converged": e is not None} for name, e in errors.items()]
+    return [{name: row[name] for name in COLUMNS} for row in rows]
+
+
+def _errors(line: dict, reference: dict) -> dict[str, float | None]:
+    figures, true = line.get("figures", {}), reference.get("figures", {})
+    errors = {name: error_of(name, figures[name], true[name]) for name in figures if name in true}
+    if "verdict" in line and "verdict" in reference:
+        errors["verdict"] = float(line["verdict"] != reference["verdict"])
+    return errors
+
+
+def error_of(name: str, figure, reference) -> float | None:
+    """Largest absolute difference, of a gradient relative in the Euclidean norm; None where either has no figure."""
+    figure, reference = (np.asarray(q, dtype=float) for q in (figure, reference))
+    difference = figure - reference
+    if not np.all(np.isfinite(difference)):
+        return None
+    if name == "gradient":
+        size = float(np.linalg.norm(reference))
+        return float(np.linalg.norm(difference)) / size if size > 0 else None
+    return float(np.abs(difference).max())

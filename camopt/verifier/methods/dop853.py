@@ -23,6 +23,7 @@ from camopt.scene.train import Train
 from camopt.verifier.methods.of_dop853.pieces import (
     APART,
     CONTACT,
+    HUNT_CROSSLEY,
     PRESSED,
     PUSHING,
     Acting,
@@ -47,6 +48,7 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
     `cam_speed` [rad/s]. The response has steps_per_revolution + 1 samples and two at every switching, before and after
     it. Raises MotionRefused for endless switching, or where no step meets the permitted error.
     """
+    train.require_kinds("DOP853", HUNT_CROSSLEY, "camopt/verifier/methods/of_dop853/pieces.py")
     motion = _Motion(train, lift, cam_speed)
     grid = np.linspace(0.0, 2 * np.pi / cam_speed, steps_per_revolution + 1)
     stops = motion.stops(grid[-1])
@@ -100,7 +102,8 @@ class _Motion:
         n = len(self.mass)
         d = self.rows @ y[:n] + self.driven * lift - self.gap
         rate = self.rows @ y[n : 2 * n] + self.driven * lift_rate
-        force = self.laws.force(d, y[2 * n :], acting) + self.damping * rate
+        elastic = self.laws.force(d, y[2 * n :], acting)
+        force = elastic + (self.damping + self.laws.dissipation * elastic) * rate
         return d - self.laws.touch, force, d, rate, d[self.memory] - y[2 * n :]
 
     def cam(self, t: float) -> tuple[float, float]:

@@ -4,11 +4,12 @@ across a corner of a force: a row of a table, friction that starts or ends to sl
 S. Gill, A process for the step-by-step integration of differential equations in an automatic digital computing machine,
 Proc. Cambridge Philosophical Society 47 (1951). Stable up to about omega h = 2.8. The right-hand side is assembled
 element by element at every stage; a contact pushes f = max(0, p + c d') where its elastic force p > 0, and 0 elsewhere.
-Every law of a scene is carried: p = preload + k d, p = k u^exponent of a hertz contact pressed by u, p = preload +
-integral of the stiffness table from 0 to d, and p on the straight lines of a force table. A memory z is a component of
-the state. Friction takes f = k (d - z), cut off at -slip and slip, at every stage, and z follows at the end of a step
-(the return mapping of plasticity: Simo and Hughes 1998, Computational Inelasticity, section 1.4). Oil takes
-f = k max(0, d - min(z, d) - travel) and z' = f / leak, and z falls to d at the end of a step that is beyond it.
+Every law of a scene is carried: p = preload + k d, p = k u^exponent of a contact pressed by u, under "hunt-crossley"
+with f = p (1 + dissipation d'), p = preload + integral of the stiffness table from 0 to d, and p on the straight lines
+of a force table. A memory z is a component of the state. Friction takes f = k (d - z), cut off at -slip and slip, at
+every stage, and z follows at the end of a step (the return mapping of plasticity: Simo and Hughes 1998, Computational
+Inelasticity, section 1.4). Oil takes f = k max(0, d - min(z, d) - travel) and z' = f / leak, and z falls to d at the
+end of a step that is beyond it.
 The criterion "displacement" is Kodama's printed one, for reproduction only: a contact is open where it is not
 compressed (their x_3 > x_2), and until then its damper may pull, f = p + c d' of either sign.
 """
@@ -29,6 +30,8 @@ CARRIED = np.array([2.0, 1.0, 1.0, 2.0])
 RENEWED = np.array([0.5, 1.0 - ROOT, 1.0 + ROOT, 0.5])
 STAGE = np.array([0, 1, 1, 2])
 """Stage times in half steps."""
+HERTZ, HUNT_CROSSLEY = 1, 6
+"""Numbers of the laws whose elastic force is a power of the depth; no law has a higher one here."""
 MAY_PULL = {"force": False, "displacement": True}
 """By separation criterion: whether a compressed contact's force may be below zero."""
 
@@ -41,6 +44,7 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
     """
     if criterion not in MAY_PULL:
         raise InputError(f"separation criterion {criterion!r}: expected {' or '.join(MAY_PULL)}")
+    train.require_kinds("Runge-Kutta-Gill", HUNT_CROSSLEY, "camopt/verifier/methods/rkg.py")
     steps = steps_per_revolution
     h = 2 * np.pi / cam_speed / steps
     halves = np.linspace(-np.pi, np.pi, 2 * steps + 1)
@@ -75,9 +79,10 @@ class _TrainAsRead(NamedTuple):
     b: np.ndarray  # (e)
     contact: np.ndarray  # (e)
     cam_driven: np.ndarray  # (e)
-    kind: np.ndarray  # (e) of the elastic law, with its coefficient, exponent and table (e, q, 2)
+    kind: np.ndarray  # (e) of the elastic law, with its coefficient, exponent, dissipation and table (e, q, 2)
     coefficient: np.ndarray  # (e)
     exponent: np.ndarray  # (e)
+    dissipation: np.ndarray  # (e)
     table: np.ndarray
     damping: np.ndarray  # (e)
     preload: np.ndarray  # (e)
@@ -90,12 +95,12 @@ class _TrainAsRead(NamedTuple):
     forced: np.ndarray  # (q) masses of the forces by the cam angle
 
 
-def _elastic_arrays(train: Train) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Kind (e), coefficient (e), exponent (e) and table (e, q, 2) of the elastic laws."""
-    if train.laws is not None:
-        return train.laws.kind, train.laws.coefficient, train.laws.exponent, train.laws.table
-    e = len(train.a)
-    return np.zeros(e, dtype=int), train.stiffness, np.ones(e), np.zeros((e, 1, 2))
+def _elastic_arrays(train: Train) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Kind (e), coefficient (e), exponent (e), dissipation (e) and table (e, q, 2) of the elastic laws."""
+    laws, e = train.laws, len(train.a)
+    if laws is not None:
+        return laws.kind, laws.coefficient, laws.exponent, laws.dissipation, laws.table
+    return np.zeros(e, dtype=int), train.stiffness, np.ones(e), np.zeros(e), np.zeros((e, 1, 2))
 
 
 def _memory_arrays(train: Train) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -113,7 +118,7 @@ def _elastic(kind, coefficient, exponent, table, preload, d):
     """Elastic force [N] at compression d [m], of a law without memory."""
     if kind == 0:
         return preload + coefficient * d
-    if kind == 1:
+    if kind == HERTZ or kind == HUNT_CROSSLEY:
         pressed = d + (preload / coefficient) ** (1.0 / exponent)
         return coefficient * pressed**exponent if pressed > 0.0 else 0.0
     if kind == 3:
@@ -162,8 +167,8 @@ def _march(start, cam, h, parts, states, force):
     every stage, counts references and takes ten times as long.
     """
     mass, mass_damping, mass_force, a, b, contact, cam_driven = parts[:7]
-    kind, coefficient, exponent, table, damping, preload, gap, may_pull = parts[7:15]
-    memory, leak, travel, slip, forced = parts[15:]
+    kind, coefficient, exponent, dissipation, table, damping, preload, gap, may_pull = parts[7:16]
+    memory, leak, travel, slip, forced = parts[16:]
     rise, rate, push = cam
     n, last = len(mass), len(states) - 1
     y = start.copy()
@@ -197,7 +202,7 @@ def _march(start, cam, h, parts, states, force):
                 dy[i] = elastic / leak[e] if kind[e] == 4 else 0.0
                 if part == 0 and z != y[i]:
                     y[i], q[i] = z, 0.0
-            f = elastic + damping[e] * d_rate
+            f = elastic + (damping[e] + dissipation[e] * elastic) * d_rate
             if contact[e] and (elastic <= 0.0 or (f < 0.0 and not may_pull)):
                 f = 0.0
             if part == 0:

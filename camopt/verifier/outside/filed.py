@@ -15,11 +15,11 @@ import numpy as np
 GROUND = -1
 MM, DEG, RPM = 1e-3, math.pi / 180.0, math.pi / 30.0
 KINDS = "spring", "contact", "adjuster", "friction"
-LAWS = "linear", "hertz", "progressive", "table"
+LAWS = "linear", "hertz", "hunt-crossley", "progressive", "table"
 KNOWN = {
     "name", "kind", "between", "law", "stiffness_N_per_m", "exponent", "stiffness_table", "force_table",
-    "leak_N_s_per_m", "spring_N_per_m", "stroke_mm", "check_travel_mm", "slip_N", "damping_N_s_per_m", "preload_N",
-    "gap_mm", "cam_driven", "assumed", "source",
+    "dissipation_s_per_m", "leak_N_s_per_m", "spring_N_per_m", "stroke_mm", "check_travel_mm", "slip_N",
+    "damping_N_s_per_m", "preload_N", "gap_mm", "cam_driven", "assumed", "source",
 }  # fmt: skip
 """Keys of an element that the judge understands."""
 KNOWN_OF_A_MASS = {"name", "mass_kg", "damping_N_s_per_m", "force_N", "assumed", "source"}
@@ -39,11 +39,12 @@ class FiledElement:
     b: int
     contact: bool
     driven: bool = False
-    stiffness: float = 0.0  # N/m, of a hertz contact N/m^exponent
+    stiffness: float = 0.0  # N/m, of a hertz or hunt-crossley contact N/m^exponent
     damping: float = 0.0  # N s/m
     preload: float = 0.0  # N
     gap: float = 0.0  # m
     exponent: float = 1.5
+    dissipation: float = 0.0  # s/m
     rows: tuple[tuple[float, float], ...] = ()  # compression [m]; stiffness [N/m] if progressive, else force [N]
     leak: float = 0.0  # N s/m
     travel: float = 0.0  # m
@@ -149,7 +150,7 @@ def _parts(e: dict[str, Any], index: dict[str, int]) -> list[FiledElement]:
         name, law, a, b, kind == "contact",
         driven=e.get("cam_driven", False), stiffness=stiffness, damping=e.get("damping_N_s_per_m", 0.0),
         preload=e.get("preload_N", 0.0), gap=e.get("gap_mm", 0.0) * MM, exponent=e.get("exponent", 1.5),
-        rows=tuple((at * MM, value) for at, value in rows),
+        dissipation=e.get("dissipation_s_per_m", 0.0), rows=tuple((at * MM, value) for at, value in rows),
     )  # fmt: skip
     return [own]
 

@@ -12,6 +12,8 @@ import numpy as np
 from camopt.verifier.outside.filed import FiledCam, FiledElement
 
 Pick = Callable[[Any, Any, Any], Any]
+POWERS = "hertz", "hunt-crossley"
+"""Laws whose elastic force is a power of the depth."""
 NEVER_PULLS, MAY_PULL, DAMPING_UP_TO_SPRING = LAWS_OF_CONTACT = "never pulls", "may pull", "damping up to spring"
 """What the damper of a contact may do: camopt's law; pull until the contact parts (Kodama's printed criterion, and
 Exudyn's own contact); push or pull no more than the spring pushes (Modelica's ElastoGap)."""
@@ -52,7 +54,7 @@ def on_rows(x, rows: Sequence[tuple[float, float]], pick: Pick):
 
 def elastic(e: FiledElement, d, pick: Pick):
     """Elastic force [N] of an element at a compression d [m]; of oil and friction d is less their memory."""
-    if e.law == "hertz":
+    if e.law in POWERS:
         depth = d + (e.preload / e.stiffness) ** (1.0 / e.exponent)
         return e.stiffness * pick(depth > 0.0, depth, 0.0 * depth) ** e.exponent
     if e.law == "progressive":
@@ -81,7 +83,8 @@ def _integral(rows: Sequence[tuple[float, float]], d, pick: Pick):
 
 def force(e: FiledElement, d, rate, pick: Pick, law: str = NEVER_PULLS):
     """Force [N] of an element by compression d [m] and its rate [m/s], with which it pushes its ends apart."""
-    p, damper = elastic(e, d, pick), e.damping * rate
+    p = elastic(e, d, pick)
+    damper = (e.damping + e.dissipation * p) * rate if e.dissipation else e.damping * rate
     if not e.contact:
         return p + damper
     if law == MAY_PULL:
@@ -95,7 +98,7 @@ def force(e: FiledElement, d, rate, pick: Pick, law: str = NEVER_PULLS):
 
 def touch(e: FiledElement) -> float:
     """Compression [m] at which a contact's elastic force falls to zero."""
-    if e.law == "hertz":
+    if e.law in POWERS:
         return -((e.preload / e.stiffness) ** (1.0 / e.exponent))
     if e.law in ("table", "plunger"):
         return float(on_rows(np.zeros(()), [(y, x) for x, y in e.rows], np.where))

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,9 +14,10 @@ from camopt.measure.as_built import trains_as_built
 from camopt.measure.yield_words import ENOUGH, HELD, MISSED, NOT_ASKED, asked_sentence, share_sentence, standing
 from camopt.measure.yields import Looks, UsedLimits
 from camopt.optimizer import candidates
-from camopt.optimizer.as_built import design, ideal, measured, prices, statement
+from camopt.optimizer.accuracy import ACCURACIES
+from camopt.optimizer.as_built import ideal, prices, statement
 from camopt.optimizer.as_built.measured import CHUNK, Track
-from camopt.optimizer.as_built.statement import STATED_BY, by_independent_methods, sampled, statement_of_run
+from camopt.optimizer.as_built.statement import by_independent_methods, looks_of, sampled, statement_of_run
 from camopt.optimizer.baselines import comparison
 from camopt.optimizer.run import optimize
 from camopt.report import write_report
@@ -23,6 +25,7 @@ from camopt.report.folder import read_run_folder
 from camopt.report.outcome import outcome_lines
 from camopt.report.regenerated import differences
 from camopt.scene import load_scene, parse_scene
+from camopt.storage.journal import Records
 from tests.scene.test_load import EXAMPLE
 from tests.test_docs import undocumented
 
@@ -99,7 +102,8 @@ def test_a_job_estimates_the_cam_that_is_advised(job, tmp_path, monkeypatch):
 
 
 def test_beside_a_cam_for_a_yield_lies_the_one_for_the_train_as_designed(tmp_path, monkeypatch):
-    monkeypatch.setitem(design.EFFORTS, "draft", design.YieldEffort(10, 20))
+    few = replace(ACCURACIES["draft"], shaping_trains=10, unseen_trains=20)
+    monkeypatch.setitem(ACCURACIES, "draft", few)
     monkeypatch.setattr(ideal, "TRAINS", 10)
     run = optimize(SCENE, out=tmp_path / "run", **JOB | {"speeds": "band"}, wanted_yield=0.8)
     beside = run.folder / "ideal"
@@ -118,7 +122,7 @@ def test_beside_a_cam_for_a_yield_lies_the_one_for_the_train_as_designed(tmp_pat
 
 
 def test_an_interrupted_statement_leaves_a_whole_run_and_goes_on(job, tmp_path, monkeypatch, judged):
-    folder, add, chunks = tmp_path / "run", measured.TrainsJournal.add, []
+    folder, add, chunks = tmp_path / "run", Records.add, []
 
     def killed(self, *row):
         if len(chunks) == 2:
@@ -127,7 +131,7 @@ def test_an_interrupted_statement_leaves_a_whole_run_and_goes_on(job, tmp_path, 
         add(self, *row)
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(measured.TrainsJournal, "add", killed)
+        patch.setattr(Records, "add", killed)
         optimize(SCENE, out=folder, **JOB)
     for name in ("scene.toml", "design.json", "lift.csv", "verification.json", "provenance.json"):
         assert (folder / name).stat().st_size > 0
@@ -163,10 +167,10 @@ def test_nothing_is_stated_where_nothing_scatters_or_is_limited(job):
 
 def test_as_many_trains_are_drawn_as_the_accuracy_and_the_share_call_for():
     kodama, hertz = load_scene("kodama"), load_scene("kodama-hertz")
-    assert STATED_BY["draft"].looks(kodama, None) == Looks((100, 200), 0.95)
-    assert STATED_BY["standard"].looks(kodama, 0.95) == Looks((150, 500, 1000), 0.95)
-    assert STATED_BY["fine"].looks(kodama, 0.95).trains[-1] == 4000
-    assert STATED_BY["standard"].looks(hertz, None).trains == (38, 150, 500, 1000)
+    assert looks_of(ACCURACIES["draft"], kodama, None) == Looks((100, 200), 0.95)
+    assert looks_of(ACCURACIES["standard"], kodama, 0.95) == Looks((150, 500, 1000), 0.95)
+    assert looks_of(ACCURACIES["fine"], kodama, 0.95).trains[-1] == 4000
+    assert looks_of(ACCURACIES["standard"], hertz, None).trains == (38, 150, 500, 1000)
 
 
 def test_an_independent_method_differs_in_no_verdict(job):

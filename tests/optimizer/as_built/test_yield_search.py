@@ -2,6 +2,7 @@
 
 import json
 from copy import deepcopy
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,12 +11,13 @@ import pytest
 from camopt.cli.parser import main
 from camopt.measure.limits import broken_by_shape
 from camopt.measure.yields import UsedLimits, share_of
-from camopt.optimizer.as_built import search as search_module
-from camopt.optimizer.as_built.design import AT_TOP, UNSEEN_SEED, YieldEffort, opening_limits, yield_search
-from camopt.optimizer.as_built.drawn import FOLDER, DrawnTrains, TrainsLog
-from camopt.optimizer.as_built.search import YieldSearch
+from camopt.optimizer.accuracy import ACCURACIES
+from camopt.optimizer.as_built import levels
+from camopt.optimizer.as_built.checks import check_wanted
+from camopt.optimizer.as_built.drawn import FOLDER, TrainEnsemble, TrainsLog
+from camopt.optimizer.as_built.levels import YieldSearch
+from camopt.optimizer.as_built.search import AT_TOP, UNSEEN_SEED, opening_limits, yield_search
 from camopt.optimizer.as_built.statement import YieldStatement, sampled
-from camopt.optimizer.as_built.wanted import check_wanted
 from camopt.optimizer.step_files import HISTORY
 from camopt.scene import InputError, load_scene, parse_scene
 from camopt.scene.errors import NoCamFound
@@ -23,7 +25,7 @@ from tests.scene.test_load import EXAMPLE
 
 SCATTER = '\n[[tolerance]]\nof = "spring.preload_N"\nrelative = 0.05\n[grinding]\nerror_um = 2.0\nharmonics = [2, 40]\n'
 SCENE = parse_scene(EXAMPLE + SCATTER, "mine.toml")
-SMALL = YieldEffort(20, 30)
+SMALL = replace(ACCURACIES["draft"], shaping_trains=20, unseen_trains=30)
 
 
 @pytest.fixture(scope="module")
@@ -67,40 +69,40 @@ ONE = np.ones((1, 1))
 @pytest.mark.parametrize("first", [0.65, 0.1, 1.4])
 @pytest.mark.parametrize("most", [-0.3, 0.0, 0.06, 0.33, 1.21])
 def test_the_limits_on_openings_are_the_largest_that_hold(monkeypatch, first, most):
-    search, steps = YieldSearch(DrawnTrains(SCENE, 0), Levels(), 0.9), []
-    monkeypatch.setattr(search, "consider", lambda cam: steps.append(cam) or np.exp(9.0 * (cam.area_ratio - most)))
+    search, steps = YieldSearch(TrainEnsemble(SCENE, 0), Levels(), 0.9), []
+    monkeypatch.setattr(search, "evaluate", lambda cam: steps.append(cam) or np.exp(9.0 * (cam.area_ratio - most)))
     found = search.by_level(None, ONE, 0, first)
-    assert most - search_module.NEAR_ENOUGH <= found <= most + 1e-12
+    assert most - levels.NEAR_ENOUGH <= found <= most + 1e-12
     assert len(steps) < 20
 
 
 @pytest.mark.parametrize("fails", [np.inf, 1.0 + 1e-12])
 def test_steps_between_levels_end_whatever_a_cam_uses(monkeypatch, fails):
     """Refused motions use infinitely much, and levels may use the same everywhere."""
-    search = YieldSearch(DrawnTrains(SCENE, 0), Levels(), 0.9)
-    monkeypatch.setattr(search, "consider", lambda cam: 1.0 if cam.area_ratio <= 0.4 else fails)
-    assert 0.4 - search_module.NEAR_ENOUGH <= search.by_level(None, ONE, 0, 0.65) <= 0.4
+    search = YieldSearch(TrainEnsemble(SCENE, 0), Levels(), 0.9)
+    monkeypatch.setattr(search, "evaluate", lambda cam: 1.0 if cam.area_ratio <= 0.4 else fails)
+    assert 0.4 - levels.NEAR_ENOUGH <= search.by_level(None, ONE, 0, 0.65) <= 0.4
 
 
 def test_limits_that_bind_no_more_end_the_search(monkeypatch):
     levels = []
     program = SimpleNamespace(keep=lambda _: None)
     program.largest = lambda z, limits, *_: levels.append(limits[0, 0]) or SimpleNamespace(z=z, area_ratio=0.5)
-    search = YieldSearch(DrawnTrains(SCENE, 0), program, 0.9)
-    monkeypatch.setattr(search, "consider", lambda *_: 0.5)
+    search = YieldSearch(TrainEnsemble(SCENE, 0), program, 0.9)
+    monkeypatch.setattr(search, "evaluate", lambda *_: 0.5)
     assert search.by_level(None, ONE, 0, 0.65) == levels[-1] and len(levels) == 2
 
 
 def test_without_a_cam_that_holds_it_is_said_what_fails(monkeypatch):
-    search = YieldSearch(DrawnTrains(SCENE, 0), Levels(), 0.9)
-    monkeypatch.setattr(search, "consider", lambda *_: 2.0)
+    search = YieldSearch(TrainEnsemble(SCENE, 0), Levels(), 0.9)
+    monkeypatch.setattr(search, "evaluate", lambda *_: 2.0)
     with pytest.raises(NoCamFound, match="90 % of the drawn trains hold no cam that was tried"):
         search.by_level(None, ONE, 0, 0.65)
 
 
 @pytest.mark.parametrize("wanted, unseen, counts", [(0.99, 400, [400]), (0.99, 1500, [500, 1500]), (0.9, 90, [90])])
 def test_few_trains_begin_where_enough_of_them_may_fail(wanted, unseen, counts):
-    assert YieldSearch(DrawnTrains(SCENE, 0), Levels(), wanted).counts(unseen) == counts
+    assert YieldSearch(TrainEnsemble(SCENE, 0), Levels(), wanted).counts(unseen) == counts
 
 
 def test_the_limits_are_larger_at_the_top_of_the_band(found):
@@ -138,15 +140,15 @@ def test_every_train_has_its_turn_as_a_scout():
     drawn.truth[:13, 0, 1] = drawn.used[:13, 0, 1] = 0.7  # so many that the speed matters
     search = YieldSearch(drawn, None, 0.9)
     asked = np.zeros((64, 3), dtype=int)
-    for step in range(search_module.FAR_SCOUTS):
+    for step in range(levels.FAR_SCOUTS):
         search.steps = step
         asked += search._judge(None)
-    few = search_module.FAR_SCOUTS // search_module.SCOUTS
-    assert np.all(asked == [[1, search_module.FAR_SCOUTS, few]] * 13 + [[1, few, few]] * 51)
+    few = levels.FAR_SCOUTS // levels.SCOUTS
+    assert np.all(asked == [[1, levels.FAR_SCOUTS, few]] * 13 + [[1, few, few]] * 51)
 
 
 def test_every_train_is_judged_at_the_top_of_the_band():
-    drawn = DrawnTrains(SCENE, 0)
+    drawn = TrainEnsemble(SCENE, 0)
     top = SCENE.cam_speed(SCENE.operation.band_rpm[1])
     assert [drawn.speeds(t)[-1] for t in range(5)] == pytest.approx([top] * 5)
 

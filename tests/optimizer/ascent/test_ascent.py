@@ -13,6 +13,7 @@ from camopt.cam.families.exponent import exponent
 from camopt.cam.families.free import free_cam
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.ascent import ascent as climbing
+from camopt.optimizer.ascent.history import NEAREST
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import MM_PER_DEG2
@@ -141,7 +142,7 @@ class TestFolder:
     @pytest.mark.long
     def test_an_ascent_that_was_interrupted_goes_on_to_the_last_digit(self, tmp_path, monkeypatch):
         whole = camopt.ascend(HARD, START, optax.adam(1e-3), 8, knot_deg=12.0, judge_every=2, out=tmp_path / "whole")
-        step, broken = climbing.Climb.step, []
+        step, broken = climbing.AscentState.step, []
 
         def interrupted(self, judged):
             if len(self.iterates) == 5 and not broken:
@@ -149,7 +150,7 @@ class TestFolder:
                 raise KeyboardInterrupt
             step(self, judged)
 
-        monkeypatch.setattr(climbing.Climb, "step", interrupted)
+        monkeypatch.setattr(climbing.AscentState, "step", interrupted)
         asked = HARD, START, optax.adam(1e-3), 8
         with pytest.raises(KeyboardInterrupt):
             camopt.ascend(*asked, knot_deg=12.0, judge_every=2, out=tmp_path / "x")
@@ -157,12 +158,12 @@ class TestFolder:
             camopt.ascend(*asked, knot_deg=12.0, judge_every=2, out=tmp_path / "x")
         again = camopt.ascend(*asked, knot_deg=12.0, judge_every=2, out=tmp_path / "x", resume=True)
         assert again.dataset.identical(whole.dataset)
-        names = {"ascent.json", "design.json", "history.csv", "run.json", "scene.toml", "figures"}
+        cam, file = (again.best, "design.json") if again.confirmed else (again.nearest, NEAREST)
+        names = {"ascent.json", file, "history.csv", "run.json", "scene.toml", "figures"}
         assert {path.name for path in (tmp_path / "x").iterdir()} == names
         for name in names - {"run.json", "figures"}:
             assert (tmp_path / "x" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
-        best = read_design(tmp_path / "x" / "design.json", MOTORI)
-        assert best.coefficients == pytest.approx(again.best.coefficients, rel=1e-12)
+        assert read_design(tmp_path / "x" / file, MOTORI).coefficients == pytest.approx(cam.coefficients, rel=1e-12)
 
     def test_another_objective_is_refused(self, tmp_path):
         camopt.ascend(EASY, START, optax.adam(1e-3), 1, knot_deg=12.0, out=tmp_path / "x")

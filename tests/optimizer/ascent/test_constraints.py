@@ -189,7 +189,7 @@ def test_from_the_calmest_cam_lbfgs_reaches_what_was_promised():
     """Area ratio 0.556 on `kodama`, confirmed, within 90 s of processor time from the first step on: what is compiled,
     the settled start and the Jacobian come before that step ends."""
     ended = []
-    step = climbing.Climb.step
+    step = climbing.AscentState.step
 
     def timed(self, judged):
         step(self, judged)
@@ -197,7 +197,7 @@ def test_from_the_calmest_cam_lbfgs_reaches_what_was_promised():
 
     names: dict = {}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(climbing.Climb, "step", timed)
+        patch.setattr(climbing.AscentState, "step", timed)
         exec(PRINTED.replace("steps=200", "steps=90"), names)
     history = names["history"]
     assert history.best.area_ratio(9.4e-3) >= 0.556

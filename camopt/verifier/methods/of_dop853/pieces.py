@@ -5,6 +5,8 @@ With u the compression beyond the touch, d the compression, p the elastic force,
     contact    apart -> pushing where u rises through zero (the force jumps by c u'), pushing -> pressed without force
                where f falls through zero, pressed -> pushing where f rises again, pressed -> apart where u falls
                through zero; without damping pushing -> apart there
+               under f = p (1 + dissipation d') a contact is pressed without force where d' is below -1 / dissipation;
+               f and p reach zero together otherwise
     table      from row to row where d passes a row's compression
     oil        pushing: f = k (d - z - travel), z' = f / leak; waiting: no force, z' = 0; filling: no force, z = d
     friction   sticking: f = k (d - z), z' = 0; forward and backward: f = slip and -slip, z' = d'
@@ -27,7 +29,7 @@ PUSHES, WAITS, FILLS = range(3)
 STICKS, FORWARD, BACKWARD = range(3)
 U, F, D, RATE, SLACK = range(5)
 """Rows of surfaces: compression beyond the touch [m], p + c d' [N], compression [m], its rate [m/s], d - z [m]."""
-HERTZ, PROGRESSIVE, TABLE, OIL, FRICTION = range(1, 6)
+HERTZ, PROGRESSIVE, TABLE, OIL, FRICTION, HUNT_CROSSLEY = range(1, 7)
 FAR = 10.0
 """The last stiffness of a table is continued up to this compression [m] beyond the table's ends."""
 
@@ -64,15 +66,17 @@ class PieceLaws:
         self.stiffness, self.preload = train.stiffness[:, None], train.preload[:, None]
         self.touch = -self.preload / self.stiffness
         self.contacts, self.damped = np.flatnonzero(train.contact), train.damping > 0
-        self.hertz, self.curves, self.lines = np.zeros(0, dtype=int), {}, {}
+        self.power, self.curves, self.lines = np.zeros(0, dtype=int), {}, {}
+        self.dissipation = np.zeros_like(self.preload)
         self.memory, self.oil = list(train.memory), np.zeros(0, dtype=int)
         if train.laws is None:
             return
         laws = train.laws
-        self.hertz, self.oil = np.flatnonzero(laws.kind == HERTZ), np.flatnonzero(laws.kind == OIL)
+        self.power = np.flatnonzero((laws.kind == HERTZ) | (laws.kind == HUNT_CROSSLEY))
+        self.oil, self.dissipation = np.flatnonzero(laws.kind == OIL), laws.dissipation[:, None]
         self.leak, self.travel, self.slip = laws.leak, laws.travel, laws.slip
-        self.coefficient, self.exponent = (q[self.hertz, None] for q in (laws.coefficient, laws.exponent))
-        self.touch[self.hertz] = -((self.preload[self.hertz] / self.coefficient) ** (1 / self.exponent))
+        self.coefficient, self.exponent = (q[self.power, None] for q in (laws.coefficient, laws.exponent))
+        self.touch[self.power] = -((self.preload[self.power] / self.coefficient) ** (1 / self.exponent))
         for e in np.flatnonzero(laws.kind == PROGRESSIVE):
             self.curves[int(e)] = work = _curve(laws.table[e], train.preload[e])
             self.touch[e] = work.roots(extrapolate=False)
@@ -84,14 +88,14 @@ class PieceLaws:
     def force(self, d: np.ndarray, z: np.ndarray, acting: Acting) -> np.ndarray:
         """Elastic force [N] at compressions d (e, m) and memories z (r, m) [m].
 
-        That of a hertz contact is continued as an odd function about its touch, so that it is smooth enough to locate a
-        root across it.
+        That of a power of the depth is continued as an odd function about its touch, so that it is smooth enough to
+        locate a root across it.
         """
         force = acting.base + acting.slope * d
         if self.memory:
             force += acting.by_memory @ z
-        u = d[self.hertz] - self.touch[self.hertz]
-        force[self.hertz] = self.coefficient * np.sign(u) * np.abs(u) ** self.exponent if len(self.hertz) else u
+        u = d[self.power] - self.touch[self.power]
+        force[self.power] = self.coefficient * np.sign(u) * np.abs(u) ** self.exponent if len(self.power) else u
         for e, work in self.curves.items():
             force[e] = work(d[e])
         return force
@@ -164,9 +168,12 @@ class PieceLaws:
         return found
 
     def _of_contact(self, key, phase) -> list[Switching]:
-        e = key[0]
+        e, dissipation = key[0], self.dissipation[key[0], 0]
         if phase == APART:
             return [Switching(key, e, U, 1.0, PUSHING)]
+        if dissipation > 0.0:
+            sign, other = (1.0, PUSHING) if phase == PRESSED else (-1.0, PRESSED)
+            return [Switching(key, e, U, -1.0, APART), Switching(key, e, RATE, sign, other, -1.0 / dissipation)]
         if phase == PRESSED:
             return [Switching(key, e, F, 1.0, PUSHING), Switching(key, e, U, -1.0, APART)]
         return [Switching(key, e, F, -1.0, PRESSED) if self.damped[e] else Switching(key, e, U, -1.0, APART)]

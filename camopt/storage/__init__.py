@@ -147,26 +147,6 @@ def write_csv_rows(path: str | Path, names: Sequence[str], rows: Iterable[Sequen
         text.detach()
 
 
-def append_line(path: str | Path, line: str) -> None:
-    """Adds one line to a log, on the disk before this returns."""
-    with open(path, "a", encoding="utf-8", newline="") as file:
-        file.write(line + "\n")
-        file.flush()
-        os.fsync(file.fileno())
-
-
-def whole_lines(path: str | Path) -> list[str]:
-    """The lines of a log, none where there is no file; a last one that an interruption cut off goes from the file."""
-    path = Path(path)
-    if not path.exists():
-        return []
-    text = path.read_text(encoding="utf-8")
-    whole = text[: text.rfind("\n") + 1]
-    if whole != text:
-        write_text(path, whole)
-    return whole.split("\n")[:-1]
-
-
 def default_run_folder(scene_name: str) -> Path:
     """runs/<scene>-<UTC time> below the current folder."""
     return Path("runs") / f"{scene_name}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}"

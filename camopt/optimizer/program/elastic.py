@@ -1,4 +1,4 @@
-"""A linear program some of whose rows may be broken at a price, so that it always has a solution."""
+"""Linear program with penalised constraint violation (elastic mode), which always has a solution."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ TYPICAL_FORCE = 100.0
 
 
 @dataclass(frozen=True)
-class Priced:
+class ElasticProgram:
     """A program that always has a solution: rows of the group `give` (r) may be broken by s >= 0, which costs area.
 
     The last entry of a point is s.
@@ -26,7 +26,9 @@ class Priced:
     working: np.ndarray
 
     @classmethod
-    def of(cls, matrix: np.ndarray, give: np.ndarray, row: np.ndarray, cost: float, size: float, working) -> "Priced":
+    def of(
+        cls, matrix: np.ndarray, give: np.ndarray, row: np.ndarray, cost: float, size: float, working
+    ) -> "ElasticProgram":
         """Of rows (r, m), what each gives for s = 1, the area's row (m), what s costs and its typical size."""
         last = np.append(np.zeros(matrix.shape[1]), -1.0)
         column = np.append(spline_rows(matrix).column, size)

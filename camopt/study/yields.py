@@ -15,15 +15,23 @@ from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import broken_by_shape, motion_limits
 from camopt.measure.yield_words import ADVISED, counted_trains, share_sentence, spoiling_sentences
 from camopt.measure.yields import Share, UsedLimits, counted, rank_correlation_shares, share_of, yield_record
-from camopt.optimizer.as_built.measured import Track, TrainsJournal, cam_digest, measure_trains, track
+from camopt.optimizer.as_built.checks import check_scatter
+from camopt.optimizer.as_built.measured import (
+    Track,
+    cam_digest,
+    measure_trains,
+    missing_trains,
+    track,
+    trains_journal,
+)
 from camopt.optimizer.as_built.prices import PriceList, price_list
-from camopt.optimizer.as_built.wanted import check_scatter
 from camopt.plots import save
 from camopt.scene.as_built import scatter_labels, with_scatter
 from camopt.scene.errors import InputError
 from camopt.scene.schema import AS_BUILT, Scene
 from camopt.scene.toml_text import scene_toml
 from camopt.storage import plain, run_folder, run_identity, write_json, write_text
+from camopt.storage.journal import Records
 
 TRAINS, SPEEDS = 1000, 11
 """How many trains are drawn, and at how many speeds of the band they are judged, where nothing else is said."""
@@ -118,24 +126,25 @@ def manufacturing_yield(
     speeds = _speeds(scene, speeds_rpm)
     identity = run_identity("yield", scene, seed=seed, speeds_rpm=speeds, cam=cam_digest(cam), as_built=_scatter(scene))
     with run_folder(out, identity, resume, [JOURNAL]) if out is not None else nullcontext() as folder:
-        journal, way = TrainsJournal(folder and folder / JOURNAL, cam_digest(cam)), track(scene, cam, speeds)
+        journal, way = trains_journal(folder and folder / JOURNAL), track(scene, cam, speeds)
         scenes = {"": scene} | (_halved(scene) if halve else {})
         by_halved = {name: _measured(one, way, trains, journal, seed, name, progress) for name, one in scenes.items()}
         used = UsedLimits(tuple(way.limits), np.array(speeds), by_halved.pop(""))
-        found = _summary(scene, cam, seed, used, by_halved)
+        result = _summary(scene, cam, seed, used, by_halved)
         if price:
-            found = replace(found, prices=_prices(scene, cam, found.share, seed, progress))
+            result = replace(result, prices=_prices(scene, cam, result.share, seed, progress))
         if folder is not None:
-            _write(folder, scene, found)
-    return found
+            _write(folder, scene, result)
+    return result
 
 
 def _measured(
-    scene: Scene, way: Track, trains: int, journal: TrainsJournal, seed: int, halved: str, progress: bool
+    scene: Scene, way: Track, trains: int, journal: Records, seed: int, halved: str, progress: bool
 ) -> np.ndarray:
     """The used parts (t, l, s) of so many trains, with a bar that counts them."""
-    known, name = trains - len(journal.missing(halved, trains)), f"{halved} halved" if halved else "trains"
-    with tqdm(total=trains, initial=known, disable=None if progress else True, desc=name) as bar:
+    stored = trains - len(missing_trains(journal, cam_digest(way.lift), halved, trains))
+    name = f"{halved} halved" if halved else "trains"
+    with tqdm(total=trains, initial=stored, disable=None if progress else True, desc=name) as bar:
         return measure_trains(scene, way, trains, journal, seed=seed, halved=halved, advance=bar.update)
 
 
@@ -147,20 +156,20 @@ def _prices(scene: Scene, cam: Lift, share: Share, seed: int, progress: bool) ->
     area = cam.area_ratio_in(scene.design) if share.share >= ADVISED else None
     with tqdm(total=100, disable=None if progress else True, desc="prices", unit="%") as bar:
         return price_list(
-            scene, wanted, area_ratio=area, seed=seed, advance=lambda part: bar.update(round(100 * part) - bar.n)
+            scene, wanted, area_ratio=area, seed=seed, advance=lambda done: bar.update(round(100 * done) - bar.n)
         )
 
 
-def yield_lines(found: Yield) -> list[str]:
+def yield_lines(result: Yield) -> list[str]:
     """What was found, in sentences."""
-    record = found.as_dict()
-    lines = [f"{found.scene}, {found.cam}: {share_sentence(record)}", *spoiling_sentences(record)]
-    for label, entry in sorted(found.halved.items(), key=lambda item: -item[1]["share"]):
+    record = result.as_dict()
+    lines = [f"{result.scene}, {result.cam}: {share_sentence(record)}", *spoiling_sentences(record)]
+    for label, entry in sorted(result.halved.items(), key=lambda item: -item[1]["share"]):
         gained = f"{counted_trains(entry['gained'])} gained and {entry['lost']} lost"
         lines.append(f"{label} halved: {100 * entry['share']:.1f} %, {gained}")
-    lines += str(found.prices).splitlines() if found.prices else []
-    if found.broken_by_shape:
-        lines.append(f"note: the cam's shape, as designed, breaks {', '.join(found.broken_by_shape)}")
+    lines += str(result.prices).splitlines() if result.prices else []
+    if result.broken_by_shape:
+        lines.append(f"note: the cam's shape, as designed, breaks {', '.join(result.broken_by_shape)}")
     return lines
 
 
@@ -194,10 +203,10 @@ def _scatter(scene: Scene) -> dict:
     return plain(scene.model_dump(mode="json", include=AS_BUILT))
 
 
-def _write(folder: Path, scene: Scene, found: Yield) -> None:
+def _write(folder: Path, scene: Scene, result: Yield) -> None:
     write_text(folder / "scene.toml", scene_toml(scene))
-    save(found.plot(), folder / "figures", "used_limits")
-    save(found.plot_blame(), folder / "figures", "blame")
-    if found.prices:
-        save(found.prices.plot(), folder / "figures", "prices")
-    write_json(folder / SUMMARY, found.as_dict())
+    save(result.plot(), folder / "figures", "used_limits")
+    save(result.plot_blame(), folder / "figures", "blame")
+    if result.prices:
+        save(result.prices.plot(), folder / "figures", "prices")
+    write_json(folder / SUMMARY, result.as_dict())

@@ -1,0 +1,166 @@
+"""Undamped copies of trains, whose motion Siconos judges in a process of its own.
+
+Siconos knows contact as complementarity, which has no place for a damper. So the dampers of all contacts are taken out,
+in what it is given and in camopt's train alike; springs keep theirs. A train with curved laws or with memories is left
+out. What is compared is the valve in the first revolution from rest: an undamped seat goes on bouncing until the next
+opening, and what the second revolution begins from hangs on every bounce.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+from shutil import which
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from camopt.cam.design_file import as_written, write_design
+from camopt.cam.lift import Lift
+from camopt.scene import Scene
+from camopt.scene.toml_text import scene_toml
+from camopt.scene.units import MM
+from camopt.storage import write_text
+from camopt.verifier.from_outside import AGREES_NM, NM, SAMPLES, valve_from_rest
+from experiments.support import siconos_judge
+from experiments.support.outside_changes import CHANGES
+
+NO_SICONOS = (
+    "the undamped copies are skipped: no Python here has Siconos, which Debian's package python3-siconos gives to the "
+    "system's (apt-get install python3-siconos)"
+)
+
+CHANGES_FINEST = 57_600
+"""Most steps where Siconos is given a change, which shows by more than the coarser step is off."""
+Case = tuple[Scene, str, Lift, list[float]]
+"""A scene, the name of a cam, the cam, and speeds [r/min]."""
+
+
+def undamped_part(cases: list[Case], of_change: Case | None, finest: int = siconos_judge.FINEST) -> dict:
+    """Rows of the undamped copies of the cases, what of the changes shows in one of them, and the claims as numbers.
+
+    Where no Python has Siconos there are no rows, and `undamped_skipped` is the sentence that says so.
+    """
+    python, rows, changes = siconos_python(), [], []
+    if python is None:
+        print(NO_SICONOS)
+    else:
+        rows = [row for case in _copies(cases) for row in judged(python, *case, finest)]
+        changes = [row for case in _copies([of_change] if of_change else []) for row in noticed(python, *case)]
+    summary = {
+        "undamped": len(rows),
+        "undamped_agree": sum(row["agrees"] for row in rows),
+        "undamped_within_nm": max((row["difference_nm"] for row in rows), default=None),
+        "undamped_event_nm": max((row["event_nm"] for row in rows), default=None),
+        "undamped_changes": len(changes),
+        "undamped_noticed": sum(row["noticed"] for row in changes),
+    }
+    skipped = NO_SICONOS if python is None else ""
+    return {"undamped": rows, "undamped_changes": changes, "undamped_skipped": skipped, "summary": summary}
+
+
+def _copies(cases: list[Case]) -> list[Case]:
+    """The cases with undamped copies of their scenes, without those that have none."""
+    return [(copy, cam, lift, speeds) for scene, cam, lift, speeds in cases if (copy := undamped(scene))]
+
+
+@cache
+def siconos_python() -> str | None:
+    """A Python that can import Siconos: this one, the first one on the path, or the system's; None where none can."""
+    for python in dict.fromkeys((sys.executable, which("python3"), which("python3", path=os.defpath))):
+        if (
+            python
+            and not subprocess.run(
+                [python, "-Ic", "import siconos.kernel"], capture_output=True, check=False
+            ).returncode
+        ):
+            return python
+    return None
+
+
+def undamped(scene: Scene) -> Scene | None:
+    """The scene with no damper in any contact; None where it has a law or a memory that complementarity lacks."""
+    if any(e.law != "linear" or e.kind not in ("spring", "contact") for e in scene.element):
+        return None
+    without = {"damping_N_s_per_m": 0.0}
+    elements = (e.model_copy(update=without) if e.kind == "contact" else e for e in scene.element)
+    return scene.model_copy(update={"element": tuple(elements)})
+
+
+def siconos_motions(
+    python: str, scene: Scene, lift: Lift, speeds_rpm: list[float], finest: int = siconos_judge.FINEST
+) -> dict:
+    """The record of `siconos_judge` for an undamped scene and a cam at speeds (k) [r/min]."""
+    assert scene.design is not None, "a cam has a maximum lift"
+    with TemporaryDirectory() as folder:
+        files = [str(Path(folder) / name) for name in ("scene.toml", "design.json", "motion.json")]
+        write_text(files[0], scene_toml(scene))
+        write_design(files[1], lift, scene.design.max_lift_mm * MM)
+        arguments = ["--speeds", *map(repr, speeds_rpm), "--out", files[2], "--finest", str(finest)]
+        command = [python, "-I", siconos_judge.__file__, *files[:2], *arguments]
+        ended = subprocess.run(command, capture_output=True, text=True, check=False)
+        if ended.returncode:
+            raise RuntimeError(f"Siconos broke off: {ended.stderr.strip()[-500:]}")
+        return json.loads(Path(files[2]).read_text(encoding="utf-8"))
+
+
+def judged(
+    python: str, scene: Scene, cam: str, lift: Lift, speeds_rpm: list[float], finest: int = siconos_judge.FINEST
+) -> list[dict]:
+    """A row for each speed [r/min] of an undamped scene."""
+    lift = as_written(lift)
+    found, rows = siconos_motions(python, scene, lift, speeds_rpm, finest), []
+    for one in found["speeds"]:
+        valve = valve_from_rest(scene, lift, one["speed_rpm"])[0][0]
+        rows.append(
+            {"scene": scene.name, "cam": cam, "engine": found["engine"], **apart(one, valve, 2 * lift.half_duration)}
+        )
+        print({key: rows[-1][key] for key in ("scene", "cam", "speed_rpm", "difference_nm", "stated_nm", "agrees")})
+    return rows
+
+
+def apart(one: dict, valve: np.ndarray, duration: float) -> dict:
+    """How far Siconos is from `valve` (SAMPLES + 1) [m] at each number of steps, and what it states of itself.
+
+    Stated is 1 nm, and the most that its last two halvings of the step moved its valve. `event_nm` is the difference
+    within the cam's `duration` [rad], before an undamped seat is struck.
+    """
+    halvings = one["halvings"]
+    theirs = np.array([h["valve_m"] for h in halvings])
+    moved = np.abs(np.diff(theirs, axis=0)).max(axis=1) / NM
+    off = np.abs(theirs - valve) / NM
+    event = np.abs(np.linspace(-np.pi, np.pi, SAMPLES + 1)) <= duration / 2
+    stated = AGREES_NM + float(moved[-2:].max(initial=0.0))
+    steps = halvings[-1]["steps"]
+    return {
+        "speed_rpm": one["speed_rpm"],
+        "steps": steps,
+        "step_us": 1e6 * one["turn_s"] / steps,
+        "difference_nm": float(off[-1].max()),
+        "event_nm": float(off[-1, event].max()),
+        "stated_nm": stated,
+        "agrees": bool(off[-1].max() <= stated),
+        "halvings": [
+            {"steps": h["steps"], "difference_nm": float(o.max()), "seconds": h["seconds"]}
+            for h, o in zip(halvings, off, strict=True)
+        ],
+    }
+
+
+def noticed(
+    python: str, scene: Scene, cam: str, lift: Lift, speeds_rpm: list[float], finest: int = CHANGES_FINEST
+) -> list[dict]:
+    """What shows of the changes where Siconos, and it alone, is given them; those of dampers change nothing here."""
+    lift, rows = as_written(lift), []
+    for change in CHANGES:
+        other, given = undamped(change.scene(scene)), as_written(change.cam(lift))
+        assert other is not None, "no change brings in a law"
+        if other == scene and np.array_equal(given.coefficients, lift.coefficients):
+            continue
+        for one in siconos_motions(python, other, given, speeds_rpm, finest)["speeds"]:
+            valve = valve_from_rest(scene, lift, one["speed_rpm"])[0][0]
+            row = apart(one, valve, 2 * lift.half_duration)
+            rows.append({"change": change.name, "cam": cam, **row, "noticed": not row["agrees"]})
+    return rows

@@ -1,0 +1,123 @@
+"""Siconos as a judge of undamped copies: skipped where no Python has it; the rest is not."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import camopt
+from camopt.cam.design_file import write_design
+from camopt.scene import build_train, builtin_scenes, load_scene
+from camopt.scene.rest import state_at_rest
+from camopt.scene.toml_text import scene_toml
+from camopt.verifier.from_outside import SAMPLES
+from experiments.support import siconos_judge, undamped
+from experiments.support.outside_changes import CHANGES
+from tests.verifier.test_independence import imported
+
+needs_siconos = pytest.mark.skipif(undamped.siconos_python() is None, reason=undamped.NO_SICONOS)
+COPIES = {scene.name: scene for scene in map(undamped.undamped, map(load_scene, builtin_scenes())) if scene}
+SEATED = {name: scene for name, scene in COPIES.items() if scene.seat}
+
+
+def test_the_judge_imports_nothing_of_camopt():
+    names = {name.split(".")[0] for name in imported(Path(siconos_judge.__file__))}
+    assert names <= {"numpy", *sys.stdlib_module_names}
+
+
+def test_copies_have_linear_laws_and_no_damper_in_a_contact():
+    assert {"kodama", "motori-1", "motori-2", "exhaust-gas", "pushrod-5mass"} <= set(COPIES)
+    assert not {"kodama-hertz", "race-nested", "finger-hydraulic", "pushrod-hydraulic"} & set(COPIES)
+    for name, copy in COPIES.items():
+        for own, other in zip(load_scene(name).element, copy.element, strict=True):
+            kept = 0.0 if own.kind == "contact" else own.damping_N_s_per_m
+            assert other == own.model_copy(update={"damping_N_s_per_m": kept})
+
+
+@pytest.mark.parametrize("name", SEATED)
+def test_it_begins_at_rest_as_camopt_does_and_reads_the_same_lift(name, tmp_path):
+    scene, cam = SEATED[name], camopt.polydyne(load_scene("kodama"))
+    (tmp_path / "scene.toml").write_text(scene_toml(scene), encoding="utf-8")
+    write_design(tmp_path / "design.json", cam, 1.0)
+    rest = siconos_judge.at_rest(siconos_judge.read_train(str(tmp_path / "scene.toml")))
+    np.testing.assert_allclose(rest, state_at_rest(build_train(scene))[: len(rest)], rtol=0, atol=1e-12)
+    angle_deg = np.linspace(-180.0, 180.0, 3601)[:-1]
+    lift = siconos_judge.lift_of(str(tmp_path / "design.json"), angle_deg)
+    np.testing.assert_allclose(lift, cam(np.radians(angle_deg)), rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("kodama", "the damper of the contact cam_follower: give a train without"),
+        ("kodama-hertz", "cam_follower: it is given linear springs and contacts alone"),
+        ("finger-hydraulic", "the damper of the contact roller: give a train without"),
+    ],
+)
+def test_what_it_cannot_express_is_refused_with_a_sentence(name, sentence, tmp_path):
+    (tmp_path / "scene.toml").write_text(scene_toml(load_scene(name)), encoding="utf-8")
+    with pytest.raises(siconos_judge.Refused) as refused:
+        siconos_judge.read_train(str(tmp_path / "scene.toml"))
+    assert str(refused.value) == f"Siconos cannot express {sentence}"
+
+
+def test_where_no_python_has_siconos_one_sentence_names_the_package(monkeypatch, capsys):
+    """Every Python that is asked fails to import it."""
+    undamped.siconos_python.cache_clear()
+    monkeypatch.setattr(undamped.subprocess, "run", lambda *a, **k: subprocess.CompletedProcess(a, 1))
+    scene = load_scene("kodama")
+    case = (scene, "polydyne", camopt.polydyne(scene), [5000.0])
+    found = undamped.undamped_part([case], case)
+    undamped.siconos_python.cache_clear()
+    assert (found["undamped"], found["undamped_changes"]) == ([], [])
+    assert found["undamped_skipped"] == undamped.NO_SICONOS == capsys.readouterr().out.strip()
+    assert "python3-siconos" in undamped.NO_SICONOS and "\n" not in undamped.NO_SICONOS
+    assert found["summary"]["undamped"] == 0 and found["summary"]["undamped_within_nm"] is None
+
+
+def test_what_is_stated_is_a_nanometre_and_the_most_of_two_halvings():
+    """Three records that end 2 nm and 0.5 nm apart, the last 0.25 nm off, but 4 nm off outside the cam's duration."""
+    true = np.zeros(SAMPLES + 1)
+    far = np.zeros(SAMPLES + 1)
+    far[-1] = 4e-9
+    records = [
+        {"steps": n, "seconds": 0.0, "valve_m": list(v)} for n, v in ((720, true + 2.75e-9), (1440, true + 7.5e-10))
+    ]
+    records.append({"steps": 2880, "seconds": 0.0, "valve_m": list(true + 2.5e-10)})
+    row = undamped.apart({"speed_rpm": 1.0, "turn_s": 0.0288, "halvings": records}, true + far, 1.0)
+    assert row["difference_nm"] == pytest.approx(3.75) and row["event_nm"] == pytest.approx(0.25)
+    assert row["stated_nm"] == pytest.approx(3.0) and not row["agrees"]
+    assert row["step_us"] == pytest.approx(10.0)
+    assert [h["difference_nm"] for h in row["halvings"]] == pytest.approx([2.75, 3.25, 3.75])
+
+
+@needs_siconos
+def test_siconos_agrees_and_a_halved_step_is_four_times_as_near():
+    """kodama without dampers in its contacts, its Polydyne at 5000 r/min: the rule has order two."""
+    scene = load_scene("kodama")
+    case = (scene, "polydyne", camopt.polydyne(scene), [5000.0])
+    (row,) = undamped.undamped_part([case], None, 2 * siconos_judge.COARSEST)["undamped"]
+    coarse, fine = (h["difference_nm"] for h in row["halvings"])
+    assert row["agrees"] and fine < 3.0
+    assert coarse / fine == pytest.approx(4.0, rel=0.1)
+
+
+@needs_siconos
+def test_siconos_notices_a_micrometre_of_lash(monkeypatch):
+    monkeypatch.setattr(
+        undamped, "CHANGES", [c for c in CHANGES if c.name in ("lash 1 um more", "seat damping 1 % more")]
+    )
+    scene = COPIES["motori-1"]
+    python = undamped.siconos_python()
+    assert python is not None
+    (row,) = undamped.noticed(python, scene, "polydyne", camopt.polydyne(scene), [5000.0], 57_600)
+    assert row["change"] == "lash 1 um more" and row["noticed"]
+
+
+@needs_siconos
+def test_a_damped_train_breaks_off_with_its_sentence(tmp_path):
+    scene = load_scene("motori-1")
+    with pytest.raises(RuntimeError, match="Siconos cannot express the damper of the contact train"):
+        undamped.siconos_motions(str(undamped.siconos_python()), scene, camopt.polydyne(scene), [5000.0])
