@@ -79,7 +79,7 @@ def largest_until(stairs: list, time: np.ndarray) -> np.ndarray:
 
 @styled
 def figure(rows: list[dict], budget: float) -> Figure:
-    """A panel for each scene: by method the median over the starts of the largest area until then."""
+    """A panel for each scene: by method the median over the starts, of two the lesser, of the area until then."""
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
     drawn = new_figure(9.0, 3.4 * ((len(scenes) + 1) // 2) + 0.8)
     panels = drawn.subplots((len(scenes) + 1) // 2, min(2, len(scenes)), squeeze=False, sharex=True)
