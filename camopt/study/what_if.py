@@ -16,8 +16,8 @@ from camopt.study.yields import manufacturing_yield
 
 NEEDED = ("valve", "seat", "operation", "design")
 ROWS = (
-    ("cam", "", "s"),
-    ("verdict", "", "s"),
+    ("cam", "cam", "s"),
+    ("verdict", "verdict", "s"),
     ("area ratio", "area_ratio", ".5f"),
     ("area [mm deg]", "area_mm_deg", ".2f"),
     ("jump exceeds its limit from [r/min]", "first_jump_rpm", ".0f"),
@@ -27,34 +27,18 @@ ROWS = (
 
 
 @dataclass(frozen=True)
-class CamOutcome:
-    """A cam in a scene: its verdict over the band at accuracy draft, where jump and bounce begin (None: not below 1.5
-    times the band's top), and the share of trains as built that hold (None where the scene does not say how they
-    differ)."""
-
-    cam: str
-    verdict: str
-    area_ratio: float | None = None
-    area_mm_deg: float | None = None
-    first_jump_rpm: float | None = None
-    first_bounce_rpm: float | None = None
-    yield_percent: float | None = None
-    says: str = ""  # why there is no cam
-
-
-@dataclass(frozen=True)
 class WhatIf:
     """The numbers that were changed, from and to, and what a cam comes to as given, with the change, and designed anew
-    for it where that was asked for."""
+    for it where that was asked for, by the names of `outcome`."""
 
     changed: dict[str, tuple[float, float]]
-    outcomes: dict[str, CamOutcome]
+    outcomes: dict[str, dict]
 
     def as_dict(self) -> dict:
         """What `what-if --json` writes."""
         return {
             "changed": {name: {"from": was, "to": now} for name, (was, now) in self.changed.items()},
-            **{name.replace(" ", "_"): vars(one) for name, one in self.outcomes.items()},
+            **{name.replace(" ", "_"): one for name, one in self.outcomes.items()},
         }
 
     def __str__(self) -> str:
@@ -62,10 +46,10 @@ class WhatIf:
         width = max(len(label) for label, _, _ in ROWS)
         lines.append(f"{'':<{width}}" + "".join(f"  {name:>15}" for name in self.outcomes))
         for label, key, digits in ROWS:
-            values = [getattr(one, key or label) for one in self.outcomes.values()]
+            values = [one[key] for one in self.outcomes.values()]
             cells = ["–" if value is None else format(value, digits) for value in values]
             lines.append(f"{label:<{width}}" + "".join(f"  {cell:>15}" for cell in cells))
-        return "\n".join([*lines, *(f"{name}: {one.says}" for name, one in self.outcomes.items() if one.says)])
+        return "\n".join([*lines, *(f"{name}: {one['says']}" for name, one in self.outcomes.items() if one["says"])])
 
 
 def what_if(
@@ -101,21 +85,29 @@ def changed_scene(
     return checked_scene(after, f"{scene.name} with the change", NEEDED), changed
 
 
-def _outcome(scene: Scene, cam: Lift, trains: int) -> CamOutcome:
+def outcome(cam: str, verdict: str, says: str = "", **figures: float | None) -> dict:
+    """What a cam comes to in a scene: its verdict over the band at accuracy draft, where jump and bounce begin (None:
+    not below 1.5 times the band's top), and the share of trains as built that hold (None where the scene does not say
+    how they differ); `says` is why there is no cam."""
+    return dict.fromkeys(key for _, key, _ in ROWS) | {"cam": cam, "verdict": verdict, **figures, "says": says}
+
+
+def _outcome(scene: Scene, cam: Lift, trains: int) -> dict:
     verdict = full_verdict(scene, cam, "band", accuracy_named("draft"))
     share = 100 * manufacturing_yield(scene, cam, trains).share.share if has_a_yield(scene) else None
     assert scene.design is not None, "load_scene(..., need='design') guarantees it"
-    ratio, area = cam.area_ratio_in(scene.design), cam.area / MM / DEG
-    starts = verdict.first_jump_rpm, verdict.first_bounce_rpm
-    return CamOutcome(cam.family, verdict.verdict, ratio, area, *starts, share)
+    return outcome(
+        cam.family, verdict.verdict, area_ratio=cam.area_ratio_in(scene.design), area_mm_deg=cam.area / MM / DEG,
+        first_jump_rpm=verdict.first_jump_rpm, first_bounce_rpm=verdict.first_bounce_rpm, yield_percent=share,
+    )  # fmt: skip
 
 
-def _redesigned(scene: Scene, trains: int) -> CamOutcome:
+def _redesigned(scene: Scene, trains: int) -> dict:
     """The largest confirmed cam of a draft search for the scene, or of the families."""
     effort = accuracy_named("draft")
     try:
         search = find_cam(scene, "band", effort)
         chosen = largest_confirmed(scene, search.confirmed, "band", effort, Families(scene))
     except InputError as error:
-        return CamOutcome("none", "none holds", says=str(error))
+        return outcome("none", "none holds", str(error))
     return _outcome(scene, chosen.cam.lift, trains)

@@ -75,14 +75,8 @@ def test_numbers_of_a_scene_are_replaced_and_checked():
 @pytest.mark.parametrize(
     ("numbers", "words"),
     [
-        (
-            {"sprng.preload_N": 1.0},
-            "'sprng.preload_N': motori-1 has no such number",
-        ),
-        (
-            {"spring.preload": 1.0},
-            "'spring.preload': motori-1 has no such number",
-        ),
+        ({"sprng.preload_N": 1.0}, "'sprng.preload_N': motori-1 has no such number"),
+        ({"spring.preload": 1.0}, "'spring.preload': motori-1 has no such number"),
         ({"spring.stiffness_N_per_m": -1.0}, "scene motori-1 with spring.stiffness_N_per_m = -1: element.2"),
         ({"design.max_lift": 1.0}, "'design.max_lift': motori-1 has no such number"),
     ],
