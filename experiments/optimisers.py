@@ -4,17 +4,18 @@
 
 Two scenes whose laws are straight, `motori-1` and `kodama`, and two others, `finger-hydraulic` and `kodama-hertz`, at
 their listed speeds, each with a free cam with knots every 6 deg, from the calmest cam and from those within the limits
-on the shape that are nearest to a plain Multi-Pol (on the first two alone) and a plain Polydyne. Methods that see the
-contact forces and the gap at the seat along smoothed, tied paths: ascents of the augmented Lagrangian by Adam and
-L-BFGS (optax), in the metric of one Gauss-Newton matrix and without, SLSQP and trust-constr (SciPy) with the paths'
-Jacobian, in the same metric, and camopt's convex search by rows of the smoothed motion or of the exact response. CMA-ES
-(Hansen, pycma) sees the judge's word alone. IPOPT is not among them: cyipopt is built from sources beside an installed
-IPOPT, and there was none. Every cam that is judged holds the limits on the shape, one judge decides (event-exact,
-settled, share of each limit at most 1), and each has the same budget of processor time, in which its start and
-compilation do not count. A step under way when the budget ends is finished and not counted. What finds no cam that
-holds stays, with what ended it. An interrupted run goes on.
+on the shape that are nearest to a plain Multi-Pol (on the first two alone) and a plain Polydyne (on the first three).
+Methods that see the contact forces and the gap at the seat along smoothed, tied paths: ascents of the augmented
+Lagrangian by Adam and L-BFGS (optax), in the metric of one Gauss-Newton matrix and without, SLSQP and trust-constr
+(SciPy) with the paths' Jacobian, in the same metric, and camopt's convex search by rows of the smoothed motion or of
+the exact response. CMA-ES (Hansen, pycma) sees the judge's word alone. IPOPT is not among them: cyipopt is built from
+sources beside an installed IPOPT, and there was none. Every cam that is judged holds the limits on the shape, one judge
+decides (event-exact, settled, share of each limit at most 1), and each has the same budget of processor time, in which
+its start and compilation do not count. A step under way when the budget ends is finished and not counted. What finds no
+cam that holds stays, with what ended it. An interrupted run goes on.
 """
 
+from collections.abc import Callable
 from itertools import product
 from pathlib import Path
 
@@ -39,28 +40,35 @@ METHODS = (
 )
 SCENES = {"small": ("motori-1",), "full": ("motori-1", "kodama", "finger-hydraulic", "kodama-hertz")}
 STARTS = {"small": ("calmest",), "full": ("calmest", "multi-pol", "polydyne")}
-TWO_STARTS = {"finger-hydraulic": "multi-pol", "kodama-hertz": "multi-pol"}
-"""Scenes whose runs take longest, and the start that is left out there."""
+LEFT_OUT = {"finger-hydraulic": ("multi-pol",), "kodama-hertz": ("multi-pol", "polydyne")}
+"""Scenes whose runs take longest, and the starts that are left out there."""
 TRIED = {"small": ("convex search, exact rows", "CMA-ES"), "full": METHODS}
 """The small size compiles nothing by JAX."""
 SECONDS = {"small": 1.0, "full": 10.0}
 COLOURS = ("#0072B2", "#D55E00", "#222222", "#009E73", "#9A6A00")
+NEAR = 0.99
+"""Share of a scene's largest area that counts as near it."""
 SHOWN = 0.06
 """Area ratio below the largest one of a scene down to which its panel reaches."""
 
 
 def tasks(size: str) -> list[dict]:
     """The arguments of every run, one start after the other."""
-    cases = [(b, s, m) for b, s, m in product(STARTS[size], SCENES[size], TRIED[size]) if TWO_STARTS.get(s) != b]
+    cases = [(b, s, m) for b, s, m in product(STARTS[size], SCENES[size], TRIED[size]) if b not in LEFT_OUT.get(s, ())]
     return [{"scene": s, "method": m, "start": b, "seconds": SECONDS[size]} for b, s, m in cases]
 
 
-def areas(rows: list[dict]) -> dict[str, dict[str, list[float | None]]]:
-    """By method and scene the area ratios from each start, None where no cam holds."""
+def gathered(rows: list[dict], of: Callable[[dict], float | None]) -> dict[str, dict[str, list[float | None]]]:
+    """By method and scene a number of the run from each start."""
     found: dict[str, dict[str, list[float | None]]] = {}
     for row in rows:
-        found.setdefault(row["method"], {}).setdefault(row["scene"], []).append(row["area_ratio"])
+        found.setdefault(row["method"], {}).setdefault(row["scene"], []).append(of(row))
     return found
+
+
+def largest(rows: list[dict]) -> dict[str, float]:
+    """By scene the largest area ratio of a cam that holds; zero where there is none."""
+    return {row["scene"]: max(r["area_ratio"] or 0.0 for r in rows if r["scene"] == row["scene"]) for row in rows}
 
 
 def largest_until(stairs: list, time: np.ndarray) -> np.ndarray:
@@ -71,7 +79,7 @@ def largest_until(stairs: list, time: np.ndarray) -> np.ndarray:
 
 @styled
 def figure(rows: list[dict], budget: float) -> Figure:
-    """A panel for each scene: by method the median over the starts of the largest area until then."""
+    """A panel for each scene: by method the median over the starts, of two the lesser, of the area until then."""
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
     drawn = new_figure(9.0, 3.4 * ((len(scenes) + 1) // 2) + 0.8)
     panels = drawn.subplots((len(scenes) + 1) // 2, min(2, len(scenes)), squeeze=False, sharex=True)
@@ -95,14 +103,19 @@ def panel(axes: Axes, rows: list[dict], budget: float) -> None:
         middle = np.sort(courses, axis=0)[(len(courses) - 1) // 2]
         colour, dashes = COLOURS[number // 2], ("-", "--")[number % 2]
         axes.plot(time, np.where(np.isfinite(middle), middle, np.nan), dashes, color=colour, label=method)
-    most = max((row["area_ratio"] for row in rows if row["area_ratio"] is not None), default=0.0)
+    (most,) = largest(rows).values()
     axes.set(xscale="log", xlim=(time[0], budget), ylim=(most - SHOWN, most + 0.05 * SHOWN))
 
 
 def main(size: str = "full", folder: Path = RESULTS, store: Path | None = None) -> dict:
     """Sweeps, prints the areas, and writes `optimisers.json` and its figure."""
     rows = called("experiments.support.optimiser_runs:run", tasks(size), size, store or folder / "optimisers.sqlite")
-    found = areas(rows)
+    most = largest(rows)
+
+    def seconds(row: dict) -> float | None:
+        return next((at for at, area in row["stairs"] if area >= NEAR * most[row["scene"]]), None)
+
+    found = gathered(rows, lambda row: row["area_ratio"])
     for method, by_scene in found.items():
         print(method, {s: [a and round(a, 4) for a in ratios] for s, ratios in by_scene.items()})
     content = {
@@ -110,6 +123,8 @@ def main(size: str = "full", folder: Path = RESULTS, store: Path | None = None) 
         "processor_s": sum(row["processor_s"] for row in rows),
         "starts": STARTS[size],
         "areas": found,
+        "largest": most,
+        "seconds_to_near": gathered(rows, seconds),
         "runs": [{key: value for key, value in row.items() if key != "seconds"} for row in rows],
     }
     write_result("optimisers", size, content, {"area": figure(rows, SECONDS[size])}, folder)

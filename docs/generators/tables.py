@@ -8,7 +8,6 @@ from docs.generators.results import FUNCTIONS, RESULTS, Names, shown, stored, wr
 
 OWN = {
     "cam_families": ("cam_families_table", lambda m, found: "\n".join(m.markdown(found["cams"]))),
-    "optimisers": ("optimisers_table", lambda m, found: m.table(m.grouped(found["runs"]))),
 }
 """Results whose experiment makes a table of its own, by a module of `experiments.support`."""
 

@@ -20,7 +20,6 @@ from scipy.optimize import BFGS, LinearConstraint, NonlinearConstraint, minimize
 from scipy.sparse import csr_array
 
 import camopt
-from camopt.cam.lift import Lift
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.ascent.ascent import AscentState
 from camopt.optimizer.ascent.lagrangian import PathLagrangian
@@ -86,16 +85,13 @@ class Problem:
         """Area ratio of the cam nearest to z within the limits on the shape, and its largest share of a limit on the
         motion; one that holds all of them and is larger is noted."""
         lift = self.cam.lift(self.shape.nearest(z))
-        area, share = self.area(lift), float(self.judge(lift).share.max(initial=0.0))
+        area = float(lift.area_ratio(self.design.max_lift_mm * 1e-3))
+        share = float(self.judge(lift).share.max(initial=0.0))
         now = self.check()
         self.judged, self.least_share = self.judged + 1, min(self.least_share, share)
         if share <= 1.0 and (not self.stairs or area > self.stairs[-1][1]):
             self.stairs.append((now, area))
         return area, share
-
-    def area(self, lift: Lift) -> float:
-        """Its area ratio."""
-        return float(lift.area_ratio(self.design.max_lift_mm * 1e-3))
 
     def objective(self) -> Objective:
         """The area, with constraints along the paths."""
@@ -134,16 +130,6 @@ def climb(problem: Problem, optimiser: optax.GradientTransformation, metric: boo
         for _ in range(JUDGE_EVERY):
             problem.check()
             ascent.step(judged=False)
-
-
-def adam(problem: Problem, metric: bool) -> str:
-    """Adam, in the metric or without."""
-    return climb(problem, optax.adam(RATES[metric]), metric)
-
-
-def lbfgs(problem: Problem, metric: bool) -> str:
-    """L-BFGS, in the metric or without."""
-    return climb(problem, optax.lbfgs(), metric)
 
 
 class Watched(Journal):
@@ -190,8 +176,7 @@ class PathProgram:
 
         asked = np.flatnonzero(np.isfinite(rows(jnp.asarray(self.start))))
         self.paths, self.slopes = jax.jit(lambda y: rows(y)[asked]), jax.jit(jax.jacfwd(lambda y: rows(y)[asked]))
-        for compiled in (self.paths, self.slopes):  # before the clock begins
-            compiled(self.start)
+        _ = self.paths(self.start), self.slopes(self.start)  # compiled before the clock begins
         polyhedron = problem.shape.polyhedron
         self.matrix, self.level = polyhedron.matrix @ self.metric, polyhedron.bound
         self.row = area_ratio_row(problem.design, problem.cam)[0] @ self.metric
@@ -259,10 +244,10 @@ def cma_es(problem: Problem) -> str:
 
 
 METHODS: dict[str, Callable[[Problem], str]] = {
-    "Adam": lambda problem: adam(problem, metric=False),
-    "Adam, metric": lambda problem: adam(problem, metric=True),
-    "L-BFGS": lambda problem: lbfgs(problem, metric=False),
-    "L-BFGS, metric": lambda problem: lbfgs(problem, metric=True),
+    "Adam": lambda problem: climb(problem, optax.adam(RATES[False]), metric=False),
+    "Adam, metric": lambda problem: climb(problem, optax.adam(RATES[True]), metric=True),
+    "L-BFGS": lambda problem: climb(problem, optax.lbfgs(), metric=False),
+    "L-BFGS, metric": lambda problem: climb(problem, optax.lbfgs(), metric=True),
     "convex search, smooth rows": lambda problem: convex(problem, "smooth"),
     "convex search, exact rows": lambda problem: convex(problem, "exact"),
     "SLSQP": slsqp,
