@@ -22,7 +22,7 @@ def test_two_rounds_leave_a_sixteenth_of_what_pulls_the_centres_together(monkeyp
         p, q = np.degrees(cam.about.centres) - top
         return SimpleNamespace(value=-(p**2 + q**2 + p * q))
 
-    monkeypatch.setattr(module, "reach", known)
+    monkeypatch.setattr(module, "solve_over_peak_angles", known)
     q = -top[1]
     expected = top[0] - q / 8, top[1] + q / 16
     assert np.degrees(centres(TWO)) == pytest.approx(expected, abs=2 * module.RESOLUTION_DEG)
