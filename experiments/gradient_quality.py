@@ -4,7 +4,8 @@ First one mass that flies onto a damped contact and off again, whose end has a c
 by speed, distance, damping and stiffness. Then `kodama` with its Polydyne: the seating velocity of a settled revolution
 by the heights of bumps on the cam, against central differences of the exact motion. A damped contact closes with a
 force that jumps by damping times speed, so that derivatives jump there too; a solver that merely switches its
-right-hand side does not know it. MuJoCo MJX is left out, with a line that says so, where it is not installed.
+right-hand side does not know it. MuJoCo MJX and NVIDIA Warp are left out, with a line that says so, where they are not
+installed.
 """
 
 import time
@@ -38,12 +39,15 @@ from experiments.support.gradient_ball import (
 )
 from experiments.support.gradient_bumps import METRIC, Problem, against, exact_differences, exact_value, problem
 from experiments.support.gradient_mjx import mjx_contact, mjx_force
+from experiments.support.gradient_warp import warp_kernel
 from experiments.support.record import RESULTS, run_script, write_result
 
 WIDTHS = {"small": (1e-6,), "full": (1e-5, 1e-6, 1e-7)}
 """Widths of the smooth path's layer [m]."""
 TOLERANCE = 1e-8
-MJX_STEPS = {"small": (500,), "full": (2000, 20_000)}
+EQUAL_STEPS = {"small": (500,), "full": (2000, 20_000)}
+"""Steps of MJX and of Warp."""
+ENGINES = {"mujoco": "MuJoCo MJX", "warp": "NVIDIA Warp"}
 REPEATS = {"small": 1, "full": 5}
 SPEED_RPM, BUMPS = 6000.0, {"small": 2, "full": 10}
 SAMPLES = 11_520
@@ -56,7 +60,8 @@ def main(size: str = "full", folder=RESULTS) -> dict:
     """Errors, cosines and times; small: one width, two bumps and few steps."""
     ball = [{"method": name, **judged(make(), REPEATS[size])} for name, make in ball_methods(size).items()]
     train = of_kodama(size)
-    missing = [] if find_spec("mujoco") else ["MuJoCo MJX is not installed and is left out."]
+    absent = [name for module, name in ENGINES.items() if not find_spec(module)]
+    missing = [f"{name} is not installed and is left out." for name in absent]
     content = {"ball": ball, "kodama": train, "metric": METRIC, "speed_rpm": SPEED_RPM, "missing": missing}
     for row in [*ball, *train]:
         print(row)
@@ -70,10 +75,12 @@ def ball_methods(size: str) -> dict[str, Callable[[], Callable[[], Answer]]]:
     methods |= {f"smooth path, {w:g} m": lambda w=w: smooth_path(w) for w in WIDTHS[size]}
     methods["diffrax, switch by where"] = lambda: diffrax_switch(TOLERANCE)
     methods["diffrax, two events"] = lambda: diffrax_events(TOLERANCE)
-    if find_spec("mujoco"):
-        for steps in MJX_STEPS[size]:
+    for steps in EQUAL_STEPS[size]:
+        if find_spec("mujoco"):
             methods[f"MJX, its contact, {steps} steps"] = lambda steps=steps: mjx_contact(steps)
             methods[f"MJX, the law as a force, {steps} steps"] = lambda steps=steps: mjx_force(steps)
+        if find_spec("warp"):
+            methods[f"Warp, the law in a kernel, {steps} steps"] = lambda steps=steps: warp_kernel(steps)
     return methods
 
 

@@ -3,11 +3,14 @@
 The table of the experiment at its small size takes minutes of compilation; the ball alone shows the point.
 """
 
+from importlib.util import find_spec
+
 import numpy as np
 import pytest
 
 from experiments import gradient_quality
 from experiments.support import gradient_ball as ball
+from experiments.support.gradient_warp import warp_kernel
 
 
 def test_the_closed_form_conserves_momentum_by_its_coefficient_of_restitution():
@@ -23,6 +26,13 @@ def test_the_exact_path_and_events_are_right_and_a_switch_is_not():
     assert found["diffrax, two events"]["relative_error"] < 1e-5  # of a tolerance of 1e-8
     assert found["diffrax, switch by where"]["value_error"] < 1e-5
     assert found["diffrax, switch by where"]["relative_error"] > 1.0
+
+
+@pytest.mark.skipif(not find_spec("warp"), reason="NVIDIA Warp (warp-lang) is not installed")
+def test_warp_meets_the_end_and_not_the_gradient():
+    found = ball.judged(warp_kernel(2000), 1)
+    assert found["value_error"] < 1e-2  # of first order in a step of a hundredth of a millisecond
+    assert found["relative_error"] > 1.0
 
 
 METHODS = {
