@@ -14,7 +14,7 @@ from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitivities
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
-from camopt.optimizer.program.radii import near
+from camopt.optimizer.program.radii import near, near_its_best
 from camopt.optimizer.program.relocation import converge_tangents, relocate
 from camopt.scene import InputError, load_scene
 from camopt.scene.geometry import Geometry
@@ -142,3 +142,11 @@ def test_a_cam_that_the_finger_cannot_follow_breaks_the_radius(free):
     short = PAD.model_copy(update={"valve_arm_mm": 8.0})
     design = KODAMA.design.model_copy(update={"nose_radius_min_mm": 5.0}).within(short, KODAMA.operation)
     assert broken_by_shape(free.lift, design) == ["nose_radius_min_mm"]
+
+
+def test_limits_that_contradict_each_other_leave_the_cam_as_it_is():
+    geometry, key, least = ASKED["roller, concave"]
+    short = KODAMA.design.model_copy(update={key: least, "max_lift_mm": 60.0, "reach_max_lift": True})
+    design = short.within(geometry, KODAMA.operation)
+    cam = free_cam(design, 8.0)
+    assert near_its_best(design, cam) is cam

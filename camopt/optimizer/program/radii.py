@@ -62,7 +62,7 @@ def near_its_best(design: Design, cam: FreeCam) -> FreeCam:
     if not radii_held_near(design):
         return cam
     try:
-        lift = kinematic_optimum(design.model_copy(update=dict.fromkeys(RADII)), cam).lift
+        lift = kinematic_optimum(design.model_copy(update=dict.fromkeys(RADII)), cam, explain=False).lift
     except Infeasible:
         return cam
     row, constant = area_ratio_row(design, cam)

@@ -47,7 +47,7 @@ def kinematic_switches(design: Design, cam: FreeCam) -> Switches:
     """
     assert design.waves_max is not None, "only such designs have switches"
     try:
-        unlimited = kinematic_optimum(design, _about(cam, ())).lift
+        unlimited = kinematic_optimum(design, _about(cam, ()), explain=False).lift
     except Infeasible:
         return ()
     starts = {_fewer(unlimited, cam, most) for most in (design.waves_max, min(design.waves_max, FEW))}
