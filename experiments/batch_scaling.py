@@ -1,17 +1,18 @@
-"""What does a motion cost, and its gradient, when many trains run side by side in one program?
+"""What does a motion cost, and its gradient, when many trains or cams run side by side in one program?
 
     python -m experiments.batch_scaling [small|full]
 
-Drawn trains of `kodama`, each at five speeds, as one batch of the tied motion in double and in single precision: one
-revolution, and its gradient by the lift. The program is the same on a processor and on an accelerator; JAX takes the
-latter where it finds one, and the result says which it was. Times are the least of five, per train and speed: by the
-clock, and of the processor's threads together, beside which other work does not count.
+Drawn trains of `kodama`, each at five speeds, and many cams at many speeds, as one batch of the tied motion in double
+and in single precision: one revolution, and its gradient by the lift. The program is the same on a processor and on an
+accelerator; JAX takes the latter where it finds one, and the result says which it was. Times are the least of three,
+per train or cam and speed: by the clock, and of the processor's threads together, beside which other work does not
+count.
 """
 
 import resource
 import time
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import jax
@@ -26,49 +27,79 @@ from camopt.smooth.simulate import lift_samples
 from camopt.smooth.tied import STEPS, WIDTH, parts_of_steps, tied_paths, tied_system
 from experiments.support.record import RESULTS, run_script, write_result
 
-COUNTS = {"small": (1, 4), "full": (1, 4, 16, 64)}
-SPEEDS_RPM = (5000, 5500, 6000, 6500, 7000)
+TRAINS = {"small": (1, 4), "full": (1, 4, 16, 64, 256, 1000)}
+CAMS = {"small": ((2, 2),), "full": ((1, 16), (64, 16))}
+"""Numbers of cams, and of the speeds at which each runs in the train as designed."""
+BAND_RPM = (5000, 7000)
+SPEEDS = 5
+"""Speeds over the band at which each drawn train runs."""
 PRECISIONS = {"float64": jnp.float64, "float32": jnp.float32}
-REPEATS = 5
+HEIGHT = 1e-3
+"""Share of its height by which one cam of a batch differs from the next."""
+REPEATS = 3
+Batch = tuple[jax.Array, tuple, jax.Array, jax.Array]
+"""Samples of the lift, systems, cam speeds, and states at rest; trains or cams come first where there are many."""
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
-    """By precision and number of trains the milliseconds and the memory, and how far single precision is off [N]."""
+    """By precision and batch the milliseconds and the memory, and how far single precision is off [N]."""
     scene = camopt.load_scene("kodama")
-    lift = camopt.free_cam(scene.design, 6.0)
-    cam = lift.lift(np.zeros(lift.Z.shape[1]))
-    built = trains_as_built(scene, max(COUNTS[size]), seed=1)
-    speeds = np.array([scene.cam_speed(rpm) for rpm in SPEEDS_RPM])
-    systems = [tied_system(one.train) for one in built]
-    rests = [np.repeat(np.asarray(rest_state(one.train))[:, :, None], len(speeds), axis=2) for one in built]
-    parts, half = max(parts_of_steps(one, float(speeds.min())) for one in systems), cam.half_duration
+    free = camopt.free_cam(scene.design, 6.0)
+    cam = free.lift(np.zeros(free.Z.shape[1]))
+    built = [one.train for one in trains_as_built(scene, max(TRAINS[size]), seed=1)]
+    slowest = scene.cam_speed(BAND_RPM[0])
+    parts = max(parts_of_steps(tied_system(one), slowest) for one in built)
+    sizes = [(trains, 1, SPEEDS) for trains in TRAINS[size]] + [(1, *cams) for cams in CAMS[size]]
     rows, forces = [], {}
-    for precision, dtype in PRECISIONS.items():
-        samples = jnp.asarray(lift_samples(cam, STEPS), dtype)
-        event, layer = (jnp.asarray(-half, dtype), jnp.asarray(half, dtype)), Layer(jnp.asarray(WIDTH, dtype))
-        tie, at = jnp.asarray(1.0, dtype), jnp.asarray(speeds, dtype)
-
-        def paths(samples, system, start, event=event, layer=layer, tie=tie, at=at, adjoint="forward"):
-            return tied_paths(system, samples, at, start, event, tie, layer, parts=parts, adjoint=adjoint).force
-
-        def total(samples, systems, starts, paths=paths):
-            return jnp.sum(jax.vmap(partial(paths, adjoint="reverse"), (None, 0, 0))(samples, systems, starts))
-
-        motion, slope = jax.jit(jax.vmap(paths, (None, 0, 0))), jax.jit(jax.grad(total))
-        for count in COUNTS[size]:
-            batch = jax.tree.map(lambda *q, dtype=dtype: jnp.asarray(np.stack(q), dtype), *systems[:count])
-            starts = jnp.asarray(np.stack(rests[:count]), dtype)
-            cases = count * len(speeds)
-            times = {"motion": least(motion, samples, batch, starts), "gradient": least(slope, samples, batch, starts)}
+    for precision in PRECISIONS:
+        for trains, cams, count in sizes:
+            speeds = scene.cam_speed(1.0) * np.linspace(*BAND_RPM, count)
+            samples = np.stack([(1.0 - HEIGHT * k) * lift_samples(cam, STEPS) for k in range(cams)])
+            batch = as_batch(precision, built[:trains], samples, speeds)
+            motion, slope = programs(cam.half_duration, parts, by_train=cams == 1)
+            times = {"motion": least(motion, *batch), "gradient": least(slope, *batch)}
+            cases = trains * cams * count
             by_case = {f"{work}_{name}": 1e3 * t / cases for work, kinds in times.items() for name, t in kinds.items()}
             memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000
-            rows.append({"precision": precision, "trains": count, **by_case, "memory_MB": memory})
+            row = {"precision": precision, "trains": trains, "cams": cams, "speeds": count}
+            rows.append(row | by_case | {"memory_MB": memory})
             print(rows[-1], flush=True)
-        forces[precision] = np.asarray(motion(samples, batch, starts), float)
-    error = np.abs(forces["float32"] - forces["float64"]).max()
-    content = {"device": jax.default_backend(), "speeds_rpm": SPEEDS_RPM, "float32_error_N": float(error), "rows": rows}
+            forces[precision, trains, cams] = np.asarray(motion(*batch), float)
+    pairs = [(forces["float64", t, c], forces["float32", t, c]) for t, c, _ in sizes]
+    error = max(float(np.abs(double - single).max()) for double, single in pairs)
+    content = {"device": jax.default_backend(), "float32_error_N": error, "rows": rows}
     write_result("batch_scaling", size, content, {}, folder)
     return content
+
+
+def as_batch(precision: str, trains: list, samples: np.ndarray, speeds: np.ndarray) -> Batch:
+    """Trains under one cam, or many cams in one train, as arrays of a precision."""
+    dtype = PRECISIONS[precision]
+    systems = [tied_system(one) for one in trains]
+    rests = [np.repeat(np.asarray(rest_state(one))[:, :, None], len(speeds), axis=2) for one in trains]
+    system = jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves), dtype), *systems)
+    rest = jnp.asarray(np.stack(rests), dtype)
+    if len(samples) == 1:
+        return jnp.asarray(samples[0], dtype), system, jnp.asarray(speeds, dtype), rest
+    one = jax.tree.map(lambda leaf: leaf[0], system)
+    return jnp.asarray(samples, dtype), one, jnp.asarray(speeds, dtype), rest[0]
+
+
+@cache
+def programs(half_duration: float, parts: int, by_train: bool) -> tuple[Callable, Callable]:
+    """Forces of a batch, and the gradient of their sum by the samples of the lift, compiled."""
+    axes = (None, 0, None, 0) if by_train else (0, None, None, None)
+
+    def paths(samples, system, speeds, start, adjoint="forward"):
+        event, tie, width = (jnp.asarray(q, samples.dtype) for q in (half_duration, 1.0, WIDTH))
+        layer = Layer(width)
+        moved = tied_paths(system, samples, speeds, start, (-event, event), tie, layer, parts=parts, adjoint=adjoint)
+        return moved.force
+
+    def total(*batch):
+        return jnp.sum(jax.vmap(partial(paths, adjoint="reverse"), axes)(*batch))
+
+    return jax.jit(jax.vmap(paths, axes)), jax.jit(jax.grad(total))
 
 
 def least(run: Callable, *arguments) -> dict[str, float]:

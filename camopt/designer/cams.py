@@ -103,7 +103,7 @@ class CamFinder:
             shape = (*shape, self.dearest)
         program = self._program(scene, train, shape, coarse)
         if not coarse and takes_a_sequence:
-            program = converge_tangents(program, margin_N)
+            program = converge_tangents(program, margin_N, quick=True)
         try:
             optimum = program.solve(Margins(margin_N, margin_N, margin_N), explain=False)
         except Infeasible:

@@ -9,7 +9,7 @@ from experiments import batch_scaling
 
 def test_small_size(tmp_path):
     content = batch_scaling.main("small", tmp_path)
-    assert [row["trains"] for row in content["rows"]] == [1, 4, 1, 4]
+    assert [(row["trains"], row["cams"], row["speeds"]) for row in content["rows"]] == 2 * [(1, 1, 5), (4, 1, 5), (1, 2, 2)]
     assert all(
         row["motion_ms"] > 0.01 and row["gradient_processor_ms"] > row["motion_processor_ms"] for row in content["rows"]
     )
@@ -18,10 +18,13 @@ def test_small_size(tmp_path):
 
 def test_the_stored_result():
     content = json.loads((batch_scaling.RESULTS / "batch_scaling.json").read_text())
-    rows = {(row["precision"], row["trains"]): row for row in content["rows"]}
-    assert set(rows) == {(p, n) for p in batch_scaling.PRECISIONS for n in batch_scaling.COUNTS["full"]}
+    rows = {(row["precision"], row["trains"], row["cams"], row["speeds"]): row for row in content["rows"]}
+    by_train = {(n, 1, batch_scaling.SPEEDS) for n in batch_scaling.TRAINS["full"]}
+    by_cam = {(1, *cams) for cams in batch_scaling.CAMS["full"]}
+    assert set(rows) == {(p, *n) for p in batch_scaling.PRECISIONS for n in by_train | by_cam}
     assert content["device"] == "cpu"  # the page says that no accelerator was at hand
-    assert rows["float64", 64]["motion_processor_ms"] < 0.8 * rows["float64", 1]["motion_processor_ms"]  # a batch pays
+    one, many = (rows["float64", n, 1, batch_scaling.SPEEDS]["motion_processor_ms"] for n in (1, 64))
+    assert many < 0.8 * one  # a batch pays
 
 
 @pytest.mark.parametrize("seconds", [0.01])

@@ -11,10 +11,10 @@ linear, straight lines along a motion stand for them (see `tangents`).
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from math import factorial
 
 import numpy as np
 from scipy.linalg import expm
+from scipy.special import factorial
 
 from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
@@ -62,14 +62,21 @@ def sample_cam(cam: FreeCam, angles: Angles, step: float = SAMPLE, about: Lift |
     edges[0], edges[-1] = -np.pi, np.pi
     first = _first_edges(edges, borders, angles)
     low, high = edges[first], edges[np.append(first[1:], len(edges) - 1)]
-    middle = 0.5 * (low + high)  # a derivative that steps at a knot is that of the block there
+    # a derivative that steps at a knot is that of the piece on which the block lies
+    piece, block = np.unique(np.searchsorted(borders, 0.5 * (low + high)) - 1, return_inverse=True)
+    middle = 0.5 * (borders[piece] + borders[piece + 1])
     taylor = np.stack([_affine(cam, middle, order, about) for order in range(LIFT_DERIVATIVES)], axis=1)
     begin = np.zeros((len(first), LIFT_DERIVATIVES + 1, 1 + cam.Z.shape[1]))
-    for k in range(LIFT_DERIVATIVES):
-        factor = (low - middle) ** k / factorial(k)
-        begin[:, : LIFT_DERIVATIVES - k] += factor[:, None, None] * taylor[:, k:]
+    np.matmul(_shift(low - middle[block]), taylor[block], out=begin[:, :-1])
     begin[:, -1, 0] = 1.0
     return CamSamples(edges, first, begin)
+
+
+def _shift(by: np.ndarray) -> np.ndarray:
+    """What carries a polynomial's value and derivatives over angles (b) [rad], shape (b, 7, 7)."""
+    order = np.arange(LIFT_DERIVATIVES)
+    power = order - order[:, None]
+    return np.where(power < 0, 0.0, by[:, None, None] ** np.maximum(power, 0)) / factorial(np.maximum(power, 0))
 
 
 def _first_edges(edges: np.ndarray, borders: np.ndarray, angles: Angles) -> np.ndarray:
@@ -173,9 +180,10 @@ def periodic_response(train: Train, samples: CamSamples, cam_speed: float, angle
     powers, n2 = steps.powers(int(count.max())), 2 * len(train.mass)
     columns, whole = samples.begin.shape[2], powers[count, kind]
     begin = np.zeros((len(first), powers.shape[-1], columns))
-    begin[:, n2 : n2 + LIFT_DERIVATIVES + 1] = samples.begin
-    begin[:, n2 + LIFT_DERIVATIVES + 1 :, 0] = steps.load[first]
-    push = whole[:, :n2, n2:] @ begin[:, n2:]
+    lift = slice(n2, n2 + LIFT_DERIVATIVES + 1)
+    begin[:, lift], begin[:, lift.stop :, 0] = samples.begin, steps.load[first]
+    push = whole[:, :n2, lift] @ begin[:, lift]
+    push[:, :, :1] += whole[:, :n2, lift.stop :] @ begin[:, lift.stop :, :1]
     carried = np.empty((len(first) + 1, n2, n2 + columns))  # homogeneous answers, then forced ones from zero
     carried[0] = np.eye(n2, n2 + columns)
     for j in range(len(first)):

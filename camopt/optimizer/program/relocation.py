@@ -18,9 +18,12 @@ from camopt.scene.train import Train
 
 REVOLUTIONS = 8
 """Revolutions from rest before the angles are read: surge decays by half or more in each."""
-STANDS = 1e-5
-"""Change of the area ratio below which the tangents stand: a fifth of what the search tells apart."""
+STANDS, STANDS_ROUGHLY = 1e-5, 5e-5
+"""Change of the area ratio below which the tangents stand: a fifth of what the search tells apart, and half a unit of
+its fourth digit."""
 MOST_SOLUTIONS = 8
+NONE_HOLDS = 2
+"""Programs in succession without a cam that keeps the margin, after which none is expected."""
 
 
 class NoLoadTransfer(ValueError):
@@ -86,21 +89,24 @@ def relocate(program: NoJumpProgram, lift: Lift, revolutions: int = REVOLUTIONS)
     return moved if moved.cam.about.near is None else replace(moved, cam=near(moved.cam, lift))
 
 
-def converge_tangents(program: NoJumpProgram, margin_N: float = HELD_N) -> NoJumpProgram:
+def converge_tangents(program: NoJumpProgram, margin_N: float = HELD_N, quick: bool = False) -> NoJumpProgram:
     """The program linearised about the motions of its own cam, and again about the next one, until its area converges.
 
     Before that come the angles at which the jerk changes its sign, for a design that limits how often it does, and the
     cam near which the radii under a roller or pad are held. The margin on all contact forces falls by as much as no cam
-    can hold. A program whose train is linear is given back with these. Raises NoCamHoldsContact where the limits on
-    the shape allow no cam.
+    can hold. With `quick` it ends once the tangents stand roughly, or NONE_HOLDS programs have shown that none holds it.
+    A program whose train is linear is given back with these. Raises NoCamHoldsContact where the limits on the shape
+    allow no cam.
     """
     program = with_radii(with_switches(program, margin_N), margin_N)
     if is_linear(program.train):
         return program
-    area = -np.inf
+    area, short = -np.inf, 0
     for _ in range(MOST_SOLUTIONS):
         found = program.solve_below(np.full((3, len(program.blocks)), margin_N))
-        if abs(found.area_ratio - area) < STANDS:
+        short = short + 1 if found.margins.min() < margin_N else 0
+        change = abs(found.area_ratio - area)
+        if change < STANDS or (quick and (change < STANDS_ROUGHLY or short == NONE_HOLDS)):
             break
         area, program = found.area_ratio, relocate(program, found.lift)
     return program

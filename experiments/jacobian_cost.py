@@ -1,0 +1,76 @@
+"""How does the cost of a Jacobian of the paths grow with masses, speeds, trains and coefficients?
+
+    python -m experiments.jacobian_cost [small|full]
+
+`camopt.linearised` of the calmest free cam of `kodama`, by both sources: forces and gaps of the settled motion with
+tied contacts, and their derivatives by every coefficient. One number grows, and the others keep theirs: ten masses, the
+top speed alone, the train as designed, and the coefficients of knots every 6 degrees. The spring is divided more finely
+for more masses and reduced as `camopt reduce` does for fewer. Times are those of the processor in the least of several
+calls, after one that compiles.
+"""
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+import camopt
+from camopt.optimizer.ascent.ascent import calmest
+from camopt.scene import Scene
+from camopt.study.reduce.reduction import milliseconds
+from experiments.cost_scaling import scenes_by_masses
+from experiments.support.record import RESULTS, run_script, write_result
+
+SOURCES = ("smooth", "exact")
+MASSES = {"small": (10, 1), "full": (45, 25, 15, 10, 5, 3, 2)}
+SPEEDS = {"small": (1, 2), "full": (1, 4, 16, 64)}
+TRAINS = {"small": (1, 2), "full": (1, 4, 16, 64, 256)}
+KNOTS_DEG = {"small": (6.0, 3.0), "full": (6.0, 3.0, 1.5, 1.0, 0.7)}
+KNOT_DEG = 6.0
+SLOWEST_RPM, TOP_RPM = 5000.0, 7000.0
+REPEATS = {"small": 1, "full": 3}
+
+
+def main(size: str = "full", folder: Path = RESULTS) -> dict:
+    """By source the milliseconds of each Jacobian, and the power with which they grow; writes `jacobian_cost.json`."""
+    rows, powers = [], []
+    for source in SOURCES:
+        for by, scene, arguments, knot_deg in grown(size):
+            cam = calmest(scene, knot_deg)
+            call = partial(camopt.linearised, scene, cam, source=source, **arguments)
+            sizes = call().sizes
+            count = {"masses": len(scene.mass), "coefficients": sizes["coefficient"], "speeds": sizes["speed_rpm"]}
+            count["trains"] = sizes.get("train", 1)
+            rows.append({"source": source, "by": by, "count": count[by], "ms": milliseconds(call, REPEATS[size])})
+            print(rows[-1], flush=True)
+        for by in count:
+            tried = [(row["count"], row["ms"]) for row in rows if (row["source"], row["by"]) == (source, by)]
+            powers.append({"source": source, "by": by, "power": power(tried)})
+    content = {"rows": rows, "powers": powers}
+    write_result("jacobian_cost", size, content, {}, folder)
+    return content
+
+
+def grown(size: str) -> Iterator[tuple[str, Scene, dict, float]]:
+    """What grows, with scene, arguments of `linearised` beside it, and interval of the knots [deg]."""
+    kodama, top = camopt.load_scene("kodama"), {"speeds_rpm": (TOP_RPM,)}
+    for scene in scenes_by_masses(kodama, size):
+        if len(scene.mass) in MASSES[size]:
+            yield "masses", scene, top, KNOT_DEG
+    for count in SPEEDS[size]:
+        yield "speeds", kodama, {"speeds_rpm": tuple(np.linspace(TOP_RPM, SLOWEST_RPM, count))}, KNOT_DEG
+    for count in TRAINS[size]:
+        yield "trains", kodama, top | {"trains": count}, KNOT_DEG
+    for knot_deg in KNOTS_DEG[size]:
+        yield "coefficients", kodama, top, knot_deg
+
+
+def power(points: list[tuple[int, float]]) -> float:
+    """The power of the number in which the time grows, over the upper half of the numbers."""
+    upper = np.log(sorted(points)[len(points) // 2 - (len(points) < 3) :])
+    return float(np.polyfit(upper[:, 0], upper[:, 1], 1)[0])
+
+
+if __name__ == "__main__":
+    run_script(main, __doc__)

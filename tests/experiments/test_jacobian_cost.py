@@ -1,0 +1,33 @@
+"""Cost of a Jacobian: each number that grows is counted, and the time grows with the speeds."""
+
+import json
+
+import pytest
+
+from experiments import jacobian_cost
+
+
+def test_small_size(tmp_path):
+    content = jacobian_cost.main("small", tmp_path)
+    counts = {(row["source"], row["by"]): [] for row in content["rows"]}
+    for row in content["rows"]:
+        counts[row["source"], row["by"]].append(row["count"])
+    for source in jacobian_cost.SOURCES:
+        assert counts[source, "masses"] == [10, 1]
+        assert counts[source, "speeds"] == counts[source, "trains"] == [1, 2]
+        assert counts[source, "coefficients"] == [23, 47]  # of an event of 162 deg, less four conditions
+    assert (tmp_path / "jacobian_cost.json").is_file()
+
+
+def test_the_stored_result():
+    content = json.loads((jacobian_cost.RESULTS / "jacobian_cost.json").read_text())
+    powers = {(row["source"], row["by"]): row["power"] for row in content["powers"]}
+    for source in jacobian_cost.SOURCES:
+        assert 0.5 < powers[source, "speeds"] < 1.5
+        assert powers[source, "coefficients"] < 1.0  # a column more costs less than its share
+
+
+def test_the_power_is_that_of_the_upper_half():
+    points = [(1, 5.0), (4, 5.0), (16, 2.0 * 16**1.5), (64, 2.0 * 64**1.5)]
+    assert jacobian_cost.power(points) == pytest.approx(1.5)
+    assert jacobian_cost.power([(1, 3.0), (2, 6.0)]) == pytest.approx(1.0)
