@@ -155,6 +155,19 @@ class DrivenTies(eqx.Module):
         return lift, lift_dtheta * self.cam_speed, self.tie * jnp.where(inside, 1.0, self.tied.at_rest)[:, None]
 
 
+class Grid(diffrax.StepTo):
+    """Steps to given times, which ascend: without the checks of diffrax, whose callbacks keep JAX from storing a
+    program that has them, in a process where equinox was imported before this package."""
+
+    def wrap(self, direction):
+        """The same times: they ascend."""
+        return self
+
+    def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
+        """The end of the first step, and the number of the time after it."""
+        return self.ts[1], 2
+
+
 @partial(jax.jit, static_argnames=("parts", "adjoint", "whole"))
 def tied_paths(
     tied: TiedSystem,
@@ -182,9 +195,7 @@ def tied_paths(
     def read(theta, y, _):
         return driven.reading(theta, y, whole)
 
-    with jax.ensure_compile_time_eval():  # diffrax then checks the grid now, and not by a callback at every call
-        grid = jnp.asarray(equal_grid(steps), y0.dtype)
-        controller = diffrax.StepTo(ts=grid)
+    grid = jnp.asarray(equal_grid(steps), y0.dtype)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(lambda theta, y, _: driven.rate(theta, y)),
         LowStorage(parts),
@@ -193,7 +204,7 @@ def tied_paths(
         None,
         y0,
         saveat=diffrax.SaveAt(subs=[diffrax.SubSaveAt(steps=True, fn=read), diffrax.SubSaveAt(t1=True)]),
-        stepsize_controller=controller,
+        stepsize_controller=Grid(ts=grid),
         adjoint=ADJOINTS[adjoint](),
         max_steps=steps,
         throw=False,

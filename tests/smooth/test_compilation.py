@@ -1,5 +1,8 @@
 """Compiled programs are kept, and one that takes long to compile says so."""
 
+import os
+import subprocess
+import sys
 import time
 
 import jax
@@ -41,6 +44,37 @@ def test_the_tied_motion_and_its_gradient_have_no_host_callback(name):
 
     text = jax.jit(jax.grad(total)).lower(samples).as_text()
     assert "while" in text and "callback" not in text
+
+
+PROCESS = """
+import diffrax, jax, jax.monitoring
+import camopt, numpy as np
+counts = {"compile_requests_use_cache": 0, "cache_hits": 0}
+def listen(event, **_):
+    for name in counts:
+        counts[name] += event == f"/jax/compilation_cache/{name}"
+jax.monitoring.register_event_listener(listen)
+scene = camopt.load_scene("motori-1")
+free = camopt.free_cam(scene.design, 6.0)
+cam = free.lift(np.zeros(free.Z.shape[1]))
+value = camopt.objective(scene, constraints={"contact_force_N": 0.0}, source="smooth").of(cam)
+from camopt.optimizer.ascent.lagrangian import PathLagrangian
+lagrangian = PathLagrangian(value)
+held = lagrangian.begin(value.parameters, cam)
+jax.jit(jax.grad(lambda own: lagrangian(value(own), own, held)[0]))(value.parameters)
+print(*counts.values())
+"""
+
+
+def test_programs_are_kept_where_diffrax_was_imported_before(tmp_path):
+    """equinox then has its checks as callbacks, and JAX keeps no program that has one."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(("JAX_", "EQX_"))}
+    environment["XDG_CACHE_HOME"] = str(tmp_path)
+    for _ in range(2):
+        words = [sys.executable, "-c", PROCESS]
+        done = subprocess.run(words, env=environment, capture_output=True, text=True, check=True)
+    asked, hits = map(int, done.stdout.split())
+    assert hits == asked > 0
 
 
 def test_a_folder_that_jax_has_is_left_to_it(tmp_path):

@@ -94,9 +94,9 @@ def converge_tangents(program: NoJumpProgram, margin_N: float = HELD_N, quick: b
 
     Before that come the angles at which the jerk changes its sign, for a design that limits how often it does, and the
     cam near which the radii under a roller or pad are held. The margin on all contact forces falls by as much as no cam
-    can hold. With `quick` it ends once the tangents stand roughly, or NONE_HOLDS programs have shown that none holds it.
-    A program whose train is linear is given back with these. Raises NoCamHoldsContact where the limits on the shape
-    allow no cam.
+    can hold. With `quick` it ends once the tangents stand roughly, or once NONE_HOLDS programs have shown that no cam
+    holds the margin. A program whose train is linear is given back with these. Raises NoCamHoldsContact where the
+    limits on the shape allow no cam.
     """
     program = with_radii(with_switches(program, margin_N), margin_N)
     if is_linear(program.train):

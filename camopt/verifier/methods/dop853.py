@@ -10,6 +10,7 @@ is searched for switchings. They also decide the relative error permitted, which
 """
 
 from bisect import bisect_right
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -149,16 +150,8 @@ class _Motion:
             d = self.surfaces(y[:, None], *self.cam(t), acting)[2]
             y = np.append(y[: 2 * n], self.laws.followed(d[:, 0], y[2 * n :], phases))
 
-        def rate(t, y):
-            _, force, _, d_rate, _ = self.surfaces(y[:, None], *self.cam(t), acting)
-            force = acting.acts * force[:, 0]
-            given = load + ramp * t if self.forcing else load
-            moved = y[n : 2 * n], (given - self.drag * y[n : 2 * n] - force @ self.rows) / self.mass
-            if not memory:
-                return np.concatenate(moved)
-            return np.concatenate([*moved, acting.follows * d_rate[memory, 0] + force[memory] * acting.per_leak])
-
         floors: Any = error * self.floors  # SciPy takes an array here, its stubs do not say so
+        rate = self.rate_with(acting, load, ramp)
         solver = DOP853(rate, t, y, stop, max_step=grid[-1] / 360, rtol=error, atol=floors)
         times, states, after = [np.array([t])], [y[:, None]], None
         while solver.status == "running" and after is None:
@@ -179,6 +172,48 @@ class _Motion:
         pushes = [*self.contacts, *self.laws.oil]
         force[pushes] = np.maximum(force[pushes], 0.0)  # a switching is located to round-off
         return (time, state.T, force.T), {} if after is None else after
+
+    def rate_with(self, acting: Acting, load: np.ndarray, ramp: np.ndarray) -> Callable:
+        """The derivative of the state (2n + r) by the time [s], with the laws of a set of phases and given forces.
+
+        Straight lines are one matrix on the state, the lift, its rate, one and the time; bent laws are added to it.
+        """
+        n, size, bent, memory = len(self.mass), len(self.floors), self.laws.bent, self.memory
+        x, v, z, lift, slope, one, time = (slice(0, n), slice(n, 2 * n), slice(2 * n, size), *range(size, size + 4))
+        d, rate, force = np.zeros((3, len(self.rows), size + 4))
+        d[:, x], d[:, lift], d[:, one] = self.rows, self.driven[:, 0], -self.gap[:, 0]
+        rate[:, v], rate[:, slope] = self.rows, self.driven[:, 0]
+        force[:] = acting.slope * d + self.damping * rate
+        force[:, z] += acting.by_memory
+        force[:, one] += acting.base[:, 0]
+        force[~acting.acts], force[bent] = 0.0, 0.0
+        moved = np.zeros((size, size + 4))
+        moved[x, v], moved[v] = np.eye(n), -self.rows.T @ force
+        moved[v, v] -= np.diag(self.drag)
+        moved[v, one] += load
+        moved[v, time] = ramp
+        moved[v] /= self.mass[:, None]
+        moved[z] = acting.follows[:, None] * rate[memory] + acting.per_leak[:, None] * force[memory]
+        pushes = -(acting.acts[:, None] * self.rows)[bent].T / self.mass[:, None]
+        seen, damping, dissipation = (
+            np.concatenate([d[bent], rate[bent]]),
+            self.damping[bent],
+            self.laws.dissipation[bent],
+        )
+        state, count = np.ones(size + 4), len(bent)
+
+        def derivative(t: float, y: np.ndarray) -> np.ndarray:
+            state[:size] = y
+            state[lift], state[slope] = self.cam(t)
+            state[time] = t
+            change = moved @ state
+            if count:
+                u = (seen @ state)[:, None]
+                elastic = self.laws.bent_force(u[:count])
+                change[v] += pushes @ (elastic + (damping + dissipation * elastic) * u[count:])[:, 0]
+            return change
+
+        return derivative
 
     def _surfaces_at(self, time: np.ndarray, state: np.ndarray, acting: Acting) -> tuple[np.ndarray, ...]:
         theta = time * self.cam_speed - np.pi

@@ -67,6 +67,7 @@ class PieceLaws:
         self.touch = -self.preload / self.stiffness
         self.contacts, self.damped = np.flatnonzero(train.contact), train.damping > 0
         self.power, self.curves, self.lines = np.zeros(0, dtype=int), {}, {}
+        self.bent = np.zeros(0, dtype=int)  # elements whose force is no straight line of the compression
         self.dissipation = np.zeros_like(self.preload)
         self.memory, self.oil = list(train.memory), np.zeros(0, dtype=int)
         if train.laws is None:
@@ -80,25 +81,33 @@ class PieceLaws:
         for e in np.flatnonzero(laws.kind == PROGRESSIVE):
             self.curves[int(e)] = work = _curve(laws.table[e], train.preload[e])
             self.touch[e] = work.roots(extrapolate=False)
+        self.bent = np.concatenate([self.power, np.array([*self.curves], dtype=int)])
         for e in np.flatnonzero(laws.kind == TABLE):
             self.lines[int(e)] = c, base, slope = _lines(laws.table[e])
             row = np.searchsorted(base + slope * np.append(c, np.inf), 0.0)  # whose end has a force above zero
             self.touch[e] = -base[row] / slope[row]
 
     def force(self, d: np.ndarray, z: np.ndarray, acting: Acting) -> np.ndarray:
-        """Elastic force [N] at compressions d (e, m) and memories z (r, m) [m].
+        """Elastic force [N] at compressions d (e, m) and memories z (r, m) [m]."""
+        force = acting.base + acting.slope * d
+        if self.memory:
+            force += acting.by_memory @ z
+        if len(self.bent):
+            force[self.bent] = self.bent_force(d[self.bent])
+        return force
+
+    def bent_force(self, d: np.ndarray) -> np.ndarray:
+        """Elastic force [N] of the `bent` elements (b) at their compressions d (b, m) [m].
 
         That of a power of the depth is continued as an odd function about its touch, so that it is smooth enough to
         locate a root across it.
         """
-        force = acting.base + acting.slope * d
-        if self.memory:
-            force += acting.by_memory @ z
-        u = d[self.power] - self.touch[self.power]
-        force[self.power] = self.coefficient * np.sign(u) * np.abs(u) ** self.exponent if len(self.power) else u
-        for e, work in self.curves.items():
-            force[e] = work(d[e])
-        return force
+        count = len(self.power)
+        u = d[:count] - self.touch[self.power]
+        force = self.coefficient * np.sign(u) * np.abs(u) ** self.exponent
+        if not self.curves:
+            return force
+        return np.concatenate([force, *(work(d[i : i + 1]) for i, work in enumerate(self.curves.values(), count))])
 
     def first_phases(self, d: np.ndarray, rate: np.ndarray, z: np.ndarray) -> Phases:
         """The rows and memories at compressions d (e) with rates (e) and memories z (r)."""
