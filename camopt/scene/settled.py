@@ -43,8 +43,8 @@ def revolutions_needed(decay: float) -> int:
 
 def goes_on(revolutions: int, most: int, within: int) -> bool:
     """Whether a motion that has run so many revolutions, `within` of them up to now within the tolerances, may yet be
-    seen to settle."""
-    return revolutions < most or 0 < within < WATCHED
+    seen to settle. One that comes within them again and again, and leaves them as often, wanders."""
+    return revolutions < most or (0 < within < WATCHED and revolutions - most < RANGED)
 
 
 def goes_back(settles: bool, late: int, within: int) -> bool:

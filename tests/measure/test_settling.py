@@ -8,7 +8,7 @@ import pytest
 from camopt.measure.settling import Figures, settle
 from camopt.scene import MotionRefused, Response
 from camopt.scene.laws import LINEAR, OIL
-from camopt.scene.settled import MEASURED, WATCHED
+from camopt.scene.settled import MEASURED, PLAIN_REVOLUTIONS, RANGED, SETTLED_POSITION, WATCHED
 from camopt.scene.train import GROUND
 from camopt.scene.vibration import slowest_leak
 from tests.verifier.trains import ball_on_seat, laws, train
@@ -44,6 +44,18 @@ def test_what_does_not_settle_is_aperiodic_and_measured_longer():
     assert not settled.periodic and settled.revolutions == 40
     assert settled.response.revolutions == 9
     assert settle(revolve_to(lambda y: -y), np.array([1e-3, 0.0]), most=7, aperiodic=3).response.revolutions == 4
+
+
+def test_what_comes_within_the_tolerances_again_and_again_and_leaves_them_as_often_wanders():
+    changes = np.array([0.5, 3.0, 0.5, 0.5, 0.5, 0.5]) * SETTLED_POSITION  # beyond them in the first that is measured
+    turns = iter(range(1000))
+
+    def after(y):
+        turn = next(turns)
+        return y + np.array([changes[turn % 6] * (-1) ** turn, 0.0])
+
+    settled = settle(revolve_to(after), np.zeros(2))
+    assert not settled.periodic and PLAIN_REVOLUTIONS + RANGED <= settled.revolutions < PLAIN_REVOLUTIONS + RANGED + 12
 
 
 @pytest.mark.parametrize("after", [lambda y: 2e9 * y, lambda y: np.nan * y])

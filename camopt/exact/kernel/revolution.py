@@ -189,7 +189,7 @@ def turn(train, cam, h, tables, work, room, most):
             begin_segment(trace, count, angle, offset, slot, piece, y, out[len(y) :])
         length, watch, whole = cross(tables, slot, h, columns, (end - t) / h, work)
         t = t + length * h if watch >= 0 else end
-        if watch < 0 and end == border and piece + 2 < len(cam.borders):
+        if watch < 0 and end >= border and piece + 2 < len(cam.borders):
             piece += 1
             columns = at + inputs_at(cam.pieces[piece], forces, 0.0, scale, y[at:])
         elif not whole:
