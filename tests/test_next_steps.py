@@ -1,6 +1,7 @@
 """The last line of a command: what to do next, and after a failure or an interrupt what is left where."""
 
 import errno
+import os
 import re
 import shlex
 
@@ -111,6 +112,15 @@ def test_a_command_does_not_write_over_what_it_reads(capsys, monkeypatch, tmp_pa
     code, _, err = run(capsys, "cam", "kodama", "--cam", "lift.csv", option, str(tmp_path / "lift.csv"))
     assert code == 2 and len(err.splitlines()) == 1
     assert "reads that file as its cam, and would overwrite it: name another file" in err
+
+
+def test_a_command_does_not_write_two_things_to_one_file(capsys, monkeypatch, tmp_path):
+    stand_in(monkeypatch, tmp_path, "cam", lambda args: 0)
+    words = ("cam", "kodama", "--cam", "polydyne", "--csv", "lift.csv", "--contour")
+    code, _, err = run(capsys, *words, "./lift.csv")
+    assert code == 2 and "--csv and --contour name the same file, ./lift.csv" in err
+    assert run(capsys, *words, "contour.csv")[0] == 0
+    assert run(capsys, *words[:5], os.devnull, "--contour", os.devnull)[0] == 0
 
 
 class TestLeftBehind:

@@ -92,13 +92,19 @@ def collecting_rarely() -> Iterator[None]:
 
 
 def check_outputs(args: argparse.Namespace) -> None:
-    """Raises InputError for a file that cannot be written, and for one that the command reads: it would be lost."""
+    """Raises InputError for a file that cannot be written, and for one that would be lost: the command reads it, or is
+    to write two things to it."""
+    written: dict[str, str] = {}
     read = {name: path for name in READ if os.path.isfile(path := getattr(args, name, None) or "")}
     for option in WRITTEN:
         path = getattr(args, option, None)
         if path is None:
             continue
         check_file(path)
+        is_device = os.path.exists(path) and not os.path.isfile(path)
+        if not is_device and (first := written.setdefault(os.path.realpath(path), option)) != option:
+            both = " and ".join(f"--{name.replace('_', '-')}" for name in (first, option))
+            raise InputError(f"{both} name the same file, {path}, which holds one of them: name another file")
         for name, source in read.items():
             if os.path.exists(path) and os.path.samefile(path, source):
                 raise InputError(
