@@ -256,7 +256,7 @@ class _OpenRun:
         with self.clock.stage("yield"):
             asked = {"baselines": baselines, "advance": shown.advance}
             stated = statement_of_run(self.scene, lift, self.settings, folder, **asked)
-            further = beside(self.scene, lift, self.settings, stated, folder)
+            further = beside(self.scene, lift, self.settings, stated, folder, self.start)
         if stated is not None:
             write_json(folder / "verification.json", verdict.as_dict() | {"yield": stated.as_dict() | further})
             self.write_provenance(folder)

@@ -22,13 +22,18 @@ TRAINS, SPEEDS = 200, 11
 
 
 def beside(
-    scene: Scene, lift: Lift, settings: Mapping[str, Any], stated: YieldStatement | None, folder: Path
+    scene: Scene,
+    lift: Lift,
+    settings: Mapping[str, Any],
+    stated: YieldStatement | None,
+    folder: Path,
+    start: Lift | None = None,
 ) -> dict[str, Any]:
     """Entries of verification.json's "yield" by the `settings` of a run: for a yield that was asked for the cam for the
     train as designed, which is written into the folder; else, where fewer trains hold than are advised, an estimate of
-    the cam for so many, which is no larger than the run's."""
+    the cam for so many, which is no larger than the run's. A search begins from the cam `start`, as the run's does."""
     if "yield" in settings:
-        return {"ideal": write_ideal(scene, settings, folder)}
+        return {"ideal": write_ideal(scene, settings, folder, start)}
     if stated is None or stated.share.low >= ADVISED or settings["speeds"] != "band":
         return {}
     try:
@@ -40,15 +45,14 @@ def beside(
     return {"advised": {"share": ADVISED, "area_ratio": min(area_ratio, lift.area_ratio_in(scene.design))}}
 
 
-def write_ideal(scene: Scene, settings: Mapping[str, Any], folder: Path) -> dict | None:
+def write_ideal(scene: Scene, settings: Mapping[str, Any], folder: Path, start: Lift | None = None) -> dict | None:
     """Writes `ideal/design.json` and `ideal/lift.csv` and says what they are: area ratio and share of trains with its
     interval. The search's own judge holds the cam, no verdict is asked. None where no cam holds.
     """
     assert scene.design is not None, "load_scene(..., need='design') guarantees it"
+    effort = accuracy_named(settings["accuracy"])
     try:
-        search = find_cam(
-            scene, settings["speeds"], accuracy_named(settings["accuracy"]), settings["gradient"], seed=settings["seed"]
-        )
+        search = find_cam(scene, settings["speeds"], effort, settings["gradient"], start=start, seed=settings["seed"])
     except NoCamFound:
         return None
     cam = search.confirmed[-1]

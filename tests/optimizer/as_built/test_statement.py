@@ -25,6 +25,7 @@ from camopt.report.folder import read_run_folder
 from camopt.report.outcome import outcome_lines
 from camopt.report.regenerated import differences
 from camopt.scene import load_scene, parse_scene
+from camopt.scene.errors import NoCamFound
 from camopt.storage.journal import Records
 from tests.scene.test_load import EXAMPLE
 from tests.test_docs import undocumented
@@ -119,6 +120,20 @@ def test_beside_a_cam_for_a_yield_lies_the_one_for_the_train_as_designed(tmp_pat
     assert read_design(run.folder / "design.json", SCENE).area < larger.area  # what is ground is the other one
     assert any("lies in ideal/" in line for line in outcome_lines(read_run_folder(run.folder)))
     assert "for the train as designed" in (run.folder / "figures" / "profiles.svg").read_text()
+
+
+def test_the_ideal_cam_is_searched_as_the_run_says(monkeypatch, tmp_path):
+    asked = {}
+
+    def none(*arguments, **how):
+        asked.update(how)
+        raise NoCamFound("none")
+
+    monkeypatch.setattr(ideal, "find_cam", none)
+    settings = {"speeds": "band", "accuracy": "draft", "gradient": "exact", "seed": 3}
+    start = polydyne(SCENE)
+    assert ideal.write_ideal(SCENE, settings, tmp_path, start) is None
+    assert asked == {"start": start, "seed": 3}
 
 
 def test_an_interrupted_statement_leaves_a_whole_run_and_goes_on(job, tmp_path, monkeypatch, judged):
