@@ -170,15 +170,19 @@ def matrix(run: RunFolder, limits: list[dict]) -> dict:
 
 
 def _of_shape(row: dict) -> dict:
-    """The cell of a limit on the shape; where no share can be told, whether it holds."""
+    """The cell of a limit on the shape; where no share can be told, whether it holds. A cam that reaches a limit but for
+    the rounding of its file holds it."""
     kind = {True: "calm", False: "bad", None: "unknown"}[row["held"]]
-    cell = _cell(row["share"]) if row["share"] is not None else {"words": row["state"], "worst": False}
-    return cell | {"kind": kind}
+    words = row["state"] if row["share"] is None else ("✗ " if kind == "bad" else "") + _percent(row["share"])
+    return {"words": words, "worst": False, "kind": kind}
 
 
 def _cell(share: float | None, worst: bool = False) -> dict:
     if share is None:
         return {"words": "?", "kind": "unknown", "worst": False}
-    words = f"{100 * share:.0f} %" if share < 10 else f"{share:.0f} times"
     kind = "bad" if share > 1 + 1e-6 else "near" if share >= NEAR else "calm"
-    return {"words": ("✗ " if kind == "bad" else "") + words, "kind": kind, "worst": worst}
+    return {"words": ("✗ " if kind == "bad" else "") + _percent(share), "kind": kind, "worst": worst}
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %" if share < 10 else f"{share:.0f} times"

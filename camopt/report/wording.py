@@ -69,7 +69,7 @@ def shown(value, digits: int = 4) -> str:
         return str(value)
     if math.isfinite(value) and abs(value) >= 10**digits:
         return f"{value:.0f}".replace("-", "−")
-    return f"{value:.{digits}g}".replace("-", "−")
+    return f"{value + 0.0:.{digits}g}".replace("-", "−")  # no sign before a zero
 
 
 def in_words(values: list) -> str:

@@ -74,6 +74,17 @@ def test_rows_are_held_where_the_judge_of_the_shape_says_so(write, contents):
     assert named["lift at an angle"]["shape"]["kind"] == "bad"
 
 
+@pytest.mark.parametrize(("short", "words"), [(1e-5, "100 %"), (1e-2, "✗ 101 %")])
+def test_the_matrix_crosses_out_what_the_judge_of_the_shape_refuses(write, contents, short, words):
+    """A lift that a file's digits leave a little short is reached."""
+    design = drawn(max_lift_mm=LIFT.max_lift / MM * (1 + short), reach_max_lift=True)
+    run = read_run_folder(write(contents, "motori-1"))
+    rows = limit_rows(run, (LIFT, design))
+    assert ("reach_max_lift" in broken_by_shape(LIFT, design)) is words.startswith("✗")
+    named = {row["label"]: row for row in matrix(run, rows)["rows"]}
+    assert named["lift to be reached"]["shape"]["words"] == words
+
+
 @pytest.mark.parametrize("over", [5e-7, -5e-7])
 def test_a_row_has_the_slack_of_the_verdict(write, contents, over):
     """A limit that the cam passes by less than any printed digit shows is broken in the table as in the verdict."""

@@ -203,13 +203,16 @@ def velocity_scale(train: Train) -> float:
     return float(np.sqrt(np.max(np.einsum("e,en,en->n", train.stiffness, d, d) / train.mass)))
 
 
-def _generator(train: Train, closed: np.ndarray, cam_speed: float, stiffness: np.ndarray | None = None) -> np.ndarray:
+def _generator(
+    train: Train, scaled: tuple[np.ndarray, float], closed: np.ndarray, cam_speed: float, stiffness: np.ndarray | None
+) -> np.ndarray:
     """d/dtheta of (x, v / omega, lift derivatives, 1) with the elements `closed` acting, shape (2 n + 8, 2 n + 8).
 
-    With the `stiffness` (e) of tangents n further states follow: constant forces on the masses [N], all there are.
+    `scaled` are the train's incidence and omega, its velocity scale. With the `stiffness` (e) of tangents n further
+    states follow: constant forces on the masses [N], all there are.
     """
-    n, omega, further = len(train.mass), velocity_scale(train), stiffness is not None
-    d = incidence(train)[closed]
+    (every, omega), n, further = scaled, len(train.mass), stiffness is not None
+    d = every[closed]
     k, c = (train.stiffness if stiffness is None else stiffness)[closed], train.damping[closed]
     drive = train.cam_driven[closed].astype(float)
     per_mass = 1.0 / train.mass[:, None]
@@ -253,6 +256,7 @@ class ExactSteps:
 def exact_steps(train: Train, edges: np.ndarray, cam_speed: float, angles: Angles) -> ExactSteps:
     """Steps between `edges` [rad] with the phases of `angles`; steps equal to round-off share one exponential."""
     middles, contacts = 0.5 * (edges[1:] + edges[:-1]), phase_contacts(train)
+    scaled = incidence(train), velocity_scale(train)
     phases, tangents = angles.phase(middles), angles.tangents
     kinds = np.column_stack([phases, _rounded_widths(edges)])
     load = np.zeros((len(middles), 0))
@@ -260,9 +264,9 @@ def exact_steps(train: Train, edges: np.ndarray, cam_speed: float, angles: Angle
         line = tangents.at(middles)
         kinds = np.column_stack([kinds, tangents.stiffness[line]])
         pull = contacts[phases] * (tangents.load[line] - tangents.stiffness[line] * train.gap)
-        load = train.mass_force + tangents.push[line] - pull @ incidence(train)
+        load = train.mass_force + tangents.push[line] - pull @ scaled[0]
     kinds, kind = np.unique(kinds, axis=0, return_inverse=True)
     of = [(contacts[int(row[0])], row[2:] if tangents is not None else None) for row in kinds]
-    generator = np.stack([_generator(train, closed, cam_speed, stiffness) for closed, stiffness in of])
+    generator = np.stack([_generator(train, scaled, closed, cam_speed, stiffness) for closed, stiffness in of])
     width = kinds[:, 1]
     return ExactSteps(generator, width, expm(generator * width[:, None, None]), kind, load)
