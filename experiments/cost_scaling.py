@@ -1,15 +1,10 @@
-"""How does the cost of a revolution grow with masses, contacts, speeds and cams, and what does one mass save?
+"""How does the cost of a revolution grow with masses and contacts, and what does one mass save?
 
 Train: `kodama`, its spring divided more finely for more masses, reduced as `camopt reduce` does for fewer. First
 revolution from rest of the plain Polydyne, fixed-step paths at the step that the highest mode asks for. Processor time,
 or time on the wall where JAX is in play.
 """
 
-import time
-from dataclasses import replace
-
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from camopt.cam.families.polydyne import polydyne
@@ -17,10 +12,6 @@ from camopt.exact import engine
 from camopt.scene import Scene, build_train, load_scene, parse_scene
 from camopt.scene.rest import state_at_rest
 from camopt.scene.toml_text import scene_toml
-from camopt.smooth.rest import rest_state
-from camopt.smooth.scan import DrivenSystem
-from camopt.smooth.simulate import lift_samples, response_arrays
-from camopt.smooth.system import build_system
 from camopt.study.reduce.idle_contacts import LeftOut, leave_out
 from camopt.study.reduce.reduced_models import smaller_models
 from camopt.study.reduce.reduction import milliseconds, path_times, smooth_times
@@ -34,7 +25,6 @@ CHAIN = ((10, 5), (9, 5), (8, 5), (7, 5), (6, 5), (5, 4), (4, 3), (3, 2), (2, 1)
 """(masses, surge masses): first the train is condensed, then the spring loses its modes."""
 COILS = {"small": (10,), "full": (10, 20, 40)}
 IDLE = {"small": (0, 1), "full": (0, 1, 2, 4, 8)}
-SIDE_BY_SIDE = {"small": (1, 4), "full": (1, 4, 16, 64)}
 SMOOTH_AT = {"small": (10, 1), "full": (45, 25, 15, 10, 5, 3, 1)}
 CLASH = """
 [[element]]
@@ -56,14 +46,12 @@ def main(size: str, folder=RESULTS) -> dict:
         "speed_rpm": SPEED_RPM,
         "masses": rows,
         "one_against_ten": one_against_ten(rows),
-        "masses_exponent": {p: exponent(rows, "masses", p) for p in rows[0]["ms"]} if size == "full" else {},
+        "masses_exponent": {path: exponent(by_masses(rows, path)) for path in rows[0]["ms"]} if size == "full" else {},
         "contacts": (contacts := [contacts_row(scene, cam, n) for n in IDLE[size]]),
         "never_closing": [never_closing(scene, cam), never_closing(load_scene("motori-1"), cam)],
-        "side_by_side": (many := [side_by_side_row(scene, cam, n) for n in SIDE_BY_SIDE[size]]),
-        "side_by_side_exponent": {p: exponent(many, "motions", p) for p in many[0]["ms"]},
     }
     print_table(content)
-    write_result("cost_scaling", size, content, figures(rows, contacts, many) if size == "full" else {}, folder)
+    write_result("cost_scaling", size, content, figures(rows, contacts) if size == "full" else {}, folder)
     return content
 
 
@@ -123,10 +111,15 @@ def one_against_ten(rows: list[dict]) -> dict:
     return found | {"event_stops": {"one": one["event_stops"], "ten": ten["event_stops"]}}
 
 
-def exponent(rows: list[dict], by: str, path: str) -> float:
-    """Slope of log time over log `by`, over the upper half of the logarithmic range."""
-    points = np.log([(r[by], r["ms"][path]) for r in rows if r["ms"].get(path)])
-    upper = points[points[:, 0] >= points[:, 0].mean()]
+def by_masses(rows: list[dict], path: str) -> list[tuple[int, float]]:
+    """Masses and time of the rows that have a path."""
+    return [(row["masses"], row["ms"][path]) for row in rows if path in row["ms"]]
+
+
+def exponent(points: list[tuple[int, float]]) -> float:
+    """Slope of log time over log number (number, time), over the upper half of the logarithmic range."""
+    logs = np.log(points)
+    upper = logs[logs[:, 0] >= logs[:, 0].mean()]
     return float(np.polyfit(upper[:, 0], upper[:, 1], 1)[0]) if len(upper) > 1 else float("nan")
 
 
@@ -171,27 +164,6 @@ def never_closing(scene: Scene, cam, repeats: int = 40) -> dict:
             "kept_largest_change_mm": float(np.abs(end[0] - end[1]).max() * 1e3),
         }
     return {"scene": scene.name, "more_time": rows}
-
-
-def side_by_side_row(scene: Scene, cam, count: int) -> dict:
-    """Time on the wall [ms] of `count` speeds, and of `count` cams, at once."""
-    train, top = build_train(scene), scene.cam_speed(SPEED_RPM)
-    rest, speeds = state_at_rest(train), np.linspace(0.9 * top, top, count)
-    cams = [replace(cam, coefficients=cam.coefficients * (1 - 1e-3 * i)) for i in range(count)]
-    steps, system, y0 = first_steps(train, top), build_system(train), jnp.asarray(rest_state(train))
-    samples = jnp.stack([jnp.asarray(lift_samples(c)) for c in cams])
-
-    def end(lift, speed):
-        return response_arrays(DrivenSystem(system, lift, speed), y0, steps=steps, refine=False).x[-1]
-
-    by_speed, by_cam = jax.jit(jax.vmap(end, (None, 0))), jax.jit(jax.vmap(end, (0, None)))
-    calls = {
-        "event, speeds": lambda: [engine.prepare(train, cam, speed).advance(rest) for speed in speeds],
-        "event, cams": lambda: [engine.prepare(train, one, top).advance(rest) for one in cams],
-        "smooth batch, speeds": lambda: jax.block_until_ready(by_speed(samples[0], jnp.asarray(speeds))),
-        "smooth batch, cams": lambda: jax.block_until_ready(by_cam(samples, top)),
-    }
-    return {"motions": count, "ms": {name: milliseconds(call, clock=time.perf_counter) for name, call in calls.items()}}
 
 
 if __name__ == "__main__":

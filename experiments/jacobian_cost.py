@@ -19,7 +19,7 @@ import camopt
 from camopt.optimizer.ascent.ascent import calmest
 from camopt.scene import Scene
 from camopt.study.reduce.reduction import milliseconds
-from experiments.cost_scaling import scenes_by_masses
+from experiments.cost_scaling import exponent, scenes_by_masses
 from experiments.support.record import RESULTS, run_script, write_result
 
 SOURCES = ("smooth", "exact")
@@ -46,7 +46,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
             print(rows[-1], flush=True)
         for by in count:
             tried = [(row["count"], row["ms"]) for row in rows if (row["source"], row["by"]) == (source, by)]
-            powers.append({"source": source, "by": by, "power": power(tried)})
+            powers.append({"source": source, "by": by, "power": exponent(tried)})
     content = {"rows": rows, "powers": powers}
     write_result("jacobian_cost", size, content, {}, folder)
     return content
@@ -64,12 +64,6 @@ def grown(size: str) -> Iterator[tuple[str, Scene, dict, float]]:
         yield "trains", kodama, top | {"trains": count}, KNOT_DEG
     for knot_deg in KNOTS_DEG[size]:
         yield "coefficients", kodama, top, knot_deg
-
-
-def power(points: list[tuple[int, float]]) -> float:
-    """The power of the number in which the time grows, over the upper half of the numbers."""
-    upper = np.log(sorted(points)[len(points) // 2 - (len(points) < 3) :])
-    return float(np.polyfit(upper[:, 0], upper[:, 1], 1)[0])
 
 
 if __name__ == "__main__":

@@ -11,39 +11,32 @@ LINES = {
     "tmm": ("transition matrix", "#009E73"),
     "smooth": ("smooth scan", "#B0518E"),
     "batch": ("smooth batch, per motion", "#E69F00"),
-    "event, speeds": ("event-exact, speeds", "#56B4E9"),
-    "event, cams": ("event-exact, cams", "#56B4E9"),
-    "smooth batch, speeds": ("smooth batch, speeds", "#E69F00"),
-    "smooth batch, cams": ("smooth batch, cams", "#E69F00"),
 }
 
 
 def print_table(content: dict) -> None:
     """Every row as text."""
-    for part, by in (("masses", "masses"), ("contacts", "idle_contacts"), ("side_by_side", "motions")):
+    for part, by in (("masses", "masses"), ("contacts", "idle_contacts")):
         for row in content[part]:
             times = ", ".join(f"{path} {ms:.3g}" for path, ms in row["ms"].items())
             print(f"{by} {row[by]:3d}: {times} ms")
-    for key in ("one_against_ten", "masses_exponent", "side_by_side_exponent", "never_closing"):
+    for key in ("one_against_ten", "masses_exponent", "never_closing"):
         print(f"{key}: {content[key]}")
 
 
 @styled
-def figures(masses: list[dict], contacts: list[dict], many: list[dict]) -> dict[str, Figure]:
-    """Time of a revolution against masses, what idle contacts add to it, and the time of many motions at once."""
-    drawing = new_figure(9.6, 3.6)
-    axes = drawing.subplots(1, 3)
+def figures(masses: list[dict], contacts: list[dict]) -> dict[str, Figure]:
+    """Time of a revolution against masses, and what idle contacts add to it."""
+    drawing = new_figure(6.4, 3.6)
+    axes = drawing.subplots(1, 2)
     _lines(axes[0], masses, "masses")
     none = contacts[0]["ms"]
     more = [row | {"ms": {p: 100 * (ms / none[p] - 1) for p, ms in row["ms"].items()}} for row in contacts]
     _lines(axes[1], more, "idle_contacts")
-    _lines(axes[2], many, "motions")
     axes[0].set(xscale="log", yscale="log", xlabel="masses", ylabel="time per revolution [ms]")
     axes[1].set(xlabel="contacts that never close", ylabel="more time [%]")
-    axes[2].set(xscale="log", yscale="log", xlabel="motions at once", ylabel="time of all [ms]")
     handles, labels = axes[0].get_legend_handles_labels()
     drawing.legend(handles, labels, loc="outside upper center", ncols=3)
-    axes[2].legend(fontsize="small")
     return {"time": drawing}
 
 
@@ -51,5 +44,4 @@ def _lines(axes, rows: list[dict], by: str) -> None:
     for path in dict.fromkeys(p for r in rows for p in r["ms"]):
         points = sorted((r[by], r["ms"][path]) for r in rows if path in r["ms"])
         label, colour = LINES[path]
-        dashes = "--" if path.endswith("cams") else "-"
-        axes.plot(*zip(*points, strict=True), marker="o", markersize=3.5, color=colour, linestyle=dashes, label=label)
+        axes.plot(*zip(*points, strict=True), marker="o", markersize=3.5, color=colour, label=label)

@@ -29,8 +29,7 @@ def test_contacts_that_never_close_are_added_between_coils():
 
 
 def test_the_exponent_is_a_slope():
-    rows = [{"masses": n, "ms": {"event": 0.1 * n**1.5}} for n in (1, 10, 20, 40)]
-    assert cost_scaling.exponent(rows, "masses", "event") == pytest.approx(1.5)
+    assert cost_scaling.exponent([(n, 0.1 * n**1.5) for n in (1, 10, 20, 40)]) == pytest.approx(1.5)
 
 
 @pytest.mark.long

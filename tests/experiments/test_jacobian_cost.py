@@ -2,8 +2,6 @@
 
 import json
 
-import pytest
-
 from experiments import jacobian_cost
 
 
@@ -25,9 +23,3 @@ def test_the_stored_result():
     for source in jacobian_cost.SOURCES:
         assert 0.5 < powers[source, "speeds"] < 1.5
         assert powers[source, "coefficients"] < 1.0  # a column more costs less than its share
-
-
-def test_the_power_is_that_of_the_upper_half():
-    points = [(1, 5.0), (4, 5.0), (16, 2.0 * 16**1.5), (64, 2.0 * 64**1.5)]
-    assert jacobian_cost.power(points) == pytest.approx(1.5)
-    assert jacobian_cost.power([(1, 3.0), (2, 6.0)]) == pytest.approx(1.0)
