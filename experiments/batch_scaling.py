@@ -4,7 +4,7 @@
 
 Drawn trains of `kodama`, each at five speeds, and many cams at many speeds, as one batch of the tied motion in double
 and in single precision: one revolution, and its gradient by the lift. The program is the same on a processor and on an
-accelerator; JAX takes the latter where it finds one, and the result says which it was. Times are the least of three,
+accelerator; JAX takes the latter where it finds one, and the result says which it was. Times are the least of two,
 per train or cam and speed: by the clock, and of the processor's threads together, beside which other work does not
 count.
 """
@@ -13,14 +13,17 @@ import resource
 import time
 from collections.abc import Callable
 from functools import cache, partial
+from itertools import product
 from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from matplotlib.figure import Figure
 
 import camopt
 from camopt.measure.as_built import trains_as_built
+from camopt.plots.style import new_figure, styled
 from camopt.smooth.contact import Layer
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples
@@ -36,7 +39,7 @@ SPEEDS = 5
 PRECISIONS = {"float64": jnp.float64, "float32": jnp.float32}
 HEIGHT = 1e-3
 """Share of its height by which one cam of a batch differs from the next."""
-REPEATS = 3
+REPEATS = 2
 Batch = tuple[jax.Array, tuple, jax.Array, jax.Array]
 """Samples of the lift, systems, cam speeds, and states at rest; trains or cams come first where there are many."""
 
@@ -68,8 +71,22 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     pairs = [(forces["float64", t, c], forces["float32", t, c]) for t, c, _ in sizes]
     error = max(float(np.abs(double - single).max()) for double, single in pairs)
     content = {"device": jax.default_backend(), "float32_error_N": error, "rows": rows}
-    write_result("batch_scaling", size, content, {}, folder)
+    write_result("batch_scaling", size, content, {"time": figure(rows)}, folder)
     return content
+
+
+@styled
+def figure(rows: list[dict]) -> Figure:
+    """Processor time of a motion and of its gradient, each per train and speed, by how many trains run at once."""
+    drawn = new_figure(6.4, 3.6)
+    axes = drawn.subplots()
+    for (work, colour), precision in product({"motion": "#0072B2", "gradient": "#D55E00"}.items(), PRECISIONS):
+        of = [row for row in rows if row["precision"] == precision and row["cams"] == 1 and row["speeds"] == SPEEDS]
+        times, line = [row[f"{work}_processor_ms"] for row in of], "-" if precision == "float64" else "--"
+        axes.plot([row["trains"] for row in of], times, line, marker="o", color=colour, label=f"{work}, {precision}")
+    axes.set(xscale="log", yscale="log", xlabel=f"trains at once, at {SPEEDS} speeds each", ylabel="time per case [ms]")
+    axes.legend()
+    return drawn
 
 
 def as_batch(precision: str, trains: list, samples: np.ndarray, speeds: np.ndarray) -> Batch:

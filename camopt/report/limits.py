@@ -170,7 +170,7 @@ def matrix(run: RunFolder, limits: list[dict]) -> dict:
 
 
 def _of_shape(row: dict) -> dict:
-    """The cell of a limit on the shape; where no share can be told, whether it holds. A cam that reaches a limit but for
+    """The cell of a limit on the shape; where no share can be told, whether it holds. A cam that reaches a limit up to
     the rounding of its file holds it."""
     kind = {True: "calm", False: "bad", None: "unknown"}[row["held"]]
     words = row["state"] if row["share"] is None else ("✗ " if kind == "bad" else "") + _percent(row["share"])

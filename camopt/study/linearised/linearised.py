@@ -5,6 +5,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from camopt.cam.lift import Lift
 from camopt.scene.errors import InputError
@@ -24,6 +25,7 @@ LABELS = {
 }
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")  # the matrices are small: threads would wait for each other
 def linearised(
     scene: Scene,
     cam: Lift,
