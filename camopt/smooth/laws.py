@@ -145,7 +145,7 @@ def _on_lines(table: jax.Array, d: jax.Array, layer: Layer | None) -> jax.Array:
 def _zero_of_lines(table: jax.Array) -> jax.Array:
     """Compression [m] at which the straight lines through a table's rows, whose forces ascend, pass through zero."""
     c, force = table[:, 0], table[:, 1]
-    i = jnp.clip(jnp.searchsorted(force, 0.0, side="right") - 1, 0, len(c) - 2)
+    i = jnp.clip(jnp.searchsorted(force, 0.0, side="right", method="compare_all") - 1, 0, len(c) - 2)
     return c[i] - force[i] * (c[i + 1] - c[i]) / (force[i + 1] - force[i])
 
 
@@ -159,16 +159,15 @@ def _pieces(table: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array, jax.Arra
 
 def _integral(table: jax.Array, d: jax.Array) -> jax.Array:
     """Integral of the stiffness from the first row to d [N]."""
-    c, k, slope, at_rows = _pieces(table)
-    i = jnp.clip(jnp.searchsorted(c, d, side="right") - 1, 0, len(c) - 1)
-    w = d - c[i]
-    return at_rows[i] + w * (k[i] + 0.5 * slope[i] * jnp.maximum(w, 0.0))
+    c, k, slope, _ = _pieces(table)
+    bends = jnp.diff(slope, prepend=0.0) * jnp.maximum(d - c, 0.0) ** 2
+    return k[0] * (d - c[0]) + 0.5 * jnp.sum(bends)
 
 
 def _compression(table: jax.Array, force: jax.Array) -> jax.Array:
     """Compression at which the integral of the stiffness from 0 equals `force` [m]."""
     c, k, slope, at_rows = _pieces(table)
     wanted = force + _integral(table, jnp.zeros_like(force))
-    i = jnp.clip(jnp.searchsorted(at_rows, wanted, side="right") - 1, 0, len(c) - 1)
+    i = jnp.clip(jnp.searchsorted(at_rows, wanted, side="right", method="compare_all") - 1, 0, len(c) - 1)
     rest = wanted - at_rows[i]
     return c[i] + 2.0 * rest / (k[i] + jnp.sqrt(k[i] ** 2 + 2.0 * slope[i] * jnp.maximum(rest, 0.0)))

@@ -37,9 +37,9 @@ from camopt.smooth.tied import (
 
 AT_ONCE = 40
 """Trains whose motions run side by side."""
-WITHIN = 1e-6
-"""Change of the positions over a revolution [m] at which their motions count as settled: slopes that are not a train's
-own leave more than that."""
+WITHIN = 2.0
+"""Change of the tied forces over one revolution or two [N] at which their motions count as settled: a twentieth of the
+margin from which a search begins. A few trains of a hundred with springs that clash repeat every other revolution."""
 
 
 class SmoothForces:
@@ -84,12 +84,15 @@ class SmoothForces:
         samples = jnp.asarray(np.stack([lift_samples(self._trains[t].cam(lift), STEPS) for t in some]))
         speeds = jnp.asarray(self._speeds[np.array(some) % len(self._speeds)])
         start = jnp.stack([begin[t] for t in some])
+        before = force = jnp.full((len(some), 1, 1, 1), jnp.inf)
         for _ in range(MOST_TURNS):
             paths = _of_trains(tied, samples, speeds, start, self._event, Layer(WIDTH), parts=self._parts)
-            moved, start = float(jnp.abs(paths.end - start)[:, 0].max()), paths.end
-            if not np.isfinite(moved) or moved < WITHIN:
+            now, start = paths.force[:, self._at], paths.end
+            moved = jnp.minimum(*(jnp.abs(now - one).max(axis=(1, 2, 3)) for one in (force, before)))
+            before, force = force, now
+            if not float(moved.max()) > WITHIN:  # a motion that grows without bound does not go on either
                 break
-        force = np.asarray(paths.force)[:, self._at]
+        force = np.asarray(force)
         if not np.all(np.isfinite(force)):
             raise NoCamFound(
                 "the smoothed motion with tied contacts grows without bound in a drawn train: give elements more "
