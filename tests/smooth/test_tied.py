@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from camopt import load_scene
+from camopt.optimizer.ascent.projection import ShapeLimits
 from camopt.optimizer.program.force_rows import PEAK, SEAT
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
@@ -118,3 +119,16 @@ def test_slopes_are_those_of_the_closed_response(name):
             _, i, j = np.intersect1d(angle, theirs_at, return_indices=True)
             assert len(i) > 100
             assert np.linalg.norm(mine[i] - theirs[j]) < 0.01 * np.linalg.norm(theirs[j])
+
+
+def test_a_cam_that_pumps_an_adjuster_up_is_too_far():
+    """A drawn cam lets the valve hang 2 mm off its seat at the top of the band, where the calmest one seats."""
+    scene = load_scene("pushrod-hydraulic")
+    cam = program_cam(scene.design, 6.0)
+    calmest = np.zeros(cam.Z.shape[1])
+    drawn = np.random.default_rng(1).normal(0.0, scene.design.acceleration_max_mm_per_deg2, len(calmest))
+    wild = ShapeLimits(cam, scene.design).nearest(drawn)
+    source = SmoothRows(program := without_rows(build_train(scene), scene.design, cam, [scene.cam_speed(5800)]))
+    program, _ = source.first(program, calmest)
+    assert source.error_at(program, wild) == np.inf
+    assert source.error_at(program, 0.01 * wild) < 1.0

@@ -84,17 +84,21 @@ class SmoothRows:
         """The program about the largest share of z (m) whose motion is tame, and that share of z."""
         for share in SHARES:
             paths = self._settled(share * z, self._rest)
-            if paths is not None and float(paths.force.min()) > TAME_N and float(paths.seat_gap[-1].max()) < TAME_GAP:
+            if paths is not None and float(paths.force.min()) > TAME_N and not bool(_open_ends(paths).any()):
                 break
         self._paths = paths
         program = self.about(program, share * z)
         return with_radii(with_switches(program, HELD_N), HELD_N), share * z
 
     def error_at(self, program: NoJumpProgram, z: np.ndarray) -> float:
-        """The error of the forces that the rows foretold for the cam of z (m), as a part of their change."""
+        """The error of the forces that the rows foretold for the cam of z (m), as a part of their change; infinite
+        where the valve is off its seat at the end of a revolution, as an adjuster that pumped up holds it, and was not
+        with the cam about which the rows are."""
         known = self._known
         self._paths = self._settled(z, known.start(z) if known else self._rest) or self._settled(z, self._rest)
         if self._paths is None or known is None:
+            return np.inf
+        if bool((_open_ends(self._paths) & ~_open_ends(known.paths)).any()):
             return np.inf
         event = self._event(program)
         before = known.paths.force[event]
@@ -138,10 +142,9 @@ class SmoothRows:
             _, paths = settled_paths(self._tied, self._samples(z), self._speeds, start, *motion, **how)
             if not bool(jnp.all(jnp.isfinite(paths.end))):
                 return None
-            open_ends = paths.seat_gap[-1] > TAME_GAP
-            if not bool(open_ends.any()):
+            if not bool(_open_ends(paths).any()):
                 break
-            start = jnp.where(open_ends, self._rest, paths.end)
+            start = jnp.where(_open_ends(paths), self._rest, paths.end)
         return paths
 
     def _blocks(self, program: NoJumpProgram, known: "_Known") -> tuple[SpeedRows, ...]:
@@ -204,6 +207,11 @@ def end_of_contact(train: Train, cam: FreeCam, window: Window) -> float:
         return max(top, static_angles(train, cam).seat_closes - window.before_seat)
     except NoCamFound:
         return top
+
+
+def _open_ends(paths: TiedPaths) -> jax.Array:
+    """Whether the valve is off its seat at the end of the revolution, at each speed (b)."""
+    return paths.seat_gap[-1] > TAME_GAP
 
 
 def _largest(force: jax.Array) -> jax.Array:
