@@ -201,14 +201,11 @@ class AscentState:
 
     def _judged_share(self) -> float:
         """The largest share of a limit that the settled motion uses by event-exact; infinite for a broken shape."""
-        scene = self._scene(self.point["train"])
+        scene = self.variables.train.scene_with(self.point["train"])
         lift = self.variables.cam.lift(self.variables.cam_vector(self.point))
         if broken_by_shape(lift, scene.design):
             return np.inf
         return float(Judge(scene, sorted(self.objective.speeds_rpm))(lift).share.max(initial=0.0))
-
-    def _scene(self, factors: np.ndarray) -> Scene:
-        return self.variables.train.scene_with(factors)
 
     def history(self) -> AscentHistory:
         """All iterates until now, with the best and the nearest of them."""
@@ -216,7 +213,10 @@ class AscentState:
         steps = notable(self.iterates)
         data = dataset_of(self.iterates, self.variables.train.names).assign_attrs(about, **steps)
         ones = {name: self.iterates[step] for name, step in steps.items()}
-        cams = {name: (self.variables.cam.lift(one.cam), self._scene(one.train)) for name, one in ones.items()}
+        cams = {
+            name: (self.variables.cam.lift(one.cam), self.variables.train.scene_with(one.train))
+            for name, one in ones.items()
+        }
         return AscentHistory(data, *cams["nearest"], *cams.get("best", (None, None)))
 
     def save(self, path: Path) -> None:
