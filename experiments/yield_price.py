@@ -28,8 +28,7 @@ from camopt.optimizer.as_built.measured import track
 from camopt.optimizer.as_built.prices import price_list
 from camopt.optimizer.as_built.search import yield_search
 from camopt.optimizer.as_built.statement import yield_statement
-from camopt.optimizer.baselines.family_spaces import family_space
-from camopt.optimizer.baselines.largest_member import MemberLimits, MemberMotion, member_within
+from camopt.optimizer.baselines.largest_member import MemberLimits, MemberMotion, family_space, member_within
 from camopt.optimizer.stage_clock import StageClock
 from camopt.scene import load_scene
 from camopt.scene.as_built import scatter_labels, with_scatter

@@ -16,7 +16,8 @@ from camopt.measure.limits import broken_by_shape, steepest_jerk, steps_at
 from camopt.measure.sweep import at_speeds
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.baselines import comparison, figures
-from camopt.optimizer.baselines.comparison import NO_JERK, best_baselines, compare, comparison_rows, plain_baselines
+from camopt.optimizer.baselines.comparison import best_baselines, compare, plain_baselines
+from camopt.optimizer.baselines.comparison_table import NO_JERK, comparison_rows
 from camopt.optimizer.baselines.largest_member import Baseline, MemberLimits
 from camopt.plots import Sweep
 from camopt.plots.speeds import first_passed
@@ -71,7 +72,7 @@ def test_the_best_of_a_family_says_where_none_holds_and_never_loses_area_by_a_li
         return Baseline(name, lifts[name, limits.jerk], holds, says, area, {}, 1, 1, 0.0)
 
     monkeypatch.setattr("camopt.optimizer.baselines.largest_member.largest_area_member", found)
-    monkeypatch.setattr(comparison, "excess", lambda *_: 0.0)
+    monkeypatch.setattr(comparison, "shape_excess", lambda *_: {})
     said = []
     cams = best_baselines(MOTORI, note=said.append)
     assert cams["kurz"] is cams["kurz" + NO_JERK] is lifts["kurz", True]
