@@ -21,10 +21,9 @@ from camopt.optimizer.first_run import SAYING, compile_programs, programs_missin
 from camopt.optimizer.free_numbers import free_numbers, with_best_values
 from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_sensitivities
 from camopt.optimizer.program.program_cam import program_cam
-from camopt.optimizer.progress import Progress
 from camopt.optimizer.search.cams import Journal, Logbook
 from camopt.optimizer.search.search import find_cam
-from camopt.optimizer.stage_clock import StageClock
+from camopt.optimizer.stage_clock import Progress, StageClock
 from camopt.scene.errors import InputError, NoCamFound
 from camopt.scene.schema import Scene
 from camopt.scene.smoothing import smoothing, smoothing_in
