@@ -111,30 +111,26 @@ def best_baselines(
     Where no member was found that holds, it is the one with the least bounce, and `note` is told so. A member that
     holds under the jerk limit holds without it, so that the latter search never ends in less area.
     """
-    from camopt.optimizer.baselines.largest_member import Baseline, MemberLimits, largest_area_member
+    from camopt.optimizer.baselines.largest_member import Baseline, largest_area_member
 
     bounce_max_mm = None if scene.design is None else scene.design.bounce_max_mm
     cams: dict[str, Lift | str] = {}
     held: dict[str, Baseline] = {}
 
-    def searched(name: str, limits: MemberLimits) -> Lift:
-        found = largest_area_member(scene, name, limits, progress=progress)
+    def searched(name: str, jerk: bool) -> Lift:
+        found = largest_area_member(scene, name, jerk=jerk, bounce_max_mm=bounce_max_mm, progress=progress)
         known = held.get(name)
         if known is not None and not (found.holds and found.area_ratio >= known.area_ratio):
             return known.lift
         if found.holds:
             held[name] = found
         else:
-            note(f"{found.says}; shown is the nearest that was found" + NO_JERK * (not limits.jerk))
+            note(f"{found.says}; shown is the nearest that was found" + NO_JERK * (not jerk))
         return found.lift
 
     for jerk in (True, False) if _jerk_limited(scene) else (True,):
-        limits = MemberLimits(jerk, bounce_max_mm)
         for name in FAMILIES:
-            cams[name + ("" if jerk else NO_JERK)] = _member(
-                scene,
-                lambda name=name, limits=limits: searched(name, limits),
-            )
+            cams[name + ("" if jerk else NO_JERK)] = _member(scene, lambda name=name, jerk=jerk: searched(name, jerk))
     return cams
 
 

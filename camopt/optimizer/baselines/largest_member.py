@@ -40,28 +40,6 @@ FIGURES = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s")
 
 
 @dataclass(frozen=True)
-class MemberLimits:
-    """What a member of a family must hold, besides the limits on its shape.
-
-    `jerk` false leaves the jerk limit out. `bounce_max_mm`: largest bounce at `speeds_rpm` [crankshaft r/min, the
-    scene's listed ones where None], judged by event-exact.
-    """
-
-    jerk: bool = True
-    bounce_max_mm: float | None = None
-    speeds_rpm: Sequence[float] | None = None
-
-    def design(self, scene: Scene) -> Design:
-        """The scene's design with those limits on the shape that count."""
-        assert scene.design is not None, "as checked"
-        return scene.design if self.jerk else scene.design.model_copy(update={"jerk_max_mm_per_deg3": None})
-
-
-ON_THE_SHAPE = MemberLimits()
-"""The limits on the shape alone."""
-
-
-@dataclass(frozen=True)
 class Baseline:
     """The best member of a family that a search found, with the worst figures of its motion over the speeds asked.
 
@@ -84,31 +62,40 @@ class Baseline:
 def largest_area_member(
     scene: Scene,
     family: str,
-    limits: MemberLimits = ON_THE_SHAPE,
     *,
+    jerk: bool = True,
+    bounce_max_mm: float | None = None,
+    speeds_rpm: Sequence[float] | None = None,
     evaluations: int = 600,
     seed: int = 0,
     journal: Path | str | None = None,
     progress: bool = False,
 ) -> Baseline:
-    """The member of `family` with the largest area under a scene's limits on the shape and `limits`.
+    """The member of `family` with the largest area under a scene's limits on the shape and one on bounce.
 
+    `jerk` false leaves the jerk limit out. `bounce_max_mm`: largest bounce at `speeds_rpm` [crankshaft r/min, the
+    scene's listed ones where None], judged by event-exact.
     `family` as on the command line, with the parameters that tell its readings apart (`new-design:start_ratio=0`).
     About `evaluations` members are designed; the same call finds the same cam. `journal`: a file that keeps what was
     judged, so that an interrupted search goes on when called again. Where no member holds, the one with the least
     bounce, or nearest the limits on the shape, is returned and says so. Raises InputError for an unknown family, a
     scene it cannot serve, and a journal of another search.
     """
-    _check(scene, limits, evaluations)
-    assert scene.operation is not None, "as checked"
+    design, operation = scene.design, scene.operation
+    if design is None or operation is None or scene.seat is None:
+        raise InputError(f"scene {scene.name!r}: a baseline needs valve, seat, [operation] and [design]")
+    if bounce_max_mm is not None and not bounce_max_mm > 0:
+        raise InputError(f"bounce_max_mm {bounce_max_mm:g}: a number above 0 is needed")
+    if evaluations < 2 * POPULATION:
+        raise InputError(f"evaluations {evaluations}: at least {2 * POPULATION} are needed")
     begun = time.perf_counter()
-    design, bounce_max_mm = limits.design(scene), limits.bounce_max_mm
-    motion = MemberMotion(scene, scene.operation.speeds_rpm if limits.speeds_rpm is None else limits.speeds_rpm)
-    space = family_space(scene, family, limits.jerk)
+    design = design if jerk else design.model_copy(update={"jerk_max_mm_per_deg3": None})
+    motion = MemberMotion(scene, operation.speeds_rpm if speeds_rpm is None else speeds_rpm)
+    space = family_space(scene, family, jerk)
     if bounce_max_mm is None and space.largest is not None:
         lift, count = space.largest(evaluations, seed), evaluations
     else:
-        asked = {"family": family, "jerk": limits.jerk, "bounce_max_mm": bounce_max_mm, "evaluations": evaluations}
+        asked = {"family": family, "jerk": jerk, "bounce_max_mm": bounce_max_mm, "evaluations": evaluations}
         identity = run_identity("baseline", scene, **asked, seed=seed, speeds_rpm=list(motion.speeds_rpm))
         judged = Records(journal, "at", identity=identity)
         score = partial(_score, space, design, motion, bounce_max_mm)
@@ -121,15 +108,6 @@ def largest_area_member(
     says = _words(family, over, figures["bounce_mm"], bounce_max_mm)
     seconds = time.perf_counter() - begun
     return Baseline(family, lift, holds, says, area, figures, count, motion.judged, seconds)
-
-
-def _check(scene: Scene, limits: MemberLimits, evaluations: int) -> None:
-    if scene.design is None or scene.operation is None or scene.seat is None:
-        raise InputError(f"scene {scene.name!r}: a baseline needs valve, seat, [operation] and [design]")
-    if limits.bounce_max_mm is not None and not limits.bounce_max_mm > 0:
-        raise InputError(f"bounce_max_mm {limits.bounce_max_mm:g}: a number above 0 is needed")
-    if evaluations < 2 * POPULATION:
-        raise InputError(f"evaluations {evaluations}: at least {2 * POPULATION} are needed")
 
 
 def family_space(scene: Scene, family: str, jerk: bool) -> Space:
