@@ -221,10 +221,9 @@ class AscentState:
 
     def save(self, path: Path) -> None:
         """Writes the ascent, from which `load` goes on to the last digit."""
-        state = [np.asarray(leaf).tolist() for leaf in jax.tree.leaves((self.state, self._held))]
-        point = {name: part.tolist() for name, part in self.point.items()}
-        iterates = [one.as_dict() for one in self.iterates]
-        write_text(path, json.dumps({"iterates": iterates, "point": point, "state": state}))
+        iterates, state = [vars(one) for one in self.iterates], jax.tree.leaves((self.state, self._held))
+        content = {"iterates": iterates, "point": self.point, "state": state}
+        write_text(path, json.dumps(content, default=lambda array: np.asarray(array).tolist()))
 
     def load(self, path: Path) -> None:
         """Takes over what `save` wrote of the same ascent."""
@@ -234,7 +233,8 @@ class AscentState:
         values = [jnp.asarray(value, dtype=leaf.dtype).reshape(leaf.shape) for leaf, value in known]
         self.state, self._held = jax.tree.unflatten(tree, values)
         self.point = {name: np.array(part, dtype=float) for name, part in stored["point"].items()}
-        self.iterates = [Iterate.of(one) for one in stored["iterates"]]
+        arrays = [{name: np.array(one[name], dtype=float) for name in ("cam", "train")} for one in stored["iterates"]]
+        self.iterates = [Iterate(**one | own) for one, own in zip(stored["iterates"], arrays, strict=True)]
 
 
 def calmest(scene: Scene, knot_deg: float) -> Lift:

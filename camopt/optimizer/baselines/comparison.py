@@ -118,15 +118,15 @@ def best_baselines(
     held: dict[str, Baseline] = {}
 
     def searched(name: str, jerk: bool) -> Lift:
-        found = largest_area_member(scene, name, jerk=jerk, bounce_max_mm=bounce_max_mm, progress=progress)
-        known = held.get(name)
-        if known is not None and not (found.holds and found.area_ratio >= known.area_ratio):
-            return known.lift
-        if found.holds:
-            held[name] = found
+        baseline = largest_area_member(scene, name, jerk=jerk, bounce_max_mm=bounce_max_mm, progress=progress)
+        before = held.get(name)
+        if before is not None and not (baseline.holds and baseline.area_ratio >= before.area_ratio):
+            return before.lift
+        if baseline.holds:
+            held[name] = baseline
         else:
-            note(f"{found.says}; shown is the nearest that was found" + NO_JERK * (not jerk))
-        return found.lift
+            note(f"{baseline.says}; shown is the nearest that was found" + NO_JERK * (not jerk))
+        return baseline.lift
 
     for jerk in (True, False) if _jerk_limited(scene) else (True,):
         for name in FAMILIES:

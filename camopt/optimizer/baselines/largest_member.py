@@ -95,8 +95,8 @@ def largest_area_member(
     if bounce_max_mm is None and space.largest is not None:
         lift, count = space.largest(evaluations, seed), evaluations
     else:
-        asked = {"family": family, "jerk": jerk, "bounce_max_mm": bounce_max_mm, "evaluations": evaluations}
-        identity = run_identity("baseline", scene, **asked, seed=seed, speeds_rpm=list(motion.speeds_rpm))
+        settings = {"family": family, "jerk": jerk, "bounce_max_mm": bounce_max_mm, "evaluations": evaluations}
+        identity = run_identity("baseline", scene, **settings, seed=seed, speeds_rpm=list(motion.speeds_rpm))
         judged = Records(journal, "at", identity=identity)
         score = partial(_score, space, design, motion, bounce_max_mm)
         with tqdm(total=evaluations, disable=None if progress else True, unit="cam", desc=family) as bar:

@@ -74,14 +74,14 @@ def no_jump_bound(program: NoJumpProgram, margins: Margins, knot_deg: float = KN
     capped = design.model_copy(update={"reach_max_lift": False} | dict.fromkeys(searched))  # a cap bounds, too
     cam = program_cam(capped, knot_deg)
     fine = replace(program, design=capped, cam=cam).relocated(angles)
-    found = fine.solve(margins)
+    solution = fine.solve(margins)
     full = design.max_lift_mm * MM * design.duration_deg * DEG
-    force = found.optimum.duals[len(fine.limits.bound) :] * full
-    _, kernel = force_terms(fine, found.margins, force)
+    force = solution.optimum.duals[len(fine.limits.bound) :] * full
+    _, kernel = force_terms(fine, solution.margins, force)
     grid = equal_grid(design, INTERVALS)
     worth = np.diff(kernel.antiderivative()(grid))
     kinematic = Certificate(design, grid, *DiscretisedControlProblem(design, grid).multipliers(worth))
-    return NoJumpCertificate(fine, found.margins, kinematic, force)
+    return NoJumpCertificate(fine, solution.margins, kinematic, force)
 
 
 def force_terms(program: NoJumpProgram, margins: np.ndarray, multipliers: np.ndarray) -> Terms:
