@@ -49,10 +49,6 @@ WATCH: ContextVar[Callable[[], None]] = ContextVar("WATCH", default=lambda: None
 """Called before every run of the solver; what it raises ends a program for which nobody waits any more."""
 
 
-class GaveUp(ArithmeticError):
-    """The solver ends without an answer."""
-
-
 class Unbounded(ArithmeticError):
     """Points of any value satisfy the rows."""
 
@@ -70,7 +66,7 @@ class Solver:
             succeeds(self.highs.setOptionValue(name, value))
 
     def decide(self, attempts: Sequence[dict] = ATTEMPTS) -> highspy.HighsSolution:
-        """The optimum of the model. Raises Infeasible, Unbounded, and GaveUp where no attempt decides."""
+        """The optimum of the model. Raises Infeasible, Unbounded, and ArithmeticError where no attempt decides."""
         for attempt in attempts:
             for name, value in (WAY | attempt).items():
                 succeeds(self.highs.setOptionValue(name, value))
@@ -86,7 +82,7 @@ class Solver:
                 raise Unbounded("the linear program is unbounded")
             succeeds(self.highs.clearSolver())
         says = self.highs.modelStatusToString(status)
-        raise GaveUp(f"the linear program of {self.highs.getNumRow()} rows was not solved: {says}")
+        raise ArithmeticError(f"the linear program of {self.highs.getNumRow()} rows was not solved: {says}")
 
 
 def succeeds(status: HighsStatus) -> None:
@@ -104,23 +100,18 @@ class Minimum(NamedTuple):
     column_duals: np.ndarray  # (m), positive at a lower bound, negative at an upper one
 
 
-class _Solvers(local):
-    """A solver of every thread: making one takes as long as solving a small program with it."""
-
-    def __init__(self) -> None:
-        self.plain, self.presolving = Solver(), Solver(**LARGE)
-
-
-_SOLVERS = _Solvers()
+_SOLVERS = local()
+"""The solvers of every thread: making one takes as long as solving a small program with it."""
 
 
 def minimise(cost: np.ndarray, rows: Any, low: Any, high: Any, bounds: np.ndarray, *, large: bool = False) -> Minimum:
     """The x (m) of least cost (m) @ x under low (r) <= rows (r, m) @ x <= high (r), x within `bounds` (m, 2).
 
     `rows` are dense or sparse; a low or high that is one number holds for all rows. With `large` presolve and interior
-    points come first. Raises Infeasible, Unbounded, and GaveUp where the solver gives up.
+    points come first. Raises Infeasible, Unbounded, and ArithmeticError where the solver gives up.
     """
-    matrix, solver = csr_array(rows, copy=True), _SOLVERS.presolving if large else _SOLVERS.plain
+    name, matrix = "large" if large else "plain", csr_array(rows, copy=True)
+    solver = vars(_SOLVERS).get(name) or vars(_SOLVERS).setdefault(name, Solver(**(LARGE if large else {})))
     matrix.data = np.where(np.abs(matrix.data) > SMALLEST, matrix.data, 0.0)
     matrix.eliminate_zeros()
     model = highspy.HighsLp()

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from camopt.cam.families.registry import FAMILIES
 from camopt.optimizer.accuracy import ACCURACIES, design_speeds
-from camopt.optimizer.baselines.largest_member import POPULATION, Baseline, MemberLimits, largest_area_member
+from camopt.optimizer.baselines.largest_member import POPULATION, Baseline, largest_area_member
 from camopt.scene import Scene, load_scene
 from camopt.scene.units import DEG, MM
 from camopt.verifier.convergence import Tolerances
@@ -39,8 +39,8 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         for name in names:
             if jerk and name == "new-design:start_ratio=0":
                 continue  # what plain new-design is under a jerk limit
-            limits = MemberLimits(jerk, BOUNCE_MAX_MM, speeds)
-            found = largest_area_member(scene, name, limits, evaluations=EVALUATIONS[size], progress=True)
+            limits = {"jerk": jerk, "bounce_max_mm": BOUNCE_MAX_MM, "speeds_rpm": speeds}
+            found = largest_area_member(scene, name, **limits, evaluations=EVALUATIONS[size], progress=True)
             rows.append({"limits": "all" if jerk else "no-jerk", **row(found), **confirmed(scene, found, size)})
     result = {
         "question": "largest area of every cam family within 0.05 mm of bounce at the listed speeds of kodama",

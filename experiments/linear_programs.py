@@ -18,7 +18,6 @@ import tomli_w
 from camopt.cam.families.free import free_cam
 from camopt.cam.families.shape_rows import LinearisationPoint
 from camopt.highs import Infeasible, Unbounded
-from camopt.optimizer.program.elastic import SHORT_OF_FORCE, TYPICAL_FORCE, ElasticProgram
 from camopt.optimizer.program.kinematic import area_ratio_row, first_working, reached_in_the_middle, spline_rows
 from camopt.optimizer.program.linear_program import Rows, WarmModel, maximise
 from camopt.optimizer.program.no_jump import no_jump_program
@@ -107,14 +106,12 @@ def programs(number: int) -> Iterator[Posed]:
         yield Posed(KINDS[0], row, spline_rows(matrix), bound, np.append(first_working(limits), reached))
         program = no_jump_program(build_train(scene), design, cam, speeds)
         margins = [np.full((3, len(speeds)), margin_N) for margin_N in (20.0, *rng.uniform(*MARGINS_N, 2))]
-        posed = [reached_in_the_middle(cam, design, program.rows.matrix, program.bound(table)) for table in margins]
-        matrix, rows = posed[0][0], spline_rows(posed[0][0])
-        working = np.append(program.first_working(), np.arange(len(program.rows.norm), len(matrix)))
-        for _, bound in posed:
+        posed = [program.relaxable(table) for table in margins]
+        rows, *_, working = posed[0]
+        for _, bound, *_ in posed:
             yield Posed(KINDS[1], row, rows, bound, working)
-        give = program.given_margins(len(matrix))
-        priced = ElasticProgram.of(matrix, give, row, SHORT_OF_FORCE, TYPICAL_FORCE, working)
-        yield Posed(KINDS[2], priced.objective, priced.rows, np.append(posed[-1][1], 0.0), priced.working)
+        elastic, bound = program.elastic(margins[-1])
+        yield Posed(KINDS[2], elastic.objective, elastic.rows, np.append(bound, 0.0), elastic.working)
 
 
 class FreeInSign(WarmModel):

@@ -28,8 +28,7 @@ from camopt.optimizer.as_built.measured import track
 from camopt.optimizer.as_built.prices import price_list
 from camopt.optimizer.as_built.search import yield_search
 from camopt.optimizer.as_built.statement import yield_statement
-from camopt.optimizer.baselines.family_spaces import family_space
-from camopt.optimizer.baselines.largest_member import MemberLimits, MemberMotion, member_within
+from camopt.optimizer.baselines.largest_member import MemberMotion, family_space, member_within
 from camopt.optimizer.stage_clock import StageClock
 from camopt.scene import load_scene
 from camopt.scene.as_built import scatter_labels, with_scatter
@@ -144,7 +143,8 @@ def literature(size: str) -> dict[str, dict]:
     assert scene.design is not None and scene.operation is not None, "the scene has both"
     top = scene.operation.band_rpm[1]
     motion, limits = MemberMotion(scene, [top]), motion_limits(scene.design).values()
-    design, trains = MemberLimits(jerk=False).design(scene), trains_as_built(scene, OF_MEMBERS[size], seed=STATED_SEED)
+    design = scene.design.model_copy(update={"jerk_max_mm_per_deg3": None})
+    trains = trains_as_built(scene, OF_MEMBERS[size], seed=STATED_SEED)
 
     def worst_part(lift: Lift) -> float:
         figures = motion.worst(lift)

@@ -19,7 +19,7 @@ from camopt.cam.families.record import Family
 from camopt.cam.families.registry import FAMILIES
 from camopt.cli import parser as cli
 from camopt.exact import prepare
-from camopt.optimizer.baselines.family_spaces import family_space
+from camopt.optimizer.baselines.largest_member import family_space
 from camopt.plots.style import OTHERS, cam_line
 from camopt.scene import InputError, build_train, load_scene, rest_position
 from camopt.scene.units import DEG, MM, MM_PER_DEG

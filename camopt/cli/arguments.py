@@ -84,7 +84,7 @@ def say_compilation(args: Namespace) -> None:
 
 def print_area_words(lift: "Lift", scene: Scene, whose: str = "") -> None:
     """Prints what must be said of a cam's duration and area ratio, a line each."""
-    from camopt.optimizer.bound.area_words import area_words
+    from camopt.optimizer.bound.certificate import area_words
 
     assert scene.design is not None, "scene_of asks for it"
     for sentence in area_words(lift, scene.design):

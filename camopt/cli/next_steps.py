@@ -15,7 +15,12 @@ if TYPE_CHECKING:
 
 
 def next_step(args: Namespace, code: int) -> str:
-    """One sentence with a command that can be pasted; `code` is the exit code of what was run."""
+    """One sentence with a command that can be pasted; `code` is the exit code of what was run.
+
+    It is the `next` of the table of commands, where one holds after every run.
+    """
+    if args.next is not None:
+        return args.next.format(scene=shlex.quote(str(args.scene)))
     return _AFTER[args.command](args, code)
 
 
@@ -24,8 +29,10 @@ def left_behind(args: Namespace) -> str:
 
     A folder that is still empty is taken away, so that the same command may be given again.
     """
-    if hasattr(args, "store"):
-        return _left_in_store(args)
+    if hasattr(args, "store"):  # of a sweep, which leaves nothing where it had not begun
+        again = _camopt("sweep", args.plan, "--store", args.store, "--resume")
+        left = f"; {args.store} is left, with a row for each task that ended: {again} goes on"
+        return left if getattr(args, "begun", False) else ""
     folder: Path | None = getattr(args, "folder", None)
     if folder is None or not folder.is_dir():
         return ""
@@ -40,14 +47,6 @@ def left_behind(args: Namespace) -> str:
         return f"{left}: delete it or name another --out"
     again = _camopt(args.command, *([args.scene] if args.scene else []), "--out", folder, "--resume")
     return f"{left}: {again} with the same options goes on there, or delete it"
-
-
-def _left_in_store(args: Namespace) -> str:
-    """What a sweep that did not end leaves, and how to go on; nothing where it had not begun."""
-    if not getattr(args, "begun", False):
-        return ""
-    again = _camopt("sweep", args.plan, "--store", args.store, "--resume")
-    return f"; {args.store} is left, with a row for each task that ended: {again} goes on"
 
 
 def _camopt(*words: object) -> str:
@@ -197,26 +196,10 @@ _AFTER = {
     "yield": _after_yield,
     "report": _after_report,
     "sweep": _after_sweep,
-    "design": lambda args, _: (
-        f"{_camopt('optimize', args.scene)} searches for the largest cam, and has it confirmed; so for a saved scene"
-    ),
     "simulate": lambda args, _: (
         f"{_camopt('simulate', *_cam_of(args), '--speed', f'{args.speed:g}', '--csv', 'motion.csv')} writes it"
         if args.csv is None
         else f"{_camopt('verify', *_cam_of(args), '--speeds', f'{args.speed:g}')} holds it against the limits"
-    ),
-    "modes": lambda args, _: (
-        f"{_camopt('bound', args.scene)} says how much area a cam can have, where the scene has its limits"
-    ),
-    "bound": lambda args, _: (
-        f"{_camopt('optimize', args.scene, '--accuracy', 'draft')} designs a cam towards this bound"
-    ),
-    "gradient": lambda args, _: f"{_camopt('optimize', args.scene)} designs a cam with such gradients",
-    "tradeoff": lambda args, _: (
-        f"{_camopt('optimize', args.scene, '--accuracy', 'draft')} runs the job at the accuracy you choose"
-    ),
-    "what-if": lambda args, _: (
-        f"{_camopt('optimize', args.scene)} designs a cam for a scene with the numbers that you keep"
     ),
     "extremes": lambda args, code: (
         f"a wrong row without a warning is a defect of camopt: report it with {args.folder / 'extremes.csv'}"
@@ -235,4 +218,4 @@ _AFTER = {
         f"`camopt modes mine.toml`"
     ),
 }
-"""By command: what to do after it, from its arguments and its exit code."""
+"""By command without such a sentence: what to do after it, from its arguments and its exit code."""

@@ -153,6 +153,7 @@ def parser() -> argparse.ArgumentParser:
         )
         command.add_argument("--debug", action="store_true", help="show the traceback of an error")
         command.add_argument("--quiet", action="store_true", help="no progress bar and no hint of what to do next")
+        command.set_defaults(next=entry.get("next"))
         for argument, settings in _arguments(entry["arguments"], table["shared"]):
             command.add_argument(argument, **settings)
     top.verbs = list(commands.choices)

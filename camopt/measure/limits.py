@@ -94,46 +94,45 @@ def broken_by_shape(lift: Lift, design: Design | None) -> list[str]:
     `_outside` says what is asked of the duration and the ramps. Of a cam that a rounded table gives, those limits are
     named that no cam within the rounding keeps (`camopt.measure.rounded`).
     """
-    if design is None:
-        return []
-    top = design.max_lift_mm * MM
-    broken = _outside(lift, design)
-    if lift.max_lift > top * (1 + ROUNDING):
-        broken.append("max_lift_mm")
-    if design.reach_max_lift and lift.max_lift < top * (1 - REACH):
-        broken.append("reach_max_lift")
-    lowest, highest = lift.extremes(2)
+    return [] if design is None else list(shape_excess(lift, design))
+
+
+def shape_excess(lift: Lift, design: Design) -> dict[str, float]:
+    """By how much a cam breaks the limits of `broken_by_shape`, relative to each; 1 for a step and for a limit without
+    a size."""
+    over = dict.fromkeys(_outside(lift, design), 1.0)
+
+    def note(name: str, value: float, limit: float, stepped: bool = False, rounding: float = ROUNDING) -> None:
+        relative = value / limit - 1
+        if stepped or relative > rounding:
+            over[name] = relative if relative > 0 else 1.0
+
+    top, (lowest, highest) = design.max_lift_mm * MM, lift.extremes(2)
+    note("max_lift_mm", lift.max_lift, top)
+    if design.reach_max_lift:
+        note("reach_max_lift", 2 * top - lift.max_lift, top, rounding=REACH)
     torn, kink, bend = (_has_step(lift, design, order) for order in range(3))
     kink = kink or torn
-    broken += ["continuous_lift"] * torn + ["continuous_velocity"] * kink
-    upper, lower, jerk = (
-        design.acceleration_max_mm_per_deg2,
-        design.acceleration_min_mm_per_deg2,
-        design.jerk_max_mm_per_deg3,
-    )
-    if upper is not None and (kink or highest > upper * MM_PER_DEG2 * (1 + ROUNDING)):
-        broken.append("acceleration_max_mm_per_deg2")
-    if lower is not None and (kink or lowest < lower * MM_PER_DEG2 * (1 + ROUNDING)):
-        broken.append("acceleration_min_mm_per_deg2")
-    if jerk is not None:
-        steepest = np.abs(lift.extremes(3)).max()
-        if kink or bend or steepest > jerk * MM_PER_DEG3 * (1 + ROUNDING):
-            broken.append("jerk_max_mm_per_deg3")
-    if design.snap_max_mm_per_deg4 is not None:
+    over |= dict.fromkeys(["continuous_lift"] * torn + ["continuous_velocity"] * kink, 1.0)
+    if (upper := design.acceleration_max_mm_per_deg2) is not None:
+        note("acceleration_max_mm_per_deg2", highest, upper * MM_PER_DEG2, kink)
+    if (lower := design.acceleration_min_mm_per_deg2) is not None:
+        note("acceleration_min_mm_per_deg2", lowest, lower * MM_PER_DEG2, kink)
+    if (jerk := design.jerk_max_mm_per_deg3) is not None:
+        note("jerk_max_mm_per_deg3", float(np.abs(lift.extremes(3)).max()), jerk * MM_PER_DEG3, kink or bend)
+    if (snap := design.snap_max_mm_per_deg4) is not None:
         half = lift.half_duration
-        largest = np.abs(lift.extremes(4, -half, half)).max()
         stepped = kink or bend or _has_step(lift, design, 3, within=half)
-        if stepped or largest > design.snap_max_mm_per_deg4 * MM_PER_DEG4 * (1 + ROUNDING):
-            broken.append("snap_max_mm_per_deg4")
+        note("snap_max_mm_per_deg4", float(np.abs(lift.extremes(4, -half, half)).max()), snap * MM_PER_DEG4, stepped)
     if design.nose_deg:
         nose = design.nose_deg * DEG
         if lift.extremes(2, -nose, nose)[1] > ROUNDING * max(-lowest, highest):
-            broken.append("nose_deg")
-    if design.waves_max is not None and len(sign_changes(lift)) > design.waves_max:
-        broken.append("waves_max")
-    broken += [key for key, over in drawing_excess(lift, design).items() if over > ROUNDING]
+            over["nose_deg"] = 1.0
+    if design.waves_max is not None:
+        note("waves_max", len(sign_changes(lift)), design.waves_max)
+    over |= {key: excess for key, excess in drawing_excess(lift, design).items() if excess > ROUNDING}
     rows = rows_of(lift)
-    return broken if rows is None else violated_beyond_rounding(broken, rows, design)
+    return over if rows is None else {key: over[key] for key in violated_beyond_rounding([*over], rows, design)}
 
 
 def drawing_excess(lift: Lift, design: Design) -> dict[str, float]:

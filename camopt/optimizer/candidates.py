@@ -115,14 +115,9 @@ class Chosen:
 
 def full_verdict(scene: Scene, lift: Lift, speeds: str, effort: Accuracy) -> Verdict:
     """The verdict on a run's design: at the listed speeds and, with `speeds` "band", over the band."""
-    asked = effort.verdict
-    return verdict_on(
-        scene, lift, None, asked.methods_of(build_train(scene)), _band_step(speeds, effort), asked.tolerances
-    )
-
-
-def _band_step(speeds: str, effort: Accuracy) -> float | None:
-    return effort.verdict.band_step_rpm if speeds == "band" else None
+    own = effort.verdict
+    band_step_rpm = own.band_step_rpm if speeds == "band" else None
+    return verdict_on(scene, lift, None, own.methods_of(build_train(scene)), band_step_rpm, own.tolerances)
 
 
 def largest_confirmed(

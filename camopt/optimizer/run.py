@@ -4,6 +4,7 @@ import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,10 +22,9 @@ from camopt.optimizer.first_run import SAYING, compile_programs, programs_missin
 from camopt.optimizer.free_numbers import free_numbers, with_best_values
 from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_sensitivities
 from camopt.optimizer.program.program_cam import program_cam
-from camopt.optimizer.progress import Progress
 from camopt.optimizer.search.cams import Journal, Logbook
 from camopt.optimizer.search.search import find_cam
-from camopt.optimizer.stage_clock import StageClock
+from camopt.optimizer.stage_clock import Progress, StageClock
 from camopt.scene.errors import InputError, NoCamFound
 from camopt.scene.schema import Scene
 from camopt.scene.smoothing import smoothing, smoothing_in
@@ -140,7 +140,7 @@ def optimize(
                 designed(folder)
             shown.begin("comparison")
             with job.clock.stage("comparison"):
-                _compared(folder, scene, lift, verdict, effort, shown if compare else None, job.families)
+                job.compared(folder, lift, verdict, shown)
             shown.end()
         job.write_provenance(folder)
     held = verdict.verdict == "confirmed" and (stated is None or stated.confirmed is not False)
@@ -171,10 +171,11 @@ class _OpenRun:
     further: dict = field(default_factory=dict)  # keys of design.json on free numbers and on the search
     start: Lift | None = None
     found: dict = field(default_factory=dict)  # of the search, for the provenance
-    families: Families = field(init=False)
 
-    def __post_init__(self):
-        self.families = Families(self.scene)
+    @cached_property
+    def families(self) -> Families:
+        """Every family's largest member in the scene."""
+        return Families(self.scene)
 
     def make_programs(self, shown: Progress) -> None:
         """On the first run of an installation: the compiled programs."""
@@ -276,24 +277,16 @@ class _OpenRun:
         }
         write_json(folder / "provenance.json", content)
 
-
-def _compared(
-    folder: Path,
-    scene: Scene,
-    lift: Lift,
-    verdict: Verdict,
-    effort: Accuracy,
-    shown: Progress | None,
-    families: Families,
-) -> None:
-    """The comparison with its figures or, where none is shown, the figures of the design alone."""
-    if shown is None:
-        from camopt.optimizer.baselines.figures import draw  # loads matplotlib: only once there is a design
-
+    def compared(self, folder: Path, lift: Lift, verdict: Verdict, shown: Progress) -> None:
+        """The comparison with its figures or, where none is asked for, the figures of the design alone."""
+        scene, effort = self.scene, self.effort
         assert scene.operation is not None, "load_scene(..., need=...) guarantees it"
-        draw(folder, scene, {"design": lift}, {"design": verdict.as_dict()}, drawn_speeds(scene.operation, effort))
-        return
-    from camopt.optimizer.baselines.comparison import compare_in, plain_baselines
+        if not self.compare:
+            from camopt.optimizer.baselines.figures import draw  # loads matplotlib: only once there is a design
 
-    baselines = plain_baselines(scene, without_jerk_limit=effort.without_jerk_limit, known=families.cams)
-    compare_in(folder, scene, {"design": lift}, {"design": verdict}, effort, baselines, shown.advance)
+            draw(folder, scene, {"design": lift}, {"design": verdict.as_dict()}, drawn_speeds(scene.operation, effort))
+            return
+        from camopt.optimizer.baselines.comparison import compare_in, plain_baselines
+
+        baselines = plain_baselines(scene, without_jerk_limit=effort.without_jerk_limit, known=self.families.cams)
+        compare_in(folder, scene, {"design": lift}, {"design": verdict}, effort, baselines, shown.advance)

@@ -35,10 +35,6 @@ class Outcome(NamedTuple):
     text: str
 
 
-class OtherVersion(Exception):
-    """A worker has another version of camopt than the process that sends the tasks."""
-
-
 def failed(reason: str) -> Outcome:
     """The outcome of a task that failed for a reason."""
     return Outcome(FAILED, json.dumps({"reason": reason[:LONGEST_REASON]}))
@@ -52,9 +48,12 @@ def compute(filed: FiledTask) -> Outcome:
 
 
 def compute_at_worker(filed: FiledTask, made_by: str) -> Outcome:
-    """The same in a process that computes nothing else; raises OtherVersion where camopt is not that of the sender."""
+    """The same in a process that computes nothing else; raises InputError where camopt is not that of the sender."""
     if (mine := _own_version()) != made_by:
-        raise OtherVersion(f"a worker has camopt {mine}, and the tasks are sent by camopt {made_by}")
+        raise InputError(
+            f"sweep: a worker has camopt {mine}, and the tasks are sent by camopt {made_by}; nothing of it was "
+            f"recorded: install one version everywhere"
+        )
     task = filed.task()
     _hold_threads(_module(task))
     return _outcome(task)

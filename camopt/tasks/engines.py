@@ -14,7 +14,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 
 from camopt.scene.errors import InputError
-from camopt.tasks.compute import OtherVersion, Outcome, failed
+from camopt.tasks.compute import Outcome, failed
 
 MOST_DEATHS = 3
 """Workers that may die of a task before it is given up."""
@@ -108,8 +108,6 @@ def cannot_go_on(error: BaseException) -> InputError:
     """The sentence for an executor that cannot go on."""
     if isinstance(error, InputError):
         return error
-    if isinstance(error, OtherVersion):
-        return InputError(f"sweep: {error}; nothing of it was recorded: install one version everywhere")
     return InputError(
         f"sweep: the executor does not go on ({type(error).__name__}: {error}); what ended is recorded: sweep again "
         f"with the same store and another executor"

@@ -122,12 +122,9 @@ class SweepPlan:
             return self.settings.tasks
         inner = (self.settings.trains,) * len(self.scenes) if isinstance(self.settings, YieldSettings) else ()
         each = inner or tuple(map(len, self.speeds_rpm))
-        return self._combinations * sum(len(cams) * n for cams, n in zip(self.cams, each, strict=True))
-
-    @property
-    def _combinations(self) -> int:
         lengths = [len(values) for values in self.file.vary.values()]
-        return prod(lengths) if self.file.combine == "grid" else max(lengths, default=1)
+        combinations = prod(lengths) if self.file.combine == "grid" else max(lengths, default=1)
+        return combinations * sum(len(cams) * n for cams, n in zip(self.cams, each, strict=True))
 
     def _numbers(self) -> Iterator[dict[str, float]]:
         """The numbers of the scene, combination by combination."""

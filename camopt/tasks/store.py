@@ -144,9 +144,14 @@ class TaskStore:
         """How many rows ended in which state."""
         return dict(self._db.execute("SELECT state, count(*) FROM row GROUP BY state ORDER BY state"))
 
-    def last_number(self) -> int:
-        """The largest number of a row, -1 where there is none."""
-        return self._db.execute("SELECT coalesce(max(number), -1) FROM row").fetchone()[0]
+    def check_count(self, tasks: int) -> None:
+        """Raises InputError where a row belongs to a task beyond so many."""
+        last = self._db.execute("SELECT coalesce(max(number), -1) FROM row").fetchone()[0]
+        if last >= tasks:
+            raise InputError(
+                f"{self.path}: has a row of task {last}, and these are {tasks} tasks: it belongs to other tasks; name "
+                f"another store"
+            )
 
     def part(self, name: str) -> str:
         """A long text that tasks refer to by name."""

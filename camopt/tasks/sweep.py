@@ -129,19 +129,19 @@ def sweep(
     """
     if workers is not None and not 0 <= workers <= MOST_WORKERS:
         raise InputError(f"sweep: workers {workers}: expected a number from 0 to {MOST_WORKERS}")
-    made_by, count = version("camopt"), _cores() if workers is None else workers
+    made_by, total = version("camopt"), len(tasks) if isinstance(tasks, Sized) else None
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    count = cores if workers is None else workers
     with TaskStore(store, made_by, getattr(tasks, "digest", ""), retry_failed=retry_failed) as rows:
-        total = len(tasks) if isinstance(tasks, Sized) else None
-        if total is not None and rows.last_number() >= total:
-            raise _other_plan(rows, total)
+        if total is not None:
+            rows.check_count(total)
         if executor is not None:
             count, computing = workers or getattr(executor, "_max_workers", count), nullcontext(executor)
         else:
             computing = LocalProcesses(count) if count else nullcontext()
         with computing as engine, tqdm(total=total, disable=None if progress else True) as bar:
             taken = _run(tasks, rows, engine, AHEAD * count, bar, made_by)
-        if rows.last_number() >= taken:
-            raise _other_plan(rows, taken)
+        rows.check_count(taken)
     return SweptTasks(Path(store))
 
 
@@ -171,7 +171,10 @@ def _run(
             else:
                 while len(running) >= most:
                     collect()
-                future = _submitted(engine, task, made_by)
+                try:
+                    future = engine.submit(compute_at_worker, task, made_by)
+                except Exception as error:
+                    raise cannot_go_on(error) from error
                 running[future] = number, task
                 future.add_done_callback(done.put)
         while running:
@@ -180,22 +183,3 @@ def _run(
         for future in running:
             future.cancel()
     return number + 1
-
-
-def _submitted(engine: Executor, task: FiledTask, made_by: str) -> "Future[Outcome]":
-    try:
-        return engine.submit(compute_at_worker, task, made_by)
-    except Exception as error:
-        raise cannot_go_on(error) from error
-
-
-def _cores() -> int:
-    """The cores that this process may use, where the system tells; else those of the machine."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _other_plan(rows: TaskStore, count: int) -> InputError:
-    return InputError(
-        f"{rows.path}: has a row of task {rows.last_number()}, and these are {count} tasks: it belongs to other tasks; "
-        f"name another store"
-    )

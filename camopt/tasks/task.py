@@ -107,10 +107,9 @@ class FiledTask:
     def task(self) -> Task:
         """The task with its long texts."""
         data = json.loads(self.text)
-        return _TASKS.validate_python(as_tuples({k: self._whole(v) for k, v in data.items()}))
-
-    def _whole(self, value: Any) -> Any:
-        return self.parts[value] if isinstance(value, str) and value.startswith(PART) else value
+        return _TASKS.validate_python(
+            as_tuples({k: self.parts.get(v, v) if isinstance(v, str) else v for k, v in data.items()})
+        )
 
 
 def filed(task: Mapping[str, Any], version: str, where: str = "task") -> FiledTask:
@@ -122,8 +121,10 @@ def filed(task: Mapping[str, Any], version: str, where: str = "task") -> FiledTa
     """
     raw = dict(task)
     try:
-        if raw.get("verb") not in ("rehearse", "call"):
-            _fill_in(raw)
+        if raw.get("verb") not in ("rehearse", "call") and "scene" in raw:
+            raw["scene"] = scene_as_text(raw["scene"])
+            if "cam" in raw:
+                raw["cam"] = cam_as_text(raw["cam"], raw["scene"])
         checked = _TASKS.validate_python(as_tuples(raw))
     except ValidationError as error:
         raise InputError("; ".join(f"{where}: {sentence}" for sentence in task_faults(error))) from None
@@ -170,14 +171,6 @@ def task_faults(error: ValidationError) -> Iterable[str]:
         else:
             shown = f" (given: {excerpt(repr(fault['input']))})" if fault["type"] != "missing" else ""
             yield f"{key}: {fault['msg'].replace('Input should be', 'must be')}{shown}"
-
-
-def _fill_in(task: dict[str, Any]) -> None:
-    """Scene and cam of a task as texts, in place."""
-    if "scene" in task:
-        task["scene"] = scene_as_text(task["scene"])
-    if "cam" in task and "scene" in task:
-        task["cam"] = cam_as_text(task["cam"], task["scene"])
 
 
 def scene_as_text(scene: str | Path | Scene) -> str:

@@ -32,7 +32,7 @@ from camopt.verifier.convergence import (
     apart,
     at_once,
 )
-from camopt.verifier.record import HALVED, ONE_STEP, method_record, metrics_record, numbers, ranges_record
+from camopt.verifier.record import HALVED, ONE_STEP, method_record, metrics_record
 
 FAR = 3.0
 """A limit is broken far beyond every error estimate where it is exceeded by FAR times the sum of the first method's
@@ -109,9 +109,7 @@ class SpeedVerdict:
             "verdict": self.verdict,
             "decided_after": self.decided_after,
             "method": name,
-            **metrics_record(first),
-            "bounce_range_mm": numbers(self.bounce_range_mm),
-            "ranges": ranges_record(self.ranges),
+            **metrics_record(first, self.ranges),
             "methods": {name: method_record(answer) for name, answer in self.methods.items()},
         }
 
@@ -150,7 +148,9 @@ def verdict_from_answers(
     verdict = "rejected" if broken else "sensitive" if straddled else "confirmed"
     if not agree:
         verdict, broken = "not converged", ()
-    return SpeedVerdict(speed_rpm, verdict, broken, straddled, ranges_of(first, near), answers, decided_after)
+    every = {name: np.array([own, *(f.range(name) for f in near)]) for name, own in first.range.items()}
+    ranges = {name: (float(values.min()), float(values.max())) for name, values in every.items()}
+    return SpeedVerdict(speed_rpm, verdict, broken, straddled, ranges, answers, decided_after)
 
 
 def plainly_broken(
@@ -190,12 +190,6 @@ def violates_by_margin(scene: Scene, metrics: list[dict[str, float]], error: dic
         if np.all(np.isfinite([*values, margin])) and all(limit.breaks(value, margin) for value in values):
             return True
     return False
-
-
-def ranges_of(answer: Converged, near: list[Figures]) -> dict[str, tuple[float, float]]:
-    """Smallest and largest value of every metric over the measured revolutions and the neighbourhood."""
-    every = {name: np.array([own, *(f.range(name) for f in near)]) for name, own in answer.range.items()}
-    return {name: (float(values.min()), float(values.max())) for name, values in every.items()}
 
 
 def agreement(answers: list[Converged], tolerances: Tolerances) -> bool:

@@ -145,7 +145,12 @@ class StepRefinement:
     @property
     def ended(self) -> bool:
         """Whether the metrics have converged, or no finer step is left."""
-        return self._converged() or self._taken > self._tolerances.halvings or self._too_fine()
+        too_fine = self._taken > 2 and self._first << self._taken > FINEST_STEPS
+        if self._taken > self._tolerances.halvings or too_fine:
+            return True
+        certain = self._tolerances.certain and self.periodic
+        exact = not certain or _errors(self._runs)["bounce_mm"] <= self._allowed["bounce_mm"]
+        return self._unmoved_enough() and exact
 
     @property
     def periodic(self) -> bool:
@@ -199,18 +204,9 @@ class StepRefinement:
         revolve = self._prepare(train, lift, cam_speed, self._steps)
         return settle_and_measure(revolve, self._state, lift, 0, aperiodic=RANGED).figures
 
-    def _converged(self) -> bool:
-        if not self._unmoved_enough():
-            return False
-        certain = self._tolerances.certain and self.periodic
-        return not (certain and _errors(self._runs)["bounce_mm"] > self._allowed["bounce_mm"])
-
     def _unmoved_enough(self) -> bool:
         last = self._unmoved_steps[-self._tolerances.stands :]
         return self._steps >= self._enough and len(last) == self._tolerances.stands and all(last)
-
-    def _too_fine(self) -> bool:
-        return self._taken > 2 and self._first << self._taken > FINEST_STEPS
 
 
 def at_once(many: SettledMany, train: Train, lift: Lift, cam_speed: float, start: np.ndarray) -> Converged:

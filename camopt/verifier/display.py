@@ -48,7 +48,9 @@ def text(record: VerificationRecord, scene: Scene | None) -> str:
         lines.append(f"and {len(rows) - MOST_LINES} more speeds")
     if band is not None:
         worst = {name: record.worst(name) for name in TEXT if name != "speed_rpm"}
-        over = _judged_speeds(band, rows)
+        low, high = band["from_rpm"], band["to_rpm"]
+        beyond = [f"{row['speed_rpm']:g}" for row in rows if not low <= row["speed_rpm"] <= high]
+        over = f"{low:g} to {high:g} r/min" + (f" and at {', '.join(beyond)} r/min" if beyond else "")
         lines.append(f"worst over {over}, neighbouring speeds, lifts and states included, each at its speed")
         lines.append(_line({name: one and one.value for name, one in worst.items()}))
         lines.append(_line({name: one and one.speed_rpm for name, one in worst.items()}, "r/min"))
@@ -71,13 +73,6 @@ def _outside(row: dict) -> str:
 def _beside(verdict: str, outside: str, rows: list[dict]) -> str:
     """A verdict, and beside it what another engine says where it was run."""
     return f"{verdict:<13}  {outside:>10}" if any("outside" in row for row in rows) else verdict
-
-
-def _judged_speeds(band: dict, rows: list[dict]) -> str:
-    """The speeds to which the worst values belong: the band, and the listed ones that lie outside it."""
-    low, high = band["from_rpm"], band["to_rpm"]
-    beyond = [f"{row['speed_rpm']:g}" for row in rows if not low <= row["speed_rpm"] <= high]
-    return f"{low:g} to {high:g} r/min" + (f" and at {', '.join(beyond)} r/min" if beyond else "")
 
 
 def _line(row: dict, last: str = "") -> str:

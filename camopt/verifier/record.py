@@ -154,23 +154,17 @@ def accuracy_record(speeds: Sequence[dict], requested_um: float, requested: str 
         words += f"; not reached: bounce is known to a range only, {', '.join(ranges)}" if ranges else ""
         at = ", ".join(f"{rpm:g}" for rpm in none)
         words += f"; there is no bounce at {at} r/min, where the valve does not seat" if none else ""
+    if alone := [rpm for rpm, speed in by_speed.items() if speed["decided_after"] == ALONE]:
+        covered = ", ".join(f"{rpm:g}" for rpm in sorted(by_speed.keys() - set(alone)))
+        others = f"{len(alone)} other speed{'s' * (len(alone) > 1)}"
+        words += f"; all methods looked at {covered} r/min, event-exact alone at {others}"
     return {
         "asked": requested_um if requested is None else requested,
         "asked_um": requested_um,
         "delivered_um": delivered if np.isfinite(delivered) else None,
         "reached": bool(delivered <= requested_um),
-        "statement": words + coverage_sentence(by_speed),
+        "statement": words,
     }
-
-
-def coverage_sentence(by_speed: Mapping[float, dict]) -> str:
-    """The speeds [r/min] at which all methods were run, for the end of the statement; empty where that is every one."""
-    alone = [rpm for rpm, speed in by_speed.items() if speed["decided_after"] == ALONE]
-    if not alone:
-        return ""
-    covered = ", ".join(f"{rpm:g}" for rpm in sorted(by_speed.keys() - set(alone)))
-    others = f"{len(alone)} other speed{'s' * (len(alone) > 1)}"
-    return f"; all methods looked at {covered} r/min, event-exact alone at {others}"
 
 
 def _range(speed: dict) -> str:
@@ -215,17 +209,12 @@ def outside_entries(text: str) -> list[dict]:
 
 def method_record(answer: Converged) -> dict:
     """A method's answer at one speed."""
-    return {
-        **metrics_record(answer),
-        "bounce_range_mm": numbers(answer.range["bounce_mm"]),
-        "ranges": ranges_record(answer.range),
-        "steps_per_revolution": answer.steps_per_revolution,
-        "converged": answer.converged,
-    }
+    steps = {"steps_per_revolution": answer.steps_per_revolution, "converged": answer.converged}
+    return metrics_record(answer, answer.range) | steps
 
 
-def metrics_record(answer: Converged) -> dict:
-    """The metrics of a method's answer with their errors, and whether its motion repeats."""
+def metrics_record(answer: Converged, ranges: Mapping[str, tuple[float, float]]) -> dict:
+    """The metrics of a method's answer with their errors, whether its motion repeats, and the range of every metric."""
     metrics = dict(zip(REPORTED, numbers(answer.worst[name] for name in REPORTED), strict=True))
     errors = dict(zip(REPORTED, numbers(answer.doubt(name) for name in REPORTED), strict=True))
     return {
@@ -234,12 +223,9 @@ def metrics_record(answer: Converged) -> dict:
         "errors": errors,
         "revolutions": answer.revolutions,
         "periodic": answer.periodic,
+        "bounce_range_mm": numbers(ranges["bounce_mm"]),
+        "ranges": {name: numbers(ranges[name]) for name in REPORTED},
     }
-
-
-def ranges_record(ranges: Mapping[str, tuple[float, float]]) -> dict[str, list[float | None]]:
-    """The range of every metric."""
-    return {name: numbers(ranges[name]) for name in REPORTED}
 
 
 def band_record(band: Band) -> dict:

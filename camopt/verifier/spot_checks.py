@@ -121,8 +121,10 @@ def spot_checked(case: Case, alone: Verdicts) -> dict[float, SpeedVerdict]:
         return {}
     by_speed = {s.speed_rpm: s for s in alone}
     chosen = {min(by_speed), max(by_speed)}
-    for name in {*case.tolerances.limited, PEAK_FORCE}:
-        chosen.add(max(alone, key=lambda s: _badness(s, name)).speed_rpm)
+    for name in {*case.tolerances.limited, PEAK_FORCE}:  # over the neighbourhood; a missing one is the worst
+        end, sign = (0, -1.0) if name in LESS_IS_WORSE else (1, 1.0)
+        bad = [float(np.nan_to_num(sign * s.ranges[name][end], nan=np.inf)) for s in alone]
+        chosen.add(alone[int(np.argmax(bad))].speed_rpm)
 
     def judged(speeds: set[float]) -> dict[float, SpeedVerdict]:
         verdicts = at_every(lambda _, speed: with_all_methods(case, by_speed[speed]), case, sorted(speeds))
@@ -138,12 +140,6 @@ def _alone(one: SpeedVerdict) -> tuple[list[dict[str, float]], dict[str, float]]
     """Metrics and errors of a verdict's only method."""
     (look,) = one.methods.values()
     return [look.worst], look.error
-
-
-def _badness(one: SpeedVerdict, name: str) -> float:
-    """How bad a metric is over the neighbourhood; a missing one is the worst."""
-    low, high = one.ranges[name]
-    return float(np.nan_to_num(-low if name in LESS_IS_WORSE else high, nan=np.inf))
 
 
 def _excess(case: Case, one: SpeedVerdict) -> float:

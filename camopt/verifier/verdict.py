@@ -223,11 +223,16 @@ def _swept_band(
     limited: the search for the starts may find a worse speed than the sweep.
     """
     many = _settled_metrics() if refined else partial(_settled_metrics(), most=WANDERING_REVOLUTIONS)
-    swept = SpeedCache(_at_first_steps, scene, lift, WORKERS, "event", many)
-    limited = limited_metrics(scene.design)
+
+    def prepare(train: Train, lift: Lift, cam_speed: float) -> Revolve:
+        return event_exact(train, lift, cam_speed, first_steps(train, cam_speed))
+
+    swept, limited = SpeedCache(prepare, scene, lift, WORKERS, "event", many), limited_metrics(scene.design)
     missed, left_out = resonances(scene, lift, step_rpm)
     sweep(swept, step_rpm, limited if refined else (), missed, coarsely=coarsely)
-    first = first_exceeding(swept, _starts(scene), max(SEARCH_STEP_RPM, step_rpm))
+    limits = {limit.metric: limit.value for limit in motion_limits(scene.design).values()}
+    starts = {metric: limits.get(metric, STARTS_MM) for metric in STARTS.values()}
+    first = first_exceeding(swept, starts, max(SEARCH_STEP_RPM, step_rpm))
     band = replace(swept.band(step_rpm), resonances=tuple(missed), resonances_left_out=left_out, refined=refined)
     suspects = {band.worst(name)[0] for name in limited}
     for metric, speed in first.items():
@@ -267,17 +272,8 @@ def chords_at(train: Train, cam_speed: float, steps_per_revolution: int) -> int:
     return round(CHORDS * max(1.0, steps_per_revolution / first_steps(train, cam_speed)) ** 0.5)
 
 
-def _at_first_steps(train: Train, lift: Lift, cam_speed: float) -> Revolve:
-    return event_exact(train, lift, cam_speed, first_steps(train, cam_speed))
-
-
 def _settled_metrics() -> SettledMany:
     """What measures many of event-exact's motions together; a curved law has its default chords there."""
     from camopt.exact.settled import settled_metrics
 
     return settled_metrics
-
-
-def _starts(scene: Scene) -> dict[str, float]:
-    limits = {limit.metric: limit.value for limit in motion_limits(scene.design).values()}
-    return {metric: limits.get(metric, STARTS_MM) for metric in STARTS.values()}

@@ -7,7 +7,7 @@ import pytest
 from camopt.cam.design_file import write_design
 from camopt.cam.families.polydyne import polydyne
 from camopt.cli.parser import main
-from camopt.optimizer.bound.area_words import area_words
+from camopt.optimizer.bound.certificate import area_words
 from camopt.scene import load_scene
 from camopt.scene.units import DEG, MM
 

@@ -15,6 +15,7 @@ from camopt.optimizer.candidates import Families, Member, largest_confirmed
 from camopt.optimizer.run import optimize
 from camopt.optimizer.search.cams import Logbook, Search
 from camopt.optimizer.search.judge import Judged
+from camopt.optimizer.stage_clock import StageClock
 from camopt.report.folder import read_run_folder
 from camopt.report.outcome import outcome_lines
 from camopt.scene import InputError, load_scene
@@ -163,19 +164,8 @@ def test_a_scene_in_which_nothing_holds_ends_with_code_3_and_without_a_folder(wi
     monkeypatch.setattr(candidates, "FAMILIES", ("3-4-5",))  # which breaks this scene's limits
     file, folder = tmp_path / "scene.toml", tmp_path / "run"
     file.write_text(scene_toml(wide_lash), encoding="utf-8")
-    words = [
-        "optimize",
-        "--gradient",
-        "exact",
-        str(file),
-        "--speeds",
-        "nominal",
-        "--accuracy",
-        "draft",
-        "--no-compare",
-        "--quiet",
-    ]
-    assert main([*words, "--out", str(folder)]) == 3
+    words = "optimize --gradient exact --speeds nominal --accuracy draft --no-compare --quiet".split()
+    assert main([*words, str(file), "--out", str(folder)]) == 3
     said = capsys.readouterr().err
     assert (
         "which must lie on the opening ramp" in said
@@ -188,12 +178,12 @@ def test_the_comparison_designs_no_member_again(wide_lash, tmp_path, monkeypatch
     designed = []
     plain = "camopt.optimizer.baselines.comparison.member_or_sentence"
     monkeypatch.setattr(plain, lambda scene, family: designed.append(family) or f"no {family} here")
-    families = Families(wide_lash)
+    job = run._OpenRun(wide_lash, {}, DRAFT, StageClock())
     monkeypatch.setattr("camopt.optimizer.baselines.comparison.compare_in", lambda *given: compared.append(given[5]))
     compared = []
     shown = SimpleNamespace(advance=lambda share: None)
-    assert families.members() == []
-    run._compared(tmp_path, wide_lash, CAMS["kurz"], SimpleNamespace(), DRAFT, shown, families)
+    assert job.families.members() == []
+    job.compared(tmp_path, CAMS["kurz"], SimpleNamespace(), shown)
     assert designed == list(candidates.FAMILIES)
     assert compared[0]["polydyne"] == "no polydyne here" and {"multi-pol", "new-design"} <= compared[0].keys()
 

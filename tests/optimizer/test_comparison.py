@@ -16,8 +16,9 @@ from camopt.measure.limits import broken_by_shape, steepest_jerk, steps_at
 from camopt.measure.sweep import at_speeds
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.baselines import comparison, figures
-from camopt.optimizer.baselines.comparison import NO_JERK, best_baselines, compare, comparison_rows, plain_baselines
-from camopt.optimizer.baselines.largest_member import Baseline, MemberLimits
+from camopt.optimizer.baselines.comparison import best_baselines, compare, plain_baselines
+from camopt.optimizer.baselines.comparison_table import NO_JERK, comparison_rows
+from camopt.optimizer.baselines.largest_member import Baseline
 from camopt.plots import Sweep
 from camopt.plots.speeds import first_passed
 from camopt.plots.style import cam_line
@@ -47,13 +48,13 @@ def test_plain_baselines_fill_both_tables(monkeypatch):
 def test_best_baselines_walk_the_registry(monkeypatch):
     asked = []
 
-    def found(scene, name, limits, *, progress):
-        asked.append((name, limits))
+    def found(scene, name, *, jerk, bounce_max_mm, progress):
+        asked.append((name, jerk, bounce_max_mm))
         raise InputError("none")
 
     monkeypatch.setattr("camopt.optimizer.baselines.largest_member.largest_area_member", found)
     cams = best_baselines(KODAMA)
-    assert asked == [(name, MemberLimits(jerk, 0.05)) for jerk in (True, False) for name in FAMILIES]
+    assert asked == [(name, jerk, 0.05) for jerk in (True, False) for name in FAMILIES]
     assert set(cams.values()) == {"none"}
 
 
@@ -63,15 +64,15 @@ def test_the_best_of_a_family_says_where_none_holds_and_never_loses_area_by_a_li
     areas |= {("polydyne", True): (0.5, False), ("polydyne", False): (0.6, False)}
     lifts = {key: polydyne(MOTORI) for key in areas}
 
-    def found(scene, name, limits, *, progress):
-        if (name, limits.jerk) not in areas:
+    def found(scene, name, *, jerk, bounce_max_mm, progress):
+        if (name, jerk) not in areas:
             raise InputError("none")
-        area, holds = areas[name, limits.jerk]
+        area, holds = areas[name, jerk]
         says = f"no {name} cam found with at most 0.05 mm of bounce: 1.6 mm is the least reached"
-        return Baseline(name, lifts[name, limits.jerk], holds, says, area, {}, 1, 1, 0.0)
+        return Baseline(name, lifts[name, jerk], holds, says, area, {}, 1, 1, 0.0)
 
     monkeypatch.setattr("camopt.optimizer.baselines.largest_member.largest_area_member", found)
-    monkeypatch.setattr(comparison, "excess", lambda *_: 0.0)
+    monkeypatch.setattr(comparison, "shape_excess", lambda *_: {})
     said = []
     cams = best_baselines(MOTORI, note=said.append)
     assert cams["kurz"] is cams["kurz" + NO_JERK] is lifts["kurz", True]

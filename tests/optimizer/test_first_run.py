@@ -10,8 +10,7 @@ from camopt import programs
 from camopt.cli.arguments import say_compilation
 from camopt.optimizer import first_run, run
 from camopt.optimizer.accuracy import ACCURACIES
-from camopt.optimizer.progress import Progress
-from camopt.optimizer.stage_clock import StageClock
+from camopt.optimizer.stage_clock import Progress, StageClock
 from camopt.scene import load_scene
 
 SLEEPER = [sys.executable, "-c", "import time; time.sleep(600)"]

@@ -21,11 +21,11 @@ from camopt.optimizer import candidates
 from camopt.optimizer import run as module
 from camopt.optimizer.accuracy import ACCURACIES, design_speeds
 from camopt.optimizer.baselines import comparison
-from camopt.optimizer.candidates import Families
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.run import optimize
 from camopt.optimizer.search.cams import Journal
 from camopt.optimizer.search.judge import Judge
+from camopt.optimizer.stage_clock import StageClock
 from camopt.report import write_report
 from camopt.scene import InputError, build_train, load_scene
 from camopt.scene.errors import NoCamFound
@@ -330,6 +330,6 @@ def test_a_draft_alone_draws_the_motion_at_both_ends_too(accuracy, listed, tmp_p
     scene, drawn = load_scene("kodama"), []
     monkeypatch.setattr("camopt.optimizer.baselines.figures.draw", lambda *given: drawn.append(given[-1]))
     verdict = SimpleNamespace(as_dict=dict)
-    families = Families(scene)
-    module._compared(tmp_path, scene, polydyne(scene), verdict, ACCURACIES[accuracy], None, families)
+    job = module._OpenRun(scene, {}, ACCURACIES[accuracy], StageClock(), compare=False)
+    job.compared(tmp_path, polydyne(scene), verdict, None)
     assert drawn == [listed]

@@ -25,13 +25,13 @@ def test_a_program_is_short_by_what_no_cam_near_holds(monkeypatch, margin_N):
     program = no_jump_program(build_train(KODAMA), DESIGN, cam, [KODAMA.cam_speed(5000.0)])
     looked = []
 
-    def narrowed(best_near, lift):
-        looked.append(best_near(lift, WIDTHS[-1]))
-        return lift
+    def narrowed(program_of, cam, lift):
+        looked.append(program_of(near(cam, lift, WIDTHS[-1])))
+        return near(cam, lift)
 
     monkeypatch.setattr(radii, "_narrowed", narrowed)
     assert with_radii(program, margin_N).cam.about.near.lift(0.0) == pytest.approx(cam.about.near.lift(0.0))
-    ((_, _, short),) = looked
+    short = looked[0][0].solve(looked[0][1]).z[-1]
     try:
         program.solve(Margins(margin_N, margin_N, margin_N))
         assert short == pytest.approx(0.0, abs=1e-6)

@@ -201,14 +201,11 @@ class AscentState:
 
     def _judged_share(self) -> float:
         """The largest share of a limit that the settled motion uses by event-exact; infinite for a broken shape."""
-        scene = self._scene(self.point["train"])
+        scene = self.variables.train.scene_with(self.point["train"])
         lift = self.variables.cam.lift(self.variables.cam_vector(self.point))
         if broken_by_shape(lift, scene.design):
             return np.inf
         return float(Judge(scene, sorted(self.objective.speeds_rpm))(lift).share.max(initial=0.0))
-
-    def _scene(self, factors: np.ndarray) -> Scene:
-        return self.variables.train.scene_with(factors)
 
     def history(self) -> AscentHistory:
         """All iterates until now, with the best and the nearest of them."""
@@ -216,15 +213,17 @@ class AscentState:
         steps = notable(self.iterates)
         data = dataset_of(self.iterates, self.variables.train.names).assign_attrs(about, **steps)
         ones = {name: self.iterates[step] for name, step in steps.items()}
-        cams = {name: (self.variables.cam.lift(one.cam), self._scene(one.train)) for name, one in ones.items()}
+        cams = {
+            name: (self.variables.cam.lift(one.cam), self.variables.train.scene_with(one.train))
+            for name, one in ones.items()
+        }
         return AscentHistory(data, *cams["nearest"], *cams.get("best", (None, None)))
 
     def save(self, path: Path) -> None:
         """Writes the ascent, from which `load` goes on to the last digit."""
-        state = [np.asarray(leaf).tolist() for leaf in jax.tree.leaves((self.state, self._held))]
-        point = {name: part.tolist() for name, part in self.point.items()}
-        iterates = [one.as_dict() for one in self.iterates]
-        write_text(path, json.dumps({"iterates": iterates, "point": point, "state": state}))
+        iterates, state = [vars(one) for one in self.iterates], jax.tree.leaves((self.state, self._held))
+        content = {"iterates": iterates, "point": self.point, "state": state}
+        write_text(path, json.dumps(content, default=lambda array: np.asarray(array).tolist()))
 
     def load(self, path: Path) -> None:
         """Takes over what `save` wrote of the same ascent."""
@@ -234,7 +233,8 @@ class AscentState:
         values = [jnp.asarray(value, dtype=leaf.dtype).reshape(leaf.shape) for leaf, value in known]
         self.state, self._held = jax.tree.unflatten(tree, values)
         self.point = {name: np.array(part, dtype=float) for name, part in stored["point"].items()}
-        self.iterates = [Iterate.of(one) for one in stored["iterates"]]
+        arrays = [{name: np.array(one[name], dtype=float) for name in ("cam", "train")} for one in stored["iterates"]]
+        self.iterates = [Iterate(**one | own) for one, own in zip(stored["iterates"], arrays, strict=True)]
 
 
 def calmest(scene: Scene, knot_deg: float) -> Lift:

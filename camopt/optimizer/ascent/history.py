@@ -1,7 +1,7 @@
 """What an ascent was: every iterate as a labelled dataset, the best cam and the nearest one, and a figure."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -44,16 +44,6 @@ class Iterate:
     def holds(self) -> bool:
         """Whether every limit is held by event-exact; False where it was not asked."""
         return self.share <= 1.0
-
-    def as_dict(self) -> dict[str, Any]:
-        """Numbers and lists."""
-        return asdict(self) | {"cam": self.cam.tolist(), "train": self.train.tolist()}
-
-    @classmethod
-    def of(cls, stored: Mapping[str, Any]) -> "Iterate":
-        """The iterate of `as_dict`."""
-        arrays = {name: np.array(stored[name], dtype=float) for name in ("cam", "train")}
-        return cls(**{**stored, **arrays})
 
     def __str__(self) -> str:
         judged = f", largest used share of a limit {self.share:.3g}" if self.judged else ""

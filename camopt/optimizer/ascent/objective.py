@@ -7,7 +7,7 @@ its unit. Both are means over speeds and trains, times the penalty's weight.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import jax
@@ -16,7 +16,7 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.measure.as_built import trains_as_built
-from camopt.measure.limits import MotionLimit, motion_limits
+from camopt.measure.limits import motion_limits
 from camopt.optimizer.ascent.train_variables import TrainVariables
 from camopt.scene import QUANTITIES, InputError, Scene, Train, build_train
 from camopt.scene.smoothing import Smoothing, smoothing
@@ -88,7 +88,8 @@ class Objective:
         if limit is None:
             each = -values if QUANTITIES[metric].less_is_worse else values
         else:
-            each = jnp.maximum(_share(limit, values) - AIM, 0.0)
+            # `MotionLimit.share` in JAX, straight on beyond zero; NaN stays NaN, since it has no slope
+            each = jnp.maximum(1.0 + limit.share_slope * (values - limit.value) - AIM, 0.0)
         return self.penalties[metric] * jnp.mean(each)
 
 
@@ -111,14 +112,11 @@ class BoundObjective:
 
     def __call__(self, parameters: Mapping[str, Any]) -> jax.Array:
         """The number to maximise."""
-        return self.value_and_terms(parameters)[0]
+        return self.value_and_terms(dict(parameters))[0]
 
-    def value_and_terms(self, parameters: Mapping[str, Any]) -> tuple[jax.Array, Terms]:
+    @partial(jax.jit, static_argnums=0)
+    def value_and_terms(self, parameters: dict[str, Any]) -> tuple[jax.Array, Terms]:
         """The number to maximise, and its parts, by one program that is kept on disk."""
-        return _value_and_terms(self, dict(parameters))
-
-    def computed(self, parameters: Mapping[str, Any]) -> tuple[jax.Array, Terms]:
-        """The same, operation by operation."""
         asked = self.objective
         own = {name: jnp.asarray(value, dtype=float) for name, value in parameters.items()}
         factors = own.pop("train", jnp.ones(len(self.train.names)))
@@ -175,9 +173,6 @@ class BoundObjective:
         varies = trains[0].parameters if asked.trains or self.train.names else ()
         numbers = {name: np.array([t.parameters[name] for t in trains for _ in speeds]) for name in varies}
         return numbers, np.tile(speeds, len(trains))
-
-
-_value_and_terms = jax.jit(BoundObjective.computed, static_argnums=0)
 
 
 def objective(
@@ -265,8 +260,3 @@ def _constraints(asked: Mapping[str, float] | None, source: str, trains: int) ->
             f"objective: constraints with trains={trains}: they hold for the train as designed: leave out trains"
         )
     return {name: float(limit) for name, limit in limits.items()}
-
-
-def _share(limit: MotionLimit, values: jax.Array) -> jax.Array:
-    """`MotionLimit.share` in JAX, straight on beyond zero; NaN stays NaN, since it has no slope."""
-    return 1.0 + limit.share_slope * (values - limit.value)

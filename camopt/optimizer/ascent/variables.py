@@ -7,7 +7,7 @@ design's limits on the shape: it is the nearest one that does.
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -33,35 +33,13 @@ ROOM = 1e-4
 """Part of a limit of the drawing that an ascent leaves: between two angles lies a few 1e-5 of it at most."""
 
 
-class CamVariables(Protocol):
-    """The cam's part: a vector and what it means."""
-
-    cam: Lift  # the one that `parameters` belong to
-    start: np.ndarray  # (m)
-
-    def parameters(self, vector: Any) -> dict[str, Any]:
-        """Those of `camopt.differentiable(scene, cam)`, in JAX."""
-        ...
-
-    def lift(self, vector: np.ndarray) -> Lift:
-        """The cam."""
-        ...
-
-    def nearest(self, vector: np.ndarray) -> np.ndarray:
-        """The nearest vector whose cam holds the design's limits on the shape."""
-        ...
-
-    def nearest_and_face(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The same, and its derivative (m, m) by the vector."""
-        ...
-
-    def face(self, vector: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """The projector (m, m) onto the directions along which these limits still hold."""
-        ...
-
-
 class FreeVariables:
-    """The coefficients of the free cam nearest to a given cam, of a free one with its own knots."""
+    """The coefficients of the free cam nearest to a given cam, of a free one with its own knots.
+
+    `start` (m) belongs to `cam`. `parameters` of a vector (m) are those of `camopt.differentiable(scene, cam)`, in JAX;
+    `nearest` is the nearest vector whose cam holds the design's limits on the shape, with its derivative (m, m) in
+    `nearest_and_face`; `face` is the projector (m, m) onto the directions along which these limits still hold.
+    """
 
     def __init__(self, scene: Scene, cam: Lift, knot_deg: float):
         assert scene.design is not None, "objective() asks for [design]"
@@ -94,7 +72,7 @@ class FreeVariables:
 
 
 class FamilyVariables:
-    """Factors on the own parameters of a family's member.
+    """Factors on the own parameters of a family's member, with what `FreeVariables` has.
 
     The lift laws of other points have these parameters by the names of `camopt.differentiable`, and are no members by
     name: a family's own function may take others, or fewer.
@@ -204,7 +182,7 @@ class Variables:
     With a `metric` (m, m) of a free cam, "cam" is y of the coefficients z = metric @ y, and what is nearest is so in y.
     """
 
-    def __init__(self, cam: CamVariables, train: TrainVariables, metric: np.ndarray | None = None):
+    def __init__(self, cam: FreeVariables | FamilyVariables, train: TrainVariables, metric: np.ndarray | None = None):
         self.cam, self.train, self._metric = cam, train, metric
         self._limits = cam if metric is None or not isinstance(cam, FreeVariables) else cam.in_metric(metric)
 
@@ -240,7 +218,7 @@ class Variables:
         return {"cam": _on_face(self._limits, point["cam"]), "train": jnp.clip(point["train"], low, high)}
 
 
-def _on_face(limits: CamVariables | Polyhedron, vector: jax.Array) -> jax.Array:
+def _on_face(limits: FreeVariables | FamilyVariables | Polyhedron, vector: jax.Array) -> jax.Array:
     """The nearest vector within the limits, differentiable by JAX: the host finds it."""
     size = vector.shape[0]
     shapes = jax.ShapeDtypeStruct((size,), float), jax.ShapeDtypeStruct((size, size), float)

@@ -11,19 +11,10 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.families.registry import FAMILIES
 from camopt.cam.lift import Lift
 from camopt.cam.read import read_cam
-from camopt.measure.limits import broken_by_shape
+from camopt.measure.limits import shape_excess
 from camopt.optimizer.accuracy import ACCURACIES, Accuracy, accuracy_named, drawn_speeds
-from camopt.optimizer.baselines.comparison_table import (
-    FAILED,
-    NO_JERK,
-    comparison_rows,
-    failed,
-    keep,
-    kept,
-    write_table,
-)
+from camopt.optimizer.baselines.comparison_table import FAILED, NO_JERK, failed, keep, kept, write_table
 from camopt.optimizer.baselines.figures import draw
-from camopt.optimizer.baselines.largest_member import excess
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
@@ -32,8 +23,6 @@ from camopt.verifier.accuracy import EFFORTS
 from camopt.verifier.convergence import Tolerances
 from camopt.verifier.verdict import Verdict, verdict_on
 
-__all__ = ["BASELINES", "NO_JERK", "Comparison", "best_baselines", "compare", "compare_again", "compare_in",
-           "comparison_rows", "plain_baselines"]  # fmt: skip
 SECTIONED = ("multi-pol", "new-design")
 HALVINGS = 3
 """Of the step of each method for a baseline: enough where it bounces little, and where it bounces much only the range
@@ -122,30 +111,26 @@ def best_baselines(
     Where no member was found that holds, it is the one with the least bounce, and `note` is told so. A member that
     holds under the jerk limit holds without it, so that the latter search never ends in less area.
     """
-    from camopt.optimizer.baselines.largest_member import Baseline, MemberLimits, largest_area_member
+    from camopt.optimizer.baselines.largest_member import Baseline, largest_area_member
 
     bounce_max_mm = None if scene.design is None else scene.design.bounce_max_mm
     cams: dict[str, Lift | str] = {}
     held: dict[str, Baseline] = {}
 
-    def searched(name: str, limits: MemberLimits) -> Lift:
-        found = largest_area_member(scene, name, limits, progress=progress)
-        known = held.get(name)
-        if known is not None and not (found.holds and found.area_ratio >= known.area_ratio):
-            return known.lift
-        if found.holds:
-            held[name] = found
+    def searched(name: str, jerk: bool) -> Lift:
+        baseline = largest_area_member(scene, name, jerk=jerk, bounce_max_mm=bounce_max_mm, progress=progress)
+        before = held.get(name)
+        if before is not None and not (baseline.holds and baseline.area_ratio >= before.area_ratio):
+            return before.lift
+        if baseline.holds:
+            held[name] = baseline
         else:
-            note(f"{found.says}; shown is the nearest that was found" + NO_JERK * (not limits.jerk))
-        return found.lift
+            note(f"{baseline.says}; shown is the nearest that was found" + NO_JERK * (not jerk))
+        return baseline.lift
 
     for jerk in (True, False) if _jerk_limited(scene) else (True,):
-        limits = MemberLimits(jerk, bounce_max_mm)
         for name in FAMILIES:
-            cams[name + ("" if jerk else NO_JERK)] = _member(
-                scene,
-                lambda name=name, limits=limits: searched(name, limits),
-            )
+            cams[name + ("" if jerk else NO_JERK)] = _member(scene, lambda name=name, jerk=jerk: searched(name, jerk))
     return cams
 
 
@@ -168,11 +153,11 @@ def _member(scene: Scene, design: Callable[[], Lift]) -> Lift | str:
         return _sentence(error)
     assert scene.design is not None, "load_scene(..., need='design') guarantees it"
     without_jerk = scene.design.model_copy(update={"jerk_max_mm_per_deg3": None})  # its own table says what breaks it
-    over, broken = excess(lift, without_jerk), broken_by_shape(lift, without_jerk)
-    if over > MOST_EXCESS:
+    over = shape_excess(lift, without_jerk)
+    if (most := max(over.values(), default=0.0)) > MOST_EXCESS:
         return (
             f"{lift.family}: no cam to compare with under the limits of this scene, because its member breaks "
-            f"{', '.join(broken)} by up to {over:.0%}"
+            f"{', '.join(over)} by up to {most:.0%}"
         )
     return lift
 
@@ -187,7 +172,7 @@ def compare_in(
     designs: dict[str, Lift],
     verdicts: dict[str, Verdict],
     effort: Accuracy,
-    baselines: Mapping[str, Lift | str] | None = None,
+    baselines: Mapping[str, Lift | str],
     judged: Callable[[float], object] = lambda share: None,
 ) -> dict[str, Figure]:
     """comparison.csv and figures, by name, into a folder, without figures where there is no cam; cams with a verdict
@@ -195,13 +180,10 @@ def compare_in(
 
     `judged` is told after each baseline what share of the work it was.
 
-    `baselines` as `plain_baselines` gives them, by default as the effort asks; one that has no member gets a row that
-    says why. They are judged at the listed speeds and, unless a given verdict is without one, over the band in the same
-    steps as the design. Cams and verdicts are kept in the folder's `cams` and `verdicts`, for the report and for
-    `--cam`.
+    `baselines` as `plain_baselines` gives them; one that has no member gets a row that says why. They are judged at the
+    listed speeds and, unless a given verdict is without one, over the band in the same steps as the design. Cams and
+    verdicts are kept in the folder's `cams` and `verdicts`, for the report and for `--cam`.
     """
-    if baselines is None:
-        baselines = plain_baselines(scene, without_jerk_limit=effort.without_jerk_limit)
     band_step = None if any(v.band is None for v in verdicts.values()) else effort.verdict.band_step_rpm
     cams = dict(designs)
     found = {name: verdicts[name].as_dict() if name in verdicts else _judged(scene, lift, effort, band_step)

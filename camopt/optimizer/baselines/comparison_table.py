@@ -91,14 +91,12 @@ def _read_verdict(path: Path) -> dict:
 def write_table(folder: Path, scene: Scene, cams: Mapping[str, Lift], found: Mapping[str, dict]) -> None:
     """comparison.csv: the rows of every cam, then one for every verdict without a cam."""
     rows = [row for name, lift in cams.items() for row in comparison_rows(scene, name, lift, found[name])]
-    rows += [_failed_row(name, one) for name, one in found.items() if name not in cams]
+    for name, one in found.items():
+        if name not in cams:
+            limits = "no-jerk" if name.endswith(NO_JERK) else "all"
+            named = {"cam": name, "limits": limits, "verdict": FAILED, "broken": "; ".join(one["broken"])}
+            rows.append(dict.fromkeys(COLUMNS) | named)
     write_csv(folder / "comparison.csv", {key: [row[key] for row in rows] for key in COLUMNS})
-
-
-def _failed_row(name: str, found: dict) -> dict:
-    limits = "no-jerk" if name.endswith(NO_JERK) else "all"
-    named = {"cam": name, "limits": limits, "verdict": FAILED, "broken": "; ".join(found["broken"])}
-    return dict.fromkeys(COLUMNS) | named
 
 
 def comparison_rows(scene: Scene, name: str, lift: Lift, found: dict) -> list[dict]:

@@ -66,7 +66,9 @@ def draw(
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
     figures = folder / "figures"
     figures.mkdir(exist_ok=True)
-    named = {name: name if _lawful(found[name]) else name + UNLAWFUL for name in cams}
+    # a word of a verdict that names no speed is a limit on the cam's shape: what is broken at a speed is the motion's
+    lawful = {name: all(" at " in word for word in found[name].get("broken", [])) for name in cams}
+    named = {name: name if lawful[name] else name + UNLAWFUL for name in cams}
     tables = [(named[name], lift_table(lift, TABLE_STEP_DEG)) for name, lift in cams.items()]
     if (ideal := folder / IDEAL / "design.json").exists():
         tables.append((AS_DESIGNED, lift_table(read_design(ideal, scene), TABLE_STEP_DEG)))
@@ -88,11 +90,6 @@ def draw(
     for name, figure in drawn.items():
         save(figure, figures, name)
     return drawn
-
-
-def _lawful(found: dict) -> bool:
-    """Whether a verdict names no limit on the cam's shape as broken: what is broken at a speed is the motion's."""
-    return all(" at " in word for word in found.get("broken", []))
 
 
 def settled_motions(scene: Scene, name: str, lift: Lift, found: dict, speeds_rpm: Sequence[float]) -> list[DrawnMotion]:

@@ -1,34 +1,33 @@
 """Baselines as good as their families allow: the largest area of a family, on request within a limit on bounce.
 
 The outer search is differential evolution (Storn and Price 1997) over the family's free parameters, the inner one a
-linear program in the levels (see `family_spaces`). Differential evolution only asks which of two members is better, so
+linear program in the levels. Differential evolution only asks which of two members is better, so
 no penalty has to be weighed: a member outside the limits on its shape is worse than one that bounces too much, and
 that one worse than any that holds; within each kind excess, bounce and area decide. Motion is judged by event-exact,
 settled from rest at every speed, and the metrics of the verifier.
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import differential_evolution
 from tqdm import tqdm
 
-from camopt.cam.families.record import Space
+from camopt.cam.families.record import Space, family_named
 from camopt.cam.lift import Lift
-from camopt.cam.waves import sign_changes
+from camopt.cam.read import family_and_keywords, read_cam
 from camopt.exact.engine import prepare
-from camopt.measure.limits import broken_by_shape, drawing_excess
+from camopt.measure.limits import shape_excess
 from camopt.measure.settling import settle
-from camopt.optimizer.baselines.family_spaces import family_space
 from camopt.scene.design import Design
 from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
-from camopt.scene.units import MM, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 from camopt.storage import run_identity
 from camopt.storage.journal import Records
 
@@ -38,28 +37,6 @@ NEAR = 0.15
 HOPELESS = 6.0
 """Bounce in multiples of the limit at which the slower speeds are not looked at: such a member only shows the way."""
 FIGURES = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s")
-
-
-@dataclass(frozen=True)
-class MemberLimits:
-    """What a member of a family must hold, besides the limits on its shape.
-
-    `jerk` false leaves the jerk limit out. `bounce_max_mm`: largest bounce at `speeds_rpm` [crankshaft r/min, the
-    scene's listed ones where None], judged by event-exact.
-    """
-
-    jerk: bool = True
-    bounce_max_mm: float | None = None
-    speeds_rpm: Sequence[float] | None = None
-
-    def design(self, scene: Scene) -> Design:
-        """The scene's design with those limits on the shape that count."""
-        assert scene.design is not None, "as checked"
-        return scene.design if self.jerk else scene.design.model_copy(update={"jerk_max_mm_per_deg3": None})
-
-
-ON_THE_SHAPE = MemberLimits()
-"""The limits on the shape alone."""
 
 
 @dataclass(frozen=True)
@@ -85,80 +62,69 @@ class Baseline:
 def largest_area_member(
     scene: Scene,
     family: str,
-    limits: MemberLimits = ON_THE_SHAPE,
     *,
+    jerk: bool = True,
+    bounce_max_mm: float | None = None,
+    speeds_rpm: Sequence[float] | None = None,
     evaluations: int = 600,
     seed: int = 0,
     journal: Path | str | None = None,
     progress: bool = False,
 ) -> Baseline:
-    """The member of `family` with the largest area under a scene's limits on the shape and `limits`.
+    """The member of `family` with the largest area under a scene's limits on the shape and one on bounce.
 
+    `jerk` false leaves the jerk limit out. `bounce_max_mm`: largest bounce at `speeds_rpm` [crankshaft r/min, the
+    scene's listed ones where None], judged by event-exact.
     `family` as on the command line, with the parameters that tell its readings apart (`new-design:start_ratio=0`).
     About `evaluations` members are designed; the same call finds the same cam. `journal`: a file that keeps what was
     judged, so that an interrupted search goes on when called again. Where no member holds, the one with the least
     bounce, or nearest the limits on the shape, is returned and says so. Raises InputError for an unknown family, a
     scene it cannot serve, and a journal of another search.
     """
-    _check(scene, limits, evaluations)
-    assert scene.operation is not None, "as checked"
+    design, operation = scene.design, scene.operation
+    if design is None or operation is None or scene.seat is None:
+        raise InputError(f"scene {scene.name!r}: a baseline needs valve, seat, [operation] and [design]")
+    if bounce_max_mm is not None and not bounce_max_mm > 0:
+        raise InputError(f"bounce_max_mm {bounce_max_mm:g}: a number above 0 is needed")
+    if evaluations < 2 * POPULATION:
+        raise InputError(f"evaluations {evaluations}: at least {2 * POPULATION} are needed")
     begun = time.perf_counter()
-    design, bounce_max_mm = limits.design(scene), limits.bounce_max_mm
-    motion = MemberMotion(scene, scene.operation.speeds_rpm if limits.speeds_rpm is None else limits.speeds_rpm)
-    space = family_space(scene, family, limits.jerk)
+    design = design if jerk else design.model_copy(update={"jerk_max_mm_per_deg3": None})
+    motion = MemberMotion(scene, operation.speeds_rpm if speeds_rpm is None else speeds_rpm)
+    space = family_space(scene, family, jerk)
     if bounce_max_mm is None and space.largest is not None:
         lift, count = space.largest(evaluations, seed), evaluations
     else:
-        asked = {"family": family, "jerk": limits.jerk, "bounce_max_mm": bounce_max_mm, "evaluations": evaluations}
-        identity = run_identity("baseline", scene, **asked, seed=seed, speeds_rpm=list(motion.speeds_rpm))
-        search = _MemberSearch(space, design, motion, bounce_max_mm, Records(journal, "at", identity=identity))
+        settings = {"family": family, "jerk": jerk, "bounce_max_mm": bounce_max_mm, "evaluations": evaluations}
+        identity = run_identity("baseline", scene, **settings, seed=seed, speeds_rpm=list(motion.speeds_rpm))
+        judged = Records(journal, "at", identity=identity)
+        score = partial(_score, space, design, motion, bounce_max_mm)
         with tqdm(total=evaluations, disable=None if progress else True, unit="cam", desc=family) as bar:
-            lift, count = search.best(evaluations, seed, bar), search.evaluations
+            lift, count = _best(space, score, judged, evaluations, seed, bar)
     figures = motion.worst(lift)
-    over = excess(lift, design)
-    holds = over == 0 and (bounce_max_mm is None or figures["bounce_mm"] <= bounce_max_mm)
+    over = shape_excess(lift, design)
+    holds = not over and (bounce_max_mm is None or figures["bounce_mm"] <= bounce_max_mm)
     area = lift.area_ratio_in(design)
-    says = _words(family, over, broken_by_shape(lift, design), figures["bounce_mm"], bounce_max_mm)
+    says = _words(family, over, figures["bounce_mm"], bounce_max_mm)
     seconds = time.perf_counter() - begun
     return Baseline(family, lift, holds, says, area, figures, count, motion.judged, seconds)
 
 
-def _check(scene: Scene, limits: MemberLimits, evaluations: int) -> None:
-    if scene.design is None or scene.operation is None or scene.seat is None:
-        raise InputError(f"scene {scene.name!r}: a baseline needs valve, seat, [operation] and [design]")
-    if limits.bounce_max_mm is not None and not limits.bounce_max_mm > 0:
-        raise InputError(f"bounce_max_mm {limits.bounce_max_mm:g}: a number above 0 is needed")
-    if evaluations < 2 * POPULATION:
-        raise InputError(f"evaluations {evaluations}: at least {2 * POPULATION} are needed")
+def family_space(scene: Scene, family: str, jerk: bool) -> Space:
+    """The search space of a family under a scene's limits, the jerk limit only with `jerk`.
 
-
-def excess(lift: Lift, design: Design) -> float:
-    """By how much a cam breaks the worst of its design's limits on the shape, relative to that limit; 0 if none.
-
-    A step in velocity or acceleration where a limit forbids it counts as 1.
+    `family` is a name as of the command line, optionally with what tells its readings apart
+    (`new-design:start_ratio=0,quintic=yes`). Raises InputError for an unknown family, for a parameter that the search
+    chooses, and for a scene whose two ramps differ.
     """
-    broken = broken_by_shape(lift, design)
-    if not broken:
-        return 0.0
-    lowest, highest = lift.extremes(2)
-    values = {
-        "max_lift_mm": (lift.max_lift, design.max_lift_mm * MM),
-        "reach_max_lift": (2 * design.max_lift_mm * MM - lift.max_lift, design.max_lift_mm * MM),
-    }
-    if design.acceleration_max_mm_per_deg2 is not None:
-        values["acceleration_max_mm_per_deg2"] = highest, design.acceleration_max_mm_per_deg2 * MM_PER_DEG2
-    if design.acceleration_min_mm_per_deg2 is not None:
-        values["acceleration_min_mm_per_deg2"] = lowest, design.acceleration_min_mm_per_deg2 * MM_PER_DEG2
-    if design.jerk_max_mm_per_deg3 is not None:
-        steepest = float(np.abs(lift.extremes(3)).max())
-        values["jerk_max_mm_per_deg3"] = steepest, design.jerk_max_mm_per_deg3 * MM_PER_DEG3
-    if design.snap_max_mm_per_deg4 is not None:
-        snap = float(np.abs(lift.extremes(4, -lift.half_duration, lift.half_duration)).max())
-        values["snap_max_mm_per_deg4"] = snap, design.snap_max_mm_per_deg4 * MM_PER_DEG4
-    if design.waves_max is not None:
-        values["waves_max"] = float(len(sign_changes(lift))), float(design.waves_max)
-    over = {name: value / limit - 1 for name, (value, limit) in values.items()} | drawing_excess(lift, design)
-    return max(over[name] if over.get(name, 0.0) > 0 else 1.0 for name in broken)
+    name, given = family_and_keywords(family)
+    record = family_named(name)
+    chosen = sorted(p.keyword for p in record.parameters.values() if p.searched and p.keyword in given)
+    if chosen:
+        raise InputError(f"baseline {family!r}: the search chooses {', '.join(chosen)}: leave it out")
+    if record.space is None:
+        return Space([], lambda _: read_cam(family, scene))
+    return record.space(scene, jerk, **given)
 
 
 def member_within(space: Space, x: np.ndarray, design: Design) -> tuple[Lift | None, float]:
@@ -168,7 +134,7 @@ def member_within(space: Space, x: np.ndarray, design: Design) -> tuple[Lift | N
         lift = space.member(x)
     except InputError:
         return None, 3.0
-    over = excess(lift, design)
+    over = max(shape_excess(lift, design).values(), default=0.0)
     return (lift, 0.0) if over == 0 else (None, 2.0 + over / (1.0 + over))
 
 
@@ -198,48 +164,42 @@ class MemberMotion:
         return found
 
 
-class _MemberSearch:
-    """Differential evolution on the score: below 1 what holds, then what bounces, then what breaks limits."""
+def _best(
+    space: Space, score: Callable[[np.ndarray], float], judged: Records, evaluations: int, seed: int, bar: tqdm
+) -> tuple[Lift, int]:
+    """The member of the least score of about `evaluations`, and how many there were."""
+    if not space.bounds:
+        return space.member(np.zeros(0)), 1
 
-    def __init__(self, space: Space, design: Design, motion: MemberMotion, limit: float | None, judged: Records):
-        self.space, self.design, self.motion, self.limit, self.judged = space, design, motion, limit, judged
-        self.evaluations = 0
+    def cost(x: np.ndarray) -> float:
+        bar.update(1)
+        if (record := judged.get(x.tolist())) is None:
+            record = {"at": x.tolist(), "score": score(x)}
+            judged.add(record)
+        return record["score"]
 
-    def best(self, evaluations: int, seed: int, bar: tqdm) -> Lift:
-        """The best of about `evaluations` members."""
-        if not self.space.bounds:
-            self.evaluations = 1
-            return self.space.member(np.zeros(0))
+    best = differential_evolution(
+        cost,
+        space.bounds,
+        init=_first_population(space, seed),  # pyright: ignore[reportArgumentType]  # as in `largest_area`
+        maxiter=evaluations // POPULATION - 1,
+        tol=0.0,
+        polish=False,
+        rng=np.random.default_rng(seed),
+    )
+    return space.member(best.x), best.nfev
 
-        def cost(x: np.ndarray) -> float:
-            self.evaluations += 1
-            bar.update(1)
-            if (found := self.judged.get(x.tolist())) is None:
-                found = {"at": x.tolist(), "score": self.score(x)}
-                self.judged.add(found)
-            return found["score"]
 
-        found = differential_evolution(
-            cost,
-            self.space.bounds,
-            init=_first_population(self.space, seed),  # pyright: ignore[reportArgumentType]  # as in `largest_area`
-            maxiter=evaluations // POPULATION - 1,
-            tol=0.0,
-            polish=False,
-            rng=np.random.default_rng(seed),
-        )
-        return self.space.member(found.x)
-
-    def score(self, x: np.ndarray) -> float:
-        """How bad a member is."""
-        lift, cost = member_within(self.space, x, self.design)
-        if lift is None:
-            return cost
-        if self.limit is not None:
-            bounce = self.motion.worst(lift, HOPELESS * self.limit)["bounce_mm"]
-            if bounce > self.limit:
-                return 1.0 + (1.0 if np.isinf(bounce) else bounce / (1.0 + bounce))
-        return 1.0 - lift.area_ratio_in(self.design)
+def _score(space: Space, design: Design, motion: MemberMotion, limit: float | None, x: np.ndarray) -> float:
+    """How bad a member is: below 1 what holds, then what bounces more than the limit, then what breaks limits."""
+    lift, cost = member_within(space, x, design)
+    if lift is None:
+        return cost
+    if limit is not None:
+        bounce = motion.worst(lift, HOPELESS * limit)["bounce_mm"]
+        if bounce > limit:
+            return 1.0 + (1.0 if np.isinf(bounce) else bounce / (1.0 + bounce))
+    return 1.0 - lift.area_ratio_in(design)
 
 
 def _first_population(space: Space, seed: int) -> np.ndarray:
@@ -255,11 +215,10 @@ def _first_population(space: Space, seed: int) -> np.ndarray:
     return first
 
 
-def _words(family: str, over: float, broken: list[str], bounce: float, limit: float | None) -> str:
-    if over > 0:
-        return (
-            f"no {family} cam found within the limits on the shape: this one breaks {', '.join(broken)} by {over:.2%}"
-        )
+def _words(family: str, over: dict[str, float], bounce: float, limit: float | None) -> str:
+    if over:
+        breaks = f"{', '.join(over)} by {max(over.values()):.2%}"
+        return f"no {family} cam found within the limits on the shape: this one breaks {breaks}"
     if limit is None:
         return f"largest area of {family} within the limits on the shape"
     if bounce <= limit:

@@ -25,10 +25,13 @@ from math import comb, factorial
 import numpy as np
 from scipy.interpolate import PPoly
 
+from camopt.cam.lift import Lift
 from camopt.cam.ramps import scene_ramps
+from camopt.measure.limits import broken_by_shape, duration_words
 from camopt.optimizer.bound.fine_program import DiscretisedControlProblem, equal_grid
 from camopt.optimizer.bound.limit_terms import limit_terms
 from camopt.scene.design import Design
+from camopt.scene.errors import InputError
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
 
 INTERVALS = 1440
@@ -37,15 +40,9 @@ ROUNDING = 1e-12
 """What is added to every bound, relative to it: well above the round-off in evaluating it."""
 
 
-@dataclass(frozen=True)
-class AdditionalConstraintTerms:
-    """Further conditions times their multipliers: constant + integral kernel(s) control(s) ds [m rad].
-
-    The sum is >= 0 if the conditions are met.
-    """
-
-    constant: float
-    kernel: PPoly
+Terms = tuple[float, PPoly]
+"""Further conditions times their multipliers: constant + integral kernel(s) control(s) ds [m rad], which is >= 0 if the
+conditions are met."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +70,7 @@ class Certificate:
         """Upper bound on the area ratio of every cam under the design's limits."""
         return self.evaluate()
 
-    def evaluate(self, further: AdditionalConstraintTerms | None = None) -> float:
+    def evaluate(self, further: Terms | None = None) -> float:
         """The bound from the stored multipliers alone, with those of `further` conditions where they are given.
 
         Raises ValueError where a multiplier that must be >= 0 is negative.
@@ -82,15 +79,13 @@ class Certificate:
         jerk = self.design.jerk_max_mm_per_deg3
         constant = _constant(self, jerk is not None)
         p = _switching_function(self, jerk is not None)
+        terms = [] if further is None else [further]
         if self.drawing:
-            more, kernel = limit_terms(
-                self.design, self.grid, self.drawing, scene_ramps(self.design)[0], 2 if jerk is None else 3
-            )
+            opening, power = scene_ramps(self.design)[0], 2 if jerk is None else 3
+            terms.insert(0, limit_terms(self.design, self.grid, self.drawing, opening, power))
+        for more, kernel in terms:
             constant += more
             p = piecewise_sum(p, kernel)
-        if further is not None:
-            constant += further.constant
-            p = piecewise_sum(p, further.kernel)
         free = _largest_by_acceleration(self.design, p) if jerk is None else jerk * MM_PER_DEG3 * absolute_integral(p)
         full = self.design.max_lift_mm * MM * (self.grid[-1] - self.grid[0])
         return min(1.0, (constant + free) / full + ROUNDING)  # the lift cap alone allows no more than 1
@@ -240,3 +235,30 @@ def control_is_limited(design: Design) -> bool:
     """Whether the jerk, or else the acceleration to both sides, is limited."""
     accelerations = (design.acceleration_max_mm_per_deg2, design.acceleration_min_mm_per_deg2)
     return design.jerk_max_mm_per_deg3 is not None or None not in accelerations
+
+
+def area_words(lift: Lift, design: Design) -> list[str]:
+    """Sentences on a cam's duration, where it is not the design's, and on an area ratio beyond one or beyond the bound.
+
+    The ratio is that of the design's duration. The certified bound holds for cams that keep the limits and join the
+    ramps exactly, without acceleration; a cam called legal may exceed it only by joining them otherwise.
+    """
+    ratio, said = lift.area_ratio_in(design), []
+    if words := duration_words(lift, design):
+        said.append(words)
+    if ratio > 1:
+        said.append(f"the area ratio of {ratio:.4f} exceeds one: the lift exceeds max_lift_mm = {design.max_lift_mm:g}")
+    try:
+        bound = area_ratio_bound(design).bound
+    except InputError:
+        return said  # limits that no cam keeps bound nothing
+    if bound < ratio <= 1:
+        broken = broken_by_shape(lift, design)
+        because = (
+            f"it breaks {', '.join(broken)}"
+            if broken
+            else "it keeps the limits, but does not join the ramps as the bound assumes: at their height and velocity "
+            "and without acceleration"
+        )
+        said.append(f"the area ratio of {ratio:.4f} exceeds the certified bound of {bound:.4f}: {because}")
+    return said

@@ -84,11 +84,8 @@ class DiscretisedControlProblem:
                 box[self.column(state, node)] = value / self.unit[state]
         return box
 
-    def drawing(self) -> list[tuple[coo_array, np.ndarray, float]]:
-        """Rows, right sides and the rows' factor for every limit of `bounded_limits`, at the grid angles it covers."""
-        return [self._limit_rows(limit) for limit in bounded_limits(self.design)]
-
     def _limit_rows(self, limit: LinearLimit) -> tuple[coo_array, np.ndarray, float]:
+        """Rows, right sides and the rows' factor for a limit of a drawing, at the grid angles that it covers."""
         level, one = limit.level, limit.level.low == limit.level.high
         at = np.array([level.low]) if one else self.grid
         held = np.flatnonzero((at >= level.low - 1e-12) & (at <= level.high + 1e-12))
@@ -128,7 +125,7 @@ class DiscretisedControlProblem:
         common cam.
         """
         n = self.nodes
-        motion, drawing = self.motion(), self.drawing()
+        motion, drawing = self.motion(), [self._limit_rows(limit) for limit in bounded_limits(self.design)]
         columns = self.order * n + n - 1
         cost = np.zeros(columns)
         for state in range(self.order + 1):

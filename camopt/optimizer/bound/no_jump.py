@@ -17,8 +17,8 @@ from camopt.cam.families.free import FreeCam
 from camopt.cam.linear_limits import radii_held_near
 from camopt.optimizer.bound.certificate import (
     INTERVALS,
-    AdditionalConstraintTerms,
     Certificate,
+    Terms,
     control_is_limited,
     piecewise_sum,
 )
@@ -52,11 +52,8 @@ class NoJumpCertificate:
 
     @cached_property
     def bound(self) -> float:
-        """Upper bound on the area ratio."""
-        return self.evaluate()
-
-    def evaluate(self) -> float:
-        """The bound from the stored multipliers alone; raises ValueError where one that must be >= 0 is negative."""
+        """Upper bound on the area ratio, from the stored multipliers alone; raises ValueError where one that must be
+        >= 0 is negative."""
         if not np.all(self.force >= 0):
             raise ValueError("the force multipliers of a certificate must be >= 0")
         return self.kinematic.evaluate(force_terms(self.program, self.margins, self.force))
@@ -77,17 +74,17 @@ def no_jump_bound(program: NoJumpProgram, margins: Margins, knot_deg: float = KN
     capped = design.model_copy(update={"reach_max_lift": False} | dict.fromkeys(searched))  # a cap bounds, too
     cam = program_cam(capped, knot_deg)
     fine = replace(program, design=capped, cam=cam).relocated(angles)
-    found = fine.solve(margins)
+    solution = fine.solve(margins)
     full = design.max_lift_mm * MM * design.duration_deg * DEG
-    force = found.optimum.duals[len(fine.limits.bound) :] * full
-    further = force_terms(fine, found.margins, force)
+    force = solution.optimum.duals[len(fine.limits.bound) :] * full
+    _, kernel = force_terms(fine, solution.margins, force)
     grid = equal_grid(design, INTERVALS)
-    worth = np.diff(further.kernel.antiderivative()(grid))
+    worth = np.diff(kernel.antiderivative()(grid))
     kinematic = Certificate(design, grid, *DiscretisedControlProblem(design, grid).multipliers(worth))
-    return NoJumpCertificate(fine, found.margins, kinematic, force)
+    return NoJumpCertificate(fine, solution.margins, kinematic, force)
 
 
-def force_terms(program: NoJumpProgram, margins: np.ndarray, multipliers: np.ndarray) -> AdditionalConstraintTerms:
+def force_terms(program: NoJumpProgram, margins: np.ndarray, multipliers: np.ndarray) -> Terms:
     """The sum of multiplier times (force - margin) over all force rows, as a functional of the control."""
     line = replace(program.cam, x_p=np.zeros_like(program.cam.x_p), Z=np.zeros((len(program.cam.x_p), 0)))
     constant, kernel = 0.0, None
@@ -102,7 +99,7 @@ def force_terms(program: NoJumpProgram, margins: np.ndarray, multipliers: np.nda
         own = _kernel(program, line, block, signed)
         kernel = own if kernel is None else piecewise_sum(kernel, own)
     assert kernel is not None, "a program has at least one speed"
-    return AdditionalConstraintTerms(constant, kernel)
+    return constant, kernel
 
 
 def _kernel(program: NoJumpProgram, line: FreeCam, block: SpeedRows, signed: np.ndarray) -> PPoly:

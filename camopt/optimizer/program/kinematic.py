@@ -1,5 +1,6 @@
 """The kinematic problem on the free cam: largest area, what each limit is worth, conflicts, the shortest duration."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -10,13 +11,17 @@ from camopt.cam.families.shape_rows import NEAR, SIGNS, Limits
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import at_least
 from camopt.highs import Infeasible
-from camopt.optimizer.program.linear_program import Optimum, Rows, least_relaxation, maximise
+from camopt.optimizer.program.linear_program import ElasticProgram, Optimum, Rows, least_relaxation, maximise
 from camopt.scene.design import REACH, ROUNDING, Design
 from camopt.scene.errors import InputError
 from camopt.scene.units import DEG, MM, MM_PER_DEG2
 
 TYPICAL = 0.01
 """Typical free coefficient [mm/deg^2], for the solver's scaling: the size of the acceleration limits."""
+SHORT_OF_FORCE = 1e-2
+"""Area ratio that a newton costs which margins are short of: more than any cam gains by it."""
+TYPICAL_FORCE = 100.0
+"""A force of usual size [N], for the solver's scaling."""
 PEAK_STEP = 1.5 * DEG
 """Step of the peak angles that are tried when the design wants its maximum lift reached."""
 TRIED_KNOT_DEG = 3.0
@@ -234,6 +239,22 @@ def reached_in_the_middle(cam: FreeCam, design: Design, matrix, bound) -> tuple[
     row, offset = cam.basis(np.zeros(1))
     level = offset + row @ cam.x_p - lift_to_reach(design)
     return np.vstack([matrix, -row @ cam.Z]), np.append(bound, level)
+
+
+def elastic_shape(
+    design: Design, cam: FreeCam, names: Iterable[str], cost: float, size: float
+) -> tuple[ElasticProgram, np.ndarray]:
+    """The program of largest area whose limits `names` may be broken at a `cost`, by about `size`, and its right sides.
+
+    A maximum lift that is to be reached is reached in the middle.
+    """
+    limits, (row, _) = cam.limits(design), area_ratio_row(design, cam)
+    matrix, bound = reached_in_the_middle(cam, design, limits.matrix, limits.bound)
+    give = np.zeros(len(bound))
+    for name in names:
+        give[limits.rows(name)] = 1.0
+    working = np.union1d(first_working(limits), np.arange(len(limits.bound), len(bound)))
+    return ElasticProgram.of(spline_rows(matrix), give, row, cost, size, working), bound
 
 
 def _rounded(value: float, up: bool) -> str:

@@ -176,16 +176,42 @@ def _optimum(objective, rows: Rows, model: WarmModel, u, multipliers, excess) ->
     return Optimum(z, float(objective @ z), duals, tightest)
 
 
+@dataclass(frozen=True)
+class ElasticProgram:
+    """A program with penalised constraint violation (elastic mode): the last entry of a point is s >= 0, by which the
+    rows that give may be broken, at a cost."""
+
+    rows: Rows
+    objective: np.ndarray
+    working: np.ndarray
+
+    @classmethod
+    def of(cls, rows: Rows, give: np.ndarray, objective: np.ndarray, cost: float, size: float, working):
+        """Of rows (r, m), what each gives for s = 1 (r), an objective (m), what s costs and its typical size."""
+        last = np.append(np.zeros(len(rows.column)), -1.0)
+        elastic = Rows(np.vstack([np.column_stack([rows.matrix, -give]), last]), np.append(rows.column, size))
+        return cls(elastic, np.append(objective, -cost), np.append(working, len(give)))
+
+    def solve(self, bound: np.ndarray) -> Optimum:
+        """The point of largest value with these right sides (r); raises Infeasible where the other rows contradict
+        each other."""
+        return maximise(self.objective, self.rows, np.append(bound, 0.0), self.working)
+
+    def value(self, bound: np.ndarray) -> float:
+        """The largest value; minus infinity where the other rows contradict each other."""
+        try:
+            return self.solve(bound).value
+        except (Infeasible, ArithmeticError):  # of a pattern that the solver does not decide, too
+            return -np.inf
+
+
 def least_relaxation(rows: Rows, bound: np.ndarray, give: np.ndarray, size: float, working: np.ndarray) -> float | None:
     """Smallest s >= 0 with rows.matrix @ z <= bound + give (r) * s; None where no s is enough.
 
     `size` is a typical s, for the solver's scaling.
     """
-    last = np.zeros(rows.matrix.shape[1] + 1)
-    last[-1] = -1.0
-    elastic = Rows(np.vstack([np.column_stack([rows.matrix, -give]), last]), np.append(rows.column, size))
     try:
-        found = maximise(last, elastic, np.append(bound, 0.0), np.append(working, len(bound)))
+        found = ElasticProgram.of(rows, give, np.zeros(len(rows.column)), 1.0, size, working).solve(bound)
     except Infeasible:
         return None
     return max(float(found.z[-1]), 0.0)

@@ -17,13 +17,15 @@ from camopt.cam.lift import Lift
 from camopt.highs import Infeasible
 from camopt.optimizer.program.force_rows import PEAK, SEAT, Box, Margins, SpeedRows, Window, speed_rows
 from camopt.optimizer.program.kinematic import (
+    SHORT_OF_FORCE,
+    TYPICAL_FORCE,
     area_ratio_row,
     first_working,
     reached_in_the_middle,
     solve_over_peak_angles,
     spline_rows,
 )
-from camopt.optimizer.program.linear_program import Optimum, Rows, least_relaxation
+from camopt.optimizer.program.linear_program import ElasticProgram, Optimum, Rows, least_relaxation
 from camopt.optimizer.program.periodic import CamSamples, sample_cam
 from camopt.optimizer.program.phases import Angles, static_angles
 from camopt.scene.design import Design
@@ -32,7 +34,6 @@ from camopt.scene.train import Train
 
 SHORTFALL = 1.01
 """Factor on a shortfall, so that the margins below it are surely held."""
-
 BESIDE = 0.2
 """Part of a step between two rows within which a row of a program that differs little is the same one."""
 
@@ -217,36 +218,40 @@ class NoJumpProgram:
         first = len(self.limits.bound)
         return np.union1d(first_working(self.limits), np.arange(first, first + len(self.kind), 40))
 
-    def given_margins(self, count: int) -> np.ndarray:
-        """What each of `count` rows, this program's and further ones, gives where all margins fall by one [1/N]."""
-        give = np.zeros(count)
+    def relaxable(self, margins: np.ndarray) -> tuple[Rows, np.ndarray, np.ndarray, np.ndarray]:
+        """The rows, with a maximum lift reached in the middle, and their right sides (r) for margins (3, s) [N]; what
+        each gives where all margins fall by one (r) [1/N], and the first working set."""
+        matrix, bound = reached_in_the_middle(self.cam, self.design, self.rows.matrix, self.bound(margins))
+        give = np.zeros(len(bound))
         give[len(self.limits.bound) :][: len(self.kind)] = self.kind != PEAK
-        return give
+        working = np.union1d(self.first_working(), np.arange(len(self.rows.norm), len(bound)))
+        return spline_rows(matrix), bound, give, working
+
+    def elastic(self, margins: np.ndarray) -> tuple[ElasticProgram, np.ndarray]:
+        """The program that may miss margins (3, s) [N] at the cost SHORT_OF_FORCE, and its right sides."""
+        rows, bound, give, working = self.relaxable(margins)
+        row, _ = area_ratio_row(self.design, self.cam)
+        return ElasticProgram.of(rows, give, row, SHORT_OF_FORCE, TYPICAL_FORCE, working), bound
 
     def _shortfall(self, margins: np.ndarray) -> NoCamHoldsContact:
         """Why no cam keeps margins (3, s) [N]."""
-        matrix, bound = reached_in_the_middle(self.cam, self.design, self.rows.matrix, self.bound(margins))
-        give = self.given_margins(len(bound))
-        begin = np.union1d(self.first_working(), np.arange(len(self.rows.norm), len(bound)))
-        needed = least_relaxation(spline_rows(matrix), bound, give, 100.0, begin)
+        rows, bound, give, working = self.relaxable(margins)
+        needed = least_relaxation(rows, bound, give, TYPICAL_FORCE, working)
         if needed is None:
             return NoCamHoldsContact(
                 "no free cam keeps the limits of the design and its largest contact force, whatever the margins: raise "
                 "contact_force_max_N, or loosen the limits on the shape",
                 np.inf,
             )
-        return NoCamHoldsContact(self._impossible(margins, needed), needed)
-
-    def _impossible(self, margins: np.ndarray, needed: float) -> str:
-        """That margins (3, s) [N] are `needed` [N] too large."""
-        reaching = " with max_lift_mm reached in the middle" if self.design.reach_max_lift else ""
-        where = f"in the contacts at all of the {len(self.blocks)} speeds{reaching} is impossible"
         least, largest = float(margins.min()), float(margins.max())
+        kept, most = f"{least:g} N", f"even the best cam needs contacts that pull with {needed - least:.3g} N"
         if least < largest:
-            return f"keeping {least:g} to {largest:g} N {where}: lower by {needed:.3g} N each is the most"
-        if needed < least:
-            return f"keeping {least:g} N {where}: {least - needed:.4g} N is the most"
-        return f"keeping {least:g} N {where}: even the best cam needs contacts that pull with {needed - least:.3g} N"
+            kept, most = f"{least:g} to {largest:g} N", f"lower by {needed:.3g} N each is the most"
+        elif needed < least:
+            most = f"{least - needed:.4g} N is the most"
+        reaching = " with max_lift_mm reached in the middle" if self.design.reach_max_lift else ""
+        where = f"in the contacts at all of the {len(self.blocks)} speeds{reaching}"
+        return NoCamHoldsContact(f"keeping {kept} {where} is impossible: {most}", needed)
 
     def under(self, design: Design) -> "NoJumpProgram":
         """This program under other values of the limits: where no row's left side changes, the solver keeps its basis.
@@ -267,9 +272,7 @@ class NoJumpProgram:
 
     def relocated(self, angles: Sequence[Angles]) -> "NoJumpProgram":
         """The same program at other switching angles, one per block."""
-        pairs = zip(self.blocks, angles, strict=True)
-        blocks = [_blocks(self.train, self.design, self.cam, [b.cam_speed], [a], self.window)[0] for b, a in pairs]
-        return replace(self, blocks=tuple(blocks))
+        return replace(self, blocks=_blocks(self.train, self.design, self.cam, self.speeds, angles, self.window))
 
 
 def no_jump_program(

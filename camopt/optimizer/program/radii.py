@@ -18,14 +18,9 @@ from camopt.cam.families.radius_planes import Neighbourhood
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import radii_held_near
 from camopt.highs import Infeasible
-from camopt.optimizer.program.elastic import SHORT_OF_FORCE, TYPICAL_FORCE, ElasticProgram
 from camopt.optimizer.program.force_rows import Margins
-from camopt.optimizer.program.kinematic import (
-    area_ratio_row,
-    first_working,
-    kinematic_optimum,
-    reached_in_the_middle,
-)
+from camopt.optimizer.program.kinematic import elastic_shape, kinematic_optimum
+from camopt.optimizer.program.linear_program import ElasticProgram
 from camopt.optimizer.program.no_jump import NoJumpProgram
 from camopt.scene.design import RADII, Design
 from camopt.scene.units import MM_PER_DEG2
@@ -43,9 +38,6 @@ SHORT_OF_RADIUS = 10.0 / (1e-3 * MM_PER_DEG2)
 by it."""
 TYPICAL_SHORT = 0.01 * MM_PER_DEG2
 """Such an acceleration of usual size [m/rad^2]."""
-
-Found = tuple[Lift, float, float]
-"""A program's cam, its value, and how much of the rows it is short of."""
 
 
 def near(cam: FreeCam, lift: Lift, share: float = WIDTHS[-1]) -> FreeCam:
@@ -65,19 +57,8 @@ def near_its_best(design: Design, cam: FreeCam) -> FreeCam:
         lift = kinematic_optimum(design.model_copy(update=dict.fromkeys(RADII)), cam, explain=False).lift
     except Infeasible:
         return cam
-    row, constant = area_ratio_row(design, cam)
-
-    def best_near(lift: Lift, share: float) -> Found:
-        limits = near(cam, lift, share).limits(design)
-        matrix, bound = reached_in_the_middle(cam, design, limits.matrix, limits.bound)
-        give = np.zeros(len(matrix))
-        for key in radii_held_near(design):
-            give[limits.rows(key)] = 1.0
-        working = np.union1d(first_working(limits), np.arange(len(limits.bound), len(matrix)))
-        found = ElasticProgram.of(matrix, give, row, SHORT_OF_RADIUS, TYPICAL_SHORT, working).solve(bound)
-        return cam.lift(found.z[:-1]), found.value + constant, float(found.z[-1])
-
-    return near(cam, _narrowed(best_near, lift))
+    keys = radii_held_near(design)
+    return _narrowed(lambda held: elastic_shape(design, held, keys, SHORT_OF_RADIUS, TYPICAL_SHORT), cam, lift)
 
 
 def with_radii(program: NoJumpProgram, margin_N: float) -> NoJumpProgram:
@@ -88,31 +69,25 @@ def with_radii(program: NoJumpProgram, margin_N: float) -> NoJumpProgram:
     held = program.cam.about.near
     if held is None:
         return program
-    design, margins = program.design, Margins(margin_N, margin_N, margin_N).table(len(program.blocks))
-    row, _ = area_ratio_row(design, program.cam)
-
-    def best_near(lift: Lift, share: float) -> Found:
-        moved = replace(program, cam=near(program.cam, lift, share))
-        matrix, bound = reached_in_the_middle(moved.cam, design, moved.rows.matrix, moved.bound(margins))
-        give = moved.given_margins(len(matrix))
-        working = np.union1d(moved.first_working(), np.arange(len(moved.rows.norm), len(matrix)))
-        found = ElasticProgram.of(matrix, give, row, SHORT_OF_FORCE, TYPICAL_FORCE, working).solve(bound)
-        return moved.cam.lift(found.z[:-1]), found.value, float(found.z[-1])
-
-    return replace(program, cam=near(program.cam, _narrowed(best_near, held.lift)))
+    margins = Margins(margin_N, margin_N, margin_N).table(len(program.blocks))
+    cam = _narrowed(lambda cam: replace(program, cam=cam).elastic(margins), program.cam, held.lift)
+    return replace(program, cam=cam)
 
 
-def _narrowed(best_near: Callable[[Lift, float], Found], lift: Lift) -> Lift:
-    """The cam from `lift` on that stands: the best one near itself."""
+def _narrowed(program_of: Callable[[FreeCam], tuple[ElasticProgram, np.ndarray]], cam: FreeCam, lift: Lift) -> FreeCam:
+    """The free cam with its radii held near a cam that is the best one near itself, the one that the programs reach
+    from `lift` on; `program_of` gives the program of a free cam and its right sides."""
     width, reached, missed = 0, -np.inf, np.inf
     for _ in range(MOST_SOLUTIONS):
         try:
-            lift, value, short = best_near(lift, WIDTHS[width])
+            program, bound = program_of(near(cam, lift, WIDTHS[width]))
+            found = program.solve(bound)
         except (Infeasible, ArithmeticError):  # of a program that the solver does not decide, too
             break
-        if WIDTHS[width] == WIDTHS[-1] and value - reached < STANDS:
+        lift, short = cam.lift(found.z[:-1]), float(found.z[-1])
+        if WIDTHS[width] == WIDTHS[-1] and found.value - reached < STANDS:
             break
         if short <= 0 or short > BETTER * missed:  # else the same width brings it nearer
             width = min(width + 1, len(WIDTHS) - 1)
-        reached, missed = value, short
-    return lift
+        reached, missed = found.value, short
+    return near(cam, lift)

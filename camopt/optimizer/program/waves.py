@@ -12,18 +12,13 @@ from dataclasses import replace
 import numpy as np
 
 from camopt.cam.families.free import FreeCam
-from camopt.cam.families.shape_rows import Limits, cells, sign_rows
+from camopt.cam.families.shape_rows import cells, sign_rows
 from camopt.cam.lift import Lift
 from camopt.cam.waves import sign_changes
 from camopt.highs import Infeasible
-from camopt.optimizer.program.elastic import SHORT_OF_FORCE, TYPICAL_FORCE, ElasticProgram
 from camopt.optimizer.program.force_rows import Margins
-from camopt.optimizer.program.kinematic import (
-    area_ratio_row,
-    first_working,
-    kinematic_optimum,
-    reached_in_the_middle,
-)
+from camopt.optimizer.program.kinematic import elastic_shape, kinematic_optimum
+from camopt.optimizer.program.linear_program import ElasticProgram
 from camopt.optimizer.program.no_jump import NoJumpProgram
 from camopt.scene.design import Design
 from camopt.scene.units import MM_PER_DEG3
@@ -51,16 +46,11 @@ def kinematic_switches(design: Design, cam: FreeCam) -> Switches:
     except Infeasible:
         return ()
     starts = {_fewer(unlimited, cam, most) for most in (design.waves_max, min(design.waves_max, FEW))}
-    first = _about(cam, next(iter(starts))).limits(design)
-    matrix, bound = reached_in_the_middle(cam, design, first.matrix, first.bound)
-    signed = first.rows("waves_max")
-    give = np.zeros(len(matrix))
-    give[signed] = 1.0
-    row, _ = area_ratio_row(design, cam)
+    first = _about(cam, next(iter(starts)))
     jerk = (design.jerk_max_mm_per_deg3 or 1e-3) * MM_PER_DEG3
-    program = ElasticProgram.of(matrix, give, row, SHORT_OF_JERK, jerk, _working(first, len(matrix)))
-
-    value = _value(program, cam, bound, signed)
+    value = _value(
+        *elastic_shape(design, first, ["waves_max"], SHORT_OF_JERK, jerk), cam, first.limits(design).rows("waves_max")
+    )
     return max((_climbed(value, start, cells(cam)) for start in sorted(starts)), key=value)
 
 
@@ -74,12 +64,8 @@ def with_switches(program: NoJumpProgram, margin_N: float) -> NoJumpProgram:
     if design.waves_max is None or not cam.about.switches:
         return program
     margins = Margins(margin_N, margin_N, margin_N)
-    at_margins = program.bound(margins.table(len(program.blocks)))
-    matrix, bound = reached_in_the_middle(cam, design, program.rows.matrix, at_margins)
-    give = program.given_margins(len(matrix))
-    row, _ = area_ratio_row(design, cam)
-    elastic = ElasticProgram.of(matrix, give, row, SHORT_OF_FORCE, TYPICAL_FORCE, _working(program.limits, len(matrix)))
-    value = _value(elastic, cam, bound, program.limits.rows("waves_max"))
+    elastic, bound = program.elastic(margins.table(len(program.blocks)))
+    value = _value(elastic, bound, cam, program.limits.rows("waves_max"))
     starts = [cam.about.switches]
     try:
         unlimited = replace(program, cam=_about(cam, ())).solve(margins, explain=False)
@@ -89,7 +75,7 @@ def with_switches(program: NoJumpProgram, margin_N: float) -> NoJumpProgram:
     return replace(program, cam=_about(cam, _climbed(value, max(starts, key=value), cells(cam))))
 
 
-def _value(program: ElasticProgram, cam: FreeCam, bound: np.ndarray, signed: np.ndarray) -> Callable[[Switches], float]:
+def _value(program: ElasticProgram, bound: np.ndarray, cam: FreeCam, signed: np.ndarray) -> Callable[[Switches], float]:
     """The program's value as a function of the switches, which change the right sides of the rows `signed`."""
 
     def value(switches: Switches) -> float:
@@ -102,11 +88,6 @@ def _value(program: ElasticProgram, cam: FreeCam, bound: np.ndarray, signed: np.
 
 def _about(cam: FreeCam, switches: Switches) -> FreeCam:
     return replace(cam, about=replace(cam.about, switches=switches))
-
-
-def _working(limits: Limits, count: int) -> np.ndarray:
-    """Row indices to begin with, of so many rows: those of the limits, and every fortieth of the others."""
-    return np.union1d(first_working(limits), np.arange(len(limits.bound), count, 40))
 
 
 def _fewer(lift: Lift, cam: FreeCam, most: int) -> Switches:
