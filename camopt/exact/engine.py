@@ -5,6 +5,7 @@ exact polynomial pieces, and each switching of a contact is located inside the s
 that is watched.
 """
 
+from contextlib import AbstractContextManager
 from threading import local
 
 import numpy as np
@@ -13,7 +14,8 @@ from camopt.cam.lift import Lift
 from camopt.exact.affine.inputs import Inputs
 from camopt.exact.kernel.arrays import CamArrays, cam_arrays
 from camopt.exact.kernel.propagators import Propagators, default_step, propagators
-from camopt.exact.kernel.revolution import CHATTER, DONE, NEED_TABLES, TRACE_FULL, follow
+from camopt.exact.kernel.revolution import CHATTER, DONE, TABLES_FULL, TRACE_FULL, follow
+from camopt.exact.kernel.tables import Tables
 from camopt.exact.kernel.trace import NO_TRACE, Trace, empty_trace
 from camopt.scene.errors import MotionRefused
 from camopt.scene.response import Response
@@ -53,7 +55,8 @@ class EventExact:
         if self._rows is None:
             samples = int(self.period / self.step) + len(self._cam.borders) + 2 * MOST_SWITCHINGS + 16
             self._rows = np.empty((samples, at + 2 + e + 2))
-        count = run(self._tables(self._per_sample), self._cam, np.array(state, dtype=float), rows=self._rows)[0]
+        with self._tables(self._per_sample) as tables:
+            count = run(tables, self._cam, np.array(state, dtype=float), rows=self._rows)[0]
         done = self._rows[:count].copy()
         angle = done[:, -2] * self.cam_speed - np.pi
         angle[-1] = np.pi
@@ -66,11 +69,12 @@ class EventExact:
         Raises MotionRefused for endless switching or a motion without bound.
         """
         after = np.array(state, dtype=float)
-        run(self._tables(AT_ONCE), self._cam, after, revolutions)
+        with self._tables(AT_ONCE) as tables:
+            run(tables, self._cam, after, revolutions)
         return after
 
-    def _tables(self, at_once: int) -> Propagators:
-        return propagators(self.train, self.step, self.lift.coefficients.shape[1], at_once)
+    def _tables(self, at_once: int) -> AbstractContextManager[Propagators]:
+        return propagators(self.train, self.step, self.lift.coefficients.shape[1], at_once).lent()
 
 
 class TraceBuffer(local):
@@ -82,10 +86,10 @@ class TraceBuffer(local):
     def __init__(self) -> None:
         self._segments, self._trace = FIRST_SEGMENTS, NO_TRACE
 
-    def trace(self, tables: Propagators, revolutions: int) -> Trace:
+    def trace(self, tables: Tables, revolutions: int) -> Trace:
         """The trace of a motion of so many revolutions that uses these tables; what it held before is overwritten."""
         self._segments = max(self._segments, FIRST_SEGMENTS * revolutions)
-        width, looks = tables.built.steps.shape[3], tables.built.span.shape[2] - tables.built.steps.shape[3]
+        width, looks = tables.steps.shape[3], tables.span.shape[2] - tables.steps.shape[3]
         kept = self._trace
         if (len(kept.length), kept.y.shape[1], kept.looks.shape[1]) != (self._segments, width, looks):
             self._trace = empty_trace(self._segments, width, looks)
@@ -107,20 +111,20 @@ def run(
     """Runs whole revolutions from `state` (2n + r) at -pi, which is changed in place to the end.
 
     Returns (number of segments in the trace, the trace in the `buffer`) or, without a buffer, (number of samples in
-    `rows`, no trace). Missing tables are built, and the buffer grows, on the way. Raises MotionRefused for endless
-    switching or a motion without bound.
+    `rows`, no trace). Where there is no room for more tables, or in the buffer, it grows. Raises MotionRefused for
+    endless switching or a motion without bound.
     """
     start = state.copy()
     while True:
         state[:] = start
-        trace = NO_TRACE if buffer is None else buffer.trace(tables, revolutions)
+        trace = NO_TRACE if buffer is None else buffer.trace(tables.tables, revolutions)
         code, count, switchings = follow(
-            tables.arrays, cam, tables.step, tables.built, state, revolutions, MOST_SWITCHINGS, rows, trace
+            tables.arrays, cam, tables.step, tables.tables, state, revolutions, MOST_SWITCHINGS, rows, trace
         )
         if code == DONE:
             return count, trace
-        if code == NEED_TABLES:
-            tables.build(count)
+        if code == TABLES_FULL:
+            tables.grow()
         elif code == TRACE_FULL and buffer is not None:
             buffer.grow()
         else:

@@ -98,9 +98,10 @@ def parts(case, repeats: int) -> dict:
 
 def _unit_times(run, case, repeats: int) -> dict[str, float]:
     """Seconds of one span, jump and search, on the lift's nose."""
-    tables = run._tables(AT_ONCE).built
+    with run._tables(AT_ONCE) as one:
+        tables = one.tables
     n2, q = len(case.rest), case.lift.coefficients.shape[1]
-    slot = int(np.argmax(tables.keys))
+    slot = int(np.argmax(tables.keys[: tables.built[0]]))
     y = np.concatenate([case.rest, np.full(q, 1e-6)])
     count, columns, out = int(tables.count[slot]), len(y), np.zeros(tables.span.shape[2])
     scratch = np.zeros(len(y)), np.zeros(23), np.zeros(17), np.zeros(17)

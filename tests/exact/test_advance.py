@@ -8,7 +8,7 @@ from scipy.linalg import expm
 
 from camopt.exact.kernel.advance import advance
 from camopt.exact.kernel.arrays import train_arrays
-from camopt.exact.kernel.building import linear_system, per_step
+from camopt.exact.kernel.building import fill, linear_system, per_step
 from camopt.exact.kernel.propagators import Propagators
 from tests.exact.interpreted import interpret
 from tests.exact.small_trains import friction, one_mass, spring
@@ -28,9 +28,9 @@ def test_an_instant_is_the_exponential_of_the_equations_of_motion(length):
     train = replace(
         one_mass(spring(400.0), friction(1.0e5, 10.0)), forcing=tuple(replace(force, on=0) for force in FORCES)
     )
-    propagators, arrays = Propagators(train, STEP, 3, 2), train_arrays(train)
-    propagators.build(0)
-    tables, sizes = propagators.built, propagators.sizes
+    tables, arrays = Propagators(train, STEP, 3, 2).tables, train_arrays(train)
+    fill(arrays, STEP, tables, 0, np.zeros(2, dtype=int))
+    sizes = tables.sizes
     system = per_step(linear_system(arrays, np.zeros(2, dtype=int)), STEP, sizes)
     y = np.random.default_rng(0).normal(size=len(system) - 1)
     assert (sizes.state, sizes.forces) == (3, 2) and len(y) == 3 + 3 + 2 * 2

@@ -31,6 +31,7 @@ def no_seeds(segments, width):
 def on_its_seat(constant, states, positions):
     """(setting, trace) of a valve on a seat of 1e6 N/m, at positions [m] and in states of its seat by segment."""
     train = SimpleNamespace(
+        seat=0,
         a=np.array([-1]), b=np.array([0]), gap=np.zeros(1), mass=np.ones(1), touch=np.zeros(1, dtype=int),
         law=np.array([[constant, 1.0e6, 0.0, 0.0]]),
     )  # fmt: skip
@@ -41,7 +42,7 @@ def on_its_seat(constant, states, positions):
         slot=np.array([0 if state == SEPARATED else 1 for state in states]),
         y=np.array([[x, 0.0] for x in (*positions, positions[-1])]),
     )  # fmt: skip
-    return SimpleNamespace(train=train, tables=tables, seat=0), trace
+    return SimpleNamespace(train=train, tables=tables), trace
 
 
 def test_a_valve_that_never_leaves_its_seat_has_not_opened():
@@ -64,8 +65,8 @@ def test_the_lift_falls_to_the_lash_where_its_parabola_says_in_the_revolution_as
     y = np.array([[7.0, 7.0, *lift] for lift in (*lifts, *lifts, flat)])
     trace = SimpleNamespace(angle=begin, length=np.diff(begin) / per_step, y=y)
     s = SimpleNamespace(
-        tables=SimpleNamespace(sizes=Sizes(1, 2, 3, 0)), cam_side=np.array([0]), opening_foot=-1.0,
-        train=SimpleNamespace(gap=np.array([lash]), adjusters=np.zeros(0, dtype=int)),
+        tables=SimpleNamespace(sizes=Sizes(1, 2, 3, 0)), opening_foot=-1.0,
+        train=SimpleNamespace(gap=np.array([lash]), cam_side=np.array([0]), adjusters=np.zeros(0, dtype=int)),
     )  # fmt: skip
     k, length = nominal_closing(s, trace, turn, 0)
     assert k == 2 + 4 * turn

@@ -73,7 +73,7 @@ def test_the_squared_distance_changes_with_the_gap_by_twice_the_distance():
     seeds.weight[0] = 0.5
     for k in range(2):
         seed_square(s, trace, seeds, k, 3.0, np.empty(TERMS + 1), np.empty(trace.y.shape[1]))
-    assert seeds.gap[s.seat] == pytest.approx(0.5 * 3.0 * 2.0 * between(HEIGHT, end) / s.step, rel=1e-9)
+    assert seeds.gap[s.train.seat] == pytest.approx(0.5 * 3.0 * 2.0 * between(HEIGHT, end) / s.step, rel=1e-9)
     assert seeds.square == pytest.approx([1.5, 1.5])
 
 
@@ -104,6 +104,7 @@ def test_revolutions_follow_each_other_along_one_parabola():
 def test_a_train_whose_modes_do_not_die_out_is_never_leapt_over():
     train = ball(1e4, 0.0)
     revolution = prepare(train, FLAT, 2.0 * np.pi / PERIOD)
-    assert propagators(train, revolution.step, 2, 8).built.leap.key[0] == -1
+    with propagators(train, revolution.step, 2, 8).lent() as one:
+        assert one.tables.leap.key[0] == -1
     ends = [HEIGHT(PERIOD), HEIGHT.deriv()(PERIOD)]
     assert revolution.advance(START) == pytest.approx(ends, abs=1e-12)

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from camopt.exact.kernel.revolution import CHATTER, DONE, NEED_TABLES, NOT_FINITE, TRACE_FULL
+from camopt.exact.kernel.revolution import CHATTER, DONE, NOT_FINITE, TABLES_FULL, TRACE_FULL
 from camopt.exact.kernel.trace import empty_trace
 from camopt.exact.settled import run as stages
 from camopt.exact.settled.figures import NAMES
@@ -18,7 +18,7 @@ def _by_python(monkeypatch):
     interpret(monkeypatch, __name__, "camopt.exact.")
 
 
-@pytest.mark.parametrize("code", [DONE, -CHATTER, -NOT_FINITE, NEED_TABLES, TRACE_FULL])
+@pytest.mark.parametrize("code", [DONE, -CHATTER, -NOT_FINITE, TABLES_FULL, TRACE_FULL])
 def test_a_motion_goes_on_unless_something_is_missing_and_is_marked_where_it_cannot_be_followed(code):
     motions = SimpleNamespace(stage=np.full(3, SETTLING))
     assert accept_code(motions, 1, code) == (code <= 0)
@@ -32,7 +32,7 @@ def test_every_motion_has_the_borders_and_pieces_of_its_own_cam():
     cams = Cams(
         np.concatenate(own), np.concatenate(pieces), first, np.array([1.0, 1.1, 1.2]), np.array([-2.0, -2.1, -2.2])
     )
-    s = SimpleNamespace(train=None, step=1.0, tables=None, valve=0, seat=0, cam_side=None)
+    s = SimpleNamespace(train=None, step=1.0, tables=None)
     motions = SimpleNamespace(cam=np.array([2, 0, 1]), speed=np.array([10.0, 20.0, 30.0]))
     for i, j in enumerate(motions.cam):
         one = setting_for(s, cams, motions, i)
@@ -65,7 +65,7 @@ def test_measured_revolutions_follow_each_other_in_a_trace_without_room_to_spare
     )  # fmt: skip
     plan = SimpleNamespace(measured=turns, watched=False, position=1e-6, velocity=1e-3)
     s = SimpleNamespace(train=SimpleNamespace(mass=np.ones(1)))
-    assert measured(s, plan, motions, (None, None, trace), 0) == (DONE, 0)
+    assert measured(s, plan, motions, (None, None, trace), 0) == DONE
     for turn, angles in enumerate(seen):
         assert angles == pytest.approx(2.0 * np.pi * turn + np.linspace(-np.pi, 3.0 * np.pi, 2 * segments + 1))
     assert np.all(motions.lowest == 0.0) and np.all(motions.highest == turns - 1.0)

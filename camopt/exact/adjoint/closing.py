@@ -23,7 +23,7 @@ def closes(s, trace, k, e):
 @njit_no_refcount
 def touch(s, trace, turn):
     """(the segment that ends with the touch of a revolution, -1 for no touch; whether the valve opened)."""
-    top, peak, e, states, train = 0.0, -1, s.seat, s.tables.states, s.train
+    top, peak, e, states, train = 0.0, -1, s.train.seat, s.tables.states, s.train
     for k in range(len(trace.length)):
         if abs(trace.angle[k] - 2 * np.pi * turn) <= np.pi and states[trace.slot[k], e] == SEPARATED:
             pressed = closeness(train.a[e], train.b[e], train.gap[e], len(train.mass), trace.y[k])[0]
@@ -34,7 +34,7 @@ def touch(s, trace, turn):
     if peak < 0:
         return -1, False
     for k in range(peak, len(trace.length)):
-        if closes(s, trace, k, s.seat):
+        if closes(s, trace, k, s.train.seat):
             return k, True
     return -1, True
 
@@ -57,7 +57,7 @@ def nominal_closing(s, trace, turn, touched):
     """(segment, length [steps]) where the lift of a revolution, whose touch ends segment `touched`, falls for the last
     time to the lash and what the adjusters have leaked; -1 for never."""
     lash, at, q, w = leaked(s, trace, turn, touched)[0], s.tables.sizes.state, s.tables.sizes.lift, np.zeros(TERMS + 1)
-    for e in s.cam_side:
+    for e in s.train.cam_side:
         lash += s.train.gap[e]
     for k in range(len(trace.length) - 1, -1, -1):
         if abs(0.5 * (trace.angle[k] + trace.angle[k + 1]) - 2 * np.pi * turn) > np.pi:
@@ -104,7 +104,7 @@ def seed_nominal(s, trace, seeds, k, length, slope):
     rate = state_at(s, trace, k, length)[at + 1] / s.step
     slope *= seeds.weight[0]
     observe(seeds, k, length)[at] -= slope / rate
-    for e in s.cam_side:
+    for e in s.train.cam_side:
         seeds.gap[e] += slope / rate
     return slope / rate
 

@@ -20,19 +20,19 @@ def distance_integral(s, trace, k, w, there):
     for j in range(len(y)):
         total += row[j] * y[j]
     if length > step:
-        series_at(s, trace, k, step, watch_of(s, slot, s.seat), w, there)
+        series_at(s, trace, k, step, watch_of(s, slot, s.train.seat), w, there)
         power, rest = 1.0, 0.0
         for j in range(TERMS + 1):
             power *= length - step
             rest += w[j] * power / (j + 1)
-        total += rest / touch_line(s.train, s.seat)[1]
+        total += rest / touch_line(s.train, s.train.seat)[1]
     return total
 
 
 @inner
 def square_integral(s, trace, k, w, there):
     """Integral of the squared seat's distance over segment k [m^2 steps], in which the seat must be apart."""
-    total, watch = 0.0, watch_of(s, trace.slot[k], s.seat)
+    total, watch = 0.0, watch_of(s, trace.slot[k], s.train.seat)
     p = np.zeros(TERMS + 1)
     for i in range(int(np.ceil(trace.length[k]))):
         series_at(s, trace, k, i, watch, w, there)
@@ -40,7 +40,7 @@ def square_integral(s, trace, k, w, there):
         _add_square(w, 1.0, min(1.0, trace.length[k] - i), p)
         for j in range(TERMS + 1):
             total += w[j] * p[j]
-    return total / touch_line(s.train, s.seat)[1] ** 2
+    return total / touch_line(s.train, s.train.seat)[1] ** 2
 
 
 @inner
@@ -62,7 +62,7 @@ def seed_integral(s, trace, seeds, k, weight):
     """Adds the cotangents of weight times the integral of the seat's distance over segment k [m steps]."""
     weight *= seeds.weight[0]
     seeds.integral[k] += weight
-    touch_back(s.train, s.seat, weight * trace.length[k], seeds)
+    touch_back(s.train, s.train.seat, weight * trace.length[k], seeds)
 
 
 @inner
@@ -70,7 +70,7 @@ def seed_square(s, trace, seeds, k, weight, w, there):
     """Adds the cotangents of weight times the integral of the squared seat's distance over segment k [m^2 steps]."""
     weight *= seeds.weight[0]
     seeds.square[k] += weight
-    touch_back(s.train, s.seat, 2.0 * weight * distance_integral(s, trace, k, w, there), seeds)
+    touch_back(s.train, s.train.seat, 2.0 * weight * distance_integral(s, trace, k, w, there), seeds)
 
 
 @inner(fastmath={"contract", "reassoc"})
@@ -79,7 +79,7 @@ def integrals_back(s, slot, y, length, linear, square, out):
 
     `linear` and `square` are the weights of the integrals of the seat's distance and of its square.
     """
-    watch, columns, stiffness = watch_of(s, slot, s.seat), len(y), touch_line(s.train, s.seat)[1]
+    watch, columns, stiffness = watch_of(s, slot, s.train.seat), len(y), touch_line(s.train, s.train.seat)[1]
     steps, series = s.tables.steps[slot], s.tables.series[slot, watch]
     p, w, row, there = np.empty(TERMS + 1), np.empty(TERMS + 1), np.empty(columns), np.empty(columns)
     first = 0

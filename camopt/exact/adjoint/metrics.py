@@ -60,13 +60,13 @@ def bounce(s, trace, seeds, turn):
     touched, opened, start, end, nominal, _ = closed_window(s, trace, turn)
     if touched < 0:
         return (np.nan if opened else 0.0), NONE
-    value, k, length, slope, second = largest(s, trace, s.seat, SEPARATED, 1.0, start, end)
+    value, k, length, slope, second = largest(s, trace, s.train.seat, SEPARATED, 1.0, start, end)
     at_start = k >= 0 and abs(trace.angle[k] + length * s.cam.speed * s.step - start) < 1e-12
     if k < 0 or value <= 0.0 or (at_start and nominal < 0):  # at the touch the distance is zero but for rounding
         return 0.0, NONE
-    unit = 1.0 / (touch_line(s.train, s.seat)[1] * MM)  # the watch of an open contact is slope times separation
+    unit = 1.0 / (touch_line(s.train, s.train.seat)[1] * MM)  # the watch of an open contact is slope times separation
     if seeds is not None:
-        seed_separation(s, seeds, k, length, s.seat, 1.0 / MM)
+        seed_separation(s, seeds, k, length, s.train.seat, 1.0 / MM)
         if at_start:
             by_lash = seed_nominal(s, trace, seeds, k, length, slope * unit / s.step)
             seed_leaked(s, trace, seeds, turn, touched, by_lash)
@@ -85,7 +85,7 @@ def event(s, turn):
 def jump_height(s, trace, seeds, turn):
     best, where, at, slope, contact, second = 0.0, -1, 0.0, 0.0, -1, NONE
     low, high = event(s, turn)
-    for e in s.cam_side:
+    for e in s.train.cam_side:
         value, k, length, steep, runner = largest(s, trace, e, SEPARATED, 1.0, low, high)
         unit = 1.0 / (touch_line(s.train, e)[1] * MM)
         second = max(second, runner * unit, min(best, value * unit) if k >= 0 and contact >= 0 else NONE)
@@ -103,7 +103,7 @@ def contact_force(s, trace, seeds, turn, sign):
     """The largest (sign 1) or smallest (sign -1) contact force [N]; a contact that does not push has the force zero."""
     best, where, at, slope, contact, second = NONE, -1, 0.0, 0.0, -1, NONE
     low, high = event(s, turn)
-    for e in s.cam_side:
+    for e in s.train.cam_side:
         for k in range(len(trace.length)):
             inside = trace.angle[k] < high and trace.angle[k + 1] > low
             if sign < 0.0 and inside and s.tables.states[trace.slot[k], e] != ACTING:
@@ -124,7 +124,7 @@ def contact_force(s, trace, seeds, turn, sign):
 def jump_angle(s, trace, seeds, turn):
     low, high = event(s, turn)
     best, second, contact = 0.0, NONE, -1
-    for e in s.cam_side:
+    for e in s.train.cam_side:
         total = 0.0
         for k in range(len(trace.length)):
             if s.tables.states[trace.slot[k], e] == SEPARATED:
@@ -147,9 +147,9 @@ def seed_speed(s, trace, seeds, k):
     """The speed [m/s] at which the valve falls onto its seat at the end of segment k, with its cotangents."""
     n, y = len(s.train.mass), trace.y[k + 1]
     if seeds is not None:
-        observe(seeds, k, trace.length[k])[n + s.valve] -= seeds.weight[0]
-        seeds.time[k] -= seeds.weight[0] * acceleration(s, trace.slot[k], y, s.valve)
-    return -y[n + s.valve]
+        observe(seeds, k, trace.length[k])[n + s.train.valve] -= seeds.weight[0]
+        seeds.time[k] -= seeds.weight[0] * acceleration(s, trace.slot[k], y, s.train.valve)
+    return -y[n + s.train.valve]
 
 
 @inner
@@ -167,8 +167,8 @@ def impact_velocity(s, trace, seeds, turn):
         return (np.nan if opened else 0.0), NONE
     best, where, second, n = 0.0, -1, NONE, len(s.train.mass)
     for k in range(len(trace.length)):
-        if start <= trace.angle[k + 1] <= end and closes(s, trace, k, s.seat):
-            speed = -trace.y[k + 1, n + s.valve]
+        if start <= trace.angle[k + 1] <= end and closes(s, trace, k, s.train.seat):
+            speed = -trace.y[k + 1, n + s.train.valve]
             second = max(second, min(best, speed)) if where >= 0 else NONE
             if speed > best:
                 best, where = speed, k
@@ -182,7 +182,7 @@ def dynamic_area(s, trace, seeds, turn):
     w, there = np.zeros(TERMS + 1), np.zeros(trace.y.shape[1])
     for k in range(len(trace.length)):
         inside = abs(0.5 * (trace.angle[k] + trace.angle[k + 1]) - 2 * np.pi * turn) <= np.pi
-        if inside and s.tables.states[trace.slot[k], s.seat] == SEPARATED:
+        if inside and s.tables.states[trace.slot[k], s.train.seat] == SEPARATED:
             total += distance_integral(s, trace, k, w, there)
             seed_integral(s, trace, seeds, k, unit)
     return total * unit, NONE
@@ -201,7 +201,7 @@ def closed_integral(s, trace, seeds, turn):
     w, there = np.zeros(TERMS + 1), np.zeros(trace.y.shape[1])
     for k in range(touched + 1, len(trace.length)):
         inside = 0.5 * (trace.angle[k] + trace.angle[k + 1]) <= foot
-        if inside and s.tables.states[trace.slot[k], s.seat] == SEPARATED:
+        if inside and s.tables.states[trace.slot[k], s.train.seat] == SEPARATED:
             total += square_integral(s, trace, k, w, there)
             seed_square(s, trace, seeds, k, per_step, w, there)
     return total * per_step, NONE

@@ -101,14 +101,12 @@ class TracedMotion:
         step, at_once = (
             (free_step(train, cam_speed), AT_ONCE) if spacing is None else step_on_borders(train, cam_speed, spacing)
         )
-        tables = propagators(train, step, lift.coefficients.shape[1], at_once)
         self.end = np.array(start, dtype=float)
-        count, trace = run(tables, cam, self.end, revolutions, buffer=_BUFFER)
+        with propagators(train, step, lift.coefficients.shape[1], at_once).lent() as tables:
+            count, trace = run(tables, cam, self.end, revolutions, buffer=_BUFFER)
         ends = Trace._fields.index("angle"), Trace._fields.index("y")  # of every segment, and of the last one
         self.trace = Trace(*(array[: count + (i in ends)].copy() for i, array in enumerate(trace)))
-        sides = np.array(train.cam_side, dtype=np.int64)
-        numbers = train.valve, train.seat, sides, lift.half_duration, lift.opening_foot
-        self.setting = Setting(tables.arrays, cam, step, tables.built, *numbers)
+        self.setting = Setting(tables.arrays, cam, step, tables.tables, lift.half_duration, lift.opening_foot)
 
     def gradient(
         self, metrics: Sequence[str], revolution: int = 0, cotangent: Float[np.ndarray, " l"] | None = None

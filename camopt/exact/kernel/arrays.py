@@ -31,6 +31,9 @@ class TrainArrays(NamedTuple):
     forced: np.ndarray  # (f) mass on which each force by the cam angle acts
     a: np.ndarray  # (e) mass or GROUND
     b: np.ndarray  # (e) mass or GROUND
+    valve: int  # mass, -1 for none
+    seat: int  # element, -1 for none
+    cam_side: np.ndarray  # contacts between cam and valve
     contact: np.ndarray  # (e) bool
     cam_driven: np.ndarray  # (e) bool
     gap: np.ndarray  # (e)
@@ -71,6 +74,9 @@ def train_arrays(train: Train) -> TrainArrays:
         forced=np.array([forcing.on for forcing in train.forcing], dtype=np.int64),
         a=train.a,
         b=train.b,
+        valve=train.valve,
+        seat=train.seat,
+        cam_side=np.array(train.cam_side, dtype=np.int64),
         contact=train.contact,
         cam_driven=train.cam_driven,
         gap=train.gap,

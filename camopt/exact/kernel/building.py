@@ -117,9 +117,9 @@ def watches(train, h, tables, slot, rows):
 
 
 @inner
-def seat_row(train, seat, sizes, row):
+def seat_row(train, sizes, row):
     """Writes the row (c) of the signed distance [m] of the valve from its seat touch."""
-    row[:] = 0.0
+    row[:], seat = 0.0, train.seat
     if seat < 0:
         return
     constant, slope = touch_line(train, seat)
@@ -141,12 +141,28 @@ def write_looks(rows, system, steps, count, at, out):
             out[:, at + 2 * count * i + w] = seen[w]
 
 
-@compiled
-def fill(train, seat, h, tables, slot, key):
-    """Writes the tables of a combination of pieces to a slot: the digits of `key` are the elements' pieces."""
-    n, c, status = len(train.mass), tables.span.shape[1], np.empty(len(train.a), dtype=np.int64)
+@inner
+def slot_of(train, h, tables, status):
+    """The slot of the tables for the pieces `status` (e), which are built where they are missing; -1 where there is no
+    room for them."""
+    key, built = 0, tables.built[0]
+    for e in range(len(status)):
+        key += train.place[e] * status[e]
+    for slot in range(built):
+        if tables.keys[slot] == key:
+            return slot
+    if built == len(tables.keys):
+        return -1
+    fill(train, h, tables, built, status)
+    tables.keys[built], tables.built[0] = key, built + 1
+    return built
+
+
+@inner(_nrt=True)  # as numba would take it from a caller that makes no array
+def fill(train, h, tables, slot, status):
+    """Writes the tables of the pieces `status` (e), which are numbered within their elements, to a slot."""
+    n, c = len(train.mass), tables.span.shape[1]
     for e in range(len(train.a)):
-        status[e] = key // train.place[e] % (train.first[e + 1] - train.first[e])
         tables.pieces[slot, e] = train.first[e] + status[e]
         tables.states[slot, e] = train.state[tables.pieces[slot, e]]
     motion = linear_system(train, status)
@@ -166,19 +182,18 @@ def fill(train, seat, h, tables, slot, key):
             tables.series[slot, w, :, k] = rows[w]
         product(rows, system, new)
         rows[:] = new / (k + 1)
-    seat_row(train, seat, tables.sizes, rows[0])
+    seat_row(train, tables.sizes, rows[0])
     write_looks(rows, system, steps, 1, 0, tables.distance[slot])
     tables.motion[slot] = motion[n:].T
     tables.rates[slot] = motion[n:, :-1]
-    write_integral(train, seat, tables, slot)
-    tables.keys[slot] = key
+    write_integral(train, tables, slot)
 
 
 @inner
-def write_integral(train, seat, tables, slot):
+def write_integral(train, tables, slot):
     """Writes the seat's distance, integrated over so many steps: from its power series while the seat is apart, step
     by step, and zero otherwise."""
-    rows, c = tables.integral[slot], tables.span.shape[1]
+    rows, c, seat = tables.integral[slot], tables.span.shape[1], train.seat
     rows[:] = 0.0
     if seat < 0 or tables.states[slot, seat] != SEPARATED:
         return

@@ -101,18 +101,6 @@ def piece_that_holds(train, e, d, rate, z):
 
 
 @njit_no_refcount
-def find(keys, status, place):
-    """(slot of the tables for a combination of pieces or -1, its key)."""
-    key = 0
-    for e in range(len(place)):
-        key += place[e] * status[e]
-    for slot in range(len(keys)):
-        if keys[slot] == key:
-            return slot, key
-    return -1, key
-
-
-@njit_no_refcount
 def touch_line(train, e):
     """(force at compression zero [N], stiffness [N/m]) of the line on which a contact's elastic force begins."""
     form = train.law[train.touch[e]]

@@ -6,14 +6,16 @@ whatever the stiffness. The quantity that decides whether an element switches is
 slopes and power series are rows of matrices.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
-from threading import Lock
+from typing import Any
 
 import numpy as np
 
 from camopt.exact.affine.lines import with_chords
 from camopt.exact.kernel.arrays import TrainArrays, train_arrays
-from camopt.exact.kernel.building import fill, linear_system
+from camopt.exact.kernel.building import linear_system
 from camopt.exact.kernel.leap import leap_of
 from camopt.exact.kernel.tables import Sizes, Tables, empty_tables
 from camopt.scene.errors import InputError
@@ -23,8 +25,10 @@ from camopt.scene.train import Train
 LARGEST_PHASE = 1.5
 """Product of default step and highest frequency [rad]: switchings are sought well within a quarter period of any mode.
 """
-FIRST_COMBINATIONS = 32
-"""Number of combinations for which there is room at first; the room doubles when it is used up."""
+FIRST_COMBINATIONS = 256
+"""Number of combinations for which there is room at first; the system provides it as it is written to."""
+GROWTH = 4
+"""Factor by which the room grows when it is used up."""
 
 
 def highest_frequency(train: Train) -> float:
@@ -41,43 +45,54 @@ def stiffest(arrays: TrainArrays) -> np.ndarray:
 
 
 class Propagators:
-    """The tables of one train for one step [s], lift width q (coefficients per piece) and number m of steps at once."""
+    """The tables of one train for one step [s], lift width q (coefficients per piece) and number m of steps at once.
+
+    The kernel adds the combinations of pieces that a motion meets, so that only one thread at a time may use them.
+    """
 
     def __init__(self, train: Train, step: float, width: int, at_once: int):
-        self.train, self.step, self.width, self.at_once = train, step, width, at_once
-        self.arrays = arrays = train_arrays(train)
-        self.sizes = Sizes(len(train.mass), train.state_size, width, len(train.forcing))
+        self.step, self.arrays = step, train_arrays(train)
+        arrays, sizes = self.arrays, Sizes(len(train.mass), train.state_size, width, len(train.forcing))
         watches = np.maximum.reduceat(np.diff(arrays.watched), arrays.first[:-1])
         combinations = min(FIRST_COMBINATIONS, int(arrays.place[-1]) * int(arrays.first[-1] - arrays.first[-2]))
-        self._buffers = empty_tables(self.sizes, len(train.a), int(watches.sum()), at_once, combinations)
+        self.tables = empty_tables(sizes, len(train.a), int(watches.sum()), at_once, combinations)
         try:
-            self._buffers = self._buffers._replace(leap=leap_of(self.arrays, rest_position(with_chords(train))))
+            self.tables = self.tables._replace(leap=leap_of(arrays, rest_position(with_chords(train))))
         except InputError:
             pass  # nothing holds the train at rest
-        self.built = self._buffers._replace(keys=self._buffers.keys[:0])
-        self._lock = Lock()
 
-    def build(self, key: int) -> None:
-        """Adds the tables of a combination of pieces, which has the number `key`.
+    def grow(self) -> None:
+        """Makes room for more combinations."""
+        built, *parts, leap, sizes = self.tables
+        longer = [np.empty((GROWTH * len(part), *part.shape[1:]), part.dtype) for part in parts]
+        for new, part in zip(longer, parts, strict=True):
+            new[: len(part)] = part
+        self.tables = Tables._make([built, *longer, leap, sizes])
 
-        Tables that stand in `built` are never changed, because another thread may be reading them.
-        """
-        with self._lock:
-            slot = len(self.built.keys)
-            if key in self.built.keys:
-                return
-            if slot == len(self._buffers.keys):
-                *parts, leap, sizes = self._buffers
-                longer = (np.concatenate([part, np.zeros_like(part)]) for part in parts)
-                self._buffers = Tables._make([*longer, leap, sizes])
-            fill(self.arrays, self.train.seat, self.step, self._buffers, slot, key)
-            self.built = self._buffers._replace(keys=self._buffers.keys[: slot + 1])
+
+class Lending:
+    """Tables of one train, step, lift width and number of steps at once, for one thread after the other."""
+
+    def __init__(self, *of: Any) -> None:
+        self._of, self._free = of, list[Propagators]()
+
+    @contextmanager
+    def lent(self) -> Iterator[Propagators]:
+        """Tables that no other thread uses meanwhile; those of earlier motions where there are any."""
+        try:
+            one = self._free.pop()
+        except IndexError:
+            one = Propagators(*self._of)
+        try:
+            yield one
+        finally:
+            self._free.append(one)
 
 
 @lru_cache(maxsize=24)
-def propagators(train: Train, step: float, width: int, at_once: int) -> Propagators:
+def propagators(train: Train, step: float, width: int, at_once: int) -> Lending:
     """The propagators of a train, shared by all speeds and cams that use the same step and lift width."""
-    return Propagators(train, step, width, at_once)
+    return Lending(train, step, width, at_once)
 
 
 @lru_cache(maxsize=256)

@@ -6,26 +6,24 @@ import numpy as np
 
 from camopt.exact.kernel.advance import advance, apply, copy
 from camopt.exact.kernel.arrays import CamArrays, TrainArrays
-from camopt.exact.kernel.elements import classify, element_forces, find
+from camopt.exact.kernel.building import slot_of
+from camopt.exact.kernel.elements import classify, element_forces
 from camopt.exact.kernel.leap import modal_step, no_switch_possible
 from camopt.exact.kernel.switching import SAMPLES, TICK, first_suspect, next_switch
 from camopt.exact.kernel.tables import TERMS, Tables
 from camopt.exact.kernel.trace import begin_segment, end_segment, later
 from camopt.programs import compiled, inner, njit_no_refcount
 
-DONE, NEED_TABLES, CHATTER, NOT_FINITE, TRACE_FULL = 0, 1, 2, 3, 4
+DONE, TABLES_FULL, CHATTER, NOT_FINITE, TRACE_FULL = 0, 1, 2, 3, 4
 
 
 class Setting(NamedTuple):
-    """A train with its tables; a cam and its speed; the elements of which metrics are taken."""
+    """A train with its tables; a cam and its speed."""
 
     train: TrainArrays
     cam: CamArrays
     step: float  # s
     tables: Tables
-    valve: int
-    seat: int
-    cam_side: np.ndarray  # contacts between cam and valve
     half_duration: float  # rad
     opening_foot: float  # rad
 
@@ -112,8 +110,8 @@ def cross(tables, slot, h, columns, remaining, work):
 def follow(train, cam, h, tables, state, revolutions, most, rows, trace):
     """Runs whole revolutions from `state` (2n + r), which it changes in place, one after the other in the trace.
 
-    Returns (code, number of samples of the last revolution, of segments or missing key, number of switchings of the
-    last revolution). `rows`, `trace` and `most` are those of `revolve`.
+    Returns (code, number of samples of the last revolution or of segments, number of switchings of the last
+    revolution). `rows`, `trace` and `most` are those of `revolve`.
     """
     code, used, count, switchings = DONE, 0, 0, 0
     for turn in range(revolutions):
@@ -132,7 +130,7 @@ def follow(train, cam, h, tables, state, revolutions, most, rows, trace):
 def revolve(train, cam, h, tables, state, rows, trace, most):
     """Runs one revolution from `state` (2n + r), which it changes in place.
 
-    Returns (code, number of samples or missing key, number of switchings). Where `rows` has room, the motion is sampled
+    Returns (code, number of samples, number of switchings). Where `rows` has room, the motion is sampled
     at every span, switching and border; otherwise only the end is found. Where `trace` has room, every segment is
     written there and segments are counted in place of samples. At most `most` switchings are allowed.
     """
@@ -164,14 +162,14 @@ def turn(train, cam, h, tables, work, room, most):
     y, out = work.y, work.out
     t, piece, step, count, switchings = 0.0, 0, 0, 0, 0
     columns = at + inputs_at(cam.pieces[0], forces, 0.0, scale, y[at:])
-    slot, key = find(tables.keys, work.status, train.place)
+    slot = slot_of(train, h, tables, work.status)
     if slot < 0:
-        return NEED_TABLES, key, switchings
+        return TABLES_FULL, count, switchings
     if sampled:
         record(rows[count], at, t, slot, y, h)
         count += 1
     while t < period:
-        if columns == at and key == tables.leap.key[0] and not (sampled or traced):
+        if columns == at and tables.keys[slot] == tables.leap.key[0] and not (sampled or traced):
             end = next_stop(cam, piece, t, period, h)[2]
             if end - t > span and no_switch_possible(tables.leap, y[:at], work.modes, work.size):
                 modal_step(tables.leap, end - t, work.modes, y[:at])
@@ -205,12 +203,12 @@ def turn(train, cam, h, tables, work, room, most):
             count += 1
         if watch >= 0:
             work.status[tables.element[slot, watch]] = train.then[tables.watch[slot, watch]]
-            slot, key = find(tables.keys, work.status, train.place)
+            slot = slot_of(train, h, tables, work.status)
             switchings += 1
             if switchings > most:
                 return CHATTER, count, switchings
             if slot < 0:
-                return NEED_TABLES, key, switchings
+                return TABLES_FULL, count, switchings
             if sampled:
                 record(rows[count], at, t, slot, y, h)
                 count += 1

@@ -47,6 +47,7 @@ class Tables(NamedTuple):
     them, of which `count` are in use.
     """
 
+    built: np.ndarray  # (1) how many combinations are written; what is written is never changed
     keys: np.ndarray  # (s) numbers of the combinations
     count: np.ndarray  # (s) watches in use
     element: np.ndarray  # (s, w) the element that switches when the watch turns negative
@@ -70,18 +71,19 @@ def empty_tables(sizes: Sizes, elements: int, watches: int, at_once: int, combin
     n, w, s, m, inputs = sizes.masses, watches, combinations, at_once, sizes.state + 2 + sizes.forces
     c = sizes.state + sizes.lift + 2 * sizes.forces + 1
     return Tables(
-        keys=np.full(s, -1),
-        count=np.zeros(s, dtype=np.int64),
-        element=np.zeros((s, w), dtype=np.int64),
-        watch=np.zeros((s, w), dtype=np.int64),
+        built=np.zeros(1, dtype=np.int64),
+        keys=np.empty(s, dtype=np.int64),
+        count=np.empty(s, dtype=np.int64),
+        element=np.empty((s, w), dtype=np.int64),
+        watch=np.empty((s, w), dtype=np.int64),
         pieces=np.empty((s, elements), dtype=np.int64),
         states=np.empty((s, elements), dtype=np.int64),
-        span=np.zeros((s, c, c - 1 + 2 * w * (m + 1))),
+        span=np.empty((s, c, c - 1 + 2 * w * (m + 1))),
         steps=np.empty((s, m + 1, c, c - 1)),
         fine=np.empty((s, FINE, c, c - 1)),
         motion=np.empty((s, inputs + 1, sizes.state - n)),
         rates=np.empty((s, sizes.state - n, inputs)),
-        series=np.zeros((s, w, c, TERMS + 1)),
+        series=np.empty((s, w, c, TERMS + 1)),
         integral=np.empty((s, m + 1, c)),
         distance=np.empty((s, c, 2 * (m + 1))),
         leap=no_leap(n),

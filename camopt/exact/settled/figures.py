@@ -43,7 +43,7 @@ def figures(s, trace, turn, row):
 def area_and_excess(s, trace, turn):
     """(dynamic area [mm deg], excess lift [mm]) of a revolution."""
     lash, steps, begin = 0.0, s.tables.steps.shape[1] - 1, s.tables.sizes.state
-    for e in s.cam_side:
+    for e in s.train.cam_side:
         lash += s.train.gap[e]
     area, best, seen, u = 0.0, -np.inf, np.empty(2 * (steps + 1)), np.empty(s.tables.sizes.lift)
     for k in range(len(trace.length)):
@@ -62,7 +62,7 @@ def area_and_excess(s, trace, turn):
             else:
                 f, m = seat_distance(s, trace.y[k + 1])
             cubic = seen[2 * i], seen[2 * i + 1] * width, f, m * width
-            if s.tables.states[slot, s.seat] == SEPARATED:
+            if s.tables.states[slot, s.train.seat] == SEPARATED:
                 area += width * (0.5 * (cubic[0] + cubic[2]) + (cubic[1] - cubic[3]) / 12.0)
             best = max(best, excess(cubic, lifted(u, float(i), width, lash), best))
     return area * s.cam.speed * s.step / (MM * DEG), best / MM
@@ -71,7 +71,7 @@ def area_and_excess(s, trace, turn):
 @njit_no_refcount
 def seat_distance(s, y):
     """The seat's distance [m] and its slope [m/step] in a state y."""
-    train, e = s.train, s.seat
+    train, e = s.train, s.train.seat
     d, rate = closeness(train.a[e], train.b[e], train.gap[e], len(train.mass), y)
     constant, slope = touch_line(train, e)
     return -d - constant / slope, -rate * s.step

@@ -17,8 +17,8 @@ from camopt.exact.affine.inputs import Inputs
 from camopt.exact.affine.lines import rest_of
 from camopt.exact.engine import AT_ONCE, MOST_SWITCHINGS, NO_ROWS, TraceBuffer, free_step
 from camopt.exact.kernel.arrays import CamArrays
-from camopt.exact.kernel.propagators import Propagators, propagators
-from camopt.exact.kernel.revolution import DONE, NEED_TABLES, Setting
+from camopt.exact.kernel.propagators import Lending, propagators
+from camopt.exact.kernel.revolution import DONE, TABLES_FULL, Setting
 from camopt.exact.kernel.trace import NO_TRACE
 from camopt.exact.settled import run as stages
 from camopt.exact.settled.figures import NAMES
@@ -59,6 +59,7 @@ def settled_metrics(
     measured: int = settled.MEASURED,
     aperiodic: int = settled.APERIODIC,
     workers: int = 2,
+    kept: bool = True,
 ) -> SettledMetrics:
     """Every declared metric of the settled motion of each train with each cam at each speed [rad/s].
 
@@ -69,7 +70,8 @@ def settled_metrics(
     only while they change it by less than the tolerances, and `measured` of them are measured where it is periodic,
     else at least `aperiodic`. What is called periodic is seen to settle (`camopt.scene.settled`); fewer than MEASURED
     revolutions do not show it, and the last change decides. A wandering motion's range holds after RANGED. `workers`
-    threads share the work. Raises InputError for a train without valve, seat or contact between cam and valve.
+    threads share the work. The propagators of a single train are `kept` for its next motions. Raises InputError for a
+    train without valve, seat or contact between cam and valve.
     """
     speeds = np.asarray(cam_speeds, dtype=float)
     cams = {forcing: _cams(lifts, forcing) for forcing in {train.forcing for train in trains}}
@@ -83,7 +85,7 @@ def settled_metrics(
     def one_train(t: int) -> list[Job]:
         start = None if begin is None else begin[t]
         parts = 1 if len(trains) >= workers else PARTS * workers
-        return _jobs(trains, t, len(lifts), speeds, start, (decay, most), parts)
+        return _jobs(trains, t, len(lifts), speeds, start, (decay, most, kept and len(trains) == 1), parts)
 
     def all_of(t: int) -> None:
         for job in one_train(t):
@@ -106,7 +108,7 @@ class Job:
     """Motions of one train that use one set of tables: number t of the train, cams and speeds of the motions (m)."""
 
     t: int
-    tables: Propagators
+    tables: Lending
     cam: np.ndarray
     speed: np.ndarray
     motions: stages.SettlingMotions
@@ -142,12 +144,15 @@ def _cams(lifts: Sequence[Lift], forcing: tuple[Forcing, ...]) -> stages.Cams:
     )
 
 
-def _jobs(trains, t: int, cams: int, speeds, starts, how: tuple[float | None, int], parts: int) -> list[Job]:
-    """The motions of a train, those that share tables together, in about so many parts; `how` is (decay, most)."""
-    train, (decay, most) = trains[t], how
+def _jobs(trains, t: int, cams: int, speeds, starts, how: tuple[float | None, int, bool], parts: int) -> list[Job]:
+    """The motions of a train, those that share tables together, in about so many parts.
+
+    `how` is (decay, most, kept).
+    """
+    train, (decay, most, kept) = trains[t], how
     if train.seat < 0 or not train.cam_side:
         raise InputError("metrics need a valve on a seat and a contact between cam and valve: name them in the scene")
-    tables_of = propagators if len(trains) == 1 else Propagators
+    tables_of = propagators if kept else Lending
     steps = np.array([free_step(train, speed) for speed in speeds])
     rate = slowest_rate(train) * 2 * np.pi if decay is None else None
     shape = cams, len(speeds)
@@ -189,8 +194,7 @@ def _motions(
 def _run(job: Job, cams: stages.Cams, turns: tuple[int, int]) -> None:
     """Runs all motions of a job; tables and room in the trace are made where they are missing. `turns` are the
     revolutions that are measured of a periodic motion and of one that wanders."""
-    tables, train = job.tables, job.tables.train
-    sides, cam = np.array(train.cam_side, dtype=np.int64), CamArrays(cams.borders, cams.pieces, 0.0)
+    cam = CamArrays(cams.borders, cams.pieces, 0.0)
     plan = stages.Plan(
         settled.SETTLED_POSITION,
         settled.SETTLED_VELOCITY,
@@ -201,11 +205,12 @@ def _run(job: Job, cams: stages.Cams, turns: tuple[int, int]) -> None:
         MOST_SWITCHINGS,
     )
     i = 0
-    while i < len(job.cam):
-        setting = Setting(tables.arrays, cam, tables.step, tables.built, train.valve, train.seat, sides, 0.0, 0.0)
-        room = NO_ROWS, NO_TRACE, _BUFFER.trace(tables, settled.APERIODIC + 1)
-        i, code, key = stages.run(setting, plan, cams, job.motions, room, i)
-        if code == NEED_TABLES:
-            tables.build(key)
-        elif code != DONE:
-            _BUFFER.grow()
+    with job.tables.lent() as tables:
+        while i < len(job.cam):
+            setting = Setting(tables.arrays, cam, tables.step, tables.tables, 0.0, 0.0)
+            room = NO_ROWS, NO_TRACE, _BUFFER.trace(tables.tables, settled.APERIODIC + 1)
+            i, code = stages.run(setting, plan, cams, job.motions, room, i)
+            if code == TABLES_FULL:
+                tables.grow()
+            elif code != DONE:
+                _BUFFER.grow()

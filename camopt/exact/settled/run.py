@@ -58,22 +58,22 @@ class SettlingMotions(NamedTuple):
 
 @compiled
 def run(s, plan, cams, motions, room, begin):
-    """Runs the motions from `begin` on; the setting s gives the train, its tables, valve, seat and contacts.
+    """Runs the motions from `begin` on; the setting s gives the train and its tables.
 
-    `room` is (rows, no trace, trace). Stops where a table or room in the trace is missing; called again, it goes
-    on from the last revolution. Returns (number of the motion, code of `revolve`, the missing key).
+    `room` is (rows, no trace, trace). Stops where room for tables or in the trace is missing; called again, it goes
+    on from the last revolution. Returns (number of the motion, code of `revolve`).
     """
     for i in range(begin, len(motions.cam)):
         one = setting_for(s, cams, motions, i)
         while wanted(plan, motions, i):
-            code, key = settle(one, plan, motions, room, i) if motions.stage[i] == SETTLING else (DONE, 0)
+            code = settle(one, plan, motions, room, i) if motions.stage[i] == SETTLING else DONE
             if code == DONE:
-                code, key = measured(one, plan, motions, room, i)
+                code = measured(one, plan, motions, room, i)
             if not accept_code(motions, i, code):
-                return i, code, key
+                return i, code
         if motions.stage[i] == REFUSED:
             motions.state[i], motions.lowest[i], motions.highest[i] = np.nan, np.nan, np.nan
-    return len(motions.cam), DONE, 0
+    return len(motions.cam), DONE
 
 
 @inner
@@ -102,12 +102,12 @@ def setting_for(s, cams, motions, i):
     low, high = cams.first[j], cams.first[j + 1]
     cam = CamArrays(cams.borders[low + j : high + j + 1], cams.pieces[low:high], motions.speed[i])
     half, foot = cams.half_duration[j], cams.foot[j]
-    return Setting(s.train, cam, s.step, s.tables, s.valve, s.seat, s.cam_side, half, foot)
+    return Setting(s.train, cam, s.step, s.tables, half, foot)
 
 
 @inner
 def one_revolution(s, plan, room, state, trace):
-    """One revolution of `state` (2n + r), changed in place: (code, segments or missing key), code < 0 for refusals."""
+    """One revolution of `state` (2n + r), changed in place: (code, segments), code < 0 for refusals."""
     code, count, _ = revolve(s.train, s.cam, s.step, s.tables, state, room[0], trace, plan.switchings)
     if code == DONE and np.abs(state[: len(s.train.mass)]).max() > plan.unbound:
         code = NOT_FINITE
@@ -130,23 +130,23 @@ def note(s, plan, motions, i, after):
 
 @inner
 def settle(s, plan, motions, room, i):
-    """Revolutions until the way that is left is short enough, or there have been the most: (code, missing key)."""
+    """Revolutions until the way that is left is short enough, or there have been the most: the code."""
     after = motions.state[i].copy()
     while goes_on(motions.revolutions[i], motions.most[i], motions.within[i]):
-        code, key = one_revolution(s, plan, room, after, room[1])
+        code, _ = one_revolution(s, plan, room, after, room[1])
         if code != DONE:
-            return code, key
+            return code
         motions.revolutions[i] += 1
         if note(s, plan, motions, i, after):
             motions.stage[i] = PERIODIC
-            return DONE, 0
+            return DONE
     motions.stage[i] = APERIODIC
-    return DONE, 0
+    return DONE
 
 
 @inner
 def measured(s, plan, motions, room, i):
-    """The metrics of measured revolutions and one more for the last bounce window: (code, missing key).
+    """The metrics of measured revolutions and one more for the last bounce window: the code.
 
     The revolutions show whether a motion that stands settles, and one that wanders after all; it else goes on settling.
     """
@@ -158,7 +158,7 @@ def measured(s, plan, motions, room, i):
         rest = later(room[2], used)
         code, count = one_revolution(s, plan, room, state, rest)
         if code != DONE:
-            return code, count
+            return code
         for k in range(count + 1):
             rest.angle[k] += 2.0 * np.pi * turn
         used += count
@@ -172,7 +172,7 @@ def measured(s, plan, motions, room, i):
         motions.stage[i] = SETTLING
         motions.revolutions[i] += turns + 1 + motions.turns[i] + motions.turns[i] // turns
         motions.turns[i] = 0
-        return DONE, 0
+        return DONE
     if motions.turns[i] == 0:
         motions.lowest[i], motions.highest[i] = np.inf, -np.inf
     motions.turns[i] += turns
@@ -183,4 +183,4 @@ def measured(s, plan, motions, room, i):
             unknown = np.isnan(row[j]) or np.isnan(motions.lowest[i, j])
             motions.lowest[i, j] = np.nan if unknown else min(motions.lowest[i, j], row[j])
             motions.highest[i, j] = np.nan if unknown else max(motions.highest[i, j], row[j])
-    return DONE, 0
+    return DONE

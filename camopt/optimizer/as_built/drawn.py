@@ -117,6 +117,7 @@ class TrainEnsemble:
             most=most_to_settle(one.train),
             measured=MEASURES,
             workers=1,
+            kept=False,
         )
         used = np.array([limit.share(found.worst(limit.metric)[0, 0]) for limit in self.limits])
         self.states[t, at] = next_starts(found.states[0, 0], used, self._nominal[t % STAGGER, at])

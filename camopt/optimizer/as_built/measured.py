@@ -43,7 +43,7 @@ class Track:
 
     def _used_by(self, one: TrainAsBuilt) -> np.ndarray:
         lifts = [one.cam(self.lift)]
-        found = settled_metrics([one.train], lifts, self.cam_speeds, starts=self.starts, workers=1)
+        found = settled_metrics([one.train], lifts, self.cam_speeds, starts=self.starts, workers=1, kept=False)
         return np.array([limit.share(found.worst(limit.metric)[0, 0]) for limit in self.limits.values()])
 
 
