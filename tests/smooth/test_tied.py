@@ -9,11 +9,11 @@ import pytest
 from camopt import load_scene
 from camopt.optimizer.ascent.projection import ShapeLimits
 from camopt.optimizer.program.force_rows import PEAK, SEAT
-from camopt.optimizer.program.no_jump import no_jump_program
+from camopt.optimizer.program.no_jump import NoJumpProgram, no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import relocate
 from camopt.optimizer.search.search import without_rows
-from camopt.optimizer.search.smooth_rows import SmoothRows
+from camopt.optimizer.search.smooth_rows import SMALL_N, SmoothRows
 from camopt.scene.train import build_train
 from camopt.smooth.contact import Layer
 from camopt.smooth.low_storage import IMAGINARY_LIMIT, LowStorage
@@ -121,14 +121,25 @@ def test_slopes_are_those_of_the_closed_response(name):
             assert np.linalg.norm(mine[i] - theirs[j]) < 0.01 * np.linalg.norm(theirs[j])
 
 
-def test_a_cam_that_pumps_an_adjuster_up_is_too_far():
-    """A drawn cam lets the valve hang 2 mm off its seat at the top of the band, where the calmest one seats."""
+def rows_of_an_adjuster() -> tuple[SmoothRows, NoJumpProgram, np.ndarray]:
+    """Rows at the top of the band, their program, and a drawn cam with which the valve hangs 2 mm off its seat there;
+    with the calmest one it seats."""
     scene = load_scene("pushrod-hydraulic")
     cam = program_cam(scene.design, 6.0)
-    calmest = np.zeros(cam.Z.shape[1])
-    drawn = np.random.default_rng(1).normal(0.0, scene.design.acceleration_max_mm_per_deg2, len(calmest))
-    wild = ShapeLimits(cam, scene.design).nearest(drawn)
-    source = SmoothRows(program := without_rows(build_train(scene), scene.design, cam, [scene.cam_speed(5800)]))
-    program, _ = source.first(program, calmest)
+    drawn = np.random.default_rng(1).normal(0.0, scene.design.acceleration_max_mm_per_deg2, cam.Z.shape[1])
+    program = without_rows(build_train(scene), scene.design, cam, [scene.cam_speed(5800)])
+    return SmoothRows(program), program, ShapeLimits(cam, scene.design).nearest(drawn)
+
+
+def test_a_cam_that_pumps_an_adjuster_up_is_too_far():
+    source, program, wild = rows_of_an_adjuster()
+    program, _ = source.first(program, np.zeros_like(wild))
     assert source.error_at(program, wild) == np.inf
     assert source.error_at(program, 0.01 * wild) < 1.0
+
+
+def test_a_search_with_an_adjuster_begins_where_no_contact_pulls():
+    source, program, wild = rows_of_an_adjuster()
+    program, z = source.first(program, wild)
+    assert 0.0 < np.linalg.norm(z) < np.linalg.norm(wild)
+    assert program.forces(z)[program.kind != SEAT].min() >= -SMALL_N

@@ -43,6 +43,8 @@ SETTLED = 2e-7
 """Change of the positions over a revolution [m] at which the motion counts as settled; the judge settles further."""
 TAME_N, TAME_GAP = -250.0, 1e-4
 """Least force [N] and largest gap at the seat [m] of a tied motion that linear slopes describe."""
+SMALL_N = 1e-3
+"""Force [N] that counts as none."""
 SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.0)
 """Shares of the start's coefficients that are tried in turn until the motion is tame; zero is the calmest cam."""
 SEAT_SHARE = 0.6
@@ -81,10 +83,14 @@ class SmoothRows:
         self.jacobians = 0
 
     def first(self, program: NoJumpProgram, z: np.ndarray) -> tuple[NoJumpProgram, np.ndarray]:
-        """The program about the largest share of z (m) whose motion is tame, and that share of z."""
+        """The program about the largest share of z (m) whose motion is tame, and that share of z.
+
+        An adjuster fills with oil where its contacts do not push, and its slopes mislead.
+        """
+        least = -SMALL_N if program.train.memory else TAME_N
         for share in SHARES:
             paths = self._settled(share * z, self._rest)
-            if paths is not None and float(paths.force.min()) > TAME_N and not bool(_open_ends(paths).any()):
+            if paths is not None and float(paths.force.min()) > least and not bool(_open_ends(paths).any()):
                 break
         self._paths = paths
         program = self.about(program, share * z)
