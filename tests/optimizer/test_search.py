@@ -1,12 +1,14 @@
 """The search on paths: its feedback, its two sources, its starts, and what it refuses."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from camopt import load_scene, optimize, polydyne
 from camopt.optimizer.accuracy import ACCURACIES
+from camopt.optimizer.search.cams import Search
 from camopt.optimizer.search.margins import AIM, FIRST_STEP_N, LARGEST_N, LEAST_STEP_N, FedBack
 from camopt.optimizer.search.search import find_cam
 
@@ -54,6 +56,16 @@ def test_confirmed_cams_grow_and_use_less_where_they_are_smaller(found):
         assert areas == sorted(areas)
         used = [cam.judged.used for cam in search.confirmed if cam in search.held]
         assert used == sorted(used)
+
+
+def test_a_cam_that_holds_is_offered_although_a_larger_one_was_found_before_it():
+    def tried(area_ratio, used):
+        return SimpleNamespace(area_ratio=area_ratio, judged=SimpleNamespace(used=used))
+
+    first, unlike, alike, broken, small = map(tried, (0.60, 0.59, 0.58, 0.61, 0.57), (0.85, 0.5, 0.49, 1.2, 0.4))
+    search = Search(None, None, None, None, "calmest", seen=[first, unlike, alike, broken, small])
+    search.confirm()
+    assert search.confirmed == [small, unlike, first]
 
 
 def test_slopes_are_kept_where_they_foretell_the_forces(found):

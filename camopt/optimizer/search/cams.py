@@ -140,13 +140,15 @@ class Search:
         return tried
 
     def confirm(self) -> None:
-        """Offers the cams that hold to the verdict, the largest first, and of smaller ones those that use less of their
+        """Offers cams that hold to the verdict, the largest first, and of smaller ones those that use less of their
         limits: where the verdict refuses a cam, one that is hardly another would be refused too."""
+        by_area = sorted(self.seen, key=lambda tried: -tried.area_ratio)
         least = np.inf
-        for tried in self.held[::-1]:
-            if tried.judged.used < least - USES_LESS and len(self.confirmed) < CANDIDATES:
-                least = tried.judged.used
+        for tried in by_area:
+            used = tried.judged.used
+            if used <= BETWEEN_SHARE and used < least - USES_LESS and len(self.confirmed) < CANDIDATES:
+                least = used
                 self.confirmed.insert(0, tried)
         if not self.confirmed:  # no cam that holds is refused for a reserve
-            holding = [tried for tried in self.seen if tried.judged.share.max(initial=0.0) <= 1.0]
-            self.confirmed = sorted(holding, key=lambda tried: tried.area_ratio)[-CANDIDATES:]
+            holding = [tried for tried in by_area if tried.judged.share.max(initial=0.0) <= 1.0]
+            self.confirmed = holding[:CANDIDATES][::-1]
