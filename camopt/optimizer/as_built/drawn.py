@@ -6,7 +6,7 @@ it settled, so that of the next cam, which differs little, only what matters nee
 """
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -97,7 +97,8 @@ class TrainEnsemble:
         """Draws trains until there are so many; they count as near their limits at the speeds that are `unsure` (s:
         bool), by default at all of them, until they are judged there."""
         first = len(self.trains)
-        self.trains += trains_as_built(self.scene, count - first, seed=self.seed, first=first)
+        drawn = trains_as_built(self.scene, count - first, seed=self.seed, first=first)
+        self.trains += [replace(one, train=with_chords(one.train, CHORDS)) for one in drawn]
         new = np.arange(first, count)
         self.states = np.concatenate([self.states, self._nominal[new % STAGGER]])
         self.used = np.concatenate([self.used, np.zeros((len(new), len(self.limits), SPEEDS))])
@@ -113,7 +114,7 @@ class TrainEnsemble:
     def _one(self, lift: Lift, t: int, at: np.ndarray) -> None:
         one, starts = self.trains[t], self.states[t, at]
         found = settled_metrics(
-            [with_chords(one.train, CHORDS)],
+            [one.train],
             [one.cam(lift)],
             self.speeds(t)[at].tolist(),
             starts=starts,
