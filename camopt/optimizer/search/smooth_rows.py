@@ -97,9 +97,12 @@ class SmoothRows:
         return with_radii(with_switches(program, HELD_N), HELD_N), share * z
 
     def error_at(self, program: NoJumpProgram, z: np.ndarray) -> float:
-        """The error of the forces that the rows foretold for the cam of z (m), as a part of their change; infinite
-        where the valve is off its seat at the end of a revolution, as an adjuster that pumped up holds it, and was not
-        with the cam about which the rows are."""
+        """The error of the forces that the rows foretold for the cam of z (m), as a part of their change, at the speed
+        at which it is largest: there the motion breaks its limits first.
+
+        It is infinite where the valve is off its seat at the end of a revolution, as an adjuster that pumped up holds
+        it, and was not with the cam about which the rows are.
+        """
         known = self._known
         self._paths = self._settled(z, known.start(z) if known else self._rest) or self._settled(z, self._rest)
         if self._paths is None or known is None:
@@ -112,7 +115,7 @@ class SmoothRows:
         size = _largest(before)
         missed, moved = (_largest(self._paths.force[event] - force) for force in (foretold, before))
         self._missed = float((missed / size).max())
-        return float(jnp.median(missed / (moved + TOLERATED * size)))
+        return float((missed / (moved + TOLERATED * size)).max())
 
     def about(self, program: NoJumpProgram, z: np.ndarray) -> NoJumpProgram:
         """The program with its rows about the cam of z (m), where `error_at` was asked last; slopes that foretold its
