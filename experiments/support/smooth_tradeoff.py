@@ -1,6 +1,8 @@
-"""Work-precision of the smooth path: refined grid, equal steps in two precisions, diffrax, gradients, batches (JAX)."""
+"""What the experiment on the tradeoff measures beside `camopt tradeoff`: the smooth path in two precisions, by diffrax,
+and side by side at many speeds, and the gradient of the seating velocity by the adjoint and by reverse mode.
+"""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import product
 
@@ -9,45 +11,62 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from camopt.scene import MotionRefused, Response
+from camopt import exact
+from camopt.cam.lift import Lift
+from camopt.exact.adjoint.motion import TracedMotion
+from camopt.scene import MotionRefused, Response, Scene
 from camopt.smooth.contact import Layer
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import batch_motion, lift_samples, prepare, response_arrays, stage_lifts, touch_layer
 from camopt.smooth.system import SystemState, build_system, stacked
-from camopt.study.measured_rows import Measurement
+from camopt.study.measured_rows import REFERENCE, Measurement
 from camopt.study.timing import timed
-from camopt.study.tradeoff.case import RevolutionCase, valve_lift
+from camopt.study.tradeoff.methods import REFERENCE_STEPS, TOLERANCE_OF_EPS, RevolutionCase, valve_lift
+from camopt.verifier.methods import METHOD_NAMES, rkg
 
-REFINED_EPS = (1e-6, 1e-7, 1e-8, 2e-9)
 EQUAL_EPS = (1e-5, 1e-6, 1e-7)
 BATCH_EPS = (1e-6, 1e-7)
 EQUAL_STEPS = (1440, 5760)
-TOLERANCE_OF_EPS = 5e-3
 GRADIENT_EPS = (1e-6, 1e-7, 2e-9)
 GRADIENT_STEPS = 8192
 PRECISIONS = {"float64": jnp.float64, "float32": jnp.float32}
+SIDE_BY_SIDE = 16
 
 
-def smooth_work(case: RevolutionCase) -> Iterator[Measurement]:
-    """Measures one motion: refined grids by eps, equal steps by step, eps, precision; diffrax; gradients."""
+def smooth_work(scene: Scene, cam: Lift) -> Iterator[Measurement]:
+    """The measurements, of a scene whose laws are straight, at its lowest and highest listed speed."""
+    speeds = scene.operation.speeds_rpm
+    for case in (RevolutionCase(scene, cam, speed) for speed in (min(speeds), max(speeds))):
+        for tolerance in (1e-8, 1e-10):
+            key = case.name, "smooth, diffrax tsit5", f"eps 1e-07 m, tolerance {tolerance:g} m"
+            yield key, partial(_diffrax, case, tolerance)
+        for name, steps, eps in product(PRECISIONS, EQUAL_STEPS, EQUAL_EPS):
+            run = partial(_equal, case, name, steps, eps)
+            yield (case.name, f"smooth, equal steps, {name}", f"{steps} steps, eps {eps:g} m"), run
+        yield (case.name, "event-exact, adjoint", "default step"), partial(_adjoint, case)
+        for eps in GRADIENT_EPS:
+            yield (case.name, "smooth, refined grid, reverse mode", f"eps {eps:g} m"), partial(_gradient, case, eps)
+    yield from _side_by_side(case)
 
-    def refined(eps: float, method: str, tolerance: float) -> dict:
-        motion = case.train, case.cam, case.cam_speed
-        return case.measured(prepare(*motion, layer=Layer(eps), tolerance=tolerance, method=method))
 
-    for eps in REFINED_EPS:
-        run = partial(refined, eps, "scan", eps * TOLERANCE_OF_EPS)
-        yield (case.name, "smooth, refined grid", f"eps {eps:g} m"), run
-    for tolerance in (1e-8, 1e-10):
-        setting = f"eps 1e-07 m, tolerance {tolerance:g} m"
-        yield (case.name, "smooth, diffrax tsit5", setting), partial(refined, 1e-7, "tsit5", tolerance)
-    for name, steps, eps in product(PRECISIONS, EQUAL_STEPS, EQUAL_EPS):
-        run = partial(_equal, case, name, steps, eps)
-        yield (case.name, f"smooth, equal steps, {name}", f"{steps} steps, eps {eps:g} m"), run
-    for eps in GRADIENT_EPS if case.train.straight else ():  # the reference of gradients is the exact adjoint
-        yield (case.name, "smooth, refined grid, reverse mode", f"eps {eps:g} m"), partial(_gradient, case, eps)
+def _diffrax(case: RevolutionCase, tolerance: float) -> dict:
+    motion = case.train, case.cam, case.cam_speed
+    return case.measured(prepare(*motion, layer=Layer(1e-7), tolerance=tolerance, method="tsit5"))
+
+
+def exact_gradient(case: RevolutionCase) -> np.ndarray:
+    """Seating velocity of the first revolution by every stiffness, times that stiffness [m/s], by the adjoint."""
+    motion = TracedMotion(case.train, case.cam, case.cam_speed, case.rest, 1, mechanical=True)
+    slopes = motion.gradient(("seating_velocity_m_per_s",)).by_train
+    assert slopes is not None, "asked for by mechanical"
+    return slopes.stiffness[0] * case.train.parameters["stiffness"]
+
+
+def _adjoint(case: RevolutionCase) -> dict:
+    times, _ = timed(lambda: exact_gradient(case))
+    return {**times, "errors": {"gradient": 0.0}}
 
 
 def equal_steps(case: RevolutionCase, precision: str, steps: int, cam_speeds: np.ndarray):
@@ -102,21 +121,33 @@ def _gradient(case: RevolutionCase, eps: float) -> dict:
 
     factors = jnp.ones_like(system.stiffness)
     times, slopes = timed(lambda: jax.block_until_ready(gradient(factors)), 2)
-    return {**times, "figures": {"gradient": np.asarray(slopes)}}
+    true = exact_gradient(case)
+    return {**times, "errors": {"gradient": float(np.linalg.norm(slopes - true) / np.linalg.norm(true))}}
 
 
-def batch_work(name: str, case: RevolutionCase, cam_speeds: np.ndarray) -> Iterator[Measurement]:
-    """Measures many speeds in one compiled call, with the axis of the batch last."""
+def _side_by_side(case: RevolutionCase) -> Iterator[Measurement]:
+    """Many speeds just below the highest: lifts of all, time per revolution of one, with the axis of the batch last."""
+    name = f"{SIDE_BY_SIDE} speeds side by side up to {case.speed_rpm:g} r/min"
+    cam_speeds = np.linspace(0.95, 1.0, SIDE_BY_SIDE) * case.cam_speed
 
-    def run(precision: str, steps: int, eps: float) -> dict:
-        batch, rest = equal_steps(case, precision, steps, cam_speeds)
-        times, motion = timed(lambda: batch(rest, eps), len(cam_speeds))
+    def loop(prepare: Callable, steps: int) -> dict:
+        revolves = [prepare(case.train, case.cam, s, steps) for s in cam_speeds]
+        times, lifts = timed(lambda: np.array([valve_lift(r(case.rest)) for r in revolves]), SIDE_BY_SIDE)
+        return {**times, "figures": {"lift_mm": lifts}}
+
+    def batch(precision: str, steps: int, eps: float) -> dict:
+        run, rest = equal_steps(case, precision, steps, cam_speeds)
+        times, motion = timed(lambda: run(rest, eps), SIDE_BY_SIDE)
         angle = np.linspace(-np.pi, np.pi, steps + 1)
         records = [
             Response(case.train, s, angle, *parts) for s, *parts in zip(cam_speeds, *recorded(motion), strict=True)
         ]
         return {**times, "figures": {"lift_mm": np.array([valve_lift(r) for r in records])}}
 
+    yield (name, REFERENCE, "fine samples"), partial(loop, exact.prepare, REFERENCE_STEPS)
+    yield (name, METHOD_NAMES["event"], "1440 samples"), partial(loop, exact.prepare, 1440)
+    for steps in (2880, 11_520):
+        yield (name, METHOD_NAMES["rkg"], f"{steps} steps"), partial(loop, rkg.prepare, steps)
     for precision, steps, eps in product(PRECISIONS, EQUAL_STEPS, BATCH_EPS):
         key = name, f"smooth batch, {precision}", f"{steps} steps, eps {eps:g} m"
-        yield key, partial(run, precision, steps, eps)
+        yield key, partial(batch, precision, steps, eps)
