@@ -3,14 +3,11 @@
 import base64
 import hashlib
 import json
-from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemBytecodeCache, FileSystemLoader, StrictUndefined
-from jinja2.bccache import Bucket
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from camopt.cache import cache_folder
 from camopt.cam.lift import Lift
 from camopt.plots.style import DESIGN
 from camopt.report.advice import advice
@@ -18,7 +15,6 @@ from camopt.report.assumed import of_the_run
 from camopt.report.cams import cards, geometry
 from camopt.report.curves import curves
 from camopt.report.edge import edge_sentences
-from camopt.report.figures import CAPTIONS, inline_svg, ordered
 from camopt.report.first_screen import banner, facts, sketch
 from camopt.report.folder import RunFolder, read_run_folder
 from camopt.report.limits import disagreements, limit_rows, matrix
@@ -67,6 +63,31 @@ trainAnimation(document, data.animation);
 new ReportCharts(document, data.curves, data.animation);
 """
 """What the page's script ends with: animation and charts of the data that the page embeds."""
+CAPTIONS = {
+    "profiles": ("The cams", "Lift, velocity, acceleration and jerk against cam angle; dashed lines are the limits."),
+    "valve_motion": (
+        "The valve's motion",
+        "Valve lift, its closing enlarged, and the contact forces between cam and valve, at each speed; where a force "
+        "is zero the contact is open.",
+    ),
+    "bounce_against_speed": (
+        "Bounce and jump over the band",
+        "Linear up to 0.01 mm, logarithmic above. The curves are event-exact alone; the verdict rests on the marked "
+        "speeds and, where it was asked for, on the band.",
+    ),
+    "convergence": (
+        "The search",
+        "Area ratio of its steps, and worst bounce or, for a yield, the drawn trains that fail; only filled steps may "
+        "be returned.",
+    ),
+    "prices": (
+        "What tolerances cost",
+        "Change of the largest area ratio where a tolerance is left out or halved, and for every per cent by which the "
+        "numbers that it moves are raised; lines are standard errors.",
+    ),
+    "modes": ("Natural modes", "Shapes over the masses, of unit norm, with their frequencies."),
+}
+"""Figures that a run writes, in the order of the page: title and caption."""
 PLACED = ("profiles", "valve_motion", "bounce_against_speed", "convergence")
 """Figures that stand in a section of their own; any others follow before the tables."""
 
@@ -85,20 +106,9 @@ def write_report(folder: Path | str) -> Path:
     return path
 
 
-class KeptTemplates(FileSystemBytecodeCache):
-    """Compiled templates in the user's cache folder, kept if they can be: compiling them takes as long as the rest."""
-
-    def dump_bytecode(self, bucket: Bucket) -> None:
-        """Keeps a template, unless the disk is full or the folder is gone."""
-        with suppress(OSError):
-            super().dump_bytecode(bucket)
-
-
 @cache
 def _environment() -> Environment:
-    folder = cache_folder("templates")
     return Environment(
-        bytecode_cache=None if folder is None else KeptTemplates(str(folder)),
         loader=FileSystemLoader(HERE),
         autoescape=True,
         undefined=StrictUndefined,
@@ -235,13 +245,12 @@ def accuracy(run: RunFolder) -> list[str]:
 
 
 def figures(run: RunFolder) -> list[dict]:
-    """The drawings with title and caption; one that cannot be shown says why."""
+    """The drawings with title and caption: the known ones in the page's order, then any others by name. As an image a
+    drawing can neither run a script nor load anything."""
+    names = [name for name in CAPTIONS if name in run.figures] + sorted(run.figures.keys() - CAPTIONS.keys())
     shown_figures = []
-    for number, name in enumerate(ordered(run.figures), 1):
+    for name in names:
         title, caption = CAPTIONS.get(name, (name, ""))
-        try:
-            drawing, fault = inline_svg(run.figures[name], number), ""
-        except ValueError as error:
-            drawing, fault = "", f"figures/{name}.svg cannot be shown: {error}."
-        shown_figures.append({"name": name, "title": title, "caption": caption, "drawing": drawing, "fault": fault})
+        image = "data:image/svg+xml;base64," + base64.b64encode(run.figures[name].encode()).decode()
+        shown_figures.append({"name": name, "title": title, "caption": caption, "image": image})
     return shown_figures
