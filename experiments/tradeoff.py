@@ -55,7 +55,7 @@ def main(size: str, folder: Path = RESULTS) -> dict:
     with tempfile.TemporaryDirectory() as scratch:
         found = tradeoff(scene, Path(scratch) / "run", size=size, progress=size == "full", cam=cam)
         if size == "full":
-            from experiments.support.smooth_tradeoff import smooth_work
+            from experiments.support.smooth_costs import smooth_work
 
             work = [or_failure(one) for one in smooth_work(scene, cam)]
             more = measured(Records(None, "case", "method", "setting"), work, progress=True)

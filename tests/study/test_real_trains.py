@@ -12,7 +12,7 @@ from camopt.study.extremes.cases import cases
 from camopt.study.extremes.step_methods import smooth_float32
 from camopt.study.simulate.motion import simulate
 from camopt.study.tradeoff.methods import RevolutionCase
-from experiments.support.smooth_tradeoff import equal_steps, recorded
+from experiments.support.smooth_costs import equal_steps, recorded
 
 NAME, RPM = "finger-hydraulic", 4000.0
 

@@ -108,7 +108,7 @@ def _masses(scene: Scene, cam: Lift, size: str) -> Iterator[Measurement]:
 
     @cache
     def candidates() -> dict[str, Candidate]:
-        found = reduce(scene, cam, speeds, smooth=False).candidates
+        found = reduce(scene, cam, speeds).candidates
         return {c.smaller.scene.name: c for c in found}
 
     def compared(name: str) -> dict:

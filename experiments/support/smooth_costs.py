@@ -1,7 +1,8 @@
-"""What the experiment on the tradeoff measures beside `camopt tradeoff`: the smooth path in two precisions, by diffrax,
+"""What experiments measure beside `camopt tradeoff` and `camopt reduce`: the smooth path in two precisions, by diffrax,
 and side by side at many speeds, and the gradient of the seating velocity by the adjoint and by reverse mode.
 """
 
+import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import product
@@ -14,7 +15,8 @@ import numpy as np
 from camopt import exact
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint.motion import TracedMotion
-from camopt.scene import MotionRefused, Response, Scene
+from camopt.scene import MotionRefused, Response, Scene, Train
+from camopt.scene.rest import state_at_rest
 from camopt.smooth.contact import Layer
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.rest import rest_state
@@ -22,8 +24,9 @@ from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import batch_motion, lift_samples, prepare, response_arrays, stage_lifts, touch_layer
 from camopt.smooth.system import SystemState, build_system, stacked
 from camopt.study.measured_rows import REFERENCE, Measurement
-from camopt.study.timing import timed
+from camopt.study.timing import fastest, timed
 from camopt.study.tradeoff.methods import REFERENCE_STEPS, TOLERANCE_OF_EPS, RevolutionCase, valve_lift
+from camopt.verifier.convergence import first_steps
 from camopt.verifier.methods import METHOD_NAMES, rkg
 
 EQUAL_EPS = (1e-5, 1e-6, 1e-7)
@@ -151,3 +154,22 @@ def _side_by_side(case: RevolutionCase) -> Iterator[Measurement]:
     for precision, steps, eps in product(PRECISIONS, EQUAL_STEPS, BATCH_EPS):
         key = name, f"smooth batch, {precision}", f"{steps} steps, eps {eps:g} m"
         yield key, partial(batch, precision, steps, eps)
+
+
+def smooth_times(train: Train, cam: Lift, cam_speed: float) -> dict[str, float]:
+    """Least time [ms] of a revolution by the smooth scan with the steps of `first_steps`, alone and in a batch of speeds
+    just below (per motion).
+
+    By the clock on the wall: JAX computes in threads of its own, whose processor time is not always seen.
+    """
+    steps, samples = first_steps(train, cam_speed), jnp.asarray(lift_samples(cam))
+    system, rest = build_system(train), stacked(state_at_rest(train), len(train.mass))
+
+    def end(speed):
+        return response_arrays(DrivenSystem(system, samples, speed), rest, steps=steps, refine=False).x[-1]
+
+    alone, batch = jax.jit(end), jax.jit(jax.vmap(end))
+    speeds = jnp.linspace(0.95 * cam_speed, cam_speed, SIDE_BY_SIDE)
+    single, _ = fastest(lambda: jax.block_until_ready(alone(cam_speed)), 20, time.perf_counter)
+    many, _ = fastest(lambda: jax.block_until_ready(batch(speeds)), 5, time.perf_counter)
+    return {"smooth": 1e3 * single, "batch": 1e3 * many / SIDE_BY_SIDE}
