@@ -157,8 +157,8 @@ def _side_by_side(case: RevolutionCase) -> Iterator[Measurement]:
 
 
 def smooth_times(train: Train, cam: Lift, cam_speed: float) -> dict[str, float]:
-    """Least time [ms] of a revolution by the smooth scan with the steps of `first_steps`, alone and in a batch of speeds
-    just below (per motion).
+    """Least time [ms] of a revolution by the smooth scan with the steps of `first_steps`, alone and in a batch of
+    speeds just below (per motion).
 
     By the clock on the wall: JAX computes in threads of its own, whose processor time is not always seen.
     """

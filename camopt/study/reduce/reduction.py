@@ -10,8 +10,8 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.exact import engine
 from camopt.measure.hermite import Hermite
-from camopt.measure.settling import Figures, settle
-from camopt.scene import InputError, MotionRefused, Response, Scene, Train, build_train
+from camopt.measure.settling import Settled, settle
+from camopt.scene import InputError, MotionRefused, Scene, Train, build_train
 from camopt.scene.response import Revolve
 from camopt.scene.rest import state_at_rest
 from camopt.scene.toml_text import scene_toml
@@ -31,16 +31,6 @@ WITHIN = ("bounce_mm", "jump_mm", "lift_mm")
 GRID = np.arange(-180.0, 180.0, 0.1) * DEG
 REPEATS = 5
 PATHS = ("event", "rkg", "tmm")
-
-
-@dataclass(frozen=True)
-class Observed:
-    """The settled motion at one speed: figures of the measured revolutions, valve lift off the seat on `GRID` [m]."""
-
-    figures: Figures
-    lift: np.ndarray
-    periodic: bool
-    response: Response
 
 
 @dataclass(frozen=True)
@@ -140,11 +130,11 @@ def reduce(
 
         cam = polydyne(scene)
     full = LeftOut(scene)
-    truth = _observe(full, cam, speeds, workers)
+    truth = _settled(full, cam, speeds, workers)
     idle = idle_contacts(t.response for t in truth)
     watched = {end for e in scene.element if e.name in idle[0] | idle[1] for end in e.between} - {"ground"}
     rows = [_candidate(m, idle, cam, speeds, truth, workers) for m in smaller_models(scene, frozenset(watched))]
-    ranges = {s: t.figures.range("bounce_mm") for s, t in zip(speeds, truth, strict=True) if not t.periodic}
+    ranges = {s: t.metrics(cam).range("bounce_mm") for s, t in zip(speeds, truth, strict=True) if not t.periodic}
     full_ms = path_times(full, build_train(scene), cam, scene.cam_speed(max(speeds)))
     return Reduction(scene, cam.family, speeds, ranges, tolerance_mm, full_ms, tuple(rows))
 
@@ -153,23 +143,16 @@ def reduction_lines(reduction: Reduction) -> list[str]:
     """The table of `camopt reduce`, what it says about aperiodic speeds, and the proposal in a sentence."""
     paths = list(reduction.full_ms)
     speeds = ", ".join(f"{s:g}" for s in reduction.speeds_rpm)
+    heads = ("bounce mm", "jump mm", "lift mm", "seating m/s", "peak N", "operations", *(f"{p} ms" for p in paths))
     lines = [
         f"{reduction.scene.name}, {reduction.cam}, {speeds} r/min: largest error against the full model; "
-        f"counted operations and measured ms per revolution"
+        f"counted operations and measured ms per revolution",
+        f"{'model':<24}" + "".join(f"{h:>12}" for h in heads),
     ]
-    heads = ("bounce mm", "jump mm", "lift mm", "seating m/s", "peak N", "operations", *(f"{p} ms" for p in paths))
-    lines.append(f"{'model':<24}" + "".join(f"{h:>12}" for h in heads))
     for c in reduction.candidates:
-        if c.refusal:
-            lines.append(f"{c.smaller.scene.name:<24}  refused: {c.refusal}")
-            continue
-        error = [c.error[k] for k in ("bounce_mm", "jump_mm", "lift_mm", *COMPARED[2:])]
-        mark = " <" if c is reduction.proposed else ""
-        lines.append(
-            f"{c.smaller.scene.name:<24}"
-            + "".join(f"{v:12.4g}" for v in (*error, c.operations, *(c.ms[p] for p in paths)))
-            + mark
-        )
+        values = [*(c.error[k] for k in (*WITHIN, *COMPARED[2:])), c.operations, *c.ms.values()]
+        told = f"  refused: {c.refusal}" if c.refusal else "".join(f"{v:12.4g}" for v in values)
+        lines.append(f"{c.smaller.scene.name:<24}{told}" + " <" * (c is reduction.proposed))
     for speed, (low, high) in reduction.aperiodic_rpm.items():
         lines.append(
             f"at {speed:g} r/min the full model itself does not repeat (bounce {low:.4f} to {high:.4f} mm): its errors "
@@ -192,41 +175,39 @@ def counted_operations(train: Train, cam_speed: float) -> int:
     return first_steps(train, cam_speed) * ((2 * n) ** 2 + 2 * e)
 
 
-def _candidate(smaller: Smaller, idle, cam: Lift, speeds, truth: list[Observed], workers: int) -> Candidate:
+def _candidate(smaller: Smaller, idle, cam: Lift, speeds, truth: list[Settled], workers: int) -> Candidate:
     model = leave_out(smaller.scene, *idle)
     train, cam_speed = build_train(model.scene), model.scene.cam_speed(max(speeds))
     operations = counted_operations(train, cam_speed)
     try:
-        seen = _observe(model, cam, speeds, workers)
+        pairs = list(zip(_settled(model, cam, speeds, workers), truth, strict=True))
         ms = path_times(model, train, cam, cam_speed)
     except MotionRefused as refusal:
         return Candidate(smaller, model, dict.fromkeys((*COMPARED, "lift_mm"), np.nan), str(refusal), operations, {})
-    error = {name: float(np.max(np.abs([s.figures.worst(name) - t.figures.worst(name)
-             for s, t in zip(seen, truth, strict=True)]))) for name in COMPARED}  # fmt: skip
-    error["lift_mm"] = max(float(np.abs(s.lift - t.lift).max()) for s, t in zip(seen, truth, strict=True)) / MM
+    metrics = [(one.metrics(cam), true.metrics(cam)) for one, true in pairs]
+    error = {name: float(np.max([abs(a.worst(name) - b.worst(name)) for a, b in metrics])) for name in COMPARED}
+    error["lift_mm"] = max(float(np.abs(_lift(one) - _lift(true)).max()) for one, true in pairs) / MM
     return Candidate(smaller, model, error, "", operations, ms)
 
 
-def _observe(model: LeftOut, cam: Lift, speeds: Sequence[float], workers: int) -> list[Observed]:
-    """The settled motion of a model at each speed [r/min], in threads with a train each."""
+def _settled(model: LeftOut, cam: Lift, speeds: Sequence[float], workers: int) -> list[Settled]:
+    """The settled motion of a model at each speed [r/min], in threads with a train each: event-exact, or
+    Runge-Kutta-Gill at the step of the verifier's sweeps where laws are nonlinear."""
 
-    def at(speed: float) -> Observed:
+    def at(speed: float) -> Settled:
         train, cam_speed = build_train(model.scene), model.scene.cam_speed(speed)
-        revolve = model.prepare(*_truth(train, cam, cam_speed))
-        settled = settle(revolve, state_at_rest(train))
-        response = settled.response
-        curve = Hermite(response.angle, response.seat_separation(), response.v[:, train.valve] / cam_speed)
-        return Observed(settled.metrics(cam), np.maximum(0.0, curve(GRID)), settled.periodic, response)
+        method, steps = (engine, ()) if train.straight else (rkg, (REFINEMENT * first_steps(train, cam_speed),))
+        return settle(model.prepare(method.prepare, train, cam, cam_speed, *steps), state_at_rest(train))
 
     with ThreadPoolExecutor(workers) as pool:
         return list(pool.map(at, speeds))
 
 
-def _truth(train: Train, cam: Lift, cam_speed: float) -> tuple:
-    """Event-exact, or Runge-Kutta-Gill at the step of the verifier's sweeps where laws are nonlinear."""
-    if train.straight:
-        return engine.prepare, train, cam, cam_speed
-    return rkg.prepare, train, cam, cam_speed, REFINEMENT * first_steps(train, cam_speed)
+def _lift(settled: Settled) -> np.ndarray:
+    """How far the valve is off its seat on `GRID` [m]."""
+    response = settled.response
+    velocity = response.v[:, response.train.valve] / response.cam_speed
+    return np.maximum(0.0, Hermite(response.angle, response.seat_separation(), velocity)(GRID))
 
 
 def path_times(model: LeftOut, train: Train, cam: Lift, cam_speed: float) -> dict[str, float]:
