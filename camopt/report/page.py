@@ -9,10 +9,10 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from camopt.cam.lift import Lift
-from camopt.plots.style import DESIGN
+from camopt.plots.style import DESIGN, cam_line
 from camopt.report.advice import advice
-from camopt.report.assumed import of_the_run
-from camopt.report.cams import cards, geometry
+from camopt.report.assumed import MOVED, assumed_rows, of_the_run
+from camopt.report.cams import cards, geometry, stress
 from camopt.report.curves import curves
 from camopt.report.edge import edge_sentences
 from camopt.report.first_screen import banner, facts, sketch
@@ -29,26 +29,13 @@ from camopt.report.outcome import (
     yield_rows,
     yield_sentences,
 )
-from camopt.report.tables import (
-    COSTS,
-    SPEED_COLUMNS,
-    area_rows,
-    comparison_groups,
-    comparison_table,
-    cost_rows,
-    heading,
-    method_tables,
-    provenance_rows,
-    speed_rows,
-    worst_rows,
-    worth_rows,
-)
-from camopt.report.train import train_tables
-from camopt.report.wording import in_words, shown
+from camopt.report.tables import area_rows, comparison_groups, method_tables, provenance_rows
+from camopt.report.wording import cell, heading, in_words, kind, label_and_unit, shown
 from camopt.scene.design import Design
-from camopt.scene.quantities import is_number
+from camopt.scene.quantities import QUANTITIES, is_number
 from camopt.storage import write_text
-from camopt.verifier.record import outside_sentence
+from camopt.verifier.methods import METHOD_NAMES
+from camopt.verifier.record import bounce_error_um, outside_sentence
 
 HERE = Path(__file__).parent
 SECTIONS = (
@@ -88,6 +75,17 @@ CAPTIONS = {
     "modes": ("Natural modes", "Shapes over the masses, of unit norm, with their frequencies."),
 }
 """Figures that a run writes, in the order of the page: title and caption."""
+SPEED_COLUMNS = (
+    "jump_mm", "jump_deg", "contact_force_min_N", "contact_force_max_N", "seating_velocity_m_per_s",
+    "impact_velocity_m_per_s", "dynamic_area_mm_deg", "revolutions", "periodic",
+)  # fmt: skip
+COSTS = {
+    "clock_s": "clock s",
+    "processor_s": "processor s",
+    "compilation_s": "compiling s",
+    "peak_memory_MB": "peak MB",
+}
+"""Keys of a stage's cost in provenance.json, and their headings."""
 PLACED = ("profiles", "valve_motion", "bounce_against_speed", "convergence")
 """Figures that stand in a section of their own; any others follow before the tables."""
 
@@ -108,13 +106,13 @@ def write_report(folder: Path | str) -> Path:
 
 @cache
 def _environment() -> Environment:
-    return Environment(
-        loader=FileSystemLoader(HERE),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    how = {"autoescape": True, "undefined": StrictUndefined, "trim_blocks": True, "lstrip_blocks": True}
+    environment = Environment(loader=FileSystemLoader(HERE), **how)
+    environment.filters |= {"shown": shown, "cell": cell, "heading": heading, "kind": kind, "error_um": bounce_error_um}
+    environment.filters |= {"label": lambda key: label_and_unit(key)[0], "unit": lambda key: label_and_unit(key)[1]}
+    environment.filters |= {"method": lambda name: METHOD_NAMES.get(name, shown(name)), "line": cam_line}
+    environment.tests["figure"] = is_number
+    return environment
 
 
 def render(run: RunFolder, cams: RunCams) -> str:
@@ -133,29 +131,29 @@ def render(run: RunFolder, cams: RunCams) -> str:
             headline=headline(run),
             limits=limits,
             outcome=outcome_rows(run),
-            worst=worst_rows(run),
+            worst=(run.verification.get("band") or {}).get("worst") or {},
+            quantities=QUANTITIES,
             yields=yield_rows(run),
             areas=area_rows(run),
             groups=comparison_groups(run),
-            comparison=comparison_table(run),
             reserve=reserve(run),
-            worth=worth_rows(run),
             facts=facts(run, cams),
             sketch=_sketch(cams),
             steps=advice(run, f"{run.path or run.name}/scene.toml", run.path or run.name, assumed),
             edge=edge_sentences(run),
             spoiling=yield_sentences(run),
             matrix=matrix(run, limits),
-            train=train_tables(cams, assumed),
+            scene=cams.scene,
+            ranked=assumed_rows(assumed),
+            moved=f"{100 * MOVED:.0f} %",
+            stress=stress(cams),
             cards=cards(cams),
             geometry=geometry(cams),
-            speeds=speed_rows(run),
             outside=outside_sentence(run.verification.outside),
-            speed_columns=[heading(c) for c in SPEED_COLUMNS],
+            speed_columns=SPEED_COLUMNS,
             methods=method_tables(run),
             accuracy=accuracy(run),
-            costs=cost_rows(run.provenance),
-            cost_columns=["stage", *COSTS.values()],
+            costs=COSTS,
             provenance=provenance_rows({k: v for k, v in run.provenance.items() if k != "stages"}),
             figures=figures(run),
             placed=PLACED,

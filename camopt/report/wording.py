@@ -48,6 +48,17 @@ def label_and_unit(key: str) -> tuple[str, str]:
     return key.replace("_", " "), ""
 
 
+def heading(key: str) -> str:
+    """A column's heading: label and unit."""
+    label, unit = label_and_unit(key)
+    return f"{label} [{unit}]" if unit else label
+
+
+def kind(verdict: object) -> str:
+    """A verdict's class in the page; empty for what is no verdict."""
+    return VERDICTS[verdict][0] if isinstance(verdict, str) and verdict in VERDICTS else ""
+
+
 def as_number(text: str) -> float | None:
     """Number of a table cell; None where it is empty or no finite number."""
     try:
