@@ -10,10 +10,10 @@ from camopt.cam.hertz import HertzStress
 from camopt.plots.style import DESIGN, cam_line
 from camopt.report.motion import RunCams
 from camopt.report.wording import shown
-from camopt.scene import InputError, build_train
+from camopt.scene import InputError
 from camopt.scene.errors import MotionRefused
 from camopt.scene.units import DEG, MM
-from camopt.study.cam_sheet import dynamic_stress, static_stress
+from camopt.study.cam_sheet import dynamic_stress, share_borne, static_stress
 
 WIDTH = 320.0
 """Width of the drawing [px]."""
@@ -90,20 +90,19 @@ def stress(cams: RunCams) -> tuple[list[list[str]], str]:
         return [], "The design cannot be read, so there is no stress on it."
     if scene.geometry is None:
         return [], "The scene gives no [geometry], so the stress on the cam is not known."
-    train, rows, limit = build_train(scene), [], scene.geometry.hertz_max_MPa
+    rows, geometry = [], scene.geometry
 
     def cells(found: HertzStress) -> list[str]:
         figures = found.figures()
-        share = "–" if limit is None else f"{100 * figures['hertz_stress_MPa'] / limit:.0f} % of {limit:g} MPa"
-        return [*map(shown, figures.values()), share]
+        return [*map(shown, figures.values()), share_borne(figures["hertz_stress_MPa"], geometry) or "–"]
 
     try:
         for speed in scene.operation.speeds_rpm if scene.operation else ():
             try:
-                found = cells(dynamic_stress(scene, train, lift, speed)[0])
+                found = cells(dynamic_stress(scene, lift, speed)[0])
             except MotionRefused as refused:
                 found = ["–", "–", f"refused: {refused}", "–"]
             rows.append([f"{shown(speed)} r/min", *found])
-        return [*rows, ["standing still", *cells(static_stress(scene, train, lift))]], ""
+        return [*rows, ["standing still", *cells(static_stress(scene, lift))]], ""
     except InputError as error:
         return [], f"There is no Hertz stress: {error}."
