@@ -30,7 +30,7 @@ from camopt.report.outcome import (
     yield_sentences,
 )
 from camopt.report.tables import area_rows, comparison_groups, method_tables, provenance_rows
-from camopt.report.wording import cell, heading, in_words, kind, label_and_unit, shown
+from camopt.report.wording import cell, heading, in_words, kind, label_and_unit, share_kind, shown, state, used
 from camopt.scene.design import Design
 from camopt.scene.quantities import QUANTITIES, is_number
 from camopt.storage import write_text
@@ -111,6 +111,7 @@ def _environment() -> Environment:
     environment.filters |= {"shown": shown, "cell": cell, "heading": heading, "kind": kind, "error_um": bounce_error_um}
     environment.filters |= {"label": lambda key: label_and_unit(key)[0], "unit": lambda key: label_and_unit(key)[1]}
     environment.filters |= {"method": lambda name: METHOD_NAMES.get(name, shown(name)), "line": cam_line}
+    environment.filters |= {"state": state, "share_kind": share_kind, "used": used}
     environment.tests["figure"] = is_number
     return environment
 
@@ -154,7 +155,7 @@ def render(run: RunFolder, cams: RunCams) -> str:
             methods=method_tables(run),
             accuracy=accuracy(run),
             costs=COSTS,
-            provenance=provenance_rows({k: v for k, v in run.provenance.items() if k != "stages"}),
+            provenance=[*provenance_rows({k: v for k, v in run.provenance.items() if k != "stages"})],
             figures=figures(run),
             placed=PLACED,
             **_moving(run, cams),

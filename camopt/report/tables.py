@@ -1,15 +1,14 @@
 """The report's tables as plain rows of text, from a run folder's data."""
 
-import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from camopt.optimizer.baselines.comparison_table import FAILED, NO_JERK
 from camopt.plots.style import DESIGN, cam_line, family_of
 from camopt.report.folder import RunFolder, comparison_rows
 from camopt.report.outcome import broken_limits, broken_words
-from camopt.report.wording import as_number, heading, shown
+from camopt.report.wording import as_number, heading
 from camopt.scene.quantities import QUANTITIES, is_number
 from camopt.verifier.methods import METHOD_NAMES
 from camopt.verifier.verdict import ORDER
@@ -25,33 +24,22 @@ BROKEN_WIDTH = 48
 """Characters of what is broken that a line of a terminal shows."""
 
 
-def area_rows(run: RunFolder) -> tuple[list[dict], list[dict]]:
-    """Area ratios: the design, the certified bound and what else keeps the limits on the cam, largest first; and apart
-    from them those cams that do not, of which the bound says nothing."""
-    bound = run.design.get("area_ratio_bound")
-    tables: list[list[tuple]] = [
-        [
-            ("certified bound", bound, "", "#888888"),
-            ("no-jump linear program", run.design.get("area_ratio_no_jump"), "", "#bbbbbb"),
-        ],
-        [],
+def area_rows(run: RunFolder) -> tuple[list[tuple], list[tuple]]:
+    """Area ratios as (name, area, verdict, colour): the design, the certified bound and what else keeps the limits on
+    the cam, largest first; and apart from them those cams that do not, of which the bound says nothing."""
+    d = run.design
+    within: list[tuple] = [
+        ("certified bound", d.get("area_ratio_bound"), "", "#888888"),
+        ("no-jump linear program", d.get("area_ratio_no_jump"), "", "#bbbbbb"),
     ]
+    beyond: list[tuple] = []
     for c in comparison_groups(run):
         if family_of(c["cam"]) != DESIGN:
-            without = "" if c["limits"] == "all" else " (without the jerk limit)"
-            row = c["cam"].removesuffix(NO_JERK) + without, c["area"], c["verdict"], c["colour"]
-            tables[not c["within"]].append(row)
-    within, beyond = (sorted((r for r in rows if is_number(r[1])), key=lambda row: -row[1]) for rows in tables)
-    if is_number(area := run.design.get("area_ratio")):
-        within = [(DESIGN, area, run.verdict or "", cam_line(DESIGN)["color"]), *within]
-    largest = max((row[1] for row in (*within, *beyond)), default=1.0)
-    keys = "label", "area", "verdict", "colour", "share", "width"
-    share = lambda area: f"{100 * area / bound:.1f} %" if is_number(bound) and bound > 0 else "–"  # noqa: E731
-    width = lambda area: round(100 * max(area, 0.0) / largest, 1) if largest > 0 else 0  # noqa: E731
-    return (
-        [dict(zip(keys, (*row, share(row[1]), width(row[1])), strict=True)) for row in within],
-        [dict(zip(keys, (*row, "–", width(row[1])), strict=True)) for row in beyond],
-    )
+            name = c["cam"].removesuffix(NO_JERK) + ("" if c["limits"] == "all" else " (without the jerk limit)")
+            (within if c["within"] else beyond).append((name, c["area"], c["verdict"], cam_line(c["cam"])["color"]))
+    design = (DESIGN, d.get("area_ratio"), run.verdict or "", cam_line(DESIGN)["color"])
+    within, beyond = (sorted((r for r in rows if is_number(r[1])), key=lambda r: -r[1]) for rows in (within, beyond))
+    return [design, *within] if is_number(design[1]) else within, beyond
 
 
 def comparison_groups(run: RunFolder) -> list[dict]:
@@ -62,19 +50,16 @@ def comparison_groups(run: RunFolder) -> list[dict]:
     """
     groups = []
     for entry in sorted(worst_by_cam(run.comparison), key=lambda e: (e["cam"] != DESIGN, e["limits"], e["cam"])):
-        cam, broken, failed = entry["cam"], entry["broken"], entry["verdict"] == FAILED
-        no_figure = f"no figure at {entry['lost']} of {entry['speeds']} speeds"
-        group = entry | {
-            "bounce": no_figure if entry["lost"] else shown(entry["bounce"]),
-            "jump": shown(entry["jump"]),
-            "seating": shown(entry["seating"]),
-            "jerk": "infinite" if entry["jerk"] == math.inf else shown(entry["jerk"]),
-            "broken": "; ".join(broken if failed else broken_words(broken)) or "–",
-            "within": entry["limits"] == "all" and (failed or all(_of_the_motion(word) for word in broken)),
-            "colour": cam_line(cam)["color"],
-        }
-        if cam == DESIGN and run.verdict:
-            group |= _as_verified(run)
+        broken, failed = entry["broken"], entry["verdict"] == FAILED
+        of_motion = all(" at " in word or word in QUANTITIES for word in broken)
+        words = "; ".join(broken if failed else broken_words(broken)) or "–"
+        group = entry | {"broken": words, "within": entry["limits"] == "all" and (failed or of_motion)}
+        if entry["lost"]:
+            group["bounce"] = f"no figure at {entry['lost']} of {entry['speeds']} speeds"
+        if entry["cam"] == DESIGN and run.verdict:
+            worst = {key: run.verification.worst(name) for key, name in DESIGN_CELLS.items()}
+            group |= {key: "none" if w.value is None else w.value for key, w in worst.items() if w is not None}
+            group |= {"verdict": run.verdict, "broken": "; ".join(broken_limits(run)) or "–"}
         groups.append(group)
     return groups
 
@@ -88,8 +73,10 @@ def worst_by_cam(rows: Sequence[dict[str, str]]) -> list[dict]:
         cams.setdefault((row["cam"], row.get("limits", "")), []).append(row)
     entries = []
     for (cam, limits), own in cams.items():
-        verdicts = {row.get("verdict", "") for row in own}
         area, jerks = own[0].get("area_ratio", ""), [row.get("jerk_max_mm_per_deg3", "") for row in own]
+        verdicts = {row.get("verdict", "") for row in own}
+        words = [row.get("broken", "") for row in own]  # where a family has no member, the sentence that says why
+        named = words if FAILED in verdicts else [w.strip() for text in words for w in text.split(";") if w.strip()]
         entries.append(
             {
                 "cam": cam,
@@ -99,11 +86,11 @@ def worst_by_cam(rows: Sequence[dict[str, str]]) -> list[dict]:
                 "bounce": _largest(row.get("bounce_high_mm", "") or row.get("bounce_mm", "") for row in own),
                 "jump": _largest(row.get("jump_mm", "") for row in own),
                 "seating": _largest(row.get("seating_velocity_m_per_s", "") for row in own),
-                "jerk": math.inf if "inf" in jerks else _largest(jerks),  # of a cam whose acceleration steps
+                "jerk": "infinite" if "inf" in jerks else _largest(jerks),  # of a cam whose acceleration steps
                 "speeds": len(own),
                 "lost": sum(as_number(row.get("bounce_mm", "")) is None for row in own),
                 "verdict": next((v for v in WORST_FIRST if v in verdicts), ""),
-                "broken": list(dict.fromkeys(word for row in own for word in _words_of(row))),
+                "broken": list(dict.fromkeys(named)),
             }
         )
     return entries
@@ -125,24 +112,6 @@ def comparison_lines(folder: Path) -> list[str]:
         for width in [max(map(len, column))]
     ]
     return ["  ".join(line).rstrip() for line in zip(*columns, strict=True)]
-
-
-def _of_the_motion(word: str) -> bool:
-    """Whether what is named as broken is a limit on the motion."""
-    return " at " in word or word in QUANTITIES
-
-
-def _words_of(row: dict[str, str]) -> list[str]:
-    """What a row of the comparison names as broken; where a family has no member, the sentence that says why."""
-    text = row.get("broken", "")
-    return [text] if row.get("verdict") == FAILED else [w.strip() for w in text.split(";") if w.strip()]
-
-
-def _as_verified(run: RunFolder) -> dict:
-    """The entries of the design's group, from verification.json."""
-    worst = {key: run.verification.worst(name) for key, name in DESIGN_CELLS.items()}
-    cells = {key: "none" if w.value is None else shown(w.value) for key, w in worst.items() if w is not None}
-    return cells | {"verdict": run.verdict, "broken": "; ".join(broken_limits(run)) or "–"}
 
 
 def _largest(cells: Iterable[str]) -> float | None:
@@ -168,13 +137,10 @@ def method_tables(run: RunFolder) -> list[dict]:
     return tables
 
 
-def provenance_rows(data: dict, prefix: str = "") -> list[tuple[str, str]]:
+def provenance_rows(data: dict, prefix: str = "") -> Iterator[tuple[str, object]]:
     """Every entry of the provenance with its dotted name, in the file's order."""
-    rows: list[tuple[str, str]] = []
     for key, value in data.items():
-        name = f"{prefix}{key}"
         if isinstance(value, dict):
-            rows += provenance_rows(value, f"{name}.")
+            yield from provenance_rows(value, f"{prefix}{key}.")
         else:
-            rows.append((name, shown(value, 6)))
-    return rows
+            yield f"{prefix}{key}", value
