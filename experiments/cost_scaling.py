@@ -14,11 +14,12 @@ from camopt.scene.rest import state_at_rest
 from camopt.scene.toml_text import scene_toml
 from camopt.study.reduce.idle_contacts import LeftOut, leave_out
 from camopt.study.reduce.reduced_models import smaller_models
-from camopt.study.reduce.reduction import milliseconds, path_times, smooth_times
+from camopt.study.reduce.reduction import milliseconds, path_times
 from camopt.verifier.convergence import first_steps
 from camopt.verifier.methods import rkg, tmm
 from experiments.support.cost_figures import figures, print_table
 from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.smooth_costs import smooth_times
 
 SPEED_RPM = 6000.0
 CHAIN = ((10, 5), (9, 5), (8, 5), (7, 5), (6, 5), (5, 4), (4, 3), (3, 2), (2, 1), (1, 0))

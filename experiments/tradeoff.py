@@ -1,22 +1,24 @@
 """What does each accuracy cost on the reference valve train, by every method and every dial of the job?
 
-`camopt tradeoff` on `kodama` (small: the small size on `motori-1`): table, figures and words. Beside it what single
-precision changes of the same motion: float32 against float64 at the same steps and layer, alone and side by side.
+`camopt tradeoff` on `kodama` (small: the small size on `motori-1`): table and figures. Beside it, at full size, what
+single precision changes of the same motion: float32 against float64 at the same steps and layer, alone and side by
+side; and the gradient by the adjoint and by reverse mode.
 """
 
-import csv
 import json
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from camopt.cam.families.polydyne import polydyne
-from camopt.plots.tradeoff import figures
+from camopt.plots.studies import figures
 from camopt.scene import load_scene
 from camopt.scene.units import MM, UM
-from camopt.study.tradeoff.summary import words_of
-from camopt.study.tradeoff.tradeoff import LINES, tradeoff
+from camopt.storage.journal import Records
+from camopt.study.measured_rows import measured
+from camopt.study.tradeoff.tradeoff import LINES, or_failure, rows_of, tables_of, tradeoff
 from experiments.support.record import RESULTS, run_script, write_result
 
 SCENE = {"small": "motori-1", "full": "kodama"}
@@ -47,30 +49,30 @@ def rounding(lines: list[dict]) -> list[dict]:
 
 
 def main(size: str, folder: Path = RESULTS) -> dict:
-    """Measures in a scratch folder; keeps table, figures and words in `folder`."""
-    scene = load_scene(SCENE[size])
+    """Measures in a scratch folder; keeps table and figures in `folder`."""
+    scene, more = load_scene(SCENE[size]), []
+    cam = polydyne(scene)
     with tempfile.TemporaryDirectory() as scratch:
-        found = tradeoff(scene, Path(scratch) / "run", size=size, progress=size == "full", cam=polydyne(scene))
-        return keep(found.folder, size, folder)
+        found = tradeoff(scene, Path(scratch) / "run", size=size, progress=size == "full", cam=cam)
+        if size == "full":
+            from experiments.support.smooth_costs import smooth_work
+
+            work = [or_failure(one) for one in smooth_work(scene, cam)]
+            more = measured(Records(None, "case", "method", "setting"), work, progress=True)
+        return keep(found.folder, size, folder, more)
 
 
-def keep(run: Path, size: str, folder: Path = RESULTS) -> dict:
-    """Writes `tradeoff.json` and `tradeoff-<figure>.png` from the table of a run."""
-    with open(run / "tradeoff.csv", newline="", encoding="utf-8") as file:
-        rows = [_numbers(row) for row in csv.DictReader(file)]
-    lines = [json.loads(line) for line in (run / LINES).read_text(encoding="utf-8").splitlines()]
+def keep(run: Path, size: str, folder: Path = RESULTS, more: Sequence[dict] = ()) -> dict:
+    """Writes `tradeoff.json` and `tradeoff-<figure>.png` from the measurements of a run and further ones."""
+    lines = [*(json.loads(line) for line in (run / LINES).read_text(encoding="utf-8").splitlines()), *more]
+    rows = rows_of(lines)
     short = [{k: float(f"{v:.4g}") if isinstance(v, float) else v for k, v in row.items()} for row in rows]
-    content = {"words": words_of(SCENE[size], rows), "float32": rounding(lines), "rows": short}
-    print(content["words"])
+    content = {"float32": rounding(lines), "rows": short}
+    print("\n\n".join("\n".join(table) for table in tables_of(rows).values()))
     for row in content["float32"]:
         print(", ".join(f"{k} {v:.3g}" if isinstance(v, float) else v for k, v in row.items()))
     write_result("tradeoff", size, content, figures(rows) if size == "full" else {}, folder)
     return content
-
-
-def _numbers(row: dict) -> dict:
-    empty_or_number = {key: float(row[key]) if row[key] else None for key in ("error", "seconds")}
-    return {**row, **empty_or_number, "converged": row["converged"] == "True"}
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import pytest
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.geometry import contact, crossing
 from camopt.cam.read import read_cam
-from camopt.scene import MotionRefused, build_train, load_scene, scene_text
+from camopt.scene import MotionRefused, load_scene, scene_text
 from camopt.study.cam_sheet import dynamic_stress
 from tests.test_cli import run
 
@@ -55,7 +55,7 @@ class TestCamWithFollower:
         assert float(standing[2]) == pytest.approx(by_hand, rel=5e-3)
         assert float(moving[4]) > 1.02 * by_hand
         at_rpm = float(most[3])
-        stress = dynamic_stress(scene, build_train(scene), lift, at_rpm)[0].figures()["hertz_stress_MPa"]
+        stress = dynamic_stress(scene, lift, at_rpm)[0].figures()["hertz_stress_MPa"]
         assert float(most[5]) == pytest.approx(stress, rel=2e-3) and stress > float(moving[4])
         assert scene.operation.band_rpm[0] <= at_rpm <= scene.operation.band_rpm[1]
         assert "(event-exact)" in out

@@ -63,7 +63,7 @@ SIGNATURES = {
     "table_first_line=None, table_columns=None",
     "read_lift_table": "path, scene, table_angle=None, table_lift=None, table_ratio=None, table_probe_mm=None, *, "
     "table_first_line=None, table_columns=None",
-    "reduce": "scene, cam=None, speeds_rpm=None, *, tolerance_mm=0.01, smooth=True, workers=2",
+    "reduce": "scene, cam=None, speeds_rpm=None, *, tolerance_mm=0.01, workers=2",
     "simulate": "scene, cam, speed_rpm, method='event', *, revolutions=2, step_deg=0.1, parameters=None, "
     "accuracy=None, progress=False, width_um=None, tie=None, steps_per_revolution=None",
     "sweep": "tasks, store, executor=None, workers=None, *, retry_failed=False, progress=False",

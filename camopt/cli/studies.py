@@ -132,7 +132,7 @@ def tradeoff(args: Namespace) -> int:
 
     measured = measure(scene, folder, args.resume, size=args.size, progress=not args.quiet, cam=cam)
     print("\n".join(measured.table))
-    print(f"in words: {measured.folder / 'tradeoff.txt'}, every row: {measured.folder / 'tradeoff.csv'}")
+    print(f"the job's dials: {measured.folder / 'tradeoff.txt'}, every row: {measured.folder / 'tradeoff.csv'}")
     print(f"figures: {measured.folder / 'figures'}")
     return 0
 

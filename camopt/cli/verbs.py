@@ -209,12 +209,10 @@ def cam(args: Namespace) -> int:
     scene = scene_of(args, SIMULATED if moving else ("operation", "design"))
     _check_cam_options(args, scene)
     lift = cam_of(args, scene)
-    from camopt.study.cam_exports import Files, export
+    from camopt.study.cam_exports import export
     from camopt.study.cam_sheet import sheet
 
-    pitch = {name: getattr(args, name) for name in ("step_deg", "step_crank_deg", "digits", "dxf_tolerance_um")}
-    simulated = {"valve_lift": args.valve_lift, "dynamic_lift": args.dynamic_lift, "speed_rpm": args.speed}
-    said = export(scene, lift, Files(args.csv, args.contour, args.dxf, args.figure, **simulated, **pitch))
+    said = export(scene, lift, args)
     speed = args.speed if scene.geometry is not None else None
     print("\n".join([*sheet(scene, lift, speed), *said]))
     if any(getattr(args, name) for name in CARD):

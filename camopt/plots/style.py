@@ -2,9 +2,8 @@
 
 import io
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from itertools import accumulate, pairwise
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
@@ -12,7 +11,6 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.textpath import TextPath
 from matplotlib.ticker import FuncFormatter
@@ -26,8 +24,6 @@ SHADE = "#eeeeee"
 BASE = 9.0
 """Font size of the text [pt]."""
 DPI = 160
-TICKS = "_update_ticks"
-"""How matplotlib names the method of an axis that makes its ticks and returns those in range."""
 
 DESIGN = "design"
 DESIGN_LINE = "#0072B2", "-"
@@ -195,10 +191,8 @@ def legend_above(figure: Figure, axes: Axes, columns: int = 5) -> None:
         return
     room = 72 * figure.get_figwidth() - 4 * BASE
     labels = [_shortened(label, room - _BESIDE * BASE) for label in labels]
-    widths = [_width(label) + _BESIDE * BASE for label in labels]
-    count = min(columns, len(handles))
-    while count > 1 and sum(max(column) for column in _columns(widths, count)) > room:
-        count -= 1
+    widest = max(map(_width, labels)) + _BESIDE * BASE
+    count = max(1, min(columns, len(handles), int(room / widest)))
     figure.legend(handles, labels, loc="outside upper left", ncols=count, handlelength=_HANDLE)
 
 
@@ -208,26 +202,13 @@ def _width(label: str) -> float:
 
 
 def _shortened(label: str, room: float) -> str:
-    """The label, without its middle where it is wider than some room [pt]."""
-    label = label if len(label) <= LONGEST else _without_middle(label, LONGEST)
-    wide = _width(label)
-    if wide <= room:
-        return label
-    kept = int(len(label) * room / wide)
-    while kept > 8 and _width(_without_middle(label, kept)) > room:
-        kept -= 1
-    return _without_middle(label, kept)
-
-
-def _without_middle(label: str, kept: int) -> str:
-    return f"{label[: kept // 2]}…{label[len(label) - kept // 2 :]}"
-
-
-def _columns(widths: Sequence[float], count: int) -> list[Sequence[float]]:
-    """The widths by column, as matplotlib fills a legend's columns: the first ones with one more."""
-    rows, longer = divmod(len(widths), count)
-    ends = [0, *accumulate(rows + (i < longer) for i in range(count))]
-    return [widths[a:b] for a, b in pairwise(ends)]
+    """The label, without its middle where it is wider than some room [pt]; of `LONGEST` letters at most."""
+    kept, short, wide = len(label), label, np.inf if len(label) > LONGEST else _width(label)
+    while kept > 8 and wide > room:
+        kept = min(kept - 1, int(kept * room / wide)) if wide < np.inf else LONGEST
+        short = f"{label[: kept // 2]}…{label[len(label) - kept // 2 :]}"
+        wide = _width(short)
+    return short
 
 
 def save(figure: Figure, folder: Path | str, name: str) -> tuple[Path, Path]:
@@ -248,9 +229,6 @@ def save(figure: Figure, folder: Path | str, name: str) -> tuple[Path, Path]:
 def laid_out(figure: Figure) -> Iterator[None]:
     """Finds the figure's layout once. Each file would find it anew, and draw the figure a second time to do so."""
     layout, dpi = figure.get_layout_engine(), figure.dpi
-    every = [axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)]
-    for axis in every:
-        _keep_ticks(axis)
     with matplotlib.rc_context(RC):
         figure.set_dpi(DPI)
         if layout is not None and figure.axes:
@@ -259,28 +237,8 @@ def laid_out(figure: Figure) -> Iterator[None]:
     try:
         yield
     finally:
-        for axis in every:
-            vars(axis).pop(TICKS, None)
         figure.set_dpi(dpi)
         figure.set_layout_engine(layout)
-
-
-def _keep_ticks(axis: Axis) -> None:
-    """Has an axis make its ticks once for every range and place of it.
-
-    Else it makes them anew whenever something asks where they are, five times for a layout and twice for each file.
-    They are the same in points whatever the file, which matters since the files differ in dots per inch.
-    """
-    update, kept = getattr(axis, TICKS), {}
-
-    def ticks() -> list:
-        at = *axis.get_view_interval(), *axis.axes.get_position().bounds
-        if at not in kept:
-            kept.clear()
-            kept[at] = update()
-        return kept[at]
-
-    setattr(axis, TICKS, ticks)
 
 
 def picture(figure: Figure, kind: str) -> bytes:

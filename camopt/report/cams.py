@@ -1,18 +1,22 @@
-"""The report's sections on the cams themselves: curvature and contact with the follower, the contour, the cam card."""
+"""The report's sections on the cams themselves: curvature and contact with the follower, the contour, the cam card, and
+the Hertz stress.
+"""
 
 import numpy as np
 
-from camopt.cam.card import LIFTS_MM, cam_card
+from camopt.cam.card import LIFTS_MM, CamCard, cam_card
 from camopt.cam.geometry import Contact, contact
+from camopt.cam.hertz import HertzStress
 from camopt.plots.style import DESIGN, cam_line
 from camopt.report.motion import RunCams
-from camopt.report.wording import label_and_unit, shown
+from camopt.report.wording import shown
 from camopt.scene import InputError
+from camopt.scene.errors import MotionRefused
 from camopt.scene.units import DEG, MM
+from camopt.study.cam_sheet import dynamic_stress, share_borne, static_stress
 
 WIDTH = 320.0
 """Width of the drawing [px]."""
-CARD_DIGITS = 5
 
 
 def geometry(cams: RunCams) -> dict | None:
@@ -32,15 +36,13 @@ def geometry(cams: RunCams) -> dict | None:
     if not contacts:
         return {"none": none}
     keys = [key for key, value in next(iter(contacts.values())).figures().items() if value is not None]
-    keys = [key for key in keys if any(c.figures()[key] is not None for c in contacts.values())]
     rows = [
-        {"cam": name, "colour": cam_line(name)["color"], "cells": [shown(c.figures()[k]) for k in keys],
-         "tightest": shown(c.theta[tightest(c)] / DEG, 3), "faults": "; ".join(c.faults()) or "none"}
+        {"cam": name, "colour": cam_line(name)["color"], "cells": [c.figures()[k] for k in keys],
+         "tightest": float(c.theta[tightest(c)] / DEG), "faults": "; ".join(c.faults()) or "none"}
         for name, c in contacts.items()
     ]  # fmt: skip
-    heads = [f"{label} [{unit}]" if unit else label for label, unit in map(label_and_unit, keys)]
     chosen = DESIGN if DESIGN in contacts else next(iter(contacts))
-    return {"columns": heads, "rows": rows, "drawing": _drawing(contacts[chosen], chosen), "cam": chosen,
+    return {"columns": keys, "rows": rows, "drawing": _drawing(contacts[chosen], chosen), "cam": chosen,
             "none": none}  # fmt: skip
 
 
@@ -74,18 +76,33 @@ def _drawing(c: Contact, name: str) -> dict:
     }
 
 
-def cards(cams: RunCams) -> list[dict]:
-    """A row per cam and lift that it passes: `cam`, `colour`, and `cells` of lift, opening, closing, duration, centre
-    and the angle of the largest lift, in mm and cam degrees."""
-    rows = []
-    for name, lift in cams.lifts.items():
-        lifts = [height for height in LIFTS_MM if height * MM < lift.max_lift]
-        if not lifts:
-            continue
-        card = cam_card(lift, lifts)
-        for event in card.events:
-            middle, top = (round(angle, 6) + 0.0 for angle in (event.centre_deg, card.max_lift_deg))
-            values = (event.lift_mm, event.opening_deg, event.closing_deg, event.duration_deg, middle, top)
-            cells = [shown(value, CARD_DIGITS) for value in values]
-            rows.append({"cam": name, "colour": cam_line(name)["color"], "cells": cells})
-    return rows
+def cards(cams: RunCams) -> list[tuple[str, CamCard]]:
+    """By cam its card, at the lifts that it passes."""
+    passed = {name: [height for height in LIFTS_MM if height * MM < lift.max_lift] for name, lift in cams.lifts.items()}
+    return [(name, cam_card(lift, passed[name])) for name, lift in cams.lifts.items() if passed[name]]
+
+
+def stress(cams: RunCams) -> tuple[list[list[str]], str]:
+    """Rows on the largest Hertz stress of the design at each listed speed and standing still: stress [MPa], cam angle
+    [deg], force [N], and the share of what the materials bear, where the scene says so; or the sentence on why none."""
+    scene, lift = cams.scene, cams.lifts.get(DESIGN)
+    if lift is None or scene is None:
+        return [], "The design cannot be read, so there is no stress on it."
+    if scene.geometry is None:
+        return [], "The scene gives no [geometry], so the stress on the cam is not known."
+    rows, geometry = [], scene.geometry
+
+    def cells(found: HertzStress) -> list[str]:
+        figures = found.figures()
+        return [*map(shown, figures.values()), share_borne(figures["hertz_stress_MPa"], geometry) or "–"]
+
+    try:
+        for speed in scene.operation.speeds_rpm if scene.operation else ():
+            try:
+                found = cells(dynamic_stress(scene, lift, speed)[0])
+            except MotionRefused as refused:
+                found = ["–", "–", f"refused: {refused}", "–"]
+            rows.append([f"{shown(speed)} r/min", *found])
+        return [*rows, ["standing still", *cells(static_stress(scene, lift))]], ""
+    except InputError as error:
+        return [], f"There is no Hertz stress: {error}."

@@ -72,6 +72,12 @@ class RunFolder:
         """Per cent more area for one per cent more of a limit, by the limit's key."""
         return {str(k): v for k, v in _table(self.design, "limit_worth").items() if is_number(v)}
 
+    @property
+    def stages(self) -> dict[str, dict]:
+        """What each stage of the run cost."""
+        stages = _table(self.provenance, "stages")
+        return {str(name): cost for name, cost in stages.items() if isinstance(cost, dict)}
+
 
 def _table(content: dict, key: str) -> dict:
     """A part of a file's content; empty where it is not there or is no table."""

@@ -13,34 +13,41 @@ from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES, is_number
 from camopt.verifier.record import worst_case_value
 from camopt.verifier.verdict import ORDER
 
+STATED = "verification.json"
 CAM_LIMITS = ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3")
 BROKEN = "verification.json broken"
-NEAR = 0.9
-"""Share of a limit from which a cell says that it is near."""
-NO_PRICE = "–"
-STATES = {True: ("good", "✓ held"), False: ("bad", "✗ broken"), None: ("doubt", "? not known")}
+OF_MOTION = {quantity.limit: quantity for quantity in QUANTITIES.values() if quantity.limit}
+"""The quantities that a design may limit, by the limit's key."""
 
 
 def limit_rows(run: RunFolder, shape: tuple[Lift, Design] | None = None) -> list[dict]:
     """A row per limit of the scene's design, and per other condition that the verdict found broken: what was reached,
-    where, whether that holds, and where it is recorded.
+    where, whether that holds (`held`, None where it is not known), and where it is recorded.
 
     `shape` is the run's cam with the design that it is held to: with it every limit on the shape has a row, too.
     """
-    design = run.demands
+    design, named = run.demands, _broken(run)
     rows = [_cam_row(run, key, design[key]) for key in CAM_LIMITS if is_number(design.get(key))]
     if shape is not None:
-        recorded = {row["key"] for row in rows if row["held"] is not None}
-        rows = [row for row in rows if row["key"] in recorded]
-        broken = {*broken_by_shape(*shape), *_broken(run)}
-        rows += [_shape_row(one, broken) for one in reached_by_shape(*shape) if one["key"] not in recorded]
-    for quantity in QUANTITIES.values():
-        limit = design.get(quantity.limit or "")
-        if is_number(limit):
-            rows.append(_motion_row(run, quantity.name, str(quantity.limit), limit))
+        rows = [row for row in rows if row["held"] is not None]
+        recorded, broken = {row["key"] for row in rows}, {*broken_by_shape(*shape), *named}
+        for one in (one for one in reached_by_shape(*shape) if one["key"] not in recorded):
+            row = _row(one["key"], one["limit"], one["least"], one["value"], one["where"], "design.json pieces")
+            # every row of a limit that is broken is: it holds at both flanks and in every window, or it does not hold
+            rows.append(row | {"label": one["label"], "unit": one["unit"], "held": one["key"] not in broken})
+    for key, quantity in OF_MOTION.items():
+        if is_number(limit := design.get(key)):
+            worst, value, where, source = run.verification.worst(quantity.name), None, "not verified", STATED
+            if worst is not None:
+                value, source = worst.value, f"{STATED} {worst.source}"
+                where = worst.where if value is not None else f"no figure {worst.where}"
+            rows.append(_row(key, limit, quantity.less_is_worse, value, where, source, quantity.name))
     listed = {row["key"] for row in rows}
-    others = {key: where for key, where in _broken(run).items() if key not in listed}
-    return rows + [_other_row(key, where) for key, where in others.items()]
+    unlisted = {"limit": "–", "reached": "–", "source": BROKEN, "share": None, "held": False}
+    for key in (key for key in named if key not in listed):
+        label, unit = label_and_unit(key)
+        rows.append(unlisted | {"key": key, "label": label, "unit": unit, "where": named[key]})
+    return rows
 
 
 def demanded(design: dict, name: str) -> str:
@@ -62,43 +69,27 @@ def _cam_row(run: RunFolder, key: str, limit: float) -> dict:
     mine = [r for r in run.comparison if family_of(r["cam"]) == DESIGN]
     values = [v for v in (as_number(r.get(key, "")) for r in mine) if v is not None]
     worst = max(values, key=lambda v: v / limit) if values else None  # a negative limit is passed by a lower value
-    row = _row(key, key, limit, limit < 0, worst, EVERYWHERE, f"comparison.csv {key}", ROUNDING * abs(limit))
+    row = _row(key, limit, limit < 0, worst, EVERYWHERE, f"comparison.csv {key}", slack=ROUNDING * abs(limit))
     if row["held"] is not False and key in _broken(run):  # broken at a step, which has no value
-        row |= _state(False) | {"where": "at a step of the cam's velocity or acceleration", "source": BROKEN}
+        row |= {"held": False, "where": "at a step of the cam's velocity or acceleration", "source": BROKEN}
     return row
 
 
-def _shape_row(reached: dict, broken: set[str]) -> dict:
-    """All rows of a limit that is `broken` are: it holds at both flanks and in every window, or it does not hold."""
-    key, limit, least, value, where = (reached[name] for name in ("key", "limit", "least", "value", "where"))
-    row = _row(key, key, limit, least, value, where, "design.json pieces")
-    return row | {"label": reached["label"], "unit": reached["unit"]} | _state(key not in broken)
-
-
-def _motion_row(run: RunFolder, name: str, key: str, limit: float) -> dict:
-    worst, least = run.verification.worst(name), name in LESS_IS_WORSE
-    if worst is None:
-        return _row(key, name, limit, least, None, "not verified", "verification.json")
-    where = worst.where if worst.value is not None else f"no figure {worst.where}"
-    return _row(key, name, limit, least, worst.value, where, f"verification.json {worst.source}")
-
-
-def _other_row(key: str, where: str) -> dict:
-    label, unit = label_and_unit(key)
-    words = {"key": key, "label": label, "unit": unit, "limit": "–", "reached": "–", "where": where, "source": BROKEN}
-    return words | {"share": None} | _state(False)
-
-
 def _row(
-    key: str, name: str, limit: float, least: bool, worst: float | None, where: str, source: str, slack: float = 0.0
+    key: str,
+    limit: float,
+    least: bool,
+    value: float | None,
+    where: str,
+    source: str,
+    name: str = "",
+    slack: float = 0.0,
 ) -> dict:
-    label, unit = label_and_unit(name)
-    held = None
-    if worst is not None:
-        held = worst >= limit - slack if least else worst <= limit + slack
-    demand, reached = f"at {'least' if least else 'most'} {shown(limit)}", shown(worst)
+    label, unit = label_and_unit(name or key)
+    held = None if value is None else value >= limit - slack if least else value <= limit + slack
+    demand, reached = f"at {'least' if least else 'most'} {shown(limit)}", shown(value)
     words = {"key": key, "label": label, "unit": unit, "limit": demand, "reached": reached, "where": where}
-    return words | {"source": source, "share": share_of(limit, least, worst)} | _state(held)
+    return words | {"source": source, "share": share_of(limit, least, value), "held": held}
 
 
 def share_of(limit: float, least: bool, value: float | None) -> float | None:
@@ -107,11 +98,6 @@ def share_of(limit: float, least: bool, value: float | None) -> float | None:
     if value is None or not limit:
         return None
     return max(2 - value / limit, 0.0) if least and limit > 0 else value / limit
-
-
-def _state(held: bool | None) -> dict:
-    kind, state = STATES[held]
-    return {"held": held, "kind": kind, "state": state}
 
 
 def disagreements(run: RunFolder, rows: Iterable[dict]) -> list[str]:
@@ -140,49 +126,24 @@ def disagreements(run: RunFolder, rows: Iterable[dict]) -> list[str]:
 
 
 def matrix(run: RunFolder, limits: list[dict]) -> dict:
-    """`speeds`, and `rows` with label, demand, price and `cells`: words, class, and whether it is the row's worst.
+    """`speeds`, and `rows`: a limit with its demand, its `price`, which is what one per cent more of it buys, and how
+    much of it is used.
 
-    A limit on the motion has a cell for each speed and one for the band. One on the cam's shape holds at every speed:
-    its row has one cell, which spans them all. The price is what one per cent more of the limit buys.
+    A limit on the motion has `shares`, one for each speed and one for the band, None where nothing is known. One on the
+    cam's shape holds at every speed: its `shares` are None, and its own row says what is used.
     """
     judged = run.verification.by_speed
     worst = (run.verification.get("band") or {}).get("worst") or {}
-    of_motion = {quantity.limit: quantity for quantity in QUANTITIES.values()}
     motion, shape = [], []
     for row in limits:
-        quantity, limit = of_motion.get(row["key"]), run.demands.get(row["key"])
-        price = run.worth.get(row["key"]) if quantity is None else None
-        words = {"label": row["label"], "demand": f"{row['limit']} {row['unit']}".strip()}
-        words["price"] = NO_PRICE if price is None else shown(price, 2)
+        quantity, limit = OF_MOTION.get(row["key"]), run.demands.get(row["key"])
+        words = row | {"demand": f"{row['limit']} {row['unit']}".strip(), "shares": None, "price": None}
         if quantity is None:
-            shape.append({**words, "shape": _of_shape(row)})
+            shape.append(words | {"price": run.worth.get(row["key"])})
         elif is_number(limit):
             values = [worst_case_value(speed, quantity.name)[0] for speed in judged]
             stated = (worst.get(quantity.name) or {}).get("value")
             values += [stated if is_number(stated) else None] if worst else []
-            shares = [share_of(limit, quantity.less_is_worse, value) for value in values]
-            largest = max((share for share in shares if share is not None), default=0.0)
-            first = shares.index(largest) if largest > 0 else None
-            motion.append({**words, "cells": [_cell(s, i == first) for i, s in enumerate(shares)], "shape": None})
+            motion.append(words | {"shares": [share_of(limit, quantity.less_is_worse, value) for value in values]})
     speeds = [shown(speed.get("speed_rpm")) for speed in judged] + ["band"] * bool(worst)
-    priced = any(row["price"] != NO_PRICE for row in shape)
-    return {"speeds": speeds, "rows": motion + shape, "priced": priced}
-
-
-def _of_shape(row: dict) -> dict:
-    """The cell of a limit on the shape; where no share can be told, whether it holds. A cam that reaches a limit up to
-    the rounding of its file holds it."""
-    kind = {True: "calm", False: "bad", None: "unknown"}[row["held"]]
-    words = row["state"] if row["share"] is None else ("✗ " if kind == "bad" else "") + _percent(row["share"])
-    return {"words": words, "worst": False, "kind": kind}
-
-
-def _cell(share: float | None, worst: bool = False) -> dict:
-    if share is None:
-        return {"words": "?", "kind": "unknown", "worst": False}
-    kind = "bad" if share > 1 + 1e-6 else "near" if share >= NEAR else "calm"
-    return {"words": ("✗ " if kind == "bad" else "") + _percent(share), "kind": kind, "worst": worst}
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.0f} %" if share < 10 else f"{share:.0f} times"
+    return {"speeds": speeds, "rows": motion + shape, "priced": any(row["price"] is not None for row in shape)}

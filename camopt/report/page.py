@@ -3,22 +3,18 @@
 import base64
 import hashlib
 import json
-from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemBytecodeCache, FileSystemLoader, StrictUndefined
-from jinja2.bccache import Bucket
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from camopt.cache import cache_folder
 from camopt.cam.lift import Lift
-from camopt.plots.style import DESIGN
+from camopt.plots.style import DESIGN, cam_line
 from camopt.report.advice import advice
-from camopt.report.assumed import of_the_run
-from camopt.report.cams import cards, geometry
+from camopt.report.assumed import MOVED, assumed_rows, of_the_run
+from camopt.report.cams import cards, geometry, stress
 from camopt.report.curves import curves
 from camopt.report.edge import edge_sentences
-from camopt.report.figures import CAPTIONS, inline_svg, ordered
 from camopt.report.first_screen import banner, facts, sketch
 from camopt.report.folder import RunFolder, read_run_folder
 from camopt.report.limits import disagreements, limit_rows, matrix
@@ -33,26 +29,13 @@ from camopt.report.outcome import (
     yield_rows,
     yield_sentences,
 )
-from camopt.report.tables import (
-    COSTS,
-    SPEED_COLUMNS,
-    area_rows,
-    comparison_groups,
-    comparison_table,
-    cost_rows,
-    heading,
-    method_tables,
-    provenance_rows,
-    speed_rows,
-    worst_rows,
-    worth_rows,
-)
-from camopt.report.train import train_tables
-from camopt.report.wording import in_words, shown
+from camopt.report.tables import area_rows, comparison_groups, method_tables, provenance_rows
+from camopt.report.wording import cell, heading, in_words, kind, label_and_unit, share_kind, shown, state, used
 from camopt.scene.design import Design
-from camopt.scene.quantities import is_number
+from camopt.scene.quantities import QUANTITIES, is_number
 from camopt.storage import write_text
-from camopt.verifier.record import outside_sentence
+from camopt.verifier.methods import METHOD_NAMES
+from camopt.verifier.record import bounce_error_um, outside_sentence
 
 HERE = Path(__file__).parent
 SECTIONS = (
@@ -67,6 +50,42 @@ trainAnimation(document, data.animation);
 new ReportCharts(document, data.curves, data.animation);
 """
 """What the page's script ends with: animation and charts of the data that the page embeds."""
+CAPTIONS = {
+    "profiles": ("The cams", "Lift, velocity, acceleration and jerk against cam angle; dashed lines are the limits."),
+    "valve_motion": (
+        "The valve's motion",
+        "Valve lift, its closing enlarged, and the contact forces between cam and valve, at each speed; where a force "
+        "is zero the contact is open.",
+    ),
+    "bounce_against_speed": (
+        "Bounce and jump over the band",
+        "Linear up to 0.01 mm, logarithmic above. The curves are event-exact alone; the verdict rests on the marked "
+        "speeds and, where it was asked for, on the band.",
+    ),
+    "convergence": (
+        "The search",
+        "Area ratio of its steps, and worst bounce or, for a yield, the drawn trains that fail; only filled steps may "
+        "be returned.",
+    ),
+    "prices": (
+        "What tolerances cost",
+        "Change of the largest area ratio where a tolerance is left out or halved, and for every per cent by which the "
+        "numbers that it moves are raised; lines are standard errors.",
+    ),
+    "modes": ("Natural modes", "Shapes over the masses, of unit norm, with their frequencies."),
+}
+"""Figures that a run writes, in the order of the page: title and caption."""
+SPEED_COLUMNS = (
+    "jump_mm", "jump_deg", "contact_force_min_N", "contact_force_max_N", "seating_velocity_m_per_s",
+    "impact_velocity_m_per_s", "dynamic_area_mm_deg", "revolutions", "periodic",
+)  # fmt: skip
+COSTS = {
+    "clock_s": "clock s",
+    "processor_s": "processor s",
+    "compilation_s": "compiling s",
+    "peak_memory_MB": "peak MB",
+}
+"""Keys of a stage's cost in provenance.json, and their headings."""
 PLACED = ("profiles", "valve_motion", "bounce_against_speed", "convergence")
 """Figures that stand in a section of their own; any others follow before the tables."""
 
@@ -85,26 +104,16 @@ def write_report(folder: Path | str) -> Path:
     return path
 
 
-class KeptTemplates(FileSystemBytecodeCache):
-    """Compiled templates in the user's cache folder, kept if they can be: compiling them takes as long as the rest."""
-
-    def dump_bytecode(self, bucket: Bucket) -> None:
-        """Keeps a template, unless the disk is full or the folder is gone."""
-        with suppress(OSError):
-            super().dump_bytecode(bucket)
-
-
 @cache
 def _environment() -> Environment:
-    folder = cache_folder("templates")
-    return Environment(
-        bytecode_cache=None if folder is None else KeptTemplates(str(folder)),
-        loader=FileSystemLoader(HERE),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    how = {"autoescape": True, "undefined": StrictUndefined, "trim_blocks": True, "lstrip_blocks": True}
+    environment = Environment(loader=FileSystemLoader(HERE), **how)
+    environment.filters |= {"shown": shown, "cell": cell, "heading": heading, "kind": kind, "error_um": bounce_error_um}
+    environment.filters |= {"label": lambda key: label_and_unit(key)[0], "unit": lambda key: label_and_unit(key)[1]}
+    environment.filters |= {"method": lambda name: METHOD_NAMES.get(name, shown(name)), "line": cam_line}
+    environment.filters |= {"state": state, "share_kind": share_kind, "used": used}
+    environment.tests["figure"] = is_number
+    return environment
 
 
 def render(run: RunFolder, cams: RunCams) -> str:
@@ -123,30 +132,30 @@ def render(run: RunFolder, cams: RunCams) -> str:
             headline=headline(run),
             limits=limits,
             outcome=outcome_rows(run),
-            worst=worst_rows(run),
+            worst=(run.verification.get("band") or {}).get("worst") or {},
+            quantities=QUANTITIES,
             yields=yield_rows(run),
             areas=area_rows(run),
             groups=comparison_groups(run),
-            comparison=comparison_table(run),
             reserve=reserve(run),
-            worth=worth_rows(run),
             facts=facts(run, cams),
             sketch=_sketch(cams),
             steps=advice(run, f"{run.path or run.name}/scene.toml", run.path or run.name, assumed),
             edge=edge_sentences(run),
             spoiling=yield_sentences(run),
             matrix=matrix(run, limits),
-            train=train_tables(cams, assumed),
+            scene=cams.scene,
+            ranked=assumed_rows(assumed),
+            moved=f"{100 * MOVED:.0f} %",
+            stress=stress(cams),
             cards=cards(cams),
             geometry=geometry(cams),
-            speeds=speed_rows(run),
             outside=outside_sentence(run.verification.outside),
-            speed_columns=[heading(c) for c in SPEED_COLUMNS],
+            speed_columns=SPEED_COLUMNS,
             methods=method_tables(run),
             accuracy=accuracy(run),
-            costs=cost_rows(run.provenance),
-            cost_columns=["stage", *COSTS.values()],
-            provenance=provenance_rows({k: v for k, v in run.provenance.items() if k != "stages"}),
+            costs=COSTS,
+            provenance=[*provenance_rows({k: v for k, v in run.provenance.items() if k != "stages"})],
             figures=figures(run),
             placed=PLACED,
             **_moving(run, cams),
@@ -235,13 +244,12 @@ def accuracy(run: RunFolder) -> list[str]:
 
 
 def figures(run: RunFolder) -> list[dict]:
-    """The drawings with title and caption; one that cannot be shown says why."""
+    """The drawings with title and caption: the known ones in the page's order, then any others by name. As an image a
+    drawing can neither run a script nor load anything."""
+    names = [name for name in CAPTIONS if name in run.figures] + sorted(run.figures.keys() - CAPTIONS.keys())
     shown_figures = []
-    for number, name in enumerate(ordered(run.figures), 1):
+    for name in names:
         title, caption = CAPTIONS.get(name, (name, ""))
-        try:
-            drawing, fault = inline_svg(run.figures[name], number), ""
-        except ValueError as error:
-            drawing, fault = "", f"figures/{name}.svg cannot be shown: {error}."
-        shown_figures.append({"name": name, "title": title, "caption": caption, "drawing": drawing, "fault": fault})
+        image = "data:image/svg+xml;base64," + base64.b64encode(run.figures[name].encode()).decode()
+        shown_figures.append({"name": name, "title": title, "caption": caption, "image": image})
     return shown_figures

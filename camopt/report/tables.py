@@ -1,24 +1,18 @@
 """The report's tables as plain rows of text, from a run folder's data."""
 
-import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from camopt.optimizer.baselines.comparison_table import FAILED, NO_JERK
 from camopt.plots.style import DESIGN, cam_line, family_of
 from camopt.report.folder import RunFolder, comparison_rows
 from camopt.report.outcome import broken_limits, broken_words
-from camopt.report.wording import VERDICTS, as_number, cell, label_and_unit, shown
+from camopt.report.wording import as_number, heading
 from camopt.scene.quantities import QUANTITIES, is_number
 from camopt.verifier.methods import METHOD_NAMES
-from camopt.verifier.record import bounce_error_um
 from camopt.verifier.verdict import ORDER
 
-SPEED_COLUMNS = (
-    "jump_mm", "jump_deg", "contact_force_min_N", "contact_force_max_N", "seating_velocity_m_per_s",
-    "impact_velocity_m_per_s", "dynamic_area_mm_deg", "revolutions", "periodic",
-)  # fmt: skip
 METHOD_ROWS = (
     "bounce_mm", "jump_mm", "contact_force_min_N", "contact_force_max_N", "seating_velocity_m_per_s",
     "impact_velocity_m_per_s", "dynamic_area_mm_deg", "steps_per_revolution", "converged",
@@ -30,59 +24,22 @@ BROKEN_WIDTH = 48
 """Characters of what is broken that a line of a terminal shows."""
 
 
-def heading(key: str) -> str:
-    """A column's heading: label and unit."""
-    label, unit = label_and_unit(key)
-    return f"{label} [{unit}]" if unit else label
-
-
-def area_rows(run: RunFolder) -> tuple[list[dict], list[dict]]:
-    """Area ratios: the design, the certified bound and what else keeps the limits on the cam, largest first; and apart
-    from them those cams that do not, of which the bound says nothing."""
-    bound = run.design.get("area_ratio_bound")
-    verdict = run.verdict or ""
-    within = [
-        ("certified bound", bound, "", "#888888"),
-        ("no-jump linear program", run.design.get("area_ratio_no_jump"), "", "#bbbbbb"),
+def area_rows(run: RunFolder) -> tuple[list[tuple], list[tuple]]:
+    """Area ratios as (name, area, verdict, colour): the design, the certified bound and what else keeps the limits on
+    the cam, largest first; and apart from them those cams that do not, of which the bound says nothing."""
+    d = run.design
+    within: list[tuple] = [
+        ("certified bound", d.get("area_ratio_bound"), "", "#888888"),
+        ("no-jump linear program", d.get("area_ratio_no_jump"), "", "#bbbbbb"),
     ]
-    beyond = []
+    beyond: list[tuple] = []
     for c in comparison_groups(run):
-        if family_of(c["cam"]) == DESIGN:
-            continue
-        without = "" if c["limits"] == "all" else " (without the jerk limit)"
-        row = (c["cam"].removesuffix(NO_JERK) + without, c["area"], c["verdict"], cam_line(c["cam"])["color"])
-        (within if c["within"] else beyond).append(row)
-    design = (DESIGN, run.design.get("area_ratio"), verdict, cam_line(DESIGN)["color"])
-    tables = [design, *_largest_first(within)], _largest_first(beyond)
-    largest = max((row[1] for rows in tables for row in rows if is_number(row[1])), default=1.0)
-    shares = bound if is_number(bound) and bound > 0 else None
-    return _area_rows(tables[0], largest, shares), _area_rows(tables[1], largest, None)
-
-
-def _largest_first(rows: list[tuple]) -> list[tuple]:
-    return sorted((row for row in rows if is_number(row[1])), key=lambda row: -row[1])
-
-
-def _area_rows(rows: list[tuple], largest: float, bound: float | None) -> list[dict]:
-    return [
-        {
-            "label": label,
-            "area": f"{area:.4f}",
-            "share": f"{100 * area / bound:.1f} %" if bound else "–",
-            "verdict": verdict,
-            "kind": VERDICTS[verdict][0] if verdict in VERDICTS else "",
-            "width": round(100 * max(area, 0.0) / largest, 1) if largest > 0 else 0,
-            "colour": colour,
-        }
-        for label, area, verdict, colour in rows
-        if is_number(area)
-    ]
-
-
-def worth_rows(run: RunFolder) -> list[dict]:
-    """Per cent more area for one per cent more of each limit, where design.json records them, largest first."""
-    largest_first = sorted(run.worth.items(), key=lambda pair: -pair[1])
-    return [{"label": label_and_unit(key)[0], "worth": shown(value, 3)} for key, value in largest_first]
+        if family_of(c["cam"]) != DESIGN:
+            name = c["cam"].removesuffix(NO_JERK) + ("" if c["limits"] == "all" else " (without the jerk limit)")
+            (within if c["within"] else beyond).append((name, c["area"], c["verdict"], cam_line(c["cam"])["color"]))
+    design = (DESIGN, d.get("area_ratio"), run.verdict or "", cam_line(DESIGN)["color"])
+    within, beyond = (sorted((r for r in rows if is_number(r[1])), key=lambda r: -r[1]) for rows in (within, beyond))
+    return [design, *within] if is_number(design[1]) else within, beyond
 
 
 def comparison_groups(run: RunFolder) -> list[dict]:
@@ -93,21 +50,17 @@ def comparison_groups(run: RunFolder) -> list[dict]:
     """
     groups = []
     for entry in sorted(worst_by_cam(run.comparison), key=lambda e: (e["cam"] != DESIGN, e["limits"], e["cam"])):
-        cam, broken, failed = entry["cam"], entry["broken"], entry["verdict"] == FAILED
-        no_figure = f"no figure at {entry['lost']} of {entry['speeds']} speeds"
-        group = entry | {
-            "shown_area": cell(entry["area_cell"]),
-            "bounce": no_figure if entry["lost"] else shown(entry["bounce"]),
-            "jump": shown(entry["jump"]),
-            "seating": shown(entry["seating"]),
-            "jerk": "infinite" if entry["jerk"] == math.inf else shown(entry["jerk"]),
-            "broken": "; ".join(broken if failed else broken_words(broken)) or "–",
-            "within": entry["limits"] == "all" and (failed or all(_of_the_motion(word) for word in broken)),
-            "colour": cam_line(cam)["color"],
-        }
-        if cam == DESIGN and run.verdict:
-            group |= _as_verified(run)
-        groups.append(group | {"kind": VERDICTS[group["verdict"]][0] if group["verdict"] in VERDICTS else ""})
+        broken, failed = entry["broken"], entry["verdict"] == FAILED
+        of_motion = all(" at " in word or word in QUANTITIES for word in broken)
+        words = "; ".join(broken if failed else broken_words(broken)) or "–"
+        group = entry | {"broken": words, "within": entry["limits"] == "all" and (failed or of_motion)}
+        if entry["lost"]:
+            group["bounce"] = f"no figure at {entry['lost']} of {entry['speeds']} speeds"
+        if entry["cam"] == DESIGN and run.verdict:
+            worst = {key: run.verification.worst(name) for key, name in DESIGN_CELLS.items()}
+            group |= {key: "none" if w.value is None else w.value for key, w in worst.items() if w is not None}
+            group |= {"verdict": run.verdict, "broken": "; ".join(broken_limits(run)) or "–"}
+        groups.append(group)
     return groups
 
 
@@ -120,8 +73,10 @@ def worst_by_cam(rows: Sequence[dict[str, str]]) -> list[dict]:
         cams.setdefault((row["cam"], row.get("limits", "")), []).append(row)
     entries = []
     for (cam, limits), own in cams.items():
-        verdicts = {row.get("verdict", "") for row in own}
         area, jerks = own[0].get("area_ratio", ""), [row.get("jerk_max_mm_per_deg3", "") for row in own]
+        verdicts = {row.get("verdict", "") for row in own}
+        words = [row.get("broken", "") for row in own]  # where a family has no member, the sentence that says why
+        named = words if FAILED in verdicts else [w.strip() for text in words for w in text.split(";") if w.strip()]
         entries.append(
             {
                 "cam": cam,
@@ -131,11 +86,11 @@ def worst_by_cam(rows: Sequence[dict[str, str]]) -> list[dict]:
                 "bounce": _largest(row.get("bounce_high_mm", "") or row.get("bounce_mm", "") for row in own),
                 "jump": _largest(row.get("jump_mm", "") for row in own),
                 "seating": _largest(row.get("seating_velocity_m_per_s", "") for row in own),
-                "jerk": math.inf if "inf" in jerks else _largest(jerks),  # of a cam whose acceleration steps
+                "jerk": "infinite" if "inf" in jerks else _largest(jerks),  # of a cam whose acceleration steps
                 "speeds": len(own),
                 "lost": sum(as_number(row.get("bounce_mm", "")) is None for row in own),
                 "verdict": next((v for v in WORST_FIRST if v in verdicts), ""),
-                "broken": list(dict.fromkeys(word for row in own for word in _words_of(row))),
+                "broken": list(dict.fromkeys(named)),
             }
         )
     return entries
@@ -159,62 +114,8 @@ def comparison_lines(folder: Path) -> list[str]:
     return ["  ".join(line).rstrip() for line in zip(*columns, strict=True)]
 
 
-def _of_the_motion(word: str) -> bool:
-    """Whether what is named as broken is a limit on the motion."""
-    return " at " in word or word in QUANTITIES
-
-
-def _words_of(row: dict[str, str]) -> list[str]:
-    """What a row of the comparison names as broken; where a family has no member, the sentence that says why."""
-    text = row.get("broken", "")
-    return [text] if row.get("verdict") == FAILED else [w.strip() for w in text.split(";") if w.strip()]
-
-
-def _as_verified(run: RunFolder) -> dict:
-    """The entries of the design's group, from verification.json."""
-    worst = {key: run.verification.worst(name) for key, name in DESIGN_CELLS.items()}
-    cells = {key: "none" if w.value is None else shown(w.value) for key, w in worst.items() if w is not None}
-    return cells | {"verdict": run.verdict, "broken": "; ".join(broken_limits(run)) or "–"}
-
-
 def _largest(cells: Iterable[str]) -> float | None:
     return max((number for text in cells if (number := as_number(text)) is not None), default=None)
-
-
-def worst_rows(run: RunFolder) -> list[dict]:
-    """Per metric: its worst value over the band, the speed and the method, as verification.json states them."""
-    worst = (run.verification.get("band") or {}).get("worst") or {}
-    rows = []
-    for name in (n for n in QUANTITIES if n in worst):
-        label, unit = label_and_unit(name)
-        speed, method = shown(worst[name].get("speed_rpm")), worst[name].get("method")
-        value = worst[name].get("value")
-        rows.append({"label": label, "unit": unit, "value": shown(value) if is_number(value) else "none",
-                     "speed": speed, "method": METHOD_NAMES.get(str(method), shown(method))})  # fmt: skip
-    return rows
-
-
-def speed_rows(run: RunFolder) -> list[dict]:
-    """Per speed that all methods judged: verdict, bounce with its error and range, and the other metrics."""
-    rows, listed = [], {s.get("speed_rpm") for s in run.verification.get("speeds") or []}
-    for speed in run.verification.by_speed:
-        verdict = str(speed.get("verdict", ""))
-        bounce = shown(speed["bounce_mm"]) if is_number(speed.get("bounce_mm")) else "never seats"
-        error = bounce_error_um(speed)
-        rows.append(
-            {
-                "speed": shown(speed.get("speed_rpm")),
-                "why": "listed" if speed.get("speed_rpm") in listed else "worst of the band",
-                "verdict": verdict or "–",
-                "kind": VERDICTS[verdict][0] if verdict in VERDICTS else "",
-                "bounce": bounce,
-                "error": "–" if error is None else f"±{shown(error, 2)}",
-                "range": shown(speed.get("bounce_range_mm"), 3),
-                "cells": [shown(speed.get(key)) for key in SPEED_COLUMNS],
-                "outside": shown((speed.get("outside") or {}).get("difference_nm"), 2),
-            }
-        )
-    return rows
 
 
 def method_tables(run: RunFolder) -> list[dict]:
@@ -226,57 +127,20 @@ def method_tables(run: RunFolder) -> list[dict]:
         rows = []
         for key in METHOD_ROWS:
             values = [methods[m].get(key) for m in names]
-            if all(v is None for v in values) and key != "bounce_mm":
-                continue
             numbers = [v for v in values if is_number(v)]
-            compared = len(numbers) > 1 and key != "steps_per_revolution"
-            rows.append(
-                {
-                    "label": heading(key),
-                    "cells": [shown(v, 5) for v in values],
-                    "difference": shown(max(numbers) - min(numbers), 2) if compared else "–",
-                }
-            )
+            apart = max(numbers) - min(numbers) if len(numbers) > 1 and key != "steps_per_revolution" else None
+            if key == "bounce_mm" or any(v is not None for v in values):
+                rows.append((heading(key), values, apart))
         if names:
             columns = [METHOD_NAMES.get(m, m) for m in names]
-            tables.append({"speed": shown(speed.get("speed_rpm")), "methods": columns, "rows": rows})
+            tables.append({"speed": speed.get("speed_rpm"), "methods": columns, "rows": rows})
     return tables
 
 
-def comparison_table(run: RunFolder) -> dict:
-    """The whole comparison as its file has it, numbers rounded."""
-    columns = [key for key in (run.comparison[0] if run.comparison else {}) if key]
-    return {"columns": [heading(c) for c in columns],
-            "rows": [[cell(row.get(c, "")) for c in columns] for row in run.comparison]}  # fmt: skip
-
-
-COSTS = {
-    "clock_s": "clock s",
-    "processor_s": "processor s",
-    "compilation_s": "compiling s",
-    "peak_memory_MB": "peak MB",
-}
-"""Keys of a stage's cost in provenance.json, and their headings."""
-
-
-def cost_rows(provenance: dict) -> list[list[str]]:
-    """Per stage of the run: its name and what it cost, in the order of COSTS; empty where none is recorded."""
-    stages = provenance.get("stages")
-    costs = stages.items() if isinstance(stages, dict) else ()
-    return [
-        [str(name).replace("_", " "), *(shown(cost.get(key)) for key in COSTS)]
-        for name, cost in costs
-        if isinstance(cost, dict)
-    ]
-
-
-def provenance_rows(data: dict, prefix: str = "") -> list[tuple[str, str]]:
+def provenance_rows(data: dict, prefix: str = "") -> Iterator[tuple[str, object]]:
     """Every entry of the provenance with its dotted name, in the file's order."""
-    rows: list[tuple[str, str]] = []
     for key, value in data.items():
-        name = f"{prefix}{key}"
         if isinstance(value, dict):
-            rows += provenance_rows(value, f"{name}.")
+            yield from provenance_rows(value, f"{prefix}{key}.")
         else:
-            rows.append((name, shown(value, 6)))
-    return rows
+            yield f"{prefix}{key}", value

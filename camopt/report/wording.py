@@ -33,6 +33,8 @@ VERDICTS = {
     "failed": ("bad", "✗", "This family has no cam for this train under these limits."),
 }  # fmt: skip
 """Verdict: its class in the page, its mark, its meaning."""
+NEAR = 0.9
+"""Share of a limit from which a cell says that it is near."""
 NO_VERDICT = ("doubt", "?", "This cam has not been verified: nothing below is more than the optimiser's own opinion.")
 
 
@@ -46,6 +48,33 @@ def label_and_unit(key: str) -> tuple[str, str]:
         if key.endswith(ending):
             return key.removesuffix(ending).replace("_", " "), unit
     return key.replace("_", " "), ""
+
+
+def heading(key: str) -> str:
+    """A column's heading: label and unit."""
+    label, unit = label_and_unit(key)
+    return f"{label} [{unit}]" if unit else label
+
+
+def kind(verdict: object) -> str:
+    """A verdict's class in the page; empty for what is no verdict."""
+    return VERDICTS[verdict][0] if isinstance(verdict, str) and verdict in VERDICTS else ""
+
+
+def state(held: bool | None) -> tuple[str, str]:
+    """Whether a limit holds: its class in the page, and in words."""
+    return {True: ("good", "✓ held"), False: ("bad", "✗ broken"), None: ("doubt", "? not known")}[held]
+
+
+def share_kind(share: float | None) -> str:
+    """The class in the page of a used share of a limit."""
+    return "unknown" if share is None else "bad" if share > 1 + 1e-6 else "near" if share >= NEAR else "calm"
+
+
+def used(share: float | None, bad: bool) -> str:
+    """A used share of a limit in words, crossed out where it is too much."""
+    words = "?" if share is None else f"{100 * share:.0f} %" if share < 10 else f"{share:.0f} times"
+    return ("✗ " if bad else "") + words
 
 
 def as_number(text: str) -> float | None:

@@ -68,7 +68,7 @@ def parse_scene(
     text: str, where: str, need: tuple[str, ...] = (), duration_of: Callable[[Design], float] = no_duration
 ) -> Scene:
     """The scene of a TOML text; `where` names its source in the messages. All else is as for `load_scene`."""
-    data: dict[str, Any] = {key: _tuples(value) for key, value in toml_data(text, where).items()}
+    data: dict[str, Any] = {key: tuples(value) for key, value in toml_data(text, where).items()}
     design = data.get("design")
     design = design if isinstance(design, dict) else {}
     left_open = design.get("duration_deg") == FROM_DURATION_AT
@@ -115,10 +115,8 @@ def _provisional_duration(rows: Any) -> float:
     return min(1.1 * (max(least, default=0.0) or 130.0), 290.0)
 
 
-def _tuples(value: Any) -> Any:
-    """Turns TOML arrays into tuples, which is what the frozen schema holds."""
-    if isinstance(value, list):
-        return tuple(_tuples(v) for v in value)
-    if isinstance(value, dict):
-        return {k: _tuples(v) for k, v in value.items()}
-    return value
+def tuples(value: Any) -> Any:
+    """Turns arrays of TOML or JSON into tuples, which is what the frozen schema holds."""
+    if isinstance(value, list | tuple):
+        return tuple(tuples(v) for v in value)
+    return {k: tuples(v) for k, v in value.items()} if isinstance(value, dict) else value

@@ -1,6 +1,6 @@
 """The files that `camopt cam` writes: lift table, contour, drawing, figure."""
 
-from dataclasses import dataclass
+from argparse import Namespace
 from pathlib import Path
 
 import numpy as np
@@ -21,42 +21,20 @@ USUAL_DIGITS = 6
 """Decimals of the lift where none are asked for, in tables that have no more columns to tell it by."""
 
 
-@dataclass(frozen=True)
-class Files:
-    """Where each is written, None where it is not asked for: the lift `table`, the `contour` as a table, its `dxf`, the
-    `figure`, PNG or SVG by its suffix: lift, velocity, acceleration and jerk with the scene's limits, and the
-    `valve_lift` for engine simulations, with the `dynamic_lift` at `speed_rpm`.
+def export(scene: Scene, lift: Lift, files: Namespace) -> list[str]:
+    """Writes the files that the arguments of `camopt cam` ask for, and says in a sentence each what they are off by.
 
     Lifts have `digits` decimals, every digit where None. Tables have a row every `step_deg` of the cam, the lift table
     every `step_crank_deg` of the crank where that is given; the drawing keeps within `dxf_tolerance_um` of the contour.
-    """
-
-    table: str | None = None
-    contour: str | None = None
-    dxf: str | None = None
-    figure: str | None = None
-    valve_lift: str | None = None
-    dynamic_lift: str | None = None
-    speed_rpm: float | None = None
-    step_deg: float = 0.1
-    step_crank_deg: float | None = None
-    digits: int | None = None
-    dxf_tolerance_um: float = 0.5
-
-
-def export(scene: Scene, lift: Lift, files: Files) -> list[str]:
-    """Writes the files that are asked for, and says in a sentence each what they are off by.
-
     Contour, drawing and figure of a rounded table are those of its means (`camopt.measure.moving_average`).
     Raises InputError where no contour gives this lift to the scene's follower, and for steps that divide no turn.
     """
-    said = _table(scene, lift, files) if files.table else []
+    said = _table(scene, lift, files) if files.csv else []
     geometry, law = scene.geometry, moving_average(lift)[0]
+    digits = USUAL_DIGITS if files.digits is None else files.digits
     if files.contour:
         assert geometry is not None, "the verb asks for it"
-        write_contour(
-            files.contour, law, geometry, files.step_deg, USUAL_DIGITS if files.digits is None else files.digits
-        )
+        write_contour(files.contour, law, geometry, files.step_deg, digits)
         said.append(
             f"contour: for a {geometry.follower} follower on a base circle of radius {geometry.base_radius_mm:g} mm; "
             "with x to the right and y up the cam turns clockwise, its opening flank below: for the other sense of "
@@ -73,18 +51,17 @@ def export(scene: Scene, lift: Lift, files: Files) -> list[str]:
         from camopt.plots.style import picture
 
         write_bytes(files.figure, picture(law.plot(scene.design), Path(files.figure).suffix[1:].lower()))
-    return said + _valve_lifts(scene, lift, files)
+    if files.valve_lift or files.dynamic_lift:
+        said += _valve_lifts(scene, lift, files, digits)
+    return said
 
 
-def _valve_lifts(scene: Scene, lift: Lift, files: Files) -> list[str]:
+def _valve_lifts(scene: Scene, lift: Lift, files: Namespace, digits: int) -> list[str]:
     """Writes the valve's static lift, and its lift at a speed, by crank degrees; where their rows begin."""
-    if not (files.valve_lift or files.dynamic_lift):
-        return []
     from camopt.cam.exports import crank_rows, static_lift, write_valve_lift
 
     assert scene.operation is not None, "the verb asks for it"
-    per_crank, digits = scene.operation.cam_per_crank, USUAL_DIGITS if files.digits is None else files.digits
-    lash = build_train(scene).lash
+    per_crank, lash = scene.operation.cam_per_crank, build_train(scene).lash
     crank = crank_rows(lift, lash, per_crank)
     said = []
     if files.valve_lift:
@@ -93,16 +70,15 @@ def _valve_lifts(scene: Scene, lift: Lift, files: Files) -> list[str]:
             f"valve lift: {_crank_degrees(crank)}; it is the cam's lift less the lash of {lash / MM:g} mm, in mm"
         )
     if files.dynamic_lift:
-        from camopt.study.cam_force import settled_valve
+        from camopt.study.cam_force import settled_revolution
 
-        assert files.speed_rpm is not None, "the verb asks for it"
-        angle, height, method = settled_valve(scene, lift, files.speed_rpm)
+        motion, method = settled_revolution(scene, lift, files.speed)
         turn = np.arange(crank[0], 180.0 / per_crank + 1)  # a valve that bounces closes for good after the cam
-        there = np.interp(turn * per_crank * DEG, angle, height)
+        there = np.interp(turn * per_crank * DEG, motion.angle, np.maximum(motion.seat_separation(), 0.0))
         rows = int(np.flatnonzero(there)[-1]) + 2
         write_valve_lift(files.dynamic_lift, there[:rows], digits)
         said.append(
-            f"valve lift at {files.speed_rpm:g} r/min: {_crank_degrees(turn[:rows])}; it is the valve's way from its "
+            f"valve lift at {files.speed:g} r/min: {_crank_degrees(turn[:rows])}; it is the valve's way from its "
             f"seat in a settled revolution, by {method}, in mm"
         )
     return said
@@ -112,19 +88,19 @@ def _crank_degrees(crank: np.ndarray) -> str:
     return f"degrees 0 to {len(crank) - 1} are crank degrees {crank[0]:g} to {crank[-1]:g} from the duration's middle"
 
 
-def _table(scene: Scene, lift: Lift, files: Files) -> list[str]:
+def _table(scene: Scene, lift: Lift, files: Namespace) -> list[str]:
     """Writes the lift table; what it is off by, where it is rounded or in steps of the crank."""
-    assert files.table and scene.operation, "the verb asks for both"
+    assert files.csv and scene.operation, "the verb asks for both"
     digits, step, unit = files.digits, files.step_deg, "cam"
     if files.step_crank_deg is not None:
         digits, unit = USUAL_DIGITS if digits is None else digits, "crank"
         step = files.step_crank_deg * scene.operation.cam_per_crank
-        write_crank_table(files.table, lift, files.step_crank_deg, digits, scene.operation.cam_per_crank)
+        write_crank_table(files.csv, lift, files.step_crank_deg, digits, scene.operation.cam_per_crank)
     elif digits is None:
-        write_lift_table(files.table, lift, step)
+        write_lift_table(files.csv, lift, step)
         return []
     else:
-        write_rounded_table(files.table, lift, step, digits, scene.geometry.rocker_ratio if scene.geometry else 1.0)
+        write_rounded_table(files.csv, lift, step, digits, scene.geometry.rocker_ratio if scene.geometry else 1.0)
     off = table_error(lift, step, digits)
     every = f"a row every {files.step_crank_deg or step:g} {unit} deg, {digits} decimals"
     return [

@@ -7,7 +7,7 @@ take.
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,21 +24,8 @@ STEP_DEG = 0.5
 MOST_LOBES = 100
 
 
-def settled_force(scene: Scene, train: Train, lift: Lift, speed_rpm: float) -> tuple[np.ndarray, np.ndarray, str]:
-    """Cam angles (k) [rad] of one revolution, the cam's force [N] there, and the method; see `_settled`."""
-    motion, angle, last, method = _settled(scene, train, lift, speed_rpm)
-    return angle, motion.force[last, int(np.argmax(train.cam_driven))], method
-
-
-def settled_valve(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[np.ndarray, np.ndarray, str]:
-    """Cam angles (k) [rad] of one revolution, how far the valve is off its seat there [m], never below zero, and the
-    method; see `_settled`."""
-    motion, angle, last, method = _settled(scene, build_train(scene), lift, speed_rpm)
-    return angle, np.maximum(motion.seat_separation()[last], 0.0), method
-
-
-def _settled(scene: Scene, train: Train, lift: Lift, speed_rpm: float) -> tuple[Response, np.ndarray, slice, str]:
-    """The motion from rest, angles (k) [rad] and samples of its last revolution, and the method: event-exact, or rkg
+def settled_revolution(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[Response, str]:
+    """The motion from rest in its last revolution, at cam angles from -pi to pi, and the method: event-exact, or rkg
     where that refuses.
 
     Event-exact is not asked where the train's laws are beyond it. Raises InputError as
@@ -47,13 +34,25 @@ def _settled(scene: Scene, train: Train, lift: Lift, speed_rpm: float) -> tuple[
     from camopt.study.simulate.motion import recorded
 
     motion, method = None, "event-exact"
-    if train.straight:
+    if build_train(scene).straight:
         with suppress(MotionRefused):
             motion = recorded(scene, lift, speed_rpm, "event", revolutions=REVOLUTIONS)
     if motion is None:
         motion, method = recorded(scene, lift, speed_rpm, "rkg", revolutions=REVOLUTIONS), "rkg"
     steps = (len(motion.angle) - 1) // REVOLUTIONS
-    return motion, (np.arange(steps + 1) * (360.0 / steps) - 180.0) * DEG, slice(-steps - 1, None), method
+    last = {name: getattr(motion, name)[-steps - 1 :] for name in ("lift", "x", "v", "force")}
+    angle = (np.arange(steps + 1) * (360.0 / steps) - 180.0) * DEG
+    return replace(motion, angle=angle, **last), method
+
+
+def driven(scene: Scene) -> tuple[Train, int]:
+    """The train and the element that the cam drives; raises InputError where it drives none."""
+    train = build_train(scene)
+    if not np.any(train.cam_driven):
+        raise InputError(
+            f"scene {scene.name}: no element is cam driven, so the cam carries no force: set cam_driven = true in one"
+        )
+    return train, int(np.argmax(train.cam_driven))
 
 
 @dataclass(frozen=True)
@@ -83,17 +82,13 @@ def camshaft_torque(
     """
     if not 0 < len(phases_deg) <= MOST_LOBES:
         raise InputError(f"camshaft: {len(phases_deg)} lobes: from 1 to {MOST_LOBES} are needed")
-    train = build_train(scene)
-    if not np.any(train.cam_driven):
-        raise InputError(
-            f"scene {scene.name}: no element is cam driven, so the cam carries no force: set cam_driven = true in one"
-        )
+    train, element = driven(scene)
     theta = np.linspace(-180.0, 180.0, round(360 / STEP_DEG) + 1) * DEG
     if speed_rpm is None:
-        force = static_forces(train, cam(theta))[:, int(np.argmax(train.cam_driven))]
+        force = static_forces(train, cam(theta))[:, element]
     else:
-        at, moving, _ = settled_force(scene, train, cam, speed_rpm)
-        force = np.interp(theta, at, moving, period=2 * np.pi)
+        motion, _ = settled_revolution(scene, cam, speed_rpm)
+        force = np.interp(theta, motion.angle, motion.force[:, element], period=2 * np.pi)
     own = force * cam(theta, 1)
     total = sum(np.interp(theta - phase * DEG, theta, own, period=2 * np.pi) for phase in phases_deg)
     return CamshaftTorque(theta, np.asarray(total), len(phases_deg), speed_rpm)

@@ -8,12 +8,12 @@ from camopt.cam.lift import Lift
 from camopt.cam.waves import sign_changes
 from camopt.measure.limits import broken_by_shape, drawing_excess, steps_at
 from camopt.measure.moving_average import moving_average
-from camopt.scene import InputError, Scene, Train, build_train
+from camopt.scene import Scene
 from camopt.scene.design import Design
 from camopt.scene.geometry import SWINGING, Geometry
 from camopt.scene.rest import static_forces
 from camopt.scene.units import DEG, MM
-from camopt.study.cam_force import settled_force
+from camopt.study.cam_force import driven, settled_revolution
 
 STATIC_STEP_DEG = 0.5
 BAND_SPEEDS = 11
@@ -171,39 +171,31 @@ def _follower(geometry: Geometry) -> str:
 
 
 def _stress(scene: Scene, lift: Lift, geometry: Geometry, speed_rpm: float) -> list[str]:
-    """The largest Hertz stress under way and standing still."""
+    """The largest Hertz stress in the band, at a speed and standing still, with what the surfaces do at that speed."""
     width = contact_width(geometry) / MM
     source = "contact_width_mm" if geometry.contact_width_mm else "face_width_mm"
-    train = build_train(scene)
-    moving, method = dynamic_stress(scene, train, lift, speed_rpm)
-    standing = static_stress(scene, train, lift)
-    lines = [f"Hertz stress over a line of {width:g} mm ({source})"]
-    worst, at_rpm = _worst_stress(scene, train, lift, moving, speed_rpm)
+    assert scene.operation is not None, "the verb asks for it"
+    moving, method = dynamic_stress(scene, lift, speed_rpm)
+    standing = static_stress(scene, lift)
+    band = [float(speed) for speed in np.linspace(*scene.operation.band_rpm, BAND_SPEEDS)]
+    found = [(moving, speed_rpm), *((dynamic_stress(scene, lift, speed)[0], speed) for speed in band)]
+    worst, at_rpm = max(found, key=lambda one: one[0].largest[0])
     within = f"most in band, {at_rpm:.0f} r/min"
+    lines = [*_surfaces(scene, lift, moving, speed_rpm), f"Hertz stress over a line of {width:g} mm ({source})"]
     for name, stress in ((within, worst), (f"at {speed_rpm:g} r/min ({method})", moving), ("standing still", standing)):
         f = stress.figures()
+        borne = share_borne(f["hertz_stress_MPa"], geometry)
         lines.append(
             f"  {name:<24} {f['hertz_stress_MPa']:10.1f} MPa at {f['cam_angle_deg']:.1f} deg, "
-            f"normal force {f['normal_force_N']:.1f} N" + _of_what_it_bears(f["hertz_stress_MPa"], geometry)
+            f"normal force {f['normal_force_N']:.1f} N{', ' * bool(borne)}{borne}"
         )
-    return [*_surfaces(scene, lift, moving, speed_rpm), *lines]
+    return lines
 
 
-def _of_what_it_bears(stress_MPa: float, geometry: Geometry) -> str:
+def share_borne(stress_MPa: float, geometry: Geometry) -> str:
     """How much of what the materials bear a stress is; empty where the scene does not say it."""
     limit = geometry.hertz_max_MPa
-    return "" if limit is None else f", {100 * stress_MPa / limit:.0f} % of {limit:g} MPa"
-
-
-def _worst_stress(
-    scene: Scene, train: Train, lift: Lift, moving: HertzStress, speed_rpm: float
-) -> tuple[HertzStress, float]:
-    """The largest stress at `BAND_SPEEDS` speeds of the band and at the one asked, and its crankshaft r/min."""
-    assert scene.operation is not None, "the verb asks for it"
-    stresses = [(moving, speed_rpm)]
-    for speed in np.linspace(*scene.operation.band_rpm, BAND_SPEEDS):
-        stresses.append((dynamic_stress(scene, train, lift, float(speed))[0], float(speed)))
-    return max(stresses, key=lambda one: one[0].largest[0])
+    return "" if limit is None else f"{100 * stress_MPa / limit:.0f} % of {limit:g} MPa"
 
 
 def _surfaces(scene: Scene, lift: Lift, moving: HertzStress, speed_rpm: float) -> list[str]:
@@ -223,34 +215,25 @@ def _surfaces(scene: Scene, lift: Lift, moving: HertzStress, speed_rpm: float) -
         at, top = int(np.argmax(on_flanks)), int(np.argmax(lift(moving.theta)))
         lines.append(
             f"  {'film thickness ratio':<24} {on_flanks[at]:10.2f} at most, at "
-            f"{_within_turn(moving.theta[at]):.1f} deg, {ratio[top]:.2f} at the nose"
+            f"{np.mod(moving.theta[at] / DEG + 180, 360) - 180:.1f} deg, {ratio[top]:.2f} at the nose"
         )
     return lines
 
 
-def _within_turn(theta: float) -> float:
-    """An angle [rad] as degrees from -180 to 180."""
-    return float(np.mod(theta / DEG + 180, 360) - 180)
-
-
-def dynamic_stress(scene: Scene, train: Train, lift: Lift, speed_rpm: float) -> tuple[HertzStress, str]:
+def dynamic_stress(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[HertzStress, str]:
     """The stress over one cam revolution under way, and the method: event-exact, or rkg where that refuses.
 
-    Raises InputError as `hertz_stress` and `camopt.study.cam_force.settled_force` do.
+    Raises InputError as `hertz_stress` and `camopt.study.cam_force.settled_revolution` do.
     """
     assert scene.geometry is not None, "the caller asks for it"
-    theta, force, method = settled_force(scene, train, lift, speed_rpm)
-    return hertz_stress(lift, scene.geometry, theta, force), method
+    motion, method = settled_revolution(scene, lift, speed_rpm)
+    return hertz_stress(lift, scene.geometry, motion.angle, motion.force[:, driven(scene)[1]]), method
 
 
-def static_stress(scene: Scene, train: Train, lift: Lift) -> HertzStress:
+def static_stress(scene: Scene, lift: Lift) -> HertzStress:
     """The stress where the cam stands still, every `STATIC_STEP_DEG`; InputError as `hertz_stress`."""
     assert scene.geometry is not None, "the caller asks for it"
-    if not np.any(train.cam_driven):
-        raise InputError(
-            f"scene {scene.name}: no element is cam driven, so the cam carries no force: set cam_driven = true in one"
-        )
+    train, element = driven(scene)
     theta = np.arange(-180.0, 180.0, STATIC_STEP_DEG) * DEG
     lifts, where = np.unique(lift(theta), return_inverse=True)  # the base circle is one lift
-    force = static_forces(train, lifts)[where, int(np.argmax(train.cam_driven))]
-    return hertz_stress(lift, scene.geometry, theta, force)
+    return hertz_stress(lift, scene.geometry, theta, static_forces(train, lifts)[where, element])

@@ -20,7 +20,7 @@ from threadpoolctl import ThreadpoolController
 
 from camopt.scene.errors import InputError
 from camopt.storage import plain
-from camopt.tasks.task import CallTask, FiledTask, RehearseTask, Task, function_of
+from camopt.tasks.task import CallTask, FiledTask, RehearseTask, Task, function_at
 
 DONE, FAILED = "done", "failed"
 ON_SCENES = "camopt.study.task_verbs"
@@ -43,7 +43,7 @@ def failed(reason: str) -> Outcome:
 def compute(filed: FiledTask) -> Outcome:
     """The outcome of a task, computed in this process with one BLAS thread, whose limits are restored."""
     task = filed.task()
-    with _controller(_module(task)).limit(limits=1):
+    with _controller(_place(task)).limit(limits=1):
         return _outcome(task)
 
 
@@ -55,18 +55,21 @@ def compute_at_worker(filed: FiledTask, made_by: str) -> Outcome:
             f"recorded: install one version everywhere"
         )
     task = filed.task()
-    _hold_threads(_module(task))
+    _hold_threads(_place(task))
     return _outcome(task)
+
+
+def _place(task: Task) -> str:
+    """Where the function of a task stands, "package.module:name"."""
+    if isinstance(task, CallTask):
+        return task.function
+    return f"{__name__}:rehearse" if task.verb == "rehearse" else f"{ON_SCENES}:{task.verb}_task"
 
 
 def _outcome(task: Task) -> Outcome:
     try:
-        if isinstance(task, CallTask):
-            returned = function_of(task)(**task.arguments)
-        elif task.verb == "rehearse":
-            returned = rehearse(task)
-        else:
-            returned = getattr(import_module(ON_SCENES), f"{task.verb}_task")(task)
+        function = function_at(_place(task))
+        returned = function(**task.arguments) if isinstance(task, CallTask) else function(task)
         return Outcome(DONE, json.dumps(plain(returned), separators=(",", ":"), allow_nan=False))
     except InputError as error:
         return failed(str(error))
@@ -74,24 +77,17 @@ def _outcome(task: Task) -> Outcome:
         return failed(f"{type(error).__name__}: {error}" if str(error) else type(error).__name__)
 
 
-def _module(task: Task) -> str:
-    """Where the function of a task's verb stands."""
-    if isinstance(task, CallTask):
-        return task.function.partition(":")[0]
-    return __name__ if task.verb == "rehearse" else ON_SCENES
-
-
 @cache
-def _controller(module: str) -> ThreadpoolController:
-    """The thread pools that are there once a module, with all that it loads, is."""
-    import_module(module)
+def _controller(place: str) -> ThreadpoolController:
+    """The thread pools that are there once the module of a function is, with all that it loads."""
+    import_module(place.partition(":")[0])
     return ThreadpoolController()
 
 
 @cache
-def _hold_threads(module: str) -> None:
+def _hold_threads(place: str) -> None:
     """Holds BLAS to one thread for the rest of this process."""
-    _controller(module).limit(limits=1)
+    _controller(place).limit(limits=1)
 
 
 @cache

@@ -32,7 +32,7 @@ from pydantic import Field, ValidationError, field_validator
 from camopt.cam.families.registry import FAMILIES
 from camopt.scene import builtin_scenes
 from camopt.scene.errors import InputError
-from camopt.scene.load import scene_with
+from camopt.scene.load import scene_with, tuples
 from camopt.scene.spelling import did_you_mean
 from camopt.scene.table import Positive, Table
 from camopt.scene.text_file import read_text, usable_path
@@ -42,7 +42,6 @@ from camopt.tasks.task import (
     Count,
     PlanVerb,
     SimulateSettings,
-    as_tuples,
     cam_as_text,
     scene_as_text,
     scene_of_text,
@@ -120,19 +119,16 @@ class SweepPlan:
     def __len__(self) -> int:
         if isinstance(self.settings, RehearseSettings):
             return self.settings.tasks
-        inner = (self.settings.trains,) * len(self.scenes) if isinstance(self.settings, YieldSettings) else ()
-        each = inner or tuple(map(len, self.speeds_rpm))
+        trains = self.settings.trains if isinstance(self.settings, YieldSettings) else None
         lengths = [len(values) for values in self.file.vary.values()]
         combinations = prod(lengths) if self.file.combine == "grid" else max(lengths, default=1)
-        return combinations * sum(len(cams) * n for cams, n in zip(self.cams, each, strict=True))
+        pairs = zip(self.cams, self.speeds_rpm, strict=True)
+        return combinations * sum(len(cams) * (trains or len(speeds)) for cams, speeds in pairs)
 
     def _numbers(self) -> Iterator[dict[str, float]]:
         """The numbers of the scene, combination by combination."""
-        vary = self.file.vary
-        together = (
-            product(*vary.values()) if self.file.combine == "grid" or not vary else zip(*vary.values(), strict=True)
-        )
-        return (dict(zip(vary, values, strict=True)) for values in together)
+        vary, together = self.file.vary, product if self.file.combine == "grid" or not self.file.vary else zip
+        return (dict(zip(vary, values, strict=True)) for values in together(*vary.values()))
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
         settings = self.settings
@@ -162,7 +158,7 @@ def load_plan(path: str | Path) -> SweepPlan:
     if isinstance(data.get("vary"), dict):
         data["vary"] = _flat(data["vary"])
     try:
-        file = PlanFile.model_validate(as_tuples(data))
+        file = PlanFile.model_validate(tuples(data))
         settings = SETTINGS[file.verb].model_validate(file.settings)
     except ValidationError as error:
         keys = {*PlanFile.model_fields, *(key for table in SETTINGS.values() for key in table.model_fields)}
@@ -191,7 +187,8 @@ def _filled_in(file: PlanFile, settings: Table, folder: Path) -> SweepPlan:
         return SweepPlan(file, settings, (), (), ())
     scenes = tuple(scene_as_text(_beside(name, folder, builtin_scenes())) for name in file.scenes)
     cams = tuple(tuple(cam_as_text(_beside(cam, folder, FAMILIES), scene) for cam in file.cams) for scene in scenes)
-    speeds = tuple(file.speeds_rpm or _listed(scene) for scene in scenes)
+    operations = [scene_of_text(scene).operation for scene in scenes]
+    speeds = tuple(file.speeds_rpm or operation.speeds_rpm for operation in operations if operation is not None)
     plan = SweepPlan(file, settings, scenes, cams, speeds)
     for scene in scenes:
         scene_with(scene_of_text(scene), next(plan._numbers()), "vary", NEEDED)
@@ -201,9 +198,3 @@ def _filled_in(file: PlanFile, settings: Table, folder: Path) -> SweepPlan:
 def _beside(name: str, folder: Path, names) -> str | Path:
     """A file is looked for beside the plan; what is known by name is no file."""
     return name if name.partition(":")[0] in names else folder / name
-
-
-def _listed(scene: str) -> tuple[float, ...]:
-    operation = scene_of_text(scene).operation
-    assert operation is not None, "every scene of a task has one"
-    return operation.speeds_rpm

@@ -18,7 +18,7 @@ from camopt.cam.read import read_cam
 from camopt.optimizer.program.chosen_duration import chosen_duration_deg, load_scene
 from camopt.scene import Scene, builtin_scenes, scene_text
 from camopt.scene.errors import InputError
-from camopt.scene.load import parse_scene
+from camopt.scene.load import parse_scene, tuples
 from camopt.scene.table import Positive, Table
 from camopt.scene.text_file import excerpt
 from camopt.scene.toml_text import scene_toml
@@ -108,7 +108,7 @@ class FiledTask:
         """The task with its long texts."""
         data = json.loads(self.text)
         return _TASKS.validate_python(
-            as_tuples({k: self.parts.get(v, v) if isinstance(v, str) else v for k, v in data.items()})
+            tuples({k: self.parts.get(v, v) if isinstance(v, str) else v for k, v in data.items()})
         )
 
 
@@ -125,7 +125,7 @@ def filed(task: Mapping[str, Any], version: str, where: str = "task") -> FiledTa
             raw["scene"] = scene_as_text(raw["scene"])
             if "cam" in raw:
                 raw["cam"] = cam_as_text(raw["cam"], raw["scene"])
-        checked = _TASKS.validate_python(as_tuples(raw))
+        checked = _TASKS.validate_python(tuples(raw))
     except ValidationError as error:
         raise InputError("; ".join(f"{where}: {sentence}" for sentence in task_faults(error))) from None
     except InputError as error:
@@ -141,16 +141,16 @@ def filed(task: Mapping[str, Any], version: str, where: str = "task") -> FiledTa
     return FiledTask(_digest(f"{version}\n{text}"), text, parts)
 
 
-def function_of(task: CallTask) -> Callable[..., dict]:
-    """The function that a task calls; ImportError or AttributeError where it is not there."""
-    module, _, name = task.function.partition(":")
+def function_at(place: str) -> Callable[..., dict]:
+    """The function at "package.module:name"; ImportError or AttributeError where it is not there."""
+    module, _, name = place.partition(":")
     return getattr(import_module(module), name)
 
 
 def _check_call(task: CallTask, where: str) -> None:
     """Raises InputError for a function that is not there, and for arguments that are no plain data."""
     try:
-        function_of(task)
+        function_at(task.function)
         json.dumps(task.arguments, allow_nan=False)
     except (ImportError, AttributeError) as error:
         raise InputError(
@@ -220,10 +220,3 @@ def scene_of_text(text: str) -> Scene:
 
 def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def as_tuples(value: Any) -> Any:
-    """Lists as tuples, which is what the frozen schema holds."""
-    if isinstance(value, list | tuple):
-        return tuple(as_tuples(v) for v in value)
-    return {k: as_tuples(v) for k, v in value.items()} if isinstance(value, dict) else value

@@ -106,7 +106,7 @@ def bouncing(time: np.ndarray) -> np.ndarray:
 def valve(name: str, speed_rpm: float, frequency_Hz: float | None = None) -> Setting:
     """The valve of a built-in scene under its plain Polydyne from rest, with a highest mode of its own if asked."""
     scene = load_scene(name)
-    changed = scene if frequency_Hz is None else fast_mode(frequency_Hz)(scene)
+    changed = scene if frequency_Hz is None else fast_mode(scene, frequency_Hz)
     train = build_train(changed)
     return Setting(train, polydyne(scene), scene.cam_speed(speed_rpm), state_at_rest(train), train.valve)
 

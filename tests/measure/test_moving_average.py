@@ -11,11 +11,12 @@ from camopt.cam.families.free import free_cam
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.geometry import contact
 from camopt.cam.tables.lift_table import read_lift_table, write_lift_table
+from camopt.cli.parser import parser
 from camopt.measure.moving_average import MEANS, moving_average
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.scene import load_scene
 from camopt.scene.geometry import Geometry
-from camopt.study.cam_exports import Files, export
+from camopt.study.cam_exports import export
 from camopt.study.cam_sheet import sheet
 
 FLAT = Geometry(follower="flat", base_radius_mm=24.0)
@@ -65,7 +66,8 @@ def test_the_sheet_and_the_contour_of_a_rounded_table_show_no_cusp(five_digits, 
     assert not [line for line in lines if "fault" in line]
     assert [line for line in lines if "by means over" in line]
     assert [line for line in lines if line.split() == ["smallest", "concave", "radius", "none"]]
-    export(SCENE, five_digits, Files(contour=str(tmp_path / "contour.csv")))
+    words = ["cam", "motori-1", "--cam", "polydyne", "--contour", str(tmp_path / "contour.csv")]
+    export(SCENE, five_digits, parser().parse_args(words))
     assert (tmp_path / "contour.csv").is_file()
 
 

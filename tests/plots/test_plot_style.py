@@ -4,13 +4,10 @@ import sys
 import matplotlib
 import numpy as np
 import pytest
-from matplotlib.axis import Axis
 from matplotlib.colors import to_rgb
 
-from camopt.plots import style
 from camopt.plots.style import (
     RC,
-    TICKS,
     cam_line,
     cam_lines,
     draw_limit,
@@ -149,17 +146,3 @@ def test_figures_need_no_pyplot():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
-
-
-def test_ticks_are_made_once_for_each_place_and_look_the_same(tmp_path, monkeypatch):
-    made, real = [], Axis._update_ticks
-    monkeypatch.setattr(Axis, "_update_ticks", lambda axis: made.append(axis) or real(axis))
-    figure = drawn()
-    kept = [p.read_bytes() for p in save(figure, tmp_path, "kept")]
-    axes = figure.axes[0]
-    once = len(made)
-    assert 2 <= once <= 6 and {*made} == {axes.xaxis, axes.yaxis}  # two places of the layout, and the last one
-    assert TICKS not in vars(axes.xaxis) and TICKS not in vars(axes.yaxis)
-    monkeypatch.setattr(style, "_keep_ticks", lambda axis: None)
-    assert [p.read_bytes() for p in save(drawn(), tmp_path, "anew")] == kept
-    assert len(made) > 3 * once

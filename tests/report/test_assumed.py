@@ -11,9 +11,9 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.report import write_report
 from camopt.report.advice import advice
 from camopt.report.assumed import AssumedNumber, assumed_numbers, assumed_rows, first_to_measure, ranked
+from camopt.report.cams import stress
 from camopt.report.folder import read_run_folder
 from camopt.report.motion import RunCams
-from camopt.report.train import train_tables
 from camopt.scene import load_scene, parse_scene
 from camopt.scene.parameters import with_numbers
 from camopt.scene.toml_text import scene_toml
@@ -65,11 +65,11 @@ def test_the_table_and_the_sentence_name_them_in_order():
 def test_what_the_materials_bear_stands_beside_the_stress():
     text = scene_toml(SCENE) + '\n[geometry]\nfollower = "flat"\nbase_radius_mm = 40\nface_width_mm = 30\n'
     borne = parse_scene(text + "hertz_max_MPa = 1000\n", "borne")
-    rows = train_tables(RunCams(borne, {"design": CAM}, []))["stress"]["rows"]
+    rows = stress(RunCams(borne, {"design": CAM}, []))[0]
     assert len(rows) == len(SCENE.operation.speeds_rpm) + 1
     for row in rows:
         assert row[-1] == f"{float(row[1]) / 10:.0f} % of 1000 MPa"
-    silent = train_tables(RunCams(parse_scene(text, "silent"), {"design": CAM}, []))["stress"]["rows"]
+    silent = stress(RunCams(parse_scene(text, "silent"), {"design": CAM}, []))[0]
     assert {row[-1] for row in silent} == {"–"}
 
 

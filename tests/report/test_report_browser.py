@@ -173,7 +173,7 @@ def test_print_shows_the_figures_and_no_controls(open_page):
     page = open_page()
     page.emulate_media(media="print")
     assert not page.locator("#train-play").is_visible() and not page.locator("nav").is_visible()
-    for part in ("#train-drawing", "#train-chart", "#train-caption", "figure svg >> nth=0"):
+    for part in ("#train-drawing", "#train-chart", "#train-caption", "figure img >> nth=0"):
         assert page.locator(part).is_visible()
     page.set_viewport_size({"width": 718, "height": 1000})  # the text of an A4 page with margins of 10 mm
     wide = page.locator(".scroll table").evaluate_all("tables => tables.map((t) => t.getBoundingClientRect().right)")

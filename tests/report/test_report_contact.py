@@ -35,7 +35,7 @@ def test_the_spot_lies_where_the_radius_is_smallest(follower):
     assert drawn["centre"][1] - drawn["spot"][1] == pytest.approx(scale * x, abs=0.2)
     assert f"{c.theta[i] / DEG:.3g}".replace("-", "−") in drawn["sentence"]
     if follower.follower == "flat":
-        assert "face" in found["rows"][0]["faults"] and "face width needed [mm]" in found["columns"]
+        assert "face" in found["rows"][0]["faults"] and "face_width_needed_mm" in found["columns"]
     else:
         assert found["rows"][0]["faults"] == "none"
 

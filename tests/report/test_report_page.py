@@ -3,13 +3,12 @@ import re
 from html.parser import HTMLParser
 
 import pytest
-from jinja2 import Environment
 
-from camopt.report import page, write_report
+from camopt.report import write_report
+from camopt.report.folder import read_run_folder
+from camopt.report.page import figures
 from camopt.scene.errors import InputError
 from camopt.verifier.record import outside_entry
-
-COMPILE = Environment.compile
 
 VOID = {"meta", "link", "br", "img", "hr", "input"}
 
@@ -301,7 +300,8 @@ def test_texts_of_the_folder_are_escaped(write, contents):
         row["cam"], row["limits"], row["verdict"], row["broken"] = EVIL, EVIL, EVIL, EVIL
     page = page_of(write(contents))
     assert page.text.count("<script>alert(1)</script>") > 10  # as text
-    assert not {"script", "img", "iframe", "object", "link"} & set(page.elements)
+    assert not {"script", "iframe", "object", "link"} & set(page.elements)
+    assert all(value.startswith("data:image/svg+xml;base64,") for key, value in page.attributes if key == "src")
     assert not [key for key, _ in page.attributes if key.startswith("on")]
 
 
@@ -311,24 +311,13 @@ def test_the_page_needs_nothing_from_outside(write, contents):
     assert policy[0] == "Content-Security-Policy"
     assert "default-src 'none'; style-src 'unsafe-inline'; img-src data:" in policy[1]
     targets = [value for key, value in page.attributes if key in ("src", "href", "xlink:href", "action", "data")]
-    assert targets and all(value.startswith("#") for value in targets)
-    assert page.elements.count("svg") == 1
+    assert targets and all(value.startswith(("#", "data:image/svg+xml;base64,")) for value in targets)
+    assert page.elements.count("img") == 1
 
 
-def test_compiled_templates_are_kept_and_need_not_be(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    loaded = []
-    monkeypatch.setattr(Environment, "compile", lambda *given: loaded.append(given) or COMPILE(*given))
-    for _ in range(2):
-        page._environment.cache_clear()
-        page._environment().get_template("page.html.j2")
-    assert len(loaded) == 1 and list((tmp_path / "camopt" / "templates").iterdir())
-
-    def full(*_):
-        raise OSError("disk full")
-
-    monkeypatch.setattr("os.replace", full)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "other"))
-    page._environment.cache_clear()
-    assert page._environment().get_template("page.html.j2") and len(loaded) == 2
-    page._environment.cache_clear()
+def test_known_figures_come_in_the_pages_order(write, contents):
+    folder = write(contents)
+    for name in ("zeta", "profiles", "alpha"):
+        (folder / "figures" / f"{name}.svg").write_text("<svg/>")
+    names = [figure["name"] for figure in figures(read_run_folder(folder))]
+    assert names == ["profiles", "convergence", "alpha", "zeta"]

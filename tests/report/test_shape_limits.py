@@ -13,6 +13,7 @@ from camopt.report.edge import edge_sentences
 from camopt.report.folder import read_run_folder
 from camopt.report.limits import limit_rows, matrix, share_of
 from camopt.report.shape import reached_by_shape
+from camopt.report.wording import share_kind, used
 from camopt.scene import load_scene
 from camopt.scene.design import Piston
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3
@@ -71,7 +72,7 @@ def test_rows_are_held_where_the_judge_of_the_shape_says_so(write, contents):
         "max_lift_mm",
     }
     named = {row["label"]: row for row in matrix(run, rows)["rows"]}
-    assert named["lift at an angle"]["shape"]["kind"] == "bad"
+    assert named["lift at an angle"]["held"] is False and named["lift at an angle"]["shares"] is None
 
 
 @pytest.mark.parametrize(("short", "words"), [(1e-5, "100 %"), (1e-2, "✗ 101 %")])
@@ -81,8 +82,8 @@ def test_the_matrix_crosses_out_what_the_judge_of_the_shape_refuses(write, conte
     run = read_run_folder(write(contents, "motori-1"))
     rows = limit_rows(run, (LIFT, design))
     assert ("reach_max_lift" in broken_by_shape(LIFT, design)) is words.startswith("✗")
-    named = {row["label"]: row for row in matrix(run, rows)["rows"]}
-    assert named["lift to be reached"]["shape"]["words"] == words
+    row = {row["label"]: row for row in matrix(run, rows)["rows"]}["lift to be reached"]
+    assert used(row["share"], row["held"] is False) == words
 
 
 @pytest.mark.parametrize("over", [5e-7, -5e-7])
@@ -111,8 +112,8 @@ def test_the_matrix_marks_the_worst_speed_of_each_limit(write, contents):
     found = matrix(run, limit_rows(run))
     assert found["speeds"] == ["5000", "6000", "6500", "7000", "band"]
     bounce = next(row for row in found["rows"] if row["label"] == "bounce")
-    assert [cell["worst"] for cell in bounce["cells"]] == [False, False, True, False, False]
-    assert bounce["cells"][2]["words"] == "✗ 100 %" and bounce["cells"][2]["kind"] == "bad"
+    assert bounce["shares"].index(max(bounce["shares"])) == 2
+    assert share_kind(bounce["shares"][2]) == "bad" and used(bounce["shares"][2], True) == "✗ 100 %"
 
 
 def steps_of(run, assumed=()):

@@ -111,15 +111,15 @@ class TestTheList:
     def test_changes_do_what_they_say(self):
         kodama = load_scene("kodama")
         train = build_train(kodama)
-        assert highest_frequency(build_train(fast_mode(72e3)(kodama))) / (2 * np.pi) > 60e3
-        mass = build_train(mass_ratio(1e4)(kodama)).mass
+        assert highest_frequency(build_train(fast_mode(kodama, 72e3))) / (2 * np.pi) > 60e3
+        mass = build_train(mass_ratio(kodama, 1e4)).mass
         assert mass.max() / mass.min() == pytest.approx(1e4)
-        assert np.all(build_train(contacts(1e9)(kodama)).stiffness[train.contact] == 1e9)
-        assert build_train(times("damping_N_s_per_m", 0.0)(kodama)).damping.max() == 0.0
-        assert build_train(clearance(1.0)(kodama)).lash == pytest.approx(1e-3)
-        assert build_train(clearance(0.0)(kodama)).lash == 0.0
+        assert np.all(build_train(contacts(kodama, 1e9)).stiffness[train.contact] == 1e9)
+        assert build_train(times(kodama, "damping_N_s_per_m", 0.0)).damping.max() == 0.0
+        assert build_train(clearance(kodama, 1.0)).lash == pytest.approx(1e-3)
+        assert build_train(clearance(kodama, 0.0)).lash == 0.0
         spring = MOTOR.element[1]
-        assert contacts(1e9)(MOTOR).element[1] == spring  # a preloaded contact that is the valve spring
+        assert contacts(MOTOR, 1e9).element[1] == spring  # a preloaded contact that is the valve spring
 
     def test_every_change_alone_and_on_kodama_every_two_of_different_kinds(self):
         singles = 1 + sum(len(kind) for kind in CHANGES.values())

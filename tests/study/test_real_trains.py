@@ -11,8 +11,8 @@ from camopt.scene.rest import state_at_rest
 from camopt.study.extremes.cases import cases
 from camopt.study.extremes.step_methods import smooth_float32
 from camopt.study.simulate.motion import simulate
-from camopt.study.tradeoff.case import RevolutionCase
-from camopt.study.tradeoff.smooth_path import equal_steps, recorded
+from camopt.study.tradeoff.methods import RevolutionCase
+from experiments.support.smooth_costs import equal_steps, recorded
 
 NAME, RPM = "finger-hydraulic", 4000.0
 

@@ -2,8 +2,6 @@
 
 import json
 from dataclasses import replace
-from functools import partial
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -27,7 +25,7 @@ from camopt.scene.vibration import assembled
 from camopt.study.modes import modes
 from camopt.study.reduce.idle_contacts import idle_contacts, leave_out
 from camopt.study.reduce.reduced_models import chains, condense, fewer_coils, smaller_models
-from camopt.study.reduce.reduction import reduce, reduction_lines, smooth_times
+from camopt.study.reduce.reduction import reduce, reduction_lines
 from camopt.verifier.convergence import first_steps
 from camopt.verifier.methods import rkg
 
@@ -233,7 +231,7 @@ class TestReduce:
     @pytest.fixture(scope="class")
     @staticmethod
     def found():
-        return reduce(PUSHROD, speeds_rpm=(3000,), tolerance_mm=0.05, smooth=False)
+        return reduce(PUSHROD, speeds_rpm=(3000,), tolerance_mm=0.05)
 
     def test_the_proposal_is_within_the_tolerance_and_none_cheaper_is(self, found):
         best = found.proposed
@@ -286,9 +284,7 @@ class TestReduce:
         with pytest.raises(InputError, match="needs valve"):
             reduce(load_scene("ohv-3dof"))
 
-    def test_command(self, capsys, tmp_path, monkeypatch):
-        module = import_module("camopt.study.reduce.reduction")
-        monkeypatch.setattr(module, "reduce", partial(reduce, smooth=False))
+    def test_command(self, capsys, tmp_path):
         file = tmp_path / "reduction.json"
         words = ["reduce", "pushrod-5mass", "--speeds", "3000", "--tolerance-mm", "0.05", "--json", str(file)]
         assert cli.main(words) == 0
@@ -296,12 +292,3 @@ class TestReduce:
         assert content["proposed"] in out
         assert (content["tolerance_mm"], content["speeds_rpm"], content["cam"]) == (0.05, [3000.0], "polydyne")
         assert len(content["models"][1]["ms_per_revolution"]) == 3
-
-    def test_the_smooth_path_is_timed_from_rest(self):
-        times = smooth_times(build_train(MOTORI), polydyne(MOTORI), MOTORI.cam_speed(3000))
-        assert set(times) == {"smooth", "batch"} and min(times.values()) > 0
-
-    @pytest.mark.long
-    def test_every_path_is_timed_for_the_proposal(self):
-        best = reduce(PUSHROD, speeds_rpm=(3000,), tolerance_mm=0.05).proposed
-        assert set(best.ms) == {"event", "rkg", "tmm", "smooth", "batch"}

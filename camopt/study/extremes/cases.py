@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations, product
 
 import numpy as np
@@ -9,11 +10,9 @@ import numpy as np
 from camopt.scene import Scene, build_train
 from camopt.scene.parameters import RATE, SceneNumber, matching, with_numbers
 
-Change = Callable[[Scene], Scene]
 HEAVY = 30.0
 """Factor of every damping constant in the case of heavy damping: the seats of the built-in scenes are over-damped then.
 """
-DAMPING = "damping_N_s_per_m"
 AS_IT_IS = "as it is"
 COMBINED = "kodama"
 """The scene on which every two changes of different kinds are combined."""
@@ -21,77 +20,65 @@ COMBINED = "kodama"
 
 @dataclass(frozen=True)
 class ExtremeCase:
-    """One extreme: its name, the changed scene and the crankshaft speed [r/min]."""
+    """One extreme: its name and the changed scene."""
 
     name: str
     scene: Scene
-    speed_rpm: float
+
+    @property
+    def speed_rpm(self) -> float:
+        """The crankshaft speed [r/min] of the motion, the highest that the scene lists."""
+        assert self.scene.operation is not None, "load_scene(..., need='operation') guarantees it"
+        return max(self.scene.operation.speeds_rpm)
 
 
-def contacts(stiffness_N_per_m: float) -> Change:
-    """Gives one stiffness to every contact with a linear law, except preloaded contacts that stand for springs."""
+def contacts(scene: Scene, stiffness_N_per_m: float) -> Scene:
+    """One stiffness for every contact with a linear law, except preloaded contacts that stand for springs."""
+    stiff = max(e.stiffness_N_per_m or 0.0 for e in scene.element)
+    for i, e in enumerate(scene.element):
+        if e.kind == "contact" and e.law == "linear" and (e.stiffness_N_per_m or 0.0) > 1e-2 * stiff:
+            scene = with_numbers(scene, {SceneNumber("element", i, RATE): stiffness_N_per_m})
+    return scene
 
-    def changed(scene: Scene) -> Scene:
-        stiff = max(e.stiffness_N_per_m or 0.0 for e in scene.element)
-        for i, e in enumerate(scene.element):
-            if e.kind == "contact" and e.law == "linear" and (e.stiffness_N_per_m or 0.0) > 1e-2 * stiff:
-                scene = with_numbers(scene, {SceneNumber("element", i, RATE): stiffness_N_per_m})
+
+def times(scene: Scene, key: str, factor: float) -> Scene:
+    """A number of every mass and element that has it, multiplied."""
+    return with_numbers(scene, {number: factor * number.of(scene) for number in matching(scene, f"*.{key}")})
+
+
+def speed(scene: Scene, speed_rpm: float) -> Scene:
+    """One crankshaft speed [r/min]."""
+    assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
+    return scene.model_copy(update={"operation": scene.operation.model_copy(update={"speeds_rpm": (speed_rpm,)})})
+
+
+def clearance(scene: Scene, gap_mm: float) -> Scene:
+    """All the clearance between cam and valve in one contact: where the scene has it, or else at the cam."""
+    train = build_train(scene)
+    holds = max(train.cam_side, key=lambda e: (train.gap[e], -train.cam_side.index(e)))
+    gaps = {SceneNumber("element", e, "gap_mm"): gap_mm if e == holds else 0.0 for e in train.cam_side}
+    return with_numbers(scene, gaps)
+
+
+def fast_mode(scene: Scene, frequency_Hz: float) -> Scene:
+    """The mass with the highest frequency on its own elements as light as the given frequency requires."""
+    i, stiffness = _stiffest(scene)
+    return with_numbers(scene, {SceneNumber("mass", i, "mass_kg"): stiffness / (2 * np.pi * frequency_Hz) ** 2})
+
+
+def mass_ratio(scene: Scene, ratio: float) -> Scene:
+    """The same mass lighter than the heaviest one by a ratio; a scene of one mass stays as it is."""
+    if len(scene.mass) == 1:
         return scene
-
-    return changed
-
-
-def times(key: str, factor: float) -> Change:
-    """Multiplies a number of every mass and element that has it."""
-
-    def changed(scene: Scene) -> Scene:
-        return with_numbers(scene, {number: factor * number.of(scene) for number in matching(scene, f"*.{key}")})
-
-    return changed
+    lightest = max(m.mass_kg for m in scene.mass) / ratio
+    return with_numbers(scene, {SceneNumber("mass", _stiffest(scene)[0], "mass_kg"): lightest})
 
 
-def clearance(gap_mm: float) -> Change:
-    """Puts all the clearance between cam and valve into one contact: where the scene has it, or else at the cam."""
-
-    def changed(scene: Scene) -> Scene:
-        train = build_train(scene)
-        holds = max(train.cam_side, key=lambda e: (train.gap[e], -train.cam_side.index(e)))
-        gaps = {e: gap_mm if e == holds else 0.0 for e in train.cam_side}
-        return with_numbers(scene, {SceneNumber("element", e, "gap_mm"): gap for e, gap in gaps.items()})
-
-    return changed
-
-
-def fast_mode(frequency_Hz: float) -> Change:
-    """Makes the mass with the highest frequency on its own elements as light as the given frequency requires."""
-
-    def changed(scene: Scene) -> Scene:
-        i, stiffness = _stiffest(scene)
-        return _with_mass(scene, i, stiffness / (2 * np.pi * frequency_Hz) ** 2)
-
-    return changed
-
-
-def mass_ratio(ratio: float) -> Change:
-    """Makes the same mass lighter than the heaviest one by a ratio; a scene of one mass stays as it is."""
-
-    def changed(scene: Scene) -> Scene:
-        if len(scene.mass) == 1:
-            return scene
-        return _with_mass(scene, _stiffest(scene)[0], max(m.mass_kg for m in scene.mass) / ratio)
-
-    return changed
-
-
-def pushing(factor: float) -> Change:
-    """Multiplies every force by the cam angle."""
-
-    def changed(scene: Scene) -> Scene:
-        tables = [tuple((angle, factor * force) for angle, force in f.table) for f in scene.force]
-        forces = [f.model_copy(update={"table": t}) for f, t in zip(scene.force, tables, strict=True)]
-        return scene.model_copy(update={"force": tuple(forces)})
-
-    return changed
+def pushing(scene: Scene, factor: float) -> Scene:
+    """Every force by the cam angle multiplied."""
+    tables = [tuple((angle, factor * value) for angle, value in f.table) for f in scene.force]
+    forces = [f.model_copy(update={"table": t}) for f, t in zip(scene.force, tables, strict=True)]
+    return scene.model_copy(update={"force": tuple(forces)})
 
 
 def _stiffest(scene: Scene) -> tuple[int, float]:
@@ -104,52 +91,45 @@ def _stiffest(scene: Scene) -> tuple[int, float]:
     return i, float(total[i])
 
 
-def _with_mass(scene: Scene, i: int, mass_kg: float) -> Scene:
-    return with_numbers(scene, {SceneNumber("mass", i, "mass_kg"): mass_kg})
-
-
-CHANGES: dict[str, dict[str, Change | float]] = {
-    "stiffness": {"contacts 1e9 N/m": contacts(1e9), "contacts 1e10 N/m": contacts(1e10)},
-    "damping": {"no damping": times(DAMPING, 0.0), "heavy damping": times(DAMPING, HEAVY)},
-    "speed": {"300 r/min": 300.0, "15000 r/min": 15_000.0},
-    "clearance": {"no clearance": clearance(0.0), "clearance 1 mm": clearance(1.0)},
-    "mass": {"72 kHz mode": fast_mode(72e3), "mass ratio 1e4": mass_ratio(1e4)},
-}
-"""Changes of the scene, or crankshaft speeds [r/min], by their kind; two of a kind are not combined."""
-
-OF_ELEMENTS: dict[str, dict[str, Change]] = {
-    "leak_N_s_per_m": {
-        "leaks a thousand times as fast": times("leak_N_s_per_m", 1e-3),
-        "hardly leaks": times("leak_N_s_per_m", 1e3),
+DAMPING, LEAK, SLIP = "damping_N_s_per_m", "leak_N_s_per_m", "slip_N"
+Changes = dict[str, Callable[[Scene], Scene]]
+CHANGES: dict[str, Changes] = {
+    "stiffness": {
+        "contacts 1e9 N/m": partial(contacts, stiffness_N_per_m=1e9),
+        "contacts 1e10 N/m": partial(contacts, stiffness_N_per_m=1e10),
     },
-    "slip_N": {"slips at a thousandth": times("slip_N", 1e-3), "slips at three times": times("slip_N", 3.0)},
-    "force": {"forces three times": pushing(3.0), "forces of the other sign": pushing(-1.0)},
+    "damping": {
+        "no damping": partial(times, key=DAMPING, factor=0.0),
+        "heavy damping": partial(times, key=DAMPING, factor=HEAVY),
+    },
+    "speed": {"300 r/min": partial(speed, speed_rpm=300.0), "15000 r/min": partial(speed, speed_rpm=15_000.0)},
+    "clearance": {"no clearance": partial(clearance, gap_mm=0.0), "clearance 1 mm": partial(clearance, gap_mm=1.0)},
+    "mass": {"72 kHz mode": partial(fast_mode, frequency_Hz=72e3), "mass ratio 1e4": partial(mass_ratio, ratio=1e4)},
+}
+"""Changes of the scene by their kind; two of a kind are not combined."""
+OF_ELEMENTS: dict[str, Changes] = {
+    LEAK: {
+        "leaks a thousand times as fast": partial(times, key=LEAK, factor=1e-3),
+        "hardly leaks": partial(times, key=LEAK, factor=1e3),
+    },
+    SLIP: {
+        "slips at a thousandth": partial(times, key=SLIP, factor=1e-3),
+        "slips at three times": partial(times, key=SLIP, factor=3.0),
+    },
+    "force": {
+        "forces three times": partial(pushing, factor=3.0),
+        "forces of the other sign": partial(pushing, factor=-1.0),
+    },
 }
 """Changes of what only some scenes have, by the key of an element or, for forces by the cam angle, of the scene."""
 
 
 def cases(scene: Scene) -> Iterator[ExtremeCase]:
     """The scene as it is at its highest listed speed, then with every single change, and on COMBINED with every two."""
-    assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
-    top = max(scene.operation.speeds_rpm)
-    yield ExtremeCase(AS_IT_IS, scene, top)
-    for kind in CHANGES:
-        for name in CHANGES[kind]:
-            yield _changed(scene, top, {name: CHANGES[kind][name]})
-    for key, changes in OF_ELEMENTS.items():
-        if getattr(scene, key, None) or any(getattr(e, key, None) is not None for e in scene.element):
-            for name, change in changes.items():
-                yield _changed(scene, top, {name: change})
+    yield ExtremeCase(AS_IT_IS, scene)
+    has = [key for key in OF_ELEMENTS if any(getattr(one, key, None) for one in (scene, *scene.element))]
+    for changes in (*CHANGES.values(), *(OF_ELEMENTS[key] for key in has)):
+        yield from (ExtremeCase(name, change(scene)) for name, change in changes.items())
     if scene.name == COMBINED:
         for one, other in combinations(CHANGES.values(), 2):
-            for a, b in product(one, other):
-                yield _changed(scene, top, {a: one[a], b: other[b]})
-
-
-def _changed(scene: Scene, speed_rpm: float, changes: dict[str, Change | float]) -> ExtremeCase:
-    for change in changes.values():
-        if callable(change):
-            scene = change(scene)
-        else:
-            speed_rpm = change
-    return ExtremeCase(" + ".join(changes), scene, speed_rpm)
+            yield from (ExtremeCase(f"{a} + {b}", other[b](one[a](scene))) for a, b in product(one, other))

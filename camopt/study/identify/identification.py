@@ -12,11 +12,10 @@ from scipy.stats import t as student
 from camopt.cam.lift import Lift
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
-from camopt.scene.units import DEG, MM
+from camopt.scene.units import DEG, MM, UM
 from camopt.study.identify.free_parameters import FreeParameters
 from camopt.study.identify.lift_fit import Fitted, LiftFit, Series, fits_from_starts
 
-UM = 1e-3 * MM
 WIDEST = np.log(2.0)
 """Half-width of an interval in the logarithm, beyond which a parameter counts as not identified: the analysis is linear
 and is not to be believed over more than a factor of two."""
@@ -110,14 +109,16 @@ def identify(
     parameters = FreeParameters(scene, free)
     series = [_series(scene, m, int(settle)) for m in measured]
     fit = LiftFit(parameters, cam, series, zero_known)
-    count = _sample_count(series, zero_known, len(free))
-    noise = Noise(measured_noise(series), True) if noise_um is None else Noise(noise_um * UM, False)
-    fits = fits_from_starts(fit, noise.largest(count) ** 2 * count)
+    count = sum(len(s.angle) for s in series) - (0 if zero_known else len(series))
+    if count <= len(free):
+        raise InputError(f"identify: {count} samples for {len(free)} parameters: measure more")
+    noise = (measured_noise(series), True) if noise_um is None else (noise_um * UM, False)
+    fits = fits_from_starts(fit, largest_residual(*noise, count) ** 2 * count)
     jacobian = fit.jacobian(fits[0].logs)
     estimate = _Estimate(fits[0].residual, jacobian, count, confidence)
     residuals = tuple(part / UM for part in np.split(fits[0].residual, fit.borders))
     error = _jacobian_error(fit, fits[0], jacobian)
-    remarks = tuple(_remarks(fits, residuals, noise, estimate, error))
+    remarks = tuple(_remarks(fits, residuals, *noise, estimate, error))
     return Identification(
         scene=parameters.moved_scene(fits[0].logs),
         table=_table(parameters, fits[0], estimate, sound=not remarks),
@@ -131,14 +132,6 @@ def identify(
         steps=fits[0].steps,
         remarks=remarks,
     )
-
-
-def _sample_count(series: Sequence[Series], zero_known: bool, free: int) -> int:
-    """Samples less the zeros that are fitted too; InputError where they do not exceed the number of parameters."""
-    count = sum(len(s.angle) for s in series) - (0 if zero_known else len(series))
-    if count <= free:
-        raise InputError(f"identify: {count} samples for {free} parameters: measure more")
-    return count
 
 
 def _series(scene: Scene, measured: MeasuredLift, settle: int) -> Series:
@@ -157,34 +150,24 @@ def _series(scene: Scene, measured: MeasuredLift, settle: int) -> Series:
     return Series(scene.cam_speed(measured.speed_rpm), angle * DEG + 2 * np.pi * settle, valve * MM)
 
 
-@dataclass(frozen=True)
-class Noise:
-    """Standard deviation [m] of the sensor's noise: stated, or shown by the samples themselves."""
-
-    size: float
-    estimated: bool
-
-    def largest(self, freedom: int) -> float:
-        """The largest residual [m] over so many degrees of freedom that this noise may leave."""
-        spread = np.sqrt((2.0 + (ESTIMATE_SPREAD**2 if self.estimated else 0.0)) / freedom)
-        return self.size * float(np.sqrt(1 + SURPRISING * spread))
+def largest_residual(noise: float, estimated: bool, freedom: int) -> float:
+    """The largest residual [m] over so many degrees of freedom that a sensor's noise of this standard deviation [m] may
+    leave, which is stated or `estimated` from the samples themselves."""
+    spread = np.sqrt((2.0 + (ESTIMATE_SPREAD**2 if estimated else 0.0)) / freedom)
+    return noise * float(np.sqrt(1 + SURPRISING * spread))
 
 
 def measured_noise(series: Sequence[Series]) -> float:
     """Standard deviation [m] of white noise in sampled positions: from third differences, which a smooth motion hardly
     has (Gasser, Sroka and Jennen-Steinmetz 1986, Biometrika 73), by their median, which impacts do not move. What the
     samples are too coarse to follow counts as noise, so that this is rather too large; infinite below four samples."""
-    differences = [abs(_third_differences(s.angle, s.valve)) for s in series if len(s.angle) >= 4]
+    differences = []
+    for one in (one for one in series if len(one.angle) >= 4):
+        at, valve = np.lib.stride_tricks.sliding_window_view(np.stack([one.angle, one.valve]), 4, axis=1)
+        weights = 1 / np.prod(at[:, :, None] - at[:, None, :] + np.eye(4), axis=2)
+        weights /= np.linalg.norm(weights, axis=1, keepdims=True)
+        differences.append(abs(np.sum(weights * valve, axis=1)))
     return float(np.median(np.concatenate(differences)) / norm.ppf(0.75)) if differences else np.inf
-
-
-def _third_differences(angle: np.ndarray, valve: np.ndarray) -> np.ndarray:
-    """Third divided differences (m - 3), their weights of Euclidean norm one."""
-    at = np.stack([angle[i : len(angle) - 3 + i] for i in range(4)], axis=1)
-    apart = at[:, :, None] - at[:, None, :] + np.eye(4)
-    weights = 1 / np.prod(apart, axis=2)
-    weights /= np.linalg.norm(weights, axis=1, keepdims=True)
-    return np.sum(weights * np.stack([valve[i : len(valve) - 3 + i] for i in range(4)], axis=1), axis=1)
 
 
 class _Estimate:
@@ -218,15 +201,6 @@ class _Estimate:
         return xr.Dataset(variables, {"direction": order[::-1], "parameter": names})
 
 
-def _another(other: Fitted, best: Fitted, estimate: _Estimate) -> bool:
-    """Whether another fit is as good by the F test at 99 % and yet has other values."""
-    count = len(best.logs)
-    near = count * fisher.ppf(0.99, count, estimate.freedom) * estimate.noise**2
-    identified = estimate.half_width <= WIDEST
-    apart = np.abs(other.logs - best.logs)[identified] > SURPRISING * estimate.error[identified]
-    return bool(other.squares - best.squares <= near and np.any(apart))
-
-
 def _table(parameters: FreeParameters, fitted: Fitted, estimate: _Estimate, sound: bool) -> xr.Dataset:
     start = np.array([tied.of(parameters.scene) for tied in parameters.tied])
     identified = (estimate.half_width <= WIDEST) & sound
@@ -235,16 +209,10 @@ def _table(parameters: FreeParameters, fitted: Fitted, estimate: _Estimate, soun
     # a negative value keeps its sign, so its ends change places; beyond a factor of two an interval says nothing
     ends = np.sort(np.stack([value * np.exp(-width), value * np.exp(width)]), axis=0)
     ends = np.where(identified, ends, np.array([[-np.inf], [np.inf]]))
-    columns = {
-        "start": start,
-        "estimate": value,
-        "low": ends[0],
-        "high": ends[1],
-        "relative_error": estimate.error,
-        "identified": identified,
-    }
-    names = [t.name for t in parameters.tied]
-    return xr.Dataset({k: ("parameter", v) for k, v in columns.items()}, {"parameter": names})
+    names = "start", "estimate", "low", "high", "relative_error", "identified"
+    columns = dict(zip(names, (start, value, *ends, estimate.error, identified), strict=True))
+    coords = {"parameter": [tied.name for tied in parameters.tied]}
+    return xr.Dataset({name: ("parameter", column) for name, column in columns.items()}, coords)
 
 
 def _jacobian_error(fit: LiftFit, fitted: Fitted, jacobian: np.ndarray) -> float:
@@ -255,21 +223,27 @@ def _jacobian_error(fit: LiftFit, fitted: Fitted, jacobian: np.ndarray) -> float
     return float(np.abs(exact - differences).max() / scale)
 
 
-def _remarks(fits: Sequence[Fitted], residuals, noise: Noise, estimate: _Estimate, error: float):
-    if not fits[0].converged:
-        yield f"the fit did not come to a stand in {fits[0].steps} steps: start nearer, or free fewer parameters"
+def _remarks(fits: Sequence[Fitted], residuals, noise: float, estimated: bool, estimate: _Estimate, error: float):
+    best = fits[0]
+    if not best.converged:
+        yield f"the fit did not come to a stand in {best.steps} steps: start nearer, or free fewer parameters"
     if error > JACOBIANS_AGREE:
         yield (
             f"differences and adjoint disagree by {error:.2g}: the motion is too sensitive (bounce, jump, or nearly); "
             "take lower speeds, or leave out the angles after closing"
         )
-    if estimate.noise > noise.largest(estimate.freedom):
-        whose = "that the samples themselves show" if noise.estimated else "of the sensor"
+    if estimate.noise > largest_residual(noise, estimated, estimate.freedom):
+        whose = "that the samples themselves show" if estimated else "of the sensor"
         yield (
-            f"the residual of {estimate.noise / UM:.3g} um does not fall to the noise of {noise.size / UM:.3g} um "
+            f"the residual of {estimate.noise / UM:.3g} um does not fall to the noise of {noise / UM:.3g} um "
             f"{whose}: the model misses something, or the start is too far off"
         )
-    if any(_another(f, fits[0], estimate) for f in fits[1:]):
+    count, identified = len(best.logs), estimate.half_width <= WIDEST
+    near = best.squares + count * fisher.ppf(0.99, count, estimate.freedom) * estimate.noise**2  # the F test at 99 %
+    apart = [
+        np.abs(other.logs - best.logs) > SURPRISING * estimate.error for other in fits[1:] if other.squares <= near
+    ]
+    if np.any([one[identified] for one in apart]):
         yield "another start leads to other values that fit as well: measure at more speeds, or free fewer parameters"
     # von Neumann's ratio of mean square difference to variance is 2 for white noise, with variance 4 / samples
     squares = sum(float(r @ r) for r in residuals)

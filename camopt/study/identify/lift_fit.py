@@ -11,8 +11,8 @@ data (Voss, Timmer and Kurths 2004, Int. J. Bifurcation Chaos 14, on fits by ini
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -40,8 +40,7 @@ FARTHEST = np.log(10.0)
 """Farthest from the start values in the logarithms: beyond a factor of ten a train may take millions of steps."""
 
 
-@dataclass(frozen=True)
-class Series:
+class Series(NamedTuple):
     """A measured series in SI: valve position (m) [m] at angles (m) [rad] from -pi, where the motion is at rest."""
 
     cam_speed: float
@@ -53,10 +52,6 @@ class Series:
         """Whole revolutions that reach the last angle."""
         return max(1, int(np.ceil((self.angle[-1] + np.pi) / (2 * np.pi) - 1e-12)))
 
-    def until(self, count: int) -> "Series":
-        """The first samples only."""
-        return Series(self.cam_speed, self.angle[:count], self.valve[:count])
-
 
 class LiftFit:
     """Residuals (m) [m] of all series together at a point `logs` (p), and their derivatives."""
@@ -67,7 +62,8 @@ class LiftFit:
 
     def until(self, share: float) -> "LiftFit":
         """The fit to the first samples only, that share of every series."""
-        parts = [s.until(max(2, int(np.ceil(share * len(s.angle))))) for s in self.series]
+        counts = [max(2, int(np.ceil(share * len(s.angle)))) for s in self.series]
+        parts = [s._replace(angle=s.angle[:n], valve=s.valve[:n]) for s, n in zip(self.series, counts, strict=True)]
         return LiftFit(self.parameters, self.lift, parts, self.zero_known)
 
     def motions(self, train: Train) -> list[TracedMotion]:
@@ -153,12 +149,13 @@ def descend(fit: LiftFit, logs: np.ndarray, most_steps: int = MOST_FIT_STEPS, ce
     for steps in range(most_steps):
         noise = certain * max(float(np.sqrt(np.mean(residual**2))), ROUNDING_M)
         gradient = fit.pulled_back(logs, motions, residual)
-        if gradient_is_zero_within_noise(jacobian, gradient, noise):
+        s, directions = told_apart(jacobian, noise)
+        if float(np.sum((directions @ gradient / s) ** 2)) <= STANDING * noise**2:  # a whole step would gain nothing
             if fresh:
                 return Fitted(logs, residual, motions, steps, True)
             jacobian, fresh = fit.slopes(logs, residual), True
             continue
-        step = limited_step(jacobian, gradient, noise, radius)
+        step = limited_step(s, directions, gradient, radius)
         promised = -2 * gradient @ step - float(np.sum((jacobian @ step) ** 2))
         trial, new_residual = fit.tried(logs + step)
         gained = (residual @ residual - new_residual @ new_residual) / promised
@@ -179,16 +176,9 @@ def told_apart(jacobian: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarr
     return s[s > noise], directions[s > noise]
 
 
-def gradient_is_zero_within_noise(jacobian: np.ndarray, gradient: np.ndarray, noise: float) -> bool:
-    """Whether Gauss-Newton's whole step would gain next to nothing."""
-    s, directions = told_apart(jacobian, noise)
-    return float(np.sum((directions @ gradient / s) ** 2)) <= STANDING * noise**2
-
-
-def limited_step(jacobian: np.ndarray, gradient: np.ndarray, noise: float, radius: float) -> np.ndarray:
-    """The step (p), at most `radius` long, with the least squares by Jacobian and exact gradient (p) (Levenberg and
-    Marquardt's, its damping that of the length; More 1978)."""
-    s, directions = told_apart(jacobian, noise)
+def limited_step(s: np.ndarray, directions: np.ndarray, gradient: np.ndarray, radius: float) -> np.ndarray:
+    """The step (p), at most `radius` long, with the least squares by singular values (k) and directions (k, p) of the
+    Jacobian and the exact gradient (p) (Levenberg and Marquardt's, its damping that of the length; More 1978)."""
     along = directions @ gradient
 
     def step(damping: float) -> np.ndarray:
@@ -223,7 +213,7 @@ def homotopy(fit: LiftFit, logs: np.ndarray) -> Fitted:
             fitted = descend(first_samples, logs, STAGE_STEPS, CERTAIN)
             logs, steps = fitted.logs, steps + fitted.steps
     fitted = descend(fit, logs)
-    return Fitted(fitted.logs, fitted.residual, fitted.motions, steps + fitted.steps, fitted.converged)
+    return replace(fitted, steps=steps + fitted.steps)
 
 
 def fits_from_starts(fit: LiftFit, good_enough: float) -> list[Fitted]:
@@ -239,16 +229,13 @@ def fits_from_starts(fit: LiftFit, good_enough: float) -> list[Fitted]:
     def good() -> bool:
         return bool(fits) and fits[0].converged and fits[0].squares <= good_enough
 
-    def keep(one: Fitted) -> None:
-        fits.append(one)
-        fits.sort(key=lambda f: f.squares)
-
     for tried in range(MOST_STARTS):
         logs = random.uniform(-BOX, BOX, count) if tried else np.zeros(count)
         try:
-            keep(descend(fit, logs))
-            if not good():
-                keep(homotopy(fit, logs))
+            for fitted in (descend, homotopy):
+                fits = sorted([*fits, fitted(fit, logs)], key=lambda f: f.squares)
+                if good():
+                    break
         except (MotionRefused, InputError):  # a drawn start without a motion is none
             if not tried:
                 raise

@@ -47,14 +47,17 @@ class LeftOut:
     def check(self, response: Response) -> None:
         """Raises MotionRefused, naming contact, angle and speed, where a contact left out would have switched."""
         t = self.watched
-        for e, name in enumerate(t.element_names if t is not None else ()):
-            assert t is not None
+        if t is None:
+            return
+        for e, name in enumerate(t.element_names):
             beyond = _between(response.x, t, e) - (t.gap[e] + t.touch_compression[e])
             rate = _between(response.v, t, e)
             if name in self.open:
                 k = _first_above(response, beyond, rate)
             else:
-                k = _first(_elastic(t, e, beyond) + t.damping[e] * rate <= 0.0)
+                depth = beyond + t.touch_compression[e]
+                elastic = t.stiffness[e] * beyond if t.laws is None else t.laws.along(e, depth, t.preload[e])[0]
+                k = _first(elastic + t.damping[e] * rate <= 0.0)
             if k is not None:
                 angle = (response.angle[k] / DEG + 180.0) % 360.0 - 180.0
                 raise MotionRefused(
@@ -111,16 +114,8 @@ def _first_above(response: Response, height: np.ndarray, rate: np.ndarray) -> in
 
 def _between(q: np.ndarray, t: Train, e: int) -> np.ndarray:
     """Position or velocity of one end of element e relative to its other end (k), from those of the masses (k, n)."""
-    if t.b[e] == GROUND:
-        return q[:, t.a[e]]
-    return -q[:, t.b[e]] if t.a[e] == GROUND else q[:, t.a[e]] - q[:, t.b[e]]
-
-
-def _elastic(t: Train, e: int, beyond: np.ndarray) -> np.ndarray:
-    """Elastic force [N] of element e compressed by `beyond` (k) [m] more than at its touch."""
-    if t.laws is None:
-        return t.stiffness[e] * beyond
-    return t.laws.along(e, beyond + t.touch_compression[e], t.preload[e])[0]
+    one, other = (q[:, end] if end != GROUND else np.zeros(len(q)) for end in (t.a[e], t.b[e]))
+    return one - other
 
 
 def _first(true: np.ndarray) -> int | None:

@@ -1,9 +1,8 @@
 """No more model than a scene needs: every smaller model's error and saving, and the least work within a tolerance."""
 
-import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from html import escape
 
 import numpy as np
@@ -11,8 +10,8 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.exact import engine
 from camopt.measure.hermite import Hermite
-from camopt.measure.settling import Figures, settle
-from camopt.scene import InputError, MotionRefused, Response, Scene, Train, build_train
+from camopt.measure.settling import Settled, settle
+from camopt.scene import InputError, MotionRefused, Scene, Train, build_train
 from camopt.scene.response import Revolve
 from camopt.scene.rest import state_at_rest
 from camopt.scene.toml_text import scene_toml
@@ -31,19 +30,7 @@ WITHIN = ("bounce_mm", "jump_mm", "lift_mm")
 """Errors that the tolerance is about."""
 GRID = np.arange(-180.0, 180.0, 0.1) * DEG
 REPEATS = 5
-BATCH = 16
-"""Motions side by side where a batch is timed."""
-PATHS = ("event", "rkg", "tmm", "smooth", "batch")
-
-
-@dataclass(frozen=True)
-class Observed:
-    """The settled motion at one speed: figures of the measured revolutions, valve lift off the seat on `GRID` [m]."""
-
-    figures: Figures
-    lift: np.ndarray
-    periodic: bool
-    response: Response
+PATHS = ("event", "rkg", "tmm")
 
 
 @dataclass(frozen=True)
@@ -120,7 +107,6 @@ def reduce(
     speeds_rpm: Sequence[float] | None = None,
     *,
     tolerance_mm: float = 0.01,
-    smooth: bool = True,
     workers: int = 2,
 ) -> Reduction:
     """Smaller models of a scene, from all its masses down to one, against the full model with a cam.
@@ -128,10 +114,9 @@ def reduce(
     `cam` is by default the plain Polydyne, `speeds_rpm` (k) [crankshaft r/min] the scene's. A model is within the
     tolerance [mm] where bounce, jump and lift at every angle of the settled motion differ by no more at any speed.
     Errors are told for event-exact motion, or Runge-Kutta-Gill under nonlinear laws; times for event-exact,
-    Runge-Kutta-Gill and the transition matrix method (at the step that each model's own highest frequency asks for),
-    and with `smooth` also, for the full and the proposed model, for the smooth scan and a batch of it (JAX compiles
-    each). Contacts that never switch in the full model, other than the seat and those between cam and valve, are left
-    out and watched. Raises InputError for a scene without valve or operation, or unusable numbers.
+    Runge-Kutta-Gill and the transition matrix method (at the step that each model's own highest frequency asks for).
+    Contacts that never switch in the full model, other than the seat and those between cam and valve, are left out and
+    watched. Raises InputError for a scene without valve or operation, or unusable numbers.
     """
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name}: reduce needs valve, seat and [operation]")
@@ -145,43 +130,29 @@ def reduce(
 
         cam = polydyne(scene)
     full = LeftOut(scene)
-    truth = _observe(full, cam, speeds, workers)
+    truth = _settled(full, cam, speeds, workers)
     idle = idle_contacts(t.response for t in truth)
     watched = {end for e in scene.element if e.name in idle[0] | idle[1] for end in e.between} - {"ground"}
     rows = [_candidate(m, idle, cam, speeds, truth, workers) for m in smaller_models(scene, frozenset(watched))]
-    ranges = {s: t.figures.range("bounce_mm") for s, t in zip(speeds, truth, strict=True) if not t.periodic}
-    train, cam_speed = build_train(scene), scene.cam_speed(max(speeds))
-    full_ms = path_times(full, train, cam, cam_speed)
-    reduction = Reduction(scene, cam.family, speeds, ranges, tolerance_mm, full_ms, tuple(rows))
-    if not smooth:
-        return reduction
-    best = reduction.proposed
-    rows[rows.index(best)] = replace(best, ms=best.ms | smooth_times(build_train(best.smaller.scene), cam, cam_speed))
-    full_ms |= smooth_times(train, cam, cam_speed)
-    return replace(reduction, full_ms=full_ms, candidates=tuple(rows))
+    ranges = {s: t.metrics(cam).range("bounce_mm") for s, t in zip(speeds, truth, strict=True) if not t.periodic}
+    full_ms = path_times(full, build_train(scene), cam, scene.cam_speed(max(speeds)))
+    return Reduction(scene, cam.family, speeds, ranges, tolerance_mm, full_ms, tuple(rows))
 
 
 def reduction_lines(reduction: Reduction) -> list[str]:
     """The table of `camopt reduce`, what it says about aperiodic speeds, and the proposal in a sentence."""
-    paths = [path for path in PATHS[:3] if path in reduction.full_ms]
+    paths = list(reduction.full_ms)
     speeds = ", ".join(f"{s:g}" for s in reduction.speeds_rpm)
+    heads = ("bounce mm", "jump mm", "lift mm", "seating m/s", "peak N", "operations", *(f"{p} ms" for p in paths))
     lines = [
         f"{reduction.scene.name}, {reduction.cam}, {speeds} r/min: largest error against the full model; "
-        f"counted operations and measured ms per revolution"
+        f"counted operations and measured ms per revolution",
+        f"{'model':<24}" + "".join(f"{h:>12}" for h in heads),
     ]
-    heads = ("bounce mm", "jump mm", "lift mm", "seating m/s", "peak N", "operations", *(f"{p} ms" for p in paths))
-    lines.append(f"{'model':<24}" + "".join(f"{h:>12}" for h in heads))
     for c in reduction.candidates:
-        if c.refusal:
-            lines.append(f"{c.smaller.scene.name:<24}  refused: {c.refusal}")
-            continue
-        error = [c.error[k] for k in ("bounce_mm", "jump_mm", "lift_mm", *COMPARED[2:])]
-        mark = " <" if c is reduction.proposed else ""
-        lines.append(
-            f"{c.smaller.scene.name:<24}"
-            + "".join(f"{v:12.4g}" for v in (*error, c.operations, *(c.ms[p] for p in paths)))
-            + mark
-        )
+        values = [*(c.error[k] for k in (*WITHIN, *COMPARED[2:])), c.operations, *c.ms.values()]
+        told = f"  refused: {c.refusal}" if c.refusal else "".join(f"{v:12.4g}" for v in values)
+        lines.append(f"{c.smaller.scene.name:<24}{told}" + " <" * (c is reduction.proposed))
     for speed, (low, high) in reduction.aperiodic_rpm.items():
         lines.append(
             f"at {speed:g} r/min the full model itself does not repeat (bounce {low:.4f} to {high:.4f} mm): its errors "
@@ -190,7 +161,7 @@ def reduction_lines(reduction: Reduction) -> list[str]:
     best = reduction.proposed
     if not best.within(reduction.tolerance_mm) or not best.ms:
         return [*lines, f"no model is within {reduction.tolerance_mm:g} mm: the full one is needed"]
-    saved = ", ".join(f"{p} {reduction.full_ms[p] / best.ms[p]:.2f}" for p in PATHS if p in best.ms)
+    saved = ", ".join(f"{path} {reduction.full_ms[path] / ms:.2f}" for path, ms in best.ms.items())
     lines.append(f"proposed: {best.smaller.scene.name} ({best.smaller.done}), within {reduction.tolerance_mm:g} mm")
     lines.append(f"times as fast as the full model: {saved}")
     left = [*(f"{n} (never closes)" for n in best.model.open), *(f"{n} (never opens)" for n in best.model.closed)]
@@ -204,41 +175,39 @@ def counted_operations(train: Train, cam_speed: float) -> int:
     return first_steps(train, cam_speed) * ((2 * n) ** 2 + 2 * e)
 
 
-def _candidate(smaller: Smaller, idle, cam: Lift, speeds, truth: list[Observed], workers: int) -> Candidate:
+def _candidate(smaller: Smaller, idle, cam: Lift, speeds, truth: list[Settled], workers: int) -> Candidate:
     model = leave_out(smaller.scene, *idle)
     train, cam_speed = build_train(model.scene), model.scene.cam_speed(max(speeds))
     operations = counted_operations(train, cam_speed)
     try:
-        seen = _observe(model, cam, speeds, workers)
+        pairs = list(zip(_settled(model, cam, speeds, workers), truth, strict=True))
         ms = path_times(model, train, cam, cam_speed)
     except MotionRefused as refusal:
         return Candidate(smaller, model, dict.fromkeys((*COMPARED, "lift_mm"), np.nan), str(refusal), operations, {})
-    error = {name: float(np.max(np.abs([s.figures.worst(name) - t.figures.worst(name)
-             for s, t in zip(seen, truth, strict=True)]))) for name in COMPARED}  # fmt: skip
-    error["lift_mm"] = max(float(np.abs(s.lift - t.lift).max()) for s, t in zip(seen, truth, strict=True)) / MM
+    metrics = [(one.metrics(cam), true.metrics(cam)) for one, true in pairs]
+    error = {name: float(np.max([abs(a.worst(name) - b.worst(name)) for a, b in metrics])) for name in COMPARED}
+    error["lift_mm"] = max(float(np.abs(_lift(one) - _lift(true)).max()) for one, true in pairs) / MM
     return Candidate(smaller, model, error, "", operations, ms)
 
 
-def _observe(model: LeftOut, cam: Lift, speeds: Sequence[float], workers: int) -> list[Observed]:
-    """The settled motion of a model at each speed [r/min], in threads with a train each."""
+def _settled(model: LeftOut, cam: Lift, speeds: Sequence[float], workers: int) -> list[Settled]:
+    """The settled motion of a model at each speed [r/min], in threads with a train each: event-exact, or
+    Runge-Kutta-Gill at the step of the verifier's sweeps where laws are nonlinear."""
 
-    def at(speed: float) -> Observed:
+    def at(speed: float) -> Settled:
         train, cam_speed = build_train(model.scene), model.scene.cam_speed(speed)
-        revolve = model.prepare(*_truth(train, cam, cam_speed))
-        settled = settle(revolve, state_at_rest(train))
-        response = settled.response
-        curve = Hermite(response.angle, response.seat_separation(), response.v[:, train.valve] / cam_speed)
-        return Observed(settled.metrics(cam), np.maximum(0.0, curve(GRID)), settled.periodic, response)
+        method, steps = (engine, ()) if train.straight else (rkg, (REFINEMENT * first_steps(train, cam_speed),))
+        return settle(model.prepare(method.prepare, train, cam, cam_speed, *steps), state_at_rest(train))
 
     with ThreadPoolExecutor(workers) as pool:
         return list(pool.map(at, speeds))
 
 
-def _truth(train: Train, cam: Lift, cam_speed: float) -> tuple:
-    """Event-exact, or Runge-Kutta-Gill at the step of the verifier's sweeps where laws are nonlinear."""
-    if train.straight:
-        return engine.prepare, train, cam, cam_speed
-    return rkg.prepare, train, cam, cam_speed, REFINEMENT * first_steps(train, cam_speed)
+def _lift(settled: Settled) -> np.ndarray:
+    """How far the valve is off its seat on `GRID` [m]."""
+    response = settled.response
+    velocity = response.v[:, response.train.valve] / response.cam_speed
+    return np.maximum(0.0, Hermite(response.angle, response.seat_separation(), velocity)(GRID))
 
 
 def path_times(model: LeftOut, train: Train, cam: Lift, cam_speed: float) -> dict[str, float]:
@@ -251,32 +220,6 @@ def path_times(model: LeftOut, train: Train, cam: Lift, cam_speed: float) -> dic
     return {name: milliseconds(lambda r=paths[name]: r(rest)) for name in PATHS if name in paths}
 
 
-def smooth_times(train: Train, cam: Lift, cam_speed: float) -> dict[str, float]:
-    """As `path_times`, of the smooth scan at the same step, alone and in a batch of speeds just below (per motion).
-
-    By the clock on the wall: JAX computes in threads of its own, whose processor time is not always seen.
-    """
-    import jax
-    import jax.numpy as jnp
-
-    from camopt.smooth.scan import DrivenSystem
-    from camopt.smooth.simulate import lift_samples, response_arrays
-    from camopt.smooth.system import build_system, stacked
-
-    steps, samples = first_steps(train, cam_speed), jnp.asarray(lift_samples(cam))
-    system, rest = build_system(train), stacked(state_at_rest(train), len(train.mass))
-
-    def end(speed):
-        return response_arrays(DrivenSystem(system, samples, speed), rest, steps=steps, refine=False).x[-1]
-
-    alone, batch = jax.jit(end), jax.jit(jax.vmap(end))
-    speeds = jnp.linspace(0.95 * cam_speed, cam_speed, BATCH)
-    return {
-        "smooth": milliseconds(lambda: jax.block_until_ready(alone(cam_speed)), 4 * REPEATS, time.perf_counter),
-        "batch": milliseconds(lambda: jax.block_until_ready(batch(speeds)), REPEATS, time.perf_counter) / BATCH,
-    }
-
-
-def milliseconds(run: Callable, repeats: int = REPEATS, clock: Callable[[], float] = time.process_time) -> float:
-    """Least time of a call [ms] by a clock, after one call that compiles and builds tables."""
-    return 1e3 * float(fastest(run, repeats, clock)[0])
+def milliseconds(run: Callable, repeats: int = REPEATS) -> float:
+    """Least processor time of a call [ms], after one call that compiles and builds tables."""
+    return 1e3 * float(fastest(run, repeats)[0])

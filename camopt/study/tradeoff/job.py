@@ -37,7 +37,7 @@ JUDGED_STEP_RPM = 10
 
 def job_work(scene: Scene, cam: Lift, size: str, folder: Path) -> Iterator[Measurement]:
     """The measurements of all dials; a design that one of them finds is kept in `folder`."""
-    settled, band, perturbed = (partial(run, scene, cam) for run in (_settled, _band, _perturbed))
+    settled, band, perturbed = (partial(_bounce, partial(run, scene, cam)) for run in (_settled, _band, _perturbed))
     yield from _dial("settling tolerance", "event-exact, listed speeds", "{:g} um", settled, SETTLING_UM[size])
     yield from _dial("band step", "event-exact sweep", "{:g} r/min", band, BAND_STEPS[size])
     yield from _dial("perturbation samples", "event-exact, highest speed", "{:g} samples", perturbed, SAMPLES[size])
@@ -57,35 +57,38 @@ def _dial(dial: str, method: str, shown: str, run: Callable, settings: Sequence)
         yield (f"job: {dial}", name, shown.format(setting)), partial(run, setting)
 
 
-def _settled(scene: Scene, cam: Lift, um: float) -> dict:
+def _bounce(run: Callable, setting: float) -> dict:
+    """The bounce that a step of the job finds at a setting, with its processor time."""
+    begin = time.process_time()
+    bounce = run(setting)
+    return {"seconds": time.process_time() - begin, "figures": {"bounce_mm": bounce}}
+
+
+def _settled(scene: Scene, cam: Lift, um: float) -> np.ndarray:
     """Bounce at each listed speed after settling to `um`."""
-    train, begin = build_train(scene), time.process_time()
+    train, bounces = build_train(scene), []
     assert scene.operation is not None
-    bounces = []
     for speed in scene.operation.speeds_rpm:
         revolve = engine.prepare(train, cam, scene.cam_speed(speed))
         settled = settle(revolve, state_at_rest(train), most=80, position=um * UM)
         bounces.append(settled.metrics(cam).worst("bounce_mm"))
-    return {"seconds": time.process_time() - begin, "figures": {"bounce_mm": np.array(bounces)}}
+    return np.array(bounces)
 
 
-def _band(scene: Scene, cam: Lift, step: float) -> dict:
+def _band(scene: Scene, cam: Lift, step: float) -> float:
     """Largest bounce of the band in steps of `step` r/min."""
-    begin = time.process_time()
-    worst = _largest_bounce(scene, cam, step)
-    return {"seconds": time.process_time() - begin, "figures": {"bounce_mm": worst}}
-
-
-def _largest_bounce(scene: Scene, cam: Lift, step: float) -> float:
     assert scene.operation is not None
     low, high = scene.operation.band_rpm
-    speeds = np.unique(np.append(np.arange(low, high, step), high))
-    return max(row["bounce_mm"] for row in at_speeds(engine.prepare, scene, cam, speeds))
+    return _largest_bounce(scene, cam, np.unique(np.append(np.arange(low, high, step), high)))
 
 
-def _perturbed(scene: Scene, cam: Lift, count: int) -> dict:
+def _largest_bounce(scene: Scene, cam: Lift, speeds_rpm: Sequence[float] | np.ndarray) -> float:
+    return max(row["bounce_mm"] for row in at_speeds(engine.prepare, scene, cam, speeds_rpm))
+
+
+def _perturbed(scene: Scene, cam: Lift, count: int) -> float:
     """Largest bounce over `count` neighbouring speeds, lifts and states, those of the verdict, drawn uniformly."""
-    rng, train, begin = np.random.default_rng(0), build_train(scene), time.process_time()
+    rng, train = np.random.default_rng(0), build_train(scene)
     assert scene.operation is not None
     cam_speed, rest = scene.cam_speed(max(scene.operation.speeds_rpm)), state_at_rest(train)
     away = np.repeat(STATE_NEIGHBOUR, len(train.mass))
@@ -95,7 +98,7 @@ def _perturbed(scene: Scene, cam: Lift, count: int) -> dict:
         near = replace(cam, coefficients=cam.coefficients * height)
         start = rest + away * rng.uniform(-1, 1, len(away))
         bounces.append(settle(engine.prepare(train, near, cam_speed * speed), start).metrics(near).worst("bounce_mm"))
-    return {"seconds": time.process_time() - begin, "figures": {"bounce_mm": max(bounces)}}
+    return max(bounces)
 
 
 def _masses(scene: Scene, cam: Lift, size: str) -> Iterator[Measurement]:
@@ -105,7 +108,7 @@ def _masses(scene: Scene, cam: Lift, size: str) -> Iterator[Measurement]:
 
     @cache
     def candidates() -> dict[str, Candidate]:
-        found = reduce(scene, cam, speeds, smooth=False).candidates
+        found = reduce(scene, cam, speeds).candidates
         return {c.smaller.scene.name: c for c in found}
 
     def compared(name: str) -> dict:
@@ -133,9 +136,6 @@ def _designed(scene: Scene, speeds: str, effort: Accuracy, folder: Path) -> dict
     write_json(path, design_record(chosen.cam.lift, scene.design.max_lift_mm * MM))
     cam = read_design(path, scene)
     listed = scene.operation.speeds_rpm
-    if speeds == "nominal":
-        bounce = max(row["bounce_mm"] for row in at_speeds(engine.prepare, scene, cam, listed))
-    else:
-        bounce = _largest_bounce(scene, cam, JUDGED_STEP_RPM)
+    bounce = _largest_bounce(scene, cam, listed) if speeds == "nominal" else _band(scene, cam, JUDGED_STEP_RPM)
     figures = {"area_mm_deg": cam.area / MM / DEG, "bounce_mm": bounce}
     return {"seconds": seconds, "figures": figures, "verdict": chosen.verdict.verdict}

@@ -1,22 +1,32 @@
-"""Work-precision of every method on one revolution, alone and side by side (for `camopt tradeoff`).
+"""Work-precision of every method on one revolution (for `camopt tradeoff`).
 
 Error is that of the first revolution from rest at the lowest and the highest listed speed; time is processor time per
-revolution. Compilation and tables are in `setup_seconds`. `experiments.work_precision` has general solvers beside them.
+revolution. Compilation and tables are in `setup_seconds`. `experiments.work_precision` has general solvers beside them,
+`experiments.tradeoff` gradients, single precision and many speeds side by side.
 """
 
 from collections.abc import Callable, Iterator
 from functools import partial
+from importlib import import_module
 
 import numpy as np
 
 from camopt import exact
 from camopt.cam.lift import Lift
-from camopt.scene import Scene
+from camopt.measure.hermite import Hermite
+from camopt.measure.metrics import measure
+from camopt.scene import Response, Scene, build_train
+from camopt.scene.response import end_state, joined
+from camopt.scene.rest import state_at_rest
+from camopt.scene.units import MM
 from camopt.scene.vibration import highest_rate
 from camopt.study.measured_rows import REFERENCE, Measurement
 from camopt.study.timing import timed
-from camopt.study.tradeoff.case import RevolutionCase, valve_lift
 from camopt.verifier.methods import METHOD_NAMES, dop853, houbolt, rkg, tmm
+
+FIGURES = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s")
+ANGLES = 720
+"""Angles of the revolution at which lifts are compared."""
 
 PHASES = {"small": (0.3,), "full": (0.6, 0.3, 0.1, 0.03)}
 """Step times highest rate [rad] of the fixed-step methods."""
@@ -25,58 +35,70 @@ CHORDS = {"small": (16,), "full": (8, 16, 32, 64, 128)}
 """Chords under each curved law, with which event-exact takes it."""
 DOP853_STEPS = {"small": (), "full": (1440, 5760)}
 REFERENCE_STEPS = 20_000
-SIDE_BY_SIDE = 16
 LOCATED = "DOP853, located"
+SMOOTH_EPS = {"small": (), "full": (1e-6, 1e-7, 1e-8, 2e-9)}
+"""Widths of the contact's layer [m], for the smooth path on its refined grid."""
+TOLERANCE_OF_EPS = 5e-3
+
+
+class RevolutionCase:
+    """One crankshaft speed [r/min]: train, cam and rest state, and how figures are taken from a motion."""
+
+    def __init__(self, scene: Scene, cam: Lift, speed_rpm: float):
+        self.cam, self.speed_rpm = cam, speed_rpm
+        self.train, self.cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
+        self.rest = state_at_rest(self.train)
+        self.name = f"revolution at {speed_rpm:g} r/min"
+
+    def two(self, revolve: Callable[[np.ndarray], Response]) -> Response:
+        """Two revolutions from rest: the bounce of the first ends in the second."""
+        first = revolve(self.rest)
+        return joined([first, revolve(end_state(first))])
+
+    def figures(self, motion: Response) -> dict:
+        """Bounce, jump and seating velocity of the first revolution, and its valve lift [mm]."""
+        metrics = measure(motion, self.cam)
+        return {**{name: metrics[name][0] for name in FIGURES}, "lift_mm": valve_lift(motion)}
+
+    def measured(self, revolve: Callable[[np.ndarray], Response]) -> dict:
+        """The figures with the times of a revolution, as a record."""
+        times, motion = timed(lambda: self.two(revolve), 2)
+        return {**times, "figures": self.figures(motion)}
+
+
+def valve_lift(motion: Response) -> np.ndarray:
+    """Valve position at ANGLES + 1 angles of the first revolution [mm]."""
+    grid, valve = np.linspace(-np.pi, np.pi, ANGLES + 1), motion.train.valve
+    curve = Hermite(motion.angle, motion.x[:, valve], motion.v[:, valve] / motion.cam_speed)
+    return np.asarray(curve(grid)) / MM
 
 
 def method_work(scene: Scene, cam: Lift, size: str) -> Iterator[Measurement]:
-    """The measurements of all methods."""
+    """The measurements of all methods. The reference is event-exact at fine samples, or located DOP853 where laws are
+    curved; it has no time of its own."""
     assert scene.operation is not None
-    speeds = scene.operation.speeds_rpm
-    cases = [RevolutionCase(scene, cam, s) for s in sorted({min(speeds), max(speeds)})]
-    for case in cases[-1:] if size == "small" else cases:
-        yield from _revolution(case, size)
-    yield from _side_by_side(cases[-1], size)
+    speeds = sorted({*scene.operation.speeds_rpm})
+    for speed in speeds[-1:] if size == "small" else sorted({speeds[0], speeds[-1]}):
+        case = RevolutionCase(scene, cam, speed)
+        yield reference(case)
+        for method, setting, prepared in prepared_methods(case, size):
+            yield (case.name, method, setting), lambda c=case, prepared=prepared: c.measured(prepared())
 
 
-def _revolution(case: RevolutionCase, size: str) -> Iterator[Measurement]:
-    """One revolution by every method. The reference is event-exact at fine samples with its adjoint's gradient, or
-    located DOP853 where laws are curved."""
-    straight, full = case.train.straight, size == "full"
-    name, prepare = (METHOD_NAMES["event"], exact.prepare) if straight else (LOCATED, dop853.prepare)
+def reference(case: RevolutionCase) -> Measurement:
+    """The figures of a case as nearly true as they can be had."""
+    name, prepare = (METHOD_NAMES["event"], exact.prepare) if case.train.straight else (LOCATED, dop853.prepare)
 
-    def reference() -> dict:
-        figures = case.figures(prepare(case.train, case.cam, case.cam_speed, REFERENCE_STEPS))
-        return {"figures": {**figures, **({"gradient": exact_gradient(case)} if straight else {})}}
+    def figures() -> dict:
+        revolve = prepare(case.train, case.cam, case.cam_speed, REFERENCE_STEPS)
+        return {"figures": case.figures(case.two(revolve))}
 
-    def adjoint() -> dict:
-        times, gradient = timed(lambda: exact_gradient(case))
-        return {**times, "figures": {"gradient": gradient}}
-
-    yield (case.name, REFERENCE, f"{name}, {REFERENCE_STEPS} samples"), reference
-    if straight and full:
-        yield (case.name, "event-exact, adjoint", "default step"), adjoint
-    for method, setting, prepared in prepared_methods(case, size):
-        yield (case.name, method, setting), lambda prepared=prepared: case.measured(prepared())
-    if full:
-        from camopt.study.tradeoff.smooth_path import smooth_work
-
-        yield from smooth_work(case)
-
-
-def exact_gradient(case: RevolutionCase) -> np.ndarray:
-    """Seating velocity of the first revolution by every stiffness, times that stiffness [m/s], by the adjoint."""
-    from camopt.exact.adjoint.motion import TracedMotion
-
-    motion = TracedMotion(case.train, case.cam, case.cam_speed, case.rest, 1, mechanical=True)
-    slopes = motion.gradient(("seating_velocity_m_per_s",)).by_train
-    assert slopes is not None, "asked for by mechanical"
-    return slopes.stiffness[0] * case.train.parameters["stiffness"]
+    return (case.name, REFERENCE, f"{name}, {REFERENCE_STEPS} samples"), figures
 
 
 def prepared_methods(case: RevolutionCase, size: str) -> Iterator[tuple[str, str, Callable]]:
     """(method, setting, what prepares it): event-exact, Runge-Kutta-Gill, both transition matrix methods, Houbolt,
-    located DOP853."""
+    located DOP853, the smooth path on its refined grid."""
     motion, event = (case.cam, case.cam_speed), METHOD_NAMES["event"]
     fixed = {METHOD_NAMES["rkg"]: rkg.prepare}
     if case.train.straight:
@@ -97,24 +119,10 @@ def prepared_methods(case: RevolutionCase, size: str) -> Iterator[tuple[str, str
     for steps in DOP853_STEPS[size]:
         yield LOCATED, f"{steps} samples", partial(dop853.prepare, case.train, *motion, steps)
 
+    for eps in SMOOTH_EPS[size]:
+        yield "smooth, refined grid", f"eps {eps:g} m", partial(_smooth, case, eps)
 
-def _side_by_side(case: RevolutionCase, size: str) -> Iterator[Measurement]:
-    """Many speeds just below the highest: lifts of all, time per revolution of one."""
-    name, straight = f"{SIDE_BY_SIDE} speeds side by side up to {case.speed_rpm:g} r/min", case.train.straight
-    cam_speeds = np.linspace(0.95, 1.0, SIDE_BY_SIDE) * case.cam_speed
 
-    def loop(prepare: Callable, steps: int) -> dict:
-        revolves = [prepare(case.train, case.cam, s, steps) for s in cam_speeds]
-        times, lifts = timed(lambda: np.array([valve_lift(r(case.rest)) for r in revolves]), SIDE_BY_SIDE)
-        return {**times, "figures": {"lift_mm": lifts}}
-
-    truth = partial(loop, exact.prepare, REFERENCE_STEPS) if straight else partial(loop, dop853.prepare, 5760)
-    yield (name, REFERENCE, "fine samples"), truth
-    if straight:
-        yield (name, METHOD_NAMES["event"], "1440 samples"), partial(loop, exact.prepare, 1440)
-    for steps in (2880, 11_520):
-        yield (name, METHOD_NAMES["rkg"], f"{steps} steps"), partial(loop, rkg.prepare, steps)
-    if size == "full":
-        from camopt.study.tradeoff.smooth_path import batch_work
-
-        yield from batch_work(name, case, cam_speeds)
+def _smooth(case: RevolutionCase, eps: float) -> Callable[[np.ndarray], Response]:
+    path, layer = import_module("camopt.smooth.simulate"), import_module("camopt.smooth.contact").Layer(eps)
+    return path.prepare(case.train, case.cam, case.cam_speed, layer=layer, tolerance=eps * TOLERANCE_OF_EPS)

@@ -1,7 +1,7 @@
 """What accuracy costs on a scene: every method and every dial of the job, error against time.
 
 Measurements are lines of `measured.jsonl`, each written once it is known, so that an interrupted run goes on where it
-stood; `tradeoff.csv`, `setup.csv`, the figures and the words are made from these lines.
+stood; `tradeoff.csv`, `setup.csv`, the figures and the tables are made from these lines.
 """
 
 from collections.abc import Sequence
@@ -25,16 +25,19 @@ KNOT_DEG = 3.0
 MARGIN_N = 40.0
 """Force [N] with which it presses on its contacts, where it can."""
 SIZES = ("small", "full")
+TARGET_UM = 1.0
+"""Error of the valve's lift within which the cheapest setting of each method is shown, what a drawing asks of a cam."""
+JOB = "job: "
+"""How the cases of the job's dials begin."""
 
 
 @dataclass(frozen=True)
 class Tradeoff:
-    """What was measured: the folder, the rows of `tradeoff.csv`, what they say in words, and lines with the cheapest
-    setting of each method within a micrometre, one of them recommended."""
+    """What was measured: the folder, the rows of `tradeoff.csv`, and the lines of a table with the cheapest setting of
+    each method within a micrometre at the highest speed, one of them recommended."""
 
     folder: Path
     rows: list[dict]
-    words: str
     table: list[str]
 
 
@@ -54,11 +57,10 @@ def tradeoff(
     bounces, no method is right. Raises InputError for a scene that cannot be simulated, or for which there is no cam,
     before the folder is made; or for an unusable folder.
     """
+    from camopt.plots.studies import figures
     from camopt.plots.style import save
-    from camopt.plots.tradeoff import figures
     from camopt.study.tradeoff.job import job_work
     from camopt.study.tradeoff.methods import method_work
-    from camopt.study.tradeoff.summary import table_of, words_of
 
     if scene.operation is None or scene.design is None or scene.seat is None:
         raise InputError(f"scene {scene.name}: tradeoff needs valve, seat, [operation] and [design]")
@@ -81,11 +83,12 @@ def tradeoff(
         setup = [line for line in lines if line.get("setup_seconds") is not None]
         names = ("case", "method", "setting", "setup_seconds")
         write_csv(folder / "setup.csv", {name: [line[name] for line in setup] for name in names})
-        table, words = table_of(rows), words_of(scene.name, rows)
-        write_text(folder / "tradeoff.txt", "\n".join([*table, words]) + "\n")
+        tables = tables_of(rows)
+        write_text(folder / "tradeoff.txt", "\n\n".join("\n".join(lines) for lines in tables.values()) + "\n")
         for name, figure in figures(rows).items():
             save(figure, folder / "figures", name)
-        return Tradeoff(folder, rows, words, table)
+        by_method = [lines for case, lines in tables.items() if not case.startswith(JOB)]
+        return Tradeoff(folder, rows, by_method[-1] if by_method else [])
 
 
 def or_failure(one: Measurement) -> Measurement:
@@ -135,19 +138,60 @@ def rows_of(lines: Sequence[dict]) -> list[dict]:
 
 def _errors(line: dict, reference: dict) -> dict[str, float | None]:
     figures, true = line.get("figures", {}), reference.get("figures", {})
-    errors = {name: error_of(name, figures[name], true[name]) for name in figures if name in true}
+    errors = {name: error_of(figures[name], true[name]) for name in figures if name in true}
     if "verdict" in line and "verdict" in reference:
         errors["verdict"] = float(line["verdict"] != reference["verdict"])
     return errors
 
 
-def error_of(name: str, figure, reference) -> float | None:
-    """Largest absolute difference, of a gradient relative in the Euclidean norm; None where either has no figure."""
+def error_of(figure, reference) -> float | None:
+    """Largest absolute difference; None where either has no figure."""
     figure, reference = (np.asarray(q, dtype=float) for q in (figure, reference))
     difference = figure - reference
-    if not np.all(np.isfinite(difference)):
-        return None
-    if name == "gradient":
-        size = float(np.linalg.norm(reference))
-        return float(np.linalg.norm(difference)) / size if size > 0 else None
-    return float(np.abs(difference).max())
+    return float(np.abs(difference).max()) if np.all(np.isfinite(difference)) else None
+
+
+def tables_of(rows: Sequence[dict]) -> dict[str, list[str]]:
+    """By case of the rows of tradeoff.csv the lines of a table: what each method costs, or each setting of a dial."""
+    answered, tables = [r for r in rows if r["converged"] and r["seconds"] is not None], {}
+    for case in dict.fromkeys(r["case"] for r in answered):
+        here = [r for r in answered if r["case"] == case]
+        tables[case] = _by_setting(case, here) if case.startswith(JOB) else _by_method(case, here)
+    return {case: lines for case, lines in tables.items() if lines}
+
+
+def _by_method(case: str, rows: Sequence[dict]) -> list[str]:
+    """Of each method the cheapest setting within `TARGET_UM`, or else its most accurate one; the cheapest of all within
+    it is recommended."""
+    best: dict[str, tuple] = {}
+    for row in rows:
+        if row["error_of"] == "lift_mm" and row["method"] != REFERENCE:
+            um, ms, method = 1e3 * row["error"], 1e3 * row["seconds"], row["method"]
+            rank = (False, ms) if um <= TARGET_UM else (True, um)
+            one = rank, um > TARGET_UM, ms, (method, row["setting"], f"{ms:.3g}", f"{um:.2g}")
+            best[method] = min(best.get(method, one), one)
+    order = sorted(best.values(), key=lambda one: one[1:3])
+    cells = [("*" * (i == 0 and not beyond), *words) for i, (_, beyond, _, words) in enumerate(order)]
+    said = f"A {case}, the valve's lift within {TARGET_UM:g} um, or as near as a method came; * is recommended:"
+    return [said, *aligned([("", "method", "setting", "time ms", "error um"), *cells], 3)] if cells else []
+
+
+def _by_setting(case: str, rows: Sequence[dict]) -> list[str]:
+    """Every setting of a dial with its time, what it gets wrong, and the verdict on the cam that it found."""
+    cells = [("setting", "time s", "bounce um off", "area mm deg off", "verdict")]
+    for setting, one in {r["setting"]: r for r in rows}.items():
+        errors = {r["error_of"]: r["error"] for r in rows if r["setting"] == setting}
+        bounce = f"{1e3 * errors['bounce_mm']:.2g}" if "bounce_mm" in errors else ""
+        area = f"{errors['area_mm_deg']:.2g}" if "area_mm_deg" in errors else ""
+        cells.append((setting, f"{one['seconds']:.3g}", bounce, area, one["verdict"]))
+    return [f"{case.removeprefix(JOB).capitalize()}, against the finest:", *aligned(cells, 1)]
+
+
+def aligned(cells: Sequence[Sequence[str]], words: int) -> list[str]:
+    """The lines of a table: so many columns of words to the left, numbers to the right."""
+    columns = [
+        [text.ljust(width) if i < words else text.rjust(width) for text in column]
+        for i, column in enumerate(zip(*cells, strict=True))
+        for width in [max(map(len, column))]
+    ]
+    return ["  ".join(line).rstrip() for line in zip(*columns, strict=True)]
