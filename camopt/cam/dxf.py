@@ -15,8 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from camopt.cam.exports import check_contour
-from camopt.cam.followers.touch import cross
+from camopt.cam.followers import cross
 from camopt.cam.geometry import contact
 from camopt.cam.lift import APART, Lift
 from camopt.scene import InputError
@@ -48,7 +47,7 @@ def write_dxf(path: str | Path, lift: Lift, geometry: Geometry, tolerance: float
         from ezdxf.filemanagement import new  # pyright: ignore[reportMissingImports]  # an extra
     except ImportError:
         raise InputError("--dxf: needs the package ezdxf: pip install 'camopt[dxf]'") from None
-    check_contour(lift, geometry)
+    contact(lift, geometry).require_contour("contour")
     arcs = contour_arcs(lift, geometry, tolerance)
     drawing = new("R2010", units=units.MM)
     for layer, colour in ((CONTOUR, 7), (BASE_CIRCLE, 8), (AXES, 1)):

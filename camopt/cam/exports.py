@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from camopt.cam.geometry import Contact, contact, crossing
+from camopt.cam.geometry import contact, crossing
 from camopt.cam.lift import Lift, angles_deg
 from camopt.scene import InputError
 from camopt.scene.geometry import Geometry
@@ -89,7 +89,9 @@ def write_contour(path: str | Path, lift: Lift, geometry: Geometry, step_deg: fl
     sense). `digits` are the lift's; lengths carry one more, the polar angle three more. Raises InputError where no
     contour gives this lift to this follower.
     """
-    points, degrees = made_contour(lift, geometry, step_deg), angles_deg(step_deg)
+    contact(lift, geometry).require_contour("contour")
+    degrees = angles_deg(step_deg)
+    points = contact(lift, geometry, degrees * DEG)
     x, y = points.contour.T
     angle, radius = points.polar
     columns = {
@@ -100,21 +102,6 @@ def write_contour(path: str | Path, lift: Lift, geometry: Geometry, step_deg: fl
         "radius_mm": rounded(radius / MM, digits + 1),
     }
     write_csv(path, columns)
-
-
-def made_contour(lift: Lift, geometry: Geometry, step_deg: float) -> Contact:
-    """The contact at every step of the cam angle from -180 to 180 deg; InputError where no contour gives this lift."""
-    fault = contact(lift, geometry).contour_fault
-    if fault is not None:
-        raise InputError(f"contour: {fault}")
-    return contact(lift, geometry, angles_deg(step_deg) * DEG)
-
-
-def check_contour(lift: Lift, geometry: Geometry) -> None:
-    """Raises InputError where no contour gives this lift to this follower."""
-    fault = contact(lift, geometry).contour_fault
-    if fault is not None:
-        raise InputError(f"contour: {fault}")
 
 
 def rounded(values: Float[np.ndarray, " k"], digits: int) -> list[str]:
