@@ -48,8 +48,8 @@ class Elastic:
         force = t.preload + t.stiffness * d
         for e, (curve, _) in self.curves.items():
             force[:, e] = curve(d[:, e])
-        for e, law, numbers in laws.of_contacts:
-            force[:, e] = law.elastic(np.maximum(0.0, d[:, e] + law.depth(t.preload[e], numbers)), numbers)
+        for e, law in laws.of_contacts:
+            force[:, e] = law.elastic(np.maximum(0.0, d[:, e] + law.depth(t.preload[e])))
         force[:, t.memory] = 0.0
         return force
 
@@ -61,8 +61,8 @@ class Elastic:
         energy = 0.5 * pressed**2 / t.stiffness
         for e, (force, curve) in self.curves.items():
             energy[:, e] = np.where(~t.contact[e] | (force(d[:, e]) > 0.0), curve(d[:, e]), 0.0)
-        for e, law, numbers in laws.of_contacts:
-            energy[:, e] = law.stored(np.maximum(0.0, d[:, e] + law.depth(t.preload[e], numbers)), numbers)
+        for e, law in laws.of_contacts:
+            energy[:, e] = law.stored(np.maximum(0.0, d[:, e] + law.depth(t.preload[e])))
         for j, e in enumerate(t.memory):
             energy[:, e] = 0.5 * self.kept(d[:, e], memory[:, j], e) ** 2 / t.stiffness[e]
         return energy

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camopt.scene.contact_laws import CONTACT_LAWS, ContactLaw, LawNumbers, contact_law
+from camopt.scene.contact_laws import CONTACT_LAWS, Hertz
 
 LINEAR, HERTZ, PROGRESSIVE, TABLE, OIL, FRICTION = range(6)
 KINDS = {
@@ -37,7 +37,7 @@ KINDS = {
 }
 KINDS |= {name: FRICTION + i for i, name in enumerate(CONTACT_LAWS) if name != "hertz"}
 """The number of each law; those of contacts beyond the first follow in the order of their registry."""
-OF_CONTACTS = {KINDS[name]: name for name in CONTACT_LAWS}
+OF_CONTACTS = {KINDS[name]: law for name, (law, _) in CONTACT_LAWS.items()}
 CURVED = *OF_CONTACTS, PROGRESSIVE
 """Laws that are no straight lines."""
 STAND_IN_FORCE = 1000.0
@@ -64,14 +64,14 @@ class Laws:
         return (self.kind == OIL) | (self.kind == FRICTION)
 
     @property
-    def of_contacts(self) -> list[tuple[int, ContactLaw, LawNumbers]]:
-        """The elements with a law of contacts, each with its law and its numbers."""
+    def of_contacts(self) -> list[tuple[int, Hertz]]:
+        """The elements with a law of contacts, each with its law."""
         found = np.flatnonzero(np.isin(self.kind, [*OF_CONTACTS]))
-        return [(e, self.contact_law(e), LawNumbers(self.coefficient[e], self.exponent[e])) for e in found.tolist()]
+        return [(e, self.contact_law(e)) for e in found.tolist()]
 
-    def contact_law(self, e: int) -> ContactLaw:
-        """The law of contacts that element e has."""
-        return contact_law(OF_CONTACTS[int(self.kind[e])])
+    def contact_law(self, e: int) -> Hertz:
+        """The law of contacts of element e, with its numbers."""
+        return OF_CONTACTS[int(self.kind[e])](self.coefficient[e], self.exponent[e])
 
     def force(self, d: np.ndarray, preload: np.ndarray) -> np.ndarray:
         """Elastic force [N] at compressions d (e) [m] with the preloads (e) [N]; zero where a memory has faded."""
@@ -89,9 +89,9 @@ class Laws:
         if kind == PROGRESSIVE:
             return preload + _integral(self.table[e], d), np.interp(d, *self.table[e].T)
         if kind in OF_CONTACTS:
-            law, numbers = self.contact_law(e), LawNumbers(k, self.exponent[e])
-            u = np.maximum(0.0, d + law.depth(preload, numbers))
-            return law.elastic(u, numbers), law.slope(u, numbers)
+            law = self.contact_law(e)
+            u = np.maximum(0.0, d + law.depth(preload))
+            return law.elastic(u), law.slope(u)
         if kind in (OIL, FRICTION):
             return np.zeros_like(d), np.zeros_like(d)
         return preload + k * d, np.full_like(d, k)
@@ -99,8 +99,8 @@ class Laws:
     def touch(self, preload: np.ndarray) -> np.ndarray:
         """Compression at which each elastic force falls to zero [m], shape (e)."""
         touch = -preload / self.coefficient
-        for e, law, numbers in self.of_contacts:
-            touch[e] = -law.depth(preload[e], numbers)
+        for e, law in self.of_contacts:
+            touch[e] = -law.depth(preload[e])
         for e in np.flatnonzero(self.kind == PROGRESSIVE):
             touch[e] = _compression(self.table[e], -preload[e])
         for e in np.flatnonzero(self.kind == TABLE):
@@ -114,8 +114,8 @@ class Laws:
         compression zero, for oil that of a column that does not leak, for friction that of sticking.
         """
         stiffness = np.array(self.coefficient)
-        for e, law, numbers in self.of_contacts:
-            stiffness[e] = law.slope(law.depth(STAND_IN_FORCE, numbers), numbers)
+        for e, law in self.of_contacts:
+            stiffness[e] = law.slope(law.depth(STAND_IN_FORCE))
         for e in np.flatnonzero(self.kind == PROGRESSIVE):
             stiffness[e] = np.interp(0.0, *self.table[e].T)
         for e in np.flatnonzero(self.kind == TABLE):
