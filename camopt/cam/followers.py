@@ -12,6 +12,7 @@ The normal turns over the cam at psi' = (w x (J w + w')) / |w|^2, so that the co
 and, on a pad whose body turns at gamma', along the pad at r (psi' - 1 - gamma').
 """
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -70,7 +71,7 @@ def signed_radius(velocity: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
 def circle_contact(
     geometry: Geometry,
     theta: np.ndarray,
-    centre: tuple[np.ndarray, np.ndarray, np.ndarray],
+    centre: Sequence[np.ndarray],
     ahead: np.ndarray,
     turning: np.ndarray,
     ratio: np.ndarray,
