@@ -120,8 +120,6 @@ class CamFinder:
         if program is not None and last_shape == shape and is_linear(train):
             held = program.cam.about.near is not None
             return replace(program, design=design, cam=_cam(design)) if held else program.under(design)
-        if program is not None and coarse and last_shape[1:] == shape[1:] and program.design == design:
-            return program.with_train(train)
         speeds, window = program_speeds_rpm(scene), None
         if coarse:
             speeds, window = speeds[list(self.dearest)], Window(step=COARSE_STEP)
