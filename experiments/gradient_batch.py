@@ -19,8 +19,9 @@ import jax.numpy as jnp
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from camopt.cam.bernstein import recentred
 from camopt.cam.design_file import read_design
-from camopt.cam.lift import Lift, recentred
+from camopt.cam.lift import Lift
 from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.exact.engine import prepare as prepare_exact

@@ -6,6 +6,7 @@ A polynomial lies between its smallest and its largest control point (Farin, Cur
 from dataclasses import dataclass
 from functools import cache
 from math import comb
+from typing import Any
 
 import numpy as np
 
@@ -48,17 +49,18 @@ class PiecewiseLevel:
     def taylor(self, start: Float[np.ndarray, " k"], within: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k q"]:
         """Power coefficients about angles `start` (k) [rad] of the pieces that hold at angles `within` (k)."""
         piece = np.clip(np.searchsorted(self.borders, within, side="right") - 1, 0, len(self.coefficients) - 1)
-        return about(self.coefficients[piece], start - self.borders[piece])
+        return recentred(self, piece, start)
 
 
-def about(coefficients: Float[np.ndarray, "k q"], moved: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k q"]:
-    """Power coefficients about points that lie `moved` (k) further, by Newton's binomial."""
-    count = coefficients.shape[1]
-    found = np.zeros_like(coefficients)
-    for k in range(count):
-        for j in range(k, count):
-            found[:, k] += comb(j, k) * coefficients[:, j] * moved ** (j - k)
-    return found
+def recentred(of: Any, piece: np.ndarray, start: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m q"]:
+    """Coefficients about new starts [rad] of the pieces of the numbers `piece` (m) of a lift law or a level."""
+    c = of.coefficients[piece].copy()
+    step = start - of.borders[piece]
+    q = c.shape[1]
+    for low in range(q - 1):  # repeated synthetic division
+        for k in range(q - 2, low - 1, -1):
+            c[:, k] += step * c[:, k + 1]
+    return c
 
 
 def flat_level(value: float, low: float, high: float) -> PiecewiseLevel:

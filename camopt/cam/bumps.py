@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from camopt.cam.lift import Lift, recentred
+from camopt.cam.bernstein import recentred
+from camopt.cam.lift import Lift
 from camopt.scene.shapes import Float
 
 DEGREE = 5

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from camopt.cam.bernstein import recentred
 from camopt.cam.ramps import Ramp
 from camopt.scene.errors import InputError
 from camopt.scene.shapes import Float
@@ -66,6 +67,13 @@ class Lift:
         """Lift (order 0) or its derivative by angle up to the sixth at angles `theta` [rad], any shape."""
         return self._derivatives[order](np.mod(np.asarray(theta) + np.pi, 2 * np.pi) - np.pi)
 
+    def of_piece(self, piece: np.ndarray, theta: np.ndarray, order: int) -> np.ndarray:
+        """The derivative `order` as the pieces of the numbers `piece` (k) have it at angles `theta` (..., k) [rad]."""
+        value, local = np.zeros(np.shape(theta)), theta - self.borders[piece]
+        for c in self._derivatives[order].c[:, piece]:
+            value = value * local + c
+        return value
+
     def roots(self, order: int, value: float = 0.0) -> Float[np.ndarray, " k"]:
         """Angles [rad] at which the derivative `order` is `value`; where a piece is so throughout, its start."""
         found = self._derivatives[order].solve(value, discontinuity=False, extrapolate=False)
@@ -79,11 +87,8 @@ class Lift:
         values, roots = self._derivatives[order], self.roots(order + 1)
         inside = roots[(roots >= low) & (roots <= high)]
         start, end = self.borders[:-1], self.borders[1:]
-        within = (start < high) & (end > low)
-        local = np.clip([[low], [high]], start[within], end[within]) - start[within]
-        at_ends = np.zeros_like(local)
-        for c in values.c[:, within]:
-            at_ends = at_ends * local + c
+        within = np.flatnonzero((start < high) & (end > low))
+        at_ends = self.of_piece(within, np.clip([[low], [high]], start[within], end[within]), order)
         samples = np.concatenate([values(np.concatenate([inside, [low, high]])), at_ends.ravel()])
         return float(samples.min()), float(samples.max())
 
@@ -164,17 +169,6 @@ class Lift:
             piece = np.searchsorted(part.borders, middles) - 1
             total[:, : part.coefficients.shape[1]] += recentred(part, piece, borders[:-1])
         return Lift(borders, total, self.half_duration, self.family, self.parameters)
-
-
-def recentred(lift: Lift, piece: np.ndarray, start: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m q"]:
-    """Coefficients of the pieces of the numbers `piece` (m) about their new starts [rad]."""
-    c = lift.coefficients[piece].copy()
-    step = (start - lift.borders[piece])[:, None]
-    q = c.shape[1]
-    for low in range(q - 1):  # repeated synthetic division
-        for k in range(q - 2, low - 1, -1):
-            c[:, k] += step[:, 0] * c[:, k + 1]
-    return c
 
 
 def steps_at_borders(borders, coefficients) -> Any:
