@@ -116,39 +116,12 @@ def static_forces(train: Train, lift: np.ndarray) -> np.ndarray:
 
     The lift closes the gap of what the cam drives. Raises InputError as `rest_position` does.
     """
-    forces, waiting = np.empty((len(lift), len(train.a))), np.arange(len(lift))
-    while len(waiting):
-        first = float(lift[waiting[0]])
-        x = rest_position(_raised(train, first))
-        if train.laws is not None:
-            force = train.laws.force(train.compression(x, first), train.preload)
-            forces[waiting[0]] = np.where(train.contact, np.maximum(force, 0.0), force)
-            waiting = waiting[1:]
-            continue
-        further = lift[waiting] - first
-        positions = x + further[:, None] * _rest_slope(train, first, x)
-        force = train.preload + train.stiffness * train.compression(positions, lift[waiting])
-        closed = ~train.contact | (force > 0.0)
-        alike = np.all(closed == closed[0], axis=1)
-        forces[waiting[alike]] = np.where(closed, force, 0.0)[alike]
-        waiting = waiting[~alike]
-    return forces
-
-
-def _raised(train: Train, lift: float) -> Train:
-    """The train whose rest on the base circle is that of the given one with the cam at a lift [m]."""
-    return replace(train, gap=train.gap - train.cam_driven * lift)
-
-
-def _rest_slope(train: Train, lift: float, x: np.ndarray) -> np.ndarray:
-    """How far the masses (n) go at rest per lift [m/m] from their rest x (n) [m] at a lift on, under linear laws.
-
-    It holds until a contact opens or closes.
-    """
-    force = train.preload + train.stiffness * train.compression(x, lift)
-    closed = ~train.contact | (force > 0.0)
-    stiffness, load = static_matrices(_raised(train, lift), closed)
-    return np.linalg.solve(stiffness, static_matrices(_raised(train, lift + 1.0), closed)[1] - load)
+    forces, (heights, where) = [], np.unique(lift, return_inverse=True)  # the base circle is one lift
+    for height in heights:
+        d = train.compression(rest_position(replace(train, gap=train.gap - train.cam_driven * height)), height)
+        force = train.preload + train.stiffness * d if train.laws is None else train.laws.force(d, train.preload)
+        forces.append(np.where(train.contact, np.maximum(force, 0.0), force))
+    return np.array(forces)[where]
 
 
 def _balanced(train: Train, x: np.ndarray) -> tuple[np.ndarray, bool]:

@@ -251,6 +251,5 @@ def static_stress(scene: Scene, train: Train, lift: Lift) -> HertzStress:
             f"scene {scene.name}: no element is cam driven, so the cam carries no force: set cam_driven = true in one"
         )
     theta = np.arange(-180.0, 180.0, STATIC_STEP_DEG) * DEG
-    lifts, where = np.unique(lift(theta), return_inverse=True)  # the base circle is one lift
-    force = static_forces(train, lifts)[where, int(np.argmax(train.cam_driven))]
+    force = static_forces(train, lift(theta))[:, int(np.argmax(train.cam_driven))]
     return hertz_stress(lift, scene.geometry, theta, force)
