@@ -10,7 +10,6 @@ Where two arcs miss the contour by more than the tolerance, their interval of th
 """
 
 import io
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -48,37 +47,31 @@ def write_dxf(path: str | Path, lift: Lift, geometry: Geometry, tolerance: float
     except ImportError:
         raise InputError("--dxf: needs the package ezdxf: pip install 'camopt[dxf]'") from None
     contact(lift, geometry).require_contour("contour")
-    arcs = contour_arcs(lift, geometry, tolerance)
+    begins, bulge, missed = contour_arcs(lift, geometry, tolerance)
     drawing = new("R2010", units=units.MM)
     for layer, colour in ((CONTOUR, 7), (BASE_CIRCLE, 8), (AXES, 1)):
         drawing.layers.add(layer, color=colour)
     space = drawing.modelspace()
-    corners = np.column_stack([arcs.begins / MM, arcs.bulge]).tolist()
+    corners = np.column_stack([begins / MM, bulge]).tolist()
     space.add_lwpolyline(corners, format="xyb", close=True, dxfattribs={"layer": CONTOUR})
     space.add_circle((0, 0), geometry.base_radius_mm, dxfattribs={"layer": BASE_CIRCLE})
-    reach = 1.1 * float(np.hypot(*arcs.begins.T).max()) / MM  # the axes end a tenth beyond the contour
+    reach = 1.1 * float(np.hypot(*begins.T).max()) / MM  # the axes end a tenth beyond the contour
     for end in ((reach, 0.0), (0.0, reach)):
         space.add_line((-end[0], -end[1]), end, dxfattribs={"layer": AXES})
     text = io.StringIO()
     drawing.write(text)
     write_text(path, text.getvalue())
-    return len(arcs.begins), arcs.missed
+    return len(begins), missed
 
 
-@dataclass(frozen=True)
-class Arcs:
-    """A closed chain of arcs: where each begins [m], its bulge, and by how much the contour is `missed` at most [m].
+def contour_arcs(
+    lift: Lift, geometry: Geometry, tolerance: float
+) -> tuple[Float[np.ndarray, "k 2"], Float[np.ndarray, " k"], float]:
+    """A closed chain of arcs in ascending cam angle from the back of the cam: where each begins [m], its bulge, and by
+    how much the contour is missed at most [m], which is no more than `tolerance` [m].
 
     A bulge is the tangent of a quarter of the angle that the arc turns through, positive to the left.
     """
-
-    begins: Float[np.ndarray, "k 2"]
-    bulge: Float[np.ndarray, " k"]
-    missed: float
-
-
-def contour_arcs(lift: Lift, geometry: Geometry, tolerance: float) -> Arcs:
-    """Arcs that miss the contour by at most `tolerance` [m], in ascending cam angle from the back of the cam."""
     edges = np.unique(np.append(lift.borders, np.arange(lift.borders[0], lift.borders[-1], LONGEST)))
     edges = edges[np.append(np.diff(edges) > APART, True)]
     for _ in range(FINEST):
@@ -91,7 +84,7 @@ def contour_arcs(lift: Lift, geometry: Geometry, tolerance: float) -> Arcs:
         first, second, missed = _biarcs(lift, geometry, edges)
     begins = np.stack([first[0], second[0]], axis=1).reshape(-1, 2)
     bulge = np.stack([first[1], second[1]], axis=1).ravel()
-    return Arcs(begins, bulge, float(missed.max()))
+    return begins, bulge, float(missed.max())
 
 
 def _biarcs(lift: Lift, geometry: Geometry, edges: np.ndarray):
