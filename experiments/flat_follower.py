@@ -31,9 +31,8 @@ Table 5, one of six that were tried, whose film lies in the published range. So 
 
 def entrainment(nose_mm: float) -> float:
     """Entrainment velocity by the cam's angular speed [m] at a nose of this radius."""
-    law = np.array([[LIFT_MM * MM], [0.0], [(nose_mm - FACE_MM) * MM]])
-    flat = Geometry(follower="flat", base_radius_mm=FACE_MM - LIFT_MM)
-    return float(follower_of(flat).contact(law, np.zeros(1)).entrainment[0])
+    law, flat = [LIFT_MM, 0.0, nose_mm - FACE_MM], Geometry(follower="flat", base_radius_mm=FACE_MM - LIFT_MM)
+    return float(follower_of(flat).contact(np.array(law)[:, None] * MM, np.zeros(1)).entrainment[0])
 
 
 def stress(nose_mm: float) -> float:

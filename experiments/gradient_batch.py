@@ -19,9 +19,9 @@ import jax.numpy as jnp
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from camopt.cam.bernstein import recentred
 from camopt.cam.design_file import read_design
 from camopt.cam.lift import Lift
+from camopt.cam.polynomials import recentred
 from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.exact.engine import prepare as prepare_exact
@@ -212,8 +212,9 @@ def on_common_pieces(p: Problem) -> tuple[Lift, np.ndarray]:
         own = recentred(part, np.searchsorted(part.borders, middles) - 1, borders[:-1])
         return np.pad(own, ((0, 0), (0, p.lift.coefficients.shape[1] - own.shape[1])))
 
-    lift = replace(p.lift, borders=borders, coefficients=pieces(p.lift))
-    return lift, np.stack([pieces(one) for one in p.bumps], axis=-1)
+    return replace(p.lift, borders=borders, coefficients=pieces(p.lift)), np.stack(
+        [pieces(one) for one in p.bumps], axis=-1
+    )
 
 
 def exact_setting(p: Problem, lift: Lift) -> dict:

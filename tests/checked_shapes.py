@@ -8,7 +8,7 @@ adjoint.integrals, adjoint.metrics). What has no shapes to check is left out as 
 from beartype import beartype
 
 MODULES = [
-    "camopt.cam.bernstein",
+    "camopt.cam.polynomials",
     "camopt.cam.bumps",
     "camopt.cam.card",
     "camopt.cam.conversion",

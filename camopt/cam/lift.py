@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from camopt.cam.bernstein import recentred
+from camopt.cam.polynomials import recentred
 from camopt.cam.ramps import Ramp
 from camopt.scene.errors import InputError
 from camopt.scene.shapes import Float

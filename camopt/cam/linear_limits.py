@@ -34,8 +34,8 @@ from math import asin, cos
 
 import numpy as np
 
-from camopt.cam.bernstein import PiecewiseLevel, flat_level
 from camopt.cam.lift import Lift
+from camopt.cam.polynomials import PiecewiseLevel, flat_level
 from camopt.scene.design import RADII, Design, Piston
 from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from camopt.cam.geometry import DURATION_LIFTS_MM, Contact, contact, crossing
+from camopt.cam.contact import Contact
+from camopt.cam.geometry import DURATION_LIFTS_MM, contact, crossing
 from camopt.cam.hertz import HertzStress, contact_width, film_ratio, hertz_stress
 from camopt.cam.lift import Lift
 from camopt.cam.waves import sign_changes

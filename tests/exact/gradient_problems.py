@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from camopt.cam.bernstein import recentred
 from camopt.cam.design_file import read_design
 from camopt.cam.families.free import free_cam
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
+from camopt.cam.polynomials import recentred
 from camopt.exact.adjoint.motion import ByTrain, Slopes, TracedMotion
 from camopt.scene import build_train, load_scene
 from camopt.scene.rest import state_at_rest

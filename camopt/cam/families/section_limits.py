@@ -10,9 +10,9 @@ from math import comb, perm
 
 import numpy as np
 
-from camopt.cam.bernstein import PiecewiseLevel, from_powers
 from camopt.cam.families.sections import Flank
 from camopt.cam.linear_limits import LinearLimit, linear_limits
+from camopt.cam.polynomials import PiecewiseLevel, from_powers
 from camopt.scene.design import ROUNDING, Design
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
 

@@ -15,7 +15,7 @@ from math import perm
 import numpy as np
 
 from camopt.cam.lift import Lift, mirrored_pieces, with_ramps
-from camopt.cam.osculating import MATCHED, osculating_pieces
+from camopt.cam.polynomials import MATCHED, osculating_pieces
 from camopt.cam.ramps import Ramp
 from camopt.scene.units import DEG, MM
 

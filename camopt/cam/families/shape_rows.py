@@ -11,10 +11,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from camopt.cam.bernstein import from_powers
 from camopt.cam.families.radius_planes import SIDES, Neighbourhood, planes
 from camopt.cam.families.spline import SplineCam
 from camopt.cam.linear_limits import LinearLimit, linear_limits, radii_held_near
+from camopt.cam.polynomials import from_powers
 from camopt.scene.design import ROUNDING, Design
 from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4

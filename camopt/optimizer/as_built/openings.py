@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from camopt.optimizer.program.phases import LIFTED, incidence, phase_contacts
-from camopt.scene.linearisation import linearised_at_rest
+from camopt.scene.rest import linearised_at_rest
 from camopt.scene.train import Train
 from camopt.scene.units import DEG
 

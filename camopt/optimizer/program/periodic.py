@@ -20,7 +20,7 @@ from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
 from camopt.optimizer.program.phases import Angles, incidence, phase_contacts
 from camopt.optimizer.program.tangents import Tangents
-from camopt.scene.linearisation import linearised_at_rest
+from camopt.scene.rest import linearised_at_rest
 from camopt.scene.train import Train
 from camopt.scene.units import DEG
 

@@ -10,8 +10,7 @@ from camopt.cam.families.free import FreeCam
 from camopt.cam.ramps import Ramp
 from camopt.optimizer.program.tangents import Tangents
 from camopt.scene.errors import NoCamFound
-from camopt.scene.linearisation import linearised_at_rest
-from camopt.scene.rest import rest_position, static_matrices
+from camopt.scene.rest import linearised_at_rest, rest_position, static_matrices
 from camopt.scene.train import GROUND, Train
 from camopt.scene.units import MM
 

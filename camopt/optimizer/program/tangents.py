@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from camopt.scene.laws import CURVED, FRICTION, LINEAR, OF_CONTACTS, OIL
-from camopt.scene.linearisation import is_linear
 from camopt.scene.response import Response
+from camopt.scene.rest import is_linear
 from camopt.scene.train import Train
 
 HELD_N = 20.0

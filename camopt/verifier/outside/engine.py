@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from camopt.verifier.outside.filed import GROUND, FiledCam, FiledElement, FiledTrain
-from camopt.verifier.outside.forces import NEVER_PULLS, elastic, force, lift, on_rows
-from camopt.verifier.outside.rest import at_rest, compression
+from camopt.verifier.outside.forces import NEVER_PULLS, at_rest, compression, elastic, force, lift, on_rows
 
 exu: Any = import_module("exudyn")  # its stubs name types that its functions do not have
 items: Any = import_module("exudyn.itemInterface")
