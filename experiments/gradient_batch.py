@@ -212,9 +212,8 @@ def on_common_pieces(p: Problem) -> tuple[Lift, np.ndarray]:
         own = recentred(part, np.searchsorted(part.borders, middles) - 1, borders[:-1])
         return np.pad(own, ((0, 0), (0, p.lift.coefficients.shape[1] - own.shape[1])))
 
-    return replace(p.lift, borders=borders, coefficients=pieces(p.lift)), np.stack(
-        [pieces(one) for one in p.bumps], axis=-1
-    )
+    lift = replace(p.lift, borders=borders, coefficients=pieces(p.lift))
+    return lift, np.stack([pieces(one) for one in p.bumps], axis=-1)
 
 
 def exact_setting(p: Problem, lift: Lift) -> dict:
