@@ -181,14 +181,6 @@ def steps_at_borders(borders, coefficients) -> Any:
     return xp.stack([abs(end - xp.roll(coefficients[:, k], -1)).max() for k, end in enumerate((lift, velocity))])
 
 
-def join_as_in(cam: Lift, borders, coefficients) -> Any:
-    """Whether pieces (p, q) meet at their borders (p + 1), with their velocity, as well as those of `cam` do.
-
-    The pieces of another cam between the borders of this one do not. Arrays of NumPy or of JAX.
-    """
-    return (steps_at_borders(borders, coefficients) <= permitted_steps(cam)).all()
-
-
 def permitted_steps(cam: Lift) -> np.ndarray:
     """Steps of lift [m] and velocity [m/rad] (2) that pieces in place of a cam's may have: its own, and rounding."""
     return steps_at_borders(cam.borders, cam.coefficients) + JOINING * np.abs(cam.coefficients[:, :2]).max(axis=0)
@@ -211,7 +203,7 @@ def lift_with(cam: Lift, numbers: Mapping[str, Any]) -> Lift:
         lift = replace(cam, **changes)
     except ValueError as error:
         raise InputError(f"lift: {error}") from error
-    if not join_as_in(cam, lift.borders, lift.coefficients):
+    if np.any(steps_at_borders(lift.borders, lift.coefficients) > permitted_steps(cam)):
         raise InputError(
             "lift: the pieces do not join at the borders of the cam: where these move, give the borders of the pieces "
             "too, as motion_parameters of a differentiable cam does"
