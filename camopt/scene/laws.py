@@ -21,11 +21,17 @@ Two laws have a memory, a length z that has a law of motion of its own, and no f
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from camopt.scene.contact_laws import CONTACT_LAWS, Hertz
 
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
+
+BEYOND = 1e-3
+"""Width [m] of the pieces of a table's curve beyond its rows, which go on."""
 LINEAR, HERTZ, PROGRESSIVE, TABLE, OIL, FRICTION = range(6)
 KINDS = {
     "linear": LINEAR,
@@ -73,6 +79,25 @@ class Laws:
         """The law of contacts of element e, with its numbers."""
         return OF_CONTACTS[int(self.kind[e])](self.coefficient[e], self.exponent[e])
 
+    @property
+    def with_table(self) -> list[int]:
+        """The elements whose law has a table."""
+        return np.flatnonzero(np.isin(self.kind, (PROGRESSIVE, TABLE))).tolist()
+
+    def curve(self, e: int, preload: float) -> "PPoly":
+        """Elastic force [N] of an element with a table by its compression [m], whose pieces at the ends go on."""
+        from scipy.interpolate import PPoly  # a scene without tables does not wait for SciPy
+
+        c, value = self.table[e].T
+        slope = np.diff(value) / np.diff(c)
+        ends = np.array([c[0] - BEYOND, *c, c[-1] + BEYOND])
+        if self.kind[e] == TABLE:
+            slope = np.array([slope[0], *slope, slope[-1]])
+            return PPoly(np.stack([slope, np.array([value[0] - slope[0] * BEYOND, *value])]), ends)
+        force = PPoly(np.array([[0.0, *slope, 0.0], [value[0], *value]]), ends).antiderivative()
+        force.c[-1] += preload - force(0.0)
+        return force
+
     def force(self, d: np.ndarray, preload: np.ndarray) -> np.ndarray:
         """Elastic force [N] at compressions d (e) [m] with the preloads (e) [N]; zero where a memory has faded."""
         return np.array([self.along(e, d[e : e + 1], preload[e])[0][0] for e in range(len(d))])
@@ -84,10 +109,9 @@ class Laws:
     def along(self, e: int, d: np.ndarray, preload: float) -> tuple[np.ndarray, np.ndarray]:
         """Elastic force (k) [N] of element e and its derivative (k) [N/m] at compressions d (k) [m]."""
         kind, k = self.kind[e], self.coefficient[e]
-        if kind == TABLE:
-            return _on_lines(self.table[e], d)
-        if kind == PROGRESSIVE:
-            return preload + _integral(self.table[e], d), np.interp(d, *self.table[e].T)
+        if kind in (PROGRESSIVE, TABLE):
+            curve = self.curve(e, preload)
+            return curve(d), curve(d, 1)
         if kind in OF_CONTACTS:
             law = self.contact_law(e)
             u = np.maximum(0.0, d + law.depth(preload))
@@ -101,10 +125,8 @@ class Laws:
         touch = -preload / self.coefficient
         for e, law in self.of_contacts:
             touch[e] = -law.depth(preload[e])
-        for e in np.flatnonzero(self.kind == PROGRESSIVE):
-            touch[e] = _compression(self.table[e], -preload[e])
-        for e in np.flatnonzero(self.kind == TABLE):
-            touch[e] = _on_lines(self.table[e][:, ::-1], np.zeros(1))[0][0]
+        for e in self.with_table:
+            touch[e] = self.curve(e, preload[e]).roots()[0]
         return touch
 
     def stand_in(self) -> np.ndarray:
@@ -116,41 +138,6 @@ class Laws:
         stiffness = np.array(self.coefficient)
         for e, law in self.of_contacts:
             stiffness[e] = law.slope(law.depth(STAND_IN_FORCE))
-        for e in np.flatnonzero(self.kind == PROGRESSIVE):
-            stiffness[e] = np.interp(0.0, *self.table[e].T)
-        for e in np.flatnonzero(self.kind == TABLE):
-            stiffness[e] = _on_lines(self.table[e], np.zeros(1))[1][0]
+        for e in self.with_table:
+            stiffness[e] = self.curve(e, 0.0)(0.0, 1)
         return stiffness
-
-
-def _on_lines(table: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(values, slopes) at places (k) of the straight lines through a table's rows (q, 2), the outer two of which go
-    on."""
-    place, value = table.T
-    i = np.clip(np.searchsorted(place, at, "right") - 1, 0, len(place) - 2)
-    slope = ((value[1:] - value[:-1]) / (place[1:] - place[:-1]))[i]
-    return value[i] + slope * (at - place[i]), slope
-
-
-def _integral(table: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Integral of a table's stiffness from 0 to d (k) [N]."""
-    return _from_first(table, d) - _from_first(table, np.zeros(1))
-
-
-def _from_first(table: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Integral of a table's stiffness from its first row to d (k), by trapezia, which is exact for straight lines."""
-    c, k = table.T
-    whole = np.concatenate([[0.0], np.cumsum(np.diff(c) * (k[1:] + k[:-1]) / 2)])
-    i = np.clip(np.searchsorted(c, d, "right") - 1, 0, len(c) - 1)
-    return whole[i] + (d - c[i]) * (k[i] + np.interp(d, c, k)) / 2
-
-
-def _compression(table: np.ndarray, force: float) -> float:
-    """Compression [m] at which the integral from 0 equals `force`; between two rows it is the root of a parabola."""
-    c, k = table.T
-    at_rows = _integral(table, c)
-    i = int(np.searchsorted(at_rows, force, "right")) - 1
-    slope = (k[i + 1] - k[i]) / (c[i + 1] - c[i]) if 0 <= i < len(c) - 1 else 0.0
-    i = max(i, 0)
-    rest = force - at_rows[i]
-    return float(c[i] + 2.0 * rest / (k[i] + np.sqrt(k[i] ** 2 + 2.0 * slope * rest)))
