@@ -12,7 +12,7 @@ import numpy as np
 
 from camopt.scene.errors import InputError
 from camopt.scene.laws import FRICTION
-from camopt.scene.train import GROUND, Train
+from camopt.scene.train import Train
 
 FORCE_SLACK = 1e-9
 """Relative slack on forces and separations at rest: a contact exactly at its touch counts either way."""
@@ -35,23 +35,10 @@ GROUNDING = 1e-12
 def static_matrices(train: Train, closed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Stiffness matrix (n, n) [N/m] and load (n) [N] at lift zero when the elements `closed` (e) act; none with a
     memory does at rest."""
-    n = len(train.mass)
-    stiffness, load = np.zeros((n, n)), train.mass_force.copy()
-    for e in np.setdiff1d(np.flatnonzero(closed), train.memory):
-        row = _row(train, int(e))
-        stiffness += train.stiffness[e] * np.outer(row, row)
-        load -= row * (train.preload[e] - train.stiffness[e] * train.gap[e])
-    return stiffness, load
-
-
-def _row(train: Train, e: int) -> np.ndarray:
-    """Derivative of the compression of element e by the positions, shape (n)."""
-    row = np.zeros(len(train.mass))
-    if train.a[e] != GROUND:
-        row[train.a[e]] += 1.0
-    if train.b[e] != GROUND:
-        row[train.b[e]] -= 1.0
-    return row
+    acting = np.setdiff1d(np.flatnonzero(closed), train.memory)
+    rows, k = train.incidence[acting], train.stiffness[acting]
+    load = train.mass_force - rows.T @ (train.preload[acting] - k * train.gap[acting])
+    return rows.T @ (k[:, None] * rows), load
 
 
 def rest_position(train: Train) -> np.ndarray:
@@ -128,7 +115,7 @@ def static_forces(train: Train, lift: np.ndarray) -> np.ndarray:
 def _balanced(train: Train, x: np.ndarray) -> tuple[np.ndarray, bool]:
     """(positions (n) [m], whether forces balance there), searched from x (n): Newton's method on the convex energy, its
     step halved while it overshoots. A little stiffness to ground carries it across contacts that are open."""
-    rows = np.stack([_row(train, e) for e in range(len(train.a))])
+    rows = train.incidence
 
     def unbalanced(x):
         d = train.compression(x, 0.0)

@@ -70,6 +70,14 @@ class Train:
         """The elements (r) with a memory, in the order in which the state holds them."""
         return () if self.laws is None else tuple(int(e) for e in np.flatnonzero(self.laws.has_memory))
 
+    @cached_property
+    def incidence(self) -> np.ndarray:
+        """Derivative of every compression by the positions, shape (e, n)."""
+        rows, every = np.zeros((len(self.a), len(self.mass) + 1)), np.arange(len(self.a))  # the last column: the ground
+        rows[every, self.a] += 1.0
+        rows[every, self.b] -= 1.0
+        return rows[:, :-1]
+
     @property
     def straight(self) -> bool:
         """Whether every law consists of straight lines, which event-exact takes as they are; others go by chords."""
