@@ -77,12 +77,12 @@ _POWERS = np.arange(MATCHED, 2 * MATCHED)
 _FACTORIAL = np.cumprod([1, 1, 2, 3, 4, 5])
 
 
-def _falling(powers: np.ndarray, k: int) -> np.ndarray:
-    """Factor of u^p that k derivatives bring down, zero where k > p."""
+def falling(powers: np.ndarray, k: int) -> np.ndarray:
+    """Factors that k derivatives bring down of u^p, by the powers p; zero where k > p."""
     return np.prod([powers - i for i in range(k)], axis=0) if k else np.ones(len(powers))
 
 
-_UPPER = np.array([_falling(_POWERS, k) for k in range(MATCHED)], dtype=float)
+_UPPER = np.array([falling(_POWERS, k) for k in range(MATCHED)], dtype=float)
 
 
 def osculating_pieces(borders: np.ndarray, derivatives: np.ndarray) -> np.ndarray:
@@ -95,7 +95,7 @@ def osculating_pieces(borders: np.ndarray, derivatives: np.ndarray) -> np.ndarra
     orders = np.arange(MATCHED)
     start = derivatives[:-1] * width**orders / _FACTORIAL  # in units of the piece's own width
     low = np.arange(MATCHED)
-    lower = np.array([_falling(low, k) for k in range(MATCHED)], dtype=float)
+    lower = np.array([falling(low, k) for k in range(MATCHED)], dtype=float)
     rest = derivatives[1:] * width**orders - start @ lower.T
     upper = xp.linalg.solve(_UPPER, rest.T).T
     return xp.concatenate([start, upper], axis=1) / width ** np.arange(2 * MATCHED)
